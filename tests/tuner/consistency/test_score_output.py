@@ -93,7 +93,8 @@ def test_runs_of_our_filter_get_the_verdicts_of_check():
 @pytest.mark.slow
 @pytest.mark.parametrize("q", [1.0, 0.5, 2.0])
 def test_two_hundred_runs_of_our_filter_get_the_verdicts_of_check(q):
-    own, outputs, truth = checked_runs(q=q, runs=200, duration=900.0)
+    # Twenty minutes: a tenth of these is as long as `check` lets a filter settle.
+    own, outputs, truth = checked_runs(q=q, runs=200, duration=1200.0)
     scored = score_outputs(outputs, [truth]).consistency
     assert scored.consistent is own.consistent is (q == 1.0)
     for one, other in zip((scored.nees, *scored.blocks), (own.nees, *own.blocks), strict=True):

@@ -179,7 +179,9 @@ def _candidates(
         ((_promise(loss, scale, deviance), i) for i, (scale, loss) in enumerate(losses)), reverse=True
     )
     for _, i in counted(promising[:REFINED_COUNT]):
-        fit = _fitted(*losses[i], base, deviance, price)
+        timed = losses[i][0].cause == "time_constant"
+        error = models[0].time_error if timed else models[0].size_error
+        fit = _fitted(*losses[i], base, deviance, price, error)
         if fit is not None:
             found.append(fit)
     best: dict[str, _Fit] = {}
@@ -280,7 +282,12 @@ def _promise(loss: Callable[[float], float], scale: ScaleHypothesis, deviance: f
 
 
 def _fitted(
-    scale: ScaleHypothesis, loss: Callable[[float], float], base: TrueNoise, deviance: float, price: float
+    scale: ScaleHypothesis,
+    loss: Callable[[float], float],
+    base: TrueNoise,
+    deviance: float,
+    price: float,
+    size_error: float,
 ) -> _Fit | None:
     """Return a hypothesis at its best size, with the interval of the likelihood.
 
@@ -298,7 +305,7 @@ def _fitted(
     step = 0.05
     curvature = (loss(x + step) + loss(x - step) - 2.0 * least) / step**2
     sd = math.sqrt(2.0 / curvature) if curvature > 0.0 else LOG_MAX_SCALE
-    wide = INTERVAL_SDS * math.hypot(sd, MODEL_ERROR)
+    wide = INTERVAL_SDS * math.hypot(sd, size_error)
     parameters = {"ratio": (math.exp(x), math.exp(x - wide), math.exp(x + wide))}
     if scale.time_constant is not None:
         parameters = {"sd": parameters["ratio"], "time_constant": (scale.time_constant,) * 3}

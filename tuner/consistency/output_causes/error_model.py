@@ -12,6 +12,7 @@ known.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -30,6 +31,9 @@ FloatArray = NDArray[np.float64]
 
 MODEL_ERROR = 0.03
 """White error of what is seen, in sds of the filter: its sds are met to some per cent, and turns bend within a step."""
+BODY_MODEL_ERROR = 0.1
+"""The same of sizes where velocities are along the axes of the body: half of what drives their errors is taken as
+noise of what measures them; it may be nearly all, by how often they are measured, and sizes came out 2 to 12 % off."""
 REGRESSORS: Mapping[str, slice] = {
     "delay of fixes": slice(0, 1),
     "delay of output": slice(1, 2),
@@ -103,6 +107,16 @@ class ErrorModel:
     dt: FloatArray
     by_innovations: bool = field(default=False)
     of_body: bool = field(default=False)
+
+    @property
+    def size_error(self) -> float:
+        """How far the model may take a size from the truth, relative."""
+        return BODY_MODEL_ERROR if self.of_body else MODEL_ERROR
+
+    @property
+    def time_error(self) -> float:
+        """The same of a time constant ÷ that assumed, which the sds tell as well as they do."""
+        return math.hypot(self.size_error, float(self.model.log_time_sd.max()))
 
     @property
     def count(self) -> int:

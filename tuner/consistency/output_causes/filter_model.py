@@ -64,6 +64,8 @@ class FilterModel:
         Rms difference of the logarithms of its sds and those stated.
     log_density_sd : ndarray, shape (4,)
         How well the sds tell the logarithms of the densities: errors of one epoch's sds, as those of all are alike.
+    log_time_sd : ndarray, shape (2,)
+        The same of the time constants.
     scale_sd : ndarray, shape (2,), or None
         Of scale factors of gyros and accelerometers among its states; None without.
     """
@@ -73,6 +75,7 @@ class FilterModel:
     fix_variance: FloatArray
     misfit: float
     log_density_sd: FloatArray = field(default_factory=lambda: np.full(4, np.inf))
+    log_time_sd: FloatArray = field(default_factory=lambda: np.zeros(2))
     scale_sd: FloatArray | None = None
 
     @property
@@ -228,7 +231,9 @@ def _fit(run: OutputErrors, course: Course, *, scale: bool) -> FilterModel:
     # Sds of neighbouring epochs err together: all of them are worth one.
     information = found.jac.T @ found.jac / np.count_nonzero(late) + 1e-12 * np.eye(len(guess))
     sd = max(misfit, MIN_MISFIT) * np.sqrt(np.diag(np.linalg.inv(information)))
-    return replace(_model(found.x, misfit, of_body=course.of_body), log_density_sd=sd[:4])
+    return replace(
+        _model(found.x, misfit, of_body=course.of_body), log_density_sd=sd[:4], log_time_sd=sd[4:6]
+    )
 
 
 def _model(x: FloatArray, misfit: float, *, of_body: bool) -> FilterModel:
