@@ -1,10 +1,10 @@
 """Which configuration to write for a drive: fitted on its first 60 %, kept where it predicts the last 40 % better.
 
-Candidates are the configuration as it began and the one with all findings, each as it is and with errors of the
-receiver that stay (`staying_errors`). The one that predicts outages of the first part best (`predictive_score`) also
-gets factors on its noise: innovations a tenth of a second ahead do not show what adds up over a minute, such as
-vibration that turns into bias. Factors are found one after another, by steps of 3 and then of √3, each kept where it
-gains `MIN_GAIN`.
+Candidates are the configuration as it began, the same with the sds of the fixes as found, and the one with all
+findings, each as it is and with errors of the receiver that stay (`staying_errors`). The one that predicts outages of
+the first part best (`predictive_score`) also gets factors on its noise: innovations a tenth of a second ahead do not
+show what adds up over a minute, such as vibration that turns into bias. Factors are found one after another, by steps
+of 3 and then of √3, each kept where it gains `MIN_GAIN`.
 
 On the last part a candidate replaces the beginning only where its log density is larger and nothing that a user reads
 is worse: positions with fixes, and errors in outages of the whole drive, compared in pairs (`outage_pairs`). Candidates
@@ -94,6 +94,8 @@ QUANTITIES: Mapping[str, Quantity] = MappingProxyType(
     }
 )
 """Settings that a factor enlarges."""
+SDS_FOUND = "as it began, sds of the fixes as found"
+"""Name of the configuration that takes only that from the findings: solution classes may report anything."""
 NOT_JUDGED = (
     "the drive is too short to hold configurations against its last part: that with the findings is written"
 )
@@ -109,7 +111,7 @@ class HeldOutChoice:
     config : FilterConfig
         To be written.
     kept : str
-        ``as it began``, ``with the findings``, or one of these with ``, factors for outages``.
+        ``as it began``, `SDS_FOUND`, ``with the findings``, or one of these with ``, factors for outages``.
     factors : mapping of str to float
         On the noise of that configuration, by name of `FACTORS`.
     before, after : PredictiveScore or None
@@ -197,6 +199,9 @@ def choose_config(
             del fitted["with the findings"]
         else:
             fitted["with the findings"] = replace(part.config, compensation=part.compensation)
+            if {one.cause for one in examined.search.accepted} - {GNSS_NOISE_SCALE}:
+                written[SDS_FOUND] = _with_sds_of(before, after)
+                fitted[SDS_FOUND] = _with_sds_of(before, fitted["with the findings"])
     else:
         del fitted["with the findings"]
     candidates: list[Candidate] = []
@@ -254,6 +259,15 @@ def choose_config(
         if nearer is not None and errs_no_more(nearer):
             return nearer
     return passing
+
+
+def _with_sds_of(config: FilterConfig, other: FilterConfig) -> FilterConfig:
+    """Return a configuration with the sds of the fixes that another one makes of the reported ones."""
+    values = {
+        Parameter(GNSS_NOISE_SCALE, name): value
+        for name, value in other.compensation.of(GNSS_NOISE_SCALE).items()
+    }
+    return replace(config, compensation=config.compensation.with_values(values))
 
 
 def _nats(one: Candidate) -> float:
