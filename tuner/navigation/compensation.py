@@ -9,6 +9,7 @@ velocity_lag.delay               velocities are so much later than the positions
 lever_arm.x y z                  true lever arm less the given one (none: 0)
 gnss_frame.roll pitch yaw        v_reported = Rz(yaw) Ry(pitch) Rx(roll) v
 velocity_scale.factor            v_reported = (1 + factor) v
+vertical_velocity.offset         velocity down reported less the rate at which the heights fall
 gyro_scale, accel_scale .x y z   scale factor errors
 misalignment.roll pitch yaw      the gyros are rotated against the accelerometers by Rz(yaw) Ry(pitch) Rx(roll)
 g_sensitivity.xx …               gyro error by specific force
@@ -58,7 +59,11 @@ def compensate(drive: Drive, compensation: Compensation) -> Drive:
     change = correction(compensation)
     rates = np.asarray(np.linalg.solve(change.sensor_matrix, drive.rates.T).T, dtype=float)
     gnss = drive.gnss
-    gnss = replace(gnss, t=gnss.t - change.fix_delay, vel_n=gnss.vel_n @ change.velocity_rotation)
+    gnss = replace(
+        gnss,
+        t=gnss.t - change.fix_delay,
+        vel_n=(gnss.vel_n - change.velocity_offset) @ change.velocity_rotation,
+    )
     if drive.mounting is not None:
         drive = replace(drive, mounting=drive.mounting @ change.mounting)
     offset, arm = change.lever_arm, drive.lever_arm

@@ -13,6 +13,7 @@ gnss_outliers       fraction                                                    
 gnss_velocity       fraction, rms                                                         receiver
 gnss_frame          roll, pitch, yaw                                                      receiver
 velocity_scale      factor                                                                receiver
+vertical_velocity   offset: velocity down less the rate at which heights fall             receiver
 imu_noise_scale     gyro, accel: true ÷ assumed density                                   unit
 gyro_scale          x, y, z                                                               unit
 accel_scale         x, y, z                                                               unit
@@ -46,6 +47,7 @@ from models.effects.drive.gnss import (
     TimeOffset,
     VelocityLag,
     VelocityScale,
+    VerticalVelocity,
 )
 from models.effects.drive.imu import (
     AccelScale,
@@ -87,8 +89,8 @@ EFFECTS: Registry[type[DriveEffect]] = Registry(
 EFFECTS.extend(
     (
         TimeOffset, VelocityLag, LeverArm, CorrelatedGnss, GnssNoiseScale, GnssOutliers, GnssVelocity,
-        GnssFrame, VelocityScale, ImuNoiseScale, GyroScale, AccelScale, Misalignment, GSensitivity, Mounting, Gravity,
-        BiasJump,
+        GnssFrame, VelocityScale, VerticalVelocity, ImuNoiseScale, GyroScale, AccelScale, Misalignment, GSensitivity,
+        Mounting, Gravity, BiasJump,
     )
 )  # fmt: skip
 

@@ -129,6 +129,8 @@ class Correction:
         Velocities are so much later than the positions beside them, s.
     velocity_rotation : ndarray, shape (3, 3)
         R with v_reported = R v.
+    velocity_offset : ndarray, shape (3,)
+        What v_reported is larger besides, north, east, down, m/s.
     lever_arm : ndarray, shape (3,)
         True lever arm less the stated one, in the axes of the sensor, m.
     mounting : ndarray, shape (3, 3)
@@ -141,6 +143,7 @@ class Correction:
     fix_delay: float = 0.0
     velocity_lag: float = 0.0
     velocity_rotation: FloatArray = field(default_factory=lambda: np.eye(3))
+    velocity_offset: FloatArray = field(default_factory=lambda: np.zeros(3))
     lever_arm: FloatArray = field(default_factory=lambda: np.zeros(3))
     mounting: FloatArray = field(default_factory=lambda: np.eye(3))
     gravity_excess: float = 0.0

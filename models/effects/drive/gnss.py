@@ -10,6 +10,7 @@
     gnss_velocity      `fraction` of the velocities off by a normal vector of length `rms`
     gnss_frame         v_meas = R v                 R = Rz(yaw) Ry(pitch) Rx(roll) in north-east-down
     velocity_scale     v_meas = (1 + factor) v
+    vertical_velocity  down component of v_meas too large by `offset`
     time_offset        p_meas(t) = p(t − delay), v_meas(t) = v(t − delay): stamps are late by `delay`
 """
 
@@ -351,6 +352,39 @@ class VelocityScale(DriveEffect):
     def draw(cls, rng: np.random.Generator, drive: DriveSamples) -> Self:
         """± 0.3 … 5 %."""
         return cls(sign(rng) * log_uniform(rng, 3e-3, 0.05))
+
+
+@dataclass(frozen=True)
+class VerticalVelocity(DriveEffect):
+    """Vertical velocities that contradict the heights by a constant: of a smoother, or of another datum of Doppler.
+
+    Attributes
+    ----------
+    offset : float
+        Reported velocity down less the rate at which the heights fall, m/s.
+    """
+
+    name: ClassVar[str] = "vertical_velocity"
+    stage: ClassVar[int] = FRAME_STAGE
+    is_constant: ClassVar[bool] = True
+    offset: float = 0.0
+
+    def __post_init__(self) -> None:
+        require_finite(offset=self.offset)
+
+    @classmethod
+    def corrected(cls, correction: Correction, values: Mapping[str, float]) -> Correction:
+        """Return a correction of a drive that subtracts it, too."""
+        return replace(correction, velocity_offset=np.array([0.0, 0.0, values.get("offset", 0.0)]))
+
+    def apply(self, drive: DriveSamples, rng: np.random.Generator) -> DriveSamples:
+        """Add it to the velocities down."""
+        return replace(drive, vel_n=drive.vel_n + np.array([0.0, 0.0, self.offset]))
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, drive: DriveSamples) -> Self:
+        """± 0.03 … 0.5 m/s."""
+        return cls(sign(rng) * log_uniform(rng, 0.03, 0.5))
 
 
 @dataclass(frozen=True)

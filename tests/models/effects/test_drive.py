@@ -37,6 +37,7 @@ REPORTED = {
     "g_sensitivity": {a + b for a in "xyz" for b in "xyz"},
     "gnss_frame": {"roll", "pitch", "yaw"},
     "velocity_scale": {"factor"},
+    "vertical_velocity": {"offset"},
     "gravity": {"offset"},
     "mounting": {"roll", "pitch", "yaw"},
     "bias_jump": {"time", "x", "y", "z"},
@@ -59,6 +60,7 @@ NOTHING = (
     "g_sensitivity:",
     "gnss_frame:",
     "velocity_scale:",
+    "vertical_velocity:",
     "gravity:offset=0",
     "mounting:",
     "bias_jump:time=50",
@@ -275,6 +277,14 @@ def test_a_turned_frame_turns_velocities_only():
 def test_a_velocity_scale_scales_velocities_only():
     out = only("velocity_scale:factor=0.02")
     np.testing.assert_allclose(out.vel_n, 1.02 * CLEAN.vel_n, rtol=1e-14)
+    np.testing.assert_array_equal(out.llh, CLEAN.llh)
+
+
+def test_a_vertical_velocity_adds_to_velocities_down_only():
+    out = only("vertical_velocity:offset=0.2")
+    np.testing.assert_allclose(
+        out.vel_n - CLEAN.vel_n, np.tile([0.0, 0.0, 0.2], (len(CLEAN.vel_n), 1)), atol=1e-14
+    )
     np.testing.assert_array_equal(out.llh, CLEAN.llh)
 
 

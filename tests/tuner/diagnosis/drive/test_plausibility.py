@@ -75,3 +75,11 @@ def test_velocities_too_large_are_a_scale_not_a_sensor(drive, drive_config):
     (finding,) = diagnose_drive(fast, drive_config).findings
     assert finding.cause == "velocity_scale"
     assert finding.parameters["factor"].value == pytest.approx(0.02, abs=0.004)
+
+
+def test_vertical_velocities_that_contradict_the_heights_are_told(drive, drive_config):
+    """0.15 m/s down that no height shows: read as a bias of the vertical accelerometer where it has no name."""
+    falling = replace(drive, gnss=replace(drive.gnss, vel_n=drive.gnss.vel_n + np.array([0.0, 0.0, 0.15])))
+    (finding,) = diagnose_drive(falling, drive_config).findings
+    assert finding.cause == "vertical_velocity"
+    assert finding.parameters["offset"].value == pytest.approx(0.15, abs=0.03)

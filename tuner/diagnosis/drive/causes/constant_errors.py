@@ -108,6 +108,25 @@ class VelocityScale(ConstantCause):
         return _columns(None, geometry.velocity[:, :, None])
 
 
+class VerticalVelocity(ConstantCause):
+    """Vertical velocities that contradict the heights by a constant: δv_D = 1 for each unit."""
+
+    cause = "vertical_velocity"
+    effect = gnss.VerticalVelocity
+    channels = ("gnss",)
+    meaning = "velocities down exceed the rate at which the heights fall by the offset"
+    consequence = "subtract it from the vertical velocities, or do not use them"
+    units = dict.fromkeys(("offset",), "m/s")
+    prior_sd, largest = 0.1, 2.0
+
+    @classmethod
+    def fix_sensitivity(cls, geometry: FixGeometry) -> FloatArray:
+        """Return D (k, 6, 1)."""
+        down = np.zeros((*geometry.velocity.shape, 1))
+        down[:, 2] = 1.0
+        return _columns(None, down)
+
+
 class GyroScale(ConstantCause):
     """Scale factor errors of the gyros."""
 

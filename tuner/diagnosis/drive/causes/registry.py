@@ -18,6 +18,7 @@ from tuner.diagnosis.drive.causes.constant_errors import (
     TimeOffset,
     VelocityLag,
     VelocityScale,
+    VerticalVelocity,
 )
 from tuner.diagnosis.drive.causes.correlated_gnss import CorrelatedGnss
 from tuner.diagnosis.drive.causes.gnss_outliers import GnssOutliers, GnssVelocity
@@ -33,9 +34,9 @@ non-normal errors."""
 
 DRIVE_CAUSES.extend(
     (
-        TimeOffset, VelocityLag, LeverArm, GnssFrame, VelocityScale, GyroScale, AccelScale, Misalignment, GSensitivity,
-        Gravity, GnssNoiseScale, ImuNoiseScale, CorrelatedGnss, BiasJump, GnssOutliers, GnssVelocity, SensorBias,
-        Mounting,
+        TimeOffset, VelocityLag, LeverArm, GnssFrame, VelocityScale, VerticalVelocity, GyroScale, AccelScale,
+        Misalignment, GSensitivity, Gravity, GnssNoiseScale, ImuNoiseScale, CorrelatedGnss, BiasJump, GnssOutliers,
+        GnssVelocity, SensorBias, Mounting,
     )
 )  # fmt: skip
 

@@ -4,7 +4,8 @@ The filter runs as it is; `error_propagation` follows it a second time and leave
 
     position = llh ⊕ C l             velocity = v + ω_eb × C l          H: their derivatives by the states
     D: time_offset  −v, −a           velocity_lag  0, −a                lever_arm  C, [ω_eb ×] C
-       gnss_frame   0, [· ×] v       velocity_scale  0, v            all others act on the sensors: B
+       gnss_frame   0, [· ×] v       velocity_scale  0, v
+       vertical_velocity  0, e_D     all others act on the sensors: B
 
 with a the mean acceleration around the fix. Candidate constants are in the axes of the filter.
 """
