@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import replace
 
 import numpy as np
@@ -61,11 +62,16 @@ def outputs_of(runs, plan):
     return outputs, reference
 
 
-def checked_runs(*, q=1.0, runs=12, duration=1500.0):
+@functools.cache
+def simulated_runs(runs, duration):
     config = synthesize(grade_identification(load_grade("mpu9250")), gnss=load_gnss("spp"))
     plan = scenario(TRAJECTORIES["city"](duration), load_gnss("spp"), 0.02)
     settings = filter_settings(config)
-    simulated = simulate(settings, sensor_of_config(config), plan, runs=runs, seed=11)
+    return simulate(settings, sensor_of_config(config), plan, runs=runs, seed=11), plan
+
+
+def checked_runs(*, q=1.0, runs=12, duration=1200.0):
+    simulated, plan = simulated_runs(runs, duration)
     if q != 1.0:
         simulated = replace(simulated, covariance=simulated.covariance * np.float32(q))
     return evaluate(simulated, plan.outages), *outputs_of(simulated, plan)
