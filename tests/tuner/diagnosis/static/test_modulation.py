@@ -43,7 +43,7 @@ def test_variance_with_a_period_is_reported_with_its_period():
     diagnosis = diagnose(without_temperature(with_log_variance(swell)))
     assert diagnosis.findings == ()
     (result,) = diagnosis.unexplained
-    assert "period of 60" in result.statistic
+    assert "period of 60" in result.place
 
 
 def test_variance_along_the_bias_is_reported():
