@@ -66,7 +66,7 @@ def refuse_wrong_conventions(estimate: FilterOutput, truth: FilterOutput) -> Non
 def unit_of_sds(attitude_ratio: float) -> str | None:
     """Return a note where true ÷ predicted errors of the attitude are about those of sds read in the wrong unit."""
     for factor, found, taken in ((RADIAN_IN_DEGREES, "rad", "deg"), (1.0 / RADIAN_IN_DEGREES, "deg", "rad")):
-        if abs(math.log(attitude_ratio / factor)) < math.log(1.0 + MAX_UNIT_MISMATCH):
+        if abs(attitude_ratio / factor - 1.0) < MAX_UNIT_MISMATCH:
             return (
                 f"errors of the attitude are {attitude_ratio:.3g} times their sds, about {factor:.3g}: sds in {found} "
                 f"that were read in {taken}? Name the columns 'sd_roll [{found}]', …"

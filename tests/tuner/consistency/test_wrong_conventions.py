@@ -75,6 +75,13 @@ def test_sds_of_the_attitude_in_another_unit_are_told(factor, unit):
     assert any(f"'sd_roll [{unit}]'" in note for note in notes)
 
 
+def test_a_file_scored_against_itself_has_no_errors():
+    cov = np.full((len(T), 15, 15), np.nan)
+    cov[:, 6:9, 6:9] = 1e-4 * np.eye(3)
+    found = score_outputs([replace(TRUTH, covariance=cov)], [TRUTH])
+    assert found.consistency.blocks[0].ratio == pytest.approx(0.0, abs=1e-6)
+
+
 def test_right_conventions_and_large_errors_pass():
     assert len(output_errors(estimate(), TRUTH)) == len(T)
     turned = rotation.quat_multiply(rotation.quat_from_rotvec([0.0, 0.0, 0.7]), Q)
