@@ -118,7 +118,10 @@ def _positions(
     if estimate.llh is None or truth.llh is None:
         for name, mat in WORLDS.items():
             yield f"as {name}", f"name the columns x, y, z with --frame {name}", place @ mat.T - other
-        yield "with d upwards", "change the sign of d", place * _UPWARD - other
+        # An offset of the height may look so, too: its changes have to agree.
+        down, up = (float(np.nanstd(sign * place[:, 2] - other[:, 2])) for sign in (1.0, -1.0))
+        if down > MIN_IMPROVEMENT * up:
+            yield "with d upwards", "change the sign of d", place * _UPWARD - other
         return
     degrees = np.degrees(estimate.llh[:, :2])
     for words, cure, pair in (

@@ -89,6 +89,15 @@ def test_right_conventions_and_large_errors_pass():
     assert len(output_errors(wrong, TRUTH)) == len(T)
 
 
+def test_an_offset_of_the_height_is_no_other_sense_of_it():
+    level = replace(TRUTH, local=LOCAL * [1.0, 1.0, 0.0] + [0.0, 0.0, 0.5], vel_n=VEL * [1.0, 1.0, 0.0])
+    found = replace(level, local=level.local - [0.0, 0.0, 1.0])
+    assert len(output_errors(found, level)) == len(T)
+    upwards = replace(TRUTH, local=LOCAL * [1.0, 1.0, -1.0], vel_n=np.full_like(VEL, np.nan))
+    with pytest.raises(DataError, match="change the sign of d"):
+        output_errors(upwards, TRUTH)
+
+
 def test_noise_of_a_vehicle_at_rest_is_in_no_other_unit():
     rng = np.random.default_rng(1)
     still = np.zeros_like(VEL)
