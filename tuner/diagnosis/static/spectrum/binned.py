@@ -33,7 +33,7 @@ BIN_COUNT = 128
 """Bins of the fast spectrum; chosen so that each averages hundreds of ordinates of a record of 10⁵ samples."""
 MIN_RELATIVE_FREQUENCY = 0.01
 """Lowest frequency, share of the rate; below, slow noise is part of the spectrum."""
-PARTS = (np.arange(8) + 0.5) / 8.0
+PLACES_IN_A_BIN = (np.arange(8) + 0.5) / 8.0
 """Places within a bin at which the gain of a filter is averaged: at its nulls it is not that of the middle."""
 CHI2_MEDIAN = 0.4549
 """Median of χ²₁."""
@@ -109,7 +109,7 @@ def bins(fitted: Residual, without: Extension | None = None) -> Bins:
     level = np.median(square, axis=1, keepdims=True) / CHI2_MEDIAN
     total = fitted.power[inside].reshape(BIN_COUNT, width).mean(axis=1)
     cycles = np.asarray((first + (np.arange(BIN_COUNT) + 0.5) * width + 0.5) / (2.0 * (n + 1)), dtype=float)
-    within = [cycles + (part - 0.5) * width / (2.0 * (n + 1)) for part in PARTS]
+    within = [cycles + (part - 0.5) * width / (2.0 * (n + 1)) for part in PLACES_IN_A_BIN]
     terms = fitted.fit.terms()
     white = sum(t.density**2 for t in terms if isinstance(t, White))
     quantization = sum((t.increment_sd / dt) ** 2 * dt for t in terms if isinstance(t, Quantization))
