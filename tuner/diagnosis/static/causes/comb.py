@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft, rfft
@@ -34,6 +35,8 @@ MIN_SCORE = 5.5
 """Deviations of that mean below which no period is folded: one of 1e5 exceeds it by chance in 2e-3 of records."""
 MAX_MULTIPLE = 12
 """Largest multiple of its period at which a comb is found; beyond, few periods are left in a record."""
+FOLDED_PARTS = 32
+"""Parts of a record that are folded apart to refine a period: over one of them its harmonics lose no phase."""
 FEW_LINES, MAX_LINE_SHARE = 3, 0.6
 """Lines that hold less than this share of the power of a comb; a pulse spreads its power over all of them evenly."""
 
@@ -72,7 +75,7 @@ class Comb(Extension):
         if score < MIN_SCORE:
             return TestResult(cls.cause, 1.0, NO_GAIN, score, name)
         e = np.where(fitted.valid, np.clip(fitted.e, -RESIDUAL_CLIP, RESIDUAL_CLIP), 0.0)
-        period = _shortest(e, _refined(e, period))
+        period = _shortest(e, _fitted_best(e, _refined(fitted, e, period)))
         folded = _fold(e, period)
         lines = np.sort(np.abs(rfft(folded - folded.mean())) ** 2)[::-1]
         if lines[:FEW_LINES].sum() > MAX_LINE_SHARE * lines.sum():
@@ -111,26 +114,50 @@ def _bins(n: int, period: float) -> IntArray:
 
 def _fold(x: FloatArray, period: float) -> FloatArray:
     """Return the means of samples at each phase, shape (int(period),)."""
-    place, number = _bins(len(x), period), int(period)
-    count = np.bincount(place, minlength=number)
-    return np.asarray(np.bincount(place, x, number) / np.maximum(count, 1))
+    total, count = _sums(x, 0, period, int(period))
+    return np.asarray(total / np.maximum(count, 1.0))
 
 
-def _refined(e: FloatArray, near: float) -> float:
-    """Return the period next to one at which the residuals fold best."""
-    period, reach = near, 1.0 / PERIOD_MULTIPLES
-    while reach > 0.25 * period / len(e):
-        tried = period + reach * np.linspace(-1.0, 1.0, 17)
-        tried = tried[tried.astype(int) == int(near)] if len({int(p) for p in tried}) > 1 else tried
-        period = float(max(tried, key=lambda p: float(np.sum(_fold(e, p) ** 2))))
-        reach /= 4.0
-    return period
+@numba.njit(cache=True, nogil=True)  # type: ignore[misc, unused-ignore]
+def _sums(x: FloatArray, first: int, period: float, number: int) -> tuple[FloatArray, FloatArray]:
+    """Return sum and count of samples `first`, `first` + 1, … at each of `number` phases, as `_bins` has them."""
+    total, count = np.zeros(number), np.zeros(number)
+    for i in range(x.size):
+        turns = (first + i) / period
+        at = min(int((turns - np.floor(turns)) * number), number - 1)
+        total[at] += x[i]
+        count[at] += 1.0
+    return total, count
+
+
+def _refined(fitted: Residual, e: FloatArray, near: float) -> float:
+    """Return the period next to one at which the residuals fold best.
+
+    A first search sums the spectrum at the harmonics of each period, a second one turns the harmonics of `FOLDED_PARTS`
+    parts of the record, folded at the first, against each other.
+    """
+    n, power = len(e), fitted.spectrum[1]
+    step, harmonics = near / n, np.arange(1, int(near) // 2 + 1)
+    tried = np.arange(near - 1.0 / PERIOD_MULTIPLES, near + 1.0 / PERIOD_MULTIPLES, 0.5 * step)
+    tried = tried[tried.astype(int) == int(near)]
+    places = np.rint(np.multiply.outer(2.0 * len(power) / tried, harmonics)).astype(np.intp) - 1
+    first = float(tried[np.argmax(power[places].sum(axis=1))])
+    number, size = int(near), n // FOLDED_PARTS
+    sums = [_sums(e[at : at + size], at, first, number)[0] for at in range(0, size * FOLDED_PARTS, size)]
+    turned = rfft(np.stack(sums), axis=1)[:, 1:]
+    middle = (np.arange(FOLDED_PARTS) + 0.5) * size
+    near_first = first + step * np.linspace(-1.0, 1.0, 65)
+    near_first = near_first[near_first.astype(int) == number]
+    turns = np.multiply.outer(1.0 / near_first - 1.0 / first, middle)
+    wave = np.exp(-2j * np.pi * np.multiply.outer(turns, np.arange(1, turned.shape[1] + 1)))
+    best = int(np.argmax((np.abs((wave * turned).sum(axis=1)) ** 2).sum(axis=1)))
+    return float(near_first[best])
 
 
 def _square(e: FloatArray, period: float) -> float:
     """Return Σ count · mean² of residuals over the phases of a period: χ² where nothing repeats."""
-    count = np.bincount(_bins(len(e), period), minlength=int(period))
-    return float(np.sum(count * _fold(e, period) ** 2))
+    total, count = _sums(e, 0, period, int(period))
+    return float(np.sum(total**2 / np.maximum(count, 1.0)))
 
 
 def _shortest(e: FloatArray, period: float) -> float:
@@ -146,6 +173,12 @@ def _shortest(e: FloatArray, period: float) -> float:
     return max(
         (period / k for k in range(1, int(period / MIN_PERIOD) + 1) if k <= MAX_MULTIPLE), key=likelihood
     )
+
+
+def _fitted_best(e: FloatArray, near: float) -> float:
+    """Return the period within an eighth of a sample, over the record, at which the residuals fold best."""
+    tried = [near * (1.0 + shift / len(e)) for shift in np.linspace(-0.125, 0.125, 9).tolist()]
+    return max((p for p in tried if int(p) == int(near)), key=lambda p: _square(e, p))
 
 
 def _extension(fitted: Residual, period: float) -> Comb:
