@@ -16,7 +16,7 @@ from models.effects.static.spectral import CorrelatedDrift
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.model.slow_likelihood import Fit
-from tuner.diagnosis.static.outcome import TestResult
+from tuner.diagnosis.static.outcome import NO_GAIN, TestResult
 
 
 @dataclass(frozen=True)
@@ -35,6 +35,9 @@ class MoreMarkov(Extension):
     @classmethod
     def test(cls, fitted: Residual) -> TestResult:
         """Test for a further Gauss–Markov process by a likelihood ratio."""
+        name = "likelihood ratio of a further Gauss–Markov process"
+        if not fitted.may_have_markov:
+            return TestResult("gauss_markov", 1.0, NO_GAIN, 0.0, name)
         best = max(fitted.with_markov, key=lambda fit: fit.log_likelihood)
         ratio = max(0.0, 2.0 * (best.log_likelihood - fitted.fit.log_likelihood))
         decades = np.log10(fitted.channel.span / (20.0 * fitted.channel.interval))
@@ -45,7 +48,7 @@ class MoreMarkov(Extension):
             p_value,
             gain,
             ratio,
-            "likelihood ratio of a further Gauss–Markov process",
+            name,
             lambda: (MoreMarkov(values=parameters(best)),),
         )
 

@@ -31,6 +31,7 @@ from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.null_distributions import curvature
 from tuner.diagnosis.static.model.residual import Residual
+from tuner.diagnosis.static.model.slow_likelihood import Fit
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.switching.models import (
     NO_VALUES,
@@ -133,20 +134,26 @@ class Telegraph(Extension):
         y = y - y.mean()
         relative_variance = channel.block_mean(course(fitted))
         name = "log likelihood of two levels less that of Gaussian noise"
-        more = fitted.fits if fitted.count("gauss_markov") else fitted.with_markov
-        null = -np.inf
-        for fit in (*fitted.fits, *more):
+        known = fitted.count("gauss_markov") > 0
+        more = fitted.with_markov if fitted.may_have_markov and not known else ()
+
+        def still(fit: Fit) -> float:
             terms = fit.terms()
             slow = Slow.of(expanded(terms, step, channel.span), step)
-            null = max(null, likelihood(y, STILL, slow, block_noise(terms, step) * relative_variance))
+            return likelihood(y, STILL, slow, block_noise(terms, step) * relative_variance)
+
+        null = max(still(fit) for fit in (*fitted.fits, *more))
         r = block_noise(fitted.fit.terms(), step) * relative_variance
         besides: type[Term] = GaussMarkov
         best = _search(y, step, channel.span, r, fitted, null)
         flicker = BiasInstability in fitted.fit.kinds
-        if flicker and max(fit.log_likelihood for fit in more) > fitted.fit.log_likelihood + MIN_MARKOV_GAIN:
+        if flicker and any(fit.log_likelihood > fitted.fit.log_likelihood + MIN_MARKOV_GAIN for fit in more):
             again = _search(y, step, channel.span, r, fitted, null, BiasInstability)
             best, besides = (again, BiasInstability) if again[0] > best[0] else (best, besides)
         price = 1.5 * float(np.log(channel.blocks))
+        if best[0] - null > price:
+            more = () if more or known else fitted.with_markov
+            null = max([null, *(still(fit) for fit in more)])
         if best[0] - null > price:
             null = max(null, _refit_gaussian(y, step, channel.span, r, best[1]))
         lead = best[0] - null
