@@ -198,8 +198,8 @@ def _free(fitted: Residual, test: _Test) -> FloatArray:
 def _without(free: FloatArray, y: FloatArray, power: FloatArray, interval: float) -> FloatArray:
     """Return samples, shape (n,), less free columns, (n, p), as fitted to them in noise of this power."""
     root = 1.0 / np.sqrt(power)
-    white = np.stack([transform(column, interval)[1:] * root for column in free.T], axis=1)
-    size = np.linalg.lstsq(white, transform(y, interval)[1:] * root)[0]
+    white = np.stack([transform(column, interval)[1:] * root for column in free.T])
+    size = np.linalg.lstsq(white @ white.T, white @ (transform(y, interval)[1:] * root))[0]
     return np.asarray(y - free @ size)
 
 
@@ -253,12 +253,11 @@ def _power(fitted: Residual, n: int) -> FloatArray:
 
 def _law(fitted: Residual) -> Callable[[FloatArray], FloatArray]:
     """Return the log density of the residuals as fitted."""
-    raw = fitted.e[fitted.valid] * fitted.spread
     tails = next((x for x in fitted.extensions if isinstance(x, HeavyTails)), None)
     spikes = next((x for x in fitted.extensions if isinstance(x, Spikes)), None)
-    sd = float(np.std(raw))
     if tails is not None:
         return lambda e: tails.log_density(e / fitted.spread) - float(np.log(fitted.spread))
+    sd = float(np.std(fitted.good)) * fitted.spread
     if spikes is not None:
         share = max(spikes.values["rate"].value * fitted.channel.interval, 1e-8)
         wide = (
@@ -270,7 +269,7 @@ def _law(fitted: Residual) -> Callable[[FloatArray], FloatArray]:
                 np.log1p(-share) + norm.logpdf(e, 0.0, sd), np.log(share) + norm.logpdf(e, 0.0, wide)
             )
         )
-    return lambda e: np.asarray(norm.logpdf(e, 0.0, sd))
+    return lambda e: -0.5 * (e / sd) ** 2 - float(np.log(sd) + 0.5 * np.log(2.0 * np.pi))
 
 
 def _user(before: Residual, after: Residual, test: _Test) -> dict[str, tuple[float, float]]:

@@ -104,9 +104,8 @@ class PeriodicVariance(Extension):
 def _extension(fitted: Residual, x: FloatArray, near: float) -> PeriodicVariance:
     """Return the period next to a frequency, Hz, with its depth; `x` are the squares less 1 ÷ their sd, shape (n,)."""
     n, dt = len(x), fitted.channel.interval
-    t = dt * np.arange(n)
     tried = near + np.linspace(-0.6, 0.6, 13) / (n * dt)
-    waves = np.array([complex(x @ np.exp(-2j * np.pi * f * t)) for f in tried])
+    waves = np.array([_wave(x, f * dt, near * dt, fitted.channel.block) for f in tried])
     best = int(np.argmax(np.abs(waves)))
     curve = np.abs(waves[max(best - 1, 0) : best + 2]) ** 2
     shift = 0.0
@@ -117,7 +116,7 @@ def _extension(fitted: Residual, x: FloatArray, near: float) -> PeriodicVariance
             * float(tried[1] - tried[0])
         )
     frequency = float(tried[best]) + shift
-    wave = complex(x @ np.exp(-2j * np.pi * frequency * t))
+    wave = _wave(x, frequency * dt, frequency * dt, fitted.channel.block)
     kappa = local_variance(fitted).kappa
     seen, error = 2.0 * abs(wave) / n * float(np.sqrt(kappa)), float(np.sqrt(2.0 * kappa / n))
     depth = log_amplitude(seen)
@@ -129,6 +128,13 @@ def _extension(fitted: Residual, x: FloatArray, near: float) -> PeriodicVariance
         "depth": Value.of(depth / share, float(np.hypot(error, depth * white.error)) / share).positive,
     }
     return PeriodicVariance(frequency, depth, float(np.angle(wave)), dt, values=values)
+
+
+def _wave(x: FloatArray, f: float, near: float, block: int) -> complex:
+    """Return Σ x exp(−2πi f k), f in cycles a sample; within blocks the turn is that of a frequency `near` by."""
+    sums = x.reshape(-1, block) @ np.exp(-2j * np.pi * near * np.arange(block))
+    middle = 0.5 * (f - near) * (block - 1)
+    return complex(sums @ np.exp(-2j * np.pi * (f * block * np.arange(len(sums)) + middle)))
 
 
 def log_amplitude(seen: float) -> float:

@@ -71,7 +71,7 @@ class SkewedNoise(Extension):
         if fitted.channel.clipped or local_variance(fitted).rounded:
             return None
         e = np.clip(fitted.good, -RESIDUAL_CLIP, RESIDUAL_CLIP)
-        cube = e**3 - 3.0 * e
+        cube = e * (e * e - 3.0)
         seen, error = float(cube.mean()), float(cube.std()) / float(np.sqrt(len(e)))
         deviate = seen / error
         gain = 0.5 * deviate**2 - 0.5 * float(np.log(len(e)))

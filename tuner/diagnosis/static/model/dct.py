@@ -120,8 +120,20 @@ def _level(power: FloatArray) -> FloatArray:
     if n == 0:
         return np.full(len(power), np.median(power) / 0.4549)
     median = np.median(power[:n].reshape(-1, width), axis=1) / 0.4549
-    centre = (np.arange(len(median)) + 0.5) * width
-    return np.asarray(np.exp(np.interp(np.arange(len(power)), centre, np.log(np.maximum(median, 1e-300)))))
+    return np.exp(between_middles(np.log(np.maximum(median, 1e-300)), width, len(power)))
+
+
+def between_middles(values: FloatArray, width: int, n: int) -> FloatArray:
+    """Return n numbers on straight lines between values at the middles of stretches of `width`; level beyond them."""
+    out = np.empty(n)
+    first = (width + 1) // 2
+    share = (np.arange(width) + 0.5 * (width % 2)) / width
+    last = first + (len(values) - 1) * width
+    out[:first], out[last:] = values[0], values[-1]
+    lines = out[first:last].reshape(-1, width)
+    np.multiply(np.diff(values)[:, None], share, out=lines)
+    lines += values[:-1, None]
+    return out
 
 
 def step_sums(weights: FloatArray, channel: Channel) -> FloatArray:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from tuner.diagnosis.static.model.dct import between_middles
+
 FloatArray = NDArray[np.float64]
 
 FIRST_ORDINATE = 20
@@ -19,5 +21,4 @@ def local_level(power: FloatArray, width: int) -> FloatArray:
     width = min(width, len(power))
     number = len(power) // width
     median = np.median(power[: number * width].reshape(number, width), axis=1) / np.log(2.0)
-    centre = (np.arange(number) + 0.5) * width
-    return np.asarray(np.maximum(np.interp(np.arange(len(power)), centre, median), 0.2))
+    return np.maximum(between_middles(median, width, len(power)), 0.2)

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from models.noise import Quantization, White
 from tuner.diagnosis.static.causes.base import Extension
 from tuner.diagnosis.static.model.dct import MAX_SQUARE
-from tuner.diagnosis.static.model.residual import Residual, gain_of, power_of
+from tuner.diagnosis.static.model.residual import Residual, gain_of, once, power_of
 from tuner.diagnosis.static.spectrum.fisher_scoring import sizes
 from tuner.diagnosis.static.variance.local_variance import course
 
@@ -102,11 +102,8 @@ class Sizes:
 def bins(fitted: Residual, without: Extension | None = None) -> Bins:
     """Return the fast spectrum of a residual in bins, the shape of one extension not counted as known."""
     dt, n = fitted.channel.interval, len(fitted.coefficients) - 1
-    first = int(2.0 * MIN_RELATIVE_FREQUENCY * n)
-    width = (n - first) // BIN_COUNT
+    first, width = _range(n)
     inside = slice(first, first + width * BIN_COUNT)
-    square = (fitted.coefficients[1:][inside] ** 2).reshape(BIN_COUNT, width)
-    level = np.median(square, axis=1, keepdims=True) / CHI2_MEDIAN
     total = fitted.power[inside].reshape(BIN_COUNT, width).mean(axis=1)
     cycles = np.asarray((first + (np.arange(BIN_COUNT) + 0.5) * width + 0.5) / (2.0 * (n + 1)), dtype=float)
     within = [cycles + (part - 0.5) * width / (2.0 * (n + 1)) for part in PLACES_IN_A_BIN]
@@ -117,9 +114,8 @@ def bins(fitted: Residual, without: Extension | None = None) -> Bins:
     shaped = any(x.cause in ("lowpass", "colour") for x in known)
     rounding = fitted.channel.quantizer_step**2 / 12.0 * dt
     peaks = fitted.peaks[inside]
-    if without is not None:
-        f = np.arange(first + 1.0, first + 1.0 + width * BIN_COUNT) / (2.0 * (n + 1) * dt)
-        peaks = peaks - without.power(f, dt)
+    if without in fitted.shapes:
+        peaks = peaks - fitted.shapes[without][inside]
     peaks = peaks.reshape(BIN_COUNT, width).mean(axis=1)
     explained = power_of(fitted.extensions, cycles / dt, dt) - power_of(known, cycles / dt, dt) + peaks
     rest = (
@@ -128,7 +124,7 @@ def bins(fitted: Residual, without: Extension | None = None) -> Bins:
     return Bins(
         dt,
         cycles,
-        np.minimum(square, MAX_SQUARE * level).mean(axis=1),
+        _measured(fitted),
         np.full(BIN_COUNT, width / float(np.mean(course(fitted) ** 2))),
         np.mean([gain_of(known, f / dt, dt) for f in within], axis=0),
         np.maximum(rest, 0.0),
@@ -136,6 +132,21 @@ def bins(fitted: Residual, without: Extension | None = None) -> Bins:
         0.0 if shaped else rounding,
         total,
     )
+
+
+def _range(n: int) -> tuple[int, int]:
+    """Return the first of n coefficients that is binned, and how many are in a bin."""
+    first = int(2.0 * MIN_RELATIVE_FREQUENCY * n)
+    return first, (n - first) // BIN_COUNT
+
+
+@once
+def _measured(fitted: Residual) -> FloatArray:
+    """Return the squared coefficients in bins, lines cut, shape (b,)."""
+    first, width = _range(len(fitted.coefficients) - 1)
+    square = (fitted.coefficients[1 + first : 1 + first + width * BIN_COUNT] ** 2).reshape(BIN_COUNT, width)
+    level = np.median(square, axis=1, keepdims=True) / CHI2_MEDIAN
+    return np.asarray(np.minimum(square, MAX_SQUARE * level).mean(axis=1))
 
 
 def rise(cycles: FloatArray) -> FloatArray:

@@ -135,10 +135,10 @@ def cell_moments(fitted: Residual) -> tuple[FloatArray, FloatArray] | None:
     channel, step = fitted.channel, fitted.channel.quantizer_step
     if step <= 0.5 * MAX_FINE_STEP:
         return None
-    slow, noise, unsure = slow_track(fitted)
-    seen = noise / step**2
+    seen = fitted.spread**2 * float(_noise_power(fitted).mean()) / channel.interval / step**2
     if channel.deadband == 0.0 and seen - 1.0 / 12.0 >= MAX_FINE_STEP**-2:
         return None
+    slow, _, unsure = slow_track(fitted)
     code, zero = _codes(channel)
     place = (slow - code) / step + zero
     dead, vague = channel.deadband / step, float(np.sqrt(unsure)) / step
@@ -192,6 +192,16 @@ def is_coarse(fitted: Residual) -> bool:
     return step**2 > MIN_COARSE_STEP**2 * max(fitted.spread**2 * white - step**2 / 12.0, 0.0) and step > 0.0
 
 
+def _noise_power(fitted: Residual) -> FloatArray:
+    """Return the power of white noise and quantization at coefficients 1 … n − 1, not above that of the model."""
+    dt, n = fitted.channel.interval, len(fitted.coefficients)
+    f = np.linspace(0.0, 0.5 / dt, CELL_PLACES**2)
+    noise = NoiseModel(t for t in fitted.fit.terms() if isinstance(t, White | Quantization)).psd(
+        f, interval=dt
+    )
+    return np.minimum(np.interp(np.arange(1.0, n) / (2.0 * n * dt), f, noise), fitted.power)
+
+
 def slow_track(fitted: Residual) -> tuple[FloatArray, float, float]:
     """Return the samples without their white noise and quantization, as the model sees them, shape (n,), in scales.
 
@@ -199,11 +209,7 @@ def slow_track(fitted: Residual) -> tuple[FloatArray, float, float]:
     and that of the track, mean W (1 − W/E).
     """
     dt, n = fitted.channel.interval, len(fitted.coefficients)
-    f = np.linspace(0.0, 0.5 / dt, CELL_PLACES**2)
-    noise = NoiseModel(t for t in fitted.fit.terms() if isinstance(t, White | Quantization)).psd(
-        f, interval=dt
-    )
-    power = np.minimum(np.interp(np.arange(1.0, n) / (2.0 * n * dt), f, noise), fitted.power)
+    power = _noise_power(fitted)
     a = fitted.coefficients.copy()
     means = np.zeros(n - 1)
     means[: fitted.track.singles] = fitted.track.columns @ fitted.fit.beta
