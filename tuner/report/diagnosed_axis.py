@@ -6,8 +6,9 @@ warm-up, a step. The effect of the cause (`models.effects`) makes them from the 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,8 +37,8 @@ class DiagnosedAxis:
         s.
     t, y : ndarray, shape (n,)
         Time, s, and samples less their median, SI; short gaps are bridged.
-    e : ndarray, shape (n,)
-        Residuals of the model before, of unit variance.
+    residuals : callable
+        Returns `e`; computed where a figure shows it, once for all copies of this object.
     temperature : ndarray, shape (n,), optional
         °C.
     before, after : NoiseModel
@@ -53,12 +54,17 @@ class DiagnosedAxis:
     interval: float
     t: FloatArray
     y: FloatArray
-    e: FloatArray
+    residuals: Callable[[], FloatArray]
     temperature: FloatArray | None
     before: NoiseModel
     after: NoiseModel
     signals: Mapping[str, FloatArray]
     findings: tuple[Finding, ...]
+
+    @property
+    def e(self) -> FloatArray:
+        """Residuals of the model before, of unit variance, shape (n,)."""
+        return self.residuals()
 
     @property
     def signal(self) -> FloatArray:
@@ -99,9 +105,9 @@ def diagnosed_axis(records: Sequence[Record], axis: str, diagnosis: Diagnosis) -
             signals[finding.cause] = signals.get(finding.cause, np.zeros_like(y)) + (made - made.mean())
     empty = NoiseModel()
     before, after = diagnosis.base.get(axis, empty), diagnosis.models.get(axis, empty)
-    e = residual(ready).e
+    residuals = cache(lambda: residual(ready).e)
     return DiagnosedAxis(
-        axis, ready.unit, ready.interval, t, y, e, temperature, before, after, signals, findings
+        axis, ready.unit, ready.interval, t, y, residuals, temperature, before, after, signals, findings
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from io import BytesIO
@@ -11,7 +12,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullLocator
+from matplotlib.ticker import LogFormatter, LogFormatterSciNotation, NullLocator
 
 from tuner.formats.files import Put, write_bytes
 from tuner.jobs import each
@@ -20,6 +21,27 @@ LABELLED_DECADES = 2.0
 """Decades of an axis beyond which ticks between them are without labels: two of their own are then on it."""
 FILE_DPI = 130
 """Dots of a PNG on an inch: a panel of 4.6 inches fills a third of a common screen."""
+
+
+POWER = re.compile(r"\^\{([-\u2212]?\d+)\}")
+"""The exponent of a number that is set as mathematics."""
+RAISED = str.maketrans(
+    "-\u22120123456789", "\u207b\u207b\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079"
+)
+"""Raised forms of minus and digits."""
+
+
+SET_AS_MATHEMATICS = str.maketrans("", "", "${} ")
+"""Signs that say so."""
+
+
+class PlainPowers(LogFormatterSciNotation):
+    """Labels of a logarithmic axis with raised digits: set as mathematics they take as long as the rest of a figure."""
+
+    def __call__(self, x: float, pos: int | None = None) -> str:
+        """Return the label of a number."""
+        label = POWER.sub(lambda power: power[1].translate(RAISED), super().__call__(x, pos))
+        return label.replace(r"\times", "\u00d7").replace(r"\mathdefault", "").translate(SET_AS_MATHEMATICS)
 
 
 class ShownFigure(Figure):
@@ -53,6 +75,10 @@ def lay_out(figure: Figure) -> None:
     layout = figure.get_layout_engine()
     assert layout is not None
     every = [axis for panel in figure.axes for axis in (panel.xaxis, panel.yaxis)]
+    for axis in every:
+        if isinstance(axis.get_major_formatter(), LogFormatter):
+            axis.set_major_formatter(PlainPowers())
+            axis.set_minor_formatter(PlainPowers())
     unlabelled = [(axis, axis.get_minor_locator()) for axis in every if _decades(axis) > LABELLED_DECADES]
     for axis, _ in unlabelled:
         axis.set_minor_locator(NullLocator())

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from textwrap import fill
 
@@ -78,15 +78,12 @@ def finding_figures(
         Draws it to ``finding-NUMBER-CAUSE`` with each of `suffixes`.
     """
     figures: list[Callable[[Put], None]] = []
-    subjects: dict[str, DiagnosedAxis | None] = {}
+    subject = cache(lambda axis: diagnosed_axis(records, axis, diagnosis))
     drawn: dict[tuple[str, tuple[str, ...]], tuple[str, Path]] = {}
     for finding in diagnosis.findings:
         if (finding.cause, finding.channels) in drawn:
             continue
-        for axis in finding.channels:
-            if axis not in subjects:
-                subjects[axis] = diagnosed_axis(records, axis, diagnosis)
-        chosen = next((s for axis in finding.channels if (s := subjects[axis]) is not None), None)
+        chosen = next((one for axis in finding.channels if (one := subject(axis)) is not None), None)
         if chosen is None:
             continue
         path = directory / f"finding-{len(drawn) + 1}-{finding.cause}.svg"
