@@ -84,11 +84,9 @@ def fit_orders(y: FloatArray, highest: Order = (3, 3)) -> dict[Order, WhittleArm
     for p in range(highest[0] + 1):
         for q in range(highest[1] + 1):
             likelihood = _Likelihood(data, powers[:p], powers[:q])
-            starts = sorted((likelihood(start)[0], tuple(start)) for start in _starts(data, fits, (p, q)))
-            best = min(
-                (likelihood.minimise(np.array(start)) for _, start in starts[:_REFINED_STARTS]),
-                key=lambda found: found[1],
-            )
+            starts = np.stack(list(_starts(data, fits, (p, q))))
+            first = np.argsort(likelihood.values(starts), kind="stable")[:_REFINED_STARTS]
+            best = min((likelihood.minimise(starts[i]) for i in first), key=lambda found: found[1])
             fits[p, q] = _causal(*best, p)
     return fits
 
@@ -105,21 +103,35 @@ class _Likelihood:
         p = len(self.poles)
         ar = 1.0 - theta[1 : p + 1] @ self.poles
         ma = 1.0 + theta[p + 1 :] @ self.zeros
-        log_spectrum = theta[0] + np.log(np.abs(ma) ** 2) - np.log(np.abs(ar) ** 2)
-        ratio = self.data.power * np.exp(-log_spectrum)
-        constant = np.ones((1, len(ratio)))
-        relative = np.concatenate((constant, 2.0 * (self.poles / ar).real, 2.0 * (self.zeros / ma).real))
+        spectrum = np.exp(theta[0]) * _square(ma) / _square(ar)
+        ratio = self.data.power / spectrum
+        relative = np.empty((len(theta), len(ratio)))
+        relative[0] = 1.0
+        np.multiply(2.0, (self.poles / ar).real, out=relative[1 : p + 1])
+        np.multiply(2.0, (self.zeros / ma).real, out=relative[p + 1 :])
         weighted = relative * self.data.count
         return (
-            float(self.data.count @ (log_spectrum + ratio)),
+            float(self.data.count @ (np.log(spectrum) + ratio)),
             weighted @ (1.0 - ratio),
             weighted @ relative.T,
         )
+
+    def values(self, thetas: FloatArray) -> FloatArray:
+        """Return -2 ln L of several parameters, shape (s, 1 + p + q)."""
+        p = len(self.poles)
+        ar, ma = 1.0 - thetas[:, 1 : p + 1] @ self.poles, 1.0 + thetas[:, p + 1 :] @ self.zeros
+        spectrum = np.exp(thetas[:, :1]) * _square(ma) / _square(ar)
+        return np.asarray((np.log(spectrum) + self.data.power / spectrum) @ self.data.count)
 
     def minimise(self, start: FloatArray) -> tuple[FloatArray, float]:
         """Return the minimum next to `start` and its value."""
         wide = np.full(len(start), np.inf)
         return minimise(self, start, lower=-wide, upper=wide, tolerance=1e-4)
+
+
+def _square(values: ComplexArray) -> FloatArray:
+    """Return |values|²."""
+    return np.asarray(values.real**2 + values.imag**2)
 
 
 def _starts(data: CosinePeriodogram, fits: dict[Order, WhittleArma], order: Order) -> Iterator[FloatArray]:

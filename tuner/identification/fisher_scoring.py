@@ -54,11 +54,13 @@ def minimise(
         move = np.flatnonzero(free & ~at_edge)
         if not len(move):
             break
-        matrix = information[np.ix_(move, move)]
-        step = np.linalg.solve(matrix + damping * np.diag(np.diag(matrix) + 1e-3), -gradient[move])
-        step = np.clip(step, -LONGEST_STEP, LONGEST_STEP)
+        matrix = information[move[:, None], move]
+        diagonal = matrix.reshape(-1)[:: len(move) + 1]
+        diagonal += damping * (diagonal + 1e-3)
+        step = np.linalg.solve(matrix, -gradient[move])
+        step = np.minimum(np.maximum(step, -LONGEST_STEP), LONGEST_STEP)
         trial = theta.copy()
-        trial[move] = np.clip(theta[move] + step, lower[move], upper[move])
+        trial[move] = np.minimum(np.maximum(theta[move] + step, lower[move]), upper[move])
         attempt = function(trial)
         if attempt[0] <= value:
             gain, theta = value - attempt[0], trial
