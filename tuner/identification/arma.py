@@ -28,6 +28,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_toeplitz
 from scipy.stats import chi2, jarque_bera, kurtosis, norm, normaltest
 
 from tuner.curves import acf
@@ -211,12 +212,10 @@ def _exact(y: FloatArray, order: Order) -> WhittleArma:
 
 def _correlograms(y: FloatArray, lags: int) -> tuple[FloatArray, FloatArray]:
     """Return autocorrelation and partial autocorrelation at lags 1 …, both of shape (lags,)."""
-    from statsmodels.tsa.stattools import levinson_durbin
-
     record = Record("series", np.arange(len(y), dtype=np.float64), y, ("x",), "1", 1.0)
     correlation = acf(record, lag=np.arange(lags + 1.0).tolist()).value[:, 0]
-    partial = levinson_durbin(correlation, nlags=lags, isacov=True)[2]
-    return correlation[1:], np.asarray(partial, dtype=np.float64)[1:]
+    partial = [solve_toeplitz(correlation[:k], correlation[1 : k + 1])[-1] for k in range(1, lags + 1)]
+    return correlation[1:], np.array(partial)
 
 
 def _coefficients(fit: WhittleArma, n: int) -> tuple[tuple[Coefficient, ...], tuple[Coefficient, ...]]:

@@ -17,19 +17,18 @@ words and figures what it did.
 References
 ----------
 .. [1] J. S. Bendat and A. G. Piersol, Random Data, 4th ed., section 4.5 (reverse arrangements).
-.. [2] D. Kwiatkowski et al., Testing the null hypothesis of stationarity, J. Econometrics 54, 1992.
-.. [3] S. E. Said, D. A. Dickey, Testing for unit roots in ARMA models of unknown order, Biometrika 71, 1984.
 """
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import f_oneway, norm
+
+from tuner.identification.unit_root import dickey_fuller, steady_level
 
 FloatArray = NDArray[np.float64]
 
@@ -182,24 +181,11 @@ def variance_change(y: FloatArray, groups: int = TREND_TEST_GROUPS, blocks: int 
 
 
 def unit_root(y: FloatArray) -> tuple[StationarityTest, StationarityTest]:
-    """Return the ADF test (null: unit root) and the KPSS test (null: stationary) of up to 2000 block means.
-
-    KPSS probabilities are tabulated between 0.01 and 0.10 and stop there.
-    """
-    from statsmodels.tools.sm_exceptions import InterpolationWarning
-    from statsmodels.tsa.stattools import adfuller, kpss
-
+    """Return the ADF test (null: unit root) and the KPSS test (null: stationary) of up to 2000 block means."""
     size = max(len(y) // _UNIT_ROOT_POINTS, 1)
     points = _groups(y, len(y) // size).mean(axis=1)
     lags = int(12.0 * (len(points) / 100.0) ** 0.25)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", InterpolationWarning)
-        warnings.simplefilter(
-            "ignore", FutureWarning
-        )  # of the form of the answer, which both forms share here
-        adf = adfuller(points, maxlag=lags, autolag=None)
-        statistic, p_value = kpss(points, nlags=lags)[:2]
-    return StationarityTest(float(adf[0]), float(adf[1])), StationarityTest(float(statistic), float(p_value))
+    return StationarityTest(*dickey_fuller(points, lags)), StationarityTest(*steady_level(points, lags))
 
 
 def stationarity_report(y: FloatArray) -> tuple[str, ...]:
