@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from statsmodels.tsa.stattools import adfuller, kpss
 
 from tuner.identification.arma_preprocess import (
     prepare,
@@ -13,6 +14,7 @@ from tuner.identification.arma_preprocess import (
     unit_root,
     variance_change,
 )
+from tuner.identification.unit_root import dickey_fuller, steady_level
 
 
 def white(seed, n=20_000):
@@ -99,6 +101,15 @@ def test_unit_root_tests_tell_a_walk_from_white_noise():
     adf, kpss = unit_root(np.cumsum(y))
     assert adf.p_value > 0.01
     assert kpss.p_value < 0.05
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_unit_root_tests_are_those_of_statsmodels():
+    y = white(8, 700)
+    for x in (y, np.cumsum(y), 0.1 * np.cumsum(y) + y[::-1], np.arange(700.0) ** 1.5 + y):
+        ours, theirs = dickey_fuller(x, 15), adfuller(x, maxlag=15, autolag=None)
+        assert ours == pytest.approx(theirs[:2], rel=1e-9)
+        assert steady_level(x, 15) == pytest.approx(kpss(x, nlags=15)[:2], rel=1e-9)
 
 
 def test_steps_say_what_was_done():

@@ -165,6 +165,8 @@ def search_causes(channel: Channel, threshold: float, given: tuple[Extension, ..
             new += proposed
         fresh = len(new)
         quiet = _still_quiet(results, threshold, new)
+        if found is base:
+            base = relabelled(base, base.extensions)  # without what was computed from it, ten times its size
         starts = None if any(x.broad for x in new) else found.starts
         found = residual(channel, (*found.extensions, *new), starts=starts, near=found)
         for _ in range(MAX_REFITS if any(x.group == "fast spectrum" for x in new) else 1):

@@ -136,11 +136,11 @@ def _refined(fitted: Residual, e: FloatArray, near: float) -> float:
     A first search sums the spectrum at the harmonics of each period, a second one turns the harmonics of `FOLDED_PARTS`
     parts of the record, folded at the first, against each other.
     """
-    n, power = len(e), fitted.spectrum[1]
+    n, (span, power) = len(e), fitted.spectrum
     step, harmonics = near / n, np.arange(1, int(near) // 2 + 1)
     tried = np.arange(near - 1.0 / PERIOD_MULTIPLES, near + 1.0 / PERIOD_MULTIPLES, 0.5 * step)
     tried = tried[tried.astype(int) == int(near)]
-    places = np.rint(np.multiply.outer(2.0 * len(power) / tried, harmonics)).astype(np.intp) - 1
+    places = np.rint(np.multiply.outer(span / fitted.channel.interval / tried, harmonics)).astype(np.intp) - 1
     first = float(tried[np.argmax(power[places].sum(axis=1))])
     number, size = int(near), n // FOLDED_PARTS
     sums = [_sums(e[at : at + size], at, first, number)[0] for at in range(0, size * FOLDED_PARTS, size)]

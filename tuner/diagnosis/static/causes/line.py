@@ -74,16 +74,16 @@ class Line(Extension):
         """Search the spectrum of the residuals for a line."""
         n = len(fitted.e)
         name = "peak of the spectrum ÷ its neighbourhood"
-        frequency, power = fitted.spectrum
+        span, power = fitted.spectrum
         level = local_level(power, 2 * NEIGHBOUR_COUNT)
         ratio = power / level
-        ratio[: int(np.searchsorted(frequency, FIRST_ORDINATE / (n * fitted.channel.interval)))] = 0.0
+        ratio[: int(np.ceil(FIRST_ORDINATE * span / (n * fitted.channel.interval))) - 1] = 0.0
         best = int(np.argmax(ratio))
-        height, f = float(ratio[best]), float(frequency[best])
+        height, f = float(ratio[best]), (best + 1) / span
         if _chance(height / MIN_PEAK_SHARE, n) < FOLLOWED_P_VALUE:
             near = np.flatnonzero(ratio >= MIN_PEAK_SHARE * height)
             tops = [near[0], *near[1:][np.diff(near) > 2]]
-            height, f = max(_peak(fitted, float(frequency[i]), float(level[i])) for i in tops)
+            height, f = max(_peak(fitted, (int(i) + 1) / span, float(level[i])) for i in tops)
         nats = _nats(height)
         if nats > 2.0 * np.log(n):
             wider = vibration.rival(fitted, f, height)

@@ -236,13 +236,12 @@ class Residual:
         return np.asarray(self.power[below] + (place - below) * (self.power[below + 1] - self.power[below]))
 
     @cached_property
-    def spectrum(self) -> tuple[FloatArray, FloatArray]:
-        """Periodogram of the clipped residuals on a grid of at most half a bin: frequency (Hz) and power, mean 1."""
+    def spectrum(self) -> tuple[float, FloatArray]:
+        """Periodogram of the clipped residuals at 1/T, 2/T, … Hz, at most half bins: T, s, and power, mean 1."""
         e = np.clip(self.e, -RESIDUAL_CLIP, RESIDUAL_CLIP)
         size = next_fast_len(2 * len(e), real=True)
         power = np.abs(rfft(e, size)[1:]) ** 2 / (len(e) * float(np.mean(e * e)))
-        frequency = np.arange(1, len(power) + 1) / (size * self.channel.interval)
-        return frequency, power
+        return size * self.channel.interval, power
 
 
 def once(make: Callable[[Residual], T]) -> Callable[[Residual], T]:

@@ -1,0 +1,65 @@
+"""What is computed in a shorter way gives what the long way gives."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from models.noise import GaussMarkov, NoiseModel, White
+from tuner.diagnosis.static.causes import comb, periodic_variance
+from tuner.diagnosis.static.channel import channel
+from tuner.diagnosis.static.model.dct import between_middles
+from tuner.diagnosis.static.model.residual import Residual, residual
+from tuner.types.records import Record
+
+N = 40_000
+
+
+def fitted(y: np.ndarray) -> Residual:
+    return residual(channel(Record("log", np.arange(len(y)) / 100.0, y[:, None], ("x",), "rad/s", 0.01), "x"))
+
+
+@pytest.mark.parametrize("period", [37.313, 211.77])
+def test_the_period_of_short_pulses_is_found_to_a_part_of_a_sample_over_the_record(period):
+    y = np.random.default_rng(1).standard_normal(N)
+    y[(np.arange(N) + 7.3) % period < 1.0] += 2.0
+    result = comb.Comb.test(fitted(y))
+    (found,) = result.propose()
+    multiple = round(found.period / period)  # a multiple of the period is one, too
+    assert abs(found.period / multiple - period) * N / period < 0.5
+    assert result.gain > 50.0
+
+
+def test_folded_sums_are_those_of_the_phases():
+    e = np.random.default_rng(2).standard_normal(1000)
+    total, count = comb._sums(e[100:], 100, 23.7, 23)
+    place = comb._bins(1000, 23.7)[100:]
+    np.testing.assert_allclose(total, np.bincount(place, e[100:], 23), atol=1e-12)
+    np.testing.assert_array_equal(count, np.bincount(place, minlength=23))
+
+
+def test_the_score_of_a_further_process_foretells_what_it_gains():
+    rng = np.random.default_rng(3)
+    one = fitted(NoiseModel([White(0.1), GaussMarkov(0.3, 1.5), GaussMarkov(0.1, 30.0)]).sample(N, 0.01, rng))
+    for fit in one.fits:
+        more = one.track.fit((*fit.kinds, GaussMarkov))
+        gained = 2.0 * (more.log_likelihood - fit.log_likelihood)
+        foretold = one.track.square_score_of_markov(fit)
+        assert foretold == pytest.approx(gained, abs=3.0) or 0.3 < foretold / gained < 1.5
+    assert max(one.track.square_score_of_markov(fit) for fit in one.fits) > 20.0
+
+
+def test_levels_are_those_of_linear_interpolation():
+    values = np.random.default_rng(4).standard_normal(7)
+    for width in (6, 5):
+        middle = (np.arange(7) + 0.5) * width
+        expected = np.interp(np.arange(7 * width + 3), middle, values)
+        np.testing.assert_allclose(between_middles(values, width, 7 * width + 3), expected, atol=1e-14)
+
+
+def test_a_wave_by_sums_of_blocks_is_the_whole_wave():
+    """… within what the turn of 0.6 cycles a record leaves of 4000 blocks: π 0.6/4000/√3 of its sd √n."""
+    x, f = np.random.default_rng(5).standard_normal(12_000), 0.031
+    for shift in (0.0, 0.6 / 12_000):
+        whole = x @ np.exp(-2j * np.pi * (f + shift) * np.arange(12_000))
+        assert abs(periodic_variance._wave(x, f + shift, f, 3) - whole) < 3.0 * 2.7e-4 * np.sqrt(12_000)
