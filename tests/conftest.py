@@ -19,7 +19,10 @@ def share_of_compiling(request: pytest.FixtureRequest) -> None:
     workers = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
     if workers == 1 or not any("navigation" in item.nodeid for item in request.session.items):
         return
-    from tests.compiled_variants import VARIANTS, run_on_no_data
+    from tests.compiled_variants import VARIANTS
+    from tuner.navigation.engine.ahead import compile_variant
 
-    for variant in VARIANTS[int(os.environ["PYTEST_XDIST_WORKER"].removeprefix("gw")) :: workers]:
-        run_on_no_data(*variant)
+    for length, filters, ideal in VARIANTS[
+        int(os.environ["PYTEST_XDIST_WORKER"].removeprefix("gw")) :: workers
+    ]:
+        compile_variant(length, filters, ideal=ideal)

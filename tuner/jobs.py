@@ -142,6 +142,31 @@ def each(
     return results
 
 
+@contextmanager
+def beside(function: Callable[[], object]) -> Iterator[None]:
+    """Run a function in a copy of this process while the block runs, where there is a processor for it.
+
+    What it returns or raises is lost: it is for what stays on disk. The block ends when both have.
+    """
+    if usable() < 2 or not _can_copy():
+        yield
+        return
+    child = _fork()
+    if child == 0:
+        try:
+            _alone()
+            function()
+        finally:
+            os._exit(0)
+    try:
+        yield
+    except BaseException:
+        os.kill(child, signal.SIGKILL)
+        raise
+    finally:
+        os.waitpid(child, 0)
+
+
 def _affordable() -> int:
     """Return how many processes the memory allows if each copy comes to need as much as this process has."""
     try:
@@ -177,13 +202,27 @@ def _copy(
 ) -> tuple[int, int]:
     """Fork a process that does items until none is left; return the pipe of its results, and its number."""
     receiver, sender = os.pipe()
-    with warnings.catch_warnings(), _no_compilation():
-        warnings.simplefilter("ignore", DeprecationWarning)  # of threads, whose locks a copy does not use
-        child = os.fork()
+    child = _fork()
     if child == 0:
         _work_and_leave(function, items, shared, numbers, (receiver, *others), sender)
     os.close(sender)
     return receiver, child
+
+
+def _fork() -> int:
+    with warnings.catch_warnings(), _no_compilation():
+        warnings.simplefilter("ignore", DeprecationWarning)  # of threads, whose locks a copy does not use
+        return os.fork()
+
+
+def _alone() -> None:
+    """Make a copy end with its parent, and use one processor."""
+    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+        signal.signal(getattr(signal, name), signal.SIG_DFL)
+    ctypes.CDLL(None).prctl(_END_WITH_PARENT, signal.SIGKILL)
+    _limit.set(1)
+    _watcher.set(None)
+    os.environ.update(dict.fromkeys(THREAD_LIMITS, "1"))
 
 
 def _no_compilation() -> AbstractContextManager[Any]:
@@ -202,14 +241,9 @@ def _work_and_leave(
 ) -> NoReturn:
     """Do the work of a copy and end it, without what a process does at its end."""
     try:
-        for name in ("SIGINT", "SIGTERM", "SIGHUP"):
-            signal.signal(getattr(signal, name), signal.SIG_DFL)
-        ctypes.CDLL(None).prctl(_END_WITH_PARENT, signal.SIGKILL)
+        _alone()
         for other in others:
             os.close(other)
-        _limit.set(1)
-        _watcher.set(None)
-        os.environ.update(dict.fromkeys(THREAD_LIMITS, "1"))
         with open(sender, "wb") as pipe:
             while number := os.read(numbers, 4):
                 index = int.from_bytes(number, "little")

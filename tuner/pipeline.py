@@ -6,7 +6,8 @@ and no file is written: `tuner.report.result_set` does that.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -27,6 +28,7 @@ from tuner.formats.prediction import prediction_json
 from tuner.identification import identify
 from tuner.identification.identify import with_terms_found
 from tuner.identification.identify_source import identify_source, receiver_of_source, records_name
+from tuner.jobs import beside
 from tuner.readers import read
 from tuner.readers.drive import read_drive
 from tuner.readers.source_kind import is_log, source_name
@@ -210,9 +212,10 @@ def tune(
     completion = load_grade(complete) if isinstance(complete, str) else complete
     stated = None if datasheet is None else identify_source(datasheet)
     inputs = gather_inputs(log, drive, gnss, seed=seed, progress=progress)
-    noise = identify_and_diagnose(
-        inputs, terms=terms, latitude=latitude, replicas=replicas, seed=seed, progress=progress
-    )
+    with _compiled_ahead(inputs):
+        noise = identify_and_diagnose(
+            inputs, terms=terms, latitude=latitude, replicas=replicas, seed=seed, progress=progress
+        )
     progress("synthesising the filter configuration")
     calibration = calibrate(inputs.records) if inputs.records else None
     config, predictions = configure(
@@ -258,6 +261,20 @@ def tune(
         choice,
         stated,
     )
+
+
+@contextmanager
+def _compiled_ahead(inputs: TuneInputs) -> Iterator[None]:
+    """Compile what the log needs on all processors, and the filter of the check beside it, where they never were."""
+    if not inputs.records:
+        yield
+        return
+    from tuner.diagnosis.static.compiled_ahead import compile_ahead  # loads the compiler
+    from tuner.navigation.engine.ahead import compile_variant, is_stored
+
+    with nullcontext() if inputs.receiver is None or is_stored() else beside(compile_variant):
+        compile_ahead()
+        yield
 
 
 def gather_inputs(

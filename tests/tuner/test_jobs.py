@@ -18,7 +18,7 @@ from models.noise import NoiseModel, RandomWalk, White
 from tuner import diagnose, identify
 from tuner.formats.diagnosis import diagnosis_json
 from tuner.formats.identification import identification_json
-from tuner.jobs import each, limited, usable
+from tuner.jobs import beside, each, limited, usable
 from tuner.simulation.static import simulate
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="only on Linux a process is copied")
@@ -102,3 +102,14 @@ def test_no_copies_where_memory_is_scarce(monkeypatch):
     monkeypatch.setattr("tuner.jobs.free_memory", lambda: 0.0)
     with limited(4):
         assert each(lambda _: os.getpid(), range(3)) == 3 * [os.getpid()]
+
+
+def test_what_runs_beside_ends_with_the_block(tmp_path):
+    with limited(2), beside(lambda: (tmp_path / "done").write_text(str(os.getpid()))):
+        pass
+    assert int((tmp_path / "done").read_text()) != os.getpid()
+    with limited(1), beside(lambda: (tmp_path / "alone").touch()):
+        pass
+    assert not (tmp_path / "alone").exists()
+    with pytest.raises(KeyError), limited(2), beside(lambda: time.sleep(60.0)):
+        raise KeyError  # and nothing waits for the rest

@@ -147,6 +147,18 @@ def _variant(filters: int, length: int, full: bool | None) -> Any:
     return entry(filter_steps)
 
 
+def variant(lay: Layout, m: State) -> Any:
+    """Return the compiled function for these states and records."""
+    _, length, filters = m.states.shape
+    return _variant(filters, length, _full(lay))
+
+
+def _full(lay: Layout) -> bool | None:
+    """Return True where errors of sensors depend on the motion or other states, else None."""
+    simple = lay.ideal and lay.delay < 0 and not len(lay.ramps) and not len(lay.further)
+    return None if simple else True
+
+
 _CHECKSUM = NUMBERS_CHECKSUM ^ checksum(
     vector3, taylor, earth, strapdown, error_state, compilation, declaration, further_couplings,
     layout, state_module, random_normal,
@@ -200,12 +212,11 @@ def run_filters(
     # Between fixes A stays, but where its states decay or follow a slope.
     mixing = np.append(np.flatnonzero(lay.source >= 0), lay.further[lay.further[:, 2] >= 0, 0])
     unsteady = bool(m.states[RATE][mixing].any() or (lay.slope[mixing] >= 0).any())
-    full = None if lay.ideal and lay.delay < 0 and not len(lay.ramps) and not len(lay.further) else True
+    full = _full(lay)
     arguments = (
         m.memory, m.covariance, m.inputs, m.each, alone, full, lay.covariance_step, sensed.dt, sensed.increments,
         sensed.slow, unsteady, sensed.drawn, sensed.every, float(m.states[RATE].max()), fixes, shared, output,
     )  # fmt: skip
-    _, length, filters = m.states.shape
-    run = _variant(filters, length, full)
+    run = variant(lay, m)
     with nullcontext() if run.signatures else compiling():  # what is in memory need not say that it compiles
         run(*arguments)

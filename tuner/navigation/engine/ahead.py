@@ -1,0 +1,57 @@
+"""Compiling a variant of the filter before it is needed, beside other work, for its copy on disk."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from tuner.catalogue.grades import DEFAULT_RECEIVER, grade_identification, load_gnss, load_grade
+from tuner.navigation.engine.filter_steps import SensorInput, run_filters, variant
+from tuner.navigation.engine.fixes import FixBatch, new_output
+from tuner.navigation.engine.layout import BATCH_SIZE, Layout, layout_of, with_sensor_states
+from tuner.navigation.engine.state import LONG_ROW, SHORT_ROW, new_state
+from tuner.navigation.settings import filter_settings
+from tuner.synthesis import synthesize
+
+SAMPLE_GRADE = "mpu9250"
+"""A sensor whose filter has the states that most have; numbers do not matter."""
+
+
+def compile_variant(length: int = SHORT_ROW, filters: int = BATCH_SIZE, *, ideal: bool = True) -> None:
+    """Run a variant of the filter on no data: it is compiled, or loaded from disk. By default that of simulated runs.
+
+    Parameters
+    ----------
+    length : int
+        Room for states, `SHORT_ROW` or `LONG_ROW`.
+    filters : int
+        1, or `BATCH_SIZE` side by side.
+    ideal : bool
+        Whether sensors have no scale factors, misalignments or g-sensitivity.
+    """
+    lay = _layout(length, ideal)
+    none = np.zeros((filters, 0, 6))
+    run_filters(
+        lay,
+        new_state(lay, filters),
+        SensorInput(np.zeros(0), np.zeros((0, 6)), False, np.zeros((1, 6, filters)), 1),
+        FixBatch(np.zeros(0), none, none, np.zeros((0, 5), dtype=np.int64)),
+        new_output(filters, 0, lay),
+        shared=False,
+    )
+
+
+def is_stored(length: int = SHORT_ROW, filters: int = BATCH_SIZE, *, ideal: bool = True) -> bool:
+    """Return whether a variant, perhaps of older sources, is on disk."""
+    lay = _layout(length, ideal)
+    run = variant(lay, new_state(lay, filters))
+    return any(Path(run.stats.cache_path).glob(f"*{run.py_func.__qualname__}-*"))
+
+
+def _layout(length: int, ideal: bool) -> Layout:
+    config = synthesize(grade_identification(load_grade(SAMPLE_GRADE)), gnss=load_gnss(DEFAULT_RECEIVER))
+    lay = layout_of(filter_settings(config))._replace(ideal=ideal)
+    if length == LONG_ROW:
+        lay = with_sensor_states(lay, np.zeros(SHORT_ROW + 1 - lay.size, dtype=np.int64))
+    return lay
