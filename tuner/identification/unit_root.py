@@ -23,7 +23,7 @@ from scipy.stats import norm
 
 FloatArray = NDArray[np.float64]
 
-LEAST, TURN, MOST = -18.83, -1.61, 2.74
+LEAST_STATISTIC, TURN_STATISTIC, MOST_STATISTIC = -18.83, -1.61, 2.74
 """Statistics between which the polynomials hold, and where the second follows the first."""
 LOW_POLYNOMIAL = (2.1659, 1.4412, 0.038269)
 HIGH_POLYNOMIAL = (1.7339, 0.93202, -0.12745, -0.010368)
@@ -44,9 +44,9 @@ def dickey_fuller(x: FloatArray, lags: int) -> tuple[float, float]:
     variance = float(left @ left) / (len(left) - len(size))
     inverse = np.linalg.inv(triangle)
     statistic = float(size[0] / np.sqrt(variance * (inverse[0] @ inverse[0])))
-    if not LEAST < statistic < MOST:
-        return statistic, float(statistic >= MOST)
-    polynomial = LOW_POLYNOMIAL if statistic <= TURN else HIGH_POLYNOMIAL
+    if not LEAST_STATISTIC < statistic < MOST_STATISTIC:
+        return statistic, float(statistic >= MOST_STATISTIC)
+    polynomial = LOW_POLYNOMIAL if statistic <= TURN_STATISTIC else HIGH_POLYNOMIAL
     return statistic, float(norm.cdf(polyval(statistic, polynomial)))
 
 
