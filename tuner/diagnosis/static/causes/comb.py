@@ -123,7 +123,7 @@ def _sums(x: FloatArray, first: int, period: float, number: int) -> tuple[FloatA
     """Return sum and count of samples `first`, `first` + 1, … at each of `number` phases, as `_bins` has them."""
     total, count = np.zeros(number), np.zeros(number)
     for i in range(x.size):
-        turns = (first + i) / period
+        turns = (first + i + 0.5) / period
         at = min(int((turns - np.floor(turns)) * number), number - 1)
         total[at] += x[i]
         count[at] += 1.0
@@ -177,7 +177,7 @@ def _shortest(e: FloatArray, period: float) -> float:
 
 def _fitted_best(e: FloatArray, near: float) -> float:
     """Return the period within an eighth of a sample, over the record, at which the residuals fold best."""
-    tried = [near * (1.0 + shift / len(e)) for shift in np.linspace(-0.125, 0.125, 9).tolist()]
+    tried = [near * (1.0 + 0.03125 * step / len(e)) for step in range(-4, 5)]
     return max((p for p in tried if int(p) == int(near)), key=lambda p: _square(e, p))
 
 
