@@ -65,9 +65,18 @@ def new_figure(
     with mpl.rc_context({"font.size": 9, "axes.titlesize": 10}):
         figure = ShownFigure(figsize=size, layout="constrained")
         yield figure
+        label_plainly(figure)
         lay_out(figure)
         for path in paths:
             put(path, figure_bytes(figure, path.suffix))
+
+
+def label_plainly(figure: Figure) -> None:
+    """Give logarithmic axes the labels of `PlainPowers`."""
+    for axis in (axis for panel in figure.axes for axis in (panel.xaxis, panel.yaxis)):
+        if isinstance(axis.get_major_formatter(), LogFormatter):
+            axis.set_major_formatter(PlainPowers())
+            axis.set_minor_formatter(PlainPowers())
 
 
 def lay_out(figure: Figure) -> None:
@@ -75,10 +84,6 @@ def lay_out(figure: Figure) -> None:
     layout = figure.get_layout_engine()
     assert layout is not None
     every = [axis for panel in figure.axes for axis in (panel.xaxis, panel.yaxis)]
-    for axis in every:
-        if isinstance(axis.get_major_formatter(), LogFormatter):
-            axis.set_major_formatter(PlainPowers())
-            axis.set_minor_formatter(PlainPowers())
     unlabelled = [(axis, axis.get_minor_locator()) for axis in every if _decades(axis) > LABELLED_DECADES]
     for axis, _ in unlabelled:
         axis.set_minor_locator(NullLocator())

@@ -13,7 +13,7 @@ from tuner.formats.customary_units import digits_to
 from tuner.identification import identify
 from tuner.report.allan_figure import allan_figure
 from tuner.report.diagnosed_axis import diagnosed_axis, signal_of
-from tuner.report.figure_files import lay_out
+from tuner.report.figure_files import label_plainly, lay_out
 from tuner.report.static_diagnosis_figures import draw_findings
 from tuner.report.static_diagnosis_tables import diagnosis_tables, hidden_effect_lines
 from tuner.report.two_level_path import two_level_path
@@ -160,6 +160,17 @@ def test_panels_are_laid_out_as_with_every_tick():
     whole.get_layout_engine().execute(whole)
     assert [p.get_position().bounds for p in figure.axes] == [p.get_position().bounds for p in whole.axes]
     assert figure.axes[2].xaxis.get_minorticklocs().size
+
+
+def test_labels_of_decades_are_plain_text():
+    figure = Figure()
+    panel = figure.subplots()
+    panel.set(xscale="log", yscale="log", xlim=(3e-4, 2e3), ylim=(2.0, 5.0))
+    label_plainly(figure)
+    assert [panel.xaxis.get_major_formatter()(10.0**k) for k in (-3, 0, 12)] == ["10⁻³", "10⁰", "10¹²"]
+    minor = panel.yaxis.get_minor_formatter()
+    minor.set_locs(panel.yaxis.get_minorticklocs())
+    assert minor(3.0) == "3×10⁰"
 
 
 def test_the_drawn_path_of_a_telegraph_is_the_one_that_was_put_in():
