@@ -26,30 +26,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models import rotation
-from models.units import canonical_unit, unit_value
 from tuner.formats.guard import input_guard
 from tuner.readers import read
 from tuner.readers.columns import digest
 from tuner.readers.drive_checks import check_drive
 from tuner.readers.drive_npz import DriveArrays, read_drive_npz
+from tuner.readers.drive_tables import GNSS_COLUMNS, ordered, table
 from tuner.readers.fixes import READERS as FIX_READERS
 from tuner.readers.fixes import fix_files, read_fix_file, reference_files
 from tuner.readers.fixes.gps_time import GpsFixes, on_clock_of
 from tuner.readers.kf_gins import read_kf_gins
 from tuner.readers.log_format import file_of, format_of, library_of
 from tuner.readers.source_kind import drive_in_messages, is_drive_by_form
-from tuner.readers.text import read_numbers
-from tuner.readers.text_dialect import find_dialect
 from tuner.readers.waypoint import read_waypoint
 from tuner.types.number_ranges import LONGEST_LEVER_ARM
 from tuner.types.records import DataError, Drive, Gnss, Reference
 
 FloatArray = NDArray[np.float64]
 
-MAX_UNREADABLE_SHARE = 0.01
-"""Share of unreadable rows above which a stream is refused."""
-MAX_DISORDERED_SHARE = 0.10
-"""Share of rows behind an earlier stamp above which a clock was reset; fewer are sorted."""
 CONTENT = "a drive: arrays and settings, one row a sample or fix"
 """What is expected of a file, for messages."""
 FRAMES: Mapping[str, tuple[float, float, float]] = {
@@ -58,28 +52,6 @@ FRAMES: Mapping[str, tuple[float, float, float]] = {
     "RFU": (180.0, 0.0, 90.0),
 }
 """Mounting (roll, pitch, yaw, deg) of a unit whose axes point forward, right, up and so on."""
-GNSS_COLUMNS = (
-    "t",
-    "lat",
-    "lon",
-    "height",
-    "vn",
-    "ve",
-    "vd",
-    "sd_n",
-    "sd_e",
-    "sd_d",
-    "sd_vn",
-    "sd_ve",
-    "sd_vd",
-)
-UNITS: Mapping[tuple[str, ...], tuple[str, ...]] = {
-    ("s", "ms", "us", "ns", "min", "h"): ("t",),
-    ("deg", "rad"): ("lat", "lon", "roll", "pitch", "yaw"),
-    ("m", "cm", "mm", "km", "ft"): ("height", "sd_n", "sd_e", "sd_d"),
-    ("m/s", "cm/s", "mm/s", "km/h", "kn", "mph", "ft/s"): ("vn", "ve", "vd", "sd_vn", "sd_ve", "sd_vd"),
-}
-"""Units that may follow a name in brackets; without them the first holds."""
 _TRUTH_COLUMNS = ("t", "lat", "lon", "height", "vn", "ve", "vd", "roll", "pitch", "yaw")
 
 
@@ -331,35 +303,6 @@ def _drive(
     )
 
 
-def ordered(path: Path, name: str, rows: FloatArray, needed: FloatArray, notes: list[str]) -> FloatArray:
-    """Return rows in order of time, without doubled stamps and without those that lack a needed number."""
-    if not len(rows):
-        msg = f"{path}: {name}: no rows"
-        raise DataError(msg)
-    good = np.isfinite(needed).all(axis=1)
-    bad = int(np.count_nonzero(~good))
-    if bad > MAX_UNREADABLE_SHARE * len(rows) or bad == len(rows):
-        msg = f"{path}: {name}: {bad} of {len(rows)} rows are not numbers; at most 1 % may be"
-        raise DataError(msg)
-    if bad:
-        notes.append(f"{bad} unreadable {name} rows removed")
-    rows = rows[good]
-    behind = np.flatnonzero(rows[:, 0] < np.maximum.accumulate(rows[:, 0]))
-    if len(behind) > MAX_DISORDERED_SHARE * len(rows):
-        msg = (
-            f"{path}: {name}: time runs backwards at row {behind[0] + 1} and stays behind for {len(behind)} of "
-            f"{len(rows)} rows (a clock that was reset?): split the drive there"
-        )
-        raise DataError(msg)
-    if len(behind):
-        notes.append(f"{len(behind)} {name} rows out of order sorted")
-        rows = rows[np.argsort(rows[:, 0], kind="stable")]
-    fresh = np.concatenate([[True], np.diff(rows[:, 0]) > 0.0])
-    if not fresh.all():
-        notes.append(f"{np.count_nonzero(~fresh)} {name} rows with a doubled stamp removed")
-    return np.asarray(rows[fresh])
-
-
 def _reference(path: Path, rows: FloatArray, begin: float, notes: list[str]) -> Reference:
     rows = ordered(path, "reference", rows, rows[:, :4], notes)
     llh = np.column_stack([np.radians(rows[:, 1:3]), rows[:, 3]])
@@ -374,36 +317,3 @@ def _existing(path: Path) -> Path:
         msg = f"{path}: expected this file in the folder of a drive, found nothing"
         raise DataError(msg)
     return path
-
-
-def table(path: Path, names: tuple[str, ...], needed: int) -> FloatArray:
-    """Return the named columns of a CSV, NaN for absent ones; the first `needed` must be there."""
-    dialect = find_dialect(path)
-    have = [name.split("[")[0].strip().lower() for name in dialect.names]
-    missing = [name for name in names[:needed] if name not in have]
-    if missing:
-        msg = f"{path}: expected columns {', '.join(names)}, {', '.join(missing)} missing"
-        raise DataError(msg)
-    present = [name for name in names if name in have]
-    factors = {name: _unit(path, name, dialect.names[have.index(name)]) for name in present}
-    (numbers,) = read_numbers(path, dialect, [[have.index(name) for name in present]])
-    rows = np.full((len(numbers), len(names)), math.nan)
-    for j, name in enumerate(present):
-        rows[:, names.index(name)] = factors[name] * numbers[:, j]
-    return rows
-
-
-def _unit(path: Path, name: str, header: str) -> float:
-    """Return the size of the unit in brackets behind a name, in that which the column has without."""
-    _, bracket, stated = header.partition("[")
-    if not bracket:
-        return 1.0
-    usual = next(units for units, columns in UNITS.items() if name in columns)
-    try:
-        unit = canonical_unit(stated.strip(" ]"))
-    except ValueError:
-        unit = ""
-    if unit not in usual:
-        msg = f"{path}: column '{header.strip()}': expected one of the units {', '.join(usual)}"
-        raise DataError(msg)
-    return unit_value(unit) / unit_value(usual[0])

@@ -17,7 +17,6 @@ A unit may follow in brackets: ``sd_roll [rad]``, ``cov_n_e [m^2]``. Without it 
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -27,60 +26,26 @@ from numpy.typing import NDArray
 
 from models import rotation
 from models.earth import llh_from_ecef, mat_en, metres_per_radian
-from models.units import canonical_unit, unit_value
+from models.units import unit_value
 from tuner.readers.axes_letters import BODY_LETTERS, WORLD_LETTERS, axes_rotation
+from tuner.readers.estimate_column_names import (
+    QUATERNION,
+    SPREADS,
+    TRIPLES,
+    UNITS,
+    column_unit,
+    same_kind,
+    si_factor,
+    stated_unit,
+    units_of_product,
+)
 from tuner.types.filter_output import FilterOutput, filter_output
 from tuner.types.records import DataError
 
 FloatArray = NDArray[np.float64]
 
-_TRIPLES: Mapping[str, tuple[tuple[str, str, str], tuple[str, str, str]]] = {
-    "llh": (("lat", "lon", "height"), ("deg", "deg", "m")),
-    "ned": (("n", "e", "d"), ("m", "m", "m")),
-    "xyz": (("x", "y", "z"), ("m", "m", "m")),
-    "vned": (("vn", "ve", "vd"), ("m/s",) * 3),
-    "vxyz": (("vx", "vy", "vz"), ("m/s",) * 3),
-    "rpy": (("roll", "pitch", "yaw"), ("deg",) * 3),
-    "phi": (("phi_n", "phi_e", "phi_d"), ("deg",) * 3),
-    "bg": (("bg_x", "bg_y", "bg_z"), ("rad/s",) * 3),
-    "ba": (("ba_x", "ba_y", "ba_z"), ("m/s^2",) * 3),
-    "z": (("z_n", "z_e", "z_d"), ("m",) * 3),
-    "zv": (("z_vn", "z_ve", "z_vd"), ("m/s",) * 3),
-}
-"""Groups of three columns with their usual units."""
 ANGLE_ROUNDING = 1e-3
 """Relative excess of a pitch over 90° that rounding may leave."""
-_QUATERNION = ("qw", "qx", "qy", "qz")
-UNITS: Mapping[str, str] = {
-    "t": "s",
-    "outage": "1",
-    **dict.fromkeys(_QUATERNION, "1"),
-    **{name: unit for names, units in _TRIPLES.values() for name, unit in zip(names, units, strict=True)},
-}
-"""Unit of every column without brackets."""
-_ALIASES = {
-    "time": "t",
-    "timestamp": "t",
-    "stamp": "t",
-    "latitude": "lat",
-    "longitude": "lon",
-    "lng": "lon",
-    "alt": "height",
-    "altitude": "height",
-    "h": "height",
-    "north": "n",
-    "east": "e",
-    "down": "d",
-    "heading": "yaw",
-    "azimuth": "yaw",
-    "vel_n": "vn",
-    "vel_e": "ve",
-    "vel_d": "vd",
-    "v_n": "vn",
-    "v_e": "ve",
-    "v_d": "vd",
-}
-"""Other names of columns."""
 LATITUDE_SD_IN_DEGREES = 1e-3
 """Sds of latitude below it are in degrees where no unit is stated: in metres they would be below a millimetre."""
 
@@ -96,36 +61,6 @@ class Frames:
 
     world: str | None = None
     body: str = "FRD"
-
-
-def canonical_name(written: str) -> tuple[str, str | None]:
-    """Return our name of a column and the unit in its brackets: ``Sd_Latitude [m]`` gives ``sd_lat`` and ``m``."""
-    name, bracket, rest = written.partition("[")
-    if not bracket:
-        name, bracket, rest = written.partition("(")
-    unit = rest.strip(" ])") or None if bracket else None
-    plain = name.strip().lower().replace(" ", "_").replace("-", "_")
-    for prefix in ("sd_", "std_", "sigma_"):
-        if plain.startswith(prefix):
-            own = plain.removeprefix(prefix)
-            return f"sd_{_ALIASES.get(own, own)}", unit
-    return _ALIASES.get(plain, plain), unit
-
-
-def known_columns() -> dict[str, tuple[str, str | None]]:
-    """Return the names of all sds and covariances, each with the columns that it is of."""
-    states = [n for n in UNITS if n not in ("t", "outage")]
-    names: dict[str, tuple[str, str | None]] = {f"sd_{name}": (name, None) for name in states}
-    names |= {f"cov_{a}_{b}": (a, b) for a, b in itertools.product(states, repeat=2)}
-    return names
-
-
-_SPREADS = known_columns()
-
-
-def is_known(name: str) -> bool:
-    """Tell whether a name is that of a column that is read."""
-    return name in UNITS or name in _SPREADS
 
 
 @dataclass(frozen=True)
@@ -166,8 +101,10 @@ def assemble(
     """
     messages = list(notes)
     columns = _thinned(columns, messages)
-    units = {name: _unit(source, name, stated) for name, (_, stated) in columns.items() if name in UNITS}
-    values = {name: _factor(units[name]) * columns[name][0] for name in units}
+    units = {
+        name: column_unit(source, name, stated) for name, (_, stated) in columns.items() if name in UNITS
+    }
+    values = {name: si_factor(units[name]) * columns[name][0] for name in units}
     if "t" not in values:
         msg = f"{source}: expected a column t, s, found {', '.join(columns) or 'none that is known'}"
         raise DataError(msg)
@@ -175,7 +112,7 @@ def assemble(
     n = len(values["t"])
 
     def triple(key: str) -> FloatArray | None:
-        names = _TRIPLES[key][0]
+        names = TRIPLES[key][0]
         found = [name for name in names if name in values]
         if found and len(found) < 3:
             missing = ", ".join(name for name in names if name not in found)
@@ -223,8 +160,8 @@ def assemble(
         mat_nb = rotation.mat_from_rpy(rpy) @ mat_bf.T
         quat = rotation.quat_from_mat(mat_nb)
         parts.append((6, rotvec_of_angles(rpy), ("roll", "pitch", "yaw")))
-    elif all(name in values for name in _QUATERNION):
-        q = np.column_stack([values[name] for name in _QUATERNION])
+    elif all(name in values for name in QUATERNION):
+        q = np.column_stack([values[name] for name in QUATERNION])
         length = np.linalg.norm(q, axis=1, keepdims=True)
         if not np.nanmax(np.abs(length - 1.0)) < 0.05:
             msg = f"{source}: expected unit quaternions in qw, qx, qy, qz, found lengths up to {np.nanmax(length):.3g}"
@@ -232,7 +169,7 @@ def assemble(
         q = q / length
         mat_nb = mat_nw @ rotation.mat_from_quat(q) @ mat_bf.T
         quat = rotation.quat_from_mat(mat_nb)
-        parts.append((6, mat_nw @ _rotvec_of_quaternion(q), _QUATERNION))
+        parts.append((6, mat_nw @ _rotvec_of_quaternion(q), QUATERNION))
     parts.append((6, np.asarray(eye), ("phi_n", "phi_e", "phi_d")))
     body = np.asarray(np.broadcast_to(mat_bf, (n, 3, 3)))
     bias = np.full((n, 6), np.nan)
@@ -240,7 +177,7 @@ def assemble(
         own = triple(key)
         if own is not None:
             bias[:, 3 * i : 3 * i + 3] = own @ mat_bf.T
-            parts.append((9 + 3 * i, body, _TRIPLES[key][0]))
+            parts.append((9 + 3 * i, body, TRIPLES[key][0]))
     correlated = False
     if spread is not None:
         correlated = _transform(cov, spread, parts)
@@ -266,10 +203,10 @@ def _thinned(
     columns: Mapping[str, tuple[FloatArray, str | None]], notes: list[str]
 ) -> Mapping[str, tuple[FloatArray, str | None]]:
     """Return the rows some way apart in time, and all with innovations, where there are many with covariances."""
-    if "t" not in columns or not any(name in _SPREADS for name in columns):
+    if "t" not in columns or not any(name in SPREADS for name in columns):
         return columns
     t, unit = columns["t"]
-    seconds = t * _factor(_unit("", "t", unit))
+    seconds = t * si_factor(column_unit("", "t", unit))
     if len(t) <= MAX_DENSE_ROWS or not np.isfinite(seconds).all():
         return columns
     number = np.floor((seconds - seconds[0]) / THINNED_INTERVAL + 1e-6)
@@ -281,40 +218,6 @@ def _thinned(
     return {name: (values[keep], unit) for name, (values, unit) in columns.items()}
 
 
-def _factor(unit: str) -> float:
-    return 1.0 if unit == "1" else unit_value(unit)
-
-
-def _unit(source: str, name: str, stated: str | None) -> str:
-    """Return the unit of a column as `models.units` writes it."""
-    usual = UNITS[name]
-    if stated is None or usual == "1":
-        return usual
-    try:
-        unit = canonical_unit(stated)
-    except ValueError:
-        unit = ""
-    if not unit or not _same_kind(unit, usual):
-        msg = f"{source}: column '{name} [{stated}]': expected a unit such as {usual}"
-        raise DataError(msg)
-    return unit
-
-
-_KINDS = (
-    ("s", "ms", "us", "ns", "min", "h"),
-    ("rad", "mrad", "urad", "deg", "arcmin", "arcsec"),
-    ("m", "cm", "mm", "km", "ft"),
-    ("m/s", "cm/s", "mm/s", "km/h", "kn", "mph", "ft/s"),
-    ("rad/s", "deg/s", "mdeg/s", "deg/h", "arcsec/s"),
-    ("m/s^2", "g", "mg", "ug", "Gal", "mGal"),
-)
-"""Units of one kind."""
-
-
-def _same_kind(unit: str, usual: str) -> bool:
-    return any(unit in kind and usual in kind for kind in _KINDS)
-
-
 def _spread(
     source: str,
     columns: Mapping[str, tuple[FloatArray, str | None]],
@@ -323,30 +226,30 @@ def _spread(
     notes: list[str],
 ) -> _Spread | None:
     """Return the covariance of all columns whose sds or covariances the file states, SI."""
-    stated = {name: _SPREADS[name] for name in columns if name in _SPREADS}
+    stated = {name: SPREADS[name] for name in columns if name in SPREADS}
     names = tuple(dict.fromkeys(x for pair in stated.values() for x in pair if x is not None))
     if not names:
         return None
     degrees = _horizontal_in_degrees(columns, notes)
 
     def factor(name: str, unit: str | None) -> float:
-        if unit is not None and name in ("lat", "lon") and _same_kind(unit, "m"):
+        if unit is not None and name in ("lat", "lon") and same_kind(unit, "m"):
             return unit_value(unit) / _metres(name, values)
         if unit is None:
             if name in ("lat", "lon") and not degrees:
                 return 1.0 / _metres(name, values)
-            return _factor(units.get(name, UNITS[name]))
-        if not _same_kind(unit, UNITS[name]):
+            return si_factor(units.get(name, UNITS[name]))
+        if not same_kind(unit, UNITS[name]):
             msg = f"{source}: sd or covariance of {name} in {unit}: expected a unit such as {UNITS[name]}"
             raise DataError(msg)
-        return _factor(unit)
+        return si_factor(unit)
 
     mat = np.full((len(values["t"]), len(names), len(names)), np.nan)
     for column, (a, b) in stated.items():
         data, bracket = columns[column]
         if b is None:
             i = names.index(a)
-            unit = None if bracket is None else _canonical(source, column, bracket)
+            unit = None if bracket is None else stated_unit(source, column, bracket)
             if np.nanmin(data) < 0.0:
                 msg = f"{source}: {column}: expected sds, found {np.nanmin(data):.3g}"
                 raise DataError(msg)
@@ -354,7 +257,7 @@ def _spread(
     for column, (a, b) in stated.items():
         if b is not None:
             data, bracket = columns[column]
-            ua, ub = (None, None) if bracket is None else _two_units(source, column, bracket)
+            ua, ub = (None, None) if bracket is None else units_of_product(source, column, bracket)
             i, j = names.index(a), names.index(b)
             mat[:, i, j] = mat[:, j, i] = factor(a, ua) * factor(b, ub) * data
     return _Spread(names, mat)
@@ -374,27 +277,6 @@ def _metres(name: str, values: Mapping[str, FloatArray]) -> float:
     """Return metres per radian of latitude or longitude, at the middle of the record."""
     llh = np.array([np.nanmedian(values[k]) for k in ("lat", "lon", "height")])
     return float(metres_per_radian(llh)[0 if name == "lat" else 1])
-
-
-def _canonical(source: str, column: str, unit: str) -> str:
-    try:
-        return canonical_unit(unit)
-    except ValueError:
-        msg = f"{source}: column '{column} [{unit}]': unknown unit"
-        raise DataError(msg) from None
-
-
-def _two_units(source: str, column: str, text: str) -> tuple[str, str]:
-    """Return the two units of a covariance: ``m^2``, ``(m/s)^2``, ``m*deg``."""
-    bare = text.replace("²", "^2").replace("·", "*").strip()
-    if bare.endswith("^2") and bare != "m/s^2":
-        inner = bare.removesuffix("^2").strip("()")
-        return _canonical(source, column, inner), _canonical(source, column, inner)
-    parts = [part.strip(" ()") for part in bare.split("*")]
-    if len(parts) != 2:
-        msg = f"{source}: column '{column} [{text}]': expected a square or a product of two units, such as m^2 or m*deg"
-        raise DataError(msg)
-    return _canonical(source, column, parts[0]), _canonical(source, column, parts[1])
 
 
 def rotvec_of_angles(rpy: FloatArray) -> FloatArray:
@@ -450,7 +332,7 @@ def _innovations(
     names: tuple[str, ...] = ()
     rows: list[int] = []
     for i, (value, key) in enumerate(((position, "z"), (velocity, "zv"))):
-        own = _TRIPLES[key][0]
+        own = TRIPLES[key][0]
         if value is not None and spread is not None and all(name in spread.names for name in own):
             z[:, 3 * i : 3 * i + 3] = value
             names += own

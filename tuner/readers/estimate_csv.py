@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from tuner.readers.estimate_columns import Frames, assemble, canonical_name, is_known
+from tuner.readers.estimate_column_names import canonical_name, is_known
+from tuner.readers.estimate_columns import Frames, assemble
 from tuner.readers.text import read_numbers
 from tuner.readers.text_dialect import Dialect, find_dialect
 from tuner.types.filter_output import FilterOutput

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tuner.readers.drive import GNSS_COLUMNS, ordered, table
+from tuner.readers.drive_tables import GNSS_COLUMNS, ordered, table
 from tuner.readers.text import named_columns
 from tuner.types.records import DataError, Gnss
 
