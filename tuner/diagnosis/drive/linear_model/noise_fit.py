@@ -60,7 +60,7 @@ The guess of a fifth is within some two sds of the whole, which a fit reaches in
 """
 LOST_IN_ROUNDING_COST = 1e12
 """Cost, nats, of noise so far from the run's that its likelihood is lost in rounding."""
-REMEMBERED = 4
+REMEMBERED_COSTS = 4
 """Answers that a cost remembers: the end of one search is the beginning of the next, and of a curvature."""
 NO_PRIOR: Mapping[str, float] = MappingProxyType({})
 """Prior sds by parameter where nothing is known of any."""
@@ -257,7 +257,7 @@ def _cost_at_fixed_constants(
 def _cost(noise: NoiseHypothesis, parameters: NoiseParameters, sd: FloatArray) -> Cost:
     """Return the cost to minimise, −ln L and the prior, with its gradient; the last answers are remembered."""
 
-    @lru_cache(maxsize=REMEMBERED)
+    @lru_cache(maxsize=REMEMBERED_COSTS)
     def remembered(at: tuple[float, ...]) -> tuple[float, FloatArray]:
         return computed(np.array(at))
 
