@@ -128,7 +128,8 @@ def test_an_effect_can_be_handed_over_and_the_temperature_chosen():
     assert key["hidden"] == [
         {"cause": "step", "channels": ["gyro_x"], "parameters": {"time": 1.0, "size": 2.0}}
     ]
-    assert key["temperature"] == {"profile": "constant", "level": 40.0}
+    profile = {"profile": "diurnal", "mean": 40.0, "amplitude": 0.0, "period": 86400.0, "phase": 0.0}
+    assert key["temperature"] == profile
     assert np.abs(gyro.covariates["temperature"] - 40.0).max() <= 0.125
 
 
