@@ -33,6 +33,8 @@ FloatArray = NDArray[np.float64]
 
 HEAD_LINES = 80
 """Lines in which the names must stand: settings with many masters take some forty."""
+MAX_LEFT_OUT_SHARE = 0.01
+"""Share of rows with too many cells above which a file is refused."""
 TIME_NAMES = ("gpstime", "corrtime", "gpscorrtime", "utctime", "time")
 """Names of the column of time, the preferred first."""
 _NAMES = {
@@ -170,6 +172,8 @@ def read_waypoint(path: Path) -> WaypointSolution:
         raise DataError(msg)
     cells = _Cells(path, header)
     notes: list[str] = []
+    if cells.left_out:
+        notes.append(f"{path.name}: {cells.left_out} rows with more numbers than names left out")
     t, dated = _time(path, cells)
     rows = _rows(path, cells, notes)
     return WaypointSolution(t, dated, rows, tuple(notes))
@@ -189,6 +193,7 @@ class _Cells:
         with path.open(encoding="utf-8", errors="replace") as file:
             rows = (line for number, line in enumerate(file) if number >= header.first and line.strip())
             first = next(rows, "")
+            count = 1 + sum(1 for _ in rows)
         found = len(first.split(header.separator)) if header.separator else len(first.split())
         if found != sum(widths):
             msg = (
@@ -207,6 +212,11 @@ class _Cells:
             path, sep=header.separator or r"\s+", header=None, names=list(range(sum(widths))), dtype=str,
             skiprows=header.first, encoding="utf-8", encoding_errors="replace", on_bad_lines="skip", index_col=False,
         )  # fmt: skip
+        # Rows with more cells than names are left out by the library, footers such as these have few.
+        self.left_out = count - len(self.table)
+        if self.left_out > MAX_LEFT_OUT_SHARE * count:
+            msg = f"{path}: expected {sum(widths)} numbers a row, found {self.left_out} of {count} with more; mend them"
+            raise DataError(msg)
 
     def text(self, key: str) -> list[NDArray[np.str_]]:
         """Return the cells of a column as text."""

@@ -139,6 +139,14 @@ def test_beside_an_estimate_in_unix_time_the_truth_is_on_its_clock(tmp_path):
     assert run(["score", str(tmp_path / "mine.csv"), "--truth", str(tmp_path / "truth.txt"), "--quiet"]) == 0
 
 
+def test_rows_with_too_many_numbers_are_refused_where_they_are_more_than_one_in_a_hundred(tmp_path):
+    lines = decimal().splitlines()
+    torn = [*lines[:30], lines[30] + " 1 2 3", *lines[31:]]
+    (tmp_path / "torn.txt").write_text("\n".join(torn) + "\n")
+    with pytest.raises(DataError, match="found 1 of 60 with more"):
+        read_estimate(tmp_path / "torn.txt")
+
+
 def imu(folder, first):
     t = first + np.arange(N * 20) / 20
     rng = np.random.default_rng(2)
