@@ -100,6 +100,35 @@ def test_a_covariance_that_is_too_small_as_a_whole_is_named_so():
     assert found.causes[0].size == pytest.approx(2.0, rel=0.15)
 
 
+def test_a_bias_that_the_filter_takes_for_nothing_is_named(monkeypatch):
+    rng = np.random.default_rng(8)
+    truth = textbook.drive(240.0, rng)
+    drawn = textbook.measured(truth, 1, rng)
+    monkeypatch.setattr(textbook, "measured", lambda *_args, **_faults: drawn)
+    monkeypatch.setattr(textbook, "GYRO_BIAS", 1e-6)
+    monkeypatch.setattr(textbook, "START_SD", np.where(np.arange(15) // 3 == 3, 1e-6, textbook.START_SD))
+    o = textbook.run_invariant(truth, 1, rng)
+    found = score_outputs([output_of(o, 0)], [truth_of(o)])
+    assert found.causes[0].cause == "missing_state"
+    assert found.causes[0].subject == "gyro bias"
+    true = np.sqrt(np.mean(drawn[3][0, :, :3] ** 2))
+    assert found.causes[0].size == pytest.approx(true, rel=0.5)  # of three axes of one sample
+
+
+def test_a_rotation_of_the_fixes_about_a_far_point_is_named(monkeypatch):
+    rng = np.random.default_rng(9)
+    truth = textbook.drive(240.0, rng)
+    samples, fixes, at, bias = textbook.measured(truth, 1, rng)
+    turn = rotation.mat_from_rotvec([0.0, 0.0, 0.03])
+    fixes[..., :3] = (fixes[..., :3] + [900.0, 0.0, 0.0]) @ turn.T - [900.0, 0.0, 0.0]
+    fixes[..., 3:] = fixes[..., 3:] @ turn.T
+    monkeypatch.setattr(textbook, "measured", lambda *_args, **_faults: (samples, fixes, at, bias))
+    o = textbook.run_invariant(truth, 1, rng)
+    (cause, *_) = score_outputs([output_of(o, 0)], [truth_of(o)]).causes
+    assert (cause.cause, cause.subject) == ("gnss_frame", "rotation")
+    assert cause.size == pytest.approx(0.03, rel=0.1)
+
+
 def test_innovations_alone_name_a_fault():
     (found,) = scored(textbook.run_invariant, 1, 5, innovations=True, delay=0.1)
     assert not found.consistency.consistent

@@ -239,7 +239,7 @@ def _constant(
         return None
     spread = math.sqrt(float(value @ covariance[own, own] @ value) / length**2 + (MODEL_ERROR * length) ** 2)
     size = float(value[0]) if len(value) == 1 else length
-    gain = 0.5 * (after - before) - price * len(value)
+    gain = 0.5 * (after - before) - price * (REGRESSORS[name].stop - REGRESSORS[name].start)
     cause = OutputCause(
         code,
         size,

@@ -40,10 +40,10 @@ REGRESSORS: Mapping[str, slice] = {
     "lever arm of fixes": slice(2, 5),
     "lever arm of output": slice(5, 8),
     "offset of positions": slice(8, 11),
-    "rotation of positions": slice(11, 14),
+    "rotation of positions": slice(8, 14),
     "rotation of body": slice(14, 17),
 }
-"""Constants that may act, and their columns."""
+"""Constants that may act, and their columns; a rotation is about any point, so that an offset joins it."""
 REGRESSOR_COUNT = 17
 """Columns of all of them."""
 
@@ -345,6 +345,6 @@ def _regressors(course: Course) -> tuple[FloatArray, FloatArray]:
     place = np.cumsum(course.vel * course.dt[:, None], axis=0)
     turn = np.concatenate([-rotation.skew(place - place.mean(axis=0)), -rotation.skew(course.vel)], axis=1)
     turn[:, 3:] *= not course.of_body
-    fixes[:, :, at["rotation of positions"]] = turn
+    fixes[:, :, at["rotation of positions"].stop - 3 : at["rotation of positions"].stop] = turn
     outputs[:, 6:, at["rotation of body"]] = course.body
     return fixes, outputs

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tuner.consistency.output_causes.error_model import ErrorModel
+from tuner.consistency.output_causes.filter_model import DEFAULT_SD
 from tuner.consistency.output_causes.true_noise import ExtraProcess, TrueNoise
 
 LOG_MAX_SCALE = math.log(20.0)
@@ -103,9 +104,10 @@ def scale_hypotheses(model: ErrorModel, base: TrueNoise) -> list[ScaleHypothesis
         usual = (
             math.sqrt(float(model.model.fix_variance[0]))
             if place == "fixes"
-            else math.sqrt(float(np.median(np.diag(model.start)[first : first + 3])))
+            # What a filter lacks it may state as next to nothing.
+            else max(math.sqrt(float(np.median(np.diag(model.start)[first : first + 3]))), DEFAULT_SD[first])
         )
-        middle = math.log(max(usual, 1e-12))
+        middle = math.log(usual)
         bounds = (middle - 2.0 * LOG_MAX_SCALE, middle + LOG_MAX_SCALE)
         subject = {"gyro": "gyro bias", "accel": "accelerometer bias", "fixes": ""}[place]
         if place == "fixes" and model.by_innovations:
