@@ -72,7 +72,7 @@ def test_a_variance_that_always_changes_is_reported_as_such_and_not_as_many_burs
     variance = np.exp(0.7 * np.sign(np.sin(2.0 * np.pi * np.arange(N) / 2000.0)))
     diagnosis = diagnosed(variance, seed=11)
     assert sum(f.cause == "burst" for f in diagnosis.findings) <= 3
-    assert any("period" in reported.statistic for reported in diagnosis.unexplained)
+    assert any("period" in reported.place for reported in diagnosis.unexplained)
 
 
 def test_a_burst_beside_an_identification_without_white_noise_enlarges_nothing():

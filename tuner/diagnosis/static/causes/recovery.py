@@ -20,7 +20,7 @@ from tuner.diagnosis.static.causes.template import TimeConstantTemplate
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model import jump
 from tuner.diagnosis.static.model.dct import block_sums, block_transform
-from tuner.diagnosis.static.model.null_distributions import EDGE_NATS, SLOW_RATIO_FACTOR
+from tuner.diagnosis.static.model.null_distributions import EDGE_NATS, SLOW_RATIO_FACTOR, davies
 from tuner.diagnosis.static.model.profile_likelihood import first_column
 from tuner.diagnosis.static.model.residual import Residual, without
 from tuner.diagnosis.static.model.score_scan import Scan, judge, project, rest, scan, weights
@@ -35,6 +35,8 @@ TIME_CONSTANTS = 6
 """Time constants of the scan, a factor of three apart: one between two of them correlates by 0.93 with either."""
 NORM_PLACES = 24
 """Places at which the norm of a template is computed, denser towards the ends, where it changes."""
+LASTING_CONSTANTS = 3.0
+"""Time constants within which a transient has nearly all of its power."""
 PLACES_A_BLOCK = 8
 """Places tried within a block once it is known."""
 
@@ -109,9 +111,19 @@ class Recovery(TimeConstantTemplate):
         correlation = np.concatenate([one.correlation for one in scans])
         price = float(np.log(channel.blocks / 8.0) + np.log(0.5 * TIME_CONSTANTS))
         result = judge(fitted, template[:, 0], correlation, price=price)
-        return TestResult(
-            cls.cause, result.p_value, result.gain, result.ratio, cls.statistic, lambda: (found,)
-        )
+        ratio = result.ratio / found.noise_ratio(fitted.cleaned)
+        gain = result.gain - 0.5 * (result.ratio - ratio)
+        chance = davies(SLOW_RATIO_FACTOR * ratio, correlation)
+        return TestResult(cls.cause, chance, gain, ratio, cls.statistic, lambda: (found,))
+
+    def noise_ratio(self, channel: Channel) -> float:
+        """Return the variance of the noise while it lasts ÷ that of the record, by differences; not less than 1.
+
+        The likelihood has one variance for all of the record: a mean of a burst would be far too large for it.
+        """
+        last = self.first + round(LASTING_CONSTANTS * self.time_constant / channel.interval)
+        step = np.diff(channel.y[self.first : max(last, self.first + 2)])
+        return max(0.5 * float(np.mean(step**2)), 1.0)
 
     def likeliest(self, fitted: Residual) -> Self:
         """Return the transient near this one that scores most: its place in parts of a block, and its time constant."""
