@@ -142,6 +142,13 @@ def each(
     return results
 
 
+def on_disk(compiled: Any) -> bool:
+    """Return whether numba has code of a function, perhaps of an older source, on disk; or compiles nothing at all."""
+    if not hasattr(compiled, "stats"):
+        return True
+    return any(Path(str(compiled.stats.cache_path)).glob(f"*{compiled.py_func.__qualname__}-*.nbi"))
+
+
 @contextmanager
 def beside(function: Callable[[], object]) -> Iterator[None]:
     """Run a function in a copy of this process while the block runs, where there is a processor for it.

@@ -270,11 +270,27 @@ def _compiled_ahead(inputs: TuneInputs) -> Iterator[None]:
         yield
         return
     from tuner.diagnosis.static.compiled_ahead import compile_ahead  # loads the compiler
-    from tuner.navigation.engine.ahead import compile_variant, is_stored
 
-    with nullcontext() if inputs.receiver is None or is_stored() else beside(compile_variant):
+    with nullcontext() if inputs.receiver is None or _has_compiled_filter() else beside(_compile_filter):
         compile_ahead()
         yield
+
+
+def _has_compiled_filter() -> bool:
+    """Return whether the filter of the check is on disk, or cannot be compiled: where it is used, that is said."""
+    try:
+        from tuner.navigation.engine.ahead import is_stored  # loads the compiler
+
+        return is_stored()
+    except Exception:
+        return True
+
+
+def _compile_filter() -> None:
+    """Compile the filter of the check."""
+    from tuner.navigation.engine.ahead import compile_variant
+
+    compile_variant()
 
 
 def gather_inputs(

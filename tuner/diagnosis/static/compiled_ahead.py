@@ -6,7 +6,6 @@ Otherwise every copy of the process (`tuner.jobs`) that first needs a function w
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from tuner.diagnosis.static.model.residual import residual
 from tuner.diagnosis.static.switching.kim_filter import paired
 from tuner.diagnosis.static.switching.models import STILL, Chain, Slow, likelihood
 from tuner.identification.channel import identify_channel
-from tuner.jobs import each
+from tuner.jobs import each, on_disk
 from tuner.types.records import Record
 
 SAMPLES = 4 * MIN_SAMPLES
@@ -27,7 +26,7 @@ SAMPLES = 4 * MIN_SAMPLES
 
 def compile_ahead() -> None:
     """Compile, or load from disk, on all processors; nothing where the slowest function is on disk already."""
-    if not any(Path(str(paired.stats.cache_path)).glob(f"*{paired.py_func.__qualname__}-*")):
+    if not on_disk(paired):
         each(lambda run: run(), GROUPS)
 
 

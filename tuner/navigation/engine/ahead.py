@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from tuner.catalogue.grades import DEFAULT_RECEIVER, grade_identification, load_gnss, load_grade
+from tuner.jobs import on_disk
 from tuner.navigation.engine.filter_steps import SensorInput, run_filters, variant
 from tuner.navigation.engine.fixes import FixBatch, new_output
 from tuner.navigation.engine.layout import BATCH_SIZE, Layout, layout_of, with_sensor_states
@@ -45,8 +44,7 @@ def compile_variant(length: int = SHORT_ROW, filters: int = BATCH_SIZE, *, ideal
 def is_stored(length: int = SHORT_ROW, filters: int = BATCH_SIZE, *, ideal: bool = True) -> bool:
     """Return whether a variant, perhaps of older sources, is on disk."""
     lay = _layout(length, ideal)
-    run = variant(lay, new_state(lay, filters))
-    return any(Path(run.stats.cache_path).glob(f"*{run.py_func.__qualname__}-*"))
+    return on_disk(variant(lay, new_state(lay, filters)))
 
 
 def _layout(length: int, ideal: bool) -> Layout:
