@@ -64,6 +64,17 @@ def test_a_state_that_becomes_white_noise_keeps_its_allan_variance_at_long_times
     np.testing.assert_allclose(fast.allan_variance(tau, INTERVAL), expected, rtol=2e-3)
 
 
+def test_white_noise_beside_a_process_of_a_second_is_not_written_too_large() -> None:
+    """Density 1 beside a process with the same density at long times: together taken for white noise they give √2."""
+    truth = NoiseModel((White(1.0), GaussMarkov(np.sqrt(0.5), 1.0), RandomWalk(0.01)))
+    y = truth.sample(100_000, INTERVAL, np.random.default_rng(5))
+    written = choose_block([y], INTERVAL, None)
+    assert written is not None
+    assert written.passes
+    assert written.curve.tau[0] == pytest.approx(10.0 * INTERVAL)
+    assert written.block.white_density == pytest.approx(1.0, rel=0.15)
+
+
 def test_an_exact_curve_gives_its_block_back() -> None:
     """A curve that can be fitted exactly: what elimination of components may cost is a tenth of the deviation."""
     truth = NoiseModel((White(1.0), GaussMarkov(0.2, 100.0), RandomWalk(0.004)))

@@ -55,12 +55,12 @@ def choose_block(
         first = _judged(BlockSource.LIKELIHOOD, kept, measured, pieces)
         if first.passes:
             return first
-    fitted = _from_curve(BlockSource.CURVE, free, measured, pieces)
+    fitted = _from_curve(BlockSource.CURVE, free, excess, measured, pieces)
     bands = octave_bands(interval, float(measured.tau[0]))
     if not fitted.curve.passes and bands:
-        wider = _from_curve(
-            BlockSource.CURVE_WITH_MOTION, fit_curve(measured, (*excess, *bands)), measured, pieces
-        )
+        both = (*excess, *bands)
+        free = fit_curve(measured, both)
+        wider = _from_curve(BlockSource.CURVE_WITH_MOTION, free, both, measured, pieces)
         if wider.curve.passes:
             fitted = wider
     if first is None:
@@ -73,24 +73,28 @@ def choose_block(
 def _from_curve(
     source: BlockSource,
     fitted: NoiseBlock,
+    excess: Sequence[SpectralExcess],
     measured: MeasuredAllan,
     pieces: Sequence[FloatArray],
 ) -> PredictedBlock:
     """Return the fitted block with its random walk raised; as it was fitted where only that predicts the record.
 
-    States faster than a filter can follow become white noise, judged as such from ten time constants on.
+    States faster than a filter can follow become white noise. Where that predicts the curve at short clusters wrongly,
+    and no block without such states predicts it, it is judged from ten of their time constants on.
     """
+    fast = [state.time_constant for state in fitted.states if state.time_constant <= FASTEST_STATE]
 
-    def judged(block: NoiseBlock) -> PredictedBlock:
-        fast = [state.time_constant for state in block.states if state.time_constant <= FASTEST_STATE]
+    def judged(block: NoiseBlock, shortest: float) -> PredictedBlock:
         written = _with_white_noise(block.without_fast_states(), measured)
-        return _judged(source, written, measured, pieces, shortest=WHITE_FROM * max(fast, default=0.0))
+        return _judged(source, written, measured, pieces, shortest=shortest)
 
-    raised = judged(raise_random_walk(fitted, measured))
-    if raised.passes:
-        return raised
-    plain = judged(fitted)
-    return plain if plain.passes else raised
+    raised, later = raise_random_walk(fitted, measured), WHITE_FROM * max(fast, default=0.0)
+    tries = [(raised, 0.0), (fitted, 0.0)]
+    if fast:
+        slow = fit_curve(measured, excess, slower_than=FASTEST_STATE)
+        tries += [(raise_random_walk(slow, measured), 0.0), (slow, 0.0), (raised, later), (fitted, later)]
+    results = (judged(block, shortest) for block, shortest in tries)
+    return next((found for found in results if found.passes), None) or judged(raised, later)
 
 
 def _with_white_noise(block: NoiseBlock, measured: MeasuredAllan) -> NoiseBlock:

@@ -69,7 +69,9 @@ class _Solution:
         return np.asarray(sum(c.curve * s for c, s in zip(self.components, self.shares, strict=True)))
 
 
-def fit_curve(measured: MeasuredAllan, excess: Sequence[SpectralExcess] = ()) -> NoiseBlock:
+def fit_curve(
+    measured: MeasuredAllan, excess: Sequence[SpectralExcess] = (), *, slower_than: float = 0.0
+) -> NoiseBlock:
     """Fit a block with as few components as the curve needs.
 
     Parameters
@@ -78,8 +80,10 @@ def fit_curve(measured: MeasuredAllan, excess: Sequence[SpectralExcess] = ()) ->
         Curve of one axis.
     excess : sequence of SpectralExcess
         Lines, resonances or bands whose power is fitted beside the block.
+    slower_than : float
+        Gauss–Markov states have longer time constants than this, s.
     """
-    solution = _eliminated(measured, _components(measured, excess))
+    solution = _eliminated(measured, _components(measured, excess, slower_than))
     return _block(solution)
 
 
@@ -152,10 +156,13 @@ def raise_random_walk(block: NoiseBlock, measured: MeasuredAllan) -> NoiseBlock:
     return replace(block, random_walk_density=float(np.sqrt(max(own, wanted))))
 
 
-def _components(measured: MeasuredAllan, excess: Sequence[SpectralExcess]) -> tuple[_Component, ...]:
+def _components(
+    measured: MeasuredAllan, excess: Sequence[SpectralExcess], slower_than: float
+) -> tuple[_Component, ...]:
     tau, interval = measured.tau, measured.interval
     shortest, longest = 0.5 * tau[0], tau[-1]
-    states = [GaussMarkov(1.0, time) for time in TIME_CONSTANTS if shortest <= time <= longest]
+    times = [time for time in TIME_CONSTANTS if shortest <= time <= longest and time > slower_than]
+    states = [GaussMarkov(1.0, time) for time in times]
     kinds: list[tuple[Term, str]] = [
         (Quantization(1.0), "quantization"),
         (White(1.0), "white"),
