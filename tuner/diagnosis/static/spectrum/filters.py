@@ -51,10 +51,10 @@ FILTERS: dict[str, tuple[float, float]] = {
     "sampled3x1": (0.002, 0.49),
     "sampled4x8": (0.002, 0.52),
     "sampled4x1": (0.002, 0.49),
-    "mean1": (0.02, 0.44),
-    "mean2": (0.02, 0.4),
-    "mean3": (0.02, 0.33),
-    "mean4": (0.02, 0.28),
+    "mean1": (0.05, 0.44),
+    "mean2": (0.05, 0.4),
+    "mean3": (0.05, 0.33),
+    "mean4": (0.05, 0.28),
 }
 """Least and largest cutoff × interval of the filters."""
 MEAN_CUTOFFS = {1: 0.44295, 2: 0.31892, 3: 0.26194, 4: 0.22751}
@@ -130,18 +130,25 @@ def _mean_covariance(order: int, cutoff: float) -> FloatArray:
     return np.asarray(r / (r[0] + 2.0 * r[1:].sum()))
 
 
-def _mean_power(order: int, cutoff: float, cycles: FloatArray, width: float) -> FloatArray:
-    """Return the power of moving means, averaged over a width of frequency × interval, for its nulls are narrow."""
-    r = _mean_covariance(order, cutoff)
-    lag = np.arange(1, len(r))
-    wave = np.cos(2.0 * np.pi * np.multiply.outer(cycles, lag)) * np.sinc(width * lag)
-    return np.asarray(np.maximum(r[0] + 2.0 * wave @ r[1:], NULL_FLOOR))
+def _mean_powers(order: int, cycles: FloatArray, width: float, least: float) -> Callable[[float], FloatArray]:
+    """Return the power of moving means, averaged over a width of frequency × interval, for their nulls are narrow.
+
+    It is a function of the cutoff × interval, from `least` on.
+    """
+    lag = np.arange(1, len(_mean_covariance(order, least)))
+    wave = 2.0 * np.cos(2.0 * np.pi * np.multiply.outer(cycles, lag)) * np.sinc(width * lag)
+
+    def power(cutoff: float) -> FloatArray:
+        r = _mean_covariance(order, cutoff)
+        return np.asarray(np.maximum(r[0] + wave[:, : len(r) - 1] @ r[1:], NULL_FLOOR))
+
+    return power
 
 
 def _mean_factor(order: int, cutoff: float) -> tuple[float, ...]:
     """Return the MA coefficients of moving means, by the logarithm of their power (Kolmogorov's factor)."""
     even = np.arange(FACTOR_POINTS) / FACTOR_POINTS
-    cepstrum = np.fft.ifft(np.log(_mean_power(order, cutoff, even, 0.0))).real
+    cepstrum = np.fft.ifft(np.log(_mean_powers(order, even, 0.0, cutoff)(cutoff))).real
     half = FACTOR_POINTS // 2
     cepstrum[0] *= 0.5
     cepstrum[half:] = 0.0
@@ -157,7 +164,7 @@ def filter_powers(name: str, cycles: FloatArray, width: float = 0.0) -> Callable
     """
     order, times = filter_kind(name)
     if is_mean(name):
-        return lambda cutoff: _mean_power(order, cutoff, cycles, width)
+        return _mean_powers(order, cycles, width, FILTERS[name][0])
     tangents, middle = _tangents(times, cycles), _tangents(times, np.zeros(1))
 
     def power(cutoff: float) -> FloatArray:
