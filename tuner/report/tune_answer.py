@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,6 +21,7 @@ from tuner.synthesis.findings import judge_hidden
 
 if TYPE_CHECKING:
     from tuner.pipeline import TuneResult
+    from tuner.types.consistency import Verdict
 
 WITHOUT_RECEIVER = "name a receiver (--gnss GRADE)"
 """Words of the reason where a check lacks only the receiver."""
@@ -66,14 +68,23 @@ def verdict_line(result: TuneResult) -> str:
     elif result.check.consistency.consistent:
         parts.append(f"Consistent within 10 % ({CHECK_RUNS} simulated hours)")
     else:
-        first = next(iter(result.check.consistency.verdicts), None)
-        parts.append("NOT consistent" + ("" if first is None else f": {verdict_text(first)}"))
+        parts.append("NOT consistent" + _why_not(result.check.consistency.verdicts))
     failed = [axis for axis, found in result.predictions.items() if not found.passes]
     if failed:
         parts.append(f"does NOT predict the log in {axes_text(failed)}")
     elif result.predictions:
         parts.append("predicts the log on every axis")
     return "; ".join(parts) + "."
+
+
+def _why_not(verdicts: Sequence[Verdict]) -> str:
+    """Return the first verdict with its likeliest explanation, and how many others the page shows."""
+    if not verdicts:
+        return ""
+    first = verdicts[0]
+    text = f": {verdict_text(replace(first, explanations=first.explanations[:1]))}"
+    others = len(first.explanations) - 1
+    return f"{text} ({others} more on the page explain them as well)" if others > 0 else text
 
 
 def recording_line(result: TuneResult) -> str:

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from rich.console import Console
@@ -11,10 +12,11 @@ from tuner.diagnosis.drive.held_out_choice import HeldOutChoice
 from tuner.identification import identify
 from tuner.pipeline import TuneResult
 from tuner.report.settings_rows import Setting, axes_text, settings_rows
-from tuner.report.tune_answer import HALF_LIMIT, answer_lines
+from tuner.report.tune_answer import HALF_LIMIT, answer_lines, verdict_line
 from tuner.simulation.static import simulate
 from tuner.synthesis import synthesize
 from tuner.types import Coefficient, Diagnosis, Finding
+from tuner.types.consistency import Explanation, ExplanationKind, Severity, Verdict, VerdictCode
 
 AXES = ("gyro_x", "gyro_y", "gyro_z")
 ALIKE = NoiseModel([White(1e-4), RandomWalk(1e-6)])
@@ -87,6 +89,15 @@ def test_a_setting_shows_its_interval_or_that_it_has_none(setting, text):
 def test_a_star_is_explained_where_it_stands(result):
     text = printed(answer_lines(result, Path("out")))
     assert ("*" in text.replace(HALF_LIMIT, "")) == (HALF_LIMIT in text)
+
+
+def test_a_verdict_names_one_explanation_and_counts_the_others(result):
+    missing = Explanation(ExplanationKind.MISSING_FASTER, "gyro bias noise", 1.0, (0.7, 1.2), 3.0, 3.0)
+    verdict = Verdict(VerdictCode.EXPLAINED, Severity.EXPLANATION, explanations=(missing,) * 4)
+    check = SimpleNamespace(consistency=SimpleNamespace(consistent=False, verdicts=(verdict,)))
+    text = verdict_line(replace(result, check=check))
+    assert text.count("is missing") == 1
+    assert "(3 more on the page explain them as well)" in text
 
 
 def test_axes_in_few_words():
