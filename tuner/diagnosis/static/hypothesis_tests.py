@@ -19,6 +19,7 @@ from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.diagnosis.static.causes.template import Template
 from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.outcome import TestResult
+from tuner.diagnosis.static.spectrum.filters import is_mean
 from tuner.diagnosis.static.spectrum.shape import few_shapes, many_shapes
 from tuner.diagnosis.static.variance import modulation
 from tuner.diagnosis.static.variance.local_variance import course
@@ -88,7 +89,7 @@ def spectrum(fitted: Residual, *, whole: bool = True) -> tuple[TestResult, ...]:
     """Test the fast spectrum for resonances and for its broad shape.
 
     Beside a clear narrow resonance (`CERTAIN_GAIN`) broad shapes are tested only with `whole`: the resonance goes
-    first, unless a filter gains more: between the nulls of moving means power looks like resonances.
+    first, unless moving means gain more: between their nulls power looks like resonances.
     """
     tested = few_shapes(fitted)
     name, nats = "shape of the fast spectrum", tested.misfit_nats
@@ -96,7 +97,10 @@ def spectrum(fitted: Residual, *, whole: bool = True) -> tuple[TestResult, ...]:
         "spectrum", tested.misfit, 0.0, tested.null.cost, name, misfit=nats, place=tested.worst
     )
     resonances = (vibration.test(fitted, tested),) if is_open(fitted, "vibration") else ()
-    certain = any(one.gain > max(CERTAIN_GAIN, tested.filter_gain) for one in resonances)
+    certain = any(one.gain > CERTAIN_GAIN for one in resonances)
+    means = bool(tested.filters) and is_mean(tested.filters[0].name)
+    if certain and means and tested.filter_gain > max(one.gain for one in resonances) + CERTAIN_GAIN:
+        return (*resonances, lowpass.test(tested), unnamed)
     if fitted.count("lowpass", "colour") or (certain and not whole):
         return (*resonances, unnamed)
     known, tested = tested, many_shapes(tested)
