@@ -98,10 +98,11 @@ def spectrum(fitted: Residual, *, whole: bool = True) -> tuple[TestResult, ...]:
     )
     resonances = (vibration.test(fitted, tested),) if is_open(fitted, "vibration") else ()
     certain = any(one.gain > CERTAIN_GAIN for one in resonances)
-    means = bool(tested.filters) and is_mean(tested.filters[0].name)
+    shaped = bool(fitted.count("lowpass", "colour"))
+    means = not shaped and bool(tested.filters) and is_mean(tested.filters[0].name)
     if certain and means and tested.filter_gain > max(one.gain for one in resonances) + CERTAIN_GAIN:
         return (*resonances, lowpass.test(tested), unnamed)
-    if fitted.count("lowpass", "colour") or (certain and not whole):
+    if shaped or (certain and not whole):
         return (*resonances, unnamed)
     known, tested = tested, many_shapes(tested)
     if resonances and tested.smooth is not known.smooth:
