@@ -45,11 +45,13 @@ def outlier_text(outlier: Outlier, fleet: Fleet) -> str:
 
 
 def fleet_tables(fleet: Fleet) -> list[Table | str]:
-    """Return the summary and the units that fail, stand apart or cannot be used."""
+    """Return the summary and the units to look at: those that stand apart, cannot be used, fail, are open."""
     table = Table(title="Units to look at", show_lines=True)
     for head in ("unit", "verdict", "why"):
         table.add_column(head, overflow="fold")
     odd = [u for u in fleet.units if u.error or u.outliers or u.broken]
+    rank = {"FAIL": 2, "OPEN": 3}
+    odd.sort(key=lambda u: 0 if u.outliers or u.advice else 1 if u.error else rank.get(u.verdict or "", 4))
     for unit in odd[:SHOWN_UNITS]:
         why = [unit.error] if unit.error else [*unit.advice, *unit.broken]
         if not unit.error:
