@@ -64,7 +64,7 @@ def lowpass_n(settings: Settings) -> Item:
             claimed=0.0,
             why=_terms_text(filtered),
         ),
-        _named(model, seed),
+        _named(model, seed + 1),
         _density(filtered, density),
     )
     tau = curves["before"].tau
