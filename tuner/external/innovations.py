@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from models import rotation
 from models.earth import ned_between
+from models.robust import normal_sd
 from tuner.consistency.output_errors import output_errors
 from tuner.consistency.output_scores import settling_time
 from tuner.external.inputs import Fixes
@@ -38,8 +39,6 @@ ERROR_INTERVAL = 1.0
 """Shortest time between errors that are scored, s: between fixes they are one error."""
 GROSS_RATIO = 8.0
 """Innovation, in units of the typical one of the filter as it is, beyond which a fix is taken for a gross outlier."""
-NORMAL_MEDIAN = 0.6745
-"""Median of |z| of a standard normal variable."""
 
 
 @dataclass(frozen=True)
@@ -120,7 +119,7 @@ def common(one: Deviations, other: Deviations) -> tuple[NDArray[np.intp], NDArra
 def without_outliers(found: Deviations) -> Deviations:
     """Return the vectors without gross outliers, by the typical size of each component."""
     sizes = np.abs(found.z) / np.sqrt(np.einsum("nii->ni", found.s))
-    typical = np.median(sizes, axis=0) / NORMAL_MEDIAN
+    typical = normal_sd(sizes, axis=0)
     return found.rows((sizes < GROSS_RATIO * typical).all(axis=1))
 
 

@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import f_oneway, norm
 
+from models.robust import normal_sd
 from tuner.identification.unit_root import dickey_fuller, steady_level
 
 FloatArray = NDArray[np.float64]
@@ -118,7 +119,7 @@ def sigma_outliers(y: FloatArray) -> NDArray[np.bool_]:
 def robust_outliers(y: FloatArray) -> NDArray[np.bool_]:
     """Mark samples further than 4.5 robust standard deviations from the local median."""
     residual = y - _local_median(y)
-    scale = 1.4826 * float(np.median(np.abs(residual)))
+    scale = float(normal_sd(residual))
     if scale == 0.0:  # more than half of the samples on one quantization level: a level is not an outlier
         away = np.abs(residual[residual != 0.0])
         scale = max(float(np.std(residual)), float(np.min(away, initial=np.inf)))

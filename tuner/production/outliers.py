@@ -22,6 +22,7 @@ from types import MappingProxyType
 import numpy as np
 from scipy.stats import t
 
+from models.robust import normal_sd
 from models.units import unit_value
 from tuner.formats.customary_units import digits
 from tuner.production.quantities import SENSORS, is_logarithmic, scaled
@@ -31,8 +32,6 @@ FALSE_NAMING = 0.01
 """Chance that of a sound fleet any unit is named: one fleet in a hundred."""
 LEAST_UNITS = 6
 """Below this the MAD has less than two degrees of freedom, and only absurd values exceed the threshold."""
-MAD_TO_SD = 1.4826
-"""Standard deviation ÷ MAD of a normal distribution."""
 MAD_EFFICIENCY = 0.37
 """Variance of the sample standard deviation ÷ that of the scaled MAD, for normal values."""
 MISTAKEN_UNITS: Mapping[str, tuple[str, ...]] = MappingProxyType(
@@ -96,7 +95,7 @@ def threshold(count: int, comparisons: int) -> float:
 def _located(values: Sequence[float], comparisons: int) -> Located:
     x = np.asarray(values)
     median = float(np.median(x))
-    sd = MAD_TO_SD * float(np.median(np.abs(x - median)))
+    sd = float(normal_sd(x - median))
     return Located(median, sd, threshold(len(x), comparisons))
 
 

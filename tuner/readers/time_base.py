@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from models.robust import normal_sd
 from tuner.readers.timestamps import in_order, interval_and_gaps, without_duplicates
 from tuner.types.records import DataError
 
@@ -309,7 +310,7 @@ def _jitter(error: FloatArray, interval: float, resolution: float) -> float:
 
     0 where it is no more than a fine resolution of the stamps makes: rounding to a unit u gives u/√8 at most.
     """
-    usual = 1.4826 * float(np.median(np.abs(error)))
+    usual = float(normal_sd(error))
     inner = error[np.abs(error) <= max(0.5 * interval, 5.0 * usual)]
     sd = float(np.sqrt(np.mean(inner**2) / 2.0)) if len(inner) else usual
     return sd if resolution > _FINE_RESOLUTION * interval or sd > resolution else 0.0

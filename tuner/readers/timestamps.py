@@ -25,6 +25,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from models.robust import normal_sd
 from tuner.types.records import DataError
 
 FloatArray = NDArray[np.float64]
@@ -111,7 +112,7 @@ def interval_and_gaps(t: FloatArray, batch: float) -> tuple[float, IntArray, Int
         return interval, *_present(breaks, np.rint(step[breaks] / interval).astype(np.int64) - 1)
     if resolution == 0.0:
         interval = usual
-    scatter = 1.4826 * float(np.median(np.abs(step - usual)))
+    scatter = float(normal_sd(step - usual))
     rounded = scatter <= 2.0 * resolution
     at = size = np.zeros(0, np.int64)
     for _ in range(3):

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from models.robust import normal_sd
 from models.units import DEG, STANDARD_GRAVITY, unit_value
 from tuner.readers.column_names import INCREMENT_UNITS, UNITS
 from tuner.types.records import Record
@@ -75,7 +76,7 @@ def sizes_of(record: Record) -> Sizes:
     stride = max(1, len(record) // CHECKED_SAMPLES)
     y = record.y[::stride]
     step = record.y[1::stride] - record.y[:-1:stride]
-    robust = np.median(np.abs(step), axis=0) * 1.4826 / math.sqrt(2.0)
+    robust = normal_sd(step, axis=0) / math.sqrt(2.0)
     quantized = np.where(robust > 0.0, robust, step.std(axis=0) / math.sqrt(2.0))
     norm = np.sqrt(np.einsum("ij,ij->i", y, y))
     return Sizes(

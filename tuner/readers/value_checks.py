@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from models.robust import normal_sd
 from tuner.types.records import DataError
 
 BoolArray = NDArray[np.bool_]
@@ -177,7 +178,7 @@ def _noise(y: NDArray[Any]) -> float:
     stride = max(1, len(y) // NOISE_SAMPLES)
     with np.errstate(over="ignore"):
         step = np.abs(y[1::stride].astype(float) - y[:-1:stride].astype(float))
-    usual = float(1.4826 * np.median(step) / np.sqrt(2.0))
+    usual = float(normal_sd(step) / np.sqrt(2.0))
     if usual > 0.0:
         return usual
     return float(step[step > 0.0].min()) if np.any(step > 0.0) else np.inf

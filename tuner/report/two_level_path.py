@@ -7,10 +7,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from models.robust import normal_sd
+
 FloatArray = NDArray[np.float64]
 
-MAD_OF_NORMAL = 0.6745
-"""Median of the magnitude of a standard normal variable."""
 LEVEL_PASSES = 3
 """Times the level is found again from what the path leaves: it moves by less than a tenth of the noise after two."""
 
@@ -31,7 +31,7 @@ def two_level_path(
     dwells : (float, float)
         Mean time on the lower and the upper level, s.
     """
-    noise = float(np.median(np.abs(np.diff(means)))) / (MAD_OF_NORMAL * math.sqrt(2.0))
+    noise = float(normal_sd(np.diff(means))) / math.sqrt(2.0)
     leave = [min(-math.expm1(-interval / dwell), 0.5) for dwell in dwells]
     move = np.log([[1.0 - leave[0], leave[0]], [leave[1], 1.0 - leave[1]]])
     share = dwells[1] / (dwells[0] + dwells[1])

@@ -30,6 +30,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from models.robust import normal_sd
 from tuner.types.records import DataError, Record
 
 FloatArray = NDArray[np.float64]
@@ -47,8 +48,6 @@ _BRIDGE_QUARTILE = 0.0701
 _OVER_WHITE_NOISE = 2.0
 """Change of the mean ÷ that of white noise with the scatter of the samples, from which it is motion: sensors at rest
 show 1.0 to 1.4, moving ones 5 to 10; white noise alone, however large, is another unit."""
-_MEDIAN_OF_NORMAL = 0.6745
-"""Median of the absolute value of a normal variable of unit variance."""
 _BLOCK_SECONDS = 1.0
 """Length of a block, s: the shortest movement of a hand."""
 _MIN_BLOCK_SAMPLES = 32
@@ -180,7 +179,7 @@ def _refuse_steady_motion(record: Record, still: Segments) -> None:
     if not touching.any():
         return
     mean, variance = _moments(record, bounds)
-    change = np.median(np.abs(np.diff(mean, axis=0)[touching]), axis=0) / _MEDIAN_OF_NORMAL
+    change = normal_sd(np.diff(mean, axis=0)[touching], axis=0)
     white = np.sqrt(2.0 * np.median(variance, axis=0) / np.median(np.diff(bounds)))
     smallest = np.sqrt(_LARGEST_AT_REST[record.unit] ** 2 + _rounding_variance(record))
     limit = np.maximum(smallest, _OVER_WHITE_NOISE * white)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.fft import rfft, rfftfreq
 
 from models.earth import distance_along
-from models.effects.drive.imu import NORMAL_MAD
+from models.robust import normal_sd
 from tuner.catalogue.grades import (
     DEFAULT_RECEIVER,
     grade_identification,
@@ -214,7 +214,7 @@ def _speed(drive: Drive, t: FloatArray) -> FloatArray:
         return np.asarray(np.interp(t, gnss.t[known], speed[known], left=np.inf, right=np.inf))
     metres = distance_along(gnss.llh)[:, :2]
     bends = np.abs(metres[2:] - 2.0 * metres[1:-1] + metres[:-2])
-    scatter = float(np.median(bends)) / (NORMAL_MAD * np.sqrt(6.0)) if len(bends) else 0.0
+    scatter = float(normal_sd(bends)) / np.sqrt(6.0) if len(bends) else 0.0
     apart = max(2.0, MIN_DISTANCE_SCATTERS * scatter / STATIONARY_SPEED)
     begin = np.clip(gnss.t - 0.5 * apart, gnss.t[0], max(gnss.t[0], gnss.t[-1] - apart))
     first = np.searchsorted(gnss.t, begin)

@@ -35,11 +35,10 @@ from models.effects.drive.base import (
     direction,
 )
 from models.effects.static.base import log_uniform, require_finite, require_positive, sign
+from models.robust import normal_sd
 
 SENSOR_NAMES = ("gyro", "accel")
 ANGLE_NAMES = ("roll", "pitch", "yaw")
-NORMAL_MAD = 0.6745
-"""Median absolute value of a standard normal number."""
 
 
 @dataclass(frozen=True)
@@ -296,7 +295,7 @@ class ImuNoiseScale(DriveEffect):
             msg = "'gyro' and 'accel' must be 1 or more where the noise is not known apart"
             raise ValueError(msg)
         second = np.diff(drive.rates, 2, axis=0)
-        sd = np.median(np.abs(second), axis=0) / (NORMAL_MAD * np.sqrt(6.0))
+        sd = normal_sd(second, axis=0) / np.sqrt(6.0)
         return drive.erring(np.sqrt(ratio**2 - 1.0) * sd * rng.standard_normal(drive.rates.shape))
 
     @classmethod

@@ -15,6 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import binom, poisson
 
+from models.robust import normal_sd
+
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
@@ -117,7 +119,7 @@ def find_lines(pieces: Sequence[FloatArray], step: float) -> Lines:
         return Lines(0.0, 1.0)
     size = np.abs(second)
     reach = max(1.01 * step, MAX_LINE_DISTANCE * float(size.mean()))
-    scale = 1.4826 * float(np.median(size[size > reach])) if np.any(size > reach) else 0.0
+    scale = float(normal_sd(size[size > reach])) if np.any(size > reach) else 0.0
     if not scale > 0.0 or scale < MIN_STEPS * step:
         return Lines(0.0, 1.0)
     on_line = int(np.count_nonzero(size <= reach))

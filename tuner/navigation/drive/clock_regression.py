@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models import rotation
+from models.robust import normal_sd
 from tuner.navigation.drive.free_of_gravity import free_of_gravity
 from tuner.navigation.drive.integrated_increments import IntegratedIncrements
 from tuner.types.records import Gnss
@@ -43,8 +44,6 @@ MAX_RESIDUAL = 5.0
 """Distance of a fix from its segment, in its scatter, from which it does not count (biweight)."""
 OWN_SHARE, OTHERS_SHARE = np.sqrt(0.7), np.sqrt(0.3)
 """Shares of the variance of a segment and of the others in its weight: that of few correlated fixes is known badly."""
-NORMAL_MAD = 0.6745
-"""Median absolute deviation of a normal number, in sds."""
 POSITION_SD_FLOOR, VELOCITY_SD_FLOOR = 3e-3, 3e-3
 """Least scatter of fixes, m and m/s: millimetres are the digits of a receiver."""
 DELAYS = ("position", "velocity")
@@ -294,7 +293,7 @@ def reweighted(segment: Segment, rows: Rows, usual: Sequence[float] | None = Non
         two = []
         for columns in ([0, 1], [2]):
             part = np.abs(raw[there][:, columns])
-            sd = float(np.median(part)) / NORMAL_MAD if len(part) else 1.0
+            sd = float(normal_sd(part)) if len(part) else 1.0
             two.append(max(sd / np.sqrt(rows.free), floor))
         if usual is not None:
             others = usual[len(sds) : len(sds) + 2]

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from models.effects.static.events import SWAY_FREQUENCY
 from models.effects.static.events import Motion as Effect
+from models.robust import normal_sd
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.channel import GAP_NEIGHBOURS, Channel
 
@@ -146,7 +147,7 @@ def large_steps(y: FloatArray, interval: float, length: float) -> tuple[FloatArr
     size = max(MIN_BLOCK_SAMPLES, round(length / interval))
     blocks = y[: len(y) // size * size].reshape(-1, size)
     step = np.diff(blocks.mean(axis=1))
-    usual = float(np.median(np.abs(step))) / 0.6745 + 1e-15
+    usual = float(normal_sd(step)) + 1e-15
     local = np.mean(np.diff(blocks, 2, axis=1) ** 2, axis=1) + 1e-30
     variance_ratio = 0.5 * (local[1:] + local[:-1]) / float(np.median(local))
     ratio = np.abs(step) / (usual * np.sqrt(np.maximum(variance_ratio, 1.0)))

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.effects.static.events import Step as Effect
+from models.robust import normal_sd
 from tuner.diagnosis.static.causes.base import Value
 from tuner.diagnosis.static.causes.template import Template
 from tuner.diagnosis.static.channel import Channel
@@ -162,7 +163,7 @@ def gross(channel: Channel, apart: Sequence[tuple[int, int]] = ()) -> TestResult
     n, w = len(channel), GROSS_WINDOW
     total = np.concatenate(([0.0], np.cumsum(channel.y)))
     change = (total[2 * w :] - 2.0 * total[w : n + 1 - w] + total[: n + 1 - 2 * w]) / w
-    usual = float(np.median(np.abs(change))) / 0.6745
+    usual = float(normal_sd(change))
     size = np.abs(change)
     large = np.flatnonzero(size > max(GROSS_STEP, GROSS_DEVIATE * usual))
     if not len(large):

@@ -19,6 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 
+from models.robust import normal_sd
+
 FloatArray = NDArray[np.float64]
 
 PART_COUNT = 64
@@ -57,7 +59,7 @@ def smoothed(readings: FloatArray, step: float, repeats: int = 1) -> FloatArray:
         return curve
     repeats = min(repeats, len(readings) // PART_COUNT)
     second = readings[2 * repeats :] - 2.0 * readings[repeats:-repeats] + readings[: -2 * repeats]
-    error = max(step / np.sqrt(12.0), float(np.median(np.abs(second))) / (0.6745 * np.sqrt(6.0)))
+    error = max(step / np.sqrt(12.0), float(normal_sd(second)) / np.sqrt(6.0))
     if error == 0.0:
         return curve
     low, high = -2.0, 13.0

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct, dst, idct
 
+from models.robust import MEDIAN_OF_CHI2
 from tuner.diagnosis.static.channel import Channel
 from tuner.identification.periodogram import CosinePeriodogram
 
@@ -118,8 +119,8 @@ def _level(power: FloatArray) -> FloatArray:
     width = 128
     n = len(power) // width * width
     if n == 0:
-        return np.full(len(power), np.median(power) / 0.4549)
-    median = np.median(power[:n].reshape(-1, width), axis=1) / 0.4549
+        return np.full(len(power), np.median(power) / MEDIAN_OF_CHI2)
+    median = np.median(power[:n].reshape(-1, width), axis=1) / MEDIAN_OF_CHI2
     return np.exp(between_middles(np.log(np.maximum(median, 1e-300)), width, len(power)))
 
 

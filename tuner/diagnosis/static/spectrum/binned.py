@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.noise import Quantization, White
+from models.robust import MEDIAN_OF_CHI2
 from tuner.diagnosis.static.causes.base import Extension
 from tuner.diagnosis.static.model.dct import MAX_SQUARE
 from tuner.diagnosis.static.model.residual import Residual, gain_of, once, power_of
@@ -35,8 +36,6 @@ MIN_RELATIVE_FREQUENCY = 0.01
 """Lowest frequency, share of the rate; below, slow noise is part of the spectrum."""
 PLACES_IN_A_BIN = (np.arange(8) + 0.5) / 8.0
 """Places within a bin at which the gain of a filter is averaged: at its nulls it is not that of the middle."""
-CHI2_MEDIAN = 0.4549
-"""Median of χ²₁."""
 
 
 @dataclass(frozen=True)
@@ -145,7 +144,7 @@ def _measured(fitted: Residual) -> FloatArray:
     """Return the squared coefficients in bins, lines cut, shape (b,)."""
     first, width = _range(len(fitted.coefficients) - 1)
     square = (fitted.coefficients[1 + first : 1 + first + width * BIN_COUNT] ** 2).reshape(BIN_COUNT, width)
-    level = np.median(square, axis=1, keepdims=True) / CHI2_MEDIAN
+    level = np.median(square, axis=1, keepdims=True) / MEDIAN_OF_CHI2
     return np.asarray(np.minimum(square, MAX_SQUARE * level).mean(axis=1))
 
 
