@@ -6,8 +6,7 @@ and no file is written: `tuner.report.result_set` does that.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -15,6 +14,7 @@ from typing import Any
 
 from models.sensors import SensorGrade
 from tuner.catalogue.grades import DEFAULT_RECEIVER, load_grade
+from tuner.compile_ahead import compiled_ahead
 from tuner.consistency.check import check
 from tuner.diagnosis import diagnose
 from tuner.diagnosis.drive import ExaminedDrive
@@ -28,7 +28,6 @@ from tuner.formats.prediction import prediction_json
 from tuner.identification import identify
 from tuner.identification.identify import with_terms_found
 from tuner.identification.identify_source import identify_source, receiver_of_source, records_name
-from tuner.jobs import beside
 from tuner.readers import read
 from tuner.readers.drive import read_drive
 from tuner.readers.source_kind import is_log, source_name
@@ -212,7 +211,7 @@ def tune(
     completion = load_grade(complete) if isinstance(complete, str) else complete
     stated = None if datasheet is None else identify_source(datasheet)
     inputs = gather_inputs(log, drive, gnss, seed=seed, progress=progress)
-    with _compiled_ahead(inputs):
+    with compiled_ahead(log=bool(inputs.records), check=inputs.receiver is not None):
         noise = identify_and_diagnose(
             inputs, terms=terms, latitude=latitude, replicas=replicas, seed=seed, progress=progress
         )
@@ -261,36 +260,6 @@ def tune(
         choice,
         stated,
     )
-
-
-@contextmanager
-def _compiled_ahead(inputs: TuneInputs) -> Iterator[None]:
-    """Compile what the log needs on all processors, and the filter of the check beside it, where they never were."""
-    if not inputs.records:
-        yield
-        return
-    from tuner.diagnosis.static.compiled_ahead import compile_ahead  # loads the compiler
-
-    with nullcontext() if inputs.receiver is None or _has_compiled_filter() else beside(_compile_filter):
-        compile_ahead()
-        yield
-
-
-def _has_compiled_filter() -> bool:
-    """Return whether the filter of the check is on disk, or cannot be compiled: where it is used, that is said."""
-    try:
-        from tuner.navigation.engine.ahead import is_stored  # loads the compiler
-
-        return is_stored()
-    except Exception:
-        return True
-
-
-def _compile_filter() -> None:
-    """Compile the filter of the check."""
-    from tuner.navigation.engine.ahead import compile_variant
-
-    compile_variant()
 
 
 def gather_inputs(
