@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from tuner.segments.stationary import Segments, find_motion, keep_still
+from tuner.segments.stationary import Segments, cut_to_still, find_motion
 from tuner.types.records import DataError, Record
 
 MAX_PARTS = 8
@@ -70,11 +70,11 @@ def at_rest(records: Sequence[Record], say: Callable[[str], None] = lambda _: No
     kept: dict[int, Record] = {}
     for group in clocks(records):
         try:
-            find_motion(group)
+            motion = find_motion(group)
         except DataError:
             still: Sequence[Record] = group
         else:
-            still = keep_still(group)
+            still = cut_to_still(group, motion)
         for before, after in zip(group, still, strict=True):
             kept[id(before)] = after
     answer = tuple(kept[id(record)] for record in records)

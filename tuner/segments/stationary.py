@@ -152,7 +152,17 @@ def keep_still(
     DataError
         Nothing stands still, or too short to tell.
     """
-    motion = find_motion(records, false_alarm=false_alarm)
+    return cut_to_still(records, find_motion(records, false_alarm=false_alarm))
+
+
+def cut_to_still(records: Sequence[Record], motion: Motion) -> tuple[Record, ...]:
+    """Return the records with their segments cut to the still parts of their motion, and a note if any part moved.
+
+    Raises
+    ------
+    DataError
+        Nothing stands still.
+    """
     description = motion.describe(float(records[0].t[0]))
     if not motion.still:
         msg = f"{records[0].source}: {description}: no part stands still; record the sensor at rest"

@@ -93,8 +93,12 @@ def _from_curve(
     if fast:
         slow = fit_curve(measured, excess, slower_than=FASTEST_STATE)
         tries += [(raise_random_walk(slow, measured), 0.0), (slow, 0.0), (raised, later), (fitted, later)]
-    results = (judged(block, shortest) for block, shortest in tries)
-    return next((found for found in results if found.passes), None) or judged(raised, later)
+    results: list[PredictedBlock] = []
+    for block, shortest in tries:
+        results.append(judged(block, shortest))
+        if results[-1].passes:
+            return results[-1]
+    return results[-2]  # with the random walk raised
 
 
 def _with_white_noise(block: NoiseBlock, measured: MeasuredAllan) -> NoiseBlock:

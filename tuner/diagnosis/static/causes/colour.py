@@ -7,7 +7,6 @@ Extension: the ARMA process in the noise model.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +19,6 @@ from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.spectrum.binned import Bins
 from tuner.diagnosis.static.spectrum.filters import Coefficients, colour_arma
 from tuner.diagnosis.static.spectrum.shape import ShapeFit, ShapeTest, fit_colour, refit_colour
-
-if TYPE_CHECKING:
-    pass
 
 FloatArray = NDArray[np.float64]
 
