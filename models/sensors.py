@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 from models.noise import BiasInstability, GaussMarkov, NoiseModel, Quantization, Ramp, RandomWalk, Term, White
+from models.units import unit_of_samples
 
 V = TypeVar("V", float, GaussMarkov)
 
@@ -95,7 +96,7 @@ class TriadGrade:
     @property
     def unit(self) -> str:
         """Unit of the samples."""
-        return "rad/s" if self.kind == "gyro" else "m/s^2"
+        return unit_of_samples(self.kind)
 
     def noise_model(self) -> NoiseModel:
         """Return the noise of one axis; terms without a figure are absent."""

@@ -232,3 +232,8 @@ def time_derivative(unit: str, power: float) -> str:
     if total == 0.0:
         return base
     return f"{base}/s" if total == 1.0 else f"{base}/s^{total:g}"
+
+
+def unit_of_samples(sensor: str) -> str:
+    """Return the SI unit of the samples of a sensor or an axis: ``gyro``, ``gyroscope``, ``gyro_x`` or ``accel_x``."""
+    return "rad/s" if sensor.startswith("gyro") else "m/s^2"

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.noise import GaussMarkov
-from tuner.exporters.triad_values import unit_of
+from models.units import unit_of_samples
 from tuner.formats.digits import rounded
 from tuner.synthesis.equivalent_models import equivalent_random_walk
 from tuner.types import ChannelNoise
@@ -114,7 +114,7 @@ def drawn_words(states: Mapping[str, OneState]) -> Iterator[str]:
     for axis, state in states.items():
         low, high = state.worst
         yield (
-            f"{axis}: one state of σ = {state.sd:.4g} {unit_of(axis)}, T = {state.time_constant:.4g} s; Allan "
+            f"{axis}: one state of σ = {state.sd:.4g} {unit_of_samples(axis)}, T = {state.time_constant:.4g} s; Allan "
             f"deviation drawn ÷ modelled {low:.2f} … {high:.2f} from 1 to {state.lags[-1]:g} s, the least that one "
             "state can do"
         )

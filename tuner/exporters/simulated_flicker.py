@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.noise import BiasInstability
+from models.units import unit_of_samples
 from tuner.exporters.one_state import SIMULATED_HORIZON, allan_variances, cluster_times
-from tuner.exporters.triad_values import unit_of
 from tuner.formats.digits import rounded
 from tuner.types import ChannelNoise
 
@@ -101,7 +101,7 @@ def flicker_words(found: Mapping[str, FlickerAndWalk]) -> Iterator[str]:
     """Yield a line an axis: B, K and what is left wrong."""
     for axis, terms in found.items():
         yield (
-            f"{axis}: B = {terms.level:.4g} {unit_of(axis)}, K = {terms.density:.4g} {unit_of(axis)}/√s; Allan "
-            "deviation drawn ÷ modelled "
+            f"{axis}: B = {terms.level:.4g} {unit_of_samples(axis)}, K = {terms.density:.4g} "
+            f"{unit_of_samples(axis)}/√s; Allan deviation drawn ÷ modelled "
             f"{min(terms.ratios):.2f} … {max(terms.ratios):.2f} from 1 to {terms.lags[-1]:g} s"
         )

@@ -35,11 +35,6 @@ class Figure:
         return Noted(self.value, self.note)
 
 
-def unit_of(axis: str) -> str:
-    """Return the unit of the samples of ``gyro_x``, ``gyroscope`` or ``accel_x``."""
-    return "rad/s" if axis.startswith("gyro") else "m/s^2"
-
-
 def triad(config: FilterConfig, sensor: str) -> tuple[ChannelNoise, ...]:
     """Return the axes of ``gyro`` or ``accel``; empty where the configuration has none."""
     return tuple(channel for axis, channel in config.channels.items() if axis.startswith(sensor))

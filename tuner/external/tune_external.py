@@ -79,7 +79,7 @@ class ExternalTuning:
     @property
     def kept(self) -> bool:
         """Whether the rest of the drive speaks for the factors, and its reference not against them."""
-        return self.gain > 0.0 and (self.reference_gain is None or self.reference_gain > 0.0)
+        return _is_kept(self.gain, self.reference_gain)
 
 
 def tune_external(
@@ -159,7 +159,7 @@ def tune_external(
     gain = float(gains.mean())
     reason = f"as {Path(program.words[0]).name} showed on {drive.name}"
     reference_gain = None if before.kind == "errors" else _reference_gain(untouched, tuned, truth, until)
-    kept = gain > 0.0 and (reference_gain is None or reference_gain > 0.0)
+    kept = _is_kept(gain, reference_gain)
     final = with_factors(begin, found.factors, reason=reason) if kept else config
     return ExternalTuning(
         dialect,
@@ -173,6 +173,11 @@ def tune_external(
         export(final, dialect),
         tuple(notes),
     )
+
+
+def _is_kept(gain: float, reference_gain: float | None) -> bool:
+    """Return whether the rest of the drive is likelier with the factors, and the errors against its reference, too."""
+    return gain > 0.0 and (reference_gain is None or reference_gain > 0.0)
 
 
 def _rest(one: Deviations, other: Deviations, until: float) -> tuple[Deviations, Deviations]:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from models.units import unit_value
+from models.units import unit_of_samples, unit_value
 from tuner.readers import column_names as names
 from tuner.readers.text import named_columns, read_numbers
 from tuner.readers.text_dialect import find_dialect
@@ -93,6 +93,6 @@ def read_curve(path: str | Path, *, unit: str | None = None) -> AllanCurve:
         tau=table[:, 0] * names.TIME_UNITS[tau_unit],
         variance=deviation**2,
         dof=table[:, 2:3].copy() if len(columns) == 3 else np.full((len(table), 1), np.nan),
-        unit="rad/s" if sensor == "gyro" else "m/s^2",
+        unit=unit_of_samples(sensor),
         axes=(sensor,),
     )

@@ -6,6 +6,7 @@ from typing import Any
 
 from rich.table import Table
 
+from models.units import unit_of_samples
 from tuner.diagnosis.static.compare_logs import MEAN, NOISE, Difference, StateComparison
 from tuner.formats.codec import dump
 from tuner.formats.customary_units import amount, digits, phrase
@@ -37,8 +38,7 @@ def _shown(one: Difference, c: Coefficient | None) -> str:
     """Return a size; coefficients of noise terms in the units they are customary in."""
     if c is None:
         return "–"
-    unit = "rad/s" if one.axis.startswith("gyro") else "m/s^2"
-    return phrase(c, one.parameter, unit) if one.cause == NOISE else amount(c)
+    return phrase(c, one.parameter, unit_of_samples(one.axis)) if one.cause == NOISE else amount(c)
 
 
 def _change(one: Difference) -> str:

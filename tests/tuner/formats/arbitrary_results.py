@@ -12,6 +12,7 @@ from hypothesis.extra import numpy as hnp
 
 from models.filter_states import named_states
 from models.noise import TERMS, GaussMarkov, NoiseModel, Term
+from models.units import unit_of_samples
 from tuner.types import (
     AllanCurve,
     Alternative,
@@ -190,7 +191,7 @@ def channel_noises(draw: st.DrawFn) -> dict[str, ChannelNoise]:
     return {
         axis: ChannelNoise(
             axis,
-            "rad/s" if axis.startswith("gyro") else "m/s^2",
+            unit_of_samples(axis),
             draw(sizes),
             draw(states),
             draw(sizes),

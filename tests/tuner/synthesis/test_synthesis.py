@@ -10,6 +10,7 @@ import pytest
 
 from models.earth import EARTH_RATE
 from models.noise import TERMS, GaussMarkov, NoiseModel, White
+from models.units import unit_of_samples
 from tests.extension.second_order_gauss_markov import SecondOrderGaussMarkov
 from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
 from tuner.synthesis import BOUND, RULES, bounding_state, inflate, shaping_states, synthesize, turn_on_spread
@@ -46,7 +47,7 @@ def term(name: str, **coefficients: Coefficient) -> TermEstimate:
 def channel(
     *terms: TermEstimate, axis: str = "gyro_x", mean: float = 0.0, **changes: object
 ) -> ChannelIdentification:
-    unit = "rad/s" if axis.startswith("gyro") else "m/s^2"
+    unit = unit_of_samples(axis)
     allan = AllanCurve("oadev", TAU, 1e-8 / TAU[:, None], np.full((3, 1), 100.0), unit, (axis,))
     made = ChannelIdentification(
         axis,

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from models.units import unit_of_samples
 from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.diagnosis.static.diagnose import diagnose
 from tuner.identification.comparison import compare_identifications
@@ -150,7 +151,7 @@ def _size(axis: str, finding: Finding) -> str:
     """Return the name of the parameter that says how much there is of a cause: one in the unit of the axis if any."""
     places = _locating(finding.cause)
     sizes = [n for n in finding.parameters if n not in places] or list(finding.parameters)
-    unit = "rad/s" if axis.startswith("gyro") else "m/s^2"
+    unit = unit_of_samples(axis)
     return next((n for n in sizes if finding.parameters[n].unit == unit), next(iter(sizes), ""))
 
 
