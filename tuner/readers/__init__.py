@@ -48,6 +48,7 @@ def read(
     constant_axes: bool = False,
     assume: str | None = None,
     memory: float | None = None,
+    stamps: bool = False,
     progress: Progress | None = None,
 ) -> tuple[Record, ...]:
     """Read a log of a gyroscope, an accelerometer or both.
@@ -74,6 +75,8 @@ def read(
     memory : float, optional
         Bytes that the program may take; by default half of what is free. A text, Parquet, HDF5 or NPZ log that needs
         more becomes records of means of 2, 4, 8 … samples, and says so.
+    stamps : bool
+        Whether the stamps as they are become a channel ``stamp``: samples of a drive may lie unevenly.
     progress : callable, optional
         Called with (done, total) while a file is read: bytes of a text, else rows or arrays.
 
@@ -102,6 +105,7 @@ def read(
         columns=columns,
         constant_axes=constant_axes,
         assume_si=assume == "si",
+        stamps=stamps,
     )
     if not isinstance(path, str | Path):
         listing, identity = list_table(path)

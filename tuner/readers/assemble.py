@@ -15,7 +15,7 @@ from tuner.formats.guard import printable
 from tuner.readers import column_names as names
 from tuner.readers.column_choice import Channel, Layout, choose
 from tuner.readers.columns import Listing, Part
-from tuner.readers.options import Options, UnitChoice, sensor_unit, stated_rate
+from tuner.readers.options import STAMP, Options, UnitChoice, sensor_unit, stated_rate
 from tuner.readers.time_base import COARSE_CLOCK, Timebase, even_timebase, stamped_timebase
 from tuner.readers.time_column import Clock, read_clock
 from tuner.readers.unit_checks import check_units
@@ -109,7 +109,7 @@ def even(listing: Listing, plan: Plan, digest: str, options: Options) -> EvenRec
     except DataError as error:
         msg = f"{listing.path}: {error}"
         raise DataError(msg) from None
-    notes += base.notes()
+    notes += base.notes(even=not options.stamps)
     t = base.t + origin if origin else base.t
     timing = _timing(base, rate) if time is not None else {}
     channels = {
@@ -117,6 +117,8 @@ def even(listing: Listing, plan: Plan, digest: str, options: Options) -> EvenRec
         for name, column in covariates.items()
         if (filled := _covariate(base, name, column, layout.covariates[name].unit, notes)) is not None
     }
+    if options.stamps and time is not None:
+        channels[STAMP] = base.regrid(clock.stamps) + origin
     records = []
     for sensor, block in zip(layout.sensors, blocks, strict=True):
         choice = units[sensor.name]

@@ -11,7 +11,7 @@ KF-GINS        its YAML: `tuner.readers.kf_gins`
 =============  ================================================================================================
 
 Stamps out of order, doubled rows, unreadable rows and fixes outside the inertial record are removed and
-counted.
+counted; the scatter of stamps about an even clock is taken out (`tuner.readers.steady_stamps`).
 """
 
 from __future__ import annotations
@@ -37,10 +37,12 @@ from tuner.readers.fixes import fix_files, read_fix_file, reference_files
 from tuner.readers.fixes.gps_time import GpsFixes, on_clock_of
 from tuner.readers.kf_gins import read_kf_gins
 from tuner.readers.log_format import file_of, format_of, library_of
+from tuner.readers.options import STAMP
 from tuner.readers.source_kind import drive_in_messages, is_drive_by_form
+from tuner.readers.steady_stamps import steady_stamps
 from tuner.readers.waypoint import read_waypoint
 from tuner.types.number_ranges import LONGEST_LEVER_ARM
-from tuner.types.records import DataError, Drive, Gnss, Reference
+from tuner.types.records import DataError, Drive, Gnss, Record, Reference
 
 FloatArray = NDArray[np.float64]
 
@@ -176,7 +178,9 @@ def _of_arrays(path: Path, found: DriveArrays) -> Drive:
 
 
 def _folder(path: Path) -> Drive:
-    inertial = read(_existing(path / "imu.csv"), constant_axes=True, assume="si", memory=math.inf)
+    inertial = read(
+        _existing(path / "imu.csv"), constant_axes=True, assume="si", memory=math.inf, stamps=True
+    )
     records = {r.name: r for r in inertial}
     found = [axis for record in records.values() for axis in record.axes]
     if len(found) != 6:
@@ -185,7 +189,7 @@ def _folder(path: Path) -> Drive:
         )
         raise DataError(msg)
     gyro, accel = records["gyro"], records["accel"]
-    imu = np.column_stack([gyro.t, gyro.y, accel.y])
+    imu = np.column_stack([_stamps(gyro), gyro.y, accel.y])
     fixes, notes = _fixes_beside(path, imu)
     truth, more = _truth_beside(path, imu)
     notes += more
@@ -199,6 +203,12 @@ def _folder(path: Path) -> Drive:
             *notes,
         ),
     )
+
+
+def _stamps(record: Record) -> FloatArray:
+    """Return the stamps of a record as its file has them; the even ones where those are coarse."""
+    stamps = record.covariates.get(STAMP)
+    return record.t if stamps is None or np.any(np.diff(stamps) <= 0.0) else stamps
 
 
 def _fixes_beside(path: Path, imu: FloatArray) -> tuple[FloatArray, tuple[str, ...]]:
@@ -268,6 +278,12 @@ def _drive(
     messages = list(notes)
     imu = ordered(path, "IMU", imu, imu, messages)
     fixes = ordered(path, "GNSS", fixes, fixes[:, :4], messages)
+    for rows, whose in ((imu, "inertial unit"), (fixes, "receiver")):
+        rows[:, 0], scatter = steady_stamps(rows[:, 0])
+        if scatter:
+            messages.append(
+                f"stamps of the {whose} scatter by {1e3 * scatter:.2g} ms (sd) about an even clock: taken out"
+            )
     begin, end = imu[0, 0], imu[-1, 0]
     inside = (fixes[:, 0] >= begin) & (fixes[:, 0] <= end)
     if np.count_nonzero(inside) < 2:

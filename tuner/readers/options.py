@@ -12,6 +12,8 @@ from tuner.readers.column_choice import Sensor
 from tuner.readers.columns import Listing
 from tuner.types.records import DataError
 
+STAMP = "stamp"
+"""Channel with the stamps as the file has them, where they are asked for."""
 _RATE_KEYS = ("rate_hz", "rate", "fs", "sample_rate", "sample_rate_hz", "sampling_rate", "frequency_hz")
 
 
@@ -25,6 +27,7 @@ class Options:
     columns: Mapping[str, str] | None
     constant_axes: bool = False
     assume_si: bool = False
+    stamps: bool = False
 
 
 @dataclass(frozen=True)

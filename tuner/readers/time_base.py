@@ -107,8 +107,8 @@ class Timebase:
             return kept
         return np.interp(np.arange(len(self.t)), self.positions, kept)
 
-    def notes(self) -> tuple[str, ...]:
-        """Return every repair in words, with its count."""
+    def notes(self, *, even: bool = True) -> tuple[str, ...]:
+        """Return every repair in words, with its count; `even`: whether the grid takes the place of the stamps."""
         p = self.interval
         notes = []
         if self.disordered:
@@ -128,6 +128,8 @@ class Timebase:
             notes.append(
                 f"{self.left_out} samples lie in pieces shorter than {MIN_SEGMENT_SAMPLES} samples and are not used"
             )
+        if not even:
+            return tuple(notes)
         if self.rounding > 0.05 * p:
             notes.append(
                 f"stamps are rounded to {self.rounding:.4g} s; samples are taken as even at {1 / p:.9g} Hz"

@@ -47,6 +47,29 @@ def test_folder_and_npz_are_one(data, file, tmp_path):
     np.testing.assert_allclose(a.reference.rpy, b.reference.rpy, atol=1e-9)
 
 
+def test_samples_that_lie_unevenly_keep_their_stamps(data, tmp_path):
+    uneven = dict(data)
+    step = np.random.default_rng(4).choice([0.6, 0.7, 0.9, 1.8], len(data["imu_t"]))
+    uneven["imu_t"] = data["imu_t"][0] + np.cumsum(step) * np.median(np.diff(data["imu_t"]))
+    drive = read_drive(write_folder(tmp_path / "drive", uneven, truth=False))
+    np.testing.assert_allclose(drive.imu_t, uneven["imu_t"] - uneven["imu_t"][0], atol=1e-6)
+    assert not any("scatter" in note or "even" in note for note in drive.notes)
+
+
+def test_scatter_of_stamps_is_taken_out_and_told(saved, data, tmp_path):
+    def late(seed, t, sd):
+        return t + sd * np.random.default_rng(seed).standard_normal(len(t))
+
+    steps = np.median(np.diff(data["imu_t"])), np.median(np.diff(data["gnss_t"]))
+    sds = 0.1 * steps[0], 0.05 * steps[1]
+    imu_t, gnss_t = late(1, data["imu_t"], sds[0]), late(2, data["gnss_t"], sds[1])
+    drive = read_drive(saved(tmp_path / "drive.npz", {**data, "imu_t": imu_t, "gnss_t": gnss_t}))
+    for t, true, sd in ((drive.imu_t, data["imu_t"], sds[0]), (drive.gnss.t, data["gnss_t"], sds[1])):
+        error = t + drive.origin - true[-len(t) :]
+        assert np.sqrt(np.mean(error**2)) < 0.5 * sd
+    assert sum("scatter by" in note for note in drive.notes) == 2
+
+
 def test_kf_gins_files_are_read(configuration, data, file, tmp_path):
     dt = np.diff(data["imu_t"], prepend=1000.0)[:, None]
     np.savetxt(tmp_path / "imu.txt", np.column_stack([data["imu_t"], data["gyro"] * dt, data["accel"] * dt]))

@@ -92,6 +92,7 @@ GPS_START = gps_seconds(START)
 CLOCKS = {
     "GPS seconds of the week": GPS_START % 604800,
     "UNIX time": START.timestamp(),
+    "GPS time since 1970, as RTKLIB does": START.timestamp() + 18,
     "GPS time": GPS_START,
     "seconds of the day": (GPS_START - 18) % 86400,
 }

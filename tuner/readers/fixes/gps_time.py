@@ -1,7 +1,7 @@
 """Fixes on GPS time, and the clock of an inertial record that they are put on.
 
-An inertial record may count GPS seconds of the week, UNIX time, seconds of the day or GPS time itself. Which it is
-follows from where the fixes fall into it.
+An inertial record may count GPS seconds of the week, UNIX time, GPS time since 1970 or 1980, or seconds of the day.
+Which it is follows from where the fixes fall into it: the clock on which both cover most of the time in common.
 """
 
 from __future__ import annotations
@@ -97,6 +97,7 @@ def on_clock_of(path: Path, fixes: GpsFixes, begin: float, end: float) -> tuple[
     clocks = {
         "GPS seconds of the week": of_week,
         f"UNIX time (UTC, {leap} s behind GPS time)": unix - leap,
+        "GPS time since 1970, as RTKLIB does": unix,
         "GPS time since 1980": fixes.t,
         "seconds of the day in UTC": of_day,
     }
