@@ -231,7 +231,8 @@ def _clock(
         time = time + (week - week[0]) * SECONDS_OF_WEEK * (1000.0 if milliseconds else 1.0)
     mapped = (options.columns or {}).get("t", "")
     by_user = options.rate is not None or ("[" in mapped and mapped not in listing.shapes)
-    return read_clock(time, name=str(channel.part), unit=unit, rate=rate, by_user=by_user)
+    by_type = channel.part.array in listing.units
+    return read_clock(time, name=str(channel.part), unit=unit, rate=rate, by_user=by_user, by_type=by_type)
 
 
 def _timebase(
@@ -281,7 +282,12 @@ def _valid_rows(listing: Listing, groups: Mapping[str, NDArray[Any]], notes: lis
     first, last = 0, count
     for name, mask in masks.items():
         if not mask.any():
-            msg = f"{listing.path}: {name} holds no row without NaN"
+            cure = (
+                "leave it out by --columns t=none --rate HZ"
+                if name == "t"
+                else "choose others with --columns"
+            )
+            msg = f"{listing.path}: {name} holds no row without NaN: {cure}"
             raise DataError(msg)
         first, last = max(first, int(mask.argmax())), min(last, count - int(mask[::-1].argmax()))
     if first >= last:
@@ -291,9 +297,14 @@ def _valid_rows(listing: Listing, groups: Mapping[str, NDArray[Any]], notes: lis
     bad = int((~valid[first:last]).sum())
     if bad > UNREADABLE_SHARE * (last - first):
         row = first + int(np.argmin(valid[first:last])) + 1
+        cure = (
+            "leave the time column out by --columns t=none --rate HZ"
+            if "t" in masks
+            else "choose other columns"
+        )
         msg = (
             f"{listing.path}: {bad} of {last - first} rows hold NaN or infinity (first: data row {row}); "
-            f"more than {100 * UNREADABLE_SHARE:g} % cannot be repaired"
+            f"more than {100 * UNREADABLE_SHARE:g} % cannot be repaired: cut them out, or {cure}"
         )
         raise DataError(msg)
     if count - (last - first):

@@ -18,6 +18,8 @@ MIN_RATE, MAX_RATE = 0.01, 1e6
 """Rates of inertial logs, Hz, that are possible at all."""
 USUAL_RATES = (20.0, 4000.0)
 """Rates of inertial sensors, Hz, of which at most one unit of the table gives one: they are 1000 apart."""
+RATES_WITHOUT_REMARK = (1.0, 2e4)
+"""Rates, Hz, beyond which a stated unit of time is remarked: a factor of five and more from the usual ones."""
 LONGEST_SPAN = 366 * 86400.0
 """The longest span of a log, s."""
 SINCE_1970 = (20 * 365.25 * 86400.0, 130 * 365.25 * 86400.0)
@@ -93,6 +95,19 @@ def unit_of_stamps(
         f"--rate {rates.get(best, 100.0):.6g}, or the unit, such as --columns 't={name} [{written}]'"
     )
     raise DataError(msg)
+
+
+def unusual_rate(unit: str, step: float, *, name: str) -> str | None:
+    """Return what to say of a stated unit that gives a rate few inertial logs have, where another gives a usual one."""
+    rate = 1.0 / (step * STATED_BY_RATE.get(unit, CANDIDATES["ticks of 0.1 ms"])) if step > 0.0 else 1.0
+    usual = [(u, 1.0 / (step * f)) for u, f in CANDIDATES.items() if step > 0.0 and _usual(step * f)]
+    if RATES_WITHOUT_REMARK[0] <= rate <= RATES_WITHOUT_REMARK[1] or not usual:
+        return None
+    other, hz = usual[0]
+    return (
+        f"time in {unit}, as the file states: {rate:.6g} Hz; were the stamps in {other}, it would be {hz:.6g} Hz, and "
+        f"every time and coefficient another: --columns 't={name} [{other}]' says so"
+    )
 
 
 def _usual(step: float) -> bool:

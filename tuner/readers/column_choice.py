@@ -18,6 +18,8 @@ from tuner.types.records import DataError
 Parsed = Mapping[str, names.ColumnName]
 Candidates = Mapping[str, list[tuple[int, str]]]
 
+NO_COLUMN = "none"
+"""What ``--columns t=none`` says: the stamps are no use, samples are even at the rate that is stated."""
 MAX_NAMED = 12
 """Columns named in a note, at most: the rest is counted."""
 
@@ -60,7 +62,11 @@ def choose(listing: Listing, *, columns: Mapping[str, str] | None = None) -> Lay
         column that is not there.
     """
     parsed = {array: names.parse_name(array) for array in listing.shapes}
-    mapped = resolve(listing, columns or {})
+    columns = dict(columns or {})
+    untimed = columns.get("t") == NO_COLUMN and NO_COLUMN not in listing.shapes
+    if untimed:
+        del columns["t"]
+    mapped = resolve(listing, columns)
     by_name = _by_name(parsed, {part.array for chosen in mapped.values() for part in chosen.parts})
     notes: list[str] = []
     sensors: list[Sensor] = []
@@ -77,7 +83,7 @@ def choose(listing: Listing, *, columns: Mapping[str, str] | None = None) -> Lay
     others = [role for role in mapped if role != "t" and role.split("_")[0] not in names.SENSORS]
     channels = {
         role: channel
-        for role in dict.fromkeys(["t", "temperature", *others])
+        for role in dict.fromkeys([*([] if untimed else ["t"]), "temperature", *others])
         if (channel := _channel(listing, role, mapped, by_name, parsed, notes)) is not None
     }
     if (week := _week(listing, channels.get("t"), parsed)) is not None:

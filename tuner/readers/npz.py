@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from tuner.formats.documents import parse_json
-from tuner.readers.columns import Listing, Progress, listing_of_arrays
+from tuner.readers.column_names import TIME_UNITS
+from tuner.readers.columns import Listing, Progress, StoredArray, listing_of_arrays
 from tuner.readers.log_format import LogFormat
 from tuner.readers.npz_members import stored_arrays
 
@@ -18,6 +22,9 @@ MAX_META_BYTES = 1 << 24
 def list_npz(path: Path, progress: Progress | None = None) -> Listing:
     """Return the arrays of an NPZ file; single numbers and the entries of ``meta`` become meta."""
     arrays, unread = stored_arrays(path)
+    times = {n: np.datetime_data(a.dtype) for n, a in arrays.items() if a.dtype.kind in "mM"}
+    units = {n: unit for n, (unit, count) in times.items() if unit in TIME_UNITS and count == 1}
+    arrays = {n: _whole_numbers(a) if n in units else a for n, a in arrays.items()}
     single = {
         name: array.read()
         for name, array in arrays.items()
@@ -30,7 +37,21 @@ def list_npz(path: Path, progress: Progress | None = None) -> Listing:
         if isinstance(content, dict):
             meta |= content
     notes = [f"'{name}' was left out: {why}" for name, why in unread.items()]
-    return listing_of_arrays(path, arrays, units={}, meta=meta, notes=notes, progress=progress)
+    return listing_of_arrays(path, arrays, units=units, meta=meta, notes=notes, progress=progress)
+
+
+def _whole_numbers(array: StoredArray) -> StoredArray:
+    """Return the numbers behind an array of a time type of numpy."""
+    kind = np.dtype(np.int64).newbyteorder(array.dtype.byteorder)
+    pieces = array.pieces
+    return replace(
+        array,
+        dtype=kind,
+        read=lambda: array.read().view(kind),
+        pieces=None
+        if pieces is None
+        else lambda count, last: (part.view(kind) for part in pieces(count, last)),
+    )
 
 
 FORMAT = LogFormat(

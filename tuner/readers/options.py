@@ -82,6 +82,12 @@ def sensor_unit(listing: Listing, sensor: Sensor, options: Options, notes: list[
         return UnitChoice(unit, offset, 1.0, "user")
     if stated is not None:
         basis: Literal["file", "assumed"] = "assumed" if _only_named(listing, array) else "file"
+        if names.known_unit(stated) not in allowed:
+            msg = (
+                f"{what}: unknown unit '{stated}': expected one of {', '.join(allowed)}; for another one pass "
+                f"--{name}-unit {allowed[0]} --{name}-scale X with the {allowed[0]} in one '{stated}'"
+            )
+            raise DataError(msg)
         return UnitChoice(names.unit_of(stated, allowed, what=what), offset, 1.0, basis)
     found = _unit_in_meta(listing.meta, name, notes)
     return UnitChoice(allowed[0], offset) if found is None else UnitChoice(found, offset, 1.0, "file")

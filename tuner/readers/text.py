@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tuner.formats.guard import input_guard
+from tuner.readers.column_names import ColumnName, parse_name, role_of
 from tuner.readers.columns import Listing, Part, Progress
 from tuner.readers.log_format import LogFormat, format_of
 from tuner.readers.text_dialect import (
@@ -237,6 +238,11 @@ def _has_rows(text: bytes) -> bool:
     return any(line.strip() and not line.lstrip().startswith(b"#") for line in text.splitlines())
 
 
+def _is_time(name: ColumnName) -> bool:
+    role = role_of(name)
+    return role is not None and role[0] == "t"
+
+
 def _first_fault(path: Path, text: bytes, first: int, dialect: Dialect, used: Sequence[int]) -> str | None:
     """Return what is wrong with the first line that is: place, expected, found, what to do."""
     width = len(dialect.names)
@@ -252,9 +258,11 @@ def _first_fault(path: Path, text: bytes, first: int, dialect: Dialect, used: Se
             if dialect.decimal == ",":
                 cell = cell.replace(",", ".")
             if not (STAMP.fullmatch(cell.strip('"')) if j in dialect.dates and cell else is_number(cell)):
+                name = parse_name(dialect.names[j])
+                cure = ", or leave the column out by --columns t=none --rate HZ" if _is_time(name) else ""
                 return (
-                    f"{path}:{number}:{j + 1}: expected a number in column '{dialect.names[j]}', "
-                    f"found '{cell[:40]}': repair or remove the line"
+                    f"{path}:{number}:{j + 1}: expected a number in column '{name.written}', "
+                    f"found '{cell[:40]}': repair or remove the line{cure}"
                 )
     return None
 

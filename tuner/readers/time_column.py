@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tuner.readers import column_names as names
-from tuner.readers.clock_unit import LONGEST_SPAN, MAX_RATE, MIN_RATE, unit_of_stamps
+from tuner.readers.clock_unit import LONGEST_SPAN, MAX_RATE, MIN_RATE, unit_of_stamps, unusual_rate
 from tuner.types.records import DataError
 
 FloatArray = NDArray[np.float64]
@@ -73,7 +73,13 @@ class Clock:
 
 
 def read_clock(
-    time: Stamps, *, name: str, unit: str | None, rate: float | None, by_user: bool = False
+    time: Stamps,
+    *,
+    name: str,
+    unit: str | None,
+    rate: float | None,
+    by_user: bool = False,
+    by_type: bool = False,
 ) -> Clock:
     """Return the clock of a time column.
 
@@ -89,6 +95,8 @@ def read_clock(
         Sampling rate that is stated, Hz.
     by_user : bool, optional
         Whether the user states the unit or the rate: then any rate and span is possible.
+    by_type : bool, optional
+        Whether the file states the unit otherwise than by the name of the column.
 
     Raises
     ------
@@ -121,6 +129,10 @@ def read_clock(
         factor = found.factor
         notes += found.notes
         assumptions += found.assumptions
+    elif unit is not None and rate is None and not (by_user or by_type):
+        stated = names.unit_of(unit, names.TIME_UNITS, what=name)
+        if (remark := unusual_rate(stated, _mean_step(time[on]), name=name)) is not None:
+            assumptions.append(remark)
     first = time[on][0]
     resolution = factor * _single_precision(time[on], name, notes, factor)
     relative: FloatArray = np.subtract(time, first).astype(float, copy=False)

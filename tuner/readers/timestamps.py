@@ -57,9 +57,8 @@ def in_order(t: FloatArray, rows: IntArray | None) -> tuple[FloatArray, IntArray
     behind = np.flatnonzero(t < np.maximum.accumulate(t))
     if len(behind) > _MAX_DISORDERED_SHARE * len(t):
         msg = (
-            f"time runs backwards at row {behind[0] + 1} and stays behind for {len(behind)} of {len(t)} "
-            "rows (a clock "
-            "that was reset?): split the log there, or leave the time column out and pass --rate"
+            f"time runs backwards at row {behind[0] + 1} and stays behind for {len(behind)} of {len(t)} rows (a clock "
+            "that was reset?): split the log there, or leave the time column out by --columns t=none --rate HZ"
         )
         raise DataError(msg)
     order = np.argsort(t, kind="stable")
@@ -74,7 +73,7 @@ def without_duplicates(
     if not len(later):
         return t, rows, 0, 0.0
     if len(later) == len(t) - 1:
-        msg = "the time column is constant: pass the right column with --columns t=NAME, or --rate"
+        msg = "the time column is constant: choose one with --columns t=NAME, or none by --columns t=none --rate HZ"
         raise DataError(msg)
     drop = later
     if len(later) > _MAX_EQUAL_SHARE * len(t):

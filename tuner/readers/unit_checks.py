@@ -200,6 +200,11 @@ def _open_rate(
         why, possible = f"turns as the Earth does in {turning}", [turning]
     if why:
         option = f"--gyro-unit {possible[0]}" if possible else f"--gyro-unit UNIT ({' '.join(UNITS['gyro'])})"
+        if why.startswith("reads") and possible and possible[0] != "deg/s":
+            kind = read_in in INCREMENT_UNITS if accel is None or accel.basis == "assumed" else matching
+            alike = [u for u in UNITS["gyro"] if u not in possible and (u in INCREMENT_UNITS) == kind]
+            fitting = [*possible[1:], *(u for u in alike if possible_rate(u, found, interval, read_in))]
+            option += f" ({', '.join(fitting)} would fit, too)" if fitting else ""
         msg = f"{source}: gyro {why}, and nothing states its unit: pass {option}, or {ANSWER} if it is {read_in}"
         raise DataError(msg)
     foreign = accel is not None and accel.basis != "assumed" and accel.unit not in ("m/s^2", "m/s")

@@ -14,6 +14,7 @@ from llvmlite.binding import get_host_cpu_features
 from numba import njit
 
 from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
+from tuner.navigation.engine.compilation import own_copies
 from tuner.navigation.engine.layout import BATCH_SIZE, layout_of
 from tuner.navigation.engine.mechanisation import mechanise
 from tuner.navigation.engine.sensor_inputs import inputs_by_columns
@@ -70,6 +71,27 @@ def test_loops_are_packed(tmp_path):
         if get_host_cpu_features().get("avx512f"):
             assert wide >= 0.9 * stepped
     assert together[2][0] >= 150  # of the mechanisation
+
+
+def linkages():
+    """How the functions in the code of one that calls another, which calls itself, can be replaced."""
+
+    @njit(no_cpython_wrapper=True, no_cfunc_wrapper=True)
+    def called(n):
+        return 1 if n < 2 else called(n - 1) + called(n - 2)
+
+    calling = njit(lambda n: called(n))
+    assert calling(8) == 34
+    (compiled,) = calling.overloads.values()
+    functions = compiled.library._final_module.functions
+    return {function.linkage.name for function in functions if not function.is_declaration}
+
+
+def test_the_run_that_compiles_calls_what_later_runs_call():
+    """Else it calls functions that were compiled for themselves, and differs in the last digits."""
+    assert "linkonce_odr" in linkages()
+    with own_copies():
+        assert linkages() == {"external", "internal"}
 
 
 if __name__ == "__main__":

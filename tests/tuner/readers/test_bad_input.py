@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from tests.tuner.readers.plain_logs import ACCEL, COUNT, GYRO, HEADER, T, refused, rows, write
-from tuner.readers import parse_columns
+from tuner.readers import parse_columns, read
 from tuner.types.records import DataError
 
 
@@ -52,6 +52,13 @@ def test_text_in_numbers_is_located(
     at = path.read_text().splitlines().index(",".join(cells)) + 1
     message = refused(path, "expected a number")
     assert f"{path}:{at}:4: expected a number in column 'gyro_z', found 'oops'" in message
+
+
+def test_stamps_of_an_unknown_form_can_be_left_out(tmp_path: Path) -> None:
+    path = write(tmp_path / "log.csv", [line.replace(",", "s,", 1) for line in rows()])
+    refused(path, "expected a number in column 't', .*leave the column out by --columns t=none --rate HZ")
+    gyro, accel = read(path, columns={"t": "none"}, rate=100.0)
+    assert len(gyro) == len(accel) == COUNT
 
 
 def test_too_many_cells_are_located(tmp_path: Path) -> None:
@@ -124,7 +131,8 @@ def test_unknown_unit_in_header(tmp_path: Path) -> None:
     refused(write(tmp_path / "log.csv", rows(), header), "different units")
     header = re.sub(r"(gyro_.)", r"\1 [furlong/h]", HEADER)
     refused(
-        write(tmp_path / "log.csv", rows(), header), "gyro: unknown unit 'furlong/h': expected one of rad/s"
+        write(tmp_path / "log.csv", rows(), header),
+        r"gyro: unknown unit 'furlong/h': expected one of rad/s.*--gyro-scale X with the rad/s in one 'furlong/h'",
     )
 
 

@@ -170,3 +170,45 @@ def test_a_type_of_time_beats_a_name_and_contradicts_it(tmp_path: Path) -> None:
     assert read(tmp_path / "t.parquet")[0].rate == pytest.approx(100.0)
     with pytest.raises(DataError, match="column 't_ms' says ms, the file states us"):
         read(tmp_path / "t_ms.parquet")
+
+
+@pytest.mark.parametrize(
+    "stamps", [np.zeros(COUNT), np.where(np.arange(COUNT) % 2 == 1, np.nan, S), np.r_[S[:4500], S[:4500]]]
+)
+def test_useless_stamps_are_left_out_by_the_option_that_the_refusal_names(
+    tmp_path: Path, stamps: np.ndarray
+) -> None:
+    path = write(tmp_path / "log.csv", stamps.tolist())
+    with pytest.raises(DataError, match="--columns t=none --rate HZ"):
+        read(path)
+    (record,) = read(path, columns={"t": "none"}, rate=100.0)
+    assert (len(record), record.rate) == (COUNT, 100.0)
+    np.testing.assert_array_equal(record.y[:, 0], GYRO)
+
+
+@pytest.mark.parametrize(
+    ("name", "size", "right"), [("t_ms", 1e6, "us"), ("t [s]", 1e3, "ms"), ("t_us", 1e3, "ms")]
+)
+def test_a_stated_unit_that_gives_an_unusual_rate_is_told(
+    tmp_path: Path, name: str, size: float, right: str
+) -> None:
+    path = write(tmp_path / "log.csv", np.rint(size * S).tolist(), header=name)
+    (record,) = read(path)
+    (remark,) = (text for text in record.assumptions if text.startswith("time in"))
+    assert (
+        f"it would be 100 Hz, and every time and coefficient another: --columns 't={name} [{right}]'"
+        in remark
+    )
+    (record,) = read(path, columns={"t": f"{name} [{right}]"})
+    assert record.rate == pytest.approx(100.0)
+    assert not any(text.startswith("time in") for text in record.assumptions)
+
+
+@pytest.mark.parametrize("begin", ["2024-05-01T12:00:00", 0])
+def test_times_of_numpy_are_read_in_their_unit(tmp_path: Path, begin: str | int) -> None:
+    steps = (1e9 * S).astype(np.int64).astype("timedelta64[ns]")
+    t = steps if begin == 0 else np.datetime64(begin, "ns") + steps
+    np.savez(tmp_path / "log.npz", t=t, gyro_x=GYRO, gyro_unit="rad/s")
+    (record,) = read(tmp_path / "log.npz")
+    assert record.rate == pytest.approx(100.0)
+    assert not record.assumptions

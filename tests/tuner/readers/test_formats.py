@@ -136,6 +136,8 @@ def test_round_trip(tmp_path: Path, name: str) -> None:
         ("rad/s", 1.0),
         ("°/s", np.pi / 180),
         ("rad s^-1", 1.0),
+        ("radian/second", 1.0),
+        ("arcsec/s", np.pi / 648000),
     ],
 )
 @pytest.mark.parametrize("stated", ["header", "option"])
@@ -148,7 +150,7 @@ def test_gyro_units(tmp_path: Path, unit: str, factor: float, stated: str) -> No
 
 
 @pytest.mark.parametrize(
-    ("unit", "factor"), [("g", 9.80665), ("mg", 9.80665e-3), ("m/s²", 1.0), ("m/s2", 1.0)]
+    ("unit", "factor"), [("g", 9.80665), ("mg", 9.80665e-3), ("m/s²", 1.0), ("m/s2", 1.0), ("m/sec^2", 1.0)]
 )
 def test_accel_units(tmp_path: Path, unit: str, factor: float) -> None:
     columns = {"t": T} | {f"accel_{a} ({unit})": ACCEL[:, j] / factor for j, a in enumerate("xyz")}

@@ -237,7 +237,7 @@ def reading(command: Command) -> Command:
     @click.option(
         "--columns",
         metavar="NAME=COLUMN,…",
-        help="Columns of the log, or arrays of an NPZ, such as gyro_x=wx,t=stamp.",
+        help="Columns of the log, or arrays of an NPZ, such as gyro_x=wx,t=stamp; t=none reads no stamps.",
     )
     @click.option(
         "--assume", type=click.Choice(["si"]), help="Take units that nothing states as rad/s and m/s^2."
