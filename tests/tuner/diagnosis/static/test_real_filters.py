@@ -64,3 +64,11 @@ def test_a_comb_has_the_shortest_of_its_periods(seed):
     """What repeats at 111 samples does so at 333; before, half and a third of the spacing were told."""
     e = np.random.default_rng(seed).standard_normal(N) + 1.5 * (np.arange(N) % 111 == 40)
     assert _shortest(e, 333.0) == _shortest(e, 111.0) == 111.0
+
+
+@pytest.mark.parametrize(("period", "height"), [(133.742, 6.0), (24.487, 1.6)])
+def test_a_strong_comb_is_nothing_else(period, height):
+    """Before, spikes, or six lines and more."""
+    y = np.random.default_rng(8).standard_normal(N)
+    y[(np.arange(N) + 7.3) % period < 1.0] += height
+    assert [f.cause for f in diagnosed(y).findings] == ["comb"]

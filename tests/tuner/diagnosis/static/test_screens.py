@@ -32,8 +32,8 @@ def test_the_period_of_short_pulses_is_found_to_a_part_of_a_sample_over_the_reco
 
 def test_folded_sums_are_those_of_the_phases():
     e = np.random.default_rng(2).standard_normal(1000)
-    total, count = comb._sums(e[100:], 100, 23.7, 23)
-    place = comb._bins(1000, 23.7)[100:]
+    total, count = comb._sums(e[100:], 100.3, 23.7, 23)
+    place = comb.Comb(23.7, (0.0,) * 23, 0.3)._bins(1000)[100:]
     np.testing.assert_allclose(total, np.bincount(place, e[100:], 23), atol=1e-12)
     np.testing.assert_array_equal(count, np.bincount(place, minlength=23))
 

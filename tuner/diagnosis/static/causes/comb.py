@@ -29,12 +29,16 @@ IntArray = NDArray[np.intp]
 
 MIN_PERIOD, MAX_PERIOD = 16.0, 2000.0
 """Periods, samples: below there are too few lines for a comb, above few periods for their multiples."""
-PERIOD_MULTIPLES = 32
+MIN_MULTIPLES, PERIOD_MULTIPLES = 8, 32
 """Multiples of a period at which the autocorrelation is averaged: its deviation falls by their root."""
 MIN_SCORE = 5.5
 """Deviations of that mean below which no period is folded: one of 1e5 exceeds it by chance in 2e-3 of records."""
 MAX_MULTIPLE = 12
 """Largest multiple of its period at which a comb is found; beyond, few periods are left in a record."""
+PHASE_STEPS = (0.25, 0.0625, 0.015625)
+"""Steps, samples, in the middle of a record and at its ends, by which the bins of a period are put around pulses."""
+MIN_SHIFT_SQUARE = 18.0
+"""Squared sds by which a period must fit its course better one sample off: 2 ln 1e4, for one of 1e4 that is off."""
 FOLDED_PARTS = 32
 """Parts of a record that are folded apart to refine a period: over one of them its harmonics lose no phase."""
 FEW_LINES, MAX_LINE_SHARE = 3, 0.6
@@ -43,7 +47,7 @@ FEW_LINES, MAX_LINE_SHARE = 3, 0.6
 
 @dataclass(frozen=True)
 class Comb(Extension):
-    """A course over a period, `profile` at even phases, in scales; `period` in samples."""
+    """A course over a period, `profile` at even phases, in scales; `period` and `phase` in samples."""
 
     cause = "comb"
     effect = Effect
@@ -53,19 +57,37 @@ class Comb(Extension):
     consequence = (
         "find what happens at that period (a bus, a clock, a heater) and keep it off; take its course out"
     )
+    supersedes = ("line", "spikes", "heavy_tails", "skewed_noise", "periodic_variance")
     period: float
     profile: tuple[float, ...]
+    phase: float
 
     def clean_samples(self, channel: Channel) -> Channel:
-        """Take the course out."""
-        return replace(channel, y=channel.y - np.array(self.profile)[_bins(len(channel), self.period)])
+        """Take the course out, in each period one sample earlier or later where it is clearly there."""
+        turns = (np.arange(len(channel)) + self.phase) / self.period
+        place, turn = self._bins(len(channel)), np.floor(turns).astype(np.intp)
+        profile, turn = np.array(self.profile), turn - turn[0]
+        course, best = profile[place], np.full(turn[-1] + 1, MIN_SHIFT_SQUARE)
+        plain = course
+        for shift in (-1, 1):
+            moved = profile[(place + shift) % len(profile)]
+            better = np.bincount(turn, (moved - plain) * (2.0 * channel.y - moved - plain))
+            course = np.where((better > best)[turn], moved, course)
+            best = np.maximum(best, better)
+        return replace(channel, y=channel.y - course)
 
     def elsewhere(self, y: FloatArray) -> FloatArray:
         """Return the course in other samples, shape (n,), with the phase among all that these show."""
-        place, profile = _bins(len(y), self.period), np.array(self.profile)
+        place, profile = self._bins(len(y)), np.array(self.profile)
         level = np.bincount(place, y - y.mean(), len(profile))
         agreement = irfft(rfft(level) * np.conj(rfft(profile)), len(profile))
         return np.asarray(profile[(place - int(np.argmax(agreement))) % len(profile)])
+
+    def _bins(self, n: int) -> IntArray:
+        """Return which of the even phases each of n samples has, shape (n,)."""
+        number = len(self.profile)
+        at = ((np.arange(n) + self.phase) / self.period % 1.0 * number).astype(np.intp)
+        return np.minimum(at, number - 1)
 
     @classmethod
     def test(cls, fitted: Residual) -> TestResult:
@@ -75,15 +97,17 @@ class Comb(Extension):
         if score < MIN_SCORE:
             return TestResult(cls.cause, 1.0, NO_GAIN, score, name)
         e = np.where(fitted.valid, np.clip(fitted.e, -RESIDUAL_CLIP, RESIDUAL_CLIP), 0.0)
-        period = _shortest(e, _fitted_best(e, _refined(fitted, e, period)))
-        folded = _fold(e, period)
-        lines = np.sort(np.abs(rfft(folded - folded.mean())) ** 2)[::-1]
-        if lines[:FEW_LINES].sum() > MAX_LINE_SHARE * lines.sum():
+        period, phase = _in_phase(e, _shortest(e, _fitted_best(e, _refined(fitted, e, period))))
+        folded = _fold(e, period, phase)
+        square = _square(e, period, phase)
+        if _of_few_lines(folded, square):
             return TestResult(cls.cause, 1.0, NO_GAIN, score, name)
-        square = _square(e, period)
-        p_value = min(1.0, number * len(e) / period * float(chi2.sf(square, len(folded))))
-        gain = 0.5 * (square - len(folded)) - float(np.log(number * len(e) / period))
-        return TestResult(cls.cause, p_value, gain, square, name, lambda: (_extension(fitted, period),))
+        tried = number * len(e) / period
+        p_value = min(1.0, tried * float(chi2.sf(square, len(folded))))
+        gain = 0.5 * (square - len(folded)) - float(np.log(tried))
+        return TestResult(
+            cls.cause, p_value, gain, square, name, lambda: (_extension(fitted, period, phase),), local=True
+        )
 
 
 def _best_period(fitted: Residual) -> tuple[float, float, int]:
@@ -92,38 +116,30 @@ def _best_period(fitted: Residual) -> tuple[float, float, int]:
     power = fitted.spectrum[1]
     r = irfft(np.concatenate(([0.0], power)), 2 * len(power))[: n // 2] * np.sqrt(n)
     r = (r[:-1] + r[1:]) / np.sqrt(2.0)
-    periods = np.arange(MIN_PERIOD, min(MAX_PERIOD, (len(r) - 1) / PERIOD_MULTIPLES), 1.0 / PERIOD_MULTIPLES)
+    periods = np.arange(MIN_PERIOD, min(MAX_PERIOD, (len(r) - 1) / MIN_MULTIPLES), 1.0 / PERIOD_MULTIPLES)
     if not len(periods):
         return 0.0, MIN_PERIOD, 1
-    total = np.zeros(len(periods))
+    total, count = np.zeros(len(periods)), np.minimum((len(r) - 1) // periods, PERIOD_MULTIPLES)
     for multiple in range(1, PERIOD_MULTIPLES + 1):
-        total += r[(multiple * periods).astype(np.intp)]
-    score = total / np.sqrt(PERIOD_MULTIPLES)
+        inside = int(np.count_nonzero(count >= multiple))
+        total[:inside] += r[(multiple * periods[:inside]).astype(np.intp)]
+    score = total / np.sqrt(count)
     best = int(np.argmax(score))
     return float(score[best]), float(periods[best]), len(periods)
 
 
-def _bins(n: int, period: float) -> IntArray:
-    """Return which phase of the period each of n samples has, as a whole number below the period, shape (n,).
-
-    Samples lie in the middle of their bin: at its edge, rounding would spread what comes again over two.
-    """
-    number = int(period)
-    return np.minimum(((np.arange(n) + 0.5) / period % 1.0 * number).astype(np.intp), number - 1)
-
-
-def _fold(x: FloatArray, period: float) -> FloatArray:
+def _fold(x: FloatArray, period: float, phase: float) -> FloatArray:
     """Return the means of samples at each phase, shape (int(period),)."""
-    total, count = _sums(x, 0, period, int(period))
+    total, count = _sums(x, phase, period, int(period))
     return np.asarray(total / np.maximum(count, 1.0))
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[misc, unused-ignore]
-def _sums(x: FloatArray, first: int, period: float, number: int) -> tuple[FloatArray, FloatArray]:
-    """Return sum and count of samples `first`, `first` + 1, … at each of `number` phases, as `_bins` has them."""
+def _sums(x: FloatArray, first: float, period: float, number: int) -> tuple[FloatArray, FloatArray]:
+    """Return sum and count of samples at each of `number` phases, the first `first` samples into a period."""
     total, count = np.zeros(number), np.zeros(number)
     for i in range(x.size):
-        turns = (first + i + 0.5) / period
+        turns = (first + i) / period
         at = min(int((turns - np.floor(turns)) * number), number - 1)
         total[at] += x[i]
         count[at] += 1.0
@@ -143,7 +159,9 @@ def _refined(fitted: Residual, e: FloatArray, near: float) -> float:
     places = np.rint(np.multiply.outer(span / fitted.channel.interval / tried, harmonics)).astype(np.intp) - 1
     first = float(tried[np.argmax(power[places].sum(axis=1))])
     number, size = int(near), n // FOLDED_PARTS
-    sums = [_sums(e[at : at + size], at, first, number)[0] for at in range(0, size * FOLDED_PARTS, size)]
+    sums = [
+        _sums(e[at : at + size], at + 0.5, first, number)[0] for at in range(0, size * FOLDED_PARTS, size)
+    ]
     turned = rfft(np.stack(sums), axis=1)[:, 1:]
     middle = (np.arange(FOLDED_PARTS) + 0.5) * size
     near_first = first + step * np.linspace(-1.0, 1.0, 65)
@@ -154,9 +172,12 @@ def _refined(fitted: Residual, e: FloatArray, near: float) -> float:
     return float(near_first[best])
 
 
-def _square(e: FloatArray, period: float) -> float:
-    """Return Σ count · mean² of residuals over the phases of a period: χ² where nothing repeats."""
-    total, count = _sums(e, 0, period, int(period))
+def _square(e: FloatArray, period: float, phase: float = 0.5) -> float:
+    """Return Σ count · mean² of residuals over the phases of a period: χ² where nothing repeats.
+
+    Samples lie in the middle of their bin: at its edge, rounding would spread what comes again over two.
+    """
+    total, count = _sums(e, phase, period, int(period))
     return float(np.sum(total**2 / np.maximum(count, 1.0)))
 
 
@@ -181,11 +202,36 @@ def _fitted_best(e: FloatArray, near: float) -> float:
     return max((p for p in tried if int(p) == int(near)), key=lambda p: _square(e, p))
 
 
-def _extension(fitted: Residual, period: float) -> Comb:
+def _of_few_lines(folded: FloatArray, square: float) -> bool:
+    """Return whether means over a period, shape (K,), whose sum of squares is χ²_K by chance, are those of few lines.
+
+    What chance has a part in is taken off on both sides: 1 of a line on average, ln of their number of the largest.
+    """
+    lines = np.sort(np.abs(rfft(folded - folded.mean())[1:]) ** 2)[::-1]
+    lines *= 0.5 * square / max(lines.sum(), np.finfo(float).tiny)
+    few = float(lines[:FEW_LINES].sum()) - FEW_LINES * float(np.log(len(lines)))
+    return few > MAX_LINE_SHARE * (float(lines.sum()) - len(lines))
+
+
+def _in_phase(e: FloatArray, near: float) -> tuple[float, float]:
+    """Return a period beside one, and the phase of its bins, samples, at which short pulses lie in one bin each.
+
+    What an edge of the bins divides is left in the samples, where it looks like spikes.
+    """
+    phase = 0.5 - 0.5 * len(e)
+    for width in PHASE_STEPS:
+        steps = [width * k for k in range(-4, 5)]
+        phase = max((phase + step for step in steps), key=lambda x: _square(e, near, x))
+        periods = (near * (1.0 + 2.0 * step / len(e)) for step in steps)
+        near = max((p for p in periods if int(p) == int(near)), key=lambda p: _square(e, p, phase))
+    return near, phase
+
+
+def _extension(fitted: Residual, period: float, phase: float) -> Comb:
     """Return the course over the period, with the spacing of its lines and its sd."""
     channel, n = fitted.cleaned, len(fitted.cleaned)
     slow, variance, _ = slow_track(fitted)
-    profile = _fold(channel.y - slow, period)
+    profile = _fold(channel.y - slow, period, phase)
     profile = _shrunk(profile - profile.mean(), variance * len(profile) / n)
     noise = variance * len(profile) / n
     power = max(float(np.mean(profile**2)), 1e-3 * noise)
@@ -195,7 +241,7 @@ def _extension(fitted: Residual, period: float) -> Comb:
         "spacing": Value.of(frequency, 0.5 * frequency / n, "Hz"),
         "sd": Value.log(sd, float(np.sqrt(variance / n / power + 0.5 / len(profile))), "{u}"),
     }
-    return Comb(period, tuple(profile.tolist()), values=values)
+    return Comb(period, tuple(profile.tolist()), phase, values=values)
 
 
 def _shrunk(means: FloatArray, variance: float) -> FloatArray:
