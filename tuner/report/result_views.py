@@ -137,10 +137,14 @@ class Part:
 
 
 def page_of(results: Mapping[str, object], title: str, command: str) -> str:
-    """Return one offline page of results by their headings: tables and figure of each, and how it is made again."""
+    """Return one offline page of results by their headings: tables and figure of each, and how it is made again.
+
+    What takes long to draw is given as a function that makes its `Part`.
+    """
     sections = []
     for heading, result in results.items():
-        part = result if isinstance(result, Part) else _part_of(result)
+        made = result() if callable(result) else result
+        part = made if isinstance(made, Part) else _part_of(made)
         sections.append((heading, part.tables, part.pictures))
     judged = next((r.consistency for r in results.values() if isinstance(r, Check | DriveResult)), None)
     return write_sections_page(

@@ -76,7 +76,6 @@ def command(
     """
     from tuner import diagnose
     from tuner.formats.diagnosis import diagnosis_json
-    from tuner.report.drive_diagnosis_tables import drive_tables
     from tuner.report.static_diagnosis_tables import diagnosis_tables, headline_lines
     from tuner.report.terminal import show
     from tuner.types import DriveDiagnosis
@@ -101,6 +100,8 @@ def command(
     if output.tables:
         show(assumed(data))
         if isinstance(found, DriveDiagnosis):
+            from tuner.report.drive_diagnosis_tables import drive_tables
+
             show(drive_tables(found))
         else:
             show(headline_lines(found, () if isinstance(data, Drive) else data))
@@ -110,15 +111,19 @@ def command(
 
 
 def _parts(found: Diagnosis | DriveDiagnosis, data: Drive | Sequence[Record]) -> Mapping[str, object]:
-    """Return the parts of a page: the findings, and of a static log the picture that proves each."""
+    """Return the parts of a page: the findings, and of a static log what draws the picture that proves each."""
     from tuner.types import Diagnosis
     from tuner.types.records import Drive
 
     if isinstance(data, Drive) or not isinstance(found, Diagnosis):
         return {"What a simulation of the filter gets wrong": found}
-    from tuner.report.result_views import pictures_of_findings
 
-    proofs = {"What shows each finding": pictures_of_findings(data, found)} if found.findings else {}
+    def pictures() -> object:
+        from tuner.report.result_views import pictures_of_findings
+
+        return pictures_of_findings(data, found)
+
+    proofs = {"What shows each finding": pictures} if found.findings else {}
     return {"What a simulation gets wrong": found, **proofs}
 
 

@@ -44,7 +44,6 @@ def command(
     from tuner.report.answer_layout import LINE_WIDTH
     from tuner.report.comparison_tables import plan_tables
     from tuner.report.json.views import plan_json
-    from tuner.report.plan_figure import plan_part
     from tuner.report.terminal import show
 
     loaded = load_source(source, reading, messages) or source
@@ -53,6 +52,12 @@ def command(
     output.write(plan_json(plans))
     units = {axis: channel.unit for axis, channel in identification.channels.items()}
     tables = plan_tables(plans, units, source_name(source))
-    page(f"Static test of {source}", {"How long must it last?": plan_part(plans, units, tables)})
+
+    def drawn() -> object:
+        from tuner.report.plan_figure import plan_part
+
+        return plan_part(plans, units, tables)
+
+    page(f"Static test of {source}", {"How long must it last?": drawn})
     if output.tables:
         show(tables, LINE_WIDTH)

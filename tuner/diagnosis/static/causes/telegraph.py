@@ -33,6 +33,7 @@ from tuner.diagnosis.static.model.null_distributions import curvature
 from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.model.slow_likelihood import Fit
 from tuner.diagnosis.static.outcome import TestResult
+from tuner.diagnosis.static.switching.climb import climb
 from tuner.diagnosis.static.switching.models import (
     NO_VALUES,
     STILL,
@@ -288,16 +289,14 @@ def _extension(
     """
     low, high = _bounds(step, span)
 
-    def cost(free: FloatArray) -> float:
-        if np.any(free < low) or np.any(free > high):
-            return 1e12
-        return -likelihood_by_start(y, *_parts(free, step, span, besides), r)
+    def parts(free: FloatArray) -> tuple[Chain, Slow] | None:
+        outside = np.any(free < low) or np.any(free > high)
+        return None if outside else _parts(free, step, span, besides)
 
-    result = minimize(cost, x, method="Nelder-Mead", options={"maxiter": 600, "fatol": 0.01, "xatol": 1e-3})
-    x = result.x
+    x, model, cost = climb(y, r, parts, x)
     spread = np.sqrt(np.diag(curvature(lambda free: cost(np.clip(free, low, high)), x)))
     path, size = np.empty(len(y)), float(x[3])
-    likelihood_by_start(y, *_parts(x, step, span, besides), r, path)
+    value = likelihood_by_start(y, *model, r, path)
     dwells = np.exp(x[4:]).tolist()
     share = dwells[1] / sum(dwells)
     switches = (
@@ -311,10 +310,10 @@ def _extension(
     }
     sd = abs(size) * float(np.sqrt(share * (1.0 - share)))
     found = Telegraph(
-        tuple(path.tolist()), sd, 1.0 / (1.0 / dwells[0] + 1.0 / dwells[1]), float(result.x[3]),
-        tuple(np.exp(result.x[4:]).tolist()), _besides(result.x, step, span, besides), values=values,
+        tuple(path.tolist()), sd, 1.0 / (1.0 / dwells[0] + 1.0 / dwells[1]), size,
+        (dwells[0], dwells[1]), _besides(x, step, span, besides), values=values,
     )  # fmt: skip
-    return found, switches, result.x, -float(result.fun)
+    return found, switches, x, value
 
 
 def _three_levels(
@@ -325,23 +324,21 @@ def _three_levels(
     The third level lies between the two, or beyond one of them; from each a switch to either other is as likely.
     """
 
-    def chain(x: FloatArray) -> Chain:
-        return Chain.even([0.0, float(x[3]), float(x[4])], -float(np.expm1(-step / np.exp(x[5]))))
-
-    def cost(x: FloatArray) -> float:
-        if not np.log(1.5 * step) < x[5] < np.log(0.5 * span) or np.any(np.abs(x[:3]) > 30.0):
-            return 1e12
-        return -likelihood_by_start(y, chain(x), Slow.of(_besides(x, step, span, besides), step), r)
+    def parts(x: FloatArray) -> tuple[Chain, Slow] | None:
+        if not np.log(1.5 * step) <= x[5] <= np.log(0.5 * span) or np.any(np.abs(x[:3]) > 30.0):
+            return None
+        chain = Chain.even([0.0, float(x[3]), float(x[4])], -float(np.expm1(-step / np.exp(x[5]))))
+        return chain, Slow.of(_besides(x, step, span, besides), step)
 
     dwell, size = 0.5 * (two[4] + two[5]), two[3]
     places = ((0.5 * size, size), (size, 2.0 * size), (-size, size))
     starts = [np.array([*two[:3], *pair, dwell]) for pair in places]
-    start = min(starts, key=cost)
-    simplex = np.vstack([start, start + np.diag([0.5, 0.5, 0.5, 0.3 * size, 0.3 * size, 0.5])])
-    options = {"maxiter": 500, "fatol": 0.02, "xatol": 1e-3, "initial_simplex": simplex}
-    x = minimize(cost, start, method="Nelder-Mead", options=options).x
+    models = [parts(x) for x in starts]
+    values = [-np.inf if model is None else likelihood_by_start(y, *model, r) for model in models]
+    start = starts[int(np.argmax(values))]
+    x, model, _ = climb(y, r, parts, start, np.diag([0.5, 0.5, 0.5, 0.3 * size, 0.3 * size, 0.5]))
     path, dwell = np.empty(len(y)), float(np.exp(x[5]))
-    value = likelihood_by_start(y, chain(x), Slow.of(_besides(x, step, span, besides), step), r, path)
+    value = likelihood_by_start(y, *model, r, path)
     levels = np.array([0.0, x[3], x[4]])
     at = np.argmin(np.abs(path[:, None] - levels), axis=1)
     entered = at[np.flatnonzero(np.diff(at, prepend=-1))]

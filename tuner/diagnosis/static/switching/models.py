@@ -133,6 +133,14 @@ def likelihood(
     return float(value) if np.isfinite(value) else -1e12
 
 
+def likelihood_from(
+    y: FloatArray, chain: Chain, slow: Slow, r: FloatArray | float, level: int, path: FloatArray = NO_VALUES
+) -> float:
+    """Return `likelihood` of block means together with this level at the start."""
+    start = Chain(chain.levels, np.eye(len(chain.levels))[level], chain.chances)
+    return float(np.log(chain.first[level])) + likelihood(y, start, slow, r, path)
+
+
 def likelihood_by_start(
     y: FloatArray, chain: Chain, slow: Slow, r: FloatArray | float, path: FloatArray = NO_VALUES
 ) -> float:
@@ -142,12 +150,7 @@ def likelihood_by_start(
     another. A filter that mixes both keeps the offset that is likelier beforehand, and is lost at the first switch
     where that is the wrong one.
     """
-    values = np.full(len(chain.levels), -np.inf)
-    for level, chance in enumerate(chain.first):
-        if chance > 0.0:
-            start = Chain(chain.levels, np.eye(len(chain.levels))[level], chain.chances)
-            own = np.empty_like(path)
-            values[level] = np.log(chance) + likelihood(y, start, slow, r, own)
-            if values[level] == values.max():
-                path[:] = own
+    paths = [np.empty_like(path) for _ in chain.levels]
+    values = [likelihood_from(y, chain, slow, r, level, own) for level, own in enumerate(paths)]
+    path[:] = paths[int(np.argmax(values))]
     return float(np.logaddexp.reduce(values))
