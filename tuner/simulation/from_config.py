@@ -84,19 +84,15 @@ def channels_of_config(
             known = without.keys() >= set(finding["channels"])
             in_noise = _in_the_noise(finding["cause"], fitted_together=known)
             level = finding.get("extension", {}).get("level")
-            for axes, values in _parts(finding):
+            for cause, axes, values in _parts(finding):
                 if in_noise:
-                    rest = _beside(noise[axes[0]], values) if finding["cause"] == "telegraph" else None
+                    rest = _beside(noise[axes[0]], values) if cause == "telegraph" else None
                     if rest is None:
                         continue
                     noise[axes[0]] = rest
-                if finding["cause"] == Quantizer.name and "step" in values:
+                if cause == Quantizer.name and "step" in values:
                     noise |= {a: _unrounded(noise[a], values["step"]["value"], config.interval) for a in axes}
-                effect = (
-                    _effect(finding["cause"], values, _about(level, axes[0]))
-                    if set(axes) <= noise.keys()
-                    else None
-                )
+                effect = _effect(cause, values, _about(level, axes[0])) if set(axes) <= noise.keys() else None
                 if effect is not None and effect.absolute:
                     fixed |= set(axes)
                 if effect is None or (drive and effect.stage == STAMP):
@@ -187,13 +183,17 @@ def _sensor(values: Mapping[str, Any]) -> str:
     return "gyro" if values["x"]["unit"] == "rad/s" else "accel"
 
 
-def _parts(finding: Mapping[str, Any]) -> list[tuple[tuple[str, ...], Mapping[str, Any]]]:
-    """Return the axes and parameters of each effect that a finding is."""
-    axes = tuple(finding["channels"])
-    effect = EFFECTS.get(finding["cause"])
+def _parts(finding: Mapping[str, Any]) -> list[tuple[str, tuple[str, ...], Mapping[str, Any]]]:
+    """Return cause, axes and parameters of each effect that a finding is; of a family, the member that was fitted."""
+    cause, axes = str(finding["cause"]), tuple(finding["channels"])
+    effect = EFFECTS.get(cause)
     if effect is not None and effect.one_for_all:
-        return [(axes, finding["parameters"])]
-    return [((axis,), finding.get("by_channel", {}).get(axis, finding["parameters"])) for axis in axes]
+        return [(cause, axes, finding["parameters"])]
+    plain = {"cause": cause, "parameters": finding["parameters"]}
+    of_each = {axis: {**plain, "parameters": own} for axis, own in finding.get("by_channel", {}).items()}
+    of_each |= finding.get("extension", {}).get("members", {})
+    parts = ((axis, of_each.get(axis, plain)) for axis in axes)
+    return [(one["cause"], (axis,), one["parameters"]) for axis, one in parts]
 
 
 def _about(level: float | None, axis: str) -> float | None:

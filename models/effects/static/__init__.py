@@ -10,7 +10,7 @@ lowpass                 cutoff                                          spectral
 colour                  ar, ma                                          spectral
 gauss_markov            sd, time_constant                               spectral
 temperature             slope                                           thermal
-thermal_lag             slope, time_constant                            thermal
+thermal_lag             slope, time_constant, prompt_slope              thermal
 temperature_squared     curvature                                       thermal
 temperature_rate        slope                                           thermal
 hysteresis              slope, width                                    thermal

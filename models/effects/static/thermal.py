@@ -3,7 +3,7 @@
 ::
 
     temperature    slope · (T − T_0)
-    thermal_lag    slope · (L − T_0),    time_constant · dL/dt = T − L,   L(0) = T_0
+    thermal_lag    slope · (L − T_0) + prompt_slope · (T − L),    time_constant · dL/dt = T − L,   L(0) = T_0
     temperature_squared   curvature · (T − T_m)²
     temperature_rate   slope · dT/dt
     hysteresis     slope · (P − T_0),    P the temperature behind a play of `width`
@@ -83,6 +83,8 @@ class ThermalLag(Effect):
         unit/K.
     time_constant : float
         Lag, s.
+    prompt_slope : float
+        Slope of what the lagging temperature has not followed yet, unit/K.
     """
 
     name: ClassVar[str] = "thermal_lag"
@@ -92,9 +94,10 @@ class ThermalLag(Effect):
     positive: ClassVar[tuple[str, ...]] = ("time_constant",)
     slope: float
     time_constant: float
+    prompt_slope: float = 0.0
 
     def __post_init__(self) -> None:
-        require_finite(slope=self.slope)
+        require_finite(slope=self.slope, prompt_slope=self.prompt_slope)
         require_positive(time_constant=self.time_constant)
 
     def lagged(self, temperature: FloatArray, interval: float) -> FloatArray:
@@ -107,7 +110,8 @@ class ThermalLag(Effect):
 
     def signal(self, temperature: FloatArray, interval: float) -> FloatArray:
         """Return the bias for evenly sampled temperatures (n,), °C."""
-        signal: FloatArray = self.slope * (self.lagged(temperature, interval) - temperature[0])
+        late = self.lagged(temperature, interval)
+        signal: FloatArray = self.slope * (late - temperature[0]) + self.prompt_slope * (temperature - late)
         return signal
 
     def apply(self, block: Samples, rng: np.random.Generator) -> Samples:

@@ -20,7 +20,7 @@ REPORTED = {
     "lowpass": {"cutoff"},
     "colour": {"ar", "ma"},
     "temperature": {"slope"},
-    "thermal_lag": {"slope", "time_constant"},
+    "thermal_lag": {"slope", "time_constant", "prompt_slope"},
     "step": {"time", "size"},
     "recovery": {"time", "size", "time_constant"},
     "warmup": {"amplitude", "time_constant"},

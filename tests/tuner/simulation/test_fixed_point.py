@@ -57,7 +57,11 @@ def finding(cause: str, axis: str, level: float | None = None, **values: float) 
 
 
 def test_findings_become_effects_as_they_were_found():
-    """Lists number by number, rails about the level of the log, one clock, and noise before it was rounded."""
+    """Lists number by number, rails about the level, one clock, noise before it was rounded, members of a family."""
+    fitted = {
+        "cause": "thermal_lag",
+        "parameters": {"slope": {"value": 1e-4}, "time_constant": {"value": 5e3}},
+    }
     noise = {axis: ChannelNoise(axis, "rad/s", 1e-3, (), 0.0, 0.02) for axis in ("gyro_x", "gyro_y")}
     config = FilterConfig(
         "unit", 0.02, noise, InitialUncertainty(1.0, 1.0, 0.1, 0.1), None,
@@ -68,12 +72,21 @@ def test_findings_become_effects_as_they_were_found():
             finding("timing", "gyro_x", gap_count=3.0),
             finding("timing", "gyro_y", gap_count=3.0),
             finding("motion", "gyro_x", start=3.0, duration=2.0, sd=0.1),
+            {**finding("thermal", "gyro_y", sd=0.1), "extension": {"members": {"gyro_y": fitted}}},
         ),
     )  # fmt: skip
     channels, effects, notes = channels_of_config(config)
     assert notes == ()
     made = {one.effect.name: one for one in effects}
-    assert sorted(one.effect.name for one in effects) == ["clipping", "colour", "lattice", "motion", "timing"]
+    assert sorted(one.effect.name for one in effects) == [
+        "clipping",
+        "colour",
+        "lattice",
+        "motion",
+        "thermal_lag",
+        "timing",
+    ]
+    assert made["thermal_lag"].effect.time_constant == 5e3
     assert made["colour"].effect.ar == (0.5, -0.3)
     assert (made["clipping"].effect.low, made["clipping"].effect.high) == pytest.approx((-0.02, 0.03))
     assert (channels["gyro_x"].bias_sd, channels["gyro_y"].bias_sd) == (0.0, 0.02)

@@ -123,7 +123,8 @@ def timing(record: Record) -> DataQualityTest:
 
     Stamps rounded to a unit u scatter by what is f (1 − f) u²/2 ≤ u²/8 in half the variance of their steps, f the
     fraction of the interval beyond a whole number of units: that much is rounding, a note, and no jitter. The rate of
-    the clock is known to a unit in the whole record then.
+    the clock is known to a unit in the whole record then. Its interval is that of slopes within the segments: how long
+    the gaps between them were is not known to a part of a sample.
     """
     said = record.timing
     gaps, scatter = said.get("gap_count", 0.0), said.get("jitter_sd", 0.0)
@@ -131,8 +132,10 @@ def timing(record: Record) -> DataQualityTest:
     rounded = 0.0 < scatter < MAX_ROUNDING_RATIO * unit / math.sqrt(8.0)
     jitter = 0.0 if rounded else math.sqrt(max(scatter**2 - unit**2 / 12.0, 0.0)) / record.interval
     ratio = said.get("clock_ratio", 1.0)
-    coarse = unit / (len(record) * record.interval)
-    bad = gaps > 0 or jitter > MIN_JITTER or abs(ratio - 1.0) > MIN_CLOCK_DRIFT + coarse
+    lengths = np.array([float(last - first) for first, last in record.segments])
+    spread = 1.96 * scatter / record.interval * math.sqrt(12.0 / max(float(np.sum(lengths**3)), 1.0))
+    spread += unit / (len(record) * record.interval)
+    bad = gaps > 0 or jitter > MIN_JITTER or abs(ratio - 1.0) > MIN_CLOCK_DRIFT + spread
     parameters = {"gap_count": Coefficient.known(gaps, gaps, gaps, "1")}
     text = f"{gaps:.0f} gaps"
     if jitter > 0.0:
@@ -144,7 +147,6 @@ def timing(record: Record) -> DataQualityTest:
         sd, error = jitter * record.interval, 1.96 / math.sqrt(2.0 * len(record))
         parameters["jitter_sd"] = Coefficient.known(sd, sd * (1.0 - error), sd * (1.0 + error), "s")
     if "clock_ratio" in said:
-        spread = 1.96 * scatter / record.interval * math.sqrt(12.0 / len(record) ** 3) + coarse
         parameters["clock_ratio"] = Coefficient.known(ratio, ratio - spread, ratio + spread, "1")
         text += f", clock ratio {ratio:.8g}"
     note = rounded and not bad

@@ -36,6 +36,7 @@ class Single:
 
     axis: str
     unit: str
+    scale: float
     accepted: Accepted
     cause: Extension | type[Cause]
     parameters: Mapping[str, Coefficient]
@@ -72,7 +73,7 @@ def singles(axis: str, outcome: SearchResult, base: NoiseModel) -> tuple[Single,
             accepted = replace(accepted, alternatives=(itself, *accepted.alternatives))
         parameters = {name: value.coefficient(channel.unit, channel.scale) for name, value in values.items()}
         inflation = _inflation(axis, outcome, accepted, base)
-        found.append(Single(axis, channel.unit, accepted, cause, parameters, inflation))
+        found.append(Single(axis, channel.unit, channel.scale, accepted, cause, parameters, inflation))
     return tuple(found)
 
 
@@ -187,6 +188,9 @@ def _finding(group: list[Single]) -> Finding:
     }
     channels = tuple(single.axis for single in group)
     by_channel = {single.axis: dict(single.parameters) for single in group}
+    extension: dict[str, object] = {"cause": cause.cause, "joins": joins(cause.cause)}
+    if cause is best.accepted.extension.family:
+        extension["members"] = {single.axis: _member(single) for single in group}
     return Finding(
         cause=cause.cause,
         channels=channels,
@@ -196,12 +200,22 @@ def _finding(group: list[Single]) -> Finding:
         parameters=parameters,
         text=words(cause.cause, channels, cause.meaning, parameters, by_channel),
         consequence=cause.consequence,
-        extension={"cause": cause.cause, "joins": joins(cause.cause)},
+        extension=extension,
         gain=summed([single.accepted.gain for single in group]),
         alternatives=alternatives([single.accepted for single in group]),
         inflations=tuple(single.inflation for single in group if single.inflation is not None),
         by_channel=by_channel,
     )
+
+
+def _member(single: Single) -> dict[str, object]:
+    """Return which cause of a family was fitted, and its parameters, unit of the channel: for a simulation."""
+    extension = single.accepted.extension
+    values = {
+        name: {"value": value.value * (single.scale if "{u}" in value.unit else 1.0)}
+        for name, value in extension.values.items()
+    }
+    return {"cause": extension.cause, "parameters": values}
 
 
 def joins(cause: str) -> str:

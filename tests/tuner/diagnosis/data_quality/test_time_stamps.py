@@ -32,6 +32,18 @@ def test_stamps_that_are_even_are_quiet_and_others_are_found():
             assert test.parameters[name].value == pytest.approx(value, abs=tolerance, rel=0.0)
 
 
+def test_the_rate_of_a_clock_is_as_uncertain_as_the_slopes_between_gaps():
+    """Before, its interval was that of one slope: twelve times too short beside a hundred gaps."""
+    clean = {"gyro_x": Channel(NoiseModel([White(1.0)]))}
+    error = []
+    for seed in range(8):
+        text = "timing:gap_count=100,gap_samples=3,jitter_sd=5e-4,clock_ratio=1.0001"
+        (gyro,), _ = simulate(clean, duration=200.0, rate=100.0, seed=seed, effects=[text])
+        found = data_quality_tests(gyro)[0].parameters["clock_ratio"]
+        error.append((found.value - 1.0001) / (found.interval[1] - found.value) * 1.96)
+    assert 0.4 < np.sqrt(np.mean(np.square(error))) < 1.7  # χ²₈ at 1e-4 and 0.999
+
+
 @pytest.mark.parametrize("rate", [130.0, 400.0, 100.0 / 1.00003])
 def test_rounded_stamps_are_reported_with_their_unit_and_are_no_jitter(rate):
     clean = {"gyro_x": Channel(NoiseModel([White(1.0)]))}
