@@ -5,7 +5,8 @@ corner, or about a peak, no sum of the base terms fits, and since nearly all coe
 there, a likelihood of the whole band would bend the slow terms to please it. So the shortest cluster
 time is sought from which the Allan curve is white noise plus anything slow (quantization too, where all
 samples take part), within one percent: the base terms with Gauss–Markov processes of fixed, long time
-constants, amplitudes free.
+constants, amplitudes free. Where all samples take part shorter ones may join, if white noise beside them is clear: what
+has passed a filter has none.
 
 The likelihood then uses the frequencies f ≤ 1/(4 τ), the curve the octaves from τ on. What was left out
 is for a diagnosis to name.
@@ -53,6 +54,10 @@ _MIN_OCTAVES = 6
 
 _MIN_SLOW_CLUSTERS = 50.0
 """Time constants of the slow processes, in shortest clusters: below they could pass for a filter."""
+_MIN_FAST_SAMPLES = 10.0
+"""Time constants of processes beside clear white noise, in samples: a filter as slow has its corner at rate/63."""
+_MIN_WHITE_SHARE = 0.1
+"""Share of the Allan variance of the samples from which white noise is clear: ten times the tolerance."""
 
 _TIME_RATIO = np.sqrt(2.0)
 """Factor from one of their time constants to the next: a sum of them is within one percent, the tolerance, of a
@@ -86,10 +91,14 @@ def find_band(curve: OctaveCurve) -> Band:
     tried: list[tuple[float, int, float]] = []
     m = 1
     while np.sum(curve.m >= m) >= _MIN_OCTAVES or m == 1:
-        p_value, ratio = _plausible(curve, m)
+        p_value, ratio, _ = _plausible(curve, m, _MIN_SLOW_CLUSTERS * m)
         tried.append((p_value, m, ratio))
         if p_value >= ACCEPTED_P_VALUE:
             break
+        if m == 1:
+            p_value, ratio, white_share = _plausible(curve, m, _MIN_FAST_SAMPLES)
+            if p_value >= ACCEPTED_P_VALUE and white_share >= _MIN_WHITE_SHARE:
+                return Band(1, np.inf, ratio)
         m *= _CLUSTER_RATIO
     _, m, ratio = max(tried, key=lambda trial: (trial[0], trial[1]))
     return Band(m, np.inf if m == 1 else 0.25 / (m * curve.interval), ratio)
@@ -108,10 +117,13 @@ def periodogram_within(data: CosinePeriodogram, band: Band) -> CosinePeriodogram
     return replace(data, **{name: array[inside] for name, array in arrays.items()})
 
 
-def _plausible(curve: OctaveCurve, m: int) -> tuple[float, float]:
-    """Return the probability of the curve from m on, and measured ÷ fitted deviation of the samples."""
+def _plausible(curve: OctaveCurve, m: int, shortest: float) -> tuple[float, float, float]:
+    """Return the probability of the curve from m on, with slow processes of so many samples and more.
+
+    And, of the samples, measured ÷ fitted deviation, and the share of white noise in their fitted Allan variance.
+    """
     cut = replace(curve, m=curve.m[curve.m >= m], variance=curve.variance[curve.m >= m])
-    terms = _slow_terms(curve, m)
+    terms = _slow_terms(curve, m, shortest)
     dof = np.maximum(1.2 * sum(curve.lengths) / cut.m, 1.5)
     shares = nonnegative(terms, cut, 1.0 / np.sqrt(2.0 / dof + _TOLERATED_VARIANCE))
     model = NoiseModel(
@@ -125,7 +137,12 @@ def _plausible(curve: OctaveCurve, m: int) -> tuple[float, float]:
     residual = np.log(cut.variance) - log_bias(dof) - np.log(mean[:-1])
     statistic = float(residual @ np.linalg.solve(sigma + _TOLERATED_VARIANCE * np.eye(len(cut.m)), residual))
     freedom = max(len(cut.m) - len(model.terms), 1)
-    return float(chi2.sf(statistic, freedom)), float(np.sqrt(curve.variance[0] / mean[-1]))
+    white = float(shares[0] * terms[0].allan_variance(np.array([curve.interval]), interval=curve.interval)[0])
+    return (
+        float(chi2.sf(statistic, freedom)),
+        float(np.sqrt(curve.variance[0] / mean[-1])),
+        white / float(mean[-1]),
+    )
 
 
 def _dof(curve: OctaveCurve, model: NoiseModel) -> FloatArray:
@@ -137,12 +154,14 @@ def _dof(curve: OctaveCurve, model: NoiseModel) -> FloatArray:
     return total
 
 
-def _slow_terms(curve: OctaveCurve, m: int) -> list[Term]:
-    """Return white noise and what can stand for any slow process above cluster size m, of unit amplitude."""
+def _slow_terms(curve: OctaveCurve, m: int, shortest: float) -> list[Term]:
+    """Return white noise and what can stand for any slow process, of unit amplitude, above cluster size m.
+
+    Gauss–Markov processes have time constants of at least `shortest` samples.
+    """
     terms: list[Term] = [White(1.0), BiasInstability(1.0), RandomWalk(1.0), Ramp(1.0)]
     if m == 1:
         terms.append(Quantization(1.0))
-    shortest = _MIN_SLOW_CLUSTERS * m
     number = np.floor(np.log(0.1 * max(curve.lengths) / shortest) / np.log(_TIME_RATIO)) + 1.0
     times = shortest * curve.interval * _TIME_RATIO ** np.arange(number)
     return [*terms, *(GaussMarkov(1.0, float(time)) for time in times)]
