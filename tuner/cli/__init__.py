@@ -12,6 +12,7 @@ import sys
 import traceback
 import warnings
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from types import MappingProxyType
 
@@ -106,7 +107,7 @@ def run(arguments: Sequence[str]) -> int:
         )
         sys.stdout.flush()
     except click.exceptions.NoArgsIsHelpError as error:
-        sys.stderr.write(error.format_message() + "\n")
+        _complain(error.format_message())
         return 2
     except click.ClickException as error:
         return _refuse(error.format_message())
@@ -120,10 +121,10 @@ def run(arguments: Sequence[str]) -> int:
     except MemoryError as error:
         return _refuse(f"not enough memory: {error}; ask for less, or split the log")
     except (click.Abort, KeyboardInterrupt):
-        sys.stderr.write(answer(130) + "\n")
+        _complain(answer(130))
         return 130
     except Terminated:
-        sys.stderr.write(answer(143) + "\n")
+        _complain(answer(143))
         return 143
     except Exception as error:
         return _confess(error)
@@ -144,8 +145,15 @@ def _missing(command: str, error: ImportError) -> str:
     return f"a package that 'tuner {command}' needs cannot be loaded ({error}); install it anew"
 
 
+def _complain(text: str) -> None:
+    """Write on standard error; where that is full or gone, the exit status says what it can."""
+    with suppress(OSError):
+        sys.stderr.write(text + "\n")
+        sys.stderr.flush()
+
+
 def _refuse(message: str) -> int:
-    sys.stderr.write("tuner: " + printable(message) + "\n")
+    _complain("tuner: " + printable(message))
     return 2
 
 
@@ -162,5 +170,5 @@ def _confess(error: Exception) -> int:
         f"a mistake of this program, not of the input: {type(error).__name__}{at}: {reason(error)}; "
         f"please report it with the command and, if you may, the file: {ISSUES}"
     )
-    sys.stderr.write("tuner: " + printable(line) + "\n")
+    _complain("tuner: " + printable(line))
     return 3

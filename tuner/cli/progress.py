@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from rich.console import Console
 from rich.progress import BarColumn, Progress, ProgressColumn, TextColumn, TimeRemainingColumn
 
+from tuner.formats.guard import printable
 from tuner.jobs import Advance, watched
 
 LINE_INTERVAL = 10.0
@@ -29,7 +30,7 @@ class Messages:
     def say(self, text: str) -> None:
         """Print one message on standard error."""
         if not self.quiet:
-            sys.stderr.write(text + "\n")
+            sys.stderr.write(printable(text) + "\n")
             sys.stderr.flush()
 
     @contextmanager

@@ -9,6 +9,7 @@ the writing was cut off, and `stale_files` names them.
 from __future__ import annotations
 
 import ctypes
+import errno
 import hashlib
 import json
 import os
@@ -50,7 +51,10 @@ def write_set(directory: Path, files: Mapping[str, bytes], *, last: str) -> None
     OSError
         What cannot be written; the old set is then there.
     """
-    target = directory.resolve()
+    try:
+        target = directory.resolve()
+    except RuntimeError:  # what Python before 3.13 raises
+        raise OSError(errno.ELOOP, os.strerror(errno.ELOOP), str(directory)) from None
     target.parent.mkdir(parents=True, exist_ok=True)
     for parent in {target.parent, target}:
         remove_abandoned(parent)

@@ -116,10 +116,13 @@ def read(
         msg = f"{path}: no such file"
         raise DataError(msg)
     if not path.is_file() and log_folder(path) is None:
-        msg = (
-            f"{path}: expected a file, or a folder of EuRoC, KITTI, phyphox, Sensor Logger or a ROS 2 bag, found a "
-            "folder without their files; name the file in it"
+        found = (
+            "a folder without their files; name the file in it"
+            if path.is_dir()
+            else "neither; copy it to a file"
         )
+        kinds = "EuRoC, KITTI, phyphox, Sensor Logger or a ROS 2 bag"
+        msg = f"{path}: expected a file, or a folder of {kinds}, found {found}"
         raise DataError(msg)
     listing = columns_of(path, progress)
     with input_guard(path, "a log"), np.errstate(over="ignore", invalid="ignore", divide="ignore"):

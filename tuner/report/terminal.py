@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import shutil
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
-from rich.console import Console
+from rich.console import Console, ConsoleOptions, RenderableType
+from rich.segment import Segment
 from rich.table import Table
 
+_CONTROLS = {
+    code: "\N{REPLACEMENT CHARACTER}" for code in (*range(32), *range(127, 160)) if code != ord("\n")
+}
+"""Characters that a terminal would take for commands."""
 UNKNOWN_WIDTH = 160
 """Columns where nobody says how many, and no terminal does."""
 
@@ -19,6 +24,11 @@ class _Console(Console):
     def on_broken_pipe(self) -> None:
         """Raise what the operating system said."""
         raise BrokenPipeError
+
+    def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterator[Segment]:
+        """Yield what is printed: names from outside, as of a folder, have no control characters in it."""
+        for segment in super().render(renderable, options):
+            yield segment if segment.control else segment._replace(text=segment.text.translate(_CONTROLS))
 
 
 def show(tables: Iterable[Table | str], width: int = UNKNOWN_WIDTH) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import io
 import os
 import signal
 import subprocess
@@ -11,9 +13,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.table import Table
 
 from tuner import cli
 from tuner.cli import process, run
+from tuner.cli.progress import Messages
+from tuner.report.terminal import show
 
 CURVE = [sys.executable, "-m", "tuner", "curve"]
 
@@ -40,6 +45,26 @@ def test_own_mistakes_are_one_line_and_status_3(
     assert "a mistake of this program, not of the input: ZeroDivisionError" in line
     assert "report it" in line
     assert "\x1b" not in line
+
+
+def test_a_message_that_cannot_be_written_is_no_verdict(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Full(io.StringIO):
+        def write(self, _text: str) -> int:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(sys, "stderr", Full())
+    assert run(["curve", "nowhere.npz"]) == 2
+
+
+def test_a_folder_named_by_escape_sequences_is_printed_without(capsys: pytest.CaptureFixture[str]) -> None:
+    table = Table("x")
+    table.add_row("\x1b]0;x\x07")
+    show(["Page: out\x1b[31m/report.html", table])
+    Messages().say("wrote \x1b[31m\nx")
+    shown = capsys.readouterr()
+    assert "Page: out\ufffd[31m/report.html" in shown.out
+    assert not any(c in shown.out + shown.err for c in "\x1b\x07")
+    assert shown.err.count("\n") == 1
 
 
 def test_a_reader_of_tables_may_leave_and_know_no_greek(log: Path) -> None:

@@ -101,6 +101,12 @@ def test_a_set_that_cannot_be_written_leaves_the_old_one(
     assert leftovers(tmp_path / "out") == []
 
 
+def test_a_link_to_itself_is_an_error_of_the_system(tmp_path: Path) -> None:
+    (tmp_path / "loop").symlink_to("loop")
+    with pytest.raises(OSError, match="symbolic links"):
+        write_set(tmp_path / "loop", {"a.json": b"{}"}, last="a.json")
+
+
 def test_folders_of_killed_processes_are_removed(tmp_path: Path) -> None:
     (tmp_path / f".tuner-{2**22 + 1}-x").mkdir()
     living = tmp_path / f".tuner-{os.getpid()}-x"

@@ -21,12 +21,13 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 from numba import njit, types
-from numba.core.codegen import CPUCodeLibrary
 from numba.extending import intrinsic, register_jitable
 from numpy.typing import NDArray
 
 from models import earth, error_state, strapdown, taylor, vector3
+from tuner.linked_copies import keep_linked_copies
 
+keep_linked_copies()
 FloatArray = NDArray[np.float64]
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -117,30 +118,6 @@ def _announce() -> None:
 
 
 @contextmanager
-def own_copies() -> Iterator[None]:
-    """Have functions compiled in this block call their own copies of what numba links into them.
-
-    Numba marks such copies as replaceable by another of the same name. In the process that compiles, the loader finds
-    one: the function compiled alone, which LLVM optimised once less and, with `fastmath`, rounds otherwise. A process
-    that takes the code from disk finds none. With copies that nothing replaces, both compute the same digits.
-    """
-    kind: Any = CPUCodeLibrary
-    finish = kind._finalize_final_module
-
-    def finish_own(library: Any) -> None:
-        for function in library._final_module.functions:
-            if function.linkage.name == "linkonce_odr" and not function.is_declaration:
-                function.linkage = "internal"
-        finish(library)
-
-    kind._finalize_final_module = finish_own
-    try:
-        yield
-    finally:
-        kind._finalize_final_module = finish
-
-
-@contextmanager
 def compiling() -> Iterator[None]:
     """Around a first call: say that it compiles where it takes longer than loading from disk.
 
@@ -152,8 +129,7 @@ def compiling() -> Iterator[None]:
     gc.disable()
     notice.start()
     try:
-        with own_copies():
-            yield
+        yield
     finally:
         notice.cancel()
         if collects:

@@ -32,6 +32,9 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from tuner.linked_copies import keep_linked_copies
+
+keep_linked_copies()
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
