@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from models.units import unit_value
 from tuner.formats.guard import printable
 from tuner.readers import column_names as names
+from tuner.readers.clock_unit import MAX_RATE, MIN_RATE
 from tuner.readers.column_choice import Channel, Layout, choose
 from tuner.readers.columns import Listing, Part
 from tuner.readers.options import STAMP, Options, UnitChoice, sensor_unit, stated_rate
@@ -94,6 +95,9 @@ def even(listing: Listing, plan: Plan, digest: str, options: Options) -> EvenRec
         if time is None or layout.time is None:
             if rate is None:
                 msg = "no time column and no rate: pass --rate HZ, or --columns t=NAME"
+                raise DataError(msg)
+            if options.rate is None and not MIN_RATE <= rate <= MAX_RATE:
+                msg = f"the file states a rate of {rate:.4g} Hz, which no inertial sensor has: pass --rate HZ"
                 raise DataError(msg)
             valid = without_spikes(groups, axes, valid, notes, interval=1.0 / rate)
             origin, base = 0.0, even_timebase(count, 1.0 / rate, valid)
@@ -244,7 +248,9 @@ def _timebase(
 ) -> Timebase:
     """Return the time base of a clock, or that of the stated rate where the clock is too coarse to give one."""
     try:
-        return stamped_timebase(clock.stamps, valid=usable, equal=equal, resolution=clock.resolution)
+        return stamped_timebase(
+            clock.stamps, valid=usable, timed=clock.on, equal=equal, resolution=clock.resolution
+        )
     except DataError as error:
         if rate is None or not str(error).startswith(COARSE_CLOCK):
             raise

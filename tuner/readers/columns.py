@@ -110,7 +110,7 @@ def listing_of_arrays(
     for name, array in arrays.items():
         shape, size = tuple(array.shape), math.prod(array.shape)
         if array.dtype.kind not in "iuf" or len(shape) not in (1, 2) or size < 2:
-            if size > 1:
+            if size != 1:
                 said.append(
                     f"array '{name}' of {array.dtype} and shape {shape} was left out: no columns of numbers"
                 )

@@ -30,7 +30,7 @@ def list_npz(path: Path, progress: Progress | None = None) -> Listing:
         for name, array in arrays.items()
         if math.prod(array.shape) == 1 and array.dtype.itemsize <= MAX_META_BYTES
     }
-    meta: dict[str, Any] = {name: array.item() for name, array in single.items()}
+    meta: dict[str, Any] = {name: _value(array.item()) for name, array in single.items()}
     stated = meta.pop("meta", None)
     if isinstance(stated, str):
         content = parse_json(stated, source=f"{path}: meta")
@@ -38,6 +38,10 @@ def list_npz(path: Path, progress: Progress | None = None) -> Listing:
             meta |= content
     notes = [f"'{name}' was left out: {why}" for name, why in unread.items()]
     return listing_of_arrays(path, arrays, units=units, meta=meta, notes=notes, progress=progress)
+
+
+def _value(found: Any) -> Any:
+    return found.decode("utf-8", errors="replace") if isinstance(found, bytes) else found
 
 
 def _whole_numbers(array: StoredArray) -> StoredArray:

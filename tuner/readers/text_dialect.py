@@ -102,7 +102,7 @@ def find_dialect(path: Path) -> Dialect:
         raise DataError(msg)
     if b"\r" in (body := head.replace(b"\r\n", b"\n")).rstrip(b"\r"):
         raise DataError(lone_return(path, 1 + body[: body.index(b"\r")].count(b"\n")))
-    lines = re.split("\r\n|\r|\n", head.decode("utf-8-sig", errors="replace"))
+    lines = re.split("\r\n|\r|\n", _decoded(head))
     at = next((i for i, line in enumerate(lines) if _is_data(line)), None)
     if at is None:
         found = lines[0].strip()[:40]
@@ -120,6 +120,14 @@ def find_dialect(path: Path) -> Dialect:
         else ".",
         rate=None if rate is None else float(rate.replace(",", ".")),
     )
+
+
+def _decoded(head: bytes) -> str:
+    """Return the text of bytes, the last of which may be a part of a character: UTF-8, else that of Western Windows."""
+    try:
+        return codecs.getincrementaldecoder("utf-8-sig")().decode(head)
+    except UnicodeDecodeError:
+        return head.decode("cp1252", errors="replace")
 
 
 def _dialect(path: Path, above: str | None, data: str, skip: int) -> Dialect:

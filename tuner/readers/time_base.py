@@ -32,6 +32,9 @@ MAX_BRIDGED_SHARE = 0.01
 """Largest share of all samples that may come from bridges: N is then biased by 1.8 % at most."""
 MIN_SEGMENT_SAMPLES = 3
 """Samples that one Allan point needs; shorter segments are left out."""
+MAX_BROKEN_SHARE = 0.02
+"""Share of rows without readings up to which they belong to the sensor: 1 % may be broken in each of two ways, and rows
+of another sensor beside it are more."""
 MIN_BATCHES = 32
 """Different stamps of a clock coarser than the sampling from which they give a rate: to 3 % and better."""
 COARSE_CLOCK = "the clock is too coarse"
@@ -157,6 +160,7 @@ def stamped_timebase(
     stamps: FloatArray,
     *,
     valid: BoolArray | None = None,
+    timed: BoolArray | None = None,
     equal: Callable[[IntArray, IntArray], BoolArray] | None = None,
     resolution: float = 0.0,
 ) -> Timebase:
@@ -167,7 +171,9 @@ def stamped_timebase(
     stamps : ndarray, shape (n,)
         Stamps, s, counted from about the first one (large offsets cost digits).
     valid : ndarray of bool, shape (n,), optional
-        False for rows that count as missing.
+        False for rows that count as missing; where they are few, their stamps tell the interval all the same.
+    timed : ndarray of bool, optional
+        False for rows whose stamps are no time.
     equal : callable, optional
         ``equal(i, j)`` tells which pairs of rows hold equal values; without it no rows do.
     resolution : float, optional
@@ -179,7 +185,9 @@ def stamped_timebase(
         Fewer than three usable rows, a constant clock, one too coarse to give a rate, or one that runs backwards.
     """
     rows: IntArray | None = None
-    usable = np.isfinite(stamps) if valid is None else valid & np.isfinite(stamps)
+    usable = np.isfinite(stamps) if timed is None else timed & np.isfinite(stamps)
+    if valid is not None and np.count_nonzero(~valid) > MAX_BROKEN_SHARE * len(valid):
+        usable &= valid
     if not usable.all():
         rows = np.flatnonzero(usable)
     t = stamps if rows is None else stamps[rows]
@@ -191,6 +199,15 @@ def stamped_timebase(
         msg = f"{COARSE_CLOCK}: {different} different stamps in {len(t)} rows give no rate: pass --rate HZ"
         raise DataError(msg)
     interval, at, size = interval_and_gaps(t, max(batch, resolution))
+    if valid is not None and not (kept := valid if rows is None else valid[rows]).all():
+        steps = np.ones(len(t), np.int64)
+        steps[at + 1] += size
+        number = np.cumsum(steps)[kept]
+        rows = np.flatnonzero(kept) if rows is None else rows[kept]
+        t, lost = t[kept], np.diff(number) - 1
+        _require(len(t))
+        at = np.flatnonzero(lost)
+        size = lost[at]
     base = _on_grid(t, interval, at, size)
     if max(batch, resolution) > base.rounding:
         base = replace(base, rounding=max(batch, resolution))

@@ -354,3 +354,22 @@ def test_any_bytes_are_read_or_refused_in_one_line(tmp_path: Path, content: byte
         except DataError as error:
             message = str(error)
         assert "\n" not in message
+
+
+def test_a_header_of_western_windows(tmp_path: Path) -> None:
+    columns = {"t [s]": T} | {f"gyro_{a} [°/s]": np.rad2deg(GYRO[:, j]) for j, a in enumerate("xyz")}
+    path = write_csv(tmp_path / "log.csv", columns)
+    path.write_bytes(path.read_text(encoding="utf-8").encode("cp1252"))
+    (gyro,) = read(path)
+    np.testing.assert_allclose(gyro.y, GYRO, rtol=1e-12)
+
+
+def test_what_an_archive_states_in_bytes_and_as_a_rate_that_none_has(tmp_path: Path) -> None:
+    path = tmp_path / "log.npz"
+    np.savez(path, t=T, gyro=np.rad2deg(GYRO), gyro_unit=b"deg/s", accel=np.zeros((0, 3)))
+    (gyro,) = read(path)
+    np.testing.assert_allclose(gyro.y, GYRO, rtol=1e-12)
+    assert any("array 'accel' of float64 and shape (0, 3) was left out" in note for note in gyro.notes)
+    np.savez(path, gyro=GYRO, gyro_unit="rad/s", rate_hz=1e30)
+    with pytest.raises(DataError, match=r"a rate of 1e\+30 Hz, which no inertial sensor has: pass --rate HZ"):
+        read(path)

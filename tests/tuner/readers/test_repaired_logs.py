@@ -71,6 +71,23 @@ def test_a_reading_that_no_sensor_makes_is_taken_out_and_counted(
     )
 
 
+def test_broken_readings_at_even_distances_leave_the_rate(tmp_path: Path) -> None:
+    """Stamps of the rows left out count: else a sample lost every 110 looks like a slower clock of few digits."""
+    gyro = GYRO.copy()
+    gyro[100::110, 1] = 9e4
+    record, _ = read(write(tmp_path / "log.csv", rows(gyro=gyro)))
+    assert record.rate == pytest.approx(100.0, rel=1e-9)
+    assert (record.timing["missing"], len(record)) == (9.0, COUNT)
+
+
+def test_rows_of_zeros_are_dropouts_and_no_motion(tmp_path: Path) -> None:
+    gyro, accel = GYRO.copy(), ACCEL.copy()
+    gyro[50::200], accel[50::200] = 0.0, 0.0
+    _, record = read(write(tmp_path / "log.csv", rows(gyro=gyro, accel=accel)))
+    assert record.timing["missing"] == 5.0
+    np.testing.assert_allclose(record.y.std(axis=0), ACCEL.std(axis=0), rtol=0.02)
+
+
 def test_more_than_one_percent_of_broken_cells(tmp_path: Path) -> None:
     y = GYRO.copy()
     y[5::50, 2] += 50.0
