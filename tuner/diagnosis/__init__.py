@@ -109,14 +109,11 @@ def diagnose(
         drive = read_if_drive(data)
         data = read(data) if drive is None else drive
     if isinstance(data, Drive):
-        from tuner.diagnosis.drive.explained_drive import diagnose_drive_of
-        from tuner.identification.identify_source import receiver_of_source
+        from tuner.diagnosis.drive.explained_drive import examine_drive_of
 
-        if holdout is not None:
-            msg = "--holdout: expected with a static log; of a drive the last 40 % are held out"
-            raise DataError(msg)
-        receiver = receiver_of_source(gnss, progress) if isinstance(gnss, str) else gnss
-        return diagnose_drive_of(data, config, gnss=receiver, wheels=wheels, progress=progress)
+        return examine_drive_of(
+            data, config, holdout=holdout, gnss=gnss, wheels=wheels, progress=progress
+        ).diagnosis
     from tuner.diagnosis.static.diagnose import diagnose as diagnose_records
 
     given = {"--config": config is not None, "--gnss": gnss is not None, "--wheels": wheels}

@@ -13,7 +13,15 @@ from models.effects import Effect
 Group = Literal["fast spectrum", "distribution", "slow part", "samples", "several channels"]
 """Where causes show; those of one group can be mistaken for each other."""
 View = Literal[
-    "time course", "peak", "spectrum", "temperature", "variance", "histogram", "values", "time stamps"
+    "time course",
+    "peak",
+    "spectrum",
+    "temperature",
+    "variance",
+    "histogram",
+    "values",
+    "time stamps",
+    "pairs",
 ]
 """Figures of `tuner.report.static_cause_panels`."""
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from models.effects import EFFECTS, Samples
 from models.noise import NoiseModel
 from tuner.diagnosis.static.channel import Channel, channel
-from tuner.diagnosis.static.model.residual import residual
+from tuner.diagnosis.static.model.residual import Residual, residual
 from tuner.types import Coefficient, Diagnosis, Finding
 from tuner.types.records import DataError, Record
 
@@ -37,8 +37,10 @@ class DiagnosedAxis:
         s.
     t, y : ndarray, shape (n,)
         Time, s, and samples less their median, SI; short gaps are bridged.
-    residuals : callable
-        Returns `e`; computed where a figure shows it, once for all copies of this object.
+    fitted : callable
+        Returns the fit whose residuals are `e`; made where a figure shows it, once for all copies of this object.
+    scale : float
+        Size of its samples, SI.
     temperature : ndarray, shape (n,), optional
         °C.
     before, after : NoiseModel
@@ -54,7 +56,8 @@ class DiagnosedAxis:
     interval: float
     t: FloatArray
     y: FloatArray
-    residuals: Callable[[], FloatArray]
+    fitted: Callable[[], Residual]
+    scale: float
     temperature: FloatArray | None
     before: NoiseModel
     after: NoiseModel
@@ -63,8 +66,14 @@ class DiagnosedAxis:
 
     @property
     def e(self) -> FloatArray:
-        """Residuals of the model before, of unit variance, shape (n,)."""
-        return self.residuals()
+        """Residuals of the fit without any finding, of unit variance, shape (n,)."""
+        return self.fitted().e
+
+    def expected(self, f: FloatArray) -> FloatArray:
+        """Return the spectrum that `e` has if the noise is `after`, at frequencies `f`, Hz; 1 where that is the fit."""
+        fit = self.fitted()
+        power = fit.power_at(f) * (self.scale * fit.spread) ** 2
+        return np.asarray(self.after.psd(f, interval=self.interval) / power)
 
     @property
     def signal(self) -> FloatArray:
@@ -105,9 +114,20 @@ def diagnosed_axis(records: Sequence[Record], axis: str, diagnosis: Diagnosis) -
             signals[finding.cause] = signals.get(finding.cause, np.zeros_like(y)) + (made - made.mean())
     empty = NoiseModel()
     before, after = diagnosis.base.get(axis, empty), diagnosis.models.get(axis, empty)
-    residuals = cache(lambda: residual(ready).e)
+    fitted = cache(lambda: residual(ready))
     return DiagnosedAxis(
-        axis, ready.unit, ready.interval, t, y, residuals, temperature, before, after, signals, findings
+        axis,
+        ready.unit,
+        ready.interval,
+        t,
+        y,
+        fitted,
+        ready.scale,
+        temperature,
+        before,
+        after,
+        signals,
+        findings,
     )
 
 

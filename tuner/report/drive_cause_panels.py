@@ -46,13 +46,16 @@ def _innovations(found: FilterRun) -> tuple[FloatArray, FloatArray]:
 def draw_effect(panel: Axes, found: FilterRun, title: str, values: Mapping[Parameter, float]) -> None:
     """Draw innovations over what the constants that were found would do to them.
 
-    Both are whitened: in sds, serially uncorrelated where the filter is right. Before, they lie on a line of slope 1.
+    Both are whitened: in sds, serially uncorrelated where the filter is right. They lie on the line of what the run
+    does not compensate yet: of slope 1 in a filter without the finding, of slope 0 in one with it.
     """
     w = found.whitened
     own = [found.linearized.parameters.index(parameter) for parameter in values]
-    effect = w.slope[:, own] @ np.array(list(values.values()))
+    size = np.array(list(values.values()))
+    effect = w.slope[:, own] @ size
+    left = w.slope[:, own] @ (size - found.hypothesis.compensation.vector(values))
     order = np.argsort(effect)
-    x, y = effect[order], w.residual[order]
+    x, y, predicted = effect[order], w.residual[order], left[order]
     panel.plot(x, y, ".", ms=1.5, mew=0, color=BEFORE_COLOUR, alpha=0.5, rasterized=True)
     groups = [group for group in np.array_split(np.arange(len(x)), INNOVATION_GROUPS) if len(group) > 1]
     middle = np.array([x[group].mean() for group in groups])
@@ -69,10 +72,9 @@ def draw_effect(panel: Axes, found: FilterRun, title: str, values: Mapping[Param
         label="means of equal groups, 95 %",
     )
     ends = np.array([middle[0], middle[-1]])
-    panel.plot(
-        ends, ends, color=CAUSE_COLOUR, lw=1.2, label="what the finding predicts for a filter without it"
-    )
     panel.axhline(0.0, color="0.5", lw=0.8)
+    line = np.array([predicted[group].mean() for group in groups])
+    panel.plot(middle, line, color=CAUSE_COLOUR, lw=1.2, label="predicted by the finding for this filter")
     reach = 1.5 * float(np.max(np.abs(np.concatenate([mean, ends]))) + 0.5)
     span = 1.1 * float(np.max(np.abs(ends)))
     panel.set(

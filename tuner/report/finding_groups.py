@@ -199,14 +199,18 @@ def changed_entry(cause: str) -> str:
     if effect.identified_as is not None:
         return _of_term(effect.identified_as)
     if effect.joins == "law of the noise":
-        return "white noise, by its share of the time; at its worst in `worst_case`"
+        return "white noise, by its share of the time; its largest stands under worst_case in noise.yaml"
     if "frequency" in effect.locates:
-        return "no entry: its integral stays bounded"
-    return "white noise: that of long times is written"
+        return "no entry: an oscillation leaves no error that grows with time"
+    return "white noise: the level at low frequencies is written, which is what adds up over time"
 
 
 def _of_term(term: str) -> str:
-    return "no entry: its integral stays bounded" if term == "sinusoid" else "bias states"
+    return (
+        "no entry: an oscillation leaves no error that grows with time"
+        if term == "sinusoid"
+        else "bias states"
+    )
 
 
 def way_texts(before: float, after: float) -> tuple[str, str]:

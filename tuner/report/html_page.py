@@ -46,6 +46,7 @@ from tuner.report.tune_answer import (
     recording_line,
     verdict_line,
 )
+from tuner.types import Finding
 
 PICTURE_BYTES = 2_500_000
 """Bytes that all pictures of findings take in the page; further ones stand beside the page, which stays below 6 MB."""
@@ -74,12 +75,27 @@ TIMING = {
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure on file: what it shows, its name beside the page, its SVG, and its panels as charts if it has them."""
+    """A figure on file.
+
+    Attributes
+    ----------
+    caption : str
+        What it shows.
+    name : str
+        Its name beside the page.
+    svg : bytes
+        Its drawing.
+    charts : sequence of Chart, optional
+        Its panels, to read values off.
+    titled : bool
+        Whether the caption stands in the drawing already.
+    """
 
     caption: str
     name: str
     svg: bytes
     charts: Sequence[Chart] | None = None
+    titled: bool = False
 
 
 def write_page(
@@ -272,18 +288,17 @@ def _reasons(result: TuneResult) -> list[str]:
 
 def _findings(result: TuneResult, pictures: Sequence[Picture]) -> dict[str, Any]:
     """Return the findings in groups, each with its pictures as long as there is room, and what else there is."""
-    found = result.diagnosis
-    if found is None:
-        nothing = (
-            result.absent.get("diagnosis")
-            or result.absent.get("static diagnosis")
-            or "No diagnosis was made."
-        )
-        return {"groups": [], "remarks": [], "all_findings": [], "nothing_found": nothing}
-    span = max((record.span for record in result.records), default=None)
+    found, span = result.diagnosis, max((record.span for record in result.records), default=None)
+    sources: list[tuple[str, Any, list[str], Sequence[Finding]]] = []
+    if found is not None:
+        for group in finding_groups([one for one in found.findings if not contradicted(one)], span):
+            title = group.short[:1].upper() + group.short[1:]
+            sources.append((title, _drift(group), _words(group), group.findings))
+    if result.drive is not None:
+        sources += _found_on_drive(result.drive.diagnosis.findings)
     room, groups = PICTURE_BYTES, []
-    for group in finding_groups([one for one in found.findings if not contradicted(one)], span):
-        own = [picture for picture in pictures if picture.caption in {one.text for one in group.findings}]
+    for title, drift, lines, findings in sources:
+        own = [picture for picture in pictures if picture.caption in {one.text for one in findings}]
         shown = []
         for picture in own[:WORDED_FINDINGS]:
             one = _shown(picture)
@@ -293,13 +308,18 @@ def _findings(result: TuneResult, pictures: Sequence[Picture]) -> dict[str, Any]
         left_out = [picture.name for picture in own if picture.name not in {one["name"] for one in shown}]
         groups.append(
             {
-                "title": group.short[:1].upper() + group.short[1:],
-                "drift": _drift(group),
-                "lines": _words(group),
+                "title": title,
+                "drift": drift,
+                "lines": lines,
                 "pictures": shown,
                 "left_out": left_out,
             }
         )
+    if found is None:
+        why = result.absent.get("static diagnosis") or result.absent.get("diagnosis")
+        nothing = f"No static diagnosis: {why}." if why else "No diagnosis was made."
+        remarks = [nothing] if groups else []
+        return {"groups": groups, "remarks": remarks, "all_findings": [], "nothing_found": nothing}
     remarks = [
         f"{one.cause} in {axes_text(one.channels)}: held-out data are less likely with it, so it is no finding"
         for one in found.findings
@@ -312,6 +332,24 @@ def _findings(result: TuneResult, pictures: Sequence[Picture]) -> dict[str, Any]
         "all_findings": [block for block in _blocks(diagnosis_tables(found)) if "rows" in block],
         "nothing_found": "Nothing: the log agrees with a simulation of its noise terms.",
     }
+
+
+def _found_on_drive(
+    findings: Sequence[Finding],
+) -> list[tuple[str, None, list[str], Sequence[Finding]]]:
+    """Return title, words and findings of each cause that was found on the drive, the clearest first."""
+    by_cause: dict[str, list[Finding]] = {}
+    for one in findings:
+        by_cause.setdefault(one.cause, []).append(one)
+    return [
+        (
+            f"On the drive: {cause.replace('_', ' ')}",
+            None,
+            [f"{one.text} → {one.consequence}" for one in alike],
+            alike,
+        )
+        for cause, alike in by_cause.items()
+    ]
 
 
 def _drift(group: FindingGroup) -> dict[str, Any] | None:
@@ -349,8 +387,8 @@ def _sections(
         sections.append(("calibration", "Calibration", _blocks(calibration_lines(result.calibration)), []))
     if result.drive is not None:
         static = () if result.diagnosis is None else result.diagnosis.findings
-        of_log = {one.text for one in static}
-        own = [_shown(picture) for picture in pictures if picture.caption not in of_log]
+        of_findings = {one.text for one in (*static, *result.drive.diagnosis.findings)}
+        own = [_shown(picture) for picture in pictures if picture.caption not in of_findings]
         sections.append(("drive", "The drive", _blocks(drive_tables(result.drive.diagnosis)), own))
     if result.check is not None:
         content = _blocks(consistency_tables(result.check.consistency, result.check.notes))
@@ -379,10 +417,15 @@ def _provenance(result: TuneResult, command: str) -> list[tuple[str, str]]:
     return [*answer, ("Seed", str(result.seed))]
 
 
-def _shown(picture: Picture) -> dict[str, str]:
+def _shown(picture: Picture) -> dict[str, Any]:
     svg = COORDINATES.sub(lambda found: TOO_FINE.sub(rb"\1", found[0]), picture.svg)
     address = f"data:image/svg+xml;base64,{b64encode(svg).decode()}"
-    return {"caption": picture.caption, "name": picture.name, "address": address}
+    return {
+        "caption": picture.caption,
+        "name": picture.name,
+        "address": address,
+        "titled": picture.titled,
+    }
 
 
 def _blocks(content: Sequence[Table | str]) -> list[dict[str, Any]]:

@@ -10,10 +10,11 @@ from matplotlib.figure import Figure
 from tuner.consistency.choose_grade import GradeChoice
 from tuner.formats.customary_units import customary_unit, in_customary, pretty
 from tuner.report.consistency_tables import score_title
+from tuner.report.drive_diagnosis_tables import SHORT_NAMES
 from tuner.report.figure_files import new_figure
 from tuner.report.finding_groups import finding_groups
 from tuner.report.overlaid_figure import SOURCE_COLOURS, STATED_TAU
-from tuner.types import AllanCurve, Correlogram, FilterConfig, Finding, Spectrum
+from tuner.types import AllanCurve, Correlogram, FilterConfig, Finding, NoiseScaleEstimate, Spectrum
 from tuner.types.consistency import Score
 from tuner.types.fleet import Fleet
 from tuner.types.prediction import NoiseBlock
@@ -106,6 +107,33 @@ def drift_figure(findings: Sequence[Finding]) -> Figure:
             panel.legend(fontsize=8)
         else:
             panel.set_title("no finding moves the position")
+    return figure
+
+
+def noise_scales_figure(estimates: Sequence[NoiseScaleEstimate]) -> Figure:
+    """Return the factor on each noise setting that a drive shows, with no cause named and with all findings."""
+    shown = [one for one in estimates if one.identifiable and one.stated is not None]
+    with new_figure((9.4, 1.4 + 0.5 * max(len(shown), 1))) as figure:
+        panel = figure.subplots()
+        for k, one in enumerate(shown):
+            for factor, offset, colour, label in (
+                (one.plain, -0.15, "0.5", "with no cause named"),
+                (one.named, 0.15, GOOD_COLOUR, "with all findings"),
+            ):
+                at, name = k + offset, None if k else label
+                if factor.value is not None and factor.interval is not None:
+                    panel.plot(factor.interval, [at, at], color=colour, lw=2)
+                    panel.plot(factor.value, at, "o", color=colour, label=name)
+                elif factor.upper is not None:
+                    panel.plot(factor.upper, at, "<", color=colour, label=name)
+        panel.axvline(1.0, color="0.4", lw=0.8)
+        panel.set_yticks(range(len(shown)), [SHORT_NAMES[one.setting] for one in shown])
+        panel.set(xscale="log", xlabel="shown by the drive ÷ stated")
+        panel.invert_yaxis()
+        if shown:
+            panel.legend(fontsize=8)
+        else:
+            panel.set_title("the drive determines none of the noise settings")
     return figure
 
 

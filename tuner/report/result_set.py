@@ -77,7 +77,7 @@ def tune_files(result: TuneResult, command: str = "") -> dict[str, bytes]:
     draw_all(figures, put)
     if result.drive is not None:
         drawn += draw_drive(result.drive, here, put)
-    pictures = [Picture(caption, path.name, files[path.name]) for caption, path in drawn]
+    pictures = [Picture(caption, path.name, files[path.name], titled=True) for caption, path in drawn]
     files |= {name: _encoded(text) for name, text in result.exports.items()}
     files["report.html"] = _encoded(write_page(result, pictures, files.get("allan.svg"), command))
     if result.key is not None:

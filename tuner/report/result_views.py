@@ -18,12 +18,14 @@ from tuner.consistency.choose_grade import GradeChoice
 from tuner.consistency.compare_sensors import SensorComparison
 from tuner.consistency.score_drive import DriveResult
 from tuner.consistency.score_output import OutputScore
+from tuner.diagnosis.drive import ExaminedDrive
 from tuner.pipeline import TuneResult
 from tuner.report.allan_figure import allan_figure
 from tuner.report.answer_layout import settings_table
 from tuner.report.comparison_tables import choice_tables, comparison_tables
 from tuner.report.consistency_tables import check_tables, consistency_tables, consistency_verdict
 from tuner.report.curve_tables import statistic_tables
+from tuner.report.drive_diagnosis_figures import draw_drive
 from tuner.report.drive_diagnosis_tables import drive_tables
 from tuner.report.figure_files import draw_all, figure_bytes
 from tuner.report.fleet_files import fleet_frame
@@ -38,6 +40,7 @@ from tuner.report.result_figures import (
     curve_figure,
     drift_figure,
     fleet_figure,
+    noise_scales_figure,
     scores_figure,
     settings_figure,
 )
@@ -166,10 +169,19 @@ def pictures_of_findings(records: Sequence[Record], diagnosis: Diagnosis) -> Par
     for caption, path in captions:
         room -= len(made[path])
         if room >= 0:
-            pictures.append(Picture(caption, path.name, made[path]))
+            pictures.append(Picture(caption, path.name, made[path], titled=True))
         else:
             left_out.append(f"without a picture here, which `tuner tune` draws: {caption}")
     return Part(left_out, pictures)
+
+
+def pictures_of_drive(examined: ExaminedDrive) -> Part:
+    """Return the pictures of the diagnosis of a drive: of each finding first, then of the whole filter."""
+    made: dict[Path, bytes] = {}
+    drawn = draw_drive(examined, Path(), made.__setitem__)
+    whole = [Picture(caption, path.name, made[path], titled=True) for caption, path in drawn]
+    proofs = {finding.text for finding in examined.diagnosis.findings}
+    return Part([], sorted(whole, key=lambda picture: picture.caption not in proofs))
 
 
 def picture_of(figure: Figure, caption: str, name: str = "figure.svg") -> Picture:
@@ -318,8 +330,9 @@ VIEWS: dict[type, View] = {
         lambda d: _findings(d.findings),
         ("finding", "parameter"),
         drive_tables,
-        lambda d: drift_figure(d.findings),
-        "Position error of one sensor axis without fixes, with each finding in the samples and without it",
+        lambda d: noise_scales_figure(d.noise_scales),
+        "Size of each noise setting that the drive shows ÷ that stated, with 95 % intervals: with no cause named, and "
+        "with all findings in the filter; 1 is right, arrows are limits",
     ),
     Check: View(
         lambda c: _consistency(c.consistency),

@@ -56,7 +56,7 @@ def draw_peak(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float]) 
     smooth = max(1, int(0.15 * width / step))
     near = (f > centre - reach - step) & (f < centre + reach)
     panel.plot(f[near], uniform_filter1d(power, smooth)[near], color=DATA_COLOUR, lw=0.9, label="residuals")
-    panel.axhline(1.0, color=MODEL_COLOUR, ls="--", lw=0.9, label="expected by the model")
+    panel.axhline(1.0, color=MODEL_COLOUR, ls="--", lw=0.9, label="expected without it")
     panel.axvline(centre, color=CAUSE_COLOUR, lw=1.0, alpha=0.6, label=f"{centre:.6g} Hz")
     if width:
         panel.axvspan(centre - 0.5 * width, centre + 0.5 * width, color=CAUSE_COLOUR, alpha=0.15, lw=0)
@@ -68,16 +68,8 @@ def draw_colour(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float]
     f, power = _periodogram(subject)
     rows, at = blocks(power, 200).mean(axis=1), blocks(f, 200).mean(axis=1)
     panel.plot(at, rows, ".", ms=3, color=DATA_COLOUR, label="residuals (means over a band)")
-    panel.axhline(1.0, color=MODEL_COLOUR, ls="--", lw=0.9, label="model before")
-    dt = subject.interval
-    ratio = subject.after.psd(at, interval=dt) / subject.before.psd(at, interval=dt)
-    panel.plot(
-        at,
-        ratio * rows.mean() / ratio.mean(),
-        color=CAUSE_COLOUR,
-        lw=1.3,
-        label="extended model ÷ model before",
-    )
+    panel.axhline(1.0, color=MODEL_COLOUR, ls="--", lw=0.9, label="expected without any finding")
+    panel.plot(at, subject.expected(at), color=CAUSE_COLOUR, lw=1.3, label="expected with what was found")
     if "cutoff" in values:
         panel.axvline(
             values["cutoff"], color=CAUSE_COLOUR, ls=":", lw=1.0, label=f"cut-off {values['cutoff']:.4g} Hz"
@@ -198,6 +190,21 @@ def draw_codes(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float])
     panel.set_title(f"histogram of the {what}")
 
 
+def draw_pairs(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float]) -> None:
+    """Draw every value that a finding has in pairs of channels, with its 95 % interval."""
+    (name,) = values
+    one = subject.findings[0]
+    each = {pair: own[name] for pair, own in one.by_channel.items()} or {"": one.parameters[name]}
+    for place, value in enumerate(each.values()):
+        if value.value is not None and value.interval is not None:
+            panel.plot(value.interval, [place, place], color=DATA_COLOUR, lw=1.5)
+            panel.plot(value.value, place, "o", ms=4, color=DATA_COLOUR)
+    panel.axvline(0.0, color=MODEL_COLOUR, ls="--", lw=0.9, label="independent channels")
+    panel.set_yticks(range(len(each)), [pair.replace("_", " ") for pair in each])
+    panel.invert_yaxis()
+    panel.set(xlabel=f"{name} of the residuals, 95 %", title="what the channels share")
+
+
 def draw_stamps(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float]) -> None:
     """Write the figures of the time stamps as text: the samples have been put on an even grid."""
     lines = [f"{name.replace('_', ' ')}: {value:.6g}" for name, value in values.items()]
@@ -213,6 +220,7 @@ VIEWS: Mapping[cause.View, View] = {
     "variance": draw_variance,
     "histogram": draw_histogram,
     "values": draw_codes,
+    "pairs": draw_pairs,
     "time stamps": draw_stamps,
 }
 """Figure of each view that a cause can ask for."""

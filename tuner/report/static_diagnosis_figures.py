@@ -121,8 +121,8 @@ def _draw_curve(panel: Axes, one: DiagnosedAxis, curve: _Curve, replicas: int, s
     signal = one.signal
     more = curve.of(signal) ** 2 if one.signals else 0.0
     for label, colour, model, added, path in (
-        ("model before", BEFORE_COLOUR, one.before, 0.0, np.zeros_like(signal)),
-        ("extended model", CAUSE_COLOUR, one.after, more, signal),
+        ("identified terms", BEFORE_COLOUR, one.before, 0.0, np.zeros_like(signal)),
+        ("with what was found", CAUSE_COLOUR, one.after, more, signal),
     ):
         if not model.terms:
             continue

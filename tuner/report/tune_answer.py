@@ -13,6 +13,7 @@ from tuner.formats.customary_units import digits
 from tuner.identification.comparison import compare_identifications, limit_checks
 from tuner.report.answer_layout import settings_table, wrapped
 from tuner.report.comparison_tables import limit_text
+from tuner.report.drive_answer import choice_lines, finding_lines
 from tuner.report.finding_groups import contradicted, drift_text, finding_groups
 from tuner.report.settings_rows import SettingsRow, axes_text, settings_rows
 from tuner.report.static_diagnosis_tables import hidden_effect_lines
@@ -27,6 +28,8 @@ WITHOUT_RECEIVER = "name a receiver (--gnss GRADE)"
 """Words of the reason where a check lacks only the receiver."""
 SHOWN_FINDINGS = 2
 """Findings in the answer: what a reader acts on first."""
+SHORT_SPAN = 600.0
+"""Time up to which a reader counts seconds, s."""
 HALF_LIMIT = "*: half of a 95 % limit"
 NO_INTERVAL = "no ±: fitted to the Allan curve, or set"
 
@@ -50,6 +53,7 @@ def answer_lines(result: TuneResult, directory: Path) -> list[Table | str]:
         *wrapped(legend(rows), 2),
         *(line for text in against_datasheet(result) for line in wrapped(text, 2)),
         *(line for text in what_matters(result) for line in wrapped(text, 2)),
+        *([] if result.choice is None else choice_lines(result.choice)),
         *(line for text in hidden_lines(result) for line in wrapped(text, 2)),
         *(line for text in _absent_lines(result) for line in wrapped(text, 2)),
         *wrapped(f"{_page(result)}: {directory / 'report.html'} (tables here: --verbose)", 2),
@@ -88,11 +92,12 @@ def _why_not(verdicts: Sequence[Verdict]) -> str:
 
 
 def recording_line(result: TuneResult) -> str:
-    """Return length and rate of what the numbers rest on, and what was assumed of it."""
+    """Return length and rate of what the numbers rest on, and what was assumed of it; of a drive alone, its rest."""
     spans: dict[str, list[str]] = {}
+    rest = " at rest in the drive" if result.drive is not None and not result.records else ""
     for channel in result.identification.channels.values():
         if channel.span > 0.0:
-            text = f"{digits(channel.span / 3600.0)} h at {digits(1.0 / channel.interval)} Hz"
+            text = f"{_span_text(channel.span)}{rest} at {digits(1.0 / channel.interval)} Hz"
             spans.setdefault(text, []).append(channel.axis)
     lengths = [text if len(spans) == 1 else f"{text} ({axes_text(axes)})" for text, axes in spans.items()]
     assumed = assumptions(result)
@@ -100,6 +105,11 @@ def recording_line(result: TuneResult) -> str:
     if result.key is not None:
         units = "simulated in SI units"
     return "; ".join([", ".join([result.name, *lengths]), *([units] if result.records else [])])
+
+
+def _span_text(seconds: float) -> str:
+    """Return a time in hours, in seconds where it is short."""
+    return f"{digits(seconds / 3600.0)} h" if seconds >= SHORT_SPAN else f"{seconds:.0f} s"
 
 
 def assumptions(result: TuneResult) -> tuple[str, ...]:
@@ -141,12 +151,7 @@ def what_matters(result: TuneResult) -> list[str]:
         if not groups:
             lines.append("Found nothing that the noise terms do not explain")
     if result.drive is not None:
-        found = result.drive.diagnosis
-        lines += [
-            f"On the drive: {one.text} → {one.consequence}" for one in found.findings[:SHOWN_FINDINGS]
-        ] or ["On the drive: nothing found that the filter does not expect"]
-    if result.choice is not None:
-        lines.append(f"After the drive: {result.choice.note}")
+        lines += finding_lines(result.drive.diagnosis.findings, result.choice)
     return lines
 
 
@@ -167,7 +172,8 @@ def _page(result: TuneResult) -> str:
     if found is None:
         return "Page"
     groups = finding_groups([one for one in found.findings if not contradicted(one)])
-    more = [f"{len(groups) - SHOWN_FINDINGS} more findings"] if len(groups) > SHOWN_FINDINGS else []
+    shown = min(SHOWN_FINDINGS, sum(group.matters for group in groups))
+    more = [f"{len(groups) - shown} more findings"] if len(groups) > shown > 0 else []
     axes = dict.fromkeys(axis for one in found.unexplained for axis in one.channels)
     more += [f"unexplained misfits of {axes_text(list(axes))}"] if axes else []
     return f"Page with {', '.join(more)}" if more else "Page"

@@ -1,5 +1,6 @@
 """`tuner diagnose DRIVE` and `tuner tune --drive` from end to end."""
 
+import html
 import json
 import os
 from dataclasses import dataclass, replace
@@ -62,8 +63,18 @@ def file(drive, tmp_path_factory):
 @pytest.fixture(scope="module")
 def found(file):
     answer = file.with_name("found.json")
-    assert run(["diagnose", str(file), "--config", "mpu9250", "--json", str(answer), "--quiet"]) == 0
+    where = ["--json", str(answer), "--page", str(file.with_name("found.html")), "--quiet"]
+    assert run(["diagnose", str(file), "--config", "mpu9250", *where]) == 0
     return json.loads(answer.read_text())
+
+
+def test_the_page_of_a_drive_has_a_picture_of_each_cause_and_of_the_noise_settings(file, found):
+    page = html.unescape(file.with_name("found.html").read_text())
+    causes = {one["cause"]: one["text"] for one in reversed(found["findings"])}
+    assert causes
+    for text in causes.values():
+        assert f'alt="{text}"' in page
+    assert "shown by the drive ÷ stated" in page
 
 
 @pytest.fixture(scope="module")

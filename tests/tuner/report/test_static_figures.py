@@ -37,6 +37,7 @@ EFFECTS = {
     "clipping": {"low": -3e-3, "high": 3e-3},
     "duplicates": {"fraction": 0.05},
     "timing": {"gap_count": 2.0, "jitter_sd": 1e-4, "clock_ratio": 1.0},
+    "cross_axis": {"correlation": 0.3},
     "motion": {"start": 100.0, "duration": 20.0},
 }
 """Parameters of a finding of every view."""

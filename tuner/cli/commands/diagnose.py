@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
@@ -24,6 +25,7 @@ from tuner.cli.progress import Messages
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from tuner.diagnosis.drive import ExaminedDrive
     from tuner.types import Diagnosis, DriveDiagnosis
     from tuner.types.records import Drive, Record
 
@@ -75,28 +77,38 @@ def command(
     of CONFIG are tested; without --config, of a filter made from the stationary parts of the drive.
     """
     from tuner import diagnose
+    from tuner.diagnosis.drive.explained_drive import examine_drive_of
     from tuner.formats.diagnosis import diagnosis_json
     from tuner.report.static_diagnosis_tables import diagnosis_tables, headline_lines
     from tuner.report.terminal import show
-    from tuner.types import DriveDiagnosis
+    from tuner.types import Diagnosis, DriveDiagnosis
     from tuner.types.records import Drive
 
     data = load_data(log, reading, messages)
     if against is not None:
         _compare(log, data, against, reading, seed, output, messages)
         return 0
-    found: Diagnosis | DriveDiagnosis = diagnose(
-        data,
-        holdout=None if holdout is None else load_records(holdout, reading, messages),
-        replicas=replicas,
-        seed=seed,
-        config=config,
-        gnss=gnss,
-        wheels=wheels,
-        progress=messages.say,
-    )
+    found: Diagnosis | DriveDiagnosis
+    if isinstance(data, Drive):
+        examined = examine_drive_of(
+            data, config, holdout=holdout, gnss=gnss, wheels=wheels, progress=messages.say
+        )
+        found, parts = examined.diagnosis, _drive_parts(examined)
+    else:
+        static = diagnose(
+            data,
+            holdout=None if holdout is None else load_records(holdout, reading, messages),
+            replicas=replicas,
+            seed=seed,
+            config=config,
+            gnss=gnss,
+            wheels=wheels,
+            progress=messages.say,
+        )
+        assert isinstance(static, Diagnosis)
+        found, parts = static, _parts(static, data)
     output.write(diagnosis_json(found))
-    page(f"Diagnosis of {log}", _parts(found, data))
+    page(f"Diagnosis of {Path(log).name}", parts)
     if output.tables:
         show(assumed(data))
         if isinstance(found, DriveDiagnosis):
@@ -110,13 +122,19 @@ def command(
     return 1 if strict and (found.unexplained or harmful) else 0
 
 
-def _parts(found: Diagnosis | DriveDiagnosis, data: Drive | Sequence[Record]) -> Mapping[str, object]:
-    """Return the parts of a page: the findings, and of a static log what draws the picture that proves each."""
-    from tuner.types import Diagnosis
-    from tuner.types.records import Drive
+def _drive_parts(examined: ExaminedDrive) -> Mapping[str, object]:
+    """Return the parts of a page: what was found on a drive, and what draws the pictures that prove it."""
 
-    if isinstance(data, Drive) or not isinstance(found, Diagnosis):
-        return {"What a simulation of the filter gets wrong": found}
+    def pictures() -> object:
+        from tuner.report.result_views import pictures_of_drive
+
+        return pictures_of_drive(examined)
+
+    return {"What a simulation of the filter gets wrong": examined.diagnosis, "What shows it": pictures}
+
+
+def _parts(found: Diagnosis, data: Sequence[Record]) -> Mapping[str, object]:
+    """Return the parts of a page: the findings of a static log, and what draws the picture that proves each."""
 
     def pictures() -> object:
         from tuner.report.result_views import pictures_of_findings

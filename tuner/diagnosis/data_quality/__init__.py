@@ -307,7 +307,8 @@ def quantizer_test(pieces: Sequence[FloatArray], step: float, *, axis: str, unit
             codes.deadband, max(codes.deadband - half, 0.0), codes.deadband + half, unit
         )
     ratio = step / codes.white_sd
-    text = f"codes lie {step:.6g} {unit} apart, {ratio:.3g} white sd; {codes.missing} are missing"
+    text = f"samples are multiples of {step:.6g} {unit}, {ratio:.3g} of the sd of the white noise"
+    text += f"; {codes.missing} multiples between others never occur" if codes.missing else ""
     return DataQualityTest(
         "lattice",
         (axis,),

@@ -7,10 +7,11 @@ from pathlib import Path
 
 from tuner.diagnosis.drive.diagnose import ExaminedDrive, examine_drive
 from tuner.diagnosis.drive.noise_scale_estimates import estimate_noise_scales
+from tuner.identification.identify_source import receiver_of_source
 from tuner.synthesis.from_drive import config_for_drive, config_of_drive, receiver_of, stationary_noise
-from tuner.types import DriveDiagnosis, FilterConfig, GnssNoise
-from tuner.types.progress import Progress
-from tuner.types.records import Drive
+from tuner.types import FilterConfig, GnssNoise
+from tuner.types.progress import Progress, silent
+from tuner.types.records import DataError, Drive
 
 
 def examine_and_explain(
@@ -24,19 +25,28 @@ def examine_and_explain(
     return replace(examined, diagnosis=replace(examined.diagnosis, noise_scales=scales))
 
 
-def diagnose_drive_of(
+def examine_drive_of(
     drive: Drive,
-    config: FilterConfig | str | Path | None,
+    config: FilterConfig | str | Path | None = None,
     *,
-    gnss: GnssNoise | None,
-    wheels: bool,
-    progress: Progress,
-) -> DriveDiagnosis:
-    """Diagnose a drive; without a configuration, that of the unit from the parts in which the vehicle stands."""
+    holdout: object = None,
+    gnss: GnssNoise | str | None = None,
+    wheels: bool = False,
+    progress: Progress = silent,
+) -> ExaminedDrive:
+    """Diagnose a drive; without a configuration, that of the unit from the parts in which the vehicle stands.
+
+    The parameters are those of `tuner.diagnose`; a second drive to measure gains on is refused.
+    """
+    if holdout is not None:
+        msg = "--holdout: expected with a static log; of a drive the last 40 % are held out"
+        raise DataError(msg)
+    receiver = receiver_of_source(gnss, progress) if isinstance(gnss, str) else gnss
     if config is not None:
-        chosen = config_for_drive(drive, config, gnss=gnss)
-        return examine_and_explain(drive, chosen, wheels=wheels, progress=progress).diagnosis
-    chosen = config_of_drive(drive, stationary_noise(drive), gnss=gnss or receiver_of(drive))
+        chosen = config_for_drive(drive, config, gnss=receiver)
+        return examine_and_explain(drive, chosen, wheels=wheels, progress=progress)
+    chosen = config_of_drive(drive, stationary_noise(drive), gnss=receiver or receiver_of(drive))
     progress(chosen.notes[0])
-    found = examine_and_explain(drive, chosen, wheels=wheels, progress=progress).diagnosis
-    return replace(found, notes=(chosen.notes[0], *found.notes))
+    examined = examine_and_explain(drive, chosen, wheels=wheels, progress=progress)
+    notes = (chosen.notes[0], *examined.diagnosis.notes)
+    return replace(examined, diagnosis=replace(examined.diagnosis, notes=notes))

@@ -25,6 +25,7 @@ class CrossAxis(Cause):
     cause = "cross_axis"
     effect = Effect
     group = "several channels"
+    view = "pairs"
     meaning = (
         "the white noise of these channels is partly one and the same (supply, clock, vibration of the board)"
     )
