@@ -26,6 +26,7 @@ COMMANDS = {
     "identify": ("identify", "{log}", "--json", "{place}/i.json", "--figure", "{place}/f.png"),
     "diagnose": ("diagnose", "{log}", "--json", "{place}/d.json", "--page", "{place}/d.html", "--jobs", "2"),
     "check": ("check", "{sheet}", "--runs", "2", "--duration", "60", *("--json", "{place}/c.json")),
+    "navigate": ("navigate", "{drive}", "--config", "mpu9250", "-o", "{place}"),
     "export": ("export", "{sheet}", "--to", "kalibr", "-o", "{place}/imu.yaml"),
 }
 """Commands that write a folder, files one by one, or a file and its companion; both sources differ in every byte."""
@@ -34,6 +35,28 @@ COMMANDS = {
 def log(path: Path, sd: float) -> Path:
     rng = np.random.default_rng(16)
     np.savez(path, t=0.01 * np.arange(3000), gyro_x=rng.normal(0.0, sd, 3000), gyro_unit="rad/s")
+    return path
+
+
+def drive(path: Path, sd: float) -> Path:
+    """Two minutes: at rest, north with 1 m/s² for 10 s, on; a fix a second."""
+    rng = np.random.default_rng(16)
+    t, fixes = 0.01 * np.arange(12_000), np.arange(120.0)
+    ahead = np.clip(fixes - 30.0, 0.0, 10.0)
+    north = 0.5 * ahead**2 + 10.0 * np.clip(fixes - 40.0, 0.0, None)
+    accel = rng.normal(0.0, 20.0 * sd, (len(t), 3)) - [0.0, 0.0, 9.81]
+    accel[:, 0] += (t >= 30.0) & (t < 40.0)
+    np.savez(
+        path,
+        imu_t=t,
+        gyro=rng.normal(0.0, sd, (len(t), 3)),
+        accel=accel,
+        gnss_t=fixes,
+        gnss_llh=np.column_stack([48.0 + north / 111e3, 0.0 * north + 11.0, 0.0 * north + 500.0]),
+        gnss_vned=np.column_stack([ahead, 0.0 * ahead, 0.0 * ahead]),
+        gnss_pstd=np.ones((len(fixes), 3)),
+        meta=json.dumps({"imu_frame": "FRD", "lever_arm_frd_m": [0.0, 0.0, 0.0]}),
+    )
     return path
 
 
@@ -54,6 +77,7 @@ def leftovers(folder: Path) -> list[str]:
 
 def started(command: str, source: Path, folder: Path) -> subprocess.Popen[bytes]:
     words = {"log": source, "again": source.with_stem("again"), "sheet": source.stem, "place": folder}
+    words["drive"] = source.with_stem(f"{source.stem}-drive")
     arguments = [word.format(**words) for word in COMMANDS[command]]
     return subprocess.Popen(
         [sys.executable, "-m", "tuner", *arguments, *(() if command == "export" else ("--quiet",))],
@@ -77,9 +101,11 @@ def still_at_work(session: int) -> list[str]:
 @pytest.mark.slow
 @pytest.mark.parametrize("command", COMMANDS)
 def test_runs_that_are_ended_at_any_moment(tmp_path: Path, command: str) -> None:
-    """Each file is that of one run or the other; of `tune` and `fleet`, all are of one."""
+    """Each file is that of one run or the other; of commands that write a folder, all are of one."""
     log(tmp_path / "again.npz", 3e-3)
     sources = [log(tmp_path / "mpu9250.npz", 1e-3), log(tmp_path / "stim300.npz", 2e-3)]
+    for source, sd in zip(sources, (1e-3, 2e-3), strict=True):
+        drive(source.with_stem(f"{source.stem}-drive"), sd)
     whole = []
     for number, source in enumerate(sources):
         begin = time.monotonic()
@@ -104,7 +130,7 @@ def test_runs_that_are_ended_at_any_moment(tmp_path: Path, command: str) -> None
         time.sleep(0.1)
         assert not still_at_work(running.pid), round_
         digests, stale = state(folder)
-        if command in ("tune", "fleet"):
+        if command in ("tune", "fleet", "navigate"):
             assert digests in ({}, *whole), round_
         else:
             assert all(digest in (w[name] for w in whole) for name, digest in digests.items()), round_

@@ -16,7 +16,7 @@ from tuner.consistency.output_errors import OutputErrors
 from tuner.consistency.output_scores import autocorrelation, normalized
 from tuner.consistency.score_output import OutputScore
 from tuner.formats.documents import json_text
-from tuner.formats.files import write_bytes, write_text
+from tuner.formats.file_set import MANIFEST, digests, write_set
 from tuner.report.consistency_tables import consistency_tables, consistency_verdict
 from tuner.report.figure_files import figure_bytes
 from tuner.report.html_page import Picture, write_sections_page
@@ -52,20 +52,25 @@ def write_output_score(
     content : mapping
         The JSON.
     directory : Path
-        Made where it does not exist; each file is written whole or not at all.
+        Made where it does not exist; a set that is there is replaced in one step.
     command : str
         What was typed; empty where the page is made from Python.
     """
-    pictures = [
-        Picture(
-            "Errors (blue) and the ±3 sd that the filter states (grey), over time, s; right: autocorrelation of the "
-            "normalised errors.",
-            path.name,
-            path.read_bytes(),
-            charts_of_figure(figure),
-        )
-        for path, figure in _draw(found, directory)
-    ]
+    figure = _drawn(found)
+    files = {} if figure is None else {f"score.{kind}": figure_bytes(figure, kind) for kind in ("png", "svg")}
+    pictures = (
+        []
+        if figure is None
+        else [
+            Picture(
+                "Errors (blue) and the ±3 sd that the filter states (grey), over time, s; right: autocorrelation of "
+                "the normalised errors.",
+                "score.svg",
+                files["score.svg"],
+                charts_of_figure(figure),
+            )
+        ]
+    )
     sections: list[tuple[str, Sequence[Table | str], Sequence[Picture]]] = [
         ("Is it consistent?", consistency_tables(found.consistency, found.notes), pictures)
     ]
@@ -76,36 +81,28 @@ def write_output_score(
         sections.append(("State by state", [states_table(found.states)], []))
     verdict = consistency_verdict(found.consistency)
     title = f"Score of {', '.join(Path(output.name).name for output in found.outputs[:3])}"
-    write_text(directory / "report.html", write_sections_page(title, sections, command, verdict))
-    write_text(directory / "score.json", json_text(content))
+    files["report.html"] = write_sections_page(title, sections, command, verdict).encode()
+    files["score.json"] = json_text(dict(content) | {MANIFEST: digests(files)}).encode()
+    write_set(directory, files, last="score.json")
 
 
-def _draw(found: OutputScore, directory: Path) -> list[tuple[Path, Figure]]:
+def _drawn(found: OutputScore) -> Figure | None:
     if found.runs:
         run = found.runs[0]
     else:
         output = found.outputs[0]
         rows = np.flatnonzero(np.isfinite(output.innovation).any(axis=1))
-        return _saved(
-            _innovation_figure(output.t[rows], output.innovation[rows], output.innovation_covariance[rows]),
-            directory,
-        )
+        return _innovation_figure(output.t[rows], output.innovation[rows], output.innovation_covariance[rows])
     known = [i for i in range(5) if np.isfinite(run.error[:, 3 * i]).any()]
     if not known:
-        return []
+        return None
     figure = Figure(figsize=(13.0, 2.1 * len(known)), layout="constrained")
     axes = figure.subplots(len(known), 4, squeeze=False)
     for row, i in zip(axes, known, strict=True):
         for j in range(3):
             _error_panel(row[j], run, i, j)
         _correlation_panel(row[3], run, i)
-    return _saved(figure, directory)
-
-
-def _saved(figure: Figure, directory: Path) -> list[tuple[Path, Figure]]:
-    for suffix in ("png", "svg"):
-        write_bytes(directory / f"score.{suffix}", figure_bytes(figure, suffix))
-    return [(directory / "score.svg", figure)]
+    return figure
 
 
 def _error_panel(ax: Axes, run: OutputErrors, block: int, axis: int) -> None:

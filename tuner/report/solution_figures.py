@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -11,7 +9,6 @@ from numpy.typing import NDArray
 
 from tuner.consistency.drive_scores import differences, stated
 from tuner.consistency.score_drive import DriveResult
-from tuner.formats.files import write_bytes
 from tuner.navigation.data import GATED, USED
 from tuner.report.figure_files import figure_bytes
 from tuner.report.solution_files import local_track, tracks
@@ -37,24 +34,16 @@ ROWS = (
 """Name, unit and place in the error vector of each panel."""
 
 
-def draw_solution(found: DriveResult, drive: Drive, directory: Path) -> list[Path]:
-    """Draw ``track``, ``innovations`` and, where the drive has a reference, ``errors``, each as PNG and SVG.
-
-    Returns
-    -------
-    list of Path
-        The files.
-    """
+def solution_pictures(found: DriveResult, drive: Drive) -> dict[str, bytes]:
+    """Return ``track``, ``innovations`` and, where the drive has a reference, ``errors``, each as PNG and SVG."""
     pictures = {"track": _track(found, drive), "innovations": _innovations(found)}
     if drive.reference is not None:
         pictures["errors"] = _errors(found, drive.reference)
-    written = []
-    for name, figure in pictures.items():
-        for suffix in ("png", "svg"):
-            path = directory / f"{name}.{suffix}"
-            write_bytes(path, figure_bytes(figure, path.suffix))
-            written.append(path)
-    return written
+    return {
+        f"{name}.{suffix}": figure_bytes(figure, suffix)
+        for name, figure in pictures.items()
+        for suffix in ("png", "svg")
+    }
 
 
 def _figure(width: float, height: float) -> Figure:

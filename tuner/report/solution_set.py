@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from tuner.consistency.score_drive import DriveResult
-from tuner.formats.files import write_text
-from tuner.report.solution_figures import draw_solution
+from tuner.formats.file_set import write_set
+from tuner.report.solution_figures import solution_pictures
 from tuner.report.solution_files import solution_csv, track_gpx, track_kml, tracks
 from tuner.types.records import Drive
 
@@ -21,10 +21,13 @@ def write_solution(found: DriveResult, drive: Drive, directory: Path) -> None:
     drive : Drive
         What was filtered.
     directory : Path
-        Made where it does not exist; each file is written whole or not at all.
+        Made where it does not exist; a set that is there is replaced in one step.
     """
     lines = tracks(found, drive.reference)
-    write_text(directory / "solution.csv", solution_csv(found, drive.origin))
-    write_text(directory / "track.kml", track_kml(lines, drive.name))
-    write_text(directory / "track.gpx", track_gpx(lines, drive.name))
-    draw_solution(found, drive, directory)
+    texts = {
+        "solution.csv": solution_csv(found, drive.origin),
+        "track.kml": track_kml(lines, drive.name),
+        "track.gpx": track_gpx(lines, drive.name),
+    }
+    files = {name: text.encode() for name, text in texts.items()}
+    write_set(directory, files | solution_pictures(found, drive), last="solution.csv")

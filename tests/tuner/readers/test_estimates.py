@@ -12,6 +12,7 @@ from models import rotation
 from models.earth import ecef_from_llh, mat_en, metres_per_radian
 from tuner.cli import run
 from tuner.consistency.output_errors import output_errors
+from tuner.formats.file_set import stale_files
 from tuner.readers.estimate import read_estimate
 from tuner.types.records import DataError
 
@@ -326,7 +327,9 @@ def test_the_command_writes_page_figure_and_json(tmp_path, capsys):
     assert content["consistent"] is True
     assert content["blocks"]["position"]["ratio"] == pytest.approx(1.0, abs=0.05)
     assert content["causes"] == []
-    assert json.loads((out / "score.json").read_text()) == content
+    written = json.loads((out / "score.json").read_text())
+    assert set(written.pop("files")) == {"report.html", "score.png", "score.svg"}
+    assert (written, stale_files(out / "score.json")) == (content, [])
     assert (out / "report.html").read_text().count("data:image/svg") == 1
     columns |= {f"sd_{a}": 0.5 * one for a in "ned"}
     assert run(["score", str(csv(estimate, columns)), "--truth", str(truth), "--quiet", "--strict"]) == 1

@@ -16,6 +16,7 @@ from tuner.cli import run
 from tuner.formats.logs import write_drive
 from tuner.navigation.settings import total_bias
 from tuner.report.solution_files import _angle_sds, solution_csv, track_gpx, track_kml, tracks
+from tuner.report.solution_set import write_solution
 from tuner.simulation.drive import simulate_drive
 
 
@@ -91,3 +92,13 @@ def test_navigate_writes_its_folder(drive, tmp_path, capsys):
     pictures = {f"{name}.{kind}" for name in ("track", "innovations", "errors") for kind in ("png", "svg")}
     assert names == {"solution.csv", "track.kml", "track.gpx", *pictures}
     assert str(tmp_path / "out") in capsys.readouterr().out
+
+
+def test_a_folder_is_written_whole_or_not_at_all(found, drive, tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("tuner.report.solution_set.solution_pictures", full)
+    with pytest.raises(OSError, match="No space"):
+        write_solution(found, drive, tmp_path / "out")
+    assert not list(tmp_path.iterdir())

@@ -59,10 +59,10 @@ def command(
     from tuner.synthesis.load_config import load_config
 
     if list_dialects:
-        if output.tables:
-            show(dialect_tables(DIALECTS))
         titles = {k: {"title": d.title, "units": d.units} for k, d in DIALECTS.items()}
         output.write({"schema": "tuner.dialects/1", "dialects": titles})
+        if output.tables:
+            show(dialect_tables(DIALECTS))
         return
     if config is None or dialect is None:
         msg = "export: expected CONFIG and --to DIALECT; --list shows the dialects"

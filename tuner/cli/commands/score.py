@@ -157,9 +157,9 @@ def command(
 
         write_output_score(found, content, output_dir, stated_command(click.get_current_context().obj))
         messages.say(f"written: {output_dir}")
+    output.write(content)
     if output.tables:
         show(output_score_tables(found))
-    output.write(content)
     return 1 if strict and not found.consistency.consistent else 0
 
 
