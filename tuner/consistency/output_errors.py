@@ -2,7 +2,9 @@
 
 The errors are truth minus estimate: position, m, and velocity north, east, down, attitude as the rotation vector from
 estimate to truth, biases. The error of a velocity stated along the axes of the body is the difference along these. What
-the truth states of its own accuracy adds to the filter's covariance.
+the truth states of its own accuracy, and what it leaves open between its rows, adds to the filter's covariance. Of
+what was taken out, an offset of the clocks, a rotation between the bodies, a motion of the whole, the derivatives of
+the errors are kept: the scores need them for the degrees of freedom that are left.
 """
 
 from __future__ import annotations
@@ -13,20 +15,52 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models import rotation
-from models.earth import ned_between
-from tuner.consistency.trajectory_alignment import Alignment, aligned, at_times, to_tangent_plane
+from tuner.consistency.trajectory_alignment import (
+    Alignment,
+    aligned,
+    at_times,
+    difference,
+    interpolation_variance,
+    rate_of,
+    to_tangent_plane,
+)
 from tuner.consistency.wrong_conventions import refuse_wrong_conventions
 from tuner.types.filter_output import FilterOutput
 from tuner.types.records import DataError
 
 FloatArray = NDArray[np.float64]
 
-COARSE_OFFSET_STEP = 0.05
-"""Step of the search for a time offset, s: motion of vehicles is linear over it."""
-MAX_TIME_OFFSET = 3.0
-"""Largest time offset that is looked for, s: stamps by another clock differ by more and do not overlap."""
 DENSER_TRUTH_RATIO = 0.5
 """Interval of an estimate ÷ that of its truth below which the estimate is taken to the times of the truth."""
+NOTED_INTERPOLATION_SHARE = 0.3
+"""Sd of the truth between its rows ÷ that of the filter from which a note says so: 5 % of what is predicted."""
+MAX_MEDIAN_DISTANCES = 4.0
+"""Attitudes farther off than so many median distances do not decide on the rotation between the bodies."""
+ROTATION_PARTS = 10
+"""Parts of a record whose scatter gives the sd of the rotation between the bodies."""
+SELECTION_ROUNDS = 5
+"""Times that this selection and the rotation are repeated."""
+
+
+@dataclass(frozen=True)
+class BodyRotation:
+    """A constant rotation from the body of a truth to that of an estimate: rotation vector and its sd, rad."""
+
+    vector: FloatArray
+    sd: FloatArray
+
+    def note(self, estimate: str, truth: str) -> tuple[str, ...]:
+        """Return a note that it was taken out."""
+        if not np.isfinite(self.vector).all():
+            return ()
+        words = ", ".join(
+            f"{value:.3g} ± {sd:.1g}"
+            for value, sd in zip(np.degrees(self.vector), np.degrees(self.sd), strict=True)
+        )
+        return (
+            f"a constant rotation between the bodies of {estimate} and {truth} is taken out of the attitudes: "
+            f"{words} deg about forward, right and down",
+        )
 
 
 @dataclass(frozen=True)
@@ -47,8 +81,14 @@ class OutputErrors:
         Whether it is known beyond the sds.
     estimate : FilterOutput
         The estimate at these epochs.
-    removed : int
-        Degrees of freedom that an alignment took out.
+    between : ndarray, shape (n, 9)
+        Variances of position, velocity and attitude of the truth between its rows, part of the covariance.
+    rate : ndarray, shape (n, 15)
+        Derivatives of the truth by time: those of the errors by how late the estimate is, 1/s.
+    body : BodyRotation or None
+        The rotation between the bodies that was taken out.
+    directions : ndarray, shape (n, 15, r)
+        Derivatives of the errors by the r constants that were fitted to them and taken out.
     notes : tuple of str
         What was done.
     """
@@ -59,7 +99,10 @@ class OutputErrors:
     covariance: FloatArray
     correlated: bool
     estimate: FilterOutput
-    removed: int = 0
+    between: FloatArray
+    rate: FloatArray
+    directions: FloatArray
+    body: BodyRotation | None = None
     notes: tuple[str, ...] = ()
 
     def __len__(self) -> int:
@@ -71,7 +114,8 @@ def output_errors(
     truth: FilterOutput,
     *,
     how: Alignment = Alignment.NONE,
-    time_offset: float = 0.0,
+    time_offset: float | None = None,
+    one_body: bool = True,
 ) -> OutputErrors:
     """Return the errors of an estimate.
 
@@ -81,15 +125,18 @@ def output_errors(
         The two.
     how : Alignment
         What is taken out of the positions.
-    time_offset : float
-        Subtracted from the stamps of the estimate, s.
+    time_offset : float, optional
+        Fitted to the errors, and subtracted from the stamps of the estimate, s.
+    one_body : bool
+        Whether both state the attitude of the same axes; otherwise the rotation between them is fitted and taken out.
 
     Raises
     ------
     DataError
         Where the two share no time or no frame, in one line.
     """
-    moved = replace(estimate, t=estimate.t - time_offset, outages=estimate.outages - time_offset)
+    shift = time_offset or 0.0
+    moved = replace(estimate, t=estimate.t - shift, outages=estimate.outages - shift)
     begin, end = max(moved.t[0], truth.t[0]), min(moved.t[-1], truth.t[-1])
     inside = (moved.t >= begin - 1e-9) & (moved.t <= end + 1e-9)
     if np.count_nonzero(inside) < 2:
@@ -106,20 +153,28 @@ def output_errors(
         truth = truth.rows(own)
         moved = replace(at_times(moved, truth.t), outages=moved.outages)
         notes.append("estimate interpolated at the times of the truth, which are fewer")
-    there = at_times(truth, moved.t)
+    rate = rate_of(truth, moved.t)
+    there, between = at_times(truth, moved.t), interpolation_variance(truth, moved.t)
     moved, there, done = _in_one_frame(moved, there, how)
+    body = None
+    if not one_body:
+        there, body = in_axes_of(there, moved)
+        done = (*done, *body.note(moved.name, there.name))
     refuse_wrong_conventions(moved, there)
-    error = np.full((len(moved), 15), np.nan)
-    error[:, :3] = _position_error(moved, there)
-    error[:, 3:6] = there.vel_n - moved.vel_n
-    if np.isfinite(there.quat_nb).any() and np.isfinite(moved.quat_nb).any():
-        turn = rotation.quat_multiply(there.quat_nb, rotation.quat_conjugate(moved.quat_nb))
-        error[:, 6:9] = rotation.rotvec_from_quat(turn)
-        if moved.vel_of_body:
-            same = rotation.mat_from_quat(rotation.quat_conjugate(turn))
-            error[:, 3:6] = np.einsum("nij,nj->ni", same, there.vel_n) - moved.vel_n
-    error[:, 9:] = there.bias - moved.bias
+    error = difference(there, moved)
+    if moved.vel_of_body:
+        same = rotation.mat_from_quat(
+            rotation.quat_multiply(moved.quat_nb, rotation.quat_conjugate(there.quat_nb))
+        )
+        turned_velocity = np.einsum("nij,nj->ni", same, there.vel_n)
+        error[:, 3:6] = np.where(np.isfinite(turned_velocity), turned_velocity, there.vel_n) - moved.vel_n
     stated = np.where(np.isfinite(there.covariance), there.covariance, 0.0)
+    stated[:, range(9), range(9)] += between
+    fitted = [_of_alignment(moved, how)]
+    if time_offset is not None:
+        fitted.append(np.nan_to_num(rate)[:, :, None])
+    if not one_body:
+        fitted.append(of_body_rotation(moved))
     return OutputErrors(
         estimate.name,
         moved.t,
@@ -127,9 +182,72 @@ def output_errors(
         moved.covariance + stated,
         moved.correlated,
         moved,
-        how.parameters,
-        (*notes, *done),
+        between,
+        rate,
+        np.concatenate(fitted, axis=2),
+        body,
+        (*notes, *done, *_note_between(between, moved, truth)),
     )
+
+
+def _note_between(between: FloatArray, estimate: FilterOutput, truth: FilterOutput) -> tuple[str, ...]:
+    """Return a note where what the truth leaves open between its rows counts beside the sds of the filter."""
+    own = np.einsum("kii->ki", estimate.covariance)[:, :9]
+    known = np.isfinite(own) & (own > 0.0)
+    share = np.where(known, between, 0.0).sum(axis=0) / np.where(known, own, 1e-300).sum(axis=0)
+    parts = {
+        name: np.sqrt(np.max(np.mean(between[:, 3 * i : 3 * i + 3], axis=0)))
+        for i, name in enumerate(("m", "m/s", "rad"))
+        if np.sqrt(share[3 * i : 3 * i + 3].max()) > NOTED_INTERPOLATION_SHARE
+    }
+    if not parts:
+        return ()
+    sizes = ", ".join(f"{value:.2g} {unit}" for unit, value in parts.items())
+    rate = 1.0 / float(np.median(np.diff(truth.t)))
+    return (
+        f"{truth.name} has {rate:.3g} rows a second: between them it is known to {sizes} (sd), which adds to the "
+        "filter's covariance",
+    )
+
+
+def in_axes_of(truth: FilterOutput, estimate: FilterOutput) -> tuple[FilterOutput, BodyRotation]:
+    """Return a truth whose attitude is that of the estimate's body, and the constant rotation that was taken out.
+
+    The rotation suits most of the epochs: attitudes far off do not decide. Its sd is that of the mean of ten parts.
+    """
+    good = np.isfinite(truth.quat_nb).all(axis=1) & np.isfinite(estimate.quat_nb).all(axis=1)
+    if np.count_nonzero(good) <= ROTATION_PARTS:
+        return truth, BodyRotation(np.full(3, np.nan), np.full(3, np.nan))
+    mine, theirs = rotation.mat_from_quat(estimate.quat_nb[good]), rotation.mat_from_quat(truth.quat_nb[good])
+    product = np.einsum("nki,nkl->nil", mine, theirs)
+    near = np.ones(len(mine), dtype=bool)
+    for _ in range(SELECTION_ROUNDS):
+        u, _, vt = np.linalg.svd(product[near].sum(axis=0))
+        between = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+        left = rotation.rotvec_from_mat(product @ between.T)
+        distance = np.linalg.norm(left, axis=1)
+        near = distance <= MAX_MEDIAN_DISTANCES * np.median(distance)
+    quat = rotation.quat_multiply(truth.quat_nb, rotation.quat_conjugate(rotation.quat_from_mat(between)))
+    parts = np.array([part.mean(axis=0) for part in np.array_split(left[near], ROTATION_PARTS)])
+    sd = parts.std(axis=0, ddof=1) / np.sqrt(ROTATION_PARTS)
+    return replace(truth, quat_nb=quat), BodyRotation(rotation.rotvec_from_mat(between), sd)
+
+
+def of_body_rotation(estimate: FilterOutput) -> FloatArray:
+    """Return the derivatives of the errors by a rotation of the truth's body; (n, 15, 3)."""
+    found = np.zeros((len(estimate), 15, 3))
+    found[:, 6:9] = rotation.mat_from_quat(estimate.quat_nb)
+    return np.nan_to_num(found)
+
+
+def _of_alignment(estimate: FilterOutput, how: Alignment) -> FloatArray:
+    """Return the derivatives of the errors of positions, which decide on it, by a motion of the whole."""
+    found = np.zeros((len(estimate), 15, how.parameters))
+    if how is not Alignment.NONE and estimate.local is not None:
+        found[:, :3, :3] = np.eye(3)
+        arm = estimate.local - np.nanmean(estimate.local, axis=0)
+        found[:, :3, 3:] = -rotation.skew(arm)[:, :, 2:] if how is Alignment.YAW else -rotation.skew(arm)
+    return np.nan_to_num(found)
 
 
 def _in_one_frame(
@@ -159,52 +277,3 @@ def _in_one_frame(
         )
     moved, notes = aligned(estimate, truth, how)
     return moved, truth, notes
-
-
-def _position_error(estimate: FilterOutput, truth: FilterOutput) -> FloatArray:
-    if estimate.llh is not None and truth.llh is not None:
-        return ned_between(truth.llh, estimate.llh)
-    if estimate.local is not None and truth.local is not None:
-        return truth.local - estimate.local
-    return np.full((len(estimate), 3), np.nan)
-
-
-def find_time_offset(estimate: FilterOutput, truth: FilterOutput) -> float | None:
-    """Return by how much the stamps of an estimate are late, s; None where nothing moves.
-
-    The offset with the least squared difference of speeds, and of attitudes where there are no velocities; to a
-    thousandth of a second. Speeds do not depend on the frame.
-    """
-    a, b = _speed(estimate), _speed(truth)
-    good_a, good_b = np.isfinite(a), np.isfinite(b)
-    if np.count_nonzero(good_a) < 10 or np.count_nonzero(good_b) < 10 or np.nanstd(b) < 1e-3:
-        return None
-    ta, tb, a, b = estimate.t[good_a], truth.t[good_b], a[good_a], b[good_b]
-    ta = ta.copy()
-    inside = (ta >= tb[0] + MAX_TIME_OFFSET) & (ta <= tb[-1] - MAX_TIME_OFFSET)
-    if np.count_nonzero(inside) < 10:
-        return None
-    ta, a = ta[inside], a[inside]
-
-    def misfit(offset: float) -> float:
-        return float(np.mean((a - np.interp(ta - offset, tb, b)) ** 2))
-
-    grid = np.arange(-MAX_TIME_OFFSET, MAX_TIME_OFFSET + 1e-9, COARSE_OFFSET_STEP)
-    values = [misfit(x) for x in grid]
-    best = int(np.argmin(values))
-    from scipy.optimize import minimize_scalar  # loaded when used: slow to import
-
-    low, high = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
-    return float(minimize_scalar(misfit, bounds=(low, high), method="bounded", options={"xatol": 1e-4}).x)
-
-
-def _speed(given: FilterOutput) -> FloatArray:
-    """Return the speed, from positions where there is no velocity; shape (n,)."""
-    if np.isfinite(given.vel_n).any():
-        return np.asarray(np.linalg.norm(given.vel_n, axis=1))
-    local = given.local
-    if given.llh is not None:
-        local = ned_between(given.llh, given.llh[0])
-    if local is None:
-        return np.full(len(given), np.nan)
-    return np.asarray(np.linalg.norm(np.gradient(local, given.t, axis=0), axis=1))

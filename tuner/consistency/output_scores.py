@@ -1,38 +1,25 @@
-"""Is any filter consistent? NEES by block and state, NIS and outages of its output, in bands for correlated errors.
+"""Is any filter consistent? NEES by block and state, NIS and outages of its output.
 
 Ten runs or more are scored as `tuner.consistency.scores` scores simulated runs: runs are independent, and the scatter
-of their means gives the degrees of freedom. Errors of fewer runs depend on each other in time. With the autocorrelation
-ρ of whitened errors (of mean zero, where the filter is right), the mean of n squares of d components each has the
-variance of χ² with
-
-    ν = d N       N = n/(1 + 2 Σ ρ²(m))        the sum to the first lag with ρ below a fifth
-
-degrees of freedom [1]_. N is an estimate itself; N²/(N + 3) in its place keeps the false-alarm rate of records of
-any length beside the correlation time (simulated first-order Gauss–Markov errors: at most 0.25 % for a band of 0.07 %
-and the margin).
-
-References
-----------
-.. [1] M. S. Bartlett, On the theoretical specification and sampling properties of autocorrelated time-series, Suppl.
-       J. Royal Statistical Society 8 (1946).
+of their means gives the degrees of freedom. Errors of fewer runs depend on each other in time (`correlated_errors`).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tuner.consistency.correlated_errors import time_score
 from tuner.consistency.output_errors import OutputErrors
 from tuner.consistency.scores import (
     MAX_SCORED_EPOCHS,
     OUTAGE_LENGTHS,
     SETTLING_TIME,
-    TEST_COUNT,
     innovation_scores,
-    mean_band,
     score,
     whiteness,
 )
@@ -47,10 +34,6 @@ MIN_INDEPENDENT_RUNS = 10
 """Runs from which their scatter tells the degrees of freedom to a quarter; fewer are scored by correlation in time."""
 MAX_SETTLING_SHARE = 0.1
 """Share of a record that is left out at most while the filter settles."""
-CORRELATION_CUT = 0.2
-"""Autocorrelation at which its sum ends: what follows adds 4 % of the sum, and less than the noise of its estimate."""
-UNCERTAIN_COUNT = 3.0
-"""N₀ of N/(1 + N₀/N): found by simulation, see the head of the file."""
 INNOVATION_BLOCK_EPOCHS = 30
 """Innovations of one run that are one group: they are white where the filter is right."""
 STATE_NAMES = (
@@ -77,81 +60,66 @@ def aided_rows(t: FloatArray, outages: FloatArray) -> NDArray[np.intp]:
     return np.flatnonzero(good if good.any() else np.ones(len(t), dtype=bool))
 
 
-def autocorrelation(w: FloatArray) -> FloatArray:
-    """Return the autocorrelation of components of mean zero, by lag; shape (n, d) → (n,)."""
-    n = len(w)
-    size = 1 << (2 * n - 1).bit_length()
-    f = np.fft.rfft(w, size, axis=0)
-    total = np.fft.irfft((f * f.conj()).real.sum(axis=1), size)[:n]
-    return np.asarray(total / np.arange(n, 0, -1) / (total[0] / n)) if total[0] > 0.0 else np.eye(1, n)[0]
-
-
-def independent_count(w: FloatArray) -> float:
-    """Return the number of independent epochs in whitened errors, shape (n, d), at least 1."""
-    rho = autocorrelation(w)
-    below = np.flatnonzero(rho[: len(w) // 2 + 1] < CORRELATION_CUT)
-    if not len(below):
-        return 1.0
-    count = len(w) * (1.0 - CORRELATION_CUT**2) / (1.0 + 2.0 * float(np.sum(rho[1 : below[0]] ** 2)))
-    return max(count / (1.0 + UNCERTAIN_COUNT / count), 1.0)
-
-
-def whitened(error: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Return errors of unit covariance where the filter is right, by P = L Lᵀ; (n, d), (n, d, d) → (n, d)."""
-    lower = np.linalg.cholesky(covariance)
-    return np.asarray(np.linalg.solve(lower, error[..., None])[..., 0])
-
-
-def time_score(
-    name: str, groups: Sequence[FloatArray], *, removed: int = 0, tests: int = TEST_COUNT
-) -> Score | None:
-    """Score whitened errors of runs, (n, d) each, that are correlated in time; None where there are none.
-
-    `removed` degrees of freedom were taken out of each by an alignment.
-    """
-    groups = [w for w in groups if len(w) > 1]
-    if not groups:
-        return None
-    d = groups[0].shape[1]
-    count = sum(map(len, groups))
-    mean = sum(float(np.sum(w**2)) for w in groups) / count
-    effective = sum(d * independent_count(w) for w in groups)
-    left = effective - removed * len(groups)
-    if left < 1.0:
-        return None
-    mean *= effective / left
-    return Score(name, mean, d, left, mean_band(d, left, tests=tests))
-
-
 def error_scores(runs: Sequence[OutputErrors]) -> tuple[Score | None, tuple[Score, ...]]:
     """Return NEES of all states together, None where only one block is known, and of each block."""
+    nees, blocks = _error_scores(runs)
+    if not any(run.between.any() for run in runs):
+        return nees, blocks
+    bare_nees, bare = _error_scores(_without_between(runs))
+    return _mildest(nees, bare_nees), tuple(s for s in map(_mildest, blocks, bare) if s is not None)
+
+
+def _without_between(runs: Sequence[OutputErrors]) -> list[OutputErrors]:
+    """Return errors whose covariance is without what the truth leaves open between its rows."""
+    open_between = [np.pad(run.between, ((0, 0), (0, 6)))[:, :, None] * np.eye(15) for run in runs]
+    return [
+        replace(run, covariance=run.covariance - more) for run, more in zip(runs, open_between, strict=True)
+    ]
+
+
+def _mildest(most: Score | None, least: Score | None) -> Score | None:
+    """Return the score that speaks least against a filter, between those of the largest and smallest covariance.
+
+    What a truth leaves open between its rows is an upper bound: it excuses errors, and makes no filter pessimistic.
+    """
+    if most is None or least is None or most.mean >= most.dof:
+        return most
+    return replace(most, mean=float(most.dof)) if least.mean > least.dof else least
+
+
+def _error_scores(runs: Sequence[OutputErrors]) -> tuple[Score | None, tuple[Score, ...]]:
     many = len(runs) >= MIN_INDEPENDENT_RUNS
     known = [i for i in range(len(BLOCKS)) if all(_known(run, i).any() for run in runs)]
     chosen = [_scored_rows(run, known, thin=many) for run in runs]
     parts: dict[str, list[FloatArray]] = {"nees": [], **{BLOCKS[i]: [] for i in known}}
+    fitted: dict[str, list[FloatArray]] = {name: [] for name in parts}
     columns = (
         np.concatenate([np.arange(3 * i, 3 * i + 3) for i in known]) if known else np.zeros(0, dtype=int)
     )
     for run, rows in zip(runs, chosen, strict=True):
         error, cov = run.error[rows], run.covariance[rows]
+        wide = np.concatenate([error[:, :, None], run.directions[rows]], axis=2)
         for i in known:
             own = slice(3 * i, 3 * i + 3)
-            parts[BLOCKS[i]].append(_whitened(run, rows, error[:, own], cov[:, own, own]))
+            both = _whitened(run, rows, wide[:, own], cov[:, own, own])
+            parts[BLOCKS[i]].append(both[..., 0])
+            fitted[BLOCKS[i]].append(both[..., 1:])
         if run.correlated:
-            whole = cov[:, columns][:, :, columns]
-            parts["nees"].append(_whitened(run, rows, error[:, columns], whole))
+            both = _whitened(run, rows, wide[:, columns], cov[:, columns][:, :, columns])
+            parts["nees"].append(both[..., 0])
+            fitted["nees"].append(both[..., 1:])
         else:
-            parts["nees"].append(np.concatenate([parts[BLOCKS[i]][-1] for i in known], axis=1))
+            for table in (parts, fitted):
+                table["nees"].append(np.concatenate([table[BLOCKS[i]][-1] for i in known], axis=1))
     found: dict[str, Score] = {}
     for name, groups in parts.items():
         d = groups[0].shape[1] if groups else 0
         if name == "nees" and len(known) < 2:
             continue
-        aligned = runs[0].removed if name in ("nees", "position") else 0
         one = (
             score(name, [np.sum(w**2, axis=1) for w in groups], d)
             if many
-            else time_score(name, groups, removed=aligned)
+            else time_score(name, groups, fitted=fitted[name])
         )
         if one is not None:
             found[name] = one
@@ -162,7 +130,7 @@ def _whitened(
     run: OutputErrors, rows: NDArray[np.intp], error: FloatArray, covariance: FloatArray
 ) -> FloatArray:
     try:
-        return whitened(error, covariance)
+        return np.asarray(np.linalg.solve(np.linalg.cholesky(covariance), error))
     except np.linalg.LinAlgError:
         worst = int(np.argmin(np.linalg.eigvalsh(covariance)[:, 0]))
         msg = (
@@ -174,18 +142,28 @@ def _whitened(
 
 def state_scores(runs: Sequence[OutputErrors]) -> tuple[Score, ...]:
     """Return the score of each state alone, in the band of as many tests as there are states."""
+    found = _state_scores(runs)
+    if not any(run.between.any() for run in runs):
+        return found
+    bare = _state_scores(_without_between(runs))
+    return tuple(s for s in map(_mildest, found, bare) if s is not None)
+
+
+def _state_scores(runs: Sequence[OutputErrors]) -> tuple[Score, ...]:
     many = len(runs) >= MIN_INDEPENDENT_RUNS
     states = [j for j in range(15) if all(_known(run, j // 3).any() for run in runs)]
     found = []
     for j in states:
-        groups = []
+        groups, fitted = [], []
         for run in runs:
             rows = _scored_rows(run, [j // 3], thin=many)
-            groups.append((run.error[rows, j] / np.sqrt(run.covariance[rows, j, j]))[:, None])
+            sd = np.sqrt(run.covariance[rows, j, j])[:, None]
+            groups.append(run.error[rows, j, None] / sd)
+            fitted.append(run.directions[rows, j, None] / sd[..., None])
         one = (
             score(STATE_NAMES[j], [w[:, 0] ** 2 for w in groups], 1, tests=len(states))
             if many
-            else time_score(STATE_NAMES[j], groups, tests=len(states))
+            else time_score(STATE_NAMES[j], groups, fitted=fitted, tests=len(states))
         )
         if one is not None:
             found.append(one)

@@ -5,16 +5,16 @@ Several outputs are runs of a Monte Carlo. Scores, verdicts and their words are 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import stdtrit
 
+from tuner.consistency.correlated_errors import time_score, whitened
+from tuner.consistency.frame_differences import differences_of_frames, errors_in_one_frame, matters
 from tuner.consistency.output_causes import Explanations, explain
-from tuner.consistency.output_errors import OutputErrors, find_time_offset, output_errors
+from tuner.consistency.output_errors import OutputErrors
 from tuner.consistency.output_scores import (
     MIN_INDEPENDENT_RUNS,
     error_scores,
@@ -23,8 +23,6 @@ from tuner.consistency.output_scores import (
     output_whiteness,
     rms_errors,
     state_scores,
-    time_score,
-    whitened,
 )
 from tuner.consistency.scores import DIVERGED_RATIO, score
 from tuner.consistency.trajectory_alignment import Alignment
@@ -37,11 +35,6 @@ from tuner.types.records import DataError
 from tuner.types.shown import Shown
 
 FloatArray = NDArray[np.float64]
-
-OFFSET_BLOCKS = 10
-"""Parts of a record whose time offsets give the interval of their mean, by the jackknife."""
-MIN_COARSE_OFFSET = 0.3
-"""Offset, s, from which stamps are shifted before the errors are taken: a smaller one acts linearly on them."""
 
 
 @dataclass(frozen=True)
@@ -81,6 +74,7 @@ def score_outputs(
     *,
     how: Alignment = Alignment.NONE,
     align_time: bool = False,
+    align_body: bool = False,
     outages: ArrayLike = (),
     sensor_noise: tuple[float, float] | None = None,
 ) -> OutputScore:
@@ -96,6 +90,8 @@ def score_outputs(
         What is taken out of the positions.
     align_time : bool
         Whether an offset of the clocks is taken out.
+    align_body : bool
+        Whether a constant rotation between the bodies of estimate and truth is taken out of the attitudes.
     outages : array_like, shape (w, 2)
         Begin and end of outages beyond those that the outputs mark, s.
     sensor_noise : (float, float), optional
@@ -114,11 +110,12 @@ def score_outputs(
     notes = [note for output in (*outputs, *truths) for note in output.notes]
     offset: TimeOffset | None = None
     runs: list[OutputErrors] = []
+    every: list[FilterOutput] = []
     if truths:
         every = list(truths) if len(truths) == len(outputs) else [truths[0]] * len(outputs)
-        offset, runs = _errors(outputs, every, how, align_time)
+        offset, runs = errors_in_one_frame(outputs, every, how, align_time, align_body)
         notes += [note for run in runs for note in run.notes]
-        if offset is not None and not offset.removed and offset.interval[0] * offset.interval[1] > 0.0:
+        if offset is not None and not offset.removed and matters(offset, runs):
             late = "late" if offset.value > 0.0 else "early"
             low, high = sorted(map(abs, offset.interval))
             notes.append(
@@ -163,6 +160,8 @@ def score_outputs(
             "position, velocity, attitude, biases and scale factors; it has further states, or no fixes"
         )
     causes = () if found.consistent else _without_contradicted(why.causes, found.scores)
+    if runs and not (found.consistent or causes or lost):
+        causes = differences_of_frames(outputs, every, how, runs, offset, found)
     far = any(s.ratio > DIVERGED_RATIO for s in found.scores) and not causes
     found = replace(found, diverged=lost or far)
     said = verdicts(found)
@@ -248,58 +247,21 @@ def score_arrays(
     return replace(found, verdicts=verdicts(found))
 
 
-def _errors(
-    outputs: Sequence[FilterOutput], truths: Sequence[FilterOutput], how: Alignment, align_time: bool
-) -> tuple[TimeOffset | None, list[OutputErrors]]:
-    """Return the offset of the clocks and the errors of each run, without the offset where that is wanted."""
-    coarse = []
-    for output, truth in zip(outputs, truths, strict=True):
-        value = find_time_offset(output, truth)
-        coarse.append(0.0 if value is None or abs(value) < MIN_COARSE_OFFSET else value)
-    rough = [
-        output_errors(o, t, how=how, time_offset=c) for o, t, c in zip(outputs, truths, coarse, strict=True)
-    ]
-    offset = _mean_offset(rough, coarse)
-    shift = offset.value if offset is not None and align_time else 0.0
-    if offset is not None:
-        offset = replace(offset, removed=align_time)
-    if shift == 0.0 and not any(coarse):
-        return offset, rough
-    return offset, [
-        output_errors(o, t, how=how, time_offset=shift) for o, t in zip(outputs, truths, strict=True)
-    ]
-
-
-def _mean_offset(runs: Sequence[OutputErrors], coarse: Sequence[float]) -> TimeOffset | None:
-    """Return how late the positions are, by their errors along the velocity; the interval from parts of the runs."""
-    tops, bottoms = [], []
-    for run, first in zip(runs, coarse, strict=True):
-        v, e = run.estimate.vel_n, run.error[:, :3]
-        local = run.estimate.local
-        if not np.isfinite(v).any() and local is not None:
-            v = np.gradient(local, run.t, axis=0)
-        good = np.isfinite(v).all(axis=1) & np.isfinite(e).all(axis=1)
-        for rows in np.array_split(np.flatnonzero(good), max(2, OFFSET_BLOCKS // len(runs))):
-            squared = float(np.sum(v[rows] ** 2))
-            bottoms.append(squared)
-            tops.append(float(np.sum(v[rows] * e[rows])) + first * squared)
-    top, bottom = np.array(tops), np.array(bottoms)
-    if not bottom.sum() > 0.0:
-        return None
-    value = float(top.sum() / bottom.sum())
-    left = (top.sum() - top) / np.where(bottom.sum() > bottom, bottom.sum() - bottom, np.nan)
-    left = left[np.isfinite(left)]
-    if len(left) < 2:
-        return None
-    sd = math.sqrt((len(left) - 1) / len(left) * float(np.sum((left - left.mean()) ** 2)))
-    wide = sd * float(stdtrit(len(left) - 1, 0.975))
-    return TimeOffset(value, (value - wide, value + wide), removed=False)
-
-
 def _without_truth(output: FilterOutput) -> OutputErrors:
     """Return an output whose errors are not known."""
-    unknown = np.broadcast_to(np.nan, (len(output), 15))
-    return OutputErrors(output.name, output.t, unknown, output.covariance, output.correlated, output)
+    n = len(output)
+    unknown, nothing = np.full((n, 15), np.nan), np.zeros((n, 15, 0))
+    return OutputErrors(
+        output.name,
+        output.t,
+        unknown,
+        output.covariance,
+        output.correlated,
+        output,
+        np.zeros((n, 9)),
+        unknown,
+        nothing,
+    )
 
 
 def _not_finite(output: FilterOutput) -> bool:

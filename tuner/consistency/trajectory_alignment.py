@@ -1,8 +1,10 @@
 """One trajectory put on the clock and into the frame of another: interpolation, and the best rigid motion.
 
 Positions are interpolated by cubics through positions and velocities, without velocities through positions alone;
-attitudes along the shortest turn; covariances linearly. Between two trajectories whose world frames differ, the
-rotation (about all axes, or about the vertical) and shift that bring the positions nearest [1]_ are taken out.
+velocities by cubics, too, attitudes by cubics of the turn since the row before, whose slopes are the turn rates [2]_;
+covariances linearly. What a trajectory leaves open between its rows is measured on itself: every other row is
+interpolated from the rest. Between two trajectories whose world frames differ, the rotation (about all axes, or about
+the vertical) and shift that bring the positions nearest [1]_ are taken out.
 
 References
 ----------
@@ -19,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models import rotation
-from models.earth import in_tangent_plane, metres_per_radian, without_jumps
+from models.earth import in_tangent_plane, metres_per_radian, ned_between, without_jumps
 from tuner.types.filter_output import FilterOutput
 from tuner.types.records import DataError
 
@@ -29,6 +31,8 @@ SAME_INSTANT = 1e-6
 """Stamps this close, s, are one instant: nothing is interpolated."""
 MAX_GAP_INTERVALS = 3.0
 """Gap of a trajectory, in its usual intervals, in which it is not interpolated."""
+NOISE_OF_MIDDLE = 1.0 + 2.0 * (9.0 / 16.0) ** 2 + 2.0 * (1.0 / 16.0) ** 2
+"""Variance of white noise in the difference of a row and the cubic through its neighbours ÷ that of one row."""
 
 
 class Alignment(StrEnum):
@@ -75,26 +79,28 @@ def at_times(given: FilterOutput, t: FloatArray) -> FilterOutput:
         found[outside] = np.nan
         return np.asarray(found)
 
+    def curve(values: FloatArray, slope: FloatArray | None = None) -> FloatArray:
+        found = cubic(
+            values, node_slopes(given.t, values) if slope is None else slope, given.t, before, u, step
+        )
+        found[outside] = np.nan
+        return found
+
     llh = local = None
     if given.llh is not None:
-        speed = given.vel_n / metres_per_radian(given.llh)
-        llh = cubic(without_jumps(given.llh), speed, given.t, before, u, step)
-        llh[outside] = np.nan
+        llh = curve(without_jumps(given.llh), given.vel_n / metres_per_radian(given.llh))
     elif given.local is not None:
-        local = cubic(given.local, given.vel_n, given.t, before, u, step)
-        local[outside] = np.nan
+        local = curve(given.local, given.vel_n)
     quat = np.full((len(t), 4), np.nan)
     if np.isfinite(given.quat_nb).any():
-        first, second = given.quat_nb[before], given.quat_nb[after]
-        turn = rotation.rotvec_from_quat(rotation.quat_multiply(second, rotation.quat_conjugate(first)))
-        quat = rotation.quat_multiply(rotation.quat_from_rotvec(u[:, None] * turn), first)
+        quat = attitude_between(given.t, given.quat_nb, before, u)
         quat[outside] = np.nan
     return replace(
         given,
         t=t,
         llh=llh,
         local=local,
-        vel_n=linear(given.vel_n),
+        vel_n=curve(given.vel_n),
         quat_nb=quat,
         bias=linear(given.bias),
         covariance=linear(given.covariance),
@@ -122,6 +128,97 @@ def cubic(
         + u**2 * (3.0 - 2.0 * u) * q
         + u**2 * (u - 1.0) * k
     )
+
+
+def node_slopes(t: FloatArray, values: FloatArray) -> FloatArray:
+    """Return the slopes at rows of the cubic splines through them, one for each part without gaps; (n, k) → (n, k)."""
+    from scipy.interpolate import CubicSpline  # loaded when used: slow to import
+
+    slope = np.full_like(values, np.nan)
+    rows = np.flatnonzero(np.isfinite(values).all(axis=1))
+    if len(rows) < 2:
+        return slope
+    ends = np.flatnonzero(np.diff(t[rows]) > MAX_GAP_INTERVALS * np.median(np.diff(t))) + 1
+    for own in np.split(rows, ends):
+        if len(own) > 3:
+            slope[own] = CubicSpline(t[own], values[own])(t[own], 1)
+        elif len(own) > 1:
+            slope[own] = np.gradient(values[own], t[own], axis=0)
+    return slope
+
+
+def attitude_between(t: FloatArray, quat: FloatArray, before: NDArray[np.intp], u: FloatArray) -> FloatArray:
+    """Return attitudes a share `u` of the way from the row `before` to the next; quaternions (n, 4) → (k, 4)."""
+    turns = rotation.rotvec_from_quat(rotation.quat_multiply(rotation.quat_conjugate(quat[:-1]), quat[1:]))
+    known = np.isfinite(turns)
+    rate = node_slopes(t, np.vstack([np.zeros(3), np.cumsum(np.where(known, turns, 0.0), axis=0)]))
+    step, turn, share = np.diff(t)[before][:, None], turns[before], u[:, None]
+    first = step * rate[before]
+    last = np.linalg.solve(rotation.left_jacobian(-turn), (step * rate[before + 1])[..., None])[..., 0]
+    part = share * (1.0 - share) ** 2 * first + share**2 * (3.0 - 2.0 * share) * turn
+    part += share**2 * (share - 1.0) * last
+    return np.asarray(rotation.quat_multiply(quat[before], rotation.quat_from_rotvec(part)))
+
+
+def rate_of(given: FilterOutput, t: FloatArray) -> FloatArray:
+    """Return the derivatives by time of position, velocity, attitude and biases of a trajectory at times t; (n, 15).
+
+    Differences over whole intervals to either side: noise of the rows is then uncorrelated with its derivative,
+    whatever the place of t between them.
+    """
+    step = float(np.median(np.diff(given.t)))
+    far, near = (difference(at_times(given, t + k * step), at_times(given, t - k * step)) for k in (2, 1))
+    wide = np.where(np.isfinite(far), (8.0 * near - far) / (12.0 * step), near / (2.0 * step))
+    return np.asarray(wide)
+
+
+def interpolation_variance(given: FilterOutput, t: FloatArray) -> FloatArray:
+    """Return variances of position, m, velocity and attitude of a trajectory interpolated at times t; (k, 9).
+
+    Every other row, interpolated from the rest, is off by what twice the interval leaves open, every fourth by what
+    four times does: their ratio, below one, leads on to the interval itself [3]_. What the stated sds of the rows
+    explain is no error of interpolation. Half-way between rows the sd is largest; at a share u of the way it goes with
+    u²(1 − u)² where the motion is resolved, as the next term of its series does, and with u(1 − u) where it is not.
+
+    References
+    ----------
+    .. [3] L. F. Richardson, The approximate arithmetical solution by finite differences, Phil. Trans. A 210 (1911).
+    """
+    after = np.clip(np.searchsorted(given.t, t), 1, len(given.t) - 1)
+    share = np.clip((t - given.t[after - 1]) / np.diff(given.t)[after - 1], 0.0, 1.0)
+    twice, four = (_middle_variance(given, stride) for stride in (1, 2))
+    own = np.einsum("kii->ki", given.covariance)[:, :9]
+    known = np.isfinite(own)
+    stated = np.where(known, own, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
+    smaller = np.divide(twice, four, out=np.ones(9), where=four > 0.0).clip(max=1.0)
+    middle = np.maximum(twice - NOISE_OF_MIDDLE * stated, 0.0) * smaller
+    return np.asarray((4.0 * share * (1.0 - share))[:, None] ** (4.0 - 2.0 * np.sqrt(smaller)) * middle)
+
+
+def _middle_variance(given: FilterOutput, stride: int) -> FloatArray:
+    """Return mean squares of rows minus what the rows `stride` before and after make of them; (9,), 0 where unknown."""
+    rows = given.rows(slice(None, None, stride))
+    if len(rows) < 8:
+        return np.zeros(9)
+    true, found = rows.rows(slice(1, None, 2)), at_times(rows.rows(slice(None, None, 2)), rows.t[1::2])
+    square = difference(true, found)[:, :9] ** 2
+    known = np.isfinite(square)
+    return np.asarray(np.where(known, square, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1))
+
+
+def difference(one: FilterOutput, other: FilterOutput) -> FloatArray:
+    """Return one trajectory minus another at the same times: position, m, velocity, attitude, biases; (n, 15)."""
+    error = np.full((len(one), 15), np.nan)
+    if one.llh is not None and other.llh is not None:
+        error[:, :3] = ned_between(one.llh, other.llh)
+    elif one.local is not None and other.local is not None:
+        error[:, :3] = one.local - other.local
+    error[:, 3:6] = one.vel_n - other.vel_n
+    if np.isfinite(one.quat_nb).any() and np.isfinite(other.quat_nb).any():
+        turn = rotation.quat_multiply(one.quat_nb, rotation.quat_conjugate(other.quat_nb))
+        error[:, 6:9] = rotation.rotvec_from_quat(turn)
+    error[:, 9:] = one.bias - other.bias
+    return error
 
 
 def to_tangent_plane(given: FilterOutput, origin: FloatArray) -> FilterOutput:

@@ -59,6 +59,8 @@ def change_text(cause: OutputCause) -> str:
             return f"multiply the time constants{subject} by {size:.3g}"
         case "missing_state":
             return f"add a state{subject} of sd {size:.3g} {cause.unit}"
+        case "time_offset" if cause.subject.startswith("stamps"):
+            return f"shift the stamps of the output by {-size:+.3g} s, or score with --align-time if the truth is late"
         case "time_offset":
             return f"shift the stamps of the fixes by {-size:+.3g} s, or give the filter this delay"
         case "lever_arm":
@@ -66,5 +68,7 @@ def change_text(cause: OutputCause) -> str:
         case "gnss_frame":
             return f"put fixes and truth into one frame: {parts}"
         case "mounting":
-            return f"turn the body frame of the estimate: {parts} rad"
+            return (
+                f"turn the body frame of the estimate: {parts} rad; --align-body takes a known difference out"
+            )
     return ""

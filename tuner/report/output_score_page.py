@@ -12,8 +12,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from rich.table import Table
 
+from tuner.consistency.correlated_errors import autocorrelation
 from tuner.consistency.output_errors import OutputErrors
-from tuner.consistency.output_scores import autocorrelation, normalized
+from tuner.consistency.output_scores import normalized
 from tuner.consistency.score_output import OutputScore
 from tuner.formats.documents import json_text
 from tuner.formats.file_set import MANIFEST, digests, write_set

@@ -68,6 +68,7 @@ def _windows(
     help="Motion taken out of the estimate: shift and turn about the vertical, or about all axes.",
 )
 @click.option("--align-time", is_flag=True, help="Take out the offset between the clocks.")
+@click.option("--align-body", is_flag=True, help="Take out a constant rotation between the bodies.")
 @click.option(
     "--outage",
     "outages",
@@ -99,6 +100,7 @@ def command(
     truth_body: str | None,
     align: str,
     align_time: bool,
+    align_body: bool,
     outages: list[tuple[float, float]],
     imu: str | None,
     output_dir: Path | None,
@@ -139,6 +141,7 @@ def command(
         references,
         how=Alignment(align),
         align_time=align_time,
+        align_body=align_body,
         outages=outages,
         sensor_noise=None if imu is None else _sensor_noise(imu),
     )
@@ -147,6 +150,7 @@ def command(
         "truths": list(truths),
         "align": align,
         "align_time": align_time,
+        "align_body": align_body,
         "imu": imu,
         "runs": len(outputs),
         "seed": seed,

@@ -1,0 +1,150 @@
+"""The offset of the clocks of estimate and truth: by how much the stamps of an estimate are late.
+
+Late by τ, an estimate errs by velocity · τ in position, acceleration · τ in velocity and turn rate · τ in attitude.
+Errors of a filter stay for some time: those of each state are differenced by their own correlation ρ from one epoch to
+the next, as are the derivatives [1]_, which also takes out what does not move. The scatter of the parts of a record
+gives the interval, by the jackknife. What the truth leaves open between its rows repeats with the motion: what it is
+in time widens the interval.
+
+References
+----------
+.. [1] D. Cochrane, G. H. Orcutt, Application of least squares regression to relationships containing auto-correlated
+       error terms, J. American Statistical Association 44 (1949).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import stdtrit
+
+from models.earth import ned_between
+from tuner.consistency.output_errors import OutputErrors
+from tuner.consistency.trajectory_alignment import interpolation_variance
+from tuner.types.filter_output import FilterOutput
+from tuner.types.output_score import TimeOffset
+
+FloatArray = NDArray[np.float64]
+
+OFFSET_BLOCKS = 10
+"""Parts of a record whose time offsets give the interval of their mean."""
+COARSE_OFFSET_STEP = 0.05
+"""Step of the search for a time offset, s: motion of vehicles is linear over it."""
+MAX_TIME_OFFSET = 3.0
+"""Largest time offset that is looked for, s: stamps by another clock differ by more and do not overlap."""
+MIN_MISFIT_RATIO = 4.0
+"""Mean square difference of speeds ÷ what the truth leaves open half-way between rows: below it nothing is sought."""
+FIT_ROUNDS = 3
+"""Times that offset and correlation are fitted in turn."""
+
+
+def clock_offset(runs: Sequence[OutputErrors], taken_out: Sequence[float]) -> TimeOffset | None:
+    """Return by how much the stamps of estimates are late; None where nothing moves.
+
+    Parameters
+    ----------
+    runs : sequence of OutputErrors
+        Errors.
+    taken_out : sequence of float
+        What was subtracted from the stamps of each beforehand, s.
+    """
+    tops, bottoms, opens = [], [], []
+    for run, first in zip(runs, taken_out, strict=True):
+        parts = max(4, OFFSET_BLOCKS // len(runs))
+        top, bottom = np.zeros(parts), np.zeros(parts)
+        slope = run.rate[:, :9]
+        variance = np.einsum("kii->ki", run.covariance)[:, :9]
+        for j in range(9):
+            rows = np.flatnonzero(np.isfinite(run.error[:, j]) & np.isfinite(slope[:, j]))
+            if len(rows) < parts:
+                continue
+            sd = np.sqrt(np.where(variance[rows, j] > 0.0, variance[rows, j], np.nan))
+            e, x = run.error[rows, j], slope[rows, j]
+            sd = sd if np.isfinite(sd).all() else np.full(len(rows), max(float(np.std(e)), 1e-12))
+            own = _squares(e / sd, x / sd, parts)
+            top, bottom = top + own[0], bottom + own[1]
+            if x.any():
+                unknown = float(np.mean(run.between[rows, j]) / np.mean(x**2))
+                opens.append((float(own[1].sum()), unknown))
+        tops.append(top + first * bottom)
+        bottoms.append(bottom)
+    above, below = np.concatenate(tops), np.concatenate(bottoms)
+    if not below.sum() > 0.0:
+        return None
+    value = float(above.sum() / below.sum())
+    rest = below.sum() - below
+    left = (above.sum() - above)[rest > 0.0] / rest[rest > 0.0]
+    if len(left) < 2:
+        return None
+    scatter = math.sqrt((len(left) - 1) / len(left) * float(np.sum((left - left.mean()) ** 2)))
+    weights, unknown = np.array(opens).T
+    wide = scatter * float(stdtrit(len(left) - 1, 0.975)) + math.sqrt(
+        float(np.average(unknown, weights=weights))
+    )
+    return TimeOffset(value, (value - wide, value + wide), removed=False)
+
+
+def _squares(e: FloatArray, x: FloatArray, parts: int) -> tuple[FloatArray, FloatArray]:
+    """Return sums of products of errors and derivatives and of squares of these by parts, weighed as independent."""
+    rho, value = 0.0, 0.0
+    for _ in range(FIT_ROUNDS):
+        later, earlier = e[1:] - rho * e[:-1], x[1:] - rho * x[:-1]
+        value = float(later @ earlier) / max(float(earlier @ earlier), 1e-300)
+        rest = e - value * x
+        rho = float(np.clip(rest[1:] @ rest[:-1] / max(float(rest @ rest), 1e-300), 0.0, 0.999))
+    later, earlier = e[1:] - rho * e[:-1], x[1:] - rho * x[:-1]
+    noise = float(np.mean((later - value * earlier) ** 2))
+    if noise == 0.0:
+        return np.zeros(parts), np.zeros(parts)
+    cut = np.array_split(np.arange(len(later)), parts)
+    return (
+        np.array([later[i] @ earlier[i] for i in cut]) / noise,
+        np.array([earlier[i] @ earlier[i] for i in cut]) / noise,
+    )
+
+
+def find_time_offset(estimate: FilterOutput, truth: FilterOutput) -> float | None:
+    """Return by how much the stamps of an estimate are late, s; None where nothing moves, or between rows of the truth.
+
+    The offset with the least squared difference of speeds, and of attitudes where there are no velocities; to a
+    thousandth of a second. Speeds do not depend on the frame.
+    """
+    a, b = _speed(estimate), _speed(truth)
+    good_a, good_b = np.isfinite(a), np.isfinite(b)
+    if np.count_nonzero(good_a) < 10 or np.count_nonzero(good_b) < 10 or np.nanstd(b) < 1e-3:
+        return None
+    ta, tb, a, b = estimate.t[good_a], truth.t[good_b], a[good_a], b[good_b]
+    ta = ta.copy()
+    inside = (ta >= tb[0] + MAX_TIME_OFFSET) & (ta <= tb[-1] - MAX_TIME_OFFSET)
+    if np.count_nonzero(inside) < 10:
+        return None
+    ta, a = ta[inside], a[inside]
+
+    def misfit(offset: float) -> float:
+        return float(np.mean((a - np.interp(ta - offset, tb, b)) ** 2))
+
+    between = interpolation_variance(truth, 0.5 * (truth.t[1:] + truth.t[:-1]))[:, 3:6].sum(axis=1)
+    if misfit(0.0) < MIN_MISFIT_RATIO * float(np.mean(between)):
+        return None
+    grid = np.arange(-MAX_TIME_OFFSET, MAX_TIME_OFFSET + 1e-9, COARSE_OFFSET_STEP)
+    values = [misfit(x) for x in grid]
+    best = int(np.argmin(values))
+    from scipy.optimize import minimize_scalar  # loaded when used: slow to import
+
+    low, high = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
+    return float(minimize_scalar(misfit, bounds=(low, high), method="bounded", options={"xatol": 1e-4}).x)
+
+
+def _speed(given: FilterOutput) -> FloatArray:
+    """Return the speed, from positions where there is no velocity; shape (n,)."""
+    if np.isfinite(given.vel_n).any():
+        return np.asarray(np.linalg.norm(given.vel_n, axis=1))
+    local = given.local
+    if given.llh is not None:
+        local = ned_between(given.llh, given.llh[0])
+    if local is None:
+        return np.full(len(given), np.nan)
+    return np.asarray(np.linalg.norm(np.gradient(local, given.t, axis=0), axis=1))

@@ -1,0 +1,119 @@
+"""Scores of errors that depend on each other in time, in bands for the number of independent ones.
+
+With the autocorrelation ρ of whitened errors (of mean zero, where the filter is right), the mean of n squares of d
+components each has the variance of χ² with
+
+    ν = d N       N = n/(1 + 2 Σ ρ²(m))        the sum to the first lag with ρ below a fifth
+
+degrees of freedom [1]_. N is an estimate itself; N²/(N + 3) in its place keeps the false-alarm rate of records of
+any length beside the correlation time (simulated first-order Gauss–Markov errors: at most 0.25 % for a band of 0.07 %
+and the margin).
+
+Constants that were fitted to the errors and taken out, of derivatives X (whitened like the errors, autocorrelation
+matrix R), take Σ tr((XᵀX)⁻¹ Xᵀ R X) of the expected sum of squares with them: a heading error that stays for minutes
+goes wholly into a rotation between the bodies. A component of which they take more than an eighth is not scored: its
+autocorrelation cannot be distinguished from a record that is so short beside it.
+
+References
+----------
+.. [1] M. S. Bartlett, On the theoretical specification and sampling properties of autocorrelated time-series, Suppl.
+       J. Royal Statistical Society 8 (1946).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tuner.consistency.scores import TEST_COUNT, mean_band
+from tuner.types.consistency import Score
+
+FloatArray = NDArray[np.float64]
+
+CORRELATION_CUT = 0.2
+"""Autocorrelation at which its sum ends: what follows adds 4 % of the sum, and less than the noise of its estimate."""
+UNCERTAIN_COUNT = 3.0
+"""N₀ of N/(1 + N₀/N): found by simulation, see the head of the file."""
+MAX_ABSORBED_SHARE = 0.125
+"""Share of a component's variance that fitted constants may take: sixteen correlation times of one constant."""
+
+
+def autocorrelation(w: FloatArray) -> FloatArray:
+    """Return the autocorrelation of components of mean zero, by lag; shape (n, d) → (n,)."""
+    n = len(w)
+    size = 1 << (2 * n - 1).bit_length()
+    f = np.fft.rfft(w, size, axis=0)
+    total = np.fft.irfft((f * f.conj()).real.sum(axis=1), size)[:n]
+    return np.asarray(total / np.arange(n, 0, -1) / (total[0] / n)) if total[0] > 0.0 else np.eye(1, n)[0]
+
+
+def independent_count(w: FloatArray) -> float:
+    """Return the number of independent epochs in whitened errors, shape (n, d), at least 1."""
+    rho = autocorrelation(w)
+    below = np.flatnonzero(rho[: len(w) // 2 + 1] < CORRELATION_CUT)
+    if not len(below):
+        return 1.0
+    count = len(w) * (1.0 - CORRELATION_CUT**2) / (1.0 + 2.0 * float(np.sum(rho[1 : below[0]] ** 2)))
+    return max(count / (1.0 + UNCERTAIN_COUNT / count), 1.0)
+
+
+def whitened(error: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Return errors of unit covariance where the filter is right, by P = L Lᵀ; (n, d), (n, d, d) → (n, d)."""
+    lower = np.linalg.cholesky(covariance)
+    return np.asarray(np.linalg.solve(lower, error[..., None])[..., 0])
+
+
+def absorbed_shares(w: FloatArray, x: FloatArray) -> FloatArray:
+    """Return the share of the variance of each component that fitted constants took; (n, d), (n, d, r) → (d,)."""
+    from scipy.signal import fftconvolve  # loaded when used: slow to import
+
+    n, d, r = x.shape
+    if not r:
+        return np.zeros(d)
+    inverse = np.linalg.pinv(np.einsum("ndr,nds->rs", x, x), hermitian=True)
+    shares = np.empty(d)
+    for j in range(d):
+        rho = autocorrelation(w[:, j : j + 1])[: n // 2 + 1]
+        below = np.flatnonzero(rho < CORRELATION_CUT)
+        rho = rho[: below[0]] if len(below) else rho
+        kernel = np.concatenate([rho[:0:-1], rho])[:, None]
+        near = fftconvolve(x[:, j], kernel, mode="full", axes=0)[len(rho) - 1 : len(rho) - 1 + n]
+        # The sum to the first lag below the cut lacks a share of the cut of the whole: correlations decay.
+        shares[j] = np.sum(inverse * (x[:, j].T @ near)) / n / (1.0 - CORRELATION_CUT)
+    return shares
+
+
+def time_score(
+    name: str,
+    groups: Sequence[FloatArray],
+    *,
+    fitted: Sequence[FloatArray] = (),
+    tests: int = TEST_COUNT,
+) -> Score | None:
+    """Score whitened errors of runs, (n, d) each, that are correlated in time; None where there are none.
+
+    `fitted` are the derivatives of the errors of each by constants that were taken out of them, (n, d, r).
+    """
+    pairs = [
+        (w, x)
+        for w, x in zip(groups, fitted or [np.zeros((*w.shape, 0)) for w in groups], strict=True)
+        if len(w) > 1
+    ]
+    if not pairs:
+        return None
+    shares = [absorbed_shares(w, x) for w, x in pairs]
+    kept = np.max(shares, axis=0) <= MAX_ABSORBED_SHARE
+    d = int(np.count_nonzero(kept))
+    if not d:
+        return None
+    count = sum(len(w) for w, _ in pairs)
+    left = [1.0 - float(np.mean(share[kept])) for share in shares]
+    mean = (
+        sum(float(np.sum(w[:, kept] ** 2)) / part for (w, _), part in zip(pairs, left, strict=True)) / count
+    )
+    effective = sum(
+        d * independent_count(w[:, kept]) * part for (w, _), part in zip(pairs, left, strict=True)
+    )
+    return Score(name, mean, d, effective, mean_band(d, effective, tests=tests))
