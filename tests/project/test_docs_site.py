@@ -57,3 +57,14 @@ def test_the_commands_of_a_page_run(page, tmp_path):
     )  # fmt: skip
     assert done.returncode == 0, done.stderr[-2000:]
     assert "Traceback" not in done.stderr
+
+
+@pytest.mark.slow
+def test_the_readme_shows_what_its_command_prints(tmp_path):
+    shown = re.search(
+        r"`(tuner tune --seed 1)`:\n\n```text\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL
+    )
+    done = subprocess.run(
+        ["bash", "-c", shown[1]], cwd=tmp_path, env=ENVIRONMENT, capture_output=True, text=True, check=True
+    )
+    assert [line.rstrip() for line in done.stdout.splitlines()] == shown[2].splitlines()

@@ -400,6 +400,7 @@ def _limits(result: TuneResult, noise: Sequence[Mapping[str, Any]]) -> list[str]
     lines = [f"no {part}: {reason}" for part, reason in result.absent.items()]
     lines += [line for block in noise for line in block.get("lines", ())]
     lines += result.config.notes
+    lines = [line.removeprefix("note: ").removeprefix("warning: ") for line in lines]
     return list(dict.fromkeys(lines)) or ["none known beyond the intervals above"]
 
 

@@ -14,6 +14,9 @@ from tuner.report.settings_rows import axes_text
 from tuner.types import Coefficient, Diagnosis, Finding, Gain, Unexplained
 from tuner.types.records import Record
 
+LEAST_WHITE_SHARE = 0.1
+"""Ratio of two white densities below which one sum of terms has its white noise in another term: no comparison."""
+
 
 def headline_lines(diagnosis: Diagnosis, records: Sequence[Record] = ()) -> list[Table | str]:
     """Return what the findings change, the largest first and at most seven; then what is unexplained, and the notes.
@@ -114,6 +117,8 @@ def gain_text(gain: Gain) -> str:
     for name, (before, after) in gain.user.items():
         quantity, _, unit = name.partition(" ")
         head = quantity.replace("_", " ")
+        if quantity == "white_density" and min(before, after) < LEAST_WHITE_SHARE * max(before, after):
+            continue
         pair = [amount(Coefficient(x, None, None, unit.strip("[]") or "1")) for x in (before, after)]
         if pair[0] != pair[1]:
             parts.append(f"{head} {' → '.join(pair)}")

@@ -17,7 +17,10 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from models.effects import EFFECTS
+from models.noise import Arma, NoiseModel, White
 from tuner.formats.diagnosis import config_finding
 from tuner.formats.documents import plain
 from tuner.types import (
@@ -66,13 +69,17 @@ def _is_identified(cause: str) -> bool:
 
 
 def _without(diagnosis: Diagnosis, axis: str, unit: str) -> str:
-    """Say what noise is left once the findings are taken out."""
+    """Say what noise is left once the findings are taken out; shaped white noise by its density at low frequencies."""
     if axis not in diagnosis.models:
         return ""
-    figures = [
+    terms = diagnosis.models[axis].terms
+    white = NoiseModel(term for term in terms if isinstance(term, White | Arma))
+    density = float(np.sqrt(white.psd(np.zeros(1))[0])) if white.terms else 0.0
+    figures = [f"white density {density:.3g} {White(1.0).units(unit)[0]}"] if density else []
+    figures += [
         f"{term.name} {name} {getattr(term, name):.3g} {si}"
-        for term in diagnosis.models[axis].terms
-        if term.name != "arma"
+        for term in terms
+        if not isinstance(term, White | Arma)
         for name, si in zip(term.PARAMETERS, term.units(unit), strict=True)
     ]
     return f"; without: {', '.join(figures)}" if figures else ""
