@@ -17,6 +17,7 @@ from tuner.readers.clock_unit import MAX_RATE, MIN_RATE
 from tuner.readers.column_choice import Channel, Layout, choose
 from tuner.readers.columns import Listing, Part
 from tuner.readers.options import STAMP, Options, UnitChoice, sensor_unit, stated_rate
+from tuner.readers.placeholder_rows import without_placeholders
 from tuner.readers.time_base import COARSE_CLOCK, Timebase, even_timebase, stamped_timebase
 from tuner.readers.time_column import Clock, read_clock
 from tuner.readers.unit_checks import check_units
@@ -92,6 +93,7 @@ def even(listing: Listing, plan: Plan, digest: str, options: Options) -> EvenRec
 
     axes = [axis for sensor in layout.sensors for axis in sensor.axes]
     try:
+        valid = without_placeholders(groups, valid, notes)
         if time is None or layout.time is None:
             if rate is None:
                 msg = "no time column and no rate: pass --rate HZ, or --columns t=NAME"
@@ -124,11 +126,11 @@ def even(listing: Listing, plan: Plan, digest: str, options: Options) -> EvenRec
     if options.stamps and time is not None:
         channels[STAMP] = base.regrid(clock.stamps) + origin
     records = []
-    for sensor, block in zip(layout.sensors, blocks, strict=True):
+    for number, (sensor, block) in enumerate(zip(layout.sensors, blocks, strict=True)):
         choice = units[sensor.name]
         unit = choice.unit
         factor = unit_value(unit) * choice.scale / (base.interval if unit in names.INCREMENT_UNITS else 1.0)
-        y = _regridded(base, block, choice.offset, factor)
+        y = _regridded(base, block, choice.offset, factor, 3 * number)
         if unit in names.INCREMENT_UNITS:
             notes.append(
                 f"{sensor.name}: increments in {unit} were divided by the interval {base.interval:.9g} s"
@@ -345,14 +347,14 @@ def _covariate(
     return base.regrid(column)
 
 
-def _regridded(base: Timebase, block: NDArray[Any], offset: float, factor: float) -> FloatArray:
-    """Return (block - offset) · factor on the grid; an even float block is scaled in place."""
+def _regridded(base: Timebase, block: NDArray[Any], offset: float, factor: float, first: int) -> FloatArray:
+    """Return (block - offset) · factor on the grid, of axes from number `first`; an even block is scaled in place."""
     if base.rows is None and base.positions is None and block.dtype == np.float64:
         y: FloatArray = block
     else:
         y = np.empty((len(base.t), block.shape[1]), order="F")
         for j in range(block.shape[1]):
-            y[:, j] = base.regrid(block[:, j])
+            y[:, j] = base.bridge(block[:, j], first + j)
     if offset:
         y -= offset
     if factor != 1.0:

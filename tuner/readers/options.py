@@ -13,7 +13,7 @@ from tuner.readers.columns import Listing
 from tuner.types.records import DataError
 
 STAMP = "stamp"
-"""Channel with the stamps as the file has them, where they are asked for."""
+"""Channel with the stamps as the file has them, where a reader wants them."""
 _RATE_KEYS = ("rate_hz", "rate", "fs", "sample_rate", "sample_rate_hz", "sampling_rate", "frequency_hz")
 
 

@@ -1,4 +1,4 @@
-"""Stamps that scatter about the instants they stand for: the scatter is told apart from uneven sampling and taken out.
+"""Stamps that scatter about the instants they stand for: the scatter is distinguished from uneven sampling and taken out.
 
 A stamp is the instant x of the sample and an error of its own, t = x + n, as by a computer that stamps what arrives;
 the instants are apart by the interval p and a random step w, as of a clock that wanders or a logger that is busy.
@@ -27,7 +27,7 @@ MIN_SCATTER = 5e-4
 """Scatter that is taken out, s: that of stamps rounded to milliseconds, 0.3 ms, is not."""
 MIN_SHARE = 0.2
 """Share of the scatter in the variance of one step from which it is taken out: it has none of evenly written stamps,
-and less is hardly told from none in a hundred of them."""
+and less can hardly be distinguished from none in a hundred of them."""
 MAX_STEP_ERROR = 0.5
 """Step, less the interval, in intervals, from which a sample may be missing: the sides are then not compared."""
 MAX_SCATTERS = 6.0

@@ -3,11 +3,10 @@
 `stamps` says which rows to keep, the interval p and how many samples are missing where. Here the rows are put
 on a grid: even with interval p within a segment, each segment at its own median phase.
 
-Gaps of at most `MAX_BRIDGED_GAP` samples are bridged by linear interpolation as long as all bridges together are at
-most `MAX_BRIDGED_SHARE` of the samples; every other gap ends a segment. A bridge of g samples changes sums of
-white samples around it: its two neighbours weigh 1 + g/2 each. To first order the estimate of white density N
-rises by at most Σ(g + g²/2)/(2n) at long cluster times and falls by at most Σ(g + 1)/(2n) at the shortest (n
-samples).
+Short gaps are bridged by samples that are simulated from those beside them (`gap_bridges`) as long as all bridges
+together are at most `MAX_BRIDGED_SHARE` of the samples; every other gap ends a segment. A bridge of g samples changes
+sums of white samples around it: each of its m neighbours weighs 1 + g/m. To first order the white noise seen at long
+cluster times rises by Σ(g + g²/m)/n (n samples), at the shortest not at all.
 """
 
 from __future__ import annotations
@@ -19,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.robust import normal_sd
+from tuner.readers.gap_bridges import LEVEL_SAMPLES, bridged
 from tuner.readers.timestamps import in_order, interval_and_gaps, without_duplicates
 from tuner.types.records import DataError
 
@@ -26,10 +26,14 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
-MAX_BRIDGED_GAP = 5
-"""Longest gap that is bridged, samples: chosen to mend lost packets of a serial line."""
-MAX_BRIDGED_SHARE = 0.01
-"""Largest share of all samples that may come from bridges: N is then biased by 1.8 % at most."""
+MAX_BRIDGED_GAP = 20
+"""Longest gap that is bridged, samples: lost packets of a radio hold five to twenty."""
+MAX_BRIDGED_TIME = 0.5
+"""Longest gap that is bridged, s, where it is more than `MAX_BRIDGED_AT_ANY_RATE` samples: a vehicle may turn."""
+MAX_BRIDGED_AT_ANY_RATE = 5
+"""Longest gap, in samples, that is bridged in slow logs, too."""
+MAX_BRIDGED_SHARE = 0.1
+"""Largest share of all samples that may come from bridges: 10 % more white noise is then seen at long cluster times."""
 MIN_SEGMENT_SAMPLES = 3
 """Samples that one Allan point needs; shorter segments are left out."""
 MAX_BROKEN_SHARE = 0.02
@@ -76,8 +80,8 @@ class Timebase:
         Gaps that only rows without a number make: their stamps are there.
     jitter : float
         Sd of the stamping error between neighbours, s; rare late stamps left out.
-    bias : (float, float)
-        Bounds of the relative bias of white density N from bridges (lowest, highest).
+    excess : float
+        Relative excess of white density N at long cluster times, from bridges.
     rounding : float
         Unit that the stamps are multiples of where that shows in their steps, s; 0 for none.
     wander : float
@@ -99,16 +103,21 @@ class Timebase:
     bridged: int = 0
     jitter: float = 0.0
     rounding: float = 0.0
-    bias: tuple[float, float] = (0.0, 0.0)
+    excess: float = 0.0
     wander: float = 0.0
     left_out: int = 0
 
     def regrid(self, column: FloatArray) -> FloatArray:
-        """Return a column of the log on the grid, shape (N,); bridges are linear interpolations."""
+        """Return a column of the log on the grid, shape (N,); straight lines stand where samples are missing."""
         kept = column if self.rows is None else column[self.rows]
         if self.positions is None:
             return kept
         return np.interp(np.arange(len(self.t)), self.positions, kept)
+
+    def bridge(self, column: FloatArray, stream: int) -> FloatArray:
+        """Return the samples of axis number `stream` on the grid, shape (N,), with simulated ones in short gaps."""
+        kept = column if self.rows is None else column[self.rows]
+        return kept if self.positions is None else bridged(kept, self.positions, self.segments, stream)
 
     def notes(self, *, even: bool = True) -> tuple[str, ...]:
         """Return every repair in words, with its count; `even`: whether the grid takes the place of the stamps."""
@@ -121,11 +130,10 @@ class Timebase:
         if self.gaps:
             notes.append(f"{self.gaps} gaps with {self.missing} missing samples ({self.missing * p:.6g} s)")
         if self.bridged:
-            low, high = self.bias
             notes.append(
-                f"{self.bridged} missing samples were bridged by linear interpolation (gaps up to {MAX_BRIDGED_GAP} "
-                "samples); "
-                f"this biases white density N by no more than {100 * low:+.3g} .. {100 * high:+.3g} %"
+                f"{self.bridged} missing samples were simulated from those beside them (gaps up to "
+                f"{longest_bridge(p)} samples): white noise shows {100 * self.excess:.2g} % too large at long "
+                "cluster times"
             )
         if self.left_out:
             notes.append(
@@ -229,7 +237,7 @@ def _require(count: int) -> None:
 
 def _on_grid(t: FloatArray, interval: float, at: IntArray, size: IntArray) -> Timebase:
     """Return the time base of ordered stamps with `size` samples missing after rows `at`."""
-    short = size <= MAX_BRIDGED_GAP
+    short = size <= longest_bridge(interval)
     bridged = int(size[short].sum())
     if bridged > MAX_BRIDGED_SHARE * len(t):
         short, bridged = np.zeros_like(short), 0
@@ -281,10 +289,15 @@ def _on_grid(t: FloatArray, interval: float, at: IntArray, size: IntArray) -> Ti
         bridged=bridged,
         jitter=_jitter(error, interval, rounding or resolution_of(t[some])),
         rounding=rounding,
-        bias=(-float((g + 1).sum()) / (2 * len(t)), float((g + g * g / 2).sum()) / (2 * len(t))),
+        excess=float((g + g * g / (2 * LEVEL_SAMPLES)).sum()) / len(t),
         wander=wander,
         left_out=left_out,
     )
+
+
+def longest_bridge(interval: float) -> int:
+    """Return the longest gap, in samples, that is bridged at a sampling interval, s."""
+    return max(MAX_BRIDGED_AT_ANY_RATE, min(MAX_BRIDGED_GAP, int(MAX_BRIDGED_TIME / interval)))
 
 
 def _some(start: int, stop: int) -> IntArray:

@@ -240,7 +240,8 @@ def _clock_time(time: Stamps, on: BoolArray, usual: float) -> tuple[FloatArray, 
 def _single_precision(time: Stamps, name: str, notes: list[str], factor: float) -> float:
     """Return to what stamps of single precision are rounded, in their unit; 0 where it is fine or they are none.
 
-    A text has them with their shortest digits.
+    A text has them with their shortest digits. Stamps on a decimal grid coarser than that rounding are exact: where
+    their steps are uneven, samples are missing.
     """
     if time.dtype.kind != "f" or len(time) < 3:
         return 0.0
@@ -250,6 +251,9 @@ def _single_precision(time: Stamps, name: str, notes: list[str], factor: float) 
     if last < MIN_SINGLE_SHARE * _mean_step(time) or not (
         np.array_equal(single, some) or np.array_equal(single.astype(str).astype(float), some)
     ):
+        return 0.0
+    unit = 10.0 ** np.ceil(np.log10(2.0 * last))
+    if np.abs(some / unit - np.rint(some / unit)).max() < 1e-3:
         return 0.0
     step = np.diff(time)
     if np.mean(np.abs(step - np.median(step)) > 0.25 * last) < MIN_SINGLE_SHARE:

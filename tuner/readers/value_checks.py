@@ -106,7 +106,7 @@ def spikes(columns: Sequence[NDArray[Any]], *, slow: bool = False) -> list[IntAr
     """Return for each column the rows in which it alone has a reading that no sensor makes; columns have no gaps.
 
     Where several columns leave their neighbours in one row, or the log is slow, that is motion, unless one does by
-    `SURE_DISTANCE`, or all are exactly zero: gravity does not vanish, but loggers write rows without readings so.
+    `SURE_DISTANCE`.
     """
     if not columns or len(columns[0]) < 2 * NEIGHBOURS_EACH_SIDE + 1:
         return [np.zeros(0, np.int64) for _ in columns]
@@ -117,8 +117,7 @@ def spikes(columns: Sequence[NDArray[Any]], *, slow: bool = False) -> list[IntAr
         return far
     distances = np.array([_distances(y, rows, noise) for y, noise in zip(columns, limits, strict=True)])
     alone = (distances > MOVED_DISTANCE).sum(axis=0) == 1
-    empty = len(columns) > 1 and np.all([y[rows] == 0 for y in columns], axis=0)
-    likely = (alone & (not slow)) | empty
+    likely = alone & (not slow)
     return [rows[(d > SURE_DISTANCE) | ((d > SPIKE_DISTANCE) & likely)] for d in distances]
 
 

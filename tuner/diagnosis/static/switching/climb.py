@@ -16,11 +16,11 @@ FloatArray = NDArray[np.float64]
 Parts = Callable[[FloatArray], tuple[Chain, Slow] | None]
 """Gives the chain and the slow states of free numbers, (p,); None where these are not allowed."""
 
-OUTSIDE = 1e12
+COST_OUTSIDE = 1e12
 """Cost where free numbers are not allowed, nats: above that of any record."""
 MAX_STEPS = 600
 """Largest number of steps of a climb, chosen above the 350 that six free numbers have taken."""
-TOLERANCE = 0.01
+ENDING_TOLERANCE = 0.01
 """Nats, and free numbers (logs, and sizes in scales), at which a climb ends: below a tenth of what is reported of them.
 
 Lead of three levels over two: 3 nats; sds of the free numbers: 0.03 and more.
@@ -45,7 +45,7 @@ def climb(
             break
         level = int(np.argmax(values))
         cost = partial(_cost, y, r, parts, level)
-        options: dict[str, Any] = {"maxiter": MAX_STEPS, "fatol": TOLERANCE, "xatol": TOLERANCE}
+        options: dict[str, Any] = {"maxiter": MAX_STEPS, "fatol": ENDING_TOLERANCE, "xatol": ENDING_TOLERANCE}
         if simplex is not None:
             options["initial_simplex"] = np.vstack([x, x + simplex])
         x = minimize(cost, x, method="Nelder-Mead", options=options).x
@@ -56,4 +56,4 @@ def climb(
 
 def _cost(y: FloatArray, r: FloatArray | float, parts: Parts, level: int, free: FloatArray) -> float:
     model = parts(free)
-    return OUTSIDE if model is None else -likelihood_from(y, *model, r, level)
+    return COST_OUTSIDE if model is None else -likelihood_from(y, *model, r, level)

@@ -1,0 +1,97 @@
+"""Samples that were lost leave white noise white, the rate as it is and rows of zeros out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.tuner.readers.plain_logs import ACCEL, COUNT, GYRO, T, notes, refused, rows, write
+from tuner.readers import read
+from tuner.readers.gap_bridges import bridged
+from tuner.readers.time_base import MAX_BRIDGED_SHARE
+
+
+def test_white_noise_with_lost_samples_stays_white() -> None:
+    """In eight bands of 5000 lines each the power of 5 % simulated samples differs by no more than chance, 1.4 %.
+
+    Below 1/128 of the sampling rate it may exceed it by twice their share. A straight line takes 8 % from the highest
+    band, which no reader of a spectrum would believe to be white.
+    """
+    n, rng = 80_000, np.random.default_rng(21)
+    white = rng.standard_normal(n)
+    kept = np.flatnonzero((rng.random(n) > 0.05) | (np.arange(n) % (n - 1) == 0))
+    filled = bridged(white[kept], kept, ((0, n),), 0)
+    np.testing.assert_array_equal(filled[kept], white[kept])
+    power = np.abs(np.fft.rfft(filled)[1:]) ** 2 / n
+    levels = power.reshape(8, -1).mean(axis=1)
+    assert levels[1:] == pytest.approx(np.ones(7), abs=4.0 * 0.0141)
+    assert power[: n // 256].mean() < 1.0 + 2.5 * 0.05 + 4.0 / np.sqrt(n // 256)
+
+
+def test_a_smooth_signal_is_followed() -> None:
+    """Noise behind a second-order low-pass at a tenth of the rate: smaller errors than straight lines make."""
+    n, rng = 40_000, np.random.default_rng(22)
+    spectrum = np.fft.rfft(rng.standard_normal(n)) / (1.0 + (np.fft.rfftfreq(n) / 0.03) ** 4)
+    smooth = np.fft.irfft(spectrum)
+    kept = np.flatnonzero((rng.random(n) > 0.05) | (np.arange(n) % (n - 1) == 0))
+    lost = np.setdiff1d(np.arange(n), kept)
+    error = bridged(smooth[kept], kept, ((0, n),), 0)[lost] - smooth[lost]
+    straight = np.interp(lost, kept, smooth[kept]) - smooth[lost]
+    assert error.std() < 0.7 * straight.std()
+
+
+def test_axes_are_simulated_apart_and_a_log_is_read_alike_every_time(tmp_path: Path) -> None:
+    lost = np.random.default_rng(23).choice(np.arange(1, COUNT - 1), 40, replace=False)
+    lines = [line for row, line in enumerate(rows()) if row not in lost]
+    path = write(tmp_path / "log.csv", lines)
+    gyro, accel = read(path)
+    again, _ = read(path)
+    np.testing.assert_array_equal(gyro.y, again.y)
+    assert gyro.segments == ((0, COUNT),)
+    drawn = np.hstack([(gyro.y - GYRO)[lost] / GYRO.std(axis=0), (accel.y - ACCEL)[lost] / ACCEL.std(axis=0)])
+    correlation = np.corrcoef(drawn, rowvar=False)[np.triu_indices(6, 1)]
+    assert np.abs(correlation).max() < 4.5 / np.sqrt(len(lost))
+
+
+@pytest.mark.parametrize("share", [0.03, 0.09])
+def test_lost_samples_of_a_clock_that_shows_whole_intervals_do_not_change_the_rate(
+    tmp_path: Path, share: float
+) -> None:
+    """Stamps of two decimal places at 100 Hz have as few digits as single precision, and are exact."""
+    count = 30_000
+    rng = np.random.default_rng(24)
+    kept = np.flatnonzero((rng.random(count) > share) | (np.arange(count) % (count - 1) == 0))
+    lines = [
+        "t,gyro_x (rad/s)",
+        *(f"{0.01 * i:.2f},{x:.6f}" for i, x in zip(kept, rng.normal(0, 0.01, len(kept)), strict=True)),
+    ]
+    (gyro,) = read(write(tmp_path / "log.csv", lines))
+    assert share < MAX_BRIDGED_SHARE
+    assert gyro.rate == pytest.approx(100.0, rel=1e-9)
+    assert len(gyro) == count
+    assert gyro.timing["missing"] == count - len(kept)
+
+
+def test_rows_of_zeros_are_missing_samples(tmp_path: Path) -> None:
+    """Loggers of one maker write zeros for packets that did not come; 2 % of them made N thirty times too large."""
+    gyro, accel = GYRO.copy(), ACCEL.copy()
+    gone = np.arange(20, COUNT, 57)
+    gyro[gone], accel[gone] = 0.0, 0.0
+    path = write(tmp_path / "log.csv", rows(gyro=gyro, accel=accel))
+    assert f"{len(gone)} rows hold zero on all axes of a sensor (first: data row 21)" in notes(path)
+    found = read(path)[1]
+    assert found.y.std(axis=0) == pytest.approx(ACCEL.std(axis=0), rel=0.1)
+    accel[: COUNT // 2] = 0.0
+    refused(
+        write(tmp_path / "half.csv", rows(gyro=gyro, accel=accel)),
+        "rows hold zero on all axes .* record again",
+    )
+
+
+def test_a_gyro_near_zero_may_read_zero(tmp_path: Path) -> None:
+    coarse = np.round(GYRO / 0.02) * 0.02
+    assert np.all(coarse == 0.0, axis=1).any()
+    (gyro, _) = read(write(tmp_path / "log.csv", rows(gyro=coarse)), gyro_unit="rad/s")
+    np.testing.assert_array_equal(gyro.t, T)
