@@ -1,4 +1,4 @@
-"""Stamps that scatter about the instants they stand for: the scatter is distinguished from uneven sampling and taken out.
+"""Stamps that scatter about the instants they stand for: the scatter is estimated and taken out, uneven sampling stays.
 
 A stamp is the instant x of the sample and an error of its own, t = x + n, as by a computer that stamps what arrives;
 the instants are apart by the interval p and a random step w, as of a clock that wanders or a logger that is busy.
