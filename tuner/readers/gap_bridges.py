@@ -120,4 +120,5 @@ def _simulated(
     error = between(missing, missing) - np.swapaxes(across, 1, 2) @ weights
     values, vectors = np.linalg.eigh(error)
     drawn = np.sqrt(np.maximum(values, 0.0)) * rng.standard_normal(values.shape)
-    return np.einsum("km,kmg->kg", left, weights) + np.einsum("kgh,kh->kg", vectors, drawn)
+    predicted = np.einsum("km,kmg->kg", left, weights)
+    return np.asarray(predicted + np.einsum("kgh,kh->kg", vectors, drawn))
