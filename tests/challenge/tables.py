@@ -143,7 +143,7 @@ def confusion(verdicts: Sequence[Verdict]) -> str:
         rows.append(
             (cause, len(mine), right, none, others, ", ".join(f"{n} {c}" for n, c in more.most_common()))
         )
-    return table(("hidden", "sets", "named first", "nothing", "named instead", "told besides"), rows)
+    return table(("hidden", "sets", "named first", "nothing", "named instead", "also named"), rows)
 
 
 def several(verdicts: Sequence[Verdict]) -> str:
