@@ -48,6 +48,7 @@ _ALIASES = {
     "down": "d",
     "heading": "yaw",
     "azimuth": "yaw",
+    **{f"imu_{angle}": angle for angle in ("roll", "pitch", "yaw")},
     "vel_n": "vn",
     "vel_e": "ve",
     "vel_d": "vd",

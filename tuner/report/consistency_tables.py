@@ -11,7 +11,7 @@ from models.filter_states import FILTER_STATES
 from tuner.consistency.error_budget import blind_spots
 from tuner.consistency.error_budget import table as budget_rows
 from tuner.report.verdict_text import observability_text, verdict_text
-from tuner.types.consistency import Check, Consistency, ErrorBudget, Observability, Score
+from tuner.types.consistency import Check, Consistency, ErrorBudget, Observability, Score, VerdictCode
 
 _TITLES = {
     "nees": "NEES, all",
@@ -24,6 +24,13 @@ _TITLES = {
     "nis_position": "NIS, position",
     "nis_velocity": "NIS, velocity",
 }
+
+
+MEANINGS = {
+    VerdictCode.OPTIMISTIC: "optimistic: it errs more than it says, so nothing downstream may rely on its sds",
+    VerdictCode.PESSIMISTIC: "pessimistic: it errs less than it says; safe, but it uses its sensors less than it could",
+}
+"""What the words for a ratio off 1 mean for a user."""
 
 
 def score_title(name: str) -> str:
@@ -70,7 +77,8 @@ def consistency_tables(found: Consistency, notes: Sequence[str] = ()) -> list[Ta
     answer += [f"  note: {note}" for note in notes]
     answer.append("consistent" if found.consistent else "NOT consistent")
     answer += [f"  {verdict_text(verdict)}" for verdict in found.verdicts]
-    return answer
+    codes = {verdict.code for verdict in found.verdicts}
+    return answer + [f"  {text}" for code, text in MEANINGS.items() if code in codes]
 
 
 def consistency_verdict(found: Consistency) -> tuple[bool, str]:

@@ -5,6 +5,7 @@ Times in the CSV are on the clock of the drive's file. KML and GPX carry no time
 
 from __future__ import annotations
 
+import re
 import xml.etree.ElementTree as ET
 
 import numpy as np
@@ -55,6 +56,8 @@ COLUMNS = {
 }
 """Columns of the CSV and how their numbers are printed: positions to 0.01 mm, angles to 10⁻⁶ degrees."""
 
+ANGLE = re.compile(r"(?<![a-z])(roll|pitch|yaw)")
+"""Names of angles in those of columns."""
 TRACK_COLOURS = {"filter": "ffa85f1f", "reference": "ff3d8015", "fixes": "ff0c41c2"}
 """Colours of the lines in KML: alpha, blue, green, red in hexadecimal digits."""
 
@@ -62,7 +65,7 @@ KML_NAMESPACE = "http://www.opengis.net/kml/2.2"
 GPX_NAMESPACE = "http://www.topografix.com/GPX/1/1"
 
 
-def solution_csv(found: DriveResult, origin: float = 0.0) -> str:
+def solution_csv(found: DriveResult, origin: float = 0.0, *, mounted: bool = True) -> str:
     """Return one row for every fix, after it was used: time, position, velocity, attitude, biases and all their sds.
 
     Parameters
@@ -71,11 +74,14 @@ def solution_csv(found: DriveResult, origin: float = 0.0) -> str:
         Of `tuner.navigate`.
     origin : float
         Time of t = 0 on the clock of the file, s.
+    mounted : bool
+        Whether the filter ran in the axes of the vehicle; else angles are of the unit and named so (``imu_roll``).
     """
+    names = list(COLUMNS) if mounted else [ANGLE.sub(r"imu_\1", name) for name in COLUMNS]
     rows = np.concatenate([_rows(found.settings, solution) for solution in found.solutions])
     rows[:, 0] += origin
     form = ",".join(COLUMNS.values())
-    return "\n".join([",".join(COLUMNS), *(form % tuple(row) for row in rows.tolist())]) + "\n"
+    return "\n".join([",".join(names), *(form % tuple(row) for row in rows.tolist())]) + "\n"
 
 
 def tracks(found: DriveResult, reference: Reference | None = None) -> dict[str, list[FloatArray]]:

@@ -11,6 +11,18 @@ from tuner.report.solution_files import solution_csv, track_gpx, track_kml, trac
 from tuner.types.records import Drive
 
 
+def attitude_text(drive: Drive) -> str:
+    """Return of which axes the attitude in ``solution.csv`` is, in words."""
+    if drive.mounting is not None:
+        return (
+            "attitude in solution.csv: of the vehicle, by the stated mounting of the unit (roll, pitch, yaw)"
+        )
+    return (
+        "attitude in solution.csv: of the unit's own axes, since its mounting is not stated (imu_roll, imu_pitch, "
+        "imu_yaw); --imu-frame or --mounting-rpy gives that of the vehicle"
+    )
+
+
 def write_solution(found: DriveResult, drive: Drive, directory: Path) -> None:
     """Write ``solution.csv``, ``track.kml``, ``track.gpx`` and the figures of track, innovations and errors.
 
@@ -25,7 +37,7 @@ def write_solution(found: DriveResult, drive: Drive, directory: Path) -> None:
     """
     lines = tracks(found, drive.reference)
     texts = {
-        "solution.csv": solution_csv(found, drive.origin),
+        "solution.csv": solution_csv(found, drive.origin, mounted=drive.mounting is not None),
         "track.kml": track_kml(lines, drive.name),
         "track.gpx": track_gpx(lines, drive.name),
     }

@@ -15,8 +15,9 @@ from tuner.catalogue.grades import load_gnss, load_grade
 from tuner.cli import run
 from tuner.formats.logs import write_drive
 from tuner.navigation.settings import total_bias
+from tuner.readers.estimate_column_names import canonical_name
 from tuner.report.solution_files import _angle_sds, solution_csv, track_gpx, track_kml, tracks
-from tuner.report.solution_set import write_solution
+from tuner.report.solution_set import attitude_text, write_solution
 from tuner.simulation.drive import simulate_drive
 
 
@@ -52,6 +53,17 @@ def test_the_csv_holds_the_solution_to_a_tenth_of_a_millimetre(found):
     np.testing.assert_allclose(column("ba_z [m/s^2]"), biases[:, 14], rtol=1e-4, atol=1e-12)
     np.testing.assert_allclose(column("sd_d [m]") ** 2, solution.covariance[:, 2, 2], rtol=1e-3)
     np.testing.assert_allclose(column("sd_bg_x [rad/s]") ** 2, solution.covariance[:, 9, 9], rtol=1e-3)
+
+
+def test_angles_of_a_unit_whose_mounting_is_unknown_are_named_so_and_read_again(found, drive):
+    of_vehicle, of_unit = (solution_csv(found, mounted=mounted).splitlines()[0] for mounted in (True, False))
+    assert {"roll [deg]", "sd_yaw [deg]"} <= set(of_vehicle.split(","))
+    assert {"imu_roll [deg]", "sd_imu_yaw [deg]"} <= set(of_unit.split(","))
+    assert [canonical_name(name) for name in of_unit.split(",")] == [
+        canonical_name(name) for name in of_vehicle.split(",")
+    ]
+    assert "of the vehicle" in attitude_text(replace(drive, mounting=np.eye(3)))
+    assert "its mounting is not stated" in attitude_text(replace(drive, mounting=None))
 
 
 def test_angle_sds_are_those_of_sampled_attitude_errors(found):

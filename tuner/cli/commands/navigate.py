@@ -104,7 +104,7 @@ def command(
     from tuner.readers.drive import read_drive, with_mounting
     from tuner.report.consistency_tables import consistency_tables
     from tuner.report.json.consistency import navigation_json
-    from tuner.report.solution_set import write_solution
+    from tuner.report.solution_set import attitude_text, write_solution
     from tuner.report.terminal import show
 
     measured = with_mounting(read_drive(drive), frame=imu_frame, rpy_deg=mounting_rpy, lever_arm=lever_arm)
@@ -113,12 +113,15 @@ def command(
     found = navigate(measured, config, gnss=gnss, states=states, vehicle=vehicle)
     if directory is not None:
         write_solution(found, measured, directory)
-    notes = found.notes
-    if not found.consistency.consistent:
-        notes = (*notes, f"`tuner diagnose {drive} --config {config}` looks for the causes")
-    page(f"Filter of {config} on {drive}", {"Is it consistent?": found})
+    advice = f"`tuner diagnose {drive} --config {config}` names the causes and what to change"
+    notes = found.notes if found.consistency.consistent else (*found.notes, advice)
+    page(f"Filter of {Path(config).name} on {Path(drive).name}", {"Is it consistent?": found})
     output.write(navigation_json(found, measured, notes=notes, seed=seed))
     if output.tables:
-        written = () if directory is None else (f"  solution, tracks and figures: {directory}",)
-        show([*consistency_tables(found.consistency, notes), *written])
+        lines = consistency_tables(found.consistency, found.notes)
+        if not found.consistency.consistent:
+            lines.append(f"  what to do: {advice}")
+        if directory is not None:
+            lines += [f"  solution, tracks and figures: {directory}", f"  {attitude_text(measured)}"]
+        show(lines)
     return 1 if strict and not found.consistency.consistent else 0
