@@ -107,9 +107,10 @@ def _nothing_found(listing: Listing) -> str:
     wide = next((name for name, shape in listing.shapes.items() if len(shape) == 2 and shape[1] >= 6), None)
     single = next(iter(listing.shapes), "NAME")
     example = f"gyro={wide}[3:6],accel={wide}[0:3]" if wide else f"gyro_x={single}"
+    why = "; ".join([note for note in listing.notes if "left out" in note][:3])
     return (
         f"{listing.path}: no gyro or accel column: expected names such as gyro_x or an (n, 3) array gyro, "
-        f"found {offered(listing)}; map them with --columns, such as --columns '{example}'"
+        f"found {offered(listing)}{why and f' ({why})'}; map them with --columns, such as --columns '{example}'"
     )
 
 

@@ -215,7 +215,7 @@ def _continued(time: Stamps, on: BoolArray, usual: float, notes: list[str]) -> S
 def _clock_time(time: Stamps, on: BoolArray, usual: float) -> tuple[FloatArray, str] | None:
     """Return clock times such as 123459.99 (HHMMSS) as seconds of the day; None where the stamps are none.
 
-    Only at the end of a minute do they differ from plain numbers: there they jump by 40 s more.
+    Only at the end of a minute do they differ from plain numbers: there they jump by 40 more, of an hour by 4040.
     """
     rows = np.flatnonzero(on)
     some = time[rows]
@@ -226,9 +226,10 @@ def _clock_time(time: Stamps, on: BoolArray, usual: float) -> tuple[FloatArray, 
         seconds = np.remainder(some, 100 * int(scale)) / scale
         if seconds.max() >= 60.0 or np.remainder(minutes, 100).max() >= 60:
             continue
-        turn = np.flatnonzero(np.diff(minutes) == 1)
-        jumps = np.diff(some)[turn]
-        if not len(turn) or np.any(jumps < 40.0 * scale) or np.any(jumps > 40.0 * scale + WRAP_STEPS * usual):
+        hours = np.floor_divide(minutes, 100)
+        turn = np.flatnonzero(np.diff(60 * hours + np.remainder(minutes, 100)) == 1)
+        more = np.diff(some)[turn] - scale * np.where(np.diff(hours)[turn] == 1, 4040.0, 40.0)
+        if not len(turn) or np.any(more < 0.0) or np.any(more > WRAP_STEPS * usual):
             continue
         minute = np.floor_divide(time, 100 * int(scale))
         hour = np.floor_divide(minute, 100)

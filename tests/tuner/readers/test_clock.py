@@ -49,6 +49,7 @@ ONE_HUNDRED_HERTZ = {
     "days of MATLAB": 739000.3 + S / 86400.0,
     "HHMMSSmmm": digits(BEGIN + S, 1e3).astype(np.int64),
     "HHMMSS.ss": digits(BEGIN + S, 1e2) / 100.0,
+    "HHMMSSmmm over an hour": digits(43160.0 + S, 1e3).astype(np.int64),
     "HHMMSSmmm over midnight": digits((86390.0 + S) % 86400.0, 1e3).astype(np.int64),
     "us in 32 bits": (np.rint(1e6 * S).astype(np.int64) + 2**32 - 5_000_000) % 2**32,
     "s of the week": (604790.0 + S) % 604800.0,

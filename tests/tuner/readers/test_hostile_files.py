@@ -228,3 +228,11 @@ def test_settings_of_kf_gins_with_impossible_numbers(tmp_path: Path, sd: str, fo
     )
     with pytest.raises(DataError, match=f"kf-gins.yaml: cannot be read as a YAML of KF-GINS.*{found}"):
         kf_gins_settings.load(path)
+
+
+def test_a_refusal_says_why_arrays_were_left_out(tmp_path: Path) -> None:
+    np.savez(tmp_path / "log.npz", gyro=np.full((9, 3), None))
+    with pytest.raises(
+        DataError, match=r"no gyro or accel column: .*'gyro' was left out: objects, not numbers"
+    ):
+        read(tmp_path / "log.npz")
