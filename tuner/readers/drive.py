@@ -2,7 +2,8 @@
 
 =============  ================================================================================================
 folder         ``imu.csv`` as any log; ``gnss.csv``: t, lat, lon [deg], height, vn, ve, vd, sd_n, sd_e, sd_d,
-               sd_vn, sd_ve, sd_vd; ``truth.csv``, optional: t, lat, lon, height, vn, ve, vd, roll, pitch, yaw;
+               sd_vn, sd_ve, sd_vd, solution (its class as in GGA, 4: RTK fixed); ``truth.csv``, optional: t, lat,
+               lon, height, vn, ve, vd, roll, pitch, yaw;
                a unit may follow in brackets: ``vn [km/h]``; in place of ``gnss.csv`` a solution of RTKLIB
                (``.pos``), an NMEA log (``.nmea``), a UBX log (``.ubx``) or text of Waypoint: `tuner.readers.fixes`;
                in place of ``truth.csv`` text of Inertial Explorer with attitude: `tuner.readers.waypoint`
@@ -284,6 +285,8 @@ def _drive(
             messages.append(
                 f"stamps of the {whose} scatter by {1e3 * scatter:.2g} ms (sd) about an even clock: taken out"
             )
+    for block in (slice(7, 10), slice(10, 13)):
+        _resolve_zeros(fixes[:, block])
     begin, end = imu[0, 0], imu[-1, 0]
     inside = (fixes[:, 0] >= begin) & (fixes[:, 0] <= end)
     if np.count_nonzero(inside) < 2:
@@ -303,7 +306,9 @@ def _drive(
             f"{repeats} inertial rows repeat the one before ({100.0 * repeats / len(imu):.2g} %): kept"
         )
     llh = np.column_stack([np.radians(fixes[:, 1:3]), fixes[:, 3]])
-    gnss = Gnss(fixes[:, 0] - begin, llh, fixes[:, 4:7], fixes[:, 7:10], fixes[:, 10:13])
+    gnss = Gnss(
+        fixes[:, 0] - begin, llh, fixes[:, 4:7], fixes[:, 7:10], fixes[:, 10:13], fixes[:, 13:].ravel()
+    )
     return Drive(
         path.stem,
         imu[:, 0] - begin,
@@ -317,6 +322,13 @@ def _drive(
         digest(path if path.is_file() else path / "imu.csv"),
         tuple(messages),
     )
+
+
+def _resolve_zeros(sd: FloatArray) -> None:
+    """Put half of the least sd in place of zeros beside others of a fix, which were rounded to nothing; in place."""
+    positive = sd > 0.0
+    if positive.any():
+        sd[(sd == 0.0) & positive.any(axis=1, keepdims=True)] = 0.5 * sd[positive].min()
 
 
 def _reference(path: Path, rows: FloatArray, begin: float, notes: list[str]) -> Reference:

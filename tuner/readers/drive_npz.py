@@ -7,6 +7,7 @@ gnss_t             (k,), s
 gnss_llh           (k, 3), deg, deg, m
 gnss_vned          optional (k, 3), m/s
 gnss_pstd, _vstd   optional (k, 3), m, m/s
+gnss_fix           optional (k,), class of solution as in GGA (4: RTK fixed); gnss_q: as RTKLIB numbers it
 ref_t, ref_llh     optional (r,), (r, 3); with them ref_vned, ref_rpy (deg), ref_pstd,
                    ref_vstd, ref_astd (deg)
 meta               optional JSON: imu_frame, mounting_rpy_deg, lever_arm_frd_m
@@ -25,6 +26,7 @@ from numpy.typing import NDArray
 from tuner.formats.codec import load
 from tuner.formats.documents import parse_json
 from tuner.readers.npz_members import stored_arrays
+from tuner.readers.solutions import OF_RTKLIB, solutions
 from tuner.types.number_ranges import LeverArm, Vector3
 from tuner.types.records import DataError
 
@@ -32,6 +34,7 @@ FloatArray = NDArray[np.float64]
 
 REQUIRED_ARRAYS = ("imu_t", "gyro", "accel", "gnss_t", "gnss_llh")
 FIX_ARRAYS = ("gnss_llh", "gnss_vned", "gnss_pstd", "gnss_vstd")
+SOLUTION_ARRAYS = ("gnss_fix", "gnss_q")
 REFERENCE_ARRAYS = ("ref_llh", "ref_vned", "ref_rpy", "ref_pstd", "ref_vstd", "ref_astd")
 
 
@@ -52,8 +55,8 @@ class DriveArrays:
     ----------
     imu : ndarray, shape (n, 7)
         t, angular rates, specific forces.
-    fixes : ndarray, shape (k, 13)
-        t, position, velocity, sds of both; NaN where there is none.
+    fixes : ndarray, shape (k, 14)
+        t, position, velocity, sds of both, class of solution; NaN where there is none.
     truth : ndarray, shape (r, 19), or None
         t, position, velocity, angles, sds of the three.
     frame : str or None
@@ -87,7 +90,7 @@ def read_drive_npz(path: Path) -> DriveArrays:
     given = "ref_t" in data and "ref_llh" in data
     return DriveArrays(
         _table(path, data, "imu_t", ("gyro", "accel")),
-        _table(path, data, "gnss_t", FIX_ARRAYS),
+        np.column_stack([_table(path, data, "gnss_t", FIX_ARRAYS), _solutions(path, data)]),
         _table(path, data, "ref_t", REFERENCE_ARRAYS) if given else None,
         meta.imu_frame,
         meta.mounting_rpy_deg,
@@ -97,7 +100,17 @@ def read_drive_npz(path: Path) -> DriveArrays:
 
 def _arrays(path: Path) -> Mapping[str, NDArray[np.generic]]:
     stored, unread = stored_arrays(path)
-    wanted = {"imu_t", "gnss_t", "ref_t", "gyro", "accel", "meta", *FIX_ARRAYS, *REFERENCE_ARRAYS}
+    wanted = {
+        "imu_t",
+        "gnss_t",
+        "ref_t",
+        "gyro",
+        "accel",
+        "meta",
+        *FIX_ARRAYS,
+        *REFERENCE_ARRAYS,
+        *SOLUTION_ARRAYS,
+    }
     if bad := [name for name in unread if name in wanted]:
         msg = f"{path}: {bad[0]}: expected an array of numbers or a text, got {unread[bad[0]]}; save it anew"
         raise DataError(msg)
@@ -116,6 +129,19 @@ def _meta(path: Path, data: Mapping[str, NDArray[np.generic]]) -> _Installation:
         msg = f"{source}: expected one text of JSON, got an array of shape {data['meta'].shape}"
         raise DataError(msg)
     return load(parse_json(stated, source=source), _Installation, source=source)
+
+
+def _solutions(path: Path, data: Mapping[str, NDArray[np.generic]]) -> FloatArray:
+    """Return the classes of solution of the fixes, by their numbers in `SOLUTIONS`, NaN where none are stated."""
+    count = data["gnss_t"].size
+    for name in SOLUTION_ARRAYS:
+        if (found := data.get(name)) is not None:
+            if found.shape != (count,) or found.dtype.kind not in "fiu":
+                msg = f"{path}: expected numbers of shape {(count,)} in {name}, got shape {found.shape}, {_kind(found)}"
+                raise DataError(msg)
+            numbers = found.astype(float)
+            return solutions(numbers, OF_RTKLIB) if name == "gnss_q" else numbers
+    return np.full(count, np.nan)
 
 
 def _table(

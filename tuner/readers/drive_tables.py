@@ -36,7 +36,10 @@ GNSS_COLUMNS = (
     "sd_vn",
     "sd_ve",
     "sd_vd",
+    "solution",
 )
+OTHER_NAMES: Mapping[str, str] = {"fix": "solution", "gnss_fix": "solution", "quality": "solution"}
+"""Other names of columns."""
 
 UNITS: Mapping[tuple[str, ...], tuple[str, ...]] = {
     ("s", "ms", "us", "ns", "min", "h"): ("t",),
@@ -80,6 +83,7 @@ def table(path: Path, names: tuple[str, ...], needed: int) -> FloatArray:
     """Return the named columns of a CSV, NaN for absent ones; the first `needed` must be there."""
     dialect = find_dialect(path)
     have = [name.split("[")[0].strip().lower() for name in dialect.names]
+    have = [OTHER_NAMES.get(name, name) for name in have]
     missing = [name for name in names[:needed] if name not in have]
     if missing:
         msg = f"{path}: expected columns {', '.join(names)}, {', '.join(missing)} missing"

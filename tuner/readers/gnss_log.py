@@ -34,4 +34,4 @@ def read_fixes(path: str | Path) -> Gnss:
         )
         raise DataError(msg)
     llh = np.column_stack([np.radians(rows[:, 1:3]), rows[:, 3]])
-    return Gnss(rows[:, 0] - rows[0, 0], llh, rows[:, 4:7], rows[:, 7:10], rows[:, 10:13])
+    return Gnss(rows[:, 0] - rows[0, 0], llh, rows[:, 4:7], rows[:, 7:10], rows[:, 10:13], rows[:, 13])

@@ -34,7 +34,7 @@ def gps_solution(path: Path) -> GpsFixes | None:
         return None
     fixes = read_rtklib(path)
     rows = np.full((len(fixes.t), len(COLUMNS)), np.nan)
-    rows[:, [j for j, name in enumerate(COLUMNS) if not name.endswith(_ATTITUDE)]] = fixes.rows
+    rows[:, [j for j, name in enumerate(COLUMNS) if not name.endswith(_ATTITUDE)]] = fixes.rows[:, :12]
     return GpsFixes(fixes.t, rows, fixes.notes)
 
 

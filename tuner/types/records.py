@@ -137,6 +137,19 @@ class Record:
         return tuple(column[start:stop] for start, stop in self.segments)
 
 
+SOLUTIONS: Mapping[int, str] = MappingProxyType(
+    {
+        1: "single point",
+        2: "differential",
+        3: "precise point",
+        4: "RTK fixed",
+        5: "RTK float",
+        6: "dead reckoning",
+    }
+)
+"""Classes of solution by their number: the quality of a GGA sentence (NMEA 0183), with 3 as RTKLIB uses it."""
+
+
 @dataclass(frozen=True)
 class Gnss:
     """Fixes of a satellite receiver (SI), in order of time.
@@ -151,6 +164,8 @@ class Gnss:
         North, east, down, m/s; NaN where there is none.
     position_sd, velocity_sd : ndarray, shape (k, 3)
         As the receiver reports them, north, east, down; NaN where it does not.
+    solution : ndarray, shape (k,)
+        Class of solution as the receiver states it, by its number in `SOLUTIONS`; NaN where it does not.
     """
 
     t: FloatArray
@@ -158,9 +173,12 @@ class Gnss:
     vel_n: FloatArray
     position_sd: FloatArray
     velocity_sd: FloatArray
+    solution: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "llh", without_jumps(self.llh))
+        if len(self.solution) != len(self.t):
+            object.__setattr__(self, "solution", np.full(len(self.t), np.nan))
 
     def __len__(self) -> int:
         return len(self.t)
@@ -173,6 +191,7 @@ class Gnss:
             self.vel_n[which],
             self.position_sd[which],
             self.velocity_sd[which],
+            self.solution[which],
         )
 
 

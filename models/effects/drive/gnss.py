@@ -50,7 +50,7 @@ from models.effects.static.base import (
 MAX_FRACTION = 0.95
 """Largest share of fixes that may be wrong."""
 SD_MODEL_PARAMETER = re.compile(
-    r"(position|velocity)_((horizontal|vertical)(_class_\d+)?|edge_[1-9]\d*|exponent|typical)"
+    r"(position|velocity)_((horizontal|vertical)(_class_\d+)?|edge_[1-9]\d*|solution_\d+|exponent|typical)"
 )
 """Names of the numbers by which true sds follow from reported ones (`tuner.navigation.fix_sd_model`)."""
 

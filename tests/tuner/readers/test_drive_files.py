@@ -47,6 +47,23 @@ def test_folder_and_npz_are_one(data, file, tmp_path):
     np.testing.assert_allclose(a.reference.rpy, b.reference.rpy, atol=1e-9)
 
 
+def test_stated_solutions_and_rounded_sds(saved, data, tmp_path):
+    k = len(data["gnss_t"])
+    sd = np.tile([0.0, 0.02, 0.04], (k, 1))
+    sd[0] = 0.0
+    q = np.where(np.arange(k) % 2, 1, 5)
+    drive = read_drive(saved(tmp_path / "drive.npz", {**data, "gnss_q": q, "gnss_pstd": sd}))
+    np.testing.assert_array_equal(drive.gnss.solution, np.where(q == 1, 4.0, 1.0))
+    np.testing.assert_array_equal(drive.gnss.position_sd[1], [0.01, 0.02, 0.04])
+    np.testing.assert_array_equal(drive.gnss.position_sd[0], 0.0)
+    folder = write_folder(tmp_path / "folder", data, truth=False)
+    header, *lines = (folder / "gnss.csv").read_text().splitlines()
+    rows = [f"{line},{one}" for line, one in zip(lines, np.where(q == 1, 4, 1), strict=True)]
+    (folder / "gnss.csv").write_text("\n".join([f"{header},quality", *rows]))
+    np.testing.assert_array_equal(read_drive(folder).gnss.solution, drive.gnss.solution)
+    assert np.isnan(read_drive(saved(tmp_path / "none.npz", data)).gnss.solution).all()
+
+
 def test_samples_that_lie_unevenly_keep_their_stamps(data, tmp_path):
     uneven = dict(data)
     step = np.random.default_rng(4).choice([0.6, 0.7, 0.9, 1.8], len(data["imu_t"]))

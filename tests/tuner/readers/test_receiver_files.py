@@ -87,6 +87,7 @@ def ubx(folder):
 
 
 WRITERS = {"rtklib": rtklib, "week": lambda folder: rtklib(folder, week=True), "nmea": nmea, "ubx": ubx}
+SOLUTION = {"rtklib": 4, "week": 4, "nmea": 4, "ubx": 1}
 LIBRARY = {"nmea": "pynmeagps", "ubx": "pyubx2"}
 GPS_START = gps_seconds(START)
 CLOCKS = {
@@ -127,6 +128,7 @@ def test_fixes_come_back_on_the_clock_of_the_inertial_record(kind, clock, tmp_pa
         np.testing.assert_allclose(drive.gnss.vel_n[:, 2], DOWN, atol=1e-4)
     np.testing.assert_allclose(drive.gnss.position_sd[:, 2], 0.03, rtol=1e-6)
     assert any(clock in note for note in drive.notes)
+    assert (drive.gnss.solution == SOLUTION[kind]).all()
 
 
 def test_a_record_on_another_clock_is_refused_with_the_spans(tmp_path):

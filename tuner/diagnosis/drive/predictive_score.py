@@ -145,7 +145,8 @@ def with_other_noise(run: ConfiguredRun, drive: Drive, config: FilterConfig, clo
     """
     settings = _drive_and_settings(drive, config, clock)[1]
     stretches = tuple(
-        replace(s, fixes=replace(s.fixes, sd=assumed_sds(s.reported_sd, settings))) for s in run.stretches
+        replace(s, fixes=replace(s.fixes, sd=assumed_sds(s.reported_sd, s.solution, settings)))
+        for s in run.stretches
     )
     return replace(run, settings=settings, stretches=stretches)
 

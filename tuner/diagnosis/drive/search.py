@@ -17,6 +17,7 @@ from tuner.diagnosis.drive.causes.base import is_noise_scale, is_of_single_fixes
 from tuner.diagnosis.drive.causes.bias_jump import BIAS_JUMP
 from tuner.diagnosis.drive.causes.noise_scale import FINDING_NAMES
 from tuner.diagnosis.drive.causes.registry import significance_threshold
+from tuner.diagnosis.drive.causes.rejected_solutions import rejected_solutions
 from tuner.diagnosis.drive.causes.reported_sd import (
     coefficient,
     edge_coefficients,
@@ -51,6 +52,7 @@ from tuner.diagnosis.drive.score_tests import (
     late_gain,
     retest,
 )
+from tuner.diagnosis.static.outcome import TestResult
 from tuner.navigation.fix_sd_model import GNSS_NOISE_SCALE
 from tuner.types import Alternative, Coefficient, Parameter
 from tuner.types.records import DataError, Drive
@@ -144,6 +146,7 @@ def search_causes(
     if fitted:
         report("the clocks of receiver and inertial unit differ")
         run = refit_constants(drive, run_filter(drive, base.hypothesis.with_values(coarse)), fitted)
+    run = _with_rejected_solutions(drive, run, fitted, accepted, report)
     tests: tuple[Candidate, ...] = ()
     previous: tuple[Candidate, ...] = ()
     exhausted: set[str] = set()
@@ -207,6 +210,25 @@ def search_causes(
     accepted = [a for a in accepted if any(c.value is not None for c in a.parameters.values())]
     left = tuple(a for a in tests if a.is_significant(significance_threshold()))
     return SearchResult(base, run, tuple(accepted), left, fitted, (*notes, *more))
+
+
+def _with_rejected_solutions(
+    drive: Drive,
+    run: FilterRun,
+    fitted: tuple[str, ...],
+    accepted: list[Accepted],
+    report: Callable[[str], None],
+) -> FilterRun:
+    """Return a run with the sds of stated solutions that it rejects, which join the accepted causes."""
+    values, p_value = rejected_solutions(run, significance_threshold())
+    if not values:
+        return run
+    gain = -float(np.log(max(p_value, np.finfo(float).tiny)))
+    report(f"{GNSS_NOISE_SCALE}: a class of solution of the receiver is rejected")
+    result = TestResult(GNSS_NOISE_SCALE, p_value, gain, gain, "share of rejected fixes by stated solution")
+    accepted.append(Accepted(Candidate(result), {}))
+    sds = {Parameter(GNSS_NOISE_SCALE, name): value for name, value in values.items()}
+    return refit_constants(drive, run_filter(drive, run.hypothesis.with_values(sds)), fitted)
 
 
 def _fit_constants(run: FilterRun, fitted: tuple[str, ...]) -> ConstantsFit:

@@ -74,6 +74,8 @@ class Stretch:
         What is known of the vehicle beside the fixes.
     reported_sd : ndarray, shape (k, 6)
         Sds of the fixes as the receiver reports them, NaN where it reports none.
+    solution : ndarray, shape (k,)
+        Classes of solution that it states, NaN where none.
     """
 
     steps: Steps
@@ -83,6 +85,7 @@ class Stretch:
     lag: float = 0.0
     constraints: Constraints | None = None
     reported_sd: FloatArray = field(default_factory=lambda: np.full((0, 6), np.nan))
+    solution: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     @property
     def settled(self) -> float:
@@ -336,13 +339,13 @@ def _timed(steps: Steps, own: Gnss, a: Alignment, settings: FilterSettings, lag:
     split, after = split_at(steps, t)
     settled = a.t + a.still + SETTLING_TIME
     raw = np.hstack([own.position_sd, own.velocity_sd])
-    fixes = Fixes(t, after, own.llh, own.vel_n, assumed_sds(raw, settings), trusted=t < settled)
+    fixes = Fixes(t, after, own.llh, own.vel_n, assumed_sds(raw, own.solution, settings), trusted=t < settled)
     mat_nb, vel = rotation.mat_from_quat(quat), velocities(own)[0]
     arm = np.array(settings.lever_arm)
     vel = vel - mat_nb @ np.cross(_first_rates(steps)[:3] - a.gyro_bias, arm)
     there = llh_displaced(own.llh[0], -mat_nb @ arm - vel * (t[0] - steps.start))
     start = NavigationState(there, vel, quat)
-    return Stretch(split, fixes, start, a, lag, reported_sd=raw)
+    return Stretch(split, fixes, start, a, lag, reported_sd=raw, solution=own.solution)
 
 
 def _attitude_at(steps: Steps, a: Alignment, k: int) -> FloatArray:
@@ -356,13 +359,16 @@ def _attitude_at(steps: Steps, a: Alignment, k: int) -> FloatArray:
     return quat
 
 
-def assumed_sds(raw: FloatArray, settings: FilterSettings) -> FloatArray:
-    """Return what the filter assumes of fixes: the receiver's sds (k, 6), where it has none the configuration's."""
+def assumed_sds(raw: FloatArray, solution: FloatArray, settings: FilterSettings) -> FloatArray:
+    """Return what the filter assumes of fixes: the receiver's sds (k, 6), where it has none the configuration's.
+
+    Models of reported sds may tell stated classes of solution (k,) apart.
+    """
     reported = _known(raw, settings)
     if settings.fix_sd_models is None:
         return reported if settings.position_sd is None else np.maximum(reported, _configured(settings))
     position, velocity = settings.fix_sd_models
-    return np.hstack([position.sds(reported[:, :3]), velocity.sds(reported[:, 3:])])
+    return np.hstack([position.sds(reported[:, :3], solution), velocity.sds(reported[:, 3:], solution)])
 
 
 def reported_sds(gnss: Gnss, settings: FilterSettings) -> FloatArray:

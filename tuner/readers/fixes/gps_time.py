@@ -42,9 +42,9 @@ class GpsFixes:
     ----------
     t : ndarray, shape (k,)
         GPS time since 6 January 1980, s.
-    rows : ndarray, shape (k, 12)
-        Latitude, longitude, deg, height above the ellipsoid, m; velocity north, east, down, m/s; sds of both; NaN where
-        there is none. Those of a reference have more columns.
+    rows : ndarray, shape (k, 12) or (k, 13)
+        Latitude, longitude, deg, height above the ellipsoid, m; velocity north, east, down, m/s; sds of both; class of
+        solution by its number in `SOLUTIONS`; NaN where there is none. Those of a reference have more columns.
     notes : tuple of str
         How the file was understood.
     dated : bool

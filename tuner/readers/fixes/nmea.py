@@ -70,7 +70,7 @@ def read_nmea(path: Path) -> GpsFixes:
 
 def _position(message: Any) -> list[float]:
     height = float(message.alt or 0.0) + float(message.sep or 0.0)
-    return [float(message.lat), float(message.lon), height, *[math.nan] * 9]
+    return [float(message.lat), float(message.lon), height, *[math.nan] * 9, float(message.quality)]
 
 
 def _complete(row: list[float], message: Any, kind: str | None) -> None:

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from tuner.readers.fixes.gps_time import GPS_EPOCH, SECONDS_A_WEEK, GpsFixes, leap_seconds
+from tuner.readers.solutions import OF_RTKLIB, solutions
 from tuner.types.records import DataError
 
 
@@ -51,7 +52,9 @@ def read_rtklib(path: Path) -> GpsFixes:
     if not rows:
         msg = f"{path}: expected fixes below the header, found none"
         raise DataError(msg)
-    return GpsFixes(np.array(t), np.array(rows))
+    table = np.array(rows)
+    table[:, -1] = solutions(table[:, -1], OF_RTKLIB)
+    return GpsFixes(np.array(t), table)
 
 
 def _gps_time(first: str, second: str, *, utc: bool) -> float:
@@ -75,4 +78,4 @@ def _row(values: list[float]) -> list[float]:
     if len(values) >= 19:
         velocity_sd = values[16:19]
     known = [x if x > 0.0 else math.nan for x in (*sd, *velocity_sd)]
-    return [lat, lon, height, *velocity, *known]
+    return [lat, lon, height, *velocity, *known, values[3] if len(values) > 3 else math.nan]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +14,15 @@ from tuner.types.records import DataError
 
 FIX_3D, FIX_WITH_DEAD_RECKONING = 3, 4
 """Fix types of a position in three dimensions."""
+
+
+def _solution(message: Any) -> float:
+    """Return the class of solution by its number in `SOLUTIONS`, from flags and fix type."""
+    if message.carrSoln:
+        return {1: 5.0, 2: 4.0}.get(message.carrSoln, math.nan)
+    if message.fixType == FIX_WITH_DEAD_RECKONING:
+        return 6.0
+    return 2.0 if message.diffSoln else 1.0
 
 
 def read_ubx(path: Path) -> GpsFixes:
@@ -45,7 +55,8 @@ def read_ubx(path: Path) -> GpsFixes:
             velocity = [1e-3 * v for v in (message.velN, message.velE, message.velD)]
             accuracy = [1e-3 * a or math.nan for a in (message.hAcc, message.vAcc, message.sAcc)]
             sds = [accuracy[0], accuracy[0], accuracy[1], *[accuracy[2]] * 3]
-            rows.append([message.lat, message.lon, 1e-3 * message.height, *velocity, *sds])
+            place = message.lat, message.lon, 1e-3 * message.height
+            rows.append([*place, *velocity, *sds, _solution(message)])
     if not rows:
         msg = f"{path}: expected NAV-PVT messages with a fix, found none; log UBX-NAV-PVT at the receiver"
         raise DataError(msg)

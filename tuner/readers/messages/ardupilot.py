@@ -26,6 +26,7 @@ from tuner.readers.messages.streams import (
     drive_of_log,
     listing_of_log,
 )
+from tuner.readers.solutions import OF_AUTOPILOTS
 from tuner.types.records import DataError
 
 SIGNATURE = b"\xa3\x95\x80"
@@ -132,11 +133,11 @@ def _imu(message: Any) -> tuple[float, ...]:
 
 
 def _gps(message: Any) -> tuple[float, ...]:
-    """Return t, µs, latitude, longitude, deg, height, m, velocity north, east, down, m/s."""
+    """Return t, µs, latitude, longitude, deg, height, m, velocity north, east, down, m/s, fix type."""
     course = math.radians(message.GCrs)
     speed = message.Spd
     velocity = (speed * math.cos(course), speed * math.sin(course), message.VZ)
-    return (float(message.TimeUS), message.Lat, message.Lng, message.Alt, *velocity)
+    return (float(message.TimeUS), message.Lat, message.Lng, message.Alt, *velocity, message.Status)
 
 
 def _with_sds(
@@ -147,7 +148,8 @@ def _with_sds(
         value if value > 0.0 else math.nan
         for value in accuracy.get((instance, int(row[0])), (math.nan, math.nan, math.nan))
     )
-    return (1e-6 * row[0], *row[1:], horizontal, horizontal, vertical, speed, speed, speed)
+    solution = OF_AUTOPILOTS.get(int(row[7]), math.nan)
+    return (1e-6 * row[0], *row[1:7], horizontal, horizontal, vertical, speed, speed, speed, solution)
 
 
 FORMAT = LogFormat(

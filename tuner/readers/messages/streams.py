@@ -72,9 +72,9 @@ class FixStream:
     ----------
     name : str
         Topic or message with its instance.
-    rows : ndarray, shape (k, 13)
+    rows : ndarray, shape (k, 13) or (k, 14)
         t, s, on the clock of the inertial samples; latitude, longitude, deg, height above the ellipsoid, m; velocity
-        north, east, down, m/s; sds of both; NaN where there is none.
+        north, east, down, m/s; sds of both; class of solution; NaN where there is none.
     notes : tuple of str
         How the rows were understood.
     """

@@ -25,6 +25,7 @@ from tuner.readers.messages.streams import (
     drive_of_log,
     listing_of_log,
 )
+from tuner.readers.solutions import OF_AUTOPILOTS, solutions
 from tuner.types.records import DataError
 
 SIGNATURE = b"ULog\x01\x12\x35"
@@ -117,7 +118,8 @@ def _fixes(fields: Fields) -> NDArray[np.float64]:
     sds = [horizontal, horizontal, vertical, speed, speed, speed]
     stamps = fields.get("timestamp_sample", fields["timestamp"])
     t = (stamps if stamps.any() else fields["timestamp"]).astype(float)
-    rows = np.column_stack([1e-6 * t, *llh, *velocity, *sds]).astype(float)
+    classes = solutions(fields["fix_type"], OF_AUTOPILOTS)
+    rows = np.column_stack([1e-6 * t, *llh, *velocity, *sds, classes]).astype(float)
     rows[~valid, 4:7] = math.nan
     return rows[fields["fix_type"] >= FIX_3D]
 

@@ -66,7 +66,8 @@ def test_half_of_the_fixes_report_four_times_their_error(simulated, drive_config
     assert diagnosis.gain.nats > 0.0
     models = compensate_settings(filter_settings(diagnosis.after), diagnosis.compensation).fix_sd_models
     reported = np.hstack([drive.gnss.position_sd, drive.gnss.velocity_sd])
-    modelled = np.hstack([models[0].sds(reported[:, :3]), models[1].sds(reported[:, 3:])])
+    stated = drive.gnss.solution
+    modelled = np.hstack([models[0].sds(reported[:, :3], stated), models[1].sds(reported[:, 3:], stated)])
     np.testing.assert_allclose(modelled, np.tile(SD, (len(modelled), 1)), rtol=0.3)
     assert load_config(config_json(diagnosis.after), source="again") == diagnosis.after
 

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from tests.tuner.diagnosis.drive.replicas import Source
 from tests.tuner.diagnosis.drive.sage_husa import sage_husa
+from tuner.diagnosis.drive.causes.rejected_solutions import rejected_solutions
 from tuner.diagnosis.drive.causes.reported_sd import choose_sd_model, class_edges, reported_sd_test
 from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, as_configured, evaluate
 from tuner.diagnosis.drive.linear_model.linearized_run import LinearizedRun
 from tuner.diagnosis.drive.linear_model.noise_fit import maximize_likelihood
 from tuner.diagnosis.drive.linear_model.noise_parameters import ROW_GROUPS, noise_parameters
 from tuner.navigation.fix_sd_model import fix_sd_model
+from tuner.types import Compensation
 
 
 def reporting(linearized: LinearizedRun, level: np.ndarray, truth: np.ndarray, seed: int) -> NoiseHypothesis:
@@ -70,8 +73,46 @@ def test_the_model_of_reported_sds_is_found(city_drive: LinearizedRun, kind: str
         assert estimates["position_exponent"].value == pytest.approx(
             {"power": 0.4, "uninformative": 0.0}[kind], abs=0.15
         )
-    expected = fix_sd_model(test.sd_model, "position").sds(noise.linearized.reported_sd[:, :3])
+    expected = fix_sd_model(test.sd_model, "position").sds(
+        noise.linearized.reported_sd[:, :3], noise.linearized.solution
+    )
     np.testing.assert_allclose(test.noise.sd[:, :3], expected, rtol=1e-9)
+
+
+def test_stated_solutions_have_sds_of_their_own(city_drive: LinearizedRun) -> None:
+    """Reported sds are all alike, true ones three times them for float solutions: only the statement shows it."""
+    solution = np.where(np.arange(900) % 7 < 2, 5.0, 4.0)
+    truth = np.where(solution == 5.0, 3.0, 0.8)
+    stating = replace(city_drive, solution=solution)
+    noise = reporting(stating, np.ones(900), truth, 7)
+    model, test = choose_sd_model(noise, "position"), reported_sd_test(noise, "position")
+    assert model.kind == "solutions"
+    estimates = test.describe()
+    for c, value in enumerate((0.8, 3.0)):
+        assert estimates[f"position_horizontal_class_{c}"].value == pytest.approx(value, rel=0.2)
+    sds = fix_sd_model(test.sd_model, "position")
+    np.testing.assert_allclose(sds.sds(noise.linearized.reported_sd[:, :3], solution), test.noise.sd[:, :3])
+    unknown = sds.sds(np.ones((2, 3)), np.array([1.0, np.nan]))
+    np.testing.assert_array_equal(unknown, np.ones((2, 3))), "what the drive did not show stays as reported"
+    assert choose_sd_model(reporting(stating, np.ones(900), np.full(900, 1.3), 8), "position") is None
+
+
+def test_a_solution_that_the_gate_rejects_is_told_before_its_fixes(city_drive: LinearizedRun) -> None:
+    rng = np.random.default_rng(3)
+    solution = np.where(np.arange(900) % 12 == 0, 4.0, 1.0)
+    wrong = (solution == 4.0)[:, None] & (np.arange(6) < 3)
+    sd = np.where(wrong, 0.01, city_drive.sd)
+    innovation = np.where(wrong, 5.0 * rng.standard_normal((900, 6)), city_drive.innovation)
+    rejecting = replace(
+        city_drive, solution=solution, sd=sd, innovation=innovation, used=city_drive.available & ~wrong
+    )
+    run = SimpleNamespace(linearized=rejecting, hypothesis=SimpleNamespace(compensation=Compensation()))
+    values, p_value = rejected_solutions(run, 1e-3)
+    assert p_value < 1e-20
+    assert values["position_horizontal_class_1"] == pytest.approx(500.0, rel=0.3)
+    assert not any(name.startswith("velocity") for name in values)
+    honest = replace(rejecting, used=rejecting.available & (rng.random((900, 1)) > 0.2))
+    assert rejected_solutions(SimpleNamespace(**{**vars(run), "linearized": honest}), 1e-3)[0] == {}
 
 
 def test_adaptive_noise_follows_but_is_rough(city_drive: LinearizedRun) -> None:

@@ -1,11 +1,12 @@
 """Standard deviations that a receiver reports: their relation to the true ones, by class of fix and as a function.
 
 Fixes fall into classes where the level ρ of the reported sds (`tuner.navigation.fix_sd_model`) jumps, as between
-fixed, float and single solutions: gaps of its logarithm in the sorted values. For position and for velocity, three
-models compete by the likelihood less ½ ln n a parameter::
+fixed, float and single solutions: gaps of its logarithm in the sorted values; or by the solution that the receiver
+states. For position and for velocity, four models compete by the likelihood less ½ ln n a parameter::
 
     factor     a r                  one number for all: the base
-    classes    a_c r                one for each class
+    classes    a_c r                one for each class by level
+    solutions  a_c r                one for each stated solution
     power      a r (ρ/ρ₀)^(b−1)     ρ₀ the geometric mean of ρ; b = 0: the report says nothing
 
 Each is tested against the base by the likelihood ratio, χ² of the numbers it adds; a score test of the same degrees
@@ -28,6 +29,7 @@ from tuner.diagnosis.drive.linear_model.noise_fit import NoiseFit, maximize_like
 from tuner.diagnosis.drive.linear_model.noise_parameters import (
     BLOCKS,
     EXPONENT_ENDING,
+    NO_LEVELS,
     ROW_GROUPS,
     ReportedLevels,
     names_of_block,
@@ -35,16 +37,26 @@ from tuner.diagnosis.drive.linear_model.noise_parameters import (
     weights,
 )
 from tuner.diagnosis.static.outcome import TestResult
-from tuner.navigation.fix_sd_model import class_edges_of, sd_levels
+from tuner.navigation.fix_sd_model import (
+    FixSdModel,
+    class_count,
+    class_edges_of,
+    class_solutions_of,
+    fix_sd_model,
+    sd_levels,
+)
 from tuner.types import Coefficient
+from tuner.types.records import SOLUTIONS
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
+CLASS_KINDS = ("classes", "solutions")
+"""Kinds of models with factors by class: by level, and by stated solution."""
 MIN_LOG_GAP = np.log(2.0)
 """Gap of the log of the reported sd between two classes: a factor of 2; chosen as less is gradual."""
 MIN_CLASS_SHARE = 0.03
-"""Least share of the fixes in a class; chosen so that single fixes of odd sd make no class."""
+"""Least share of the fixes in a class by level; chosen so that single fixes of odd sd make no class."""
 MIN_CLASS_FIXES = 30
 """Least number of fixes in a class: the sd of one row is then known to 1/√60 = 13 %."""
 MIN_SD_RATIO = 1.2
@@ -79,8 +91,8 @@ class ReportedSdModel:
         Of the base against it; 1 for the base itself.
     levels : ReportedLevels
         Classes and levels of the fixes.
-    edges : tuple of float
-        Levels at which the classes from the second on begin.
+    edges, solutions : tuple of float
+        Levels at which the classes from the second on begin; the stated solutions of all classes.
     """
 
     block: str
@@ -89,20 +101,23 @@ class ReportedSdModel:
     gain: float
     p_value: float
     levels: ReportedLevels
-    edges: tuple[float, ...]
+    edges: tuple[float, ...] = ()
+    solutions: tuple[float, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
         """Parameters of the best model, horizontal and vertical separately."""
         rows = names_of_block(ROW_GROUPS, self.block)
-        if self.kind == "classes":
-            return tuple(f"{row}_class_{c}" for c in range(len(self.edges) + 1) for row in rows)
+        if self.kind in CLASS_KINDS:
+            count = len(self.solutions) or len(self.edges) + 1
+            return tuple(f"{row}_class_{c}" for c in range(count) for row in rows)
         return (*rows, f"{self.block}{EXPONENT_ENDING}") if self.kind == "power" else rows
 
     def values(self, fit: NoiseFit) -> dict[str, float]:
         """Return the model as values of a compensation, the fit being of `names`."""
         out = {name: fit.factor(name) for name in self.names if not name.endswith(EXPONENT_ENDING)}
         out |= {f"{self.block}_edge_{c}": edge for c, edge in enumerate(self.edges, 1)}
+        out |= {f"{self.block}_solution_{c}": number for c, number in enumerate(self.solutions)}
         if self.kind == "power":
             more = float(fit.estimate[fit.number(f"{self.block}{EXPONENT_ENDING}")])
             out[f"{self.block}{EXPONENT_ENDING}"] = 1.0 + more
@@ -122,6 +137,13 @@ def class_edges(level: FloatArray) -> tuple[float, ...]:
     return tuple(edges)
 
 
+def stated_solutions(solution: FloatArray) -> tuple[float, ...]:
+    """Return the stated solutions that are classes, from those of fixes (k,); none where there are not two."""
+    number, count = np.unique(solution[np.isfinite(solution)], return_counts=True)
+    found = number[count >= MIN_CLASS_FIXES].tolist()
+    return tuple(found) if len(number) > 1 and found else ()
+
+
 def reported_levels(linearized: LinearizedRun, values: Mapping[str, float]) -> ReportedLevels:
     """Return classes and levels of the fixes of a run, edges and typical levels as in a compensation."""
     classes: dict[str, IntArray] = {}
@@ -129,15 +151,22 @@ def reported_levels(linearized: LinearizedRun, values: Mapping[str, float]) -> R
     typical = {}
     for block, columns in BLOCKS.items():
         level = sd_levels(linearized.reported_sd[:, list(columns)])
-        classes[block] = np.searchsorted(np.array(class_edges_of(values, block)), level).astype(np.int64)
+        classes[block] = fix_sd_model(values, block).classes(level, linearized.solution)
         logs[block] = np.log(level)
         typical[block] = float(np.log(values.get(f"{block}_typical", 1.0)))
     return ReportedLevels(classes, logs, typical)
 
 
 def edge_coefficients(values: Mapping[str, float]) -> dict[str, Coefficient]:
-    """Return the levels of reported sds at which classes begin in a compensation, for a finding."""
-    return {
+    """Return what the classes of reported sds are in a compensation, for a finding: levels or stated solutions."""
+    stated = {
+        f"{block}_solution_{c}": Coefficient(
+            number, None, None, "1", f"class {c}: {SOLUTIONS.get(int(number), 'another')}"
+        )
+        for block in BLOCKS
+        for c, number in enumerate(class_solutions_of(values, block))
+    }
+    return stated | {
         f"{block}_edge_{c}": Coefficient(edge, None, None, unit, "reported sd from which this class begins")
         for block, unit in (("position", "m"), ("velocity", "m/s"))
         for c, edge in enumerate(class_edges_of(values, block), 1)
@@ -146,7 +175,7 @@ def edge_coefficients(values: Mapping[str, float]) -> dict[str, Coefficient]:
 
 def has_sd_model(values: Mapping[str, float], block: str) -> bool:
     """Whether a compensation has classes or an exponent for a block."""
-    return bool(class_edges_of(values, block)) or f"{block}{EXPONENT_ENDING}" in values
+    return class_count(values, block) > 1 or f"{block}{EXPONENT_ENDING}" in values
 
 
 def sd_model_parameters(values: Mapping[str, float]) -> tuple[str, ...]:
@@ -154,7 +183,7 @@ def sd_model_parameters(values: Mapping[str, float]) -> tuple[str, ...]:
     out: list[str] = []
     for block in BLOCKS:
         rows = names_of_block(ROW_GROUPS, block)
-        count = len(class_edges_of(values, block)) + 1
+        count = class_count(values, block)
         out += rows if count == 1 else [f"{row}_class_{c}" for c in range(count) for row in rows]
         if f"{block}{EXPONENT_ENDING}" in values:
             out.append(f"{block}{EXPONENT_ENDING}")
@@ -195,28 +224,39 @@ def choose_sd_model(noise: NoiseHypothesis, block: str) -> ReportedSdModel | Non
     counted = noise.counted[:, columns].all(axis=1)
     if np.count_nonzero(counted) < 2 * MIN_CLASS_FIXES:
         return None
-    level = sd_levels(noise.linearized.reported_sd[:, columns])
+    level, stated = sd_levels(noise.linearized.reported_sd[:, columns]), noise.linearized.solution
     low, high = np.quantile(level[counted], (0.05, 0.95))
-    if high < MIN_SD_RATIO * low:
+    models: dict[str, FixSdModel] = {}
+    if high >= MIN_SD_RATIO * low:
+        models = {"power": FixSdModel()}
+        if edges := class_edges(np.where(counted, level, np.nan)):
+            models["classes"] = FixSdModel(edges=edges)
+    if solutions := stated_solutions(np.where(counted, stated, np.nan)):
+        models["solutions"] = FixSdModel(solutions=solutions)
+    log, typical = np.log(level), float(np.mean(np.log(level[counted])))
+    of_kind = {
+        kind: ReportedLevels({block: model.classes(level, stated)}, {block: log}, {block: typical})
+        for kind, model in models.items()
+    }
+    candidates: dict[str, tuple[str, ...]] = {
+        kind: tuple(f"{block}_class_{c}" for c in range(len(model.solutions) or len(model.edges) + 1))
+        for kind, model in models.items()
+        if kind in CLASS_KINDS
+    }
+    if "power" in models:
+        candidates["power"] = (block, f"{block}{EXPONENT_ENDING}")
+    if not any(_worth_a_fit(noise, names, of_kind[kind]) for kind, names in candidates.items()):
         return None
-    edges = class_edges(np.where(counted, level, np.nan))
-    classes = np.searchsorted(np.array(edges), level).astype(np.int64)
-    levels = ReportedLevels(
-        {block: classes}, {block: np.log(level)}, {block: float(np.mean(np.log(level[counted])))}
-    )
-    candidates: dict[str, tuple[str, ...]] = {"power": (block, f"{block}{EXPONENT_ENDING}")}
-    if edges:
-        candidates["classes"] = tuple(f"{block}_class_{c}" for c in range(len(edges) + 1))
-    if not any(_worth_a_fit(noise, names, levels) for names in candidates.values()):
-        return None
+    of_kind["factor"] = NO_LEVELS
     candidates = {"factor": (block,), **candidates}
     fits = {
-        name: maximize_likelihood(noise, noise_parameters(names, levels))
-        for name, names in candidates.items()
+        kind: maximize_likelihood(noise, noise_parameters(names, of_kind[kind]))
+        for kind, names in candidates.items()
     }
     price = 0.5 * float(np.log(3 * np.count_nonzero(counted)))
     score = {name: fit.log_likelihood - price * len(fit.estimate) for name, fit in fits.items()}
-    if "classes" in score and score["power"] < score["classes"] + MIN_POWER_ADVANTAGE:
+    by_class = max((score[kind] for kind in CLASS_KINDS if kind in score), default=-np.inf)
+    if "power" in score and score["power"] < by_class + MIN_POWER_ADVANTAGE:
         # Between two sharp classes any power does the same.
         score["power"] = -np.inf
     best = max(score, key=lambda name: score[name])
@@ -224,7 +264,8 @@ def choose_sd_model(noise: NoiseHypothesis, block: str) -> ReportedSdModel | Non
     ratio = max(0.0, 2.0 * (fits[best].log_likelihood - fits["factor"].log_likelihood))
     p_value = float(chi2.sf(ratio, more)) if more else 1.0
     gain = score[best] - score["factor"]
-    return ReportedSdModel(block, best, fits, gain, p_value, levels, edges if best == "classes" else ())
+    chosen = models.get(best, FixSdModel())
+    return ReportedSdModel(block, best, fits, gain, p_value, of_kind[best], chosen.edges, chosen.solutions)
 
 
 def reported_sd_test(noise: NoiseHypothesis, block: str) -> CauseTest | None:
@@ -246,7 +287,7 @@ def reported_sd_test(noise: NoiseHypothesis, block: str) -> CauseTest | None:
     ratio = 2.0 * (best.log_likelihood - base.log_likelihood)
     price = 0.5 * float(np.log(noise.count)) * len(fit.estimate)
     gain = fit.log_likelihood - evaluate(noise).value - price
-    alternative = "factors by class of fix" if model.kind == "classes" else "a power of the reported sd"
+    alternative = "factors by class of fix" if model.kind in CLASS_KINDS else "a power of the reported sd"
     title = f"likelihood ratio of {alternative}"
     p_value = min(1.0, len(BLOCKS) * model.p_value)
 

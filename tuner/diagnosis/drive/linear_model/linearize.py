@@ -98,6 +98,7 @@ def linearize(
         joined("D"),
         joined("starts").astype(bool),
         joined("scored").astype(bool),
+        joined("solution"),
     )
 
 
@@ -184,6 +185,7 @@ def _part(
         d,
         np.arange(k) == 0,
         solution.t >= stretch.settled,
+        stretch.solution,
     )
 
 

@@ -60,6 +60,8 @@ class LinearizedRun:
         Effect of one unit of each parameter on the innovations.
     starts : ndarray of bool, shape (k,)
         True at the first fix of every stretch: P begins anew there (`initial` once more for the first nine states).
+    solution : ndarray, shape (k,)
+        Classes of solution that the receiver states; NaN by default.
     scored : ndarray of bool, shape (k,)
         Fixes that count in sums over the run; false while the filter settles, all by default.
     sparse_cache : dict of str to SparseStack
@@ -82,11 +84,14 @@ class LinearizedRun:
     D: FloatArray
     starts: BoolArray
     scored: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    solution: FloatArray = field(default_factory=lambda: np.zeros(0))
     sparse_cache: dict[str, SparseStack] = field(default_factory=dict, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if len(self.scored) != len(self.t):
             object.__setattr__(self, "scored", np.ones(len(self.t), dtype=bool))
+        if len(self.solution) != len(self.t):
+            object.__setattr__(self, "solution", np.full(len(self.t), np.nan))
 
     def __len__(self) -> int:
         return len(self.t)
@@ -117,6 +122,7 @@ class LinearizedRun:
             self.D[which],
             self.starts[which],
             scored,
+            self.solution[which],
         )
         for name, dense in (("transition", out.transition), *out.noise.items()):
             whole = self.sparse(name)
