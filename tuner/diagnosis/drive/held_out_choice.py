@@ -10,8 +10,9 @@ On the last part a candidate replaces the beginning only where its log density i
 is worse: positions with fixes, and errors in outages of the whole drive, compared in pairs (`outage_pairs`). Candidates
 are tried in the order of their log density on the first part; where none passes, the configuration stays as it began.
 Where a reference shows that positions err more than the fixes alone, those of `NEARER_TO_FIXES` are tried, then the
-same with the findings where it was without them, or without: the first is written whose positions do not. Where there
-is none, the note says that the fixes are better.
+other beginnings and theirs. Written is the first whose positions do not and whose errors in outages are predicted
+(`HONEST_RATIOS`); else one that predicts them and errs like the fixes, within `MAX_TRACKING_RATIO`; else one whose
+positions err no more. Where there is none, the note says that the fixes are better.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from tuner.diagnosis.drive.diagnose import ExaminedDrive
 from tuner.diagnosis.drive.held_out_gain import change_interval, fitted_before
 from tuner.diagnosis.drive.hypothesis import with_density_factors
 from tuner.diagnosis.drive.linear_model.linearized_run import NOISE_GROUPS
+from tuner.diagnosis.drive.linear_model.noise_parameters import ROW_GROUPS
 from tuner.diagnosis.drive.predictive_score import (
     ConfiguredRun,
     PredictiveScore,
@@ -47,7 +49,7 @@ from tuner.diagnosis.drive.staying_errors import (
 from tuner.navigation.drive.axis_checks import with_axes_found
 from tuner.navigation.drive.clock import clock_of_drive
 from tuner.navigation.drive.gross_outliers import without_gross_outliers
-from tuner.navigation.fix_sd_model import GNSS_NOISE_SCALE
+from tuner.navigation.fix_sd_model import GNSS_NOISE_SCALE, class_count
 from tuner.types import Enlargement, FilterConfig, Parameter, Quantity
 from tuner.types.progress import Progress
 from tuner.types.records import DataError, Drive
@@ -81,6 +83,8 @@ WORSE_PROBABILITY = 0.9
 """Probability from which errors in outages count as larger: a user loses more by them than by a change not made."""
 MAX_TRACKING_RATIO = 1.05
 """Position error with fixes, after ÷ before, above which it counts as worse: 5 % are lost in the scatter of a drive."""
+HONEST_RATIOS = (0.7, 1.4)
+"""True ÷ predicted error in outages between which a prediction is taken for right: what few windows can tell."""
 QUANTITIES: Mapping[str, Quantity] = MappingProxyType(
     {
         "gyro_white": Quantity("gyro", "white_density"),
@@ -129,6 +133,12 @@ class HeldOutChoice:
     after: PredictiveScore | None = None
     outages: Mapping[float, FloatArray] = field(default_factory=lambda: MappingProxyType({}))
     note: str = ""
+
+    @property
+    def is_honest(self) -> bool:
+        """Whether errors in outages of the last part are within `HONEST_RATIOS` of those predicted."""
+        low, high = HONEST_RATIOS
+        return self.after is not None and all(low <= one.ratio <= high for one in self.after.outages)
 
 
 @dataclass(frozen=True)
@@ -189,6 +199,9 @@ def choose_config(
         except (DataError, np.linalg.LinAlgError):
             return None
 
+    def on_first_part(name: str) -> Callable[[FilterConfig], PredictiveScore | None]:
+        return lambda config: score(name, config, begin, cut)
+
     progress("fitting the noise to outages of the first part of the drive")
     written = {"as it began": before, "with the findings": after}
     fitted = dict(written)
@@ -216,7 +229,7 @@ def choose_config(
     if begun is None or not candidates:
         return HeldOutChoice(after, "with the findings", note=NOT_JUDGED)
     best = max(candidates, key=_nats)
-    candidates += _refined(best, lambda one: score(best.name, one, begin, cut))
+    candidates += _refined(best, on_first_part(best.name))
     progress("judging the configurations on the last part of the drive")
     began = run_of("as it began", before)
 
@@ -232,12 +245,12 @@ def choose_config(
         chosen, note = _recorded(written[one.name], one.factors), _note(kept, begun, late, pairs)
         return HeldOutChoice(chosen, kept, one.factors, begun, late, pairs, note)
 
-    def errs_no_more(found: HeldOutChoice) -> bool:
-        """Whether positions err no more than the fixes, by the settings as fitted and as they are written."""
-        if drive.reference is None or found.after is None or not found.after.follows:
-            return drive.reference is None
+    def follows(found: HeldOutChoice, ratio: float) -> bool:
+        """Whether positions err no more than the fixes, times a ratio, by the settings as fitted and as written."""
+        if found.after is None or not found.after.follows(ratio):
+            return False
         stored = score(f"{found.kept}, as written", found.config, cut, end)
-        return stored is not None and stored.follows
+        return stored is not None and stored.follows(ratio)
 
     passing = None
     for one in sorted(candidates, key=_nats, reverse=True):
@@ -248,25 +261,43 @@ def choose_config(
         return HeldOutChoice(
             before, "as it began", {}, begun, begun, note=_note("as it began", begun, begun, {})
         )
-    if errs_no_more(passing):
+    if drive.reference is None or follows(passing, 1.0):
         return passing
-    others = [other for other in candidates if other.name != one.name]
-    if others:
-        next_best = max(others, key=_nats)
-        others = _refined(next_best, lambda config: score(next_best.name, config, begin, cut))
+    others = []
+    for name in dict.fromkeys(other.name for other in sorted(candidates, key=_nats, reverse=True)):
+        if name != one.name:
+            next_best = max((other for other in candidates if other.name == name), key=_nats)
+            others += _refined(next_best, on_first_part(name))
+    alike = passing if passing.is_honest and follows(passing, MAX_TRACKING_RATIO) else None
+    nearer = None
     for other in [*_nearer_to_fixes(one), *others, *(near for it in others for near in _nearer_to_fixes(it))]:
-        nearer = judged(other)
-        if nearer is not None and errs_no_more(nearer):
-            return nearer
-    return passing
+        found = judged(other)
+        if found is None or not follows(found, MAX_TRACKING_RATIO):
+            continue
+        strictly = follows(found, 1.0)
+        if strictly and found.is_honest:
+            return found
+        nearer = found if strictly and nearer is None else nearer
+        alike = found if found.is_honest and alike is None else alike
+    return alike or nearer or passing
 
 
 def _with_sds_of(config: FilterConfig, other: FilterConfig) -> FilterConfig:
-    """Return a configuration with the sds of the fixes that another one makes of the reported ones."""
-    values = {
-        Parameter(GNSS_NOISE_SCALE, name): value
-        for name, value in other.compensation.of(GNSS_NOISE_SCALE).items()
-    }
+    """Return a configuration with the sds of the fixes that another one makes of the reported ones.
+
+    Where the other has errors that stay beside them, its sds are those of the rest: only larger ones are taken over.
+    """
+    found = dict(other.compensation.of(GNSS_NOISE_SCALE))
+    if other.gnss is not None and other.gnss.correlated:
+        common = {name: found.get(name, 1.0) for name in ROW_GROUPS}
+        for name, value in found.items():
+            row, _, number = name.partition("_class_")
+            if number:
+                found[name] = max(1.0, value * common[row])
+        for name in common.keys() & found.keys():
+            by_class = class_count(found, name.partition("_")[0]) > 1
+            found[name] = 1.0 if by_class else max(1.0, found[name])
+    values = {Parameter(GNSS_NOISE_SCALE, name): value for name, value in found.items()}
     return replace(config, compensation=config.compensation.with_values(values))
 
 
@@ -357,8 +388,10 @@ def _note(
 ) -> str:
     """Return in words what was kept and what it does."""
     alone = "" if after.fixes_rms is None else f" (fixes alone {after.fixes_rms:.3g} m)"
-    if not after.follows:
+    if not after.follows(MAX_TRACKING_RATIO):
         alone += ", so that where there are fixes they are better than this filter"
+    elif not after.follows():
+        alone += ", a difference within the scatter of a drive"
     if kept == "as it began":
         outages = "; ".join(
             f"{b.seconds:.0f} s without fixes {b.rms:.3g} m, true ÷ predicted {b.ratio:.2f}"

@@ -92,10 +92,9 @@ class PredictiveScore:
     tracking: FloatArray
     fixes_rms: float | None = None
 
-    @property
-    def follows(self) -> bool:
-        """Whether positions err no more than the fixes alone, as far as a reference tells."""
-        return self.fixes_rms is None or self.tracking_rms <= self.fixes_rms
+    def follows(self, ratio: float = 1.0) -> bool:
+        """Whether positions err no more than the fixes alone, times a ratio, as far as a reference tells."""
+        return self.fixes_rms is None or self.tracking_rms <= ratio * self.fixes_rms
 
     @property
     def nats(self) -> float:

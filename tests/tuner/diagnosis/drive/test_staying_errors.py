@@ -73,7 +73,7 @@ def test_a_filter_that_knows_errors_that_stay_is_no_worse_than_the_fixes(staying
     began = load_config("adis16465", gnss=RECEIVER)
     choice = choose_config(staying, NOTHING_FOUND, began, began, silent)
     assert choice.before.tracking_rms > 1.2 * choice.before.fixes_rms
-    assert choice.after.follows
+    assert choice.after.follows()
     assert choice.after.fixes_rms == pytest.approx(choice.before.fixes_rms, rel=0.05)
     assert choice.after.nats > choice.before.nats + 20.0
     assert "correlated_velocity" in choice.config.constants
