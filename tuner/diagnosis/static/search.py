@@ -155,7 +155,8 @@ def search_causes(channel: Channel, threshold: float, given: tuple[Extension, ..
             base = residual(channel, wider[: len(given)], starts=base.starts)
             fresh, quiet = 0, ()
             continue
-        if broad and max(result.gain for result in broad) > MIN_GAIN_SHARE * chosen[0].gain:
+        rival = MIN_GAIN_SHARE if group_of(chosen[0].cause) != "fast spectrum" else 1.0
+        if broad and max(result.gain for result in broad) >= rival * chosen[0].gain:
             chosen = [max(broad, key=lambda result: result.gain)]
         new: list[Extension] = []
         for result in chosen:

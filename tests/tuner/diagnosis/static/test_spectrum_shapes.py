@@ -144,6 +144,16 @@ def test_wide_and_narrow_resonances_are_found():
         assert result.propose()[0].values["frequency"].value == pytest.approx(frequency, rel=0.05)
 
 
+def test_a_resonance_far_above_the_noise_is_nothing_else():
+    """Three white sds; before, its sd was told 3.6 times too large, and a misfit was left."""
+    rng = np.random.default_rng(9)
+    shaken = Vibration(24.9, 29.8, 3.0).signal(N // 4, 1.0 / RATE, rng)
+    found = diagnose(record(shaken + rng.standard_normal(N // 4)))
+    assert [f.cause for f in found.findings] == ["vibration"]
+    assert not found.unexplained
+    assert found.findings[0].parameters["sd"].value == pytest.approx(3e-3, rel=0.1)
+
+
 def test_burst_of_five_per_cent_of_a_record_is_found():
     rng = np.random.default_rng(4)
     y = rng.standard_normal(360_000)

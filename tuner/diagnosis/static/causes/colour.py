@@ -15,9 +15,9 @@ from models.effects.static.spectral import Colour as Effect
 from models.noise.arma import Arma
 from tuner.diagnosis.static.causes.base import Value
 from tuner.diagnosis.static.causes.shaped_white_noise import ShapedWhiteNoise
-from tuner.diagnosis.static.outcome import TestResult
+from tuner.diagnosis.static.outcome import NO_GAIN, TestResult
 from tuner.diagnosis.static.spectrum.binned import Bins
-from tuner.diagnosis.static.spectrum.filters import Coefficients, colour_arma
+from tuner.diagnosis.static.spectrum.filters import MAX_FREE_NUMBER, Coefficients, colour_arma
 from tuner.diagnosis.static.spectrum.shape import ShapeFit, ShapeTest, fit_colour, refit_colour
 
 FloatArray = NDArray[np.float64]
@@ -27,6 +27,8 @@ MAX_INTERVAL_WIDTH = 2.0
 
 Colour and quantization are then not separable.
 """
+EDGE = 0.01
+"""Distance from the edge of a stationary process within which a colour is none: it stands for another shape."""
 MIN_FILTER_GAIN_SHARE = 0.9
 """Share of the gain of a colour that a low-pass filter must reach to be named, where the spectrum falls all the way.
 
@@ -57,9 +59,10 @@ class Colour(ShapedWhiteNoise):
 def test(tested: ShapeTest) -> TestResult:
     """Test for ARMA noise in place of white noise."""
     name = "likelihood ratio of an ARMA spectrum"
-    if not tested.colours:
-        return TestResult("colour", tested.any_p_value, -9.0, 0.0, name)
-    best = tested.colours[0]
+    inside = [c for c in tested.colours if np.all(np.abs(c.x) < MAX_FREE_NUMBER - EDGE)]
+    if not inside:
+        return TestResult("colour", tested.any_p_value, NO_GAIN, 0.0, name)
+    best = inside[0]
     ratio = 2.0 * (tested.null.cost - best.cost)
     gain = tested.gain(best)
     if tested.falls(best) and tested.filter_gain > MIN_FILTER_GAIN_SHARE * gain:

@@ -1,6 +1,6 @@
 """Vibration: a narrow-band resonance, an AR(2) process added to the noise.
 
-Statistic: means of w = 8, 16 … 4096 neighbouring ordinates of the periodogram of the residuals over the mean of
+Statistic: means of w = 8, 16 … 16384 neighbouring ordinates of the periodogram of the residuals over the mean of
 those beside them, 16 w on either side and half a window away, so that a resonance does not raise its own level. With
 m of these the ratio has Fisher's law F(2w, 2m). Every width has the same share of the false alarms, and so has every
 window of a width. Where that is promising, the likelihood ratio of the fitted resonance may be the clearer of the two:
@@ -34,7 +34,7 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.signedinteger[Any]]
 
-WINDOWS = tuple(8 * 2**k for k in range(10))
+WINDOWS = tuple(8 * 2**k for k in range(12))
 """Widths of the windows, ordinates, in octaves: a resonance of any width fills half of one of them."""
 LEVEL_WIDTHS = 16
 """Widths of a window from which its level is taken, on either side.
@@ -333,7 +333,12 @@ def extension(
     starts = [[np.log(middle), np.log(middle / w), np.log(sd), level, 0.0] for w in (0.5 * half, 2.0 * half)]
     x, covariance, value = maximum(cost, starts, scale=0.05, tolerance=1e-3)
     null = minimum(flat, [[level, 0.0]], scale=0.05, tolerance=1e-3)[1]
-    return null - value, _fitted(x[:3], np.sqrt(np.diag(covariance)))
+    # The peak is one over the level beside it, which is far below what the noise takes a strong peak for.
+    turned = np.eye(3, 5)
+    turned[2, 3] = 0.5
+    found = turned @ x
+    found[2] += 0.5 * np.log1p(x[4] * (np.exp(x[0]) - middle) / reach)
+    return null - value, _fitted(found, np.sqrt(np.diag(turned @ covariance @ turned.T)))
 
 
 def _fitted(x: FloatArray, spread: FloatArray) -> Vibration:
