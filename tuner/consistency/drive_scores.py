@@ -1,37 +1,40 @@
 """Errors of a drive's filter: against a reference, or where there is none against the smoother.
 
 One rotation between the bodies of filter and reference is unknown: it is taken out of the attitudes, the one that
-suits most of the drive. The reference's own sds, where it states them, add to those of the filter. The smoother is
-the same filter with later fixes: filter minus smoother has the covariance P − P_smoothed.
+suits most of the drive, and so is an offset of the reference's clock that matters. Errors are scored as those of any
+filter's output (`output_errors`, `correlated_errors`). The smoother is the same filter with later fixes: filter minus
+smoother has the covariance P − P_smoothed.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from models import rotation
-from models.earth import metres_per_radian, ned_between
-from tuner.consistency.scores import score, squares
-from tuner.consistency.trajectory_alignment import cubic
+from tuner.consistency.frame_differences import errors_in_one_frame, matters
+from tuner.consistency.output_errors import in_axes_of, output_errors
+from tuner.consistency.output_scores import error_scores
+from tuner.consistency.scores import score
+from tuner.consistency.trajectory_alignment import Alignment, at_times, difference
 from tuner.navigation import reference_filter as readable
 from tuner.navigation.data import USED, Solution
 from tuner.navigation.drive.run import Stretch, initial_estimates, initial_state
 from tuner.navigation.settings import FilterSettings
 from tuner.navigation.smoother import separation, smooth
 from tuner.types.consistency import Score
-from tuner.types.records import Reference
+from tuner.types.filter_output import FilterOutput, filter_output
+from tuner.types.records import DataError, Reference
 
 FloatArray = NDArray[np.float64]
 
 BLOCK_LENGTH = 30.0
 """Length of the blocks of a drive that count as independent, s."""
-MAX_MEDIAN_DISTANCES = 4.0
-"""Attitudes farther off than so many median distances do not decide on the rotation between the bodies."""
-SELECTION_ROUNDS = 5
-"""Times that this selection and the rotation are repeated."""
+NEIGHBOUR_ROWS = 8
+"""Rows of a reference to either side that a curve through it needs: further ones act below a thousandth."""
 MAX_SMOOTHED_SAMPLES = 250_000
 """Inertial samples up to which a drive is smoothed: the smoother keeps a covariance for every sample."""
 
@@ -49,56 +52,50 @@ def blocks(solution: Solution, rows: NDArray[np.intp]) -> list[tuple[Solution, N
     return [(solution, rows[number == n]) for n in np.unique(number)]
 
 
-def reference_at(reference: Reference, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return position, velocity, attitude angles of the reference at times inside it, NaN outside or in gaps.
+def as_truth(reference: Reference) -> FilterOutput:
+    """Return a reference as the truth of a filter's output."""
+    covariance = None
+    if reference.sd is not None:
+        covariance = np.full((len(reference.t), 15, 15), np.nan)
+        covariance[:, range(9), range(9)] = reference.sd**2
+    return filter_output(
+        "the reference",
+        reference.t,
+        llh=reference.llh,
+        vel_n=reference.vel_n,
+        quat_nb=rotation.quat_from_rpy(reference.rpy),
+        covariance=covariance,
+    )
 
-    Positions lie on cubics with the reference's velocities, velocities on cubics through theirs, attitudes on the
-    shortest rotation: a straight line cuts the corners of a reference of 1 Hz by decimetres.
-    """
-    usual = float(np.median(np.diff(reference.t)))
-    after = np.clip(np.searchsorted(reference.t, t), 1, len(reference.t) - 1)
-    first = max(int(after.min(initial=len(reference.t))) - 2, 0)
-    r = reference.rows(slice(first, int(after.max(initial=1)) + 2))
-    after = after - first
-    step = r.t[after] - r.t[after - 1]
-    u = (t - r.t[after - 1]) / step
-    unknown = np.full_like(r.vel_n, np.nan)
-    llh = cubic(r.llh, r.vel_n / metres_per_radian(r.llh), r.t, after - 1, u, step)
-    vel_n = cubic(r.vel_n, unknown, r.t, after - 1, u, step)
-    quat = rotation.quat_from_rpy(r.rpy)
-    turn = rotation.quat_multiply(quat[after], rotation.quat_conjugate(quat[after - 1]))
-    between = rotation.quat_from_rotvec(u[:, None] * rotation.rotvec_from_quat(turn))
-    rpy = rotation.rpy_from_quat(rotation.quat_multiply(between, quat[after - 1]))
-    hole = (t < reference.t[0]) | (t > reference.t[-1]) | (step > 3.0 * usual)
-    for part in (llh, vel_n, rpy):
-        part[hole] = np.nan
-    return llh, vel_n, rpy
+
+def as_output(solution: Solution, rows: NDArray[np.intp]) -> FilterOutput:
+    """Return epochs of our filter as the output of any filter."""
+    return filter_output(
+        "the filter",
+        solution.t[rows],
+        llh=solution.state.llh[rows],
+        vel_n=solution.state.vel_n[rows],
+        quat_nb=solution.state.quat_nb[rows],
+        covariance=solution.covariance[rows][:, :15, :15],
+        correlated=True,
+    )
+
+
+def reference_at(reference: Reference, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return position, velocity, attitude angles of the reference at times inside it, NaN outside or in gaps."""
+    after = np.searchsorted(reference.t, t)
+    first = max(int(after.min(initial=len(reference.t))) - NEIGHBOUR_ROWS, 0)
+    near = reference.rows(slice(first, int(after.max(initial=1)) + NEIGHBOUR_ROWS))
+    found = at_times(as_truth(near), t)
+    assert found.llh is not None
+    return found.llh, found.vel_n, rotation.rpy_from_quat(found.quat_nb)
 
 
 def differences(reference: Reference, solution: Solution, rows: NDArray[np.intp]) -> FloatArray:
     """Return reference minus estimate: position, velocity, attitude less one constant rotation; (r, 9)."""
-    llh, vel_n, rpy = reference_at(reference, solution.t[rows])
-    out = np.full((len(rows), 9), np.nan)
-    out[:, :3] = ned_between(llh, solution.state.llh[rows])
-    out[:, 3:6] = vel_n - solution.state.vel_n[rows]
-    good = np.isfinite(rpy).all(axis=1)
-    if np.count_nonzero(good) > 10:
-        mine = rotation.mat_from_quat(solution.state.quat_nb[rows][good])
-        theirs = rotation.mat_from_rpy(rpy[good])
-        product = np.einsum("nki,nkl->nil", mine, theirs)
-        near = np.ones(len(mine), dtype=bool)
-        for _ in range(SELECTION_ROUNDS):
-            mounting = _nearest_rotation(product[near].sum(axis=0))
-            turned = rotation.rotvec_from_mat(theirs @ mounting.T @ np.swapaxes(mine, -1, -2))
-            distance = np.linalg.norm(turned, axis=1)
-            near = distance <= MAX_MEDIAN_DISTANCES * np.median(distance)
-        out[good, 6:9] = turned
-    return out
-
-
-def _nearest_rotation(mat: FloatArray) -> FloatArray:
-    u, _, vt = np.linalg.svd(mat)
-    return np.asarray(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)
+    mine = as_output(solution, rows)
+    theirs, _ = in_axes_of(at_times(as_truth(reference), mine.t), mine)
+    return difference(theirs, mine)[:, :9]
 
 
 def stated(reference: Reference, t: FloatArray) -> FloatArray:
@@ -109,21 +106,49 @@ def stated(reference: Reference, t: FloatArray) -> FloatArray:
     return np.where(np.isfinite(own), own, 0.0) ** 2
 
 
-def against_reference(
+def on_clock_of(
     reference: Reference, solutions: Sequence[Solution], scored: Sequence[NDArray[np.intp]]
-) -> tuple[Score, ...]:
-    """Score position, velocity and attitude against a reference, in blocks."""
-    parts: dict[str, list[FloatArray]] = {"position": [], "velocity": [], "attitude": []}
-    for solution, rows in zip(solutions, scored, strict=True):
-        error = differences(reference, solution, rows)
-        for block, own in blocks(solution, rows):
-            part, extra = error[np.isin(rows, own)], stated(reference, solution.t[own])
-            for i, name in enumerate(parts):
-                at = slice(3 * i, 3 * i + 3)
-                good = np.isfinite(part[:, at]).all(axis=1)
-                spread = block.covariance[own][good, at, at] + extra[good, at, None] * np.eye(3)
-                parts[name].append(squares(part[good, at], spread))
-    return _scores(parts)
+) -> tuple[Reference, str | None]:
+    """Return a reference on the clock of the filter, and by how much it was late where that mattered."""
+    outputs = [as_output(s, rows) for s, rows in zip(solutions, scored, strict=True) if len(rows) > 1]
+    try:
+        offset, runs = errors_in_one_frame(
+            outputs, [as_truth(reference)] * len(outputs), Alignment.NONE, False, True
+        )
+    except DataError:
+        return reference, None
+    if offset is None or not matters(offset, runs):
+        return reference, None
+    low, high = sorted(-limit for limit in offset.interval)
+    note = (
+        f"the reference is {-offset.value:+.3g} s ({low:+.3g} … {high:+.3g}) late against the filter, in position, "
+        "velocity and attitude: it is put on the clock of the filter before it is compared"
+    )
+    return replace(reference, t=reference.t + offset.value), note
+
+
+def against_reference(
+    reference: Reference, solutions: Sequence[Solution], scored: Sequence[NDArray[np.intp]], *, timed: bool
+) -> tuple[tuple[Score, ...], tuple[str, ...]]:
+    """Score position, velocity and attitude against a reference; return notes on what was taken out, too.
+
+    `timed` tells whether the reference was put on the clock of the filter by these errors.
+    """
+    truth, runs = as_truth(reference), []
+    try:
+        for solution, rows in zip(solutions, scored, strict=True):
+            if len(rows) > 1:
+                shift = 0.0 if timed else None
+                runs.append(
+                    output_errors(as_output(solution, rows), truth, time_offset=shift, one_body=False)
+                )
+    except DataError as error:
+        return (), (str(error),)
+    _, blocks = error_scores(runs)
+    notes = [note for run in runs for note in run.notes]
+    if reference.sd is None:
+        notes.append("the reference states no sds: its own errors count as errors of the filter")
+    return blocks, tuple(dict.fromkeys(notes))
 
 
 def errors(

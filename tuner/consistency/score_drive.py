@@ -20,6 +20,7 @@ from tuner.consistency.drive_scores import (
     against_smoother,
     blocks,
     errors,
+    on_clock_of,
     reference_at,
     settled,
 )
@@ -187,11 +188,16 @@ def navigate_drive(
     groups = [
         block for stretch, rows in zip(solutions, scored, strict=True) for block in blocks(stretch, rows)
     ]
+    reference, late = drive.reference, None
+    if reference is None:
+        compared = against_smoother(settings, stretches, scored)
+    else:
+        reference, late = on_clock_of(reference, solutions, scored)
+        compared, more = against_reference(reference, solutions, scored, timed=late is not None)
+        notes = (*notes, *([late] if late else []), *more)
     found = Consistency(
         None,
-        against_reference(drive.reference, solutions, scored)
-        if drive.reference is not None
-        else against_smoother(settings, stretches, scored),
+        compared,
         innovation_scores(
             [s.innovation[rows] for s, rows in groups],
             [s.innovation_covariance[rows] for s, rows in groups],
@@ -201,9 +207,9 @@ def navigate_drive(
         tuple(
             outage
             for horizon in OUTAGE_LENGTHS
-            if (outage := _outage(drive.reference, stretches, settings, horizon)) is not None
+            if (outage := _outage(reference, stretches, settings, horizon)) is not None
         ),
-        errors(drive.reference, solutions, scored),
+        errors(reference, solutions, scored),
         float(
             np.mean(
                 np.concatenate([s.use[rows, 0] == GATED for s, rows in zip(solutions, scored, strict=True)])

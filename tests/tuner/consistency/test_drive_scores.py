@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from models import rotation
 from models.earth import ned_between
@@ -164,7 +165,11 @@ def test_start_in_a_turn_knows_the_lever_arm_once(configuration, saved, data, tm
 def test_sds_of_the_reference_count(configuration, saved, data, tmp_path):
     n = len(data["ref_t"])
     rng = np.random.default_rng(5)
-    noisy = dict(data, ref_vned=data["ref_vned"] + 0.3 * rng.standard_normal((n, 3)))
+    decay = np.exp(
+        -np.median(np.diff(data["ref_t"])) / 10.0
+    )  # white noise would show in the reference itself
+    staying = lfilter([np.sqrt(1.0 - decay**2)], [1.0, -decay], rng.standard_normal((n, 3)), axis=0)
+    noisy = dict(data, ref_vned=data["ref_vned"] + 0.3 * staying)
     stating = dict(noisy, ref_vstd=np.full((n, 3), 0.3), ref_pstd=np.zeros((n, 3)), ref_astd=np.zeros((n, 3)))
     ratios = []
     for name, arrays_of in (("silent", noisy), ("stating", stating)):
