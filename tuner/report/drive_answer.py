@@ -29,7 +29,8 @@ def finding_lines(findings: Sequence[Finding], choice: HeldOutChoice | None) -> 
         f"On the drive: {one.text}" + (f" → {one.consequence}" if entered else "")
         for one in findings[:SHOWN_FINDINGS]
     ]
-    more = f"{len(findings) - SHOWN_FINDINGS} more on the page" if len(findings) > SHOWN_FINDINGS else ""
+    further = len(findings) - SHOWN_FINDINGS
+    more = f"{further} more findings of the drive on the page" if further > 0 else ""
     left = (
         "" if entered else "findings are not in the settings: its last 40 % is predicted no better with them"
     )

@@ -57,7 +57,10 @@ def draw_effect(panel: Axes, found: FilterRun, title: str, values: Mapping[Param
     order = np.argsort(effect)
     x, y, predicted = effect[order], w.residual[order], left[order]
     panel.plot(x, y, ".", ms=1.5, mew=0, color=BEFORE_COLOUR, alpha=0.5, rasterized=True)
-    groups = [group for group in np.array_split(np.arange(len(x)), INNOVATION_GROUPS) if len(group) > 1]
+    if len(x) < 2:
+        _say_nothing_counts(panel, title)
+        return
+    groups = np.array_split(np.arange(len(x)), min(INNOVATION_GROUPS, len(x) // 2))
     middle = np.array([x[group].mean() for group in groups])
     mean = np.array([y[group].mean() for group in groups])
     error = np.array([y[group].std() / np.sqrt(len(group)) for group in groups])
@@ -84,6 +87,13 @@ def draw_effect(panel: Axes, found: FilterRun, title: str, values: Mapping[Param
         ylabel="innovation, sds",
         title=title,
     )
+
+
+def _say_nothing_counts(panel: Axes, title: str) -> None:
+    """Say in a panel why it is empty: in a short drive no fix comes after the filter has settled."""
+    words = "no fix counts here:\nthe filter has not settled"
+    panel.text(0.5, 0.5, words, ha="center", va="center", transform=panel.transAxes)
+    panel.set(title=title, xticks=[], yticks=[])
 
 
 def draw_outliers(panel: Axes, found: FilterRun, title: str, first: int = 0) -> None:

@@ -47,7 +47,7 @@ def identification_answer(
     answer += _too_short(found)
     fitted = [] if settings is None else [row for row in settings_rows(settings) if row.fitted]
     if fitted:
-        answer.append("These terms alone do not predict the log's Allan curve; `tuner tune` gives a filter")
+        answer.append("The log's Allan curve is not the sum of these terms. `tuner tune` writes instead:")
         answer.append(settings_table(fitted))
     alike = {re.sub(r"[\d.]+", "", w): w for channel in channels for w in channel.warnings}
     warnings = list(alike.values())

@@ -100,9 +100,7 @@ QUANTITIES: Mapping[str, Quantity] = MappingProxyType(
 """Settings that a factor enlarges."""
 SDS_FOUND = "as it began, sds of the fixes as found"
 """Name of the configuration that takes only that from the findings: solution classes may report anything."""
-NOT_JUDGED = (
-    "the drive is too short to hold configurations against its last part: that with the findings is written"
-)
+NOT_JUDGED = "the drive is too short to try settings on its last part: those with the findings are written"
 """Note of a drive without outages in either part."""
 
 
