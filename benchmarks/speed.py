@@ -69,6 +69,7 @@ class Row:
 def command(words: list[str], cache: Path, jobs: int) -> tuple[float, float, float]:
     """Return wall time, processor time, s, and memory of the largest process, MB, of a command."""
     environment = os.environ | {"NUMBA_CACHE_DIR": str(cache), "NUMBA_NUM_THREADS": str(jobs)}
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)  # byte code is kept, as where the program is installed
     before, begin = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
     process = subprocess.Popen(
         [sys.executable, "-c", "from tuner.cli import main; main()", *words],

@@ -26,9 +26,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import digamma, polygamma
-from scipy.stats import chi2, norm
 
 from models.noise import NoiseModel
+from models.probability import chi2_beyond, chi2_quantile, normal_reach
 from tuner.identification.allan_covariance import allan_covariance
 from tuner.identification.allan_octaves import CurveProblem, OctaveCurve
 from tuner.identification.estimates import BASE
@@ -119,10 +119,10 @@ def fit(curve: OctaveCurve, start: NoiseModel, *, generalised: bool = False) -> 
     intervals = []
     for k, sd in enumerate(np.sqrt(np.diag(covariance)).tolist()):
         if sd < _MAX_SYMMETRIC_SD:
-            reach = norm.isf(0.5 * (1.0 - LEVEL)) * sd
+            reach = normal_reach(LEVEL) * sd
             intervals.append((float(np.exp(theta[k] - reach)), float(np.exp(theta[k] + reach))))
         else:
-            allowed = float(chi2.ppf(LEVEL, 1)) * widening[k]
+            allowed = chi2_quantile(LEVEL, 1.0) * widening[k]
             intervals.append(problem.interval(k, theta, target, weight, allowed))
     residual = target - log_mean
     statistic = float(residual @ np.linalg.solve(sigma, residual))
@@ -134,7 +134,7 @@ def fit(curve: OctaveCurve, start: NoiseModel, *, generalised: bool = False) -> 
         tuple(intervals),
         statistic,
         freedom,
-        float(chi2.sf(statistic, freedom)) if freedom else 1.0,
+        chi2_beyond(statistic, freedom) if freedom else 1.0,
         dof,
         np.exp(0.5 * residual),
     )
@@ -217,7 +217,7 @@ def misfit(curve: OctaveCurve, model: NoiseModel, *, tolerance: float = 0.0) -> 
     freedom = max(len(curve.m) - len(model.parameters), 1)
     worst = int(np.argmax(np.abs(residual) / np.sqrt(np.diag(sigma))))
     ratio = float(np.exp(0.5 * residual[worst]))
-    return Misfit(statistic, freedom, float(chi2.sf(statistic, freedom)), float(curve.tau[worst]), ratio)
+    return Misfit(statistic, freedom, chi2_beyond(statistic, freedom), float(curve.tau[worst]), ratio)
 
 
 def log_bias(dof: FloatArray) -> FloatArray:

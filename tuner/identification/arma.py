@@ -26,11 +26,12 @@ import warnings
 from collections.abc import Mapping
 from typing import Literal
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
-from scipy.stats import chi2, jarque_bera, kurtosis, norm, normaltest
 
+from models.probability import chi2_beyond, normal_reach, normality
 from tuner.curves import acf
 from tuner.identification.arma_preprocess import prepare
 from tuner.identification.arma_whittle import WhittleArma, fit_orders
@@ -69,10 +70,19 @@ def one_step(y: FloatArray, ar: tuple[float, ...], ma: tuple[float, ...]) -> Flo
     ar, ma : tuple of float
         x_k = Σ ar_i x_{k−i} + e_k + Σ ma_j e_{k−j}.
     """
-    from scipy.signal import lfilter  # loaded when used: scipy.signal is slow to import
+    return np.asarray(_one_step(np.asarray(y, float), np.array(ar, float), np.array(ma, float)))
 
-    innovations = lfilter((1.0, *(-a for a in ar)), (1.0, *ma), y)
-    return np.asarray(y - innovations)
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[misc, unused-ignore]
+def _one_step(y: FloatArray, ar: FloatArray, ma: FloatArray) -> FloatArray:
+    """Return the predictions by a loop: `scipy.signal`, which has it too, is slow to import."""
+    out = np.zeros_like(y)
+    for k in range(y.size):
+        for i in range(min(ar.size, k)):
+            out[k] += ar[i] * y[k - 1 - i]
+        for j in range(min(ma.size, k)):
+            out[k] += ma[j] * (y[k - 1 - j] - out[k - 1 - j])
+    return out
 
 
 def coefficient_covariance(ar: tuple[float, ...], ma: tuple[float, ...], n: int) -> FloatArray:
@@ -98,7 +108,7 @@ def suggested_class(correlation: FloatArray, partial: FloatArray, n: int) -> str
     A correlogram that ends within `MAX_ORDER` lags where the other trails off names the class; two that
     trail off mean ARMA. Bounds are widened for the number of lags.
     """
-    bound = norm.isf(0.5 * SIGNIFICANCE_LEVEL / len(correlation)) / np.sqrt(n)
+    bound = normal_reach(1.0 - SIGNIFICANCE_LEVEL / len(correlation)) / np.sqrt(n)
     ends = [int(np.max(np.flatnonzero(np.abs(c) > bound), initial=-1)) + 1 for c in (correlation, partial)]
     if ends[0] == 0 and ends[1] == 0:
         return "white"
@@ -155,7 +165,7 @@ def fit_arma(
     penalty = float(np.log(n)) if criterion == "bic" else 2.0
     scores = {order: found.score(penalty) for order, found in fits.items()}
     best = min(scores, key=lambda order: scores[order])
-    p_white = float(chi2.sf(fits[0, 0].deviance - fits[best].deviance, max(sum(best), 1)))
+    p_white = chi2_beyond(fits[0, 0].deviance - fits[best].deviance, max(sum(best), 1))
     white = best == (0, 0) or p_white > SIGNIFICANCE_LEVEL
     chosen = fits[0, 0] if white else fits[best]
     source = {
@@ -220,7 +230,7 @@ def _correlograms(y: FloatArray, lags: int) -> tuple[FloatArray, FloatArray]:
 
 def _coefficients(fit: WhittleArma, n: int) -> tuple[tuple[Coefficient, ...], tuple[Coefficient, ...]]:
     """Return the coefficients with their intervals."""
-    reach = norm.isf(0.5 * (1.0 - LEVEL)) * np.sqrt(np.diag(coefficient_covariance(fit.ar, fit.ma, n)))
+    reach = normal_reach(LEVEL) * np.sqrt(np.diag(coefficient_covariance(fit.ar, fit.ma, n)))
     every = [
         Coefficient.known(value, value - float(r), value + float(r), "1")
         for value, r in zip((*fit.ar, *fit.ma), reach, strict=True)
@@ -246,12 +256,12 @@ def _residual_report(y: FloatArray, fit: WhittleArma) -> tuple[str, ...]:
     n, lags = len(residual), min(_TESTED_LAGS, len(residual) // 4)
     correlation, _ = _correlograms(residual, lags)
     statistic = float(n * (n + 2.0) * np.sum(correlation**2 / (n - np.arange(1, lags + 1))))
-    p_value = float(chi2.sf(statistic, max(lags - len(fit.ar) - len(fit.ma), 1)))
-    jb, dp, peaked = jarque_bera(residual), normaltest(residual), float(kurtosis(residual))
-    normal = min(float(jb.pvalue), float(dp.pvalue)) >= SIGNIFICANCE_LEVEL
+    p_value = chi2_beyond(statistic, max(lags - len(fit.ar) - len(fit.ma), 1))
+    shape = normality(residual)
+    normal = min(shape.jarque_bera, shape.dagostino) >= SIGNIFICANCE_LEVEL
     return (
         f"residuals: Ljung–Box of {lags} lags {statistic:.3g}, p = {p_value:.2g}: "
         + ("no correlation left" if p_value >= SIGNIFICANCE_LEVEL else "correlation is left"),
-        f"residuals: Jarque–Bera p = {float(jb.pvalue):.2g}, D'Agostino p = {float(dp.pvalue):.2g}, "
-        f"excess kurtosis {peaked:.2g}: {'normal' if normal else 'not normal'}",
+        f"residuals: Jarque–Bera p = {shape.jarque_bera:.2g}, D'Agostino p = {shape.dagostino:.2g}, "
+        f"excess kurtosis {shape.excess_kurtosis:.2g}: {'normal' if normal else 'not normal'}",
     )

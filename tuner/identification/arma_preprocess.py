@@ -26,8 +26,8 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import f_oneway, norm
 
+from models.probability import normal_beyond, same_mean
 from models.robust import normal_sd
 from tuner.identification.unit_root import dickey_fuller, steady_level
 
@@ -163,7 +163,7 @@ def reverse_arrangements(y: FloatArray, groups: int = TREND_TEST_GROUPS) -> Stat
     excess = count - groups * (groups - 1) / 4.0
     variance = groups * (2.0 * groups**2 + 3.0 * groups - 5.0) / 72.0
     z = float(np.sign(excess) * max(abs(excess) - 0.5, 0.0) / np.sqrt(variance))
-    return StationarityTest(z, float(2.0 * norm.sf(abs(z))))
+    return StationarityTest(z, 2.0 * normal_beyond(abs(z)))
 
 
 def variance_change(y: FloatArray, groups: int = TREND_TEST_GROUPS, blocks: int = 20) -> StationarityTest:
@@ -177,8 +177,7 @@ def variance_change(y: FloatArray, groups: int = TREND_TEST_GROUPS, blocks: int 
     logs = np.log(np.mean(cut**2, axis=1) + 1e-300).reshape(groups, blocks)
     if np.ptp(logs) == 0.0:
         return StationarityTest(0.0, 1.0)
-    result = f_oneway(*logs)
-    return StationarityTest(float(result.statistic), float(result.pvalue))
+    return StationarityTest(*same_mean(logs))
 
 
 def unit_root(y: FloatArray) -> tuple[StationarityTest, StationarityTest]:

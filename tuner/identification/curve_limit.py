@@ -15,9 +15,9 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from models.noise import NoiseModel, Term
+from models.probability import chi2_quantile
 from tuner.identification.estimates import Estimates
 from tuner.types import LEVEL, AllanCurve, TermEstimate
 
@@ -50,7 +50,7 @@ def below_the_curve(
         return estimates
     tail = 0.5 * (1.0 - LEVEL) if contradicted else FALSE_ALARMS / np.count_nonzero(described)
     dof = allan.dof[described, 0]
-    limit = allan.variance[described, 0] * dof / chi2.ppf(tail, dof)
+    limit = allan.variance[described, 0] * dof / chi2_quantile(tail, dof)
     tau = allan.tau[described]
     terms: list[TermEstimate] = []
     kept: list[Term] = []

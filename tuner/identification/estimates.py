@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
 
 from models.noise import POWER_LAW, NoiseModel, Term
+from models.probability import normal_reach
 from tuner.identification.slopes import Segment
 from tuner.types import LEVEL, Coefficient, TermEstimate
 
@@ -106,7 +106,7 @@ def from_segments(estimates: Estimates, segments: Sequence[Segment]) -> Estimate
     Terms that have no segment by nature (Gauss–Markov, …) keep their coefficients.
     """
     read = {segment.term: segment for segment in segments}
-    spread = 2.0 * norm.isf(0.5 * (1.0 - LEVEL))
+    spread = 2.0 * normal_reach(LEVEL)
     answers = {
         name: (s.value, s.interval, (np.log(s.interval[1] / s.interval[0]) / spread) ** 2, _stretch(s))
         for name, s in read.items()

@@ -23,7 +23,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from models.noise import (
     POWER_LAW,
@@ -33,6 +32,7 @@ from models.noise import (
     White,
 )
 from models.noise.bias_instability import ALLAN_FLOOR
+from models.probability import chi2_quantile
 from tuner.identification.allan_leastsquares import CurveFit, fit, log_covariance
 from tuner.identification.allan_octaves import OctaveCurve
 from tuner.identification.channel import about_band, contradiction, disagreement
@@ -205,7 +205,7 @@ def _select(octaves: OctaveCurve) -> list[_Tried]:
             (_try(octaves, (*(TERMS[n] for n in used), term)) for term in rest), key=lambda tried: tried.score
         )
         # The amplitude is at its boundary under the null: half of χ²₁; the largest of len(rest) tests.
-        if accepted[-1].score - best.score <= chi2.isf(2.0 * FALSE_TERM / len(rest), 1):
+        if accepted[-1].score - best.score <= chi2_quantile(1.0 - 2.0 * FALSE_TERM / len(rest), 1.0):
             break
         accepted.append(best)
     return accepted

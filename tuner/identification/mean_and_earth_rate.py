@@ -21,10 +21,10 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
 
 from models.earth import EARTH_RATE
 from models.noise import NoiseModel, Ramp
+from models.probability import normal_reach
 from tuner.types import LEVEL, Coefficient
 
 FloatArray = NDArray[np.float64]
@@ -49,7 +49,7 @@ def mean_of_noise(mean: float, model: NoiseModel, span: float, unit: str) -> Coe
     """
     random = [term for term in model.terms if not isinstance(term, Ramp)]
     variance = sum(float(term.allan_variance(np.array([span]))[0]) for term in random)
-    reach = float(norm.isf(0.5 * (1.0 - LEVEL)) * np.sqrt(variance))
+    reach = float(normal_reach(LEVEL) * np.sqrt(variance))
     return Coefficient.known(mean, mean - reach, mean + reach, unit)
 
 

@@ -24,8 +24,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq, minimize_scalar
-from scipy.stats import chi2, norm, t
 
+from models.probability import chi2_beyond, chi2_quantile, normal_reach, student_quantile
 from tuner.types import LEVEL, Coefficient, Identification, PooledChannel, PooledCoefficient
 
 FloatArray = NDArray[np.float64]
@@ -70,19 +70,19 @@ def random_effects(estimate: ArrayLike, sd: ArrayLike) -> RandomEffects:
         raise ValueError(msg)
     n = y.size
     cochran = _weighted_squares(y, s, 0.0)
-    p_value = float(chi2.sf(cochran, n - 1))
+    p_value = chi2_beyond(cochran, n - 1)
     spread_interval = (
-        _spread_at(y, s, float(chi2.ppf(0.5 + 0.5 * LEVEL, n - 1))),
-        _spread_at(y, s, float(chi2.ppf(0.5 - 0.5 * LEVEL, n - 1))),
+        _spread_at(y, s, chi2_quantile(0.5 + 0.5 * LEVEL, n - 1.0)),
+        _spread_at(y, s, chi2_quantile(0.5 - 0.5 * LEVEL, n - 1.0)),
     )
     spread = _restricted_likelihood_spread(y, s) if p_value < VARIATION_P_VALUE else 0.0
     weight = 1.0 / (s**2 + spread**2)
     mean = float(weight @ y / weight.sum())
     if p_value < VARIATION_P_VALUE:
         scatter = max(1.0, float(weight @ (y - mean) ** 2) / (n - 1))
-        half = float(t.ppf(0.5 + 0.5 * LEVEL, n - 1)) * math.sqrt(scatter / weight.sum())
+        half = student_quantile(0.5 + 0.5 * LEVEL, n - 1) * math.sqrt(scatter / weight.sum())
     else:
-        half = float(norm.ppf(0.5 + 0.5 * LEVEL)) / math.sqrt(weight.sum())
+        half = normal_reach(LEVEL) / math.sqrt(weight.sum())
     return RandomEffects(mean, (mean - half, mean + half), spread, spread_interval, p_value)
 
 
@@ -138,7 +138,7 @@ def pool_coefficients(
     usable = [v for v in values if v is not None and v.value is not None and v.interval is not None]
     if len(usable) < 2:
         return None
-    quantile = float(norm.ppf(0.5 + 0.5 * LEVEL))
+    quantile = normal_reach(LEVEL)
     numbers = np.array([(v.value, *(v.interval or ())) for v in usable], float)
     scaled = np.log(numbers) if logarithmic else numbers
     result = random_effects(scaled[:, 0], (scaled[:, 2] - scaled[:, 1]) / (2.0 * quantile))

@@ -24,9 +24,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from models.noise.bias_instability import ALLAN_FLOOR
+from models.probability import chi2_quantile
 from tuner.types import LEVEL
 
 FloatArray = NDArray[np.float64]
@@ -107,7 +107,7 @@ def read_segments(tau: FloatArray, deviation: FloatArray, dof: FloatArray) -> tu
         )
         best = float(np.max(v[run]))
         tail = 0.5 * (1.0 - LEVEL)
-        low, high = (float(value * np.sqrt(best / chi2.ppf(p, best))) for p in (1.0 - tail, tail))
+        low, high = (float(value * np.sqrt(best / chi2_quantile(p, best))) for p in (1.0 - tail, tail))
         ends = (float(np.exp(x[run][0])), float(np.exp(x[run][-1])))
         found.append(Segment(term, wanted, ends, value, (low, high)))
     return tuple(found)

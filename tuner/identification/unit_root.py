@@ -19,7 +19,8 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.polynomial.polynomial import polyval
 from numpy.typing import NDArray
-from scipy.stats import norm
+
+from models.probability import normal_below
 
 FloatArray = NDArray[np.float64]
 
@@ -47,7 +48,7 @@ def dickey_fuller(x: FloatArray, lags: int) -> tuple[float, float]:
     if not LEAST_STATISTIC < statistic < MOST_STATISTIC:
         return statistic, float(statistic >= MOST_STATISTIC)
     polynomial = LOW_POLYNOMIAL if statistic <= TURN_STATISTIC else HIGH_POLYNOMIAL
-    return statistic, float(norm.cdf(polyval(statistic, polynomial)))
+    return statistic, normal_below(float(polyval(statistic, polynomial)))
 
 
 def steady_level(x: FloatArray, lags: int) -> tuple[float, float]:

@@ -24,9 +24,9 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import polygamma
-from scipy.stats import chi2
 
 from models.noise import BiasInstability, GaussMarkov, NoiseModel, Quantization, Ramp, RandomWalk, Term, White
+from models.probability import chi2_beyond
 from tuner.curves import dof as dof_of
 from tuner.identification.allan_leastsquares import log_bias
 from tuner.identification.allan_octaves import OctaveCurve, nonnegative
@@ -139,7 +139,7 @@ def _plausible(curve: OctaveCurve, m: int, shortest: float) -> tuple[float, floa
     freedom = max(len(cut.m) - len(model.terms), 1)
     white = float(shares[0] * terms[0].allan_variance(np.array([curve.interval]), interval=curve.interval)[0])
     return (
-        float(chi2.sf(statistic, freedom)),
+        chi2_beyond(statistic, freedom),
         float(np.sqrt(curve.variance[0] / mean[-1])),
         white / float(mean[-1]),
     )

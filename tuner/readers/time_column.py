@@ -39,6 +39,8 @@ MIN_SINGLE_SHARE = 0.01
 """Rounding ÷ step, and share of uneven steps, from which single precision shows."""
 WRAP_STEPS = 100.0
 """Steps that may be lost where a clock begins anew."""
+FIRST_STAMPS = 100_000
+"""Stamps looked at first for seconds of 60 and more, which no clock shows."""
 CLOCK_SCALES = (1.0, 1e3, 1e6)
 """Units of the last digit of a clock time HHMMSS…, in 1 s: 1, ms, µs."""
 
@@ -219,8 +221,11 @@ def _clock_time(time: Stamps, on: BoolArray, usual: float) -> tuple[FloatArray, 
     """
     rows = np.flatnonzero(on)
     some = time[rows]
+    low, high = float(some.min()), float(some.max())
     for scale in CLOCK_SCALES:
-        if some.min() < 0 or some.max() >= 240000.0 * scale:
+        if low < 0.0 or high >= 240000.0 * scale or low // (100.0 * scale) == high // (100.0 * scale):
+            continue
+        if np.remainder(some[:FIRST_STAMPS], 100 * int(scale)).max() >= 60.0 * scale:
             continue
         minutes = np.floor_divide(some, 100 * int(scale))
         seconds = np.remainder(some, 100 * int(scale)) / scale
@@ -249,9 +254,9 @@ def _single_precision(time: Stamps, name: str, notes: list[str], factor: float) 
     last = float(np.spacing(np.float32(np.abs(time).max())))
     some = np.concatenate([time[:SINGLE_STAMPS], time[-SINGLE_STAMPS:]])
     single = some.astype(np.float32)
-    if last < MIN_SINGLE_SHARE * _mean_step(time) or not (
-        np.array_equal(single, some) or np.array_equal(single.astype(str).astype(float), some)
-    ):
+    if not np.array_equal(single, some) and not np.array_equal(single.astype(str).astype(float), some):
+        return 0.0
+    if last < MIN_SINGLE_SHARE * _mean_step(time):
         return 0.0
     unit = 10.0 ** np.ceil(np.log10(2.0 * last))
     if np.abs(some / unit - np.rint(some / unit)).max() < 1e-3:

@@ -25,9 +25,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
-from scipy.stats import t as student
 
 from models.earth import EARTH_RATE
+from models.probability import student_quantile
 from models.units import STANDARD_GRAVITY
 from tuner.segments.stationary import find_motion
 from tuner.types import Coefficient
@@ -155,7 +155,7 @@ def _gyro_bias(means: FloatArray) -> Coefficient:
     """Return the bias of a gyro: the mean over poses, its interval from their scatter."""
     n = len(means)
     value = float(means.mean())
-    half = float(student.ppf(0.975, n - 1) * means.std(ddof=1) / np.sqrt(n))
+    half = float(student_quantile(0.975, n - 1) * means.std(ddof=1) / np.sqrt(n))
     left = f"the Earth's rate turns with the pose, at most {EARTH_RATE:.2g} rad/s of it is left"
     return Coefficient.known(
         value, value - half, value + half, "rad/s", f"mean over {n} stand-stills; {left}"
@@ -202,7 +202,7 @@ def fit_accel(
     misfit = float(np.sqrt(2.0 * fit.cost / freedom)) if freedom > 0 else float("nan")
     inverse = 1.0 / np.maximum(values, 1e-12 * values[0])
     deviation = np.sqrt(np.sum((rows.T * inverse) ** 2, axis=1))
-    half = deviation * max(1.0, misfit) * (student.ppf(0.975, freedom) if misfit > 1.0 else 1.96)
+    half = deviation * max(1.0, misfit) * (student_quantile(0.975, freedom) if misfit > 1.0 else 1.96)
     coefficients = {
         name: Coefficient.known(
             float(v), float(v - h), float(v + h), "m/s^2" if name.startswith("bias") else "1"

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import gammaincinv
 
+from models.probability import chi2_quantile
 from tuner.types.coefficient import LEVEL
 from tuner.types.shown import Shown
 
@@ -52,7 +52,8 @@ class AllanCurve(Shown):
         """Return lower and upper limits of the deviation from χ² with `dof` degrees of freedom, shapes (m, k)."""
         tail = 0.5 * (1.0 - level)
         scaled = self.dof * self.variance
-        return np.sqrt(scaled / _chi2(1.0 - tail, self.dof)), np.sqrt(scaled / _chi2(tail, self.dof))
+        low, high = (np.sqrt(scaled / chi2_quantile(p, self.dof)) for p in (1.0 - tail, tail))
+        return low, high
 
     def axis(self, name: str) -> AllanCurve:
         """Return the curve of one axis alone."""
@@ -89,7 +90,8 @@ class Spectrum(Shown):
         """Return lower and upper limits of the density from χ² with `dof` degrees of freedom, shapes (m, k)."""
         tail = 0.5 * (1.0 - level)
         dof = self.dof[:, None]
-        return self.density * dof / _chi2(1.0 - tail, dof), self.density * dof / _chi2(tail, dof)
+        low, high = (self.density * dof / chi2_quantile(p, dof) for p in (1.0 - tail, tail))
+        return low, high
 
 
 @dataclass(frozen=True)
@@ -115,8 +117,3 @@ class Correlogram(Shown):
     value: FloatArray
     band: float
     axes: tuple[str, ...]
-
-
-def _chi2(p: float, dof: FloatArray) -> FloatArray:
-    """Return the quantile p of χ²; `scipy.stats` has it too, and is slow to import."""
-    return np.asarray(2.0 * gammaincinv(0.5 * dof, p))

@@ -42,7 +42,15 @@ from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.hypothesis_tests import retest
 from tuner.diagnosis.static.model.dct import inverse, transform
 from tuner.diagnosis.static.model.profile_likelihood import first_column
-from tuner.diagnosis.static.model.residual import RESIDUAL_CLIP, Residual, gain_of, once, power_of, residual
+from tuner.diagnosis.static.model.residual import (
+    RESIDUAL_CLIP,
+    Residual,
+    gain_of,
+    once,
+    power_of,
+    residual,
+    spectrum_knots,
+)
 from tuner.diagnosis.static.outcome import Accepted
 from tuner.diagnosis.static.search import SearchResult
 from tuner.diagnosis.static.switching.models import block_noise
@@ -243,12 +251,14 @@ def _score(fitted: Residual, test: _Test, free: FloatArray | None = None) -> flo
 def _power(fitted: Residual, n: int) -> FloatArray:
     """Return the spectrum of the model at the n − 1 frequencies of another record."""
     dt = fitted.channel.interval
-    f = np.arange(1.0, n) / (2.0 * n * dt)
+    order = np.arange(1.0, n)
+    knots, hertz = spectrum_knots(1, n), 1.0 / (2.0 * n * dt)
+    f = knots * hertz
     white = sum(term.density**2 for term in fitted.fit.terms() if isinstance(term, White))
     others = [term for term in fitted.fit.terms() if not isinstance(term, White)]
     others += [term for x in fitted.extensions if isinstance(x, Telegraph) for term in x.terms(dt)]
-    shaped = white * gain_of(fitted.extensions, f, dt) + power_of(fitted.extensions, f, dt)
-    return shaped + NoiseModel(others).psd(f, interval=dt)
+    smooth = white * gain_of(fitted.extensions, f, dt) + NoiseModel(others).psd(f, interval=dt)
+    return np.asarray(np.interp(order, knots, smooth) + power_of(fitted.extensions, order * hertz, dt))
 
 
 def _law(fitted: Residual) -> Callable[[FloatArray], FloatArray]:

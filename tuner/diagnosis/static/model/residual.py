@@ -148,10 +148,7 @@ class Residual:
         white = sum(t.density**2 for t in self.fit.terms() if isinstance(t, White))
         others = NoiseModel(t for t in self.fit.terms() if not isinstance(t, White))
         order = np.arange(low + 1.0, n)
-        few = np.concatenate(
-            (np.geomspace(low + 1.0, n, SPECTRUM_KNOTS), np.linspace(low + 1.0, n, SPECTRUM_KNOTS))
-        )
-        knots = np.sort(few) if len(few) < len(order) else order
+        knots = spectrum_knots(low + 1, n)
         f = knots / (2.0 * n * dt)
         smooth = white * gain_of(self.extensions, f, dt) + others.psd(f, interval=dt)
         return np.concatenate((self.fit.expected[:low], np.interp(order, knots, smooth) + self.peaks[low:]))
@@ -280,6 +277,12 @@ def _crossing(drop: Callable[[float], float], centre: float, step: float) -> flo
         middle = 0.5 * (low + high)
         low, high = (low, middle) if drop(centre + middle) >= goal else (middle, high)
     return centre + high
+
+
+def spectrum_knots(first: int, end: int) -> FloatArray:
+    """Return the places, of first … end − 1, between which a spectrum without peaks is as good as linear."""
+    few = np.concatenate((np.geomspace(first, end, SPECTRUM_KNOTS), np.linspace(first, end, SPECTRUM_KNOTS)))
+    return np.sort(few) if len(few) < end - first else np.arange(float(first), end)
 
 
 def gain_of(extensions: tuple[Extension, ...], f: FloatArray, interval: float) -> FloatArray:
