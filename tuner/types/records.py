@@ -212,7 +212,7 @@ class Reference:
     def __post_init__(self) -> None:
         object.__setattr__(self, "llh", without_jumps(self.llh))
 
-    def rows(self, which: slice) -> Reference:
+    def rows(self, which: NDArray[np.intp] | slice) -> Reference:
         """Return some of the rows."""
         sd = None if self.sd is None else self.sd[which]
         return Reference(self.t[which], self.llh[which], self.vel_n[which], self.rpy[which], sd)

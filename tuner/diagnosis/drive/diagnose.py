@@ -27,6 +27,7 @@ from tuner.diagnosis.drive.plausibility import plausible
 from tuner.diagnosis.drive.search import SearchResult, search_causes
 from tuner.formats.diagnosis import config_finding
 from tuner.navigation.drive.axis_checks import refuse_wrong_axes
+from tuner.navigation.drive.clock import Clock
 from tuner.navigation.drive.vehicle_constraints import turned_from
 from tuner.types import Compensation, DriveDiagnosis, FilterConfig, Gain, Parameter, Unexplained
 from tuner.types.records import DataError, Drive
@@ -34,11 +35,12 @@ from tuner.types.records import DataError, Drive
 
 @dataclass(frozen=True)
 class ExaminedDrive:
-    """A drive with its diagnosis: the drive as filtered, the runs before and after, and the result."""
+    """A drive with its diagnosis: as filtered, the runs before and after, the result, and the clock by the motion."""
 
     drive: Drive
     search: SearchResult
     diagnosis: DriveDiagnosis
+    clock: Clock | None = None
 
 
 def diagnose_drive(
@@ -118,7 +120,7 @@ def _examine(
     diagnosis = plausible(_diagnosis(drive, config, wheels, outcome, notes, gain), outcome.final)
     if turned := _turned_axes(drive, outcome.final):
         diagnosis = replace(diagnosis, unexplained=(*diagnosis.unexplained, turned))
-    return ExaminedDrive(sensor, outcome, diagnosis)
+    return ExaminedDrive(sensor, outcome, diagnosis, clock)
 
 
 def _turned_axes(drive: Drive, run: FilterRun) -> Unexplained | None:

@@ -178,7 +178,7 @@ def choose_config(
     """
     gnss, _, _ = without_gross_outliers(with_axes_found(drive.gnss)[0])
     drive = replace(drive, gnss=gnss)
-    clock = clock_of_drive(drive)
+    clock = (not before.compensation and examined.clock) or clock_of_drive(drive)
     before, after = with_clock(before, clock), with_clock(after, clock)
     begin, end = float(gnss.t[0]), float(gnss.t[-1])
     cut = begin + FITTED_SHARE * (end - begin)
@@ -247,7 +247,8 @@ def choose_config(
         """Whether positions err no more than the fixes, times a ratio, by the settings as fitted and as written."""
         if found.after is None or not found.after.follows(ratio):
             return False
-        stored = score(f"{found.kept}, as written", found.config, cut, end)
+        name = "as it began" if found.kept.startswith("as it began") else f"{found.kept}, as written"
+        stored = score(name, found.config, cut, end)
         return stored is not None and stored.follows(ratio)
 
     passing = None

@@ -30,7 +30,7 @@ from tuner.types import Parameter
 from tuner.types.progress import silent
 
 RECEIVER = load_gnss("rtk")
-NOTHING_FOUND: Any = SimpleNamespace(search=SimpleNamespace(accepted=()))
+NOTHING_FOUND: Any = SimpleNamespace(search=SimpleNamespace(accepted=()), clock=None)
 """A diagnosis without findings."""
 
 
