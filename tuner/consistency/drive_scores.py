@@ -15,11 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models import rotation
+from models.earth import metres_per_radian
 from tuner.consistency.frame_differences import errors_in_one_frame, matters
 from tuner.consistency.output_errors import in_axes_of, output_errors
 from tuner.consistency.output_scores import error_scores
 from tuner.consistency.scores import score
-from tuner.consistency.trajectory_alignment import Alignment, at_times, difference
+from tuner.consistency.trajectory_alignment import MAX_GAP_INTERVALS, Alignment, at_times, cubic, difference
 from tuner.navigation import reference_filter as readable
 from tuner.navigation.data import USED, Solution
 from tuner.navigation.drive.run import Stretch, initial_estimates, initial_state
@@ -89,6 +90,20 @@ def reference_at(reference: Reference, t: FloatArray) -> tuple[FloatArray, Float
     found = at_times(as_truth(near), t)
     assert found.llh is not None
     return found.llh, found.vel_n, rotation.rpy_from_quat(found.quat_nb)
+
+
+def reference_positions(reference: Reference, t: FloatArray) -> FloatArray:
+    """Return the positions of a reference at times inside it, NaN outside or in gaps, (k, 3); reads few rows."""
+    after = np.clip(np.searchsorted(reference.t, t), 1, len(reference.t) - 1)
+    near = np.unique(np.clip(after[:, None] + np.arange(-2, 2), 0, len(reference.t) - 1))
+    r, after = reference.rows(near), np.searchsorted(near, after)
+    step = r.t[after] - r.t[after - 1]
+    found = cubic(
+        r.llh, r.vel_n / metres_per_radian(r.llh), r.t, after - 1, (t - r.t[after - 1]) / step, step
+    )
+    longest = MAX_GAP_INTERVALS * float(np.median(np.diff(reference.t)))
+    found[(t < reference.t[0]) | (t > reference.t[-1]) | (step > longest)] = np.nan
+    return found
 
 
 def differences(reference: Reference, solution: Solution, rows: NDArray[np.intp]) -> FloatArray:

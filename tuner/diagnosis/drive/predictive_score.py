@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from models.earth import ned_between
 from models.strapdown import NavigationState
-from tuner.consistency.drive_scores import reference_at, stated
+from tuner.consistency.drive_scores import reference_positions, stated
 from tuner.consistency.score_drive import OUTAGE_LENGTHS, drive_filter
 from tuner.navigation import engine
 from tuner.navigation.compensation import compensate
@@ -200,7 +200,7 @@ def _position_errors(
     if run.reference is None:
         return solution.innovation[rows, :3], solution.innovation_covariance[rows, :3, :3]
     t = solution.t[rows]
-    error = ned_between(reference_at(run.reference, t)[0], solution.state.llh[rows])
+    error = ned_between(reference_positions(run.reference, t), solution.state.llh[rows])
     own = stated(run.reference, t)[:, :3, None] * np.eye(3)
     return error, solution.covariance[rows, :3, :3] + own
 
@@ -310,7 +310,7 @@ def _tracked(
     error, covariance, rows = error[good], covariance[good], rows[good]
     alone = np.zeros_like(error)
     if run.reference is not None:
-        alone = ned_between(reference_at(run.reference, solution.t[rows])[0], stretch.fixes.llh[rows])
+        alone = ned_between(reference_positions(run.reference, solution.t[rows]), stretch.fixes.llh[rows])
     square, off = np.sum(error**2, axis=1), np.sum(alone**2, axis=1)
     return solution.t[rows], square, _log_density(error, covariance), off
 
