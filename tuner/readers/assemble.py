@@ -102,7 +102,7 @@ def even(listing: Listing, plan: Plan, digest: str, options: Options) -> EvenRec
                 msg = f"the file states a rate of {rate:.4g} Hz, which no inertial sensor has: pass --rate HZ"
                 raise DataError(msg)
             valid = without_spikes(groups, axes, valid, notes, interval=1.0 / rate)
-            origin, base = 0.0, even_timebase(count, 1.0 / rate, valid)
+            origin, base = 0.0, even_timebase(count, 1.0 / rate, valid, moving=options.stamps)
         else:
             clock = _clock(listing, layout.time, time, week, rate, options)
             notes += [*clock.assumptions, *clock.notes]
@@ -110,7 +110,7 @@ def even(listing: Listing, plan: Plan, digest: str, options: Options) -> EvenRec
             on = clock.on
             usable = valid if on is None else on if valid is None else valid & on
             usable = without_spikes(groups, axes, usable, notes, interval=clock.step)
-            base, origin = _timebase(clock, usable, equal, options.rate, notes), clock.origin
+            base, origin = _timebase(clock, usable, equal, options, notes), clock.origin
             _check_rate(base.interval, rate, notes, explicit=options.rate is not None)
     except DataError as error:
         msg = f"{listing.path}: {error}"
@@ -245,19 +245,25 @@ def _timebase(
     clock: Clock,
     usable: BoolArray | None,
     equal: Callable[[IntArray, IntArray], BoolArray],
-    rate: float | None,
+    options: Options,
     notes: list[str],
 ) -> Timebase:
     """Return the time base of a clock, or that of the stated rate where the clock is too coarse to give one."""
+    rate = options.rate
     try:
         return stamped_timebase(
-            clock.stamps, valid=usable, timed=clock.on, equal=equal, resolution=clock.resolution
+            clock.stamps,
+            valid=usable,
+            timed=clock.on,
+            equal=equal,
+            resolution=clock.resolution,
+            moving=options.stamps,
         )
     except DataError as error:
         if rate is None or not str(error).startswith(COARSE_CLOCK):
             raise
         notes.append(f"{COARSE_CLOCK} to give a rate: samples are taken as even at the {rate:.6g} Hz stated")
-        return even_timebase(len(clock.stamps), 1.0 / rate, usable)
+        return even_timebase(len(clock.stamps), 1.0 / rate, usable, moving=options.stamps)
 
 
 def _check_rate(interval: float, rate: float | None, notes: list[str], *, explicit: bool) -> None:

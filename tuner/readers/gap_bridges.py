@@ -1,8 +1,8 @@
 """Values in place of missing samples: what those beside a gap predict, and a draw of what they cannot know.
 
-The mean of many neighbours is the level at a gap. What is left of the nearest ones, r, predicts that of the missing
-samples through the autocovariance C of r, with the smallest error (simple kriging: Chilès and Delfiner, Geostatistics,
-2nd ed., section 3.3), whose covariance follows:
+The mean of the neighbours, as many as make the Allan deviation least, is the level at a gap. What is left of the
+nearest ones, r, predicts that of the missing samples through the autocovariance of r, with the smallest error (simple
+kriging: Chilès and Delfiner, Geostatistics, 2nd ed., section 3.3), whose covariance follows:
 
     W = Cov(near)⁻¹ Cov(near, missing),    r̂ = Wᵀ r,    Cov(error) = Cov(missing) − Cov(missing, near) W
 
@@ -13,14 +13,21 @@ signal gets a curve through its neighbours. A straight line instead colours whit
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-LEVEL_SAMPLES = 64
-"""Samples on either side whose mean is the level at a gap: longer clusters alone see white noise too large."""
+SHORTEST_LEVEL = 128
+"""Fewest samples whose mean is the level at a gap."""
+LEAST_CLUSTERS = 16
+"""Clusters from which an Allan deviation is known to a third."""
+MAX_COLOUR = 1e-3
+"""Correlation that straight lines may leave: each pass, with the autocovariance of what stands in the gaps by then,
+leaves of it the share of the samples that are missing."""
 NEAR_SAMPLES = 16
 """Samples that predict what differs from the level: a filter inside a sensor reaches over fewer."""
 DRAWING_SEED = 0
@@ -61,45 +68,56 @@ def bridged(
     before = np.flatnonzero((np.diff(positions) > 1) & inside & ((high - low)[:-1] >= NEAR_SAMPLES))
     if not len(before):
         return out
-    level = _level(samples, low, high)
-    left = samples - level
-    covariance = _autocovariance(left, positions)
-    rng = np.random.default_rng([DRAWING_SEED, stream])
+    reach = quietest_cluster(out, segments) // 2
+    level = _level(samples, low, high, reach)
+    left, levels = samples - level, np.interp(np.arange(len(out)), positions, level)
     length = positions[before + 1] - positions[before] - 1
-    for gap in np.unique(length):
-        of_this = before[length == gap]
-        for start in range(0, len(of_this), _GAPS_AT_ONCE):
-            first = of_this[start : start + _GAPS_AT_ONCE, None]
-            nearest = np.clip(first + 1 - NEAR_SAMPLES // 2, low[first], high[first] - NEAR_SAMPLES)
-            near = nearest + np.arange(NEAR_SAMPLES)
-            missing = positions[first] + 1 + np.arange(gap)
-            drawn = _simulated(left[near], positions[near], missing, covariance, rng)
-            out[missing] = np.interp(missing, positions, level) + drawn
+    for _ in range(math.ceil(math.log(MAX_COLOUR) / math.log(1.0 - len(samples) / len(out)))):
+        covariance = _autocovariance(out - levels)
+        rng = np.random.default_rng([DRAWING_SEED, stream])
+        for gap in np.unique(length):
+            of_this = before[length == gap]
+            for start in range(0, len(of_this), _GAPS_AT_ONCE):
+                first = of_this[start : start + _GAPS_AT_ONCE, None]
+                nearest = np.clip(first + 1 - NEAR_SAMPLES // 2, low[first], high[first] - NEAR_SAMPLES)
+                near = nearest + np.arange(NEAR_SAMPLES)
+                missing = positions[first] + 1 + np.arange(gap)
+                drawn = _simulated(left[near], positions[near], missing, covariance, rng)
+                out[missing] = levels[missing] + drawn
     return out
 
 
-def _level(samples: FloatArray, low: IntArray, high: IntArray) -> FloatArray:
-    """Return the mean of the samples around each, within its segment from `low` to `high`."""
+def quietest_cluster(samples: FloatArray, segments: tuple[tuple[int, int], ...]) -> int:
+    """Return the cluster size, a power of two, of the least Allan deviation: noise and drift err alike there."""
+    start, stop = max(segments, key=lambda piece: piece[1] - piece[0])
+    size, best = SHORTEST_LEVEL, (np.inf, SHORTEST_LEVEL)
+    while size * LEAST_CLUSTERS <= stop - start:
+        count = (stop - start) // size
+        means = samples[start : start + count * size].reshape(count, size).mean(axis=1)
+        best = min(best, (float(np.mean(np.diff(means) ** 2)), size))
+        size *= 2
+    return best[1]
+
+
+def _level(samples: FloatArray, low: IntArray, high: IntArray, reach: int) -> FloatArray:
+    """Return the mean of the samples around each, `reach` on either side, within its segment from `low` to `high`."""
     total = np.concatenate(([0.0], np.cumsum(samples - samples[0])))
     at = np.arange(len(samples))
-    begin = np.maximum(at - LEVEL_SAMPLES, low)
-    end = np.maximum(np.minimum(at + 1 + LEVEL_SAMPLES, high), begin + 1)
+    begin = np.maximum(at - reach, low)
+    end = np.maximum(np.minimum(at + 1 + reach, high), begin + 1)
     return np.asarray(samples[0] + (total[end] - total[begin]) / (end - begin))
 
 
-def _autocovariance(left: FloatArray, positions: IntArray) -> FloatArray:
-    """Return C(h) for distances h = 0 … `_LONGEST_LAG`, and zero for longer ones, as that of samples without gaps.
+def _autocovariance(left: FloatArray) -> FloatArray:
+    """Return C(h) for distances h = 0 … `_LONGEST_LAG`, and zero for longer ones, of samples on the grid.
 
-    Straight lines stand in for what is missing: their share is small, and what follows is a covariance for certain.
+    In the first pass straight lines stand in for what is missing, in the next what they made.
     """
-    length = min(_CHUNK_SAMPLES, int(positions[-1]) + 1)
-    starts = np.unique(np.linspace(0, int(positions[-1]) + 1 - length, _CHUNK_COUNT).astype(np.int64))
+    length = min(_CHUNK_SAMPLES, len(left))
+    starts = np.unique(np.linspace(0, len(left) - length, _CHUNK_COUNT).astype(np.int64))
     covariance = np.zeros(min(_LONGEST_LAG + 1, length))
     for start in starts:
-        first, last = np.searchsorted(positions, (start, start + length))
-        first = max(int(first) - 1, 0)
-        even = np.interp(start + np.arange(length), positions[first : last + 1], left[first : last + 1])
-        power = np.abs(np.fft.rfft(even, 2 * length)) ** 2
+        power = np.abs(np.fft.rfft(left[start : start + length], 2 * length)) ** 2
         covariance += np.fft.irfft(power)[: len(covariance)]
     return np.append(covariance / (len(starts) * length), 0.0)
 

@@ -3,10 +3,10 @@
 `stamps` says which rows to keep, the interval p and how many samples are missing where. Here the rows are put
 on a grid: even with interval p within a segment, each segment at its own median phase.
 
-Short gaps are bridged by samples that are simulated from those beside them (`gap_bridges`) as long as all bridges
-together are at most `MAX_BRIDGED_SHARE` of the samples; every other gap ends a segment. A bridge of g samples changes
-sums of white samples around it: each of its m neighbours weighs 1 + g/m. To first order the white noise seen at long
-cluster times rises by Σ(g + g²/m)/n (n samples), at the shortest not at all.
+In a log at rest, short gaps are bridged by samples that are simulated from those beside them (`gap_bridges`) as long
+as all bridges together are at most `MAX_BRIDGED_SHARE` of the samples; every other gap ends a segment. The level at a
+gap is a mean of samples that thereby weigh more: the density of white noise seen at cluster times longer than that
+mean rises by Σg/n (n samples, g missing in a gap), the one seen at shorter times does not.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.robust import normal_sd
-from tuner.readers.gap_bridges import LEVEL_SAMPLES, bridged
+from tuner.readers.gap_bridges import bridged
 from tuner.readers.timestamps import in_order, interval_and_gaps, without_duplicates
 from tuner.types.records import DataError
 
@@ -26,14 +26,13 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
-MAX_BRIDGED_GAP = 20
-"""Longest gap that is bridged, samples: lost packets of a radio hold five to twenty."""
-MAX_BRIDGED_TIME = 0.5
-"""Longest gap that is bridged, s, where it is more than `MAX_BRIDGED_AT_ANY_RATE` samples: a vehicle may turn."""
-MAX_BRIDGED_AT_ANY_RATE = 5
-"""Longest gap, in samples, that is bridged in slow logs, too."""
-MAX_BRIDGED_SHARE = 0.1
-"""Largest share of all samples that may come from bridges: 10 % more white noise is then seen at long cluster times."""
+MAX_BRIDGED_GAP = 100
+"""Longest gap of a log at rest that is bridged, samples: a second without radio at 100 Hz."""
+MAX_BRIDGED_SHARE = 0.2
+"""Largest share of the samples of such a log that may come from bridges: at the longest cluster times, where white
+noise matters least, its density then seems 20 % larger."""
+MAX_BRIDGED_IN_MOTION, MAX_SHARE_IN_MOTION = 5, 0.01
+"""The same of a vehicle, by straight lines: what it did meanwhile is unknown."""
 MIN_SEGMENT_SAMPLES = 3
 """Samples that one Allan point needs; shorter segments are left out."""
 MAX_BROKEN_SHARE = 0.02
@@ -80,8 +79,8 @@ class Timebase:
         Gaps that only rows without a number make: their stamps are there.
     jitter : float
         Sd of the stamping error between neighbours, s; rare late stamps left out.
-    excess : float
-        Relative excess of white density N at long cluster times, from bridges.
+    moving : bool
+        Whether the log is one of a vehicle: straight lines are the bridges.
     rounding : float
         Unit that the stamps are multiples of where that shows in their steps, s; 0 for none.
     wander : float
@@ -103,7 +102,7 @@ class Timebase:
     bridged: int = 0
     jitter: float = 0.0
     rounding: float = 0.0
-    excess: float = 0.0
+    moving: bool = False
     wander: float = 0.0
     left_out: int = 0
 
@@ -116,8 +115,10 @@ class Timebase:
 
     def bridge(self, column: FloatArray, stream: int) -> FloatArray:
         """Return the samples of axis number `stream` on the grid, shape (N,), with simulated ones in short gaps."""
+        if self.positions is None or self.moving:
+            return self.regrid(column)
         kept = column if self.rows is None else column[self.rows]
-        return kept if self.positions is None else bridged(kept, self.positions, self.segments, stream)
+        return bridged(kept, self.positions, self.segments, stream)
 
     def notes(self, *, even: bool = True) -> tuple[str, ...]:
         """Return every repair in words, with its count; `even`: whether the grid takes the place of the stamps."""
@@ -131,9 +132,11 @@ class Timebase:
             notes.append(f"{self.gaps} gaps with {self.missing} missing samples ({self.missing * p:.6g} s)")
         if self.bridged:
             notes.append(
-                f"{self.bridged} missing samples were simulated from those beside them (gaps up to "
-                f"{longest_bridge(p)} samples): white noise shows {100 * self.excess:.2g} % too large at long "
-                "cluster times"
+                f"{self.bridged} missing samples lie on straight lines (gaps up to {MAX_BRIDGED_IN_MOTION} samples)"
+                if self.moving
+                else f"{self.bridged} missing samples were simulated from those beside them (gaps up to "
+                f"{MAX_BRIDGED_GAP} samples): white noise seems {100 * self.bridged / len(self.t):.2g} % larger at "
+                "the cluster times at which drift exceeds it"
             )
         if self.left_out:
             notes.append(
@@ -154,13 +157,15 @@ class Timebase:
         return tuple(notes)
 
 
-def even_timebase(count: int, interval: float, valid: BoolArray | None = None) -> Timebase:
+def even_timebase(
+    count: int, interval: float, valid: BoolArray | None = None, *, moving: bool = False
+) -> Timebase:
     """Return the time base of rows without stamps: sample i at i · interval; rows not `valid` are missing."""
     rows = np.arange(count) if valid is None else np.flatnonzero(valid)
     _require(len(rows))
     missing = np.diff(rows) - 1
     at = np.flatnonzero(missing)
-    base = _on_grid(interval * rows.astype(float), interval, at, missing[at])
+    base = _on_grid(interval * rows.astype(float), interval, at, missing[at], moving=moving)
     return base if len(rows) == count else replace(base, rows=rows, unread=len(at))
 
 
@@ -171,6 +176,7 @@ def stamped_timebase(
     timed: BoolArray | None = None,
     equal: Callable[[IntArray, IntArray], BoolArray] | None = None,
     resolution: float = 0.0,
+    moving: bool = False,
 ) -> Timebase:
     """Return the time base that explains `stamps`.
 
@@ -186,6 +192,8 @@ def stamped_timebase(
         ``equal(i, j)`` tells which pairs of rows hold equal values; without it no rows do.
     resolution : float, optional
         To what the stamps are known to be rounded, s.
+    moving : bool, optional
+        Whether the log is one of a vehicle.
 
     Raises
     ------
@@ -216,7 +224,7 @@ def stamped_timebase(
         _require(len(t))
         at = np.flatnonzero(lost)
         size = lost[at]
-    base = _on_grid(t, interval, at, size)
+    base = _on_grid(t, interval, at, size, moving=moving)
     if max(batch, resolution) > base.rounding:
         base = replace(base, rounding=max(batch, resolution))
     unread = 0 if rows is None else _unread(np.diff(rows), at, size)
@@ -235,11 +243,14 @@ def _require(count: int) -> None:
         raise DataError(msg)
 
 
-def _on_grid(t: FloatArray, interval: float, at: IntArray, size: IntArray) -> Timebase:
+def _on_grid(t: FloatArray, interval: float, at: IntArray, size: IntArray, *, moving: bool) -> Timebase:
     """Return the time base of ordered stamps with `size` samples missing after rows `at`."""
-    short = size <= longest_bridge(interval)
+    longest, share = MAX_BRIDGED_GAP, MAX_BRIDGED_SHARE
+    if moving:
+        longest, share = MAX_BRIDGED_IN_MOTION, MAX_SHARE_IN_MOTION
+    short = size <= longest
     bridged = int(size[short].sum())
-    if bridged > MAX_BRIDGED_SHARE * len(t):
+    if bridged > share * len(t):
         short, bridged = np.zeros_like(short), 0
     before = np.append(0, np.cumsum(size))
 
@@ -278,7 +289,6 @@ def _on_grid(t: FloatArray, interval: float, at: IntArray, size: IntArray) -> Ti
         inserted = np.zeros(len(t), np.int64)
         inserted[at[short] + 1] = size[short]
         positions = np.arange(len(t)) + np.cumsum(inserted)
-    g = size[short]
     return Timebase(
         t=np.concatenate(grid) if len(grid) > 1 else grid[0],
         interval=interval,
@@ -289,15 +299,10 @@ def _on_grid(t: FloatArray, interval: float, at: IntArray, size: IntArray) -> Ti
         bridged=bridged,
         jitter=_jitter(error, interval, rounding or resolution_of(t[some])),
         rounding=rounding,
-        excess=float((g + g * g / (2 * LEVEL_SAMPLES)).sum()) / len(t),
+        moving=moving,
         wander=wander,
         left_out=left_out,
     )
-
-
-def longest_bridge(interval: float) -> int:
-    """Return the longest gap, in samples, that is bridged at a sampling interval, s."""
-    return max(MAX_BRIDGED_AT_ANY_RATE, min(MAX_BRIDGED_GAP, int(MAX_BRIDGED_TIME / interval)))
 
 
 def _some(start: int, stop: int) -> IntArray:

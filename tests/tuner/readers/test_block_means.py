@@ -97,14 +97,14 @@ def test_no_mean_reaches_across_a_gap_or_a_broken_row(tmp_path: Path) -> None:
     data = columns()
     data["gyro_x [rad/s]"][5000] = np.nan
     kept = np.ones(ROWS, bool)
-    kept[20_000:20_100] = kept[MIN_ROWS - 3 : MIN_ROWS + 40] = False
+    kept[20_000:20_120] = kept[MIN_ROWS - 3 : MIN_ROWS + 110] = False
     _, small = both(written(tmp_path / "log.npz", {name: column[kept] for name, column in data.items()}))
     at = np.array([small.t[start] - 3.5 * INTERVAL for start, _ in small.segments])
-    np.testing.assert_allclose(at, INTERVAL * np.array([0, MIN_ROWS + 40, 20_100]), atol=1e-9)
+    np.testing.assert_allclose(at, INTERVAL * np.array([0, MIN_ROWS + 110, 20_120]), atol=1e-9)
     for start, stop in small.segments:
         np.testing.assert_allclose(np.diff(small.t[start:stop]), 8 * INTERVAL, rtol=1e-6)
     assert small.timing["gap_count"] == 2
-    assert small.timing["missing"] == 144  # with the broken row
+    assert small.timing["missing"] == 234  # with the broken row
     assert any("1 rows with NaN" in note and "data row 1 on)" in note for note in small.notes)
 
 

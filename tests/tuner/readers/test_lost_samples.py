@@ -13,21 +13,22 @@ from tuner.readers.gap_bridges import bridged
 from tuner.readers.time_base import MAX_BRIDGED_SHARE
 
 
-def test_white_noise_with_lost_samples_stays_white() -> None:
-    """In eight bands of 5000 lines each the power of 5 % simulated samples differs by no more than chance, 1.4 %.
+@pytest.mark.parametrize("share", [0.05, 0.15])
+def test_white_noise_with_lost_samples_stays_white(share: float) -> None:
+    """In eight bands of 5000 lines each the power with simulated samples differs by no more than chance, 1.4 %.
 
-    Below 1/128 of the sampling rate it may exceed it by twice their share. A straight line takes 8 % from the highest
-    band, which no reader of a spectrum would believe to be white.
+    Straight lines take 1.6 times the share from the highest band and more.
     """
     n, rng = 80_000, np.random.default_rng(21)
     white = rng.standard_normal(n)
-    kept = np.flatnonzero((rng.random(n) > 0.05) | (np.arange(n) % (n - 1) == 0))
+    kept = np.flatnonzero((rng.random(n) > share) | (np.arange(n) % (n - 1) == 0))
+    lines = np.abs(np.fft.rfft(np.interp(np.arange(n), kept, white[kept]))[1:]) ** 2 / n
+    assert lines[-5000:].mean() < 1.0 - 1.6 * share
     filled = bridged(white[kept], kept, ((0, n),), 0)
     np.testing.assert_array_equal(filled[kept], white[kept])
     power = np.abs(np.fft.rfft(filled)[1:]) ** 2 / n
     levels = power.reshape(8, -1).mean(axis=1)
-    assert levels[1:] == pytest.approx(np.ones(7), abs=4.0 * 0.0141)
-    assert power[: n // 256].mean() < 1.0 + 2.5 * 0.05 + 4.0 / np.sqrt(n // 256)
+    assert levels == pytest.approx(np.ones(8), abs=4.0 * 0.0141)
 
 
 def test_a_smooth_signal_is_followed() -> None:
@@ -55,7 +56,7 @@ def test_axes_are_simulated_apart_and_a_log_is_read_alike_every_time(tmp_path: P
     assert np.abs(correlation).max() < 4.5 / np.sqrt(len(lost))
 
 
-@pytest.mark.parametrize("share", [0.03, 0.09])
+@pytest.mark.parametrize("share", [0.03, 0.12])
 def test_lost_samples_of_a_clock_that_shows_whole_intervals_do_not_change_the_rate(
     tmp_path: Path, share: float
 ) -> None:

@@ -16,17 +16,17 @@ def test_order_duplicates_and_gaps_are_repaired_and_counted(tmp_path: Path) -> N
     lines = rows()
     lines[10], lines[11] = lines[11], lines[10]
     lines.insert(50, lines[49])
-    del lines[701:801]
+    del lines[701:811]
     path = write(tmp_path / "log.csv", lines)
     gyro, _ = read(path)
     said = "; ".join(gyro.notes)
     assert "1 rows were out of order" in said
     assert "1 duplicate rows were dropped" in said
-    assert "1 gaps with 100 missing samples" in said
-    assert gyro.segments == ((0, 700), (700, 900))
-    np.testing.assert_array_equal(gyro.y, np.delete(GYRO, np.s_[700:800], axis=0))
-    np.testing.assert_allclose(gyro.t, np.delete(T, np.s_[700:800]), atol=1e-9)
-    expected = {"gap_count": 1.0, "missing": 100.0, "duplicates": 1.0, "disordered": 1.0, "bridged": 0.0}
+    assert "1 gaps with 110 missing samples" in said
+    assert gyro.segments == ((0, 700), (700, 890))
+    np.testing.assert_array_equal(gyro.y, np.delete(GYRO, np.s_[700:810], axis=0))
+    np.testing.assert_allclose(gyro.t, np.delete(T, np.s_[700:810]), atol=1e-9)
+    expected = {"gap_count": 1.0, "missing": 110.0, "duplicates": 1.0, "disordered": 1.0, "bridged": 0.0}
     assert expected.items() <= dict(gyro.timing).items()
 
 

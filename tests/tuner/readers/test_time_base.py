@@ -93,7 +93,7 @@ def test_every_loss_is_found(gaps: dict[int, int], jitter: float, rounded: bool,
 
 def test_many_losses_are_not_bridged() -> None:
     rng = np.random.default_rng(13)
-    kept = np.sort(rng.choice(COUNT, int(0.87 * COUNT), replace=False))
+    kept = np.sort(rng.choice(COUNT, int(0.77 * COUNT), replace=False))
     base = stamped_timebase(0.01 * kept)
     assert base.bridged == 0
     assert base.positions is None
@@ -101,7 +101,9 @@ def test_many_losses_are_not_bridged() -> None:
     assert base.interval == pytest.approx(0.01, rel=1e-9)
 
 
-def test_white_noise_keeps_its_variance_and_exceeds_it_at_long_cluster_times_as_stated() -> None:
+def test_white_noise_keeps_its_variance_and_exceeds_it_at_long_cluster_times_by_the_share_of_bridges() -> (
+    None
+):
     # Mean of 400 records: the relative sd of the ratio of two variances of the same noise is below 0.1 %.
     rng = np.random.default_rng(14)
     count, reach = 2000, 40
@@ -111,7 +113,7 @@ def test_white_noise_keeps_its_variance_and_exceeds_it_at_long_cluster_times_as_
     base = stamped_timebase(0.01 * kept)
     white = rng.standard_normal((400, count))
     bridged = np.array([base.bridge(row[kept], stream) for stream, row in enumerate(white)])
-    for size, high in ((1, 0.0), (reach, base.excess)):
+    for size, high in ((1, 0.0), (reach, len(lost) / count)):
         variance = [
             np.mean(np.diff(x.reshape(400, -1, size).sum(axis=2), axis=1) ** 2) for x in (white, bridged)
         ]
