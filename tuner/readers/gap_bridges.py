@@ -52,7 +52,7 @@ def bridged(
     Parameters
     ----------
     samples : ndarray, shape (n,)
-        What was recorded.
+        What was recorded, of any type of number.
     positions : ndarray of int, shape (n,)
         Place of each sample on the grid, rising.
     segments : tuple of (start, stop)
@@ -60,6 +60,7 @@ def bridged(
     stream : int
         Number of the axis: what is drawn for one does not depend on the others.
     """
+    samples = np.asarray(samples, np.float64)  # counts overflow in differences, single precision does in sums
     out = np.interp(np.arange(int(positions[-1]) + 1), positions, samples)
     edges = np.searchsorted(positions, np.array(segments))
     within = np.searchsorted(edges[:, 0], np.arange(len(samples)), side="right") - 1

@@ -43,6 +43,21 @@ def test_a_smooth_signal_is_followed() -> None:
     assert error.std() < 0.7 * straight.std()
 
 
+@pytest.mark.parametrize("kind", ["int16", "uint16", "float32"])
+def test_counts_and_single_precision_are_filled_as_the_same_numbers_in_double_precision(kind: str) -> None:
+    rng = np.random.default_rng(25)
+    full = np.clip(np.round(rng.normal(32_000.0, 900.0, 30_000)), 0, 32_767).astype(kind)
+    kept = np.flatnonzero(rng.random(len(full)) > 0.04)
+    size = int(kept[-1]) + 1
+    found, expected = (bridged(x[kept], kept, ((0, size),), 1) for x in (full, full.astype(float)))
+    np.testing.assert_array_equal(found, expected)
+
+
+def test_an_axis_that_does_not_change_is_filled_with_its_value() -> None:
+    kept = np.flatnonzero(np.random.default_rng(26).random(5000) > 0.1)
+    np.testing.assert_allclose(bridged(np.full(len(kept), 9.8), kept, ((0, int(kept[-1]) + 1),), 2), 9.8)
+
+
 def test_axes_are_simulated_apart_and_a_log_is_read_alike_every_time(tmp_path: Path) -> None:
     lost = np.random.default_rng(23).choice(np.arange(1, COUNT - 1), 40, replace=False)
     lines = [line for row, line in enumerate(rows()) if row not in lost]
