@@ -16,6 +16,7 @@ The symbols are those of `tuner.production.quantities`; the units are those of d
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -80,6 +81,9 @@ def judge(measurement: UnitMeasurement, limits: tuple[Limit, ...]) -> tuple[str,
     unclear: list[str] = []
     for limit in limits:
         judged = 0
+        beyond: list[tuple[str, float]] = []
+        bounds: list[tuple[str, float]] = []
+        most = ""
         for quantity, found in measurement.quantities.items():
             channel, _, symbol = quantity.rpartition(".")
             unit = measurement.units[channel]
@@ -88,17 +92,36 @@ def judge(measurement: UnitMeasurement, limits: tuple[Limit, ...]) -> tuple[str,
             judged += 1
             most = f"{digits(customary(limit.largest, quantity, unit))} {pretty_unit(quantity, unit)}"
             if found.value is not None:
-                shown = digits(customary(found.value, quantity, unit))
                 if abs(found.value) > limit.largest:
-                    failed.append(f"{title(quantity)} {shown} > {most}")
+                    beyond.append((channel, customary(found.value, quantity, unit)))
             elif found.upper is None:
                 unclear.append(f"{title(quantity)} is not shown by this log, the limit is {most}")
             elif found.upper > limit.largest:
-                shown = digits(customary(found.upper, quantity, unit))
-                unclear.append(f"{title(quantity)} only known to be < {shown}, the limit is {most}")
+                bounds.append((channel, customary(found.upper, quantity, unit)))
+        if beyond:
+            failed.append(f"{_axes(beyond)} {limit.symbol} {_span(beyond)} > {most}")
+        if bounds:
+            unclear.append(
+                f"{_axes(bounds)} {limit.symbol} only known to be < {_span(bounds)}, the limit is {most}"
+            )
         if not judged:
             unclear.append(f"{limit.sensor} {limit.symbol} is not in this log")
     return "FAIL" if failed else "OPEN" if unclear else "PASS", (*failed, *unclear)
+
+
+def _axes(found: Sequence[tuple[str, float]]) -> str:
+    """Return the channels in words: ``gyro x y z``."""
+    sensors: dict[str, list[str]] = {}
+    for channel, _ in found:
+        sensor, _, axis = channel.partition("_")
+        sensors.setdefault(sensor, []).append(axis)
+    return ", ".join(" ".join([sensor, *axes]).strip() for sensor, axes in sensors.items())
+
+
+def _span(found: Sequence[tuple[str, float]]) -> str:
+    """Return the values in words: one, or the smallest to the largest."""
+    shown = list(dict.fromkeys(digits(value) for _, value in sorted(found, key=lambda one: abs(one[1]))))
+    return shown[0] if len(shown) == 1 else f"{shown[0]} to {shown[-1]}"
 
 
 def _limits(content: object) -> _Limits:

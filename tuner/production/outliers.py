@@ -87,6 +87,14 @@ def units_apart(measurements: Mapping[int, UnitMeasurement]) -> Apart:
     )
 
 
+NEAR_UNIT = 6.0
+"""Robust sds about the fleet within which a factor is that of a unit.
+
+Of few units the threshold of outliers is dozens of sds, within which other sensors lie: one 3.00 times as noisy is not
+one in ft/s², 3.28. The scatter of six units may be half of the true one: 6 of it are 3 of that.
+"""
+
+
 def threshold(count: int, comparisons: int) -> float:
     """Return what a score of `count` units exceeds with the chance `FALSE_NAMING` ÷ `comparisons`, on either side."""
     return float(t.isf(0.5 * FALSE_NAMING / comparisons, MAD_EFFICIENCY * (count - 1)))
@@ -123,7 +131,10 @@ def _mistaken_units(one: UnitMeasurement, places: Mapping[str, Located]) -> tupl
         cures = {(unit, -math.log(unit_value(unit))) for unit in names}
         cures |= {(f"{si} read as {unit}", math.log(unit_value(unit))) for unit in names}
         unit, factor = min(cures, key=lambda cure: (abs(mean - cure[1]), cure[0]))
-        if all(_score(d - factor + p.median, own, p) <= p.threshold for d, own, p in distances):
+        near = (
+            _score(d - factor + p.median, own, p) <= min(p.threshold, NEAR_UNIT) for d, own, p in distances
+        )
+        if all(near):
             right = unit.partition(" ")[0]
             was = unit if " read as " in unit else f"{unit} read as {si}"
             lines.append(

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import html
 import importlib.util
 import io
 from pathlib import Path
 
 import pandas as pd
+from rich.table import Table
 
 from tuner.formats.codec import dump
 from tuner.formats.customary_units import digits, phrase
@@ -17,17 +17,12 @@ from tuner.production.fleet import RESULTS
 from tuner.production.outliers import FALSE_NAMING, LEAST_UNITS
 from tuner.production.quantities import SYMBOLS, customary, pretty_unit, title, unit_name
 from tuner.production.spread import grade_yaml, spread_text
+from tuner.report.figure_files import figure_bytes
 from tuner.report.fleet_tables import outlier_text, summary
+from tuner.report.html_page import Picture, write_sections_page
+from tuner.report.result_figures import fleet_figure
 from tuner.types import Coefficient
 from tuner.types.fleet import Fleet
-
-PAGE_STYLE = """
-:root { color-scheme: light dark; }
-body { font: 15px/1.5 system-ui, sans-serif; margin: 2rem auto; max-width: 1400px; padding: 0 1rem; }
-table { border-collapse: collapse; font-variant-numeric: tabular-nums; font-size: .85rem; }
-th, td { border: 0; border-bottom: 1px solid #8886; padding: .25rem .6rem; text-align: left; vertical-align: top; }
-.wide { overflow-x: auto; }
-"""
 
 
 def write_fleet(fleet: Fleet, directory: Path) -> list[str]:
@@ -119,12 +114,14 @@ def spread_frame(fleet: Fleet) -> pd.DataFrame:
 
 
 def fleet_page(fleet: Fleet) -> str:
-    """Return the page: summary, one row a unit, the spread, and how units were judged."""
-    rows = []
+    """Return the page: summary and picture, one row a unit, the spread, and how units were judged."""
+    rows, marked = [], []
     for unit in fleet.units:
         odd = [*unit.advice, *(outlier_text(o, fleet) for o in unit.outliers[:3])]
         remarks = [unit.error] if unit.error else [*unit.broken, *odd]
-        row = {"unit": unit.name, "verdict": unit.verdict, "remarks": "; ".join(remarks)}
+        if remarks:
+            marked.append({"unit": unit.name, "verdict": unit.verdict or "", "why": "\n".join(remarks)})
+        row = {"unit": unit.name, "verdict": unit.verdict or ""}
         for name in fleet.spread:
             channel, _, symbol = name.rpartition(".")
             if symbol == "sigma_10s":
@@ -134,21 +131,30 @@ def fleet_page(fleet: Fleet) -> str:
             head = f"{title(name)}, {pretty_unit(name, si)}"
             row[head] = "–" if found is None else phrase(found, SYMBOLS[symbol], si, with_unit=False)
         rows.append(row)
-    tables = (
-        ("Units", pd.DataFrame(rows)),
-        ("Spread from unit to unit, outlying units left out", spread_frame(fleet)),
+    drawn = Picture(
+        "Each unit ÷ the median of the fleet, outlying ones named",
+        "fleet.svg",
+        figure_bytes(fleet_figure(fleet), ".svg"),
     )
-    body = "".join(
-        f'<h2>{heading}</h2><div class="wide">{table.to_html(index=False, border=0, escape=True)}</div>'
-        for heading, table in tables
+    spread = "Spread from unit to unit, outlying units left out"
+    return write_sections_page(
+        fleet.name,
+        [
+            ("Summary", [*summary(fleet), judged_how(fleet)], [drawn] if fleet.spread else []),
+            *([("Units to look at", [_table(pd.DataFrame(marked))], [])] if marked else []),
+            ("Units", [_table(pd.DataFrame(rows))], []),
+            (spread, [_table(spread_frame(fleet))], []),
+        ],
     )
-    lines = "".join(f"<p>{html.escape(line)}</p>" for line in (*summary(fleet), judged_how(fleet)))
-    name = html.escape(fleet.name)
-    head = (
-        f'<meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>{name}</title>'
-        f"<style>{PAGE_STYLE}</style>"
-    )
-    return f'<!doctype html>\n<html lang="en"><head>{head}</head><body><h1>{name}</h1>{lines}{body}</body></html>\n'
+
+
+def _table(frame: pd.DataFrame) -> Table:
+    table = Table()
+    for head in frame.columns:
+        table.add_column(str(head))
+    for row in frame.itertuples(index=False):
+        table.add_row(*(str(cell) for cell in row))
+    return table
 
 
 def judged_how(fleet: Fleet) -> str:

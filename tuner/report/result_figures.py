@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 from tuner.consistency.choose_grade import GradeChoice
 from tuner.formats.customary_units import customary_unit, in_customary, pretty
+from tuner.production.quantities import is_logarithmic
 from tuner.report.consistency_tables import score_title
 from tuner.report.drive_diagnosis_tables import SHORT_NAMES
 from tuner.report.figure_files import new_figure
@@ -155,7 +156,7 @@ def choice_figure(found: GradeChoice) -> Figure:
 def fleet_figure(fleet: Fleet) -> Figure:
     """Return every unit ÷ the median of the fleet in each quantity, outlying ones with their names."""
     known = [unit for unit in fleet.units if unit.measurement is not None]
-    names = list(fleet.spread)
+    names = [name for name in fleet.spread if is_logarithmic(name)]
     with new_figure((1.6 + 0.55 * max(len(names), 6), 4.4)) as figure:
         panel = figure.subplots()
         for k, name in enumerate(names):
@@ -172,6 +173,12 @@ def fleet_figure(fleet: Fleet) -> Figure:
                     ratio = values[unit.name] / median
                     panel.plot(k, ratio, "o", color=BAD_COLOUR)
                     panel.annotate(f" {unit.name}", (k, ratio), fontsize=7)
-        panel.set_xticks(range(len(names)), names, rotation=60, ha="right", fontsize=8)
-        panel.set(yscale="symlog", ylabel="unit ÷ median of the fleet")
+        panel.set_xticks(
+            range(len(names)),
+            [name.replace("_", " ").replace(".", " ") for name in names],
+            rotation=60,
+            ha="right",
+            fontsize=8,
+        )
+        panel.set(yscale="log", ylabel="unit ÷ median of the fleet")
     return figure

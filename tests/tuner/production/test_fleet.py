@@ -184,6 +184,34 @@ def test_a_unit_ten_standard_deviations_off_is_named():
     assert found.outliers[3][0].quantity == "g2.mean"
 
 
+@pytest.mark.parametrize(("factor", "named"), [(3.0, False), (1.0 / 0.3048, True)])
+def test_another_sensor_is_not_called_a_mistaken_unit(factor, named):
+    """Of seven units the threshold is dozens of sds: an accelerometer three times as noisy was said to be in ft/s²."""
+    units = {f"accel_{axis}": "m/s^2" for axis in "xyz"}
+
+    def unit(number):
+        densities = np.random.default_rng(number).normal(1e-3, 5e-6, 3) * (factor if number == 6 else 1.0)
+        noise = {
+            f"{axis}.N": Coefficient.known(x, 0.99 * x, 1.01 * x, "")
+            for axis, x in zip(units, densities, strict=True)
+        }
+        return UnitMeasurement("", 1.0, 1.0, units, noise)
+
+    found = units_apart({number: unit(number) for number in range(7)})
+    assert list(found.outliers) == [6]
+    assert ("ft/s^2" in str(found.advice.get(6))) == named
+
+
+def test_axes_that_break_one_limit_share_a_line(tmp_path):
+    path = tmp_path / "limits.yaml"
+    path.write_text(LIMITS)
+    units = {f"gyro_{axis}": "rad/s" for axis in "xyz"}
+    sizes = (to_si(x, "deg/√h") for x in (0.3, 0.1, 0.5))
+    noise = {f"{axis}.N": Coefficient.known(x, x, x, "") for axis, x in zip(units, sizes, strict=True)}
+    _, broken = judge(UnitMeasurement("", 1.0, 1.0, units, noise), read_limits(path))
+    assert broken[0] == "gyro x z N 0.300 to 0.500 > 0.200 deg/√h"
+
+
 def test_too_few_units_are_not_judged():
     assert units_apart(_normal_fleet(np.random.default_rng(2), 5, 6)).comparisons == 0
 
