@@ -54,6 +54,11 @@ def student_quantile(p: float, freedom: float) -> float:
     return float(stdtrit(freedom, p))
 
 
+def fisher_beyond(x: float, above: float, below: float) -> float:
+    """Return the chance that F with degrees of freedom of its numerator and its denominator is above `x`."""
+    return float(fdtrc(above, below, x)) if x > 0.0 else 1.0
+
+
 def same_mean(groups: FloatArray) -> tuple[float, float]:
     """Return the F statistic of equal means of k groups of b independent numbers, shape (k, b), and its p-value."""
     k, b = groups.shape
@@ -61,7 +66,7 @@ def same_mean(groups: FloatArray) -> tuple[float, float]:
     between = b * float(np.sum((means - means.mean()) ** 2)) / (k - 1)
     within = float(np.sum((groups - means[:, None]) ** 2)) / (k * (b - 1))
     ratio = between / within
-    return ratio, float(fdtrc(k - 1, k * (b - 1), ratio))
+    return ratio, fisher_beyond(ratio, k - 1, k * (b - 1))
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from scipy import stats
 from models.probability import (
     chi2_beyond,
     chi2_quantile,
+    fisher_beyond,
     normal_below,
     normal_beyond,
     normal_reach,
@@ -24,6 +25,8 @@ def test_tails_and_quantiles_are_those_of_scipy():
     assert chi2_beyond(-1.0, 4) == 1.0
     freedom = np.array([1.0, 2.5, 300.0])
     assert chi2_quantile(0.9, freedom) == pytest.approx(stats.chi2.ppf(0.9, freedom), rel=1e-12)
+    assert fisher_beyond(7.0, 2, 30) == pytest.approx(stats.f.sf(7.0, 2, 30), rel=1e-9)
+    assert student_quantile(1e-7, 30) == pytest.approx(-stats.t.isf(1e-7, 30), rel=1e-9)
     assert student_quantile(0.975, 3) == pytest.approx(stats.t.ppf(0.975, 3), rel=1e-9)
 
 

@@ -21,7 +21,6 @@ from tuner.consistency.output_errors import in_axes_of, output_errors
 from tuner.consistency.output_scores import error_scores
 from tuner.consistency.scores import score
 from tuner.consistency.trajectory_alignment import MAX_GAP_INTERVALS, Alignment, at_times, cubic, difference
-from tuner.navigation import reference_filter as readable
 from tuner.navigation.data import USED, Solution
 from tuner.navigation.drive.run import Stretch, initial_estimates, initial_state
 from tuner.navigation.settings import FilterSettings
@@ -205,6 +204,8 @@ def against_smoother(
     lags = settings.velocity_lag or any(stretch.lag for stretch in stretches)
     if sum(len(stretch.steps.dt) for stretch in stretches) > MAX_SMOOTHED_SAMPLES or lags:
         return ()
+    from tuner.navigation import reference_filter as readable  # loaded when used: filterpy is slow to import
+
     parts: dict[str, list[FloatArray]] = {"position": [], "velocity": [], "attitude": []}
     before: Solution | None = None
     for stretch, rows in zip(stretches, scored, strict=True):

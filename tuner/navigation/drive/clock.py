@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import f as fisher
 
+from models.probability import fisher_beyond
 from tuner.navigation.data import Steps
 from tuner.navigation.drive.axis_checks import with_axes_found
 from tuner.navigation.drive.clock_offset import (
@@ -83,7 +83,7 @@ def chosen_clock(found: ClockOffset) -> Clock:
         value = covariance @ design.T @ np.linalg.solve(c, d)
         left, more = d - design @ value, len(d) - design.shape[1]
         statistic = float(left @ np.linalg.solve(c, left))
-        if not more or fisher.sf(statistic / more, more, found.freedom) > FALSE_OFFSET_PROBABILITY:
+        if not more or fisher_beyond(statistic / more, more, found.freedom) > FALSE_OFFSET_PROBABILITY:
             break
     names = (
         ("delay",)

@@ -23,9 +23,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import f as fisher
-from scipy.stats import t as student
 
+from models.probability import fisher_beyond, student_quantile
 from tuner.navigation.data import Steps
 from tuner.navigation.drive.alignment import (
     MIN_STATIONARY_POOR_GYROS,
@@ -131,7 +130,7 @@ class ClockOffset:
 
     def quantile(self) -> float:
         """Return the half width of a 95 % interval in sds."""
-        return float(student.ppf(0.975, self.freedom))
+        return student_quantile(0.975, self.freedom)
 
 
 def estimate_clock_offset(steps: Steps, gnss: Gnss, lever_arm: Sequence[float] | None) -> ClockOffset | None:
@@ -278,14 +277,14 @@ def _gauss_newton(
             break
         delay = delay + change * min(1.0, MAX_STEP / max(float(np.max(np.abs(change))), 1e-12))
         delay = np.clip(delay, -MAX_CLOCK_OFFSET, MAX_CLOCK_OFFSET)
-    reach = np.abs(delay) + float(student.ppf(0.975, found.freedom)) * found.sd[:2]
+    reach = np.abs(delay) + student_quantile(0.975, found.freedom) * found.sd[:2]
     at_bound = at_bound or bool(np.any(reach[free[:2]] > MAX_CLOCK_OFFSET))
     delay = np.where(free[:2], delay, np.nan)
     covariance = np.where(np.outer(free[:2], free[:2]), found.covariance[:2, :2], np.nan)
     which = np.flatnonzero(free[:2])
     d, c = delay[which], covariance[np.ix_(which, which)]
     statistic = float(d @ np.linalg.solve(c, d)) / len(d)
-    p_value = float(fisher.sf(statistic, len(d), found.freedom))
+    p_value = fisher_beyond(statistic, len(d), found.freedom)
     return ClockOffset(delay, covariance, found.freedom, p_value, at_bound)
 
 

@@ -25,8 +25,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student
 
+from models.probability import student_quantile
 from models.units import DEG, unit_value
 from tuner.navigation.drive.alignment import STATIONARY_SPEED, velocities
 from tuner.navigation.drive.mean_velocities import WINDOW_DURATION, MeanVelocities, mean_velocities, windows
@@ -147,7 +147,7 @@ def unit_factor(a: FloatArray, b: FloatArray, t: FloatArray, window: float) -> U
     low, high = _slope(sums[:, 1], sums[:, 2]), _slope(sums[:, 1], sums[:, 0])
     if min(low[0], high[0]) <= 0.0:
         return None
-    usual, far = (float(student.isf(p, blocks - 1)) for p in (0.025, P_VALUE))
+    usual, far = (-student_quantile(p, blocks - 1) for p in (0.025, P_VALUE))
     return UnitFactor(
         low[0],
         1.0 / high[0],
