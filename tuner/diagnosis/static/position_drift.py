@@ -86,14 +86,15 @@ def left_drifts(
         for axis in (axis for axis in record.axes if axis in models):
             signal = signals[axis][1] if axis in signals else np.zeros(len(record))
             pieces = [record.column(axis)[a:b] - signal[a:b] for a, b in record.segments]
+            measured = _allan(pieces, record.interval)
+            tau = np.array([_samples(h, record.interval) * record.interval for h in measured])
+            modelled = models[axis].allan_variance(tau, interval=record.interval)
             out[axis] = {
                 f"{h:g} s": (
-                    position_drift(record.unit, np.sqrt(variance), h),
-                    position_drift(
-                        record.unit, np.sqrt(float(models[axis].allan_variance(np.array([h]))[0])), h
-                    ),
+                    position_drift(record.unit, np.sqrt(measured[h]), h),
+                    position_drift(record.unit, np.sqrt(float(variance)), h),
                 )
-                for h, variance in _allan(pieces, record.interval).items()
+                for h, variance in zip(measured, modelled, strict=True)
             }
     return out
 
@@ -135,11 +136,16 @@ def _drift(
     return drifts
 
 
+def _samples(h: float, interval: float) -> int:
+    """Return the number of samples nearest to a duration."""
+    return round(h / interval)
+
+
 def _allan(pieces: Sequence[FloatArray], interval: float) -> dict[float, float]:
     """Return the Allan variance at each duration that fits, pooled over stretches without a gap."""
     found = {}
     for h in OUTAGES:
-        m = round(h / interval)
+        m = _samples(h, interval)
         long = [piece for piece in pieces if len(piece) >= MIN_MEANS * m]
         if m >= 1 and long:
             weight = [len(piece) - 2 * m + 1 for piece in long]
