@@ -48,7 +48,7 @@ def change_text(cause: OutputCause) -> str:
     subject = f" of {cause.subject}" if cause.subject else ""
     match cause.cause:
         case "gnss_noise_scale":
-            return f"multiply the sds of the fixes{subject} by {size:.3g} (R by {size**2:.3g})"
+            return f"multiply the sds of {cause.subject or 'the fixes'} by {size:.3g} (R by {size**2:.3g})"
         case "imu_noise_scale":
             return f"multiply the noise densities{subject} by {size:.3g} (Q by {size**2:.3g})"
         case "noise_scale":

@@ -45,6 +45,7 @@ from tuner.report.result_figures import (
     settings_figure,
 )
 from tuner.report.settings_rows import settings_rows
+from tuner.report.solution_figures import solution_pictures
 from tuner.report.static_diagnosis_figures import finding_figures
 from tuner.report.static_diagnosis_tables import diagnosis_tables
 from tuner.types import (
@@ -59,7 +60,7 @@ from tuner.types import (
 from tuner.types.consistency import Check, Consistency, Score
 from tuner.types.diagnosis import DriveDiagnosis, Finding
 from tuner.types.fleet import Fleet
-from tuner.types.records import DataError, Record
+from tuner.types.records import DataError, Drive, Record
 
 PAGE_PICTURE_BYTES = 2_000_000
 """Bytes of all pictures of findings on a page, a third more on it: with the drawing library it stays below 6 MB."""
@@ -182,6 +183,22 @@ def pictures_of_drive(examined: ExaminedDrive) -> Part:
     whole = [Picture(caption, path.name, made[path], titled=True) for caption, path in drawn]
     proofs = {finding.text for finding in examined.diagnosis.findings}
     return Part([], sorted(whole, key=lambda picture: picture.caption not in proofs))
+
+
+SOLUTION_CAPTIONS = {
+    "track.svg": "Track of the filter, of the fixes, and of the reference where there is one",
+    "errors.svg": "Errors against the reference",
+    "innovations.svg": "Innovations: fixes less their prediction",
+}
+
+
+def pictures_of_solution(found: DriveResult, drive: Drive) -> Part:
+    """Return the pictures of a filtered drive: track, errors against the reference, innovations."""
+    drawn = solution_pictures(found, drive)
+    pictures = [
+        Picture(caption, name, drawn[name]) for name, caption in SOLUTION_CAPTIONS.items() if name in drawn
+    ]
+    return Part([], pictures)
 
 
 def picture_of(figure: Figure, caption: str, name: str = "figure.svg") -> Picture:

@@ -99,7 +99,9 @@ def test_kml_and_gpx_hold_every_track(found, drive):
 def test_navigate_writes_its_folder(drive, tmp_path, capsys):
     file = tmp_path / "drive.npz"
     write_drive(drive, file)
-    assert run(["navigate", str(file), "--config", "mpu9250", "-o", str(tmp_path / "out")]) == 0
+    where = ["-o", str(tmp_path / "out"), "--page", str(tmp_path / "page.html")]
+    assert run(["navigate", str(file), "--config", "mpu9250", *where]) == 0
+    assert "Innovations: fixes less their prediction" in (tmp_path / "page.html").read_text()
     names = {path.name for path in (tmp_path / "out").iterdir()}
     pictures = {f"{name}.{kind}" for name in ("track", "innovations", "errors") for kind in ("png", "svg")}
     assert names == {"solution.csv", "track.kml", "track.gpx", *pictures}

@@ -113,9 +113,18 @@ def command(
     found = navigate(measured, config, gnss=gnss, states=states, vehicle=vehicle)
     if directory is not None:
         write_solution(found, measured, directory)
+
+    def pictures() -> object:
+        from tuner.report.result_views import pictures_of_solution
+
+        return pictures_of_solution(found, measured)
+
     advice = f"`tuner diagnose {drive} --config {config}` names the causes and what to change"
     notes = found.notes if found.consistency.consistent else (*found.notes, advice)
-    page(f"Filter of {Path(config).name} on {Path(drive).name}", {"Is it consistent?": found})
+    page(
+        f"Filter of {Path(config).name} on {Path(drive).name}",
+        {"Is it consistent?": found, "What it did": pictures},
+    )
     output.write(navigation_json(found, measured, notes=notes, seed=seed))
     if output.tables:
         lines = consistency_tables(found.consistency, found.notes)
