@@ -11,6 +11,7 @@ from models.noise import NoiseModel
 from tuner.diagnosis.cause import Group
 from tuner.diagnosis.data_quality import DataQualityTest, data_quality_tests
 from tuner.diagnosis.data_quality.causes import Frozen
+from tuner.diagnosis.static import shared_shape
 from tuner.diagnosis.static.causes import attitude, cross_axis, motion, mount_tilt
 from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.diagnosis.static.causes.temperature import COVARIATE as TEMPERATURE
@@ -41,13 +42,17 @@ MAX_INTERVAL_DIFFERENCE = 0.01
 
 @dataclass(frozen=True)
 class _Diagnosed:
-    """What the search of one channel found, what no cause explains, its last residual, its noise before and after."""
+    """What the search of one channel found, what no cause explains, its last residual, its noise before and after.
+
+    `outcome` is None where nothing smooth was found, which other channels may share.
+    """
 
     singles: tuple[Single, ...]
     unexplained: tuple[Unexplained, ...]
     final: Residual
     before: NoiseModel
     after: NoiseModel
+    outcome: SearchResult | None
 
 
 WHOLE_RECORD = "the whole record"
@@ -128,7 +133,10 @@ def diagnose(
 
     def diagnosed(given: tuple[Channel, tuple[motion.Motion, ...]]) -> _Diagnosed:
         part, moves = given
-        outcome = search_causes(part, limit, moves)
+        return judged(part, search_causes(part, limit, moves))
+
+    def judged(part: Channel, outcome: SearchResult) -> _Diagnosed:
+        found = outcome if shared_shape.smooth(outcome) else None
         outcome = replace(outcome, accepted=with_gains(outcome, _second(others, part.axis, seed)))
         if replicas:
             outcome = covered(outcome, replicas, seed)
@@ -140,7 +148,7 @@ def diagnose(
             for r in outcome.unexplained
         )
         final = outcome.final.without_caches
-        return _Diagnosed(singles(part.axis, outcome, before), unexplained, final, before, after)
+        return _Diagnosed(singles(part.axis, outcome, before), unexplained, final, before, after, found)
 
     longest_first = sorted(parts, key=lambda part: -_colour(part[0]))
     found_in = dict(
@@ -150,6 +158,10 @@ def diagnose(
             strict=True,
         )
     )
+    for group in _by_clock([part for part, _ in parts]):
+        smooth = {c.axis: one for c in group if (one := found_in[c.axis].outcome) is not None}
+        changed = shared_shape.with_shared_shape(smooth)
+        found_in |= {c.axis: judged(c, changed[c.axis]) for c in group if c.axis in changed}
     axes = [part.axis for part, _ in parts]
     every = [found_in[axis] for axis in axes]
     finals = {axis: one.final for axis, one in zip(axes, every, strict=True)}

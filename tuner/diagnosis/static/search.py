@@ -180,7 +180,7 @@ def search_causes(channel: Channel, threshold: float, given: tuple[Extension, ..
     found, accepted = _prune(found, accepted, threshold)
     found, accepted = without_lag(found, accepted)
     found, accepted = with_curve(*with_one_lag(found, accepted))
-    found = _with_joint_estimates(found)
+    found = with_joint_estimates(found)
     estimated = found.extensions[len(given) :]
     accepted = [replace(a, extension=x) for a, x in zip(accepted, estimated, strict=True)]
     nameless = [a.result for a in accepted if not a.extension.named]
@@ -327,7 +327,7 @@ def _prune(fitted: Residual, accepted: list[Accepted], threshold: float) -> tupl
     return fitted, accepted
 
 
-def _with_joint_estimates(fitted: Residual) -> Residual:
+def with_joint_estimates(fitted: Residual) -> Residual:
     """Return the residual whose extensions carry the parameters of the joint fit."""
     estimated = []
     for index, extension in enumerate(fitted.extensions):

@@ -9,8 +9,15 @@ from scipy.signal import butter, lfilter, sosfilt
 from models.effects.static.thermal import behind_play
 from models.noise import BiasInstability, NoiseModel, RandomWalk, White
 from tuner.diagnosis import diagnose
+from tuner.diagnosis.static.causes.temperature import Temperature
+from tuner.diagnosis.static.causes.warmup import Warmup
+from tuner.diagnosis.static.channel import channel
 from tuner.diagnosis.static.model.covariate import smoothed, typical_repeats
+from tuner.diagnosis.static.model.residual import residual
+from tuner.diagnosis.static.outcome import Accepted, TestResult
 from tuner.diagnosis.static.position_drift import found_signal
+from tuner.diagnosis.static.search import SearchResult
+from tuner.diagnosis.static.shared_shape import with_shared_shape
 from tuner.simulation.static import Channel, simulate
 from tuner.types.records import Record
 
@@ -82,6 +89,29 @@ def test_two_ways_of_a_temperature():
     for name, true in (("slope", 1e-3), ("prompt_slope", 4e-3), ("time_constant", 90.0)):
         low, high = finding.parameters[name].interval
         assert abs(finding.parameters[name].value - true) < 1.5 * (high - low)  # 6 sd
+
+
+def test_one_temperature_in_several_axes_is_one_cause():
+    """What a thermometer that warms likewise explains as well; an axis with a transient of its own keeps that."""
+    warm = 25.0 - 8.0 * np.expm1(-TIME / 250.0)
+    own = {
+        "x": (Temperature(), -2e-3 * warm),
+        "y": (Warmup(250.0), 3e-3 * warm),
+        "z": (Warmup(60.0), 0.02 * np.exp(-TIME / 60.0)),
+    }
+    outcomes = {}
+    for axis, (shape, added) in own.items():
+        one = channel(record(added, celsius=warm), "gyro_x")
+        base, final = residual(one), residual(one, (shape,))
+        found = Accepted(shape, TestResult(shape.cause, 1e-20, 40.0, 80.0, "as found"))
+        outcomes[axis] = SearchResult(base, final, (found,), ())
+    changed = with_shared_shape(outcomes)
+    assert set(changed) == {"y"}
+    (found,) = changed["y"].accepted
+    assert found.extension.cause == "temperature"
+    assert [a.cause for a in found.alternatives] == ["warmup"]
+    slope = found.extension.values["slope"]
+    assert slope.lower < 3e-3 / outcomes["y"].base.channel.scale < slope.upper
 
 
 def test_a_changing_slope_is_reported_without_a_name():
