@@ -319,7 +319,13 @@ def _findings(result: TuneResult, pictures: Sequence[Picture]) -> dict[str, Any]
         why = result.absent.get("static diagnosis") or result.absent.get("diagnosis")
         nothing = f"No static diagnosis: {why}." if why else "No diagnosis was made."
         remarks = [nothing] if groups else []
-        return {"groups": groups, "remarks": remarks, "all_findings": [], "nothing_found": nothing}
+        return {
+            "groups": groups,
+            "remarks": remarks,
+            "notes": [],
+            "all_findings": [],
+            "nothing_found": nothing,
+        }
     remarks = [
         f"{one.cause} in {axes_text(one.channels)}: held-out data are less likely with it, so it is no finding"
         for one in found.findings
@@ -328,7 +334,8 @@ def _findings(result: TuneResult, pictures: Sequence[Picture]) -> dict[str, Any]
     remarks += [f"unexplained: {line}" for line in unexplained_lines(found.unexplained)]
     return {
         "groups": groups,
-        "remarks": [*remarks, *found.notes],
+        "remarks": remarks,
+        "notes": list(found.notes),
         "all_findings": [block for block in _blocks(diagnosis_tables(found)) if "rows" in block],
         "nothing_found": "Nothing: the log agrees with a simulation of its noise terms.",
     }
