@@ -16,20 +16,22 @@ from models.trajectory.motion import Motion
 from tuner.catalogue.grades import DEFAULT_RECEIVER
 from tuner.catalogue.trajectories import load_trajectory
 from tuner.consistency.attribution import attribute
-from tuner.consistency.attribution.sensitivity import score_sensitivity
+from tuner.consistency.attribution.installation import of_installation, without_means
+from tuner.consistency.attribution.sensitivity import score_sensitivity, with_correlated_fixes
 from tuner.consistency.divergence import divergence
 from tuner.consistency.error_budget import error_budget
 from tuner.consistency.false_observability import spurious_information
 from tuner.consistency.observability import observability
 from tuner.consistency.scores import evaluate
+from tuner.consistency.start_scores import start_scores, wrong_starts
 from tuner.consistency.verdicts import verdicts, with_explanations
 from tuner.navigation.settings import filter_settings, further_states
 from tuner.simulation.imu import Sensor, sensor_of_config
-from tuner.simulation.load_sensor import load_sensor
+from tuner.simulation.load_truth import Truth, installation, load_truth
 from tuner.simulation.monte_carlo import resolution, scenario, simulate
 from tuner.synthesis.load_config import load_config
 from tuner.types import FilterConfig, GnssNoise
-from tuner.types.consistency import Check, Explanation
+from tuner.types.consistency import Check, Explanation, Severity, Verdict, VerdictCode
 from tuner.types.records import DataError
 
 DEFAULT_RUNS = 40
@@ -48,7 +50,7 @@ def check(
     trajectory: Motion | str = "city",
     *,
     duration: float = DEFAULT_DURATION,
-    truth: Sensor | str | Path | None = None,
+    truth: Truth | FilterConfig | Sensor | str | Path | None = None,
     receiver: GnssNoise | None = None,
     runs: int = DEFAULT_RUNS,
     seed: int = 0,
@@ -65,9 +67,9 @@ def check(
         Trajectory, or the name of a built-in one; outages are those of `simulation.monte_carlo`.
     duration : float
         Length of a run on a built-in trajectory, s.
-    truth : Sensor, str or Path, optional
-        The simulated inertial unit, or a configuration file or grade that describes it; by default what the
-        configuration identified.
+    truth : FilterConfig, Sensor, str or Path, optional
+        What is simulated: a configuration, its file or a grade says unit, receiver, lever arm, delay of the fixes and
+        by how much the start errs; or the inertial unit alone. By default what the configuration identified.
     receiver : GnssNoise, optional
         The simulated receiver; by default that of `truth`, where it names one, else that of the configuration.
     runs : int
@@ -87,8 +89,8 @@ def check(
     if isinstance(config, str | Path):
         config = load_config(config, default_gnss=DEFAULT_RECEIVER)
     motion = load_trajectory(trajectory, duration) if isinstance(trajectory, str) else trajectory
-    sensor, its_receiver = load_sensor(truth) if isinstance(truth, str | Path) else (truth, None)
-    receiver = receiver or its_receiver
+    real = truth if truth is None or isinstance(truth, Truth) else load_truth(truth)
+    receiver = receiver or (real.receiver if real is not None else None)
     settings = filter_settings(config, constants=config.constants)
     if config.gnss is None:
         msg = f"{config.name}: expected GNSS figures, found none; name a receiver (--gnss GRADE)"
@@ -101,7 +103,7 @@ def check(
             _with_fewer_fixes(receiver, often),
         )
         settings = filter_settings(config, constants=config.constants)
-    sensor = sensor or sensor_of_config(config)
+    sensor = sensor_of_config(config) if real is None else real.sensor
     notes = list(sensor.notes)
     if config.interval < 0.999 * MIN_INTERVAL:
         notes.append(f"simulated at {1.0 / MIN_INTERVAL:g} Hz, not {1.0 / config.interval:g} Hz")
@@ -110,16 +112,26 @@ def check(
             f"simulated with a fix every {MIN_FIX_INTERVAL:g} s, as accurate as {1.0 / often:.3g} fixes together"
         )
     plan = scenario(motion, receiver, max(config.interval, MIN_INTERVAL))
+    if real is not None:
+        arm, delay = installation(real.compensation, config.compensation)
+        plan = replace(plan, start_sd=real.start_sd, lever_arm=arm, delay=delay)
     simulated = simulate(settings, sensor, plan, runs=runs, seed=seed, progress=progress)
     drawn = {
         name: own
         for name, own in further_states(settings.model).items()
         if FILTER_STATES[name].origin is Origin.NAME
     }
-    found = evaluate(simulated, plan.outages, further=drawn)
+    settled = evaluate(simulated, plan.outages, further=drawn)
+    found = settled
+    if plan.start_sd is not None and not found.diverged:
+        found = replace(found, blocks=(*found.blocks, *start_scores(simulated)))
     if found.diverged:
         reasons = divergence(simulated, plan, settings, sensor)
-        return Check(replace(found, verdicts=reasons), settings.size, tuple(notes))
+        constant = of_installation(simulated, plan)
+        if constant:
+            why = Verdict(VerdictCode.EXPLAINED, Severity.EXPLANATION, explanations=constant)
+            reasons = (why, *reasons)
+        return Check(replace(found, verdicts=reasons), settings.size, tuple(notes), explanations=constant)
     if found.consistent and not budget:
         return Check(replace(found, verdicts=verdicts(found)), settings.size, tuple(notes))
     shares = error_budget(settings, plan)
@@ -128,8 +140,23 @@ def check(
     spurious = spurious_information(simulated, shares) if optimistic else None
     explanations: tuple[Explanation, ...] = ()
     if not found.consistent and spurious is None:
-        sensitivity = score_sensitivity(settings, plan, shares, window=resolution(settings, sensor))
-        explanations = attribute(found, simulated, sensitivity)
+        explanations = wrong_starts(found.scores)
+    if not settled.consistent and spurious is None:
+        effects = score_sensitivity(
+            settings,
+            plan,
+            shares,
+            window=resolution(settings, sensor),
+            with_correlated=with_correlated_fixes(config),
+        )
+        others = attribute(settled, simulated, effects)
+        constant = of_installation(simulated, plan)
+        if constant:
+            rest = without_means(simulated)
+            left = evaluate(rest, plan.outages, further=drawn)
+            others = (*constant, *(() if left.consistent else attribute(left, rest, effects)))
+        named = {one.source for one in explanations}
+        explanations += tuple(one for one in others if one.source not in named)
     reasons = (
         with_explanations(found, explanations) if spurious is None else (spurious.verdict, *verdicts(found))
     )

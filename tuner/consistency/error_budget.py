@@ -144,7 +144,9 @@ def known_sources(settings: FilterSettings, plan: Scenario) -> tuple[Source, lis
         bias = [at[f"{sensor}_bias"]]
         parts.append(part(f"{title} bias random walk", driving_noise=bias))
         parts.append(part(f"{title} turn-on bias", started=bias))
-    parts.append(part("start", started=[slice(0, 9)]))
+    parts.append(part("initial position and velocity", started=[slice(0, 6)]))
+    parts.append(part("initial tilt", started=[slice(6, 8)]))
+    parts.append(part("initial heading", started=[slice(8, 9)]))
     parts.append(part("position fixes", fixes=[slice(0, 3)]))
     parts.append(part("velocity fixes", fixes=[slice(3, 6)]))
     for name, components in settings.model.components.items():

@@ -8,8 +8,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from models.filter_states import FILTER_STATES
+from tuner.consistency.attribution.installation import CLOCK
 from tuner.consistency.attribution.sensitivity import UNMODELLED_TIME_CONSTANT
 from tuner.consistency.observability import HARDLY_OBSERVED
+from tuner.consistency.start_scores import STARTS
 from tuner.types.consistency import Explanation, ExplanationKind, Observability, Verdict, VerdictCode
 
 _SCORED = {
@@ -142,7 +144,9 @@ def _explained(explanations: Sequence[Explanation]) -> str:
 
 def _scored(verdict: Verdict) -> str:
     what = _SCORED.get(verdict.subject)
-    if what is None and verdict.subject in FILTER_STATES:
+    if what is None and verdict.subject in STARTS:
+        what = f"the {verdict.subject.replace('_', ' ')} error"
+    elif what is None and verdict.subject in FILTER_STATES:
         what = f"the error of the state {FILTER_STATES[verdict.subject].meaning}"
     elif what is None and verdict.subject.startswith("outage "):
         what = f"the position error after {verdict.subject.removeprefix('outage ')} without fixes"
@@ -161,6 +165,14 @@ def _explanation(explanation: Explanation) -> str:
         case ExplanationKind.TIME_CONSTANT:
             side = "long" if ratio < 1.0 else "short"
             return f"{explanation.source} {_factor(ratio, interval)} too {side}"
+        case ExplanationKind.MISSING_CORRELATED:
+            return (
+                f"errors of the {explanation.process} that stay for some {explanation.time_constant:.3g} s are "
+                f"missing, about {ratio:.2g} times{_between(*interval)} their white sd"
+            )
+        case ExplanationKind.INSTALLATION:
+            unit = "s" if explanation.process == CLOCK else "m"
+            return f"the {explanation.process} of the truth is {abs(ratio):.3g} {unit} off that of the filter"
     where = _missing(explanation.kind, explanation.time_constant)
     size = ""
     if explanation.time_constant is not None:

@@ -141,11 +141,11 @@ def _perfect_fixes(
     settings: FilterSettings, plan: Scenario, values: dict[int, float]
 ) -> tuple[FloatArray, FloatArray]:
     """Return error-free fixes of the antenna as it is, with the true offset of the clocks."""
-    layout, arm, delay = settings.model.layout, np.array(settings.lever_arm), 0.0
+    layout, arm, delay = settings.model.layout, np.add(settings.lever_arm, plan.lever_arm), plan.delay
     if "lever_arm" in layout:
         arm = arm + [values[j] for j in range(layout["lever_arm"].start, layout["lever_arm"].stop)]
     if "time_offset" in layout:
-        delay = values[layout["time_offset"].start]
+        delay += values[layout["time_offset"].start]
     return perfect_fixes(plan.motion, plan.times, lever_arm=arm, delay=delay)
 
 

@@ -64,6 +64,12 @@ class Scenario:
         Errors of the receiver.
     outages : ndarray, shape (w, 2)
         Begin and end of withheld fixes, s.
+    start_sd : ndarray, shape (9,), or None
+        By how much position, velocity and attitude err at the start; None, or NaN: as the filter says.
+    lever_arm : tuple of 3 floats
+        True lever arm less that of the filter, m.
+    delay : float
+        By how much the fixes are late beyond what the filter knows, s.
     """
 
     motion: Motion
@@ -74,6 +80,9 @@ class Scenario:
     start: NavigationState
     receiver: GnssNoise
     outages: FloatArray
+    start_sd: FloatArray | None = None
+    lever_arm: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    delay: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -178,6 +187,8 @@ def simulate(
     """
     streams = np.random.default_rng(seed).spawn(runs)
     fixes = scenario_fixes(settings, plan)
+    llh, vel_n = perfect_fixes(plan.motion, plan.times, lever_arm=_true_arm(settings, plan), delay=plan.delay)
+    fixes = replace(fixes, llh=llh, vel_n=vel_n)
     out = _room(plan.times, runs, int(np.count_nonzero(error_rows(settings.model) >= 15)))
 
     def fill(first: int) -> int:
@@ -205,6 +216,10 @@ def scenario_fixes(settings: FilterSettings, plan: Scenario) -> Fixes:
     llh, vel_n = perfect_fixes(plan.motion, plan.times, lever_arm=settings.lever_arm)
     sd = np.tile(assumed_fix_sd(settings, plan.receiver), (len(plan.times), 1))
     return Fixes(plan.times, plan.after, llh, vel_n, sd).without(plan.outages)
+
+
+def _true_arm(settings: FilterSettings, plan: Scenario) -> FloatArray:
+    return np.add(settings.lever_arm, plan.lever_arm)
 
 
 def assumed_fix_sd(settings: FilterSettings, receiver: GnssNoise) -> FloatArray:
@@ -262,7 +277,10 @@ def _together(
     starts, fixes, errors, biases, others = [], [], [], [], []
     further = np.flatnonzero(error_rows(settings.model) >= 15)
     for rng in streams:
-        starts.append(corrected(plan.start, -settings.initial_sd[:9] * rng.standard_normal(9)))
+        spread = settings.initial_sd[:9]
+        if plan.start_sd is not None:
+            spread = np.where(np.isfinite(plan.start_sd), plan.start_sd, spread)
+        starts.append(corrected(plan.start, -spread * rng.standard_normal(9)))
         fixes.append(_with_errors(perfect, plan.receiver, rng))
         own, bias = sensor.draw(len(steps.dt), interval, rng, smoothing=smoothing, after=plan.after)
         values = np.zeros((len(plan.times), 0))

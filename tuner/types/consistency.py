@@ -165,6 +165,10 @@ class ExplanationKind(StrEnum):
     """One state, a decade slower than the slowest, is missing."""
     MISSING_FASTER = "faster"
     """One state, a decade faster than the fastest, is missing."""
+    MISSING_CORRELATED = "correlated"
+    """Errors of the fixes that stay for a time constant are missing, as strong as a ratio of the white ones."""
+    INSTALLATION = "installation"
+    """A constant of the installation differs from that of the truth by so much, SI."""
 
 
 @dataclass(frozen=True)
@@ -178,13 +182,15 @@ class Explanation:
     process : str
         The source of errors, such as ``gyro bias noise``.
     ratio : float
-        True ÷ configured sd, or time constant; of a missing process, its sd ÷ that of the state beside it.
+        True ÷ configured sd, or time constant; of a missing process, its sd ÷ that of the state beside it, or of the
+        white errors of the fixes; of the installation, the difference, m or s.
     interval : (float, float)
         95 % interval of the ratio; ends at the bounds of the search.
     misfit : float
         Sum of squares that it leaves over in the logarithms of the scores.
     time_constant : float or None
-        Of the state beside a missing process, s; None where the filter has no states for it.
+        Of the state beside a missing process, s, None where the filter has no states for it; of missing errors of
+        fixes their own.
     equivalent : Explanation or None
         The same effect described otherwise: the runs do not distinguish the two.
     """
@@ -209,6 +215,8 @@ def explanation_source(kind: ExplanationKind, process: str) -> str:
         return process
     if kind is ExplanationKind.TIME_CONSTANT:
         return f"time constants of the {process}"
+    if kind is ExplanationKind.INSTALLATION:
+        return process
     return f"missing {process} ({kind.value})"
 
 

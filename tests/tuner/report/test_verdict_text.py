@@ -51,6 +51,16 @@ EXPLANATIONS = {
     ),
     "gyro bias noise a decade faster than the fastest state (10 s) is missing, "
     "about 1 times (0.88 … 1.2) as strong": FASTER,
+    "errors of the position fixes that stay for some 100 s are missing, "
+    "about 0.67 times (0.5 … 0.8) their white sd": Explanation(
+        ExplanationKind.MISSING_CORRELATED, "position fixes", 0.667, (0.5, 0.8), 1.0, 100.0
+    ),
+    "the lever arm of the truth is 1.12 m off that of the filter": Explanation(
+        ExplanationKind.INSTALLATION, "lever arm", 1.12, (1.12, 1.12), 0.0
+    ),
+    "the delay of the fixes of the truth is 0.2 s off that of the filter": Explanation(
+        ExplanationKind.INSTALLATION, "delay of the fixes", -0.2, (-0.2, -0.2), 0.0
+    ),
     "gyro bias noise over decades is missing": Explanation(
         ExplanationKind.MISSING_SLOWER, "gyro bias noise", 2.0, (1.5, 2.5), 1.0
     ),

@@ -12,7 +12,9 @@ from tuner.cli.progress import Messages
 
 @click.command("check", short_help="Is the filter consistent? Monte-Carlo on simulated trajectories.")
 @click.argument("config", metavar="CONFIG")
-@click.option("--truth", metavar="CONFIG2", help="Simulate the sensor of CONFIG2, with the filter of CONFIG.")
+@click.option(
+    "--truth", metavar="CONFIG2", help="Simulate sensor, receiver, start and installation of CONFIG2."
+)
 @click.option(
     "--trajectory",
     default="city",
@@ -66,19 +68,18 @@ def command(
     from tuner.report.consistency_tables import check_tables
     from tuner.report.json.consistency import check_json
     from tuner.report.terminal import show
-    from tuner.simulation.load_sensor import load_sensor
+    from tuner.simulation.load_truth import load_truth
     from tuner.synthesis.load_config import load_config
 
     configured = load_config(config, gnss=gnss, default_gnss=DEFAULT_RECEIVER)
-    sensor, receiver = (None, None) if truth is None else load_sensor(truth)
+    simulated = None if truth is None else load_truth(truth)
     motion = load_trajectory(trajectory, duration)
     messages.say(f"simulating {runs} × {duration:g} s (kernels are compiled on first use: about 20 s)")
     with messages.bar("simulating") as advance:
         found = check(
             configured,
             motion,
-            truth=sensor,
-            receiver=receiver,
+            truth=simulated,
             runs=runs,
             seed=seed,
             budget=budget,
@@ -86,7 +87,7 @@ def command(
         )
     source = {
         "config": configured.name,
-        "truth": configured.name if sensor is None else sensor.name,
+        "truth": configured.name if simulated is None else simulated.sensor.name,
         "trajectory": trajectory,
         "duration_s": duration,
         "runs": runs,

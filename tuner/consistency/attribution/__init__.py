@@ -29,14 +29,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.consistency.attribution.hypotheses import Hypothesis, hypotheses
+from tuner.consistency.attribution.hypotheses import Hypothesis, hypotheses, missing_correlated
 from tuner.consistency.attribution.likelihood import (
     WhitenedProducts,
     deviance,
     expected_products,
     measured_products,
 )
-from tuner.consistency.attribution.sensitivity import ScoreSensitivity, score_contributions
+from tuner.consistency.attribution.sensitivity import (
+    CORRELATED_TIMES,
+    ScoreSensitivity,
+    score_contributions,
+)
 from tuner.consistency.scores import BLOCKS
 from tuner.simulation.monte_carlo import Runs
 from tuner.types.consistency import Consistency, Explanation, Score
@@ -100,6 +104,11 @@ def attribute(found: Consistency, simulated: Runs, sensitivity: ScoreSensitivity
         dict(zip(sensitivity.noises, others, strict=True)),
         sensitivity.time_constants,
     )
+    if sensitivity.correlated is not None:
+        fixes = np.concatenate(
+            [score_contributions(found, sensitivity.correlated), expected_products(sensitivity.correlated)]
+        ).T
+        rivals += missing_correlated(own.sum(axis=0), dict(zip(CORRELATED_TIMES, fixes, strict=True)))
     return likeliest(found.scores, measured_products(simulated, sensitivity.configured), rivals)
 
 

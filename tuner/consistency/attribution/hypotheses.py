@@ -86,6 +86,7 @@ def hypotheses(
     groups: dict[str, tuple[str, ...]] = {name: (name,) for name in own}
     groups["bias noise of gyros and accelerometers"] = tuple(sensors.values())
     groups["turn-on biases of gyros and accelerometers"] = tuple(f"{title} turn-on bias" for title in sensors)
+    groups["start"] = ("initial position and velocity", "initial tilt", "initial heading")
     groups["all sensor noise"] = tuple(
         f"{title} {noise}" for title in sensors for noise in ("white noise", "bias noise", "bias random walk")
     )
@@ -119,6 +120,21 @@ def hypotheses(
                 ends = [time_constants[title] for title in titles if title in time_constants]
                 answer.append(_missing(process, kind, base, column, ends))
     return answer
+
+
+def missing_correlated(base: FloatArray, columns: Mapping[float, FloatArray]) -> list[Hypothesis]:
+    """Return the hypotheses that errors of the position fixes stay, by time constant, s, each by what it adds."""
+
+    def one(time: float, column: FloatArray) -> Hypothesis:
+        return Hypothesis(
+            ExplanationKind.MISSING_CORRELATED,
+            "position fixes",
+            lambda x: base + math.exp(2.0 * x) * column,
+            (-LOG_MAX_RATIO, LOG_MAX_RATIO),
+            time,
+        )
+
+    return [one(time, column) for time, column in columns.items()]
 
 
 def _summed(

@@ -12,22 +12,26 @@ of it.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from models.noise import GaussMarkov
 from tuner.consistency.error_budget import Source, known_sources, trace
 from tuner.consistency.scores import BLOCKS
-from tuner.navigation.settings import FilterSettings
+from tuner.navigation.settings import FilterSettings, filter_settings
 from tuner.simulation.monte_carlo import AVERAGING_RATIO, Scenario
+from tuner.types import FilterConfig
 from tuner.types.consistency import Consistency, ErrorBudget, ExplanationKind
 
 FloatArray = NDArray[np.float64]
 
 TIME_CONSTANT_FACTORS = (10.0**-1.5, 0.1, 10.0**-0.5, 10.0**0.5, 10.0, 10.0**1.5)
 """Factors in the time constants at which scores are computed; between them, half a decade, they are interpolated."""
+CORRELATED_TIMES = (20.0, 100.0, 500.0)
+"""Time constants of errors of the fixes that a filter may lack, s: multipath of a vehicle to orbits and atmosphere."""
 SLOWER_DECADES = 3
 """Decades of missing slow noise: states at 10, 100 and 1000 times the longest time constant."""
 UNMODELLED_TIME_CONSTANT = 10.0
@@ -59,16 +63,24 @@ class ScoreSensitivity:
         Those.
     time_constants : mapping of str to (float, float)
         Time constants of the fastest and the slowest state of each sensor, s; empty where there are none.
+    correlated : ErrorBudget or None
+        Of errors of position fixes that stay for each of `CORRELATED_TIMES`, as large as the white ones.
     """
 
     configured: ErrorBudget
     unmodelled: ErrorBudget
     noises: tuple[UnmodelledNoise, ...]
     time_constants: dict[str, tuple[float, float]]
+    correlated: ErrorBudget | None = None
 
 
 def score_sensitivity(
-    settings: FilterSettings, plan: Scenario, budget: ErrorBudget, *, window: FloatArray
+    settings: FilterSettings,
+    plan: Scenario,
+    budget: ErrorBudget,
+    *,
+    window: FloatArray,
+    with_correlated: FilterSettings | None = None,
 ) -> ScoreSensitivity:
     """Return what each noise adds to the errors of a filter along a scenario.
 
@@ -80,6 +92,8 @@ def score_sensitivity(
         Of both.
     window : ndarray, shape (6,)
         Over how long the true biases are averaged, s.
+    with_correlated : FilterSettings, optional
+        The filter with states of `with_correlated_fixes`.
     """
     unmodelled, noises = unmodelled_budget(settings, plan, window)
     time_constants = {}
@@ -87,7 +101,33 @@ def score_sensitivity(
         if key in settings.model.layout:
             values = settings.model.time_constant[settings.model.layout[key]]
             time_constants[title] = (float(values.min()), float(values.max()))
-    return ScoreSensitivity(budget, unmodelled, noises, time_constants)
+    correlated = None if with_correlated is None else _correlated_budget(with_correlated, plan)
+    return ScoreSensitivity(budget, unmodelled, noises, time_constants, correlated)
+
+
+def with_correlated_fixes(config: FilterConfig) -> FilterSettings | None:
+    """Return the filter of a configuration with a state for each of `CORRELATED_TIMES`; None without a receiver."""
+    if config.gnss is None:
+        return None
+    more = tuple(GaussMarkov(1.0, time) for time in CORRELATED_TIMES)
+    wide = replace(config, gnss=replace(config.gnss, correlated=(*config.gnss.correlated, *more)))
+    return filter_settings(wide, constants=config.constants)
+
+
+def _correlated_budget(wide: FilterSettings, plan: Scenario) -> ErrorBudget:
+    """Return what errors of the fixes that stay add to those of a filter whose states for them get no gain."""
+    own, _ = known_sources(wide, plan)
+    last = wide.model.layout["gnss_position"].stop
+    first = last - 3 * len(CORRELATED_TIMES)
+    known = np.ones(wide.size)
+    known[first:last] = 0.0
+    sources = []
+    for i, time in enumerate(CORRELATED_TIMES):
+        initial = np.zeros(wide.size)
+        initial[first + 3 * i : first + 3 * i + 3] = own.fix_sd[:3] ** 2
+        sources.append(Source(str(time), initial, 2.0 * initial / time, own.rate, np.zeros(6), np.zeros(6)))
+    known_noise = replace(own, initial=known * own.initial, drive=known * own.drive)
+    return trace(wide, plan, known_noise, sources)
 
 
 def score_contributions(found: Consistency, budget: ErrorBudget) -> FloatArray:
