@@ -72,11 +72,11 @@ class HeavyTails(Extension):
     def log_density(self, e: FloatArray) -> FloatArray:
         """Return the log density of the law."""
         core, wide = self.scales
-        with np.errstate(divide="ignore"):
-            parts = np.log([[1.0 - self.share], [self.share]])
-        return np.asarray(
-            np.logaddexp(parts[0] + norm.logpdf(e, 0.0, core), parts[1] + t.logpdf(e, self.nu, 0.0, wide))
-        )
+        heavy = _log_student(e, self.nu, wide)
+        if self.share == 1.0:
+            return heavy
+        normal = float(np.log1p(-self.share)) + _log_normal(e, core)
+        return np.asarray(np.logaddexp(normal, float(np.log(self.share)) + heavy))
 
     def sample(self, n: int, rng: np.random.Generator) -> FloatArray:
         """Return numbers of the law, shape (n,)."""
@@ -211,7 +211,7 @@ def student(bins: Histogram) -> Law:
 
     def cost(x: FloatArray) -> float:
         nu = 2.0 + np.exp(x[0])
-        return -float(bins.count @ t.logpdf(bins.value, nu, 0.0, np.exp(x[1])))
+        return -float(bins.count @ _log_student(bins.value, nu, float(np.exp(x[1]))))
 
     x, covariance, value = maximum(cost, [[3.0, 0.0]])
     nu = 2.0 + float(np.exp(x[0]))

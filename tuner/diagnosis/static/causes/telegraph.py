@@ -66,6 +66,8 @@ THIRD_LEVEL_LEAD = 3.0
 
 A likelihood ratio of 20.
 """
+THIRD_LEVEL_TOLERANCE = 0.1
+"""Nats, and logs, to which three levels are fitted: a thirtieth of that lead."""
 
 
 @dataclass(frozen=True)
@@ -269,7 +271,7 @@ def _search(
     starts.sort(key=lambda pair: pair[0])
     for _, x in starts[:2]:
         simplex = np.vstack([x, x + np.diag([0.7, 0.7, 0.7, 0.3 * x[3], 0.7, 0.7])])
-        options = {"maxiter": 200, "fatol": 0.05, "xatol": 0.01, "initial_simplex": simplex}
+        options = {"maxiter": 200, "fatol": 0.1, "xatol": 0.1, "initial_simplex": simplex}
         result = minimize(
             lambda x: _cost(y, step, span, r, x, besides), x, method="Nelder-Mead", options=options
         )
@@ -336,7 +338,8 @@ def _three_levels(
     models = [parts(x) for x in starts]
     values = [-np.inf if model is None else likelihood_by_start(y, *model, r) for model in models]
     start = starts[int(np.argmax(values))]
-    x, model, _ = climb(y, r, parts, start, np.diag([0.5, 0.5, 0.5, 0.3 * size, 0.3 * size, 0.5]))
+    simplex = np.diag([0.5, 0.5, 0.5, 0.3 * size, 0.3 * size, 0.5])
+    x, model, _ = climb(y, r, parts, start, simplex, THIRD_LEVEL_TOLERANCE)
     path, dwell = np.empty(len(y)), float(np.exp(x[5]))
     value = likelihood_by_start(y, *model, r, path)
     levels = np.array([0.0, x[3], x[4]])

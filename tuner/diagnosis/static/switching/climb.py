@@ -30,12 +30,18 @@ MAX_CLIMBS = 3
 
 
 def climb(
-    y: FloatArray, r: FloatArray | float, parts: Parts, x: FloatArray, simplex: FloatArray | None = None
+    y: FloatArray,
+    r: FloatArray | float,
+    parts: Parts,
+    x: FloatArray,
+    simplex: FloatArray | None = None,
+    tolerance: float = ENDING_TOLERANCE,
 ) -> tuple[FloatArray, tuple[Chain, Slow], Callable[[FloatArray], float]]:
     """Return the free numbers, shape (p,), at the maximum near `x`, what they make, and the cost about it, nats.
 
     The cost is minus the log likelihood together with one level at the start: the likeliest at `x`; where another is
     likelier at the end, it is followed from there. `simplex`: first steps from `x`, shape (p, p).
+    `tolerance`: see `ENDING_TOLERANCE`.
     """
     model, level = parts(x), -1
     for _ in range(MAX_CLIMBS):
@@ -45,7 +51,7 @@ def climb(
             break
         level = int(np.argmax(values))
         cost = partial(_cost, y, r, parts, level)
-        options: dict[str, Any] = {"maxiter": MAX_STEPS, "fatol": ENDING_TOLERANCE, "xatol": ENDING_TOLERANCE}
+        options: dict[str, Any] = {"maxiter": MAX_STEPS, "fatol": tolerance, "xatol": tolerance}
         if simplex is not None:
             options["initial_simplex"] = np.vstack([x, x + simplex])
         x = minimize(cost, x, method="Nelder-Mead", options=options).x
