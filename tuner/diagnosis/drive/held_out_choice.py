@@ -9,10 +9,11 @@ of 3 and then of √3, each kept where it gains `MIN_GAIN`.
 On the last part a candidate replaces the beginning only where its log density is larger and nothing that a user reads
 is worse: positions with fixes, and errors in outages of the whole drive, compared in pairs (`outage_pairs`). Candidates
 are tried in the order of their log density on the first part; where none passes, the configuration stays as it began.
-Where a reference shows that positions err more than the fixes alone, those of `NEARER_TO_FIXES` are tried, then the
-other beginnings and theirs. Written is the first whose positions do not and whose errors in outages are predicted
-(`HONEST_RATIOS`); else one that predicts them and errs like the fixes, within `MAX_TRACKING_RATIO`; else one whose
-positions err no more. Where there is none, the note says that the fixes are better.
+Where a reference shows that positions err more than the fixes alone, or outages other than predicted, those of
+`NEARER_TO_FIXES` are tried, then the other beginnings and theirs. Written is the first whose positions do not and
+whose errors in outages are predicted (`HONEST_RATIOS`); else one that predicts them and errs like the fixes, within
+`MAX_TRACKING_RATIO`; else one whose positions err no more. Where there is none, the note says that the fixes are
+better.
 """
 
 from __future__ import annotations
@@ -75,7 +76,7 @@ MAX_MOVES = 3
 """Moves of one setting by one step size, at most: 27 times."""
 FIRST_STAYING: Mapping[str, float] = MappingProxyType({POSITION: 1.0, VELOCITY: 1.0})
 """Errors of the receiver that stay, with which a candidate begins: their sds as the receiver reports them."""
-NEARER_TO_FIXES = ((3.0, 1.0), (9.0, 1.0), (9.0, 1.0 / 3.0), (27.0, 1.0 / 9.0))
+NEARER_TO_FIXES = ((3.0, 1.0), (3.0**1.5, 1.0), (9.0, 1.0), (9.0, 1.0 / 3.0))
 """Factors on errors of velocities that stay, and on all sds of positions, for a filter that follows the fixes."""
 POSITIONS = (POSITION, "position_horizontal", "position_vertical")
 """Sds of positions."""
@@ -260,25 +261,34 @@ def choose_config(
         return HeldOutChoice(
             before, "as it began", {}, begun, begun, note=_note("as it began", begun, begun, {})
         )
-    if drive.reference is None or follows(passing, 1.0):
+    nearer = passing if drive.reference is None or follows(passing, 1.0) else None
+    if nearer is not None and (drive.reference is None or passing.is_honest):
         return passing
-    others = []
-    for name in dict.fromkeys(other.name for other in sorted(candidates, key=_nats, reverse=True)):
-        if name != one.name:
-            next_best = max((other for other in candidates if other.name == name), key=_nats)
-            others += _refined(next_best, on_first_part(name))
     alike = passing if passing.is_honest and follows(passing, MAX_TRACKING_RATIO) else None
-    nearer = None
-    for other in [*_nearer_to_fixes(one), *others, *(near for it in others for near in _nearer_to_fixes(it))]:
-        found = judged(other)
-        if found is None or not follows(found, MAX_TRACKING_RATIO):
-            continue
-        strictly = follows(found, 1.0)
-        if strictly and found.is_honest:
-            return found
-        nearer = found if strictly and nearer is None else nearer
-        alike = found if found.is_honest and alike is None else alike
-    return alike or nearer or passing
+
+    def tried(chosen: Sequence[Candidate]) -> HeldOutChoice | None:
+        """Return the first that follows the fixes and predicts outages; keep the first that does either."""
+        nonlocal nearer, alike
+        for other in chosen:
+            found = judged(other)
+            if found is None or not follows(found, MAX_TRACKING_RATIO):
+                continue
+            strictly = follows(found, 1.0)
+            if strictly and found.is_honest:
+                return found
+            nearer = found if strictly and nearer is None else nearer
+            alike = found if found.is_honest and alike is None else alike
+        return None
+
+    best_of_all = tried(_nearer_to_fixes(one))
+    if best_of_all is None and alike is None:
+        others = []
+        for name in dict.fromkeys(other.name for other in sorted(candidates, key=_nats, reverse=True)):
+            if name != one.name:
+                next_best = max((other for other in candidates if other.name == name), key=_nats)
+                others += _refined(next_best, on_first_part(name))
+        best_of_all = tried([*others, *(near for it in others for near in _nearer_to_fixes(it))])
+    return best_of_all or alike or nearer or passing
 
 
 def _with_sds_of(config: FilterConfig, other: FilterConfig) -> FilterConfig:
