@@ -9,6 +9,7 @@ import numpy as np
 
 from models import rotation
 from models.filter_states import FILTER_STATES
+from tuner.diagnosis.drive.against_reference import against_reference
 from tuner.diagnosis.drive.causes.mounting import mounting, untestable_causes
 from tuner.diagnosis.drive.causes.quantizer import coarse_quantizer_notes
 from tuner.diagnosis.drive.causes.registry import significance_threshold
@@ -117,7 +118,9 @@ def _examine(
         states = ", ".join(FILTER_STATES[name].meaning for name in config.constants)
         notes = (*notes, f"searched without the further states of the configuration: {states}")
     gain = held_out_gain(sensor, outcome)
-    diagnosis = plausible(_diagnosis(drive, config, wheels, outcome, notes, gain), outcome.final)
+    seen, beyond = against_reference(drive, outcome.final)
+    diagnosis = plausible(_diagnosis(drive, config, wheels, outcome, (*notes, *seen), gain), outcome.final)
+    diagnosis = replace(diagnosis, unexplained=(*diagnosis.unexplained, *beyond))
     if turned := _turned_axes(drive, outcome.final):
         diagnosis = replace(diagnosis, unexplained=(*diagnosis.unexplained, turned))
     return ExaminedDrive(sensor, outcome, diagnosis, clock)

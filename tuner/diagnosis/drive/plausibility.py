@@ -5,13 +5,14 @@ biases and noise of sensors that no sensor has. So causes are withdrawn where
 
 - the filter had to correct the attitude of its start by more than `MAX_START_CORRECTION` of its stated sds: every
   residual behind it is one of the start, and nothing else can be named;
-- a bias is beyond `MAX_BIAS` prior sds, noise is more than `MAX_RATIO` times as large as stated, or errors of the fixes
+- a bias is beyond `MAX_BIAS` prior sds, noise is more than `MAX_RATIO` times as large as stated (of fixes in classes:
+  that of every class), or errors of the fixes
   last longer than the drive and than any of a receiver, so that they cannot be distinguished from a constant.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -21,7 +22,7 @@ from tuner.diagnosis.drive.causes.correlated_gnss import CORRELATED_GNSS
 from tuner.diagnosis.drive.causes.sensor_bias import CAUSE_CODE as SENSOR_BIAS
 from tuner.diagnosis.drive.hypothesis import FilterRun
 from tuner.navigation.drive.run import SETTLING_TIME
-from tuner.types import DriveDiagnosis, Finding, Unexplained
+from tuner.types import Coefficient, DriveDiagnosis, Finding, Unexplained
 
 MAX_START_CORRECTION = 6.0
 """Correction of the attitude while a filter settles, in sds of its start, above which the start failed.
@@ -107,12 +108,22 @@ def start_correction(run: FilterRun) -> str:
     return text
 
 
+def _ratios(parameters: Mapping[str, Coefficient]) -> dict[str, float]:
+    """Return the ratios of a finding; of classes of fixes the least: one class may be wrong by any factor."""
+    found: dict[str, float] = {}
+    for name, one in parameters.items():
+        if "_edge_" not in name and "_solution_" not in name:
+            row = name.partition("_class_")[0]
+            found[row] = min(found.get(row, np.inf), one.value or 0.0)
+    return found
+
+
 def reasons(one: Finding, span: float) -> Iterator[str]:
     """Yield why a finding cannot be true on a drive of a length, s."""
     if one.cause == SENSOR_BIAS and one.value > MAX_BIAS:
         yield f"a bias of {one.value:.0f} prior sds"
     if is_noise_scale(one.cause):
-        ratio = max((c.value or 0.0 for name, c in one.parameters.items() if "edge" not in name), default=0.0)
+        ratio = max(_ratios(one.parameters).values(), default=0.0)
         if ratio > MAX_RATIO:
             yield f"noise {ratio:.0f} times as large as stated"
     if one.cause == CORRELATED_GNSS:

@@ -60,6 +60,11 @@ def _finding(cause, value=0.0, **parameters):
         (_finding("sensor_bias", 40.0, gyro_x=0.1), False),
         (_finding("imu_noise_scale", gyro=20.0), True),
         (_finding("imu_noise_scale", gyro=80.0), False),
+        (_finding("gnss_noise_scale", velocity_vertical_class_0=0.9, velocity_vertical_class_1=900.0), True),
+        (
+            _finding("gnss_noise_scale", velocity_vertical_class_0=80.0, velocity_vertical_class_1=900.0),
+            False,
+        ),
         (_finding("correlated_gnss", sd=2.0, time_constant=300.0), True),
         (_finding("correlated_gnss", sd=2.0, time_constant=2300.0), True),  # as of the ionosphere
         (_finding("correlated_gnss", sd=2.0, time_constant=30000.0), False),
