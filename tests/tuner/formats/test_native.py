@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
-from tuner.diagnosis.drive.held_out_choice import with_noise_factors
+from tuner.diagnosis.drive.noise_factors import with_noise_factors
 from tuner.exporters import export
 from tuner.formats import noise_yaml
 from tuner.formats.yaml_text import Inline, Noted, yaml_text

@@ -28,9 +28,12 @@ from numpy.typing import NDArray
 from tuner.diagnosis.drive.causes.time_offset import with_clock
 from tuner.diagnosis.drive.diagnose import ExaminedDrive
 from tuner.diagnosis.drive.held_out_gain import change_interval, fitted_before
-from tuner.diagnosis.drive.hypothesis import with_density_factors
-from tuner.diagnosis.drive.linear_model.linearized_run import NOISE_GROUPS
-from tuner.diagnosis.drive.linear_model.noise_parameters import ROW_GROUPS
+from tuner.diagnosis.drive.noise_factors import (
+    FACTORS,
+    with_noise_factors,
+    with_recorded_factors,
+    with_sds_of,
+)
 from tuner.diagnosis.drive.predictive_score import (
     ConfiguredRun,
     PredictiveScore,
@@ -44,30 +47,17 @@ from tuner.diagnosis.drive.staying_errors import (
     POSITION,
     STAYING,
     VELOCITY,
-    described,
-    with_staying_errors,
 )
 from tuner.navigation.drive.axis_checks import with_axes_found
 from tuner.navigation.drive.clock import clock_of_drive
 from tuner.navigation.drive.gross_outliers import without_gross_outliers
-from tuner.navigation.fix_sd_model import GNSS_NOISE_SCALE, class_count
-from tuner.types import Enlargement, FilterConfig, Parameter, Quantity
+from tuner.navigation.fix_sd_model import GNSS_NOISE_SCALE
+from tuner.types import FilterConfig
 from tuner.types.progress import Progress
 from tuner.types.records import DataError, Drive
 
 FloatArray = NDArray[np.float64]
 
-FACTORS: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {
-        "white": ("gyro_white", "accel_white"),
-        "bias": ("gyro_bias", "accel_bias"),
-        "position_vertical": ("position_vertical",),
-        "velocity_vertical": ("velocity_vertical",),
-        "position_horizontal": ("position_horizontal",),
-        "velocity_horizontal": ("velocity_horizontal",),
-    }
-)
-"""Factors that are tried, with the noise groups or fix rows that they multiply, in the order of trial."""
 STEPS = (3.0, 3.0**0.5)
 """Factors by which a setting is moved: a third of a decade is far, its root is what outages of a drive tell apart."""
 MIN_GAIN = 3.0
@@ -86,19 +76,6 @@ MAX_TRACKING_RATIO = 1.05
 """Position error with fixes, after ÷ before, above which it counts as worse: 5 % are lost in the scatter of a drive."""
 HONEST_RATIOS = (0.7, 1.4)
 """True ÷ predicted error in outages between which a prediction is taken for right: what few windows can tell."""
-QUANTITIES: Mapping[str, Quantity] = MappingProxyType(
-    {
-        "gyro_white": Quantity("gyro", "white_density"),
-        "accel_white": Quantity("accel", "white_density"),
-        "gyro_bias": Quantity("gyro", "markov"),
-        "accel_bias": Quantity("accel", "markov"),
-        "position_vertical": Quantity("gnss", "position_sd"),
-        "velocity_vertical": Quantity("gnss", "velocity_sd"),
-        "position_horizontal": Quantity("gnss", "position_sd"),
-        "velocity_horizontal": Quantity("gnss", "velocity_sd"),
-    }
-)
-"""Settings that a factor enlarges."""
 SDS_FOUND = "as it began, sds of the fixes as found"
 """Name of the configuration that takes only that from the findings: solution classes may report anything."""
 NOT_JUDGED = "the drive is too short to try settings on its last part: those with the findings are written"
@@ -148,17 +125,6 @@ class Candidate:
     config: FilterConfig
     factors: Mapping[str, float]
     first: PredictiveScore
-
-
-def with_noise_factors(config: FilterConfig, factors: Mapping[str, float]) -> FilterConfig:
-    """Return a configuration with factors on its noise, by name of `FACTORS` and `STAYING`."""
-    config = with_staying_errors(config, factors)
-    each = {setting: factor for name, factor in factors.items() for setting in FACTORS.get(name, ())}
-    config = with_density_factors(config, {group: each.get(group, 1.0) for group in NOISE_GROUPS})
-    own = config.compensation.of(GNSS_NOISE_SCALE)
-    rows = {name: factor for name, factor in each.items() if name not in NOISE_GROUPS}
-    values = {Parameter(GNSS_NOISE_SCALE, name): own.get(name, 1.0) * factor for name, factor in rows.items()}
-    return replace(config, compensation=config.compensation.with_values(values))
 
 
 def choose_config(
@@ -212,8 +178,8 @@ def choose_config(
         else:
             fitted["with the findings"] = replace(part.config, compensation=part.compensation)
             if {one.cause for one in examined.search.accepted} - {GNSS_NOISE_SCALE}:
-                written[SDS_FOUND] = _with_sds_of(before, after)
-                fitted[SDS_FOUND] = _with_sds_of(before, fitted["with the findings"])
+                written[SDS_FOUND] = with_sds_of(before, after)
+                fitted[SDS_FOUND] = with_sds_of(before, fitted["with the findings"])
     else:
         del fitted["with the findings"]
     candidates: list[Candidate] = []
@@ -241,7 +207,7 @@ def choose_config(
         if any(change_interval(pair, 2.0 * WORSE_PROBABILITY - 1.0)[0] > 0.0 for pair in pairs.values()):
             return None
         kept = f"{one.name}, factors for outages" if one.factors else one.name
-        chosen, note = _recorded(written[one.name], one.factors), _note(kept, begun, late, pairs)
+        chosen, note = with_recorded_factors(written[one.name], one.factors), _note(kept, begun, late, pairs)
         return HeldOutChoice(chosen, kept, one.factors, begun, late, pairs, note)
 
     def follows(found: HeldOutChoice, ratio: float) -> bool:
@@ -289,25 +255,6 @@ def choose_config(
                 others += _refined(next_best, on_first_part(name))
         best_of_all = tried([*others, *(near for it in others for near in _nearer_to_fixes(it))])
     return best_of_all or alike or nearer or passing
-
-
-def _with_sds_of(config: FilterConfig, other: FilterConfig) -> FilterConfig:
-    """Return a configuration with the sds of the fixes that another one makes of the reported ones.
-
-    Where the other has errors that stay beside them, its sds are those of the rest: only larger ones are taken over.
-    """
-    found = dict(other.compensation.of(GNSS_NOISE_SCALE))
-    if other.gnss is not None and other.gnss.correlated:
-        common = {name: found.get(name, 1.0) for name in ROW_GROUPS}
-        for name, value in found.items():
-            row, _, number = name.partition("_class_")
-            if number:
-                found[name] = max(1.0, value * common[row])
-        for name in common.keys() & found.keys():
-            by_class = class_count(found, name.partition("_")[0]) > 1
-            found[name] = 1.0 if by_class else max(1.0, found[name])
-    values = {Parameter(GNSS_NOISE_SCALE, name): value for name, value in found.items()}
-    return replace(config, compensation=config.compensation.with_values(values))
 
 
 def _nats(one: Candidate) -> float:
@@ -377,19 +324,6 @@ def _top_of_parabola(gains: Sequence[float]) -> float:
     if not np.isfinite(more + less) or more + less >= 0.0:
         return np.inf
     return -((more - less) ** 2) / (8.0 * (more + less))
-
-
-def _recorded(config: FilterConfig, factors: Mapping[str, float]) -> FilterConfig:
-    """Return a configuration with factors on its noise, each with its reason."""
-    reason = "errors in outages of 10 to 60 s on the first 60 % of the drive; the last 40 % are predicted better, too"
-    records = tuple(
-        Enlargement(QUANTITIES[setting], factor, f"{setting.replace('_', ' ')}: {reason}")
-        for name, factor in factors.items()
-        for setting in FACTORS.get(name, ())
-    )
-    config = with_noise_factors(config, factors)
-    notes = (*config.notes, *described(config, factors))
-    return replace(config, inflations=(*config.inflations, *records), notes=notes)
 
 
 def _note(

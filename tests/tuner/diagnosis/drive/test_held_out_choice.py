@@ -12,7 +12,8 @@ import pytest
 from models.trajectory.catalogue import TRAJECTORIES
 from tuner.catalogue.grades import load_gnss, load_grade
 from tuner.diagnosis.drive.causes.time_offset import with_clock
-from tuner.diagnosis.drive.held_out_choice import _with_sds_of, choose_config, is_better, with_noise_factors
+from tuner.diagnosis.drive.held_out_choice import choose_config, is_better
+from tuner.diagnosis.drive.noise_factors import with_noise_factors, with_sds_of
 from tuner.diagnosis.drive.predictive_score import (
     OutageErrors,
     PredictiveScore,
@@ -126,5 +127,5 @@ def test_clocks_of_a_configuration_are_those_of_the_motion(right):
 def test_sds_of_the_fixes_are_taken_without_the_other_findings(right):
     found = {Parameter("gnss_noise_scale", "position_horizontal"): 3.0, Parameter("gravity", "offset"): 0.1}
     other = replace(right, compensation=right.compensation.with_values(found))
-    taken = _with_sds_of(right, other).compensation
+    taken = with_sds_of(right, other).compensation
     assert dict(taken.items()) == {Parameter("gnss_noise_scale", "position_horizontal"): 3.0}
