@@ -78,7 +78,8 @@ HONEST_RATIOS = (0.7, 1.4)
 """True ÷ predicted error in outages between which a prediction is taken for right: what few windows can tell."""
 SDS_FOUND = "as it began, sds of the fixes as found"
 """Name of the configuration that takes only that from the findings: solution classes may report anything."""
-NOT_JUDGED = "the drive is too short to try settings on its last part: those with the findings are written"
+TOO_SHORT = "the drive is too short to try settings on its last part"
+NOT_JUDGED = f"{TOO_SHORT}: those with the findings are written"
 """Note of a drive without outages in either part."""
 
 
@@ -192,6 +193,8 @@ def choose_config(
                 least = first.nats + len(FIRST_STAYING) * MIN_GAIN
     begun = score("as it began", before, cut, end)
     if begun is None or not candidates:
+        if after == before:
+            return HeldOutChoice(before, "as it began", note=f"{TOO_SHORT}: they stay as they began")
         return HeldOutChoice(after, "with the findings", note=NOT_JUDGED)
     best = max(candidates, key=_nats)
     candidates += _refined(best, on_first_part(best.name))
@@ -345,7 +348,7 @@ def _note(
             f"larger errors; position with fixes {after.tracking_rms:.3g} m{alone}; {outages}"
         )
     ratios = ", ".join(
-        f"{b.ratio:.2f} → {a.ratio:.2f} ({a.seconds:.0f} s)"
+        f"{b.ratio:.2f} → {a.ratio:.2f} ({a.seconds:.0f} s, {len(a.square)} of them)"
         for b, a in zip(before.outages, after.outages, strict=False)
     )
     errors = ", ".join(_change_text(seconds, pair) for seconds, pair in pairs.items())
