@@ -70,18 +70,21 @@ def command(words: list[str], cache: Path, jobs: int) -> tuple[float, float, flo
     """Return wall time, processor time, s, and memory of the largest process, MB, of a command."""
     environment = os.environ | {"NUMBA_CACHE_DIR": str(cache), "NUMBA_NUM_THREADS": str(jobs)}
     environment.pop("PYTHONDONTWRITEBYTECODE", None)  # byte code is kept, as where the program is installed
-    before, begin = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
-    process = subprocess.Popen(
-        [sys.executable, "-c", "from tuner.cli import main; main()", *words],
-        env=environment,
-        cwd=cache,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
-    _, status, used = os.wait4(process.pid, 0)
+    said = cache / "said.txt"
+    with said.open("w") as messages:
+        before, begin = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
+        process = subprocess.Popen(
+            [sys.executable, "-c", "from tuner.cli import main; main()", *words],
+            env=environment,
+            cwd=cache,
+            stdout=subprocess.DEVNULL,
+            stderr=messages,
+        )
+        _, status, used = os.wait4(process.pid, 0)
     wall, after = time.perf_counter() - begin, resource.getrusage(resource.RUSAGE_CHILDREN)
     if os.waitstatus_to_exitcode(status) != 0:
-        sys.exit(f"failed: tuner {' '.join(words)}")
+        last = said.read_text(encoding="utf-8", errors="replace").splitlines()[-1:]
+        sys.exit(f"failed: tuner {' '.join(words)}: {' '.join(last)}")
     processor = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     return wall, processor, used.ru_maxrss / 1e3
 

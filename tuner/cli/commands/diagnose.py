@@ -77,7 +77,6 @@ def command(
     of CONFIG are tested; without --config, of a filter made from the stationary parts of the drive.
     """
     from tuner import diagnose
-    from tuner.diagnosis.drive.explained_drive import examine_drive_of
     from tuner.formats.diagnosis import diagnosis_json
     from tuner.report.static_diagnosis_tables import diagnosis_tables, headline_lines
     from tuner.report.terminal import show
@@ -90,6 +89,8 @@ def command(
         return 0
     found: Diagnosis | DriveDiagnosis
     if isinstance(data, Drive):
+        from tuner.diagnosis.drive.explained_drive import examine_drive_of  # a third of a second to load
+
         examined = examine_drive_of(
             data, config, holdout=holdout, gnss=gnss, wheels=wheels, progress=messages.say
         )

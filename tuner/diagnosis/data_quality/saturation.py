@@ -33,7 +33,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
-from scipy.signal import lfilter
 from scipy.special import ndtr
 from scipy.stats import nbinom, poisson
 
@@ -124,6 +123,8 @@ def _upper_end(pieces: Sequence[FloatArray], step: float) -> Rail:
     )
     if count < MIN_RAIL_SAMPLES:
         return Rail(level, count, 0.0, 1.0)
+    from scipy.signal import lfilter  # loaded when used: scipy.signal is slow to import
+
     noises = [fast_part(piece) for piece in pieces]
     spread = math.sqrt(float(np.mean(np.concatenate(noises) ** 2)))
     width = max(1.0, round(0.5 * spread / step)) * step if step > 0 else 0.5 * spread
