@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from models.effects import EFFECTS, Samples
 from models.noise import NoiseModel
 from tuner.diagnosis.static.channel import Channel, channel
-from tuner.diagnosis.static.model.residual import Residual, residual
+from tuner.diagnosis.static.model.dct import inverse, transform
+from tuner.diagnosis.static.model.residual import Residual, residual, robust_sd
 from tuner.types import Coefficient, Diagnosis, Finding
 from tuner.types.records import DataError, Record
 
@@ -68,6 +69,21 @@ class DiagnosedAxis:
     def e(self) -> FloatArray:
         """Residuals of the fit without any finding, of unit variance, shape (n,)."""
         return self.fitted().e
+
+    @property
+    def left(self) -> FloatArray:
+        """Residuals of the noise with everything that was found in the spectrum, of unit variance, shape (n,).
+
+        Their distribution, and their variance over time, are not those of a resonance that is known.
+        """
+        if not self.after.terms:
+            return self.e
+        a = transform(self.y - self.signal, self.interval)
+        f = np.arange(1.0, len(a)) / (2.0 * len(a) * self.interval)
+        a[0] = 0.0
+        a[1:] /= np.sqrt(self.after.psd(f, interval=self.interval))
+        e = inverse(a, 1.0)
+        return e / robust_sd(e)
 
     def expected(self, f: FloatArray) -> FloatArray:
         """Return the spectrum that `e` has if the noise is `after`, at frequencies `f`, Hz; 1 where that is the fit."""

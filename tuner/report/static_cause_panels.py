@@ -122,7 +122,7 @@ def draw_course(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float]
 
 def draw_variance(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float]) -> None:
     """Draw the variance of the residuals over time, with the burst or the drift that was found."""
-    square = np.minimum(subject.e**2, 25.0)
+    square = np.minimum(subject.left**2, 25.0)
     if "period" in values:
         draw_swell(panel, square, subject.t, values)
         return
@@ -167,12 +167,13 @@ def draw_swell(panel: Axes, square: FloatArray, t: FloatArray, values: Mapping[s
 
 def draw_histogram(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float]) -> None:  # noqa: ARG001
     """Draw the distribution of the residuals beside the normal one."""
-    reach = float(min(max(6.0, np.max(np.abs(subject.e)) * 1.02), 40.0))
+    e = subject.left
+    reach = float(min(max(6.0, np.max(np.abs(e)) * 1.02), 40.0))
     edges = np.linspace(-reach, reach, 121)
-    count, _ = np.histogram(subject.e, edges)
+    count, _ = np.histogram(e, edges)
     middle = 0.5 * (edges[1:] + edges[:-1])
     panel.stairs(np.maximum(count, 0.3), edges, fill=True, color=DATA_COLOUR, alpha=0.5, label="residuals")
-    expected = len(subject.e) * np.diff(norm.cdf(edges))
+    expected = len(e) * np.diff(norm.cdf(edges))
     panel.plot(middle, expected, color=MODEL_COLOUR, ls="--", lw=1.2, label="normal distribution")
     panel.set(xlabel="residual, standard deviations", ylabel="samples", title="distribution of the residuals")
     panel.set(yscale="log", ylim=(0.3, 3.0 * count.max()))

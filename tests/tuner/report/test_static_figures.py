@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from scipy.signal import lfilter
 
-from models.noise import NoiseModel, RandomWalk, White
+from models.noise import Arma, NoiseModel, RandomWalk, White
 from tuner.diagnosis import diagnose
 from tuner.formats.customary_units import digits_to
 from tuner.identification import identify
@@ -183,3 +184,31 @@ def test_the_drawn_path_of_a_telegraph_is_the_one_that_was_put_in():
     assert levels[1] - levels[0] == pytest.approx(2.0)
     assert levels[0] == pytest.approx(3.0, abs=0.3)
     assert np.mean((path > levels.mean()) == (state == 1)) > 0.92
+
+
+def test_a_resonance_hides_no_variance_that_swells():
+    """White noise of depth 0.3 beside a narrow resonance of ten times its power: the swell shows once that is known."""
+    rng, n, dt = np.random.default_rng(3), 30_000, 0.01
+    t = dt * np.arange(n)
+    pole = 0.995 * np.exp(2j * np.pi * 0.2)
+    ar = (float(2.0 * pole.real), float(-(abs(pole) ** 2)))
+    ring = lfilter([1.0], [1.0, -ar[0], -ar[1]], rng.normal(size=n))
+    size = np.sqrt(10.0) / ring.std()
+    y = size * ring + np.exp(0.15 * np.cos(2.0 * np.pi * t / 10.0)) * rng.normal(size=n)
+    (log,) = record()
+    log = replace(log, t=t, y=y[:, None], interval=dt)
+    known = NoiseModel([White(np.sqrt(dt)), Arma(ar, (), size**2, dt)])
+    swell = finding("periodic_variance", {"period": 10.0, "depth": 0.3})
+    subject = diagnosed_axis([log], "gyro_x", Diagnosis((swell,), base={}, models={"gyro_x": known}))
+
+    def depth(e):
+        return 2.0 * np.mean(e * e * np.cos(2.0 * np.pi * t / 10.0)) / np.mean(e * e)
+
+    f = np.arange(1.0, n) / (2.0 * n * dt)
+    share = float(
+        np.mean(dt / known.psd(f, interval=dt))
+    )  # of the residuals that is the white noise; the rest rings
+    assert depth(subject.left) == pytest.approx(
+        0.297 * share, abs=0.058
+    )  # 2 I₁(0.3)/I₀(0.3); 5 sd of 30 000 squares
+    assert depth(subject.e) < 0.5 * depth(subject.left)
