@@ -15,6 +15,7 @@ from tuner.diagnosis.static import shared_shape
 from tuner.diagnosis.static.causes import attitude, cross_axis, motion, mount_tilt
 from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.diagnosis.static.causes.temperature import COVARIATE as TEMPERATURE
+from tuner.diagnosis.static.causes.transients import Transients
 from tuner.diagnosis.static.channel import MIN_SAMPLES, Channel, channel
 from tuner.diagnosis.static.channel_preparation import prepared
 from tuner.diagnosis.static.findings import Single, findings, joins, singles, words
@@ -61,13 +62,14 @@ UNKNOWN = "unknown"
 """Code of what is none of the causes, in a list of alternatives."""
 MIN_LEFT_SHARE = 0.05
 """Share of what a finding explains above which what it leaves makes it uncertain: a likelihood ratio of 20."""
-OF_GROUP: Mapping[str, Group] = {
-    "spectrum": "fast spectrum",
-    "slow spectrum": "slow part",
-    "unnamed": "slow part",
-    "periodic variance": "distribution",
-    "variance by bias": "distribution",
-    "irregular variance": "distribution",
+OF_GROUPS: Mapping[str, tuple[Group, ...]] = {
+    "spectrum": ("fast spectrum",),
+    "slow spectrum": ("slow part",),
+    "unnamed": ("slow part",),
+    "periodic variance": ("distribution",),
+    "variance by bias": ("distribution",),
+    "irregular variance": ("distribution",),
+    Transients.cause: ("distribution", "slow part"),
 }
 """Groups of the causes that statistics without one are about."""
 
@@ -189,7 +191,7 @@ def _with_unknown(accepted: Accepted, outcome: SearchResult) -> Accepted:
     Its weight is what is left against what is explained: as much, and the name is worth no more than something else.
     """
     group = accepted.extension.group
-    left = sum(r.nats for r in outcome.unexplained if OF_GROUP.get(r.cause, group_of(r.cause)) == group)
+    left = sum(r.nats for r in outcome.unexplained if group in OF_GROUPS.get(r.cause, (group_of(r.cause),)))
     if left <= MIN_LEFT_SHARE * accepted.result.gain:
         return accepted
     unknown = Alternative(UNKNOWN, min(left / max(accepted.result.gain, left), 1.0))

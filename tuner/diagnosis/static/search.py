@@ -20,7 +20,6 @@ from tuner.diagnosis.static.causes.chirp import Sweep
 from tuner.diagnosis.static.causes.motion import Motion
 from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.diagnosis.static.causes.step import Step
-from tuner.diagnosis.static.causes.temperature_times_time import UNNAMED
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.hypothesis_tests import CERTAIN_GAIN, hypothesis_tests, retest, significant
 from tuner.diagnosis.static.masked_pairs import PAIR, replacing_pair
@@ -281,7 +280,7 @@ def _with_rivals(
         a.cause: Alternative(a.cause, float(np.exp(min(a.gain - one.result.gain, 0.0))))
         for a in before
         if a.propose is not None
-        and a.cause != UNNAMED
+        and CAUSES[a.cause].named
         and (one.result.cause, a.cause)
         != ("telegraph", "gauss_markov")  # its statistic has beaten that already
         and a.cause in silent

@@ -66,6 +66,19 @@ def test_a_comb_has_the_shortest_of_its_periods(seed):
     assert _shortest(e, 333.0) == _shortest(e, 111.0) == 111.0
 
 
+def test_glitches_that_decay_are_told_with_their_place():
+    """Eight of 16 nats each; before, they were telegraph noise."""
+    rng, memory = np.random.default_rng(11), np.exp(-1.0 / 20.0)
+    at = rng.choice(N, 8, replace=False)
+    pulses = lfilter([5.7 * np.sqrt(1.0 - memory**2)], [1.0, -memory], np.bincount(at, minlength=N))
+    diagnosis = diagnosed(pulses + rng.standard_normal(N))
+    assert not diagnosis.findings
+    (left,) = diagnosis.unexplained
+    assert left.statistic == "short transients that jump and decay"
+    assert left.nats > 30.0  # 8 (16 − ln(n/T)) on average
+    assert np.abs(at / 100.0 - float(left.place.split()[-2])).min() < 0.1
+
+
 @pytest.mark.parametrize(("period", "height"), [(133.742, 6.0), (24.487, 1.6)])
 def test_a_strong_comb_is_nothing_else(period, height):
     """Before, spikes, or six lines and more."""

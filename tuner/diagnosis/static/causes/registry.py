@@ -42,6 +42,7 @@ from tuner.diagnosis.static.causes.temperature_squared import TemperatureSquared
 from tuner.diagnosis.static.causes.temperature_times_time import Ageing
 from tuner.diagnosis.static.causes.template import Template
 from tuner.diagnosis.static.causes.thermal_lag import Thermal, ThermalLag
+from tuner.diagnosis.static.causes.transients import Transients
 from tuner.diagnosis.static.causes.variance_drift import VarianceDrift
 from tuner.diagnosis.static.causes.vibration import Vibration
 from tuner.diagnosis.static.causes.warmup import Warmup
@@ -77,6 +78,6 @@ CAUSES.extend(
         Line, Temperature, ThermalLag, Step, Warmup, MountTilt, Ageing, Telegraph, MoreMarkov, Spikes, HeavyTails,
         Burst, VarianceDrift, Vibration, LowPass, Colour, Sweep, Motion, CrossAxis, Thermal, Duplicates, Timing,
         Clipping, Quantizer, RepeatedPackets, Interpolated, SkewedNoise, PeriodicVariance, TemperatureSquared,
-        TemperatureRate, Hysteresis, Comb, Recovery,
+        TemperatureRate, Hysteresis, Comb, Recovery, Transients,
     )
 )  # fmt: skip

@@ -1,0 +1,113 @@
+"""Short transients: glitches that jump and decay within a second, which the catalogue has no name for.
+
+Statistic: residuals are compared with e^(−t/T) from every sample on, for some T below the shortest time constant of a
+`recovery`. The products are normal with the correlation e^(−|t|/T), of which the number of excursions beyond ±u is
+Poisson with the mean 2 (n/T) u φ(u) [1]_, n samples, T in samples; the least likely count over all T and u counts.
+Extension: the transients are taken out of the samples, so that no burst and no switching bias is made up for them.
+
+References
+----------
+.. [1] J. Pickands, Upcrossing probabilities for stationary Gaussian processes, Trans. Am. Math. Soc. 145 (1969).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm, poisson
+
+from tuner.diagnosis.static.causes.base import Extension
+from tuner.diagnosis.static.causes.recovery import MIN_BLOCKS
+from tuner.diagnosis.static.channel import Channel
+from tuner.diagnosis.static.model.residual import RESIDUAL_CLIP, Residual
+from tuner.diagnosis.static.outcome import NO_GAIN, TestResult
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
+
+SHORTEST, RATIO = 4.0, 2.5
+"""Shortest time constant, samples, and from one to the next: one between two has 0.95 of the product with either."""
+LEVELS = (4.5, 5.0, 5.5, 6.5, 8.0)
+"""Levels of the excursions, sds; below the first, chance makes too many."""
+
+
+@dataclass(frozen=True)
+class Transients(Extension):
+    """Sizes, scales, of what begins at these samples and decays with a time constant, samples."""
+
+    cause = "transients"
+    group = "slow part"
+    named = False
+    meaning = "short transients that jump and decay"
+    consequence = "look for knocks and for faults of the supply or the bus at these times"
+    places: tuple[int, ...]
+    sizes: tuple[float, ...]
+    time_constant: float
+
+    def clean_samples(self, channel: Channel) -> Channel:
+        """Take the transients out."""
+        begun = np.zeros(len(channel))
+        begun[list(self.places)] = self.sizes
+        return replace(channel, y=channel.y - _decaying(begun, self.time_constant))
+
+    @classmethod
+    def test(cls, fitted: Residual) -> TestResult:
+        """Count excursions of the products of the residuals with a decay."""
+        e = np.where(fitted.valid, np.clip(fitted.e, -RESIDUAL_CLIP, RESIDUAL_CLIP), 0.0)
+        longest = max(MIN_BLOCKS * fitted.channel.block, SHORTEST)
+        constants = SHORTEST * RATIO ** np.arange(int(np.log(longest / SHORTEST) / np.log(RATIO)) + 1)
+        best, chosen = 1.0, SHORTEST
+        for constant in constants.tolist():
+            size = np.abs(_products(e, constant))
+            for level in LEVELS:
+                number = len(_excursions(size, level, constant))
+                if not number:
+                    break
+                mean = 2.0 * len(e) / constant * level * norm.pdf(level)
+                chance = float(poisson.sf(number - 1, mean))
+                best, chosen = min((best, chosen), (chance, constant))
+        p_value = min(1.0, best * len(constants) * len(LEVELS))
+        if p_value > 1e-3:
+            return TestResult(cls.cause, p_value, NO_GAIN, 0.0, cls.meaning)
+        z = _products(e, chosen)
+        size = np.abs(z)
+        peaks = [int(at[np.argmax(size[at])]) for at in _excursions(size, LEVELS[0], chosen)]
+        price = np.log(len(e) / chosen)
+        gain = float(np.sum(np.maximum(0.5 * size[peaks] ** 2 - price, 0.0)))
+        dt, start = fitted.channel.interval, fitted.channel.start
+        largest = max(peaks, key=lambda at: float(size[at]))
+        place = f"{len(peaks)} that decay in {chosen * dt:.2g} s, largest at {start + largest * dt:.6g} s"
+        half = fitted.power[-max(1, len(fitted.power) // 2) :]
+        white = fitted.spread * float(np.sqrt(half.mean() / dt))
+        sizes = white * np.sqrt(-np.expm1(-2.0 / chosen)) * z[peaks]
+        found = cls(tuple(peaks), tuple(sizes.tolist()), chosen)
+        return TestResult(
+            cls.cause,
+            p_value,
+            gain,
+            float(size.max()),
+            cls.meaning,
+            lambda: (found,),
+            misfit=gain,
+            place=place,
+        )
+
+
+def _decaying(begun: FloatArray, constant: float) -> FloatArray:
+    """Return what begins with these sizes at each sample, and decays, shape (n,)."""
+    from scipy.signal import lfilter  # loaded when used: scipy.signal is slow to import
+
+    return np.asarray(lfilter([1.0], [1.0, -np.exp(-1.0 / constant)], begun))
+
+
+def _products(e: FloatArray, constant: float) -> FloatArray:
+    """Return the products of residuals with a decay from each sample on, of unit variance, shape (n,)."""
+    return np.asarray(np.sqrt(-np.expm1(-2.0 / constant)) * _decaying(e[::-1], constant)[::-1])
+
+
+def _excursions(size: FloatArray, level: float, constant: float) -> list[IntArray]:
+    """Return the samples beyond a level, those within two time constants of each other together."""
+    at = np.flatnonzero(size > level)
+    return np.split(at, np.flatnonzero(np.diff(at) > 2.0 * constant) + 1) if len(at) else []
