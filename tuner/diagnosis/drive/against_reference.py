@@ -16,7 +16,7 @@ from scipy.stats import t as student
 from models.earth import ned_between
 from tuner.consistency.drive_scores import differences, reference_at
 from tuner.diagnosis.drive.hypothesis import FilterRun
-from tuner.types import Unexplained
+from tuner.types import GnssNoise, Unexplained
 from tuner.types.records import SOLUTIONS, Drive, Reference
 
 FloatArray = NDArray[np.float64]
@@ -31,6 +31,8 @@ MIN_BLOCKS = 5
 """Blocks of a drive, each longer than the errors stay, from which the scatter of their means is known."""
 MAX_P_VALUE = 1e-4
 """p value of three directions below which an offset is told: it is no finding of the filter and may not be chance."""
+MAX_STATED_SDS = 3.0
+"""Offset in stated sds of positions up to which it is an error of the receiver: single points err alike for an hour."""
 MIN_OFFSET = 0.05
 """Least offset that is told, m: the antenna is measured no better."""
 MIN_HEADING_RATIO, MIN_HEADING = 4.0, np.radians(0.5)
@@ -77,7 +79,9 @@ def errors_of_fixes(drive: Drive, reference: Reference) -> FixErrors:
     return FixErrors(gnss.t, position + delay * vel, gnss.vel_n - vel, delay)
 
 
-def against_reference(drive: Drive, final: FilterRun) -> tuple[tuple[str, ...], tuple[Unexplained, ...]]:
+def against_reference(
+    drive: Drive, final: FilterRun, receiver: GnssNoise | None
+) -> tuple[tuple[str, ...], tuple[Unexplained, ...]]:
     """Return in words how large the errors of fixes are, and what stays unexplained; nothing without a reference.
 
     Parameters
@@ -86,6 +90,8 @@ def against_reference(drive: Drive, final: FilterRun) -> tuple[tuple[str, ...], 
         In any axes.
     final : FilterRun
         The run with all causes in it.
+    receiver : GnssNoise or None
+        As configured: errors that stay are no offset up to their sd.
     """
     if drive.reference is None:
         return (), ()
@@ -103,7 +109,8 @@ def against_reference(drive: Drive, final: FilterRun) -> tuple[tuple[str, ...], 
     if len(notes) < 2:
         notes = [_sizes(drive, errors, good, "")]
     notes[-1] += f"; errors of positions stay for some {stay:.0f} s"
-    found = (_offset(errors, good, stay), _heading(drive.reference, final))
+    stated = _stated_sds(drive.gnss.position_sd[good], receiver)
+    found = (_offset(errors, good, stay, stated), _heading(drive.reference, final))
     return tuple(notes), tuple(one for one in found if one is not None)
 
 
@@ -148,8 +155,21 @@ def _sizes(drive: Drive, errors: FixErrors, rows: NDArray[np.bool_], name: str) 
     return f"errors of fixes{of} against the reference, sds without outliers: {', '.join(parts)}"
 
 
-def _offset(errors: FixErrors, good: NDArray[np.bool_], stay: float) -> Unexplained | None:
-    """Return a constant offset of the positions, where blocks longer than the errors stay agree on one."""
+def _stated_sds(reported: FloatArray, receiver: GnssNoise | None) -> FloatArray:
+    """Return the sds of positions north, east, down, from those of fixes (k, 3) and errors that stay as configured."""
+    configured = np.zeros(3) if receiver is None else np.array(receiver.position_sd)
+    known = [column[column > 0.0] for column in reported.T]
+    sds = np.array([np.median(x) if len(x) else sd for x, sd in zip(known, configured, strict=True)])
+    stays = 0.0 if receiver is None else np.sqrt(np.sum([state.sd**2 for state in receiver.correlated]))
+    return np.asarray(
+        np.hypot(sds, stays * np.array([1.0, 1.0, 1.0 if receiver is None else receiver.correlated_down]))
+    )
+
+
+def _offset(
+    errors: FixErrors, good: NDArray[np.bool_], stay: float, stated: FloatArray
+) -> Unexplained | None:
+    """Return a constant offset of the positions beyond their sds, where blocks longer than the errors stay agree."""
     t, e = errors.t[good], errors.position[good]
     block = ((t - t[0]) // max(3.0 * stay, LEAST_BLOCK)).astype(int)
     means = np.stack([np.median(e[block == one], axis=0) for one in np.unique(block)])
@@ -161,7 +181,7 @@ def _offset(errors: FixErrors, good: NDArray[np.bool_], stay: float) -> Unexplai
     told = [
         f"{mean[i]:+.2f} ({mean[i] - half[i]:+.2f} … {mean[i] + half[i]:+.2f}) m {DIRECTIONS[i]}"
         for i in range(3)
-        if p_value[i] < MAX_P_VALUE and abs(mean[i]) > MIN_OFFSET
+        if p_value[i] < MAX_P_VALUE and abs(mean[i]) > max(MIN_OFFSET, MAX_STATED_SDS * stated[i])
     ]
     if not told:
         return None

@@ -118,7 +118,7 @@ def _examine(
         states = ", ".join(FILTER_STATES[name].meaning for name in config.constants)
         notes = (*notes, f"searched without the further states of the configuration: {states}")
     gain = held_out_gain(sensor, outcome)
-    seen, beyond = against_reference(drive, outcome.final)
+    seen, beyond = against_reference(drive, outcome.final, config.gnss)
     diagnosis = plausible(_diagnosis(drive, config, wheels, outcome, (*notes, *seen), gain), outcome.final)
     diagnosis = replace(diagnosis, unexplained=(*diagnosis.unexplained, *beyond))
     if turned := _turned_axes(drive, outcome.final):

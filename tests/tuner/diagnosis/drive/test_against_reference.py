@@ -29,17 +29,22 @@ def test_delay_and_sizes_of_the_errors_of_fixes(drive):
     later = replace(drive, reference=replace(drive.reference, t=drive.reference.t - 0.3))
     by = errors_of_fixes(later, later.reference).delay - errors_of_fixes(drive, drive.reference).delay
     assert by == pytest.approx(0.3, abs=0.02)
-    (note,), _ = against_reference(drive, NO_RUN)
+    (note,), _ = against_reference(drive, NO_RUN, None)
     assert "reported 0.4" in note
     assert "reported 0.05" in note
 
 
 def test_a_constant_offset_of_the_datum_is_told_with_its_interval(drive):
     aside = moved(drive, np.tile([0.0, 0.0, -3.0], (len(drive.gnss), 1)))
-    _, (told,) = against_reference(aside, NO_RUN)
+    _, (told,) = against_reference(aside, NO_RUN, None)
     assert "another datum or height system" in told.statistic
     assert "m down" in told.statistic
     assert told.p_value < 1e-4
+
+
+def test_errors_of_the_size_that_a_receiver_states_are_no_offset(drive):
+    down = np.tile([0.0, 0.0, 2.0], (len(drive.gnss), 1))
+    assert against_reference(moved(drive, down), NO_RUN, None)[1] == ()
 
 
 def test_errors_that_stay_have_their_time():
@@ -54,4 +59,4 @@ def test_errors_that_stay_have_their_time():
 
 
 def test_without_a_reference_nothing_is_said(drive):
-    assert against_reference(replace(drive, reference=None), NO_RUN) == ((), ())
+    assert against_reference(replace(drive, reference=None), NO_RUN, None) == ((), ())
