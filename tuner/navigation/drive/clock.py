@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from models.probability import fisher_beyond
 from tuner.navigation.data import Steps
 from tuner.navigation.drive.axis_checks import with_axes_found
+from tuner.navigation.drive.clock_mismatch import refuse_distant_clocks
 from tuner.navigation.drive.clock_offset import (
     FALSE_OFFSET_PROBABILITY,
     MAX_CLOCK_OFFSET,
@@ -49,7 +50,13 @@ AGREEING = Clock()
 
 
 def clock_of_drive(drive: Drive) -> Clock:
-    """Return what the motion of a drive says of its clocks: nothing is taken out that is not significant."""
+    """Return what the motion of a drive says of its clocks: nothing is taken out that is not significant.
+
+    Raises
+    ------
+    DataError
+        Where they differ by more than is searched.
+    """
     gnss, _, _ = without_gross_outliers(with_axes_found(drive.gnss)[0])
     dt = np.diff(drive.imu_t)
     steps = Steps(float(drive.imu_t[0]), dt, drive.rates[1:] * dt[:, None])
@@ -58,6 +65,7 @@ def clock_of_drive(drive: Drive) -> Clock:
         arm = drive.mounting @ arm
     elif arm is not None and arm.any():  # in axes of a vehicle that nobody knows
         arm = None
+    refuse_distant_clocks(replace(drive, gnss=gnss))
     found = estimate_clock_offset(steps, gnss, None if arm is None else arm.tolist())
     return AGREEING if found is None else chosen_clock(found)
 
