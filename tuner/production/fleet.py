@@ -14,6 +14,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+from tuner.formats.guard import printable
 from tuner.production.limits import judge, read_limits
 from tuner.production.outliers import units_apart
 from tuner.production.spread import spread
@@ -92,7 +93,7 @@ def fleet(
             progress(len(found), len(tasks))
     new = sum(one.measurement is not None and not one.stored for one in found.values())
     rows = [
-        FleetUnit(name, file, found[index].measurement, found[index].error)
+        FleetUnit(name, printable(file), found[index].measurement, found[index].error)
         for index, (name, file) in enumerate(zip(unit_names(files), files, strict=True))
     ]
     return replace(judged(fleet_name(logs), rows, known), measured=new)
@@ -181,7 +182,7 @@ def unit_names(files: Sequence[str]) -> list[str]:
         ]
         depth += 1
     counts = Counter(names)
-    return [name if counts[name] == 1 else file for name, file in zip(names, files, strict=True)]
+    return [name if counts[name] == 1 else printable(file) for name, file in zip(names, files, strict=True)]
 
 
 def output_folder(logs: Sequence[str | Path], chosen: Path | None) -> Path:

@@ -189,3 +189,20 @@ def test_no_call_that_lasts_holds_up_an_end(tmp_path: Path, number: signal.Signa
     assert (running.returncode, time.monotonic() - begin < 20.0) == (status, True)
     assert said.decode().splitlines()[-1].endswith("; files already finished were kept")
     assert [path.name for path in tmp_path.iterdir()] == ["set"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["score", "{log}", "--truth", "{log}"], "expected an estimate and a truth of the same position"),
+        (
+            ["identify", "{log}", "--figure", "a.bmp"],
+            "expected a file that ends in .png, .svg, .pdf, got 'a.bmp'",
+        ),
+    ],
+)
+def test_what_cannot_be_done_is_no_mistake_of_the_program(
+    log: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], said: str
+) -> None:
+    assert run([word.format(log=log) for word in arguments]) == 2
+    assert said in capsys.readouterr().err

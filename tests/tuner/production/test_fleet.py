@@ -357,3 +357,11 @@ def test_a_cluster_that_loses_a_worker_measures_the_rest(logs, whole, monkeypatc
 
         found = fleet(logs, scheduler=cluster.scheduler_address, terms=("white",), progress=kill)
     assert found.units == whole.units
+
+
+def test_a_file_name_that_is_no_text_is_shown_with_marks(tmp_path):
+    folder = tmp_path / "logs"
+    folder.mkdir()
+    (folder / os.fsdecode(b"caf\xe9.csv")).write_text("no log\n")
+    assert run(["fleet", str(folder), "-o", str(tmp_path / "out"), "--jobs", "1", "--quiet"]) == 0
+    assert "caf\ufffd.csv" in (tmp_path / "out" / "fleet.csv").read_text()

@@ -9,7 +9,7 @@ from typing import Literal
 import click
 
 from tuner.cli.commands.inputs import load_source
-from tuner.cli.commands.options import Output, Reading, common, paged, reading
+from tuner.cli.commands.options import Output, Reading, common, drawable, paged, reading
 from tuner.cli.progress import Messages
 
 
@@ -23,7 +23,8 @@ from tuner.cli.progress import Messages
 @click.option("--gnss", default="spp", show_default=True, metavar="GRADE", help="Receiver before an outage.")
 @click.option(
     "--figure",
-    type=click.Path(path_type=Path),
+    type=click.Path(path_type=Path, dir_okay=False),
+    callback=drawable,
     metavar="FILE",
     help="Draw the Allan curves of all sources over one another into FILE (PNG or SVG).",
 )

@@ -14,6 +14,7 @@ from tuner.cli.commands.options import (
     Output,
     Reading,
     common,
+    drawable,
     jobs,
     latitude,
     noise_terms,
@@ -52,7 +53,8 @@ METHODS = ("likelihood", "leastsquares", "slopes", "unweighted")
 @latitude
 @click.option(
     "--figure",
-    type=click.Path(path_type=Path),
+    type=click.Path(path_type=Path, dir_okay=False),
+    callback=drawable,
     metavar="FILE",
     help="Draw the Allan figure into FILE (PNG or SVG).",
 )

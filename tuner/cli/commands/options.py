@@ -34,6 +34,8 @@ class Finite(click.FloatRange):
 
 
 POSITIVE = Finite(min=0, min_open=True)
+FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
+"""Formats of figures, by the ends of their names."""
 WITHOUT_NUMBERS = ("-o", "--output-dir", "--json", "--page", "--figure", "--jobs")
 """Options followed by a word that changes no number of a result: where it goes, and on how many processors."""
 OUTPUT_FLAGS = ("--quiet", "--verbose")
@@ -104,6 +106,14 @@ def common(command: Command) -> Command:
             return command(*args, output=Output(json_file), messages=messages, **options)
 
     return wrapped
+
+
+def drawable(_ctx: click.Context, _parameter: click.Parameter, path: Path | None) -> Path | None:
+    """Refuse a figure in a format that is not drawn, before anything is computed."""
+    if path is not None and path.suffix.lower() not in ("", *FIGURE_SUFFIXES):
+        msg = f"expected a file that ends in {', '.join(FIGURE_SUFFIXES)}, got '{path}'"
+        raise click.BadParameter(msg)
+    return path
 
 
 def paged(command: Command) -> Command:
