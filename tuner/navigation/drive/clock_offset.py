@@ -86,6 +86,10 @@ COMMON_PRIOR_SD = np.array(
 BIAS_SEGMENTS = (5.0, 5.0, 10.0, 20.0)
 """Lengths of the segments from which the gyro biases are found one after another, s: what is left of a bias must turn
 the unit by less than a radian."""
+MAX_BIAS_ROUNDS = 6
+"""Times that the gyro biases are found again with stamps that are put right."""
+NEGLIGIBLE_BIAS = 2e-3
+"""Change of the gyro biases, rad/s, that turns a segment by two degrees: a smaller one acts linearly."""
 FIRST_SDS = (1.0, 2.0, 0.1, 0.2)
 """Scatter of positions (h, v), m, and velocities (h, v), m/s, to begin with."""
 FIRST_REWEIGHTINGS = 3
@@ -155,12 +159,23 @@ def estimate_clock_offset(steps: Steps, gnss: Gnss, lever_arm: Sequence[float] |
     if len(parts) < 2:
         return None
     arm = np.zeros(3) if lever_arm is None else np.asarray(lever_arm, dtype=float)
-    increments = integrate_increments(steps, _gyro_bias(steps, gnss, arm))
+    bias = _gyro_bias(steps, gnss, arm)
+    increments = integrate_increments(steps, bias)
     prior_sd = COMMON_PRIOR_SD.copy()
     if lever_arm is not None:
         prior_sd[2:5] = KNOWN_ARM_SD
     first, at_bound = _coarse(increments, parts, arm)
-    return _gauss_newton(increments, parts, arm, prior_sd, first, at_bound)
+    found, change = _gauss_newton(increments, parts, arm, prior_sd, first, at_bound)
+    for _ in range(MAX_BIAS_ROUNDS):
+        if found is None or not found.significant or np.abs(change).max() < NEGLIGIBLE_BIAS:
+            break
+        # Biases that were fitted with stamps that are late are those of stamps that are not.
+        delay = float(np.nanmean(found.delay))
+        bias = bias + change
+        found, change = _gauss_newton(
+            integrate_increments(steps, bias), parts, arm, prior_sd, delay, at_bound
+        )
+    return found
 
 
 def _gyro_bias(steps: Steps, gnss: Gnss, arm: FloatArray) -> FloatArray:
@@ -250,8 +265,8 @@ def _gauss_newton(
     prior_sd: FloatArray,
     first: float,
     at_bound: bool,
-) -> ClockOffset | None:
-    """Refine the delays with weights by the scatter of every segment, and test them."""
+) -> tuple[ClockOffset | None, FloatArray]:
+    """Refine the delays with weights by the scatter of every segment, and test them; what the gyro biases change by."""
     prior = np.diag(prior_sd**-2)
     delay, weights = np.array([first, first]), [unweighted(part, FIRST_SDS) for part in parts]
     kinds = [
@@ -259,12 +274,13 @@ def _gauss_newton(
     ]
     free = np.array([*kinds, *[True] * (COMMON_PARAMETERS - 2)])
     if not np.any(free[:2]):
-        return None
+        return None, np.zeros(3)
 
     def linearized() -> list[Rows]:
         both = (float(delay[0]), float(delay[1]))
         return [regression(increments, part, w, both, arm) for part, w in zip(parts, weights, strict=True)]
 
+    before = np.zeros(2)
     for step in range(MAX_STEPS):
         for _ in range(FIRST_REWEIGHTINGS if step == 0 else 1):
             rows = linearized()
@@ -275,6 +291,8 @@ def _gauss_newton(
         change = found.value[:2]
         if np.all(np.abs(change[free[:2]]) < MIN_STEP * found.sd[:2][free[:2]]):
             break
+        change = change * np.where(change * before < 0.0, 0.5, 1.0)  # it overshot
+        before = change
         delay = delay + change * min(1.0, MAX_STEP / max(float(np.max(np.abs(change))), 1e-12))
         delay = np.clip(delay, -MAX_CLOCK_OFFSET, MAX_CLOCK_OFFSET)
     reach = np.abs(delay) + student_quantile(0.975, found.freedom) * found.sd[:2]
@@ -285,7 +303,7 @@ def _gauss_newton(
     d, c = delay[which], covariance[np.ix_(which, which)]
     statistic = float(d @ np.linalg.solve(c, d)) / len(d)
     p_value = fisher_beyond(statistic, len(d), found.freedom)
-    return ClockOffset(delay, covariance, found.freedom, p_value, at_bound)
+    return ClockOffset(delay, covariance, found.freedom, p_value, at_bound), found.value[-3:]
 
 
 @dataclass(frozen=True)

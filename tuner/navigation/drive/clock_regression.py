@@ -4,18 +4,18 @@ Within a segment of `SEGMENT_DURATION` the increments, rotated and integrated by
 must be the change of the fixes less gravity (`free_of_gravity`), u being the time since the begin of the segment and δ
 the delay of the stamps::
 
-    v(t) = c + C S(t − δ)
-    p(t) = c + c₁ u + C P(t − δ)
+    v(t) = c + C [S + C_b (ω × l)](t − δ)
+    p(t) = c + c₁ u + C [P + C_b l](t − δ)
 
-The constants c and c₁, the attitude C and the biases of the sensors belong to the segment alone; the delays of
-positions and of velocities, the lever arm, the scale factors of the sensors and the mean biases of the gyros are common
-to all. No noise density enters: rows are weighted by the scatter of what is left in their own segment, and a fix far
-outside it counts less or nothing.
+with the lever arm l, which swings as fast as the unit turns. The constants c and c₁, the attitude C and the biases of
+the sensors belong to the segment alone; the delays of positions and of velocities, the lever arm, the scale factors of
+the sensors and the mean biases of the gyros are common to all. No noise density enters: rows are weighted by the
+scatter of what is left in their own segment, and a fix far outside it counts less or nothing.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -52,6 +52,8 @@ MIN_FREE_SHARE = 0.1
 """Least share of the rows that counts as free: below it a scatter is not known."""
 DERIVATIVE_HALF_WIDTH = 0.25
 """Half of the time over which the acceleration is taken, s: wide enough that no vibration is in it."""
+SWING_HALF_WIDTH = 0.05
+"""The same of the velocity with which the antenna swings about the unit, s: a walker takes two steps in a second."""
 COMMON_PARAMETERS = 2 + 3 + 3 + 3 + 3
 """Delays, lever arm, scale factors of gyros and accelerometers, biases of the gyros."""
 OWN_PARAMETERS = 9 + 3 + 6
@@ -200,12 +202,13 @@ def residuals_by_delay(
     times = segment.t - delays[:, None]
     of = _Interpolator(increments.t, times.ravel())
     s, p = (of(y).reshape(*times.shape, 3) for y in (increments.velocity, increments.position))
-    x_p = p - p[:, :1] - s[:, :1] * segment.since[:, None]
-    x_v = s - s[:, :1]
+    arm_p, arm_v = _swing(of(increments.mat).reshape(-1, 3, 3), of(increments.rate), lever_arm)
+    x_p = p - p[:, :1] - s[:, :1] * segment.since[:, None] + arm_p.reshape(p.shape)
+    x_v = s - s[:, :1] + arm_v.reshape(s.shape)
     fixes = (np.nan_to_num(segment.position), np.nan_to_num(segment.velocity))
     mats = _attitudes(segment, (x_p, x_v), fixes, at.weight)
     turned = np.concatenate([x_p, x_v], axis=1) @ np.swapaxes(mats, 1, 2)
-    raw = (np.concatenate(fixes) - turned).reshape(len(delays), -1) - at.arm
+    raw = (np.concatenate(fixes) - turned).reshape(len(delays), -1)
     weighted = raw * at.weight
     left = weighted - (weighted @ q[: 6 * k]) @ q[: 6 * k].T
     left = np.divide(left, at.weight, out=np.full_like(left, np.nan), where=at.weight > 0.0)
@@ -216,14 +219,13 @@ def residuals_by_delay(
 class _Linearized:
     """A segment about two delays: residuals and derivatives of 6 k rows, positions first.
 
-    `weight` (6 k,) is one over the sd of a row; `raw`, `raw_own` are residuals and own derivatives unweighted, `arm`
-    what the lever arm adds; `residual`, `own`, `common` are weighted and have a prior row for each own parameter.
+    `weight` (6 k,) is one over the sd of a row; `raw`, `raw_own` are residuals and own derivatives unweighted;
+    `residual`, `own`, `common` are weighted and have a prior row for each own parameter.
     """
 
     weight: FloatArray
     raw: FloatArray
     raw_own: FloatArray
-    arm: FloatArray
     residual: FloatArray
     own: FloatArray
     common: FloatArray
@@ -238,7 +240,7 @@ def _linearized(
 ) -> _Linearized:
     """Return residuals and derivatives of a segment."""
     k, u = len(segment.t), segment.since[:, None, None]
-    of_p, of_v = (_at(increments, segment.t - delay) for delay in delays)
+    of_p, of_v = (_at(increments, segment.t - delay, lever_arm) for delay in delays)
     sd_p, sd_v = np.array(weights.sd)[[0, 0, 1]], np.array(weights.sd)[[2, 2, 3]]
     weight = np.concatenate(
         [
@@ -267,14 +269,12 @@ def _linearized(
             np.concatenate([shift_v, arm_v, mat @ of_v.scales[1], mat @ of_v.biases[1][:, :, :3]], axis=2),
         ]
     ).reshape(6 * k, COMMON_PARAMETERS)
-    arm = common[:, 2:5] @ lever_arm
-    raw = np.concatenate([fixes[0] - x_p, fixes[1] - x_v]).ravel() - arm
+    raw = np.concatenate([fixes[0] - x_p, fixes[1] - x_v]).ravel()
     nothing = np.zeros((OWN_PARAMETERS, COMMON_PARAMETERS))
     return _Linearized(
         weight,
         raw,
         own,
-        arm,
         np.append(raw * weight, nothing[:, 0]),
         np.vstack([own * weight[:, None], np.diag(1.0 / OWN_PRIOR_SD)]),
         np.vstack([common * weight[:, None], nothing]),
@@ -318,8 +318,13 @@ class _Interpolated:
     scales: tuple[FloatArray, FloatArray]
 
 
-def _at(increments: IntegratedIncrements, t: FloatArray) -> _Interpolated:
-    """Interpolate the integrals at times and refer them to the first time."""
+def _swing(mat: FloatArray, rate: FloatArray, arm: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return place and velocity of the end of a lever arm against the unit, in the axes b₀; (k, 3) each."""
+    return mat @ arm, (mat @ np.cross(rate, arm)[..., None])[..., 0]
+
+
+def _at(increments: IntegratedIncrements, t: FloatArray, arm: FloatArray) -> _Interpolated:
+    """Interpolate the integrals, those of the end of a lever arm, at times and refer them to the first time."""
     at = _Interpolator(increments.t, t)
     velocity, position = at(increments.velocity), at(increments.position)
     by_v, by_p, angles = at(increments.by_velocity), at(increments.by_position), at(increments.angles)[0]
@@ -332,14 +337,23 @@ def _at(increments: IntegratedIncrements, t: FloatArray) -> _Interpolated:
         # Errors of the gyros count from the first time on: what they turned before belongs to the attitude.
         d_v[:, i] -= rotation.skew(s) @ first
         d_p[:, i] -= rotation.skew(p) @ first
-    half = DERIVATIVE_HALF_WIDTH
-    later, earlier = _Interpolator(increments.t, t + half), _Interpolator(increments.t, t - half)
+    mat, rate = at(increments.mat).reshape(-1, 3, 3), at(increments.rate)
+    arm_p, arm_v = _swing(mat, rate, arm)
+
+    def slope(half: float, value: Callable[[_Interpolator], FloatArray]) -> FloatArray:
+        ends = (value(_Interpolator(increments.t, t + side)) for side in (half, -half))
+        return np.asarray(next(ends) - next(ends)) / (2.0 * half)
+
+    acceleration = slope(DERIVATIVE_HALF_WIDTH, lambda of: of(increments.velocity)) + slope(
+        SWING_HALF_WIDTH,
+        lambda of: _swing(of(increments.mat).reshape(-1, 3, 3), of(increments.rate), arm)[1],
+    )
     return _Interpolated(
-        s,
-        p,
-        (later(increments.velocity) - earlier(increments.velocity)) / (2.0 * half),
-        at(increments.mat).reshape(-1, 3, 3),
-        at(increments.rate),
+        s + arm_v,
+        p + arm_p,
+        acceleration,
+        mat,
+        rate,
         (np.concatenate([d_p[:, 0], d_p[:, 1]], axis=2), np.concatenate([d_v[:, 0], d_v[:, 1]], axis=2)),
         (np.concatenate([d_p[:, 2], d_p[:, 3]], axis=2), np.concatenate([d_v[:, 2], d_v[:, 3]], axis=2)),
     )

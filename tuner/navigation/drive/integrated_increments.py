@@ -39,7 +39,7 @@ class IntegratedIncrements:
     angles : ndarray, shape (n + 1, 18)
         ∫ C dt and ∫ C diag(ω) dt: attitude errors by gyro biases and scale factors.
     rate : ndarray, shape (n + 1, 3)
-        Angular rate in b, rad/s, mean of the step that ends.
+        Angular rate in b, rad/s, mean of the steps before and after.
     """
 
     t: FloatArray
@@ -87,7 +87,7 @@ def integrate_increments(steps: Steps, gyro_bias: FloatArray) -> IntegratedIncre
         by_velocity,
         _integral(by_velocity, dt),
         np.hstack([by_bias, by_scale]),
-        np.vstack([rate[:1], rate]),
+        0.5 * (np.vstack([rate[:1], rate]) + np.vstack([rate, rate[-1:]])),
     )
 
 
