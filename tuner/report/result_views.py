@@ -158,7 +158,9 @@ def page_of(results: Mapping[str, object], title: str, command: str) -> str:
 
 def _part_of(result: object) -> Part:
     view = view_of(result)
-    return Part(view.tables(result), [picture_of(view.figure(result), view.caption)])
+    figure = view.figure(result)
+    drawn = [picture_of(figure, view.caption)] if any(panel.has_data() for panel in figure.axes) else []
+    return Part(view.tables(result), drawn)
 
 
 def pictures_of_findings(records: Sequence[Record], diagnosis: Diagnosis) -> Part:

@@ -21,7 +21,7 @@ from tuner.report.html_page import write_sections_page
 from tuner.report.interactive_figure import charts_of_figure
 from tuner.report.result_views import VIEWS, page_of
 from tuner.synthesis.load_config import load_config
-from tuner.types import Diagnosis
+from tuner.types import Diagnosis, Finding
 from tuner.types.consistency import Consistency, Score, Severity, Verdict, VerdictCode
 from tuner.types.records import DataError
 
@@ -88,7 +88,7 @@ def shown(kind, noise, frame):
         "AllanCurve": lambda: tuner.curve(record, "adev"),
         "Spectrum": lambda: tuner.curve(record, "psd"),
         "Correlogram": lambda: tuner.curve(record, "acf"),
-        "Diagnosis": lambda: Diagnosis(()),
+        "Diagnosis": lambda: Diagnosis((STEP,)),
         "Consistency": lambda: Consistency(SCORES[0], (), (), None, (), {}, 0.0, diverged=False),
         "SensorComparison": lambda: SensorComparison(
             compare_identifications(["one", "other"], [noise, noise]), (), "rtk", (None, None)
@@ -98,6 +98,7 @@ def shown(kind, noise, frame):
     return made[kind]()
 
 
+STEP = Finding("step", ("gyro_x",), "a test", 9.0, 1e-9, {}, "step in gyro_x", drift={"60 s": (31.0, 12.0)})
 KINDS = "Identification FilterConfig AllanCurve Spectrum Correlogram Diagnosis Consistency SensorComparison GradeChoice"
 
 
@@ -157,3 +158,7 @@ def test_a_figure_drawn_again_has_the_same_bytes():
 def test_every_verb_returns_what_can_be_shown():
     assert {kind.__name__ for kind in VIEWS} >= {"TuneResult", "Check", "DriveResult", "OutputScore", "Fleet"}
     assert all(hasattr(kind, "plot") for kind in VIEWS)
+
+
+def test_a_page_of_a_clean_log_has_no_empty_chart():
+    assert "<figure" not in page_of({"Part": Diagnosis(())}, "A title", "tuner something")
