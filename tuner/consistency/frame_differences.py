@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tuner.consistency.clock_offset import clock_offset, find_time_offset
+from tuner.consistency.clock_offset import MAX_TIME_OFFSET, clock_offset, find_time_offset
 from tuner.consistency.output_errors import OutputErrors, output_errors
 from tuner.consistency.output_scores import error_scores
 from tuner.consistency.trajectory_alignment import Alignment
@@ -48,17 +48,25 @@ def errors_in_one_frame(
     coarse = [find_time_offset(output, truth) or 0.0 for output, truth in pairs]
     far = any(abs(value) >= MIN_COARSE_OFFSET for value in coarse)
     first = clock_offset(errors(coarse), coarse) if far else clock_offset(as_stamped, none)
-    if first is None:
+    if first is None or not _within_search(first):  # hardly a motion
         return None, as_stamped
     offset = first
     for _ in range(MAX_OFFSET_ROUNDS):  # errors are not linear in it
         shifts = [offset.value] * len(pairs)
-        before, offset = offset, clock_offset(errors(shifts), shifts) or offset
+        before, found = offset, clock_offset(errors(shifts), shifts)
+        if found is None or not _within_search(found):
+            break
+        offset = found
         if abs(offset.value - before.value) < 0.1 * (offset.interval[1] - offset.interval[0]):
             break
     if not align_time:
         return offset, as_stamped
     return replace(offset, removed=True), errors([offset.value] * len(pairs))
+
+
+def _within_search(offset: TimeOffset) -> bool:
+    """Tell whether an offset is known well enough to be applied: it and its interval are in the range of the search."""
+    return max(map(abs, offset.interval)) <= MAX_TIME_OFFSET
 
 
 def matters(offset: TimeOffset, runs: Sequence[OutputErrors]) -> bool:

@@ -121,6 +121,29 @@ def test_honest_filters_are_not_accused_by_their_reference(seed):
         assert any("a constant rotation between the bodies" in note for note in runs[0].notes)
 
 
+def test_a_vehicle_that_hardly_moves_shows_no_offset_of_clocks():
+    """Standing, what moves is noise: the offset that fits best may be hours, and nothing is shifted by it."""
+    rng, t = np.random.default_rng(8), np.arange(0.0, 60.0)
+    covariance = np.broadcast_to(np.diag(np.concatenate([SDS**2, np.ones(6)])), (60, 15, 15))
+    for scale in (0.0, 1e-3, 1.0):
+        noise = scale * SDS * rng.standard_normal((60, 9))
+        quat = rotation.quat_from_rotvec(noise[:, 6:])
+        truth = filter_output("truth", t, local=noise[:, :3], vel_n=noise[:, 3:6], quat_nb=quat)
+        still = rotation.quat_from_rotvec(0.1 * SDS[6:] * rng.standard_normal((60, 3)))
+        output = filter_output(
+            "filter",
+            t,
+            local=SDS[:3] * rng.standard_normal((60, 3)),
+            vel_n=SDS[3:6] * rng.standard_normal((60, 3)),
+            quat_nb=still,
+            covariance=covariance,
+        )
+        for align_time in (False, True):
+            offset, runs = errors_in_one_frame([output], [truth], NONE, align_time, True)
+            assert len(runs[0].t) >= 50
+            assert offset is None or abs(offset.value) <= 3.0
+
+
 def test_optimistic_filters_stay_accused_by_a_turned_and_late_reference():
     t = np.arange(0.37, DURATION, 0.1)
     turned = at(t, late=0.2, body=(0.01, -0.03, 0.06))
