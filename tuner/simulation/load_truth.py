@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -32,14 +32,14 @@ class Truth:
     start_sd : ndarray, shape (9,), or None
         Errors of position, velocity and attitude at the start, that an alignment with this unit and receiver leaves;
         None, or NaN, where the source does not say.
-    compensation : Compensation
-        What is known of lever arm and clock.
+    compensation : Compensation or None
+        What is known of lever arm and clock; None where the source says nothing of an installation.
     """
 
     sensor: Sensor
     receiver: GnssNoise | None = None
     start_sd: FloatArray | None = None
-    compensation: Compensation = field(default_factory=Compensation)
+    compensation: Compensation | None = None
 
 
 def load_truth(source: FilterConfig | Sensor | str | Path) -> Truth:
@@ -69,8 +69,15 @@ def load_truth(source: FilterConfig | Sensor | str | Path) -> Truth:
     return Truth(sensor_of_config(config), config.gnss, start, config.compensation)
 
 
-def installation(truth: Compensation, configured: Compensation) -> tuple[tuple[float, float, float], float]:
-    """Return by how much lever arm, m, and delay of the fixes, s, of a truth are larger than those configured."""
+def installation(
+    truth: Compensation | None, configured: Compensation
+) -> tuple[tuple[float, float, float], float]:
+    """Return by how much lever arm, m, and delay of the fixes, s, of a truth are larger than those configured.
+
+    A truth that says nothing of an installation has that of the configuration.
+    """
+    if truth is None:
+        return (0.0, 0.0, 0.0), 0.0
 
     def more(cause: str, name: str) -> float:
         parameter = Parameter(cause, name)

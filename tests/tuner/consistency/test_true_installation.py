@@ -10,6 +10,7 @@ import pytest
 from models.trajectory.catalogue import TRAJECTORIES
 from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
 from tuner.consistency.check import check
+from tuner.simulation.imu import sensor_of_config
 from tuner.simulation.load_truth import installation, load_truth
 from tuner.synthesis import synthesize
 from tuner.types import Compensation
@@ -63,3 +64,10 @@ def test_an_installation_is_what_the_truth_has_more_than_the_filter_takes_out():
     arm, delay = installation(truth, own)
     assert arm == pytest.approx((0.6, 0.0, -0.2))
     assert delay == pytest.approx(0.1)
+
+
+def test_a_unit_or_a_grade_says_nothing_of_an_installation():
+    """The unit alone is what `tune --drive` checks with: the delay that it had found was called wrong."""
+    late = placed(time_offset__delay=0.1, lever_arm__x=1.0)
+    for truth in (sensor_of_config(RIGHT), "mpu9250"):
+        assert installation(load_truth(truth).compensation, late.compensation) == ((0.0, 0.0, 0.0), 0.0)
