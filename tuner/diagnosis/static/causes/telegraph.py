@@ -66,6 +66,8 @@ THIRD_LEVEL_LEAD = 3.0
 
 A likelihood ratio of 20.
 """
+MIN_VISITS = 2
+"""Least number of visits to each of three levels: one that is visited once is a matter of steps."""
 THIRD_LEVEL_TOLERANCE = 0.1
 """Nats, and logs, to which three levels are fitted: a thirtieth of that lead."""
 
@@ -165,10 +167,11 @@ class Telegraph(Extension):
         if gain <= 0.0:
             return TestResult("telegraph", p_value, gain, lead, name)
         extension, switches, x, two = _extension(y, step, channel.span, r, best[1], besides)
-        many, visits, three = _three_levels(y, step, channel.span, r, x, besides)
-        if three > two + THIRD_LEVEL_LEAD and visits >= 2:
+        many = _three_levels(y, step, channel.span, r, x, besides, two + THIRD_LEVEL_LEAD)
+        if many is not None:
+            found, three = many
             return TestResult(
-                "telegraph", p_value, three - null - price, three - null, ManyLevels.meaning, lambda: (many,)
+                "telegraph", p_value, three - null - price, three - null, ManyLevels.meaning, lambda: (found,)
             )
         size = extension.values["size"]
         if (
@@ -319,11 +322,18 @@ def _extension(
 
 
 def _three_levels(
-    y: FloatArray, step: float, span: float, r: FloatArray | float, two: FloatArray, besides: type[Term]
-) -> tuple[ManyLevels, int, float]:
-    """Return the path between three levels next to the free numbers of two, the fewest visits to one, log likelihood.
+    y: FloatArray,
+    step: float,
+    span: float,
+    r: FloatArray | float,
+    two: FloatArray,
+    besides: type[Term],
+    least: float,
+) -> tuple[ManyLevels, float] | None:
+    """Return the path between three levels and their log likelihood, above `least`; None where they have less.
 
     The third level lies between the two, or beyond one of them; from each a switch to either other is as likely.
+    Hills are climbed from each of these places next to the free numbers of two, until one is high enough.
     """
 
     def parts(x: FloatArray) -> tuple[Chain, Slow] | None:
@@ -337,13 +347,15 @@ def _three_levels(
     starts = [np.array([*two[:3], *pair, dwell]) for pair in places]
     models = [parts(x) for x in starts]
     values = [-np.inf if model is None else likelihood_by_start(y, *model, r) for model in models]
-    start = starts[int(np.argmax(values))]
     simplex = np.diag([0.5, 0.5, 0.5, 0.3 * size, 0.3 * size, 0.5])
-    x, model, _ = climb(y, r, parts, start, simplex, THIRD_LEVEL_TOLERANCE)
-    path, dwell = np.empty(len(y)), float(np.exp(x[5]))
-    value = likelihood_by_start(y, *model, r, path)
-    levels = np.array([0.0, x[3], x[4]])
-    at = np.argmin(np.abs(path[:, None] - levels), axis=1)
-    entered = at[np.flatnonzero(np.diff(at, prepend=-1))]
-    visits = int(np.bincount(entered, minlength=len(levels)).min())
-    return ManyLevels(tuple(path.tolist()), float(np.std(levels)), dwell / 1.5), visits, value
+    for at in np.argsort(values)[::-1]:
+        x, model, _ = climb(y, r, parts, starts[at], simplex, THIRD_LEVEL_TOLERANCE)
+        path, dwell = np.empty(len(y)), float(np.exp(x[5]))
+        value = likelihood_by_start(y, *model, r, path)
+        levels = np.array([0.0, x[3], x[4]])
+        nearest = np.argmin(np.abs(path[:, None] - levels), axis=1)
+        entered = nearest[np.flatnonzero(np.diff(nearest, prepend=-1))]
+        visits = int(np.bincount(entered, minlength=len(levels)).min())
+        if value > least and visits >= MIN_VISITS:
+            return ManyLevels(tuple(path.tolist()), float(np.std(levels)), dwell / 1.5), value
+    return None
