@@ -19,9 +19,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from tuner.jobs import usable
-from tuner.linked_copies import keep_linked_copies
 
-keep_linked_copies()
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 

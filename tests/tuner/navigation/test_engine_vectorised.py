@@ -12,8 +12,11 @@ import sys
 import pytest
 from llvmlite.binding import get_host_cpu_features
 from numba import njit
+from numba.core.registry import CPUDispatcher
 
 from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
+from tuner.diagnosis.drive.linear_model import kalman_kernels
+from tuner.navigation.engine import filter_steps
 from tuner.navigation.engine.layout import BATCH_SIZE, layout_of
 from tuner.navigation.engine.mechanisation import mechanise
 from tuner.navigation.engine.sensor_inputs import inputs_by_columns
@@ -26,17 +29,17 @@ PACKED = re.compile(r"\bv?(?:mul|add|sub|fn?m(?:add|sub)\d+)pd\b")
 WIDE = re.compile(PACKED.pattern + r".*%zmm")
 
 
-@njit(fastmath=True)
+@njit
 def _mechanised(memory, covariance, inputs, _):
     mechanise(memory[0], 0.01, 1.0)
 
 
-@njit(fastmath=True)
+@njit
 def _stepped(memory, covariance, inputs, _):
     columns_through_step(memory[0], covariance[0], inputs[0], 0, 16, 0.01)
 
 
-@njit(fastmath=True)
+@njit
 def _summed(memory, covariance, inputs, alone):
     inputs_by_columns(memory[0], covariance[0], inputs[0], 0, 16, alone)
 
@@ -72,23 +75,12 @@ def test_loops_are_packed(tmp_path):
     assert together[2][0] >= 150  # of the mechanisation
 
 
-def linkages():
-    """How the functions in the code of one that calls another, which calls itself, can be replaced."""
-
-    @njit(no_cpython_wrapper=True, no_cfunc_wrapper=True)
-    def called(n):
-        return 1 if n < 2 else called(n - 1) + called(n - 2)
-
-    calling = njit(lambda n: called(n))
-    assert calling(8) == 34
-    (compiled,) = calling.overloads.values()
-    functions = compiled.library._final_module.functions
-    return {function.linkage.name for function in functions if not function.is_declaration}
-
-
-def test_the_run_that_compiles_calls_what_later_runs_call():
-    """Else it calls functions that were compiled for themselves, and differs in the last digits."""
-    assert linkages() == {"external", "internal"}
+def test_no_kernel_rounds_otherwise_where_it_is_inlined():
+    """With `fastmath` the process that compiles would differ in the last digits from those that load its code."""
+    kernels = (*vars(kalman_kernels).values(), *vars(filter_steps).values())
+    options = [one.targetoptions for one in kernels if isinstance(one, CPUDispatcher)]
+    assert options
+    assert not any(one.get("fastmath") for one in options)
 
 
 if __name__ == "__main__":

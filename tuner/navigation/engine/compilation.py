@@ -25,9 +25,7 @@ from numba.extending import intrinsic, register_jitable
 from numpy.typing import NDArray
 
 from models import earth, error_state, strapdown, taylor, vector3
-from tuner.linked_copies import keep_linked_copies
 
-keep_linked_copies()
 FloatArray = NDArray[np.float64]
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -37,7 +35,7 @@ COMPILING_AFTER = 1.0
 WIDE_VECTORS = '"prefer-vector-width"="512"'
 """Attribute of a function in LLVM's language."""
 
-_OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": True}
+_OPTIONS: dict[str, Any] = {"error_model": "numpy"}
 _INNER = _OPTIONS | {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 

@@ -32,9 +32,6 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.linked_copies import keep_linked_copies
-
-keep_linked_copies()
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
@@ -45,7 +42,7 @@ NAVIGATION_STATES = 9
 """Navigation states, which are initialised anew at the start of every stretch."""
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath=True)
+@numba.njit(cache=True, error_model="numpy")
 def _gathered(
     first: int, last: int, column: IntArray, values: FloatArray, right: FloatArray, to: FloatArray
 ) -> None:
@@ -63,7 +60,7 @@ def _gathered(
             to[j] += a * w[j]
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath=True)
+@numba.njit(cache=True, error_model="numpy")
 def _product(
     start: IntArray, column: IntArray, values: FloatArray, right: FloatArray, out: FloatArray, half: bool
 ) -> None:
@@ -73,7 +70,7 @@ def _product(
         _gathered(start[i], start[i + 1], column, values, right, out[i, :width])
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath=True)
+@numba.njit(cache=True, error_model="numpy")
 def _turned_product(
     start: IntArray, column: IntArray, values: FloatArray, right: FloatArray, out: FloatArray, half: bool
 ) -> None:
@@ -88,14 +85,14 @@ def _turned_product(
                 to[j] += c * of[j]
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath=True)
+@numba.njit(cache=True, error_model="numpy")
 def _add(row: IntArray, column: IntArray, values: FloatArray, factor: float, out: FloatArray) -> None:
     """Add a factor times the lower half of a matrix to that of out."""
     for e in range(len(row)):
         out[row[e], column[e]] += factor * values[e]
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath=True)
+@numba.njit(cache=True, error_model="numpy")
 def _pull(row: IntArray, column: IntArray, values: FloatArray, r: FloatArray, N: FloatArray) -> float:
     """Return ½ tr (r rᵀ − N) Q of the lower half of Q."""
     total = 0.0
@@ -106,7 +103,7 @@ def _pull(row: IntArray, column: IntArray, values: FloatArray, r: FloatArray, N:
     return total
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath=True)
+@numba.njit(cache=True, error_model="numpy")
 def _mirror(matrix: FloatArray) -> None:
     """Make a matrix symmetric: its upper half that of its lower one."""
     for i in range(matrix.shape[0]):
@@ -114,7 +111,7 @@ def _mirror(matrix: FloatArray) -> None:
             matrix[j, i] = matrix[i, j]
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath=True)
+@numba.njit(cache=True, error_model="numpy")
 def _flip(matrix: FloatArray, out: FloatArray) -> None:
     """Set out to the transpose."""
     for i in range(matrix.shape[0]):
@@ -122,7 +119,7 @@ def _flip(matrix: FloatArray, out: FloatArray) -> None:
             out[j, i] = matrix[i, j]
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def forward(
     phi: Places,
     gyro: Places,
@@ -260,7 +257,7 @@ def forward(
             a[m] -= correction[i, m]
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def backward(
     phi: Places,
     gyro: Places,
@@ -382,7 +379,7 @@ def backward(
         by_process_noise[g] *= factor[g]
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath=True)
+@numba.njit(cache=True, error_model="numpy")
 def unaided(phi: Places, push: FloatArray, starts: BoolArray, error: FloatArray) -> None:
     """Set the error (k, n) at every fix that inputs (k, n) cause where no filter corrects any of it."""
     start, column, transition = phi
