@@ -30,13 +30,13 @@ LEAST_BLOCK = 30.0
 MIN_BLOCKS = 5
 """Blocks of a drive, each longer than the errors stay, from which the scatter of their means is known."""
 MAX_P_VALUE = 1e-4
-"""p value of three directions below which an offset is told: it is no finding of the filter and may not be chance."""
+"""p value of three directions below which an offset is reported, which must not be chance: no finding shows it."""
 MAX_STATED_SDS = 3.0
 """Offset in stated sds of positions up to which it is an error of the receiver: single points err alike for an hour."""
 MIN_OFFSET = 0.05
-"""Least offset that is told, m: the antenna is measured no better."""
+"""Least offset that is reported, m: the antenna is measured no better."""
 MIN_HEADING_RATIO, MIN_HEADING = 4.0, np.radians(0.5)
-"""Heading error ÷ its stated sd, and heading error, rad, from which it is told: a reference's own alignment is less."""
+"""Heading error ÷ its stated sd, and heading error, rad, from which it is reported: a reference is aligned better."""
 DIRECTIONS = ("north", "east", "down")
 
 
@@ -178,15 +178,15 @@ def _offset(
     mean, sd = means.mean(axis=0), means.std(axis=0, ddof=1) / np.sqrt(len(means))
     p_value = 3.0 * 2.0 * student.sf(np.abs(mean) / np.maximum(sd, 1e-9), len(means) - 1)
     half = float(student.ppf(0.975, len(means) - 1)) * sd
-    told = [
+    offsets = [
         f"{mean[i]:+.2f} ({mean[i] - half[i]:+.2f} … {mean[i] + half[i]:+.2f}) m {DIRECTIONS[i]}"
         for i in range(3)
         if p_value[i] < MAX_P_VALUE and abs(mean[i]) > max(MIN_OFFSET, MAX_STATED_SDS * stated[i])
     ]
-    if not told:
+    if not offsets:
         return None
     text = (
-        f"fixes lie {', '.join(told)} of the reference all the time: another datum or height system, another point "
+        f"fixes lie {', '.join(offsets)} of the reference all the time: another datum or height system, another point "
         "of the vehicle, or an error of the receiver that outlasts the drive; no innovation shows it"
     )
     return Unexplained(text, ("gnss",), float(p_value.min()))

@@ -11,7 +11,7 @@ is worse: positions with fixes, and errors in outages of the whole drive, compar
 are tried in the order of their log density on the first part; where none passes, the configuration stays as it began.
 Where a reference shows that positions err more than the fixes alone, or outages other than predicted, those of
 `NEARER_TO_FIXES` are tried, then the other beginnings and theirs. Written is the first whose positions do not and
-whose errors in outages are predicted (`HONEST_RATIOS`); else one that predicts them and errs like the fixes, within
+whose errors in outages are predicted (`CONSISTENT_RATIOS`); else one that predicts them and errs like the fixes, within
 `MAX_TRACKING_RATIO`; else one whose positions err no more. Where there is none, the note says that the fixes are
 better.
 """
@@ -74,7 +74,7 @@ WORSE_PROBABILITY = 0.9
 """Probability from which errors in outages count as larger: a user loses more by them than by a change not made."""
 MAX_TRACKING_RATIO = 1.05
 """Position error with fixes, after ÷ before, above which it counts as worse: 5 % are lost in the scatter of a drive."""
-HONEST_RATIOS = (0.7, 1.4)
+CONSISTENT_RATIOS = (0.7, 1.4)
 """True ÷ predicted error in outages between which a prediction is taken for right: what few windows can tell."""
 SDS_FOUND = "as it began, sds of the fixes as found"
 """Name of the configuration that takes only that from the findings: solution classes may report anything."""
@@ -112,9 +112,9 @@ class HeldOutChoice:
     note: str = ""
 
     @property
-    def is_honest(self) -> bool:
-        """Whether errors in outages of the last part are within `HONEST_RATIOS` of those predicted."""
-        low, high = HONEST_RATIOS
+    def is_predicted(self) -> bool:
+        """Whether errors in outages of the last part are within `CONSISTENT_RATIOS` of those predicted."""
+        low, high = CONSISTENT_RATIOS
         return self.after is not None and all(low <= one.ratio <= high for one in self.after.outages)
 
 
@@ -231,9 +231,9 @@ def choose_config(
             before, "as it began", {}, begun, begun, note=_note("as it began", begun, begun, {})
         )
     nearer = passing if drive.reference is None or follows(passing, 1.0) else None
-    if nearer is not None and (drive.reference is None or passing.is_honest):
+    if nearer is not None and (drive.reference is None or passing.is_predicted):
         return passing
-    alike = passing if passing.is_honest and follows(passing, MAX_TRACKING_RATIO) else None
+    alike = passing if passing.is_predicted and follows(passing, MAX_TRACKING_RATIO) else None
 
     def tried(chosen: Sequence[Candidate]) -> HeldOutChoice | None:
         """Return the first that follows the fixes and predicts outages; keep the first that does either."""
@@ -243,10 +243,10 @@ def choose_config(
             if found is None or not follows(found, MAX_TRACKING_RATIO):
                 continue
             strictly = follows(found, 1.0)
-            if strictly and found.is_honest:
+            if strictly and found.is_predicted:
                 return found
             nearer = found if strictly and nearer is None else nearer
-            alike = found if found.is_honest and alike is None else alike
+            alike = found if found.is_predicted and alike is None else alike
         return None
 
     best_of_all = tried(_nearer_to_fixes(one))

@@ -1,7 +1,7 @@
 """Clocks that are too far apart for the search of an offset: 18 s between UTC and GPS time, or each from its own start.
 
 About the vertical a vehicle turns at the rate of its course. Both rates are correlated at every offset within
-`REACH`; where one beyond the search agrees far better than all within, whatever the search finds would be chance.
+`MAX_OFFSET`; where one beyond the search agrees far better than all within, whatever the search finds would be chance.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from tuner.types.records import DataError, Drive
 
 FloatArray = NDArray[np.float64]
 
-REACH, STEP = 60.0, 0.2
+MAX_OFFSET, OFFSET_STEP = 60.0, 0.2
 """Largest offset that is looked at, and spacing, s: leap seconds, or a logger that is switched on later."""
-AVERAGED = 1.0
+AVERAGING_TIME = 1.0
 """Time over which rates are taken, s: shorter than a turn, longer than a swing."""
 MIN_CORRELATION = 0.8
 """Correlation from which the rates are those of one motion: noise and sideslip leave 0.9 of cars and walkers."""
@@ -26,7 +26,7 @@ CORRELATION_TIME = 5.0
 """Time after which turns are independent, s."""
 MIN_TIME = 60.0
 """Time in motion that a comparison needs, s."""
-SLOW, MAX_COURSE_RATE = 0.3, 2.0
+SLOW_SHARE, MAX_COURSE_RATE = 0.3, 2.0
 """Share of the usual speed below which a course is not known, and largest rate that is a turn, rad/s."""
 
 
@@ -42,17 +42,17 @@ def refuse_distant_clocks(drive: Drive) -> None:
     known = np.isfinite(gnss.vel_n).all(axis=1)
     if np.count_nonzero(known) < 2 or t[-1] - t[0] < MIN_TIME:
         return
-    sampled = np.arange(t[0] + AVERAGED, t[-1] - AVERAGED, STEP)
+    sampled = np.arange(t[0] + AVERAGING_TIME, t[-1] - AVERAGING_TIME, OFFSET_STEP)
     rates = _turn_rate(drive, sampled)
-    at = np.arange(gnss.t[known][0], gnss.t[known][-1], STEP)
+    at = np.arange(gnss.t[known][0], gnss.t[known][-1], OFFSET_STEP)
     course, usable = _course_rate(gnss.t[known], gnss.vel_n[known], at)
-    offsets = np.arange(-REACH, REACH + 0.5 * STEP, STEP)
+    offsets = np.arange(-MAX_OFFSET, MAX_OFFSET + 0.5 * OFFSET_STEP, OFFSET_STEP)
     found = np.full(len(offsets), -1.0)
     time = np.zeros(len(offsets))
     for i, offset in enumerate(offsets.tolist()):
         other = np.interp(at - offset, sampled, rates, left=np.nan, right=np.nan)
         both = usable & np.isfinite(other)
-        time[i] = STEP * np.count_nonzero(both)
+        time[i] = OFFSET_STEP * np.count_nonzero(both)
         if time[i] > MIN_TIME and np.ptp(other[both]) > 0.0 and np.ptp(course[both]) > 0.0:
             found[i] = np.corrcoef(other[both], course[both])[0, 1]
     within = np.abs(offsets) <= MAX_CLOCK_OFFSET
@@ -83,19 +83,20 @@ def _turn_rate(drive: Drive, at: FloatArray) -> FloatArray:
         )
         return np.asarray((late - early) / (2.0 * half))
 
-    rate, force = mean(slice(0, 3), 0.5 * AVERAGED), mean(slice(3, 6), AVERAGED)
+    rate, force = mean(slice(0, 3), 0.5 * AVERAGING_TIME), mean(slice(3, 6), AVERAGING_TIME)
     up = force / np.maximum(np.linalg.norm(force, axis=1, keepdims=True), 1e-9)
     return np.asarray(-np.sum((rate - np.median(rate, axis=0)) * up, axis=1))
 
 
 def _course_rate(t: FloatArray, vel: FloatArray, at: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
     """Return the rate of the course at times, rad/s, and where the vehicle is fast enough for one."""
-    half = 0.5 * AVERAGED
+    half = 0.5 * AVERAGING_TIME
     north, east = (np.interp(at, t, vel[:, i]) for i in range(2))
     more_north, more_east = (
-        (np.interp(at + half, t, vel[:, i]) - np.interp(at - half, t, vel[:, i])) / AVERAGED for i in range(2)
+        (np.interp(at + half, t, vel[:, i]) - np.interp(at - half, t, vel[:, i])) / AVERAGING_TIME
+        for i in range(2)
     )
     square = north**2 + east**2
     rate = (north * more_east - east * more_north) / np.maximum(square, 1e-6)
-    fast = np.sqrt(square) > max(SLOW * float(np.sqrt(np.quantile(square, 0.9))), 0.1)
+    fast = np.sqrt(square) > max(SLOW_SHARE * float(np.sqrt(np.quantile(square, 0.9))), 0.1)
     return rate, fast & (np.abs(rate) < MAX_COURSE_RATE)

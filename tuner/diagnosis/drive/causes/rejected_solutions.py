@@ -1,4 +1,4 @@
-"""Stated solutions that a filter rejects: their sds are told before any single fix is called wrong.
+"""Stated solutions that a filter rejects: their sds are reported before any single fix is called wrong.
 
 A receiver may state a class of solution for every fix and report for one of them sds that are a hundredth of its
 errors. The gate then rejects most of that class and little of the others, so that no likelihood of the fixes that are

@@ -27,7 +27,7 @@ MAX_INTERVAL_WIDTH = 2.0
 
 Colour and quantization are then not separable.
 """
-EDGE = 0.01
+EDGE_DISTANCE = 0.01
 """Distance from the edge of a stationary process within which a colour is none: it stands for another shape."""
 MIN_FILTER_GAIN_SHARE = 0.9
 """Share of the gain of a colour that a low-pass filter must reach to be named, where the spectrum falls all the way.
@@ -59,7 +59,7 @@ class Colour(ShapedWhiteNoise):
 def test(tested: ShapeTest) -> TestResult:
     """Test for ARMA noise in place of white noise."""
     name = "likelihood ratio of an ARMA spectrum"
-    inside = [c for c in tested.colours if np.all(np.abs(c.x) < MAX_FREE_NUMBER - EDGE)]
+    inside = [c for c in tested.colours if np.all(np.abs(c.x) < MAX_FREE_NUMBER - EDGE_DISTANCE)]
     if not inside:
         return TestResult("colour", tested.any_p_value, NO_GAIN, 0.0, name)
     best = inside[0]

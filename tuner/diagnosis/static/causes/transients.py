@@ -27,7 +27,7 @@ from tuner.diagnosis.static.outcome import NO_GAIN, TestResult
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
-SHORTEST, RATIO = 4.0, 2.5
+SHORTEST_TIME, TIME_RATIO = 4.0, 2.5
 """Shortest time constant, samples, and from one to the next: one between two has 0.95 of the product with either."""
 LEVELS = (4.5, 5.0, 5.5, 6.5, 8.0)
 """Levels of the excursions, sds; below the first, chance makes too many."""
@@ -56,9 +56,11 @@ class Transients(Extension):
     def test(cls, fitted: Residual) -> TestResult:
         """Count excursions of the products of the residuals with a decay."""
         e = np.where(fitted.valid, np.clip(fitted.e, -RESIDUAL_CLIP, RESIDUAL_CLIP), 0.0)
-        longest = max(MIN_BLOCKS * fitted.channel.block, SHORTEST)
-        constants = SHORTEST * RATIO ** np.arange(int(np.log(longest / SHORTEST) / np.log(RATIO)) + 1)
-        best, chosen = 1.0, SHORTEST
+        longest = max(MIN_BLOCKS * fitted.channel.block, SHORTEST_TIME)
+        constants = SHORTEST_TIME * TIME_RATIO ** np.arange(
+            int(np.log(longest / SHORTEST_TIME) / np.log(TIME_RATIO)) + 1
+        )
+        best, chosen = 1.0, SHORTEST_TIME
         for constant in constants.tolist():
             size = np.abs(_products(e, constant))
             for level in LEVELS:
