@@ -182,7 +182,7 @@ def unit_names(files: Sequence[str]) -> list[str]:
         ]
         depth += 1
     counts = Counter(names)
-    return [name if counts[name] == 1 else printable(file) for name, file in zip(names, files, strict=True)]
+    return [printable(name if counts[name] == 1 else file) for name, file in zip(names, files, strict=True)]
 
 
 def output_folder(logs: Sequence[str | Path], chosen: Path | None) -> Path:

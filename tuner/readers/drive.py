@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models import rotation
-from tuner.formats.guard import input_guard
+from tuner.formats.guard import input_guard, printable
 from tuner.readers import read
 from tuner.readers.columns import digest
 from tuner.readers.drive_checks import check_drive
@@ -310,7 +310,7 @@ def _drive(
         fixes[:, 0] - begin, llh, fixes[:, 4:7], fixes[:, 7:10], fixes[:, 10:13], fixes[:, 13:].ravel()
     )
     return Drive(
-        path.stem,
+        printable(path.stem),
         imu[:, 0] - begin,
         imu[:, 1:],
         gnss,
@@ -318,9 +318,9 @@ def _drive(
         float(begin),
         lever_arm,
         mounting,
-        path.name,
+        printable(path.name),
         digest(path if path.is_file() else path / "imu.csv"),
-        tuple(messages),
+        tuple(map(printable, messages)),
     )
 
 

@@ -18,6 +18,7 @@ from tuner.consistency.output_scores import normalized
 from tuner.consistency.score_output import OutputScore
 from tuner.formats.documents import json_text
 from tuner.formats.file_set import MANIFEST, digests, write_set
+from tuner.formats.guard import printable
 from tuner.report.consistency_tables import consistency_tables, consistency_verdict
 from tuner.report.figure_files import figure_bytes
 from tuner.report.html_page import Picture, write_sections_page
@@ -81,7 +82,7 @@ def write_output_score(
     if found.states and not found.consistency.diverged:
         sections.append(("State by state", [states_table(found.states)], []))
     verdict = consistency_verdict(found.consistency)
-    title = f"Score of {', '.join(Path(output.name).name for output in found.outputs[:3])}"
+    title = printable(f"Score of {', '.join(Path(output.name).name for output in found.outputs[:3])}")
     files["report.html"] = write_sections_page(title, sections, command, verdict).encode()
     files["score.json"] = json_text(dict(content) | {MANIFEST: digests(files)}).encode()
     write_set(directory, files, last="score.json")

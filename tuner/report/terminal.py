@@ -10,10 +10,10 @@ from rich.console import Console, ConsoleOptions, RenderableType
 from rich.segment import Segment
 from rich.table import Table
 
-_CONTROLS = {
-    code: "\N{REPLACEMENT CHARACTER}" for code in (*range(32), *range(127, 160)) if code != ord("\n")
-}
-"""Characters that a terminal would take for commands."""
+_CONTROLS = dict.fromkeys(
+    {*range(32), *range(127, 160), *range(0xD800, 0xE000)} - {ord("\n")}, "\N{REPLACEMENT CHARACTER}"
+)
+"""Characters that a terminal would take for commands, and halves of characters, as in names that are no text."""
 UNKNOWN_WIDTH = 160
 """Columns where nobody says how many, and no terminal does."""
 

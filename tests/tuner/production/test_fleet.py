@@ -337,6 +337,7 @@ def test_bad_input_is_one_line(logs, arguments, said, capsys):
 
 def test_units_of_one_name_are_told_apart_by_their_folders(tmp_path):
     assert unit_names(["a/x/log.csv", "b/x/log.csv", "b/other.csv"]) == ["a/x/log", "b/x/log", "other"]
+    assert unit_names(["caf\udce9/log.csv", "b/log.csv"]) == ["caf\ufffd/log", "b/log"]
     assert output_folder([str(tmp_path / "*.csv")], None).name == tmp_path.name
 
 

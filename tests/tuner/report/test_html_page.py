@@ -141,6 +141,7 @@ def test_many_pictures_stand_beside_the_page(page):
 def test_the_command_leaves_out_where_results_go():
     words = ["tune", "a log.npz", "-o", "x", "--json=y", "--seed", "3", "--quiet", "-oz"]
     assert stated_command(words) == "tuner tune 'a log.npz' --seed 3"
+    assert stated_command(["tune", "caf\udce9\x1b[31m.npz"]) == "tuner tune 'caf\ufffd\ufffd[31m.npz'"
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")

@@ -2,6 +2,7 @@
 
 import csv
 import io
+import os
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 
@@ -97,7 +98,7 @@ def test_kml_and_gpx_hold_every_track(found, drive):
 
 
 def test_navigate_writes_its_folder(drive, tmp_path, capsys):
-    file = tmp_path / "drive.npz"
+    file = tmp_path / os.fsdecode(b"dr\xe9\x1b.npz")  # no text in UTF-8
     write_drive(drive, file)
     where = ["-o", str(tmp_path / "out"), "--page", str(tmp_path / "page.html")]
     assert run(["navigate", str(file), "--config", "mpu9250", *where]) == 0

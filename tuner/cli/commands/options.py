@@ -17,6 +17,7 @@ import click
 from tuner.cli.progress import Messages
 from tuner.formats.documents import json_text
 from tuner.formats.files import write_text
+from tuner.formats.guard import printable
 from tuner.jobs import limited
 
 Command = Callable[..., Any]
@@ -36,6 +37,8 @@ class Finite(click.FloatRange):
 POSITIVE = Finite(min=0, min_open=True)
 FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
 """Formats of figures, by the ends of their names."""
+LONGEST_COMMAND = 1 << 20
+"""Characters of a command on a page: those of thousands of files."""
 WITHOUT_NUMBERS = ("-o", "--output-dir", "--json", "--page", "--figure", "--jobs")
 """Options followed by a word that changes no number of a result: where it goes, and on how many processors."""
 OUTPUT_FLAGS = ("--quiet", "--verbose")
@@ -133,7 +136,8 @@ def paged(command: Command) -> Command:
                 from tuner.report.result_views import page_of
 
                 write_text(
-                    page_file, page_of(results, title, stated_command(click.get_current_context().obj))
+                    page_file,
+                    page_of(results, printable(title), stated_command(click.get_current_context().obj)),
                 )
                 messages.say(f"wrote {page_file}")
 
@@ -284,7 +288,7 @@ def reading(command: Command) -> Command:
 
 
 def stated_command(words: Sequence[str]) -> str:
-    """Return a command line as a shell reads it, without what only says where results go."""
+    """Return a command line as a shell reads it, without what only says where results go, and printable."""
     kept: list[str] = []
     rest = iter(words)
     for word in rest:
@@ -294,7 +298,7 @@ def stated_command(words: Sequence[str]) -> str:
             ("-o", *(f"{name}=" for name in WITHOUT_NUMBERS))
         ):
             kept.append(word)
-    return shlex.join(["tuner", *kept])
+    return printable(shlex.join(["tuner", *kept]), longest=LONGEST_COMMAND)
 
 
 def term_list(

@@ -9,6 +9,7 @@ import click
 
 from tuner.cli.commands.options import DIRECTORY, Output, common, stated_command, strict
 from tuner.cli.progress import Messages
+from tuner.formats.guard import printable
 
 
 def _columns(_context: click.Context, parameter: click.Parameter, value: str | None) -> dict[str, str] | None:
@@ -146,12 +147,12 @@ def command(
         sensor_noise=None if imu is None else _sensor_noise(imu),
     )
     source = {
-        "estimates": list(estimates),
-        "truths": list(truths),
+        "estimates": [printable(name) for name in estimates],
+        "truths": [printable(name) for name in truths],
         "align": align,
         "align_time": align_time,
         "align_body": align_body,
-        "imu": imu,
+        "imu": None if imu is None else printable(imu),
         "runs": len(outputs),
         "seed": seed,
     }
