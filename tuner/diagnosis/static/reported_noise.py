@@ -8,6 +8,8 @@ missing term. What it says of the fast spectrum is reported where a finding shap
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,6 +25,9 @@ from tuner.types import Identification
 from tuner.types.records import Record
 
 FloatArray = NDArray[np.float64]
+
+BRIEF_SHARE = 1e-3
+"""Time constant ÷ span below which a process is white to what is chosen: its corner lies above 160 ÷ span."""
 
 
 def noise_before(record: Record, axis: str, identification: Identification | None) -> NoiseModel:
@@ -54,31 +59,39 @@ def noise_with_shape(fitted: Residual) -> NoiseModel:
     dt = fitted.channel.interval
     shape = next((x for x in fitted.extensions if isinstance(x, LowPass | Colour)), None)
     plateau = 1.0 if shape is None else float(np.sqrt(shape.gain(np.zeros(1), dt)[0]))
-    chosen = choose_terms([unshaped_samples(fitted, plateau)], dt, _processes(fitted))
+    brief = [] if _processes(fitted) else _brief(fitted)
+    chosen = choose_terms([unshaped_samples(fitted, plateau, brief)], dt, _processes(fitted))
     slow: list[Term] = [term for term in chosen.fit.model.terms if not isinstance(term, White)]
     density = chosen.fit.model.white_density() / plateau
-    if chosen.band.m > 1 or density == 0.0:
+    if brief or chosen.band.m > 1 or density == 0.0:
         density = fitted.model.white_density()
         slow += [
             term
             for term in fitted.fit.terms()
-            if isinstance(term, GaussMarkov) and term.time_constant < chosen.band.m * dt
+            if term in brief or (isinstance(term, GaussMarkov) and term.time_constant < chosen.band.m * dt)
         ]
     white = White(density) if shape is None else shape.arma(dt, density)
     return NoiseModel([white, *slow, *_named_terms(fitted)]).scaled(fitted.channel.scale)
 
 
-def unshaped_samples(fitted: Residual, plateau: float = 1.0) -> FloatArray:
+def _brief(fitted: Residual) -> list[GaussMarkov]:
+    """Return the Gauss–Markov processes of the tests that are white to all slow terms."""
+    longest = BRIEF_SHARE * fitted.channel.span
+    return [t for t in fitted.fit.terms() if isinstance(t, GaussMarkov) and t.time_constant < longest]
+
+
+def unshaped_samples(fitted: Residual, plateau: float = 1.0, brief: Sequence[GaussMarkov] = ()) -> FloatArray:
     """Return the samples without what the findings make of them, shape (n,), scales.
 
     Peaks and the shape of the fast spectrum are divided out of the cosine coefficients. `plateau` is the root of the
-    gain on white noise at low frequencies, which the flat spectrum keeps.
+    gain on white noise at low frequencies, which the flat spectrum keeps, as it does that of `brief` processes.
     """
     dt = fitted.channel.interval
     a = transform(unexplained_samples(fitted), dt)
     f = np.arange(1.0, len(a)) / (2.0 * len(a) * dt)
-    slow = NoiseModel(term for term in fitted.fit.terms() if not isinstance(term, White))
-    flat = (plateau * fitted.model.white_density()) ** 2 + slow.psd(f, interval=dt)
+    slow = NoiseModel(t for t in fitted.fit.terms() if not isinstance(t, White) and t not in brief)
+    level = sum(2.0 * t.sd**2 * t.time_constant for t in brief)
+    flat = (plateau * fitted.model.white_density()) ** 2 + level + slow.psd(f, interval=dt)
     a[1:] *= np.sqrt(flat / fitted.power)
     return inverse(a, dt)
 
