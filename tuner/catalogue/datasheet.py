@@ -36,4 +36,9 @@ def read_datasheet(path: Path) -> Identification:
     except (OSError, UnicodeDecodeError) as error:
         msg = f"{path}: expected a readable YAML file of format {FORMAT}, got {error}"
         raise DataError(msg) from None
-    return grade_identification(parse_sheet(text, source=str(path)))
+    sheet = parse_sheet(text, source=str(path))
+    try:
+        return grade_identification(sheet)
+    except OverflowError:
+        msg = f"{path}: expected figures of a sensor, found one whose square no number holds: check its unit"
+        raise DataError(msg) from None

@@ -190,3 +190,12 @@ def test_gauss_markov_entries_are_terms() -> None:
 def test_a_broken_receiver_is_refused() -> None:
     with pytest.raises(DataError, match="position_sd: expected 3 numbers"):
         parse_gnss("format: tuner-gnss/1\nposition_sd: [1]\n", source="mine.yaml")
+
+
+def test_a_figure_whose_square_no_number_holds_is_refused(tmp_path: Path) -> None:
+    text = (Path(__file__).parents[3] / "configs" / "examples" / "datasheet.yaml").read_text()
+    (tmp_path / "sheet.yaml").write_text(
+        text.replace("value: 0.06, unit: m/s/√h", "value: 1e308, unit: m/s/√h")
+    )
+    with pytest.raises(DataError, match="sheet.yaml: expected figures of a sensor"):
+        read_datasheet(tmp_path / "sheet.yaml")
