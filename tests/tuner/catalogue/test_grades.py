@@ -197,5 +197,5 @@ def test_a_figure_whose_square_no_number_holds_is_refused(tmp_path: Path) -> Non
     (tmp_path / "sheet.yaml").write_text(
         text.replace("value: 0.06, unit: m/s/√h", "value: 1e308, unit: m/s/√h")
     )
-    with pytest.raises(DataError, match="sheet.yaml: expected figures of a sensor"):
+    with pytest.raises(DataError, match="expected figures of a sensor"):
         read_datasheet(tmp_path / "sheet.yaml")
