@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import yaml
 
+from models.effects import parse
 from tuner import pipeline
 from tuner.cli import COMMANDS, run, tuner
 from tuner.cli.examples import EXAMPLES
@@ -15,6 +16,7 @@ from tuner.formats import noise_yaml
 from tuner.formats.configuration import load_config
 from tuner.formats.logs import write_log
 from tuner.readers import read
+from tuner.simulation.effect_spec import read_effect
 
 
 @pytest.fixture(scope="module")
@@ -103,6 +105,15 @@ def test_examples_in_the_help_are_lines_that_can_be_typed(name, capsys):
         assert (program, command) == ("tuner", name)
         context = tuner.get_command(None, name).make_context(name, arguments)
         context.close()
+
+
+def test_the_effect_of_an_example_names_all_its_values():
+    hidden = [w for line in EXAMPLES["simulate"] for w in shlex.split(line) if "@" in w]
+    assert hidden
+    for text in hidden:
+        effect, axes = read_effect(text, ("gyro_x", "gyro_y"))
+        assert parse(effect).name == effect.partition(":")[0]
+        assert axes == ("gyro_x",)
 
 
 def test_a_shell_completes_commands_and_options(monkeypatch, capsys):

@@ -17,7 +17,8 @@ from tuner.cli.progress import Messages
     "effects",
     multiple=True,
     metavar="EFFECT[@AXES][:NAME=VALUE,…]",
-    help="Add an effect to the data, such as line@gyro_x:frequency=12; may be repeated.",
+    help="Add an effect to the data, by its name alone or with all values, SI, such as "
+    "line@gyro_x:frequency=12,amplitude=1e-4 (Hz, rad/s); may be repeated.",
 )
 @click.option("--trajectory", metavar="NAME", help="Simulate a drive along this built-in trajectory.")
 @click.option("--gnss", metavar="GRADE", help="Built-in GNSS receiver of the drive.")
