@@ -7,6 +7,7 @@ of receiver and reference, which moves fixes along the velocity, is fitted and t
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from models.earth import ned_between
+from models.robust import normal_sd
 from tuner.consistency.drive_scores import differences, reference_at
 from tuner.diagnosis.drive.hypothesis import FilterRun
 from tuner.types import GnssNoise, Unexplained
@@ -23,8 +25,6 @@ FloatArray = NDArray[np.float64]
 
 MIN_FIXES = 30
 """Fixes with a reference from which their errors are known to 13 %."""
-NORMAL_MAD = 0.6745
-"""Median absolute deviation of a normal number, in sds: outliers must not decide."""
 LEAST_BLOCK = 30.0
 """Least length of a block, s: a vehicle leaves the reflections of one place."""
 MIN_BLOCKS = 5
@@ -117,14 +117,14 @@ def against_reference(
 def staying_time(t: FloatArray, error: FloatArray) -> float:
     """Return the time in which the autocorrelation of errors (k, 3), outliers limited, falls to 1/e, s."""
     centred = error[:, :2] - np.median(error[:, :2], axis=0)
-    limit = 3.0 * np.median(np.abs(centred)) / NORMAL_MAD + 1e-9
+    limit = 3.0 * normal_sd(centred) + 1e-9
     centred = np.clip(centred, -limit, limit)
     step = float(np.median(np.diff(t)))
     even = np.arange(t[0], t[-1], step)
     x = np.stack([np.interp(even, t, column) for column in centred.T], axis=-1)
     power = float(np.sum(x**2))
     lag = 1
-    while lag < len(x) // 4 and np.sum(x[lag:] * x[:-lag]) > power / np.e:
+    while lag < len(x) // 4 and np.sum(x[lag:] * x[:-lag]) > power / math.e:
         lag = max(lag + 1, int(1.1 * lag))
     return lag * step
 
@@ -132,7 +132,7 @@ def staying_time(t: FloatArray, error: FloatArray) -> float:
 def _robust(values: FloatArray) -> float:
     """Return the sd of numbers about zero, whatever their outliers."""
     known = np.abs(values[np.isfinite(values)])
-    return float(np.median(known)) / NORMAL_MAD if len(known) else np.nan
+    return float(normal_sd(known)) if len(known) else np.nan
 
 
 def _sizes(drive: Drive, errors: FixErrors, rows: NDArray[np.bool_], name: str) -> str:
