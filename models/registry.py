@@ -130,6 +130,7 @@ class Registry(Mapping[str, T]):
     def unknown(self, name: object) -> str:
         """Return the line that says that a name is not declared, and which are."""
         close = get_close_matches(str(name), list(self), n=1)
+        close = close or [known for known in self if known and str(name).lower().startswith(known.lower())]
         meant = f" (did you mean '{close[0]}'?)" if close else ""
         return f"unknown {self.kind} '{name}'{meant}; known are {', '.join(self)}"
 

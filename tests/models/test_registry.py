@@ -40,9 +40,10 @@ def test_declarations_are_found_by_name_in_the_order_in_which_they_were_made() -
 def test_an_unknown_name_is_answered_in_one_line_with_the_known_and_the_likely_one() -> None:
     registry = shapes()
     registry.add(Square)
-    expected = r"^unknown shape 'Sqare' \(did you mean 'Square'\?\); known are Square$"
-    with pytest.raises(RegistryError, match=expected):
-        registry["Sqare"]
+    for name in ("Sqare", "square-with-a-handle"):
+        expected = rf"^unknown shape '{name}' \(did you mean 'Square'\?\); known are Square$"
+        with pytest.raises(RegistryError, match=expected):
+            registry[name]
 
 
 def test_a_name_is_declared_once() -> None:
