@@ -36,8 +36,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import chdtri, gammaincinv, ndtri, stdtrit
+from scipy.special import ndtri
 
+from models.probability import chi2_quantile, student_quantile
 from tuner.navigation.data import USED
 from tuner.simulation.monte_carlo import Runs
 from tuner.types.consistency import Consistency, Outage, Score, Severity, Verdict, VerdictCode, Whiteness
@@ -112,7 +113,7 @@ def score(
     if 1 < len(runs) < count:
         # The scatter of few groups is itself hardly known; each has one square of its own at least.
         tail = 0.5 * FALSE_ALARM_RATE / tests
-        sure = effective * (ndtri(tail) / stdtrit(len(runs) - 1, tail)) ** 2
+        sure = effective * (ndtri(tail) / student_quantile(tail, len(runs) - 1)) ** 2
         sure = min(max(sure, (components or dof) * len(runs)), effective)
     return Score(name, mean, dof, float(effective), mean_band(dof, sure, tests=tests))
 
@@ -130,7 +131,7 @@ def mean_band(dof: int, effective: float, *, tests: int = TEST_COUNT) -> tuple[f
         Scores that share the family-wise error.
     """
     tail = 0.5 * FALSE_ALARM_RATE / tests
-    low, high = 2.0 * gammaincinv(0.5 * effective, tail) / effective, chdtri(effective, tail) / effective
+    low, high = (chi2_quantile(p, effective) / effective for p in (tail, 1.0 - tail))
     wide = (1.0 + EQUIVALENCE_MARGIN) ** 2
     return float(dof * low / wide), float(dof * high * wide)
 

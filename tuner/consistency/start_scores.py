@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.special import chdtri, gammaincinv
 
+from models.probability import chi2_quantile
 from tuner.consistency.scores import TEST_COUNT, score, squares
 from tuner.simulation.monte_carlo import Runs
 from tuner.types.consistency import Explanation, ExplanationKind, Score
@@ -37,8 +37,8 @@ def wrong_starts(scores: Sequence[Score]) -> tuple[Explanation, ...]:
             one.name.replace("_", " "),
             one.ratio,
             (
-                one.ratio * float(np.sqrt(one.effective / chdtri(one.effective, 0.025))),
-                one.ratio * float(np.sqrt(one.effective / (2.0 * gammaincinv(0.5 * one.effective, 0.025)))),
+                one.ratio * float(np.sqrt(one.effective / chi2_quantile(0.975, one.effective))),
+                one.ratio * float(np.sqrt(one.effective / chi2_quantile(0.025, one.effective))),
             ),
             0.0,
         )

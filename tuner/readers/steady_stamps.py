@@ -19,6 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 
+from models.robust import normal_sd
+
 FloatArray = NDArray[np.float64]
 
 MIN_STAMPS = 100
@@ -50,7 +52,7 @@ def steady_stamps(t: FloatArray) -> tuple[FloatArray, float]:
         return t, 0.0
     step = np.diff(t)
     interval = float(np.median(step))
-    spread = 1.4826 * float(np.median(np.abs(step - interval)))
+    spread = float(normal_sd(step - interval))
     usual = np.abs(step - interval) < max(MAX_STEP_ERROR * interval, MAX_SCATTERS * spread)
     error = np.where(usual, step - _slope(t, usual), 0.0)
     m = min(LONG_DIFFERENCE, len(t) // 10)

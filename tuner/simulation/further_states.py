@@ -8,6 +8,7 @@ unit without being felt is missing in the measured force.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -111,7 +112,7 @@ def draw_further(
     for state, row, _, factor in zip(*model.fix_couplings, strict=True):
         if int(state) in paths:
             errors[:, row] += factor * paths[int(state)][at]
-    llh, vel_n = _perfect_fixes(settings, plan, {j: float(path[0]) for j, path in paths.items()})
+    llh, vel_n = antenna_fixes(settings, plan, {j: float(path[0]) for j, path in paths.items()})
     return FurtherTruth(
         values[at],
         bias[at],
@@ -137,15 +138,30 @@ def _path(
     return np.asarray(lfilter([1.0], [1.0, -decay], np.concatenate([[first], steps])))
 
 
-def _perfect_fixes(
-    settings: FilterSettings, plan: Scenario, values: dict[int, float]
+def antenna_fixes(
+    settings: FilterSettings, plan: Scenario, values: Mapping[int, float]
 ) -> tuple[FloatArray, FloatArray]:
-    """Return error-free fixes of the antenna as it is, with the true offset of the clocks."""
+    """Return error-free fixes of the antenna as it is, with the true offset of the clocks.
+
+    Parameters
+    ----------
+    settings : FilterSettings
+        Configuration of the filter, with its lever arm.
+    plan : Scenario
+        Trajectory, and how the installation differs from what the filter knows.
+    values : mapping of int to float
+        True values of the states of the filter that describe the installation, by number; 0 where none is named.
+
+    Returns
+    -------
+    llh, vel_n : ndarray, shape (k, 3)
+        rad, rad, m; m/s.
+    """
     layout, arm, delay = settings.model.layout, np.add(settings.lever_arm, plan.lever_arm), plan.delay
     if "lever_arm" in layout:
-        arm = arm + [values[j] for j in range(layout["lever_arm"].start, layout["lever_arm"].stop)]
+        arm = arm + [values.get(j, 0.0) for j in range(layout["lever_arm"].start, layout["lever_arm"].stop)]
     if "time_offset" in layout:
-        delay += values[layout["time_offset"].start]
+        delay += values.get(layout["time_offset"].start, 0.0)
     return perfect_fixes(plan.motion, plan.times, lever_arm=arm, delay=delay)
 
 

@@ -25,7 +25,7 @@ from tuner.navigation import engine
 from tuner.navigation.data import Fixes, Solution, Steps
 from tuner.navigation.engine.layout import BATCH_SIZE
 from tuner.navigation.settings import FilterSettings, error_rows, total_bias
-from tuner.simulation.further_states import draw_further, with_short_rows
+from tuner.simulation.further_states import antenna_fixes, draw_further, with_short_rows
 from tuner.simulation.imu import Sensor
 from tuner.simulation.receiver import draw_fix_errors
 from tuner.types import GnssNoise
@@ -186,9 +186,7 @@ def simulate(
         Called with (done, runs).
     """
     streams = np.random.default_rng(seed).spawn(runs)
-    fixes = scenario_fixes(settings, plan)
-    llh, vel_n = perfect_fixes(plan.motion, plan.times, lever_arm=_true_arm(settings, plan), delay=plan.delay)
-    fixes = replace(fixes, llh=llh, vel_n=vel_n)
+    fixes = _as_assumed(settings, plan, *antenna_fixes(settings, plan, {}))
     out = _room(plan.times, runs, int(np.count_nonzero(error_rows(settings.model) >= 15)))
 
     def fill(first: int) -> int:
@@ -212,14 +210,14 @@ def simulate(
 
 
 def scenario_fixes(settings: FilterSettings, plan: Scenario) -> Fixes:
-    """Return the error-free fixes of a scenario with the sds that a filter assumes, those of outages withheld."""
-    llh, vel_n = perfect_fixes(plan.motion, plan.times, lever_arm=settings.lever_arm)
+    """Return the error-free fixes of a scenario whose installation is as the filter believes, outages withheld."""
+    return _as_assumed(settings, plan, *perfect_fixes(plan.motion, plan.times, lever_arm=settings.lever_arm))
+
+
+def _as_assumed(settings: FilterSettings, plan: Scenario, llh: FloatArray, vel_n: FloatArray) -> Fixes:
+    """Return fixes with the sds that a filter assumes, those of outages withheld."""
     sd = np.tile(assumed_fix_sd(settings, plan.receiver), (len(plan.times), 1))
     return Fixes(plan.times, plan.after, llh, vel_n, sd).without(plan.outages)
-
-
-def _true_arm(settings: FilterSettings, plan: Scenario) -> FloatArray:
-    return np.add(settings.lever_arm, plan.lever_arm)
 
 
 def assumed_fix_sd(settings: FilterSettings, receiver: GnssNoise) -> FloatArray:

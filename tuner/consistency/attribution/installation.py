@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from models.probability import fisher_beyond
 from tuner.consistency.scores import FALSE_ALARM_RATE, scored_epochs
 from tuner.simulation.monte_carlo import Runs, Scenario
 from tuner.types.consistency import Explanation, ExplanationKind
@@ -49,8 +50,6 @@ def without_means(simulated: Runs) -> Runs:
 
 def _common_errors(simulated: Runs, plan: Scenario) -> bool:
     """Tell whether the runs err alike: Hotelling's test of their mean at each scored epoch, with Bonferroni's bound."""
-    from scipy.stats import f  # loaded when used: slow to import
-
     rows = scored_epochs(simulated.t, plan.outages)
     m, d = len(simulated.error), 6
     if m < d + 2 or not np.isfinite(simulated.error).all():
@@ -59,5 +58,5 @@ def _common_errors(simulated: Runs, plan: Scenario) -> bool:
     mean, centred = error.mean(axis=0), error - error.mean(axis=0)
     scatter = np.einsum("mki,mkj->kij", centred, centred) / (m - 1)
     square = m * np.einsum("ki,ki->k", mean, np.linalg.solve(scatter, mean[..., None])[..., 0])
-    tail = f.sf(square * (m - d) / (d * (m - 1)), d, m - d)
-    return bool(tail.min() * len(rows) < FALSE_ALARM_RATE)
+    tail = fisher_beyond(float(square.max()) * (m - d) / (d * (m - 1)), d, m - d)
+    return bool(tail * len(rows) < FALSE_ALARM_RATE)
