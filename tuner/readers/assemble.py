@@ -16,6 +16,7 @@ from tuner.readers import column_names as names
 from tuner.readers.clock_unit import MAX_RATE, MIN_RATE
 from tuner.readers.column_choice import Channel, Layout, choose
 from tuner.readers.columns import Listing, Part
+from tuner.readers.constant_axes import without_constant_axes
 from tuner.readers.options import STAMP, Options, UnitChoice, sensor_unit, stated_rate
 from tuner.readers.placeholder_rows import without_placeholders
 from tuner.readers.time_base import COARSE_CLOCK, Timebase, even_timebase, stamped_timebase
@@ -32,10 +33,6 @@ UNREADABLE_SHARE = 0.01
 """Largest share of rows with NaN or infinity that is repaired."""
 RATE_TOLERANCE = 0.05
 """Largest relative difference between the stated rate and that of the stamps."""
-MIN_CHANGES = 16
-"""Changes of value below which an axis is a constant that slipped, not noise: no variance is known from fewer."""
-ROWS_AT_ONCE = 1 << 16
-"""Rows treated at a time, so that memory stays bounded."""
 _SI_UNITS = {"gyro": "rad/s", "accel": "m/s^2"}
 SECONDS_OF_WEEK = 604800.0
 """Where the seconds of the GPS week begin anew."""
@@ -170,7 +167,7 @@ def checked(
         raise DataError(msg)
     remarks, assumed = check_units(str(listing.path), single, plan.units, assume_si=options.assume_si)
     notes += remarks
-    live = _without_constant_axes(records, notes, keep=options.constant_axes)
+    live = without_constant_axes(records, notes, keep=options.constant_axes)
     steps = {}
     for axis, one, y in ((a, r, y) for r in single for a, y in zip(r.axes, r.y.T, strict=True)):
         if any(axis in record.axes for record in live) and (step := limiting_step(y)) is not None:
@@ -379,33 +376,3 @@ def _timing(base: Timebase, rate: float | None) -> dict[str, float]:
         "rounding": base.rounding,
     }
     return timing if rate is None else timing | {"clock_ratio": rate * base.interval}
-
-
-def _changes(y: FloatArray) -> int:
-    return sum(
-        int(np.count_nonzero(np.diff(y[i : i + ROWS_AT_ONCE + 1]))) for i in range(0, len(y), ROWS_AT_ONCE)
-    )
-
-
-def _without_constant_axes(records: Sequence[Record], notes: list[str], *, keep: bool) -> list[Record]:
-    """Leave out constant axes, or keep them beside others that are not; a sensor of nothing else goes."""
-    live = []
-    for record in records:
-        moving = [j for j in range(record.y.shape[1]) if np.ptp(record.y[:, j]) > 0]
-        if stuck := [
-            j for j in moving if _changes(record.y[:, j]) < MIN_CHANGES < len(record) / 10 and not keep
-        ]:
-            moving = [j for j in moving if j not in stuck]
-            shown = ", ".join(record.axes[j] for j in stuck)
-            notes.append(
-                f"{len(stuck)} axes that change fewer than {MIN_CHANGES} times hold no noise and were left out: {shown}"
-            )
-        dead = [a for j, a in enumerate(record.axes) if np.ptp(record.y[:, j]) == 0.0]
-        if dead:
-            handling = "kept" if keep and moving else "left out"
-            notes.append(f"{len(dead)} constant axes were {handling}: {', '.join(dead)}")
-        if len(moving) == len(record.axes) or (keep and moving):
-            live.append(record)
-        elif moving:
-            live.append(replace(record, y=record.y[:, moving], axes=tuple(record.axes[j] for j in moving)))
-    return live

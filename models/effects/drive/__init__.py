@@ -37,14 +37,10 @@ import numpy as np
 
 from models.effects import parsing as text
 from models.effects.drive.base import DriveEffect, DriveSamples
-from models.effects.drive.gnss import (
-    CorrelatedGnss,
+from models.effects.drive.gnss import CorrelatedGnss, GnssNoiseScale, GnssOutliers, LeverArm, TimeOffset
+from models.effects.drive.gnss_velocity import (
     GnssFrame,
-    GnssNoiseScale,
-    GnssOutliers,
     GnssVelocity,
-    LeverArm,
-    TimeOffset,
     VelocityLag,
     VelocityScale,
     VerticalVelocity,

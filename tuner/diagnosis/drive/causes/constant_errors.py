@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models import rotation
-from models.effects.drive import gnss, imu
+from models.effects.drive import gnss, gnss_velocity, imu
 from tuner.diagnosis.drive.causes.base import ConstantCause, FixGeometry
 
 FloatArray = NDArray[np.float64]
@@ -44,7 +44,7 @@ class VelocityLag(ConstantCause):
     """Velocities later than the positions beside them: δv = −a for each second."""
 
     cause = "velocity_lag"
-    effect = gnss.VelocityLag
+    effect = gnss_velocity.VelocityLag
     channels = ("gnss",)
     meaning = "velocities are later than the positions beside them, as behind a filter of the receiver"
     consequence = "use each velocity at its own time"
@@ -78,7 +78,7 @@ class GnssFrame(ConstantCause):
     """Velocities in axes turned against north-east-down: δv = −[v ×] for each radian."""
 
     cause = "gnss_frame"
-    effect = gnss.GnssFrame
+    effect = gnss_velocity.GnssFrame
     channels = ("gnss",)
     meaning = "velocities are given in axes turned against north-east-down"
     consequence = "turn the velocities back"
@@ -95,7 +95,7 @@ class VelocityScale(ConstantCause):
     """Velocities too large by a factor: δv = v for each unit."""
 
     cause = "velocity_scale"
-    effect = gnss.VelocityScale
+    effect = gnss_velocity.VelocityScale
     channels = ("gnss",)
     meaning = "velocities are too large by the factor, too small where it is negative"
     consequence = "scale the velocities"
@@ -112,7 +112,7 @@ class VerticalVelocity(ConstantCause):
     """Vertical velocities that contradict the heights by a constant: δv_D = 1 for each unit."""
 
     cause = "vertical_velocity"
-    effect = gnss.VerticalVelocity
+    effect = gnss_velocity.VerticalVelocity
     channels = ("gnss",)
     meaning = "velocities down exceed the rate at which the heights fall by the offset"
     consequence = "subtract it from the vertical velocities, or do not use them"

@@ -26,7 +26,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter1d
 from scipy.stats import beta, chi2, poisson
 
-from models.effects.drive import gnss as effects
+from models.effects.drive.gnss import GnssOutliers as OutlierEffect
+from models.effects.drive.gnss_velocity import GnssVelocity as VelocityEffect
 from tuner.diagnosis.drive.cause_test import CauseTest, not_significant
 from tuner.diagnosis.drive.causes.base import NoiseCause
 from tuner.diagnosis.drive.hypothesis import FilterRun, Hypothesis
@@ -246,7 +247,7 @@ class GnssOutliers(SingleFixCause):
     """Positions that are far off."""
 
     cause = "gnss_outliers"
-    effect = effects.GnssOutliers
+    effect = OutlierEffect
     meaning = "some positions are far off"
     consequence = "keep the gate; leave these fixes out"
     view = "positions"
@@ -273,7 +274,7 @@ class GnssVelocity(SingleFixCause):
     """Velocities that contradict positions and inertial unit."""
 
     cause = "gnss_velocity"
-    effect = effects.GnssVelocity
+    effect = VelocityEffect
     meaning = "some velocities contradict positions and inertial unit"
     consequence = "do not use velocities of such fixes"
     view = "velocities"
