@@ -24,6 +24,7 @@ from tuner.readers.log_format import FORMATS, LogFormat, columns_of, file_of, lo
 from tuner.readers.logs_in_memory import Table, list_table
 from tuner.readers.messages import ardupilot, rosbag, ulog
 from tuner.readers.options import Options
+from tuner.readers.time_range import between
 from tuner.types.records import DataError, Record
 
 if TYPE_CHECKING:
@@ -49,6 +50,8 @@ def read(
     assume: str | None = None,
     memory: float | None = None,
     stamps: bool = False,
+    begin: float | None = None,
+    end: float | None = None,
     progress: Progress | None = None,
 ) -> tuple[Record, ...]:
     """Read a log of a gyroscope, an accelerometer or both.
@@ -77,6 +80,8 @@ def read(
         more becomes records of means of 2, 4, 8 … samples, and says so.
     stamps : bool
         Whether the stamps as they are become a channel ``stamp``: samples of a drive may lie unevenly.
+    begin, end : float, optional
+        Part of the log that is used, s from its first sample.
     progress : callable, optional
         Called with (done, total) while a file is read: bytes of a text, else rows or arrays.
 
@@ -110,7 +115,7 @@ def read(
     if not isinstance(path, str | Path):
         listing, identity = list_table(path)
         plan = plan_of(listing, options)
-        return checked(listing, plan, even(listing, plan, identity, options), options)
+        return between(checked(listing, plan, even(listing, plan, identity, options), options), begin, end)
     path = file_of(Path(path))
     if not path.exists():
         msg = f"{path}: no such file"
@@ -129,6 +134,8 @@ def read(
         plan = plan_of(listing, options)
         how = reduction(listing, plan, memory)
         if how is not None:
-            return read_means(listing, plan, digest(path), options, how)
-        return checked(listing, plan, even(listing, plan, digest(path), options), options)
+            return between(read_means(listing, plan, digest(path), options, how), begin, end)
+        return between(
+            checked(listing, plan, even(listing, plan, digest(path), options), options), begin, end
+        )
     raise AssertionError

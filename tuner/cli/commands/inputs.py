@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from tuner.cli.commands.options import Reading
 from tuner.cli.progress import Messages
+from tuner.types.records import DataError
 
 if TYPE_CHECKING:
     from tuner.types.records import Drive, Record
@@ -27,6 +28,8 @@ def load_records(log: str, reading: Reading, messages: Messages) -> tuple[Record
             columns=reading.columns,
             assume=reading.assume,
             memory=reading.memory,
+            begin=reading.begin,
+            end=reading.end,
             progress=advance,
         )
     for note in dict.fromkeys(note for record in records for note in record.notes):
@@ -44,6 +47,8 @@ def load_source(source: str | None, reading: Reading, messages: Messages) -> tup
     """Read a source if it is a log; the name of a grade and the path of anything else stay as they are."""
     from tuner.readers.source_kind import is_log
 
+    if source is None:
+        _refuse_part(reading, "found none")
     return load_records(source, reading, messages) if source is not None and is_log(source) else source
 
 
@@ -52,4 +57,13 @@ def load_data(source: str, reading: Reading, messages: Messages) -> tuple[Record
     from tuner.readers.drive import read_if_drive
 
     drive = read_if_drive(source)
+    if drive is not None:
+        _refuse_part(reading, f"found a drive, {source}")
     return load_records(source, reading, messages) if drive is None else drive
+
+
+def _refuse_part(reading: Reading, found: str) -> None:
+    """Refuse --begin and --end where there is no static log for them."""
+    if reading.begin is not None or reading.end is not None:
+        msg = f"--begin and --end: expected a static log, {found}; leave them out"
+        raise DataError(msg)

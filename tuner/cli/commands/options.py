@@ -48,7 +48,7 @@ DIRECTORY = click.Path(path_type=Path, file_okay=False)
 
 @dataclass(frozen=True)
 class Reading:
-    """What the user states of a log: units, rate, columns, memory in bytes; arguments of `tuner.readers.read`."""
+    """What the user states of a log: units, rate, columns, memory in bytes, part; arguments of `tuner.readers.read`."""
 
     rate: float | None = None
     gyro_unit: str | None = None
@@ -58,6 +58,8 @@ class Reading:
     columns: Mapping[str, str] | None = None
     assume: str | None = None
     memory: float | None = None
+    begin: float | None = None
+    end: float | None = None
 
 
 @dataclass(frozen=True)
@@ -263,6 +265,13 @@ def reading(command: Command) -> Command:
         help="Memory that the program may take, by default half of what is free: larger logs become means of samples; "
         "on one processor.",
     )
+    @click.option(
+        "--begin",
+        type=Finite(min=0),
+        metavar="S",
+        help="Use a static log from this second on, counted from its first sample.",
+    )
+    @click.option("--end", type=POSITIVE, metavar="S", help="Use a static log up to this second.")
     @functools.wraps(command)
     def wrapped(
         *args: Any,
@@ -274,13 +283,15 @@ def reading(command: Command) -> Command:
         columns: str | None,
         assume: str | None,
         memory: float | None,
+        begin: float | None,
+        end: float | None,
         **options: Any,
     ) -> Any:
         from tuner.readers import parse_columns
 
         chosen = None if columns is None else parse_columns(columns)
         size = None if memory is None else 1e9 * memory
-        how = Reading(rate, gyro_unit, accel_unit, gyro_scale, accel_scale, chosen, assume, size)
+        how = Reading(rate, gyro_unit, accel_unit, gyro_scale, accel_scale, chosen, assume, size, begin, end)
         with limited(None if memory is None else 1):  # each processor takes memory of its own
             return command(*args, reading=how, **options)
 
