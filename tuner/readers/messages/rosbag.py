@@ -2,7 +2,8 @@
 
 Stamps are those of the headers; where a driver leaves them 0, the time of recording is taken. Velocities are those of a
 `TwistStamped` or `TwistWithCovarianceStamped` topic that is stamped as the fixes are: a receiver publishes both
-for one epoch, east, north, up.
+for one epoch, east, north, up. A message of another type that has one `Imu` or `NavSatFix` among its fields is read by
+that field: many drivers have messages of their own.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,10 +28,14 @@ from tuner.readers.messages.streams import (
 )
 from tuner.types.records import DataError
 
+if TYPE_CHECKING:
+    from rosbags.typesys.store import Typestore
+
 FloatArray = NDArray[np.float64]
 
 IMU, FIX = "sensor_msgs/msg/Imu", "sensor_msgs/msg/NavSatFix"
 VELOCITIES = ("geometry_msgs/msg/TwistStamped", "geometry_msgs/msg/TwistWithCovarianceStamped")
+READ = (IMU, FIX, *VELOCITIES)
 SAME_EPOCH = 0.02
 """Stamps of a position and a velocity this close, s, are of one epoch: receivers report every 50 ms at most."""
 MIN_COMMON_SHARE = 0.9
@@ -82,16 +87,19 @@ def read_bag(path: Path) -> MessageLog:
     samples: dict[str, list[tuple[float, ...]]] = {}
     stamps: dict[str, list[tuple[int, int]]] = {}
     with opened_bag(path) as bag:
-        wanted = [c for c in bag.connections if c.msgtype in (IMU, FIX, *VELOCITIES)]
-        kinds = {c.topic: c.msgtype for c in wanted}
+        found = {
+            c.topic: one for c in bag.connections if (one := _holding(c.msgtype, bag.typestore)) is not None
+        }
+        wanted = [c for c in bag.connections if c.topic in found]
+        kinds = {topic: kind for topic, (kind, _) in found.items()}
         topics = tuple(f"{name} ({topic.msgtype}, {topic.msgcount})" for name, topic in bag.topics.items())
+        undefined = {c.msgtype for c in bag.connections} - set(bag.typestore.fielddefs)
         for connection, recorded, raw in bag.messages(connections=wanted) if wanted else ():
-            message: Any = bag.deserialize(raw, connection.msgtype)
-            stamp = message.header.stamp
-            stamps.setdefault(connection.topic, []).append(
-                (stamp.sec * 1_000_000_000 + stamp.nanosec, recorded)
-            )
-            samples.setdefault(connection.topic, []).append(_numbers(message, connection.msgtype))
+            whole: Any = bag.deserialize(raw, connection.msgtype)
+            kind, field = found[connection.topic]
+            message = whole if field is None else getattr(whole, field)
+            stamps.setdefault(connection.topic, []).append((_stamp(message) or _stamp(whole), recorded))
+            samples.setdefault(connection.topic, []).append(_numbers(message, kind))
     rows = {topic: np.array(values) for topic, values in samples.items()}
     clocks = {topic: clock_of_stamps(np.array(pairs, dtype=np.int64)) for topic, pairs in stamps.items()}
     inertial = tuple(
@@ -107,7 +115,32 @@ def read_bag(path: Path) -> MessageLog:
     )
     velocities = {topic: rows[topic] for topic in rows if kinds[topic] in VELOCITIES}
     fixes = tuple(_fixes(topic, clocks, rows[topic], velocities) for topic in rows if kinds[topic] == FIX)
-    return MessageLog(inertial, fixes, None, topics)
+    return MessageLog(inertial, fixes, None, topics, cure=_to_define(undefined))
+
+
+def _holding(kind: str, store: Typestore) -> tuple[str, str | None] | None:
+    """Return the type that is read of messages of a kind, and the field that holds it; None where there is none."""
+    if kind in READ:
+        return kind, None
+    _, fields = store.fielddefs.get(kind, ((), ()))
+    held = [(inner, name) for name, (_, inner) in fields if inner in (IMU, FIX)]
+    return held[0] if len(held) == 1 else None
+
+
+def _to_define(kinds: set[str]) -> str:
+    """Return what makes messages readable whose types the file does not define; nothing where there are none."""
+    if not kinds:
+        return ""
+    return (
+        f"; the file does not define {', '.join(sorted(kinds))}: `ros2 bag convert` to MCAP, "
+        "run where these are installed, adds definitions"
+    )
+
+
+def _stamp(message: Any) -> int:
+    """Return the stamp of a message's header, ns; 0 where it has none."""
+    header = getattr(message, "header", getattr(message, "Header", None))
+    return 0 if header is None else int(header.stamp.sec) * 1_000_000_000 + int(header.stamp.nanosec)
 
 
 def _whole(path: Path) -> Path:

@@ -100,6 +100,8 @@ class MessageLog:
         Everything the file holds, for messages about what is missing.
     notes : tuple of str
         What was found damaged.
+    cure : str
+        How messages become readable that are not, for messages about what is missing.
     """
 
     inertial: tuple[InertialStream, ...]
@@ -107,6 +109,7 @@ class MessageLog:
     frame: str | None = None
     topics: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    cure: str = ""
 
     @property
     def is_drive(self) -> bool:
@@ -177,7 +180,7 @@ def drive_of_log(path: Path, log: MessageLog) -> DriveArrays:
 
 def _preferred(path: Path, log: MessageLog) -> InertialStream:
     if not log.inertial:
-        msg = f"{path}: expected messages of an inertial unit, found {_some(log.topics)}"
+        msg = f"{path}: expected messages of an inertial unit, found {_some(log.topics)}{log.cure}"
         raise DataError(msg)
     return min(log.inertial, key=lambda s: (not s.complete, s.rank, -len(s.t)))
 

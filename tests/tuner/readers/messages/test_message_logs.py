@@ -1,6 +1,7 @@
 """Logs of messages hold the numbers that were written into them: units, axes, clocks, accuracies."""
 
 import contextlib
+import sqlite3
 from dataclasses import replace
 
 import numpy as np
@@ -77,13 +78,13 @@ def dataflash(path, *, fixes=True, instances=1):
     return path
 
 
-def bag(path, kind, *, fixes=True, instances=1):
+def bag(path, kind, *, fixes=True, instances=1, message="sensor_msgs/msg/Imu"):
     def stamp(t):
         return round(1e9 * t) + 1_700_000_000_000_000_000
 
     topics = {
         f"/imu{i}": (
-            "sensor_msgs/msg/Imu",
+            message,
             [(stamp(t), {"gyro": w, "accel": f}) for t, w, f in zip(T, GYRO, ACCEL, strict=True)],
         )
         for i in range(instances)
@@ -129,6 +130,28 @@ def test_a_static_log_holds_its_samples(kind, tmp_path):
     np.testing.assert_allclose(gyro.y, GYRO, rtol=exact, atol=1e-11)
     np.testing.assert_allclose(accel.y, ACCEL, rtol=exact, atol=1e-9)
     assert gyro.interval == pytest.approx(1.0 / RATE, rel=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["ros1", "mcap"])
+def test_messages_of_a_driver_are_read_by_the_imu_in_them(kind, tmp_path):
+    pytest.importorskip("rosbags")
+    gyro, accel = read(MAKERS[kind](tmp_path, fixes=False, message="driver_msgs/msg/Reading"))
+    np.testing.assert_allclose(gyro.y, GYRO, rtol=1e-12, atol=1e-11)
+    np.testing.assert_allclose(accel.y, ACCEL, rtol=1e-12, atol=1e-9)
+    assert gyro.interval == pytest.approx(1.0 / RATE, rel=1e-9)
+
+
+def test_types_that_a_file_does_not_define_are_named_with_the_cure(tmp_path):
+    pytest.importorskip("rosbags")
+    path = bag(tmp_path / "log", "sqlite3", fixes=False, message="driver_msgs/msg/Reading")
+    with contextlib.closing(sqlite3.connect(next(path.glob("*.db3")))) as file, file:
+        file.execute("DROP TABLE message_definitions")
+        file.execute("UPDATE schema SET schema_version = 3")
+    (path / "metadata.yaml").unlink()
+    with pytest.raises(
+        DataError, match="does not define driver_msgs/msg/Reading: `ros2 bag convert` to MCAP"
+    ):
+        read(next(path.glob("*.db3")))
 
 
 @KINDS

@@ -79,13 +79,21 @@ def write_dataflash(path, messages):
 
 
 def write_bag(path, topics, *, kind):
-    """Write topics {topic: (message type, [(stamp in ns, {field: value})])} as ROS 1 bag, ROS 2 folder or MCAP."""
+    """Write topics {topic: (message type, [(stamp in ns, {field: value})])} as ROS 1 bag, ROS 2 folder or MCAP.
+
+    The type ``driver_msgs/msg/Reading`` is one of a driver's own, with an `Imu` in it whose header is left empty.
+    """
     from rosbags.rosbag1 import Writer as Writer1
     from rosbags.rosbag2 import StoragePlugin
     from rosbags.rosbag2 import Writer as Writer2
-    from rosbags.typesys import Stores, get_typestore
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     store = get_typestore(Stores.ROS1_NOETIC if kind == "ros1" else Stores.ROS2_HUMBLE)
+    store.register(
+        get_types_from_msg(
+            "std_msgs/Header header\nsensor_msgs/Imu imu\nstring raw", "driver_msgs/msg/Reading"
+        )
+    )
     if kind == "ros1":
         writer = Writer1(path)
     else:
@@ -116,6 +124,8 @@ def _message(store, name, stamp, fields, *, ros1):
     if name.endswith(("Odometry", "PoseWithCovarianceStamped", "PoseStamped", "Path")):
         return _poses(types, name, header, fields)
     nine = np.zeros(9)
+    if name == "driver_msgs/msg/Reading":
+        return types[name](header, _message(store, "sensor_msgs/msg/Imu", 0, fields, ros1=ros1), "")
     if name == "sensor_msgs/msg/Imu":
         none = types["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0)
         return types[name](header, none, nine, vector(fields["gyro"]), nine, vector(fields["accel"]), nine)
