@@ -28,9 +28,11 @@ from tuner.readers.options import UnitChoice
 from tuner.readers.unit_evidence import (
     CHECKED_SAMPLES,
     GRAVITY_TOLERANCE,
+    MAX_STEADY_RATE,
     USUAL_RATES,
     Sizes,
     possible_rate,
+    rate_in_motion,
     si_value,
     sizes_of,
     step_of,
@@ -48,8 +50,6 @@ MIN_RANGE = 1e-15
 """Largest difference of readings, rad/s or m/s², that no sensor resolves: the best have noise of 1e-10."""
 MAX_MEDIAN_RATE = 35.0
 """rad/s, 2000 deg/s: the range of consumer gyroscopes, which no log exceeds in the median."""
-MAX_STEADY_RATE = 5.0
-"""rad/s: nothing that is navigated turns as fast all the time; rate tables are slower."""
 EARTH_TOLERANCE = 0.02
 """Relative distance of a mean rate from the Earth's up to which it is taken for it."""
 ANSWER = "--assume si"
@@ -205,6 +205,8 @@ def _open_rate(
             alike = [u for u in UNITS["gyro"] if u not in possible and (u in INCREMENT_UNITS) == kind]
             fitting = [*possible[1:], *(u for u in alike if possible_rate(u, found, interval, read_in))]
             option += f" ({', '.join(fitting)} would fit, too)" if fitting else ""
+            if "deg/s" in rates and rate_in_motion("deg/s", found, interval, read_in):
+                option = f"--gyro-unit deg/s if the sensor moved; if it was at rest, {option}"
         msg = f"{source}: gyro {why}, and nothing states its unit: pass {option}, or {ANSWER} if it is {read_in}"
         raise DataError(msg)
     foreign = accel is not None and accel.basis != "assumed" and accel.unit not in ("m/s^2", "m/s")

@@ -24,6 +24,8 @@ GRAVITY_TOLERANCE = 0.1
 """Relative distance of the mean specific force from gravity: consumer accelerometers are within 60 mg and 3 %."""
 MAX_BIAS = 0.35
 """Bias of a gyroscope, rad/s: 20 deg/s, the zero-rate tolerance of the cheapest data sheets."""
+MAX_STEADY_RATE = 5.0
+"""rad/s: nothing that is navigated turns as fast all the time; rate tables are slower."""
 MAX_WHITE = 2e-3
 """White density of a gyroscope, rad/s/√Hz: three times that of the noisiest built-in sensor (ADIS16405)."""
 MIN_WHITE = 4e-8
@@ -106,6 +108,13 @@ def possible_rate(unit: str, found: Sizes, interval: float, read_in: str) -> boo
     """Return whether a gyroscope at rest can have these sizes, had they been written in `unit`."""
     factor = si_value(unit, interval) / si_value(read_in, interval)
     return found.mean * factor <= MAX_BIAS and MIN_WHITE <= found.white * factor <= MAX_WHITE
+
+
+def rate_in_motion(unit: str, found: Sizes, interval: float, read_in: str) -> bool:
+    """Return whether a gyroscope that moves, but none at rest, can have these sizes, if written in `unit`."""
+    factor = si_value(unit, interval) / si_value(read_in, interval)
+    at_rest = found.mean * factor <= MAX_BIAS and found.white * factor <= MAX_WHITE
+    return found.mean * factor <= MAX_STEADY_RATE and not at_rest
 
 
 def whole_numbers(y: FloatArray, factor: float) -> bool:

@@ -1,4 +1,4 @@
-"""Scatter of stamps is told from uneven sampling by the variance of their differences."""
+"""Scatter of stamps is distinguished from uneven sampling by the variance of their differences."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Units that nothing states are told by gravity and the turn of the Earth, assumed with a word, or asked for."""
+"""Units that nothing states are shown by gravity and the turn of the Earth, assumed and said, or asked for."""
 
 from __future__ import annotations
 
@@ -124,3 +124,10 @@ def test_columns_that_are_left_out_are_named(tmp_path: Path) -> None:
     assert "columns not used: status, mag_x" in notes(
         write(tmp_path / "log.csv", lines, HEADER + ",status,mag_x")
     )
+
+
+def test_a_gyroscope_that_moves_is_not_named_the_unit_of_one_at_rest(tmp_path: Path) -> None:
+    """Vibration of 30 deg/s fits only deg/h where it were noise at rest; motorcycles shake as much."""
+    y = np.random.default_rng(5).normal(3.0, 30.0, (COUNT, 3))
+    message = refused(write(tmp_path / "log.csv", rows(gyro=y)), "--gyro-unit deg/s if the sensor moved")
+    assert "if it was at rest, --gyro-unit deg/h" in message
