@@ -210,7 +210,7 @@ def simulate(
 
 
 def scenario_fixes(settings: FilterSettings, plan: Scenario) -> Fixes:
-    """Return the error-free fixes of a scenario whose installation is as the filter believes, outages withheld."""
+    """Return the error-free fixes of a scenario whose installation is as the filter assumes, outages withheld."""
     return _as_assumed(settings, plan, *perfect_fixes(plan.motion, plan.times, lever_arm=settings.lever_arm))
 
 

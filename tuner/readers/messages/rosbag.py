@@ -123,8 +123,8 @@ def _holding(kind: str, store: Typestore) -> tuple[str, str | None] | None:
     if kind in READ:
         return kind, None
     _, fields = store.fielddefs.get(kind, ((), ()))
-    held = [(inner, name) for name, (_, inner) in fields if inner in (IMU, FIX)]
-    return held[0] if len(held) == 1 else None
+    inner = [(of, name) for name, (_, of) in fields if of in (IMU, FIX)]
+    return inner[0] if len(inner) == 1 else None
 
 
 def _to_define(kinds: set[str]) -> str:
