@@ -60,9 +60,14 @@ def independent_count(w: FloatArray) -> float:
 
 
 def whitened(error: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Return errors of unit covariance where the filter is right, by P = L Lᵀ; (n, d), (n, d, d) → (n, d)."""
-    lower = np.linalg.cholesky(covariance)
-    return np.asarray(np.linalg.solve(lower, error[..., None])[..., 0])
+    """Return columns of errors, (…, d, r), of unit covariance where P = L Lᵀ, (…, d, d), is right.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        Where a covariance is not positive definite.
+    """
+    return np.asarray(np.linalg.solve(np.linalg.cholesky(covariance), error))
 
 
 def absorbed_shares(w: FloatArray, x: FloatArray) -> FloatArray:

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.consistency.correlated_errors import time_score
+from tuner.consistency.correlated_errors import time_score, whitened
 from tuner.consistency.output_errors import OutputErrors
 from tuner.consistency.scores import (
     MAX_SCORED_EPOCHS,
@@ -99,19 +99,17 @@ def _error_scores(runs: Sequence[OutputErrors]) -> tuple[Score | None, tuple[Sco
     chosen = [_scored_rows(run, known, thin=many) for run in runs]
     parts: dict[str, list[FloatArray]] = {"nees": [], **{BLOCKS[i]: [] for i in known}}
     fitted: dict[str, list[FloatArray]] = {name: [] for name in parts}
-    columns = (
-        np.concatenate([np.arange(3 * i, 3 * i + 3) for i in known]) if known else np.zeros(0, dtype=int)
-    )
+    columns = np.concatenate([np.arange(3 * i, 3 * i + 3) for i in known])
     for run, rows in zip(runs, chosen, strict=True):
         error, cov = run.error[rows], run.covariance[rows]
         wide = np.concatenate([error[:, :, None], run.directions[rows]], axis=2)
         for i in known:
             own = slice(3 * i, 3 * i + 3)
-            both = _whitened(run, rows, wide[:, own], cov[:, own, own])
+            both = _of_unit_variance(run, rows, wide[:, own], cov[:, own, own])
             parts[BLOCKS[i]].append(both[..., 0])
             fitted[BLOCKS[i]].append(both[..., 1:])
         if run.correlated:
-            both = _whitened(run, rows, wide[:, columns], cov[:, columns][:, :, columns])
+            both = _of_unit_variance(run, rows, wide[:, columns], cov[:, columns][:, :, columns])
             parts["nees"].append(both[..., 0])
             fitted["nees"].append(both[..., 1:])
         else:
@@ -132,11 +130,11 @@ def _error_scores(runs: Sequence[OutputErrors]) -> tuple[Score | None, tuple[Sco
     return found.pop("nees", None), tuple(found.values())
 
 
-def _whitened(
+def _of_unit_variance(
     run: OutputErrors, rows: NDArray[np.intp], error: FloatArray, covariance: FloatArray
 ) -> FloatArray:
     try:
-        return np.asarray(np.linalg.solve(np.linalg.cholesky(covariance), error))
+        return whitened(error, covariance)
     except np.linalg.LinAlgError:
         worst = int(np.argmin(np.linalg.eigvalsh(covariance)[:, 0]))
         msg = (

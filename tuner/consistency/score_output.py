@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tuner.consistency.correlated_errors import time_score, whitened
 from tuner.consistency.frame_differences import differences_of_frames, errors_in_one_frame, matters
+from tuner.consistency.one_factor import one_factor
 from tuner.consistency.output_causes import Explanations, explain
 from tuner.consistency.output_errors import OutputErrors
 from tuner.consistency.output_scores import (
@@ -162,7 +163,11 @@ def score_outputs(
     causes = () if found.consistent else _without_contradicted(why.causes, found.scores)
     if runs and not (found.consistent or causes or lost):
         causes = differences_of_frames(outputs, every, how, runs, offset, found)
+    states = state_scores(runs) if runs else ()
     far = any(s.ratio > DIVERGED_RATIO for s in found.scores) and not causes
+    if not (found.consistent or causes or lost or far):
+        factor = one_factor(found.scores, states)
+        causes = () if factor is None else (factor,)
     found = replace(found, diverged=lost or far)
     said = verdicts(found)
     if lost:
@@ -171,7 +176,7 @@ def score_outputs(
         said = (Verdict(VerdictCode.NOT_EXPLAINED, Severity.EXPLANATION), *said)
     return OutputScore(
         replace(found, verdicts=said),
-        state_scores(runs) if runs else (),
+        states,
         causes,
         offset,
         tuple(runs),
@@ -211,7 +216,7 @@ def score_arrays(
         raise DataError(msg)
     try:
         p = np.broadcast_to(p, (*e.shape, k))
-        w = whitened(e, p)
+        w = whitened(e[..., None], p)[..., 0]
     except (ValueError, np.linalg.LinAlgError) as error:
         msg = f"expected positive definite covariances of shape {(*e.shape, k)}, found {p.shape}: {error}"
         raise DataError(msg) from None

@@ -7,7 +7,7 @@ from tuner.types.output_score import OutputCause
 _NAMES = {
     "gnss_noise_scale": "measurement noise R",
     "imu_noise_scale": "process noise Q",
-    "noise_scale": "the whole covariance, R and Q together",
+    "noise_scale": "all stated sds, as if R and Q were wrong together",
     "correlated_gnss": "errors of the fixes that stay",
     "time_constant": "time constant of the biases",
     "missing_state": "a bias state is missing",

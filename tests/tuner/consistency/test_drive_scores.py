@@ -252,10 +252,10 @@ def test_diverging_filter_is_reported(saved, data, tmp_path, capsys):
     out = capsys.readouterr().out
     assert "diverged" in out
     assert "outage" not in out
-    told = json.loads((tmp_path / "lost.json").read_text(encoding="utf-8"))
-    assert told["diverged"]
-    assert told["nees"] is told["nis"] is told["whiteness"] is None
-    assert not any(told[name] for name in ("errors", "outage", "blocks", "nis_parts"))
+    written = json.loads((tmp_path / "lost.json").read_text(encoding="utf-8"))
+    assert written["diverged"]
+    assert written["nees"] is written["nis"] is written["whiteness"] is None
+    assert not any(written[name] for name in ("errors", "outage", "blocks", "nis_parts"))
 
 
 def test_standing_ends_with_the_first_motion(saved, data, tmp_path):

@@ -275,7 +275,9 @@ class ErrorModel:
 
 def error_model(run: OutputErrors, course: Course, model: FilterModel) -> ErrorModel:
     """Return a run with the gains of a filter, ready for the likelihood of its errors, or else of its innovations."""
-    phi, noise, start = filter_matrices(course, model, start_covariance(run, course))
+    phi, noise, start = filter_matrices(
+        course, model, start_covariance(run, course, without_attitude=model.without_attitude)
+    )
     if course.of_body:
         # Half of what drives errors of a random walk that is measured often is that of the measurements.
         noise[:, 1] *= 0.5
@@ -284,6 +286,7 @@ def error_model(run: OutputErrors, course: Course, model: FilterModel) -> ErrorM
     covariance, gain = covariance_recursion(phi, noise, course.fixed, np.ones(4), model.fix_variance, start)
     rows = course.rows[1:]
     sds = np.sqrt(np.einsum("kii->ki", covariance)[:, :9])
+    sds[sds == 0.0] = 1.0  # what the filter has no state for has no errors either
     by_fixes, outputs = _regressors(course)
     error = run.error[rows, :9]
     by_innovations = not np.isfinite(error).any()

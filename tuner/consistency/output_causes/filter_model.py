@@ -4,7 +4,8 @@ Along the trajectory the errors of any inertial filter obey the same linear dyna
 biases, driven by white noise of gyros and accelerometers and by that of their biases [1]_. What a filter assumes, the
 densities of four noises, the time constants of the biases and the variances of position and velocity fixes, horizontal
 and vertical, is found by least squares of the logarithms of its sds; where no such filter has these, scale factors join
-its states. Its gains follow.
+its states. An output without attitude may be that of a filter of position and velocity, driven by white accelerations
+and aided by positions: with fewer numbers it is tried first. Its gains follow.
 
 References
 ----------
@@ -46,6 +47,8 @@ MIN_MISFIT = 0.01
 """Error of the sds of a modelled filter that is taken at least: what its linear dynamics leave out."""
 NO_FIX_VARIANCE = 1e12
 """Variance of fixes that there are not, (m/s)²."""
+PLAIN_PARAMETERS = np.array([1, 6, 7])
+"""Of the numbers of a filter those of one of position and velocity: white acceleration, horizontal and vertical R."""
 
 
 @dataclass(frozen=True)
@@ -68,6 +71,8 @@ class FilterModel:
         The same of the time constants.
     scale_sd : ndarray, shape (2,), or None
         Of scale factors of gyros and accelerometers among its states; None without.
+    without_attitude : bool
+        Whether its states are position and velocity alone, driven by white accelerations.
     """
 
     density: FloatArray
@@ -77,6 +82,7 @@ class FilterModel:
     log_density_sd: FloatArray = field(default_factory=lambda: np.full(4, np.inf))
     log_time_sd: FloatArray = field(default_factory=lambda: np.zeros(2))
     scale_sd: FloatArray | None = None
+    without_attitude: bool = False
 
     @property
     def fits(self) -> bool:
@@ -159,14 +165,16 @@ def _body_noise(course: Course, fading: float) -> FloatArray:
     return noise
 
 
-def start_covariance(run: OutputErrors, course: Course) -> FloatArray:
-    """Return P at the first epoch: as stated, `DEFAULT_SD` of what is not; (15, 15)."""
+def start_covariance(run: OutputErrors, course: Course, *, without_attitude: bool = False) -> FloatArray:
+    """Return P at the first epoch: as stated, `DEFAULT_SD` of what is not, 0 of what is no state; (15, 15)."""
     stated = run.covariance[course.rows[0]]
     good = np.diag(stated) > 0.0
     start = np.where(good[:, None] & good[None, :], stated, 0.0)
     start[~good, ~good] = DEFAULT_SD[~good] ** 2
     if course.of_body:
         start[9:, 9:] = 0.0
+    if without_attitude:
+        start[6:, 6:] = 0.0
     return np.asarray(start)
 
 
@@ -185,15 +193,21 @@ def filter_matrices(
 
 
 def fit_filter(run: OutputErrors, course: Course) -> FilterModel:
-    """Return the filter whose sds are nearest to those of a run; one with scale factors where none without fits."""
-    found = _fit(run, course, scale=False)
+    """Return the filter whose sds are nearest to those of a run: the one with the fewest states that fits."""
+    if not (course.of_body or np.isfinite(run.estimate.quat_nb).any()):
+        found = _fit(run, course, without_attitude=True)
+        if found.misfit < MIN_MISFIT:
+            return found
+    found = _fit(run, course)
     if found.fits or course.of_body:
         return found
     other = _fit(run, course, scale=True)
     return other if other.fits else found
 
 
-def _fit(run: OutputErrors, course: Course, *, scale: bool) -> FilterModel:
+def _fit(
+    run: OutputErrors, course: Course, *, scale: bool = False, without_attitude: bool = False
+) -> FilterModel:
     from scipy.optimize import least_squares  # loaded when used: slow to import
 
     count = min(len(course.dt), MAX_FITTED_EPOCHS)
@@ -204,7 +218,7 @@ def _fit(run: OutputErrors, course: Course, *, scale: bool) -> FilterModel:
         states = states[states < 9]
     late = np.zeros(count, dtype=bool)
     late[count // (20 if len(states) == 15 else 3) :] = True
-    start = start_covariance(run, course)
+    start = start_covariance(run, course, without_attitude=without_attitude)
     settled = np.exp(np.median(stated, axis=0))
     position = settled[[0, 2]] if 0 in states else np.ones(2)
     velocity = settled[[3, 5]] if 3 in states else np.full(2, 0.01)
@@ -212,27 +226,42 @@ def _fit(run: OutputErrors, course: Course, *, scale: bool) -> FilterModel:
         [FIRST_GUESS, np.log([300.0, 300.0]), 0.5 * np.log(10.0 * np.concatenate([position, velocity]))]
     )
     part = head(course, count)
+    if course.of_body:
+        guess[5] = 0.0
+    if scale:
+        guess = np.concatenate([guess, SCALE_GUESS])
+    fixed = guess.copy()
+    free = np.arange(len(guess))
+    if without_attitude:
+        free = PLAIN_PARAMETERS
+        fixed[[0, 2, 3]], fixed[8:10] = -np.inf, 0.5 * np.log(NO_FIX_VARIANCE)
+
+    def whole(x: FloatArray) -> FloatArray:
+        every = fixed.copy()
+        every[free] = x
+        return every
 
     def residual(x: FloatArray) -> FloatArray:
-        model = _model(x, 0.0, of_body=course.of_body)
+        model = _model(whole(x), 0.0, of_body=course.of_body)
         phi, noise, wide = filter_matrices(part, model, start)
         p, _ = covariance_recursion(phi, noise, part.fixed, np.ones(4), model.fix_variance, wide)
         own = np.log(np.maximum(np.einsum("kii->ki", p)[:, :15], 1e-30))
         return np.asarray(0.5 * (own - stated)[late][:, states].ravel())
 
-    if course.of_body:
-        guess[5] = 0.0
-    if scale:
-        guess = np.concatenate([guess, SCALE_GUESS])
+    begin = guess[free]
     found = least_squares(
-        residual, guess, bounds=(guess - LOG_SPAN, guess + LOG_SPAN), x_scale=1.0, diff_step=1e-4, max_nfev=40
+        residual, begin, bounds=(begin - LOG_SPAN, begin + LOG_SPAN), x_scale=1.0, diff_step=1e-4, max_nfev=40
     )
     misfit = float(np.sqrt(np.mean(found.fun**2)))
     # Sds of neighbouring epochs err together: all of them are worth one.
-    information = found.jac.T @ found.jac / np.count_nonzero(late) + 1e-12 * np.eye(len(guess))
-    sd = max(misfit, MIN_MISFIT) * np.sqrt(np.diag(np.linalg.inv(information)))
+    information = found.jac.T @ found.jac / np.count_nonzero(late) + 1e-12 * np.eye(len(begin))
+    sd = np.zeros(len(guess))
+    sd[free] = max(misfit, MIN_MISFIT) * np.sqrt(np.diag(np.linalg.inv(information)))
     return replace(
-        _model(found.x, misfit, of_body=course.of_body), log_density_sd=sd[:4], log_time_sd=sd[4:6]
+        _model(whole(found.x), misfit, of_body=course.of_body),
+        log_density_sd=sd[:4],
+        log_time_sd=sd[4:6],
+        without_attitude=without_attitude,
     )
 
 

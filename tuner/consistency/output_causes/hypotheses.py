@@ -76,6 +76,13 @@ def scale_hypotheses(model: ErrorModel, base: TrueNoise) -> list[ScaleHypothesis
             ScaleHypothesis(q, "velocity", _density(1)),
             ScaleHypothesis("noise_scale", "", _everything),
         ]
+    if model.model.without_attitude:
+        return [
+            ScaleHypothesis(r, "position fixes", _fixes(0)),
+            ScaleHypothesis(q, "", _density(1)),
+            ScaleHypothesis("noise_scale", "", _everything),
+            *_extra_processes(model, ("fixes",)),
+        ]
     found = [
         ScaleHypothesis(r, "", _fixes(0, 1)),
         ScaleHypothesis(r, "position fixes", _fixes(0)),
@@ -98,9 +105,14 @@ def scale_hypotheses(model: ErrorModel, base: TrueNoise) -> list[ScaleHypothesis
         ScaleHypothesis("time_constant", "gyro biases", _times(0)),
         ScaleHypothesis("time_constant", "accelerometer biases", _times(1)),
     ]
-    sizes = {"gyro": 9, "accel": 12, "fixes": 0}
-    for place, code in (("gyro", "missing_state"), ("accel", "missing_state"), ("fixes", "correlated_gnss")):
-        first = sizes[place]
+    return [*found, *_extra_processes(model, tuple(_PROCESSES))]
+
+
+def _extra_processes(model: ErrorModel, places: tuple[str, ...]) -> list[ScaleHypothesis]:
+    """Return the processes of sensors and fixes that the filter may lack."""
+    found = []
+    for place in places:
+        code, subject, first = _PROCESSES[place]
         usual = (
             math.sqrt(float(model.model.fix_variance[0]))
             if place == "fixes"
@@ -109,7 +121,6 @@ def scale_hypotheses(model: ErrorModel, base: TrueNoise) -> list[ScaleHypothesis
         )
         middle = math.log(usual)
         bounds = (middle - 2.0 * LOG_MAX_SCALE, middle + LOG_MAX_SCALE)
-        subject = {"gyro": "gyro bias", "accel": "accelerometer bias", "fixes": ""}[place]
         if place == "fixes" and model.by_innovations:
             continue
         found += [
@@ -117,3 +128,11 @@ def scale_hypotheses(model: ErrorModel, base: TrueNoise) -> list[ScaleHypothesis
             for time in EXTRA_TIMES
         ]
     return found
+
+
+_PROCESSES = {
+    "gyro": ("missing_state", "gyro bias", 9),
+    "accel": ("missing_state", "accelerometer bias", 12),
+    "fixes": ("correlated_gnss", "", 0),
+}
+"""Cause, subject and first state of the processes that a filter may lack."""
