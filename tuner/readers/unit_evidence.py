@@ -28,6 +28,8 @@ MAX_STEADY_RATE = 5.0
 """rad/s: nothing that is navigated turns as fast all the time; rate tables are slower."""
 MAX_WHITE = 2e-3
 """White density of a gyroscope, rad/s/√Hz: three times that of the noisiest built-in sensor (ADIS16405)."""
+OPEN_BANDWIDTH = 100.0
+"""Bandwidth of a gyroscope without a filter, Hz: its noise is folded into samples that are taken more rarely."""
 MIN_WHITE = 4e-8
 """White density of a gyroscope, rad/s/√Hz: a tenth of that of the built-in ring laser gyro."""
 USUAL_RATES = ("deg/s", "rad/s", "deg/h", "rad", "deg")
@@ -105,16 +107,22 @@ def units_with_gravity(raw: float, interval: float) -> list[str]:
 
 
 def possible_rate(unit: str, found: Sizes, interval: float, read_in: str) -> bool:
-    """Return whether a gyroscope at rest can have these sizes, had they been written in `unit`."""
+    """Return whether a gyroscope at rest can have these sizes, had they been written in `unit`.
+
+    For another unit than that read in, samples rarer than `OPEN_BANDWIDTH` may hold noise of higher
+    frequencies, too.
+    """
     factor = si_value(unit, interval) / si_value(read_in, interval)
-    return found.mean * factor <= MAX_BIAS and MIN_WHITE <= found.white * factor <= MAX_WHITE
+    alias = 1.0 if unit == read_in else max(1.0, math.sqrt(OPEN_BANDWIDTH * interval))
+    return found.mean * factor <= MAX_BIAS and MIN_WHITE <= found.white * factor <= MAX_WHITE * alias
 
 
 def rate_in_motion(unit: str, found: Sizes, interval: float, read_in: str) -> bool:
     """Return whether a gyroscope that moves, but none at rest, can have these sizes, if written in `unit`."""
     factor = si_value(unit, interval) / si_value(read_in, interval)
-    at_rest = found.mean * factor <= MAX_BIAS and found.white * factor <= MAX_WHITE
-    return found.mean * factor <= MAX_STEADY_RATE and not at_rest
+    too_small = found.white * factor < MIN_WHITE
+    moves = not too_small and not possible_rate(unit, found, interval, read_in)
+    return moves and found.mean * factor <= MAX_STEADY_RATE
 
 
 def whole_numbers(y: FloatArray, factor: float) -> bool:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.tuner.readers.plain_logs import ACCEL, COUNT, GYRO, HEADER, notes, refused, rows, write
+from tests.tuner.readers.plain_logs import ACCEL, COUNT, GYRO, HEADER, T, notes, refused, rows, write
 from tuner.readers import read
 
 
@@ -131,3 +131,12 @@ def test_a_gyroscope_that_moves_is_not_named_the_unit_of_one_at_rest(tmp_path: P
     y = np.random.default_rng(5).normal(3.0, 30.0, (COUNT, 3))
     message = refused(write(tmp_path / "log.csv", rows(gyro=y)), "--gyro-unit deg/s if the sensor moved")
     assert "if it was at rest, --gyro-unit deg/h" in message
+
+
+def test_rare_samples_of_a_gyroscope_may_be_noisier(tmp_path: Path) -> None:
+    """0.05 deg/s/√Hz up to 100 Hz, 0.5 deg/s in every sample: at 4 Hz as loud as 0.25 deg/s/√Hz."""
+    y = np.random.default_rng(6).normal(0.0, 0.5, (COUNT, 3))
+    refused(
+        write(tmp_path / "log.csv", rows(25.0 * T, y), HEADER.replace("t,", "t [s],")),
+        "pass --gyro-unit deg/s, or --assume si",
+    )

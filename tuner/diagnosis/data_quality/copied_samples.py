@@ -3,7 +3,8 @@
 A packet of L samples that comes again in place of the next makes L equalities in a row at lag L. By chance a row of
 L comes as often as at other lags, and as the usual share of equal samples to the power L. Samples that a program put on
 a higher rate by straight lines have second differences of zero, to the last digit or within the step of the quantizer;
-those of noise are that small in proportion to their density at zero.
+those of noise are that small in proportion to their density at zero, or, where a calibration mixed axes after the
+quantizer, so that no step is left to see, as often as among samples farther apart.
 """
 
 from __future__ import annotations
@@ -34,6 +35,8 @@ MAX_LINE_DISTANCE = 1e-9
 """Second difference ÷ sd of the differences up to which three samples lie on a line: arithmetic, no noise."""
 MIN_LINE_SHARE = 0.02
 """Least share of samples on a line; fewer are the bridges of short gaps."""
+FAR_LAGS = (31, 37, 41, 43, 47)
+"""Distances of samples that no resampling relates: above the ratios of rates in use, and without common divisors."""
 MIN_STEPS = 4.0
 """Sd of the second differences, steps, below which a quantizer puts many triples of noise on lines."""
 
@@ -112,18 +115,28 @@ def find_lines(pieces: Sequence[FloatArray], step: float) -> Lines:
 
     `step` is that of its quantizer, 0 for none.
     """
-    second = np.concatenate([np.diff(piece, 2) for piece in pieces if len(piece) > 2])
-    moves = np.concatenate([np.diff(piece)[1:] != 0.0 for piece in pieces if len(piece) > 2])
-    second = second[moves]
-    if not len(second):
+    size = _off_line(pieces, 1)
+    if not len(size):
         return Lines(0.0, 1.0)
-    size = np.abs(second)
     reach = max(1.01 * step, MAX_LINE_DISTANCE * float(size.mean()))
     scale = float(normal_sd(size[size > reach])) if np.any(size > reach) else 0.0
     if not scale > 0.0 or scale < MIN_STEPS * step:
         return Lines(0.0, 1.0)
     on_line = int(np.count_nonzero(size <= reach))
-    expected = min(CHANCE_FACTOR * (2.0 * reach + step) / (scale * np.sqrt(2.0 * np.pi)) + 1e-9, 1.0)
-    share = on_line / len(second)
-    p_value = 1.0 if share < MIN_LINE_SHARE else float(binom.sf(on_line - 1, len(second), expected))
-    return Lines(share, p_value)
+    share = on_line / len(size)
+    if share < MIN_LINE_SHARE:
+        return Lines(share, 1.0)
+    by_density = (2.0 * reach + step) / (scale * np.sqrt(2.0 * np.pi))
+    apart = [np.mean(far <= reach) for lag in FAR_LAGS if len(far := _off_line(pieces, lag))]
+    expected = min(CHANCE_FACTOR * max(by_density, float(np.median(apart)) if apart else 0.0) + 1e-9, 1.0)
+    return Lines(share, float(binom.sf(on_line - 1, len(size), expected)))
+
+
+def _off_line(pieces: Sequence[FloatArray], lag: int) -> FloatArray:
+    """Return how far samples lie off the line through those `lag` before and after them, where the signal moves."""
+    away = []
+    for piece in pieces:
+        if len(piece) > 2 * lag:
+            before, after = piece[lag:-lag] - piece[: -2 * lag], piece[2 * lag :] - piece[lag:-lag]
+            away.append(np.abs(after - before)[after != 0.0])
+    return np.concatenate(away) if away else np.empty(0)

@@ -40,6 +40,16 @@ def test_quantized_and_coloured_noise_has_neither(step):
         assert find_lines((codes,), step).p_value > 1e-4
 
 
+def test_axes_mixed_after_the_quantizer_are_no_lines():
+    """A calibration turns three quantized axes a little, and the text has four digits: no step is left to see."""
+    codes = np.round(np.stack([0.7 * white(seed) for seed in (5, 6, 7)], axis=1))
+    turned = np.round(
+        0.0077 * codes @ (np.eye(3) + 0.003 * np.array([[0, 1, -2], [-1, 0, 1], [2, -1, 0]])), 4
+    )
+    for y in turned.T:
+        assert find_lines((y,), 0.0).p_value > 1e-3
+
+
 @pytest.mark.parametrize("ratio", [2.0, *(pytest.param(r, marks=pytest.mark.slow) for r in (3.0, 4.0))])
 def test_interpolated_samples_are_told_alone(ratio):
     """Of a ratio r between two rates the share 1 − 1/r lies on lines."""
