@@ -57,6 +57,8 @@ TIME = (
     "gps_time",
     "gpstime",
     "gps_seconds",
+    "gps_sec",
+    "gpssec",
     "imu_t",
     "time_of_week",
     "seconds_of_week",
@@ -90,6 +92,8 @@ TIME_OF_WEEK = (
     "i_tow",
     "gpstime",
     "gps_seconds",
+    "gps_sec",
+    "gpssec",
 )
 """Names of the GPS week, and of the time in it."""
 TEMPERATURE = ("temperature", "temp", "imu_temp", "temperature_imu", "temp_c", "celsius")
