@@ -35,7 +35,7 @@ from tuner.consistency.verdicts import verdicts
 from tuner.navigation.compensation import compensate, compensate_settings
 from tuner.navigation.data import GATED, WITHHELD, Solution
 from tuner.navigation.drive.axis_checks import inertial_axes
-from tuner.navigation.drive.clock import AGREEING, Clock, clock_of_drive
+from tuner.navigation.drive.clock import AGREEING, Clock, remaining_clock
 from tuner.navigation.drive.gross_outliers import without_gross_outliers
 from tuner.navigation.drive.run import SETTLING_TIME, Stretch, navigate, outage_windows, prepare
 from tuner.navigation.drive.unit_checks import suspected_unit
@@ -165,7 +165,7 @@ def navigate_drive(
         drive = replace(drive, gnss=fixes, notes=(*drive.notes, left_out))
     if vehicle.sideways is not None:
         states = {"mounting": MOUNTING_SD, **(states or {})}
-    clock = clock_of_drive(drive)
+    clock = remaining_clock(drive, config.compensation)
     settings, assumed = drive_filter(drive, config, clock=clock, states=states)
     stretches, notes = prepare(drive, settings, clock=clock)
     solutions = navigate(stretches, settings, np.zeros((0, 2)))

@@ -119,7 +119,14 @@ def command(
 
         return pictures_of_solution(found, measured)
 
-    advice = f"`tuner diagnose {drive} --config {config}` names the causes and what to change"
+    tuned_on = found.config.provenance.get("drive") or {}
+    if tuned_on.get("digest") == measured.digest:
+        advice = (
+            "`tuner tune` made these settings from this drive and diagnosed it: its report.html has the causes found "
+            "and what stays unexplained; score them on another drive of the unit"
+        )
+    else:
+        advice = f"`tuner diagnose {drive} --config {config}` names the causes and what to change"
     notes = found.notes if found.consistency.consistent else (*found.notes, advice)
     page(
         f"Filter of {Path(config).name} on {Path(drive).name}",

@@ -18,6 +18,8 @@ from tuner.navigation.drive.clock_offset import (
 )
 from tuner.navigation.drive.clock_regression import DELAYS
 from tuner.navigation.drive.gross_outliers import without_gross_outliers
+from tuner.navigation.drive.velocity_latency import velocities_at
+from tuner.types import Compensation
 from tuner.types.records import Drive
 
 
@@ -68,6 +70,45 @@ def clock_of_drive(drive: Drive) -> Clock:
     refuse_distant_clocks(replace(drive, gnss=gnss))
     found = estimate_clock_offset(steps, gnss, None if arm is None else arm.tolist())
     return AGREEING if found is None else chosen_clock(found)
+
+
+def remaining_clock(drive: Drive, compensation: Compensation) -> Clock:
+    """Return what the motion says of the clocks of a drive beside a delay and a lag that its settings state.
+
+    Parameters
+    ----------
+    drive : Drive
+        With the compensation taken out, but for the lag of its velocities: the filter takes that out of each fix.
+    compensation : Compensation
+        Of the settings.
+
+    Raises
+    ------
+    DataError
+        Where the clocks differ by more than is searched.
+    """
+    lag = compensation.value("velocity_lag", "delay")
+    gnss = drive.gnss
+    known = np.asarray(np.isfinite(gnss.vel_n).all(axis=1))
+    if lag and known.any():
+        at_stamps = np.where(known[:, None], velocities_at(gnss.t, gnss.vel_n, gnss.t + lag), np.nan)
+        drive = replace(drive, gnss=replace(gnss, vel_n=at_stamps))
+    return _with_words(clock_of_drive(drive), compensation)
+
+
+def _with_words(clock: Clock, compensation: Compensation) -> Clock:
+    """Return the clock that remains, with words for what the settings take out before."""
+    applied = {
+        "of the fixes": compensation.value("time_offset", "delay"),
+        "of velocities behind positions": compensation.value("velocity_lag", "delay"),
+    }
+    parts = [f"{value:+.3f} s {whose}" for whose, value in applied.items() if value]
+    if not parts:
+        return clock
+    left = f"; of what remains: {clock.note}" if clock.note else ""
+    return replace(
+        clock, note=f"a delay of {' and '.join(parts)}, stated in the settings, is taken out{left}"
+    )
 
 
 def chosen_clock(found: ClockOffset) -> Clock:

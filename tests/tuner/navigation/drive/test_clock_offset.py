@@ -12,13 +12,15 @@ from models.trajectory.motion import Trajectory
 from models.trajectory.profiles import Profile, Wave
 from tuner.catalogue.grades import load_gnss, load_grade
 from tuner.consistency.score_drive import navigate_drive
+from tuner.navigation.compensation import compensate
 from tuner.navigation.data import Steps
-from tuner.navigation.drive.clock import chosen_clock, clock_of_drive
+from tuner.navigation.drive.clock import chosen_clock, clock_of_drive, remaining_clock
 from tuner.navigation.drive.clock_offset import MAX_CLOCK_OFFSET, ClockOffset, estimate_clock_offset
 from tuner.navigation.drive.integrated_increments import integrate_increments
 from tuner.navigation.drive.thinning import irregular_rows
 from tuner.simulation.drive import simulate_drive
 from tuner.synthesis.load_config import load_config
+from tuner.types import Compensation
 
 DELAY, LAG = 0.4, 0.1
 
@@ -48,6 +50,17 @@ def test_delay_and_lag_are_found_within_five_sds(drive):
     assert abs(clock.delay - DELAY) < 5.0 * clock.delay_sd
     assert clock.lag == pytest.approx(LAG, abs=0.03)
     assert clock.delay_interval[0] < clock.delay < clock.delay_interval[1]
+
+
+def test_what_the_settings_take_out_is_not_found_again(drive):
+    """A lag of velocities was taken out twice: on a measured drive two thirds of the fixes were refused."""
+    stated = Compensation.parse({"time_offset.delay": DELAY, "velocity_lag.delay": LAG})
+    clock = remaining_clock(compensate(_late(drive, DELAY, LAG), stated), stated)
+    assert clock.delay == clock.lag == 0.0
+    assert clock.note.startswith(
+        "a delay of +0.400 s of the fixes and +0.100 s of velocities behind positions"
+    )
+    assert "of what remains: clocks agree" in clock.note
 
 
 @pytest.mark.parametrize("trajectory", ["city", "climb"])

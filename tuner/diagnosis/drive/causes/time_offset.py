@@ -12,7 +12,7 @@ import numpy as np
 from tuner.diagnosis.drive.hypothesis import FilterRun, Hypothesis
 from tuner.diagnosis.drive.score_tests import linear_trend
 from tuner.navigation.compensation import compensate
-from tuner.navigation.drive.clock import Clock, clock_of_drive
+from tuner.navigation.drive.clock import Clock, remaining_clock
 from tuner.types import Coefficient, Compensation, FilterConfig, Parameter, Unexplained
 from tuner.types.records import Drive
 
@@ -79,7 +79,7 @@ def coarse_clock_search(drive: Drive, start: Hypothesis) -> tuple[dict[Parameter
     start : Hypothesis
         What is compensated already.
     """
-    clock = clock_of_drive(compensate(drive, start.compensation))
+    clock = remaining_clock(compensate(drive, start.compensation), start.compensation)
     found = {OFFSET_DELAY: clock.delay, LAG_DELAY: clock.lag}
     values = {p: start.compensation.get(p, 0.0) + value for p, value in found.items() if value}
     return values, clock
