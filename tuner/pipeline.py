@@ -16,13 +16,14 @@ from models.sensors import SensorGrade
 from tuner.catalogue.grades import DEFAULT_RECEIVER, load_grade
 from tuner.compile_ahead import compiled_ahead
 from tuner.consistency.check import check
+from tuner.consistency.score_drive import DriveResult, navigate_drive
 from tuner.diagnosis import diagnose
 from tuner.diagnosis.drive import ExaminedDrive
 from tuner.diagnosis.drive.config_after_drive import config_after_drive
 from tuner.diagnosis.drive.explained_drive import examine_and_explain
 from tuner.diagnosis.drive.held_out_choice import HeldOutChoice, choose_config
 from tuner.diagnosis.static.position_drift import found_signals
-from tuner.exporters import DIALECTS, export, lacking
+from tuner.exporters import DIALECTS, dialect_named, export, lacking
 from tuner.formats import noise_yaml
 from tuner.formats.prediction import prediction_json
 from tuner.identification import identify
@@ -133,6 +134,8 @@ class TuneResult(Shown):
         What the drive keeps of its findings, by its last part.
     datasheet : Identification or None
         What the data sheet states, to be shown beside what was measured.
+    measured : DriveResult or None
+        The filter with the settings as written on the whole drive, scored as `navigate` scores it.
     """
 
     name: str
@@ -151,6 +154,7 @@ class TuneResult(Shown):
     seed: int = 0
     choice: HeldOutChoice | None = None
     datasheet: Identification | None = None
+    measured: DriveResult | None = None
 
 
 def tune(
@@ -166,6 +170,7 @@ def tune(
     conservative: bool = False,
     replicas: int = 0,
     seed: int = 0,
+    dialect: str | None = None,
     progress: Progress = silent,
 ) -> TuneResult:
     """Turn a static log, a measured drive or both into a filter configuration, and check that filter.
@@ -196,6 +201,8 @@ def tune(
         Simulated records a finding, for bands.
     seed : int, optional
         Seed of everything random.
+    dialect : str, optional
+        A further dialect to write the settings in: a key of `DIALECTS`.
     progress : callable, optional
         Called with one line at each step.
 
@@ -208,6 +215,7 @@ def tune(
     DataError
         Where log, drive, grade or receiver cannot be used: one line.
     """
+    wanted = [] if dialect is None else [dialect_named(dialect).name]
     completion = load_grade(complete) if isinstance(complete, str) else complete
     stated = None if datasheet is None else identify_source(datasheet)
     inputs = gather_inputs(log, drive, gnss, seed=seed, progress=progress)
@@ -226,18 +234,21 @@ def tune(
         conservative=conservative,
         seed=seed,
     )
-    examined, choice = None, None
+    examined, choice, measured = None, None, None
+    unmeasured: Mapping[str, str] = {}
     if inputs.drive is not None:
         examined = examine_and_explain(inputs.drive, config, progress=progress)
         began, found = (config_after_drive(examined, kept=kept) for kept in (False, True))
         choice = choose_config(inputs.drive, examined, began, found, progress)
         config = with_rest_and_motion(config, choice.config)
         config = replace(config, notes=(*config.notes, choice.note))
+        measured, unmeasured = measured_or_reason(inputs.drive, config, progress)
     exports = {"noise.yaml": noise_yaml.dumps(config)}
+    exports |= {file_of_dialect(name): export(config, name) for name in wanted}
     exports |= {
-        f"{dialect}.yaml": export(config, dialect)
-        for dialect in EXPORTED_DIALECTS
-        if not lacking(config, DIALECTS[dialect])
+        file_of_dialect(name): export(config, name)
+        for name in EXPORTED_DIALECTS
+        if not lacking(config, DIALECTS[name])
     }
     checked, unchecked = check_or_reason(
         config, after_drive=examined is not None, seed=seed, progress=progress
@@ -252,14 +263,20 @@ def tune(
         config,
         checked,
         MappingProxyType(dict(predictions)),
-        MappingProxyType({**noise.absent, **unchecked}),
+        MappingProxyType({**noise.absent, **unmeasured, **unchecked}),
         MappingProxyType(exports),
         inputs.key,
         replicas,
         seed,
         choice,
         stated,
+        measured,
     )
+
+
+def file_of_dialect(name: str) -> str:
+    """Return the name of the file that `tune` writes in a dialect."""
+    return f"{name}.yaml" if name in EXPORTED_DIALECTS else f"{name}.txt"
 
 
 def gather_inputs(
@@ -393,6 +410,17 @@ def in_motion(config: FilterConfig) -> FilterConfig:
     return replace(config, channels=channels)
 
 
+def measured_or_reason(
+    drive: Drive, config: FilterConfig, progress: Progress
+) -> tuple[DriveResult | None, Mapping[str, str]]:
+    """Return the filter of a configuration on the drive it was made for, or None and why it cannot be scored."""
+    progress("scoring the settings on the whole drive")
+    try:
+        return navigate_drive(drive, config), {}
+    except DataError as error:
+        return None, {"scores on the drive": str(error)}
+
+
 def check_or_reason(
     config: FilterConfig, *, after_drive: bool, seed: int, progress: Progress
 ) -> tuple[Check | None, Mapping[str, str]]:
@@ -400,7 +428,8 @@ def check_or_reason(
 
     After a drive the simulated unit has the noise that the drive showed, as configured, not that of the unit at rest.
     """
-    progress(f"checking the filter on {CHECK_RUNS} simulated hours")
+    if config.gnss is not None:
+        progress(f"checking the filter on {CHECK_RUNS} simulated hours")
     try:
         truth = sensor_of_config(in_motion(config)) if after_drive else None
         return check(

@@ -125,10 +125,7 @@ def export(
     DataError
         For an unknown dialect, a sensor that the target cannot do without, and an axis without white noise.
     """
-    try:
-        declared = DIALECTS[dialect]
-    except RegistryError as error:
-        raise DataError(str(error)) from None
+    declared = dialect_named(dialect)
     if missing := lacking(config, declared):
         msg = (
             f"{config.name}: {dialect} needs gyroscopes and accelerometers, found no {missing[0]}; "
@@ -144,6 +141,14 @@ def export(
         raise DataError(msg)
     target = Target(interval or config.interval, step, memory, rate_named=interval is not None)
     return declared.write(config, target)
+
+
+def dialect_named(name: str) -> Dialect:
+    """Return the dialect of a name; an unknown one is refused in one line that lists them."""
+    try:
+        return DIALECTS[name]
+    except RegistryError as error:
+        raise DataError(str(error)) from None
 
 
 def lacking(config: FilterConfig, dialect: Dialect) -> list[str]:

@@ -11,6 +11,10 @@ from tuner.report.settings_rows import SettingsRow, axes_text, units_of
 
 LINE_WIDTH = 80
 """Columns of a terminal as it opens."""
+COLUMN_GAP = 2
+"""Columns between those of a table."""
+BOUNDED = "*: half a 95 % limit"
+"""What a star behind a setting means."""
 
 
 def settings_table(rows: Sequence[SettingsRow]) -> Table:
@@ -26,6 +30,55 @@ def settings_table(rows: Sequence[SettingsRow]) -> Table:
             if row.unit == unit:
                 table.add_row(axes_text(row.axes), row.white.text, row.bias, row.walk.text)
     return table
+
+
+def settings_lines(rows: Sequence[SettingsRow], *, tight: bool = False) -> list[str]:
+    """Return the numbers of every group of axes in one table with one head, its units as those of ``gyro|accel``.
+
+    Parameters
+    ----------
+    rows : sequence of SettingsRow
+        Of all sensors.
+    tight : bool, optional
+        Whether to leave spaces out of numbers, so that fewer rows take two lines.
+    """
+    units = [units_of(unit) for unit in dict.fromkeys(row.unit for row in rows)]
+    white, level, walk = ("|".join(names) for names in zip(*units, strict=True))
+    cells = [
+        [axes_text(row.axes), *(_tightened(text) if tight else text for text in _numbers(row))]
+        for row in rows
+    ]
+    known = "± 95 %" if any("±" in text for row in cells for text in row) else ""
+    head = [
+        known,
+        f"N, {white}",
+        f"bias sd, {level}, at s",
+        f"K, {walk}" if len(units) == 1 else "K, same/√h",
+    ]
+    widths = [max(len(row[i]) for row in (head, *cells)) for i in range(4)]
+    widths[2] = LINE_WIDTH - widths[0] - widths[1] - widths[3] - 3 * COLUMN_GAP
+    if len(f"{head[2]}; {BOUNDED}") <= widths[2] and any("*" in text for row in cells for text in row):
+        head[2] += f"; {BOUNDED}"
+    lines = []
+    for row in (head, *cells):
+        states = wrap(row[2], widths[2], break_long_words=False, break_on_hyphens=False) or [""]
+        lines.append([row[0], row[1], states[0], row[3]])
+        lines += [["", "", more, ""] for more in states[1:]]
+    widths[2] = min(widths[2], max(len(line[2]) for line in lines))
+    return [
+        (" " * COLUMN_GAP).join(text.ljust(width) for text, width in zip(line, widths, strict=True)).rstrip()
+        for line in lines
+    ]
+
+
+def _numbers(row: SettingsRow) -> list[str]:
+    """Return white noise, bias states and random walk of a row; the unit of time stands in the head."""
+    white = f"{row.white.text} fitted" if row.fitted else row.white.text
+    return [white, row.bias.replace(" s;", ";").removesuffix(" s"), row.walk.text]
+
+
+def _tightened(text: str) -> str:
+    return text.replace(" ± ", "±").replace(", ", ",")
 
 
 def wrapped(text: str, indent: int = 0) -> list[str]:

@@ -1,4 +1,4 @@
-"""What a drive changed, for the answer of `tune`: its first findings, and errors before and after in one table."""
+"""What a drive changed, for the answer of `tune`: verdict on the drive, its first findings, errors before and after."""
 
 from __future__ import annotations
 
@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from rich.table import Table
 
 from tuner.diagnosis.drive.held_out_gain import change_interval
-from tuner.formats.customary_units import digits
-from tuner.report.answer_layout import LINE_WIDTH, wrapped
+from tuner.formats.customary_units import amount, digits
+from tuner.report.answer_layout import LINE_WIDTH
+from tuner.report.verdict_text import verdict_text
+from tuner.types.consistency import Consistency
 
 if TYPE_CHECKING:
     from tuner.diagnosis.drive.held_out_choice import HeldOutChoice
@@ -20,50 +21,76 @@ SHOWN_FINDINGS = 2
 """Findings of a drive in the answer: what a reader acts on first."""
 
 
+def drive_verdict(found: Consistency, *, short: bool = False) -> str:
+    """Return the verdict on the filter on the measured drive, the first reason and how many others there are."""
+    if found.consistent:
+        return "On the measured drive: consistent, no score is shown to be 10 % off"
+    reasons = [verdict_text(one) for one in found.shown.verdicts]
+    more = f" ({len(reasons) - 1} more on the page)" if len(reasons) > 1 else ""
+    if short:
+        reason = reasons[0].replace("what the filter predicts: ", "predicted, ")
+        return f"Measured drive: NOT consistent: {reason}{more}"
+    return f"On the measured drive: NOT consistent: {reasons[0]}{more}"
+
+
 def finding_lines(findings: Sequence[Finding], choice: HeldOutChoice | None) -> list[str]:
-    """Return the clearest findings of a drive, how many more there are, and whether they entered the settings."""
+    """Return the clearest findings of a drive, with as many of their figures as a line has room for.
+
+    Parameters
+    ----------
+    findings : sequence of Finding
+        Of the drive, the clearest first.
+    choice : HeldOutChoice or None
+        What of them entered the settings.
+    """
     if not findings:
         return ["On the drive: nothing found that the filter does not expect"]
-    entered = choice is None or choice.kept.startswith("with the findings")
-    lines = [
-        f"On the drive: {one.text}" + (f" → {one.consequence}" if entered else "")
-        for one in findings[:SHOWN_FINDINGS]
-    ]
-    further = len(findings) - SHOWN_FINDINGS
-    more = f"{further} more findings of the drive on the page" if further > 0 else ""
-    left = (
-        "" if entered else "findings are not in the settings: its last 40 % is predicted no better with them"
-    )
-    if said := "; ".join(part for part in (more, left) if part):
-        lines.append(said[:1].upper() + said[1:])
+    lines = [_in_one_line(one) for one in findings[:SHOWN_FINDINGS]]
+    if choice is not None and not choice.kept.startswith("with the findings"):
+        lines.append("Findings are not in the settings: the last 40 % is predicted no better with them")
     return lines
 
 
-def choice_lines(choice: HeldOutChoice) -> list[Table | str]:
-    """Return what was kept, and errors with fixes and without them before and after, each change with its interval."""
+def _in_one_line(finding: Finding) -> str:
+    """Return what a finding is, and the figures that a line has room for."""
+    words = finding.text.partition(": ")[2].partition(" (")[0] or finding.text
+    text = f"Found: {words}"
+    for name, value in finding.parameters.items():
+        longer = f"{text}{', ' if '(' in text else ' ('}{name.replace('_', ' ')} {amount(value)}"
+        if len(longer) >= LINE_WIDTH:
+            break
+        text = longer
+    return f"{text})" if "(" in text else text
+
+
+def choice_lines(choice: HeldOutChoice, *, shorter: bool, shortest: bool) -> list[str]:
+    """Return what was kept, and position errors with fixes and without them before and after.
+
+    Parameters
+    ----------
+    choice : HeldOutChoice
+        What the drive keeps.
+    shorter, shortest : bool
+        Whether to leave the intervals of the changes to the page, and what the fixes alone give and what was kept.
+    """
     before, after = choice.before, choice.after
     if choice.kept == "as it began" or before is None or after is None:
-        return [*wrapped(f"After the drive: {choice.note}", 2)]
-    factors = "".join(f"; {name.replace('_', ' ')} × {digits(x, 3)}" for name, x in choice.factors.items())
-    table = Table(box=None, padding=(0, 2, 0, 0), width=LINE_WIDTH, show_header=False)
-    for _ in range(5):
-        table.add_column(no_wrap=True)
-    table.add_row("position error, rms, m", "before", "after", "change, 95 %", "true ÷ predicted")
-    alone = "" if after.fixes_rms is None else f"fixes alone {digits(after.fixes_rms)}"
-    table.add_row("with fixes", digits(before.tracking_rms), digits(after.tracking_rms), "", alone)
-    ratios = {
-        a.seconds: f"{b.ratio:.2f} → {a.ratio:.2f}"
-        for b, a in zip(before.outages, after.outages, strict=False)
-    }
+        return [f"After the drive: {choice.note}"]
+    arrow = "→" if shortest else " → "
+    changes = []
     for seconds, pairs in choice.outages.items():
         old, new = np.sqrt(pairs.mean(axis=0)).tolist()
         low, high = (_signed(end) for end in change_interval(pairs))
-        head = f"after {seconds:.0f} s without ({len(pairs)} times)"
-        table.add_row(head, digits(old), digits(new), f"{low} to {high}", ratios.get(seconds, ""))
+        change = "" if shorter else f" ({low} to {high})"
+        changes.append(f"{seconds:.0f} s {digits(old)}{arrow}{digits(new)}{change}")
+    tracking = f"{digits(before.tracking_rms)}{arrow}{digits(after.tracking_rms)} m"
+    blind = f"{', '.join(changes)} m"
+    if shortest:
+        return [f"Error {tracking}; unaided {blind}"]
+    alone = "" if after.fixes_rms is None else f" (fixes alone {digits(after.fixes_rms)})"
+    of_change = "" if shorter else " (95 % of the change)"
     return [
-        *wrapped(f"After the drive, kept: {choice.kept}{factors}", 2),
-        table,
-        "Without fixes: the whole drive; with fixes, true ÷ predicted: its last 40 %",
+        f"Kept {choice.kept}; position error, rms: with fixes {tracking}{alone}; without them: {blind}{of_change}"
     ]
 
 

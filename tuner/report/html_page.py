@@ -44,7 +44,7 @@ from tuner.report.tune_answer import (
     hidden_lines,
     legend,
     recording_line,
-    verdict_line,
+    whole_verdict,
 )
 from tuner.types import Finding
 
@@ -125,7 +125,7 @@ def write_page(
     }
     content = {
         "name": result.name,
-        "verdict": verdict_line(result),
+        "verdict": whole_verdict(result),
         "standing": "open" if checked is None else "good" if _stands(result) else "bad",
         "facts": _facts(result),
         "settings": _settings(result),
@@ -227,7 +227,8 @@ def _for_script(data: Mapping[str, Any] | Sequence[Chart]) -> Markup:
 
 def _stands(result: TuneResult) -> bool:
     predicted = all(found.passes for found in result.predictions.values())
-    return result.check is not None and result.check.consistency.consistent and predicted
+    measured = result.measured is None or result.measured.consistency.consistent
+    return result.check is not None and result.check.consistency.consistent and predicted and measured
 
 
 def _facts(result: TuneResult) -> list[tuple[str, str]]:
@@ -385,13 +386,16 @@ def _words(group: FindingGroup) -> list[str]:
 def _sections(
     result: TuneResult, pictures: Sequence[Picture]
 ) -> list[tuple[str, str, list[dict[str, Any]], list[dict[str, str]]]]:
-    """Return prediction, calibration, drive and check, each as anchor, heading, content and pictures."""
+    """Return prediction, calibration, drive and checks, each as anchor, heading, content and pictures."""
     sections: list[tuple[str, str, list[dict[str, Any]], list[dict[str, str]]]] = []
     if result.predictions:
         content = _blocks(prediction_tables(result.predictions))
         sections.append(("prediction", "Does it predict the log?", content, []))
     if result.calibration is not None:
         sections.append(("calibration", "Calibration", _blocks(calibration_lines(result.calibration)), []))
+    if result.measured is not None:
+        scores = _blocks(consistency_tables(result.measured.consistency, result.measured.notes))
+        sections.append(("measured", "The filter on the measured drive", scores, []))
     if result.drive is not None:
         static = () if result.diagnosis is None else result.diagnosis.findings
         of_findings = {one.text for one in (*static, *result.drive.diagnosis.findings)}
@@ -399,7 +403,7 @@ def _sections(
         sections.append(("drive", "The drive", _blocks(drive_tables(result.drive.diagnosis)), own))
     if result.check is not None:
         content = _blocks(consistency_tables(result.check.consistency, result.check.notes))
-        sections.append(("check", "Filter check", content, []))
+        sections.append(("check", "Filter check: simulated", content, []))
     return sections
 
 

@@ -101,6 +101,12 @@ def tune_json(result: TuneResult) -> dict[str, Any]:
             content["hidden"] = judge_hidden(result.key, result.diagnosis)
     if result.drive is not None:
         content["drive"] = diagnosis_json(result.drive.diagnosis)
+    if result.measured is not None:
+        content["navigation"] = consistency_json(
+            result.measured.consistency,
+            source={"drive": result.config.provenance.get("drive"), "config": result.config.name},
+            notes=result.measured.notes,
+        )
     if result.calibration is not None:
         content["calibration"] = calibration_json(result.calibration)
     if result.check is not None:
@@ -135,6 +141,9 @@ def tune_sections(result: TuneResult) -> list[Section]:
         sections.append(("Calibration from poses", calibration_lines(result.calibration)))
     if result.drive is not None:
         sections.append(("Drive diagnosis", drive_tables(result.drive.diagnosis)))
+    if result.measured is not None:
+        tables = consistency_tables(result.measured.consistency, result.measured.notes)
+        sections.append(("The filter on the measured drive", tables))
     if result.check is not None:
         tables = consistency_tables(result.check.consistency, result.check.notes)
         sections.append(("Consistency of the filter", tables))

@@ -1,20 +1,24 @@
-"""The answer of `tune` in ten lines of 80 columns where axes agree: verdict, numbers, what matters most."""
+"""The answer of `tune` in ten lines of 80 columns: verdict, numbers, what matters most, where the page is."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rich.table import Table
-
 from tuner.formats.customary_units import digits
 from tuner.identification.comparison import compare_identifications, limit_checks
-from tuner.report.answer_layout import settings_table, wrapped
+from tuner.report.answer_layout import BOUNDED, LINE_WIDTH, settings_lines, wrapped
 from tuner.report.comparison_tables import limit_text
-from tuner.report.drive_answer import choice_lines, finding_lines
-from tuner.report.finding_groups import contradicted, drift_text, finding_groups
+from tuner.report.drive_answer import choice_lines, drive_verdict, finding_lines
+from tuner.report.finding_groups import (
+    FindingGroup,
+    contradicted,
+    drift_text,
+    finding_groups,
+    way_texts,
+)
 from tuner.report.settings_rows import SettingsRow, axes_text, settings_rows
 from tuner.report.static_diagnosis_tables import hidden_effect_lines
 from tuner.report.verdict_text import verdict_text
@@ -26,16 +30,27 @@ if TYPE_CHECKING:
 
 WITHOUT_RECEIVER = "name a receiver (--gnss GRADE)"
 """Words of the reason where a check lacks only the receiver."""
+MAX_LINES = 10
+"""Lines of an answer: what is read at a glance."""
+SHORTER = ("head", "numbers", "findings", "drive")
+"""Parts that are said in fewer words where the answer has more lines, in this order."""
+MAX_KEYS = 7
+"""Lines of another filter's settings that an answer shows; of more, only the file is named."""
+COMMENTS = ("#", "//", "%", "<!--", "/*", "*")
+"""How lines of comments begin in the dialects."""
+WHAT_SIMULATES = "--gnss GRADE does"
+"""What to add to the command, for the filter to be simulated."""
 SHOWN_FINDINGS = 2
 """Findings in the answer: what a reader acts on first."""
+OF_DRIVE_ALONE = "static diagnosis"
+"""What lacks where a drive stands in for the log, which the line of the recording says."""
 SHORT_SPAN = 600.0
 """Time up to which a reader counts seconds, s."""
-HALF_LIMIT = "*: half of a 95 % limit"
 NO_INTERVAL = "no ±: fitted to the Allan curve, or set"
 
 
-def answer_lines(result: TuneResult, directory: Path) -> list[Table | str]:
-    """Return the answer, none of its lines wider than `LINE_WIDTH` and nothing left out of any of them.
+def answer_lines(result: TuneResult, directory: Path, dialect: str | None = None) -> list[str]:
+    """Return the answer, at most `MAX_LINES` lines of `LINE_WIDTH` for a log whose rows of settings take a line each.
 
     Parameters
     ----------
@@ -43,42 +58,108 @@ def answer_lines(result: TuneResult, directory: Path) -> list[Table | str]:
         Of `tuner.tune`.
     directory : Path
         Where its files are.
+    dialect : str, optional
+        The one whose keys and numbers are shown instead of the table, where they are few.
     """
+    keys = [] if dialect is None else settings_in_dialect(result, dialect, directory)
+    for steps in range(len(SHORTER) + 1):
+        lines = _answer(result, directory, frozenset(SHORTER[:steps]), keys)
+        if len(lines) <= MAX_LINES:
+            break
+    return lines
+
+
+def settings_in_dialect(result: TuneResult, dialect: str, directory: Path) -> list[str]:
+    """Return where the file of a dialect is, and its settings without comment lines where they are few."""
+    from tuner.pipeline import file_of_dialect  # loaded when used: it imports every room
+
+    name = file_of_dialect(dialect)
+    lines = []
+    for line in result.exports[name].splitlines():
+        if line.strip() and not line.lstrip().startswith(COMMENTS):
+            shown = line.rstrip()
+            while len(shown) > LINE_WIDTH and "; " in shown:
+                shown = shown.rpartition("; ")[0]
+            lines.append(shown)
+    if len(lines) <= MAX_KEYS and max(map(len, lines), default=0) <= LINE_WIDTH:
+        return [f"{directory / name}:", *lines]
+    return [f"For {dialect}: {directory / name}"]
+
+
+def _answer(result: TuneResult, directory: Path, short: Set[str], keys: Sequence[str]) -> list[str]:
+    """Return the answer with some of its parts in fewer words, those of `SHORTER`."""
     rows = settings_rows(result.config)
-    numbers: list[Table | str] = [settings_table(rows)] if rows else []
+    table = settings_lines(rows, tight="numbers" in short) if rows and len(keys) < 2 else []
+    brief = "drive" in short
+    head = (
+        [short_verdict(result, brief=brief)]
+        if "head" in short
+        else [verdict_line(result), recording_line(result)]
+    )
+    if result.measured is not None:
+        measured = drive_verdict(result.measured.consistency, short=brief)
+        head = [f"{measured}. {head[0]}"] if "head" in short else [measured, *head]
+    if any("*" in line for line in table) and BOUNDED not in table[0]:
+        legend_here = f"; {BOUNDED}"
+        fits = len(head[-1]) + len(legend_here) <= LINE_WIDTH
+        head[-1] += legend_here if fits else legend_here.replace(" 95 %", "")
+    if "head" in short and len(head[-1]) > LINE_WIDTH:
+        head[-1] = head[-1].replace(f" ({WHAT_SIMULATES})", "")
+    findings, shown = _findings_of_log(result, short="findings" in short)
+    texts = [*against_datasheet(result), *findings, *hidden_lines(result), *_absent_lines(result)]
+    if result.drive is not None:
+        found = result.drive.diagnosis.findings
+        most = 1 if findings and brief else SHOWN_FINDINGS
+        texts += finding_lines(found[:most], result.choice)
+        shown += min(len(found), most)
+    if result.choice is not None:
+        texts += choice_lines(result.choice, shorter="numbers" in short, shortest=brief)
     return [
-        *wrapped(verdict_line(result)),
-        *wrapped(recording_line(result), 2),
-        *numbers,
-        *wrapped(legend(rows), 2),
-        *(line for text in against_datasheet(result) for line in wrapped(text, 2)),
-        *(line for text in what_matters(result) for line in wrapped(text, 2)),
-        *([] if result.choice is None else choice_lines(result.choice)),
-        *(line for text in hidden_lines(result) for line in wrapped(text, 2)),
-        *(line for text in _absent_lines(result) for line in wrapped(text, 2)),
-        *wrapped(f"{_page(result)}: {directory / 'report.html'} (tables here: --verbose)", 2),
+        *(line for text in head for line in wrapped(text, 2)),
+        *table,
+        *keys,
+        *(line for text in texts for line in wrapped(text, 2)),
+        *_page_lines(result, directory, shown),
     ]
 
 
-def verdict_line(result: TuneResult) -> str:
+def whole_verdict(result: TuneResult) -> str:
+    """Return the verdict of the measured drive, where there is one, before those of simulation and log."""
+    measured = "" if result.measured is None else f"{drive_verdict(result.measured.consistency)}. "
+    return measured + verdict_line(result)
+
+
+def verdict_line(result: TuneResult, *, brief: bool = False) -> str:
     """Return whether the filter is as uncertain as it says, and whether its settings predict the log."""
     from tuner.pipeline import CHECK_RUNS  # loaded when used: it imports every room
 
     parts = []
-    if result.check is None:
-        parts.append(
-            f"Not checked: {WITHOUT_RECEIVER}" if _no_receiver(result) else "The filter is not checked"
-        )
-    elif result.check.consistency.consistent:
-        parts.append(f"Consistent within 10 % ({CHECK_RUNS} simulated hours)")
-    else:
-        parts.append("NOT consistent" + _why_not(result.check.consistency.verdicts))
+    simulated = "" if result.measured is None else "simulated with its noise: "
+    if result.check is not None and result.check.consistency.consistent:
+        parts.append(f"{simulated}consistent" + f" within 10 % ({CHECK_RUNS} simulated hours)" * (not brief))
+    elif result.check is not None:
+        parts.append(f"{simulated}NOT consistent" + _why_not(result.check.consistency.verdicts))
     failed = [axis for axis, found in result.predictions.items() if not found.passes]
     if failed:
         parts.append(f"does NOT predict the log in {axes_text(failed)}")
     elif result.predictions:
         parts.append("predicts the log on every axis")
-    return "; ".join(parts) + "."
+    if result.check is None:
+        parts.append("filter not simulated" + (f" ({WHAT_SIMULATES})" if _no_receiver(result) else ""))
+    text = "; ".join(parts)
+    return f"{text[:1].upper()}{text[1:]}."
+
+
+def short_verdict(result: TuneResult, *, brief: bool) -> str:
+    """Return verdict and recording in one sentence, which is of one line where nothing is wrong."""
+    checked = None if result.check is None else result.check.consistency.consistent
+    every = bool(result.predictions) and all(found.passes for found in result.predictions.values())
+    recording = recording_line(result, named=False)
+    if checked is False or not every or result.measured is not None:
+        return f"{verdict_line(result, brief=brief).removesuffix('.')}; {recording}"
+    verdict = "Consistent within 10 %, predicts each axis" if checked else "Predicts the log on every axis"
+    with_cure = f"{verdict}; {recording}; filter not simulated ({WHAT_SIMULATES})"
+    return with_cure if _no_receiver(result) and len(with_cure) <= LINE_WIDTH else f"{verdict}; {recording}"
 
 
 def _why_not(verdicts: Sequence[Verdict]) -> str:
@@ -91,8 +172,16 @@ def _why_not(verdicts: Sequence[Verdict]) -> str:
     return f"{text} ({others} more on the page explain them as well)" if others > 0 else text
 
 
-def recording_line(result: TuneResult) -> str:
-    """Return length and rate of what the numbers rest on, and what was assumed of it; of a drive alone, its rest."""
+def recording_line(result: TuneResult, *, named: bool = True) -> str:
+    """Return length and rate of what the numbers rest on, and what was assumed of it; of a drive alone, its rest.
+
+    Parameters
+    ----------
+    result : TuneResult
+        Of `tuner.tune`.
+    named : bool, optional
+        Whether to say its name, and that units are stated where they are.
+    """
     spans: dict[str, list[str]] = {}
     rest = " at rest in the drive" if result.drive is not None and not result.records else ""
     for channel in result.identification.channels.values():
@@ -104,6 +193,8 @@ def recording_line(result: TuneResult) -> str:
     units = f"ASSUMED: {'; '.join(assumed)}" if assumed else "units stated, none assumed"
     if result.key is not None:
         units = "simulated in SI units"
+    if not named:
+        return "; ".join([", ".join(lengths), *([units] if assumed else [])])
     return "; ".join([", ".join([result.name, *lengths]), *([units] if result.records else [])])
 
 
@@ -122,7 +213,7 @@ def legend(rows: Sequence[SettingsRow]) -> str:
     settings = [one for row in rows for one in (row.white, row.walk, *(sd for sd, _ in row.states))]
     texts = [one.text for one in settings if any(one.used)]
     parts = ["± 95 %"] if any("±" in text for text in texts) else []
-    parts += [HALF_LIMIT] if any("*" in text for text in texts) else []
+    parts += [BOUNDED] if any("*" in text for text in texts) else []
     parts += [NO_INTERVAL] if any("±" not in text and "*" not in text for text in texts) else []
     return "; ".join(parts)
 
@@ -136,23 +227,44 @@ def against_datasheet(result: TuneResult) -> list[str]:
     return [limit_text(one) for one in limit_checks(found)]
 
 
-def what_matters(result: TuneResult) -> list[str]:
-    """Return the findings that change most, in words of what they do; or that there are none."""
-    lines: list[str] = []
-    if result.diagnosis is not None:
-        span = max((record.span for record in result.records), default=None)
-        groups = finding_groups([one for one in result.diagnosis.findings if not contradicted(one)], span)
-        for group in [group for group in groups if group.matters][:SHOWN_FINDINGS]:
-            parts = [drift_text(_most_moved(group.drift)), f"changes {_entry(group.changes)}"]
-            title = group.short[:1].upper() + group.short[1:]
-            lines.append(f"{title}: " + "; ".join(part for part in parts if part))
-        if groups and not lines:
-            lines.append(f"No finding moves the position: {len(groups)} on the page")
-        if not groups:
-            lines.append("Found nothing that the noise terms do not explain")
-    if result.drive is not None:
-        lines += finding_lines(result.drive.diagnosis.findings, result.choice)
-    return lines
+def _findings_of_log(result: TuneResult, *, short: bool) -> tuple[list[str], int]:
+    """Return the findings of the log that change most, in words of what they do, or that there are none; how many."""
+    if result.diagnosis is None:
+        return [], 0
+    span = max((record.span for record in result.records), default=None)
+    groups = finding_groups([one for one in result.diagnosis.findings if not contradicted(one)], span)
+    if not groups:
+        return ["Found nothing that the noise terms do not explain"], 0
+    matter = [group for group in groups if group.matters][:SHOWN_FINDINGS]
+    if not matter:
+        return [f"No finding moves the position: {len(groups)} on the page"], len(groups)
+    if not short:
+        return [_in_words(group) for group in matter], len(matter)
+    while len(text := _in_short(matter)) > LINE_WIDTH and len(matter) > 1:
+        matter.pop()
+    return [text], len(matter)
+
+
+def _in_words(group: FindingGroup) -> str:
+    """Return a finding, what it does to the position, and which setting it changes."""
+    parts = [drift_text(_most_moved(group.drift)), f"changes {_entry(group.changes)}"]
+    return f"{group.short[:1].upper()}{group.short[1:]}: " + "; ".join(part for part in parts if part)
+
+
+def _in_short(groups: Sequence[FindingGroup]) -> str:
+    """Return findings and how far they move the position: ``1000 s drift: step accel z 2557→684 m; …``."""
+    moved = [_most_moved(group.drift) if group.worth > 0.0 else {} for group in groups]
+    names = {name for one in moved for name in one}
+    alike = len(names) == 1 and all(moved)
+    parts = []
+    for group, one in zip(groups, moved, strict=True):
+        does = f": changes {_entry(group.changes)}"
+        for name, pair in one.items():
+            does = " " if alike else f": {name} drift "
+            does += "→".join(way_texts(*pair))
+        parts.append(f"{group.short.replace(' in ', ' ', 1)}{does}")
+    text = "; ".join(parts)
+    return f"{names.pop()} drift: {text}" if alike else f"{text[:1].upper()}{text[1:]}"
 
 
 def _most_moved(drift: Mapping[str, tuple[float, float]]) -> Mapping[str, tuple[float, float]]:
@@ -166,17 +278,22 @@ def _entry(changes: str) -> str:
     return changes.partition(",")[0].partition(":")[0]
 
 
-def _page(result: TuneResult) -> str:
-    """Return what the page has beyond the answer."""
+def _page_lines(result: TuneResult, directory: Path, shown: int) -> list[str]:
+    """Return where the page is and what it has beyond the answer, in one line where that has room."""
+    path = directory / "report.html"
     found = result.diagnosis
-    if found is None:
-        return "Page"
-    groups = finding_groups([one for one in found.findings if not contradicted(one)])
-    shown = min(SHOWN_FINDINGS, sum(group.matters for group in groups))
-    more = [f"{len(groups) - shown} more findings"] if len(groups) > shown > 0 else []
-    axes = dict.fromkeys(axis for one in found.unexplained for axis in one.channels)
-    more += [f"unexplained misfits of {axes_text(list(axes))}"] if axes else []
-    return f"Page with {', '.join(more)}" if more else "Page"
+    of_log = () if found is None else [one for one in found.findings if not contradicted(one)]
+    of_drive = () if result.drive is None else result.drive.diagnosis.findings
+    count = len(finding_groups(of_log)) + len(of_drive) - shown
+    more = [f"{count} more findings"] if count > 0 else []
+    axes = [] if found is None else [axis for one in found.unexplained for axis in one.channels]
+    more += [f"misfits of {axes_text(list(dict.fromkeys(axes)))}"] if axes else []
+    text = f"Page ({', '.join(more)}): {path}" if more else f"Page: {path}"
+    short = f"Page ({', '.join(one.partition(' of ')[0] for one in more)}): {path}" if more else text
+    for line in (f"{text} (tables: --verbose)", text, short, f"Page: {path}"):
+        if len(line) <= LINE_WIDTH:
+            return [line]
+    return wrapped(text, 2)
 
 
 def _no_receiver(result: TuneResult) -> bool:
@@ -184,11 +301,11 @@ def _no_receiver(result: TuneResult) -> bool:
 
 
 def _absent_lines(result: TuneResult) -> list[str]:
-    """Return what could not be done and why, other than what the verdict says already."""
+    """Return what could not be done and why, other than what verdict and recording say already."""
     return [
         f"No {part}: {reason}"
         for part, reason in result.absent.items()
-        if not (part == "consistency" and _no_receiver(result))
+        if not (part == "consistency" and _no_receiver(result)) and part != OF_DRIVE_ALONE
     ]
 
 

@@ -138,6 +138,18 @@ def test_the_report_shows_the_drive(tuned):
         assert (tuned / f"{name}.png").stat().st_size > 10_000
 
 
+def test_tune_and_navigate_say_the_same_of_the_settings_written(tuned, file, capsys):
+    here = json.loads((tuned / "result.json").read_text())["navigation"]
+    answer = tuned / "navigated.json"
+    assert run(["navigate", str(file), "--config", str(tuned / "noise.yaml"), "--json", str(answer)]) == 0
+    there = json.loads(answer.read_text())
+    assert here["consistent"] == there["consistent"]
+    assert here["verdicts"] == there["verdicts"]
+    told = capsys.readouterr().out
+    assert "stated in the settings, is taken out; of what remains" in told
+    assert "tuner diagnose" not in told
+
+
 def test_bad_input_is_one_line(tmp_path, file, capsys):
     empty = tmp_path / "empty"
     empty.mkdir()

@@ -5,14 +5,14 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from rich.console import Console
 
 from models.noise import NoiseModel, RandomWalk, White
 from tuner.diagnosis.drive.held_out_choice import HeldOutChoice
 from tuner.identification import identify
 from tuner.pipeline import TuneResult
+from tuner.report.answer_layout import BOUNDED
 from tuner.report.settings_rows import Setting, axes_text, settings_rows
-from tuner.report.tune_answer import HALF_LIMIT, answer_lines, verdict_line
+from tuner.report.tune_answer import answer_lines, verdict_line
 from tuner.simulation.static import simulate
 from tuner.synthesis import synthesize
 from tuner.types import Coefficient, Diagnosis, Finding
@@ -39,14 +39,6 @@ def result():
     return TuneResult("unit", records, noise, diagnosis, None, None, config, None, {}, absent, {})
 
 
-def printed(lines):
-    console = Console(width=80, highlight=False, markup=False, emoji=False)
-    with console.capture() as capture:
-        for line in lines:
-            console.print(line)
-    return capture.get()
-
-
 def test_axes_whose_intervals_overlap_share_a_row(result):
     rows = settings_rows(result.config)
     # N of 1e-4 and 2e-4 is known to 0.4 % each (1/√(2n), 30 000 samples): the outer axes agree, the middle one cannot.
@@ -58,17 +50,51 @@ def test_axes_whose_intervals_overlap_share_a_row(result):
 
 
 def test_the_answer_fits_a_terminal_and_leaves_nothing_out(result):
-    text = printed(answer_lines(result, Path("out")))
-    assert max(len(line.rstrip()) for line in text.splitlines()) <= 80
-    assert len(text.splitlines()) <= 10
-    assert "…" not in text
-    assert "Not checked: name a receiver (--gnss GRADE)" in text.splitlines()[0]
+    lines = answer_lines(result, Path("out"))
+    assert max(map(len, lines)) <= 80
+    assert len(lines) <= 10
+    assert "…" not in "".join(lines)
+    assert "ilter not simulated (--gnss GRADE does)" in lines[0]
     for said in ("gyro x z", "gyro y", "deg/√h", "out/report.html"):
-        assert said in " ".join(text.split())
+        assert said in "\n".join(lines)
+
+
+def test_six_axes_that_differ_and_many_findings_take_ten_lines(result):
+    # One row an axis, two findings and more, bounds and fitted rows: what a real log of six different axes has.
+    axes = [f"{sensor}_{letter}" for sensor in ("gyro", "accel") for letter in "xyz"]
+    first = result.config.channels["gyro_x"]
+    channels = {
+        axis: replace(first, axis=axis, unit="rad/s" if axis < "b" else "m/s^2", white_density=1e-4 * 2.0**i,
+                      random_walk_density=1e-6 * 2.0**i, identified=())
+        for i, axis in enumerate(axes)
+    }  # fmt: skip
+    one = result.diagnosis.findings[-1]
+    found = [
+        replace(one, cause=cause, channels=(a,), parameters={}) for cause in ("step", "line") for a in axes
+    ]
+    found += [replace(one, cause="telegraph", drift={"1000 s": (2557.0, 684.0)}, parameters={})]
+    many = replace(result, config=replace(result.config, channels=channels),
+                   diagnosis=replace(result.diagnosis, findings=tuple(found)))  # fmt: skip
+    lines = answer_lines(many, Path("tuner-out/a_log_of_usual_name"))
+    assert len(lines) <= 10
+    assert max(map(len, lines)) <= 80
+    assert all(any(line.startswith(axis.replace("_", " ")) for line in lines) for axis in axes)
+    assert "telegraph" in "\n".join(lines).lower()
+    assert "more findings" in lines[-1]
+
+
+def test_a_filter_named_shows_its_own_keys(result):
+    text = (
+        "# a comment\nnoise_density: 1e-4  # rad/s/√Hz, N; rms of x 1e-4, y 2e-4, z 1e-4, all samples of it\n"
+    )
+    lines = answer_lines(replace(result, exports={"mine.txt": text}), Path("out"), "mine")
+    at = lines.index("out/mine.txt:")
+    assert lines[at + 1] == "noise_density: 1e-4  # rad/s/√Hz, N"
+    assert not any("deg/√h" in line for line in lines)
 
 
 def test_the_finding_that_moves_the_position_most_stands_first(result):
-    text = " ".join(printed(answer_lines(result, Path("out"))).split())
+    text = " ".join("\n".join(answer_lines(result, Path("out"))).split())
     assert "drift after 60 s 31 → 12 m without it" in text
     assert text.index("Step in gyro x") < text.index("Line in gyro x y z")
 
@@ -87,8 +113,8 @@ def test_a_setting_shows_its_interval_or_that_it_has_none(setting, text):
 
 
 def test_a_star_is_explained_where_it_stands(result):
-    text = printed(answer_lines(result, Path("out")))
-    assert ("*" in text.replace(HALF_LIMIT, "")) == (HALF_LIMIT in text)
+    text = "\n".join(answer_lines(result, Path("out")))
+    assert ("*" in text.replace(BOUNDED, "")) == (BOUNDED in text)
 
 
 def test_a_verdict_names_one_explanation_and_counts_the_others(result):
@@ -108,5 +134,5 @@ def test_axes_in_few_words():
 def test_what_a_drive_keeps_is_said(result):
     note = "the configuration stays as it began: no change predicts the last 40 % of the drive better"
     choice = HeldOutChoice(result.config, "as it began", note=note)
-    text = printed(answer_lines(replace(result, choice=choice), Path("out")))
+    text = "\n".join(answer_lines(replace(result, choice=choice), Path("out")))
     assert note in " ".join(text.split())

@@ -22,7 +22,10 @@ def external_options(command: Command) -> Command:
             "--filter-timeout", type=POSITIVE, default=TIME_LIMIT, metavar="SECONDS", help="Limit of a run."
         ),
         click.option(
-            "--to", "dialect", metavar="DIALECT", help="With --filter: how its settings are written."
+            "--to",
+            "dialect",
+            metavar="DIALECT",
+            help="Also write and show the settings as another filter reads them; `tuner export --list` names all.",
         ),
         click.option(
             "--filter",

@@ -59,8 +59,9 @@ def command(
 ) -> None:
     """Turn a static log into a filter configuration, with the check of that filter and a report.
 
-    Prints the verdict, the numbers and what matters most in ten lines; --verbose prints every table.
-    Writes noise.yaml, the same for other filters, figures, report.html and result.json. LOG may also be a datasheet.
+    Prints the verdict, the numbers and what matters most in ten lines; --verbose prints every table. With --to,
+    the numbers are those of another filter, under its keys. Writes noise.yaml, the same for other filters, figures,
+    report.html and result.json. LOG may also be a datasheet.
     With --drive, what a measured drive shows to be wrong with the filter enters the configuration too; without LOG,
     the stationary parts of the drive stand in for it. With neither, an IMU is simulated, with an effect drawn from
     --seed hidden in its data.
@@ -88,12 +89,9 @@ def command(
             messages=messages,
         )
         return
-    if dialect is not None:
-        msg = "--to: expected --filter COMMAND with it; `tuner export` writes a configuration in a dialect"
-        raise click.UsageError(msg)
-    result = tune(load_source(log, reading, messages), progress=messages.say, **how)
+    result = tune(load_source(log, reading, messages), dialect=dialect, progress=messages.say, **how)
     directory = output_dir or Path("tuner-out") / result.name
     write_tune_result(result, directory, stated_command(click.get_current_context().obj))
     output.write(tune_json(result))
     if output.tables:
-        show(tune_tables(result, directory) if verbose else answer_lines(result, directory))
+        show(tune_tables(result, directory) if verbose else answer_lines(result, directory, dialect))
