@@ -1,6 +1,8 @@
 """Study of static records that tempt: how often a wrong name, silence, or a negative gain of a right one.
 
 ``python tests/challenge/beyond.py --seed ANYTHING [--number 10] [--kinds A,B] [--details]``
+
+A record is refused where the diagnosis says in a line why it has nothing to work on.
 """
 
 from __future__ import annotations
@@ -16,11 +18,12 @@ import numpy as np
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE.parent), str(HERE.parents[1])]
 
+from challenge.generator import outside, outside_more, quiet  # noqa: E402
 from challenge.generator.beyond import INTERVAL, KINDS, Made, record  # noqa: E402
 
 from tuner.diagnosis import diagnose  # noqa: E402
 from tuner.types import Diagnosis  # noqa: E402
-from tuner.types.records import Record  # noqa: E402
+from tuner.types.records import DataError, Record  # noqa: E402
 
 
 def records(made: Made) -> list[Record]:
@@ -74,23 +77,39 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--seed", required=True, help="any text")
     parser.add_argument("--number", type=int, default=10, help="records of a kind")
-    parser.add_argument("--kinds", default=",".join(KINDS), help="with commas between")
+    parser.add_argument(
+        "--kinds", default="beyond", help="or groups: beyond, quiet, outside, more; with commas between"
+    )
     parser.add_argument("--details", action="store_true", help="every diagnosis in one line")
     args = parser.parse_args()
-    for kind in args.kinds.split(","):
+    groups = {"beyond": KINDS, "quiet": quiet.KINDS, "outside": outside.KINDS, "more": outside_more.KINDS}
+    kinds = [kind for name in args.kinds.split(",") for kind in groups.get(name, {name: None})]
+    total: dict[str, int] = defaultdict(int)
+    for kind in kinds:
         count: dict[str, int] = defaultdict(int)
         seconds = []
         for number in range(args.number):
             made = record(kind, args.seed, number)
             began = time.process_time()
-            diagnosis = diagnose(records(made))
+            try:
+                diagnosis = diagnose(records(made))
+            except DataError as error:
+                count["refused"] += 1
+                say(f"  {kind} {number}: {error}")
+                continue
             seconds.append(time.process_time() - began)
             for what, so in judged(made, diagnosis).items():
                 count[what] += so
             if args.details:
                 say(f"  {kind} {number} d={made.nats:.0f}: {line(diagnosis)}")
         rates = ", ".join(f"{what} {many}" for what, many in count.items())
-        say(f"{kind}: {args.number} sets, {rates}; {np.median(seconds):.1f} s")
+        say(f"{kind}: {args.number} sets, {rates}; {np.median(seconds or [0.0]):.1f} s")
+        for what, many in count.items():
+            total[what] += many
+    say(
+        f"all: {args.number * len(kinds)} sets, "
+        + ", ".join(f"{what} {many}" for what, many in total.items())
+    )
 
 
 if __name__ == "__main__":

@@ -378,8 +378,9 @@ KINDS: dict[str, Callable[[np.random.Generator], Made]] = {
 
 
 def record(kind: str, seed: str, number: int) -> Made:
-    """Return one record of a kind, of those of `quiet` too."""
-    from challenge.generator import quiet
+    """Return one record of a kind, of those of `quiet` and outside the catalogue too."""
+    from challenge.generator import outside, outside_more, quiet
 
     words = [ord(c) for c in f"{seed}/{kind}"]
-    return {**KINDS, **quiet.KINDS}[kind](np.random.default_rng([*words, number]))
+    kinds = {**KINDS, **quiet.KINDS, **outside.KINDS, **outside_more.KINDS}
+    return kinds[kind](np.random.default_rng([*words, number]))

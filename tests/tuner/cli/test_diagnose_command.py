@@ -130,9 +130,9 @@ def test_two_states_of_a_unit_differ_by_cause_and_entry(tmp_path, capsys):
     file = tmp_path / "states.json"
     arguments = ["diagnose", tmp_path / "engine.npz", "--against", tmp_path / "rest.npz", "--json", file]
     assert run([str(a) for a in arguments]) == 0
-    told = json.loads(file.read_text())
-    assert told["schema"] == "tuner.states/1"
-    found = {(one["cause"], one["entry"]) for one in told["differences"]}
+    states = json.loads(file.read_text())
+    assert states["schema"] == "tuner.states/1"
+    found = {(one["cause"], one["entry"]) for one in states["differences"]}
     entry = "channels.gyro_x.{}".format
     assert found >= {
         ("line", None), ("noise", entry("white_density")), ("mean", entry("constant_sd")),

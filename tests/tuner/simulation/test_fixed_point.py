@@ -1,4 +1,4 @@
-"""What a configuration simulates is told as the findings that it was made from."""
+"""What a configuration simulates has the findings again that the configuration was made from."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ def test_findings_come_again(tmp_path):
         temperature=Diurnal(25.0, 8.0, period=270.0),
     )  # fmt: skip
     found = diagnose(records)
-    told = {(f.cause, f.channels) for f in found.findings}
-    assert told >= {
+    before = {(f.cause, f.channels) for f in found.findings}
+    assert before >= {
         ("colour", ("gyro_x",)), ("temperature", ("gyro_y",)), ("lattice", ("gyro_z",)), ("clipping", ("accel_x",)),
     }  # fmt: skip
     unit = synthesize(identify(records, arma=None), name="unit", findings=findings_for_config(found))
     noise_yaml.dump(unit, tmp_path / "noise.yaml")
     again = simulate_source(str(tmp_path / "noise.yaml"), duration=400.0, seed=6)
-    assert {(f.cause, f.channels) for f in diagnose(again.data).findings} == told
+    assert {(f.cause, f.channels) for f in diagnose(again.data).findings} == before
 
 
 def known(value: float, unit: str = "1") -> dict[str, object]:

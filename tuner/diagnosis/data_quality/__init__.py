@@ -22,6 +22,7 @@ from tuner.diagnosis.data_quality.copied_samples import Lines, Packets, find_lin
 from tuner.diagnosis.data_quality.frozen import Frozen, cut, frozen, together
 from tuner.diagnosis.data_quality.quantizer import quantizer_step, read_codes
 from tuner.diagnosis.data_quality.repeated_samples import find_repeated_samples
+from tuner.diagnosis.data_quality.resampled import find_resampled
 from tuner.diagnosis.data_quality.saturation import rails
 from tuner.types import Coefficient
 from tuner.types.records import Record
@@ -114,7 +115,8 @@ def data_quality_tests(record: Record) -> tuple[DataQualityTest, ...]:
             clipping(fresh, steps[axis], axis=axis, unit=record.unit),
             quantizer_test(fresh, steps[axis], axis=axis, unit=record.unit),
         ]
-        lines[axis] = find_lines(fresh, steps[axis])
+        found = find_lines(fresh, steps[axis])
+        lines[axis] = found if found.p_value < DECISIVE_P_VALUE else find_resampled(fresh)
     return (*tests, *interpolated(lines))
 
 
@@ -270,7 +272,7 @@ def interpolated(lines: Mapping[str, Lines]) -> list[DataQualityTest]:
         return []
     shares = sorted(lines[axis].share for axis in axes)
     parameters = {"fraction": Coefficient.known(shares[len(shares) // 2], shares[0], shares[-1], "1")}
-    text = f"{100 * shares[-1]:.3g} % of the samples lie on a line between their neighbours"
+    text = f"{100 * shares[-1]:.3g} % of the samples lie on lines between others, or follow from them"
     chance = max(lines[axis].p_value for axis in axes)
     return [DataQualityTest("interpolated", tuple(axes), shares[-1], chance, parameters, text=text)]
 

@@ -77,8 +77,8 @@ class Channel:
         Step of the codes and half-width of the dead band about zero, ÷ `scale`; 0 for none.
     interpolated : bool
         Whether law and spectrum of the samples are those of an interpolation.
-    clipped : bool
-        Whether rails cut the law of the samples.
+    clipped, missing_codes : bool
+        Whether rails, or codes of the converter that never come, make another law of the samples.
     """
 
     axis: str
@@ -95,6 +95,7 @@ class Channel:
     deadband: float = 0.0
     interpolated: bool = False
     clipped: bool = False
+    missing_codes: bool = False
 
     def __len__(self) -> int:
         return len(self.y)

@@ -62,7 +62,10 @@ def prepared(
             source, repeated = _thinned(source, ~repeated), None
         try:
             even = channel(source, axis, quantizer_step=step, repeated=repeated, seed=seed)
-            even = replace(even, interpolated="interpolated" in mine, clipped="clipping" in mine)
+            holes = "lattice" in mine and not mine["lattice"].note and not dead
+            even = replace(
+                even, interpolated="interpolated" in mine, clipped="clipping" in mine, missing_codes=holes
+            )
             ready.append(replace(even, deadband=dead / even.scale))
         except DataError as error:
             refused.append(str(error))

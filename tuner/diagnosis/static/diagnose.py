@@ -11,7 +11,7 @@ from models.noise import NoiseModel
 from tuner.diagnosis.cause import Group
 from tuner.diagnosis.data_quality import DataQualityTest, data_quality_tests
 from tuner.diagnosis.data_quality.causes import Frozen
-from tuner.diagnosis.static import shared_shape
+from tuner.diagnosis.static import power_law_rival, shared_shape
 from tuner.diagnosis.static.causes import attitude, cross_axis, motion, mount_tilt
 from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.diagnosis.static.causes.temperature import COVARIATE as TEMPERATURE
@@ -22,6 +22,7 @@ from tuner.diagnosis.static.findings import Single, findings, joins, singles, wo
 from tuner.diagnosis.static.held_out_gain import with_gains
 from tuner.diagnosis.static.hypothesis_tests import threshold
 from tuner.diagnosis.static.model.residual import Residual
+from tuner.diagnosis.static.near_twins import ALTERNATIVE_NATS
 from tuner.diagnosis.static.outcome import Accepted
 from tuner.diagnosis.static.position_drift import left_drifts, with_drifts
 from tuner.diagnosis.static.posterior_predictive import covered
@@ -69,6 +70,11 @@ OF_GROUPS: Mapping[str, tuple[Group, ...]] = {
     "periodic variance": ("distribution",),
     "variance by bias": ("distribution",),
     "irregular variance": ("distribution",),
+    "law": ("distribution",),
+    "squares": ("distribution", "fast spectrum"),
+    "spectrum in time": ("distribution", "fast spectrum"),
+    "beside lines": ("fast spectrum",),
+    "course": ("slow part",),
     Transients.cause: ("distribution", "slow part"),
 }
 """Groups of the causes that statistics without one are about."""
@@ -144,7 +150,8 @@ def diagnose(
             outcome = covered(outcome, replicas, seed)
         before = noise_before(record_of[part.axis], part.axis, identification)
         after = noise_after(outcome.final, before)
-        outcome = replace(outcome, accepted=tuple(_with_unknown(a, outcome) for a in outcome.accepted))
+        rival = _power_law_weight(outcome)
+        outcome = replace(outcome, accepted=tuple(_with_unknown(a, outcome, rival) for a in outcome.accepted))
         unexplained = tuple(
             Unexplained(r.name, (part.axis,), r.p_value, r.nats, r.place or WHOLE_RECORD)
             for r in outcome.unexplained
@@ -185,17 +192,28 @@ def diagnose(
     )
 
 
-def _with_unknown(accepted: Accepted, outcome: SearchResult) -> Accepted:
+def _power_law_weight(outcome: SearchResult) -> float:
+    """Return the weight of power-law noise in place of the correlated causes that were accepted; 0 for none."""
+    if not outcome.final.count(*power_law_rival.CORRELATED):
+        return 0.0
+    lead = power_law_rival.lead(outcome.final)
+    return float(np.exp(min(lead, 0.0))) if lead > -ALTERNATIVE_NATS else 0.0
+
+
+def _with_unknown(accepted: Accepted, outcome: SearchResult, power_law: float) -> Accepted:
     """Return what was accepted with something else among its alternatives, where a misfit of its own kind is left.
 
     Its weight is what is left against what is explained: as much, and the name is worth no more than something else.
+    Of causes that correlate the noise it is that of power-law noise in their place, if that is more.
     """
-    group = accepted.extension.group
+    group, gain = accepted.extension.group, accepted.result.gain
     left = sum(r.nats for r in outcome.unexplained if group in OF_GROUPS.get(r.cause, (group_of(r.cause),)))
-    if left <= MIN_LEFT_SHARE * accepted.result.gain:
+    weight = min(left / max(gain, left), 1.0) if left > MIN_LEFT_SHARE * gain else 0.0
+    if accepted.extension.cause in power_law_rival.CORRELATED:
+        weight = max(weight, power_law)
+    if not weight:
         return accepted
-    unknown = Alternative(UNKNOWN, min(left / max(accepted.result.gain, left), 1.0))
-    return replace(accepted, alternatives=(*accepted.alternatives, unknown))
+    return replace(accepted, alternatives=(*accepted.alternatives, Alternative(UNKNOWN, weight)))
 
 
 def _colour(channel: Channel) -> float:

@@ -38,6 +38,7 @@ from tuner.diagnosis.static.near_twins import (
     without_lag,
 )
 from tuner.diagnosis.static.outcome import Accepted, TestResult
+from tuner.diagnosis.static.residual_checks import checks
 from tuner.diagnosis.static.variance.quantized_noise import hides_noise
 from tuner.types import Alternative
 
@@ -183,10 +184,11 @@ def search_causes(channel: Channel, threshold: float, given: tuple[Extension, ..
     estimated = found.extensions[len(given) :]
     accepted = [replace(a, extension=x) for a, x in zip(accepted, estimated, strict=True)]
     nameless = [a.result for a in accepted if not a.extension.named]
+    tested = (*results, *checks(found))
     left = (
         *(result.without_proposal for result in swept),
         *nameless,
-        *(a for a in results if significant(a, threshold) and a.propose is None),
+        *(a for a in tested if significant(a, threshold) and a.propose is None),
     )
     return SearchResult(relabelled(base, base.extensions), found, tuple(accepted), left)
 

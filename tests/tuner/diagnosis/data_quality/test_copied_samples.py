@@ -51,7 +51,7 @@ def test_axes_mixed_after_the_quantizer_are_no_lines():
 
 
 @pytest.mark.parametrize("ratio", [2.0, *(pytest.param(r, marks=pytest.mark.slow) for r in (3.0, 4.0))])
-def test_interpolated_samples_are_told_alone(ratio):
+def test_interpolated_samples_have_that_name_alone(ratio):
     """Of a ratio r between two rates the share 1 − 1/r lies on lines."""
     y = np.interp(np.arange(COUNT) / ratio, np.arange(COUNT), white(4))
     record = Record("gyro", 0.01 * np.arange(COUNT), 1e-3 * y[:, None], ("gyro_x",), "rad/s", 0.01)

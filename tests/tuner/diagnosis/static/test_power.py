@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.fft import rfft
 
-from tuner.diagnosis.static import hypothesis_tests
+from tuner.diagnosis.static import hypothesis_tests, residual_checks
 from tuner.diagnosis.static.causes.line import Line, _chance
 from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.diagnosis.static.causes.vibration import Vibration
@@ -64,6 +64,10 @@ def test_the_power_of_a_resonance_is_that_of_its_recursion_however_sharp():
     assert 0.0 < Vibration(17.0, 1e8, 0.3).power(np.array([17.0]), 0.01)[0] < np.inf
 
 
+OF_ACCEPTED = ("beside lines", "course")
+"""Checks of causes that were accepted, which white noise has none of."""
+
+
 def test_all_tests_share_the_budget() -> None:
     limit = hypothesis_tests.threshold(3)
     by_cause = [c.shares * c.tests for c in CAUSES.values() if c.tested_with is None]
@@ -72,6 +76,7 @@ def test_all_tests_share_the_budget() -> None:
     )
     y = np.random.default_rng(4).standard_normal((20_000, 1))
     white = Record("gyro", 0.01 * np.arange(len(y)), y, ("gyro_x",), "rad/s", 0.01)
-    results = hypothesis_tests.hypothesis_tests(residual(channel(white, "gyro_x")))
+    fitted = residual(channel(white, "gyro_x"))
+    results = (*hypothesis_tests.hypothesis_tests(fitted), *residual_checks.checks(fitted))
     without = {result.cause for result in results if result.cause not in CAUSES}
-    assert len(without) + len(("pair",)) == hypothesis_tests.TESTS_WITHOUT_CAUSE
+    assert len(without) + len(("pair", *OF_ACCEPTED)) == hypothesis_tests.TESTS_WITHOUT_CAUSE

@@ -68,7 +68,8 @@ class SkewedNoise(Extension):
     @classmethod
     def test(cls, fitted: Residual) -> TestResult | None:
         """Compare the third moment of the residuals with that of an even law; None where codes or rails make one."""
-        if fitted.channel.clipped or local_variance(fitted).rounded:
+        channel = fitted.channel
+        if channel.clipped or channel.missing_codes or local_variance(fitted).rounded:
             return None
         e = np.clip(fitted.good, -RESIDUAL_CLIP, RESIDUAL_CLIP)
         cube = e * (e * e - 3.0)

@@ -1,0 +1,105 @@
+"""What no cause predicts is seen in the final residuals, and makes the name that explains a part of it uncertain."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tuner.diagnosis import diagnose
+from tuner.diagnosis.static.causes.line import Line
+from tuner.diagnosis.static.causes.temperature import Temperature
+from tuner.diagnosis.static.channel import channel
+from tuner.diagnosis.static.model.residual import residual
+from tuner.diagnosis.static.residual_checks import checks
+from tuner.types.records import Record
+
+COUNT = 20_000
+CHANCE = 1e-4
+"""P-value that none of a few dozen tests falls below without a reason: one in five hundred does."""
+
+
+def rng(*seed: int) -> np.random.Generator:
+    return np.random.default_rng([18, *seed])
+
+
+def record(y: np.ndarray) -> Record:
+    return Record("gyro", 0.01 * np.arange(len(y)), 1e-3 * y[:, None], ("gyro_x",), "rad/s", 0.01)
+
+
+def p_values(y: np.ndarray, *extensions: Line, step: float = 0.0) -> dict[str, float]:
+    fitted = residual(channel(record(y), "gyro_x", quantizer_step=1e-3 * step), extensions)
+    return {test.cause: test.p_value for test in checks(fitted)}
+
+
+def light_tails() -> np.ndarray:
+    """Of kurtosis −2 · 0.36²."""
+    return 0.6 * rng(1).choice([-1.0, 1.0], COUNT) + 0.8 * rng(2).standard_normal(COUNT)
+
+
+def short_gusts() -> np.ndarray:
+    """The sd changes every half second by a factor of two either way."""
+    return rng(3).standard_normal(COUNT) * np.repeat(2.0 ** rng(4).uniform(-1.0, 1.0, COUNT // 50), 50)
+
+
+def other_half() -> np.ndarray:
+    """White at first, then the mean of two samples, of the same variance."""
+    white = rng(5).standard_normal(COUNT + 1)
+    mean = (white[1:] + white[:-1]) / np.sqrt(2.0)
+    return np.where(np.arange(COUNT) < COUNT // 2, white[1:], mean)
+
+
+@pytest.mark.parametrize(
+    ("made", "seen"), [(light_tails, "law"), (short_gusts, "squares"), (other_half, "spectrum in time")]
+)
+def test_each_check_sees_what_it_is_for(made, seen):
+    assert p_values(made())[seen] < 1e-10
+
+
+@pytest.mark.parametrize("step", [0.0, 0.4, 0.8])
+def test_normal_noise_passes_all_checks_rounded_or_not(step):
+    for seed in range(4):
+        y = rng(6, seed).standard_normal(COUNT)
+        found = p_values(step * np.round(y / step) if step else y, step=step)
+        assert min(found.values()) > CHANCE
+        assert ("law" in found) == (step < 0.5)
+
+
+def test_a_line_whose_phase_wanders_leaves_power_beside_it():
+    t = np.arange(COUNT)
+    line = Line(10.0, 0.0, 0.2)
+    for size, clear in ((0.0, False), (0.02, True)):
+        phase = 0.2 * np.pi * t + np.cumsum(size * rng(7).standard_normal(COUNT))
+        p = p_values(rng(8).standard_normal(COUNT) + 0.2 * np.sin(phase), line)["beside lines"]
+        assert (p < 1e-6) == clear
+        assert clear or p > CHANCE
+
+
+@pytest.mark.parametrize(("kinked", "clear"), [(False, False), (True, True)])
+def test_a_bias_with_a_kink_in_temperature_is_more_than_a_slope(kinked, clear):
+    felt = 25.0 + 10.0 * np.sin(4.0 * np.pi * np.arange(COUNT) / COUNT)
+    read = felt + 0.02 * rng(13).standard_normal(COUNT)
+    bias = 0.2 * np.maximum(felt - 27.0, 0.0) if kinked else 0.1 * felt
+    made = replace(record(rng(9).standard_normal(COUNT) + bias), covariates={"temperature": read})
+    found = checks(residual(channel(made, "gyro_x"), (Temperature(),)))
+    (p,) = (test.p_value for test in found if test.cause == "course")
+    assert (p < 1e-8) == clear
+    assert clear or p > CHANCE
+
+
+def test_power_law_noise_is_no_certain_filter():
+    """Noise f^(−1/2) bends the spectrum as a filter and a Gauss–Markov process together do, and as neither does."""
+    wave = np.fft.rfft(rng(10).standard_normal(2 * COUNT))
+    f = np.maximum(np.arange(COUNT + 1.0), 1.0) / COUNT
+    y = rng(11).standard_normal(COUNT) + np.fft.irfft(wave * 0.6 * f**-0.25)[:COUNT]
+    found = diagnose(record(y))
+    assert found.findings
+    assert all("unknown" in {a.cause for a in one.alternatives} for one in found.findings)
+
+
+def test_a_converter_without_some_codes_has_no_other_law():
+    """Every eighth code takes the next one: the samples are skew for that reason alone."""
+    code = np.round((rng(12).standard_normal(COUNT) + 3.3) / 0.5)
+    found = diagnose(record(0.5 * (code + (code % 8 == 0))))
+    assert [one.cause for one in found.findings] == ["lattice"]
