@@ -6,7 +6,7 @@ where these change, so that the parts can be identified on their own and compare
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -67,22 +67,49 @@ def at_rest(records: Sequence[Record], say: Callable[[str], None] = lambda _: No
     DataError
         Nothing stands still.
     """
-    kept: dict[int, Record] = {}
-    for group in clocks(records):
+
+    def cut(group: Sequence[Record]) -> Sequence[Record]:
         try:
             motion = find_motion(group)
         except DataError:
-            still: Sequence[Record] = group
-        else:
-            still = cut_to_still(group, motion)
-        for before, after in zip(group, still, strict=True):
-            kept[id(before)] = after
-    answer = tuple(kept[id(record)] for record in records)
+            return group
+        return cut_to_still(group, motion)
+
+    answer = _by_clock(records, cut)
     for line in dict.fromkeys(
         note for new, old in zip(answer, records, strict=True) for note in new.notes if note not in old.notes
     ):
         say(line)
     return answer
+
+
+def without_knocks(records: Sequence[Record]) -> tuple[tuple[Record, ...], Mapping[str, Segments]]:
+    """Return whole records with samples of rest in place of knocks, and by axis the parts at rest; none if unknown."""
+    parts: dict[str, Segments] = {}
+
+    def bridged(group: Sequence[Record]) -> Sequence[Record]:
+        try:
+            motion = find_motion(group)
+            resting = cut_to_still(group, motion)
+        except DataError:
+            return group
+        parts.update({axis: resting[0].segments for record in group for axis in record.axes})
+        if not motion.knocks:
+            return group
+        return [replace(record, y=rest.y) for record, rest in zip(group, resting, strict=True)]
+
+    return _by_clock(records, bridged), parts
+
+
+def _by_clock(
+    records: Sequence[Record], change: Callable[[Sequence[Record]], Sequence[Record]]
+) -> tuple[Record, ...]:
+    """Return the records, in their order, after a change of those on each clock."""
+    changed: dict[int, Record] = {}
+    for group in clocks(records):
+        for before, after in zip(group, change(group), strict=True):
+            changed[id(before)] = after
+    return tuple(changed[id(record)] for record in records)
 
 
 def still_parts(records: Sequence[Record]) -> tuple[Part, ...]:
@@ -99,7 +126,8 @@ def still_parts(records: Sequence[Record]) -> tuple[Part, ...]:
         Fewer than two stretches of `MIN_PART_SAMPLES` samples.
     """
     first = _one_clock(records)
-    still = [piece for piece in find_motion(records).still if piece[1] - piece[0] >= MIN_PART_SAMPLES]
+    resting = at_rest(records)
+    still = [piece for piece in resting[0].segments if piece[1] - piece[0] >= MIN_PART_SAMPLES]
     longest = sorted(sorted(still, key=lambda piece: piece[0] - piece[1])[:MAX_PARTS])
     if len(longest) < 2:
         msg = (
@@ -108,7 +136,7 @@ def still_parts(records: Sequence[Record]) -> tuple[Part, ...]:
         )
         raise DataError(msg)
     return tuple(
-        Part(f"{first.t[start]:.0f}–{first.t[stop - 1]:.0f} s", _cut(records, ((start, stop),)))
+        Part(f"{first.t[start]:.0f}–{first.t[stop - 1]:.0f} s", _cut(resting, ((start, stop),)))
         for start, stop in longest
     )
 

@@ -19,7 +19,11 @@ is not
 motion (a bias step, a burst of one axis) unless it is unmistakable: a gyroscope whose block mean is 0.1
 rad/s off its
 median, or a block sd of more than 0.1 rad/s or 1 m/s² and ten times its usual one. Blocks beside a moving one
-count as moving too.
+count as moving too. Where a quarter of the log is not at rest, as the means show, the quietest stretch of eight
+blocks takes the place of the lower quartile.
+
+Shorter motions are found in `knocks`, what settles beside a motion in `settling`. Knocks after which the level is the
+same are no end of a stand-still (`knock_bridges`).
 """
 
 from __future__ import annotations
@@ -31,6 +35,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.robust import normal_sd
+from tuner.segments.knock_bridges import bridge_knocks
+from tuner.segments.knocks import knocked
+from tuner.segments.stand_stills import inside, runs, stand_stills
 from tuner.types.records import DataError, Record
 
 FloatArray = NDArray[np.float64]
@@ -61,6 +68,11 @@ _LARGEST_AT_REST = {"rad/s": 5e-3, "m/s^2": 0.1}
 gyroscopes sold (0.1 deg/s/√Hz) and seven times that of the noisiest accelerometers (1 mg/√Hz)."""
 
 
+_MIN_PART_SECONDS = 8.0
+"""Length of a stand-still between motions from which its own noise tells whether it is at rest, s: that of the fewest
+blocks that a record must have. Shorter ones are used where they are most of what is at rest, as among many poses."""
+
+
 @dataclass(frozen=True)
 class Motion:
     """When a sensor moved.
@@ -73,6 +85,8 @@ class Motion:
         Start (s, on the record's clock) and duration (s) of each motion.
     share : float
         Share of the samples that moved.
+    knocks : tuple of (start, stop)
+        Sample ranges within those at rest of motions after which the level is the same.
     statistic, threshold : float
         Largest T_b and the level it is compared with.
     """
@@ -83,6 +97,7 @@ class Motion:
     share: float
     statistic: float
     threshold: float
+    knocks: Segments = ()
 
     def describe(self, begin: float) -> str | None:
         """Return one line about the motion, in s after `begin` (s, on the record's clock), or None without any."""
@@ -118,11 +133,40 @@ def find_motion(
     if len(bounds) < _MIN_BLOCKS:
         msg = f"{first.source}: {first.span:.3g} s are too short to tell motion from noise: record longer"
         raise DataError(msg)
+    moments = [_moments(record, bounds) for record in together]
+    rounding = [_rounding_variance(record) for record in together]
+    usual = [
+        np.maximum(np.quantile(v, 0.25, axis=0), step) for (_, v), step in zip(moments, rounding, strict=True)
+    ]
+    blocks = _moving_blocks(together, bounds, moments, usual, false_alarm)
+    if any(_steady_motion(record, _ranges(bounds, ~blocks[0])) is not None for record in together):
+        quietest = _quietest([v for _, v in moments], rounding)
+        again = _moving_blocks(together, bounds, moments, quietest, false_alarm)
+        rest = _ranges(bounds, ~again[0])
+        if rest and all(_steady_motion(record, rest) is None for record in together):
+            blocks = again
+    moved, statistic, threshold = blocks
+    long = inside(len(first), _ranges(bounds, moved))
+    parts, knocks = stand_stills(together, knocked(together, long, rounding, false_alarm), long)
+    judged = inside(len(first), bounds.tolist())
+    motions = runs(judged & ~inside(len(first), parts), first.segments)
+    found = sorted((*motions, *knocks))
+    episodes = tuple((float(first.t[a]), (b - a) * first.interval) for a, b in found)
+    share = sum(b - a for a, b in found) / int(judged.sum())
+    return Motion(parts, motions, episodes, share, statistic, threshold, knocks)
+
+
+def _moving_blocks(
+    records: Sequence[Record],
+    bounds: IntArray,
+    moments: Sequence[tuple[FloatArray, FloatArray]],
+    usual: Sequence[FloatArray],
+    false_alarm: float,
+) -> tuple[BoolArray, float, float]:
+    """Return which blocks moved, the largest T_b and its threshold, with the usual variances of each record, (k,)."""
     ratios, sizes = [], []
-    for record in together:
-        mean, variance = _moments(record, bounds)
-        usual = np.maximum(np.quantile(variance, 0.25, axis=0), _rounding_variance(record))
-        ratio = np.sqrt(np.maximum(variance, usual * 1e-6) / usual)
+    for record, (mean, variance), level in zip(records, moments, usual, strict=True):
+        ratio = np.sqrt(np.maximum(variance, level * 1e-6) / level)
         large = (np.sqrt(variance) > _CERTAIN_MOTION.get(record.unit, np.inf)) & (ratio > 10.0)
         if record.unit == "rad/s":
             large |= np.abs(mean - np.median(mean, axis=0)) > _CERTAIN_MOTION["rad/s"]
@@ -132,7 +176,18 @@ def find_motion(
     statistic = np.exp(np.mean(np.log(every), axis=1))
     threshold = _LEVEL_MARGIN * _scatter(every.shape[1], false_alarm / len(bounds))
     moved: BoolArray = (statistic > threshold) | np.logical_or.reduce(sizes)
-    return _motion(first, bounds, _widened(moved, bounds), float(statistic.max()), threshold)
+    return _widened(moved, bounds), float(statistic.max()), threshold
+
+
+def _quietest(variances: Sequence[FloatArray], rounding: Sequence[FloatArray]) -> list[FloatArray]:
+    """Return the mean variances of each record, (k,), over the eight adjoining blocks that are quietest together."""
+    level = np.mean(np.log(np.maximum(np.hstack(variances), np.hstack(rounding))), axis=1)
+    total = np.concatenate(([0.0], np.cumsum(level)))
+    at = int(np.argmin(total[_MIN_BLOCKS:] - total[:-_MIN_BLOCKS]))
+    return [
+        np.maximum(v[at : at + _MIN_BLOCKS].mean(axis=0), step)
+        for v, step in zip(variances, rounding, strict=True)
+    ]
 
 
 def still_segments(
@@ -163,48 +218,71 @@ def cut_to_still(records: Sequence[Record], motion: Motion) -> tuple[Record, ...
     DataError
         Nothing stands still.
     """
-    description = motion.describe(float(records[0].t[0]))
+    begin = float(records[0].t[0])
+    description = motion.describe(begin)
     if not motion.still:
         msg = f"{records[0].source}: {description}: no part stands still; record the sensor at rest"
         raise DataError(msg)
     for record in records:
-        _refuse_steady_motion(record, motion.still)
+        if (moving := _steady_motion(record, motion.still)) is not None:
+            raise DataError(moving)
     if description is None:
         return tuple(records)
-    note = f"{description}; {len(motion.still)} still parts are used"
-    return tuple(
-        replace(r, segments=motion.still, notes=(*r.notes, note), short_clusters={}) for r in records
+    still = _long_enough(records[0], motion.still)
+    knocks = [(a, b) for a, b in motion.knocks if any(c <= a < d for c, d in still)]
+    bridges = f"; {len(knocks)} knocks inside are replaced by simulated samples" if knocks else ""
+    note = f"{description}; {_described_parts(records[0], still, begin)}{bridges}"
+    cut = [replace(r, segments=still, notes=(*r.notes, note), short_clusters={}) for r in records]
+    return tuple(bridge_knocks(record, knocks) if knocks else record for record in cut)
+
+
+def _long_enough(record: Record, still: Segments) -> Segments:
+    """Return the stand-stills that are long enough to be judged, or all where these are not most of the rest."""
+    long = tuple((a, b) for a, b in still if (b - a) * record.interval >= _MIN_PART_SECONDS)
+    total = sum(b - a for a, b in still)
+    return long if 2 * sum(b - a for a, b in long) >= total else still
+
+
+def _described_parts(record: Record, still: Segments, begin: float) -> str:
+    """Return which parts are used, in s after `begin`, the longest ones first where they are many."""
+    spans = [(record.t[a] - begin, record.t[b - 1] + record.interval - begin) for a, b in still]
+    longest = sorted(sorted(spans, key=lambda span: span[0] - span[1])[:4])
+    shown = ", ".join(f"{first:.5g} to {last:.5g} s" for first, last in longest)
+    if len(spans) == 1:
+        return f"used: {shown}"
+    return f"{len(spans)} still parts are used, " + (
+        f"the longest {shown}" if len(spans) > len(longest) else shown
     )
 
 
-def _refuse_steady_motion(record: Record, still: Segments) -> None:
-    """Refuse a record whose means change as those of no sensor at rest, even where it moved least.
+def _steady_motion(record: Record, still: Segments) -> str | None:
+    """Return how the means of a record change as those of no sensor at rest, even where it moved least; else None.
 
     A log that moves nearly all the time has no quiet quarter to compare with.
     """
-    if record.unit not in _LARGEST_AT_REST:
-        return
+    if record.unit not in _LARGEST_AT_REST or not still:
+        return None
     bounds = _blocks(replace(record, segments=still))
     touching = bounds[1:, 0] == bounds[:-1, 1]
     if not touching.any():
-        return
+        return None
     mean, variance = _moments(record, bounds)
     change = normal_sd(np.diff(mean, axis=0)[touching], axis=0)
     white = np.sqrt(2.0 * np.median(variance, axis=0) / np.median(np.diff(bounds)))
     smallest = np.sqrt(_LARGEST_AT_REST[record.unit] ** 2 + _rounding_variance(record))
     limit = np.maximum(smallest, _OVER_WHITE_NOISE * white)
     worst, length = int(np.argmax(change / limit)), float(np.diff(bounds).mean()) * record.interval
-    if change[worst] > limit[worst]:
-        gyro = record.unit == "rad/s"
-        found, allowed, unit = (
-            (np.degrees(change), np.degrees(limit), "deg/s") if gyro else (change, limit, "m/s²")
-        )
-        msg = (
-            f"{record.source}: not at rest: even where it moved least, the mean of "
-            f"{record.axes[worst]} changes by {found[worst]:.2g} {unit} within {length:.2g} s, at rest by less "
-            f"than {allowed[worst]:.2g} {unit}: record the sensor at rest"
-        )
-        raise DataError(msg)
+    if change[worst] <= limit[worst]:
+        return None
+    gyro = record.unit == "rad/s"
+    found, allowed, unit = (
+        (np.degrees(change), np.degrees(limit), "deg/s") if gyro else (change, limit, "m/s²")
+    )
+    return (
+        f"{record.source}: not at rest: even where it moved least, the mean of "
+        f"{record.axes[worst]} changes by {found[worst]:.2g} {unit} within {length:.2g} s, at rest by less "
+        f"than {allowed[worst]:.2g} {unit}: record the sensor at rest"
+    )
 
 
 def _scatter(channels: int, probability: float) -> float:
@@ -257,14 +335,6 @@ def _widened(moved: BoolArray, bounds: IntArray) -> BoolArray:
     wide[1:] |= moved[:-1] & touching
     wide[:-1] |= moved[1:] & touching
     return wide
-
-
-def _motion(record: Record, bounds: IntArray, moved: BoolArray, statistic: float, threshold: float) -> Motion:
-    still, moving = _ranges(bounds, ~moved), _ranges(bounds, moved)
-    samples = int((bounds[:, 1] - bounds[:, 0]).sum())
-    episodes = tuple((float(record.t[a]), (b - a) * record.interval) for a, b in moving)
-    share = sum(b - a for a, b in moving) / samples
-    return Motion(still, moving, episodes, share, statistic, threshold)
 
 
 def _ranges(bounds: IntArray, chosen: BoolArray) -> Segments:

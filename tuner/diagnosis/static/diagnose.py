@@ -30,6 +30,8 @@ from tuner.diagnosis.static.reported_noise import noise_after, noise_before
 from tuner.diagnosis.static.search import SearchResult, group_of, search_causes
 from tuner.diagnosis.static.spectrum import aliasing as sampling
 from tuner.jobs import each
+from tuner.segments.conditions import without_knocks
+from tuner.segments.stationary import Segments
 from tuner.types import Alternative, Diagnosis, Finding, Identification, Unexplained
 from tuner.types.records import DataError, Record
 
@@ -113,7 +115,7 @@ def diagnose(
     DataError
         Where no channel can be analysed, or the second log lacks what the first one has.
     """
-    sensors = [records] if isinstance(records, Record) else list(records)
+    sensors, resting = without_knocks([records] if isinstance(records, Record) else list(records))
     others = [holdout] if isinstance(holdout, Record) else list(holdout or ())
     if others:
         _comparable(sensors, others)
@@ -129,11 +131,11 @@ def diagnose(
         ready += prepared(record, tests, limit, seed, refused)
     parts: list[tuple[Channel, tuple[motion.Motion, ...]]] = []
     for group in _by_clock(ready):
-        moved, kept = _motion(group)
+        moved, kept = _motion(group, _places(group[0], sensors, resting))
         found += moved
         parts += kept
     if not parts:
-        raise DataError(_nothing_left(refused, found))
+        raise DataError(_nothing_left(refused, found, sensors[0], resting))
     order = [one.axis for one in ready]
     parts.sort(key=lambda part: order.index(part[0].axis))
 
@@ -224,14 +226,17 @@ def _colour(channel: Channel) -> float:
     return abs(float(np.log(np.std(channel.y))))
 
 
-def _nothing_left(refused: Sequence[str], found: Sequence[Finding]) -> str:
+def _nothing_left(
+    refused: Sequence[str], found: Sequence[Finding], record: Record, resting: Mapping[str, Segments]
+) -> str:
     """Return why no channel can be analysed, in one line."""
-    moved = next((f for f in found if f.cause == "motion"), None)
-    if refused or moved is None:
+    if refused or not any(one.cause == "motion" for one in found):
         return refused[0] if refused else "no channel to diagnose; give a record with at least one axis"
+    parts = [(b - a, record.t[a] - record.t[0]) for a, b in resting.get(record.axes[0], ())]
+    longest, begin = max(parts, default=(0, 0.0))
     return (
-        f"the sensor moved in so much of the record that no part of {MIN_SAMPLES} samples or more is known to be "
-        "stationary; give a log of one stand-still"
+        f"the sensor moved: its longest stand-still, {begin:.5g} to {begin + longest * record.interval:.5g} s, has "
+        f"{longest} samples, expected {MIN_SAMPLES}: record one of {MIN_SAMPLES * record.interval:.3g} s or more"
     )
 
 
@@ -310,10 +315,24 @@ def _by_clock(channels: Sequence[Channel]) -> list[list[Channel]]:
     return list(groups.values())
 
 
+def _places(channel: Channel, records: Sequence[Record], resting: Mapping[str, Segments]) -> Segments:
+    """Return the parts of a record at rest as samples of one of its channels."""
+    record = next(record for record in records if channel.axis in record.axes)
+    parts = []
+    for start, stop in resting.get(channel.axis, ()):
+        first = round((float(record.t[start]) - channel.start) / channel.interval)
+        last = first + round((stop - start) * record.interval / channel.interval)
+        parts.append((max(first, 0), min(last, len(channel))))
+    return tuple((first, last) for first, last in parts if last > first)
+
+
 def _motion(
-    channels: list[Channel],
+    channels: list[Channel], resting: Segments
 ) -> tuple[list[Finding], list[tuple[Channel, tuple[motion.Motion, ...]]]]:
-    """Return the findings of motion in channels of one clock, and the channels with the stretches to leave out."""
+    """Return the findings of motion in channels of one clock, and the channels with the stretches to leave out.
+
+    Where these are too much of the record, only its longest part at rest is left.
+    """
     stretches = motion.stretches(channels)
     if not stretches:
         return [], [(c, ()) for c in channels]
@@ -343,7 +362,8 @@ def _motion(
     share = sum(stretch.last - stretch.first for stretch in stretches) / len(channels[0])
     if share <= MAX_MOVING_SHARE:
         return found, [(c, extensions) for c in channels]
-    first, last = _longest_still(stretches, len(channels[0]))
+    between = _longest_still(stretches, len(channels[0]))
+    first, last = max((between, *resting), key=lambda part: part[1] - part[0])
     return found, [(part, ()) for c in channels if (part := c.part(first, last)) is not None]
 
 

@@ -253,7 +253,7 @@ def test_gain_on_a_second_record():
 
 def test_a_log_without_a_still_part_is_refused_with_the_reason():
     rng = np.random.default_rng(1)
-    stand, turn = 3000, 250
+    stand, turn = 1000, 250  # a stand-still of 1024 samples would be diagnosed
     poses = [rng.normal(level, 2e-3, (stand, 3)) for level in 9.8 * rng.uniform(-1.0, 1.0, (6, 3))]
     y = np.concatenate([part for pose in poses for part in (pose, rng.normal(0.0, 3.0, (turn, 3)))][:-1])
     axes = ("accel_x", "accel_y", "accel_z")
