@@ -43,13 +43,13 @@ LEVEL_MARGIN = float(np.log(1.2))
 """For a noise level that changes within a minute while the sensor is at rest."""
 MIN_WORTH = 0.01
 """Least part of the variance or of the white noise of a channel that a knock must make up: its interval is wider."""
-NEIGHBOURS = 8
+BLOCKS_BESIDE = 8
 """Blocks on either side, a second, whose mean is the level from which a knock displaces a sensor."""
 SAMPLES_AT_ONCE = 1 << 20
 """Samples of blocks in memory at a time: 8 MB."""
 EDGE_PROBABILITY = 0.01
 """Probability that a still block beside a moving one counts as moving: one hundredth of a second of each edge."""
-SLOWER = float(np.log(1.25))
+MIN_SLOWER_GROWTH = float(np.log(1.25))
 """Growth of the sd of samples ÷ that of their differences from which what is added is slower than the noise, and growth
 of a sensor from which it feels the motion: blocks at rest scatter by a quarter of it."""
 
@@ -93,8 +93,8 @@ def knocked(
         edges = np.cumsum([0, *(record.y.shape[1] for record in records)])
         felt = np.array([np.mean(again[a:b], axis=0) for a, b in pairwise(edges)])
         slow = np.mean([one.level[chosen] - one.roughness[chosen] for one in columns], axis=0)
-        both = (len(felt) > 1) & np.all(felt > SLOWER, axis=0)
-        hit[chosen] = (_without_largest(again) > high) & ((slow > SLOWER) | both)
+        both = (len(felt) > 1) & np.all(felt > MIN_SLOWER_GROWTH, axis=0)
+        hit[chosen] = (_without_largest(again) > high) & ((slow > MIN_SLOWER_GROWTH) | both)
         hit = _worth_leaving_out(hit, columns, int(np.count_nonzero(~busy)))
     return moving | _grown(hit, busy, level > low, starts, size, first)
 
@@ -125,7 +125,9 @@ class _Column:
     def worth(self, hits: IntArray, blocks: int) -> float:
         """Return which part of the variance, or of the white noise, of overlapping blocks is in some of them."""
         variance = float(np.sum(np.expm1(2.0 * self.level[hits])))
-        beside = np.r_[max(hits[0] - NEIGHBOURS, 0) : hits[0] - 1, hits[-1] + 2 : hits[-1] + 1 + NEIGHBOURS]
+        beside = np.r_[
+            max(hits[0] - BLOCKS_BESIDE, 0) : hits[0] - 1, hits[-1] + 2 : hits[-1] + 1 + BLOCKS_BESIDE
+        ]
         beside = beside[beside < len(self.mean)]
         if not len(beside):
             return variance / blocks

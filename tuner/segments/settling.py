@@ -31,7 +31,7 @@ MAX_SHARE = 0.25
 """Longest settling ÷ stand-still: the rest must tell what is usual."""
 SHORTEST_MEAN = 1.0
 """Length of the shortest means, s: that of a movement of a hand."""
-FOLLOWING = 8
+FOLLOWING_RATIO = 8
 """Length of the mean that follows ÷ that of the first one: longer ones add less than 1/16 to the information."""
 MIN_PLACES = 15
 """Fewest independent differences that tell what is usual."""
@@ -62,7 +62,9 @@ def settled_from(
         _means(y, shortest), _means(moved[start:stop][::turn, None].astype(float), shortest)[:, 0] > 0.0
     )
     limit = int(min(MAX_SETTLING / (shortest * records[0].interval), MAX_SHARE * len(means)))
-    tests = means.shape[1] * max(1.0, np.log2(max(len(means) / (FOLLOWING + 1 + MIN_PLACES), 1.0)) + 1.0)
+    tests = means.shape[1] * max(
+        1.0, np.log2(max(len(means) / (FOLLOWING_RATIO + 1 + MIN_PLACES), 1.0)) + 1.0
+    )
     cut = 0
     while cut < limit:
         width = _differing(means[cut:], probability / tests)
@@ -91,12 +93,12 @@ def _differing(means: FloatArray, probability: float) -> int:
     """Return the shortest width, in means, whose first difference is unlike the others on any channel; 0 for none."""
     total = np.vstack([np.zeros(means.shape[1]), np.cumsum(means - means[-1:], axis=0)])
     width = 1
-    while len(means) >= width * (FOLLOWING + 1 + MIN_PLACES):
-        whole = width * (FOLLOWING + 1)
+    while len(means) >= width * (FOLLOWING_RATIO + 1 + MIN_PLACES):
+        whole = width * (FOLLOWING_RATIO + 1)
         later = (total[whole:] - total[width : len(total) - whole + width]) / (whole - width)
         change = (total[width : width + len(later)] - total[: len(later)]) / width - later
         others = change[width:]
-        places = len(means) / width - FOLLOWING - 1.0
+        places = len(means) / width - FOLLOWING_RATIO - 1.0
         sd = others.std(axis=0) * np.sqrt(places / (places - 1.0)) + np.finfo(float).tiny
         quantile = float(-stdtrit(places - 1.0, 0.5 * probability))
         off = np.abs(change[0] - others.mean(axis=0)) / (sd * np.sqrt(1.0 + 1.0 / places))
