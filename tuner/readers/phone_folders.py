@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tuner.formats.files import temporary_place
+from tuner.readers.column_names import known_unit
 from tuner.readers.columns import Listing, listing_of_arrays
 from tuner.readers.log_format import LogFormat
 from tuner.readers.text import read_numbers
@@ -34,12 +35,16 @@ MAX_EXPANSION, FREE_BYTES = 200, 1 << 28
 
 @dataclass(frozen=True)
 class _App:
-    """Files of an application, the preferred first, and the columns of time and axes in them."""
+    """Files of an application, the preferred first, and the columns of time and axes in them.
+
+    Stamps since 1970 are in ns and stand in columns of exactly these names; others may have a sensor before the axis.
+    """
 
     title: str
     gyro: tuple[str, ...]
     accel: tuple[str, ...]
     columns: tuple[str, str, str, str]
+    since_1970: bool = False
 
 
 APPS = (
@@ -50,13 +55,25 @@ APPS = (
         ("seconds_elapsed", "x", "y", "z"),
     ),
     _App(
+        "Sensor Logger",
+        ("GyroscopeUncalibrated.csv", "Gyroscope.csv"),
+        ("TotalAcceleration.csv", "AccelerometerUncalibrated.csv"),
+        ("time", "x", "y", "z"),
+        since_1970=True,
+    ),
+    _App(
         "phyphox",
         ("Gyroscope.csv",),
         ("Accelerometer.csv", "Acceleration.csv"),
         ("time", "x", "y", "z"),
     ),
 )
-"""Uncalibrated readings go first: a phone subtracts from the others a bias that it estimates as it goes."""
+"""Uncalibrated readings go first: a phone subtracts from the others a bias that it estimates as it goes.
+
+Sensor Logger's ``Accelerometer.csv`` is without gravity; its versions of 2021 have stamps since 1970 alone.
+"""
+FIRST_STAMP_OF_2001 = 1e18
+"""ns since 1970."""
 
 
 def is_phone_folder(path: Path) -> bool:
@@ -110,23 +127,24 @@ def _list(path: Path, folder: Path) -> Listing:
         gyro = next((folder / name for name in app.gyro if (folder / name).is_file()), None)
         if gyro is None:
             continue
-        found = _columns(gyro, app.columns)
-        if found is None:
+        rates = _columns(gyro, app)
+        if rates is None:
             continue
         accel = next((folder / name for name in app.accel if (folder / name).is_file()), None)
-        force = None if accel is None else _columns(accel, app.columns)
+        force = None if accel is None else _columns(accel, app)
         notes = (
             f"{app.title}: gyroscope of {gyro.name}"
-            + ("" if accel is None else f", accelerometer of {accel.name}"),
+            + ("" if accel is None or force is None else f", accelerometer of {accel.name}"),
         )
         arrays: Mapping[str, FloatArray]
+        units = {"t": "s", "gyro": rates.unit or "rad/s"}
         if force is None:
-            arrays = {"t": found[:, 0], "gyro": found[:, 1:]}
+            arrays = {"t": rates.values[:, 0], "gyro": rates.values[:, 1:]}
         else:
-            first, second = _paired(path, found, force)
+            first, second = _paired(path, rates.values, force.values)
             arrays = {"t": first[:, 0], "gyro": first[:, 1:], "accel": second[:, 1:]}
-        units = {"t": "s", "gyro": "rad/s", "accel": "m/s^2"}
-        listing = listing_of_arrays(path, arrays, units={k: units[k] for k in arrays}, meta={})
+            units["accel"] = force.unit or "m/s^2"
+        listing = listing_of_arrays(path, arrays, units=units, meta={})
         return Listing(path, listing.shapes, listing.load, listing.units, listing.integer, notes=notes)
     msg = (
         f"{path}: expected Gyroscope.csv as phyphox or Sensor Logger export it; of another application name one CSV "
@@ -135,18 +153,40 @@ def _list(path: Path, folder: Path) -> Listing:
     raise DataError(msg)
 
 
-def _columns(path: Path, wanted: tuple[str, str, str, str]) -> FloatArray | None:
-    """Return time and axes of a CSV, (n, 4), or None where it has other columns."""
+@dataclass(frozen=True)
+class _Columns:
+    """Time, s, and axes of a CSV, shape (n, 4), and the unit that its header states; None where it states none."""
+
+    values: FloatArray
+    unit: str | None
+
+
+def _columns(path: Path, app: _App) -> _Columns | None:
+    """Return time and axes of a CSV, or None where it has other columns."""
     dialect = find_dialect(path)
     plain = [name.split("(")[0].strip().lower() for name in dialect.names]
+    endings = ("",) if app.since_1970 else ("", " ", "_")
     places = [
-        next((j for j, name in enumerate(plain) if name == word or name.endswith(f" {word}")), None)
-        for word in wanted
+        next(
+            (
+                j
+                for j, name in enumerate(plain)
+                for e in endings
+                if name == word or (e and name.endswith(f"{e}{word}"))
+            ),
+            None,
+        )
+        for word in app.columns
     ]
     if any(place is None for place in places):
         return None
     (rows,) = read_numbers(path, dialect, [[place for place in places if place is not None]])
-    return rows
+    if app.since_1970:
+        if not len(rows) or rows[0, 0] < FIRST_STAMP_OF_2001:
+            return None
+        rows[:, 0] *= 1e-9
+    stated = dialect.names[places[1] or 0].partition("(")[2].partition(")")[0]
+    return _Columns(rows, known_unit(stated) if stated else None)
 
 
 def _paired(path: Path, gyro: FloatArray, accel: FloatArray) -> tuple[FloatArray, FloatArray]:

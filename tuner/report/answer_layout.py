@@ -7,12 +7,15 @@ from textwrap import wrap
 
 from rich.table import Table
 
+from tuner.formats.customary_units import digits
 from tuner.report.settings_rows import SettingsRow, axes_text, units_of
 
 LINE_WIDTH = 80
 """Columns of a terminal as it opens."""
 COLUMN_GAP = 2
 """Columns between those of a table."""
+SHORT_SPAN = 600.0
+"""Time up to which a reader counts seconds, s."""
 BOUNDED = "*: half a 95 % limit"
 """What a star behind a setting means."""
 
@@ -79,6 +82,13 @@ def _numbers(row: SettingsRow) -> list[str]:
 
 def _tightened(text: str) -> str:
     return text.replace(" ± ", "±").replace(", ", ",")
+
+
+def span_text(seconds: float) -> str:
+    """Return a time in hours, in seconds where it is short."""
+    if seconds >= SHORT_SPAN:
+        return f"{digits(seconds / 3600.0)} h"
+    return f"{seconds:.0f} s" if seconds >= 10.0 else f"{digits(seconds, 2)} s"
 
 
 def wrapped(text: str, indent: int = 0) -> list[str]:

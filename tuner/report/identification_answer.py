@@ -9,7 +9,7 @@ from rich.table import Table
 
 from tuner.formats.customary_units import customary_unit, digits, pretty, symbol
 from tuner.report.agreeing_rows import joined_rows
-from tuner.report.answer_layout import LINE_WIDTH, settings_table, wrapped
+from tuner.report.answer_layout import LINE_WIDTH, settings_table, span_text, wrapped
 from tuner.report.settings_rows import axes_text, settings_rows
 from tuner.report.terms_rows import MAIN_TERMS, TermsRow, channel_row, single_row
 from tuner.types import FilterConfig, Identification, PooledChannel
@@ -96,7 +96,7 @@ def terms_table(rows: Sequence[tuple[str, TermsRow]]) -> Table:
 def _recording(found: Identification) -> str:
     spans: dict[str, list[str]] = {}
     for c in found.channels.values():
-        text = f"{digits(c.span / 3600.0)} h at {digits(1.0 / c.interval)} Hz, by {c.method}"
+        text = f"{span_text(c.span)} at {digits(1.0 / c.interval)} Hz, by {c.method}"
         spans.setdefault(text if c.span > 0.0 else "stated, not measured", []).append(c.axis)
     parts = [text if len(spans) == 1 else f"{text} ({axes_text(axes)})" for text, axes in spans.items()]
     assumed = found.source.get("assumptions", ())

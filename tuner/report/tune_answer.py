@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from tuner.formats.customary_units import digits
 from tuner.identification.comparison import compare_identifications, limit_checks
-from tuner.report.answer_layout import BOUNDED, LINE_WIDTH, settings_lines, wrapped
+from tuner.report.answer_layout import BOUNDED, LINE_WIDTH, settings_lines, span_text, wrapped
 from tuner.report.comparison_tables import limit_text
 from tuner.report.drive_answer import choice_lines, drive_verdict, finding_lines
 from tuner.report.finding_groups import (
@@ -44,8 +44,6 @@ SHOWN_FINDINGS = 2
 """Findings in the answer: what a reader acts on first."""
 OF_DRIVE_ALONE = "static diagnosis"
 """What lacks where a drive stands in for the log, which the line of the recording says."""
-SHORT_SPAN = 600.0
-"""Time up to which a reader counts seconds, s."""
 NO_INTERVAL = "no ±: fitted to the Allan curve, or set"
 
 
@@ -186,7 +184,7 @@ def recording_line(result: TuneResult, *, named: bool = True) -> str:
     rest = " at rest in the drive" if result.drive is not None and not result.records else ""
     for channel in result.identification.channels.values():
         if channel.span > 0.0:
-            text = f"{_span_text(channel.span)}{rest} at {digits(1.0 / channel.interval)} Hz"
+            text = f"{span_text(channel.span)}{rest} at {digits(1.0 / channel.interval)} Hz"
             spans.setdefault(text, []).append(channel.axis)
     lengths = [text if len(spans) == 1 else f"{text} ({axes_text(axes)})" for text, axes in spans.items()]
     assumed = assumptions(result)
@@ -196,11 +194,6 @@ def recording_line(result: TuneResult, *, named: bool = True) -> str:
     if not named:
         return "; ".join([", ".join(lengths), *([units] if assumed else [])])
     return "; ".join([", ".join([result.name, *lengths]), *([units] if result.records else [])])
-
-
-def _span_text(seconds: float) -> str:
-    """Return a time in hours, in seconds where it is short."""
-    return f"{digits(seconds / 3600.0)} h" if seconds >= SHORT_SPAN else f"{seconds:.0f} s"
 
 
 def assumptions(result: TuneResult) -> tuple[str, ...]:

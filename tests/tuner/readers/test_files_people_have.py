@@ -84,6 +84,18 @@ def sensor_logger(folder):
     return folder
 
 
+def sensor_logger_of_2021(folder):
+    """Stamps in ns since 1970 only; its accelerometer is without gravity."""
+    for name, values in {
+        "Gyroscope": GYRO,
+        "AccelerometerUncalibrated": ACCEL,
+        "Accelerometer": ACCEL - 9.81,
+    }.items():
+        rows = [(str(EPOCH + round(1e9 * T[i])), *values[i, ::-1]) for i in range(N)]
+        table(folder / f"{name}.csv", "time,z,y,x", rows)
+    return folder
+
+
 def packed(folder):
     """The same as a ZIP."""
     sensor_logger(folder)
@@ -104,7 +116,19 @@ def kitti(folder):
     return folder
 
 
-WRITERS = (spreadsheet, xsens, xsens_ticks, vectornav, sbg, euroc, phyphox, sensor_logger, packed, kitti)
+WRITERS = (
+    spreadsheet,
+    xsens,
+    xsens_ticks,
+    vectornav,
+    sbg,
+    euroc,
+    phyphox,
+    sensor_logger,
+    sensor_logger_of_2021,
+    packed,
+    kitti,
+)
 
 
 @pytest.mark.parametrize("write", WRITERS)
@@ -115,6 +139,14 @@ def test_the_samples_come_back(write, tmp_path):
     np.testing.assert_allclose(gyro.y, GYRO, rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(accel.y, ACCEL, rtol=1e-9, atol=1e-12)
     assert gyro.interval == pytest.approx(1.0 / RATE, rel=1e-6)
+
+
+def test_units_in_the_names_of_phone_columns_are_read(tmp_path):
+    """deg/s in the header was read as rad/s."""
+    phyphox(tmp_path)
+    header = ",".join(['"Time (s)"', *(f'"Gyroscope {a} (deg/s)"' for a in "xyz")])
+    table(tmp_path / "Gyroscope.csv", header, np.column_stack([T, np.degrees(GYRO)]))
+    np.testing.assert_allclose(read(tmp_path)[0].y, GYRO, rtol=1e-9)
 
 
 def test_phone_sensors_of_different_rates_are_refused_with_the_way_out(tmp_path):

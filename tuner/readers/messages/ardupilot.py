@@ -1,8 +1,9 @@
 """ArduPilot dataflash logs (BIN), read with pymavlink: messages IMU by instance, GPS with its accuracies GPA.
 
-Axes are forward, right, down; `TimeUS` is µs since boot. Heights of GPS are above mean sea level: over a drive, a
-constant offset to the ellipsoid. IMU is logged at the rate of `LOG_BITMASK`: set its bit "fast IMU" or "raw IMU" for
-noise, for otherwise the log has 10 to 50 samples a second that alias all above half of that.
+Axes are forward, right, down; `TimeUS` is µs since boot. Logs before 2015 have `TimeMS` (of a `GPS`, the time since
+boot is its `T`), and one type of message an instance: IMU, IMU2, IMU3. Heights of GPS are above mean sea level: over a
+drive, a constant offset to the ellipsoid. IMU is logged at the rate of `LOG_BITMASK`: set its bit "fast IMU" or
+"raw IMU" for noise, for otherwise the log has 10 to 50 samples a second that alias all above half of that.
 """
 
 from __future__ import annotations
@@ -33,7 +34,9 @@ SIGNATURE = b"\xa3\x95\x80"
 """Head of a message (A3 95) of type 128, FMT: every log begins with the formats of its messages."""
 FIX_3D = 3
 """Least status of a position in three dimensions."""
-WANTED = ["IMU", "GPS", "GPA"]
+NUMBERED = {f"{kind}{number}": (kind, number - 1) for kind in ("IMU", "GPS") for number in (2, 3)}
+"""Types of messages of old logs: type and instance of today's."""
+WANTED = ["IMU", "GPS", "GPA", *NUMBERED]
 
 
 def read_dataflash(path: Path) -> MessageLog:
@@ -50,7 +53,8 @@ def read_dataflash(path: Path) -> MessageLog:
     names: set[str] = set()
     try:
         for message in _messages(path):
-            kind, instance = message.get_type(), int(getattr(message, "I", 0))
+            kind, number = NUMBERED.get(message.get_type(), (message.get_type(), 0))
+            instance = int(getattr(message, "I", 0)) or number
             names.add(f"{kind}.{instance}")
             if kind == "IMU":
                 imu.setdefault(instance, []).append(_imu(message))
@@ -123,12 +127,20 @@ def _without_stderr() -> Iterator[None]:
         os.close(kept)
 
 
+def _microseconds(message: Any) -> float:
+    """Return the time since boot, µs, of a message of any age."""
+    if hasattr(message, "TimeUS"):
+        return float(message.TimeUS)
+    milliseconds = message.T if message.get_type().startswith("GPS") else message.TimeMS
+    return 1e3 * float(milliseconds)
+
+
 def _imu(message: Any) -> tuple[float, ...]:
     return (
-        float(message.TimeUS),
+        _microseconds(message),
         *(float(getattr(message, f"Gyr{axis}")) for axis in "XYZ"),
         *(float(getattr(message, f"Acc{axis}")) for axis in "XYZ"),
-        float(getattr(message, "T", math.nan)),
+        float(getattr(message, "T", getattr(message, "Temp", math.nan))),
     )
 
 
@@ -137,7 +149,7 @@ def _gps(message: Any) -> tuple[float, ...]:
     course = math.radians(message.GCrs)
     speed = message.Spd
     velocity = (speed * math.cos(course), speed * math.sin(course), message.VZ)
-    return (float(message.TimeUS), message.Lat, message.Lng, message.Alt, *velocity, message.Status)
+    return (_microseconds(message), message.Lat, message.Lng, message.Alt, *velocity, message.Status)
 
 
 def _with_sds(

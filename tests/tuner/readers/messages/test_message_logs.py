@@ -141,6 +141,36 @@ def test_messages_of_a_driver_are_read_by_the_imu_in_them(kind, tmp_path):
     assert gyro.interval == pytest.approx(1.0 / RATE, rel=1e-9)
 
 
+def test_a_dataflash_log_of_2014_has_stamps_in_milliseconds_and_a_type_an_instance(tmp_path):
+    """Such logs were refused as damaged; the fields are those of the log of an APM:Copter 3.2."""
+    pytest.importorskip("pymavlink")
+    stamped = np.round(1e3 * T) + 5000
+    rows = []
+    for k, milliseconds in enumerate(stamped.astype(int).tolist()):
+        for name, scale in (("IMU", 1.0), ("IMU2", 2.0)):
+            values = {"TimeMS": ("I", milliseconds)}
+            values |= {f"Gyr{a}": ("f", scale * GYRO[k, j]) for j, a in enumerate("XYZ")}
+            values |= {f"Acc{a}": ("f", ACCEL[k, j]) for j, a in enumerate("XYZ")}
+            rows.append((milliseconds, (name, values)))
+    for k, t in enumerate(FIX_T):
+        gps = {"Status": ("B", 3), "TimeMS": ("I", 400_000_000 + round(1e3 * t)), "Week": ("I", 1800)}
+        gps |= {
+            "Lat": ("L", round(1e7 * LLH[k, 0])),
+            "Lng": ("L", round(1e7 * LLH[k, 1])),
+            "Alt": ("d", LLH[k, 2]),
+        }
+        gps |= {"Spd": ("d", 1.0), "GCrs": ("d", 0.0), "VZ": ("d", 0.0), "T": ("I", round(1e3 * t) + 5000)}
+        rows.append((round(1e3 * t) + 5000, ("GPS", gps)))
+    path = tmp_path / "log.bin"
+    write_dataflash(path, [message for _, message in sorted(rows, key=lambda row: row[0])])
+    drive = read_drive(path)
+    np.testing.assert_allclose(drive.rates[:, :3], GYRO[: len(drive.rates)], rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(drive.gnss.t, FIX_T, atol=1.1e-3)
+    chosen = {"t": "IMU.1/t", "gyro": "IMU.1/gyro", "accel": "IMU.1/accel"}
+    second = read(path, columns=chosen)[0]
+    np.testing.assert_allclose(second.y[10:20], 2.0 * GYRO[10:20], rtol=1e-6, atol=1e-9)
+
+
 def test_types_that_a_file_does_not_define_are_named_with_the_cure(tmp_path):
     pytest.importorskip("rosbags")
     path = bag(tmp_path / "log", "sqlite3", fixes=False, message="driver_msgs/msg/Reading")
