@@ -107,13 +107,15 @@ def identification_of_drive(drive: Drive, found: StationaryNoise) -> Identificat
     found : StationaryNoise
         Noise in its stationary parts.
     """
+    interval = float(np.median(np.diff(drive.imu_t)))
     if not found.white:
         why = (
             f"nothing is known of the unit, and the drive stands for {found.seconds:.0f} s only: it is taken for "
             f"{UNKNOWN_UNIT_GRADE}, a noisy one, so that the filter trusts it too little rather than too much"
         )
         grade = grade_identification(load_grade(UNKNOWN_UNIT_GRADE))
-        return replace(grade, source={**grade.source, "name": drive.name}, notes=(why,))
+        at_its_rate = {axis: replace(channel, interval=interval) for axis, channel in grade.channels.items()}
+        return replace(grade, source={**grade.source, "name": drive.name}, channels=at_its_rate, notes=(why,))
     name = nearest_grade(found.white)
     grade = grade_identification(load_grade(name))
     share = 1.96 / np.sqrt(2.0 * found.freedom)
@@ -124,7 +126,7 @@ def identification_of_drive(drive: Drive, found: StationaryNoise) -> Identificat
         terms = tuple(
             TermEstimate("white", {"density": density}) if t.name == "white" else t for t in channel.terms
         )
-        channels[axis] = replace(channel, terms=terms, span=found.seconds)
+        channels[axis] = replace(channel, terms=terms, span=found.seconds, interval=interval)
     why = (
         f"white noise is that of {found.seconds:.0f} s at rest in this drive; bias terms are those of {name}, the "
         f"built-in grade with the nearest white noise, since a drive is too short to show them"

@@ -195,6 +195,7 @@ def test_white_noise_is_read_where_the_vehicle_stands(drive):
         at_rest.white["gyro"]
     }
     assert "at rest" in config.notes[0]
+    assert config.interval == pytest.approx(1.0 / 25.0)  # of the drive, not of the grade beside it
 
 
 def test_without_velocities_positions_tell_where_the_vehicle_stands(drive):
@@ -224,6 +225,7 @@ def test_a_unit_that_never_stands_is_taken_for_a_noisy_one(drive):
     assert not found.white
     config = config_of_drive(fast, found)
     assert UNKNOWN_UNIT_GRADE in config.notes[0]
+    assert config.interval == pytest.approx(1.0 / 25.0)
 
 
 def test_a_coarse_quantizer_sets_the_least_noise(drive):
