@@ -10,7 +10,7 @@ from typing import Any
 
 from tuner.exporters.dialect import Dialect, Target
 from tuner.exporters.header import provenance
-from tuner.exporters.triad_values import mean, triad
+from tuner.exporters.triad_values import limited, mean, triad
 from tuner.formats.yaml_text import yaml_text
 from tuner.synthesis.equivalent_models import equivalent_random_walk, equivalent_white_density
 from tuner.types import ChannelNoise, FilterConfig
@@ -34,7 +34,8 @@ def entries(config: FilterConfig, target: Target) -> dict[str, Any]:
     )
     for key, sensor, note, quantity in quantities:
         if channels := triad(config, sensor):
-            found[key] = mean(channels, quantity, note).noted()
+            words = limited(channels, note) if quantity is walk else note
+            found[key] = mean(channels, quantity, words).noted()
     return found
 
 

@@ -14,7 +14,7 @@ from models.units import STANDARD_GRAVITY
 from tuner.exporters.dialect import Dialect, Target
 from tuner.exporters.header import provenance
 from tuner.exporters.scripts import commented, vector
-from tuner.exporters.triad_values import triad, triple
+from tuner.exporters.triad_values import limited, triad, triple
 from tuner.synthesis.equivalent_models import equivalent_random_walk, equivalent_white_density
 from tuner.types import ChannelNoise, FilterConfig
 
@@ -43,7 +43,7 @@ def write(config: FilterConfig, target: Target) -> str:
         prior, _ = triple(channels, lambda c: c.constant_sd, "")
         priors += prior
         lines.append(f"p.set{noise}Covariance(np.diag({vector(white)}))  # N²\n")
-        lines.append(f"p.set{bias}Covariance(np.diag({vector(drive)}))  # K²\n")
+        lines.append(f"p.set{bias}Covariance(np.diag({vector(drive)}))  # {limited(channels, 'K²')}\n")
     lines += [
         f"p.setIntegrationCovariance({_INTEGRATION_COVARIANCE!r} * np.eye(3))  # the default is 1 m after 1 s\n",
         'if hasattr(p, "setBiasAccOmegaInit"):  # up to 4.2 noise of every step, by default 1\n',

@@ -22,7 +22,7 @@ from models.units import from_si
 from tuner.exporters.dialect import Dialect, Target
 from tuner.exporters.header import fading_words, provenance
 from tuner.exporters.scale_factors import scale_factor
-from tuner.exporters.triad_values import initial_bias_sd, longest_time, triad, triple
+from tuner.exporters.triad_values import initial_bias_sd, limited, longest_time, triad, triple
 from tuner.formats.digits import rounded
 from tuner.formats.yaml_text import Inline, Noted, yaml_text
 from tuner.synthesis.equivalent_models import equivalent_noise
@@ -56,14 +56,16 @@ def entries(config: FilterConfig, target: Target) -> dict[str, Any]:
     start: dict[str, Any] = {}
     if gyro:
         noise["arw"] = _axes(gyro, lambda c: from_si(density(c), "deg/sqrt(h)"), "deg/√h; N·(180/π)·60")
-        noise["gbstd"] = _axes(gyro, lambda c: from_si(sd(c), "deg/h"), "deg/h; σ·(180/π)·3600")
+        noise["gbstd"] = _axes(
+            gyro, lambda c: from_si(sd(c), "deg/h"), limited(gyro, "deg/h; σ·(180/π)·3600")
+        )
         noise["gsstd"] = _scale(config, "gyro_scale")
         start["initbgstd"] = _axes(
             gyro, lambda c: from_si(initial_bias_sd(c), "deg/h"), "deg/h; constant and states together"
         )
     if accel:
         noise["vrw"] = _axes(accel, lambda c: from_si(density(c), "m/s/sqrt(h)"), "m/s/√h; N·60")
-        noise["abstd"] = _axes(accel, lambda c: from_si(sd(c), "mGal"), "mGal; σ/1e-5")
+        noise["abstd"] = _axes(accel, lambda c: from_si(sd(c), "mGal"), limited(accel, "mGal; σ/1e-5"))
         noise["asstd"] = _scale(config, "accel_scale")
         start["initbastd"] = _axes(
             accel, lambda c: from_si(initial_bias_sd(c), "mGal"), "mGal; constant and states together"

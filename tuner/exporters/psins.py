@@ -16,7 +16,7 @@ from models.units import from_si
 from tuner.exporters.dialect import Dialect, Target
 from tuner.exporters.header import provenance
 from tuner.exporters.scripts import commented, vector
-from tuner.exporters.triad_values import initial_bias_sd, longest_time, triad, triple
+from tuner.exporters.triad_values import initial_bias_sd, limited, longest_time, triad, triple
 from tuner.synthesis.equivalent_models import equivalent_random_walk, equivalent_white_density
 from tuner.types import ChannelNoise, FilterConfig
 
@@ -40,9 +40,9 @@ def write(config: FilterConfig, target: Target) -> str:
         ("db", accel, lambda c: initial_bias_sd(c) / _MICRO_G, "ug; constant and states together"),
         ("web", gyro, lambda c: from_si(density(c), "deg/sqrt(h)"), "deg/√h; N"),
         ("wdb", accel, lambda c: density(c) / _MICRO_G, "ug/√Hz; N"),
-        ("sqrtR0G", gyro, lambda c: from_si(sd(c), "deg/h"), "deg/h; K·√(T/2)"),
+        ("sqrtR0G", gyro, lambda c: from_si(sd(c), "deg/h"), limited(gyro, "deg/h; K·√(T/2)")),
         ("TauG", gyro, lambda _: time, "s; T"),
-        ("sqrtR0A", accel, lambda c: sd(c) / _MICRO_G, "ug; K·√(T/2)"),
+        ("sqrtR0A", accel, lambda c: sd(c) / _MICRO_G, limited(accel, "ug; K·√(T/2)")),
         ("TauA", accel, lambda _: time, "s; T"),
     )
     lines = []

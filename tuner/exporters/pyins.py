@@ -13,7 +13,7 @@ import math
 from tuner.exporters.dialect import Dialect, Target
 from tuner.exporters.header import provenance
 from tuner.exporters.scripts import commented, vector
-from tuner.exporters.triad_values import initial_bias_sd, triad, triple
+from tuner.exporters.triad_values import initial_bias_sd, limited, triad, triple
 from tuner.synthesis.equivalent_models import equivalent_random_walk, equivalent_white_density
 from tuner.types import ChannelNoise, FilterConfig
 
@@ -37,7 +37,7 @@ def write(config: FilterConfig, target: Target) -> str:
             continue
         constant, constant_note = triple(channels, start, f"{unit}; constant and states together")
         white, white_note = triple(channels, density, f"{unit}/√Hz; N")
-        drive, drive_note = triple(channels, walk, f"{unit}/√s; K")
+        drive, drive_note = triple(channels, walk, limited(channels, f"{unit}/√s; K"))
         text += (
             f"\n{sensor}_model = EstimationModel(\n"
             f"    bias_sd={vector(constant)},  # {constant_note}\n"

@@ -103,6 +103,22 @@ def digits_to(value: float, half_width: float) -> str:
     return f"{value:.{max(0, places)}f}"
 
 
+MAX_ASYMMETRY = 0.2
+"""Difference of the halves of an interval ÷ the larger one up to which ± is said: its first digit is that of both."""
+
+
+def with_interval(value: float, low: float, high: float, *, between: str = " … ") -> str:
+    """Say a number with its interval: ``0.152 ± 0.016``; both ends where it is not symmetric: ``339 (200 … 663)``."""
+    above, below, half = high - value, value - low, 0.5 * (high - low)
+    if math.isinf(high):
+        return f"{digits(value)} (from {digits(low)})"
+    if not half > 0.0:
+        return digits(value)
+    if abs(above - below) > MAX_ASYMMETRY * max(above, below):
+        return f"{digits_to(value, half)} ({digits_to(low, half)}{between}{digits_to(high, half)})"
+    return f"{digits_to(value, half)} ± {digits(half, 2)}"
+
+
 def phrase(coefficient: Coefficient, quantity: str, unit: str, *, with_unit: bool = True) -> str:
     """Say a coefficient in words: ``0.1520 (0.1504 … 0.1536) deg/√h``, ``< 1.2 deg/h``."""
     name = f" {pretty(customary_unit(quantity, unit))}" if with_unit else ""
@@ -128,8 +144,8 @@ def amount(coefficient: Coefficient) -> str:
         return f"below {digits(number / size)}{unit}"
     if coefficient.interval is None or coefficient.interval[0] == coefficient.interval[1]:
         return f"{digits(number / size, EXACT_DIGITS)}{unit}"
-    half = 0.5 * (coefficient.interval[1] - coefficient.interval[0]) / size
-    return f"{digits_to(number / size, half)} ± {digits(half, 2)}{unit}"
+    low, high = (end / size for end in coefficient.interval)
+    return with_interval(number / size, low, high) + unit
 
 
 def _unit_for(unit: str, number: float) -> tuple[float, str]:

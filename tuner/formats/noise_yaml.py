@@ -38,6 +38,9 @@ _HEADER = (
     "Comments behind numbers: customary units.",
 )
 
+ON_LIMIT = "; rests on a 95 % limit, not measured"
+"""Behind a number that the log did not show."""
+
 
 def dumps(config: FilterConfig) -> str:
     """Return a configuration as YAML.
@@ -53,9 +56,10 @@ def dumps(config: FilterConfig) -> str:
         Text that `loads` turns back into the configuration with rounded numbers.
     """
     config = load_config(_rounded(config_json(config)), source=config.name)
+    span = float(config.provenance.get("span") or 0.0)
     sensors: dict[str, dict[str, Any]] = {}
     for axis, channel in config.channels.items():
-        sensors.setdefault(axis.rpartition("_")[0] or axis, {})[axis] = _channel(channel)
+        sensors.setdefault(axis.rpartition("_")[0] or axis, {})[axis] = _channel(channel, span)
     tree = {
         "format": FORMAT,
         "name": config.name,
@@ -114,13 +118,23 @@ def _rounded(content: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _channel(channel: ChannelNoise) -> dict[str, Any]:
-    def noted(value: float, quantity: str, per: str) -> Noted:
+def _channel(channel: ChannelNoise, span: float) -> dict[str, Any]:
+    """Return the entries of an axis; `span`, s, is that of the log, 0 where none is known."""
+
+    def noted(value: float, quantity: str, per: str, *, limit: bool = False) -> Noted:
         shown = _in_words(value, quantity, channel.unit) if value else "none"
-        return Noted(value, f"{channel.unit}{per}; {shown}")
+        return Noted(value, f"{channel.unit}{per}; {shown}{ON_LIMIT if limit and value else ''}")
+
+    on_limit = ON_LIMIT if channel.states_rest_on_limit else ""
 
     def state(markov: GaussMarkov) -> Noted:
-        return Noted(_state(markov), f"{channel.unit}, s; {_in_words(markov.sd, 'level', channel.unit)}")
+        slow = (
+            "; longer than the log: extrapolated"
+            if 0.0 < span < markov.time_constant and not on_limit
+            else ""
+        )
+        words = f"{channel.unit}, s; {_in_words(markov.sd, 'level', channel.unit)}{on_limit}{slow}"
+        return Noted(_state(markov), words)
 
     return {
         "unit": channel.unit,
@@ -128,9 +142,11 @@ def _channel(channel: ChannelNoise) -> dict[str, Any]:
         "filter": {
             "white_density": noted(channel.white_density, "white.density", "/√Hz"),
             "markov": [state(markov) for markov in channel.markov],
-            "random_walk_density": noted(channel.random_walk_density, "random_walk.density", "/√s"),
+            "random_walk_density": noted(
+                channel.random_walk_density, "random_walk.density", "/√s", limit=channel.walk_rests_on_limit
+            ),
             "constant_sd": noted(channel.constant_sd, "level", ""),
-            "ramp_sd": noted(channel.ramp_sd, "ramp.rate", "/s"),
+            "ramp_sd": noted(channel.ramp_sd, "ramp.rate", "/s", limit=channel.ramp_rests_on_limit),
         },
         "fates": dict(channel.handling),
     }

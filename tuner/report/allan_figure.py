@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from tuner.formats.customary_units import customary_unit, digits, in_customary, pretty, symbol
+from tuner.formats.customary_units import customary_unit, digits, in_customary, pretty, symbol, with_interval
 from tuner.formats.files import Put, write_bytes
 from tuner.report.figure_files import new_figure
 from tuner.types import ChannelIdentification, Identification
@@ -157,11 +157,12 @@ def term_label(channel: ChannelIdentification, name: str) -> str:
         quantity = f"{name}.{field}"
         if coefficient.value is None:
             continue
-        value = digits(in_customary(coefficient.value, quantity, channel.unit))
-        text = f"{symbol(quantity).removeprefix(f'{name} ')} {value}"
-        if coefficient.interval is not None:
-            half = 0.5 * (coefficient.interval[1] - coefficient.interval[0])
-            text += f" ± {digits(in_customary(half, quantity, channel.unit), 2)}"
+        value, *ends = (
+            in_customary(number, quantity, channel.unit)
+            for number in (coefficient.value, *(coefficient.interval or ()))
+        )
+        shown = with_interval(value, *ends) if ends else digits(value)
+        text = f"{symbol(quantity).removeprefix(f'{name} ')} {shown}"
         parts.append(f"{text} {pretty(customary_unit(quantity, channel.unit))}")
     line = f"{SLOPES.get(name, name)}: " + ", ".join(parts)
     return line if len(line) <= LEGEND_WIDTH else f"{SLOPES.get(name, name)}: " + ",\n".join(parts)

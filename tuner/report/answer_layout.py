@@ -8,7 +8,7 @@ from textwrap import wrap
 from rich.table import Table
 
 from tuner.formats.customary_units import digits
-from tuner.report.settings_rows import SettingsRow, axes_text, units_of
+from tuner.report.settings_rows import EXTRAPOLATED, SettingsRow, axes_text, units_of
 
 LINE_WIDTH = 80
 """Columns of a terminal as it opens."""
@@ -16,8 +16,13 @@ COLUMN_GAP = 2
 """Columns between those of a table."""
 SHORT_SPAN = 600.0
 """Time up to which a reader counts seconds, s."""
+INTERVAL = "± ( ) 95 %"
+"""What ± and brackets behind a setting mean."""
 BOUNDED = "*: half a 95 % limit"
 """What a star behind a setting means."""
+
+LONGER = f"{EXTRAPOLATED}: beyond the log"
+"""What the mark behind a time constant means."""
 
 
 def settings_table(rows: Sequence[SettingsRow]) -> Table:
@@ -51,7 +56,7 @@ def settings_lines(rows: Sequence[SettingsRow], *, tight: bool = False) -> list[
         [axes_text(row.axes), *(_tightened(text) if tight else text for text in _numbers(row))]
         for row in rows
     ]
-    known = "± 95 %" if any("±" in text for row in cells for text in row) else ""
+    known = INTERVAL if any("±" in text or "(" in text for row in cells for text in row) else ""
     head = [
         known,
         f"N, {white}",
@@ -81,7 +86,7 @@ def _numbers(row: SettingsRow) -> list[str]:
 
 
 def _tightened(text: str) -> str:
-    return text.replace(" ± ", "±").replace(", ", ",")
+    return text.replace(" ± ", "±").replace(" to ", "–").replace(", ", ",")
 
 
 def span_text(seconds: float) -> str:

@@ -9,7 +9,7 @@ from rich.table import Table
 
 from tuner.formats.customary_units import customary_unit, digits, pretty, symbol
 from tuner.report.agreeing_rows import joined_rows
-from tuner.report.answer_layout import LINE_WIDTH, settings_table, span_text, wrapped
+from tuner.report.answer_layout import INTERVAL, LINE_WIDTH, settings_table, span_text, wrapped
 from tuner.report.settings_rows import axes_text, settings_rows
 from tuner.report.terms_rows import MAIN_TERMS, TermsRow, channel_row, single_row
 from tuner.types import FilterConfig, Identification, PooledChannel
@@ -40,7 +40,7 @@ def identification_answer(
         *wrapped(f"{name}: {_recording(found)}", 2),
         terms_table([("", row) for row in rows]),
     ]
-    answer += wrapped("± 95 %; < 95 % limit; – not stated", 2)
+    answer += wrapped(f"{INTERVAL}; < 95 % limit; – not stated", 2)
     answer += [
         line for row in rows if row.further for line in wrapped(f"{axes_text(row.axes)}: {row.further}", 2)
     ]
@@ -65,7 +65,7 @@ def pooled_answer(pooled: Mapping[str, PooledChannel], names: Sequence[str]) -> 
         if one.mean is not None
     )
     lines: list[Table | str] = [f"{len(names)} logs pooled", terms_table([("", row) for row in rows])]
-    lines += wrapped("± 95 % of the mean over the logs; < 95 % limit", 2)
+    lines += wrapped(f"{INTERVAL} of the mean over the logs; < 95 % limit", 2)
     differing: dict[str, list[str]] = {}
     for channel in pooled.values():
         for one in (*channel.coefficients, *([channel.mean] if channel.mean else [])):

@@ -7,13 +7,15 @@ from dataclasses import dataclass, replace
 from math import isclose
 from statistics import fmean
 
-from tuner.formats.customary_units import customary_unit, digits, digits_to, in_customary, pretty
+from tuner.formats.customary_units import customary_unit, digits, in_customary, pretty, with_interval
 from tuner.report.agreeing_rows import joined_rows
 from tuner.synthesis.prediction import FITTED
 from tuner.types import BoundUsed, ChannelNoise, Coefficient, FilterConfig
 
 SAME_RELATIVE = 1e-3
 """Relative difference up to which a setting is the identified value itself: files keep six digits."""
+EXTRAPOLATED = "†"
+"""Behind a time constant that is longer than the log: its state continues what shorter ones show."""
 SHOWN_DIGITS = 2
 """Digits in which numbers without an interval must be the same to share a row."""
 
@@ -29,7 +31,7 @@ class Setting:
     low, high : float or None
         95 % interval over these axes; None where the number has none of its own.
     bounded : bool
-        Whether some of them are half of a 95 % limit.
+        Whether some of them are half of a 95 % limit, or time constants longer than the log.
     """
 
     used: tuple[float, ...]
@@ -39,13 +41,12 @@ class Setting:
 
     @property
     def text(self) -> str:
-        """The number with its interval; a star where it is only bounded."""
+        """The number with its interval, both ends where it is not symmetric; a star where it is only bounded."""
         lowest, highest = digits(min(self.used)), digits(max(self.used))
         if self.low is None or self.high is None or self.bounded:
             return (lowest if lowest == highest else f"{lowest} to {highest}") + "*" * self.bounded
         value = fmean(self.used)
-        half = max(self.high - value, value - self.low)
-        return f"{digits_to(value, half)} ± {digits(half, SHOWN_DIGITS)}"
+        return with_interval(value, self.low, self.high, between=" to ")
 
     def agrees(self, other: Setting) -> bool:
         """Whether both may be one number."""
@@ -91,7 +92,8 @@ class SettingsRow:
         """The bias states, those of one sd together: ``20.3 ± 2.2 at 1, 10, 100 s``."""
         times: dict[str, list[str]] = {}
         for sd, time in self.states:
-            times.setdefault(sd.text, []).append("/".join(dict.fromkeys(_seconds(t) for t in time.used)))
+            shown = "/".join(dict.fromkeys(_seconds(t) for t in time.used))
+            times.setdefault(sd.text, []).append(shown + EXTRAPOLATED * (time.bounded and not sd.bounded))
         return "; ".join(f"{sd} at {', '.join(at)} s" for sd, at in times.items()) or "none"
 
     def agrees(self, other: SettingsRow) -> bool:
@@ -116,7 +118,8 @@ class SettingsRow:
 def settings_rows(config: FilterConfig) -> list[SettingsRow]:
     """Return the settings, one row for axes that agree; in the order of the axes."""
     bounded = {str(one.quantity) for one in config.inflations if isinstance(one, BoundUsed)}
-    return joined_rows(_row(channel, bounded) for channel in config.channels.values())
+    span = float(config.provenance.get("span") or 0.0)
+    return joined_rows(_row(channel, bounded, span) for channel in config.channels.values())
 
 
 def axes_text(axes: Sequence[str]) -> str:
@@ -141,13 +144,17 @@ def units_of(unit: str) -> tuple[str, str, str]:
     return white, level, walk
 
 
-def _row(channel: ChannelNoise, bounded: Set[str]) -> SettingsRow:
+def _row(channel: ChannelNoise, bounded: Set[str], span: float) -> SettingsRow:
     walk = _setting(channel, channel.random_walk_density, "random_walk", "density")
     if f"{channel.axis}.random_walk.density" in bounded:
         walk = _half_limit(walk)
     ladder_bounded = f"{channel.axis}.bias_instability.level" in bounded
     states = [
-        (_state_sd(channel, s.sd, s.time_constant), Setting((s.time_constant,))) for s in channel.markov
+        (
+            _state_sd(channel, s.sd, s.time_constant),
+            Setting((s.time_constant,), bounded=0.0 < span < s.time_constant),
+        )
+        for s in channel.markov
     ]
     return SettingsRow(
         (channel.axis,),

@@ -8,13 +8,11 @@ from dataclasses import dataclass
 from math import inf
 from statistics import fmean
 
-from tuner.formats.customary_units import customary_unit, digits, digits_to, in_customary, pretty, symbol
+from tuner.formats.customary_units import customary_unit, digits, in_customary, pretty, symbol, with_interval
 from tuner.types import ChannelIdentification, Coefficient
 
 MAIN_TERMS = ("white.density", "bias_instability.level", "random_walk.density")
 """Coefficients with a column of their own: what a filter is set from."""
-LOPSIDED_FROM = 0.5
-"""Half width ÷ value from which both ends of an interval are shown: it is not symmetric then."""
 Key = tuple[str, int]
 """Name of a coefficient, such as ``white.density``, and which of several of that name."""
 
@@ -49,10 +47,7 @@ class TermsRow:
         if not ends:
             low, high = digits(min(values)), digits(max(values))
             return low if low == high else f"{low} to {high}"
-        half = max(max(ends) - value, value - min(ends))
-        if half > LOPSIDED_FROM * value > 0.0:
-            return f"{digits(value)} ({digits(min(ends))} … {digits(max(ends))})"
-        return f"{digits_to(value, half)} ± {digits(half, 2)}"
+        return with_interval(value, min(ends), max(ends))
 
     @property
     def further(self) -> str:

@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING
 
 from tuner.formats.customary_units import digits
 from tuner.identification.comparison import compare_identifications, limit_checks
-from tuner.report.answer_layout import BOUNDED, LINE_WIDTH, settings_lines, span_text, wrapped
+from tuner.report.answer_layout import (
+    BOUNDED,
+    INTERVAL,
+    LINE_WIDTH,
+    LONGER,
+    settings_lines,
+    span_text,
+    wrapped,
+)
 from tuner.report.comparison_tables import limit_text
 from tuner.report.drive_answer import choice_lines, drive_verdict, finding_lines
 from tuner.report.finding_groups import (
@@ -19,7 +27,7 @@ from tuner.report.finding_groups import (
     finding_groups,
     way_texts,
 )
-from tuner.report.settings_rows import SettingsRow, axes_text, settings_rows
+from tuner.report.settings_rows import EXTRAPOLATED, SettingsRow, axes_text, settings_rows
 from tuner.report.static_diagnosis_tables import hidden_effect_lines
 from tuner.report.verdict_text import verdict_text
 from tuner.synthesis.findings import judge_hidden
@@ -101,6 +109,8 @@ def _answer(result: TuneResult, directory: Path, short: Set[str], keys: Sequence
         legend_here = f"; {BOUNDED}"
         fits = len(head[-1]) + len(legend_here) <= LINE_WIDTH
         head[-1] += legend_here if fits else legend_here.replace(" 95 %", "")
+    if any(EXTRAPOLATED in line for line in table):
+        head[-1] += f"; {LONGER}"
     if "head" in short and len(head[-1]) > LINE_WIDTH:
         head[-1] = head[-1].replace(f" ({WHAT_SIMULATES})", "")
     findings, shown = _findings_of_log(result, short="findings" in short)
@@ -205,9 +215,10 @@ def legend(rows: Sequence[SettingsRow]) -> str:
     """Return what the marks of a table of settings mean, those that occur."""
     settings = [one for row in rows for one in (row.white, row.walk, *(sd for sd, _ in row.states))]
     texts = [one.text for one in settings if any(one.used)]
-    parts = ["± 95 %"] if any("±" in text for text in texts) else []
+    parts = [INTERVAL] if any("±" in text or "(" in text for text in texts) else []
     parts += [BOUNDED] if any("*" in text for text in texts) else []
-    parts += [NO_INTERVAL] if any("±" not in text and "*" not in text for text in texts) else []
+    parts += [LONGER] if any(EXTRAPOLATED in row.bias for row in rows) else []
+    parts += [NO_INTERVAL] if any(not set("±*(") & set(text) for text in texts) else []
     return "; ".join(parts)
 
 

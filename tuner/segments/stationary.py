@@ -230,7 +230,7 @@ def cut_to_still(records: Sequence[Record], motion: Motion) -> tuple[Record, ...
         return tuple(records)
     still = _long_enough(records[0], motion.still)
     knocks = [(a, b) for a, b in motion.knocks if any(c <= a < d for c, d in still)]
-    bridges = f"; {len(knocks)} knocks inside are replaced by simulated samples" if knocks else ""
+    bridges = f"; knocks inside, {len(knocks)}, are replaced by simulated samples" if knocks else ""
     note = f"{description}; {_described_parts(records[0], still, begin)}{bridges}"
     cut = [replace(r, segments=still, notes=(*r.notes, note), short_clusters={}) for r in records]
     return tuple(bridge_knocks(record, knocks) if knocks else record for record in cut)

@@ -14,6 +14,9 @@ from tuner.types.inflation import Enlargement, Inflation
 from tuner.types.number_ranges import NonNegative, Positive, SamplingInterval
 from tuner.types.shown import Shown
 
+NOT_USED = "not used"
+"""How the handling of terms begins that are not behind the settings of their axis."""
+
 
 @dataclass(frozen=True)
 class ChannelNoise:
@@ -48,6 +51,28 @@ class ChannelNoise:
     ramp_sd: float = 0.0
     identified: tuple[TermEstimate, ...] = ()
     handling: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+
+    @property
+    def walk_rests_on_limit(self) -> bool:
+        """Whether the random walk of the bias is made from a 95 % limit, as the log showed none."""
+        return self.random_walk_density > 0.0 and self._only_limited("random_walk")
+
+    @property
+    def states_rest_on_limit(self) -> bool:
+        """Whether the bias states are made from a 95 % limit, as the log showed no such term."""
+        return bool(self.markov) and self._only_limited("bias_instability", "gauss_markov")
+
+    @property
+    def ramp_rests_on_limit(self) -> bool:
+        """Whether the sd of the bias rate is made from a 95 % limit, as the log showed no ramp."""
+        return self.ramp_sd > 0.0 and self._only_limited("ramp")
+
+    def _only_limited(self, *names: str) -> bool:
+        """Whether terms of these names were identified as limits alone, and the settings are made from them."""
+        if any(text.startswith(NOT_USED) for text in self.handling.values()):
+            return False
+        found = [c for term in self.identified if term.name in names for c in term.coefficients.values()]
+        return any(c.upper is not None for c in found) and all(c.value is None for c in found)
 
 
 @dataclass(frozen=True)

@@ -172,3 +172,33 @@ def test_noise_at_rest_stands_beside_that_in_motion() -> None:
     assert len(read.noise) == 6
     assert "N is that in motion" in export(read, "kalibr")
     assert "N is that in motion" not in export(rest, "kalibr")
+
+
+def test_what_rests_on_a_limit_says_so_on_its_line() -> None:
+    limits = {"random_walk": "density", "bias_instability": "level"}
+    config = stim300()
+    channel = config.channels["gyro_z"]
+    identified = tuple(
+        TermEstimate(name, {field: Coefficient.bounded(1e-6, "rad/s", "record too short")})
+        for name, field in limits.items()
+    )
+    changed = replace(channel, identified=identified, random_walk_density=5e-7)
+    one = replace(config, channels={"gyro_z": changed}, provenance={**config.provenance, "span": 50.0})
+    lines = noise_yaml.dumps(one).splitlines()
+    own = [line for line in lines if ("{sd:" in line and "rad/s" in line) or "random_walk_density:" in line]
+    assert len(own) == 1 + len(channel.markov)
+    assert all("rests on a 95 % limit" in line for line in own)
+    three = replace(one, channels={**config.channels, "gyro_z": changed})
+    (walk,) = [
+        line for line in export(three, "kalibr").splitlines() if line.startswith("gyroscope_random_walk")
+    ]
+    assert "rests on a 95 % limit: z;" in walk
+    measured = replace(changed, handling={"white": "not used: fitted"})
+    assert not measured.states_rest_on_limit
+
+
+def test_states_longer_than_the_log_say_so() -> None:
+    config = replace(stim300(), provenance={"span": 50.0})
+    text = noise_yaml.dumps(config)
+    slow = [s for c in config.channels.values() for s in c.markov if s.time_constant > 50.0]
+    assert text.count("longer than the log: extrapolated") == len(slow) > 0

@@ -48,7 +48,7 @@ def test_knocks_change_no_density() -> None:
         hit = knock(hit, at, 20.0)
     whole, kept = unit(clean), at_rest(unit(hit))
     assert [record.segments for record in kept] == [((0, COUNT),)] * 2
-    assert "5 knocks inside are replaced" in kept[0].notes[-1]
+    assert "knocks inside, 5, are replaced" in kept[0].notes[-1]
     for before, after, raw in zip(whole, kept, unit(hit), strict=True):
         true, found, disturbed = (
             curve(one, "oadev", tau=[1.0]).deviation()[0] for one in (before, after, raw)
