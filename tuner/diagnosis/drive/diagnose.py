@@ -25,6 +25,7 @@ from tuner.diagnosis.drive.held_out_gain import held_out_gain
 from tuner.diagnosis.drive.hypothesis import FilterRun, Hypothesis, in_sensor_axes, run_filter, thin_fixes
 from tuner.diagnosis.drive.linear_model.likelihood import as_configured, evaluate
 from tuner.diagnosis.drive.plausibility import plausible
+from tuner.diagnosis.drive.posterior_check import with_something_else
 from tuner.diagnosis.drive.search import SearchResult, search_causes
 from tuner.formats.diagnosis import config_finding
 from tuner.navigation.drive.axis_checks import refuse_wrong_axes
@@ -166,6 +167,7 @@ def _diagnosis(
         else None
     )
     findings = (*findings, *biases) if turned is None else (*findings, turned, *biases)
+    findings = with_something_else(findings, outcome)
     final = outcome.final.hypothesis
     wider = {axis: abs(c.value or 0.0) for f in biases for axis, c in f.parameters.items()}
     channels = {

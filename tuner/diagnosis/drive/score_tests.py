@@ -185,7 +185,7 @@ def fit_constants(
     inverse *= np.outer(prior, prior)
     step = inverse @ (s.T @ w.residual)
     left = w.residual - s @ step
-    c = np.array([_colour_factor(w.t, left, s[:, [i]]) for i in range(len(own))])
+    c = np.array([colour_factor(w.t, left, s[:, [i]]) for i in range(len(own))])
     covariance = inverse * np.sqrt(np.outer(c, c))
     total = np.asarray(at[own] + step, dtype=float)
     shrunk = np.asarray(np.linalg.solve(information + np.diag(prior**-2), information @ total), dtype=float)
@@ -236,7 +236,7 @@ def linear_trend(
     if information <= 0.0:
         return LinearTrend(0.0, np.inf, 1.0)
     rate = float(s[:, 0] @ residual) / information
-    sd = float(np.sqrt(_colour_factor(w.t, residual - s[:, 0] * rate, s) / information))
+    sd = float(np.sqrt(colour_factor(w.t, residual - s[:, 0] * rate, s) / information))
     return LinearTrend(rate, sd, float(chi2.sf((rate / sd) ** 2, 1)))
 
 
@@ -260,7 +260,7 @@ def _score_test(
     information, b = s.T @ s, s.T @ residual
     inverse = np.linalg.pinv(information, rcond=1e-9, hermitian=True)
     step = inverse @ b
-    c = _colour_factor(t, residual - s @ step, s)
+    c = colour_factor(t, residual - s @ step, s)
     z2 = float(b @ step) / c
     eye = np.eye(len(own))
     shrunk = np.linalg.solve(information / c + eye, b / c)
@@ -270,7 +270,7 @@ def _score_test(
     )
 
 
-def _colour_factor(t: FloatArray, residual: FloatArray, s: FloatArray) -> float:
+def colour_factor(t: FloatArray, residual: FloatArray, s: FloatArray) -> float:
     """Return the ratio of the variance of the sums of s W over blocks to that of white noise, at least 1."""
     block = ((t - t[0]) // BLOCK_DURATION).astype(int) if len(t) else np.zeros(0, dtype=int)
     sums = np.stack([np.bincount(block, weights=column * residual) for column in s.T], axis=-1)
