@@ -21,8 +21,9 @@ from tuner.diagnosis.drive.causes.base import is_noise_scale
 from tuner.diagnosis.drive.causes.correlated_gnss import CORRELATED_GNSS
 from tuner.diagnosis.drive.causes.sensor_bias import CAUSE_CODE as SENSOR_BIAS
 from tuner.diagnosis.drive.hypothesis import FilterRun
+from tuner.diagnosis.drive.posterior_check import UNKNOWN
 from tuner.navigation.drive.run import SETTLING_TIME
-from tuner.types import Coefficient, DriveDiagnosis, Finding, Unexplained
+from tuner.types import Alternative, Coefficient, DriveDiagnosis, Finding, Unexplained
 
 MAX_START_CORRECTION = 6.0
 """Correction of the attitude while a filter settles, in sds of its start, above which the start failed.
@@ -76,7 +77,7 @@ def plausible(found: DriveDiagnosis, final: FilterRun) -> DriveDiagnosis:
     )
     return replace(
         found,
-        findings=tuple(one for one in found.findings if one.cause not in impossible),
+        findings=tuple(_in_doubt(one) for one in found.findings if one.cause not in impossible),
         after=found.before,
         unexplained=(*unknown, *found.unexplained),
         notes=(
@@ -84,6 +85,12 @@ def plausible(found: DriveDiagnosis, final: FilterRun) -> DriveDiagnosis:
             *found.notes,
         ),
     )
+
+
+def _in_doubt(one: Finding) -> Finding:
+    """Return a finding beside one that cannot be: what that stands for may be in this one, too."""
+    others = tuple(a for a in one.alternatives if a.cause != UNKNOWN)
+    return replace(one, alternatives=(*others, Alternative(UNKNOWN, 1.0)))
 
 
 def start_correction(run: FilterRun) -> str:
