@@ -14,15 +14,12 @@ if "PYTEST_XDIST_WORKER" in os.environ:  # its neighbours have the other process
 
 
 @pytest.fixture(scope="session", autouse=True)
-def share_of_compiling(request: pytest.FixtureRequest) -> None:
-    """Of several workers with the tests of the filter each compiles other variants of it first, for all of them."""
+def share_of_compiling(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Of several workers with the tests of the filter each compiles a part of what the tests call, for all of them."""
     workers = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
     if workers == 1 or not any("navigation" in item.nodeid for item in request.session.items):
         return
-    from tests.compiled_variants import VARIANTS
-    from tuner.navigation.engine.ahead import compile_variant
+    from tests.compiled_shares import compile_share
 
-    for length, filters, ideal in VARIANTS[
-        int(os.environ["PYTEST_XDIST_WORKER"].removeprefix("gw")) :: workers
-    ]:
-        compile_variant(length, filters, ideal=ideal)
+    number = int(os.environ["PYTEST_XDIST_WORKER"].removeprefix("gw"))
+    compile_share(number, workers, tmp_path_factory.getbasetemp().parent)
