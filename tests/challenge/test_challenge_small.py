@@ -32,7 +32,7 @@ class Draw(NamedTuple):
 
 
 STATIC = (
-    Draw(10, 60_000, 2, 4, 0, 0, 0),
+    Draw(8, 40_000, 2, 3, 0, 0, 0),
     pytest.param(Draw(18, 120_000, 4, 9, 1, 2, 3), marks=pytest.mark.slow),
 )
 DRIVES = (Draw(3, 0, 1, 2, 0, 0, 0), pytest.param(Draw(8, 0, 1, 5, 0, 1, 8), marks=pytest.mark.slow))
