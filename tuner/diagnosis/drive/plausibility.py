@@ -77,7 +77,7 @@ def plausible(found: DriveDiagnosis, final: FilterRun) -> DriveDiagnosis:
     )
     return replace(
         found,
-        findings=tuple(_in_doubt(one) for one in found.findings if one.cause not in impossible),
+        findings=tuple(_with_unknown(one) for one in found.findings if one.cause not in impossible),
         after=found.before,
         unexplained=(*unknown, *found.unexplained),
         notes=(
@@ -87,7 +87,7 @@ def plausible(found: DriveDiagnosis, final: FilterRun) -> DriveDiagnosis:
     )
 
 
-def _in_doubt(one: Finding) -> Finding:
+def _with_unknown(one: Finding) -> Finding:
     """Return a finding beside one that cannot be: what that stands for may be in this one, too."""
     others = tuple(a for a in one.alternatives if a.cause != UNKNOWN)
     return replace(one, alternatives=(*others, Alternative(UNKNOWN, 1.0)))
