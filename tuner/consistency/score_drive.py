@@ -24,6 +24,7 @@ from tuner.consistency.drive_scores import (
     reference_at,
     settled,
 )
+from tuner.consistency.reference_check import trusted_reference
 from tuner.consistency.scores import (
     DIVERGED_RATIO,
     DIVERGED_REFUSED_SHARE,
@@ -189,6 +190,9 @@ def navigate_drive(
         block for stretch, rows in zip(solutions, scored, strict=True) for block in blocks(stretch, rows)
     ]
     reference, late = drive.reference, None
+    if reference is not None:
+        reference, wrong = trusted_reference(reference, stretches, settings)
+        notes = (*notes, *([wrong] if wrong else []))
     if reference is None:
         compared = against_smoother(settings, stretches, scored)
     else:
@@ -221,7 +225,7 @@ def navigate_drive(
     wrong = (suspected_unit(drive, drive.gnss) or inertial_axes(drive)) if found.diverged else contradicted
     if wrong:
         notes = (*notes, wrong)
-    if drive.reference is None and found.blocks:
+    if reference is None and found.blocks:
         notes = (*notes, "no reference: position, velocity and attitude are compared with the smoother")
     if config.gnss == as_reported and not as_reported.correlated:
         notes = (*notes, AS_REPORTED)

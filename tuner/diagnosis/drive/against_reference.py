@@ -8,7 +8,7 @@ of receiver and reference, which moves fixes along the velocity, is fitted and t
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from scipy.stats import t as student
 from models.earth import ned_between
 from models.robust import normal_sd
 from tuner.consistency.drive_scores import differences, reference_at
+from tuner.consistency.reference_check import trusted_reference
 from tuner.diagnosis.drive.hypothesis import FilterRun
 from tuner.types import GnssNoise, Unexplained
 from tuner.types.records import SOLUTIONS, Drive, Reference
@@ -95,23 +96,28 @@ def against_reference(
     """
     if drive.reference is None:
         return (), ()
-    errors = errors_of_fixes(drive, drive.reference)
+    reference, wrong = trusted_reference(drive.reference, final.stretches, final.settings)
+    notes = [wrong] if wrong else []
+    if reference is None:
+        return tuple(notes), ()
+    drive = replace(drive, reference=reference)
+    errors = errors_of_fixes(drive, reference)
     good = np.asarray(np.isfinite(errors.position).all(axis=1))
     if np.count_nonzero(good) < MIN_FIXES:
-        return (), ()
+        return tuple(notes), ()
     stay = staying_time(errors.t[good], errors.position[good])
     solution = drive.gnss.solution
-    notes = [
+    sizes = [
         _sizes(drive, errors, good & (solution == number), SOLUTIONS.get(int(number), "another"))
         for number in np.unique(solution[good & np.isfinite(solution)])
         if np.count_nonzero(good & (solution == number)) >= MIN_FIXES
     ]
-    if len(notes) < 2:
-        notes = [_sizes(drive, errors, good, "")]
-    notes[-1] += f"; errors of positions stay for some {stay:.0f} s"
+    if len(sizes) < 2:
+        sizes = [_sizes(drive, errors, good, "")]
+    sizes[-1] += f"; errors of positions stay for some {stay:.0f} s"
     stated = _stated_sds(drive.gnss.position_sd[good], receiver)
-    found = (_offset(errors, good, stay, stated), _heading(drive.reference, final))
-    return tuple(notes), tuple(one for one in found if one is not None)
+    found = (_offset(errors, good, stay, stated), _heading(reference, final))
+    return (*notes, *sizes), tuple(one for one in found if one is not None)
 
 
 def staying_time(t: FloatArray, error: FloatArray) -> float:
@@ -131,7 +137,7 @@ def staying_time(t: FloatArray, error: FloatArray) -> float:
 
 def _robust(values: FloatArray) -> float:
     """Return the sd of numbers about zero, whatever their outliers."""
-    known = np.abs(values[np.isfinite(values)])
+    known = values[np.isfinite(values)]
     return float(normal_sd(known)) if len(known) else np.nan
 
 

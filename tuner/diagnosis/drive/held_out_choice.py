@@ -9,22 +9,23 @@ of 3 and then of √3, each kept where it gains `MIN_GAIN`.
 On the last part a candidate replaces the beginning only where its log density is larger and nothing that a user reads
 is worse: positions with fixes, and errors in outages of the whole drive, compared in pairs (`outage_pairs`). Candidates
 are tried in the order of their log density on the first part; where none passes, the configuration stays as it began.
-Where a reference shows that positions err more than the fixes alone, or outages other than predicted, those of
-`NEARER_TO_FIXES` are tried, then the other beginnings and theirs. Written is the first whose positions do not and
-whose errors in outages are predicted (`CONSISTENT_RATIOS`); else one that predicts them and errs like the fixes, within
-`MAX_TRACKING_RATIO`; else one whose positions err no more. Where there is none, the note says that the fixes are
-better.
+Without a reference the first that passes is written. With one (`trusted_reference`) the best `Rank` is: positions of
+both parts err no more than the fixes, and errors in the outages of the whole drive, and in as many half a window later,
+are predicted. Further candidates are tried until one does: more or less process noise, less trust in velocities, the
+other beginnings. So the last part decides what is refused, and little of what is chosen.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from enum import IntEnum
 from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tuner.consistency.reference_check import trusted_reference
 from tuner.diagnosis.drive.causes.time_offset import with_clock
 from tuner.diagnosis.drive.diagnose import ExaminedDrive
 from tuner.diagnosis.drive.held_out_gain import change_interval, fitted_before
@@ -36,7 +37,9 @@ from tuner.diagnosis.drive.noise_factors import (
 )
 from tuner.diagnosis.drive.predictive_score import (
     ConfiguredRun,
+    OutageErrors,
     PredictiveScore,
+    all_outages,
     configured_run,
     outage_pairs,
     predictive_score,
@@ -49,7 +52,7 @@ from tuner.diagnosis.drive.staying_errors import (
     VELOCITY,
 )
 from tuner.navigation.drive.axis_checks import with_axes_found
-from tuner.navigation.drive.clock import clock_of_drive
+from tuner.navigation.drive.clock import Clock, clock_of_drive
 from tuner.navigation.drive.gross_outliers import without_gross_outliers
 from tuner.navigation.fix_sd_model import GNSS_NOISE_SCALE
 from tuner.types import FilterConfig
@@ -68,6 +71,8 @@ FIRST_STAYING: Mapping[str, float] = MappingProxyType({POSITION: 1.0, VELOCITY: 
 """Errors of the receiver that stay, with which a candidate begins: their sds as the receiver reports them."""
 NEARER_TO_FIXES = ((3.0, 1.0), (3.0**1.5, 1.0), (9.0, 1.0), (9.0, 1.0 / 3.0))
 """Factors on errors of velocities that stay, and on all sds of positions, for a filter that follows the fixes."""
+DRIFT_FACTORS = (3.0**0.5, 3.0)
+"""Factors on process noise that are tried where outages err otherwise than predicted."""
 POSITIONS = (POSITION, "position_horizontal", "position_vertical")
 """Sds of positions."""
 WORSE_PROBABILITY = 0.9
@@ -127,11 +132,60 @@ class Candidate:
     factors: Mapping[str, float]
     first: PredictiveScore
 
+    @property
+    def best_rank(self) -> Rank:
+        """The best rank that it can have by the first part; without a reference nobody errs more than the fixes."""
+        if self.first.follows():
+            return Rank.FOLLOWS_AND_PREDICTS
+        return Rank.PREDICTS if self.first.follows(MAX_TRACKING_RATIO) else Rank.NEITHER
+
+
+class Rank(IntEnum):
+    """What a candidate does on a drive with a reference, the best first."""
+
+    FOLLOWS_AND_PREDICTS = 0
+    """Positions err no more than the fixes, and errors in outages are predicted (`CONSISTENT_RATIOS`)."""
+    PREDICTS = 1
+    """Errors in outages are predicted, and positions err like the fixes, within `MAX_TRACKING_RATIO`."""
+    FOLLOWS = 2
+    """Positions err no more than the fixes."""
+    NEITHER = 3
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """A drive on which configurations are scored; runs of configurations that differ in their noise share a name."""
+
+    drive: Drive
+    clock: Clock
+    begin: float
+    cut: float
+    end: float
+    runs: dict[str, ConfiguredRun] = field(default_factory=dict)
+
+    def run_of(self, name: str, config: FilterConfig) -> ConfiguredRun:
+        """Return the run of a configuration."""
+        if name not in self.runs:
+            self.runs[name] = configured_run(self.drive, config, self.clock)
+        return with_other_noise(self.runs[name], self.drive, config, self.clock)
+
+    def score(self, name: str, config: FilterConfig, begin: float, end: float) -> PredictiveScore | None:
+        """Return its score between two times; None where a filter is lost, or no outage fits."""
+        try:
+            return predictive_score(self.run_of(name, config), begin, end)
+        except (DataError, np.linalg.LinAlgError):
+            return None
+
+    def candidate(self, name: str, config: FilterConfig, factors: Mapping[str, float]) -> Candidate | None:
+        """Return a configuration with factors, scored on the first part."""
+        first = self.score(name, with_noise_factors(config, factors), self.begin, self.cut)
+        return None if first is None else Candidate(name, config, factors, first)
+
 
 def choose_config(
     drive: Drive, examined: ExaminedDrive, before: FilterConfig, after: FilterConfig, progress: Progress
 ) -> HeldOutChoice:
-    """Choose the configuration of a drive by its last part.
+    """Choose the configuration of a drive by its first part, and keep it where the last is predicted better.
 
     Parameters
     ----------
@@ -149,115 +203,162 @@ def choose_config(
     clock = (not before.compensation and examined.clock) or clock_of_drive(drive)
     before, after = with_clock(before, clock), with_clock(after, clock)
     begin, end = float(gnss.t[0]), float(gnss.t[-1])
-    cut = begin + FITTED_SHARE * (end - begin)
-
-    runs: dict[str, ConfiguredRun] = {}
-
-    def run_of(name: str, config: FilterConfig) -> ConfiguredRun:
-        """Return the run of a configuration that differs from that of a name in its noise only."""
-        if name not in runs:
-            runs[name] = configured_run(drive, config, clock)
-        return with_other_noise(runs[name], drive, config, clock)
-
-    def score(name: str, config: FilterConfig, first: float, last: float) -> PredictiveScore | None:
-        try:
-            return predictive_score(run_of(name, config), first, last)
-        except (DataError, np.linalg.LinAlgError):
-            return None
-
-    def on_first_part(name: str) -> Callable[[FilterConfig], PredictiveScore | None]:
-        return lambda config: score(name, config, begin, cut)
+    drive = _with_trusted_reference(drive, before, clock)
+    trial = _Trial(drive, clock, begin, begin + FITTED_SHARE * (end - begin), end)
 
     progress("fitting the noise to outages of the first part of the drive")
-    written = {"as it began": before, "with the findings": after}
-    fitted = dict(written)
-    if after is not before and examined.search.accepted:
-        try:
-            part = fitted_before(examined.drive, examined.search, cut)
-        except DataError:
-            del fitted["with the findings"]
-        else:
-            fitted["with the findings"] = replace(part.config, compensation=part.compensation)
-            if {one.cause for one in examined.search.accepted} - {GNSS_NOISE_SCALE}:
-                written[SDS_FOUND] = with_sds_of(before, after)
-                fitted[SDS_FOUND] = with_sds_of(before, fitted["with the findings"])
-    else:
-        del fitted["with the findings"]
-    candidates: list[Candidate] = []
-    for name, config in fitted.items():
-        least = -np.inf
-        for factors in (MappingProxyType({}), FIRST_STAYING):
-            first = score(name, with_noise_factors(config, factors), begin, cut)
-            if first is not None and first.nats >= least:
-                candidates.append(Candidate(name, config, factors, first))
-                least = first.nats + len(FIRST_STAYING) * MIN_GAIN
-    begun = score("as it began", before, cut, end)
+    written = _written(examined, before, after)
+    candidates = _candidates(trial, _fitted(examined, written, trial.cut))
+    begun = trial.score("as it began", before, trial.cut, end)
     if begun is None or not candidates:
         if after == before:
             return HeldOutChoice(before, "as it began", note=f"{TOO_SHORT}: they stay as they began")
         return HeldOutChoice(after, "with the findings", note=NOT_JUDGED)
     best = max(candidates, key=_nats)
-    candidates += _refined(best, on_first_part(best.name))
+    candidates = sorted([*candidates, *_refined(trial, best)], key=_nats, reverse=True)
     progress("judging the configurations on the last part of the drive")
-    began = run_of("as it began", before)
 
-    def judged(one: Candidate) -> HeldOutChoice | None:
-        config = with_noise_factors(one.config, one.factors)
-        late = score(one.name, config, cut, end)
-        if late is None or not is_better(begun, late):
-            return None
-        pairs = outage_pairs(began, run_of(one.name, config), begin, end)
-        if any(change_interval(pair, 2.0 * WORSE_PROBABILITY - 1.0)[0] > 0.0 for pair in pairs.values()):
-            return None
-        kept = f"{one.name}, factors for outages" if one.factors else one.name
-        chosen, note = with_recorded_factors(written[one.name], one.factors), _note(kept, begun, late, pairs)
-        return HeldOutChoice(chosen, kept, one.factors, begun, late, pairs, note)
+    outages = all_outages(trial.run_of("as it began", before), begin, end)
 
-    def follows(found: HeldOutChoice, ratio: float) -> bool:
-        """Whether positions err no more than the fixes, times a ratio, by the settings as fitted and as written."""
-        if found.after is None or not found.after.follows(ratio):
-            return False
-        name = "as it began" if found.kept.startswith("as it began") else f"{found.kept}, as written"
-        stored = score(name, found.config, cut, end)
-        return stored is not None and stored.follows(ratio)
+    def judged(one: Candidate) -> tuple[HeldOutChoice, Rank] | None:
+        return _judged(trial, begun, outages, written[one.name], one)
 
-    passing = None
-    for one in sorted(candidates, key=_nats, reverse=True):
-        passing = judged(one)
-        if passing is not None:
-            break
-    if passing is None:
-        return HeldOutChoice(
-            before, "as it began", {}, begun, begun, note=_note("as it began", begun, begun, {})
-        )
-    nearer = passing if drive.reference is None or follows(passing, 1.0) else None
-    if nearer is not None and (drive.reference is None or passing.is_predicted):
-        return passing
-    alike = passing if passing.is_predicted and follows(passing, MAX_TRACKING_RATIO) else None
+    chosen = first_of_best(_rounds(trial, candidates), judged, has_reference=drive.reference is not None)
+    if chosen is None:
+        note = _note("as it began", begun, begun, {})
+        return HeldOutChoice(before, "as it began", {}, begun, begun, note=note)
+    return chosen
 
-    def tried(chosen: Sequence[Candidate]) -> HeldOutChoice | None:
-        """Return the first that follows the fixes and predicts outages; keep the first that does either."""
-        nonlocal nearer, alike
-        for other in chosen:
-            found = judged(other)
-            if found is None or not follows(found, MAX_TRACKING_RATIO):
+
+def first_of_best(
+    rounds: Iterable[Iterable[Candidate]],
+    judged: Callable[[Candidate], tuple[HeldOutChoice, Rank] | None],
+    *,
+    has_reference: bool,
+) -> HeldOutChoice | None:
+    """Return the first choice of the best rank, candidates that the last part refuses left out; None for none.
+
+    Without a reference no ranks differ in what they say of the fixes: the first that is not refused is taken.
+
+    Parameters
+    ----------
+    rounds : iterable of iterables of Candidate
+        In the order of trial; a later round is looked at only where no earlier one has a candidate that predicts
+        outages and errs like the fixes.
+    judged : callable
+        What is written of a candidate, and its rank; None where the last part refuses it.
+    has_reference : bool
+        Whether the drive has a reference.
+    """
+    chosen, rank = None, None
+    for candidates in rounds:
+        for one in candidates:
+            if rank is not None and one.best_rank >= rank:
                 continue
-            strictly = follows(found, 1.0)
-            if strictly and found.is_predicted:
-                return found
-            nearer = found if strictly and nearer is None else nearer
-            alike = found if found.is_predicted and alike is None else alike
-        return None
+            found = judged(one)
+            if found is None or (rank is not None and found[1] >= rank):
+                continue
+            chosen, rank = found
+            if not has_reference or rank == Rank.FOLLOWS_AND_PREDICTS:
+                return chosen
+        if rank is not None and rank <= Rank.PREDICTS:
+            return chosen
+    return chosen
 
-    best_of_all = tried(_nearer_to_fixes(one))
-    if best_of_all is None and alike is None:
-        others = []
-        for name in dict.fromkeys(other.name for other in sorted(candidates, key=_nats, reverse=True)):
-            if name != one.name:
-                next_best = max((other for other in candidates if other.name == name), key=_nats)
-                others += _refined(next_best, on_first_part(name))
-        best_of_all = tried([*others, *(near for it in others for near in _nearer_to_fixes(it))])
-    return best_of_all or alike or nearer or passing
+
+def _with_trusted_reference(drive: Drive, config: FilterConfig, clock: Clock) -> Drive:
+    """Return a drive without those times of its reference at which it is wrong."""
+    if drive.reference is None:
+        return drive
+    try:
+        run = configured_run(drive, config, clock)
+        return replace(drive, reference=trusted_reference(drive.reference, run.stretches, run.settings)[0])
+    except DataError:
+        return drive
+
+
+def _written(examined: ExaminedDrive, before: FilterConfig, after: FilterConfig) -> dict[str, FilterConfig]:
+    """Return the configurations that may be written, by name, the one as it began first."""
+    written = {"as it began": before}
+    if after is not before and examined.search.accepted:
+        written["with the findings"] = after
+        if {one.cause for one in examined.search.accepted} - {GNSS_NOISE_SCALE}:
+            written[SDS_FOUND] = with_sds_of(before, after)
+    return written
+
+
+def _fitted(
+    examined: ExaminedDrive, written: Mapping[str, FilterConfig], cut: float
+) -> dict[str, FilterConfig]:
+    """Return the same configurations with values fitted before a time, s; without those that cannot be fitted."""
+    fitted = {"as it began": written["as it began"]}
+    if len(written) == 1:
+        return fitted
+    try:
+        part = fitted_before(examined.drive, examined.search, cut)
+    except DataError:
+        return fitted
+    found = fitted["with the findings"] = replace(part.config, compensation=part.compensation)
+    if SDS_FOUND in written:
+        fitted[SDS_FOUND] = with_sds_of(written["as it began"], found)
+    return fitted
+
+
+def _candidates(trial: _Trial, fitted: Mapping[str, FilterConfig]) -> list[Candidate]:
+    """Return the configurations as they are, and with errors that stay where those predict the first part better."""
+    found: list[Candidate] = []
+    for name, config in fitted.items():
+        least = -np.inf
+        for factors in (MappingProxyType({}), FIRST_STAYING):
+            one = trial.candidate(name, config, factors)
+            if one is not None and one.first.nats >= least:
+                found.append(one)
+                least = one.first.nats + len(FIRST_STAYING) * MIN_GAIN
+    return found
+
+
+def _rounds(trial: _Trial, candidates: Sequence[Candidate]) -> Iterator[Iterable[Candidate]]:
+    """Yield candidates in the order of trial: as they are, wider, nearer to the fixes, from the other beginnings."""
+    yield candidates
+    best = candidates[0]
+    yield _with_other_drift(trial, best)
+    yield _nearer_to_fixes(trial, best)
+    names = dict.fromkeys(one.name for one in candidates if one.name != best.name)
+    others = [max((one for one in candidates if one.name == name), key=_nats) for name in names]
+    refined = [more for one in others for more in _refined(trial, one)]
+    yield refined
+    yield (more for one in refined for tried in VARIATIONS for more in tried(trial, one))
+
+
+def _judged(
+    trial: _Trial,
+    begun: PredictiveScore,
+    before: Mapping[float, OutageErrors],
+    written: FilterConfig,
+    one: Candidate,
+) -> tuple[HeldOutChoice, Rank] | None:
+    """Return a candidate as it is written; None where the last part, or errors in outages, speak against it."""
+    config = with_noise_factors(one.config, one.factors)
+    late = trial.score(one.name, config, trial.cut, trial.end)
+    if late is None or not is_better(begun, late):
+        return None
+    after = all_outages(trial.run_of(one.name, config), trial.begin, trial.end)
+    pairs = outage_pairs(before, after)
+    if any(change_interval(pair, 2.0 * WORSE_PROBABILITY - 1.0)[0] > 0.0 for pair in pairs.values()):
+        return None
+    kept = f"{one.name}, factors for outages" if one.factors else one.name
+    chosen, note = with_recorded_factors(written, one.factors), _note(kept, begun, late, pairs)
+    low, high = CONSISTENT_RATIOS
+    rank = rank_of([one.first, late], predicts=all(low <= each.ratio <= high for each in after.values()))
+    return HeldOutChoice(chosen, kept, one.factors, begun, late, pairs, note), rank
+
+
+def rank_of(parts: Sequence[PredictiveScore], *, predicts: bool) -> Rank:
+    """Return the rank of a candidate from its scores on both parts, and whether it predicts errors in outages."""
+    if all(part.follows() for part in parts):
+        return Rank.FOLLOWS_AND_PREDICTS if predicts else Rank.FOLLOWS
+    near = all(part.follows(MAX_TRACKING_RATIO) for part in parts)
+    return Rank.PREDICTS if predicts and near else Rank.NEITHER
 
 
 def _nats(one: Candidate) -> float:
@@ -265,11 +366,11 @@ def _nats(one: Candidate) -> float:
     return one.first.nats
 
 
-def _refined(best: Candidate, score: Callable[[FilterConfig], PredictiveScore | None]) -> list[Candidate]:
+def _refined(trial: _Trial, best: Candidate) -> list[Candidate]:
     """Return a candidate with factors that raise its log density; none where there is nothing to score."""
-    factors = _fit_factors(best, score)
-    first = score(with_noise_factors(best.config, factors))
-    return [] if first is None else [replace(best, factors=factors, first=first)]
+    factors = _fit_factors(best, lambda config: trial.score(best.name, config, trial.begin, trial.cut))
+    found = trial.candidate(best.name, best.config, factors)
+    return [] if found is None else [found]
 
 
 def is_better(before: PredictiveScore, after: PredictiveScore) -> bool:
@@ -277,15 +378,33 @@ def is_better(before: PredictiveScore, after: PredictiveScore) -> bool:
     return after.nats > before.nats and after.tracking_rms <= MAX_TRACKING_RATIO * before.tracking_rms
 
 
-def _nearer_to_fixes(one: Candidate) -> list[Candidate]:
-    """Return a candidate with less and less trust in velocities, then also with more and more in positions."""
-    found = []
+def _nearer_to_fixes(trial: _Trial, one: Candidate) -> Iterator[Candidate]:
+    """Yield a candidate with less and less trust in velocities, then also with more and more in positions."""
     for less, more in NEARER_TO_FIXES:
         factors = {**one.factors, VELOCITY: one.factors.get(VELOCITY, 1.0) * less}
         if more < 1.0:
             factors |= {name: one.factors.get(name, 1.0) * more for name in POSITIONS}
-        found.append(replace(one, factors=factors))
-    return found
+        if (found := trial.candidate(one.name, one.config, factors)) is not None:
+            yield found
+
+
+def _with_other_drift(trial: _Trial, one: Candidate) -> Iterator[Candidate]:
+    """Yield a candidate with more process noise where outages err more than it states; with less where they err less.
+
+    Its likelihood allows for single large errors, which count in what a user reads.
+    """
+    low, high = CONSISTENT_RATIOS
+    ratios = [outage.ratio for outage in one.first.outages]
+    for factor in (
+        DRIFT_FACTORS if max(ratios) > high else [1.0 / f for f in DRIFT_FACTORS if min(ratios) < low]
+    ):
+        factors = {name: one.factors.get(name, 1.0) * factor for name in ("white", "bias")}
+        if (found := trial.candidate(one.name, one.config, {**one.factors, **factors})) is not None:
+            yield found
+
+
+VARIATIONS = (_with_other_drift, _nearer_to_fixes)
+"""What is tried where a candidate does not follow the fixes, or predict outages."""
 
 
 def _fit_factors(

@@ -1,13 +1,15 @@
 """How well a configured filter predicts a part of a drive: positions in outages, and with fixes.
 
 In windows of 10, 30 and 60 s all fixes are withheld; the error e of the position at their ends, against the reference
-or else the withheld fix, is compared with the covariance S that the filter states (that of the fix included)::
+or, where there is none, the withheld fix, is compared with the covariance S that the filter states (that of the fix
+included)::
 
     ln p = −½ [(ν + 3) ln(1 + eᵀS⁻¹e/(ν − 2)) + ln det S]          ν = 5
 
 Student's density with the covariance S: a proper score, which both large errors and wrong covariances lower, and which
 a few windows do not decide. The filter is the one that `navigate` runs, clocks included. It runs through the drive
-once; every outage branches off from it, as if it were the only one.
+once; every outage branches off from it, as if it were the only one. A reference may be that of the antenna: then the
+filter is judged by where it has the antenna, and otherwise fixes are by where they have the unit.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from models import rotation
 from models.earth import ned_between
 from models.strapdown import NavigationState
 from tuner.consistency.drive_scores import reference_positions, stated
@@ -104,11 +107,24 @@ class PredictiveScore:
 
 @dataclass(frozen=True)
 class ConfiguredRun:
-    """A drive ready to be filtered as a configuration says."""
+    """A drive ready to be filtered as a configuration says.
+
+    Attributes
+    ----------
+    settings : FilterSettings
+        The filter.
+    stretches : tuple of Stretch
+        The drive.
+    reference : Reference or None
+        To judge by.
+    of_antenna : bool
+        Whether the reference is that of the antenna, not of the inertial unit.
+    """
 
     settings: FilterSettings
     stretches: tuple[Stretch, ...]
     reference: Reference | None
+    of_antenna: bool = False
 
 
 def configured_run(drive: Drive, config: FilterConfig, clock: Clock) -> ConfiguredRun:
@@ -125,11 +141,39 @@ def configured_run(drive: Drive, config: FilterConfig, clock: Clock) -> Configur
     """
     drive, settings = _drive_and_settings(drive, config, clock)
     stretches: list[Stretch] = []
-    before = None
+    solutions: list[Solution] = []
     for stretch in prepare(drive, settings, clock=clock)[0]:
+        before = solutions[-1] if solutions else None
         stretches.append(at_stamps(stretch, settings, before))
-        before = filtered(stretches[-1], settings, before)
-    return ConfiguredRun(settings, tuple(stretches), drive.reference)
+        solutions.append(filtered(stretches[-1], settings, before))
+    run = ConfiguredRun(settings, tuple(stretches), drive.reference)
+    return replace(run, of_antenna=_is_of_antenna(run, solutions))
+
+
+def _is_of_antenna(run: ConfiguredRun, solutions: Sequence[Solution]) -> bool:
+    """Tell whether fixes lie nearer to the reference as they are than brought to the inertial unit."""
+    if run.reference is None:
+        return False
+    off, arms = [], []
+    for stretch, solution in zip(run.stretches, solutions, strict=True):
+        rows = np.flatnonzero(solution.t >= stretch.settled)
+        off.append(ned_between(stretch.fixes.llh[rows], reference_positions(run.reference, solution.t[rows])))
+        arms.append(_antenna(run.settings, solution, rows))
+    fixes, arm = np.concatenate(off)[:, :2], np.concatenate(arms)[:, :2]
+    known = np.isfinite(fixes).all(axis=1)
+    if not known.any():
+        return False
+    as_they_are, at_unit = (np.linalg.norm(x[known], axis=1) for x in (fixes, fixes - arm))
+    return bool(np.median(as_they_are) < np.median(at_unit))
+
+
+def _antenna(settings: FilterSettings, solution: Solution, rows: NDArray[np.intp]) -> FloatArray:
+    """Return the place of the antenna from the inertial unit, north, east, down, (r, 3), m."""
+    at, arm = settings.model.layout, np.array(settings.lever_arm)
+    if "lever_arm" in at:
+        arm = arm + solution.parameters[rows][:, at["lever_arm"]]
+    mat = rotation.mat_from_quat(solution.state.quat_nb[rows])
+    return np.asarray((mat @ np.broadcast_to(arm, (len(rows), 3))[..., None])[..., 0])
 
 
 def with_other_noise(run: ConfiguredRun, drive: Drive, config: FilterConfig, clock: Clock) -> ConfiguredRun:
@@ -175,8 +219,14 @@ def predictive_score(run: ConfiguredRun, begin: float, end: float) -> Predictive
         return None
     block = (t // RECOVERY_TIME).astype(int)
     means = np.array([density[block == one].mean() for one in np.unique(block)])
-    fixes_rms = None if run.reference is None else float(np.sqrt(np.mean(alone)))
-    return PredictiveScore(tuple(good), float(np.sqrt(np.mean(square))), means, fixes_rms)
+    fixes_rms = None if run.reference is None else _rms(alone)
+    return PredictiveScore(tuple(good), _rms(square), means, fixes_rms)
+
+
+def _rms(square: FloatArray) -> float:
+    """Return the root of the mean of squares that are known; zero where none is."""
+    known = square[np.isfinite(square)]
+    return float(np.sqrt(known.mean())) if len(known) else 0.0
 
 
 def _until(stretch: Stretch, end: float) -> Stretch:
@@ -196,13 +246,20 @@ def _until(stretch: Stretch, end: float) -> Stretch:
 def _position_errors(
     run: ConfiguredRun, solution: Solution, rows: NDArray[np.intp]
 ) -> tuple[FloatArray, FloatArray]:
-    """Return errors of positions (r, 3) and their covariances (r, 3, 3), against the reference or the fixes."""
+    """Return errors of positions (r, 3) and covariances (r, 3, 3), against the reference, where it is not the fixes."""
+    innovation = solution.innovation[rows, :3], solution.innovation_covariance[rows, :3, :3]
     if run.reference is None:
-        return solution.innovation[rows, :3], solution.innovation_covariance[rows, :3, :3]
+        return innovation
     t = solution.t[rows]
     error = ned_between(reference_positions(run.reference, t), solution.state.llh[rows])
-    own = stated(run.reference, t)[:, :3, None] * np.eye(3)
-    return error, solution.covariance[rows, :3, :3] + own
+    if run.of_antenna:
+        error = error - _antenna(run.settings, solution, rows)
+    covariance = solution.covariance[rows, :3, :3] + stated(run.reference, t)[:, :3, None] * np.eye(3)
+    there = np.isfinite(error).all(axis=1)
+    return (
+        np.where(there[:, None], error, innovation[0]),
+        np.where(there[:, None, None], covariance, innovation[1]),
+    )
 
 
 def _with_outages(
@@ -302,17 +359,20 @@ def _tracked(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return times, squared errors and log densities of positions with fixes, where the filter has settled.
 
-    The last of the four are squared errors of the fixes themselves, zero without a reference.
+    The last of the four are squared errors of the fixes themselves, zero without a reference; where a reference has a
+    gap, these and those of the filter are NaN, and the density is that of the fixes.
     """
     rows = np.flatnonzero(solution.t >= max(begin, stretch.settled))
     error, covariance = _position_errors(run, solution, rows)
     good = np.isfinite(error).all(axis=1) & (solution.use[rows, 0] > 0)
     error, covariance, rows = error[good], covariance[good], rows[good]
-    alone = np.zeros_like(error)
+    square, off = np.sum(error**2, axis=1), np.zeros(len(rows))
     if run.reference is not None:
         alone = ned_between(reference_positions(run.reference, solution.t[rows]), stretch.fixes.llh[rows])
-    square, off = np.sum(error**2, axis=1), np.sum(alone**2, axis=1)
-    return solution.t[rows], square, _log_density(error, covariance), off
+        if not run.of_antenna:
+            alone = alone + _antenna(run.settings, solution, rows)
+        off = np.sum(alone**2, axis=1)
+    return solution.t[rows], np.where(np.isfinite(off), square, np.nan), _log_density(error, covariance), off
 
 
 def _log_density(e: FloatArray, s: FloatArray) -> FloatArray:
@@ -322,30 +382,32 @@ def _log_density(e: FloatArray, s: FloatArray) -> FloatArray:
     return np.asarray(-0.5 * ((nu + 3.0) * np.log1p(square / (nu - 2.0)) + np.linalg.slogdet(s)[1]))
 
 
-def outage_pairs(
-    before: ConfiguredRun, after: ConfiguredRun, begin: float, end: float
-) -> Mapping[float, FloatArray]:
-    """Return squared errors at the ends of the same outages under two filters, (w, 2), m², by length, s.
+def all_outages(run: ConfiguredRun, begin: float, end: float) -> Mapping[float, OutageErrors]:
+    """Return errors in outages between two times, and in as many half a window later, by length, s.
 
-    A drive of ten minutes has two outages of a minute in its last part, by which no change can be judged. Here are
-    those of the whole time given, and again those half a window later.
+    A drive of ten minutes has two outages of a minute in its last part, by which nothing can be judged.
     """
-    late = {seconds: (0.0, 0.5 * (seconds + RECOVERY_TIME)) for seconds in OUTAGE_LENGTHS}
-    square = []
-    for run in (before, after):
-        windows = {
-            seconds: [
-                (a + later, b + later)
-                for later in each
-                for a, b in outage_windows(run.stretches, seconds, begin=begin, end=end - later)
-            ]
-            for seconds, each in late.items()
-        }
-        _, ends = _with_outages(run, [one for each in windows.values() for one in each])
-        found = {s: _errors(run, s, [ends[one] for one in each]) for s, each in windows.items()}
-        square.append({s: one.square for s, one in found.items() if one is not None})
-    return {
-        seconds: np.stack([square[0][seconds], square[1][seconds]], axis=-1)
+    windows = {
+        seconds: [
+            (a + later, b + later)
+            for later in (0.0, 0.5 * (seconds + RECOVERY_TIME))
+            for a, b in outage_windows(run.stretches, seconds, begin=begin, end=end - later)
+        ]
         for seconds in OUTAGE_LENGTHS
-        if len(square[0].get(seconds, ())) == len(square[1].get(seconds, ())) > 1
+    }
+    _, ends = _with_outages(run, [one for each in windows.values() for one in each])
+    found = {s: _errors(run, s, [ends[one] for one in each]) for s, each in windows.items()}
+    return {s: one for s, one in found.items() if one is not None}
+
+
+def outage_pairs(
+    before: Mapping[float, OutageErrors], after: Mapping[float, OutageErrors]
+) -> Mapping[float, FloatArray]:
+    """Return squared errors in the same outages (`all_outages`) under two filters, (w, 2), m², by length, s."""
+    return {
+        seconds: np.stack([before[seconds].square, after[seconds].square], axis=-1)
+        for seconds in OUTAGE_LENGTHS
+        if seconds in before
+        and seconds in after
+        and len(before[seconds].square) == len(after[seconds].square) > 1
     }

@@ -10,7 +10,7 @@ from models.earth import llh_displaced
 from tuner.diagnosis.drive.against_reference import against_reference, errors_of_fixes, staying_time
 from tuner.readers.drive import read_drive
 
-NO_RUN = SimpleNamespace(solutions=(), stretches=())
+NO_RUN = SimpleNamespace(solutions=(), stretches=(), settings=None)
 SD, VELOCITY_SD = 0.4, 0.05
 """Of the simulated fixes north and east, m and m/s."""
 

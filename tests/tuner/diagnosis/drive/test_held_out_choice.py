@@ -9,10 +9,19 @@ from typing import Any
 import numpy as np
 import pytest
 
+from models import rotation
+from models.earth import llh_displaced
 from models.trajectory.catalogue import TRAJECTORIES
 from tuner.catalogue.grades import load_gnss, load_grade
 from tuner.diagnosis.drive.causes.time_offset import with_clock
-from tuner.diagnosis.drive.held_out_choice import choose_config, is_better
+from tuner.diagnosis.drive.held_out_choice import (
+    Candidate,
+    Rank,
+    choose_config,
+    first_of_best,
+    is_better,
+    rank_of,
+)
 from tuner.diagnosis.drive.noise_factors import with_noise_factors, with_sds_of
 from tuner.diagnosis.drive.predictive_score import (
     OutageErrors,
@@ -129,3 +138,56 @@ def test_sds_of_the_fixes_are_taken_without_the_other_findings(right):
     other = replace(right, compensation=right.compensation.with_values(found))
     taken = with_sds_of(right, other).compensation
     assert dict(taken.items()) == {Parameter("gnss_noise_scale", "position_horizontal"): 3.0}
+
+
+def _made_up(name, first, rank):
+    """Return a candidate with an rms position error on the first part (the fixes' is 1), and its judgement."""
+    score = replace(_score(10.0, 1.0, tracking=first), fixes_rms=1.0)
+    return Candidate(name, None, {}, score), None if rank is None else (name, rank)
+
+
+@pytest.mark.parametrize(
+    ("reference", "rounds", "expected"),
+    [
+        (False, [[("a", 1.0, None), ("b", 3.0, Rank.NEITHER), ("c", 0.9, Rank.FOLLOWS)]], "b"),
+        (True, [[("a", 3.0, Rank.NEITHER), ("b", 0.9, Rank.FOLLOWS)], [("c", 0.9, None)]], "b"),
+        (True, [[("a", 0.9, Rank.FOLLOWS)], [("b", 1.02, Rank.PREDICTS)], [("c", 0.9, 0)]], "b"),
+        (True, [[("a", 0.9, Rank.FOLLOWS), ("b", 0.9, 0)], [("c", 0.9, 0)]], "b"),
+        (True, [[("a", 3.0, None)], [("b", 3.0, None)]], None),
+        (True, [[("a", 3.0, Rank.NEITHER)], [("b", 3.0, Rank.NEITHER)]], "a"),
+    ],
+)
+def test_written_is_the_first_of_the_best_rank(reference, rounds, expected):
+    """Without a reference the first that passes; with one, rounds go on until outages are predicted, too."""
+    known = {one[0]: _made_up(*one) for candidates in rounds for one in candidates}
+    asked = [[known[one[0]][0] for one in candidates] for candidates in rounds]
+    assert first_of_best(asked, lambda one: known[one.name][1], has_reference=reference) == expected
+
+
+def test_ranks_are_those_of_both_parts():
+    good, near, far = (replace(_score(10.0, 1.0, tracking=x), fixes_rms=1.0) for x in (0.9, 1.02, 1.2))
+    assert rank_of([good, good], predicts=True) == Rank.FOLLOWS_AND_PREDICTS
+    assert rank_of([good, near], predicts=True) == Rank.PREDICTS
+    assert rank_of([good, good], predicts=False) == Rank.FOLLOWS
+    assert rank_of([good, near], predicts=False) == Rank.NEITHER
+    assert rank_of([good, far], predicts=True) == Rank.NEITHER
+
+
+def test_a_filter_is_judged_where_the_reference_is(drive, right):
+    """A reference of the antenna is none of the unit; the error of the filter is the same."""
+    begin, end, up = 0.0, 200.0, (0.8, 0.0, -1.5)
+    high = replace(drive, lever_arm=up, mounting=np.eye(3))
+    attitudes = rotation.mat_from_rpy(drive.reference.rpy)
+    assert np.isfinite(attitudes).all()
+    arms = attitudes @ np.array(up)
+    of_fixes = np.stack([np.interp(drive.gnss.t, drive.reference.t, arm) for arm in arms.T], axis=-1)
+    high = replace(high, gnss=replace(drive.gnss, llh=llh_displaced(drive.gnss.llh, of_fixes)))
+    of_antenna = replace(drive.reference, llh=llh_displaced(drive.reference.llh, arms))
+    runs = [
+        configured_run(replace(high, reference=one), right, AGREEING) for one in (drive.reference, of_antenna)
+    ]
+    assert [run.of_antenna for run in runs] == [False, True]
+    scores = [predictive_score(run, begin, end) for run in runs]
+    assert scores[0].tracking_rms == pytest.approx(scores[1].tracking_rms, rel=0.02)
+    assert scores[0].fixes_rms == pytest.approx(scores[1].fixes_rms, rel=0.02)
+    assert scores[0].tracking_rms < 0.1

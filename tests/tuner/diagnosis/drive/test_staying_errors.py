@@ -15,7 +15,7 @@ from models.noise import GaussMarkov
 from models.trajectory.catalogue import TRAJECTORIES
 from tuner.catalogue.grades import load_gnss, load_grade
 from tuner.diagnosis.drive.held_out_choice import choose_config
-from tuner.diagnosis.drive.predictive_score import configured_run, outage_pairs
+from tuner.diagnosis.drive.predictive_score import all_outages, configured_run, outage_pairs
 from tuner.diagnosis.drive.staying_errors import (
     POSITION,
     POSITION_TIME,
@@ -84,7 +84,8 @@ def test_a_filter_that_knows_errors_that_stay_is_no_worse_than_the_fixes(staying
 def test_outages_are_those_of_the_whole_drive_and_again_half_a_window_later(staying):
     """Ten seconds and thirty of recovery fit n times after settling; alike filters err alike."""
     run = configured_run(staying, load_config("adis16465", gnss=RECEIVER), AGREEING)
-    pairs = outage_pairs(run, run, 0.0, SECONDS)
+    found = all_outages(run, 0.0, SECONDS)
+    pairs = outage_pairs(found, found)
     settled = run.stretches[0].settled
     last = float(run.stretches[0].fixes.t[-1])
     expected = sum(int(np.ceil((last - first - 10.0) / 40.0)) for first in (settled, settled + 20.0))
