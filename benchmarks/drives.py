@@ -24,14 +24,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tuner.diagnosis.drive.config_after_drive import config_after_drive
+from tuner.diagnosis.drive.configured_run import ConfiguredRun, configured_run
 from tuner.diagnosis.drive.explained_drive import examine_and_explain
 from tuner.diagnosis.drive.held_out_choice import HeldOutChoice, choose_config
 from tuner.diagnosis.drive.held_out_gain import change_interval
 from tuner.diagnosis.drive.noise_factors import with_noise_factors
 from tuner.diagnosis.drive.predictive_score import (
-    ConfiguredRun,
     PredictiveScore,
-    configured_run,
     predictive_score,
 )
 from tuner.diagnosis.drive.score_tests import FITTED_SHARE

@@ -191,8 +191,8 @@ def navigate_drive(
     ]
     reference, late = drive.reference, None
     if reference is not None:
-        reference, wrong = trusted_reference(reference, stretches, settings)
-        notes = (*notes, *([wrong] if wrong else []))
+        reference, untrusted = trusted_reference(reference, stretches, settings)
+        notes = (*notes, *([untrusted] if untrusted else []))
     if reference is None:
         compared = against_smoother(settings, stretches, scored)
     else:

@@ -20,29 +20,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from models import rotation
 from models.earth import ned_between
 from models.strapdown import NavigationState
 from tuner.consistency.drive_scores import reference_positions, stated
-from tuner.consistency.score_drive import OUTAGE_LENGTHS, drive_filter
+from tuner.consistency.score_drive import OUTAGE_LENGTHS
+from tuner.diagnosis.drive.configured_run import ConfiguredRun, antenna
 from tuner.navigation import engine
-from tuner.navigation.compensation import compensate
 from tuner.navigation.data import Solution, Steps
-from tuner.navigation.drive.clock import Clock
 from tuner.navigation.drive.run import (
     RECOVERY_TIME,
     Stretch,
-    assumed_sds,
-    at_stamps,
-    filtered,
     initial_estimates,
     initial_state,
     outage_windows,
-    prepare,
 )
 from tuner.navigation.settings import FilterSettings
-from tuner.types import FilterConfig
-from tuner.types.records import Drive, Reference
 
 FloatArray = NDArray[np.float64]
 Window = tuple[float, float]
@@ -105,102 +97,6 @@ class PredictiveScore:
         return float(sum(one.log_density.sum() for one in self.outages) + self.tracking.sum())
 
 
-@dataclass(frozen=True)
-class ConfiguredRun:
-    """A drive ready to be filtered as a configuration says.
-
-    Attributes
-    ----------
-    settings : FilterSettings
-        The filter.
-    stretches : tuple of Stretch
-        The drive.
-    reference : Reference or None
-        To judge by.
-    of_antenna : bool
-        Whether the reference is that of the antenna, not of the inertial unit.
-    """
-
-    settings: FilterSettings
-    stretches: tuple[Stretch, ...]
-    reference: Reference | None
-    of_antenna: bool = False
-
-
-def configured_run(drive: Drive, config: FilterConfig, clock: Clock) -> ConfiguredRun:
-    """Prepare a drive as `navigate` does.
-
-    Parameters
-    ----------
-    drive : Drive
-        Without gross outliers, its stamps as they are.
-    config : FilterConfig
-        The filter.
-    clock : Clock
-        Of this drive, in place of what the configuration says of clocks.
-    """
-    drive, settings = _drive_and_settings(drive, config, clock)
-    stretches: list[Stretch] = []
-    solutions: list[Solution] = []
-    for stretch in prepare(drive, settings, clock=clock)[0]:
-        before = solutions[-1] if solutions else None
-        stretches.append(at_stamps(stretch, settings, before))
-        solutions.append(filtered(stretches[-1], settings, before))
-    run = ConfiguredRun(settings, tuple(stretches), drive.reference)
-    return replace(run, of_antenna=_is_of_antenna(run, solutions))
-
-
-def _is_of_antenna(run: ConfiguredRun, solutions: Sequence[Solution]) -> bool:
-    """Tell whether fixes lie nearer to the reference as they are than brought to the inertial unit."""
-    if run.reference is None:
-        return False
-    off, arms = [], []
-    for stretch, solution in zip(run.stretches, solutions, strict=True):
-        rows = np.flatnonzero(solution.t >= stretch.settled)
-        off.append(ned_between(stretch.fixes.llh[rows], reference_positions(run.reference, solution.t[rows])))
-        arms.append(_antenna(run.settings, solution, rows))
-    fixes, arm = np.concatenate(off)[:, :2], np.concatenate(arms)[:, :2]
-    known = np.isfinite(fixes).all(axis=1)
-    if not known.any():
-        return False
-    as_they_are, at_unit = (np.linalg.norm(x[known], axis=1) for x in (fixes, fixes - arm))
-    return bool(np.median(as_they_are) < np.median(at_unit))
-
-
-def _antenna(settings: FilterSettings, solution: Solution, rows: NDArray[np.intp]) -> FloatArray:
-    """Return the place of the antenna from the inertial unit, north, east, down, (r, 3), m."""
-    at, arm = settings.model.layout, np.array(settings.lever_arm)
-    if "lever_arm" in at:
-        arm = arm + solution.parameters[rows][:, at["lever_arm"]]
-    mat = rotation.mat_from_quat(solution.state.quat_nb[rows])
-    return np.asarray((mat @ np.broadcast_to(arm, (len(rows), 3))[..., None])[..., 0])
-
-
-def with_other_noise(run: ConfiguredRun, drive: Drive, config: FilterConfig, clock: Clock) -> ConfiguredRun:
-    """Return a run with a configuration that differs in its noise only: alignment and velocities are kept.
-
-    Parameters
-    ----------
-    run : ConfiguredRun
-        Of the same drive and clock under a configuration with the same lever arm and sensor errors.
-    drive, config, clock
-        As of `configured_run`.
-    """
-    settings = _drive_and_settings(drive, config, clock)[1]
-    stretches = tuple(
-        replace(s, fixes=replace(s.fixes, sd=assumed_sds(s.reported_sd, s.solution, settings)))
-        for s in run.stretches
-    )
-    return replace(run, settings=settings, stretches=stretches)
-
-
-def _drive_and_settings(drive: Drive, config: FilterConfig, clock: Clock) -> tuple[Drive, FilterSettings]:
-    compensation = config.compensation.without(("time_offset", "velocity_lag"))
-    config = replace(config, compensation=compensation)
-    drive = compensate(drive, compensation)
-    return drive, drive_filter(drive, config, clock=clock)[0]
-
-
 def predictive_score(run: ConfiguredRun, begin: float, end: float) -> PredictiveScore | None:
     """Score a filter between two times on the clock of the inertial unit, s; None where no outage fits."""
     stretches = tuple(_until(s, end) for s in run.stretches if s.fixes.t[0] < end)
@@ -253,9 +149,9 @@ def _position_errors(
     t = solution.t[rows]
     error = ned_between(reference_positions(run.reference, t), solution.state.llh[rows])
     if run.of_antenna:
-        error = error - _antenna(run.settings, solution, rows)
+        error = error - antenna(run.settings, solution, rows)
     covariance = solution.covariance[rows, :3, :3] + stated(run.reference, t)[:, :3, None] * np.eye(3)
-    there = np.isfinite(error).all(axis=1)
+    there: NDArray[np.bool_] = np.isfinite(error).all(axis=1)
     return (
         np.where(there[:, None], error, innovation[0]),
         np.where(there[:, None, None], covariance, innovation[1]),
@@ -370,7 +266,7 @@ def _tracked(
     if run.reference is not None:
         alone = ned_between(reference_positions(run.reference, solution.t[rows]), stretch.fixes.llh[rows])
         if not run.of_antenna:
-            alone = alone + _antenna(run.settings, solution, rows)
+            alone = alone + antenna(run.settings, solution, rows)
         off = np.sum(alone**2, axis=1)
     return solution.t[rows], np.where(np.isfinite(off), square, np.nan), _log_density(error, covariance), off
 

@@ -15,17 +15,10 @@ import numpy as np
 
 from tuner.diagnosis.drive.causes.base import is_noise_scale, is_of_single_fixes, noise_causes
 from tuner.diagnosis.drive.causes.bias_jump import BIAS_JUMP
-from tuner.diagnosis.drive.causes.noise_scale import FINDING_NAMES
 from tuner.diagnosis.drive.causes.registry import significance_threshold
 from tuner.diagnosis.drive.causes.rejected_solutions import rejected_solutions
-from tuner.diagnosis.drive.causes.reported_sd import (
-    coefficient,
-    edge_coefficients,
-    reported_levels,
-    sd_model_factor,
-    sd_model_parameters,
-)
 from tuner.diagnosis.drive.errors_in_variables_bias import errors_in_variables_bias
+from tuner.diagnosis.drive.fitted_noise_scales import consistent_with_one, fitted_noise_scales
 from tuner.diagnosis.drive.hypothesis import FilterRun, run_filter
 from tuner.diagnosis.drive.hypothesis_tests import (
     Candidate,
@@ -35,9 +28,6 @@ from tuner.diagnosis.drive.hypothesis_tests import (
     score_candidate,
 )
 from tuner.diagnosis.drive.linear_model.likelihood import as_configured, evaluate
-from tuner.diagnosis.drive.linear_model.linearized_run import NOISE_GROUPS
-from tuner.diagnosis.drive.linear_model.noise_fit import maximize_likelihood
-from tuner.diagnosis.drive.linear_model.noise_parameters import noise_parameters, present
 from tuner.diagnosis.drive.residue_of_strong_causes import (
     causes_stronger_than_jump,
     explained_by_stronger,
@@ -206,7 +196,6 @@ def search_causes(
     run, accepted, fitted, notes = _without_unsupported_causes(drive, run, accepted, fitted)
     run, accepted, more = _without_weak_jumps(drive, run, accepted, fitted)
     accepted = _with_noise_scales(_with_estimates(run, accepted, fitted), base, run, fitted)
-    accepted = [a for a in accepted if not is_noise_scale(a.cause) or not _consistent_with_one(a.parameters)]
     accepted = [a for a in accepted if any(c.value is not None for c in a.parameters.values())]
     left = tuple(a for a in tests if a.is_significant(significance_threshold()))
     return SearchResult(base, run, tuple(accepted), left, fitted, (*notes, *more))
@@ -376,32 +365,8 @@ def _with_estimates(run: FilterRun, accepted: list[Accepted], fitted: tuple[str,
 def _with_noise_scales(
     accepted: list[Accepted], base: FilterRun, run: FilterRun, fitted: tuple[str, ...]
 ) -> list[Accepted]:
-    """Return the accepted causes with factors on noise fitted to the last run, all together with the constants."""
+    """Return the accepted causes with factors on noise as fitted to the last run, without those that may all be 1."""
     causes = [one.cause for one in accepted if is_noise_scale(one.cause)]
-    if not causes:
-        return accepted
-    noise = noise_hypothesis_of(run, fitted)
-    values = run.hypothesis.compensation.of(GNSS_NOISE_SCALE)
-    levels = reported_levels(run.linearized, values)
-    wanted = {"gnss_noise_scale": sd_model_parameters(values), "imu_noise_scale": NOISE_GROUPS}
-    names = present(noise, tuple(name for cause in causes for name in wanted[cause]), levels)
-    fit = maximize_likelihood(noise, noise_parameters(names, levels))
-    estimates: dict[str, dict[str, Coefficient]] = {cause: {} for cause in causes}
-    for name in names:
-        if name in wanted["gnss_noise_scale"]:
-            estimates["gnss_noise_scale"][name] = coefficient(fit, name, sd_model_factor(values, name))
-        elif name in FINDING_NAMES:
-            sensor = FINDING_NAMES[name]
-            now, then = (each.hypothesis.config.channels[f"{sensor}_x"].white_density for each in (run, base))
-            estimates["imu_noise_scale"][sensor] = fit.coefficient(name, scale=float(now / then))
-    if "gnss_noise_scale" in causes:
-        estimates["gnss_noise_scale"] |= edge_coefficients(values)
-    return [replace(one, parameters=estimates.get(one.cause, one.parameters)) for one in accepted]
-
-
-def _consistent_with_one(parameters: Mapping[str, Coefficient]) -> bool:
-    """Whether all factors may be 1: another cause that was accepted later explains them."""
-    return bool(parameters) and all(
-        c.interval[0] < 1.0 < c.interval[1] if c.interval else c.upper is None or c.upper > 1.0
-        for c in parameters.values()
-    )
+    scales = fitted_noise_scales(causes, base, run, noise_hypothesis_of(run, fitted)) if causes else {}
+    found = [replace(one, parameters=scales.get(one.cause, one.parameters)) for one in accepted]
+    return [one for one in found if not is_noise_scale(one.cause) or not consistent_with_one(one.parameters)]

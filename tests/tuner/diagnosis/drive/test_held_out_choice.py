@@ -13,10 +13,10 @@ from models import rotation
 from models.earth import llh_displaced
 from models.trajectory.catalogue import TRAJECTORIES
 from tuner.catalogue.grades import load_gnss, load_grade
+from tuner.diagnosis.drive.candidates import Candidate, Rank
 from tuner.diagnosis.drive.causes.time_offset import with_clock
+from tuner.diagnosis.drive.configured_run import configured_run, with_other_noise
 from tuner.diagnosis.drive.held_out_choice import (
-    Candidate,
-    Rank,
     choose_config,
     first_of_best,
     is_better,
@@ -27,9 +27,7 @@ from tuner.diagnosis.drive.predictive_score import (
     OutageErrors,
     PredictiveScore,
     _with_outages,
-    configured_run,
     predictive_score,
-    with_other_noise,
 )
 from tuner.navigation.data import WITHHELD
 from tuner.navigation.drive.clock import AGREEING, Clock

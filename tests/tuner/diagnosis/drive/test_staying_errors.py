@@ -14,8 +14,9 @@ from models.filter_states import named_states
 from models.noise import GaussMarkov
 from models.trajectory.catalogue import TRAJECTORIES
 from tuner.catalogue.grades import load_gnss, load_grade
+from tuner.diagnosis.drive.configured_run import configured_run
 from tuner.diagnosis.drive.held_out_choice import choose_config
-from tuner.diagnosis.drive.predictive_score import all_outages, configured_run, outage_pairs
+from tuner.diagnosis.drive.predictive_score import all_outages, outage_pairs
 from tuner.diagnosis.drive.staying_errors import (
     POSITION,
     POSITION_TIME,

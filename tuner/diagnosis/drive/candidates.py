@@ -1,0 +1,214 @@
+"""Configurations that are tried on a drive: factors that its first part asks for, and variations of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import IntEnum
+from types import MappingProxyType
+
+import numpy as np
+
+from tuner.diagnosis.drive.configured_run import ConfiguredRun, configured_run, with_other_noise
+from tuner.diagnosis.drive.noise_factors import (
+    FACTORS,
+    with_noise_factors,
+)
+from tuner.diagnosis.drive.predictive_score import (
+    PredictiveScore,
+    predictive_score,
+)
+from tuner.diagnosis.drive.staying_errors import (
+    POSITION,
+    STAYING,
+    VELOCITY,
+)
+from tuner.navigation.drive.clock import Clock
+from tuner.types import FilterConfig
+from tuner.types.records import DataError, Drive
+
+STEPS = (3.0, 3.0**0.5)
+"""Factors by which a setting is moved: a third of a decade is far, its root is what outages of a drive tell apart."""
+MIN_GAIN = 3.0
+"""Nats that a step must gain: a likelihood ratio of 20."""
+MAX_MOVES = 3
+"""Moves of one setting by one step size, at most: 27 times."""
+FIRST_STAYING: Mapping[str, float] = MappingProxyType({POSITION: 1.0, VELOCITY: 1.0})
+"""Errors of the receiver that stay, with which a candidate begins: their sds as the receiver reports them."""
+NEARER_TO_FIXES = ((3.0, 1.0), (3.0**1.5, 1.0), (9.0, 1.0), (9.0, 1.0 / 3.0))
+"""Factors on errors of velocities that stay, and on all sds of positions, for a filter that follows the fixes."""
+DRIFT_FACTORS = (3.0**0.5, 3.0)
+"""Factors on process noise that are tried where outages err otherwise than predicted."""
+POSITIONS = (POSITION, "position_horizontal", "position_vertical")
+"""Sds of positions."""
+MAX_TRACKING_RATIO = 1.05
+"""Position error with fixes, after ÷ before, above which it counts as worse: 5 % are lost in the scatter of a drive."""
+CONSISTENT_RATIOS = (0.7, 1.4)
+"""True ÷ predicted error in outages between which a prediction is taken for right: what few windows can tell."""
+
+
+class Rank(IntEnum):
+    """What a candidate does on a drive with a reference, the best first."""
+
+    FOLLOWS_AND_PREDICTS = 0
+    """Positions err no more than the fixes, and errors in outages are predicted (`CONSISTENT_RATIOS`)."""
+    PREDICTS = 1
+    """Errors in outages are predicted, and positions err like the fixes, within `MAX_TRACKING_RATIO`."""
+    FOLLOWS = 2
+    """Positions err no more than the fixes."""
+    NEITHER = 3
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A configuration with factors on its noise, and its score on the first part of a drive."""
+
+    name: str
+    config: FilterConfig
+    factors: Mapping[str, float]
+    first: PredictiveScore
+
+    @property
+    def best_rank(self) -> Rank:
+        """The best rank that it can have by the first part; without a reference nobody errs more than the fixes."""
+        if self.first.follows():
+            return Rank.FOLLOWS_AND_PREDICTS
+        return Rank.PREDICTS if self.first.follows(MAX_TRACKING_RATIO) else Rank.NEITHER
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A drive on which configurations are scored; runs of configurations that differ in their noise share a name."""
+
+    drive: Drive
+    clock: Clock
+    begin: float
+    cut: float
+    end: float
+    runs: dict[str, ConfiguredRun] = field(default_factory=dict)
+
+    def run_of(self, name: str, config: FilterConfig) -> ConfiguredRun:
+        """Return the run of a configuration."""
+        if name not in self.runs:
+            self.runs[name] = configured_run(self.drive, config, self.clock)
+        return with_other_noise(self.runs[name], self.drive, config, self.clock)
+
+    def score(self, name: str, config: FilterConfig, begin: float, end: float) -> PredictiveScore | None:
+        """Return its score between two times; None where a filter is lost, or no outage fits."""
+        try:
+            return predictive_score(self.run_of(name, config), begin, end)
+        except (DataError, np.linalg.LinAlgError):
+            return None
+
+    def candidate(self, name: str, config: FilterConfig, factors: Mapping[str, float]) -> Candidate | None:
+        """Return a configuration with factors, scored on the first part."""
+        first = self.score(name, with_noise_factors(config, factors), self.begin, self.cut)
+        return None if first is None else Candidate(name, config, factors, first)
+
+
+def first_candidates(trial: Trial, fitted: Mapping[str, FilterConfig]) -> list[Candidate]:
+    """Return the configurations as they are, and with errors that stay where those predict the first part better."""
+    found: list[Candidate] = []
+    for name, config in fitted.items():
+        least = -np.inf
+        for factors in (MappingProxyType({}), FIRST_STAYING):
+            one = trial.candidate(name, config, factors)
+            if one is not None and one.first.nats >= least:
+                found.append(one)
+                least = one.first.nats + len(FIRST_STAYING) * MIN_GAIN
+    return found
+
+
+def rounds_of(trial: Trial, candidates: Sequence[Candidate]) -> Iterator[Iterable[Candidate]]:
+    """Yield candidates in the order of trial: as they are, wider, nearer to the fixes, from the other beginnings."""
+    yield candidates
+    best = candidates[0]
+    yield _with_other_drift(trial, best)
+    yield _nearer_to_fixes(trial, best)
+    names = dict.fromkeys(one.name for one in candidates if one.name != best.name)
+    others = [max((one for one in candidates if one.name == name), key=by_nats) for name in names]
+    again = [more for one in others for more in refined(trial, one)]
+    yield again
+    yield (more for one in again for tried in VARIATIONS for more in tried(trial, one))
+
+
+def by_nats(one: Candidate) -> float:
+    """Return the log density of the first part."""
+    return one.first.nats
+
+
+def refined(trial: Trial, best: Candidate) -> list[Candidate]:
+    """Return a candidate with factors that raise its log density; none where there is nothing to score."""
+    factors = _fit_factors(best, lambda config: trial.score(best.name, config, trial.begin, trial.cut))
+    found = trial.candidate(best.name, best.config, factors)
+    return [] if found is None else [found]
+
+
+def _nearer_to_fixes(trial: Trial, one: Candidate) -> Iterator[Candidate]:
+    """Yield a candidate with less and less trust in velocities, then also with more and more in positions."""
+    for less, more in NEARER_TO_FIXES:
+        factors = {**one.factors, VELOCITY: one.factors.get(VELOCITY, 1.0) * less}
+        if more < 1.0:
+            factors |= {name: one.factors.get(name, 1.0) * more for name in POSITIONS}
+        if (found := trial.candidate(one.name, one.config, factors)) is not None:
+            yield found
+
+
+def _with_other_drift(trial: Trial, one: Candidate) -> Iterator[Candidate]:
+    """Yield a candidate with more process noise where outages err more than it states; with less where they err less.
+
+    Its likelihood allows for single large errors, which count in what a user reads.
+    """
+    low, high = CONSISTENT_RATIOS
+    ratios = [outage.ratio for outage in one.first.outages]
+    for factor in (
+        DRIFT_FACTORS if max(ratios) > high else [1.0 / f for f in DRIFT_FACTORS if min(ratios) < low]
+    ):
+        factors = {name: one.factors.get(name, 1.0) * factor for name in ("white", "bias")}
+        if (found := trial.candidate(one.name, one.config, {**one.factors, **factors})) is not None:
+            yield found
+
+
+VARIATIONS = (_with_other_drift, _nearer_to_fixes)
+"""What is tried where a candidate does not follow the fixes, or predict outages."""
+
+
+def _fit_factors(
+    best: Candidate, score: Callable[[FilterConfig], PredictiveScore | None]
+) -> Mapping[str, float]:
+    """Return the factors of a candidate after those moves that raise its log density, one after another."""
+    factors, nats = dict(best.factors), best.first.nats
+    gains: dict[str, list[float]] = {}
+    for step in STEPS:
+        for name in (*FACTORS, *(own for own in STAYING if POSITION in factors)):
+            if _top_of_parabola(gains.get(name, [])) < MIN_GAIN:
+                continue
+            gains[name] = []
+            for direction in (step, 1.0 / step):
+                moved = False
+                for _ in range(MAX_MOVES):
+                    trial = {**factors, name: factors.get(name, 1.0) * direction}
+                    found = score(with_noise_factors(best.config, trial))
+                    gains[name].append(-np.inf if found is None else found.nats - nats)
+                    if found is None or found.nats < nats + MIN_GAIN:
+                        break
+                    factors, nats, moved = trial, found.nats, True
+                if moved:
+                    gains[name] = []
+                    break
+    return {
+        name: value for name, value in factors.items() if name in FIRST_STAYING or abs(np.log(value)) > 1e-6
+    }
+
+
+def _top_of_parabola(gains: Sequence[float]) -> float:
+    """Return how much more a parabola through 0 and two gains, one to either side, gains at its top; ∞ without them.
+
+    Where a far step lost to both sides, a near one is tried only where it may gain.
+    """
+    if len(gains) != 2:
+        return np.inf
+    more, less = gains
+    if not np.isfinite(more + less) or more + less >= 0.0:
+        return np.inf
+    return -((more - less) ** 2) / (8.0 * (more + less))
