@@ -151,7 +151,7 @@ def _position_errors(
     if run.of_antenna:
         error = error - antenna(run.settings, solution, rows)
     covariance = solution.covariance[rows, :3, :3] + stated(run.reference, t)[:, :3, None] * np.eye(3)
-    there: NDArray[np.bool_] = np.isfinite(error).all(axis=1)
+    there = np.asarray(np.isfinite(error).all(axis=1))
     return (
         np.where(there[:, None], error, innovation[0]),
         np.where(there[:, None, None], covariance, innovation[1]),
