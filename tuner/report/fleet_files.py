@@ -14,11 +14,11 @@ from tuner.formats.customary_units import digits, phrase
 from tuner.formats.documents import json_text
 from tuner.formats.file_set import MANIFEST, digests, write_set
 from tuner.production.fleet import RESULTS
-from tuner.production.outliers import FALSE_NAMING, LEAST_UNITS
+from tuner.production.outliers import FALSE_NAMING, LEAST_UNITS, threshold
 from tuner.production.quantities import SYMBOLS, customary, pretty_unit, title, unit_name
 from tuner.production.spread import grade_yaml, spread_text
 from tuner.report.figure_files import figure_bytes
-from tuner.report.fleet_tables import outlier_text, summary
+from tuner.report.fleet_tables import outlier_text, reasons, summary
 from tuner.report.html_page import Picture, write_sections_page
 from tuner.report.result_figures import fleet_figure
 from tuner.types import Coefficient
@@ -117,9 +117,7 @@ def fleet_page(fleet: Fleet) -> str:
     """Return the page: summary and picture, one row a unit, the spread, and how units were judged."""
     rows, marked = [], []
     for unit in fleet.units:
-        odd = [*unit.advice, *(outlier_text(o, fleet) for o in unit.outliers[:3])]
-        remarks = [unit.error] if unit.error else [*unit.broken, *odd]
-        if remarks:
+        if remarks := reasons(unit, fleet):
             marked.append({"unit": unit.name, "verdict": unit.verdict or "", "why": "\n".join(remarks)})
         row = {"unit": unit.name, "verdict": unit.verdict or ""}
         for name in fleet.spread:
@@ -162,7 +160,10 @@ def judged_how(fleet: Fleet) -> str:
     if not fleet.comparisons:
         return f"Too few units ({LEAST_UNITS} are needed) to say which stand apart."
     thresholds = sorted({digits(o.threshold, 2) for u in fleet.units for o in u.outliers})
-    at = f" (thresholds {', '.join(thresholds)})" if thresholds else ""
+    measured = sum(unit.measurement is not None for unit in fleet.units)
+    if not thresholds and measured >= LEAST_UNITS:
+        thresholds = [digits(threshold(measured, fleet.comparisons), 2)]
+    at = f" (threshold{'s' * (len(thresholds) > 1)} {', '.join(thresholds)})" if thresholds else ""
     return (
         f"Outlying: more robust standard deviations from the median of the fleet than a sound fleet would show "
         f"in any of {fleet.comparisons} numbers with a chance above {100 * FALSE_NAMING:g} %{at}: median and MAD, "

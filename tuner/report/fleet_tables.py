@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 
 from rich.table import Table
 
 from tuner.formats.customary_units import digits
-from tuner.production.quantities import customary, is_logarithmic, pretty_unit, title
-from tuner.types.fleet import Fleet, Outlier
+from tuner.production.quantities import SYMBOLS, customary, is_logarithmic, pretty_unit, title
+from tuner.types.fleet import Fleet, FleetUnit, Outlier
 
 SHOWN_UNITS = 20
 """Rows of the table in the terminal: a screen; the files have all."""
-SHOWN_OUTLIERS = 2
-"""Outlying quantities of a unit in the terminal: the most distant ones; the files have all."""
+MAX_REASONS = 4
+"""Reasons of a unit in the terminal; the files have all."""
+IN_WORDS = {"sigma_10s": "Allan deviation at 10 s"}
+"""Symbols that are no letter."""
 
 
 def summary(fleet: Fleet) -> list[str]:
@@ -44,6 +47,48 @@ def outlier_text(outlier: Outlier, fleet: Fleet) -> str:
     return f"{title(name)} {digits(value)} {pretty_unit(name, unit)}, fleet {digits(median)} ({distance}; {score})"
 
 
+def reasons(unit: FleetUnit, fleet: Fleet) -> list[str]:
+    """Return why a unit is to be looked at: what mends it, what it is outlying in, limits it breaks; or its error.
+
+    Several amplitudes of one sensor that are outlying share a line with the factors between which they lie.
+    """
+    if unit.error:
+        return [unit.error]
+    by_sensor: dict[str, list[Outlier]] = {}
+    for outlier in unit.outliers:
+        channel = outlier.quantity.rpartition(".")[0]
+        sensor = channel.rpartition("_")[0] or channel
+        by_sensor.setdefault(sensor if is_logarithmic(outlier.quantity) else outlier.quantity, []).append(
+            outlier
+        )
+    lines = [
+        outlier_text(found[0], fleet) if len(found) == 1 else _together(sensor, found)
+        for sensor, found in by_sensor.items()
+    ]
+    return [*unit.advice, *lines, *unit.broken]
+
+
+def _together(sensor: str, found: Sequence[Outlier]) -> str:
+    """Say in which amplitudes a sensor stands apart: ``gyro: N of x y z × 2.9 to 3.1 the fleet's (scores …)``."""
+    axes: dict[str, list[Outlier]] = {}
+    for one in found:
+        axes.setdefault(one.quantity.rpartition(".")[2], []).append(one)
+    parts = []
+    for symbol in (symbol for symbol in SYMBOLS if symbol in axes):
+        alike = axes[symbol]
+        letters = " ".join(sorted(one.quantity.rpartition(".")[0].rpartition("_")[2] for one in alike))
+        ratios = sorted(one.value / one.median for one in alike)
+        parts.append(f"{IN_WORDS.get(symbol, symbol)} of {letters} × {_range(ratios)}")
+    scores = _range(sorted(one.score for one in found))
+    return f"{sensor}: {', '.join(parts)} the fleet's (scores {scores}, threshold {digits(found[0].threshold, 2)})"
+
+
+def _range(values: Sequence[float]) -> str:
+    """Return the ends of sorted values, one where they read the same."""
+    low, high = digits(values[0], 2), digits(values[-1], 2)
+    return low if low == high else f"{low} to {high}"
+
+
 def fleet_tables(fleet: Fleet) -> list[Table | str]:
     """Return the summary and the units to look at: those that stand apart, cannot be used, fail, are open."""
     table = Table(title="Units to look at", show_lines=True)
@@ -53,11 +98,10 @@ def fleet_tables(fleet: Fleet) -> list[Table | str]:
     rank = {"FAIL": 2, "OPEN": 3}
     odd.sort(key=lambda u: 0 if u.outliers or u.advice else 1 if u.error else rank.get(u.verdict or "", 4))
     for unit in odd[:SHOWN_UNITS]:
-        why = [unit.error] if unit.error else [*unit.advice, *unit.broken]
-        if not unit.error:
-            why += [outlier_text(o, fleet) for o in unit.outliers[:SHOWN_OUTLIERS]]
-            more = len(unit.outliers) - SHOWN_OUTLIERS
-            why += [f"and {more} more outlying quantities"] if more > 0 else []
+        why = reasons(unit, fleet)
+        more = len(why) - MAX_REASONS
+        if more > 0:
+            why = [*why[:MAX_REASONS], f"and {more} more, in fleet.csv"]
         table.add_row(unit.name, unit.verdict or ("ERROR" if unit.error else ""), "\n".join(why))
     answer: list[Table | str] = [*summary(fleet)]
     if odd:

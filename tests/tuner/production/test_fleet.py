@@ -2,6 +2,7 @@
 
 import math
 import os
+import re
 import signal
 import sys
 from operator import attrgetter
@@ -22,9 +23,10 @@ from tuner.production.outliers import FALSE_NAMING, units_apart
 from tuner.production.spread import grade_yaml, spread
 from tuner.production.workers import outcomes
 from tuner.report.fleet_files import write_fleet
+from tuner.report.fleet_tables import reasons
 from tuner.simulation.static import Channel, simulate
 from tuner.types import Coefficient
-from tuner.types.fleet import UnitMeasurement
+from tuner.types.fleet import Fleet, FleetUnit, UnitMeasurement
 from tuner.types.records import DataError
 
 DENSITY = to_si(0.2, "deg/sqrt(h)")
@@ -210,6 +212,32 @@ def test_axes_that_break_one_limit_share_a_line(tmp_path):
     noise = {f"{axis}.N": Coefficient.known(x, x, x, "") for axis, x in zip(units, sizes, strict=True)}
     _, broken = judge(UnitMeasurement("", 1.0, 1.0, units, noise), read_limits(path))
     assert broken[0] == "gyro x z N 0.300 to 0.500 > 0.200 deg/√h"
+
+
+def test_a_unit_three_times_as_noisy_in_several_axes_is_one_line():
+    rng = np.random.default_rng(8)
+    axes = {f"gyro_{axis}": "rad/s" for axis in "xyz"}
+
+    def unit(factor):
+        sizes = {f"{a}.{s}": factor * x for a in axes for s, x in (("N", 1e-4), ("sigma_10s", 3e-5))}
+        noise = {q: x * math.exp(0.01 * rng.standard_normal()) for q, x in sizes.items()}
+        known = {q: Coefficient.known(x, 0.999 * x, 1.001 * x, "rad/s") for q, x in noise.items()}
+        return UnitMeasurement("", 1.0, 1.0, axes, known)
+
+    measured = [unit(3.0 if k == 7 else 1.0) for k in range(20)]
+    found = units_apart(dict(enumerate(measured)))
+    units = [
+        FleetUnit(
+            f"u{k}", f"u{k}.csv", one, outliers=found.outliers.get(k, ()), advice=found.advice.get(k, ())
+        )
+        for k, one in enumerate(measured)
+    ]
+    lot = Fleet("lot", tuple(units), (), channel_units=axes, comparisons=found.comparisons)
+    (line,) = reasons(units[7], lot)
+    # Factors of 3 known to 1 %, and the median of twenty: 2.9 to 3.1.
+    assert re.match(
+        r"gyro: N of x y z × (2\.9|3\.0|3\.1).*, Allan deviation at 10 s of x y z × (2\.9|3\.0|3\.1)", line
+    )
 
 
 def test_too_few_units_are_not_judged():
