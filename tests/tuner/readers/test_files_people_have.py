@@ -111,7 +111,7 @@ def kitti(folder):
     for i in range(N):
         fields = [*np.zeros(11), *ACCEL[i], *np.ones(3), *GYRO[i], *np.ones(10)]
         (data / f"{i:010d}.txt").write_text(" ".join(f"{x:.15g}" for x in fields))
-    stamps = [f"2011-09-26 13:02:{s:012.9f}" for s in T]
+    stamps = [f"2011-09-26 13:{2 + int(s // 60):02d}:{s % 60:012.9f}" for s in T]
     (folder / "oxts/timestamps.txt").write_text("\n".join(stamps) + "\n")
     return folder
 
