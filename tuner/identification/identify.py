@@ -199,9 +199,17 @@ def _source(records: Sequence[Record]) -> dict[str, object]:
                 "rate_hz": record.rate * record.samples_a_mean,
                 "span_s": record.span,
                 "segments": len(record.segments),
+                "used_s": _used(record),
             }
             for record in records
         ],
         "assumptions": list(dict.fromkeys(text for record in records for text in record.assumptions)),
         "repairs": list(dict.fromkeys(note for record in records for note in record.notes)),
     }
+
+
+def _used(record: Record) -> list[float]:
+    """Return begin and end of what is used of a log, and its length, s from its first sample."""
+    first, last = record.segments[0][0], record.segments[-1][1] - 1
+    times = (record.t[first], record.t[last] + record.interval, record.t[-1] + record.interval)
+    return [round(float(time - record.t[0]), 6) for time in times]

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from textwrap import wrap
+from typing import Any
 
 from rich.table import Table
 
@@ -18,6 +19,8 @@ SHORT_SPAN = 600.0
 """Time up to which a reader counts seconds, s."""
 INTERVAL = "± ( ) 95 %"
 """What ± and brackets behind a setting mean."""
+MIN_LEFT_OUT = 1.0
+"""Time that a log is longer than what is used of it, s, from which its reader is to know."""
 BOUNDED = "*: half a 95 % limit"
 """What a star behind a setting means."""
 
@@ -94,6 +97,16 @@ def span_text(seconds: float) -> str:
     if seconds >= SHORT_SPAN:
         return f"{digits(seconds / 3600.0)} h"
     return f"{seconds:.0f} s" if seconds >= 10.0 else f"{digits(seconds, 2)} s"
+
+
+def used_part(source: Mapping[str, Any], axis: str) -> str:
+    """Return which part of its log an axis rests on, where some is left out, by the source of an `Identification`."""
+    for sensor in source.get("sensors", ()):
+        begin, end, log = sensor.get("used_s", (0.0, 0.0, 0.0))
+        if axis in sensor["axes"] and log - sensor["span_s"] > MIN_LEFT_OUT:
+            parts = f" in {sensor['segments']} parts" if sensor["segments"] > 1 else ""
+            return f", {digits(begin)} to {digits(end)} s{parts}"
+    return ""
 
 
 def wrapped(text: str, indent: int = 0) -> list[str]:

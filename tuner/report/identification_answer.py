@@ -9,7 +9,7 @@ from rich.table import Table
 
 from tuner.formats.customary_units import customary_unit, digits, pretty, symbol
 from tuner.report.agreeing_rows import joined_rows
-from tuner.report.answer_layout import INTERVAL, LINE_WIDTH, settings_table, span_text, wrapped
+from tuner.report.answer_layout import INTERVAL, LINE_WIDTH, settings_table, span_text, used_part, wrapped
 from tuner.report.settings_rows import axes_text, settings_rows
 from tuner.report.terms_rows import MAIN_TERMS, TermsRow, channel_row, single_row
 from tuner.types import FilterConfig, Identification, PooledChannel
@@ -49,12 +49,25 @@ def identification_answer(
     if fitted:
         answer.append("The log's Allan curve is not the sum of these terms. `tuner tune` writes instead:")
         answer.append(settings_table(fitted))
-    alike = {re.sub(r"[\d.]+", "", w): w for channel in channels for w in channel.warnings}
-    warnings = list(alike.values())
-    answer += [line for text in warnings[:MAX_WARNINGS] for line in wrapped(f"Warning: {text}", 2)]
-    more = len(warnings) - MAX_WARNINGS
+    answer += [line for text in warning_lines(found) for line in wrapped(text, 2)]
+    more = len(_warnings(found)) - MAX_WARNINGS
     rest = f"{more} more warnings, all" if more > 0 else "All"
     return [*answer, *wrapped(f"{rest} terms, bounds with reasons, means, ARMA: --verbose", 2)]
+
+
+def warning_lines(found: Identification, *, short: bool = False) -> list[str]:
+    """Return what limits the terms of a log, at most `MAX_WARNINGS`; `short` leaves figures and consequences out."""
+    texts = [text.partition(" (")[0] if short else text for text in _warnings(found)]
+    return [f"Warning: {text}" for text in texts[:MAX_WARNINGS]]
+
+
+def _warnings(found: Identification) -> list[str]:
+    """Return the warnings of all axes, those that differ only in numbers once."""
+    return list(
+        {
+            re.sub(r"[\d.]+", "", w): w for channel in found.channels.values() for w in channel.warnings
+        }.values()
+    )
 
 
 def pooled_answer(pooled: Mapping[str, PooledChannel], names: Sequence[str]) -> list[Table | str]:
@@ -96,7 +109,8 @@ def terms_table(rows: Sequence[tuple[str, TermsRow]]) -> Table:
 def _recording(found: Identification) -> str:
     spans: dict[str, list[str]] = {}
     for c in found.channels.values():
-        text = f"{span_text(c.span)} at {digits(1.0 / c.interval)} Hz, by {c.method}"
+        part = used_part(found.source, c.axis)
+        text = f"{span_text(c.span)} at {digits(1.0 / c.interval)} Hz{part}, by {c.method}"
         spans.setdefault(text if c.span > 0.0 else "stated, not measured", []).append(c.axis)
     parts = [text if len(spans) == 1 else f"{text} ({axes_text(axes)})" for text, axes in spans.items()]
     assumed = found.source.get("assumptions", ())

@@ -16,6 +16,7 @@ from tuner.report.answer_layout import (
     LONGER,
     settings_lines,
     span_text,
+    used_part,
     wrapped,
 )
 from tuner.report.comparison_tables import limit_text
@@ -27,6 +28,7 @@ from tuner.report.finding_groups import (
     finding_groups,
     way_texts,
 )
+from tuner.report.identification_answer import warning_lines
 from tuner.report.settings_rows import EXTRAPOLATED, SettingsRow, axes_text, settings_rows
 from tuner.report.static_diagnosis_tables import hidden_effect_lines
 from tuner.report.verdict_text import verdict_text
@@ -114,7 +116,8 @@ def _answer(result: TuneResult, directory: Path, short: Set[str], keys: Sequence
     if "head" in short and len(head[-1]) > LINE_WIDTH:
         head[-1] = head[-1].replace(f" ({WHAT_SIMULATES})", "")
     findings, shown = _findings_of_log(result, short="findings" in short)
-    texts = [*against_datasheet(result), *findings, *hidden_lines(result), *_absent_lines(result)]
+    warnings = warning_lines(result.identification, short="findings" in short)
+    texts = [*against_datasheet(result), *findings, *warnings, *hidden_lines(result), *_absent_lines(result)]
     if result.drive is not None:
         found = result.drive.diagnosis.findings
         most = 1 if findings and brief else SHOWN_FINDINGS
@@ -194,7 +197,8 @@ def recording_line(result: TuneResult, *, named: bool = True) -> str:
     rest = " at rest in the drive" if result.drive is not None and not result.records else ""
     for channel in result.identification.channels.values():
         if channel.span > 0.0:
-            text = f"{span_text(channel.span)}{rest} at {digits(1.0 / channel.interval)} Hz"
+            part = used_part(result.identification.source, channel.axis)
+            text = f"{span_text(channel.span)}{rest} at {digits(1.0 / channel.interval)} Hz{part}"
             spans.setdefault(text, []).append(channel.axis)
     lengths = [text if len(spans) == 1 else f"{text} ({axes_text(axes)})" for text, axes in spans.items()]
     assumed = assumptions(result)

@@ -128,8 +128,10 @@ def _samples(record: Record, channel: ChannelNoise) -> list[FloatArray]:
     ]
     if rate == 0.0 or not pieces:
         return [np.ascontiguousarray(y) for y, _ in pieces]
-    y, t = (np.concatenate(parts) for parts in zip(*pieces, strict=True))
-    slope = float(np.polyfit(t - t.mean(), y, 1)[0])
+    # each stretch has a level of its own: after a motion the unit may lie otherwise
+    y = np.concatenate([y - y.mean() for y, _ in pieces])
+    t = np.concatenate([t - t.mean() for _, t in pieces])
+    slope = float(t @ y / (t @ t))
     return [np.ascontiguousarray(y - slope * (t - t[0])) for y, t in pieces]
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from rich.console import Console
 
@@ -12,7 +14,7 @@ from tuner.formats.customary_units import amount
 from tuner.identification import identify
 from tuner.identification.several_logs import pool
 from tuner.report.comparison_tables import choice_tables, comparison_tables
-from tuner.report.identification_answer import identification_answer, pooled_answer
+from tuner.report.identification_answer import identification_answer, pooled_answer, warning_lines
 from tuner.simulation.static import simulate
 from tuner.synthesis.load_config import load_config
 from tuner.types import Coefficient
@@ -81,3 +83,24 @@ def test_the_table_of_a_comparison_and_of_a_choice_fit_a_terminal():
     told = lines(choice_tables(GradeChoice(60.0, 2.0, "rtk", True, (grade,), grade, 0.5)))
     assert max(map(len, told)) <= 80
     assert "It would just do" in " ".join(told)
+
+
+def test_the_part_of_a_log_that_is_used_is_named():
+    whole = simulate({"gyro_x": NoiseModel([White(1e-4)])}, duration=120.0, rate=20.0, seed=5)[0][0]
+    cut = identify([replace(whole, segments=((200, 1000), (1200, 2400)))], arma=None)
+    assert ", 10.0 to 120 s in 2 parts" in " ".join(lines(identification_answer("log", cut)))
+    assert " to " not in lines(identification_answer("log", identify([whole], arma=None)))[0]
+
+
+def test_warnings_are_shortened_to_what_they_are_about(found):
+    channels = {
+        axis: replace(
+            one, warnings=(f"clusters shorter than 0.0{i} s follow no sum (a filter): longer ones",)
+        )
+        for i, (axis, one) in enumerate(found[0].channels.items(), 1)
+    }
+    warned = replace(found[0], channels=channels)
+    assert warning_lines(warned) == [
+        "Warning: clusters shorter than 0.03 s follow no sum (a filter): longer ones"
+    ]
+    assert warning_lines(warned, short=True) == ["Warning: clusters shorter than 0.03 s follow no sum"]

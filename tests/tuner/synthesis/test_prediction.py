@@ -184,3 +184,17 @@ def test_a_warm_up_that_no_settings_predict_is_taken_out_first():
     assert found["gyro_x"].passes
     assert 0.9 < after.channels["gyro_x"].white_density / 1e-4 < 1.1
     assert any("without warmup" in note for note in after.notes)
+
+
+def test_parts_at_different_levels_have_one_ramp() -> None:
+    """After a motion the unit lies otherwise: the step between the parts is no drift."""
+    rng = np.random.default_rng(41)
+    t = 0.02 * np.arange(24_000)
+    y = 0.01 * rng.standard_normal((24_000, 1)) + 1e-4 * t[:, None]
+    y[13_000:] -= 1.0
+    record = Record("accel", t, y, ("accel_x",), "m/s^2", 0.02, ((0, 12_000), (13_000, 24_000)))
+    noise = identify([record], arma=None)
+    assert noise.channels["accel_x"].term("ramp") is not None
+    (judged,) = hold_to_records(synthesize(noise), [record])[1].values()
+    assert judged.source is BlockSource.LIKELIHOOD
+    assert judged.block.white_density == pytest.approx(0.01 * np.sqrt(0.02), rel=0.02)
