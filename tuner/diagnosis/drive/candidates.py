@@ -1,4 +1,4 @@
-"""Configurations that are tried on a drive: factors that its first part asks for, and variations of them."""
+"""Configurations that are tried on a drive: with factors by its first part, and variations of them."""
 
 from __future__ import annotations
 
