@@ -165,6 +165,16 @@ def thermometer(rng: np.random.Generator) -> Made:
     return made(y, THERMAL, 100.0, told(rng, felt))
 
 
+def poor_thermometer(rng: np.random.Generator) -> Made:
+    """The same; the thermometer errs by 0.1 to 0.4 K for 20 to 300 s, or has codes of 0.5 K."""
+    noise, felt = drawn_noise(rng), box(rng, "warming")
+    y = samples(noise, rng) + sized(noise, felt - 25.0, hundreds(rng))
+    r = np.exp(-INTERVAL / log_uniform(rng, 20.0, 300.0))
+    error = rng.uniform(0.1, 0.4) * lfilter([np.sqrt(1.0 - r * r)], [1.0, -r], rng.standard_normal(COUNT))
+    read = 0.5 * np.round(2.0 * felt) if rng.random() < 0.3 else told(rng, felt + error)
+    return made(y, THERMAL, 100.0, read)
+
+
 def six_axes(rng: np.random.Generator) -> Made:
     """One temperature in six axes."""
     felt = box(rng, "warming")
@@ -370,7 +380,8 @@ def modulated(rng: np.random.Generator) -> Made:
 KINDS: dict[str, Callable[[np.random.Generator], Made]] = {
     f.__name__: f
     for f in (
-        clean, clean_codes, clean_coarse, clean_filtered, late_thermometer, thermometer, six_axes, warming_unit,
+        clean, clean_codes, clean_coarse, clean_filtered, late_thermometer, thermometer, poor_thermometer, six_axes,
+        warming_unit,
         large_step, large_warmup, coarse_step, telegraph_ramp, telegraph, late_step, late_burst, skewed, clocked,
         squared, rated, hysteretic, packets, interpolated, glitches, recovery, comb, modulated,
     )

@@ -32,10 +32,13 @@ from scipy.signal import lfilter
 
 
 def product_of_axes(rng: Rng) -> Made:
-    """One axis holds the product of the movements of the two others, each a Gauss–Markov process of 0.1 to 2 s."""
+    """One axis holds the product of the movements of the two others, each a Gauss–Markov process of 0.1 to 2 s.
+
+    Most of its spectrum is that of one such process: 2000 … 8000 nats over white noise.
+    """
     r = np.exp(-INTERVAL / log_uniform(rng, 0.1, 2.0))
     sway = lfilter([np.sqrt(1.0 - r * r)], [1.0, -r], rng.standard_normal((2, COUNT)))
-    size = nats(rng)
+    size = log_uniform(rng, 2000.0, 8000.0)
     axes = [noise(rng) + power_sized(sway[0] * sway[1], size)]
     axes += [noise(rng) + 0.02 * sway[k] for k in range(2)]
     names = ("gyro_x", "gyro_y", "gyro_z")
@@ -108,7 +111,12 @@ def shot_noise(rng: Rng) -> Made:
     size = nats(rng)
     pulses = lfilter([1.0], [1.0, -rng.uniform(0.2, 0.8)], rng.poisson(log_uniform(rng, 0.003, 0.05), COUNT))
     return made(
-        noise(rng) + power_sized(pulses - pulses.mean(), size), size, "skewed_noise", "lowpass", "colour"
+        noise(rng) + power_sized(pulses - pulses.mean(), size),
+        size,
+        "skewed_noise",
+        "heavy_tails",
+        "lowpass",
+        "colour",
     )
 
 

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tuner.diagnosis.data_quality.copied_samples import Lines, Packets, find_lines, find_packets
+from tuner.diagnosis.data_quality.copied_stretches import find_copied_stretches
 from tuner.diagnosis.data_quality.frozen import Frozen, cut, frozen, together
 from tuner.diagnosis.data_quality.quantizer import quantizer_step, read_codes
 from tuner.diagnosis.data_quality.repeated_samples import find_repeated_samples
@@ -237,10 +238,15 @@ def _duplicates(record: Record, steps: Mapping[str, float]) -> DataQualityTest:
 
 
 def packets(record: Record) -> list[DataQualityTest]:
-    """Test for packets that come twice: of all axes together, and of each axis where they do not come together."""
+    """Test for packets that come twice: of all axes together, and of each axis where they do not come together.
+
+    Where there are none, for whole stretches of all axes that come again.
+    """
     found = [(record.axes, find_packets(record.y))]
     if len(record.axes) > 1 and found[0][1].p_value > DECISIVE_P_VALUE:
         found = [((axis,), find_packets(record.column(axis)[:, None])) for axis in record.axes]
+    if not any(one.number for _, one in found):
+        found = [(record.axes, find_copied_stretches(record.y))]
     return [_packets_test(axes, one) for axes, one in found if one.number]
 
 
@@ -258,7 +264,7 @@ def _packets_test(axes: tuple[str, ...], found: Packets) -> DataQualityTest:
         float(found.number),
         found.p_value,
         parameters,
-        text=f"{found.number} packets of {found.length} samples come twice",
+        text=f"{found.number} packet(s) of {found.length} samples come twice",
         stretches=tuple(
             zip(np.flatnonzero(edge == 1).tolist(), np.flatnonzero(edge == -1).tolist(), strict=True)
         ),

@@ -8,31 +8,28 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from models.noise import NoiseModel
-from tuner.diagnosis.cause import Group
 from tuner.diagnosis.data_quality import DataQualityTest, data_quality_tests
 from tuner.diagnosis.data_quality.causes import Frozen
-from tuner.diagnosis.static import power_law_rival, shared_shape
+from tuner.diagnosis.static import shared_shape
 from tuner.diagnosis.static.causes import attitude, cross_axis, motion, mount_tilt
 from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.diagnosis.static.causes.temperature import COVARIATE as TEMPERATURE
-from tuner.diagnosis.static.causes.transients import Transients
 from tuner.diagnosis.static.channel import MIN_SAMPLES, Channel, channel
 from tuner.diagnosis.static.channel_preparation import prepared
 from tuner.diagnosis.static.findings import Single, findings, joins, singles, words
 from tuner.diagnosis.static.held_out_gain import with_gains
 from tuner.diagnosis.static.hypothesis_tests import threshold
 from tuner.diagnosis.static.model.residual import Residual
-from tuner.diagnosis.static.near_twins import ALTERNATIVE_NATS
-from tuner.diagnosis.static.outcome import Accepted
 from tuner.diagnosis.static.position_drift import left_drifts, with_drifts
 from tuner.diagnosis.static.posterior_predictive import covered
 from tuner.diagnosis.static.reported_noise import noise_after, noise_before
-from tuner.diagnosis.static.search import SearchResult, group_of, search_causes
+from tuner.diagnosis.static.search import SearchResult, search_causes
+from tuner.diagnosis.static.something_else import with_unknown
 from tuner.diagnosis.static.spectrum import aliasing as sampling
 from tuner.jobs import each
 from tuner.segments.conditions import without_knocks
 from tuner.segments.stationary import Segments
-from tuner.types import Alternative, Diagnosis, Finding, Identification, Unexplained
+from tuner.types import Diagnosis, Finding, Identification, Unexplained
 from tuner.types.records import DataError, Record
 
 MAX_MOVING_SHARE = 0.4
@@ -61,25 +58,6 @@ class _Diagnosed:
 
 WHOLE_RECORD = "the whole record"
 """Where a misfit shows that no part of the record shows more than another."""
-UNKNOWN = "unknown"
-"""Code of what is none of the causes, in a list of alternatives."""
-MIN_LEFT_SHARE = 0.05
-"""Share of what a finding explains above which what it leaves makes it uncertain: a likelihood ratio of 20."""
-OF_GROUPS: Mapping[str, tuple[Group, ...]] = {
-    "spectrum": ("fast spectrum",),
-    "slow spectrum": ("slow part",),
-    "unnamed": ("slow part",),
-    "periodic variance": ("distribution",),
-    "variance by bias": ("distribution",),
-    "irregular variance": ("distribution",),
-    "law": ("distribution",),
-    "squares": ("distribution", "fast spectrum"),
-    "spectrum in time": ("distribution", "fast spectrum"),
-    "beside lines": ("fast spectrum",),
-    "course": ("slow part",),
-    Transients.cause: ("distribution", "slow part"),
-}
-"""Groups of the causes that statistics without one are about."""
 
 
 def diagnose(
@@ -152,8 +130,7 @@ def diagnose(
             outcome = covered(outcome, replicas, seed)
         before = noise_before(record_of[part.axis], part.axis, identification)
         after = noise_after(outcome.final, before)
-        rival = _power_law_weight(outcome)
-        outcome = replace(outcome, accepted=tuple(_with_unknown(a, outcome, rival) for a in outcome.accepted))
+        outcome = replace(outcome, accepted=with_unknown(outcome))
         unexplained = tuple(
             Unexplained(r.name, (part.axis,), r.p_value, r.nats, r.place or WHOLE_RECORD)
             for r in outcome.unexplained
@@ -192,30 +169,6 @@ def diagnose(
         models,
         {axis: one.before for axis, one in zip(axes, every, strict=True)},
     )
-
-
-def _power_law_weight(outcome: SearchResult) -> float:
-    """Return the weight of power-law noise in place of the correlated causes that were accepted; 0 for none."""
-    if not outcome.final.count(*power_law_rival.CORRELATED):
-        return 0.0
-    lead = power_law_rival.lead(outcome.final)
-    return float(np.exp(min(lead, 0.0))) if lead > -ALTERNATIVE_NATS else 0.0
-
-
-def _with_unknown(accepted: Accepted, outcome: SearchResult, power_law: float) -> Accepted:
-    """Return what was accepted with something else among its alternatives, where a misfit of its own kind is left.
-
-    Its weight is what is left against what is explained: as much, and the name is worth no more than something else.
-    Of causes that correlate the noise it is that of power-law noise in their place, if that is more.
-    """
-    group, gain = accepted.extension.group, accepted.result.gain
-    left = sum(r.nats for r in outcome.unexplained if group in OF_GROUPS.get(r.cause, (group_of(r.cause),)))
-    weight = min(left / max(gain, left), 1.0) if left > MIN_LEFT_SHARE * gain else 0.0
-    if accepted.extension.cause in power_law_rival.CORRELATED:
-        weight = max(weight, power_law)
-    if not weight:
-        return accepted
-    return replace(accepted, alternatives=(*accepted.alternatives, Alternative(UNKNOWN, weight)))
 
 
 def _colour(channel: Channel) -> float:

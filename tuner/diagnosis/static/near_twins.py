@@ -13,16 +13,17 @@ from scipy.stats import chi2
 
 from tuner.diagnosis.static.causes.hysteresis import Hysteresis
 from tuner.diagnosis.static.causes.registry import CAUSES
-from tuner.diagnosis.static.causes.temperature import COVARIATE, Temperature
+from tuner.diagnosis.static.causes.temperature import COVARIATE, Temperature, warming
 from tuner.diagnosis.static.causes.temperature_rate import TemperatureRate
 from tuner.diagnosis.static.causes.temperature_squared import TemperatureSquared
 from tuner.diagnosis.static.causes.template import Template
 from tuner.diagnosis.static.causes.thermal_lag import ThermalLag, beside_temperature
+from tuner.diagnosis.static.causes.warmup import Warmup
 from tuner.diagnosis.static.hypothesis_tests import retest
 from tuner.diagnosis.static.model.dct import block_transform
 from tuner.diagnosis.static.model.null_distributions import SLOW_RATIO_FACTOR
 from tuner.diagnosis.static.model.residual import Residual, extended, residual, without
-from tuner.diagnosis.static.model.score_scan import scan
+from tuner.diagnosis.static.model.score_scan import judge, scan
 from tuner.diagnosis.static.outcome import Accepted, TestResult
 from tuner.types import Alternative
 
@@ -38,6 +39,16 @@ SPECTRUM_TWINS = frozenset({"lowpass", "colour"})
 """Shapes of the fast spectrum that differ in the order of a filter only."""
 LAG_LIKELIHOOD_RATIO = 24.0
 """Likelihood ratio from which a lag replaces a temperature: χ²₁ at 1e-6, 1e-5 for the dozen lags of the grid."""
+
+TRIED_CONSTANTS = 40
+"""Time constants by which the temperature may warm: a seventh apart, a hundredth of the warming's own size."""
+MAX_REST_RATIO = 1.1
+"""Rms distance of readings from an exponential ÷ the least one up to which it is as likely.
+
+Errors that stay for minutes leave few independent readings, some ten in a record: their rms is known to no tenth.
+"""
+MIN_WARMING = 5.0
+"""Size of the exponential ÷ that distance from which the temperature warms by it at all."""
 
 THERMAL = (Temperature, TemperatureRate, TemperatureSquared, ThermalLag, Hysteresis)
 """Causes that are functions of the temperature."""
@@ -79,6 +90,34 @@ def behind_thermometer(fitted: Residual, result: TestResult, threshold: float) -
         return result
     name = "likelihood ratio of the temperature and its rate"
     return TestResult(Temperature.cause, p_value, gain, ratio, name, lambda: pair)
+
+
+def warming_box(fitted: Residual, result: TestResult, threshold: float) -> TestResult:
+    """Return a result, or in place of a warm-up the temperature, where that warms alike but for errors of its readings.
+
+    Errors of a thermometer that stay for minutes cost a bias that follows the true temperature more than any shape of
+    time: what the readings follow by an exponential takes their place, if it explains the bias as well.
+    """
+    channel = fitted.channel
+    if result.cause != Warmup.cause or COVARIATE not in channel.covariates or result.propose is None:
+        return result
+    if fitted.count(*(c.cause for c in THERMAL)):
+        return result
+    constants = Warmup.time_constants(channel)
+    tried = np.geomspace(constants[0], 3.0 * constants[-1], TRIED_CONSTANTS)
+    rests = np.array([warming(channel, constant)[2] for constant in tried.tolist()])
+    likely = tried[rests <= MAX_REST_RATIO * rests.min()]
+    if warming(channel, float(tried[np.argmin(rests)]))[1] < MIN_WARMING * rests.min():
+        return result
+    alike = [Temperature(time_constant=constant) for constant in likely.tolist()]
+    scores, templates = scan(fitted, np.stack([one.template(channel) for one in alike], axis=1))
+    found = judge(fitted, templates[:, scores.best], scores.correlation, price=Warmup.price)
+    if found.gain < result.gain - NEAR_TWIN_NATS or found.p_value > threshold:
+        return result
+    name = "likelihood ratio of the temperature, errors of its readings taken out"
+    return TestResult(
+        Temperature.cause, found.p_value, found.gain, found.ratio, name, lambda: (alike[scores.best],)
+    )
 
 
 def twins(one: str, other: str) -> bool:

@@ -6,6 +6,7 @@ own; what rejects is unexplained, and makes the names of its kind less certain (
 
     law       Neyman's smooth test [1]_: W = n m'G⁻¹m, χ²₆, m the means of the Legendre polynomials of degree 3 … 8 of
               Φ(e) less what mean and variance of e make of them, G their covariance for normal numbers
+              and the same of the means of 8, 32 … residuals
     squares   the spectrum of e² above 64 cycles a record is flat, but for what is left of colour in e, 2 r² with the
               autocorrelation r: Σ d², d the normal deviates of its means in octaves ÷ their common mean
     spectrum  the power in cells of time and frequency is the product of those of its time and of its frequency:
@@ -52,6 +53,8 @@ MAX_ROUNDING_SHARE = 0.022
 White noise has it at a step of half an sd, which adds 0.4 to W in 1e6 samples, and 360 at 0.6; where a filter leaves
 little but rounding at high frequencies, the law and the squares of that are seen.
 """
+MEAN_SIZES, MIN_MEANS = (8, 32, 128, 512), 500
+"""Residuals in a mean, and least number of means: with fewer the statistic is no χ² in its tail."""
 MIN_CYCLES = 64
 """Cycles in the record below which changes of the variance are those of its parts, which have tests."""
 COLOUR_LAGS, MIN_CORRELATION_SDS = 256, 4.0
@@ -79,7 +82,11 @@ def checks(fitted: Residual) -> tuple[TestResult, ...]:
     slow = _course(fitted)
     if hides_noise(fitted):
         return slow
-    law = (*_law(fitted), *_squares(fitted)) if _rounding_share(fitted) < MAX_ROUNDING_SHARE else ()
+    law = (
+        (*_law(fitted), *_squares(fitted), *_law_of_means(fitted))
+        if _rounding_share(fitted) < MAX_ROUNDING_SHARE
+        else ()
+    )
     return (*law, _spectrum_in_time(fitted), *_beside_lines(fitted), *slow)
 
 
@@ -117,14 +124,35 @@ def _law(fitted: Residual) -> tuple[TestResult, ...]:
     e = fitted.good / float(np.std(np.clip(fitted.good, -RESIDUAL_CLIP, RESIDUAL_CLIP)))
     bins = histogram(np.clip(e, -RESIDUAL_CLIP, RESIDUAL_CLIP))
     z, share = bins.value, bins.count / bins.count.sum()
+    statistic = len(e) * _smooth_statistic(z, share)
+    moments = [float(share @ z**k) for k in (3, 4)]
+    place = f"skewness {moments[0]:+.2g}, excess kurtosis {moments[1] - 3.0:+.2g}"
+    return (_result("law", statistic, len(LAW_DEGREES), "law of the white noise", place),)
+
+
+def _smooth_statistic(z: FloatArray, share: FloatArray) -> float:
+    """Return Neyman's statistic W ÷ n of numbers of unit variance, shape (b,), with their shares."""
     shares, gram = _smooth_functions()
     known = np.stack((np.ones_like(z), z, (z * z - 1.0) / np.sqrt(2.0)), axis=1)
     values = legvander(2.0 * ndtr(z) - 1.0, max(LAW_DEGREES))[:, min(LAW_DEGREES) :]
     mean = share @ (values - known @ shares.T)
-    statistic = float(len(e) * mean @ np.linalg.solve(gram, mean))
-    moments = [float(share @ z**k) for k in (3, 4)]
-    place = f"skewness {moments[0]:+.2g}, excess kurtosis {moments[1] - 3.0:+.2g}"
-    return (_result("law", statistic, len(mean), "law of the white noise", place),)
+    return float(mean @ np.linalg.solve(gram, mean))
+
+
+def _law_of_means(fitted: Residual) -> tuple[TestResult, ...]:
+    """Test the law of means of the residuals, which events and processes that are not normal bend."""
+    name, tests = "law of the means of residuals", []
+    e = np.clip(np.where(fitted.valid, fitted.e, 0.0), -RESIDUAL_CLIP, RESIDUAL_CLIP)
+    sizes = [size for size in MEAN_SIZES if len(e) >= MIN_MEANS * size]
+    for size in sizes:
+        means = e[: len(e) // size * size].reshape(-1, size).mean(axis=1)
+        z = (means - means.mean()) / float(means.std())
+        statistic = len(z) * _smooth_statistic(z, np.full(len(z), 1.0 / len(z)))
+        place = (
+            f"over {size * fitted.channel.interval:.3g} s, excess kurtosis {float(np.mean(z**4)) - 3.0:+.2g}"
+        )
+        tests.append(_result("law of means", statistic, len(LAW_DEGREES), name, place, len(sizes)))
+    return tuple(sorted(tests, key=lambda test: test.p_value)[:1])
 
 
 def _squares(fitted: Residual) -> tuple[TestResult, ...]:

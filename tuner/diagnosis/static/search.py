@@ -32,6 +32,7 @@ from tuner.diagnosis.static.near_twins import (
     behind_thermometer,
     measured_first,
     twins,
+    warming_box,
     with_curve,
     with_lag,
     with_one_lag,
@@ -144,7 +145,9 @@ def search_causes(channel: Channel, threshold: float, given: tuple[Extension, ..
         rejections = _not_superseded(rejections)
         broad = [result for result in rejections if is_broad(result.cause)]
         chosen = [
-            behind_thermometer(found, measured_first(result, rejections), threshold)
+            warming_box(
+                found, behind_thermometer(found, measured_first(result, rejections), threshold), threshold
+            )
             for result in _clearest(rejections)
         ]
         paths = any(result.cause == "telegraph" for result in chosen)

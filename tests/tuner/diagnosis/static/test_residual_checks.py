@@ -6,13 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from tuner.diagnosis import diagnose
 from tuner.diagnosis.static.causes.line import Line
 from tuner.diagnosis.static.causes.temperature import Temperature
+from tuner.diagnosis.static.causes.warmup import Warmup
 from tuner.diagnosis.static.channel import channel
 from tuner.diagnosis.static.model.residual import residual
 from tuner.diagnosis.static.residual_checks import checks
+from tuner.diagnosis.static.something_else import other_transient_lead
 from tuner.types.records import Record
 
 COUNT = 20_000
@@ -96,6 +99,30 @@ def test_power_law_noise_is_no_certain_filter():
     found = diagnose(record(y))
     assert found.findings
     assert all("unknown" in {a.cause for a in one.alternatives} for one in found.findings)
+
+
+@pytest.mark.parametrize(("exponential", "expected"), [(False, 0.0), (True, -20.0)])
+def test_a_change_of_slope_is_likelier_than_a_transient_where_it_is_one(exponential, expected):
+    time = np.arange(COUNT) / COUNT
+    course = 8.0 * np.exp(-time / 0.05) if exponential else 20.0 * np.maximum(0.4 - time, 0.0)
+    fitted = residual(channel(record(rng(14).standard_normal(COUNT) + course), "gyro_x"))
+    found = Warmup.test(fitted)
+    assert found is not None
+    lead = other_transient_lead(residual(fitted.channel, found.propose()), 0)
+    assert lead < expected if exponential else lead > expected
+
+
+def test_a_thermometer_that_errs_for_minutes_is_named_before_the_time():
+    """The bias follows the true temperature, which the readings miss by 0.3 K for 10 s: a warm-up alone was named."""
+    time = 0.01 * np.arange(COUNT)
+    felt = 10.0 * -np.expm1(-time / 40.0)
+    decay = np.exp(-0.001)
+    error = lfilter([0.3 * np.sqrt(1.0 - decay**2)], [1.0, -decay], rng(20).standard_normal(COUNT))
+    made = record(rng(16).standard_normal(COUNT) + 0.1 * felt)
+    (finding,) = diagnose(replace(made, covariates={"temperature": 25.0 + felt + error})).findings
+    assert finding.cause == "temperature"
+    assert "warmup" in {a.cause for a in finding.alternatives}
+    assert finding.parameters["slope"].value == pytest.approx(1e-4, rel=0.3)
 
 
 def test_a_converter_without_some_codes_has_no_other_law():

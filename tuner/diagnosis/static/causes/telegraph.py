@@ -88,6 +88,8 @@ class Telegraph(Extension):
         Mean times at the lower and the upper level, s.
     besides : tuple of Term
         Slow noise beside the path.
+    third_level_lead : float
+        Log likelihood of three levels less that of two, nats.
     """
 
     cause = "telegraph"
@@ -102,6 +104,7 @@ class Telegraph(Extension):
     size: float = 0.0
     dwells: tuple[float, float] = (1.0, 1.0)
     besides: tuple[Term, ...] = ()
+    third_level_lead: float = -np.inf
 
     def lead(self, y: FloatArray, step: float, r: FloatArray | float) -> float:
         """Return how much likelier two levels make block means, shape (M,), than the Gauss–Markov process does, nats.
@@ -167,9 +170,9 @@ class Telegraph(Extension):
         if gain <= 0.0:
             return TestResult("telegraph", p_value, gain, lead, name)
         extension, switches, x, two = _extension(y, step, channel.span, r, best[1], besides)
-        many = _three_levels(y, step, channel.span, r, x, besides, two + THIRD_LEVEL_LEAD)
+        many, three = _three_levels(y, step, channel.span, r, x, besides, two + THIRD_LEVEL_LEAD)
         if many is not None:
-            found, three = many
+            found = many
             return TestResult(
                 "telegraph", p_value, three - null - price, three - null, ManyLevels.meaning, lambda: (found,)
             )
@@ -178,6 +181,7 @@ class Telegraph(Extension):
             switches < MIN_SWITCHES or not size.lower * size.upper > 0.0
         ):  # levels that are not distinct have no name
             return TestResult("telegraph", p_value, -9.0, lead, name)
+        extension = replace(extension, third_level_lead=three - two)
         return TestResult("telegraph", p_value, gain, lead, name, lambda: (extension,))
 
 
@@ -329,8 +333,8 @@ def _three_levels(
     two: FloatArray,
     besides: type[Term],
     least: float,
-) -> tuple[ManyLevels, float] | None:
-    """Return the path between three levels and their log likelihood, above `least`; None where they have less.
+) -> tuple[ManyLevels | None, float]:
+    """Return the path between three levels, None where they are not likelier than `least`, and their log likelihood.
 
     The third level lies between the two, or beyond one of them; from each a switch to either other is as likely.
     Hills are climbed from each of these places next to the free numbers of two, until one is high enough.
@@ -347,7 +351,7 @@ def _three_levels(
     starts = [np.array([*two[:3], *pair, dwell]) for pair in places]
     models = [parts(x) for x in starts]
     values = [-np.inf if model is None else likelihood_by_start(y, *model, r) for model in models]
-    simplex = np.diag([0.5, 0.5, 0.5, 0.3 * size, 0.3 * size, 0.5])
+    simplex, best = np.diag([0.5, 0.5, 0.5, 0.3 * size, 0.3 * size, 0.5]), -np.inf
     for at in np.argsort(values)[::-1]:
         x, model, _ = climb(y, r, parts, starts[at], simplex, THIRD_LEVEL_TOLERANCE)
         path, dwell = np.empty(len(y)), float(np.exp(x[5]))
@@ -358,4 +362,5 @@ def _three_levels(
         visits = int(np.bincount(entered, minlength=len(levels)).min())
         if value > least and visits >= MIN_VISITS:
             return ManyLevels(tuple(path.tolist()), float(np.std(levels)), dwell / 1.5), value
-    return None
+        best = max(best, value if visits >= MIN_VISITS else -np.inf)
+    return None, best

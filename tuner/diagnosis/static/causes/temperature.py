@@ -17,7 +17,11 @@ COVARIATE = "temperature"
 
 @dataclass(frozen=True)
 class Temperature(Template):
-    """Bias in proportion to the temperature."""
+    """Bias in proportion to the temperature.
+
+    `time_constant` is that of the exponential which the temperature follows but for errors of its readings, s; 0 where
+    the readings themselves are meant.
+    """
 
     cause = "temperature"
     effect = TemperatureSlope
@@ -32,10 +36,23 @@ class Temperature(Template):
     statistic = "likelihood ratio of the temperature"
     different_in_pairs = 1.0
     view = "temperature"
+    time_constant: float = 0.0
 
     def template(self, channel: Channel) -> NDArray[np.float64]:
         """Return the temperature on the blocks about its mean, K, shape (M,)."""
+        if self.time_constant:
+            return warming(channel, self.time_constant)[0]
         return centred(channel)
+
+
+def warming(channel: Channel, time_constant: float) -> tuple[NDArray[np.float64], float, float]:
+    """Return how the temperature warms by an exponential and a ramp: K about its mean, shape (M,), size, rms rest."""
+    time, read = channel.block_time, centred(channel)
+    basis = np.stack((np.ones_like(time), time / channel.span, np.exp(-time / time_constant)), axis=1)
+    share = np.linalg.lstsq(basis, read)[0]
+    course = basis @ share
+    size = float(abs(share[2])) * -float(np.expm1(-channel.span / time_constant))
+    return course - course.mean(), size, float(np.sqrt(np.mean((read - course) ** 2)))
 
 
 def centred(channel: Channel) -> NDArray[np.float64]:

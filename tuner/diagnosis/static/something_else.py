@@ -1,0 +1,136 @@
+"""The share of something else in a name: what is left of its kind, and what no cause has explains as much.
+
+A cause is named because it explains more than the other causes. That is no evidence against what is no cause of the
+catalogue. Its weight, a likelihood ratio as that of every alternative, is the larger of
+
+- what is left unexplained of the kind that the cause is about ÷ what the cause explains, 1 where more is left of all
+  kinds together than it explains, and
+- the likelihood of what no cause has in its place: three levels for two, a change of slope, powers and the logarithm
+  of time for a transient, and for causes that bend the spectrum power-law noise f^α with an α that is none of 0, −1
+  and −2 (white, flicker, random walk)::
+
+    E(f) = S_base(f) + s f^α,    s ≥ 0, α on a grid, the noise of the base fitted again for each s
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from models.noise import BiasInstability, RandomWalk
+from tuner.diagnosis.cause import Group
+from tuner.diagnosis.static.causes.telegraph import Telegraph
+from tuner.diagnosis.static.causes.transients import Transients
+from tuner.diagnosis.static.causes.warmup import Warmup
+from tuner.diagnosis.static.channel import Channel
+from tuner.diagnosis.static.model.residual import Residual, residual, without
+from tuner.diagnosis.static.model.score_scan import scan
+from tuner.diagnosis.static.model.slow_likelihood import FLICKER
+from tuner.diagnosis.static.near_twins import NEAR_TWIN_NATS
+from tuner.diagnosis.static.outcome import Accepted
+from tuner.diagnosis.static.search import SearchResult, group_of
+from tuner.types import Alternative
+
+FloatArray = NDArray[np.float64]
+
+UNKNOWN = "unknown"
+"""Code of what is none of the causes, in a list of alternatives."""
+MIN_LEFT_SHARE = 0.05
+"""Share of what a finding explains above which what it leaves makes it uncertain: a likelihood ratio of 20."""
+OF_GROUPS: Mapping[str, tuple[Group, ...]] = {
+    "spectrum": ("fast spectrum",),
+    "slow spectrum": ("slow part",),
+    "unnamed": ("slow part",),
+    "periodic variance": ("distribution",),
+    "variance by bias": ("distribution",),
+    "irregular variance": ("distribution",),
+    "law": ("distribution",),
+    "law of means": ("distribution", "slow part"),
+    "squares": ("distribution", "fast spectrum"),
+    "spectrum in time": ("distribution", "fast spectrum"),
+    "beside lines": ("fast spectrum",),
+    "course": ("slow part",),
+    Transients.cause: ("distribution", "slow part"),
+}
+"""Groups of the causes that statistics without one are about."""
+CORRELATED = ("gauss_markov", "lowpass", "colour")
+"""Causes that bend the spectrum over decades."""
+TRIED_EXPONENTS = (-0.25, -0.5, -0.75, -1.25, -1.5, -1.75)
+"""α that are tried, a quarter apart: one between two loses a nat in fifty, and −1 and −2 are in the base."""
+LOG_SIZES = (-12.0, 6.0)
+"""Range of the log of the power ÷ that of the white noise, in the middle of the cells of the fit."""
+CORNER_COUNT = 16
+"""Places of a change of slope, and starts of a logarithm, that are tried; neighbours resemble each other by 0.95."""
+
+
+def with_unknown(outcome: SearchResult) -> tuple[Accepted, ...]:
+    """Return what was accepted with something else among its alternatives, where that has a share."""
+    given = len(outcome.final.extensions) - len(outcome.accepted)
+    power_law = power_law_lead(outcome.final) if outcome.final.count(*CORRELATED) else -np.inf
+    found = []
+    for index, accepted in enumerate(outcome.accepted, given):
+        group, gain = accepted.extension.group, accepted.result.gain
+        left = sum(
+            r.nats for r in outcome.unexplained if group in OF_GROUPS.get(r.cause, (group_of(r.cause),))
+        )
+        weight = min(left / gain, 1.0) if left > MIN_LEFT_SHARE * gain else 0.0
+        if sum(r.nats for r in outcome.unexplained) > gain:
+            weight = 1.0
+        lead = power_law if accepted.extension.cause in CORRELATED else -np.inf
+        if isinstance(accepted.extension, Telegraph):
+            lead = accepted.extension.third_level_lead
+        if isinstance(accepted.extension, Warmup):
+            lead = other_transient_lead(outcome.final, index)
+        if lead > -NEAR_TWIN_NATS:
+            weight = max(weight, float(np.exp(min(lead, 0.0))))
+        unknown = (Alternative(UNKNOWN, weight),) if weight else ()
+        found.append(replace(accepted, alternatives=(*accepted.alternatives, *unknown)))
+    return tuple(found)
+
+
+def power_law_lead(fitted: Residual) -> float:
+    """Return the log likelihood that power-law noise gains in place of all correlated causes of a model, nats."""
+    kept = tuple(x for x in fitted.extensions if x.cause not in CORRELATED)
+    bare = residual(fitted.channel, kept, near=fitted)
+    fit = next(one for one in bare.fits if one.kinds == FLICKER)
+    problem, f = bare.track.objective(FLICKER), bare.track.grid.frequency
+    weak = fit.theta.copy()
+    for kind in (RandomWalk, BiasInstability):
+        at = sum(len(k.PARAMETERS) for k in FLICKER[: FLICKER.index(kind)])
+        weak[at] = problem.lower[at] + 1.0
+    best = -np.inf
+    for exponent in TRIED_EXPONENTS:
+        shape = fit.expected[-1] * (f / f[len(f) // 2]) ** exponent
+        for start in (fit.theta, weak):
+
+            def cost(log_size: float, shape: FloatArray = shape, start: FloatArray = start) -> float:
+                track = replace(bare.track, fixed=bare.track.fixed + np.exp(log_size) * shape)
+                return -track.fit(FLICKER, start).log_likelihood
+
+            found = minimize_scalar(cost, bounds=LOG_SIZES, method="bounded", options={"xatol": 0.1})
+            best = max(best, -float(found.fun))
+    return best - fitted.fit.log_likelihood
+
+
+def other_transient_lead(fitted: Residual, index: int) -> float:
+    """Return the log likelihood that another course gains in place of the transient of this index, nats."""
+    bare = without(fitted, index)
+    scores, templates = scan(bare, _courses(fitted.channel))
+    best = np.argsort(-np.abs(scores.score))[:2]
+    return (
+        max(bare.refit(templates[:, at]).log_likelihood for at in best.tolist()) - fitted.fit.log_likelihood
+    )
+
+
+def _courses(channel: Channel) -> FloatArray:
+    """Return smooth functions of time with one free number that no cause has, on the blocks, shape (M, p)."""
+    time = channel.block_time / channel.span
+    corners = np.linspace(0.0, 1.0, CORNER_COUNT + 2)[1:-1]
+    slopes = np.maximum(time[:, None] - corners, 0.0)
+    logs = np.log(time[:, None] + np.geomspace(1e-3, 1.0, CORNER_COUNT))
+    powers = time[:, None] ** np.array([0.25, 0.5, 1.5, 2.0, 3.0])
+    return np.concatenate((slopes, logs, powers), axis=1)
