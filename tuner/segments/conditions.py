@@ -126,8 +126,8 @@ def still_parts(records: Sequence[Record]) -> tuple[Part, ...]:
         Fewer than two stretches of `MIN_PART_SAMPLES` samples.
     """
     first = _one_clock(records)
-    resting = at_rest(records)
-    still = [piece for piece in resting[0].segments if piece[1] - piece[0] >= MIN_PART_SAMPLES]
+    resting, _ = without_knocks(records)
+    still = [piece for piece in find_motion(records).still if piece[1] - piece[0] >= MIN_PART_SAMPLES]
     longest = sorted(sorted(still, key=lambda piece: piece[0] - piece[1])[:MAX_PARTS])
     if len(longest) < 2:
         msg = (

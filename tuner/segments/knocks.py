@@ -21,6 +21,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, label
 from scipy.special import ndtri
@@ -45,8 +46,8 @@ MIN_WORTH = 0.01
 """Least part of the variance or of the white noise of a channel that a knock must make up: its interval is wider."""
 BLOCKS_BESIDE = 8
 """Blocks on either side, a second, whose mean is the level from which a knock displaces a sensor."""
-SAMPLES_AT_ONCE = 1 << 20
-"""Samples of blocks in memory at a time: 8 MB."""
+SAMPLES_AT_ONCE = 1 << 15
+"""Samples of blocks in memory at a time, 256 kB: they stay in the cache of a processor."""
 EDGE_PROBABILITY = 0.01
 """Probability that a still block beside a moving one counts as moving: one hundredth of a second of each edge."""
 MIN_SLOWER_GROWTH = float(np.log(1.25))
@@ -102,17 +103,24 @@ def knocked(
 class _Column:
     """Variances of the blocks of a channel.
 
-    `level` and `roughness` are ½ ln of the variance of the samples, and of their differences, over the usual one.
+    `mean` is that of their samples, `level` ½ ln of their variance over the usual one, shape (b,).
     """
 
     def __init__(
         self, column: FloatArray, least: float, starts: IntArray, size: int, busy: BoolArray
     ) -> None:
-        self._column, self._least, self._starts, self._size = column, least, starts, size
-        self.mean, variance, change = _moments(column, starts, size)
-        log, rough = (0.5 * np.log(np.maximum(v, least)) for v in (variance, change))
+        self._column, self._least, self._starts, self._size, self._busy = column, least, starts, size, busy
+        self.mean, variance = _moments(column, starts, size)
+        log = 0.5 * np.log(np.maximum(variance, least))
         self._usual = _usual(log, busy)
-        self.level, self.roughness = log - self._usual, rough - _usual(rough, busy)
+        self.level = log - self._usual
+
+    @property
+    def roughness(self) -> FloatArray:
+        """½ ln of half the mean square of the differences of samples over the usual one, shape (b,)."""
+        change, scatter = _moments(np.diff(self._column), self._starts, self._size - 1)
+        rough = 0.5 * np.log(np.maximum(0.5 * (change**2 + scatter), self._least))
+        return np.asarray(rough - _usual(rough, self._busy))
 
     def without_furthest(self, chosen: IntArray) -> FloatArray:
         """Return the level of chosen blocks without the sample that is furthest from their median."""
@@ -153,25 +161,26 @@ def _without_largest(levels: Sequence[FloatArray]) -> FloatArray:
     return np.asarray(ordered.mean(axis=0) - (ordered[-1] - ordered[-2]) / len(ordered))
 
 
-def _moments(column: FloatArray, starts: IntArray, size: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the means and variances of the samples of each block, and half the mean square of their differences."""
-    mean, variance, change = (np.empty(len(starts)) for _ in range(3))
+def _moments(column: FloatArray, starts: IntArray, size: int) -> tuple[FloatArray, FloatArray]:
+    """Return the means and variances of the samples of each block, shape (b,)."""
+    mean, variance = np.empty(len(starts)), np.empty(len(starts))
+    blocks = sliding_window_view(column, size)
     at_once = max(1, SAMPLES_AT_ONCE // size)
     for k in range(0, len(starts), at_once):
-        blocks = column[starts[k : k + at_once, None] + np.arange(size)]
-        mean[k : k + at_once] = blocks.mean(axis=1)
-        variance[k : k + at_once] = blocks.var(axis=1, ddof=1)
-        change[k : k + at_once] = 0.5 * np.mean(np.diff(blocks, axis=1) ** 2, axis=1)
-    return mean, variance, change
+        one = np.ascontiguousarray(blocks[starts[k : k + at_once]])
+        level = one.mean(axis=1)
+        one -= level[:, None]
+        mean[k : k + at_once] = level
+        variance[k : k + at_once] = np.einsum("ij,ij->i", one, one) / (size - 1)
+    return mean, variance
 
 
 def _usual(log: FloatArray, busy: BoolArray) -> FloatArray:
     """Return the median of the blocks at rest within about a minute of each block, shape (b,)."""
     place = np.flatnonzero(~busy)
-    parts = np.array_split(place, max(1, len(place) // USUAL_BLOCKS))
-    return np.interp(
-        np.arange(len(log)), [part.mean() for part in parts], [float(np.median(log[part])) for part in parts]
-    )
+    count = max(1, len(place) // USUAL_BLOCKS)
+    parts = place[: len(place) // count * count].reshape(count, -1)
+    return np.interp(np.arange(len(log)), parts.mean(axis=1), np.median(log[parts], axis=1))
 
 
 def _any_in_block(mask: BoolArray, starts: IntArray, size: int) -> BoolArray:

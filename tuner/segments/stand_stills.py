@@ -19,6 +19,12 @@ SETTLING_PROBABILITY = 0.01
 
 MIN_SECONDS = 1.0
 """Shortest time between motions that counts as rest, s: a hand that turns a sensor pauses for less."""
+MIN_PART_SECONDS = 8.0
+"""Length of a stand-still between motions from which its own noise tells whether it is at rest, s: that of the fewest
+blocks that a record must have. Shorter ones are used where they are most of what is at rest, as among many poses."""
+MAX_LEVEL_DIFFERENCE = float(np.log(1.5))
+"""Difference of the level of the noise, mean of all channels, from that of the quietest stand-still: a hand, an engine
+or a road are more, and the noise of a sensor at rest is not."""
 
 
 def stand_stills(records: Sequence[Record], moving: BoolArray, long: BoolArray) -> tuple[Segments, Segments]:
@@ -66,6 +72,34 @@ def stand_stills(records: Sequence[Record], moving: BoolArray, long: BoolArray) 
         b = end if end in edges else settled_from(records, moving, a, end, SETTLING_PROBABILITY, back=True)
         parts.append((a, b))
     return tuple(parts), tuple(knocks)
+
+
+def alike(records: Sequence[Record], still: Segments) -> Segments:
+    """Return the stand-stills that are as quiet as the quietest one, less short ones where these are few.
+
+    Between motions a unit may lie on a table, in a hand or in a vehicle: its noise is that of the quietest.
+    """
+    interval = records[0].interval
+    long = tuple((a, b) for a, b in still if (b - a) * interval >= MIN_PART_SECONDS)
+    level = {part: _level(records, *part) for part in still}
+    quietest = min(level[part] for part in long or still)
+    quiet = tuple(part for part in still if level[part] <= quietest + MAX_LEVEL_DIFFERENCE)
+    kept = tuple(part for part in quiet if part in long)
+    return kept if 2 * sum(b - a for a, b in kept) >= sum(b - a for a, b in quiet) else quiet
+
+
+def _level(records: Sequence[Record], start: int, stop: int) -> float:
+    """Return the mean over channels of ½ ln of the median variance of the seconds of a stand-still.
+
+    Infinite where a channel keeps to one value: a frozen sensor is not quiet.
+    """
+    size = min(max(2, round(MIN_SECONDS * records[0].rate)), stop - start)
+    count = (stop - start) // size
+    found = []
+    for record in records:
+        blocks = record.y[start : start + count * size].reshape(count, size, -1)
+        found += np.median(blocks.var(axis=1), axis=0).tolist()
+    return float(np.mean(0.5 * np.log(found))) if min(found) > 0.0 else np.inf
 
 
 def inside(n: int, ranges: Sequence[tuple[int, int]]) -> BoolArray:

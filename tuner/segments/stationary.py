@@ -37,7 +37,7 @@ from numpy.typing import NDArray
 from models.robust import normal_sd
 from tuner.segments.knock_bridges import bridge_knocks
 from tuner.segments.knocks import knocked
-from tuner.segments.stand_stills import inside, runs, stand_stills
+from tuner.segments.stand_stills import alike, inside, runs, stand_stills
 from tuner.types.records import DataError, Record
 
 FloatArray = NDArray[np.float64]
@@ -66,11 +66,6 @@ _CERTAIN_MOTION = {"rad/s": 0.1, "m/s^2": 1.0}
 _LARGEST_AT_REST = {"rad/s": 5e-3, "m/s^2": 0.1}
 """Largest usual change of the mean from one block to the next of a sensor at rest, by unit: twice that of the noisiest
 gyroscopes sold (0.1 deg/s/√Hz) and seven times that of the noisiest accelerometers (1 mg/√Hz)."""
-
-
-_MIN_PART_SECONDS = 8.0
-"""Length of a stand-still between motions from which its own noise tells whether it is at rest, s: that of the fewest
-blocks that a record must have. Shorter ones are used where they are most of what is at rest, as among many poses."""
 
 
 @dataclass(frozen=True)
@@ -223,24 +218,17 @@ def cut_to_still(records: Sequence[Record], motion: Motion) -> tuple[Record, ...
     if not motion.still:
         msg = f"{records[0].source}: {description}: no part stands still; record the sensor at rest"
         raise DataError(msg)
+    still = alike(records, motion.still) if description is not None else motion.still
     for record in records:
-        if (moving := _steady_motion(record, motion.still)) is not None:
+        if (moving := _steady_motion(record, still)) is not None:
             raise DataError(moving)
     if description is None:
         return tuple(records)
-    still = _long_enough(records[0], motion.still)
     knocks = [(a, b) for a, b in motion.knocks if any(c <= a < d for c, d in still)]
     bridges = f"; knocks inside, {len(knocks)}, are replaced by simulated samples" if knocks else ""
     note = f"{description}; {_described_parts(records[0], still, begin)}{bridges}"
     cut = [replace(r, segments=still, notes=(*r.notes, note), short_clusters={}) for r in records]
     return tuple(bridge_knocks(record, knocks) if knocks else record for record in cut)
-
-
-def _long_enough(record: Record, still: Segments) -> Segments:
-    """Return the stand-stills that are long enough to be judged, or all where these are not most of the rest."""
-    long = tuple((a, b) for a, b in still if (b - a) * record.interval >= _MIN_PART_SECONDS)
-    total = sum(b - a for a, b in still)
-    return long if 2 * sum(b - a for a, b in long) >= total else still
 
 
 def _described_parts(record: Record, still: Segments, begin: float) -> str:

@@ -129,3 +129,15 @@ def test_gaps_of_the_file_stay_gaps() -> None:
     records = unit(noise(14), ((0, 5000), (5100, COUNT)))
     assert at_rest(records) == records
     assert replace(records[0]).segments == ((0, 5000), (5100, COUNT))
+
+
+def test_of_several_stand_stills_those_as_quiet_as_the_quietest_are_used() -> None:
+    """On a table, in a hand, on the table again: between them it moves."""
+    turn = 60.0 * noise(20, 500)
+    y = np.vstack([noise(21, 3000), turn, 2.2 * noise(22, 3000), turn, noise(23, 3000)])
+    (kept, _) = at_rest(unit(y))
+    assert len(kept.segments) == 2
+    assert kept.segments[0][1] <= 3000
+    assert kept.segments[1][0] >= 7000
+    frozen = np.vstack([y[:3500], np.ones((900, 6)), y[6500:]])
+    assert len(at_rest(unit(frozen))[0].segments) == 2
