@@ -22,7 +22,14 @@ from tuner.diagnosis.drive.causes.time_offset import (
 )
 from tuner.diagnosis.drive.findings import finding, inseparable_causes
 from tuner.diagnosis.drive.held_out_gain import held_out_gain
-from tuner.diagnosis.drive.hypothesis import FilterRun, Hypothesis, in_sensor_axes, run_filter, thin_fixes
+from tuner.diagnosis.drive.hypothesis import (
+    FilterRun,
+    Hypothesis,
+    in_sensor_axes,
+    placed_in_sensor_axes,
+    run_filter,
+    thin_fixes,
+)
 from tuner.diagnosis.drive.linear_model.likelihood import as_configured, evaluate
 from tuner.diagnosis.drive.plausibility import plausible
 from tuner.diagnosis.drive.posterior_check import with_something_else
@@ -100,7 +107,8 @@ def _examine(
     suspicious_clocks = clocks_are_suspicious(base)
     if suspicious_clocks:
         refuse_wrong_axes(drive)
-    coarse, clock = coarse_clock_search(in_sensor_axes(drive), base.hypothesis)
+    # A lever arm counts for the clocks only in axes that are known.
+    coarse, clock = coarse_clock_search(placed_in_sensor_axes(drive), base.hypothesis)
     outcome = search_causes(sensor, base, coarse, progress)
     measured = clock_coefficients(clock, config.compensation)
     outcome = replace(

@@ -207,6 +207,12 @@ def in_sensor_axes(drive: Drive) -> Drive:
     return replace(drive, mounting=None, lever_arm=arm)
 
 
+def placed_in_sensor_axes(drive: Drive) -> Drive:
+    """Return the drive in the axes of its sensor, with a mounting of none where the axes of its lever arm are known."""
+    moved = in_sensor_axes(drive)
+    return moved if drive.mounting is None else replace(moved, mounting=np.eye(3))
+
+
 def thin_fixes(drive: Drive) -> tuple[Drive, int]:
     """Return the drive with at most `MAX_FIXES` fixes at irregular distances, and of how many one was kept."""
     rows = irregular_rows(len(drive.gnss), MAX_FIXES)

@@ -184,7 +184,7 @@ def _gyro_bias(steps: Steps, gnss: Gnss, arm: FloatArray) -> FloatArray:
     rest = slice(*np.searchsorted(ends, [gnss.t[0], stationary_until(gnss)]).tolist())
     time = float(steps.dt[rest].sum())
     if time > MIN_STATIONARY_POOR_GYROS:
-        bias = steps.increments[rest, :3].sum(axis=0) / time
+        bias = _resting_rates(steps, rest)
     if time > SUFFICIENT_STATIONARY:
         return bias
     shortest = MIN_SEGMENT_FIXES * float(np.median(np.diff(gnss.t)))
@@ -207,6 +207,15 @@ def _gyro_bias(steps: Steps, gnss: Gnss, arm: FloatArray) -> FloatArray:
     return bias
 
 
+def _resting_rates(steps: Steps, rest: slice) -> FloatArray:
+    """Return the rates while a vehicle stands: the median of means over a second, as people turn on the spot."""
+    part = steps.dt[rest]
+    second = (np.cumsum(part) - part).astype(int)
+    time = np.bincount(second, weights=part)
+    means = [np.bincount(second, weights=axis) / time for axis in steps.increments[rest, :3].T]
+    return np.asarray(np.median(means, axis=1))
+
+
 def _coarse(
     increments: IntegratedIncrements, parts: Sequence[Segment], arm: FloatArray
 ) -> tuple[float, bool]:
@@ -222,9 +231,9 @@ def _coarse(
         sd = (north, down, along, fall)
     independent = sum(float(part.since[-1]) for part in chosen) / CORRELATION_TIME
     nats = independent * np.nan_to_num(np.log(cost)) @ np.array([2.0, 1.0, 2.0, 1.0])
-    best = int(np.argmin(nats))
-    if nats[np.abs(grid) < 1.5 * COARSE_STEP].min() - nats[best] < MIN_COARSE_GAIN:
-        return 0.0, False
+    best, near = int(np.argmin(nats)), np.flatnonzero(np.abs(grid) < 1.5 * COARSE_STEP)
+    if nats[near].min() - nats[best] < MIN_COARSE_GAIN:
+        return float(grid[near[np.argmin(nats[near])]]), False
     return float(grid[best]), best in (0, len(grid) - 1)
 
 
@@ -303,7 +312,29 @@ def _gauss_newton(
     d, c = delay[which], covariance[np.ix_(which, which)]
     statistic = float(d @ np.linalg.solve(c, d)) / len(d)
     p_value = fisher_beyond(statistic, len(d), found.freedom)
+    if p_value < FALSE_OFFSET_PROBABILITY:
+        full = [unweighted(part, w.sd) for part, w in zip(parts, weights, strict=True)]
+        none, some = (
+            _left(
+                [regression(increments, part, w, both, arm) for part, w in zip(parts, full, strict=True)],
+                prior,
+                free,
+            )
+            for both in ((0.0, 0.0), (float(np.nan_to_num(delay[0])), float(np.nan_to_num(delay[1]))))
+        )
+        if some >= none:  # where motion is faster than the steps, they may end at a delay that fits worse
+            p_value = 1.0
     return ClockOffset(delay, covariance, found.freedom, p_value, at_bound), found.value[-3:]
+
+
+def _left(rows: Sequence[Rows], prior: FloatArray, free: NDArray[np.bool_]) -> float:
+    """Return the sum of squares that regressions leave with the delays about which they are linearised."""
+    others = free.copy()
+    others[: len(DELAYS)] = False
+    value = _solve(rows, prior, others).value
+    return sum(
+        float(np.sum(np.minimum((one.residual - one.design @ value) ** 2, MAX_RESIDUAL**2))) for one in rows
+    )
 
 
 @dataclass(frozen=True)

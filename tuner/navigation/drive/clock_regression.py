@@ -50,8 +50,9 @@ DELAYS = ("position", "velocity")
 """The first two common parameters: delays of positions and of velocities, s."""
 MIN_FREE_SHARE = 0.1
 """Least share of the rows that counts as free: below it a scatter is not known."""
-DERIVATIVE_HALF_WIDTH = 0.25
-"""Half of the time over which the acceleration is taken, s: wide enough that no vibration is in it."""
+DERIVATIVE_HALF_WIDTH = 0.1
+"""Half of the time over which the acceleration is taken, s: no vibration of engines is in it, and a walker's bobbing at
+2 Hz keeps three quarters."""
 SWING_HALF_WIDTH = 0.05
 """The same of the velocity with which the antenna swings about the unit, s: a walker takes two steps in a second."""
 COMMON_PARAMETERS = 2 + 3 + 3 + 3 + 3
