@@ -116,6 +116,7 @@ def output_errors(
     how: Alignment = Alignment.NONE,
     time_offset: float | None = None,
     one_body: bool = True,
+    half_way: tuple[FloatArray, FloatArray] | None = None,
 ) -> OutputErrors:
     """Return the errors of an estimate.
 
@@ -129,6 +130,8 @@ def output_errors(
         Fitted to the errors, and subtracted from the stamps of the estimate, s.
     one_body : bool
         Whether both state the attitude of the same axes; otherwise the rotation between them is fitted and taken out.
+    half_way : pair of ndarray, optional
+        `half_way_variances` of the truth, where they are known: they take most of the time.
 
     Raises
     ------
@@ -150,11 +153,11 @@ def output_errors(
     dense = float(np.median(np.diff(moved.t))) < DENSER_TRUTH_RATIO * float(np.median(np.diff(truth.t)))
     if dense and not moved.has_innovations:
         own = (truth.t >= begin - 1e-9) & (truth.t <= end + 1e-9)
-        truth = truth.rows(own)
+        truth, half_way = truth.rows(own), None
         moved = replace(at_times(moved, truth.t), outages=moved.outages)
         notes.append("estimate interpolated at the times of the truth, which are fewer")
     rate = rate_of(truth, moved.t)
-    there, between = at_times(truth, moved.t), interpolation_variance(truth, moved.t)
+    there, between = at_times(truth, moved.t), interpolation_variance(truth, moved.t, half_way)
     moved, there, done = _in_one_frame(moved, there, how)
     body = None
     if not one_body:

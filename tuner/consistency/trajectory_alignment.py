@@ -172,13 +172,21 @@ def rate_of(given: FilterOutput, t: FloatArray) -> FloatArray:
     return np.asarray(wide)
 
 
-def interpolation_variance(given: FilterOutput, t: FloatArray) -> FloatArray:
+def half_way_variances(given: FilterOutput) -> tuple[FloatArray, FloatArray]:
+    """Return mean squares of rows minus what their neighbours make of them: the next ones, those beyond; (9,) each."""
+    return _middle_variance(given, 1), _middle_variance(given, 2)
+
+
+def interpolation_variance(
+    given: FilterOutput, t: FloatArray, half_way: tuple[FloatArray, FloatArray] | None = None
+) -> FloatArray:
     """Return variances of position, m, velocity and attitude of a trajectory interpolated at times t; (k, 9).
 
     Every other row, interpolated from the rest, is off by what twice the interval leaves open, every fourth by what
     four times does: their ratio, below one, leads on to the interval itself [3]_. What the stated sds of the rows
     explain is no error of interpolation. Half-way between rows the sd is largest; at a share u of the way it goes with
     u²(1 − u)² where the motion is resolved, as the next term of its series does, and with u(1 − u) where it is not.
+    `half_way_variances` of the trajectory may be given where they are known.
 
     References
     ----------
@@ -186,7 +194,7 @@ def interpolation_variance(given: FilterOutput, t: FloatArray) -> FloatArray:
     """
     after = np.clip(np.searchsorted(given.t, t), 1, len(given.t) - 1)
     share = np.clip((t - given.t[after - 1]) / np.diff(given.t)[after - 1], 0.0, 1.0)
-    twice, four = (_middle_variance(given, stride) for stride in (1, 2))
+    twice, four = half_way or half_way_variances(given)
     own = np.einsum("kii->ki", given.covariance)[:, :9]
     known = np.isfinite(own)
     stated = np.where(known, own, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
