@@ -95,6 +95,29 @@ def counted(items: Sequence[Item]) -> Iterator[Item]:
         _watcher.set(advance)
 
 
+@contextmanager
+def stages() -> Iterator[Advance]:
+    """Yield a function that tells whoever watches how many stages of one task are done, and of how many.
+
+    The number of all may change as the task goes on. What is done inside is not watched.
+    """
+    advance = _watcher.get()
+    _watcher.set(None)
+    counts = [0, 1]
+
+    def tell(done: int, total: int) -> None:
+        counts[:] = done, max(total, done, 1)
+        if advance is not None:
+            advance(*counts)
+
+    try:
+        tell(0, 1)
+        yield tell
+        tell(counts[1], counts[1])
+    finally:
+        _watcher.set(advance)
+
+
 def each(
     function: Callable[[Item], Result], items: Sequence[Item], shared: Sequence[object] = ()
 ) -> list[Result]:

@@ -18,7 +18,7 @@ from models.noise import NoiseModel, RandomWalk, White
 from tuner import diagnose, identify
 from tuner.formats.diagnosis import diagnosis_json
 from tuner.formats.identification import identification_json
-from tuner.jobs import beside, each, limited, usable
+from tuner.jobs import beside, counted, each, limited, stages, usable, watched
 from tuner.simulation.static import simulate
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="only on Linux a process is copied")
@@ -113,3 +113,14 @@ def test_what_runs_beside_ends_with_the_block(tmp_path):
     assert not (tmp_path / "alone").exists()
     with pytest.raises(KeyError), limited(2), beside(lambda: time.sleep(60.0)):
         raise KeyError  # and nothing waits for the rest
+
+
+def test_stages_of_one_task_are_told_and_loops_inside_are_not():
+    seen = []
+    with watched(lambda done, total: seen.append((done, total))):
+        with stages() as tell:
+            tell(1, 3)
+            list(counted([1, 2]))
+            tell(2, 4)
+        list(counted([1]))
+    assert seen == [(0, 1), (1, 3), (2, 4), (4, 4), (0, 1), (1, 1)]

@@ -33,6 +33,7 @@ from tuner.consistency.scores import (
     whiteness,
 )
 from tuner.consistency.verdicts import verdicts
+from tuner.jobs import counted
 from tuner.navigation.compensation import compensate, compensate_settings
 from tuner.navigation.data import GATED, WITHHELD, Solution
 from tuner.navigation.drive.axis_checks import inertial_axes
@@ -210,7 +211,7 @@ def navigate_drive(
         _whiteness(solutions, scored),
         tuple(
             outage
-            for horizon in OUTAGE_LENGTHS
+            for horizon in counted(OUTAGE_LENGTHS)
             if (outage := _outage(reference, stretches, settings, horizon)) is not None
         ),
         errors(reference, solutions, scored),

@@ -29,6 +29,7 @@ from tuner.consistency.scores import DIVERGED_RATIO, score
 from tuner.consistency.trajectory_alignment import Alignment
 from tuner.consistency.verdicts import verdicts
 from tuner.consistency.wrong_conventions import unit_of_sds
+from tuner.jobs import Advance, stages
 from tuner.types.consistency import Consistency, Score, Severity, Verdict, VerdictCode
 from tuner.types.filter_output import FilterOutput
 from tuner.types.output_score import OutputCause, TimeOffset
@@ -36,6 +37,10 @@ from tuner.types.records import DataError
 from tuner.types.shown import Shown
 
 FloatArray = NDArray[np.float64]
+
+
+SCORE_STAGES = 4
+"""Errors, their scores, what explains them, differences of frames: of about equal length, for those who watch."""
 
 
 @dataclass(frozen=True)
@@ -105,6 +110,20 @@ def score_outputs(
     """
     windows = np.asarray(outages, dtype=float).reshape(-1, 2)
     outputs = [replace(o, outages=np.concatenate([o.outages, windows])) for o in outputs]
+    with stages() as tell:
+        return _scored(outputs, truths, how, align_time, align_body, sensor_noise, tell)
+
+
+def _scored(
+    outputs: Sequence[FilterOutput],
+    truths: Sequence[FilterOutput],
+    how: Alignment,
+    align_time: bool,
+    align_body: bool,
+    sensor_noise: tuple[float, float] | None,
+    tell: Advance,
+) -> OutputScore:
+    """Return the score of outputs with all their outages, and tell which of the stages is done."""
     if len(truths) not in (0, 1, len(outputs)):
         msg = f"expected one truth, or one for each of {len(outputs)} estimates, found {len(truths)}"
         raise DataError(msg)
@@ -123,6 +142,7 @@ def score_outputs(
                 f"the estimate is {abs(offset.value):.3g} s ({low:.3g} … {high:.3g}) {late} against the truth; "
                 "--align-time takes it out"
             )
+    tell(1, SCORE_STAGES)
     innovative = [output for output in outputs if output.has_innovations]
     if not runs and not innovative:
         msg = (
@@ -144,6 +164,7 @@ def score_outputs(
         0.0,
         False,
     )
+    tell(2, SCORE_STAGES)
     lost = any(_not_finite(output) for output in outputs)
     why = (
         Explanations()
@@ -163,6 +184,7 @@ def score_outputs(
     causes = () if found.consistent else _without_contradicted(why.causes, found.scores)
     if runs and not (found.consistent or causes or lost):
         causes = differences_of_frames(outputs, every, how, runs, offset, found)
+    tell(3, SCORE_STAGES)
     states = state_scores(runs) if runs else ()
     far = any(s.ratio > DIVERGED_RATIO for s in found.scores) and not causes
     if not (found.consistent or causes or lost or far):

@@ -23,6 +23,7 @@ from tuner.diagnosis.drive.staying_errors import (
     STAYING,
     VELOCITY,
 )
+from tuner.jobs import counted
 from tuner.navigation.drive.clock import Clock
 from tuner.types import FilterConfig
 from tuner.types.records import DataError, Drive
@@ -180,7 +181,7 @@ def _fit_factors(
     factors, nats = dict(best.factors), best.first.nats
     gains: dict[str, list[float]] = {}
     for step in STEPS:
-        for name in (*FACTORS, *(own for own in STAYING if POSITION in factors)):
+        for name in counted((*FACTORS, *(own for own in STAYING if POSITION in factors))):
             if _top_of_parabola(gains.get(name, [])) < MIN_GAIN:
                 continue
             gains[name] = []

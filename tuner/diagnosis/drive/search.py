@@ -43,12 +43,15 @@ from tuner.diagnosis.drive.score_tests import (
     retest,
 )
 from tuner.diagnosis.static.outcome import TestResult
+from tuner.jobs import Advance, stages
 from tuner.navigation.fix_sd_model import GNSS_NOISE_SCALE
 from tuner.types import Alternative, Coefficient, Parameter
 from tuner.types.records import DataError, Drive
 
 MAX_ITERATIONS = 12
 """Most causes that are accepted one after another; chosen to bound the search above the number a drive has."""
+STAGES_AFTER = 2
+"""Stages after the last cause is taken, for those who watch: weak causes are tried without, then the intervals."""
 RIVAL_NATS = 3.0
 """Nats within which a rival counts as an alternative: a Bayes factor of 20."""
 MIN_CHANGE = 0.2
@@ -129,7 +132,18 @@ def search_causes(
     progress : callable, optional
         Called with what is being done.
     """
-    report = progress or (lambda _: None)
+    with stages() as tell:
+        return _searched(drive, base, coarse, progress or (lambda _: None), tell)
+
+
+def _searched(
+    drive: Drive,
+    base: FilterRun,
+    coarse: Mapping[Parameter, float],
+    report: Callable[[str], None],
+    tell: Advance,
+) -> SearchResult:
+    """Return the result of a search that tells how many causes it took, of as many as seem to be left."""
     run = base
     accepted: list[Accepted] = []
     fitted = tuple(dict.fromkeys(parameter.cause for parameter in coarse))
@@ -140,7 +154,7 @@ def search_causes(
     tests: tuple[Candidate, ...] = ()
     previous: tuple[Candidate, ...] = ()
     exhausted: set[str] = set()
-    for _ in range(MAX_ITERATIONS):
+    for done in range(MAX_ITERATIONS):
         tests = candidates(run, run.whitened, fitted, significance_threshold())
         shifts = [a for a in tests if a.score_test is not None and a.is_significant(significance_threshold())]
         if shifts and run.hypothesis.errors_in_variables_bias is None:
@@ -154,6 +168,7 @@ def search_causes(
             for a in tests
             if a.is_significant(significance_threshold()) and a.credible and a.cause not in exhausted
         ]
+        tell(done + 1, done + 1 + len(significant) + STAGES_AFTER)
         if not significant:
             break
         chosen = max(significant, key=lambda a: a.result.gain)
