@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from models.sensors import SensorGrade
 from tuner.catalogue.grades import DEFAULT_RECEIVER, load_grade
@@ -18,10 +18,6 @@ from tuner.compile_ahead import compiled_ahead
 from tuner.consistency.check import check
 from tuner.consistency.score_drive import DriveResult, navigate_drive
 from tuner.diagnosis import diagnose
-from tuner.diagnosis.drive import ExaminedDrive
-from tuner.diagnosis.drive.config_after_drive import config_after_drive
-from tuner.diagnosis.drive.explained_drive import examine_and_explain
-from tuner.diagnosis.drive.held_out_choice import HeldOutChoice, choose_config
 from tuner.diagnosis.static.position_drift import found_signals
 from tuner.exporters import DIALECTS, dialect_named, export, lacking
 from tuner.formats import noise_yaml
@@ -48,6 +44,10 @@ from tuner.types.prediction import PredictedBlock
 from tuner.types.progress import Progress, silent
 from tuner.types.records import DataError, Drive, Record
 from tuner.types.shown import Shown
+
+if TYPE_CHECKING:
+    from tuner.diagnosis.drive import ExaminedDrive
+    from tuner.diagnosis.drive.held_out_choice import HeldOutChoice
 
 CHECK_RUNS = 20
 """Simulated runs behind the verdict of `tune`: the position ratio is then known to 5 %, in half a minute."""
@@ -236,7 +236,11 @@ def tune(
     )
     examined, choice, measured = None, None, None
     unmeasured: Mapping[str, str] = {}
-    if inputs.drive is not None:
+    if inputs.drive is not None:  # the diagnosis of drives takes a third of a second to load
+        from tuner.diagnosis.drive.config_after_drive import config_after_drive
+        from tuner.diagnosis.drive.explained_drive import examine_and_explain
+        from tuner.diagnosis.drive.held_out_choice import choose_config
+
         examined = examine_and_explain(inputs.drive, config, progress=progress)
         began, found = (config_after_drive(examined, kept=kept) for kept in (False, True))
         choice = choose_config(inputs.drive, examined, began, found, progress)

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tuner.diagnosis.drive.held_out_gain import change_interval
 from tuner.formats.customary_units import amount, digits
 from tuner.report.answer_layout import LINE_WIDTH
 from tuner.report.verdict_text import verdict_text
@@ -76,6 +75,8 @@ def choice_lines(choice: HeldOutChoice, *, shorter: bool, shortest: bool) -> lis
     before, after = choice.before, choice.after
     if choice.kept == "as it began" or before is None or after is None:
         return [f"After the drive: {choice.note}"]
+    from tuner.diagnosis.drive.held_out_gain import change_interval  # loads the diagnosis of drives
+
     arrow = "→" if shortest else " → "
     changes = []
     for seconds, pairs in choice.outages.items():

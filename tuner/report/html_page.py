@@ -25,7 +25,6 @@ from tuner.formats.customary_units import digits, in_customary, term_title
 from tuner.pipeline import EXPORTED_DIALECTS, TuneResult
 from tuner.report.calibration_text import calibration_lines
 from tuner.report.consistency_tables import consistency_tables
-from tuner.report.drive_diagnosis_tables import drive_tables
 from tuner.report.finding_groups import (
     MIN_DRIFT_CHANGE,
     FindingGroup,
@@ -397,6 +396,8 @@ def _sections(
         scores = _blocks(consistency_tables(result.measured.consistency, result.measured.notes))
         sections.append(("measured", "The filter on the measured drive", scores, []))
     if result.drive is not None:
+        from tuner.report.drive_diagnosis_tables import drive_tables  # loads the diagnosis of drives
+
         static = () if result.diagnosis is None else result.diagnosis.findings
         of_findings = {one.text for one in (*static, *result.drive.diagnosis.findings)}
         own = [_shown(picture) for picture in pictures if picture.caption not in of_findings]

@@ -20,8 +20,6 @@ from tuner.pipeline import CHECK_RUNS, CHECK_TRAJECTORY, TuneResult
 from tuner.report.allan_figure import allan_figure
 from tuner.report.calibration_text import calibration_lines
 from tuner.report.consistency_tables import consistency_tables
-from tuner.report.drive_diagnosis_figures import draw_drive
-from tuner.report.drive_diagnosis_tables import drive_tables
 from tuner.report.figure_files import draw_all
 from tuner.report.html_page import Picture, write_page
 from tuner.report.identification_tables import identification_tables
@@ -76,6 +74,8 @@ def tune_files(result: TuneResult, command: str = "") -> dict[str, bytes]:
         figures += more
     draw_all(figures, put)
     if result.drive is not None:
+        from tuner.report.drive_diagnosis_figures import draw_drive  # loads the diagnosis of drives
+
         drawn += draw_drive(result.drive, here, put)
     pictures = [Picture(caption, path.name, files[path.name], titled=True) for caption, path in drawn]
     files |= {name: _encoded(text) for name, text in result.exports.items()}
@@ -140,6 +140,8 @@ def tune_sections(result: TuneResult) -> list[Section]:
     if result.calibration is not None:
         sections.append(("Calibration from poses", calibration_lines(result.calibration)))
     if result.drive is not None:
+        from tuner.report.drive_diagnosis_tables import drive_tables
+
         sections.append(("Drive diagnosis", drive_tables(result.drive.diagnosis)))
     if result.measured is not None:
         tables = consistency_tables(result.measured.consistency, result.measured.notes)
