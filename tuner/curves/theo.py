@@ -19,7 +19,8 @@ Up to `MAX_EXACT_SAMPLES` samples everything is exact. Above, Thêo1 with m/2 �
 (clusters of s samples), s the power of two that leaves m/2 between 128 and 255 clusters, so m is a multiple of 2 s
 (`nearest_theo1_size`). White noise reads the same, random walk 1 % higher in variance, quantization lower by
 the ratio of the harmonic numbers of m/(2s) and m/2. The ratio of ThêoBR is taken from averages of ⌈n/MAX_EXACT_SAMPLES⌉
-samples.
+samples. ThêoBR and ThêoH do the same above `MAX_EXACT_HYBRID` samples, where m allows it and m/2 still has 1024
+clusters: random walk then reads 0.1 % higher.
 
 References
 ----------
@@ -30,6 +31,8 @@ References
 """
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -45,6 +48,9 @@ IntArray = NDArray[np.int64]
 MAX_EXACT_SAMPLES = 100_000
 """Longest record, samples, that Thêo1 and the ratio of ThêoBR use as it is."""
 
+MAX_EXACT_HYBRID = 25_000
+"""Longest record, samples, of which ThêoBR and ThêoH take every Thêo1 as it is: a quarter of a second for 30 sizes."""
+
 MIN_SIZE = 10
 """Smallest m of Thêo1."""
 
@@ -53,6 +59,8 @@ MIN_SAMPLES = 89
 
 _MIN_CLUSTERS = 128
 """Least m/2 in clusters where a long record is read in clusters of samples."""
+_MIN_HYBRID_CLUSTERS = 1024
+"""The same for ThêoBR of a record that Thêo1 still takes as it is: 0.1 % of the variance of random walk."""
 _FIRST_RECURSIVE = 100
 """m/2 from which the recursion over m replaces the direct sums: below it they are faster."""
 _MIN_THREAD_POSITIONS = 1 << 12
@@ -63,8 +71,23 @@ def stride(n: int, m: IntArray) -> IntArray:
     """Return how many samples make one cluster inside Thêo1 of n samples."""
     if n <= MAX_EXACT_SAMPLES:
         return np.ones_like(m)
-    doublings = np.log2(np.maximum(m // 2 // _MIN_CLUSTERS, 1)).astype(np.int64)
-    return np.left_shift(1, doublings)
+    return _clusters(m, _MIN_CLUSTERS)
+
+
+def _clusters(m: IntArray, least: int) -> IntArray:
+    """Return the largest power of two of samples, at least 1, of which m/2 holds so many."""
+    doublings = np.log2(np.maximum(m // 2 // least, 1)).astype(np.int64)
+    powers: IntArray = np.left_shift(1, doublings)
+    return powers
+
+
+def _hybrid_stride(n: int, m: IntArray) -> IntArray:
+    """Return how many samples make one cluster inside ThêoBR: a power of two that divides m/2."""
+    if n <= MAX_EXACT_HYBRID or n > MAX_EXACT_SAMPLES:
+        return stride(n, m)
+    half = m // 2
+    divisor: IntArray = half & -half
+    return np.minimum(_clusters(m, _MIN_HYBRID_CLUSTERS), divisor)
 
 
 def averaged(n: int) -> int:
@@ -73,9 +96,11 @@ def averaged(n: int) -> int:
 
 
 def nearest_theo1_size(n: int, m: ArrayLike) -> IntArray:
-    """Return the sizes nearest to m, shape (q,), up to n, that `theo1` takes for a record of n samples."""
+    """Return the sizes nearest to m, shape (q,), up to n, that `theo1` takes, and `theo_h` quickly, of n samples."""
     wanted = np.atleast_1d(np.asarray(m, dtype=float))
-    pair = 2 * stride(n, np.rint(wanted).astype(np.int64))
+    whole = np.rint(wanted).astype(np.int64)
+    hybrid = MAX_EXACT_HYBRID < n <= MAX_EXACT_SAMPLES
+    pair = 2 * (_clusters(whole, _MIN_HYBRID_CLUSTERS) if hybrid else stride(n, whole))
     size = np.rint(wanted / pair).astype(np.int64) * pair
     return np.maximum(np.where(size > n, size - pair, size), MIN_SIZE)
 
@@ -100,14 +125,20 @@ def theo1(y: ArrayLike, m: ArrayLike) -> FloatArray:
     DataError
         If a size cannot be had.
     """
+    return _theo1(y, m, stride)
+
+
+def _theo1(y: ArrayLike, m: ArrayLike, clusters: Callable[[int, IntArray], IntArray]) -> FloatArray:
+    """Return Thêo1 with so many samples in a cluster."""
     n = len(np.asarray(y))
     whole = sizes(m, least=MIN_SIZE, most=n, samples=n)
-    wrong = whole[nearest_theo1_size(n, whole) != whole]
+    step = clusters(n, whole)
+    wrong = whole[whole % (2 * step) != 0]
     if wrong.size:
         near = nearest_theo1_size(n, wrong)[0]
         msg = f"Thêo1 cannot take size {wrong[0]} of {n} samples; the nearest it takes is {near}"
         raise DataError(msg)
-    return by_column(y, lambda column: _theo1_of_phase(kernels.integrate(column), whole, stride(n, whole)))
+    return by_column(y, lambda column: _theo1_of_phase(kernels.integrate(column), whole, step))
 
 
 def _theo1_of_phase(x: FloatArray, m: IntArray, step: IntArray) -> FloatArray:
@@ -170,7 +201,7 @@ def bias_ratio(y: ArrayLike, *, reach: float = 0.1) -> float:
 
 def theo_br(y: ArrayLike, m: ArrayLike, *, reach: float = 0.1) -> FloatArray:
     """Return ThêoBR: Thêo1 times `bias_ratio`; sizes and shapes as `theo1`."""
-    return theo1(y, m) * _ratios(y, reach)
+    return _theo1(y, m, _hybrid_stride) * _ratios(y, reach)
 
 
 def _ratios(y: ArrayLike, reach: float) -> FloatArray:

@@ -134,6 +134,17 @@ def test_long_records_are_read_in_clusters(monkeypatch):
         assert ratio == pytest.approx(exact_ratio, rel=0.02)
 
 
+def test_theo_br_reads_clusters_where_theo1_is_exact():
+    """Clusters of 2 samples, and of one where m/2 is odd; 0.1 % of random walk, and what white noise scatters."""
+    m = np.array([6000, 6002])
+    for y in (noises(30_000, 6)["white"], noises(30_000, 6)["random_walk"]):
+        exact = theo1(y, m) * bias_ratio(y)
+        found = theo_br(y, m)
+        assert found[1] == exact[1]
+        assert found[0] != exact[0]
+        assert found[0] == pytest.approx(exact[0], rel=2e-3)
+
+
 @pytest.mark.parametrize("n", [500, 99_999, 1_000_003])
 def test_nearest_size_is_near_and_taken(n):
     wanted = np.geomspace(1, n, 200)
@@ -143,7 +154,7 @@ def test_nearest_size_is_near_and_taken(n):
     inside = (wanted > 10) & (wanted < n)
     assert np.all(
         np.abs(near / wanted - 1)[inside]
-        < np.maximum(1.01 / wanted[inside], 0.0079 * (n > theo.MAX_EXACT_SAMPLES))
+        < np.maximum(1.01 / wanted[inside], 0.0079 if n > theo.MAX_EXACT_SAMPLES else 0.0005)
     )
     np.testing.assert_array_equal(nearest_theo1_size(n, near), near)
 
