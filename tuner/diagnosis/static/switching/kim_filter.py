@@ -7,7 +7,7 @@ Model of block means y_t, states s_i,t (first-order Gauss–Markov or random wal
 m is a Markov chain with a matrix of chances a block. One Kalman filter runs for each level; before each block
 their posteriors are mixed by the chances of a switch (interacting multiple models). The filters share one gain history
 but for that mixing; with one level there is one Kalman filter and the likelihood is exact: `still`. With two slow
-states, as searches have them, `paired` does the same as `switching` with any number, in a sixth of its time.
+states, as searches have them, `paired` does the same as `switching` with any number, in a quarter of its time.
 
 References
 ----------
@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[misc, unused-ignore]
+@numba.njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
 def switching(
     y: FloatArray,
     levels: FloatArray,
@@ -40,82 +40,108 @@ def switching(
 
     `levels` (m,) has the chances `first` (m,) at the start and `chances` (m, m) from row to column a block.
     `phi`, `q`, `initial` have shape (n,): decay, process-noise and initial variance of each state; `r` (M,) is that of
-    v.
+    v. Covariances are kept as triangles, row by row; what levels apart add to a mixture is taken from their
+    differences: Σ c_k (s_k − s̄)(s_k − s̄)ᵀ = Σ_{k>h} c_k c_h (s_k − s_h)(s_k − s_h)ᵀ.
     """
     n, modes = phi.size, levels.size
-    p = np.zeros((modes, n, n))
-    s = np.zeros((modes, n))
-    mixed_p = np.zeros((modes, n, n))
-    mixed_s = np.zeros((modes, n))
-    gain = np.zeros(n)
-    log_weight = np.zeros(modes)
-    chance = first.copy()
-    ahead = np.zeros(modes)
-    for m in range(modes):
-        for i in range(n):
-            p[m, i, i] = initial[i]
-    total = 0.0
+    size = n * (n + 1) // 2
+    p, ahead_p = np.zeros((modes, size)), np.zeros((modes, size))
+    s, ahead_s = np.zeros((modes, n)), np.zeros((modes, n))
+    spread, decay = np.zeros((modes * (modes - 1) // 2, size)), np.zeros(size)
+    off, gain, away = np.zeros(n), np.zeros(n), np.zeros(modes)
+    chance, ahead = first.copy(), np.zeros(modes)
+    at = 0
+    for i in range(n):
+        for j in range(i + 1):
+            decay[at] = phi[i] * phi[j]
+            at += 1
+        p[:, at - 1] = initial[i]
+    total, product = 0.0, 1.0
     for t in range(y.size):
         if t > 0:
+            pair = 0
+            for k in range(1, modes):
+                for h in range(k):
+                    for i in range(n):
+                        off[i] = s[k, i] - s[h, i]
+                    at = 0
+                    for i in range(n):
+                        for j in range(i + 1):
+                            spread[pair, at] = off[i] * off[j]
+                            at += 1
+                    pair += 1
             for m in range(modes):
-                ahead[m] = 0.0
+                ahead[m] = 1e-300
                 for k in range(modes):
                     ahead[m] += chance[k] * chances[k, m]
+                share = chance[0] * chances[0, m] / ahead[m]
                 for i in range(n):
-                    mixed_s[m, i] = 0.0
-                    for j in range(n):
-                        mixed_p[m, i, j] = 0.0
-                for k in range(modes):
-                    share = chance[k] * chances[k, m] / (ahead[m] + 1e-300)
+                    ahead_s[m, i] = share * s[0, i]
+                for at in range(size):
+                    ahead_p[m, at] = share * p[0, at]
+                pair = 0
+                for k in range(1, modes):
+                    share = chance[k] * chances[k, m] / ahead[m]
                     for i in range(n):
-                        mixed_s[m, i] += share * s[k, i]
-                for k in range(modes):
-                    share = chance[k] * chances[k, m] / (ahead[m] + 1e-300)
-                    for i in range(n):
-                        off = s[k, i] - mixed_s[m, i]
-                        for j in range(n):
-                            mixed_p[m, i, j] += share * (p[k, i, j] + off * (s[k, j] - mixed_s[m, j]))
-            for m in range(modes):
-                chance[m] = ahead[m]
+                        ahead_s[m, i] += share * s[k, i]
+                    for at in range(size):
+                        ahead_p[m, at] += share * p[k, at]
+                    for h in range(k):
+                        both = share * chance[h] * chances[h, m] / ahead[m]
+                        for at in range(size):
+                            ahead_p[m, at] += both * spread[pair, at]
+                        pair += 1
+                for at in range(size):
+                    ahead_p[m, at] *= decay[at]
+                at = -1
                 for i in range(n):
-                    s[m, i] = phi[i] * mixed_s[m, i]
-                    for j in range(n):
-                        p[m, i, j] = mixed_p[m, i, j] * phi[i] * phi[j]
-                    p[m, i, i] += q[i]
-        top = -np.inf
+                    at += i + 1
+                    ahead_p[m, at] += q[i]
+                    ahead_s[m, i] *= phi[i]
+            p, ahead_p = ahead_p, p
+            s, ahead_s = ahead_s, s
+            chance, ahead = ahead, chance
+        least = np.inf
         for m in range(modes):
-            variance = r[t]
-            innovation = y[t] - levels[m]
+            variance, innovation = r[t], y[t] - levels[m]
+            at = 0
             for i in range(n):
-                row = 0.0
-                for j in range(n):
-                    row += p[m, i, j]
-                gain[i] = row
-                variance += row
+                gain[i] = 0.0
+                for j in range(i):
+                    gain[i] += p[m, at]
+                    gain[j] += p[m, at]
+                    at += 1
+                gain[i] += p[m, at]
+                at += 1
                 innovation -= s[m, i]
             for i in range(n):
-                gain[i] /= variance
+                variance += gain[i]
+            at = 0
             for i in range(n):
-                s[m, i] += gain[i] * innovation
-                for j in range(n):
-                    p[m, i, j] -= gain[i] * gain[j] * variance
-            log_weight[m] = (
-                np.log(chance[m] + 1e-300) - 0.5 * innovation * innovation / variance - 0.5 * np.log(variance)
-            )
-            top = max(top, log_weight[m])
+                weight = gain[i] / variance
+                s[m, i] += weight * innovation
+                for j in range(i + 1):
+                    p[m, at] -= weight * gain[j]
+                    at += 1
+            chance[m] /= np.sqrt(variance)
+            away[m] = 0.5 * innovation * innovation / variance
+            least = min(least, away[m])
         weight = 0.0
         for m in range(modes):
-            chance[m] = np.exp(log_weight[m] - top)
+            chance[m] *= np.exp(least - away[m])
             weight += chance[m]
-        total += top + np.log(weight)
         for m in range(modes):
             chance[m] /= weight
+        total -= least
+        product *= weight
+        if not 1e-100 < product < 1e100:
+            total += np.log(product)
+            product = 1.0
         if path.size:
-            mean = 0.0
+            path[t] = 0.0
             for m in range(modes):
-                mean += chance[m] * levels[m]
-            path[t] = mean
-    return total
+                path[t] += chance[m] * levels[m]
+    return float(total + np.log(product))
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[misc, unused-ignore]
