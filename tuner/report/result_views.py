@@ -196,7 +196,7 @@ SOLUTION_CAPTIONS = {
 
 def pictures_of_solution(found: DriveResult, drive: Drive) -> Part:
     """Return the pictures of a filtered drive: track, errors against the reference, innovations."""
-    drawn = solution_pictures(found, drive)
+    drawn = solution_pictures(found, drive, ("svg",))
     pictures = [
         Picture(caption, name, drawn[name]) for name, caption in SOLUTION_CAPTIONS.items() if name in drawn
     ]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -10,7 +12,7 @@ from numpy.typing import NDArray
 from tuner.consistency.drive_scores import differences, stated
 from tuner.consistency.score_drive import DriveResult
 from tuner.navigation.data import GATED, USED
-from tuner.report.figure_files import figure_bytes
+from tuner.report.figure_files import figure_bytes, lay_out
 from tuner.report.solution_files import local_track, tracks
 from tuner.types.records import Drive, Reference
 
@@ -34,15 +36,19 @@ ROWS = (
 """Name, unit and place in the error vector of each panel."""
 
 
-def solution_pictures(found: DriveResult, drive: Drive) -> dict[str, bytes]:
-    """Return ``track``, ``innovations`` and, where the drive has a reference, ``errors``, each as PNG and SVG."""
+def solution_pictures(
+    found: DriveResult, drive: Drive, suffixes: Sequence[str] = ("png", "svg")
+) -> dict[str, bytes]:
+    """Return ``track``, ``innovations`` and, where the drive has a reference, ``errors``, each with these suffixes."""
     pictures = {"track": _track(found, drive), "innovations": _innovations(found)}
     if drive.reference is not None:
         pictures["errors"] = _errors(found, drive.reference)
+    for figure in pictures.values():
+        lay_out(figure)
     return {
         f"{name}.{suffix}": figure_bytes(figure, suffix)
         for name, figure in pictures.items()
-        for suffix in ("png", "svg")
+        for suffix in suffixes
     }
 
 
