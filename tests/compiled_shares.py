@@ -1,4 +1,4 @@
-"""What the tests compile, in parts for the workers of one run: each part once, before any test needs it.
+"""What the tests compile, in parts for the workers of one run: each part once, by the worker that is free.
 
 Workers that each compiled what their own tests need would compile the same, at the same time: numba writes a function
 to disk for the next process, but does not wait for one that compiles it.
@@ -11,6 +11,7 @@ from collections.abc import Callable
 from functools import partial
 from itertools import product
 from pathlib import Path
+from typing import NamedTuple
 
 from tuner.navigation.engine.ahead import compile_variant
 from tuner.navigation.engine.layout import BATCH_SIZE
@@ -21,7 +22,9 @@ UNUSED = (LONG_ROW, 1, True)
 VARIANTS = tuple(
     one for one in product((LONG_ROW, SHORT_ROW), (BATCH_SIZE, 1), (False, True)) if one != UNUSED
 )
-"""Of the compiled filter: room for states, filters, and whether sensors are ideal; those that take longest first."""
+"""Of the compiled filter: room for states, filters, and whether sensors are ideal."""
+ALONE = (SHORT_ROW, 1, False)
+"""The variant that a linear model of a drive is taken from."""
 MAX_WAIT = 300.0
 """Longest time that a worker waits for what the others compile, s."""
 
@@ -58,21 +61,53 @@ def _static() -> list[Callable[[], None]]:
     return list(GROUPS)
 
 
-def compile_share(number: int, workers: int, folder: Path) -> None:
-    """Compile the share of one of several workers, then wait until the others have compiled theirs.
+class Part(NamedTuple):
+    """What one worker compiles, after another part, and whether the others wait for it."""
+
+    name: str
+    run: Callable[[], None]
+    after: str = ""
+    awaited: bool = True
+
+
+def parts() -> list[Part]:
+    """Return all parts, those that take longest first; few tests need the linear model, the others do not wait for it.
+
+    Filters whose sensors have scale factors and all that take three times as long as those of ideal ones.
+    """
+    filters = [
+        Part("-".join(map(str, one)), partial(compile_variant, *one[:2], ideal=one[2]))
+        for one in sorted(VARIANTS, key=lambda one: (one[2], one != ALONE))
+    ]
+    linear = Part("linear", _linear_model_of_drives, after=filters[0].name, awaited=False)
+    others = [_likelihood_of_outputs, _likelihood_of_drives, *_static()]
+    return [*filters[:4], linear, *filters[4:], *(Part(run.__name__, run) for run in others)]
+
+
+def compile_share(folder: Path) -> None:
+    """Compile what no other worker does yet, then wait until all of it is compiled.
 
     Parameters
     ----------
-    number, workers : int
-        Which worker this is, from 0 on, and how many there are.
     folder : Path
         Folder that all workers of this run share, and no other.
     """
-    filters = [partial(compile_variant, length, n, ideal=ideal) for length, n, ideal in VARIANTS]
-    parts = [_likelihood_of_drives, _linear_model_of_drives, *filters, _likelihood_of_outputs, *_static()]
-    for part in parts[number::workers]:
-        part()
-    (folder / f"compiled-{number}").touch()
-    end = time.monotonic() + MAX_WAIT
-    while len(list(folder.glob("compiled-*"))) < workers and time.monotonic() < end:
-        time.sleep(0.1)
+
+    def wait(*names: str) -> None:
+        end = time.monotonic() + MAX_WAIT
+        while time.monotonic() < end and not all((folder / f"compiled-{name}").exists() for name in names):
+            time.sleep(0.1)
+
+    every = parts()
+    for part in every:
+        try:
+            (folder / f"compiling-{part.name}").touch(exist_ok=False)
+        except FileExistsError:
+            continue
+        if part.after:
+            wait(part.after)
+        try:
+            part.run()
+        finally:
+            (folder / f"compiled-{part.name}").touch()
+    wait(*(part.name for part in every if part.awaited))

@@ -21,5 +21,4 @@ def share_of_compiling(request: pytest.FixtureRequest, tmp_path_factory: pytest.
         return
     from tests.compiled_shares import compile_share
 
-    number = int(os.environ["PYTEST_XDIST_WORKER"].removeprefix("gw"))
-    compile_share(number, workers, tmp_path_factory.getbasetemp().parent)
+    compile_share(tmp_path_factory.getbasetemp().parent)

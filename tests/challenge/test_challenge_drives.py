@@ -18,7 +18,6 @@ from challenge.drives.oracle import GROUPS, Oracle
 from challenge.drives.scene import HARD, scene
 from challenge.generator.effect import UnreachableError
 from challenge.seal import opened
-from challenge.test_challenge_generator import loaded
 
 from models import rotation
 from models.earth import ned_between
@@ -45,14 +44,6 @@ def made(errors: Errors) -> dict:
 
 
 CLEAN = made(Errors())
-
-
-def test_generator_and_analyser_share_no_module_of_the_project():
-    generator = loaded("import challenge.drives.files, challenge.seal")
-    analyser = loaded("import challenge.answer")
-    ours = ("challenge", "models", "tuner")
-    assert not {name for name in generator & analyser if name.split(".")[0] in ours} - {"challenge"}
-    assert not any(name.split(".")[0] in ("models", "tuner") for name in generator)
 
 
 def test_generator_imports_only_numpy_scipy_and_the_standard_library():

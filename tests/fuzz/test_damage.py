@@ -21,7 +21,7 @@ from tuner.formats.guard import printable
 from tuner.readers import child_process
 from tuner.types.records import DataError
 
-QUICK = 24
+QUICK = 12
 """Damaged files of each seed in the usual run."""
 SLOW = int(os.environ.get("TUNER_FUZZ", "100000"))
 LONGEST = 20.0

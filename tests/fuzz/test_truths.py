@@ -16,7 +16,7 @@ from fuzz.truths import ACCEL_UNITS, CLOCK_UNITS, GYRO_UNITS, Truth, samples, tr
 from tuner.readers import read
 from tuner.types.records import DataError, Record
 
-QUICK = 80
+QUICK = 48
 SLOW = int(os.environ.get("TUNER_TRUTHS", "8000"))
 TOLERANCE = 0.02
 """Relative error of mean and sd from which numbers are wrong: units differ by more than that."""

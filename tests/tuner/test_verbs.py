@@ -1,7 +1,9 @@
 """The verbs in Python: the same answers as the commands, frozen, silent, and without files."""
 
 import json
+from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import FrozenInstanceError, replace
+from io import StringIO
 
 import pytest
 
@@ -33,19 +35,13 @@ def short_check():
 
 
 @pytest.fixture(scope="module")
-def log(tmp_path_factory):
-    """Two minutes of a unit with a line in one gyro, on file."""
-    path = tmp_path_factory.mktemp("log") / "unit.npz"
+def axis(tmp_path_factory):
+    """Two minutes of a gyro with a line, on file: what a verb does for one axis it does for six."""
+    unit = tmp_path_factory.mktemp("log") / "unit.npz"
     arguments = ["simulate", "mpu9250", "--hours", "0.03", "--seed", "3", "--hide", LINE]
-    assert run([*arguments, "-o", str(path), "--quiet"]) == 0
-    return path
-
-
-@pytest.fixture(scope="module")
-def axis(log):
-    """The axis with the line alone: what a verb does for one axis it does for six."""
-    (gyro,) = (record for record in tuner.read(log) if record.name == "gyro")
-    path = log.with_name("axis.npz")
+    assert run([*arguments, "-o", str(unit), "--quiet"]) == 0
+    (gyro,) = (record for record in tuner.read(unit) if record.name == "gyro")
+    path = unit.with_name("axis.npz")
     write_log([replace(gyro, y=gyro.y[:, :1], axes=gyro.axes[:1])], path)
     return path
 
@@ -58,13 +54,20 @@ def drive():
 
 
 @pytest.fixture(scope="module")
-def result(log, short_check, tmp_path_factory):
-    """The result of tune, computed in an empty folder that must stay empty."""
-    folder = tmp_path_factory.mktemp("here")
-    with pytest.MonkeyPatch.context() as patch:
+def steps():
+    """What tune said to its callback."""
+    return []
+
+
+@pytest.fixture(scope="module")
+def result(axis, short_check, steps, tmp_path_factory):
+    """The result of tune, computed in silence, in an empty folder that must stay empty."""
+    folder, printed = tmp_path_factory.mktemp("here"), StringIO()
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(printed), redirect_stderr(printed):
         patch.chdir(folder)
-        found = tuner.tune(log, gnss="spp", seed=4)
+        found = tuner.tune(axis, gnss="spp", complete="mpu9250", seed=4, progress=steps.append)
     assert list(folder.iterdir()) == []
+    assert printed.getvalue() == ""
     return found
 
 
@@ -76,8 +79,9 @@ def test_every_verb_is_there_and_says_what_it_does():
         tuner.drives  # noqa: B018
 
 
-def test_tune_in_python_is_the_command(result, log, short_check, tmp_path):
-    arguments = ["tune", str(log), "--gnss", "spp", "--seed", "4", "-o", str(tmp_path / "command")]
+def test_tune_in_python_is_the_command(result, axis, short_check, tmp_path):
+    options = ["--gnss", "spp", "--complete", "mpu9250", "--seed", "4", "-o", str(tmp_path / "command")]
+    arguments = ["tune", str(axis), *options]
     assert run([*arguments, "--quiet"]) == 0
     assert noise_yaml.load(tmp_path / "command" / "noise.yaml") == noise_yaml.loads(
         noise_yaml.dumps(result.config)
@@ -90,7 +94,7 @@ def test_tune_in_python_is_the_command(result, log, short_check, tmp_path):
 
 
 def test_the_result_holds_every_part_and_is_frozen(result):
-    assert result.name == "unit"
+    assert result.name == "axis"
     assert [finding.cause for finding in result.diagnosis.findings] == ["line"]
     assert result.check is not None
     assert result.drive is None
@@ -102,17 +106,15 @@ def test_the_result_holds_every_part_and_is_frozen(result):
         result.exports["noise.yaml"] = ""
 
 
-def test_verbs_print_nothing_and_say_each_step_to_the_callback(axis, capfd):
-    said = []
-    tuner.tune(axis, progress=said.append)
-    assert any("identifying" in line for line in said)
-    assert any("diagnosing" in line for line in said)
+def test_verbs_print_nothing_and_say_each_step_to_the_callback(result, steps, axis, capfd):
+    assert any("identifying" in line for line in steps)
+    assert any("diagnosing" in line for line in steps)
     tuner.compare(axis, "mpu9250", "stim300")
     assert capfd.readouterr() == ("", "")
 
 
-def test_a_part_that_cannot_be_run_is_absent_with_its_reason(axis, short_check):
-    found = tuner.tune(tuner.read(axis))
+def test_a_part_that_cannot_be_run_is_absent_with_its_reason(result, short_check):
+    found = tuner.tune(result.identification)
     assert found.check is None
     assert "accel_z missing" in found.absent["consistency"]
     assert "GNSS" in tuner.tune("stim300").absent["consistency"]

@@ -190,12 +190,12 @@ def test_sources_add_up_to_what_the_filter_predicts():
         np.testing.assert_allclose(part, [1] * 5 + [1, 0, 0, 1] + [1] + [1, 0, 0, 1] * 3, atol=1e-9)
 
 
-def test_right_configuration_passes_in_a_hundred_studies():
+def test_right_configuration_passes_in_sixty_studies():
     passed = 0
-    for data in studies(np.random.default_rng(2), 100, configured()):
+    for data in studies(np.random.default_rng(2), 60, configured()):
         scores = judged(data, configured())
         passed += all(s.consistent for s in scores) and correlation(data, configured()).consistent
-    assert passed >= 98
+    assert passed >= 58
 
 
 TIME = "time constants of the gyro bias noise"

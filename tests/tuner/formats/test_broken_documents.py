@@ -57,7 +57,7 @@ plain = st.recursive(
 )
 
 
-@settings(max_examples=400, deadline=None, derandomize=True)
+@settings(max_examples=250, deadline=None, derandomize=True)
 @given(st.sampled_from(list(DOCUMENTS)), st.data())
 def test_one_wrong_entry(name: str, data: st.DataObject) -> None:
     content, read = DOCUMENTS[name]

@@ -58,7 +58,7 @@ from tuner.types.consistency import (
 )
 from tuner.types.records import DataError
 
-thorough = settings(max_examples=60, deadline=None, derandomize=True)
+thorough = settings(max_examples=30, deadline=None, derandomize=True)
 
 
 def same(left: Any, right: Any) -> bool:

@@ -294,10 +294,10 @@ def test_columns_by_other_names_and_units_are_mapped(tmp_path):
 
 def test_the_command_writes_page_figure_and_json(tmp_path, capsys):
     rng = np.random.default_rng(2)
-    t = np.arange(600.0)
-    zero, one = np.zeros(600), np.ones(600)
+    t = np.arange(300.0)
+    zero, one = np.zeros(300), np.ones(300)
     truth = csv(tmp_path / "t.csv", {"t": t, "n": 5 * t, "e": zero, "d": zero})
-    e = rng.standard_normal((600, 3))
+    e = rng.standard_normal((300, 3))
     columns = {
         "t": t,
         "n": 5 * t + e[:, 0],
@@ -325,7 +325,7 @@ def test_the_command_writes_page_figure_and_json(tmp_path, capsys):
     content = json.loads(capsys.readouterr().out)
     assert content["schema"] == "tuner.consistency/1"
     assert content["consistent"] is True
-    assert content["blocks"]["position"]["ratio"] == pytest.approx(1.0, abs=0.05)
+    assert content["blocks"]["position"]["ratio"] == pytest.approx(1.0, abs=0.12)  # five sds of 900 errors
     assert content["causes"] == []
     written = json.loads((out / "score.json").read_text())
     assert set(written.pop("files")) == {"report.html", "score.png", "score.svg"}

@@ -9,7 +9,6 @@ import yaml
 from models.noise import BiasInstability, GaussMarkov, NoiseModel, RandomWalk, White
 from tuner.cli import run
 from tuner.formats.configuration import config_json, load_config
-from tuner.formats.logs import write_log
 from tuner.identification import identify
 from tuner.identification.identify import with_terms_found
 from tuner.simulation.static import simulate
@@ -153,26 +152,7 @@ def test_the_key_is_the_judge():
     assert step["named"] == ["line"]
 
 
-def test_tune_of_a_log_with_a_line(tmp_path, capsys):
-    log = tmp_path / "unit.npz"
-    hide = "line@gyro_x:frequency=12.5,amplitude=1e-3"
-    write_log(simulate({"gyro_x": MODEL}, duration=120.0, rate=100.0, seed=1, effects=[hide])[0], log)
-    assert run(["tune", str(log), "-o", str(tmp_path / "out"), "--quiet"]) == 0
-    out = capsys.readouterr().out
-    assert "Line in gyro x: " in " ".join(out.split())
-    result = json.loads((tmp_path / "out" / "result.json").read_text())
-    config = yaml.safe_load((tmp_path / "out" / "noise.yaml").read_text())
-    assert [f["cause"] for f in result["diagnosis"]["findings"]] == ["line"]
-    assert [f["cause"] for f in config["findings"]] == ["line"]
-    terms = config["sensors"]["gyro"]["gyro_x"]["identified"]
-    assert [t["frequency"]["value"] for t in terms if t["term"] == "sinusoid"] == [
-        pytest.approx(12.5, abs=1e-3)
-    ]
-    assert "<h3>Line in gyro x</h3>" in (tmp_path / "out" / "report.html").read_text()
-    assert (tmp_path / "out" / "finding-1-line.svg").exists()
-
-
-def test_the_demo_says_whether_its_effect_was_found(tmp_path, capsys, monkeypatch):
+def test_the_demo_says_whether_its_effect_was_found_and_writes_it_everywhere(tmp_path, capsys, monkeypatch):
     hidden = "line@gyro_x:frequency=12.5,amplitude=1e-3"
 
     def short(seed):
@@ -180,10 +160,21 @@ def test_the_demo_says_whether_its_effect_was_found(tmp_path, capsys, monkeypatc
 
     monkeypatch.setattr("tuner.pipeline.demo", short)
     assert run(["tune", "-o", str(tmp_path), "--quiet"]) == 0
-    assert "line in gyro x: found" in " ".join(capsys.readouterr().out.split())
+    out = " ".join(capsys.readouterr().out.split())
+    assert "Line in gyro x: " in out
+    assert "line in gyro x: found" in out
     result = json.loads((tmp_path / "result.json").read_text())
     assert result["hidden"][0]["found"]
+    assert [f["cause"] for f in result["diagnosis"]["findings"]] == ["line"]
     assert json.loads((tmp_path / "key.json").read_text())["hidden"][0]["cause"] == "line"
+    config = yaml.safe_load((tmp_path / "noise.yaml").read_text())
+    assert [f["cause"] for f in config["findings"]] == ["line"]
+    terms = config["sensors"]["gyro"]["gyro_x"]["identified"]
+    assert [t["frequency"]["value"] for t in terms if t["term"] == "sinusoid"] == [
+        pytest.approx(12.5, abs=1e-3)
+    ]
+    assert "<h3>Line in gyro x</h3>" in (tmp_path / "report.html").read_text()
+    assert (tmp_path / "finding-1-line.svg").exists()
 
 
 def test_a_log_too_short_for_a_diagnosis_is_tuned_and_says_so(tmp_path, capsys):

@@ -27,16 +27,16 @@ DATA = Path(os.environ.get("TUNER_DATA", "nowhere")) / "static"
 
 
 def log(seed: int, bursts: bool) -> Record:
-    """One hour of a gyroscope; the noise of one axis is ten times as large for 1 % of the time."""
+    """One hour of two gyros; the noise of one is ten times as large for 1 % of the time."""
     rng = np.random.default_rng(seed)
     model = NoiseModel((White(1e-4), GaussMarkov(2e-5, 100.0)))
     n = round(HOUR / INTERVAL)
-    y = np.column_stack([model.sample(n, INTERVAL, rng) for _ in range(3)])
+    y = np.column_stack([model.sample(n, INTERVAL, rng) for _ in range(2)])
     if bursts:
         start = n // 2
         y[start : start + n // 100, 1] += 10.0 * rng.standard_normal(n // 100) * 1e-4 / np.sqrt(INTERVAL)
     t = np.arange(n) * INTERVAL
-    return Record("gyro", t, y, ("gyro_x", "gyro_y", "gyro_z"), "rad/s", INTERVAL, source="unit.npz")
+    return Record("gyro", t, y, ("gyro_x", "gyro_y"), "rad/s", INTERVAL, source="unit.npz")
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +50,7 @@ def test_a_burst_counts_by_its_share_of_time(result):
     Settings are accepted within 0.8 … 1.25 of the measured deviation.
     """
     assert any(finding.cause == "burst" for finding in result.diagnosis.findings)
-    for axis, expected in (("gyro_x", 1e-4), ("gyro_y", np.sqrt(2.0) * 1e-4), ("gyro_z", 1e-4)):
+    for axis, expected in (("gyro_x", 1e-4), ("gyro_y", np.sqrt(2.0) * 1e-4)):
         assert 0.8 < result.config.channels[axis].white_density / expected < 1.25
         assert result.predictions[axis].passes
 
@@ -108,9 +108,9 @@ def test_settings_that_do_not_predict_the_record_are_replaced_and_said():
 @pytest.mark.parametrize("name", ["adis16405_run1", pytest.param("galaxy_s5_static", marks=pytest.mark.slow)])
 def test_measured_units_are_predicted(name):
     """Before, the accelerometers of the industrial unit got up to 12 times the Allan deviation that they show."""
-    records = tuner.read(DATA / f"{name}.npz")
+    records = [record for record in tuner.read(DATA / f"{name}.npz") if record.name == "accel"]
     config, judged = hold_to_records(synthesize(tuner.identify(records, arma=None)), records)
-    assert len(judged) == 6
+    assert len(judged) == 3
     for axis, found in judged.items():
         assert found.passes, axis
         tau, variance = found.measured.tau, found.measured.variance

@@ -95,7 +95,13 @@ def test_a_stuck_register_is_found_where_it_was(step, kind):
 
 
 @pytest.mark.parametrize(
-    ("level", "value"), [(0.0, None), (0.0, 0.0), (5.0, 0.0), (0.0, 32_768.0), (2.0, -40.0), (0.0, 3.0)]
+    ("level", "value"),
+    [
+        (0.0, None),
+        (5.0, 0.0),
+        (0.0, 32_768.0),
+        *(pytest.param(*one, marks=pytest.mark.slow) for one in ((0.0, 0.0), (2.0, -40.0), (0.0, 3.0))),
+    ],
 )
 def test_one_axis_that_stands_still_is_one_finding_whatever_its_value(level, value):
     """A frozen reading, zero within the noise and beside it, the end of the range: no bursts, steps or rails."""
@@ -110,7 +116,7 @@ def test_one_axis_that_stands_still_is_one_finding_whatever_its_value(level, val
     assert "stuck" in diagnosis.findings[0].text
 
 
-@pytest.mark.parametrize("share", [0.05, 0.3, 0.41])
+@pytest.mark.parametrize("share", [0.05, pytest.param(0.3, marks=pytest.mark.slow), 0.41])
 def test_what_is_left_of_a_record_that_froze_for_long_is_judged_by_itself(share):
     y = noise("white", 1, 21)
     last = 70_000 + int(share * N)

@@ -118,5 +118,5 @@ def short_drive() -> LinearizedRun:
 
 @pytest.fixture(scope="session")
 def long_drive() -> LinearizedRun:
-    """3000 fixes."""
-    return city(3000)
+    """1200 fixes."""
+    return city(1200)

@@ -41,6 +41,7 @@ def test_errors_in_variables_bias_of_constants_is_reported(hour):
     assert abs(after) < 5.0
 
 
+@pytest.mark.slow
 def test_a_clean_hour_has_no_finding(hour):
     """Where sensitivities were taken for exact, scale factors of the gyros were found with a chance of 8e-5."""
     drive, config, _ = hour

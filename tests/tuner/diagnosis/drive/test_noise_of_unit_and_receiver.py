@@ -31,7 +31,12 @@ def is_scale_of_unit(coefficient, truth):
 
 @pytest.mark.parametrize(
     ("fixes", "gyro", "accel", "seed"),
-    [(1.5, 3.0, 1.0, 1), (2.0, 3.0, 3.0, 2), (0.6, 5.0, 1.0, 3), (1.5, 1.0, 6.0, 4)],
+    [
+        (1.5, 3.0, 1.0, 1),
+        (2.0, 3.0, 3.0, 2),
+        pytest.param(0.6, 5.0, 1.0, 3, marks=pytest.mark.slow),
+        pytest.param(1.5, 1.0, 6.0, 4, marks=pytest.mark.slow),
+    ],
 )
 def test_wrong_receiver_and_wrong_unit_are_both_named(simulated, drive_config, fixes, gyro, accel, seed):
     """Found in 24 of 24 such drives; what one of the two is off by does not leak into the other."""

@@ -214,7 +214,7 @@ def test_a_shared_line_is_reported_once():
 
 
 def test_common_noise_of_axes():
-    axes = ("gyro_x", "gyro_y", "gyro_z")
+    axes = ("gyro_x", "gyro_y")
     (finding,) = diagnose(records("cross_axis@gyro:correlation=0.1", axes=axes)).findings
     assert (finding.cause, finding.channels) == ("cross_axis", axes)
     assert abs(finding.parameters["correlation"].value - 0.1) < 6 / np.sqrt(SPAN * RATE)

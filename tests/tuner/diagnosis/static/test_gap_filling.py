@@ -54,11 +54,11 @@ def test_slopes_do_not_depend_on_the_axes_beside():
     n = 10 * BLOCKS
     t = np.arange(n) / RATE
     celsius = 15.0 + 8.0 * np.sin(t / 5000.0) + 3.0 * np.cos(t / 900.0)
-    slopes = np.array([0.5, -0.3, 1.0])
-    y = np.stack([noise(n, seed) for seed in (1, 2, 3)], axis=1) + slopes * celsius[:, None]
-    y += np.array([120.0, -80.0, 300.0]) * (t > 25400.0)[:, None]
-    y[25100:25700] += 60.0 * np.repeat(noise(1800, 4).reshape(60, 30), 10, axis=0)[:, :3]
-    axes = ("gyro_x", "gyro_y", "gyro_z")
+    slopes = np.array([-0.3, 1.0])
+    y = np.stack([noise(n, seed) for seed in (2, 3)], axis=1) + slopes * celsius[:, None]
+    y += np.array([-80.0, 300.0]) * (t > 25400.0)[:, None]
+    y[25100:25700] += 60.0 * np.repeat(noise(1800, 4).reshape(60, 30), 10, axis=0)[:, 1:3]
+    axes = ("gyro_y", "gyro_z")
     record = Record("gyro", t, y, axes, "rad/s", 1.0 / RATE, covariates={"temperature": celsius})
     alone = replace(record, y=record.column("gyro_z")[:, None], axes=("gyro_z",))
     for diagnosis in (diagnose(record), diagnose(alone)):
