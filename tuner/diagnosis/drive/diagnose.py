@@ -9,6 +9,7 @@ import numpy as np
 
 from models import rotation
 from models.filter_states import FILTER_STATES
+from models.filter_states.built_in import CORRELATED_VELOCITY
 from tuner.diagnosis.drive.against_reference import against_reference
 from tuner.diagnosis.drive.causes.mounting import mounting, untestable_causes
 from tuner.diagnosis.drive.causes.quantizer import coarse_quantizer_notes
@@ -123,8 +124,8 @@ def _examine(
     )
     if every > 1:
         notes = (*notes, f"one fix of {every} is looked at")
-    if config.constants:
-        states = ", ".join(FILTER_STATES[name].meaning for name in config.constants)
+    if lacking := config.constants.keys() - {CORRELATED_VELOCITY.name}:
+        states = ", ".join(FILTER_STATES[name].meaning for name in config.constants if name in lacking)
         notes = (*notes, f"searched without the further states of the configuration: {states}")
     gain = held_out_gain(sensor, outcome)
     seen, beyond = against_reference(drive, outcome.final, config.gnss)

@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from models.filter_states.built_in import CORRELATED_VELOCITY
 from models.noise import GaussMarkov
 from tuner.diagnosis.drive.cause_test import CauseTest, scaled_factor
 from tuner.diagnosis.drive.linear_model.likelihood import as_configured
@@ -222,7 +223,9 @@ def thin_fixes(drive: Drive) -> tuple[Drive, int]:
 def filter_settings_of(drive: Drive, hypothesis: Hypothesis) -> FilterSettings:
     """Return the filter of a hypothesis for a compensated drive, with the sds that the receiver reports."""
     arm = drive.lever_arm or (0.0, 0.0, 0.0)
-    settings = filter_settings(hypothesis.config, lever_arm=arm)
+    own = hypothesis.config.constants
+    constants = {name: own[name] for name in (CORRELATED_VELOCITY.name,) if name in own}
+    settings = filter_settings(hypothesis.config, constants=constants, lever_arm=arm)
     settings = replace(settings, fix_sd_models=(FixSdModel(), FixSdModel()))
     return compensate_settings(settings, hypothesis.compensation)
 

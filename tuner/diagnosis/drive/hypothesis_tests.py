@@ -74,6 +74,21 @@ def noise_hypothesis_of(run: FilterRun, accepted: tuple[str, ...]) -> NoiseHypot
 def candidates(
     run: FilterRun, w: WhitenedInnovations, accepted: tuple[str, ...], threshold: float
 ) -> tuple[Candidate, ...]:
+    """Test all causes on a run, those with rivals only where one of these, or nothing, is significant."""
+    found = _candidates(run, w, accepted, threshold)
+    significant = {one.cause for one in found if one.is_significant(threshold) and one.credible}
+    alike = [
+        cause
+        for cause in noise_causes().values()
+        if cause.rivals and (not significant or significant & set(cause.rivals))
+    ]
+    noise = noise_hypothesis_of(run, accepted)
+    return (*found, *(_candidate(test) for cause in alike for test in cause.test(run, noise, threshold)))
+
+
+def _candidates(
+    run: FilterRun, w: WhitenedInnovations, accepted: tuple[str, ...], threshold: float
+) -> tuple[Candidate, ...]:
     """Test all causes on a run; accepted constants are fitted beside every test.
 
     Constants that shift innovations leak into every noise parameter, and wrong noise makes weak constants look
@@ -116,7 +131,7 @@ def _test_fixes_and_noise(
         own = [
             cause
             for cause in noise_causes().values()
-            if not cause.of_single_fixes and cause.tested_with is None
+            if not (cause.of_single_fixes or cause.rivals) and cause.tested_with is None
         ]
         others = [pool.submit(cause.test, run, noise, threshold) for cause in own]
         fixes = pool.submit(_test_fixes, run, noise, threshold)

@@ -19,6 +19,7 @@ import numpy as np
 
 from tuner.diagnosis.drive.causes.base import is_noise_scale
 from tuner.diagnosis.drive.causes.correlated_gnss import CORRELATED_GNSS
+from tuner.diagnosis.drive.causes.correlated_velocity import CAUSE_CODE as CORRELATED_VELOCITY
 from tuner.diagnosis.drive.causes.sensor_bias import CAUSE_CODE as SENSOR_BIAS
 from tuner.diagnosis.drive.hypothesis import FilterRun
 from tuner.diagnosis.drive.posterior_check import UNKNOWN
@@ -133,7 +134,7 @@ def reasons(one: Finding, span: float) -> Iterator[str]:
         ratio = max(_ratios(one.parameters).values(), default=0.0)
         if ratio > MAX_RATIO:
             yield f"noise {ratio:.0f} times as large as stated"
-    if one.cause == CORRELATED_GNSS:
+    if one.cause in (CORRELATED_GNSS, CORRELATED_VELOCITY):
         time = one.parameters["time_constant"]
         shortest = time.interval[0] if time.interval else time.value or 0.0
         if shortest > max(span, MAX_RECEIVER_TIME):

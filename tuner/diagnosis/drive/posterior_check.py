@@ -27,6 +27,7 @@ from scipy.special import gammaln, logsumexp
 from tuner.diagnosis.drive.causes.base import is_noise_scale, is_of_single_fixes
 from tuner.diagnosis.drive.causes.bias_jump import BIAS_JUMP, SENSORS
 from tuner.diagnosis.drive.causes.correlated_gnss import CORRELATED_GNSS
+from tuner.diagnosis.drive.causes.correlated_velocity import CAUSE_CODE as CORRELATED_VELOCITY
 from tuner.diagnosis.drive.causes.sensor_bias import CAUSE_CODE as SENSOR_BIAS
 from tuner.diagnosis.drive.causes.time_offset import OFFSET_DELAY
 from tuner.diagnosis.drive.hypothesis import FilterRun, Hypothesis
@@ -162,7 +163,7 @@ def checks(findings: tuple[Finding, ...], outcome: SearchResult) -> dict[str, Ch
         tau = max([MIN_LOG_SD, *logs])
         if is_of_single_fixes(one.cause):
             found[one.cause] = _shares(run, one.cause, parts)
-        elif one.cause == CORRELATED_GNSS:
+        elif one.cause in (CORRELATED_GNSS, CORRELATED_VELOCITY):
             found[one.cause] = _scales(noise, ("gnss_position",), 1.0, parts)
         elif one.cause == "imu_noise_scale":
             found[one.cause] = _scales(noise, NOISE_GROUPS[:2], tau, parts)

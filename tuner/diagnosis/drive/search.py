@@ -198,6 +198,7 @@ def _searched(
                 # The estimate is at its bound: the filter cannot follow it any further.
                 exhausted |= {a.cause for a in together}
                 continue
+            exhausted |= set(noise_causes()[chosen.cause].covers)
             causes = {a.cause for a in together} - {"bias_jump"}
             accepted = [a for a in accepted if a.cause not in causes]
             for one in together:

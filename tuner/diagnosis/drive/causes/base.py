@@ -111,6 +111,11 @@ class NoiseCause(DriveCause):
     """Code of the cause whose `test` tests this one, too."""
     of_single_fixes: ClassVar[bool] = False
     """Whether it is found by leaving fixes out; such causes are tested again after each constant is accepted."""
+    covers: ClassVar[tuple[str, ...]] = ()
+    """Codes of constants that are a part of what it describes: they are sought no more once it is accepted."""
+    rivals: ClassVar[tuple[str, ...]] = ()
+    """Codes of causes that look alike; where there are some it is tested, for its cost, only where one of them is
+    significant, or no cause is."""
     is_noise_scale: ClassVar[bool] = False
     """Whether it is factors on noise settings: estimated once, at the end, and no explanation of other factors."""
 

@@ -21,6 +21,7 @@ from tuner.diagnosis.drive.causes.constant_errors import (
     VerticalVelocity,
 )
 from tuner.diagnosis.drive.causes.correlated_gnss import CorrelatedGnss
+from tuner.diagnosis.drive.causes.correlated_velocity import CorrelatedVelocity
 from tuner.diagnosis.drive.causes.gnss_outliers import GnssOutliers, GnssVelocity
 from tuner.diagnosis.drive.causes.mounting import Mounting
 from tuner.diagnosis.drive.causes.noise_scale import GnssNoiseScale, ImuNoiseScale
@@ -35,8 +36,8 @@ non-normal errors."""
 DRIVE_CAUSES.extend(
     (
         TimeOffset, VelocityLag, LeverArm, GnssFrame, VelocityScale, VerticalVelocity, GyroScale, AccelScale,
-        Misalignment, GSensitivity, Gravity, GnssNoiseScale, ImuNoiseScale, CorrelatedGnss, BiasJump, GnssOutliers,
-        GnssVelocity, SensorBias, Mounting,
+        Misalignment, GSensitivity, Gravity, GnssNoiseScale, ImuNoiseScale, CorrelatedGnss, CorrelatedVelocity,
+        BiasJump, GnssOutliers, GnssVelocity, SensorBias, Mounting,
     )
 )  # fmt: skip
 

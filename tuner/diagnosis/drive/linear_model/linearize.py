@@ -157,7 +157,7 @@ def _part(
         "gyro_bias": out.slow[0],
         "accel_bias": out.slow[1],
     }
-    if "gnss_position" in settings.model.layout:
+    if any(name in settings.model.layout for name in ("gnss_position", "correlated_velocity")):
         noise["gnss_position"] = out.slow[2]
     b = np.zeros((k, n, p))
     b[:, :9] = out.constants
@@ -235,6 +235,8 @@ def _jacobians(settings: FilterSettings, out: PropagatedErrors) -> tuple[FloatAr
     if "gnss_position" in at:
         errors = at["gnss_position"]
         h[:, :3, errors] = np.tile(np.eye(3), (errors.stop - errors.start) // 3)
+    if "correlated_velocity" in at:
+        h[:, 3:, at["correlated_velocity"]] = np.eye(3)
     antenna = vel + np.cross(relative, u)
     frame = np.stack(transport_rate(sin_lat, cos_lat, llh[:, 2], tuple(vel.T)), axis=-1)
     acc = out.force.mean(axis=1) - np.cross(2.0 * of_earth + frame, vel)

@@ -37,7 +37,7 @@ class LinearizedRun:
         Φ from just after the update of the fix before (or from the start) to each fix.
     noise : mapping of str to ndarray, shape (k, n, n)
         Process noise of each of `NOISE_GROUPS` over the same interval, as configured, and of ``gnss_position`` where
-        the filter has such states; Q is the sum of all.
+        the filter has states of errors of the receiver that stay; Q is the sum of all.
     H : ndarray, shape (k, 6, n)
         Jacobian of position (north, east, down, m) and velocity (m/s) fixes.
     innovation : ndarray, shape (k, 6)
