@@ -22,9 +22,9 @@ MIN_SECONDS = 1.0
 MIN_PART_SECONDS = 8.0
 """Length of a stand-still between motions from which its own noise tells whether it is at rest, s: that of the fewest
 blocks that a record must have. Shorter ones are used where they are most of what is at rest, as among many poses."""
-MAX_LEVEL_DIFFERENCE = float(np.log(1.5))
-"""Difference of the level of the noise, mean of all channels, from that of the quietest stand-still: a hand, an engine
-or a road are more, and the noise of a sensor at rest is not."""
+MAX_LEVEL_DIFFERENCE = float(np.log(1.2))
+"""Difference of the level of the noise, mean of all channels, from that of the quietest stand-still: stand-stills of
+one unit on a table differ by up to 1.1, and a hand, an engine or a road are more."""
 
 
 def stand_stills(records: Sequence[Record], moving: BoolArray, long: BoolArray) -> tuple[Segments, Segments]:

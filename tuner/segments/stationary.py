@@ -19,8 +19,8 @@ is not
 motion (a bias step, a burst of one axis) unless it is unmistakable: a gyroscope whose block mean is 0.1
 rad/s off its
 median, or a block sd of more than 0.1 rad/s or 1 m/s² and ten times its usual one. Blocks beside a moving one
-count as moving too. Where a quarter of the log is not at rest, as the means show, the quietest stretch of eight
-blocks takes the place of the lower quartile.
+count as moving too. Where a quarter of the log is not at rest, as its means or a far quieter stretch show, the quietest
+eight adjoining blocks take the place of the lower quartile.
 
 Shorter motions are found in `knocks`, what settles beside a motion in `settling`. Knocks after which the level is the
 same are no end of a stand-still (`knock_bridges`).
@@ -52,6 +52,9 @@ _LEVEL_MARGIN = 1.5
 """Factor for a noise level that changes while the sensor is at rest."""
 _BRIDGE_QUARTILE = 0.0701
 """Lower quartile of the variance of a Brownian bridge of free mean, of unit density."""
+_QUARTER_OVER_QUIETEST = 2.0
+"""Sd of the lower quartile ÷ that of the quietest eight blocks, from which a quarter of the log is not at rest: it is
+below 1.1 for white noise, 1.3 for a random walk, 1.5 where the noise level changes."""
 _OVER_WHITE_NOISE = 2.0
 """Change of the mean ÷ that of white noise with the scatter of the samples, from which it is motion: sensors at rest
 show 1.0 to 1.4, moving ones 5 to 10; white noise alone, however large, is another unit."""
@@ -134,8 +137,10 @@ def find_motion(
         np.maximum(np.quantile(v, 0.25, axis=0), step) for (_, v), step in zip(moments, rounding, strict=True)
     ]
     blocks = _moving_blocks(together, bounds, moments, usual, false_alarm)
-    if any(_steady_motion(record, _ranges(bounds, ~blocks[0])) is not None for record in together):
-        quietest = _quietest([v for _, v in moments], rounding)
+    quietest = _quietest([v for _, v in moments], rounding)
+    louder = np.mean(0.5 * np.log(np.hstack(usual) / np.hstack(quietest)))
+    steady = any(_steady_motion(record, _ranges(bounds, ~blocks[0])) is not None for record in together)
+    if steady or louder > np.log(_QUARTER_OVER_QUIETEST):
         again = _moving_blocks(together, bounds, moments, quietest, false_alarm)
         rest = _ranges(bounds, ~again[0])
         if rest and all(_steady_motion(record, rest) is None for record in together):

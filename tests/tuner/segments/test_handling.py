@@ -141,3 +141,15 @@ def test_of_several_stand_stills_those_as_quiet_as_the_quietest_are_used() -> No
     assert kept.segments[1][0] >= 7000
     frozen = np.vstack([y[:3500], np.ones((900, 6)), y[6500:]])
     assert len(at_rest(unit(frozen))[0].segments) == 2
+
+
+def test_a_log_that_moves_most_of_the_time_has_the_quiet_ends_at_rest() -> None:
+    """A fifth of it lies on a table before and after a ride whose vibration is five times the noise, with halts."""
+    ride = 5.0 * noise(30, 16_000)
+    ride[4000:5000] *= 0.3
+    y = np.vstack([noise(31, 2000), ride, noise(32, 2000)])
+    (kept, _) = at_rest(unit(y))
+    (first, last) = kept.segments
+    assert (first[0], last[1]) == (0, len(y))
+    assert first[1] <= 2000
+    assert last[0] >= 18_000
