@@ -182,7 +182,8 @@ def _moving_blocks(
 def _quietest(variances: Sequence[FloatArray], rounding: Sequence[FloatArray]) -> list[FloatArray]:
     """Return the mean variances of each record, (k,), over the eight adjoining blocks that are quietest together."""
     level = np.mean(np.log(np.maximum(np.hstack(variances), np.hstack(rounding))), axis=1)
-    total = np.concatenate(([0.0], np.cumsum(level)))
+    frozen = np.any(np.hstack(variances) == 0.0, axis=1)  # a sensor that repeats one value is not quiet
+    total = np.concatenate(([0.0], np.cumsum(np.where(frozen, np.abs(level).max(), level))))
     at = int(np.argmin(total[_MIN_BLOCKS:] - total[:-_MIN_BLOCKS]))
     return [
         np.maximum(v[at : at + _MIN_BLOCKS].mean(axis=0), step)

@@ -38,7 +38,7 @@ def warmed(seed=2, n=60_000):
 
 def test_only_what_stands_still_is_kept_and_said():
     said = []
-    (kept,) = at_rest([moved(loud=1.2)], said.append)
+    (kept,) = at_rest([moved(loud=1.1)], said.append)
     turning = (kept.t >= 200.0) & (kept.t < 220.0)
     inside = np.zeros(len(kept), dtype=bool)
     for start, stop in kept.segments:
@@ -58,7 +58,7 @@ def test_sensors_on_clocks_of_their_own_are_judged_apart():
     still = replace(
         moved(), t=moved().t + 0.1, y=1e-3 * np.random.default_rng(9).standard_normal((21_000, 3))
     )
-    first, second = at_rest([moved(loud=1.2), still])
+    first, second = at_rest([moved(loud=1.1), still])
     assert len(first.segments) == 2
     assert second.segments == still.segments
 
