@@ -10,6 +10,7 @@ from rich.table import Table
 from models.filter_states import FILTER_STATES
 from tuner.consistency.error_budget import blind_spots
 from tuner.consistency.error_budget import table as budget_rows
+from tuner.formats.customary_units import digits
 from tuner.report.verdict_text import observability_text, verdict_text
 from tuner.types.consistency import Check, Consistency, ErrorBudget, Observability, Score, VerdictCode
 
@@ -54,8 +55,8 @@ def consistency_tables(found: Consistency, notes: Sequence[str] = ()) -> list[Ta
             score_title(score.name),
             f"{score.ratio:.3f}",
             _band(score),
-            "" if outage is None else f"{outage.rms:.3g} m",
-            "" if outage is None else f"{outage.predicted:.3g} m",
+            "" if outage is None else f"{digits(outage.rms)} m",
+            "" if outage is None else f"{digits(outage.predicted)} m",
             "" if outage is None else str(outage.windows),
             "" if score.consistent else "optimistic" if score.ratio > 1.0 else "pessimistic",
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -29,8 +30,8 @@ from tuner.types.filter_output import BLOCKS
 
 FloatArray = NDArray[np.float64]
 
-MAX_DRAWN_EPOCHS = 4000
-"""Points of a line: more are not seen."""
+MAX_DRAWN_EPOCHS = 1500
+"""Points of a line: three a pixel of the page; fifteen panels with their bands keep it below 6 MB."""
 _UNITS = (
     (1.0, "m"),
     (1.0, "m/s"),
@@ -109,7 +110,7 @@ def _drawn(found: OutputScore) -> Figure | None:
 
 def _error_panel(ax: Axes, run: OutputErrors, block: int, axis: int) -> None:
     factor, unit = _UNITS[block]
-    step = max(1, len(run) // MAX_DRAWN_EPOCHS)
+    step = math.ceil(len(run) / MAX_DRAWN_EPOCHS)
     t, k = run.t[::step], 3 * block + axis
     sd = 3.0 * factor * np.sqrt(np.maximum(run.covariance[::step, k, k], 0.0))
     ax.fill_between(t, -sd, sd, color=BAND_COLOUR, linewidth=0.0)

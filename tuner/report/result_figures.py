@@ -74,6 +74,10 @@ def settings_figure(config: FilterConfig) -> Figure:
     return figure
 
 
+RATIO_TICKS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 0.7, 1.0, 1.4, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
+"""Ratios named along their axis: most scores lie within a factor of 2, where decades name nothing but 1."""
+
+
 def scores_figure(scores: Sequence[Score]) -> Figure:
     """Return true rms ÷ predicted sd of every score with the band of a consistent filter."""
     with new_figure((9.4, 1.0 + 0.25 * len(scores))) as figure:
@@ -84,6 +88,10 @@ def scores_figure(scores: Sequence[Score]) -> Figure:
             panel.plot(score.ratio, k, "o", color=GOOD_COLOUR if score.consistent else BAD_COLOUR)
         panel.axvline(1.0, color="0.4", lw=0.8)
         panel.set(xscale="log", xlabel="true rms ÷ predicted sd (grey: consistent)")
+        low, high = panel.get_xlim()
+        ticks = [ratio for ratio in RATIO_TICKS if low <= ratio <= high]
+        panel.set_xticks(ticks, [f"{ratio:g}" for ratio in ticks])
+        panel.minorticks_off()
         panel.set_yticks(range(len(scores)), [score_title(score.name).replace("_", " ") for score in scores])
         panel.invert_yaxis()
     return figure
