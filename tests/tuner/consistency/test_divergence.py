@@ -19,6 +19,10 @@ from tuner.types.consistency import VerdictCode
 TOWN = TRAJECTORIES["city"](600.0)
 
 
+ONE_OF_A_KIND = ("mpu9250", "bmi088", "adis16465", "stim300", "rlg", "fog")
+"""Grades from consumer to navigation; the others lie between them."""
+
+
 def grade(name):
     return synthesize(grade_identification(load_grade(name)), gnss=load_gnss("spp"))
 
@@ -31,7 +35,10 @@ def with_gyro_constants(config, sd):
     return replace(config, channels=channels)
 
 
-@pytest.mark.parametrize("name", grade_names())
+@pytest.mark.parametrize(
+    "name",
+    [name if name in ONE_OF_A_KIND else pytest.param(name, marks=pytest.mark.slow) for name in grade_names()],
+)
 def test_every_built_in_grade_gives_a_consistent_filter(name):
     """At a false alarm in a hundred each."""
     found = check(grade(name), TOWN, runs=12, seed=1)

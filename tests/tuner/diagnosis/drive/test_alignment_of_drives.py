@@ -56,7 +56,7 @@ def _nees(drive, solution):
     return squares[:, :3].mean(), squares[:, 6:].mean()
 
 
-@pytest.mark.parametrize("begin", [0.0, 60.0, 100.0])
+@pytest.mark.parametrize("begin", [0.0, pytest.param(60.0, marks=pytest.mark.slow), 100.0])
 @pytest.mark.parametrize("change", [lambda d: d, _without_velocities], ids=["velocities", "positions"])
 def test_an_unknown_lever_arm_is_not_taken_for_zero(drive, configuration, begin, change):
     """A start that took the first fix for the inertial unit had position errors of 20 stated sds."""

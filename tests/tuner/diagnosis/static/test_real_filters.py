@@ -23,8 +23,16 @@ def diagnosed(y: np.ndarray) -> Diagnosis:
 
 @pytest.mark.parametrize(
     ("b", "a"),
-    [(np.ones(3 * FINER), [1.0]), (np.convolve(np.ones(FINER), np.ones(FINER)), [1.0]), BUTTERWORTH],
-    ids=["moving mean of three samples", "two integrators and combs", "Butterworth of order 4, 72 dB deep"],
+    [
+        pytest.param(np.ones(3 * FINER), [1.0], id="moving mean of three samples"),
+        pytest.param(
+            np.convolve(np.ones(FINER), np.ones(FINER)),
+            [1.0],
+            id="two integrators and combs",
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(*BUTTERWORTH, id="Butterworth of order 4, 72 dB deep"),
+    ],
 )
 def test_a_real_filter_is_a_lowpass_and_leaves_nothing(b, a):
     """Before, nulls and stop bands were told as vibrations, spikes and bursts, or left unexplained."""
