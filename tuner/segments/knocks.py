@@ -8,8 +8,8 @@ A block moved if L_b > z s + ln 1.2. s is the scatter of L_b below its median, o
 and heavy-tailed noise has a law of its own; z is the normal quantile of the false-alarm probability ÷ number of blocks.
 Logarithms of variances are skewed to the left, so that the normal law is never too short. One channel alone is no
 motion, nor is one sample: variances count without the sample that is furthest off. White noise that swells on all
-channels of one sensor is a burst: a motion either is slower than the noise or is felt by both sensors. What changes
-neither the variance nor the white noise of the record by 1 % is left where it is.
+channels of one sensor, or for more than a few seconds, is a burst: a motion is slower than the noise, or a blow that
+both sensors feel. What changes neither the variance nor the white noise of the record by 1 % is left where it is.
 
 A motion goes on beside a block that moved, or beside one that is known to, while L_b exceeds what 1 % of blocks at rest
 exceed.
@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, label
 from scipy.special import ndtri
 
+from tuner.segments.knock_bridges import MAX_SECONDS
 from tuner.types.records import Record
 
 FloatArray = NDArray[np.float64]
@@ -93,10 +94,10 @@ def knocked(
         again = [one.without_furthest(chosen) for one in columns]
         edges = np.cumsum([0, *(record.y.shape[1] for record in records)])
         felt = np.array([np.mean(again[a:b], axis=0) for a, b in pairwise(edges)])
-        slow = np.mean([one.level[chosen] - one.roughness[chosen] for one in columns], axis=0)
+        slow = np.mean([one.level - one.roughness for one in columns], axis=0)
         both = (len(felt) > 1) & np.all(felt > MIN_SLOWER_GROWTH, axis=0)
-        hit[chosen] = (_without_largest(again) > high) & ((slow > MIN_SLOWER_GROWTH) | both)
-        hit = _worth_leaving_out(hit, columns, int(np.count_nonzero(~busy)))
+        hit[chosen] = (_without_largest(again) > high) & ((slow[chosen] > MIN_SLOWER_GROWTH) | both)
+        hit = _motions(hit, columns, slow, int(np.count_nonzero(~busy)), first.rate)
     return moving | _grown(hit, busy, level > low, starts, size, first)
 
 
@@ -109,7 +110,7 @@ class _Column:
     def __init__(
         self, column: FloatArray, least: float, starts: IntArray, size: int, busy: BoolArray
     ) -> None:
-        self._column, self._least, self._starts, self._size, self._busy = column, least, starts, size, busy
+        self._column, self._least, self._starts, self.size, self._busy = column, least, starts, size, busy
         self.mean, variance = _moments(column, starts, size)
         log = 0.5 * np.log(np.maximum(variance, least))
         self._usual = _usual(log, busy)
@@ -118,13 +119,13 @@ class _Column:
     @property
     def roughness(self) -> FloatArray:
         """½ ln of half the mean square of the differences of samples over the usual one, shape (b,)."""
-        change, scatter = _moments(np.diff(self._column), self._starts, self._size - 1)
+        change, scatter = _moments(np.diff(self._column), self._starts, self.size - 1)
         rough = 0.5 * np.log(np.maximum(0.5 * (change**2 + scatter), self._least))
         return np.asarray(rough - _usual(rough, self._busy))
 
     def without_furthest(self, chosen: IntArray) -> FloatArray:
         """Return the level of chosen blocks without the sample that is furthest from their median."""
-        blocks = self._column[self._starts[chosen, None] + np.arange(self._size)]
+        blocks = self._column[self._starts[chosen, None] + np.arange(self.size)]
         off = np.abs(blocks - np.median(blocks, axis=1)[:, None])
         blocks[np.arange(len(blocks)), np.argmax(off, axis=1)] = np.nan
         fewer = np.maximum(np.nanvar(blocks, axis=1, ddof=1), self._least)
@@ -139,18 +140,22 @@ class _Column:
         beside = beside[beside < len(self.mean)]
         if not len(beside):
             return variance / blocks
-        turned = 0.5 * self._size * float(np.sum(self.mean[hits] - np.mean(self.mean[beside])))
+        turned = 0.5 * self.size * float(np.sum(self.mean[hits] - np.mean(self.mean[beside])))
         usual = np.exp(2.0 * self._usual[hits[0]])
-        return max(variance, turned**2 / (0.5 * self._size * float(usual))) / blocks
+        return max(variance, turned**2 / (0.5 * self.size * float(usual))) / blocks
 
 
-def _worth_leaving_out(hit: BoolArray, columns: Sequence[_Column], blocks: int) -> BoolArray:
-    """Return which of the blocks that moved belong to knocks that change the noise of the record."""
+def _motions(
+    hit: BoolArray, columns: Sequence[_Column], slow: FloatArray, blocks: int, rate: float
+) -> BoolArray:
+    """Return which of the blocks belong to motions that change the noise of the record: brief ones, or slow ones."""
     kept = np.zeros_like(hit)
-    events, count = label(hit)
+    events, count = label(binary_dilation(hit, iterations=BLOCKS_BESIDE))
     for k in range(1, count + 1):
-        hits = np.flatnonzero(events == k)
-        if max(one.worth(hits, blocks) for one in columns) >= MIN_WORTH:
+        hits = np.flatnonzero(hit & (events == k))
+        brief = 0.5 * (hits[-1] - hits[0] + 1) * columns[0].size <= MAX_SECONDS * rate
+        slower = float(np.median(slow[hits])) > MIN_SLOWER_GROWTH
+        if (brief or slower) and max(one.worth(hits, blocks) for one in columns) >= MIN_WORTH:
             kept[hits] = True
     return kept
 
