@@ -23,6 +23,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from tuner.consistency.reference_check import trusted_reference
 from tuner.diagnosis.drive.config_after_drive import config_after_drive
 from tuner.diagnosis.drive.configured_run import ConfiguredRun, configured_run
 from tuner.diagnosis.drive.explained_drive import examine_and_explain
@@ -117,12 +118,14 @@ def row(name: str, score: PredictiveScore | None, seconds: float | None = None) 
 
 
 def judged(
-    drive: Drive, config: FilterConfig, begin: float, *, adapt: bool = False
+    drive: Drive, config: FilterConfig, begin: float, *, adapt: bool = False, whole: bool = False
 ) -> PredictiveScore | None:
-    """Return the score of a configuration on the drive from a time on."""
+    """Return the score of a configuration on the drive from a time on, by its reference where that is right."""
     clean = replace(drive, gnss=without_gross_outliers(drive.gnss)[0])
     try:
         run = configured_run(clean, config, clock_of_drive(drive))
+        if run.reference is not None and not whole:
+            run = replace(run, reference=trusted_reference(run.reference, run.stretches, run.settings)[0])
         return predictive_score(adapted(run) if adapt else run, begin, float(drive.gnss.t[-1]))
     except DataError:
         return None
@@ -152,6 +155,10 @@ def main() -> None:
         ]
         if choice.after is not None and choice.after.fixes_rms is not None:
             own.append(f"| … fixes alone | {choice.after.fixes_rms:.3g} | | | | |")
+            by_all = judged(drive, choice.config, begin, whole=True)
+            if by_all is not None and by_all.fixes_rms is not None:
+                own.append(row("… written, by the whole reference", by_all))
+                own.append(f"| … fixes alone, by the whole reference | {by_all.fixes_rms:.3g} | | | | |")
         outages.append(compared(drive.name, choice))
         scores += own
         print(clocks[-1], *own, outages[-1], choice.note, sep="\n", flush=True)

@@ -50,9 +50,11 @@ DELAYS = ("position", "velocity")
 """The first two common parameters: delays of positions and of velocities, s."""
 MIN_FREE_SHARE = 0.1
 """Least share of the rows that counts as free: below it a scatter is not known."""
-DERIVATIVE_HALF_WIDTH = 0.1
-"""Half of the time over which the acceleration is taken, s: no vibration of engines is in it, and a walker's bobbing at
-2 Hz keeps three quarters."""
+DERIVATIVE_HALF_WIDTHS = (0.1, 0.25)
+"""Bounds of half of the time over which the acceleration is taken, s; between them a quarter of the fixes' interval.
+
+With quick fixes no vibration of engines is in it, and a walker's bobbing at 2 Hz keeps three quarters; a receiver with
+fixes once a second averages its velocities about as long."""
 SWING_HALF_WIDTH = 0.05
 """The same of the velocity with which the antenna swings about the unit, s: a walker takes two steps in a second."""
 COMMON_PARAMETERS = 2 + 3 + 3 + 3 + 3
@@ -345,7 +347,8 @@ def _at(increments: IntegratedIncrements, t: FloatArray, arm: FloatArray) -> _In
         ends = (value(_Interpolator(increments.t, t + side)) for side in (half, -half))
         return np.asarray(next(ends) - next(ends)) / (2.0 * half)
 
-    acceleration = slope(DERIVATIVE_HALF_WIDTH, lambda of: of(increments.velocity)) + slope(
+    half_width = float(np.clip(0.25 * np.median(np.diff(t)), *DERIVATIVE_HALF_WIDTHS))
+    acceleration = slope(half_width, lambda of: of(increments.velocity)) + slope(
         SWING_HALF_WIDTH,
         lambda of: _swing(of(increments.mat).reshape(-1, 3, 3), of(increments.rate), arm)[1],
     )
