@@ -11,23 +11,26 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from statistics import median
 from types import MappingProxyType
 from typing import Any
 
 from tuner.formats.guard import printable
 from tuner.production.limits import judge, read_limits
-from tuner.production.outliers import units_apart
+from tuner.production.outliers import LEAST_UNITS, units_apart
 from tuner.production.spread import spread
 from tuner.production.unit import Outcome, Task, UnitOptions, attempt, store_measurement
 from tuner.production.workers import outcomes
 from tuner.readers import FORMATS
 from tuner.readers.log_format import file_of, log_folder
 from tuner.readers.source_kind import source_name
-from tuner.types.fleet import Fleet, FleetUnit, Limit
+from tuner.types.fleet import Fleet, FleetUnit, Limit, UnitMeasurement
 from tuner.types.records import DataError
 
 RESULTS = "fleet.json"
 """File by which a folder with results of an earlier run is known; it is not searched for logs."""
+SHORT_SHARE = 0.5
+"""Share of the usual length of the logs below which one ended early: one script makes logs of about one length."""
 Advance = Callable[[int, int], None]
 """Called with (units done, units in total)."""
 
@@ -102,17 +105,18 @@ def fleet(
 def judged(name: str, rows: Sequence[FleetUnit], limits: tuple[Limit, ...]) -> Fleet:
     """Return the fleet with the verdict of every unit, those that stand apart, and the spread of the others."""
     measured = {i: row.measurement for i, row in enumerate(rows) if row.measurement is not None}
-    apart = units_apart(measured)
+    apart, cut = units_apart(measured), cut_off(measured)
     units = []
     for index, row in enumerate(rows):
         verdict, broken = ("ERROR", ()) if index not in measured else judge(measured[index], limits)
+        verdict = "OPEN" if verdict == "PASS" and index in cut else verdict
         units.append(
             replace(
                 row,
                 verdict=verdict if limits else "",
                 broken=broken,
                 outliers=apart.outliers.get(index, ()),
-                advice=apart.advice.get(index, ()),
+                advice=(*cut.get(index, ()), *apart.advice.get(index, ())),
             )
         )
     channel_units = {axis: unit for one in measured.values() for axis, unit in one.units.items()}
@@ -124,6 +128,20 @@ def judged(name: str, rows: Sequence[FleetUnit], limits: tuple[Limit, ...]) -> F
         MappingProxyType(channel_units),
         apart.comparisons,
     )
+
+
+def cut_off(measured: Mapping[int, UnitMeasurement]) -> dict[int, tuple[str, ...]]:
+    """Return, by the index of the unit, the logs that ended early, in words: such a log passes limits by chance."""
+    if len(measured) < LEAST_UNITS:
+        return {}
+    usual = median(one.span for one in measured.values())
+    return {
+        index: (
+            f"its log lasts {one.span:.3g} s, half of the others {usual:.3g} s and more: record it again",
+        )
+        for index, one in measured.items()
+        if one.span < SHORT_SHARE * usual
+    }
 
 
 def find_logs(logs: str | Path | Sequence[str | Path]) -> list[str]:

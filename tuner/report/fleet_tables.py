@@ -94,7 +94,7 @@ def fleet_tables(fleet: Fleet) -> list[Table | str]:
     table = Table(title="Units to look at", show_lines=True)
     for head in ("unit", "verdict", "why"):
         table.add_column(head, overflow="fold")
-    odd = [u for u in fleet.units if u.error or u.outliers or u.broken]
+    odd = [u for u in fleet.units if u.error or u.outliers or u.broken or u.advice]
     rank = {"FAIL": 2, "OPEN": 3}
     odd.sort(key=lambda u: 0 if u.outliers or u.advice else 1 if u.error else rank.get(u.verdict or "", 4))
     for unit in odd[:SHOWN_UNITS]:

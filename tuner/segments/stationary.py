@@ -138,9 +138,9 @@ def find_motion(
     ]
     blocks = _moving_blocks(together, bounds, moments, usual, false_alarm)
     quietest = _quietest([v for _, v in moments], rounding)
-    louder = np.mean(0.5 * np.log(np.hstack(usual) / np.hstack(quietest)))
+    noisier = np.mean(0.5 * np.log(np.hstack(usual) / np.hstack(quietest)))
     steady = any(_steady_motion(record, _ranges(bounds, ~blocks[0])) is not None for record in together)
-    if steady or louder > np.log(_QUARTER_OVER_QUIETEST):
+    if steady or noisier > np.log(_QUARTER_OVER_QUIETEST):
         again = _moving_blocks(together, bounds, moments, quietest, false_alarm)
         rest = _ranges(bounds, ~again[0])
         if rest and all(_steady_motion(record, rest) is None for record in together):

@@ -17,7 +17,7 @@ from tuner.catalogue.datasheet_format import parse_sheet
 from tuner.cli import run
 from tuner.formats.logs import write_log
 from tuner.production import unit as unit_module
-from tuner.production.fleet import fleet, output_folder, unit_names
+from tuner.production.fleet import fleet, judged, output_folder, unit_names
 from tuner.production.limits import judge, read_limits
 from tuner.production.outliers import FALSE_NAMING, units_apart
 from tuner.production.spread import grade_yaml, spread
@@ -238,6 +238,22 @@ def test_a_unit_three_times_as_noisy_in_several_axes_is_one_line():
     assert re.match(
         r"gyro: N of x y z × (2\.9|3\.0|3\.1).*, Allan deviation at 10 s of x y z × (2\.9|3\.0|3\.1)", line
     )
+
+
+def test_a_log_that_ended_early_is_named_and_does_not_pass(tmp_path):
+    """A file cut off after 0.4 s of 180 passed its limits."""
+    path = tmp_path / "limits.yaml"
+    path.write_text("format: tuner-limits/1\ngyro: {N: 0.6 deg/√h}\n")
+    n = to_si(0.42, "deg/√h")
+    rows = []
+    for k in range(8):
+        noise = {"gyro_x.N": Coefficient.known(n, 0.9 * n, 1.1 * n, "")}
+        one = UnitMeasurement("", 50.0, 0.4 if k == 3 else 180.0 + k, {"gyro_x": "rad/s"}, noise)
+        rows.append(FleetUnit(f"u{k}", f"u{k}.csv", one))
+    units = judged("lot", rows, read_limits(path)).units
+    assert [unit.verdict for unit in units] == ["PASS"] * 3 + ["OPEN"] + ["PASS"] * 4
+    assert "0.4 s" in units[3].advice[0]
+    assert not any(unit.advice for unit in units if unit.name != "u3")
 
 
 def test_too_few_units_are_not_judged():
