@@ -64,7 +64,7 @@ def test_knocks_change_no_density() -> None:
 @pytest.mark.parametrize("seed", range(4))
 def test_a_glitch_and_a_swell_of_white_noise_are_no_knocks(seed: int) -> None:
     y = noise(10 + seed)
-    y[5000] += 60.0
+    y[5000] += 20.0
     y[8000:8040, :3] *= 5.0
     y[9000:10_500] *= 2.2
     assert find_motion(unit(y)).episodes == ()
