@@ -5,6 +5,7 @@ biases and noise of sensors that no sensor has. So causes are withdrawn where
 
 - the filter had to correct the attitude of its start by more than `MAX_START_CORRECTION` of its stated sds: every
   residual behind it is one of the start, and nothing else can be named;
+- a heading that was hardly known was corrected by more than a linear filter can (`MAX_LINEAR_CORRECTION`);
 - a bias is beyond `MAX_BIAS` prior sds, noise is more than `MAX_RATIO` times as large as stated (of fixes in classes:
   that of every class), or errors of the fixes
   last longer than the drive and than any of a receiver, so that they cannot be distinguished from a constant.
@@ -12,6 +13,7 @@ biases and noise of sensors that no sensor has. So causes are withdrawn where
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
@@ -32,6 +34,10 @@ MAX_START_CORRECTION = 6.0
 The correction of a right start has at most the variance of the start: six sds of three angles come with 6e-9; a start
 whose sd is stated 30 % too small comes to 4.6.
 """
+HEADING_STATE = 8
+"""State of the error of the heading."""
+MAX_LINEAR_SD, MAX_LINEAR_CORRECTION = math.radians(20.0), math.radians(30.0)
+"""Sd of a heading from which a correction may be too far for a linear filter, and that correction, rad."""
 MAX_BIAS = 20.0
 """Bias in prior sds above which no sensor explains it: data sheets err by factors of a few."""
 MAX_RATIO = 50.0
@@ -58,7 +64,8 @@ def plausible(found: DriveDiagnosis, final: FilterRun) -> DriveDiagnosis:
     final : FilterRun
         The run with all causes in it.
     """
-    if failed := start_correction(final):
+    failed = start_correction(final) or (heading_correction(final) if found.findings else "")
+    if failed:
         why = Unexplained(f"the start failed: {failed}", ("drive",), 0.0)
         return replace(
             found,
@@ -114,6 +121,27 @@ def start_correction(run: FilterRun) -> str:
                 f"{worst:.0f} times the sd of {stated:.1f}° that it was stated with"
             )
     return text
+
+
+def heading_correction(run: FilterRun) -> str:
+    """Return in words by how much a heading that was hardly known was corrected, "" where a linear filter could.
+
+    The filter is linear in the errors of its attitude: with the cosine of an error of 30°, all that follows from it is
+    wrong by a seventh, and named as something else.
+    """
+    linearized = run.linearized
+    sd = float(np.sqrt(linearized.initial[HEADING_STATE, HEADING_STATE]))
+    if sd < MAX_LINEAR_SD:
+        return ""
+    begins = np.flatnonzero(linearized.starts)
+    for begin, end in zip(begins, [*begins[1:], len(linearized.t)], strict=True):
+        total = np.abs(np.cumsum(linearized.correction[begin:end, HEADING_STATE]))
+        if total.max(initial=0.0) > MAX_LINEAR_CORRECTION:
+            return (
+                f"its heading was known to {np.degrees(sd):.0f}° and corrected by {np.degrees(total.max()):.0f}°, "
+                "too far for a filter that is linear in it"
+            )
+    return ""
 
 
 def _ratios(parameters: Mapping[str, Coefficient]) -> dict[str, float]:

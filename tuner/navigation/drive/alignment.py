@@ -39,6 +39,7 @@ from tuner.navigation.drive.alignment_in_motion import (
     wahba,
 )
 from tuner.navigation.drive.free_of_gravity import free_of_gravity
+from tuner.navigation.drive.steady_rest import steady_steps
 from tuner.types.records import DataError, Gnss
 
 FloatArray = NDArray[np.float64]
@@ -173,8 +174,9 @@ def align_once(
     # Biases that rotate the unit by less than an alignment resolves are not estimated.
     unknown = bias_sd if bias_sd[:3].max() * (stop - begin) > MIN_BIAS_ROTATION else KNOWN_BIAS_SD
     down = float(gravity(np.sin(gnss.llh[0, 0]), gnss.llh[0, 2]))
-    quiet = slice(int(np.searchsorted(ends, begin)), int(np.searchsorted(ends, still_end)))
-    rest = still_end - begin
+    whole = slice(*np.searchsorted(ends, [begin, still_end]).tolist())
+    quiet = steady_steps(steps, whole)
+    rest = still_end - begin - float(steps.dt[whole].sum() - steps.dt[quiet].sum())
     if rest > MIN_STATIONARY or (rest >= MIN_STATIONARY_POOR_GYROS and unknown.any()):
         means = steps.increments[quiet].sum(axis=0) / steps.dt[quiet].sum()
         bias[:3], force = means[:3], float(np.linalg.norm(means[3:]))
@@ -257,7 +259,7 @@ def align_once(
     )
 
 
-def _sd_at_rest(steps: Steps, quiet: slice) -> FloatArray:
+def _sd_at_rest(steps: Steps, quiet: NDArray[np.intp]) -> FloatArray:
     """Return the sd of the mean of the gyros at rest from that of means over a second, infinite below ten of them."""
     second = max(1, round(1.0 / float(np.median(steps.dt[quiet])))) if steps.dt[quiet].size else 1
     count = len(steps.dt[quiet]) // second

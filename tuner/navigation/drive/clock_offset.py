@@ -47,6 +47,7 @@ from tuner.navigation.drive.clock_regression import (
     unweighted,
 )
 from tuner.navigation.drive.integrated_increments import IntegratedIncrements, integrate_increments
+from tuner.navigation.drive.steady_rest import steady_steps
 from tuner.navigation.drive.thinning import irregular_rows
 from tuner.types.records import Gnss
 
@@ -181,10 +182,10 @@ def estimate_clock_offset(steps: Steps, gnss: Gnss, lever_arm: Sequence[float] |
 def _gyro_bias(steps: Steps, gnss: Gnss, arm: FloatArray) -> FloatArray:
     """Return the mean gyro biases: at rest where the drive begins so, then such that the segments agree."""
     ends, bias = steps.ends(), np.zeros(3)
-    rest = slice(*np.searchsorted(ends, [gnss.t[0], stationary_until(gnss)]).tolist())
+    rest = steady_steps(steps, slice(*np.searchsorted(ends, [gnss.t[0], stationary_until(gnss)]).tolist()))
     time = float(steps.dt[rest].sum())
     if time > MIN_STATIONARY_POOR_GYROS:
-        bias = _resting_rates(steps, rest)
+        bias = steps.increments[rest, :3].sum(axis=0) / time
     if time > SUFFICIENT_STATIONARY:
         return bias
     shortest = MIN_SEGMENT_FIXES * float(np.median(np.diff(gnss.t)))
@@ -205,15 +206,6 @@ def _gyro_bias(steps: Steps, gnss: Gnss, arm: FloatArray) -> FloatArray:
         ]
         bias = bias + _solve(rows, prior, free).value[-3:]
     return bias
-
-
-def _resting_rates(steps: Steps, rest: slice) -> FloatArray:
-    """Return the rates while a vehicle stands: the median of means over a second, as people turn on the spot."""
-    part = steps.dt[rest]
-    second = (np.cumsum(part) - part).astype(int)
-    time = np.bincount(second, weights=part)
-    means = [np.bincount(second, weights=axis) / time for axis in steps.increments[rest, :3].T]
-    return np.asarray(np.median(means, axis=1))
 
 
 def _coarse(

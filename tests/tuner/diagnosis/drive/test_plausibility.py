@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ import pytest
 import tuner.navigation.drive.run as drive_run
 from models import rotation
 from tuner.diagnosis.drive import diagnose_drive
-from tuner.diagnosis.drive.plausibility import reasons
+from tuner.diagnosis.drive.plausibility import heading_correction, reasons
 from tuner.types import Coefficient, Finding
 
 TURN = np.radians(40.0)
@@ -36,6 +37,20 @@ def test_a_start_that_failed_is_all_that_is_said(drive, drive_config, monkeypatc
     assert found.after is found.before
     assert "the start failed" in found.unexplained[0].statistic
     assert any("at rest" in note for note in found.notes)
+
+
+@pytest.mark.parametrize(
+    ("sd", "correction", "fails"), [(60.0, 45.0, True), (60.0, 15.0, False), (5.0, 45.0, False)]
+)
+def test_a_heading_that_a_linear_filter_cannot_correct_is_a_start_that_failed(sd, correction, fails):
+    """Boats in waves, aligned to 70°, got six causes each."""
+    initial, steps = np.zeros((15, 15)), np.zeros((50, 15))
+    initial[8, 8], steps[:, 8] = np.radians(sd) ** 2, np.radians(correction) / 50
+    starts = np.arange(50) == 0
+    run = SimpleNamespace(
+        linearized=SimpleNamespace(initial=initial, correction=steps, starts=starts, t=np.arange(50.0))
+    )
+    assert bool(heading_correction(run)) == fails
 
 
 def test_axes_of_another_frame_are_told(drive, drive_config):

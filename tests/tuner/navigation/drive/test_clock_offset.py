@@ -16,12 +16,7 @@ from tuner.diagnosis.drive.hypothesis import placed_in_sensor_axes
 from tuner.navigation.compensation import compensate
 from tuner.navigation.data import Steps
 from tuner.navigation.drive.clock import chosen_clock, clock_of_drive, remaining_clock
-from tuner.navigation.drive.clock_offset import (
-    MAX_CLOCK_OFFSET,
-    ClockOffset,
-    _resting_rates,
-    estimate_clock_offset,
-)
+from tuner.navigation.drive.clock_offset import MAX_CLOCK_OFFSET, ClockOffset, estimate_clock_offset
 from tuner.navigation.drive.integrated_increments import integrate_increments
 from tuner.navigation.drive.thinning import irregular_rows
 from tuner.simulation.drive import simulate_drive
@@ -111,15 +106,6 @@ def test_the_diagnosis_knows_the_lever_arm_that_swings_with_a_walker():
     )
     clock = clock_of_drive(placed_in_sensor_axes(_late(drive, 0.15, 0.0)))
     assert clock.delay == pytest.approx(0.15, abs=0.01)
-
-
-def test_turning_on_the_spot_is_no_bias():
-    """Six of twenty seconds at rest turned at 0.5 rad/s: a mean would be 0.15 rad/s, noise is 1e-3."""
-    rng = np.random.default_rng(2)
-    rates = 0.01 + 0.01 * rng.standard_normal((2000, 6))
-    rates[800:1400, 2] += 0.5
-    found = _resting_rates(Steps(0.0, np.full(2000, 0.01), 0.01 * rates), slice(0, 2000))
-    assert found == pytest.approx(np.full(3, 0.01), abs=4e-3)
 
 
 def test_an_offset_beyond_the_search_is_a_bound(drive):
