@@ -73,6 +73,8 @@ class ConstraintCount:
     ratio: float
 
 
+MIN_COMMON_DIRECTION = 0.9
+"""Length of the median of unit vectors of the motion from which they have a direction in common: 25° of crabbing."""
 KINDS = (
     ("non-holonomic", NON_HOLONOMIC, 2),
     ("zero velocity", ZERO_VELOCITY, 3),
@@ -82,7 +84,10 @@ KINDS = (
 
 
 def forward_axes(solution: Solution) -> FloatArray | None:
-    """Return vehicle axes in b (3, 3), from the mean direction of motion and of the vertical; None without motion."""
+    """Return vehicle axes in b (3, 3), from the mean direction of motion and of the vertical.
+
+    None without motion, and where there is no such direction, as of a multicopter.
+    """
     speed = np.hypot(*solution.state.vel_n[:, :2].T)
     moving = speed > MIN_SPEED
     if np.count_nonzero(moving) < 10:
@@ -91,6 +96,8 @@ def forward_axes(solution: Solution) -> FloatArray | None:
     ahead = np.median(
         (to_body @ (solution.state.vel_n[moving] / speed[moving, None])[..., None])[..., 0], axis=0
     )
+    if np.linalg.norm(ahead) < MIN_COMMON_DIRECTION:
+        return None
     down = np.median(to_body[..., 2], axis=0)
     ahead /= np.linalg.norm(ahead)
     down -= (down @ ahead) * ahead
@@ -207,7 +214,7 @@ def with_constraints(
         own = vehicle
         if axes is None:
             notes.append(
-                "the vehicle hardly moved: its mounting is unknown, sideways motion is not constrained"
+                "the vehicle hardly moved, or to all sides: its mounting is unknown, sideways motion is not constrained"
             )
             own, axes = replace(vehicle, sideways=None), np.eye(3)
         elif not mounted and vehicle.sideways is not None:
