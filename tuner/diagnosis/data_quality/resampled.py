@@ -23,7 +23,9 @@ FloatArray = NDArray[np.float64]
 MAX_SEARCHED_SAMPLES = 65_536
 """Samples whose squares are searched for the beat: enough for a phase that is known over a window."""
 MIN_BEAT = 30.0
-"""Ordinate, in medians of all, from which a beat is looked at closer: chance exceeds it in one record of 1e5."""
+"""Ordinate, in medians of those around, from which a beat is looked at closer: chance reaches half of it."""
+LEVEL_ORDINATES, MIN_ORDINATE = 256, 8
+"""Ordinates whose median is their level, as second differences are not white, and the first one that is no trend."""
 WINDOW_SAMPLES, WINDOW_COUNT = 64, 12
 """Samples of a window, few enough for the error of the ratio, and number of windows, spread over the record."""
 PHASE_COUNT = 100
@@ -47,9 +49,13 @@ def find_resampled(pieces: Sequence[FloatArray]) -> Lines:
         return none
     square = np.diff(y, 2) ** 2
     square = np.minimum(square, 25.0 * float(np.median(square)))
+    if not square.any():
+        return none
     power = np.abs(rfft((square - square.mean()) * np.hanning(len(square)))) ** 2
-    at = int(np.argmax(power[8:])) + 8
-    if power[at] < MIN_BEAT * float(np.median(power)) or at + 1 >= len(power):
+    power = power[: len(power) // LEVEL_ORDINATES * LEVEL_ORDINATES].reshape(-1, LEVEL_ORDINATES)
+    power = (power / np.median(power, axis=1, keepdims=True)).ravel()
+    at = int(np.argmax(power[MIN_ORDINATE:])) + MIN_ORDINATE
+    if not power[at] > MIN_BEAT or at + 1 >= len(power):
         return none
     left, middle, right = np.sqrt(power[at - 1 : at + 2])
     if 2.0 * middle <= left + right:
@@ -83,7 +89,6 @@ def _left(windows: FloatArray, inputs: float, phase: float) -> FloatArray:
     """Return the power that lines between inputs at one phase leave of each window, shape (w,)."""
     place = phase + inputs * np.arange(WINDOW_SAMPLES)
     lines = np.maximum(1.0 - np.abs(place[:, None] - np.arange(int(place[-1]) + 2)), 0.0)
-    basis, size, _ = np.linalg.svd(lines, full_matrices=False)
-    basis = basis[:, size > 1e-6]
+    basis = np.linalg.qr(lines[:, np.any(lines > 0.0, axis=0)])[0]
     rest = windows - (windows @ basis) @ basis.T
     return np.asarray(np.sum(rest**2, axis=1) / (WINDOW_SAMPLES - basis.shape[1]))

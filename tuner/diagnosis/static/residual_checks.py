@@ -142,12 +142,15 @@ def _smooth_statistic(z: FloatArray, share: FloatArray) -> float:
 def _law_of_means(fitted: Residual) -> tuple[TestResult, ...]:
     """Test the law of means of the residuals, which events and processes that are not normal bend."""
     name, tests = "law of the means of residuals", []
-    e = np.clip(np.where(fitted.valid, fitted.e, 0.0), -RESIDUAL_CLIP, RESIDUAL_CLIP)
+    e = np.clip(fitted.e, -RESIDUAL_CLIP, RESIDUAL_CLIP)
+    means = e if bool(fitted.valid.all()) else np.where(fitted.valid, e, 0.0)
     sizes = [size for size in MEAN_SIZES if len(e) >= MIN_MEANS * size]
-    for size in sizes:
-        means = e[: len(e) // size * size].reshape(-1, size).mean(axis=1)
+    for size, before in zip(sizes, (1, *sizes), strict=False):
+        ratio = size // before
+        means = means[: len(means) // ratio * ratio].reshape(-1, ratio) @ np.full(ratio, 1.0 / ratio)
         z = (means - means.mean()) / float(means.std())
-        statistic = len(z) * _smooth_statistic(z, np.full(len(z), 1.0 / len(z)))
+        bins = histogram(z)
+        statistic = len(z) * _smooth_statistic(bins.value, bins.count / len(z))
         place = (
             f"over {size * fitted.channel.interval:.3g} s, excess kurtosis {float(np.mean(z**4)) - 3.0:+.2g}"
         )
@@ -193,7 +196,8 @@ def _squares_of_colour(fitted: Residual, cycles: FloatArray) -> FloatArray:
 
 def _spectrum_in_time(fitted: Residual) -> TestResult:
     """Test whether the shape of the fast spectrum stays the same through the record."""
-    e = np.clip(fitted.e, -RESIDUAL_CLIP, RESIDUAL_CLIP).astype(np.float32)
+    e = fitted.e.astype(np.float32)
+    np.clip(e, -RESIDUAL_CLIP, RESIDUAL_CLIP, out=e)
     tests = [_cells(fitted, e, parts, bands) for parts, bands in TIME_FREQUENCY_GRIDS]
     return min(tests, key=lambda test: test.p_value)
 

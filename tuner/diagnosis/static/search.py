@@ -183,11 +183,11 @@ def search_causes(channel: Channel, threshold: float, given: tuple[Extension, ..
     found, accepted = _prune(found, accepted, threshold)
     found, accepted = without_lag(found, accepted)
     found, accepted = with_curve(*with_one_lag(found, accepted))
+    tested = (*results, *checks(found))  # before caches are lost
     found = with_joint_estimates(found)
     estimated = found.extensions[len(given) :]
     accepted = [replace(a, extension=x) for a, x in zip(accepted, estimated, strict=True)]
     nameless = [a.result for a in accepted if not a.extension.named]
-    tested = (*results, *checks(found))
     left = (
         *(result.without_proposal for result in swept),
         *nameless,
