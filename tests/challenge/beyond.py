@@ -18,7 +18,7 @@ import numpy as np
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE.parent), str(HERE.parents[1])]
 
-from challenge.generator import outside, outside_more, quiet  # noqa: E402
+from challenge.generator import outside, outside_last, outside_more, quiet  # noqa: E402
 from challenge.generator.beyond import INTERVAL, KINDS, Made, record  # noqa: E402
 
 from tuner.diagnosis import diagnose  # noqa: E402
@@ -78,11 +78,19 @@ def main() -> None:
     parser.add_argument("--seed", required=True, help="any text")
     parser.add_argument("--number", type=int, default=10, help="records of a kind")
     parser.add_argument(
-        "--kinds", default="beyond", help="or groups: beyond, quiet, outside, more; with commas between"
+        "--kinds",
+        default="beyond",
+        help="or groups: beyond, without, outside, more, last; with commas between",
     )
     parser.add_argument("--details", action="store_true", help="every diagnosis in one line")
     args = parser.parse_args()
-    groups = {"beyond": KINDS, "quiet": quiet.KINDS, "outside": outside.KINDS, "more": outside_more.KINDS}
+    groups = {
+        "beyond": KINDS,
+        "without": quiet.KINDS,
+        "outside": outside.KINDS,
+        "more": outside_more.KINDS,
+        "last": outside_last.KINDS,
+    }
     kinds = [kind for name in args.kinds.split(",") for kind in groups.get(name, {name: None})]
     total: dict[str, int] = defaultdict(int)
     for kind in kinds:
