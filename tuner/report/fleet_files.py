@@ -19,7 +19,8 @@ from tuner.production.quantities import SYMBOLS, customary, pretty_unit, title, 
 from tuner.production.spread import grade_yaml, spread_text
 from tuner.report.figure_files import figure_bytes
 from tuner.report.fleet_tables import outlier_text, reasons, summary
-from tuner.report.html_page import Picture, write_sections_page
+from tuner.report.html_page import write_sections_page
+from tuner.report.page_parts import Picture
 from tuner.report.result_figures import fleet_figure
 from tuner.types import Coefficient
 from tuner.types.fleet import Fleet

@@ -9,10 +9,8 @@ from __future__ import annotations
 import functools
 import gzip
 import json
-import re
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -25,18 +23,12 @@ from tuner.formats.customary_units import digits, in_customary, term_title
 from tuner.pipeline import EXPORTED_DIALECTS, TuneResult
 from tuner.report.calibration_text import calibration_lines
 from tuner.report.consistency_tables import consistency_tables
-from tuner.report.finding_groups import (
-    MIN_DRIFT_CHANGE,
-    FindingGroup,
-    contradicted,
-    finding_groups,
-    way_texts,
-)
 from tuner.report.identification_tables import identification_tables
 from tuner.report.page_charts import Chart, charts
+from tuner.report.page_findings import findings_content
+from tuner.report.page_parts import Picture, blocks, shown
 from tuner.report.prediction_tables import prediction_tables
 from tuner.report.settings_rows import axes_text, settings_rows, units_of
-from tuner.report.static_diagnosis_tables import diagnosis_tables, gain_text, unexplained_lines
 from tuner.report.tune_answer import (
     against_datasheet,
     assumptions,
@@ -45,18 +37,9 @@ from tuner.report.tune_answer import (
     recording_line,
     whole_verdict,
 )
-from tuner.types import Finding
 
-PICTURE_BYTES = 2_500_000
-"""Bytes that all pictures of findings take in the page; further ones stand beside the page, which stays below 6 MB."""
 ROW_HEIGHT = 1.7
 """Height of a row with a name in a chart, rem."""
-WORDED_FINDINGS = 2
-"""Findings of a group that stand in words with their pictures: further ones differ in their figures only."""
-COORDINATES = re.compile(rb'\b(?:d|x|y)="[^"]*"')
-"""Coordinates of a drawing."""
-TOO_FINE = re.compile(rb"(\.\d\d)\d+")
-"""Decimals finer than a hundredth of a point."""
 KINDS = {
     "allan": "Allan deviation: measured with its 95 % band, what the settings predict, and each identified term",
     "spectrum": "Spectrum: root of the two-sided density with its 95 % band, and that of the identified noise",
@@ -70,31 +53,6 @@ TIMING = {
     "disordered": "disordered",
 }
 """What time stamps can show to be wrong, in words."""
-
-
-@dataclass(frozen=True)
-class Picture:
-    """A figure on file.
-
-    Attributes
-    ----------
-    caption : str
-        What it shows.
-    name : str
-        Its name beside the page.
-    svg : bytes
-        Its drawing.
-    charts : sequence of Chart, optional
-        Its panels, to read values off.
-    titled : bool
-        Whether the caption stands in the drawing already.
-    """
-
-    caption: str
-    name: str
-    svg: bytes
-    charts: Sequence[Chart] | None = None
-    titled: bool = False
 
 
 def write_page(
@@ -115,7 +73,7 @@ def write_page(
     """
     drawn = charts(result)
     axes = list(dict.fromkeys(axis for by_axis in drawn.values() for axis in by_axis))
-    noise = _blocks(identification_tables(result.identification))
+    noise = blocks(identification_tables(result.identification))
     checked = result.check
     others = {
         name: export(result.config, name)
@@ -134,12 +92,12 @@ def write_page(
         "files": [{"name": name, "text": text} for name, text in result.exports.items()],
         "dialects": list(others),
         "texts": _for_script(others),
-        **_findings(result, pictures),
+        **findings_content(result, pictures),
         "axes": axes,
         "kinds": [(kind, KINDS[kind]) for kind in drawn],
         "charts": _for_script(drawn),
         "plotly": _packed_library(),
-        "allan": None if allan is None else _shown(Picture(KINDS["allan"], "allan.svg", allan)),
+        "allan": None if allan is None else shown(Picture(KINDS["allan"], "allan.svg", allan)),
         "noise": [block for block in noise if "rows" in block],
         "sections": _sections(result, pictures),
         "limits": _limits(result, noise),
@@ -175,9 +133,9 @@ def write_sections_page(
         for picture in pictures:
             own = list(picture.charts or ())
             numbers = range(len(drawn), len(drawn) + len(own))
-            views.append(_shown(picture) | {"charts": numbers, "heights": [_height(chart) for chart in own]})
+            views.append(shown(picture) | {"charts": numbers, "heights": [_height(chart) for chart in own]})
             drawn += own
-        parts.append((heading, _blocks(words), views))
+        parts.append((heading, blocks(words), views))
     content = {
         "name": title,
         "sections": parts,
@@ -191,7 +149,7 @@ def write_sections_page(
 
 def tables_html(content: Sequence[Table | str]) -> str:
     """Return tables and lines as HTML without a page around them."""
-    return _filled("tables.html.j2", {"content": _blocks(content)})
+    return _filled("tables.html.j2", {"content": blocks(content)})
 
 
 def _filled(template: str, content: Mapping[str, Any]) -> str:
@@ -286,124 +244,28 @@ def _reasons(result: TuneResult) -> list[str]:
     return lines + [f"{name}: {reason}" for name, reason in config.initial.reasons.items()]
 
 
-def _findings(result: TuneResult, pictures: Sequence[Picture]) -> dict[str, Any]:
-    """Return the findings in groups, each with its pictures as long as there is room, and what else there is."""
-    found, span = result.diagnosis, max((record.span for record in result.records), default=None)
-    sources: list[tuple[str, Any, list[str], Sequence[Finding]]] = []
-    if found is not None:
-        for group in finding_groups([one for one in found.findings if not contradicted(one)], span):
-            title = group.short[:1].upper() + group.short[1:]
-            sources.append((title, _drift(group), _words(group), group.findings))
-    if result.drive is not None:
-        sources += _found_on_drive(result.drive.diagnosis.findings)
-    room, groups = PICTURE_BYTES, []
-    for title, drift, lines, findings in sources:
-        own = [picture for picture in pictures if picture.caption in {one.text for one in findings}]
-        shown = []
-        for picture in own[:WORDED_FINDINGS]:
-            one = _shown(picture)
-            if len(one["address"]) <= room:
-                shown.append(one)
-                room -= len(one["address"])
-        left_out = [picture.name for picture in own if picture.name not in {one["name"] for one in shown}]
-        groups.append(
-            {
-                "title": title,
-                "drift": drift,
-                "lines": lines,
-                "pictures": shown,
-                "left_out": left_out,
-            }
-        )
-    if found is None:
-        why = result.absent.get("static diagnosis") or result.absent.get("diagnosis")
-        nothing = f"No static diagnosis: {why}." if why else "No diagnosis was made."
-        remarks = [nothing] if groups else []
-        return {
-            "groups": groups,
-            "remarks": remarks,
-            "notes": [],
-            "all_findings": [],
-            "nothing_found": nothing,
-        }
-    remarks = [
-        f"{one.cause} in {axes_text(one.channels)}: held-out data are less likely with it, so it is no finding"
-        for one in found.findings
-        if contradicted(one)
-    ]
-    remarks += [f"unexplained: {line}" for line in unexplained_lines(found.unexplained)]
-    return {
-        "groups": groups,
-        "remarks": remarks,
-        "notes": list(found.notes),
-        "all_findings": [block for block in _blocks(diagnosis_tables(found)) if "rows" in block],
-        "nothing_found": "Nothing: the log agrees with a simulation of its noise terms.",
-    }
-
-
-def _found_on_drive(
-    findings: Sequence[Finding],
-) -> list[tuple[str, None, list[str], Sequence[Finding]]]:
-    """Return title, words and findings of each cause that was found on the drive, the clearest first."""
-    by_cause: dict[str, list[Finding]] = {}
-    for one in findings:
-        by_cause.setdefault(one.cause, []).append(one)
-    return [
-        (
-            f"On the drive: {cause.replace('_', ' ')}",
-            None,
-            [f"{one.text} → {one.consequence}" for one in alike],
-            alike,
-        )
-        for cause, alike in by_cause.items()
-    ]
-
-
-def _drift(group: FindingGroup) -> dict[str, Any] | None:
-    """Return the position error with and without what was found; None where it is the same."""
-    if not group.drift or all(a < MIN_DRIFT_CHANGE * b for a, b in group.drift.values()):
-        return None
-    head = ["position error of one sensor axis, no fixes", *(f"after {name}" for name in group.drift)]
-    texts = [(way_texts(a, a)[1], way_texts(a, b)[1]) for a, b in group.drift.values()]
-    before, after = zip(*texts, strict=True)
-    rows = [["with it in the samples", *before], ["without it", *after]]
-    return {"title": "", "head": head, "rows": rows, "words": False}
-
-
-def _words(group: FindingGroup) -> list[str]:
-    still = ["Does not move the position."] if group.drift and _drift(group) is None else []
-    lines = [*still, f"Changes {group.changes}."]
-    for one in group.findings[:WORDED_FINDINGS]:
-        lines.append(one.text + (f" → {one.consequence}" if one.consequence else ""))
-        if one.gain is not None and (gain := gain_text(one.gain)):
-            lines.append(f"before → after: {gain}")
-    if (more := len(group.findings) - WORDED_FINDINGS) > 0:
-        lines.append(f"{more} more of the kind: in the table of all findings below")
-    return list(dict.fromkeys(lines))
-
-
 def _sections(
     result: TuneResult, pictures: Sequence[Picture]
 ) -> list[tuple[str, str, list[dict[str, Any]], list[dict[str, str]]]]:
     """Return prediction, calibration, drive and checks, each as anchor, heading, content and pictures."""
     sections: list[tuple[str, str, list[dict[str, Any]], list[dict[str, str]]]] = []
     if result.predictions:
-        content = _blocks(prediction_tables(result.predictions))
+        content = blocks(prediction_tables(result.predictions))
         sections.append(("prediction", "Does it predict the log?", content, []))
     if result.calibration is not None:
-        sections.append(("calibration", "Calibration", _blocks(calibration_lines(result.calibration)), []))
+        sections.append(("calibration", "Calibration", blocks(calibration_lines(result.calibration)), []))
     if result.measured is not None:
-        scores = _blocks(consistency_tables(result.measured.consistency, result.measured.notes))
+        scores = blocks(consistency_tables(result.measured.consistency, result.measured.notes))
         sections.append(("measured", "The filter on the measured drive", scores, []))
     if result.drive is not None:
         from tuner.report.drive_diagnosis_tables import drive_tables  # loads the diagnosis of drives
 
         static = () if result.diagnosis is None else result.diagnosis.findings
         of_findings = {one.text for one in (*static, *result.drive.diagnosis.findings)}
-        own = [_shown(picture) for picture in pictures if picture.caption not in of_findings]
-        sections.append(("drive", "The drive", _blocks(drive_tables(result.drive.diagnosis)), own))
+        own = [shown(picture) for picture in pictures if picture.caption not in of_findings]
+        sections.append(("drive", "The drive", blocks(drive_tables(result.drive.diagnosis)), own))
     if result.check is not None:
-        content = _blocks(consistency_tables(result.check.consistency, result.check.notes))
+        content = blocks(consistency_tables(result.check.consistency, result.check.notes))
         sections.append(("check", "Filter check: simulated", content, []))
     return sections
 
@@ -428,30 +290,3 @@ def _provenance(result: TuneResult, command: str) -> list[tuple[str, str]]:
         ("Versions", ", ".join(f"{name} {version}" for name, version in versions.items()) or "unknown")
     )
     return [*answer, ("Seed", str(result.seed))]
-
-
-def _shown(picture: Picture) -> dict[str, Any]:
-    svg = COORDINATES.sub(lambda found: TOO_FINE.sub(rb"\1", found[0]), picture.svg)
-    address = f"data:image/svg+xml;base64,{b64encode(svg).decode()}"
-    return {
-        "caption": picture.caption,
-        "name": picture.name,
-        "address": address,
-        "titled": picture.titled,
-    }
-
-
-def _blocks(content: Sequence[Table | str]) -> list[dict[str, Any]]:
-    """Return tables as they come and runs of lines as lists."""
-    answer: list[dict[str, Any]] = []
-    for block in content:
-        if isinstance(block, Table):
-            rows = [list(row) for row in zip(*(column.cells for column in block.columns), strict=True)]
-            head = [str(column.header) for column in block.columns]
-            right = any(column.justify == "right" for column in block.columns)
-            answer.append({"title": str(block.title or ""), "head": head, "rows": rows, "words": not right})
-        elif answer and "lines" in answer[-1]:
-            answer[-1]["lines"].append(block.strip())
-        else:
-            answer.append({"lines": [block.strip()]})
-    return answer

@@ -22,10 +22,11 @@ from tuner.formats.file_set import MANIFEST, digests, write_set
 from tuner.formats.guard import printable
 from tuner.report.consistency_tables import consistency_tables, consistency_verdict
 from tuner.report.figure_files import figure_bytes
-from tuner.report.html_page import Picture, write_sections_page
+from tuner.report.html_page import write_sections_page
 from tuner.report.interactive_figure import charts_of_figure
 from tuner.report.output_cause_text import cause_text, change_text
 from tuner.report.output_score_tables import states_table
+from tuner.report.page_parts import Picture
 from tuner.types.filter_output import BLOCKS
 
 FloatArray = NDArray[np.float64]

@@ -21,9 +21,10 @@ from tuner.report.allan_figure import allan_figure
 from tuner.report.calibration_text import calibration_lines
 from tuner.report.consistency_tables import consistency_tables
 from tuner.report.figure_files import draw_all
-from tuner.report.html_page import Picture, write_page
+from tuner.report.html_page import write_page
 from tuner.report.identification_tables import identification_tables
 from tuner.report.json.consistency import consistency_json
+from tuner.report.page_parts import Picture
 from tuner.report.prediction_tables import prediction_tables, settings_tables
 from tuner.report.static_diagnosis_figures import finding_figures
 from tuner.report.static_diagnosis_tables import diagnosis_tables, headline_lines, hidden_effect_lines

@@ -30,11 +30,12 @@ from tuner.report.drive_diagnosis_tables import drive_tables
 from tuner.report.figure_files import draw_all, figure_bytes
 from tuner.report.fleet_files import fleet_frame
 from tuner.report.fleet_tables import fleet_tables
-from tuner.report.html_page import Picture, tables_html, write_sections_page
+from tuner.report.html_page import tables_html, write_sections_page
 from tuner.report.identification_tables import identification_tables
 from tuner.report.interactive_figure import charts_of_figure
 from tuner.report.output_score_tables import output_score_tables
 from tuner.report.overlaid_figure import overlaid_figure
+from tuner.report.page_parts import Picture
 from tuner.report.result_figures import (
     choice_figure,
     curve_figure,

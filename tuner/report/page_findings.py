@@ -1,0 +1,120 @@
+"""The findings of a log and of a drive for the page: groups with what they change, their pictures and before/after."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from tuner.pipeline import TuneResult
+from tuner.report.finding_groups import (
+    MIN_DRIFT_CHANGE,
+    FindingGroup,
+    contradicted,
+    finding_groups,
+    way_texts,
+)
+from tuner.report.page_parts import Picture, blocks, shown
+from tuner.report.settings_rows import axes_text
+from tuner.report.static_diagnosis_tables import diagnosis_tables, gain_text, unexplained_lines
+from tuner.types import Finding
+
+PICTURE_BYTES = 2_500_000
+"""Bytes that all pictures of findings take in the page; further ones stand beside the page, which stays below 6 MB."""
+WORDED_FINDINGS = 2
+"""Findings of a group that stand in words with their pictures: further ones differ in their figures only."""
+
+
+def findings_content(result: TuneResult, pictures: Sequence[Picture]) -> dict[str, Any]:
+    """Return the findings in groups, each with its pictures as long as there is room, and what else there is."""
+    found, span = result.diagnosis, max((record.span for record in result.records), default=None)
+    sources: list[tuple[str, Any, list[str], Sequence[Finding]]] = []
+    if found is not None:
+        for group in finding_groups([one for one in found.findings if not contradicted(one)], span):
+            title = group.short[:1].upper() + group.short[1:]
+            sources.append((title, _drift(group), _words(group), group.findings))
+    if result.drive is not None:
+        sources += _found_on_drive(result.drive.diagnosis.findings)
+    room, groups = PICTURE_BYTES, []
+    for title, drift, lines, findings in sources:
+        own = [picture for picture in pictures if picture.caption in {one.text for one in findings}]
+        taken = []
+        for picture in own[:WORDED_FINDINGS]:
+            one = shown(picture)
+            if len(one["address"]) <= room:
+                taken.append(one)
+                room -= len(one["address"])
+        left_out = [picture.name for picture in own if picture.name not in {one["name"] for one in taken}]
+        groups.append(
+            {
+                "title": title,
+                "drift": drift,
+                "lines": lines,
+                "pictures": taken,
+                "left_out": left_out,
+            }
+        )
+    if found is None:
+        why = result.absent.get("static diagnosis") or result.absent.get("diagnosis")
+        nothing = f"No static diagnosis: {why}." if why else "No diagnosis was made."
+        remarks = [nothing] if groups else []
+        return {
+            "groups": groups,
+            "remarks": remarks,
+            "notes": [],
+            "all_findings": [],
+            "nothing_found": nothing,
+        }
+    remarks = [
+        f"{one.cause} in {axes_text(one.channels)}: held-out data are less likely with it, so it is no finding"
+        for one in found.findings
+        if contradicted(one)
+    ]
+    remarks += [f"unexplained: {line}" for line in unexplained_lines(found.unexplained)]
+    return {
+        "groups": groups,
+        "remarks": remarks,
+        "notes": list(found.notes),
+        "all_findings": [block for block in blocks(diagnosis_tables(found)) if "rows" in block],
+        "nothing_found": "Nothing: the log agrees with a simulation of its noise terms.",
+    }
+
+
+def _found_on_drive(
+    findings: Sequence[Finding],
+) -> list[tuple[str, None, list[str], Sequence[Finding]]]:
+    """Return title, words and findings of each cause that was found on the drive, the clearest first."""
+    by_cause: dict[str, list[Finding]] = {}
+    for one in findings:
+        by_cause.setdefault(one.cause, []).append(one)
+    return [
+        (
+            f"On the drive: {cause.replace('_', ' ')}",
+            None,
+            [f"{one.text} → {one.consequence}" for one in alike],
+            alike,
+        )
+        for cause, alike in by_cause.items()
+    ]
+
+
+def _drift(group: FindingGroup) -> dict[str, Any] | None:
+    """Return the position error with and without what was found; None where it is the same."""
+    if not group.drift or all(a < MIN_DRIFT_CHANGE * b for a, b in group.drift.values()):
+        return None
+    head = ["position error of one sensor axis, no fixes", *(f"after {name}" for name in group.drift)]
+    texts = [(way_texts(a, a)[1], way_texts(a, b)[1]) for a, b in group.drift.values()]
+    before, after = zip(*texts, strict=True)
+    rows = [["with it in the samples", *before], ["without it", *after]]
+    return {"title": "", "head": head, "rows": rows, "words": False}
+
+
+def _words(group: FindingGroup) -> list[str]:
+    still = ["Does not move the position."] if group.drift and _drift(group) is None else []
+    lines = [*still, f"Changes {group.changes}."]
+    for one in group.findings[:WORDED_FINDINGS]:
+        lines.append(one.text + (f" → {one.consequence}" if one.consequence else ""))
+        if one.gain is not None and (gain := gain_text(one.gain)):
+            lines.append(f"before → after: {gain}")
+    if (more := len(group.findings) - WORDED_FINDINGS) > 0:
+        lines.append(f"{more} more of the kind: in the table of all findings below")
+    return list(dict.fromkeys(lines))
