@@ -5,6 +5,7 @@ last part::
 
     ln p = −½ Σ (z²/f + ln 2πf)          mean NIS, its lag-1 correlation
     outage: fixes withheld for 30 and 60 s, horizontal distance of the last one from its prediction, rms
+    position with fixes against the reference, where the drive has one that is right, rms
 
 Outages are compared in pairs, squared errors aᵢ before and bᵢ after; with their rms values a and b the change is b −
 a = mean (bᵢ − aᵢ)/(a + b), its interval that of Student for the mean: a drive has few windows, and a bootstrap over
@@ -19,6 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
+from models.earth import ned_between
+from tuner.consistency.drive_scores import reference_positions
+from tuner.consistency.reference_check import trusted_reference
 from tuner.diagnosis.drive.causes.reported_sd import reported_levels, sd_model_parameters, updated_values
 from tuner.diagnosis.drive.hypothesis import FilterRun, Hypothesis, run_filter
 from tuner.diagnosis.drive.hypothesis_tests import noise_hypothesis_of
@@ -73,6 +77,7 @@ def held_out_gain(drive: Drive, outcome: SearchResult) -> Gain | None:
     }
     for horizon in OUTAGE_DURATIONS:
         user |= _outage_figures(before, after, cut, horizon)
+    user |= _against_reference(drive, before, after, cut)
     n = int(np.count_nonzero(rows_b.any(axis=1)))
     return Gain(
         "60/40", likelihood[0][0] / n, likelihood[1][0] / n, likelihood[1][0] - likelihood[0][0], user=user
@@ -143,6 +148,37 @@ def _outage_figures(
     return {
         f"{name} [m]": (float(rms[0]), float(rms[1])),
         f"{name}_change_interval [m]": (low, high),
+    }
+
+
+def _against_reference(
+    drive: Drive, before: FilterRun, after: FilterRun, cut: float
+) -> dict[str, tuple[float, float]]:
+    """Return rms errors of positions with fixes against a reference, and the 95 % interval of their change by blocks.
+
+    Innovations can fall while positions become worse, where fixes err alike; a reference shows it.
+    """
+    if drive.reference is None:
+        return {}
+    reference, _ = trusted_reference(drive.reference, after.stretches, after.settings)
+    if reference is None:
+        return {}
+    square = np.full((2, len(drive.gnss)), np.nan)
+    for own, run in zip(square, (before, after), strict=True):
+        t = np.concatenate([one.t for one in run.solutions])
+        llh = np.concatenate([one.state.llh for one in run.solutions])
+        own[run.index] = np.sum(ned_between(reference_positions(reference, t), llh) ** 2, axis=1)
+    t = drive.gnss.t
+    good = np.isfinite(square).all(axis=0) & (t > cut)
+    block = (t[good] // RECOVERY_TIME).astype(int)
+    pairs = np.array([square[:, good][:, block == one].mean(axis=1) for one in np.unique(block)])
+    if len(pairs) < 2:
+        return {}
+    rms = np.sqrt(pairs.mean(axis=0))
+    name = "position_against_reference"
+    return {
+        f"{name} [m]": (float(rms[0]), float(rms[1])),
+        f"{name}_change_interval [m]": change_interval(pairs),
     }
 
 
