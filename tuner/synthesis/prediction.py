@@ -167,7 +167,7 @@ def _compensated(record: Record, samples: Sequence[FloatArray], slope: float) ->
 def _about_causes(axis: str, causes: Sequence[str], before: PredictedBlock) -> str:
     return (
         f"{axis}: the settings are for samples without {' and '.join(dict.fromkeys(causes))}, to be compensated or cut "
-        f"out; with that no settings predict the record ({_failure(before)})"
+        f"out (--begin S, --end S); with that no settings predict the record ({_failure(before)})"
     )
 
 
@@ -231,7 +231,7 @@ def _notes(channel: ChannelNoise, found: PredictedBlock) -> list[str]:
         notes.append(
             f"{axis}: no sum of white noise, bias states and random walk predicts the Allan curve: "
             f"{found.curve.worst:.2f} of the measured deviation at {found.curve.worst_tau:.3g} s; "
-            "temperature or motion in the record is to be taken out first"
+            "compensate the temperature, or cut out what moves: --begin S, --end S"
         )
     notes += [
         f"{axis}: the error over {f.horizon:g} s is {f.ratio:.2f} of what the settings predict "
