@@ -124,7 +124,7 @@ def rounds_of(trial: Trial, candidates: Sequence[Candidate]) -> Iterator[Iterabl
     """Yield candidates in the order of trial: as they are, wider, nearer to the fixes, from the other beginnings."""
     yield candidates
     best = candidates[0]
-    yield _with_other_drift(trial, best)
+    yield (more for one in candidates for more in _with_other_sizes(trial, one))
     yield _nearer_to_fixes(trial, best)
     names = dict.fromkeys(one.name for one in candidates if one.name != best.name)
     others = [max((one for one in candidates if one.name == name), key=by_nats) for name in names]
@@ -155,22 +155,28 @@ def _nearer_to_fixes(trial: Trial, one: Candidate) -> Iterator[Candidate]:
             yield found
 
 
-def _with_other_drift(trial: Trial, one: Candidate) -> Iterator[Candidate]:
-    """Yield a candidate with more process noise where outages err more than it states; with less where they err less.
+def _with_other_sizes(trial: Trial, one: Candidate) -> Iterator[Candidate]:
+    """Yield a candidate with larger settings where outages err more than it states, with smaller where they err less.
 
-    Its likelihood allows for single large errors, which count in what a user reads.
+    Its likelihood allows for single large errors, which count in what a user reads. Long outages show the process
+    noise, the shortest the positions from which they begin.
     """
     low, high = CONSISTENT_RATIOS
     ratios = [outage.ratio for outage in one.first.outages]
-    for factor in (
-        DRIFT_FACTORS if max(ratios) > high else [1.0 / f for f in DRIFT_FACTORS if min(ratios) < low]
-    ):
-        factors = {name: one.factors.get(name, 1.0) * factor for name in ("white", "bias")}
-        if (found := trial.candidate(one.name, one.config, {**one.factors, **factors})) is not None:
+    changes: list[tuple[float, tuple[str, ...]]] = []
+    if POSITION in one.factors and not low <= ratios[0] <= high:
+        changes.append((DRIFT_FACTORS[0] if ratios[0] > high else 1.0 / DRIFT_FACTORS[0], (POSITION,)))
+    if max(ratios) > high:
+        changes += [(factor, ("white", "bias")) for factor in DRIFT_FACTORS]
+    elif min(ratios) < low:
+        changes += [(1.0 / factor, ("white", "bias")) for factor in DRIFT_FACTORS]
+    for factor, names in changes:
+        more = {name: one.factors.get(name, 1.0) * factor for name in names}
+        if (found := trial.candidate(one.name, one.config, {**one.factors, **more})) is not None:
             yield found
 
 
-VARIATIONS = (_with_other_drift, _nearer_to_fixes)
+VARIATIONS = (_with_other_sizes, _nearer_to_fixes)
 """What is tried where a candidate does not follow the fixes, or predict outages."""
 
 

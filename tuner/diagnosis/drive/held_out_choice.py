@@ -167,15 +167,15 @@ def first_of_best(
     Parameters
     ----------
     rounds : iterable of iterables of Candidate
-        In the order of trial; a later round is looked at only where no earlier one has a candidate that predicts
-        outages and errs like the fixes.
+        In the order of trial; after the second, a round is looked at only where no earlier one has a candidate that
+        predicts outages and errs like the fixes.
     judged : callable
         What is written of a candidate, and its rank; None where the last part refuses it.
     has_reference : bool
         Whether the drive has a reference.
     """
     chosen, rank = None, None
-    for candidates in rounds:
+    for number, candidates in enumerate(rounds):
         for one in candidates:
             if rank is not None and one.best_rank >= rank:
                 continue
@@ -185,7 +185,7 @@ def first_of_best(
             chosen, rank = found
             if not has_reference or rank == Rank.FOLLOWS_AND_PREDICTS:
                 return chosen
-        if rank is not None and rank <= Rank.PREDICTS:
+        if number > 0 and rank is not None and rank <= Rank.PREDICTS:
             return chosen
     return chosen
 
