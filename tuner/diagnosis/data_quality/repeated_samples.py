@@ -240,13 +240,22 @@ def _counts(y: FloatArray, steps: Sequence[float], block: int) -> tuple[FloatArr
     edges = _edges(len(y) - MAX_LAG, block)
     pairs = np.diff(edges, append=len(y) - MAX_LAG).astype(float)
     equal, chance = np.empty((len(edges), MAX_LAG)), np.ones((len(edges), MAX_LAG))
-    for lag in range(1, MAX_LAG + 1):
-        moved = y[MAX_LAG:] - y[MAX_LAG - lag : len(y) - lag]
-        equal[:, lag - 1] = np.add.reduceat(np.all(moved == 0.0, axis=1), edges, dtype=float)
-        for j, step in enumerate(steps):
-            moving = np.add.reduceat(moved[:, j] != 0.0, edges, dtype=float)
-            square = np.add.reduceat(moved[:, j] ** 2, edges) / np.where(moving > 0.0, moving, np.nan)
-            chance[:, lag - 1] *= _chance(square, step) if step > 0 else 1.0 / np.sqrt(square)
+    moving, square = np.empty((2, len(edges), MAX_LAG, len(steps)))
+    for at, (first, number) in enumerate(zip(edges.tolist(), pairs.astype(int).tolist(), strict=True)):
+        here = y[
+            first : first + number + MAX_LAG
+        ]  # a block at a time: what is computed from it stays in the cache
+        for lag in range(1, MAX_LAG + 1):
+            moved = here[MAX_LAG:] - here[MAX_LAG - lag : number + MAX_LAG - lag]
+            changed = moved != 0.0
+            equal[at, lag - 1] = number - np.count_nonzero(changed.any(axis=1))
+            moving[at, lag - 1] = np.count_nonzero(changed, axis=0)
+            square[at, lag - 1] = np.einsum("nk,nk->k", moved, moved)
+    square /= np.where(moving > 0.0, moving, np.nan)
+    for j, step in enumerate(steps):
+        for lag in range(MAX_LAG):
+            own = square[:, lag, j]
+            chance[:, lag] *= _chance(own, step) if step > 0 else 1.0 / np.sqrt(own)
     return equal, chance[:, :1] / chance[:, 1:], pairs
 
 
