@@ -113,7 +113,8 @@ def with_something_else(findings: tuple[Finding, ...], outcome: SearchResult) ->
     """Return findings with something else among their alternatives where what they predict is not there.
 
     Its weight is the posterior odds of deviations; of a cause that passes, the largest evidence against any cause as a
-    share of its own gain: then something is in the drive that none of them describes.
+    share of its own gain, and at least `MIN_WEIGHT` where that evidence outweighs the prior odds: then something is in
+    the drive that none of them describes.
 
     Parameters
     ----------
@@ -132,7 +133,8 @@ def with_something_else(findings: tuple[Finding, ...], outcome: SearchResult) ->
         own = found.get(one.cause)
         odds = PRIOR_ODDS * math.exp(min(own.evidence, 10.0)) if own is not None else 0.0
         gain = gains.get(one.cause, 0.5 * one.value**2 if one.cause == SENSOR_BIAS else math.inf)
-        weight = min(1.0, max(odds, worst / max(gain, worst, 1.0)))
+        beside = MIN_WEIGHT if worst > -math.log(PRIOR_ODDS) else 0.0
+        weight = min(1.0, max(odds, beside, worst / max(gain, worst, 1.0)))
         if weight < MIN_WEIGHT:
             return one
         why = "something in the drive is explained by none of the findings"
