@@ -12,8 +12,10 @@ from tuner.diagnosis import diagnose
 pytestmark = pytest.mark.slow
 
 NUMBER = 8
-WITHOUT_CAUSE = {"glitches", "interpolated", "clean_filtered"}
-"""Kinds of which some are known to be told by another name, or to leave a misfit."""
+WITHOUT_CAUSE = {"glitches", "clean_filtered"}
+"""Kinds of which some are known to have another name, or to leave a misfit."""
+ERRING_INPUT = {"poor_thermometer"}
+"""Kinds whose input errs: what it foretells of the part held out errs by that, whatever the name."""
 
 
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind not in WITHOUT_CAUSE])
@@ -21,7 +23,7 @@ def test_a_tempting_record_has_its_name_or_none(kind):
     """The lower bound of wrong names and of negative gains is below 3 %, the upper one of what is listed above 98 %."""
     made = [record(kind, "study", number) for number in range(NUMBER)]
     verdicts = [judged(one, diagnose(records(one))) for one in made]
-    for what in ("wrong", "gain < 0"):
+    for what in ("wrong", *(() if kind in ERRING_INPUT else ("gain < 0",))):
         assert wilson(sum(v[what] for v in verdicts), NUMBER)[0] <= 0.03, what
     if not kind.startswith("clean"):
         assert wilson(sum(v["shortlist"] for v in verdicts), NUMBER)[1] >= 0.98

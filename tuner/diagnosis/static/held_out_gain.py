@@ -36,6 +36,7 @@ from tuner.diagnosis.static.causes.skewed_noise import SkewedNoise
 from tuner.diagnosis.static.causes.spikes import Spikes
 from tuner.diagnosis.static.causes.step import Step
 from tuner.diagnosis.static.causes.telegraph import Telegraph
+from tuner.diagnosis.static.causes.temperature import Temperature
 from tuner.diagnosis.static.causes.thermal_lag import ThermalLag
 from tuner.diagnosis.static.causes.variance_drift import VarianceDrift
 from tuner.diagnosis.static.channel import Channel
@@ -120,7 +121,10 @@ def with_gains(outcome: SearchResult, second: Channel | None) -> tuple[Accepted,
         if result is None or result.propose is None or result.gain <= 0:
             done.append(replace(accepted, gain=_in_sample(outcome, accepted)))
             continue
-        extended = residual(train, (*found.extensions, *result.propose()), starts=found.starts)
+        own = accepted.extension
+        smooth = isinstance(own, Temperature) and own.time_constant > 0.0
+        proposed = (own,) if smooth else result.propose()
+        extended = residual(train, (*found.extensions, *proposed), starts=found.starts)
         free = _free(extended, test)
         if free.shape[1] > 1:
             before = _score(found, test, free)

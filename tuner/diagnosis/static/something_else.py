@@ -27,10 +27,10 @@ from tuner.diagnosis.static.causes.telegraph import Telegraph
 from tuner.diagnosis.static.causes.transients import Transients
 from tuner.diagnosis.static.causes.warmup import Warmup
 from tuner.diagnosis.static.channel import Channel
-from tuner.diagnosis.static.model.residual import Residual, residual, without
+from tuner.diagnosis.static.model.residual import Residual, extended, residual, without
 from tuner.diagnosis.static.model.score_scan import scan
 from tuner.diagnosis.static.model.slow_likelihood import FLICKER
-from tuner.diagnosis.static.near_twins import NEAR_TWIN_NATS
+from tuner.diagnosis.static.near_twins import NEAR_TWIN_NATS, THERMAL
 from tuner.diagnosis.static.outcome import Accepted
 from tuner.diagnosis.static.search import SearchResult, group_of
 from tuner.types import Alternative
@@ -88,8 +88,21 @@ def with_unknown(outcome: SearchResult) -> tuple[Accepted, ...]:
         if lead > -NEAR_TWIN_NATS:
             weight = max(weight, float(np.exp(min(lead, 0.0))))
         unknown = (Alternative(UNKNOWN, weight),) if weight else ()
-        found.append(replace(accepted, alternatives=(*accepted.alternatives, *unknown)))
+        twin = _transient_twin(outcome.final, index, accepted)
+        found.append(replace(accepted, alternatives=(*accepted.alternatives, *twin, *unknown)))
     return tuple(found)
+
+
+def _transient_twin(fitted: Residual, index: int, accepted: Accepted) -> tuple[Alternative, ...]:
+    """Return a warm-up as the twin of a function of the temperature that explains no more than it does."""
+    known = {a.cause for a in accepted.alternatives} | {x.cause for x in fitted.extensions}
+    if not isinstance(accepted.extension, THERMAL) or Warmup.cause in known:
+        return ()
+    bare, tried = without(fitted, index), Warmup.candidates(fitted.channel)
+    scores, _ = scan(bare, np.stack([one.template(fitted.channel) for one in tried], axis=1))
+    likeliest = tried[scores.best].likeliest(bare)
+    lead = extended(bare, likeliest).fit.log_likelihood - fitted.fit.log_likelihood
+    return (Alternative(Warmup.cause, float(np.exp(min(lead, 0.0)))),) if lead > -NEAR_TWIN_NATS else ()
 
 
 def power_law_lead(fitted: Residual) -> float:
