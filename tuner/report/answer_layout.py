@@ -59,7 +59,9 @@ def settings_lines(rows: Sequence[SettingsRow], *, tight: bool = False) -> list[
         [axes_text(row.axes), *(_tightened(text) if tight else text for text in _numbers(row))]
         for row in rows
     ]
-    known = INTERVAL if any("±" in text or "(" in text for row in cells for text in row) else ""
+    gap = 1 if tight else COLUMN_GAP
+    marks = INTERVAL.replace(" ( )", "") if tight else INTERVAL
+    known = marks if any("±" in text or "(" in text for row in cells for text in row) else ""
     head = [
         known,
         f"N, {white}",
@@ -67,7 +69,7 @@ def settings_lines(rows: Sequence[SettingsRow], *, tight: bool = False) -> list[
         f"K, {walk}" if len(units) == 1 else "K, same/√h",
     ]
     widths = [max(len(row[i]) for row in (head, *cells)) for i in range(4)]
-    widths[2] = LINE_WIDTH - widths[0] - widths[1] - widths[3] - 3 * COLUMN_GAP
+    widths[2] = LINE_WIDTH - widths[0] - widths[1] - widths[3] - 3 * gap
     if len(f"{head[2]}; {BOUNDED}") <= widths[2] and any("*" in text for row in cells for text in row):
         head[2] += f"; {BOUNDED}"
     lines = []
@@ -77,7 +79,7 @@ def settings_lines(rows: Sequence[SettingsRow], *, tight: bool = False) -> list[
         lines += [["", "", more, ""] for more in states[1:]]
     widths[2] = min(widths[2], max(len(line[2]) for line in lines))
     return [
-        (" " * COLUMN_GAP).join(text.ljust(width) for text, width in zip(line, widths, strict=True)).rstrip()
+        (" " * gap).join(text.ljust(width) for text, width in zip(line, widths, strict=True)).rstrip()
         for line in lines
     ]
 
@@ -89,7 +91,7 @@ def _numbers(row: SettingsRow) -> list[str]:
 
 
 def _tightened(text: str) -> str:
-    return text.replace(" ± ", "±").replace(" to ", "–").replace(", ", ",")
+    return text.replace(" ± ", "±").replace(" to ", "–").replace(", ", ",").replace(" (", "(")
 
 
 def span_text(seconds: float) -> str:

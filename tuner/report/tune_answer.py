@@ -42,7 +42,7 @@ WITHOUT_RECEIVER = "name a receiver (--gnss GRADE)"
 """Words of the reason where a check lacks only the receiver."""
 MAX_LINES = 10
 """Lines of an answer: what is read at a glance."""
-SHORTER = ("head", "numbers", "findings", "drive")
+SHORTER = ("head", "numbers", "findings", "warnings", "drive")
 """Parts that are said in fewer words where the answer has more lines, in this order."""
 MAX_KEYS = 7
 """Lines of another filter's settings that an answer shows; of more, only the file is named."""
@@ -117,6 +117,8 @@ def _answer(result: TuneResult, directory: Path, short: Set[str], keys: Sequence
         head[-1] = head[-1].replace(f" ({WHAT_SIMULATES})", "")
     findings, shown = _findings_of_log(result, short="findings" in short)
     warnings = warning_lines(result.identification, short="findings" in short)
+    unsaid = len(warnings) if "warnings" in short else 0
+    warnings = warnings[unsaid:]
     texts = [*against_datasheet(result), *findings, *warnings, *hidden_lines(result), *_absent_lines(result)]
     if result.drive is not None:
         found = result.drive.diagnosis.findings
@@ -130,7 +132,7 @@ def _answer(result: TuneResult, directory: Path, short: Set[str], keys: Sequence
         *table,
         *keys,
         *(line for text in texts for line in wrapped(text, 2)),
-        *_page_lines(result, directory, shown),
+        *_page_lines(result, directory, shown, unsaid),
     ]
 
 
@@ -286,7 +288,7 @@ def _entry(changes: str) -> str:
     return changes.partition(",")[0].partition(":")[0]
 
 
-def _page_lines(result: TuneResult, directory: Path, shown: int) -> list[str]:
+def _page_lines(result: TuneResult, directory: Path, shown: int, warnings: int) -> list[str]:
     """Return where the page is and what it has beyond the answer, in one line where that has room."""
     path = directory / "report.html"
     found = result.diagnosis
@@ -294,11 +296,13 @@ def _page_lines(result: TuneResult, directory: Path, shown: int) -> list[str]:
     of_drive = () if result.drive is None else result.drive.diagnosis.findings
     count = len(finding_groups(of_log)) + len(of_drive) - shown
     more = [f"{count} more findings"] if count > 0 else []
+    more += [f"{warnings} warning{'s' * (warnings > 1)}"] if warnings else []
     axes = [] if found is None else [axis for one in found.unexplained for axis in one.channels]
     more += [f"misfits of {axes_text(list(dict.fromkeys(axes)))}"] if axes else []
     text = f"Page ({', '.join(more)}): {path}" if more else f"Page: {path}"
     short = f"Page ({', '.join(one.partition(' of ')[0] for one in more)}): {path}" if more else text
-    for line in (f"{text} (tables: --verbose)", text, short, f"Page: {path}"):
+    shortest = short.replace(" more findings", " more")
+    for line in (f"{text} (tables: --verbose)", text, short, shortest, f"Page: {path}"):
         if len(line) <= LINE_WIDTH:
             return [line]
     return wrapped(text, 2)

@@ -75,12 +75,21 @@ def test_six_axes_that_differ_and_many_findings_take_ten_lines(result):
     found += [replace(one, cause="telegraph", drift={"1000 s": (2557.0, 684.0)}, parameters={})]
     many = replace(result, config=replace(result.config, channels=channels),
                    diagnosis=replace(result.diagnosis, findings=tuple(found)))  # fmt: skip
+    noise = result.identification
+    warned = {
+        axis: replace(
+            c, warnings=("clusters shorter than 2 s follow no sum of noise terms (so)", "another warning")
+        )
+        for axis, c in noise.channels.items()
+    }
+    many = replace(many, identification=replace(noise, channels=warned))
     lines = answer_lines(many, Path("tuner-out/a_log_of_usual_name"))
     assert len(lines) <= 10
+    assert "2 warnings" in lines[-1]
     assert max(map(len, lines)) <= 80
     assert all(any(line.startswith(axis.replace("_", " ")) for line in lines) for axis in axes)
     assert "telegraph" in "\n".join(lines).lower()
-    assert "more findings" in lines[-1]
+    assert "more" in lines[-1]
 
 
 def test_a_filter_named_shows_its_own_keys(result):
