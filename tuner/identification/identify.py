@@ -119,7 +119,7 @@ def with_terms_found(
         after = identify_channel(record, axis, further=further, method=before.method, arma=arma)
         if absent := _absent(after, further):
             names = ", ".join(absent)
-            about = f"{names} was found by the diagnosis, but beside the other terms the data allow none"
+            about = f"{names} {BY_DIAGNOSIS}, but beside the other terms the data allow none"
             return replace(before, warnings=(*before.warnings, about))
         changes = _changed(before, after, further)
         return replace(after, mean=before.mean, warnings=(*after.warnings, *changes))
@@ -131,6 +131,8 @@ def with_terms_found(
     return replace(identification, channels={**channels, **new})
 
 
+BY_DIAGNOSIS = "was found by the diagnosis"
+"""What is said of a term that the diagnosis, not the choice of terms, brought in."""
 CHANGE_WORTH_SAYING = 0.02
 """Relative change of a coefficient from which it is reported: the accuracy with which most records estimate N."""
 
@@ -149,7 +151,7 @@ def _changed(
         elif abs(now / was - 1.0) > CHANGE_WORTH_SAYING:
             changes.append(f"{term} × {now / was:.3g}")
     names = ", ".join(dict.fromkeys(further))
-    return (f"{names} was found by the diagnosis: {', '.join(changes)}",) if changes else ()
+    return (f"{names} {BY_DIAGNOSIS}: {', '.join(changes)}",) if changes else ()
 
 
 def _amplitude(channel: ChannelIdentification, name: str) -> float | None:

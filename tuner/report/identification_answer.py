@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from rich.table import Table
 
 from tuner.formats.customary_units import customary_unit, digits, pretty, symbol
+from tuner.identification.identify import BY_DIAGNOSIS
 from tuner.report.agreeing_rows import joined_rows
 from tuner.report.answer_layout import INTERVAL, LINE_WIDTH, settings_table, span_text, used_part, wrapped
 from tuner.report.settings_rows import axes_text, settings_rows
@@ -56,18 +57,18 @@ def identification_answer(
 
 
 def warning_lines(found: Identification, *, short: bool = False) -> list[str]:
-    """Return what limits the terms of a log, at most `MAX_WARNINGS`; `short` leaves figures and consequences out."""
+    """Return what limits the terms of a log, at most `MAX_WARNINGS`; `short` leaves figures and consequences out.
+
+    What the diagnosis found stands among the findings.
+    """
     texts = [text.partition(" (")[0] if short else text for text in _warnings(found)]
     return [f"Warning: {text}" for text in texts[:MAX_WARNINGS]]
 
 
 def _warnings(found: Identification) -> list[str]:
     """Return the warnings of all axes, those that differ only in numbers once."""
-    return list(
-        {
-            re.sub(r"[\d.]+", "", w): w for channel in found.channels.values() for w in channel.warnings
-        }.values()
-    )
+    every = [w for one in found.channels.values() for w in one.warnings if BY_DIAGNOSIS not in w]
+    return list({re.sub(r"[\d.]+", "", w): w for w in every}.values())
 
 
 def pooled_answer(pooled: Mapping[str, PooledChannel], names: Sequence[str]) -> list[Table | str]:
