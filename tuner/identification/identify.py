@@ -118,7 +118,7 @@ def with_terms_found(
         before, further = channels[axis], found[axis]
         after = identify_channel(record, axis, further=further, method=before.method, arma=arma)
         if absent := _absent(after, further):
-            names = ", ".join(absent)
+            names = ", ".join(_in_words(name) for name in absent)
             about = f"{names} {BY_DIAGNOSIS}, but beside the other terms the data allow none"
             return replace(before, warnings=(*before.warnings, about))
         changes = _changed(before, after, further)
@@ -147,11 +147,16 @@ def _changed(
         if was is None and now is None:
             continue
         if was is None or now is None:
-            changes.append(f"{term} {'absent' if now is None else 'present'} beside it")
+            changes.append(f"{_in_words(term)} {'absent' if now is None else 'present'}")
         elif abs(now / was - 1.0) > CHANGE_WORTH_SAYING:
-            changes.append(f"{term} × {now / was:.3g}")
-    names = ", ".join(dict.fromkeys(further))
+            changes.append(f"{_in_words(term)} × {now / was:.3g}")
+    names = ", ".join(_in_words(name) for name in dict.fromkeys(further))
     return (f"{names} {BY_DIAGNOSIS}: {', '.join(changes)}",) if changes else ()
+
+
+def _in_words(term: str) -> str:
+    """Return the name of a term as it is written in a sentence."""
+    return "Gauss–Markov process" if term == "gauss_markov" else term.replace("_", " ")
 
 
 def _amplitude(channel: ChannelIdentification, name: str) -> float | None:

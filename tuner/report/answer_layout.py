@@ -66,7 +66,7 @@ def settings_lines(rows: Sequence[SettingsRow], *, tight: bool = False) -> list[
         known,
         f"N, {white}",
         f"bias sd, {level}, at s",
-        f"K, {walk}" if len(units) == 1 else "K, same/√h",
+        f"K, {walk}" if len(units) == 1 else "K, same per √h",
     ]
     widths = [max(len(row[i]) for row in (head, *cells)) for i in range(4)]
     widths[2] = LINE_WIDTH - widths[0] - widths[1] - widths[3] - 3 * gap
