@@ -103,8 +103,13 @@ def compared(name: str, choice: HeldOutChoice) -> str:
             cells.append("–")
             continue
         (before, after), (low, high) = np.sqrt(pairs.mean(axis=0)), change_interval(pairs)
-        cells.append(f"{before:.3g} → {after:.3g} ({low:+.2g} … {high:+.2g}), {len(pairs)}")
+        cells.append(f"{before:.3g} → {after:.3g} ({_signed(low)} … {_signed(high)}), {len(pairs)}")
     return f"| {name} | {' | '.join(cells)} |"
+
+
+def _signed(value: float) -> str:
+    """Return a number with its sign, rounded to two digits."""
+    return f"{float(f'{value:.2g}'):+g}".replace("-", "−")
 
 
 def row(name: str, score: PredictiveScore | None, seconds: float | None = None) -> str:
