@@ -57,6 +57,7 @@ def counts(filters):
 
 
 @pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="names of x86 instructions")
+@pytest.mark.slow
 def test_loops_are_packed(tmp_path):
     """In a process and a cache of its own: a function read from the cache is called, and its code is not seen."""
     finished = subprocess.run(

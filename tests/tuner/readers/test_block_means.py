@@ -57,7 +57,9 @@ def both(path: Path) -> tuple[Record, Record]:
     return whole, small
 
 
-@pytest.mark.parametrize("ending", ["csv", "parquet", "h5", "npz"])
+@pytest.mark.parametrize(
+    "ending", ["csv", *(pytest.param(one, marks=pytest.mark.slow) for one in ("parquet", "h5", "npz"))]
+)
 def test_samples_are_means_and_short_clusters_those_of_all_samples(tmp_path: Path, ending: str) -> None:
     calls: list[tuple[int, int]] = []
     path = written(tmp_path / f"log.{ending}", columns())

@@ -70,6 +70,7 @@ def test_without_the_noise_of_the_findings_the_identified_terms_hold_the_line(co
     assert "line" not in [h.effect.name for h in hidden]
 
 
+@pytest.mark.slow
 def test_telegraph_noise_is_made_again_with_its_levels():
     told = "telegraph@gyro_x:size=2e-3,dwell_low=30,dwell_high=20"
     records, _ = simulate({"gyro_x": Channel(NOISE)}, duration=1200.0, rate=10.0, seed=6, effects=[told])

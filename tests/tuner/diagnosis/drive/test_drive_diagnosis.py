@@ -95,11 +95,12 @@ def sd_alone(simulated, config, **small):
             {"x": 1.0, "y": -0.6},
             {"x": (0.02, {"arm": (0.02, 0.0, 0.0)}), "y": (0.02, {"arm": (0.0, 0.02, 0.0)})},
         ),
-        (
+        pytest.param(
             "accel_scale",
             {"values": {"accel_scale.x": 0.012}},
             {"x": 0.012},
             {"x": (2e-4, {"values": {"accel_scale.x": 2e-4}})},
+            marks=pytest.mark.slow,
         ),
         (
             "misalignment",

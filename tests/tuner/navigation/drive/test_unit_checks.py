@@ -66,6 +66,7 @@ def test_a_unit_is_named(saved, data, tmp_path, capsys, change, words):
     assert words in refused(saved(tmp_path / "wrong.npz", wrong), capsys)
 
 
+@pytest.mark.slow
 def test_a_unit_is_named_in_another_order_of_axes(saved, data, tmp_path, capsys):
     v = 3.6 * data["gnss_vned"]
     wrong = {**data, "gnss_vned": np.column_stack([v[:, 1], v[:, 0], -v[:, 2]])}
