@@ -37,6 +37,7 @@ from tuner.synthesis.calibration import with_calibration
 from tuner.synthesis.findings import findings_for_config, terms_found, with_notes_on_findings
 from tuner.synthesis.from_drive import identification_of_drive, receiver_of, stationary_noise
 from tuner.synthesis.prediction import hold_to_records
+from tuner.synthesis.rest_and_motion import in_motion, with_rest_and_motion
 from tuner.synthesis.worst_case import worst_case
 from tuner.types import Diagnosis, FilterConfig, GnssNoise, Identification
 from tuner.types.consistency import Check
@@ -392,26 +393,6 @@ def configure(
     if calibration is not None:
         config = with_calibration(config, calibration)
     return config, predictions
-
-
-def with_rest_and_motion(rest: FilterConfig, drive: FilterConfig) -> FilterConfig:
-    """Return the configuration of a drive with the white noise at rest beside its own, where they differ."""
-    differ = [
-        axis
-        for axis, channel in drive.channels.items()
-        if axis in rest.channels and channel.white_density != rest.channels[axis].white_density
-    ]
-    return replace(
-        drive,
-        noise={axis: rest.channels[axis].white_density for axis in differ},
-        noise_in_motion={axis: drive.channels[axis].white_density for axis in differ},
-    )
-
-
-def in_motion(config: FilterConfig) -> FilterConfig:
-    """Return a configuration without the terms identified at rest: what is simulated is what is configured."""
-    channels = {axis: replace(channel, identified=()) for axis, channel in config.channels.items()}
-    return replace(config, channels=channels)
 
 
 def measured_or_reason(

@@ -13,9 +13,9 @@ from tuner.diagnosis.drive.noise_factors import with_noise_factors
 from tuner.exporters import export
 from tuner.formats import noise_yaml
 from tuner.formats.yaml_text import Inline, Noted, yaml_text
-from tuner.pipeline import with_rest_and_motion
 from tuner.synthesis import synthesize
 from tuner.synthesis.load_config import load_config
+from tuner.synthesis.rest_and_motion import with_rest_and_motion
 from tuner.types import (
     AppliedNoiseScale,
     BoundUsed,
