@@ -89,7 +89,7 @@ def _mildest(most: Score | None, least: Score | None) -> Score | None:
 
 def _error_scores(runs: Sequence[OutputErrors]) -> tuple[Score | None, tuple[Score, ...]]:
     many = len(runs) >= MIN_INDEPENDENT_RUNS
-    known = [i for i in range(len(BLOCKS)) if all(_known(run, i).any() for run in runs)]
+    known = [i for i in range(len(BLOCKS)) if all(known_epochs(run, i).any() for run in runs)]
     if not known:
         msg = (
             "expected an estimate and a truth of the same position, velocity or attitude, and sds of its errors, found "
@@ -155,7 +155,7 @@ def state_scores(runs: Sequence[OutputErrors]) -> tuple[Score, ...]:
 
 def _state_scores(runs: Sequence[OutputErrors]) -> tuple[Score, ...]:
     many = len(runs) >= MIN_INDEPENDENT_RUNS
-    states = [j for j in range(15) if all(_known(run, j // 3).any() for run in runs)]
+    states = [j for j in range(15) if all(known_epochs(run, j // 3).any() for run in runs)]
     found = []
     for j in states:
         groups, fitted = [], []
@@ -174,7 +174,7 @@ def _state_scores(runs: Sequence[OutputErrors]) -> tuple[Score, ...]:
     return tuple(found)
 
 
-def _known(run: OutputErrors, block: int) -> NDArray[np.bool_]:
+def known_epochs(run: OutputErrors, block: int) -> NDArray[np.bool_]:
     """Return the epochs at which a block has an error and a positive variance."""
     own = slice(3 * block, 3 * block + 3)
     variance = np.einsum("kii->ki", run.covariance[:, own, own])
@@ -185,7 +185,7 @@ def _scored_rows(run: OutputErrors, blocks: Sequence[int], *, thin: bool) -> NDA
     """Return the aided epochs at which all blocks are known; evenly spread ones of them where they are thinned."""
     good = np.ones(len(run), dtype=bool)
     for i in blocks:
-        good &= _known(run, i)
+        good &= known_epochs(run, i)
     aided = aided_rows(run.t, run.estimate.outages)
     if thin and len(aided):
         aided = aided[np.unique(np.linspace(0, len(aided) - 1, MAX_SCORED_EPOCHS).astype(int))]
@@ -252,7 +252,7 @@ def _outage(runs: Sequence[OutputErrors], horizon: float) -> Outage | None:
         epochs = np.array(
             [k for k, goal in zip(nearest, goals, strict=True) if abs(run.t[k] - goal) < step], dtype=int
         )
-        epochs = epochs[_known(run, 0)[epochs]]
+        epochs = epochs[known_epochs(run, 0)[epochs]]
         if not len(epochs):
             continue
         e2 = np.sum(run.error[epochs, :3] ** 2, axis=-1)

@@ -27,6 +27,7 @@ from tuner.consistency.output_scores import (
 )
 from tuner.consistency.scores import DIVERGED_RATIO, score
 from tuner.consistency.trajectory_alignment import Alignment
+from tuner.consistency.unscored_start import unscored_start
 from tuner.consistency.verdicts import verdicts
 from tuner.consistency.wrong_conventions import unit_of_sds
 from tuner.jobs import Advance, stages
@@ -152,6 +153,7 @@ def _scored(
         raise DataError(msg)
     nees, blocks = error_scores(runs) if runs else (None, ())
     notes += [note for s in blocks if s.name == "attitude" and (note := unit_of_sds(s.ratio)) is not None]
+    notes += unscored_start(runs)
     if runs and not blocks:
         notes.append("the estimate states no sds of what the truth has: only its errors are shown")
     found = Consistency(

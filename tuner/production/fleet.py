@@ -137,7 +137,7 @@ def cut_off(measured: Mapping[int, UnitMeasurement]) -> dict[int, tuple[str, ...
     usual = median(one.span for one in measured.values())
     return {
         index: (
-            f"its log lasts {one.span:.3g} s, half of the others {usual:.3g} s and more: record it again",
+            f"its log ends after {one.span:.3g} s, half of the logs last {usual:.3g} s or more: record it again",
         )
         for index, one in measured.items()
         if one.span < SHORT_SHARE * usual

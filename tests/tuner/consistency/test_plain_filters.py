@@ -58,6 +58,16 @@ def test_a_consistent_filter_of_position_and_velocity_has_no_cause():
     assert found.causes == ()
 
 
+def test_a_start_that_is_not_scored_is_said_where_it_contradicts_the_filter():
+    """One position in 500 s is wrong by 30 sds while the filter settles; a consistent start has a note once in 1000."""
+    truth, found, sds = kalman(5, 1.0)
+    assert not any("not scored" in note for note in scored(truth, found, sds).notes)
+    found[:30, 0, 0] += 30.0 * sds[:30, 0, 0]
+    (note,) = (note for note in scored(truth, found, sds).notes if "not scored" in note)
+    assert note.startswith("position: true errors are 1")
+    assert "in the first 50 s" in note
+
+
 @pytest.mark.parametrize("factors", [(1.5, 1.5), (1.5, 3.0)])
 def test_one_factor_on_constant_sds_is_named_only_where_it_explains_all(factors):
     """3000 independent squares tell the factor to 1.3 %; five standard errors."""
