@@ -140,7 +140,9 @@ def _channel(channel: ChannelNoise, span: float) -> dict[str, Any]:
         "unit": channel.unit,
         "identified": [_term(term, channel.unit) for term in channel.identified],
         "filter": {
-            "white_density": noted(channel.white_density, "white.density", "/√Hz"),
+            "white_density": noted(
+                channel.white_density, "white.density", "/√Hz", limit=channel.white_rests_on_limit
+            ),
             "markov": [state(markov) for markov in channel.markov],
             "random_walk_density": noted(
                 channel.random_walk_density, "random_walk.density", "/√s", limit=channel.walk_rests_on_limit

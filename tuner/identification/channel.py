@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from models.noise import TERMS, NoiseModel, Quantization, Sinusoid
+from models.noise import TERMS, GaussMarkov, NoiseModel, Quantization, Sinusoid
 from models.noise.bias_instability import ALLAN_FLOOR
 from tuner.curves import curve as empirical_curve
 from tuner.identification.allan_leastsquares import Misfit, misfit, unweighted
@@ -36,7 +36,14 @@ from tuner.identification.periodogram import cosine_periodogram
 from tuner.identification.selection import Bound, select_periodogram
 from tuner.identification.short_clusters import band_of_samples, down_to_samples
 from tuner.identification.slopes import read_segments
-from tuner.identification.valid_band import CURVE_TOLERANCE, Band, curve_within, find_band, periodogram_within
+from tuner.identification.valid_band import (
+    CURVE_TOLERANCE,
+    Band,
+    curve_within,
+    find_band,
+    narrowed,
+    periodogram_within,
+)
 from tuner.readers.value_checks import about_limiting_step
 from tuner.types import AllanCurve, Candidate, ChannelIdentification, Coefficient, TermEstimate
 from tuner.types.records import DataError, Record
@@ -280,20 +287,36 @@ def choose_terms(pieces: Sequence[FloatArray], interval: float, further: Sequenc
     """
     lines, rest = take_out_lines(pieces, interval, list(further).count(Sinusoid.name))
     processes = [name for name in further if name != Sinusoid.name]
-    band = find_band(OctaveCurve.of(rest, interval))
-    data = periodogram_within(cosine_periodogram(rest, interval), band)
+    curve = OctaveCurve.of(rest, interval)
+    band = find_band(curve)
+    whole = cosine_periodogram(rest, interval)
+    data = periodogram_within(whole, band)
     selection = select_periodogram(data, processes)
+    refused = set()
+    while GaussMarkov.name not in processes and _faster_than_samples(selection.fit.model, interval):
+        longer = narrowed(curve, band)
+        if longer is None:
+            refused.add(GaussMarkov.name)
+            break
+        band, data = longer, periodogram_within(whole, longer)
+        selection = select_periodogram(data, processes)
     chosen, absent = selection.fit, selection.bounded
+    refused |= {Quantization.name} if band.m > 1 else set()
+    if refused & set(chosen.terms):
+        chosen = fit_periodogram(
+            data, next(c.terms for c in selection.candidates if not refused & set(c.terms))
+        )
     if band.m > 1:
-        if Quantization.name in chosen.terms:
-            chosen = fit_periodogram(
-                data, next(c.terms for c in selection.candidates if Quantization.name not in c.terms)
-            )
         hidden = "hidden: it shows only in clusters shorter than those that the terms describe"
         below = Bound(Quantization.name, Quantization.PARAMETERS[0], np.inf, hidden)
         absent = (below, *(b for b in absent if b.name != Quantization.name))
     bounds = tuple(b for b in absent if b.name not in chosen.terms)
     return ChosenNoise(with_lines(chosen, lines, rest, interval), band, bounds, selection.candidates)
+
+
+def _faster_than_samples(model: NoiseModel, interval: float) -> bool:
+    """Return whether a Gauss–Markov process forgets within a sample: white noise, shown by longer clusters."""
+    return any(isinstance(term, GaussMarkov) and term.time_constant < interval for term in model.terms)
 
 
 def _bounded(bound: Bound, unit: str) -> TermEstimate:

@@ -104,6 +104,15 @@ def find_band(curve: OctaveCurve) -> Band:
     return Band(m, np.inf if m == 1 else 0.25 / (m * curve.interval), ratio)
 
 
+def narrowed(curve: OctaveCurve, band: Band) -> Band | None:
+    """Return the next band of longer clusters, or None where too few octaves would be left."""
+    m = band.m * _CLUSTER_RATIO
+    if np.sum(curve.m >= m) < _MIN_OCTAVES:
+        return None
+    _, ratio, _ = _plausible(curve, m, _MIN_SLOW_CLUSTERS * m)
+    return Band(m, 0.25 / (m * curve.interval), ratio)
+
+
 def curve_within(curve: OctaveCurve, band: Band) -> OctaveCurve:
     """Return the octaves of the band."""
     inside = curve.m >= band.m

@@ -148,6 +148,9 @@ def _row(channel: ChannelNoise, bounded: Set[str], span: float) -> SettingsRow:
     walk = _setting(channel, channel.random_walk_density, "random_walk", "density")
     if f"{channel.axis}.random_walk.density" in bounded:
         walk = _half_limit(walk)
+    white = _setting(channel, channel.white_density, "white", "density")
+    if white.low is None and f"{channel.axis}.white.density" in bounded:
+        white = _half_limit(white)
     ladder_bounded = f"{channel.axis}.bias_instability.level" in bounded
     states = [
         (
@@ -159,7 +162,7 @@ def _row(channel: ChannelNoise, bounded: Set[str], span: float) -> SettingsRow:
     return SettingsRow(
         (channel.axis,),
         channel.unit,
-        _setting(channel, channel.white_density, "white", "density"),
+        white,
         walk,
         tuple((_half_limit(sd) if ladder_bounded and sd.low is None else sd, time) for sd, time in states),
         FITTED in channel.handling.values(),

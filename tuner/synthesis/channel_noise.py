@@ -7,7 +7,7 @@ white                drives angle or velocity with N²
 low_pass_white       white at its density
 quantization         kept out of N: its angle (velocity) error stays within Q however long one waits
 bias_instability     Gauss–Markov states by the chosen rule (`tuner.synthesis.bias_states`)
-gauss_markov         one state each
+gauss_markov         one state each; white noise where its time constant is shorter than the sampling interval
 random_walk          drives the bias with K²
 sinusoid             slow: one Gauss–Markov state; fast: a bound on the angle (velocity) it can reach
 ramp                 a state of constant bias rate where it matters within the horizon, else a bound
@@ -103,6 +103,8 @@ def channel_noise(
     terms = [term for term in channel.terms if _has_size(term)]
     empty = [(term.name, _Share(_WITHOUT_SIZE)) for term in channel.terms if not _has_size(term)]
     white = [(t.name, _white(task, t)) for t in terms if t.name in _WHITE_TERMS]
+    fast = [t for t in terms if _is_over_within_a_sample(channel, t)]
+    white += [(t.name, _white_of_fast_process(task, t)) for t in fast]
     if not any(share.white_variance for _, share in white):
         white.append((White.name, _white_from_curve(channel)))
     density = math.sqrt(sum(share.white_variance for _, share in white))
@@ -110,7 +112,7 @@ def channel_noise(
     slow = [
         (t.name, _SLOW_TERMS.get(t.name, _other)(task, t))
         for t in terms
-        if t.name not in _WHITE_TERMS and t.name != Ramp.name
+        if t.name not in _WHITE_TERMS and t.name != Ramp.name and t not in fast
     ]
     shares = empty + white + slow
     noise = ChannelNoise(
@@ -159,6 +161,20 @@ def _white(task: _Task, term: TermEstimate) -> _Share:
     density, inflations = _figure(task, term, "density")
     state = "angle" if task.channel.unit == "rad/s" else "velocity"
     return _Share(f"drives the {state} with N² = {density**2:.4g}", inflations, white_variance=density**2)
+
+
+def _is_over_within_a_sample(channel: ChannelIdentification, term: TermEstimate) -> bool:
+    time_constant = term.coefficients["time_constant"].value if term.name == GaussMarkov.name else None
+    return time_constant is not None and time_constant < channel.interval
+
+
+def _white_of_fast_process(task: _Task, term: TermEstimate) -> _Share:
+    """Return the density of a Gauss–Markov process without memory from sample to sample: of its samples at f = 0."""
+    sd, inflations = _figure(task, term, "sd")
+    time_constant, _ = _figure(task, term, "time_constant")
+    density = float(GaussMarkov(sd, time_constant).psd(0.0, interval=task.channel.interval))
+    handling = f"white noise, N² = {density:.4g}: its time constant is shorter than the sampling interval"
+    return _Share(handling, inflations, white_variance=density)
 
 
 def _white_from_curve(channel: ChannelIdentification) -> _Share:

@@ -58,6 +58,11 @@ class ChannelNoise:
         return self.random_walk_density > 0.0 and self._only_limited("random_walk")
 
     @property
+    def white_rests_on_limit(self) -> bool:
+        """Whether the density of white noise is made from a 95 % limit, as the log showed none beside other terms."""
+        return self.white_density > 0.0 and self._only_limited("white", "low_pass_white")
+
+    @property
     def states_rest_on_limit(self) -> bool:
         """Whether the bias states are made from a 95 % limit, as the log showed no such term."""
         return bool(self.markov) and self._only_limited("bias_instability", "gauss_markov")

@@ -40,3 +40,17 @@ def test_samples_behind_a_low_pass_filter_are_left_out(corner: float) -> None:
     noise = choose_terms([y], INTERVAL)
     assert noise.band.m > corner
     assert noise.fit.value("white.density") == pytest.approx(1.0, rel=0.1)
+
+
+@pytest.mark.parametrize("seed", [3, 4])
+def test_a_process_shorter_than_a_sample_is_white_noise_of_its_density(seed: int) -> None:
+    """T = 0.46 dt: φ = e^(−dt/T), and the density of the samples is σ² dt (1 + φ)/(1 − φ)."""
+    rng = np.random.default_rng(seed)
+    memory = np.exp(-1.0 / 0.46)
+    driving = rng.standard_normal(1400) * np.sqrt(1.0 - memory**2)
+    y = lfilter([1.0], [1.0, -memory], driving)
+    noise = choose_terms([y], 0.02)
+    assert "gauss_markov" not in noise.fit.terms
+    density = np.sqrt(0.02 * (1.0 + memory) / (1.0 - memory))
+    # 1400 samples, an eighth of the spectrum: the density errs by √(1/(2·175)) = 5 %, here by three times that at most
+    assert noise.fit.value("white.density") == pytest.approx(density, rel=0.16)

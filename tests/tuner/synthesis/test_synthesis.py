@@ -13,6 +13,7 @@ from models.noise import TERMS, GaussMarkov, NoiseModel, White
 from models.units import unit_of_samples
 from tests.extension.second_order_gauss_markov import SecondOrderGaussMarkov
 from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
+from tuner.report.settings_rows import settings_rows
 from tuner.synthesis import BOUND, RULES, bounding_state, inflate, shaping_states, synthesize, turn_on_spread
 from tuner.synthesis.channel_noise import channel_noise
 from tuner.synthesis.initial_covariance import GRAVITY_SPREAD
@@ -108,6 +109,8 @@ def test_bounded_terms_enter_with_half_their_limit_and_say_so() -> None:
     )
     config, noise = only(found(channel(*terms)))
     assert noise.white_density == pytest.approx(1e-4)
+    assert noise.white_rests_on_limit
+    assert settings_rows(config)[0].white.text.endswith("*")
     assert noise.random_walk_density == pytest.approx(3e-7)
     assert noise.markov[0].sd == pytest.approx(math.sqrt(math.log(10.0) / math.pi) * 2e-5)
     assert {str(i.quantity) for i in config.inflations} == {
@@ -137,6 +140,14 @@ def test_gauss_markov_becomes_one_state_each() -> None:
     two = term("gauss_markov", sd=known(1e-5), time_constant=known(9.0))
     _, noise = only(found(channel(BASE[1], one, two)))
     assert [(s.sd, s.time_constant) for s in noise.markov] == [(2e-5, 100.0), (1e-5, 9.0)]
+
+
+def test_a_process_shorter_than_a_sample_is_white_noise() -> None:
+    """Of N² = σ² dt coth(dt/2T), which is 2σ²T where dt is short against T."""
+    fast = term("gauss_markov", sd=known(1e-3), time_constant=known(0.005))
+    _, noise = only(found(channel(BASE[1], fast)))
+    assert noise.markov == ()
+    assert noise.white_density**2 == pytest.approx(1e-4**2 + 1e-6 * 0.01 / math.tanh(1.0))
 
 
 def test_rule_bound_takes_upper_ends_and_the_bounding_state() -> None:
