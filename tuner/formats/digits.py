@@ -21,6 +21,8 @@ LEAST_DIGITS = 3
 """Significant digits that stay where an interval supports fewer: a small positive number must not become 0."""
 MORE_DIGITS = 2
 """Digits beyond those that the interval supports."""
+POLYNOMIALS = "arma"
+"""Entry whose numbers stay exact: the roots of a polynomial move far when its coefficients move by little."""
 _EXACT_DIGITS = 17
 """Significant digits that give every double back."""
 
@@ -43,7 +45,10 @@ def rounded_interval(value: float | None, interval: Interval) -> Interval:
 def rounded_content(content: Any, *, digits: int = DEFAULT_DIGITS) -> Any:
     """Return plain values with every number rounded; an entry ``interval`` decides about the ``value`` beside it."""
     if isinstance(content, Mapping):
-        others = {key: rounded_content(entry, digits=digits) for key, entry in content.items()}
+        others = {
+            key: rounded_content(entry, digits=_EXACT_DIGITS if key == POLYNOMIALS else digits)
+            for key, entry in content.items()
+        }
         return others | _with_interval(content)
     if isinstance(content, list):
         return [rounded_content(entry, digits=digits) for entry in content]

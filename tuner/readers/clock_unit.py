@@ -88,11 +88,11 @@ def unit_of_stamps(
     longer = [u for u in ("min", "h") if _usual(step * STATED_BY_RATE[u])]
     rates = {u: 1.0 / (step * STATED_BY_RATE[u]) for u in dict.fromkeys([*usual, *longer, *possible])}
     shown = ", ".join(f"{hz:.4g} Hz in {u}" for u, hz in rates.items()) or f"a mean step of {step:.4g}"
-    best = next(iter(rates), "s")
+    examples = " or --rate ".join(f"{hz:.6g}" for hz in [*rates.values()][:2]) or "100"
     written = next((u for u in rates if u in usual + longer and not u.startswith("ticks")), "us")
     msg = (
         f"time column '{name}': nothing states its unit, and it stays open: {shown}; pass the rate, such as "
-        f"--rate {rates.get(best, 100.0):.6g}, or the unit, such as --columns 't={name} [{written}]'"
+        f"--rate {examples}, or the unit, such as --columns 't={name} [{written}]'"
     )
     raise DataError(msg)
 

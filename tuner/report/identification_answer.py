@@ -48,7 +48,7 @@ def identification_answer(
     answer += _too_short(found)
     fitted = [] if settings is None else [row for row in settings_rows(settings) if row.fitted]
     if fitted:
-        answer.append("The log's Allan curve is not the sum of these terms. `tuner tune` writes instead:")
+        answer.append("The Allan curve is not the sum of these terms. `tuner tune` writes instead:")
         answer.append(settings_table(fitted))
     answer += [line for text in warning_lines(found) for line in wrapped(text, 2)]
     more = len(_warnings(found)) - MAX_WARNINGS

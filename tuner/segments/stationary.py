@@ -37,7 +37,7 @@ from numpy.typing import NDArray
 from models.robust import normal_sd
 from tuner.segments.knock_bridges import bridge_knocks
 from tuner.segments.knocks import knocked
-from tuner.segments.stand_stills import alike, inside, runs, stand_stills
+from tuner.segments.stand_stills import MIN_PART_SECONDS, alike, inside, runs, stand_stills
 from tuner.types.records import DataError, Record
 
 FloatArray = NDArray[np.float64]
@@ -230,6 +230,13 @@ def cut_to_still(records: Sequence[Record], motion: Motion) -> tuple[Record, ...
             raise DataError(moving)
     if description is None:
         return tuple(records)
+    used = sum(b - a for a, b in still) * records[0].interval
+    if used < MIN_PART_SECONDS:
+        msg = (
+            f"{records[0].source}: {description}: only {used:.3g} s at rest are alike, expected "
+            f"{MIN_PART_SECONDS:g} s or more: record the sensor at rest"
+        )
+        raise DataError(msg)
     knocks = [(a, b) for a, b in motion.knocks if any(c <= a < d for c, d in still)]
     bridges = f"; knocks inside, {len(knocks)}, are replaced by simulated samples" if knocks else ""
     note = f"{description}; {_described_parts(records[0], still, begin)}{bridges}"

@@ -78,3 +78,9 @@ def test_numbers_of_a_tree_are_rounded_and_nothing_else() -> None:
         "a": [1.23457, 7, True, None, "1.23456789"],
         "b": {"value": 1.235, "interval": [1.0, 1.5]},
     }
+
+
+def test_coefficients_of_arma_noise_are_written_as_they_are() -> None:
+    """A root of 0.99 moves beyond 1 where a coefficient near 2 keeps six digits."""
+    numbers = {"arma": [{"ma": [1.99879964, 0.99879994123456789]}], "rate": 0.123456789}
+    assert rounded_content(numbers) == numbers | {"rate": 0.123457}

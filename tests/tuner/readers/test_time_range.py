@@ -46,3 +46,13 @@ def test_gaps_stay_where_they_are(tmp_path: Path) -> None:
 )
 def test_what_lies_outside_the_log_is_refused(tmp_path: Path, stated: dict[str, float], said: str) -> None:
     assert said in refused(write(tmp_path / "log.csv", rows()), ".", **stated)
+
+
+@pytest.mark.parametrize(
+    "command", [["identify", "mpu9250"], ["compare", "mpu9250", "stim300"], ["tune", "mpu9250"]]
+)
+def test_a_part_of_what_is_no_log_is_refused(command: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    from tuner.cli import run
+
+    assert run([*command, "--begin", "3", "--quiet"]) == 2
+    assert "--begin and --end: expected a static log, found mpu9250" in capsys.readouterr().err

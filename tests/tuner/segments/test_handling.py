@@ -10,7 +10,7 @@ import pytest
 from tuner.curves import curve
 from tuner.segments.conditions import at_rest, without_knocks
 from tuner.segments.stationary import find_motion
-from tuner.types.records import Record
+from tuner.types.records import DataError, Record
 
 RATE, COUNT = 100.0, 12_000
 SIZES = (2e-3, 0.02)
@@ -154,3 +154,13 @@ def test_a_log_that_moves_most_of_the_time_has_the_quiet_ends_at_rest() -> None:
     assert (first[0], last[1]) == (0, len(y))
     assert first[1] <= 2000
     assert last[0] >= 18_000
+
+
+def test_a_few_seconds_of_rest_in_a_log_that_moves_are_refused():
+    """Noise of some seconds says nothing of a random walk, and what moves slowly looks like rest for so long."""
+    count = 60 * int(RATE)
+    y = noise(9, count)
+    y += 200.0 * np.sin(np.arange(count) / RATE)[:, None]
+    y[2000:2300] = noise(10, 300)
+    with pytest.raises(DataError, match="at rest"):
+        at_rest(unit(y))

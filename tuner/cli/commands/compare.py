@@ -8,7 +8,7 @@ from typing import Literal
 
 import click
 
-from tuner.cli.commands.inputs import load_source
+from tuner.cli.commands.inputs import load_sources
 from tuner.cli.commands.options import Output, Reading, common, drawable, paged, reading
 from tuner.cli.progress import Messages
 
@@ -62,7 +62,7 @@ def command(
         if output.tables:
             show(grade_tables(grades))
         return
-    loaded = [load_source(source, reading, messages) or source for source in sources]
+    loaded = load_sources(sources, reading, messages)
     comparison = compare(*loaded, by=by, gnss=gnss, progress=messages.say)
     output.write(comparison_json(comparison))
     page("Comparison of " + ", ".join(comparison.noise.names), {"Side by side": comparison})

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tuner.cli.commands.inputs import load_source
+from tuner.cli.commands.inputs import load_sources
 from tuner.cli.commands.options import (
     Output,
     Reading,
@@ -106,7 +106,7 @@ def command(
         if output.tables:
             show(receiver_lines(receiver))
         return
-    loaded = [load_source(log, reading, messages) or log for log in logs]
+    loaded = load_sources(logs, reading, messages)
     found = [
         identify_source(
             source,

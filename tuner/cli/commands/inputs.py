@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -47,9 +48,25 @@ def load_source(source: str | None, reading: Reading, messages: Messages) -> tup
     """Read a source if it is a log; the name of a grade and the path of anything else stay as they are."""
     from tuner.readers.source_kind import is_log
 
-    if source is None:
-        _refuse_part(reading, "found none")
-    return load_records(source, reading, messages) if source is not None and is_log(source) else source
+    if source is None or not is_log(source):
+        _refuse_part(reading, "found none" if source is None else f"found {source}")
+        return source
+    return load_records(source, reading, messages)
+
+
+def load_sources(
+    sources: Sequence[str], reading: Reading, messages: Messages
+) -> list[tuple[Record, ...] | str]:
+    """Read those of several sources that are logs; --begin and --end are theirs."""
+    from tuner.readers.source_kind import is_log
+
+    logs = [is_log(source) for source in sources]
+    if not any(logs) and sources:
+        _refuse_part(reading, f"found {', '.join(sources)}")
+    return [
+        load_records(source, reading, messages) if log else source
+        for source, log in zip(sources, logs, strict=True)
+    ]
 
 
 def load_data(source: str, reading: Reading, messages: Messages) -> tuple[Record, ...] | Drive:
