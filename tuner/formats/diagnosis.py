@@ -153,6 +153,7 @@ class _DiagnosisForm:
     notes: tuple[str, ...] = ()
     models: Mapping[str, NoiseModel] = field(default_factory=dict)
     base: Mapping[str, NoiseModel] = field(default_factory=dict)
+    parts: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @classmethod
     def of(cls, diagnosis: Diagnosis, /) -> Self:
@@ -161,7 +162,7 @@ class _DiagnosisForm:
 
     def restored(self) -> Diagnosis:
         """Return the diagnosis."""
-        return Diagnosis(self.findings, self.unexplained, self.notes, self.models, self.base)
+        return Diagnosis(self.findings, self.unexplained, self.notes, self.models, self.base, self.parts)
 
 
 @dataclass(frozen=True)

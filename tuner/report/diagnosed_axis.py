@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from models.effects import EFFECTS, Samples
 from models.noise import NoiseModel
+from tuner.diagnosis.static.causes.motion import Motion
 from tuner.diagnosis.static.channel import Channel, channel
 from tuner.diagnosis.static.model.dct import inverse, transform
 from tuner.diagnosis.static.model.residual import Residual, residual, robust_sd
@@ -111,8 +112,10 @@ def parameters(finding: Finding, axis: str) -> dict[str, float]:
     return {name: c.value for name, c in known.items() if c.value is not None}
 
 
-def diagnosed_axis(records: Sequence[Record], axis: str, diagnosis: Diagnosis) -> DiagnosedAxis | None:
-    """Return one axis made ready, or None where it cannot be analysed."""
+def diagnosed_axis(
+    records: Sequence[Record], axis: str, diagnosis: Diagnosis, *, moving: bool = False
+) -> DiagnosedAxis | None:
+    """Return one axis made ready as it was analysed, or None where it cannot be; `moving` shows the whole log."""
     record = next((r for r in records if axis in r.axes), None)
     if record is None:
         return None
@@ -120,6 +123,8 @@ def diagnosed_axis(records: Sequence[Record], axis: str, diagnosis: Diagnosis) -
         ready = channel(record, axis)
     except DataError:
         return None
+    if not moving and (analysed := _analysed(ready, diagnosis)) is not None:
+        ready = analysed
     findings = tuple(f for f in diagnosis.findings if axis in f.channels)
     t: FloatArray = ready.start + ready.interval * np.arange(float(len(ready)))
     y, temperature = ready.y * ready.scale, _temperature(ready)
@@ -145,6 +150,23 @@ def diagnosed_axis(records: Sequence[Record], axis: str, diagnosis: Diagnosis) -
         signals,
         findings,
     )
+
+
+def _analysed(whole: Channel, diagnosis: Diagnosis) -> Channel | None:
+    """Return what was analysed of a channel: its part at rest, or all of it without stretches of motion."""
+    if whole.axis in diagnosis.parts:
+        begin, end = (round((t - whole.start) / whole.interval) for t in diagnosis.parts[whole.axis])
+        return whole.part(max(begin, 0), min(end, len(whole)))
+    still = whole
+    for one in diagnosis.findings:
+        if one.cause == Motion.cause:
+            start, duration = one.parameters["start"].value or 0.0, one.parameters["duration"].value or 0.0
+            begin, end = (
+                min(max(round((t - whole.start) / whole.interval), 0), len(whole))
+                for t in (start, start + duration)
+            )
+            still = Motion(begin, end, values={}).including(begin, end, len(whole)).clean_samples(still)
+    return still
 
 
 def signal_of(

@@ -20,6 +20,7 @@ from scipy.fft import rfft
 
 from models.noise import NoiseModel
 from tuner.curves.allan import overlapping_allan
+from tuner.diagnosis.static.causes.motion import Motion
 from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.formats.files import Put, write_bytes
 from tuner.report.diagnosed_axis import DiagnosedAxis, diagnosed_axis, parameters
@@ -78,12 +79,14 @@ def finding_figures(
         Draws it to ``finding-NUMBER-CAUSE`` with each of `suffixes`.
     """
     figures: list[Callable[[Put], None]] = []
-    subject = cache(lambda axis: diagnosed_axis(records, axis, diagnosis))
+    subject = cache(lambda axis, moving: diagnosed_axis(records, axis, diagnosis, moving=moving))
     drawn: dict[tuple[str, tuple[str, ...]], tuple[str, Path]] = {}
     for finding in diagnosis.findings:
         if (finding.cause, finding.channels) in drawn:
             continue
-        chosen = next((one for axis in finding.channels if (one := subject(axis)) is not None), None)
+        moving = finding.cause == Motion.cause
+        ready = (subject(axis, moving) for axis in finding.channels)
+        chosen = next((one for one in ready if one is not None), None)
         if chosen is None:
             continue
         path = directory / f"finding-{len(drawn) + 1}-{finding.cause}.svg"

@@ -159,6 +159,8 @@ class Diagnosis(Shown):
         Extended noise model of every axis, SI.
     base : mapping of str to NoiseModel
         Noise model before.
+    parts : mapping of str to (float, float)
+        Begin and end, s, of what was analysed of an axis, where the sensor moved in too much of the log for the whole.
     """
 
     findings: tuple[Finding, ...]
@@ -166,6 +168,7 @@ class Diagnosis(Shown):
     notes: tuple[str, ...] = ()
     models: Mapping[str, NoiseModel] = field(default_factory=lambda: MappingProxyType({}))
     base: Mapping[str, NoiseModel] = field(default_factory=lambda: MappingProxyType({}))
+    parts: Mapping[str, tuple[float, float]] = field(default_factory=lambda: MappingProxyType({}))
 
     @property
     def quiet(self) -> bool:

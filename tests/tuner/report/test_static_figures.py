@@ -88,6 +88,18 @@ def test_a_signal_of_another_cause_is_taken_out_of_the_view():
     np.testing.assert_allclose(one.signal, one.signals["step"] + one.signals["temperature"])
 
 
+@pytest.mark.parametrize("parts", [{}, {"gyro_x": (130.0, 300.0)}])
+def test_only_the_picture_of_motion_shows_the_motion(parts):
+    log = record("motion@gyro_x:start=100,duration=20,sd=0.5")
+    moved = finding("motion", {"start": 98.0, "duration": 24.0})
+    found = Diagnosis((moved,), base={"gyro_x": MODEL}, models={"gyro_x": MODEL}, parts=parts)
+    still, moving = (diagnosed_axis(log, "gyro_x", found, moving=moving) for moving in (False, True))
+    # White noise of 1e-4 /√Hz at 100 Hz has sd 1e-3.
+    assert np.std(still.y) < 2e-3 < 0.05 < np.std(moving.y)
+    assert len(moving.y) > 29_000
+    assert still.t[0] == pytest.approx(130.0 if parts else 0.0, abs=0.02)
+
+
 def test_what_was_hidden_is_judged_in_words():
     line = {"cause": "line", "channels": ["gyro_x"], "parameters": {"frequency": 12.5}}
     words = [

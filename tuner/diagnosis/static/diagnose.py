@@ -114,7 +114,8 @@ def diagnose(
         parts += kept
     if not parts:
         raise DataError(_nothing_left(refused, found, sensors[0], resting))
-    order = [one.axis for one in ready]
+    whole = {one.axis: one for one in ready}
+    order = list(whole)
     parts.sort(key=lambda part: order.index(part[0].axis))
 
     record_of = {axis: record for record in sensors for axis in record.axes}
@@ -168,6 +169,7 @@ def diagnose(
         (*notes, *refused, *sampling.notes(finals)),
         models,
         {axis: one.before for axis, one in zip(axes, every, strict=True)},
+        {part.axis: _times(part) for part, _ in parts if len(part) < len(whole[part.axis])},
     )
 
 
@@ -286,9 +288,14 @@ def _motion(
 
     Where these are too much of the record, only its longest part at rest is left.
     """
-    stretches = motion.stretches(channels)
+    n, stretches = len(channels[0]), motion.stretches(channels)
     if not stretches:
         return [], [(c, ()) for c in channels]
+    share = sum(stretch.last - stretch.first for stretch in stretches) / n
+    between = _longest_still(stretches, n)
+    used = max((between, *resting), key=lambda part: part[1] - part[0])
+    if share > MAX_MOVING_SHARE:
+        stretches = motion.outside(stretches, *used)
     extensions = tuple(motion.extension(channels[0], stretch) for stretch in stretches)
     found = []
     for extension, stretch in zip(extensions, stretches, strict=True):
@@ -307,17 +314,25 @@ def _motion(
                 motion.STEP_THRESHOLD,
                 1e-10,
                 parameters,
-                words("motion", axes, motion.Motion.meaning, parameters, by_channel),
+                words("motion", axes, motion.Motion.meaning, parameters, by_channel)
+                + _first_stamp(channels[0]),
                 motion.Motion.consequence,
                 by_channel=by_channel,
             )
         )
-    share = sum(stretch.last - stretch.first for stretch in stretches) / len(channels[0])
     if share <= MAX_MOVING_SHARE:
         return found, [(c, extensions) for c in channels]
-    between = _longest_still(stretches, len(channels[0]))
-    first, last = max((between, *resting), key=lambda part: part[1] - part[0])
-    return found, [(part, ()) for c in channels if (part := c.part(first, last)) is not None]
+    return found, [(part, ()) for c in channels if (part := c.part(*used)) is not None]
+
+
+def _first_stamp(channel: Channel) -> str:
+    """Return from what times are counted, where that is not the first sample."""
+    late = abs(channel.start) > channel.interval
+    return f"; times are those of the stamps, the first of which is {channel.start:.5g} s" if late else ""
+
+
+def _times(part: Channel) -> tuple[float, float]:
+    return part.start, part.start + len(part) * part.interval
 
 
 def _longest_still(stretches: Sequence[motion.Stretch], n: int) -> tuple[int, int]:

@@ -13,6 +13,8 @@ from scipy.stats import t as student
 from models.noise import BiasInstability, NoiseModel, RandomWalk, White
 from tests.cramer_rao import butterworth_gain, resonance_spectrum, spectral_bound
 from tuner.diagnosis import diagnose
+from tuner.diagnosis.static.causes import motion
+from tuner.diagnosis.static.channel import channel
 from tuner.formats.diagnosis import diagnosis_json
 from tuner.simulation.static import Channel, simulate
 from tuner.types import Diagnosis
@@ -225,6 +227,17 @@ def test_axes_that_are_one_and_the_same_are_shared_noise():
     (finding,) = diagnose((replace(record, y=record.y[:, [0, 0]]),)).findings
     assert finding.cause == "cross_axis"
     assert finding.parameters["correlation"].value == pytest.approx(1.0)
+
+
+def test_motion_ends_where_the_part_at_rest_begins():
+    """Of a stretch that reaches beyond the log below the noise, 100 samples at 10 Hz, samples 40 to 69 are at rest."""
+    parts = motion.outside([motion.Stretch(0, 100, 20, 90, unseen=15)], 40, 70)
+    assert [(one.first, one.last) for one in parts] == [(0, 40), (70, 100)]
+    t, y = np.arange(1100.0) / 10.0, np.random.default_rng(1).normal(size=(1100, 1))
+    one = channel(Record("gyro", t, y, ("gyro_x",), "rad/s", 0.1), "gyro_x")
+    values = motion.extension(one, motion.Stretch(0, len(one), 20, len(one), unseen=15)).values
+    assert values["start"].lower >= one.start
+    assert values["duration"].upper <= len(one) * one.interval
 
 
 def test_motion_is_left_out():

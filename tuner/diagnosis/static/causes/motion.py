@@ -12,6 +12,7 @@ Extension: the stretch is taken out with the change of level over it, and the le
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import NamedTuple
@@ -181,6 +182,19 @@ def stretches(channels: list[Channel]) -> list[Stretch]:
     return joined
 
 
+def outside(found: Iterable[Stretch], first: int, last: int) -> list[Stretch]:
+    """Return what stretches of motion have before and after samples first … last − 1, which are at rest."""
+    parts = []
+    for one in found:
+        if one.first >= last or one.last <= first:
+            parts.append(one)
+            continue
+        before = Stretch(one.first, first, min(one.begun, first), min(one.ended, first))
+        after = Stretch(last, one.last, max(one.begun, last), max(one.ended, last))
+        parts += [part for part in (before, after) if part.last > part.first]
+    return parts
+
+
 def moved(channel: Channel, stretch: Stretch) -> bool:
     """Return whether an axis shows a stretch of motion: large steps of its means or samples, or another level after."""
     inside = slice(stretch.first, stretch.last)
@@ -292,7 +306,10 @@ def sway(channel: Channel, stretch: Stretch) -> Value:
 def extension(channel: Channel, stretch: Stretch) -> Motion:
     """Return the stretch with its place: between what may have moved and what certainly did."""
     dt, start = channel.interval, channel.start
-    first, last = float(stretch.first - stretch.unseen), float(stretch.last + stretch.unseen)
+    first, last = (
+        float(max(stretch.first - stretch.unseen, 0)),
+        float(min(stretch.last + stretch.unseen, len(channel))),
+    )
     begun, ended = float(stretch.begun), float(stretch.ended)
     outer, inner = last - first, max(ended - begun, 0.0)
     return Motion(
