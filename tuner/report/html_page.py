@@ -46,6 +46,8 @@ KINDS = {
     "course": "Time course: from the smallest to the largest sample of each piece of time; events are marked",
 }
 """Charts and their captions."""
+WARNING = "warning: "
+"""How a warning begins among the lines below the tables of noise; the page lists them first of its limits."""
 TIMING = {
     "gap_count": "gaps",
     "missing": "missing samples",
@@ -274,8 +276,9 @@ def _limits(result: TuneResult, noise: Sequence[Mapping[str, Any]]) -> list[str]
     lines = [f"no {part}: {reason}" for part, reason in result.absent.items()]
     lines += [line for block in noise for line in block.get("lines", ())]
     lines += result.config.notes
-    lines = [line.removeprefix("note: ").removeprefix("warning: ") for line in lines]
-    return list(dict.fromkeys(lines)) or ["none known beyond the intervals above"]
+    warnings = [f"Warning: {line.removeprefix(WARNING)}" for line in lines if line.startswith(WARNING)]
+    others = [line.removeprefix("note: ") for line in lines if not line.startswith(WARNING)]
+    return list(dict.fromkeys([*warnings, *others])) or ["none known beyond the intervals above"]
 
 
 def _provenance(result: TuneResult, command: str) -> list[tuple[str, str]]:

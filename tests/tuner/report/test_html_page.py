@@ -3,6 +3,7 @@
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 from html.parser import HTMLParser
 from itertools import pairwise
 
@@ -31,6 +32,8 @@ def made(pictures=1, size=0):
     models = dict.fromkeys(AXES, MODEL)
     records, _ = simulate(models, duration=300.0, rate=50.0, seed=5)
     noise = identify(records, arma=None)
+    warned = replace(noise.channels["gyro_x"], warnings=("clusters differ",))
+    noise = replace(noise, channels={**noise.channels, "gyro_x": warned})
     when = {"time": Coefficient.known(150.0, 149.0, 151.0, "s")}
     words = "step in gyro_x <script>alert(1)</script>"
     step = Finding("step", ("gyro_x",), "a", 9.0, 1e-9, when, words, drift={"60 s": (31.0, 12.0)})
@@ -46,6 +49,11 @@ def made(pictures=1, size=0):
 @pytest.fixture(scope="module")
 def page():
     return made()
+
+
+def test_warnings_are_found_by_their_name_first_of_the_limits(page):
+    limits = page[page.index('id="limits"') :]
+    assert limits.index("<li>") == limits.index("<li>Warning: clusters differ")
 
 
 class Reader(HTMLParser):
