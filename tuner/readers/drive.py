@@ -102,10 +102,13 @@ def read_if_drive(source: str | Path) -> Drive | None:
 
 
 def mounting_of(frame: str | None, rpy_deg: Any) -> FloatArray | None:
-    """Return the matrix from vehicle axes to sensor axes, from a frame name such as RFU or from angles, deg."""
+    """Return the matrix from vehicle axes to sensor axes, from a frame name such as RFU or from angles, deg.
+
+    What follows the name, as in ``FRD after mounting``, is a remark.
+    """
     if rpy_deg is not None:
         return rotation.mat_from_rpy(np.radians(np.asarray(rpy_deg, dtype=float)))
-    key = (frame or "").strip().upper()
+    key = next(iter((frame or "").upper().replace(",", " ").split()), "")
     return rotation.mat_from_rpy(np.radians(FRAMES[key])) if key in FRAMES else None
 
 
@@ -165,7 +168,8 @@ def _npz(path: Path) -> Drive:
 
 
 def _of_arrays(path: Path, found: DriveArrays) -> Drive:
-    nameless = found.frame and mounting_of(found.frame, None) is None
+    mounting = mounting_of(found.frame, found.mounting_rpy_deg)
+    nameless = found.frame and mounting is None
     notes = (f"the frame of the unit, '{found.frame}', is none of {' '.join(FRAMES)}: unknown",)
     return _drive(
         path,
@@ -173,7 +177,7 @@ def _of_arrays(path: Path, found: DriveArrays) -> Drive:
         found.fixes,
         found.truth,
         notes=notes if nameless else (),
-        mounting=mounting_of(found.frame, found.mounting_rpy_deg),
+        mounting=mounting,
         lever_arm=found.lever_arm,
     )
 

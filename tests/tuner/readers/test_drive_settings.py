@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tuner.cli import run
+from tuner.readers.drive import read_drive
 
 PYTHON = (
     "could not convert", "object has no", "argument must be", "not subscriptable", "out of range", "broadcast",
@@ -69,6 +70,24 @@ def test_settings_of_an_npz(small, tmp_path, capsys, meta, words):
     path = tmp_path / "wrong.npz"
     np.savez(path, meta=np.array(json.dumps(meta)), **small)
     assert words in refused(path, tmp_path, capsys)
+
+
+@pytest.mark.parametrize("frame", ["FRD after mounting", "frd", "FRD, turned"])
+def test_a_remark_behind_the_frame_leaves_the_frame_known(data, tmp_path, frame):
+    path = tmp_path / "drive.npz"
+    np.savez(path, meta=np.array(json.dumps({"imu_frame": frame})), **data)
+    read = read_drive(path)
+    np.testing.assert_allclose(read.mounting, np.eye(3), atol=1e-12)
+    assert not any("frame" in note for note in read.notes)
+
+
+def test_stated_angles_need_no_frame(data, tmp_path):
+    path = tmp_path / "drive.npz"
+    meta = {"imu_frame": "along the case", "mounting_rpy_deg": [0.0, 0.0, 90.0]}
+    np.savez(path, meta=np.array(json.dumps(meta)), **data)
+    read = read_drive(path)
+    assert read.mounting is not None
+    assert not any("frame" in note for note in read.notes)
 
 
 @pytest.mark.parametrize(
