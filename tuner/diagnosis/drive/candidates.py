@@ -133,6 +133,11 @@ def rounds_of(trial: Trial, candidates: Sequence[Candidate]) -> Iterator[Iterabl
     yield (more for one in again for tried in VARIATIONS for more in tried(trial, one))
 
 
+def by_innovations(one: Candidate) -> tuple[float, float]:
+    """Return what puts candidates in order: innovations as predicted first, then the larger log density."""
+    return one.first.innovation_distance, -one.first.nats
+
+
 def by_nats(one: Candidate) -> float:
     """Return the log density of the first part."""
     return one.first.nats
@@ -183,8 +188,13 @@ VARIATIONS = (_with_other_sizes, _nearer_to_fixes)
 def _fit_factors(
     best: Candidate, score: Callable[[FilterConfig], PredictiveScore | None]
 ) -> Mapping[str, float]:
-    """Return the factors of a candidate after those moves that raise its log density, one after another."""
+    """Return the factors of a candidate after those moves that raise its log density, one after another.
+
+    A move that takes innovations away from their prediction is refused: it would contradict what the fixes say of
+    their own errors, for a few outages that chance decides.
+    """
     factors, nats = dict(best.factors), best.first.nats
+    distance = best.first.innovation_distance
     gains: dict[str, list[float]] = {}
     for step in STEPS:
         for name in counted((*FACTORS, *(own for own in STAYING if POSITION in factors))):
@@ -199,7 +209,10 @@ def _fit_factors(
                     gains[name].append(-np.inf if found is None else found.nats - nats)
                     if found is None or found.nats < nats + MIN_GAIN:
                         break
+                    if found.innovation_distance > distance:
+                        break
                     factors, nats, moved = trial, found.nats, True
+                    distance = found.innovation_distance
                 if moved:
                     gains[name] = []
                     break

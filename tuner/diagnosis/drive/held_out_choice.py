@@ -8,7 +8,8 @@ of 3 and then of √3, each kept where it gains `MIN_GAIN`.
 
 On the last part a candidate replaces the beginning only where its log density is larger and nothing that a user reads
 is worse: positions with fixes, and errors in outages of the whole drive, compared in pairs (`outage_pairs`). Candidates
-are tried in the order of their log density on the first part; where none passes, the configuration stays as it began.
+are tried in the order of their log density on the first part, those whose innovations are as large as predicted before
+the others; where none passes, the configuration stays as it began.
 Without a reference the first that passes is written. With one (`trusted_reference`) the best `Rank` is: positions of
 both parts err no more than the fixes, and errors in the outages of the whole drive, and in as many half a window later,
 are predicted. Further candidates are tried until one does: more or less process noise, less trust in velocities, the
@@ -31,6 +32,7 @@ from tuner.diagnosis.drive.candidates import (
     Candidate,
     Rank,
     Trial,
+    by_innovations,
     by_nats,
     first_candidates,
     refined,
@@ -139,7 +141,7 @@ def choose_config(
             return HeldOutChoice(before, "as it began", note=f"{TOO_SHORT}: they stay as they began")
         return HeldOutChoice(after, "with the findings", note=NOT_JUDGED)
     best = max(candidates, key=by_nats)
-    candidates = sorted([*candidates, *refined(trial, best)], key=by_nats, reverse=True)
+    candidates = sorted([*candidates, *refined(trial, best)], key=by_innovations)
     progress("judging the configurations on the last part of the drive")
 
     outages = all_outages(trial.run_of("as it began", before), begin, end)

@@ -24,6 +24,7 @@ from models.earth import ned_between
 from models.strapdown import NavigationState
 from tuner.consistency.drive_scores import reference_positions, stated
 from tuner.consistency.score_drive import OUTAGE_LENGTHS
+from tuner.consistency.scores import innovation_scores
 from tuner.diagnosis.drive.configured_run import ConfiguredRun, antenna
 from tuner.navigation import engine
 from tuner.navigation.data import Solution, Steps
@@ -42,6 +43,8 @@ Window = tuple[float, float]
 
 STUDENT_FREEDOM = 5.0
 """ν: heavy tails in which an error of five sds costs 8 nats, not 12."""
+INNOVATION_RATIOS = (0.8, 1.25)
+"""Innovations ÷ predicted sds that `navigate` finds consistent on a drive of ten minutes."""
 MAX_LATE_FIX = 0.2
 """Share of a window, beyond half a second, by which its last withheld fix may be early."""
 
@@ -80,12 +83,22 @@ class PredictiveScore:
         Mean log density of the position in blocks of `RECOVERY_TIME` with fixes.
     fixes_rms : float or None
         The same error of the fixes themselves, at the same times; None without a reference.
+    innovations : tuple of float
+        Innovations ÷ predicted sds, root mean square, of positions and of velocities; what no fix has is left out.
     """
 
     outages: tuple[OutageErrors, ...]
     tracking_rms: float
     tracking: FloatArray
     fixes_rms: float | None = None
+    innovations: tuple[float, ...] = ()
+
+    @property
+    def innovation_distance(self) -> float:
+        """Largest |ln| of the innovation ratios: 0 where all are 1, and where they lie within `INNOVATION_RATIOS`."""
+        low, high = INNOVATION_RATIOS
+        far = [abs(np.log(one)) for one in self.innovations if not low <= one <= high]
+        return float(max(far, default=0.0))
 
     def follows(self, ratio: float = 1.0) -> bool:
         """Whether positions err no more than the fixes alone, times a ratio, as far as a reference tells."""
@@ -116,7 +129,25 @@ def predictive_score(run: ConfiguredRun, begin: float, end: float) -> Predictive
     block = (t // RECOVERY_TIME).astype(int)
     means = np.array([density[block == one].mean() for one in np.unique(block)])
     fixes_rms = None if run.reference is None else _rms(alone)
-    return PredictiveScore(tuple(good), _rms(square), means, fixes_rms)
+    return PredictiveScore(
+        tuple(good), _rms(square), means, fixes_rms, _innovation_ratios(stretches, solutions, begin)
+    )
+
+
+def _innovation_ratios(
+    stretches: Sequence[Stretch], solutions: Sequence[Solution], begin: float
+) -> tuple[float, ...]:
+    """Return innovations ÷ predicted sds, root mean square, of positions and velocities after a time, s."""
+    chosen = [
+        np.flatnonzero(solution.t >= max(begin, stretch.settled))
+        for stretch, solution in zip(stretches, solutions, strict=True)
+    ]
+    scores = innovation_scores(
+        [one.innovation[rows] for one, rows in zip(solutions, chosen, strict=True)],
+        [one.innovation_covariance[rows] for one, rows in zip(solutions, chosen, strict=True)],
+        [one.use[rows] for one, rows in zip(solutions, chosen, strict=True)],
+    )
+    return tuple(one.ratio for one in scores if one.dof == 3 and one.ratio > 0.0)
 
 
 def _rms(square: FloatArray) -> float:

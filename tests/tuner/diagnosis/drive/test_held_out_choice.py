@@ -13,7 +13,7 @@ from models import rotation
 from models.earth import llh_displaced
 from models.trajectory.catalogue import TRAJECTORIES
 from tuner.catalogue.grades import load_gnss, load_grade
-from tuner.diagnosis.drive.candidates import Candidate, Rank
+from tuner.diagnosis.drive.candidates import Candidate, Rank, by_innovations, refined
 from tuner.diagnosis.drive.causes.time_offset import with_clock
 from tuner.diagnosis.drive.configured_run import configured_run, with_other_noise
 from tuner.diagnosis.drive.held_out_choice import (
@@ -122,6 +122,37 @@ def test_a_better_likelihood_does_not_excuse_larger_errors():
     assert is_better(before, _score(10.0, 1.0, nats=20.0))
     assert not is_better(before, _score(10.0, 1.0, nats=-1.0))
     assert not is_better(before, _score(10.0, 1.0, tracking=1.2, nats=20.0))
+
+
+def test_the_right_filter_predicts_its_innovations(drive, right):
+    """E[zᵀ S⁻¹ z] is the number of components; sds of velocities nine times too large show a ninth."""
+    whole = predictive_score(configured_run(drive, right, AGREEING), 0.0, 600.0)
+    assert whole.innovations == pytest.approx((1.0, 1.0), abs=0.2)
+    assert whole.innovation_distance == 0.0
+    large = with_noise_factors(right, {"velocity_horizontal": 9.0, "velocity_vertical": 9.0})
+    assert predictive_score(configured_run(drive, large, AGREEING), 0.0, 600.0).innovations[1] < 0.3
+
+
+def test_no_factor_for_outages_contradicts_the_innovations(right):
+    """A move that gains nats in outages, and makes the velocity innovations half as large as predicted, is refused."""
+
+    def score(name, config, begin, end):
+        factor = config.compensation.get(Parameter("gnss_noise_scale", "velocity_horizontal"), 1.0)
+        ratio = 1.0 / factor if contradicts else 1.0
+        return replace(_score(10.0, 1.0, nats=40.0 * np.log(factor)), innovations=(1.0, ratio))
+
+    def candidate(name, config, factors):
+        return Candidate(name, config, factors, score(name, with_noise_factors(config, factors), 0.0, 1.0))
+
+    trial: Any = SimpleNamespace(score=score, candidate=candidate, begin=0.0, cut=1.0)
+    for contradicts in (False, True):
+        (found,) = refined(trial, candidate("a", right, {}))
+        assert found.first.innovation_distance == 0.0
+        assert (found.factors.get("velocity_horizontal", 1.0) > 2.0) != contradicts
+    far = replace(_score(10.0, 1.0, nats=40.0), innovations=(1.0, 0.5))
+    near = replace(_score(10.0, 1.0, nats=1.0), innovations=(1.0, 0.9))
+    both = [Candidate("far", None, {}, far), Candidate("near", None, {}, near)]
+    assert min(both, key=by_innovations).name == "near"
 
 
 def test_clocks_of_a_configuration_are_those_of_the_motion(right):
