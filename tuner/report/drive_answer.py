@@ -18,6 +18,11 @@ if TYPE_CHECKING:
 
 SHOWN_FINDINGS = 2
 """Findings of a drive in the answer: what a reader acts on first."""
+INCONSISTENT = (
+    "Kept although innovations are not as large as predicted: no setting tried with such ones does as well in outages "
+    "and with fixes"
+)
+"""Said where only settings whose innovations contradict them predict the rest of the drive."""
 
 
 def drive_verdict(found: Consistency, *, short: bool = False) -> str:
@@ -51,12 +56,12 @@ def finding_lines(findings: Sequence[Finding], choice: HeldOutChoice | None) -> 
 
 
 def _in_one_line(finding: Finding) -> str:
-    """Return what a finding is, and the figures that a line has room for."""
+    """Return what a finding is with its first figure, and further ones that a line has room for."""
     words = finding.text.partition(": ")[2].partition(" (")[0] or finding.text
-    text = f"Found: {words}"
+    text = words = f"Found: {words}"
     for name, value in finding.parameters.items():
         longer = f"{text}{', ' if '(' in text else ' ('}{name.replace('_', ' ')} {amount(value)}"
-        if len(longer) >= LINE_WIDTH:
+        if len(longer) >= LINE_WIDTH and text != words:
             break
         text = longer
     return f"{text})" if "(" in text else text
@@ -86,12 +91,15 @@ def choice_lines(choice: HeldOutChoice, *, shorter: bool, shortest: bool) -> lis
         changes.append(f"{seconds:.0f} s {digits(old)}{arrow}{digits(new)}{change}")
     tracking = f"{digits(before.tracking_rms)}{arrow}{digits(after.tracking_rms)} m"
     blind = f"{', '.join(changes)} m"
+    despite = [INCONSISTENT] if after.innovation_distance > 0.0 else []
     if shortest:
-        return [f"Error {tracking}; unaided {blind}"]
+        return [*despite, f"Error, last 40 %: {tracking}; whole drive, unaided {blind}"]
     alone = "" if after.fixes_rms is None else f" (fixes alone {digits(after.fixes_rms)})"
     of_change = "" if shorter else " (95 % of the change)"
     return [
-        f"Kept {choice.kept}; position error, rms: with fixes {tracking}{alone}; without them: {blind}{of_change}"
+        *despite,
+        f"Kept {choice.kept}; position error, rms: with fixes, last 40 % of the drive, {tracking}{alone}; "
+        f"without them, whole drive, {blind}{of_change}",
     ]
 
 

@@ -4,13 +4,16 @@ from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from models.noise import NoiseModel, RandomWalk, White
 from tuner.diagnosis.drive.held_out_choice import HeldOutChoice
+from tuner.diagnosis.drive.predictive_score import OutageErrors, PredictiveScore
 from tuner.identification import identify
 from tuner.pipeline import TuneResult
 from tuner.report.answer_layout import BOUNDED
+from tuner.report.drive_answer import choice_lines, finding_lines
 from tuner.report.settings_rows import Setting, axes_text, settings_rows
 from tuner.report.tune_answer import answer_lines, verdict_line
 from tuner.simulation.static import simulate
@@ -145,3 +148,32 @@ def test_what_a_drive_keeps_is_said(result):
     choice = HeldOutChoice(result.config, "as it began", note=note)
     text = "\n".join(answer_lines(replace(result, choice=choice), Path("out")))
     assert note in " ".join(text.split())
+
+
+@pytest.mark.parametrize(
+    "words", ["short", "stamps of positions and velocities are late by the delay, early where it is less"]
+)
+def test_a_finding_of_a_drive_has_its_size_and_interval(words):
+    late = Finding(
+        "time_offset", ("gnss",), "a statistic", 9.0, 1e-9, {"delay": Coefficient.known(-0.199, -0.219, -0.178, "s")},
+        f"time_offset in gnss: {words} (delay)",
+    )  # fmt: skip
+    (line,) = finding_lines([late], None)
+    assert words in line
+    assert "-0.199 ± 0.021 s" in line
+
+
+def test_errors_before_and_after_name_the_part_of_the_drive_they_are_of(result):
+    square = np.ones(4)
+    score = PredictiveScore((OutageErrors(30.0, square, square, square),), 1.0, square)
+    choice = HeldOutChoice(
+        result.config,
+        "with the findings",
+        {},
+        score,
+        score,
+        {30.0: np.array([[4.0, 1.0], [9.0, 2.0], [4.0, 1.0]])},
+    )
+    for brief in (False, True):
+        (line,) = choice_lines(choice, shorter=brief, shortest=brief)
+        assert line.index("last 40 %") < line.index("1.00") < line.index("whole drive") < line.index("30 s")
