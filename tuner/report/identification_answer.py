@@ -118,13 +118,18 @@ def _recording(found: Identification) -> str:
     return "; ".join([*parts, *(["ASSUMED: " + "; ".join(map(str, assumed))] if assumed else [])])
 
 
-def _too_short(found: Identification) -> list[str]:
-    """Return which terms of which axes a longer record would show; empty where none is bounded for that reason."""
+def terms_too_short(found: Identification) -> dict[str, list[str]]:
+    """Return the axes of each term, by its symbol, that a longer record would show."""
     short: dict[str, list[str]] = {}
     for channel in found.channels.values():
         for term in channel.terms:
             for field, c in term.coefficients.items():
                 if c.value is None and c.reason and c.reason.startswith("record too short"):
                     short.setdefault(symbol(f"{term.name}.{field}"), []).append(channel.axis)
-    text = "; ".join(f"{sign} of {axes_text(axes)}" for sign, axes in short.items())
+    return short
+
+
+def _too_short(found: Identification) -> list[str]:
+    """Return which terms of which axes a longer record would show; empty where none is bounded for that reason."""
+    text = "; ".join(f"{sign} of {axes_text(axes)}" for sign, axes in terms_too_short(found).items())
     return wrapped(f"Too short to show {text}: `tuner plan` says how long it takes", 2) if text else []

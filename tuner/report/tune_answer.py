@@ -22,13 +22,14 @@ from tuner.report.answer_layout import (
 from tuner.report.comparison_tables import limit_text
 from tuner.report.drive_answer import choice_lines, drive_verdict, finding_lines
 from tuner.report.finding_groups import (
+    SAMPLES_AT_FAULT,
     FindingGroup,
     contradicted,
     drift_text,
     finding_groups,
     way_texts,
 )
-from tuner.report.identification_answer import warning_lines
+from tuner.report.identification_answer import terms_too_short, warning_lines
 from tuner.report.settings_rows import EXTRAPOLATED, SettingsRow, axes_text, settings_rows
 from tuner.report.static_diagnosis_tables import hidden_effect_lines
 from tuner.report.verdict_text import verdict_text
@@ -42,12 +43,15 @@ WITHOUT_RECEIVER = "name a receiver (--gnss GRADE)"
 """Words of the reason where a check lacks only the receiver."""
 MAX_LINES = 10
 """Lines of an answer: what is read at a glance."""
-SHORTER = ("head", "numbers", "findings", "warnings", "drive")
+SHORTER = ("head", "numbers", "findings", "warnings", "drive", "without effect")
 """Parts that are said in fewer words where the answer has more lines, in this order."""
 MAX_KEYS = 7
 """Lines of another filter's settings that an answer shows; of more, only the file is named."""
 COMMENTS = ("#", "//", "%", "<!--", "/*", "*")
 """How lines of comments begin in the dialects."""
+COMPARED_UP_TO = 10.0
+"""Cluster time up to which the log is compared, s, below which the verdict says so: the slower bias states of a filter
+are not tested there."""
 WHAT_SIMULATES = "--gnss GRADE does"
 """What to add to the command, for the filter to be simulated."""
 SHOWN_FINDINGS = 2
@@ -115,7 +119,7 @@ def _answer(result: TuneResult, directory: Path, short: Set[str], keys: Sequence
         head[-1] += f"; {LONGER}"
     if "head" in short and len(head[-1]) > LINE_WIDTH:
         head[-1] = head[-1].replace(f" ({WHAT_SIMULATES})", "")
-    findings, shown = _findings_of_log(result, short="findings" in short)
+    findings, shown = _findings_of_log(result, short="findings" in short, idle="without effect" not in short)
     warnings = warning_lines(result.identification, short="findings" in short)
     unsaid = len(warnings) if "warnings" in short else 0
     warnings = warnings[unsaid:]
@@ -156,7 +160,7 @@ def verdict_line(result: TuneResult, *, brief: bool = False) -> str:
     if failed:
         parts.append(f"does NOT predict the log in {axes_text(failed)}")
     elif result.predictions:
-        parts.append("predicts the log on every axis")
+        parts.append(f"predicts {_compared(result) or 'the log on every axis'}")
     if result.check is None:
         parts.append("filter not simulated" + (f" ({WHAT_SIMULATES})" if _no_receiver(result) else ""))
     text = "; ".join(parts)
@@ -170,9 +174,27 @@ def short_verdict(result: TuneResult, *, brief: bool) -> str:
     recording = recording_line(result, named=False)
     if checked is False or not every or result.measured is not None:
         return f"{verdict_line(result, brief=brief).removesuffix('.')}; {recording}"
-    verdict = "Consistent within 10 %, predicts each axis" if checked else "Predicts the log on every axis"
+    part = _compared(result)
+    verdict = (
+        f"Consistent within 10 %, predicts {part or 'each axis'}"
+        if checked
+        else f"Predicts {part or 'the log on every axis'}"
+    )
     with_cure = f"{verdict}; {recording}; filter not simulated ({WHAT_SIMULATES})"
     return with_cure if _no_receiver(result) and len(with_cure) <= LINE_WIDTH else f"{verdict}; {recording}"
+
+
+def _compared(result: TuneResult) -> str:
+    """Return up to which cluster time a short log was compared, and what it cannot show; empty for a longer one."""
+    longest = min(float(found.curve.tau[-1]) for found in result.predictions.values())
+    if longest >= COMPARED_UP_TO:
+        return ""
+    channels = [result.identification.channels[axis] for axis in result.predictions]
+    span = min((channel.span for channel in channels if channel.span > 0.0), default=0.0)
+    rest = any(used_part(result.identification.source, channel.axis) for channel in channels)
+    text = f"the {span_text(span)}{' at rest' * rest} up to τ = {digits(longest, 2)} s"
+    signs = " ".join(terms_too_short(result.identification))
+    return f"{text}, too short to show {signs}" if signs else text
 
 
 def _why_not(verdicts: Sequence[Verdict]) -> str:
@@ -237,8 +259,11 @@ def against_datasheet(result: TuneResult) -> list[str]:
     return [limit_text(one) for one in limit_checks(found)]
 
 
-def _findings_of_log(result: TuneResult, *, short: bool) -> tuple[list[str], int]:
-    """Return the findings of the log that change most, in words of what they do, or that there are none; how many."""
+def _findings_of_log(result: TuneResult, *, short: bool, idle: bool) -> tuple[list[str], int]:
+    """Return the findings of the log that change most, in words of what they do, or that there are none; how many.
+
+    Without `idle`, findings that change no entry of the configuration are left to the page.
+    """
     if result.diagnosis is None:
         return [], 0
     span = max((record.span for record in result.records), default=None)
@@ -246,6 +271,8 @@ def _findings_of_log(result: TuneResult, *, short: bool) -> tuple[list[str], int
     if not groups:
         return ["Found nothing that the noise terms do not explain"], 0
     matter = [group for group in groups if group.matters][:SHOWN_FINDINGS]
+    if not idle and matter and all(group.changes == SAMPLES_AT_FAULT for group in matter):
+        return [], 0
     if not matter:
         return [f"No finding moves the position: {len(groups)} on the page"], len(groups)
     if not short:

@@ -138,6 +138,16 @@ def test_a_verdict_names_one_explanation_and_counts_the_others(result):
     assert "(3 more on the page explain them as well)" in text
 
 
+@pytest.mark.parametrize(
+    ("longest", "said"), [(0.906, "the 0.167 h up to τ = 0.91 s"), (20.0, "the log on every axis")]
+)
+def test_a_verdict_says_how_far_a_short_log_was_compared(result, longest, said):
+    curve = SimpleNamespace(tau=(0.2, longest))
+    short = replace(result, predictions=dict.fromkeys(AXES, SimpleNamespace(passes=True, curve=curve)))
+    assert f"Predicts {said}" in verdict_line(short)
+    assert ("too short to show" in verdict_line(short)) == (longest < 10.0)
+
+
 def test_axes_in_few_words():
     assert axes_text(["gyro_x", "gyro_z", "accel_y"]) == "gyro x z, accel y"
     assert axes_text(["gyro"]) == "gyro"
