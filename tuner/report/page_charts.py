@@ -6,6 +6,7 @@ A chart is a mapping that plotly.js draws; colours are names that the page repla
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -38,11 +39,21 @@ def charts(result: TuneResult) -> dict[str, dict[str, Chart]]:
             found["allan"][axis] = allan_chart(channel, result.predictions.get(axis), stated)
     findings = () if result.diagnosis is None else result.diagnosis.findings
     for record in result.records:
-        found["spectrum"] |= spectrum_charts(record, result.identification.channels)
+        analysed = record if result.diagnosis is None else part_analysed(record, result.diagnosis.parts)
+        found["spectrum"] |= spectrum_charts(analysed, result.identification.channels)
         for axis in record.axes:
             concerned = [one for one in findings if axis in one.channels]
             found["course"][axis] = course_chart(record, axis, concerned)
     return {kind: by_axis for kind, by_axis in found.items() if by_axis}
+
+
+def part_analysed(record: Record, parts: Mapping[str, tuple[float, float]]) -> Record:
+    """Return what is analysed of a record, by begin and end, s, of the part of each axis; all where it has none."""
+    if record.axes[0] not in parts:
+        return record
+    first, last = (int(at) for at in np.searchsorted(record.t, parts[record.axes[0]]))
+    inside = [(max(start, first), min(stop, last)) for start, stop in record.segments]
+    return replace(record, segments=tuple((start, stop) for start, stop in inside if stop > start))
 
 
 def allan_chart(

@@ -14,6 +14,7 @@ from tuner.cli.commands.options import stated_command
 from tuner.identification import identify
 from tuner.pipeline import TuneResult
 from tuner.report.html_page import write_page
+from tuner.report.page_charts import part_analysed
 from tuner.report.page_findings import PICTURE_BYTES
 from tuner.report.page_parts import Picture
 from tuner.simulation.static import simulate
@@ -49,6 +50,14 @@ def made(pictures=1, size=0):
 @pytest.fixture(scope="module")
 def page():
     return made()
+
+
+def test_the_spectrum_is_that_of_the_part_that_was_analysed():
+    records, _ = simulate({"gyro_x": MODEL}, duration=100.0, rate=50.0, seed=5)
+    part = part_analysed(records[0], {"gyro_x": (20.0, 50.0)})
+    ((start, stop),) = part.segments
+    assert (records[0].t[start], stop - start) == (pytest.approx(20.0, abs=0.03), pytest.approx(1500, abs=1))
+    assert part_analysed(records[0], {}) is records[0]
 
 
 def test_warnings_are_found_by_their_name_first_of_the_limits(page):
