@@ -398,12 +398,33 @@ def configure(
 def measured_or_reason(
     drive: Drive, config: FilterConfig, progress: Progress
 ) -> tuple[DriveResult | None, Mapping[str, str]]:
-    """Return the filter of a configuration on the drive it was made for, or None and why it cannot be scored."""
+    """Return the filter of a configuration on the drive it was made for, or None and why it cannot be scored.
+
+    Raises
+    ------
+    DataError
+        Where that filter diverged: what it shows of the drive is then no finding.
+    """
     progress("scoring the settings on the whole drive")
     try:
-        return navigate_drive(drive, config), {}
+        measured = navigate_drive(drive, config)
     except DataError as error:
         return None, {"scores on the drive": str(error)}
+    if measured.consistency.diverged:
+        raise DataError(diverged_on(drive, measured))
+    return measured, {}
+
+
+def diverged_on(drive: Drive, measured: DriveResult) -> str:
+    """Return why nothing is concluded from a drive on which the filter diverged, and what to do, in one line."""
+    found = measured.consistency
+    worst = "".join(f", innovations {one.ratio:.3g} × predicted" for one in found.nis[:1])
+    return (
+        f"{drive.source or drive.name}: expected a filter that follows the drive, found one that diverged with the "
+        f"settings as tuned: {100.0 * found.gated:.0f} % of the fixes refused{worst}; nothing is "
+        "concluded from this drive: check axes, units and clocks of its unit and receiver, give a drive that begins "
+        "at rest, or run tune on a static log without --drive"
+    )
 
 
 def check_or_reason(

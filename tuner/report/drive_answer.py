@@ -19,10 +19,9 @@ if TYPE_CHECKING:
 SHOWN_FINDINGS = 2
 """Findings of a drive in the answer: what a reader acts on first."""
 INCONSISTENT = (
-    "Kept although innovations are not as large as predicted: no setting tried with such ones does as well in outages "
-    "and with fixes"
+    "Innovations are not as large as predicted: these settings do best by errors with fixes and in outages"
 )
-"""Said where only settings whose innovations contradict them predict the rest of the drive."""
+"""Said where the innovations of the settings as written contradict them."""
 
 
 def drive_verdict(found: Consistency, *, short: bool = False) -> str:
@@ -67,13 +66,17 @@ def _in_one_line(finding: Finding) -> str:
     return f"{text})" if "(" in text else text
 
 
-def choice_lines(choice: HeldOutChoice, *, shorter: bool, shortest: bool) -> list[str]:
+def choice_lines(
+    choice: HeldOutChoice, measured: Consistency | None = None, *, shorter: bool, shortest: bool
+) -> list[str]:
     """Return what was kept, and position errors with fixes and without them before and after.
 
     Parameters
     ----------
     choice : HeldOutChoice
         What the drive keeps.
+    measured : Consistency, optional
+        Scores of the settings on the whole drive.
     shorter, shortest : bool
         Whether to leave the intervals of the changes to the page, and what the fixes alone give and what was kept.
     """
@@ -91,7 +94,7 @@ def choice_lines(choice: HeldOutChoice, *, shorter: bool, shortest: bool) -> lis
         changes.append(f"{seconds:.0f} s {digits(old)}{arrow}{digits(new)}{change}")
     tracking = f"{digits(before.tracking_rms)}{arrow}{digits(after.tracking_rms)} m"
     blind = f"{', '.join(changes)} m"
-    despite = [INCONSISTENT] if after.innovation_distance > 0.0 else []
+    despite = [INCONSISTENT] if measured and not all(one.consistent for one in measured.nis) else []
     if shortest:
         return [*despite, f"Error, last 40 %: {tracking}; whole drive, unaided {blind}"]
     alone = "" if after.fixes_rms is None else f" (fixes alone {digits(after.fixes_rms)})"

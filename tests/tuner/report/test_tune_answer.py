@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from tuner.diagnosis.drive.predictive_score import OutageErrors, PredictiveScore
 from tuner.identification import identify
 from tuner.pipeline import TuneResult
 from tuner.report.answer_layout import BOUNDED
-from tuner.report.drive_answer import choice_lines, finding_lines
+from tuner.report.drive_answer import INCONSISTENT, choice_lines, finding_lines
 from tuner.report.settings_rows import Setting, axes_text, settings_rows
 from tuner.report.tune_answer import answer_lines, verdict_line
 from tuner.simulation.static import simulate
@@ -187,3 +188,15 @@ def test_errors_before_and_after_name_the_part_of_the_drive_they_are_of(result):
     for brief in (False, True):
         (line,) = choice_lines(choice, shorter=brief, shortest=brief)
         assert line.index("last 40 %") < line.index("1.00") < line.index("whole drive") < line.index("30 s")
+
+
+@pytest.mark.parametrize("consistent", [True, False])
+def test_settings_whose_innovations_contradict_them_give_the_reason(result, consistent):
+    square = np.ones(4)
+    score = PredictiveScore(
+        (OutageErrors(30.0, square, square, square),), 1.0, square, innovations=(0.5, 0.5)
+    )
+    choice = HeldOutChoice(result.config, "with the findings", {}, score, score)
+    measured: Any = SimpleNamespace(nis=(SimpleNamespace(consistent=consistent),))
+    lines = choice_lines(choice, measured, shorter=True, shortest=True)
+    assert (INCONSISTENT in lines) != consistent
