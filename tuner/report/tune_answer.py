@@ -326,7 +326,7 @@ def _page_lines(result: TuneResult, directory: Path, shown: int, warnings: int) 
     more = [f"{count} more findings"] if count > 0 else []
     more += [f"{warnings} warning{'s' * (warnings > 1)}"] if warnings else []
     axes = [] if found is None else [axis for one in found.unexplained for axis in one.channels]
-    more += [f"misfits of {axes_text(list(dict.fromkeys(axes)))}"] if axes else []
+    more += [f"unexplained rest of {axes_text(list(dict.fromkeys(axes)))}"] if axes else []
     text = f"Page ({', '.join(more)}): {path}" if more else f"Page: {path}"
     short = f"Page ({', '.join(one.partition(' of ')[0] for one in more)}): {path}" if more else text
     shortest = short.replace(" more findings", " more")
