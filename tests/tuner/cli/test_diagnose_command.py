@@ -43,7 +43,7 @@ def lined(tmp_path_factory):
         "--quiet",
     ]
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr("tuner.report.result_views.draw_all", None)  # nobody asked for a page
+        patched.setattr("tuner.report.result_views.draw_all", None)  # without --page no figure is drawn
         assert run([str(a) for a in arguments]) == 0
     return json.loads(file.read_text())
 

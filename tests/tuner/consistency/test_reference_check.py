@@ -1,4 +1,4 @@
-"""A reference that is wrong is told from a drive, and a right one is not."""
+"""The test of a reference by unit and fixes finds the seconds in which it errs, and none where it is right."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def test_a_unit_that_is_wrong_is_not_the_fault_of_the_reference(flown):
 
 
 def test_one_of_two_is_no_majority(flown):
-    """Fixes without velocities: reference and unit contradict one another, and none of them is told wrong."""
+    """Fixes without velocities: reference and unit contradict one another, and neither is said to be wrong."""
     reference, stretches, settings = flown
     (one,) = stretches
     bare = replace(one, fixes=replace(one.fixes, vel_n=np.full_like(one.fixes.vel_n, np.nan)))

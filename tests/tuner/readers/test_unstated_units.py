@@ -1,4 +1,4 @@
-"""Units that nothing states are shown by gravity and the turn of the Earth, assumed and said, or asked for."""
+"""A unit that the file does not state is found by gravity or the Earth's rate, assumed with a note, or requested."""
 
 from __future__ import annotations
 

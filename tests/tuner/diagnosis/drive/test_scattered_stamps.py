@@ -1,4 +1,4 @@
-"""A drive whose stamps scatter is told so as it is read, and no scale factor is named in its place."""
+"""A note says that the stamps of a drive scatter when it is read; the diagnosis names no scale factor for it."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ def diagnosed(y: np.ndarray) -> Diagnosis:
     ],
 )
 def test_a_real_filter_is_a_lowpass_and_leaves_nothing(b, a):
-    """Before, nulls and stop bands were told as vibrations, spikes and bursts, or left unexplained."""
+    """Before, nulls and stop bands were named vibration, spikes or bursts, or left unexplained."""
     w = lfilter(b, a, np.random.default_rng(8).standard_normal(FINER * N))[::FINER]
     found = diagnosed(w / w.std())
     assert [f.cause for f in found.findings] == ["lowpass"]
