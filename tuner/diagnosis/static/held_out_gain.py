@@ -23,7 +23,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from models.noise import NoiseModel, White
 from tuner.diagnosis.static.causes.base import Extension
 from tuner.diagnosis.static.causes.burst import Burst
 from tuner.diagnosis.static.causes.comb import Comb
@@ -257,11 +256,8 @@ def _power(fitted: Residual, n: int) -> FloatArray:
     dt = fitted.channel.interval
     order = np.arange(1.0, n)
     knots, hertz = spectrum_knots(1, n), 1.0 / (2.0 * n * dt)
-    f = knots * hertz
-    white = sum(term.density**2 for term in fitted.fit.terms() if isinstance(term, White))
-    others = [term for term in fitted.fit.terms() if not isinstance(term, White)]
-    others += [term for x in fitted.extensions if isinstance(x, Telegraph) for term in x.terms(dt)]
-    smooth = white * gain_of(fitted.extensions, f, dt) + NoiseModel(others).psd(f, interval=dt)
+    switching = (term for x in fitted.extensions if isinstance(x, Telegraph) for term in x.terms(dt))
+    smooth = fitted.smooth_power(knots * hertz, switching)
     return np.asarray(np.interp(order, knots, smooth) + power_of(fitted.extensions, order * hertz, dt))
 
 

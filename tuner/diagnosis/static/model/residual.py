@@ -10,7 +10,7 @@ with the whole spectrum E of the model. Zero-phase whitening leaves a spike a sp
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property, wraps
 from typing import Any, TypeVar
@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import next_fast_len, rfft
 
-from models.noise import BiasInstability, GaussMarkov, NoiseModel, RandomWalk, White
+from models.noise import BiasInstability, GaussMarkov, NoiseModel, RandomWalk, Term, White
 from tuner.diagnosis.static.causes.base import Extension
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.dct import block_transform, grid, inverse, transform
@@ -145,13 +145,17 @@ class Residual:
     def power(self) -> FloatArray:
         """Expected power of each coefficient 1 … n-1."""
         n, dt, low = len(self.cleaned), self.channel.interval, self.track.singles
-        white = sum(t.density**2 for t in self.fit.terms() if isinstance(t, White))
-        others = NoiseModel(t for t in self.fit.terms() if not isinstance(t, White))
         order = np.arange(low + 1.0, n)
         knots = spectrum_knots(low + 1, n)
-        f = knots / (2.0 * n * dt)
-        smooth = white * gain_of(self.extensions, f, dt) + others.psd(f, interval=dt)
+        smooth = self.smooth_power(knots / (2.0 * n * dt))
         return np.concatenate((self.fit.expected[:low], np.interp(order, knots, smooth) + self.peaks[low:]))
+
+    def smooth_power(self, f: FloatArray, further: Iterable[Term] = ()) -> FloatArray:
+        """Return the spectrum without peaks at frequencies `f`, Hz: white noise behind the filters, and other terms."""
+        dt, terms = self.channel.interval, self.fit.terms()
+        white = sum(term.density**2 for term in terms if isinstance(term, White))
+        others = NoiseModel([*(term for term in terms if not isinstance(term, White)), *further])
+        return np.asarray(white * gain_of(self.extensions, f, dt) + others.psd(f, interval=dt))
 
     @cached_property
     def peaks(self) -> FloatArray:
