@@ -7,10 +7,10 @@ and no file is written: `tuner.report.result_set` does that.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from models.sensors import SensorGrade
 from tuner.catalogue.grades import DEFAULT_RECEIVER, load_grade
@@ -39,16 +39,12 @@ from tuner.synthesis.from_drive import identification_of_drive, receiver_of, sta
 from tuner.synthesis.prediction import hold_to_records
 from tuner.synthesis.rest_and_motion import in_motion, with_rest_and_motion
 from tuner.synthesis.worst_case import worst_case
-from tuner.types import Diagnosis, FilterConfig, GnssNoise, Identification
+from tuner.tune_result import LogResult, TuneInputs, TuneResult
+from tuner.types import FilterConfig, GnssNoise, Identification
 from tuner.types.consistency import Check
 from tuner.types.prediction import PredictedBlock
 from tuner.types.progress import Progress, silent
 from tuner.types.records import DataError, Drive, Record
-from tuner.types.shown import Shown
-
-if TYPE_CHECKING:
-    from tuner.diagnosis.drive import ExaminedDrive
-    from tuner.diagnosis.drive.held_out_choice import HeldOutChoice
 
 CHECK_RUNS = 20
 """Simulated runs behind the verdict of `tune`: the position ratio is then known to 5 %, in half a minute."""
@@ -59,103 +55,6 @@ EXPORTED_DIALECTS = ("kalibr", "kf-gins")
 """Dialects that `tune` adds to the native configuration; `tuner.export` writes the others."""
 NO_SAMPLES = "the source holds no samples that could be compared with a simulation"
 NO_LOG = "without a static log; of the unit only the standing parts of the drive are known"
-
-
-@dataclass(frozen=True)
-class TuneInputs:
-    """What a configuration is made from.
-
-    Attributes
-    ----------
-    name : str
-        Name of the log, the drive, or both.
-    records : tuple of Record
-        Static log; empty where there is none.
-    source : str or Path or Identification or None
-        What stands for a log without samples: a datasheet, a grade, an Allan curve, a stored identification.
-    drive : Drive or None
-        Measured drive.
-    receiver : GnssNoise or None
-        Errors of the aiding.
-    key : mapping or None
-        Ground truth of a simulated log.
-    """
-
-    name: str
-    records: tuple[Record, ...]
-    source: str | Path | Identification | None
-    drive: Drive | None
-    receiver: GnssNoise | None
-    key: Mapping[str, Any] | None = None
-
-
-@dataclass(frozen=True)
-class LogResult:
-    """Noise of the unit, what a simulation of it gets wrong, what is absent and why, and the samples at rest."""
-
-    identification: Identification
-    diagnosis: Diagnosis | None
-    absent: Mapping[str, str]
-    still: tuple[Record, ...] = ()
-
-
-@dataclass(frozen=True)
-class TuneResult(Shown):
-    """A filter configuration with everything it rests on.
-
-    Attributes
-    ----------
-    name : str
-        Name of the log, the drive, or both.
-    records : tuple of Record
-        Static log; empty where there is none.
-    identification : Identification
-        Noise terms of every channel.
-    diagnosis : Diagnosis or None
-        What a simulation of the noise gets wrong.
-    drive : ExaminedDrive or None
-        What the drive shows to be wrong with the filter.
-    calibration : PoseCalibration or None
-        Calibration, where the log has several poses.
-    config : FilterConfig
-        Settings of the filter.
-    check : Check or None
-        Monte-Carlo consistency of the filter.
-    predictions : mapping of str to PredictedBlock
-        How well the settings of each axis predict the static log, by axis; before a drive changed them.
-    absent : mapping of str to str
-        Parts that were not run, each with the reason.
-    exports : mapping of str to str
-        Text of each configuration file by its name: ``noise.yaml`` and the dialects.
-    key : mapping or None
-        Ground truth of a simulated log.
-    replicas, seed : int
-        As given.
-    choice : HeldOutChoice or None
-        What the drive keeps of its findings, by its last part.
-    datasheet : Identification or None
-        What the data sheet states, to be shown beside what was measured.
-    measured : DriveResult or None
-        The filter with the settings as written on the whole drive, scored as `navigate` scores it.
-    """
-
-    name: str
-    records: tuple[Record, ...]
-    identification: Identification
-    diagnosis: Diagnosis | None
-    drive: ExaminedDrive | None
-    calibration: PoseCalibration | None
-    config: FilterConfig
-    check: Check | None
-    predictions: Mapping[str, PredictedBlock]
-    absent: Mapping[str, str]
-    exports: Mapping[str, str]
-    key: Mapping[str, Any] | None = None
-    replicas: int = 0
-    seed: int = 0
-    choice: HeldOutChoice | None = None
-    datasheet: Identification | None = None
-    measured: DriveResult | None = None
 
 
 def tune(

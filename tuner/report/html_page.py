@@ -20,7 +20,7 @@ from rich.table import Table
 
 from tuner.exporters import DIALECTS, export, lacking
 from tuner.formats.customary_units import digits, in_customary, term_title
-from tuner.pipeline import EXPORTED_DIALECTS, TuneResult
+from tuner.pipeline import EXPORTED_DIALECTS
 from tuner.report.calibration_text import calibration_lines
 from tuner.report.consistency_tables import consistency_tables
 from tuner.report.identification_tables import identification_tables
@@ -37,6 +37,7 @@ from tuner.report.tune_answer import (
     recording_line,
     whole_verdict,
 )
+from tuner.tune_result import TuneResult
 
 ROW_HEIGHT = 1.7
 """Height of a row with a name in a chart, rem."""

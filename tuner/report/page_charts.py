@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from tuner.curves.spectrum import psd
 from tuner.formats.customary_units import customary_unit, in_customary, pretty
-from tuner.pipeline import TuneResult
 from tuner.report.allan_figure import term_label
+from tuner.tune_result import TuneResult
 from tuner.types import ChannelIdentification, Finding
 from tuner.types.prediction import PredictedBlock
 from tuner.types.records import DataError, Record

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from tuner.pipeline import TuneResult
 from tuner.report.finding_groups import (
     MIN_DRIFT_CHANGE,
     FindingGroup,
@@ -16,6 +15,7 @@ from tuner.report.finding_groups import (
 from tuner.report.page_parts import Picture, blocks, shown
 from tuner.report.settings_rows import axes_text
 from tuner.report.static_diagnosis_tables import diagnosis_tables, gain_text, unexplained_lines
+from tuner.tune_result import TuneResult
 from tuner.types import Finding
 
 PICTURE_BYTES = 2_500_000

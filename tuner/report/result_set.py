@@ -16,7 +16,7 @@ from tuner.formats.file_set import MANIFEST, digests, write_set
 from tuner.formats.files import Put
 from tuner.formats.identification import identification_json
 from tuner.formats.prediction import predictions_json
-from tuner.pipeline import CHECK_RUNS, CHECK_TRAJECTORY, TuneResult
+from tuner.pipeline import CHECK_RUNS, CHECK_TRAJECTORY
 from tuner.report.allan_figure import allan_figure
 from tuner.report.calibration_text import calibration_lines
 from tuner.report.consistency_tables import consistency_tables
@@ -30,6 +30,7 @@ from tuner.report.static_diagnosis_figures import finding_figures
 from tuner.report.static_diagnosis_tables import diagnosis_tables, headline_lines, hidden_effect_lines
 from tuner.synthesis.calibration import calibration_json
 from tuner.synthesis.findings import judge_hidden
+from tuner.tune_result import TuneResult
 from tuner.types import BoundUsed, Enlargement
 
 LAST = "result.json"

@@ -19,7 +19,6 @@ from tuner.consistency.compare_sensors import SensorComparison
 from tuner.consistency.score_drive import DriveResult
 from tuner.consistency.score_output import OutputScore
 from tuner.diagnosis.drive import ExaminedDrive
-from tuner.pipeline import TuneResult
 from tuner.report.allan_figure import allan_figure
 from tuner.report.answer_layout import settings_table
 from tuner.report.comparison_tables import choice_tables, comparison_tables
@@ -49,6 +48,7 @@ from tuner.report.settings_rows import settings_rows
 from tuner.report.solution_figures import solution_pictures
 from tuner.report.static_diagnosis_figures import finding_figures
 from tuner.report.static_diagnosis_tables import diagnosis_tables
+from tuner.tune_result import TuneResult
 from tuner.types import (
     AllanCurve,
     Coefficient,

@@ -36,7 +36,7 @@ from tuner.report.verdict_text import verdict_text
 from tuner.synthesis.findings import judge_hidden
 
 if TYPE_CHECKING:
-    from tuner.pipeline import TuneResult
+    from tuner.tune_result import TuneResult
     from tuner.types.consistency import Verdict
 
 WITHOUT_RECEIVER = "name a receiver (--gnss GRADE)"

@@ -12,13 +12,13 @@ import pytest
 from models.noise import NoiseModel, RandomWalk, White
 from tuner.cli.commands.options import stated_command
 from tuner.identification import identify
-from tuner.pipeline import TuneResult
 from tuner.report.html_page import write_page
 from tuner.report.page_charts import part_analysed
 from tuner.report.page_findings import PICTURE_BYTES
 from tuner.report.page_parts import Picture
 from tuner.simulation.static import simulate
 from tuner.synthesis import synthesize
+from tuner.tune_result import TuneResult
 from tuner.types import Coefficient, Diagnosis, Finding
 
 AXES = ("gyro_x", "gyro_y")

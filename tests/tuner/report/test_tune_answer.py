@@ -12,13 +12,13 @@ from models.noise import NoiseModel, RandomWalk, White
 from tuner.diagnosis.drive.held_out_choice import HeldOutChoice
 from tuner.diagnosis.drive.predictive_score import OutageErrors, PredictiveScore
 from tuner.identification import identify
-from tuner.pipeline import TuneResult
 from tuner.report.answer_layout import BOUNDED
 from tuner.report.drive_answer import INCONSISTENT, choice_lines, finding_lines
 from tuner.report.settings_rows import Setting, axes_text, settings_rows
 from tuner.report.tune_answer import answer_lines, verdict_line
 from tuner.simulation.static import simulate
 from tuner.synthesis import synthesize
+from tuner.tune_result import TuneResult
 from tuner.types import Coefficient, Diagnosis, Finding
 from tuner.types.consistency import Explanation, ExplanationKind, Severity, Verdict, VerdictCode
 
