@@ -31,8 +31,9 @@ from tuner.simulation.load_truth import Truth, installation, load_truth
 from tuner.simulation.monte_carlo import resolution, scenario, simulate
 from tuner.synthesis.load_config import load_config
 from tuner.types import FilterConfig, GnssNoise
-from tuner.types.consistency import Check, Explanation, Severity, Verdict, VerdictCode
+from tuner.types.consistency import Check
 from tuner.types.records import DataError
+from tuner.types.verdict import Explanation, Severity, Verdict, VerdictCode
 
 DEFAULT_RUNS = 40
 """Simulated runs: errors 14 % larger than predicted then show in NEES, 31 % larger in the position after 60 s without

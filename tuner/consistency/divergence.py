@@ -18,7 +18,7 @@ from tuner.consistency.scores import SETTLING_TIME, STRAYED_RATIO, run_ratios, s
 from tuner.navigation.settings import FilterSettings
 from tuner.simulation.imu import Sensor
 from tuner.simulation.monte_carlo import Runs, Scenario
-from tuner.types.consistency import Severity, Verdict, VerdictCode
+from tuner.types.verdict import Severity, Verdict, VerdictCode
 
 FloatArray = NDArray[np.float64]
 

@@ -20,7 +20,8 @@ import numpy as np
 from tuner.consistency.observability import NAMES
 from tuner.consistency.scores import EQUIVALENCE_MARGIN
 from tuner.simulation.monte_carlo import Runs
-from tuner.types.consistency import ErrorBudget, Severity, Verdict, VerdictCode
+from tuner.types.consistency import ErrorBudget
+from tuner.types.verdict import Severity, Verdict, VerdictCode
 
 
 @dataclass(frozen=True)

@@ -31,11 +31,12 @@ from tuner.consistency.unscored_start import unscored_start
 from tuner.consistency.verdicts import verdicts
 from tuner.consistency.wrong_conventions import unit_of_sds
 from tuner.jobs import Advance, stages
-from tuner.types.consistency import Consistency, Score, Severity, Verdict, VerdictCode
+from tuner.types.consistency import Consistency, Score
 from tuner.types.filter_output import FilterOutput
 from tuner.types.output_score import OutputCause, TimeOffset
 from tuner.types.records import DataError
 from tuner.types.shown import Shown
+from tuner.types.verdict import Severity, Verdict, VerdictCode
 
 FloatArray = NDArray[np.float64]
 

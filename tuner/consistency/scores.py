@@ -41,7 +41,8 @@ from scipy.special import ndtri
 from models.probability import chi2_quantile, student_quantile
 from tuner.navigation.data import USED
 from tuner.simulation.monte_carlo import Runs
-from tuner.types.consistency import Consistency, Outage, Score, Severity, Verdict, VerdictCode, Whiteness
+from tuner.types.consistency import Consistency, Outage, Score, Whiteness
+from tuner.types.verdict import Severity, Verdict, VerdictCode
 
 FloatArray = NDArray[np.float64]
 Floats = NDArray[np.floating[Any]]

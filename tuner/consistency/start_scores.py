@@ -13,7 +13,8 @@ import numpy as np
 from models.probability import chi2_quantile
 from tuner.consistency.scores import TEST_COUNT, score, squares
 from tuner.simulation.monte_carlo import Runs
-from tuner.types.consistency import Explanation, ExplanationKind, Score
+from tuner.types.consistency import Score
+from tuner.types.verdict import Explanation, ExplanationKind
 
 STARTS = {"initial_tilt": slice(6, 8), "initial_heading": slice(8, 9)}
 """Scores of the start, and their states."""

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from tuner.types.consistency import Consistency, Explanation, Score, Severity, Verdict, VerdictCode
+from tuner.types.consistency import Consistency, Score
+from tuner.types.verdict import Explanation, Severity, Verdict, VerdictCode
 
 
 def verdicts(found: Consistency) -> tuple[Verdict, ...]:

@@ -14,17 +14,8 @@ from typing import Any, Literal, Self, TypeAlias
 
 from tuner.formats.codec import dump, load, store, stored_form, structured
 from tuner.formats.document_errors import refuse, shown
-from tuner.types.consistency import (
-    Consistency,
-    Explanation,
-    MeanError,
-    Outage,
-    Score,
-    Severity,
-    Verdict,
-    VerdictCode,
-    Whiteness,
-)
+from tuner.types.consistency import Consistency, MeanError, Outage, Score, Whiteness
+from tuner.types.verdict import Explanation, Severity, Verdict, VerdictCode
 
 
 def scores_json(found: Consistency) -> dict[str, Any]:

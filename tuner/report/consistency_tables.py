@@ -12,7 +12,8 @@ from tuner.consistency.error_budget import blind_spots
 from tuner.consistency.error_budget import table as budget_rows
 from tuner.formats.customary_units import digits
 from tuner.report.verdict_text import observability_text, verdict_text
-from tuner.types.consistency import Check, Consistency, ErrorBudget, Observability, Score, VerdictCode
+from tuner.types.consistency import Check, Consistency, ErrorBudget, Observability, Score
+from tuner.types.verdict import VerdictCode
 
 _TITLES = {
     "nees": "NEES, all",

@@ -37,7 +37,7 @@ from tuner.synthesis.findings import judge_hidden
 
 if TYPE_CHECKING:
     from tuner.tune_result import TuneResult
-    from tuner.types.consistency import Verdict
+    from tuner.types.verdict import Verdict
 
 WITHOUT_RECEIVER = "name a receiver (--gnss GRADE)"
 """Words of the reason where a check lacks only the receiver."""

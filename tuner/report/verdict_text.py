@@ -12,7 +12,8 @@ from tuner.consistency.attribution.installation import CLOCK
 from tuner.consistency.attribution.sensitivity import UNMODELLED_TIME_CONSTANT
 from tuner.consistency.observability import HARDLY_OBSERVED
 from tuner.consistency.start_scores import STARTS
-from tuner.types.consistency import Explanation, ExplanationKind, Observability, Verdict, VerdictCode
+from tuner.types.consistency import Observability
+from tuner.types.verdict import Explanation, ExplanationKind, Verdict, VerdictCode
 
 _SCORED = {
     "nees": "the errors of all states together",

@@ -27,7 +27,7 @@ from tuner.navigation.settings import filter_settings
 from tuner.simulation.imu import sensor_of_config
 from tuner.simulation.monte_carlo import Runs, resolution, scenario, simulate
 from tuner.synthesis import synthesize
-from tuner.types.consistency import ExplanationKind, VerdictCode
+from tuner.types.verdict import ExplanationKind, VerdictCode
 
 CONFIG = synthesize(grade_identification(load_grade("mpu9250")), gnss=load_gnss("spp"))
 TRUTH = sensor_of_config(CONFIG)

@@ -14,7 +14,7 @@ from tuner.consistency.scores import run_ratios
 from tuner.simulation.imu import sensor_of_config
 from tuner.simulation.monte_carlo import Runs
 from tuner.synthesis import synthesize
-from tuner.types.consistency import VerdictCode
+from tuner.types.verdict import VerdictCode
 
 TOWN = TRAJECTORIES["city"](600.0)
 

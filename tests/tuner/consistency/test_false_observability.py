@@ -16,7 +16,7 @@ from tuner.navigation.settings import filter_settings
 from tuner.simulation.imu import sensor_of_config
 from tuner.simulation.monte_carlo import scenario, simulate
 from tuner.synthesis import synthesize
-from tuner.types.consistency import VerdictCode
+from tuner.types.verdict import VerdictCode
 
 CONFIG = synthesize(grade_identification(load_grade("mpu9250")), gnss=load_gnss("spp"))
 

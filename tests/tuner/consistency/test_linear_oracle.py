@@ -18,7 +18,7 @@ from tuner.consistency.attribution.hypotheses import hypotheses
 from tuner.consistency.attribution.likelihood import whitened_products
 from tuner.consistency.attribution.sensitivity import SLOWER_DECADES, TIME_CONSTANT_FACTORS, UnmodelledNoise
 from tuner.consistency.scores import score, squares, whiteness
-from tuner.types.consistency import ExplanationKind
+from tuner.types.verdict import ExplanationKind
 
 STEP, EPOCHS = 1.0, 400
 BLIND = (10, 30, 100)

@@ -38,15 +38,8 @@ from tuner.types import (
     TermEstimate,
     Unexplained,
 )
-from tuner.types.consistency import (
-    Explanation,
-    ExplanationKind,
-    Outage,
-    Score,
-    Severity,
-    Verdict,
-    VerdictCode,
-)
+from tuner.types.consistency import Outage, Score
+from tuner.types.verdict import Explanation, ExplanationKind, Severity, Verdict, VerdictCode
 
 texts = st.text(max_size=12)
 

@@ -52,10 +52,7 @@ from tuner.types import (
     Spectrum,
     TermEstimate,
 )
-from tuner.types.consistency import (
-    Consistency,
-    Whiteness,
-)
+from tuner.types.consistency import Consistency, Whiteness
 from tuner.types.records import DataError
 
 thorough = settings(max_examples=30, deadline=None, derandomize=True)

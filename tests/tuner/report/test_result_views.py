@@ -22,8 +22,9 @@ from tuner.report.interactive_figure import charts_of_figure
 from tuner.report.result_views import VIEWS, page_of
 from tuner.synthesis.load_config import load_config
 from tuner.types import Diagnosis, Finding
-from tuner.types.consistency import Consistency, Score, Severity, Verdict, VerdictCode
+from tuner.types.consistency import Consistency, Score
 from tuner.types.records import DataError
+from tuner.types.verdict import Severity, Verdict, VerdictCode
 
 RATE, COUNT = 50.0, 4000
 

@@ -20,7 +20,7 @@ from tuner.simulation.static import simulate
 from tuner.synthesis import synthesize
 from tuner.tune_result import TuneResult
 from tuner.types import Coefficient, Diagnosis, Finding
-from tuner.types.consistency import Explanation, ExplanationKind, Severity, Verdict, VerdictCode
+from tuner.types.verdict import Explanation, ExplanationKind, Severity, Verdict, VerdictCode
 
 AXES = ("gyro_x", "gyro_y", "gyro_z")
 ALIKE = NoiseModel([White(1e-4), RandomWalk(1e-6)])

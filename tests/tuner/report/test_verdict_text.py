@@ -11,16 +11,8 @@ import pytest
 
 from tuner.report.json.consistency import consistency_json, explanation_json
 from tuner.report.verdict_text import explanation_text, observability_text, verdict_text
-from tuner.types.consistency import (
-    Consistency,
-    Explanation,
-    ExplanationKind,
-    Observability,
-    Severity,
-    Verdict,
-    VerdictCode,
-    WeakDirection,
-)
+from tuner.types.consistency import Consistency, Observability, WeakDirection
+from tuner.types.verdict import Explanation, ExplanationKind, Severity, Verdict, VerdictCode
 
 DEGREE = math.radians(1.0)
 SCALE = Explanation(ExplanationKind.SCALE, "gyro bias noise", 0.322, (0.303, 0.357), 1.0)

@@ -43,7 +43,8 @@ from tuner.consistency.attribution.sensitivity import (
 )
 from tuner.consistency.scores import BLOCKS
 from tuner.simulation.monte_carlo import Runs
-from tuner.types.consistency import Consistency, Explanation, Score
+from tuner.types.consistency import Consistency, Score
+from tuner.types.verdict import Explanation
 
 FloatArray = NDArray[np.float64]
 

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tuner.consistency.attribution.sensitivity import TIME_CONSTANT_FACTORS, UnmodelledNoise
-from tuner.types.consistency import ExplanationKind, explanation_source
+from tuner.types.verdict import ExplanationKind, explanation_source
 
 FloatArray = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ import numpy as np
 from models.probability import fisher_beyond
 from tuner.consistency.scores import FALSE_ALARM_RATE, scored_epochs
 from tuner.simulation.monte_carlo import Runs, Scenario
-from tuner.types.consistency import Explanation, ExplanationKind
+from tuner.types.verdict import Explanation, ExplanationKind
 
 CLOCK = "delay of the fixes"
 """Name of the offset of the clocks among the explanations."""

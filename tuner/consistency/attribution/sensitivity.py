@@ -24,7 +24,8 @@ from tuner.consistency.scores import BLOCKS
 from tuner.navigation.settings import FilterSettings, filter_settings
 from tuner.simulation.monte_carlo import AVERAGING_RATIO, Scenario
 from tuner.types import FilterConfig
-from tuner.types.consistency import Consistency, ErrorBudget, ExplanationKind
+from tuner.types.consistency import Consistency, ErrorBudget
+from tuner.types.verdict import ExplanationKind
 
 FloatArray = NDArray[np.float64]
 

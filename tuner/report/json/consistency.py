@@ -11,14 +11,9 @@ from tuner.consistency.score_drive import DriveResult
 from tuner.formats.consistency import scores_json
 from tuner.navigation.drive.vehicle_constraints import constraint_counts
 from tuner.report.verdict_text import explanation_text, verdict_text
-from tuner.types.consistency import (
-    Check,
-    Consistency,
-    ErrorBudget,
-    Explanation,
-    Observability,
-)
+from tuner.types.consistency import Check, Consistency, ErrorBudget, Observability
 from tuner.types.records import Drive
+from tuner.types.verdict import Explanation
 
 
 def consistency_json(
