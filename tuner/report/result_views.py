@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -44,6 +44,15 @@ from tuner.report.result_figures import (
     scores_figure,
     settings_figure,
 )
+from tuner.report.result_frames import (
+    choice_frame,
+    comparison_frame,
+    consistency_frame,
+    curve_frame,
+    findings_frame,
+    identification_frame,
+    settings_frame,
+)
 from tuner.report.settings_rows import settings_rows
 from tuner.report.solution_figures import solution_pictures
 from tuner.report.static_diagnosis_figures import finding_figures
@@ -51,15 +60,14 @@ from tuner.report.static_diagnosis_tables import diagnosis_tables
 from tuner.tune_result import TuneResult
 from tuner.types import (
     AllanCurve,
-    Coefficient,
     Correlogram,
     Diagnosis,
     FilterConfig,
     Identification,
     Spectrum,
 )
-from tuner.types.consistency import Check, Consistency, Score
-from tuner.types.diagnosis import DriveDiagnosis, Finding
+from tuner.types.consistency import Check, Consistency
+from tuner.types.diagnosis import DriveDiagnosis
 from tuner.types.fleet import Fleet
 from tuner.types.records import DataError, Drive, Record
 
@@ -209,145 +217,39 @@ def picture_of(figure: Figure, caption: str, name: str = "figure.svg") -> Pictur
     return Picture(caption, name, figure_bytes(figure, ".svg"), charts_of_figure(figure))
 
 
-def _coefficients(named: Iterable[tuple[Mapping[str, object], Coefficient]]) -> pd.DataFrame:
-    """Return coefficients as rows behind what names them."""
-    rows = [
-        {
-            **head,
-            "value": c.value,
-            "low": None if c.interval is None else c.interval[0],
-            "high": None if c.interval is None else c.interval[1],
-            "upper": c.upper,
-            "unit": c.unit,
-        }
-        for head, c in named
-    ]
-    numbers = ["value", "low", "high", "upper"]
-    return pd.DataFrame(rows).astype(dict.fromkeys(numbers, float)) if rows else pd.DataFrame(columns=numbers)
-
-
-def _identification(found: Identification) -> pd.DataFrame:
-    return _coefficients(
-        ({"axis": axis, "coefficient": name}, c)
-        for axis, channel in found.channels.items()
-        for name, c in (
-            *((f"{t.name}.{field}", c) for t in channel.terms for field, c in t.coefficients.items()),
-            *((level, getattr(channel, level)) for level in ("mean", "sigma_10s", "minimum", "floor")),
-        )
-    )
-
-
-def _curve(found: AllanCurve | Spectrum | Correlogram) -> pd.DataFrame:
-    if isinstance(found, Correlogram):
-        columns = {"lag": found.lag, "value": found.value}
-    else:
-        low, high = found.interval()
-        if isinstance(found, AllanCurve):
-            columns = {
-                "tau": found.tau,
-                "deviation": found.deviation(),
-                "low": low,
-                "high": high,
-                "dof": found.dof,
-            }
-        else:
-            columns = {"frequency": found.frequency, "density": found.density, "low": low, "high": high}
-    parts = [
-        pd.DataFrame({"axis": axis, **{name: x[:, k] if x.ndim == 2 else x for name, x in columns.items()}})
-        for k, axis in enumerate(found.axes)
-    ]
-    return pd.concat(parts, ignore_index=True)
-
-
-def _findings(findings: Sequence[Finding]) -> pd.DataFrame:
-    return _coefficients(
-        (
-            {
-                "finding": number,
-                "cause": one.cause,
-                "channels": " ".join(one.channels),
-                "p_value": one.p_value,
-                "parameter": name,
-            },
-            c,
-        )
-        for number, one in enumerate(findings)
-        for name, c in one.parameters.items()
-    )
-
-
-def _settings(config: FilterConfig) -> pd.DataFrame:
-    rows: list[tuple[str, str, float, str]] = []
-    for axis, noise in config.channels.items():
-        rows += [
-            (axis, "white_density", noise.white_density, f"{noise.unit}/√Hz"),
-            (axis, "random_walk_density", noise.random_walk_density, f"{noise.unit}/√s"),
-            (axis, "constant_sd", noise.constant_sd, noise.unit),
-        ]
-        for state in noise.markov:
-            rows.append((axis, f"markov_sd_{state.time_constant:g}s", state.sd, noise.unit))
-    return pd.DataFrame(rows, columns=["axis", "setting", "value", "unit"])
-
-
-def _scores(scores: Sequence[Score]) -> pd.DataFrame:
-    columns = ["score", "ratio", "low", "high", "consistent"]
-    rows = [(s.name, s.ratio, *((limit / s.dof) ** 0.5 for limit in s.band), s.consistent) for s in scores]
-    return pd.DataFrame(rows, columns=columns)
-
-
-def _consistency(found: Consistency, states: Sequence[Score] = ()) -> pd.DataFrame:
-    return _scores([*found.scores, *states])
-
-
-def _comparison(found: SensorComparison) -> pd.DataFrame:
-    noise = found.noise
-    return _coefficients(
-        ({"axis": axis, "coefficient": row.name, "source": name}, value)
-        for axis, rows in noise.axes.items()
-        for row in rows
-        for name, value in zip(noise.names, row.values, strict=True)
-        if value is not None
-    )
-
-
-def _choice(found: GradeChoice) -> pd.DataFrame:
-    rows = [(one.name, one.error, one.error <= found.limit) for one in found.ranking]
-    return pd.DataFrame(rows, columns=["grade", "error", "kept"])
-
-
 SCORES_CAPTION = "True rms ÷ predicted sd of each score, with the band in which the filter is consistent"
 CURVE_CAPTION = "The curve with its 95 % interval"
 VIEWS: dict[type, View] = {
     TuneResult: View(
-        lambda r: _settings(r.config),
+        lambda r: settings_frame(r.config),
         ("axis", "setting"),
         lambda r: [settings_table(settings_rows(r.config)), *consistency_part(r)],
         lambda r: allan_figure(r.identification, predictions=r.predictions),
         "Allan deviation: measured, identified terms, and what the settings predict",
     ),
     Identification: View(
-        _identification,
+        identification_frame,
         ("axis", "coefficient"),
         identification_tables,
         allan_figure,
         "Allan deviation: measured with its 95 % interval, and the identified terms",
     ),
     FilterConfig: View(
-        _settings,
+        settings_frame,
         ("axis", "setting"),
         lambda c: [settings_table(settings_rows(c))],
         settings_figure,
         "Allan deviation of the noise that the filter assumes of each axis",
     ),
     Diagnosis: View(
-        lambda d: _findings(d.findings),
+        lambda d: findings_frame(d.findings),
         ("finding", "parameter"),
         diagnosis_tables,
         lambda d: drift_figure(d.findings),
         "Position error of one sensor axis without fixes, with each finding in the samples and without it",
     ),
     DriveDiagnosis: View(
-        lambda d: _findings(d.findings),
+        lambda d: findings_frame(d.findings),
         ("finding", "parameter"),
         drive_tables,
         lambda d: noise_scales_figure(d.noise_scales),
@@ -355,38 +257,42 @@ VIEWS: dict[type, View] = {
         "with all findings in the filter; 1 is right, arrows are limits",
     ),
     Check: View(
-        lambda c: _consistency(c.consistency),
+        lambda c: consistency_frame(c.consistency),
         ("score",),
         lambda c: check_tables(c, budget=c.budget is not None),
         lambda c: scores_figure(c.consistency.scores),
         SCORES_CAPTION,
     ),
     DriveResult: View(
-        lambda r: _consistency(r.consistency),
+        lambda r: consistency_frame(r.consistency),
         ("score",),
         lambda r: consistency_tables(r.consistency, r.notes),
         lambda r: scores_figure(r.consistency.scores),
         SCORES_CAPTION,
     ),
     OutputScore: View(
-        lambda s: _consistency(s.consistency, s.states),
+        lambda s: consistency_frame(s.consistency, s.states),
         ("score",),
         output_score_tables,
         lambda s: scores_figure([*s.consistency.scores, *s.states]),
         SCORES_CAPTION,
     ),
     Consistency: View(
-        _consistency, ("score",), consistency_tables, lambda c: scores_figure(c.scores), SCORES_CAPTION
+        consistency_frame, ("score",), consistency_tables, lambda c: scores_figure(c.scores), SCORES_CAPTION
     ),
     SensorComparison: View(
-        _comparison,
+        comparison_frame,
         ("axis", "coefficient", "source"),
         comparison_tables,
         lambda c: overlaid_figure(c.noise),
         "Allan deviation of every axis: measured (points, 95 % band, fit), stated (dashed)",
     ),
     GradeChoice: View(
-        _choice, ("grade",), choice_tables, choice_figure, "Predicted error after the outage, with the limit"
+        choice_frame,
+        ("grade",),
+        choice_tables,
+        choice_figure,
+        "Predicted error after the outage, with the limit",
     ),
     Fleet: View(
         fleet_frame,
@@ -395,9 +301,9 @@ VIEWS: dict[type, View] = {
         fleet_figure,
         "Each unit ÷ the median of the fleet, outlying ones named",
     ),
-    AllanCurve: View(_curve, ("axis", "tau"), statistic_tables, curve_figure, CURVE_CAPTION),
-    Spectrum: View(_curve, ("axis", "frequency"), statistic_tables, curve_figure, CURVE_CAPTION),
-    Correlogram: View(_curve, ("axis", "lag"), statistic_tables, curve_figure, CURVE_CAPTION),
+    AllanCurve: View(curve_frame, ("axis", "tau"), statistic_tables, curve_figure, CURVE_CAPTION),
+    Spectrum: View(curve_frame, ("axis", "frequency"), statistic_tables, curve_figure, CURVE_CAPTION),
+    Correlogram: View(curve_frame, ("axis", "lag"), statistic_tables, curve_figure, CURVE_CAPTION),
 }
 """Every type of result, with how it is shown."""
 
