@@ -14,13 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from models.units import to_si
-from tests.consumers.numbers import (
-    from_assignments,
-    from_ini,
-    from_json,
-    from_parameters,
-    from_yaml,
-)
+from tests.consumers.numbers import from_assignments, from_ini, from_json, from_parameters, from_yaml
 
 STEP = 0.01
 """Sampling interval of the IMU in all examples, s."""
