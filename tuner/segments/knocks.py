@@ -21,11 +21,11 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, label
 from scipy.special import ndtri
 
+from tuner.segments.block_moments import block_moments
 from tuner.segments.knock_bridges import MAX_SECONDS
 from tuner.types.records import Record
 
@@ -47,8 +47,6 @@ MIN_WORTH = 0.01
 """Least part of the variance or of the white noise of a channel that a knock must make up: its interval is wider."""
 BLOCKS_BESIDE = 8
 """Blocks on either side, a second, whose mean is the level from which a knock displaces a sensor."""
-SAMPLES_AT_ONCE = 1 << 15
-"""Samples of blocks in memory at a time, 256 kB: they stay in the cache of a processor."""
 EDGE_PROBABILITY = 0.01
 """Probability that a still block beside a moving one counts as moving: one hundredth of a second of each edge."""
 MIN_SLOWER_GROWTH = float(np.log(1.25))
@@ -111,7 +109,7 @@ class _Column:
         self, column: FloatArray, least: float, starts: IntArray, size: int, busy: BoolArray
     ) -> None:
         self._column, self._least, self._starts, self.size, self._busy = column, least, starts, size, busy
-        self.mean, variance = _moments(column, starts, size)
+        self.mean, variance = block_moments(column, starts, starts + size)
         log = 0.5 * np.log(np.maximum(variance, least))
         self._usual = _usual(log, busy)
         self.level = log - self._usual
@@ -119,7 +117,7 @@ class _Column:
     @property
     def roughness(self) -> FloatArray:
         """½ ln of half the mean square of the differences of samples over the usual one, shape (b,)."""
-        change, scatter = _moments(np.diff(self._column), self._starts, self.size - 1)
+        change, scatter = block_moments(np.diff(self._column), self._starts, self._starts + self.size - 1)
         rough = 0.5 * np.log(np.maximum(0.5 * (change**2 + scatter), self._least))
         return np.asarray(rough - _usual(rough, self._busy))
 
@@ -166,20 +164,6 @@ def _without_largest(levels: Sequence[FloatArray]) -> FloatArray:
     return np.asarray(ordered.mean(axis=0) - (ordered[-1] - ordered[-2]) / len(ordered))
 
 
-def _moments(column: FloatArray, starts: IntArray, size: int) -> tuple[FloatArray, FloatArray]:
-    """Return the means and variances of the samples of each block, shape (b,)."""
-    mean, variance = np.empty(len(starts)), np.empty(len(starts))
-    blocks = sliding_window_view(column, size)
-    at_once = max(1, SAMPLES_AT_ONCE // size)
-    for k in range(0, len(starts), at_once):
-        one = np.ascontiguousarray(blocks[starts[k : k + at_once]])
-        level = one.mean(axis=1)
-        one -= level[:, None]
-        mean[k : k + at_once] = level
-        variance[k : k + at_once] = np.einsum("ij,ij->i", one, one) / (size - 1)
-    return mean, variance
-
-
 def _usual(log: FloatArray, busy: BoolArray) -> FloatArray:
     """Return the median of the blocks at rest within about a minute of each block, shape (b,)."""
     place = np.flatnonzero(~busy)
@@ -189,8 +173,8 @@ def _usual(log: FloatArray, busy: BoolArray) -> FloatArray:
 
 
 def _any_in_block(mask: BoolArray, starts: IntArray, size: int) -> BoolArray:
-    total = np.concatenate(([0], np.cumsum(mask)))
-    return np.asarray(total[starts + size] > total[starts])
+    place = np.flatnonzero(mask)
+    return np.asarray(place.searchsorted(starts + size) > place.searchsorted(starts))
 
 
 def _grown(

@@ -91,14 +91,15 @@ def find_poses(records: Sequence[Record]) -> tuple[Pose, ...]:
         still = find_motion(records).still
     except DataError:
         return ()
-    y = np.hstack([record.y for record in records])
     size = max(1, round(BLOCK_DURATION * records[0].rate))
     poses = []
     for start, stop in still:
         count = (stop - start) // size
         if (stop - start) * records[0].interval < MIN_POSE_DURATION or count < 4:
             continue
-        rows = y[start : start + count * size].reshape(count, size, -1).mean(axis=1)
+        inside = slice(start, start + count * size)
+        columns = [column[inside].reshape(count, size).mean(axis=1) for r in records for column in r.y.T]
+        rows = np.stack(columns, axis=1)
         sd = rows.std(axis=0, ddof=1) / np.sqrt(count)
         poses.append(Pose(start, stop, rows.mean(axis=0), sd))
     return tuple(poses)

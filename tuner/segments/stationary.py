@@ -35,6 +35,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.robust import normal_sd
+from tuner.segments.block_moments import block_moments
 from tuner.segments.knock_bridges import bridge_knocks
 from tuner.segments.knocks import knocked
 from tuner.segments.stand_stills import MIN_PART_SECONDS, alike, inside, runs, stand_stills
@@ -304,19 +305,9 @@ def _blocks(record: Record) -> IntArray:
 
 def _moments(record: Record, bounds: IntArray) -> tuple[FloatArray, FloatArray]:
     """Return mean and variance of each block and channel, shapes (b, k)."""
-    cut = np.minimum(bounds.ravel(), len(record) - 1)
-    count = (bounds[:, 1] - bounds[:, 0]).astype(float)
-    mean = np.empty((len(bounds), record.y.shape[1]))
-    variance = np.empty_like(mean)
-    for j in range(mean.shape[1]):
-        column = record.y[:, j]
-        reference = float(np.median(column[:: max(1, len(column) // 10_000)]))
-        centred = column - reference
-        last = np.where(bounds[:, 1] == len(column), centred[-1], 0.0)
-        total = np.add.reduceat(centred, cut)[::2] + last
-        square = np.add.reduceat(centred**2, cut)[::2] + last**2
-        mean[:, j] = total / count + reference
-        variance[:, j] = np.maximum(square - total**2 / count, 0.0) / (count - 1.0)
+    starts, stops = (np.ascontiguousarray(edge) for edge in bounds.T)
+    moments = [block_moments(column, starts, stops) for column in record.y.T]
+    mean, variance = (np.stack(part, axis=1) for part in zip(*moments, strict=True))
     return mean, variance
 
 

@@ -27,7 +27,10 @@ from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.channel import GAP_NEIGHBOURS, Channel
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
 
+SAMPLES_AT_ONCE = 1 << 16
+"""Samples treated at a time, so that what is computed from them stays in the cache of a processor."""
 BLOCK_LENGTH = 0.25
 """Length of a short block, s: a hand or a gust is slower, the noise of a mean of samples is smaller than theirs."""
 MIN_BLOCK_SAMPLES = 16
@@ -149,7 +152,13 @@ def large_steps(y: FloatArray, interval: float, length: float) -> tuple[FloatArr
     blocks = y[: len(y) // size * size].reshape(-1, size)
     step = np.diff(blocks.mean(axis=1))
     usual = float(normal_sd(step)) + 1e-15
-    local = np.mean(np.diff(blocks, 2, axis=1) ** 2, axis=1) + 1e-30
+    rows = max(1, SAMPLES_AT_ONCE // size)
+    local = 1e-30 + np.concatenate(
+        [
+            np.mean(np.diff(blocks[at : at + rows], 2, axis=1) ** 2, axis=1)
+            for at in range(0, max(len(blocks), 1), rows)
+        ]
+    )
     variance_ratio = 0.5 * (local[1:] + local[:-1]) / float(np.median(local))
     ratio = np.abs(step) / (usual * np.sqrt(np.maximum(variance_ratio, 1.0)))
     return np.where(np.arange(len(ratio)) < _settling(step, ratio), 0.0, ratio), size
@@ -261,8 +270,8 @@ def _foot(peak: float) -> float:
 
 def _turned(channels: list[Channel]) -> list[Stretch]:
     """Return the stretches that jumps of samples show, where the level before and after differs."""
-    y = np.stack([channel.y for channel in channels])
-    jumps = np.flatnonzero(np.max(np.abs(np.diff(y, axis=1)), axis=0) > JUMP_THRESHOLD * np.sqrt(2.0))
+    n = len(channels[0])
+    jumps = np.unique(np.concatenate([_jumps(channel.y) for channel in channels]))
     if len(jumps) < MIN_LARGE_STEPS:
         return []
     apart = max(MIN_GAP_BLOCKS, round(HANDLING_TIME / channels[0].interval))
@@ -271,13 +280,33 @@ def _turned(channels: list[Channel]) -> list[Stretch]:
         first, last = int(group[0]), int(group[-1]) + 1
         if len(group) < MIN_LARGE_STEPS:
             continue
-        before, after = y[:, max(0, first - apart) : first], y[:, last + 1 : last + 1 + apart]
-        if 0 in (before.shape[1], after.shape[1]):  # at an end of the record: the level changes inside
-            before, after = y[:, first : (first + last) // 2 + 1], y[:, first : last + 1 + apart]
-        change = np.abs(np.median(after, axis=1) - np.median(before, axis=1))
+        before, after = (max(0, first - apart), first), (last + 1, min(n, last + 1 + apart))
+        if (
+            before[0] == before[1] or after[0] >= after[1]
+        ):  # at an end of the record: the level changes inside
+            before, after = (first, (first + last) // 2 + 1), (first, last + 1 + apart)
+        change = np.abs(_level(channels, *after) - _level(channels, *before))
         if float(change.max()) > 0.5 * JUMP_THRESHOLD or _felt(channels, first, last):
-            found.append(Stretch(max(0, first - apart), min(y.shape[1], last + apart), first + 1, last))
+            found.append(Stretch(max(0, first - apart), min(n, last + apart), first + 1, last))
     return found
+
+
+def _jumps(y: FloatArray) -> IntArray:
+    """Return the samples, shape (m,), from which a channel (n,) jumps to the next one."""
+    return np.concatenate(
+        [
+            start
+            + np.flatnonzero(
+                np.abs(np.diff(y[start : start + SAMPLES_AT_ONCE + 1])) > JUMP_THRESHOLD * np.sqrt(2.0)
+            )
+            for start in range(0, len(y) - 1, SAMPLES_AT_ONCE)
+        ]
+    )
+
+
+def _level(channels: list[Channel], first: int, last: int) -> FloatArray:
+    """Return the median of each channel over samples first … last − 1, shape (k,)."""
+    return np.array([float(np.median(channel.y[first:last])) for channel in channels])
 
 
 def _felt(channels: list[Channel], first: int, last: int) -> bool:

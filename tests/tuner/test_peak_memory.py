@@ -1,0 +1,54 @@
+"""Memory that stages take beside the samples they are given, in multiples of one axis.
+
+A record of 10⁸ samples is larger than the caches and nearly as large as the memory: what a stage makes of it must be
+small, or few columns. Allocations are counted exactly (`tracemalloc`); the bounds are what the stages need by design,
+with room for what does not grow with the record.
+"""
+
+from __future__ import annotations
+
+import tracemalloc
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from tuner.diagnosis.static.causes import motion
+from tuner.diagnosis.static.channel import channel
+from tuner.segments.multi_position import find_poses
+from tuner.types.records import Record
+
+SAMPLES = 400_000
+
+
+@pytest.fixture(scope="module")
+def sensors() -> tuple[Record, Record]:
+    """Two triads of white noise on one clock; the accelerometers feel gravity."""
+    rng, t = np.random.default_rng(0), 0.01 * np.arange(SAMPLES)
+    gyro, force = rng.standard_normal((2, 3, SAMPLES))
+    return (
+        Record("gyro", t, 1e-3 * gyro.T, ("gyro_x", "gyro_y", "gyro_z"), "rad/s", 0.01),
+        Record("accel", t, 0.01 * force.T + [0.0, 0.0, 9.81], ("a_x", "a_y", "a_z"), "m/s^2", 0.01),
+    )
+
+
+def columns_taken(work: Callable[[], object]) -> float:
+    """Return the largest memory that work takes, in columns of `SAMPLES` numbers; what it returns counts."""
+    work()  # compiles, and loads what is loaded when it is used
+    tracemalloc.start()
+    try:
+        work()
+        return tracemalloc.get_traced_memory()[1] / (8.0 * SAMPLES)
+    finally:
+        tracemalloc.stop()
+
+
+def test_search_for_stand_stills_takes_half_a_column_a_channel(sensors: tuple[Record, Record]) -> None:
+    """Blocks of a quarter of a second that overlap are 1/12 of the samples, with four numbers for each of six axes."""
+    assert columns_taken(lambda: find_poses(sensors)) < 3.2
+
+
+def test_search_for_motion_of_six_channels_takes_no_copy_of_one(sensors: tuple[Record, Record]) -> None:
+    """Steps between block means are a quarter of a second apart."""
+    six = [channel(record, axis) for record in sensors for axis in record.axes]
+    assert columns_taken(lambda: motion.stretches(six)) < 1.0
