@@ -6,7 +6,6 @@ of their means gives the degrees of freedom. Errors of fewer runs depend on each
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -20,6 +19,7 @@ from tuner.consistency.scores import (
     OUTAGE_LENGTHS,
     SETTLING_TIME,
     innovation_scores,
+    outage_score,
     score,
     whiteness,
 )
@@ -243,8 +243,8 @@ def outage_scores(runs: Sequence[OutputErrors]) -> tuple[Outage, ...]:
 
 
 def _outage(runs: Sequence[OutputErrors], horizon: float) -> Outage | None:
-    groups: list[FloatArray] = []
-    errors, variances = [], []
+    errors: list[FloatArray] = []
+    covariances: list[FloatArray] = []
     for run in runs:
         step = float(np.median(np.diff(run.t)))
         goals = [b + horizon for b, e in run.estimate.outages if e - b >= horizon - 1e-9]
@@ -255,24 +255,10 @@ def _outage(runs: Sequence[OutputErrors], horizon: float) -> Outage | None:
         epochs = epochs[known_epochs(run, 0)[epochs]]
         if not len(epochs):
             continue
-        e2 = np.sum(run.error[epochs, :3] ** 2, axis=-1)
-        predicted = np.trace(run.covariance[epochs, :3, :3], axis1=-2, axis2=-1)
-        errors.append(e2)
-        variances.append(predicted)
-        if len(runs) >= MIN_INDEPENDENT_RUNS:
-            groups.append(e2 / predicted)
-        else:
-            groups += [np.atleast_1d(value) for value in e2 / predicted]
-    if not errors:
-        return None
-    e2, predicted = np.concatenate(errors), np.concatenate(variances)
-    return Outage(
-        horizon,
-        math.sqrt(float(e2.mean())),
-        math.sqrt(float(predicted.mean())),
-        score(f"outage {horizon:g} s", groups, 1, components=3),
-        len(e2),
-    )
+        parts = [epochs] if len(runs) >= MIN_INDEPENDENT_RUNS else np.split(epochs, len(epochs))
+        errors += [run.error[part, :3] for part in parts]
+        covariances += [run.covariance[part, :3, :3] for part in parts]
+    return outage_score(horizon, errors, covariances) if errors else None
 
 
 def rms_errors(runs: Sequence[OutputErrors]) -> dict[str, tuple[float, ...]]:

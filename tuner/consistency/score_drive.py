@@ -29,7 +29,7 @@ from tuner.consistency.scores import (
     DIVERGED_RATIO,
     DIVERGED_REFUSED_SHARE,
     innovation_scores,
-    score,
+    outage_score,
     whiteness,
 )
 from tuner.consistency.verdicts import verdicts
@@ -273,7 +273,8 @@ def _outage(
     windows = outage_windows(stretches, horizon)
     if not windows:
         return None
-    found: list[tuple[float, float]] = []
+    errors: list[FloatArray] = []
+    covariances: list[FloatArray] = []
     for solution in navigate(stretches, settings, np.array(windows)):
         for begin, end in windows:
             inside = np.flatnonzero(
@@ -290,17 +291,9 @@ def _outage(
                 )
                 spread = solution.covariance[k, :3, :3]
             if np.isfinite(error).all():
-                found.append((float(error @ error), float(np.trace(spread))))
-    if not found:
-        return None
-    e2, predicted = np.array(found).T
-    return Outage(
-        horizon,
-        float(np.sqrt(e2.mean())),
-        float(np.sqrt(predicted.mean())),
-        score(f"outage {horizon:g} s", [[v] for v in e2 / predicted], 1, components=3),
-        len(found),
-    )
+                errors.append(error[None])
+                covariances.append(spread[None])
+    return outage_score(horizon, errors, covariances) if errors else None
 
 
 def _diverged(found: Consistency, solutions: Sequence[Solution]) -> bool:

@@ -39,6 +39,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import ndtri
 
 from models.probability import chi2_quantile, student_quantile
+from tuner.consistency.outage_ratio import components, means_and_weights, ratio_interval, scatter_freedom
 from tuner.navigation.data import USED
 from tuner.simulation.monte_carlo import Runs
 from tuner.types.consistency import Consistency, Outage, Score, Whiteness
@@ -80,7 +81,7 @@ def score(
     groups: Sequence[ArrayLike],
     dof: int,
     *,
-    components: int | None = None,
+    components: float | None = None,
     tests: int = TEST_COUNT,
 ) -> Score:
     """Score normalised squared errors that come in independent groups.
@@ -93,29 +94,23 @@ def score(
         Squares of each run, `dof` ideally each.
     dof : int
         What a square is ideally.
-    components : int, optional
+    components : float, optional
         Normal numbers behind a square; by default `dof`.
     tests : int
         Scores that share the family-wise error.
     """
-    runs = [np.asarray(group, dtype=float).ravel() for group in groups]
-    runs = [run for run in runs if run.size]
-    weights = np.array([run.size for run in runs], dtype=float)
-    means = np.array([run.mean() for run in runs])
-    mean = float(np.average(means, weights=weights))
-    count = (components or dof) * weights.sum()
+    means, shares = means_and_weights(groups)
+    mean = float(shares @ means)
+    count = (components or dof) * sum(np.size(group) for group in groups)
     effective = count
-    if len(runs) > 1 and mean > 0.0:
-        # Variance of the weighted mean from the scatter of the groups.
-        share = weights / weights.sum()
-        variance = float(np.sum(share**2 * (means - mean) ** 2)) * len(runs) / (len(runs) - 1)
-        effective = min(count, 2.0 * mean**2 / variance) if variance > 0.0 else count
+    if len(means) > 1 and mean > 0.0:
+        effective = min(count, scatter_freedom(means, shares))
     sure = effective
-    if 1 < len(runs) < count:
+    if 1 < len(means) < count:
         # The scatter of few groups is itself hardly known; each has one square of its own at least.
         tail = 0.5 * FALSE_ALARM_RATE / tests
-        sure = effective * (ndtri(tail) / student_quantile(tail, len(runs) - 1)) ** 2
-        sure = min(max(sure, (components or dof) * len(runs)), effective)
+        sure = effective * (ndtri(tail) / student_quantile(tail, len(means) - 1)) ** 2
+        sure = min(max(sure, (components or dof) * len(means)), effective)
     return Score(name, mean, dof, float(effective), mean_band(dof, sure, tests=tests))
 
 
@@ -305,12 +300,36 @@ def _outage(runs: Runs, outages: FloatArray, horizon: float, tests: int) -> Outa
     goals = [begin + horizon for begin, end in outages if end - begin >= horizon]
     nearest = [int(np.argmin(np.abs(runs.t - goal))) for goal in goals]
     epochs = [k for k, goal in zip(nearest, goals, strict=True) if abs(runs.t[k] - goal) < step]
-    e2 = np.sum(runs.error[:, epochs, :3] ** 2, axis=-1)
-    predicted = np.trace(runs.covariance[:, epochs, :3, :3].astype(float), axis1=-2, axis2=-1)
+    return outage_score(
+        horizon, list(runs.error[:, epochs, :3]), list(runs.covariance[:, epochs, :3, :3]), tests=tests
+    )
+
+
+def outage_score(
+    seconds: float, errors: Sequence[FloatArray], covariances: Sequence[Floats], *, tests: int = TEST_COUNT
+) -> Outage:
+    """Score position errors after some time without fixes.
+
+    Parameters
+    ----------
+    seconds : float
+        Length of the outages.
+    errors, covariances : sequence of ndarray, shapes (w, 3), (w, 3, 3)
+        At the ends of outages, m and m², in groups that are independent of one another.
+    tests : int
+        Scores that share the family-wise error.
+    """
+    s = [one.astype(float) for one in covariances]
+    e2 = [np.sum(one**2, axis=-1) for one in errors]
+    predicted = [np.trace(one, axis1=-2, axis2=-1) for one in s]
+    groups = [a / b for a, b in zip(e2, predicted, strict=True)]
+    freedom = float(np.mean(np.concatenate([components(one) for one in s])))
+    square = np.concatenate(e2)
     return Outage(
-        horizon,
-        math.sqrt(float(e2.mean())),
-        math.sqrt(float(predicted.mean())),
-        score(f"outage {horizon:g} s", list(e2 / predicted), 1, components=3, tests=tests),
-        e2.size,
+        seconds,
+        math.sqrt(float(square.mean())),
+        math.sqrt(float(np.concatenate(predicted).mean())),
+        score(f"outage {seconds:g} s", groups, 1, components=freedom, tests=tests),
+        square.size,
+        ratio_interval(groups, freedom),
     )

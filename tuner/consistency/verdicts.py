@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from tuner.types.consistency import Consistency, Score
+from tuner.types.consistency import Consistency, Outage, Score
 from tuner.types.verdict import Explanation, Severity, Verdict, VerdictCode
 
 
@@ -13,12 +13,13 @@ def verdicts(found: Consistency) -> tuple[Verdict, ...]:
     if found.diverged:
         return (Verdict(VerdictCode.DIVERGED, Severity.DIVERGED),)
     bad = sorted((s for s in found.scores if not s.consistent), key=_deviation, reverse=True)
+    outages = {one.score.name: outage_numbers(one) for one in found.outages}
     answer = [
         Verdict(
             VerdictCode.OPTIMISTIC if score.ratio > 1.0 else VerdictCode.PESSIMISTIC,
             Severity.INCONSISTENT,
             score.name,
-            {"ratio": score.ratio},
+            outages.get(score.name, {"ratio": score.ratio}),
         )
         for score in bad
     ]
@@ -30,6 +31,17 @@ def verdicts(found: Consistency) -> tuple[Verdict, ...]:
         numbers = {"ratio": mean.ratio, "limit": mean.limit}
         answer.append(Verdict(VerdictCode.MEAN_ERROR, Severity.INCONSISTENT, mean.part, numbers))
     return tuple(answer) or (Verdict(VerdictCode.CONSISTENT, Severity.CONSISTENT),)
+
+
+def outage_numbers(outage: Outage) -> dict[str, float | tuple[float, ...]]:
+    """Return the figures of a verdict on errors in outages."""
+    return {
+        "ratio": outage.score.ratio,
+        "rms": outage.rms,
+        "predicted": outage.predicted,
+        "interval": outage.interval,
+        "windows": float(outage.windows),
+    }
 
 
 def with_explanations(found: Consistency, explanations: Sequence[Explanation]) -> tuple[Verdict, ...]:

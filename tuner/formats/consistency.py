@@ -85,7 +85,7 @@ class _WhitenessForm:
 @stored_form(Outage)
 @dataclass(frozen=True)
 class _OutageForm:
-    """Position after some time without fixes; `band` is of the ratio."""
+    """Position after some time without fixes; `band` is of the ratio, and so is its 95 % `interval`."""
 
     seconds: float
     rms_m: float
@@ -95,6 +95,7 @@ class _OutageForm:
     windows: int
     consistent: bool
     score: Score
+    interval: tuple[float, float] = (0.0, math.inf)
 
     @classmethod
     def of(cls, outage: Outage, /) -> Self:
@@ -110,11 +111,12 @@ class _OutageForm:
             outage.windows,
             score.consistent,
             score,
+            outage.interval,
         )
 
     def restored(self) -> Outage:
         """Return the outage."""
-        return Outage(self.seconds, self.rms_m, self.predicted_m, self.score, self.windows)
+        return Outage(self.seconds, self.rms_m, self.predicted_m, self.score, self.windows, self.interval)
 
 
 _Numbers: TypeAlias = float | tuple[float, ...]

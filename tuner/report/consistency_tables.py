@@ -10,9 +10,9 @@ from rich.table import Table
 from models.filter_states import FILTER_STATES
 from tuner.consistency.error_budget import blind_spots
 from tuner.consistency.error_budget import table as budget_rows
-from tuner.formats.customary_units import digits
+from tuner.formats.outage_words import outage_words
 from tuner.report.verdict_text import observability_text, verdict_text
-from tuner.types.consistency import Check, Consistency, ErrorBudget, Observability, Score
+from tuner.types.consistency import Check, Consistency, ErrorBudget, Observability, Outage, Score
 from tuner.types.verdict import VerdictCode
 
 _TITLES = {
@@ -47,18 +47,13 @@ def consistency_tables(found: Consistency, notes: Sequence[str] = ()) -> list[Ta
     found = found.shown
     table = Table(title="true rms ÷ predicted sd (99 % over all scores, 10 % margin)")
     table.add_column("score")
-    for name in ("ratio", "for the filter", "rms", "predicted", "windows", "verdict"):
+    for name in ("ratio", "for the filter", "verdict"):
         table.add_column(name, justify="right")
-    blind = {outage.score.name: outage for outage in found.outages}
     for score in found.scores:
-        outage = blind.get(score.name)
         table.add_row(
             score_title(score.name),
             f"{score.ratio:.3f}",
             _band(score),
-            "" if outage is None else f"{digits(outage.rms)} m",
-            "" if outage is None else f"{digits(outage.predicted)} m",
-            "" if outage is None else str(outage.windows),
             "" if score.consistent else "optimistic" if score.ratio > 1.0 else "pessimistic",
         )
     white = found.whiteness
@@ -67,12 +62,10 @@ def consistency_tables(found: Consistency, notes: Sequence[str] = ()) -> list[Ta
             f"correlation of {white.part} innovations, lag {white.lag}",
             f"{white.correlation:+.3f}",
             f"±{white.band:.3f}",
-            "",
-            "",
-            "",
             "" if white.consistent else "correlated",
         )
     answer: list[Table | str] = [table] if found.scores else []
+    answer += [f"  without fixes for {_outage_text(outage)}" for outage in found.outages]
     answer += [f"  {_errors_text(name, values)}" for name, values in found.errors.items()]
     if found.gated:
         answer.append(f"  fixes refused by the gate: {100.0 * found.gated:.2g} %")
@@ -120,6 +113,13 @@ def budget_tables(budget: ErrorBudget, seen: Observability) -> list[Table | str]
     for name, value in seen.left.items():
         left.add_row(name, f"{100.0 * value:.3g}")
     return [shares, left, *(f"  {sentence}" for sentence in observability_text(seen))]
+
+
+def _outage_text(found: Outage) -> str:
+    """Return errors after some time without fixes, their prediction, and how well the windows tell the ratio."""
+    return outage_words(
+        found.seconds, found.rms, found.predicted, found.score.ratio, found.interval, found.windows
+    )
 
 
 def _errors_text(name: str, values: Sequence[float]) -> str:

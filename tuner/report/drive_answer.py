@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tuner.formats.customary_units import amount, digits
+from tuner.formats.outage_words import interval_words
 from tuner.report.answer_layout import LINE_WIDTH
 from tuner.report.verdict_text import verdict_text
 from tuner.types.consistency import Consistency
@@ -96,13 +97,22 @@ def choice_lines(
     blind = f"{', '.join(changes)} m"
     despite = [INCONSISTENT] if measured and not all(one.consistent for one in measured.nis) else []
     if shortest:
-        return [*despite, f"Error, last 40 %: {tracking}; whole drive, unaided {blind}"]
+        ratios = ", ".join(
+            f"{one.seconds:g} s {digits(one.ratio, 2)} ({interval_words(one.interval)} by {len(one.square)})"
+            for one in after.outages
+        )
+        return [
+            *despite,
+            f"Error, last 40 %: {tracking}; whole drive, unaided {blind}",
+            f"True ÷ predicted, unaided, last 40 % (95 %, windows): {ratios}",
+        ]
     alone = "" if after.fixes_rms is None else f" (fixes alone {digits(after.fixes_rms)})"
     of_change = "" if shorter else " (95 % of the change)"
     return [
         *despite,
         f"Kept {choice.kept}; position error, rms: with fixes, last 40 % of the drive, {tracking}{alone}; "
         f"without them, whole drive, {blind}{of_change}",
+        f"Without fixes, last 40 % (ratios at 95 %): {'; '.join(one.text for one in after.outages)}",
     ]
 
 

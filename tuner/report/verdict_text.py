@@ -12,6 +12,7 @@ from tuner.consistency.attribution.installation import CLOCK
 from tuner.consistency.attribution.sensitivity import UNMODELLED_TIME_CONSTANT
 from tuner.consistency.observability import HARDLY_OBSERVED
 from tuner.consistency.start_scores import STARTS
+from tuner.formats.outage_words import outage_words
 from tuner.types.consistency import Observability
 from tuner.types.verdict import Explanation, ExplanationKind, Verdict, VerdictCode
 
@@ -144,6 +145,8 @@ def _explained(explanations: Sequence[Explanation]) -> str:
 
 
 def _scored(verdict: Verdict) -> str:
+    if {"rms", "predicted", "interval", "windows"} <= verdict.numbers.keys():
+        return f"position after {_outage(verdict)}: {verdict.code.value}"
     what = _SCORED.get(verdict.subject)
     if what is None and verdict.subject in STARTS:
         what = f"the {verdict.subject.replace('_', ' ')} error"
@@ -155,6 +158,16 @@ def _scored(verdict: Verdict) -> str:
         what = f"the error of {verdict.subject}"
     verb = "are" if what.endswith(("innovations", "together")) else "is"
     return f"{what} {verb} {verdict.numbers['ratio']:.2f} × what the filter predicts: {verdict.code.value}"
+
+
+def _outage(verdict: Verdict) -> str:
+    """Return errors in outages with their prediction, where a verdict has them."""
+    seconds = float(verdict.subject.removeprefix("outage ").removesuffix(" s"))
+    rms, predicted, ratio, windows = (
+        float(np.max(verdict.numbers[name])) for name in ("rms", "predicted", "ratio", "windows")
+    )
+    low, high = np.broadcast_to(verdict.numbers["interval"], 2).tolist()
+    return outage_words(seconds, rms, predicted, ratio, (low, high), int(windows))
 
 
 def _explanation(explanation: Explanation) -> str:

@@ -52,13 +52,17 @@ class Score:
 
 @dataclass(frozen=True)
 class Outage:
-    """Position after some time without fixes: rms error and prediction, m, over a number of windows."""
+    """Position after some time without fixes: rms error and prediction, m, over a number of windows.
+
+    `interval` is that of the ratio of the score at 95 %; nothing is known of it where it is not stored.
+    """
 
     seconds: float
     rms: float
     predicted: float
     score: Score
     windows: int
+    interval: tuple[float, float] = (0.0, math.inf)
 
 
 @dataclass(frozen=True)

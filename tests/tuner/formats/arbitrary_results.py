@@ -313,7 +313,15 @@ verdicts = st.builds(
     st.lists(explanations, max_size=2).map(tuple),
 )
 
-outages = st.builds(Outage, positive_scores, numbers, numbers, scores("outage 60 s"), st.integers(0, 9))
+outages = st.builds(
+    Outage,
+    positive_scores,
+    numbers,
+    numbers,
+    scores("outage 60 s"),
+    st.integers(0, 9),
+    st.just((0.5, math.inf)) | st.just((0.9, 2.4)),
+)
 
 
 @st.composite

@@ -186,8 +186,10 @@ def test_errors_before_and_after_name_the_part_of_the_drive_they_are_of(result):
         {30.0: np.array([[4.0, 1.0], [9.0, 2.0], [4.0, 1.0]])},
     )
     for brief in (False, True):
-        (line,) = choice_lines(choice, shorter=brief, shortest=brief)
+        line, ratios = choice_lines(choice, shorter=brief, shortest=brief)
         assert line.index("last 40 %") < line.index("1.00") < line.index("whole drive") < line.index("30 s")
+        # Four windows of a right prediction, one component each: the roots of 4 over quantiles of χ² with 4 degrees.
+        assert "0.60 … 2.9" in ratios
 
 
 @pytest.mark.parametrize("consistent", [True, False])

@@ -108,6 +108,12 @@ VERDICTS = {
     "the position innovations are 0.87 × what the filter predicts: pessimistic": Verdict(
         VerdictCode.PESSIMISTIC, Severity.INCONSISTENT, "nis_position", {"ratio": 0.87}
     ),
+    "position after 60 s: true 12.0 m, predicted 8.00 m (ratio 1.5, 1.1 … 2.4 with 5 windows): optimistic": Verdict(
+        VerdictCode.OPTIMISTIC,
+        Severity.INCONSISTENT,
+        "outage 60 s",
+        {"ratio": 1.5, "rms": 12.0, "predicted": 8.0, "interval": (1.1, 2.4), "windows": 5.0},
+    ),
     "the position error after 60 s without fixes is 2.96 × what the filter predicts: optimistic": Verdict(
         VerdictCode.OPTIMISTIC, Severity.INCONSISTENT, "outage 60 s", {"ratio": 2.96}
     ),

@@ -23,6 +23,7 @@ from tuner.diagnosis.drive.staying_errors import (
     STAYING,
     VELOCITY,
 )
+from tuner.formats.outage_words import PREDICTED_RATIOS
 from tuner.jobs import counted
 from tuner.navigation.drive.clock import Clock
 from tuner.types import FilterConfig
@@ -44,15 +45,13 @@ POSITIONS = (POSITION, "position_horizontal", "position_vertical")
 """Sds of positions."""
 MAX_TRACKING_RATIO = 1.05
 """Position error with fixes, after ÷ before, above which it counts as worse: 5 % are lost in the scatter of a drive."""
-CONSISTENT_RATIOS = (0.7, 1.4)
-"""True ÷ predicted error in outages between which a prediction is taken for right: what few windows can tell."""
 
 
 class Rank(IntEnum):
     """What a candidate does on a drive with a reference, the best first."""
 
     FOLLOWS_AND_PREDICTS = 0
-    """Positions err no more than the fixes, and errors in outages are predicted (`CONSISTENT_RATIOS`)."""
+    """Positions err no more than the fixes, and errors in outages are predicted (`PREDICTED_RATIOS`)."""
     PREDICTS = 1
     """Errors in outages are predicted, and positions err like the fixes, within `MAX_TRACKING_RATIO`."""
     FOLLOWS = 2
@@ -166,7 +165,7 @@ def _with_other_sizes(trial: Trial, one: Candidate) -> Iterator[Candidate]:
     Its likelihood allows for single large errors, which count in what a user reads. Long outages show the process
     noise, the shortest the positions from which they begin.
     """
-    low, high = CONSISTENT_RATIOS
+    low, high = PREDICTED_RATIOS
     ratios = [outage.ratio for outage in one.first.outages]
     changes: list[tuple[float, tuple[str, ...]]] = []
     if POSITION in one.factors and not low <= ratios[0] <= high:

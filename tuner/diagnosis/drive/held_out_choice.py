@@ -27,7 +27,6 @@ from numpy.typing import NDArray
 
 from tuner.consistency.reference_check import trusted_reference
 from tuner.diagnosis.drive.candidates import (
-    CONSISTENT_RATIOS,
     MAX_TRACKING_RATIO,
     Candidate,
     Rank,
@@ -54,6 +53,7 @@ from tuner.diagnosis.drive.predictive_score import (
     outage_pairs,
 )
 from tuner.diagnosis.drive.score_tests import FITTED_SHARE
+from tuner.formats.outage_words import PREDICTED_RATIOS
 from tuner.navigation.drive.axis_checks import with_axes_found
 from tuner.navigation.drive.clock import Clock, clock_of_drive
 from tuner.navigation.drive.gross_outliers import without_gross_outliers
@@ -103,8 +103,8 @@ class HeldOutChoice:
 
     @property
     def is_predicted(self) -> bool:
-        """Whether errors in outages of the last part are within `CONSISTENT_RATIOS` of those predicted."""
-        low, high = CONSISTENT_RATIOS
+        """Whether errors in outages of the last part are within `PREDICTED_RATIOS` of those predicted."""
+        low, high = PREDICTED_RATIOS
         return self.after is not None and all(low <= one.ratio <= high for one in self.after.outages)
 
 
@@ -248,7 +248,7 @@ def _judged(
         return None
     kept = f"{one.name}, factors for outages" if one.factors else one.name
     chosen, note = with_recorded_factors(written, one.factors), _note(kept, begun, late, pairs)
-    low, high = CONSISTENT_RATIOS
+    low, high = PREDICTED_RATIOS
     rank = rank_of([one.first, late], predicts=all(low <= each.ratio <= high for each in after.values()))
     return HeldOutChoice(chosen, kept, one.factors, begun, late, pairs, note), rank
 
@@ -276,23 +276,16 @@ def _note(
     elif not after.follows():
         alone += ", a difference within the scatter of a drive"
     if kept == "as it began":
-        outages = "; ".join(
-            f"{b.seconds:.0f} s without fixes {b.rms:.3g} m, true ÷ predicted {b.ratio:.2f}"
-            for b in before.outages
-        )
+        outages = "; ".join(one.text for one in before.outages)
         return (
             "the configuration stays as it began: no change predicts the last 40 % of the drive better without "
-            f"larger errors; position with fixes {after.tracking_rms:.3g} m{alone}; {outages}"
+            f"larger errors; position with fixes {after.tracking_rms:.3g} m{alone}; without them for {outages}"
         )
-    ratios = ", ".join(
-        f"{b.ratio:.2f} → {a.ratio:.2f} ({a.seconds:.0f} s, {len(a.square)} of them)"
-        for b, a in zip(before.outages, after.outages, strict=False)
-    )
+    ratios = "; ".join(one.text for one in after.outages)
     errors = ", ".join(_change_text(seconds, pair) for seconds, pair in pairs.items())
     return (
         f"kept: {kept}; on the last 40 % of the drive position with fixes {before.tracking_rms:.3g} → "
-        f"{after.tracking_rms:.3g} m{alone}, outages true ÷ predicted {ratios}; errors in outages of the whole drive "
-        f"{errors}"
+        f"{after.tracking_rms:.3g} m{alone}; without them for {ratios}; errors in outages of the whole drive {errors}"
     )
 
 

@@ -23,9 +23,11 @@ from numpy.typing import NDArray
 from models.earth import ned_between
 from models.strapdown import NavigationState
 from tuner.consistency.drive_scores import reference_positions, stated
+from tuner.consistency.outage_ratio import components, ratio_interval
 from tuner.consistency.score_drive import OUTAGE_LENGTHS
 from tuner.consistency.scores import innovation_scores
 from tuner.diagnosis.drive.configured_run import ConfiguredRun, antenna
+from tuner.formats.outage_words import outage_words
 from tuner.navigation import engine
 from tuner.navigation.data import Solution, Steps
 from tuner.navigation.drive.run import (
@@ -51,12 +53,25 @@ MAX_LATE_FIX = 0.2
 
 @dataclass(frozen=True)
 class OutageErrors:
-    """Errors at the ends of w outages of one length: squares (w,), m², as stated (w,), m², log densities (w,)."""
+    """Errors at the ends of w outages of one length.
+
+    Attributes
+    ----------
+    seconds : float
+        Length.
+    square, stated : ndarray, shape (w,)
+        Squared errors and their predictions, m².
+    log_density : ndarray, shape (w,)
+        Of the errors.
+    freedom : float
+        Components that an error counts for, 1 to 3.
+    """
 
     seconds: float
     square: FloatArray
     stated: FloatArray
     log_density: FloatArray
+    freedom: float = 1.0
 
     @property
     def rms(self) -> float:
@@ -67,6 +82,17 @@ class OutageErrors:
     def ratio(self) -> float:
         """Errors ÷ stated sds, root mean square."""
         return float(np.sqrt(np.mean(self.square / self.stated)))
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Interval of `ratio` at 95 %."""
+        return ratio_interval(list(self.square / self.stated), self.freedom)
+
+    @property
+    def text(self) -> str:
+        """Errors and predictions, their ratio, and how well these windows tell it, in words."""
+        predicted = float(np.sqrt(np.mean(self.stated)))
+        return outage_words(self.seconds, self.rms, predicted, self.ratio, self.interval, len(self.square))
 
 
 @dataclass(frozen=True)
@@ -278,7 +304,8 @@ def _errors(run: ConfiguredRun, seconds: float, ends: Sequence[Solution | None])
     e, s = e[good], s[good]
     if not len(e) or not np.isfinite(s).all():
         return None
-    return OutageErrors(seconds, np.sum(e**2, axis=1), np.trace(s, axis1=1, axis2=2), _log_density(e, s))
+    stated, freedom = np.trace(s, axis1=1, axis2=2), float(np.mean(components(s)))
+    return OutageErrors(seconds, np.sum(e**2, axis=1), stated, _log_density(e, s), freedom)
 
 
 def _tracked(

@@ -103,7 +103,9 @@ def test_noise_that_is_far_too_small_is_mended(drive, right):
     assert max(choice.factors.values()) >= 3.0
     assert choice.after.nats > choice.before.nats + 10.0
     assert any("outages" in record.reason for record in choice.config.inflations)
-    assert "true ÷ predicted" in choice.note
+    for one in choice.after.outages:
+        assert f"{one.seconds:g} s: true" in choice.note
+        assert f"with {len(one.square)} windows" in choice.note
 
 
 def test_a_right_configuration_stays_as_it_began(drive, right):
