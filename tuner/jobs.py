@@ -17,32 +17,34 @@ import selectors
 import signal
 import sys
 import threading
+import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from contextvars import ContextVar
+from dataclasses import dataclass
 from io import BytesIO
 from multiprocessing import current_process
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, NoReturn, TypeVar
+from typing import Any, BinaryIO, NoReturn, TypeVar
 
 from tuner.free_memory import free_memory
+from tuner.stages import counted, is_watched, reached, watched
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 THREAD_LIMITS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 """Variables by which numerical libraries learn their number of threads when they are loaded."""
+REPORT_INTERVAL = 0.2
+"""Time between two words of a copy on how far it is, s."""
 BYTES_AT_ONCE = 1 << 20
 """Most bytes taken from a pipe in one go."""
 _END_WITH_PARENT = 1
 """PR_SET_PDEATHSIG of Linux: the signal that a process gets when its parent ends."""
 
 _limit: ContextVar[int | None] = ContextVar("processors", default=None)
-Advance = Callable[[int, int], None]
-"""Called with (done, total)."""
-_watcher: ContextVar[Advance | None] = ContextVar("watcher", default=None)
 
 
 def usable() -> int:
@@ -68,54 +70,6 @@ def limited(processors: int | None) -> Iterator[None]:
         yield
     finally:
         _limit.reset(token)
-
-
-@contextmanager
-def watched(advance: Advance | None) -> Iterator[None]:
-    """Tell `advance` how far every outermost `each` and `counted` in this block is; None: nobody."""
-    token = _watcher.set(advance)
-    try:
-        yield
-    finally:
-        _watcher.reset(token)
-
-
-def counted(items: Sequence[Item]) -> Iterator[Item]:
-    """Yield items one by one and tell whoever watches; what is done with an item is not watched."""
-    advance = _watcher.get()
-    _watcher.set(None)
-    try:
-        for done, item in enumerate(items):
-            if advance is not None:
-                advance(done, len(items))
-            yield item
-        if advance is not None:
-            advance(len(items), len(items))
-    finally:
-        _watcher.set(advance)
-
-
-@contextmanager
-def stages() -> Iterator[Advance]:
-    """Yield a function that tells whoever watches how many stages of one task are done, and of how many.
-
-    The number of all may change as the task goes on. What is done inside is not watched.
-    """
-    advance = _watcher.get()
-    _watcher.set(None)
-    counts = [0, 1]
-
-    def tell(done: int, total: int) -> None:
-        counts[:] = done, max(total, done, 1)
-        if advance is not None:
-            advance(*counts)
-
-    try:
-        tell(0, 1)
-        yield tell
-        tell(counts[1], counts[1])
-    finally:
-        _watcher.set(advance)
 
 
 def each(
@@ -185,7 +139,8 @@ def beside(function: Callable[[], object]) -> Iterator[None]:
     if child == 0:
         try:
             _alone()
-            function()
+            with watched(None):
+                function()
         finally:
             os._exit(0)
     try:
@@ -251,7 +206,7 @@ def _alone() -> None:
         signal.signal(getattr(signal, name), signal.SIG_DFL)
     ctypes.CDLL(None).prctl(_END_WITH_PARENT, signal.SIGKILL)
     _limit.set(1)
-    _watcher.set(None)
+    sys.stderr = sys.__stderr__ or sys.stderr  # a progress bar of the parent has locks of its own
     os.environ.update(dict.fromkeys(THREAD_LIMITS, "1"))
 
 
@@ -277,12 +232,31 @@ def _work_and_leave(
         with open(sender, "wb") as pipe:
             while number := os.read(numbers, 4):
                 index = int.from_bytes(number, "little")
-                content = _packed(index, function, items[index], shared)
-                pipe.write(len(content).to_bytes(8, "little"))
-                pipe.write(content)
-                pipe.flush()
+                with watched(_Report(pipe, index) if is_watched() else None):
+                    content = _packed(index, function, items[index], shared)
+                _send(pipe, content)
     finally:
         os._exit(0)
+
+
+def _send(pipe: BinaryIO, content: bytes) -> None:
+    pipe.write(len(content).to_bytes(8, "little"))
+    pipe.write(content)
+    pipe.flush()
+
+
+@dataclass
+class _Report:
+    """Sends how much of an item is done, not too often, as a result that neither failed nor is one."""
+
+    pipe: BinaryIO
+    index: int
+    last: float = 0.0
+
+    def __call__(self, _doing: str, share: float, _until: float) -> None:
+        if (now := time.monotonic()) - self.last > REPORT_INTERVAL:
+            self.last = now
+            _send(self.pipe, pickle.dumps((self.index, None, share)))
 
 
 def _packed(index: int, function: Callable[[Item], Result], item: Item, shared: Sequence[object]) -> bytes:
@@ -318,9 +292,7 @@ def _collected(receivers: Sequence[int], shared: Sequence[object], count: int) -
     """Return what copies send until the last of them ends: whether an item failed, and its result, by number."""
     content = {receiver: bytearray() for receiver in receivers}
     found: dict[int, tuple[bool, Any]] = {}
-    advance = _watcher.get()
-    if advance is not None:
-        advance(0, count)
+    shares = dict.fromkeys(range(count), 0.0)
     with selectors.DefaultSelector() as selector:
         for receiver in receivers:
             selector.register(receiver, selectors.EVENT_READ)
@@ -334,10 +306,11 @@ def _collected(receivers: Sequence[int], shared: Sequence[object], count: int) -
                 while len(mine) >= 8 and len(mine) >= 8 + (size := int.from_bytes(mine[:8], "little")):
                     with memoryview(mine) as sent:
                         index, failed, value = _value(bytes(sent[8 : 8 + size]), shared)
-                    found[index] = (failed, value)
                     del mine[: 8 + size]
-                    if advance is not None:
-                        advance(len(found), count)
+                    if failed is not None:
+                        found[index] = (failed, value)
+                    shares[index] = value if failed is None else 1.0
+                    reached(sum(shares.values()), count)
     return found
 
 

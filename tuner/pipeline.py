@@ -32,6 +32,7 @@ from tuner.segments.conditions import at_rest
 from tuner.segments.multi_position import PoseCalibration, calibrate
 from tuner.simulation.imu import sensor_of_config
 from tuner.simulation.static import demo
+from tuner.stages import stage, task
 from tuner.synthesis import inflate, synthesize
 from tuner.synthesis.calibration import with_calibration
 from tuner.synthesis.findings import findings_for_config, terms_found, with_notes_on_findings
@@ -57,6 +58,7 @@ NO_SAMPLES = "the source holds no samples that could be compared with a simulati
 NO_LOG = "without a static log; of the unit only the standing parts of the drive are known"
 
 
+@task()
 def tune(
     log: str | Path | Sequence[Record] | Identification | None = None,
     *,
@@ -119,11 +121,13 @@ def tune(
     completion = load_grade(complete) if isinstance(complete, str) else complete
     stated = None if datasheet is None else identify_source(datasheet)
     inputs = gather_inputs(log, drive, gnss, seed=seed, progress=progress)
+    stage("identifying and diagnosing the log", 0.9 if inputs.drive is None else 0.15)
     with compiled_ahead(log=bool(inputs.records), check=inputs.receiver is not None):
         noise = identify_and_diagnose(
             inputs, terms=terms, latitude=latitude, replicas=replicas, seed=seed, progress=progress
         )
     progress("synthesising the filter configuration")
+    stage("comparing the settings with the log", 0.95 if inputs.drive is None else 0.2)
     calibration = calibrate(inputs.records) if inputs.records else None
     config, predictions = configure(
         inputs,
@@ -141,11 +145,14 @@ def tune(
         from tuner.diagnosis.drive.explained_drive import examine_and_explain
         from tuner.diagnosis.drive.held_out_choice import choose_config
 
+        stage("diagnosing the drive", 0.6)
         examined = examine_and_explain(inputs.drive, config, progress=progress)
         began, found = (config_after_drive(examined, kept=kept) for kept in (False, True))
+        stage("choosing the settings of the drive", 0.85)
         choice = choose_config(inputs.drive, examined, began, found, progress)
         config = with_rest_and_motion(config, choice.config)
         config = replace(config, notes=(*config.notes, choice.note))
+        stage("scoring the settings on the whole drive", 0.95)
         measured, unmeasured = measured_or_reason(inputs.drive, config, progress)
     exports = {"noise.yaml": noise_yaml.dumps(config)}
     exports |= {file_of_dialect(name): export(config, name) for name in wanted}
@@ -154,6 +161,7 @@ def tune(
         for name in EXPORTED_DIALECTS
         if not lacking(config, DIALECTS[name])
     }
+    stage("checking the filter on simulated drives", 1.0)
     checked, unchecked = check_or_reason(
         config, after_drive=examined is not None, seed=seed, progress=progress
     )
@@ -225,6 +233,7 @@ def _log_name(log: str | Path | Sequence[Record] | Identification, records: Sequ
     return source_name(log) if isinstance(log, str | Path) else records_name(records)
 
 
+@task()
 def identify_and_diagnose(
     inputs: TuneInputs,
     *,
@@ -236,15 +245,19 @@ def identify_and_diagnose(
 ) -> LogResult:
     """Return the noise of the unit and, where there are samples, what a simulation of that noise gets wrong."""
     if inputs.records:
+        stage("finding where the sensor is at rest", 0.05)
         still = at_rest(inputs.records, progress)
         progress("identifying")
+        stage("identifying the noise", 0.25)
         found = identify(still, terms=terms, latitude=latitude)
+        stage("searching for what the noise does not explain", 0.95)
         try:
             diagnosis = diagnose(
                 inputs.records, identification=found, replicas=replicas, seed=seed, progress=progress
             )
         except DataError as error:
             return LogResult(found, None, {"diagnosis": str(error)}, still)
+        stage("identifying the noise beside the findings", 1.0)
         if terms is None:
             found = with_notes_on_findings(with_terms_found(still, found, terms_found(diagnosis)), diagnosis)
         return LogResult(found, diagnosis, {}, still)

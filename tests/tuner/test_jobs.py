@@ -18,8 +18,9 @@ from models.noise import NoiseModel, RandomWalk, White
 from tuner import diagnose, identify
 from tuner.formats.diagnosis import diagnosis_json
 from tuner.formats.identification import identification_json
-from tuner.jobs import beside, counted, each, limited, stages, usable, watched
+from tuner.jobs import beside, each, limited, usable
 from tuner.simulation.static import simulate
+from tuner.stages import reached, watched
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="only on Linux a process is copied")
 
@@ -115,12 +116,11 @@ def test_what_runs_beside_ends_with_the_block(tmp_path):
         raise KeyError  # and nothing waits for the rest
 
 
-def test_stages_of_one_task_are_told_and_loops_inside_are_not():
+@pytest.mark.parametrize("processors", [1, 2])
+def test_whoever_watches_sees_how_much_of_an_item_is_done_on_any_processor(processors, monkeypatch):
+    monkeypatch.setattr("tuner.jobs.REPORT_INTERVAL", 0.0)
     seen = []
-    with watched(lambda done, total: seen.append((done, total))):
-        with stages() as tell:
-            tell(1, 3)
-            list(counted([1, 2]))
-            tell(2, 4)
-        list(counted([1]))
-    assert seen == [(0, 1), (1, 3), (2, 4), (4, 4), (0, 1), (1, 1)]
+    with limited(processors), watched(lambda _doing, share, _until: seen.append(share)):
+        each(lambda _: reached(1, 4), range(2))
+    assert {0.125, 0.625} <= set(seen) or {0.125, 0.25} <= set(seen)  # one after the other, or together
+    assert max(seen) == (0.625 if processors == 1 else 1.0)

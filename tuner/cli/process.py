@@ -31,6 +31,10 @@ ANSWERS = {130: "interrupted", 143: "terminated"}
 """What is said of them."""
 
 
+WITHOUT_BAR = b"\r\x1b[2K\x1b[?25h"
+"""What clears the line of a terminal and shows the cursor, which a progress bar hides."""
+
+
 class Terminated(BaseException):
     """A request to end was received; unlike an error it passes every handler, and temporary files are removed."""
 
@@ -95,6 +99,8 @@ def _end_what_does_not(receiver: socket.socket) -> None:
     WRITING.acquire()
     remove_unfinished()
     with suppress(OSError):
+        if os.isatty(2):
+            os.write(2, WITHOUT_BAR)
         os.write(2, f"\n{answer(REQUESTS[request])}\n".encode())
     os._exit(REQUESTS[request])
 

@@ -3,22 +3,28 @@
 from __future__ import annotations
 
 import logging
+import math
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, ProgressColumn, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn
+from rich.table import Column
+from rich.text import Text
 
 from tuner.formats.guard import printable
-from tuner.jobs import Advance, watched
+from tuner.stages import Advance, reached, watched
 
 LINE_INTERVAL = 10.0
 """Time between lines on progress, s: a minute of a log file holds six."""
-SHOWN_AFTER = 2.0
-"""Time after which a loop shows how long it takes, s."""
+SHOWN_AFTER = 1.0
+"""Time after which a command shows how far it is, s: starting has taken another by then."""
+BAR_WIDTH = 16
+"""Columns of the bar itself; words take the rest of the line."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +41,7 @@ class Messages:
 
     @contextmanager
     def steps(self) -> Iterator[None]:
-        """Show a bar with the time left for every loop in this block that lasts longer than `SHOWN_AFTER`.
+        """Show what is done in this block and the time left, where it takes longer than `SHOWN_AFTER`.
 
         Nothing is shown where quiet, or where no person looks.
         """
@@ -43,7 +49,7 @@ class Messages:
         if self.quiet or not console.is_terminal:
             yield
             return
-        bar = _LateBar(console)
+        bar = _Bar(console)
         try:
             with watched(bar):
                 yield
@@ -62,66 +68,90 @@ class Messages:
         finally:
             log.setLevel(before)
 
-    @contextmanager
-    def bar(self, title: str) -> Iterator[Advance | None]:
-        """Yield a callback that moves a progress bar (None where quiet, or where no person looks)."""
-        console = Console(stderr=True)
-        if self.quiet or not console.is_terminal:
-            yield None
-            return
-        with watched(None), Progress(*_columns(), console=console, transient=True) as progress:
-            task = progress.add_task(title, total=None)
-
-            def advance(done: int, total: int) -> None:
-                progress.update(task, completed=done, total=total)
-
-            yield advance
-
-    @contextmanager
-    def count(self, things: str) -> Iterator[Advance | None]:
-        """Yield a callback that moves a bar, or that prints lines with the time left where no person looks."""
+    def count(self, things: str) -> Advance | None:
+        """Return a callback that moves the bar, or prints lines with the time left where no person looks."""
         if self.quiet:
-            yield None
-            return
-        with self.bar(things) as advance:
-            yield advance or _Lines(self, things)
+            return None
+        return reached if Console(stderr=True).is_terminal else _Lines(self, things)
 
 
-def _columns() -> tuple[ProgressColumn, ...]:
-    return (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.percentage:>3.0f} %"),
-        TimeRemainingColumn(),
-    )
-
-
-class _LateBar:
-    """A bar that appears when a loop has lasted for a while, and goes when it ends."""
+class _Bar:
+    """What is done, how much of everything is, and how long the rest takes; gone where something else is shown."""
 
     def __init__(self, console: Console) -> None:
-        self._console = console
-        self._begin = 0.0
-        self._progress: Progress | None = None
+        self._progress = Progress(
+            TextColumn("{task.description}", table_column=Column(no_wrap=True, overflow="ellipsis", ratio=1)),
+            BarColumn(BAR_WIDTH),
+            TextColumn("{task.percentage:>3.0f} %", table_column=Column(no_wrap=True)),
+            _TimeLeft(self),
+            console=console,
+            expand=True,
+            transient=True,
+            redirect_stdout=False,
+        )
+        self._line = self._progress.add_task("starting", total=1.0)
+        self._begin = self._at = time.monotonic()
+        self._share, self._until = 0.0, 1.0
+        self._lock = threading.Lock()
+        self._waiting: threading.Timer | None = None
+        self._wait()
 
-    def __call__(self, done: int, total: int) -> None:
-        now = time.monotonic()
-        if done == 0 or self._begin == 0.0:
-            self._begin = now
-        if done >= total:
+    def __call__(self, doing: str, share: float, until: float) -> None:
+        if share >= 1.0:
             self.end()
-        elif self._progress is None and now - self._begin > SHOWN_AFTER:
-            self._progress = Progress(*_columns(), console=self._console, transient=True)
-            self._progress.start()
-            self._progress.add_task("working", total=total)
-        if self._progress is not None:
-            self._progress.update(self._progress.task_ids[0], completed=done, total=total)
+            return
+        if share > self._share:
+            self._share, self._at = share, time.monotonic()
+        self._until = max(until, self._share)
+        self._progress.update(self._line, completed=self._share, description=doing or "working")
+        self._wait()
+
+    def _wait(self) -> None:
+        """Show the bar after a while; it stays hidden where the work has ended before."""
+        with self._lock:
+            if self._waiting is None:
+                self._waiting = threading.Timer(SHOWN_AFTER, self._show)
+                self._waiting.daemon = True
+                self._waiting.start()
+
+    def _show(self) -> None:
+        with self._lock:
+            if self._waiting is not None:
+                self._progress.start()
 
     def end(self) -> None:
         """Take the bar away."""
-        if self._progress is not None:
-            self._progress.stop()
-        self._progress, self._begin = None, 0.0
+        with self._lock:
+            if self._waiting is not None:
+                self._waiting.cancel()
+                self._waiting = None
+                self._progress.stop()
+
+    def time_left(self) -> str:
+        """Return how long the rest takes if it goes on as fast as before; a stage that lasts longer slows it."""
+        passed = time.monotonic() - self._begin
+        slowest = passed / self._until if self._until > 0.0 else math.inf
+        if self._share == 0.0:
+            return f"over {_amount(slowest - passed)} left" if self._until < 1.0 else ""
+        whole = max((self._at - self._begin) / self._share, slowest)
+        return f"about {_amount(whole - passed)} left"
+
+
+class _TimeLeft(ProgressColumn):
+    """The last words of the line."""
+
+    def __init__(self, bar: _Bar) -> None:
+        super().__init__(Column(no_wrap=True))
+        self._bar = bar
+
+    def render(self, task: Task) -> Text:  # noqa: ARG002
+        """Return the time left."""
+        return Text(self._bar.time_left())
+
+
+def _amount(seconds: float) -> str:
+    """Return a time to come in words; the last seconds are not counted."""
+    return f"{max(seconds, 1.0):.0f} s" if seconds < 99.5 else f"{seconds / 60.0:.0f} min"
 
 
 class _Lines:
@@ -136,6 +166,5 @@ class _Lines:
         if done == 0 or (now - self._last < LINE_INTERVAL and done < total):
             return
         self._last = now
-        left = (now - self._start) * (total - done) / done
-        rest = f", about {left:.0f} s left" if done < total else ""
+        rest = f", about {_amount((now - self._start) * (total - done) / done)} left" if done < total else ""
         self._messages.say(f"{done} of {total} {self._things}{rest}")

@@ -7,7 +7,6 @@ filter does whose configuration is wrong.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -29,6 +28,7 @@ from tuner.navigation.settings import filter_settings, further_states
 from tuner.simulation.imu import Sensor, sensor_of_config
 from tuner.simulation.load_truth import Truth, installation, load_truth
 from tuner.simulation.monte_carlo import resolution, scenario, simulate
+from tuner.stages import stage, task
 from tuner.synthesis.load_config import load_config
 from tuner.types import FilterConfig, GnssNoise
 from tuner.types.consistency import Check
@@ -46,6 +46,7 @@ MIN_FIX_INTERVAL = 1.0
 """Shortest interval of fixes that is simulated, s; smaller sds stand for the fixes in between, whose errors average."""
 
 
+@task()
 def check(
     config: FilterConfig | str | Path,
     trajectory: Motion | str = "city",
@@ -56,7 +57,6 @@ def check(
     runs: int = DEFAULT_RUNS,
     seed: int = 0,
     budget: bool = False,
-    progress: Callable[[int, int], None] | None = None,
 ) -> Check:
     """Run a configured filter on many simulated switch-ons and score its errors against its covariances.
 
@@ -79,8 +79,6 @@ def check(
         Seed of all randomness.
     budget : bool
         Whether the error budget is wanted in any case.
-    progress : callable, optional
-        Called with (done, runs).
 
     Raises
     ------
@@ -112,11 +110,14 @@ def check(
         notes.append(
             f"simulated with a fix every {MIN_FIX_INTERVAL:g} s, as accurate as {1.0 / often:.3g} fixes together"
         )
+    stage("simulating the trajectory", 0.35)
     plan = scenario(motion, receiver, max(config.interval, MIN_INTERVAL))
     if real is not None:
         arm, delay = installation(real.compensation, config.compensation)
         plan = replace(plan, start_sd=real.start_sd, lever_arm=arm, delay=delay)
-    simulated = simulate(settings, sensor, plan, runs=runs, seed=seed, progress=progress)
+    stage(f"filtering {runs} simulated runs", 0.8)
+    simulated = simulate(settings, sensor, plan, runs=runs, seed=seed)
+    stage("scoring the filter", 0.84)
     drawn = {
         name: own
         for name, own in further_states(settings.model).items()
@@ -135,11 +136,13 @@ def check(
         return Check(replace(found, verdicts=reasons), settings.size, tuple(notes), explanations=constant)
     if found.consistent and not budget:
         return Check(replace(found, verdicts=verdicts(found)), settings.size, tuple(notes))
+    stage("computing the share of each error source", 0.9)
     shares = error_budget(settings, plan)
     seen = observability(settings, shares.final)
     optimistic = any(s.ratio > 1.0 and not s.consistent for s in found.scores)
     spurious = spurious_information(simulated, shares) if optimistic else None
     explanations: tuple[Explanation, ...] = ()
+    stage("finding which setting is wrong", 1.0)
     if not found.consistent and spurious is None:
         explanations = wrong_starts(found.scores)
     if not settled.consistent and spurious is None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from models.noise import GaussMarkov
 from tuner.catalogue.grades import DEFAULT_RECEIVER, grade_identification, grade_names, load_gnss, load_grade
 from tuner.consistency.outage_drift import outage_drift
-from tuner.jobs import counted
+from tuner.stages import counted, stage, task
 from tuner.synthesis import synthesize
 from tuner.types import ChannelNoise, FilterConfig
 from tuner.types.records import DataError
@@ -65,6 +65,7 @@ class GradeChoice(Shown):
         return tuple(one.name for one in self.ranking if one.error <= self.limit)
 
 
+@task()
 def choose(
     outage: float = 60.0, error: float = 2.0, *, gnss: str = DEFAULT_RECEIVER, wheels: bool = False
 ) -> GradeChoice:
@@ -96,12 +97,14 @@ def choose(
         return (found.wheels if wheels else found.free)[outage]
 
     ranking = []
+    stage("predicting the drift of every grade", 0.75)
     for name in counted(grade_names()):
         config = synthesize(grade_identification(load_grade(name)), gnss=receiver)
         if len(config.channels) == 6:
             ranking.append(RankedGrade(name, config, drift(config)))
     ranking.sort(key=lambda one: one.error)
     kept = [one for one in ranking if one.error <= error]
+    stage("finding the noise that would just do", 1.0)
     nearest = kept[-1] if kept else ranking[0]
     low, high = (1.0, MAX_NOISE_FACTOR) if kept else (1.0 / MAX_NOISE_FACTOR, 1.0)
     if (drift(scaled(nearest.config, low)) <= error) == (drift(scaled(nearest.config, high)) <= error):

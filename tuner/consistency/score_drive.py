@@ -33,7 +33,6 @@ from tuner.consistency.scores import (
     whiteness,
 )
 from tuner.consistency.verdicts import verdicts
-from tuner.jobs import counted
 from tuner.navigation.compensation import compensate, compensate_settings
 from tuner.navigation.data import GATED, WITHHELD, Solution
 from tuner.navigation.drive.axis_checks import inertial_axes
@@ -53,6 +52,7 @@ from tuner.navigation.drive.vehicle_constraints import (
 from tuner.navigation.settings import ACCELS, GYROS, FilterSettings, filter_settings
 from tuner.readers.drive import read_drive
 from tuner.simulation.imu import sensor_of_config
+from tuner.stages import counted, stage, task
 from tuner.synthesis.from_drive import config_for_drive, receiver_of
 from tuner.types import FilterConfig, GnssNoise
 from tuner.types.consistency import Consistency, Outage, Whiteness
@@ -129,6 +129,7 @@ def drive_filter(
     return compensate_settings(settings, config.compensation), tuple(notes)
 
 
+@task()
 def navigate_drive(
     drive: Drive | str | Path,
     config: FilterConfig | str | Path,
@@ -167,9 +168,12 @@ def navigate_drive(
         drive = replace(drive, gnss=fixes, notes=(*drive.notes, left_out))
     if vehicle.sideways is not None:
         states = {"mounting": MOUNTING_SD, **(states or {})}
+    stage("finding the offset of the clocks", 0.55)
     clock = remaining_clock(drive, config.compensation)
     settings, assumed = drive_filter(drive, config, clock=clock, states=states)
+    stage("aligning", 0.57)
     stretches, notes = prepare(drive, settings, clock=clock)
+    stage("filtering the drive", 0.62)
     solutions = navigate(stretches, settings, np.zeros((0, 2)))
     notes = (*notes, *_noisier_than_configured(stretches[0], config))
     contradicted = turned_from(solutions[0]) if drive.mounting is not None else None
@@ -192,14 +196,19 @@ def navigate_drive(
     ]
     reference, late = drive.reference, None
     if reference is not None:
+        stage("finding where the reference is wrong", 0.7)
         reference, untrusted = trusted_reference(reference, stretches, settings)
         notes = (*notes, *([untrusted] if untrusted else []))
     if reference is None:
+        stage("smoothing the drive", 0.75)
         compared = against_smoother(settings, stretches, scored)
     else:
+        stage("finding the offset of the reference", 0.8)
         reference, late = on_clock_of(reference, solutions, scored)
+        stage("comparing with the reference", 0.88)
         compared, more = against_reference(reference, solutions, scored, timed=late is not None)
         notes = (*notes, *([late] if late else []), *more)
+    stage("filtering without fixes", 1.0)
     found = Consistency(
         None,
         compared,

@@ -30,7 +30,7 @@ from tuner.consistency.trajectory_alignment import Alignment
 from tuner.consistency.unscored_start import unscored_start
 from tuner.consistency.verdicts import verdicts
 from tuner.consistency.wrong_conventions import unit_of_sds
-from tuner.jobs import Advance, stages
+from tuner.stages import stage, task
 from tuner.types.consistency import Consistency, Score
 from tuner.types.filter_output import FilterOutput
 from tuner.types.output_score import OutputCause, TimeOffset
@@ -39,10 +39,6 @@ from tuner.types.shown import Shown
 from tuner.types.verdict import Severity, Verdict, VerdictCode
 
 FloatArray = NDArray[np.float64]
-
-
-SCORE_STAGES = 4
-"""Errors, their scores, what explains them, differences of frames: of about equal length, for those who watch."""
 
 
 @dataclass(frozen=True)
@@ -76,6 +72,7 @@ class OutputScore(Shown):
     notes: tuple[str, ...]
 
 
+@task()
 def score_outputs(
     outputs: Sequence[FilterOutput],
     truths: Sequence[FilterOutput] = (),
@@ -112,20 +109,7 @@ def score_outputs(
     """
     windows = np.asarray(outages, dtype=float).reshape(-1, 2)
     outputs = [replace(o, outages=np.concatenate([o.outages, windows])) for o in outputs]
-    with stages() as tell:
-        return _scored(outputs, truths, how, align_time, align_body, sensor_noise, tell)
-
-
-def _scored(
-    outputs: Sequence[FilterOutput],
-    truths: Sequence[FilterOutput],
-    how: Alignment,
-    align_time: bool,
-    align_body: bool,
-    sensor_noise: tuple[float, float] | None,
-    tell: Advance,
-) -> OutputScore:
-    """Return the score of outputs with all their outages, and tell which of the stages is done."""
+    stage("comparing with the truth", 0.2)
     if len(truths) not in (0, 1, len(outputs)):
         msg = f"expected one truth, or one for each of {len(outputs)} estimates, found {len(truths)}"
         raise DataError(msg)
@@ -144,7 +128,7 @@ def _scored(
                 f"the estimate is {abs(offset.value):.3g} s ({low:.3g} … {high:.3g}) {late} against the truth; "
                 "--align-time takes it out"
             )
-    tell(1, SCORE_STAGES)
+    stage("scoring", 0.35)
     innovative = [output for output in outputs if output.has_innovations]
     if not runs and not innovative:
         msg = (
@@ -167,7 +151,7 @@ def _scored(
         0.0,
         False,
     )
-    tell(2, SCORE_STAGES)
+    stage("finding why it is not consistent", 0.9)
     lost = any(_not_finite(output) for output in outputs)
     why = (
         Explanations()
@@ -187,7 +171,7 @@ def _scored(
     causes = () if found.consistent else _without_contradicted(why.causes, found.scores)
     if runs and not (found.consistent or causes or lost):
         causes = differences_of_frames(outputs, every, how, runs, offset, found)
-    tell(3, SCORE_STAGES)
+    stage("scoring each state", 1.0)
     states = state_scores(runs) if runs else ()
     far = any(s.ratio > DIVERGED_RATIO for s in found.scores) and not causes
     if not (found.consistent or causes or lost or far):

@@ -12,6 +12,7 @@ from scipy.stats import norm
 from scipy.stats import t as student
 
 from models.noise import NoiseModel, Term
+from tuner.stages import counted
 from tuner.types import LEVEL, Coefficient
 from tuner.types.records import Record
 
@@ -25,11 +26,10 @@ MAX_GROUPS = 50
 
 @dataclass(frozen=True)
 class Settings:
-    """How an item is run: the seed of all randomness, whether a small version will do, and the callback of progress."""
+    """How an item is run: the seed of all randomness, whether a small version will do."""
 
     seed: int = 0
     small: bool = False
-    advance: Advance | None = None
 
     def rng(self, purpose: str) -> np.random.Generator:
         """Return a stream of its own for a purpose, whatever else is run."""
@@ -41,10 +41,7 @@ class Settings:
 
     def steps(self, count: int) -> Iterator[int]:
         """Yield 0 … count − 1 and tell of each that is done."""
-        for k in range(count):
-            yield k
-            if self.advance is not None:
-                self.advance(k + 1, count)
+        yield from counted(range(count))
 
 
 def record_of(

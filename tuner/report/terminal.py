@@ -10,6 +10,8 @@ from rich.console import Console, ConsoleOptions, RenderableType
 from rich.segment import Segment
 from rich.table import Table
 
+from tuner.stages import finished
+
 _CONTROLS = dict.fromkeys(
     {*range(32), *range(127, 160), *range(0xD800, 0xE000)} - {ord("\n")}, "\N{REPLACEMENT CHARACTER}"
 )
@@ -33,6 +35,7 @@ class _Console(Console):
 
 def show(tables: Iterable[Table | str], width: int = UNKNOWN_WIDTH) -> None:
     """Print tables and lines on standard output, as wide as the terminal or, where it is none, as stated."""
+    finished()
     width = shutil.get_terminal_size().columns if sys.stdout.isatty() else width
     console = _Console(width=width, highlight=False, markup=False, emoji=False)
     for table in tables:

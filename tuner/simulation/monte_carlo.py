@@ -7,7 +7,6 @@ own, spawned from the seed: the answer does not depend on the number of threads.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
@@ -28,6 +27,7 @@ from tuner.navigation.settings import FilterSettings, error_rows, total_bias
 from tuner.simulation.further_states import antenna_fixes, draw_further, with_short_rows
 from tuner.simulation.imu import Sensor
 from tuner.simulation.receiver import draw_fix_errors
+from tuner.stages import reached
 from tuner.types import GnssNoise
 
 FloatArray = NDArray[np.float64]
@@ -166,7 +166,6 @@ def simulate(
     *,
     runs: int,
     seed: int,
-    progress: Callable[[int, int], None] | None = None,
 ) -> Runs:
     """Simulate and filter a scenario many times.
 
@@ -182,8 +181,6 @@ def simulate(
         How many.
     seed : int
         Seed of all randomness.
-    progress : callable, optional
-        Called with (done, runs).
     """
     streams = np.random.default_rng(seed).spawn(runs)
     fixes = _as_assumed(settings, plan, *antenna_fixes(settings, plan, {}))
@@ -204,8 +201,7 @@ def simulate(
     blocks = range(0, runs, BATCH_SIZE)
     with ThreadPoolExecutor(max_workers=min(len(blocks), usable())) as pool:
         for done in pool.map(fill, blocks):
-            if progress is not None:
-                progress(done, runs)
+            reached(done, runs)
     return out
 
 

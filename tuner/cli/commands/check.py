@@ -8,6 +8,7 @@ import click
 
 from tuner.cli.commands.options import Finite, Output, common, jobs, paged, strict
 from tuner.cli.progress import Messages
+from tuner.stages import stage
 
 
 @click.command("check", short_help="Is the filter consistent? Monte-Carlo on simulated trajectories.")
@@ -75,16 +76,9 @@ def command(
     simulated = None if truth is None else load_truth(truth)
     motion = load_trajectory(trajectory, duration)
     messages.say(f"simulating {runs} × {duration:g} s (kernels are compiled on first use: about 20 s)")
-    with messages.bar("simulating") as advance:
-        found = check(
-            configured,
-            motion,
-            truth=simulated,
-            runs=runs,
-            seed=seed,
-            budget=budget,
-            progress=advance,
-        )
+    stage("simulating", 0.97)
+    found = check(configured, motion, truth=simulated, runs=runs, seed=seed, budget=budget)
+    stage("writing", 1.0)
     source = {
         "config": configured.name,
         "truth": configured.name if simulated is None else simulated.sensor.name,

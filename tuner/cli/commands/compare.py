@@ -11,6 +11,7 @@ import click
 from tuner.cli.commands.inputs import load_sources
 from tuner.cli.commands.options import Output, Reading, common, drawable, paged, reading
 from tuner.cli.progress import Messages
+from tuner.stages import stage
 
 
 @click.command("compare", short_help="Logs, identifications and built-in grades side by side.")
@@ -62,8 +63,11 @@ def command(
         if output.tables:
             show(grade_tables(grades))
         return
+    stage("reading", 0.1)
     loaded = load_sources(sources, reading, messages)
+    stage("comparing", 0.95)
     comparison = compare(*loaded, by=by, gnss=gnss, progress=messages.say)
+    stage("writing", 1.0)
     output.write(comparison_json(comparison))
     page("Comparison of " + ", ".join(comparison.noise.names), {"Side by side": comparison})
     if figure is not None:

@@ -9,6 +9,7 @@ import click
 from tuner.cli.commands.inputs import assumed, load_records
 from tuner.cli.commands.options import Output, Reading, common, paged, reading
 from tuner.cli.progress import Messages
+from tuner.stages import counted, stage
 from tuner.types.records import DataError
 
 ESTIMATORS = (
@@ -55,9 +56,11 @@ def command(
     from tuner.report.terminal import show
 
     wanted = None if tau is None else _seconds(tau)
+    stage("reading the log", 0.5)
     records = load_records(log, reading, messages)
+    stage(f"computing {estimator}", 1.0)
     try:
-        found = [empirical(record, estimator, tau=wanted) for record in records]
+        found = [empirical(record, estimator, tau=wanted) for record in counted(records)]
     except ValueError as error:
         raise DataError(f"{log}: {error}") from error  # noqa: EM102
     output.write(curves_json(found))

@@ -21,6 +21,7 @@ from tuner.cli.commands.options import (
     verbose,
 )
 from tuner.cli.progress import Messages
+from tuner.stages import stage
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -83,11 +84,13 @@ def command(
     from tuner.types import Diagnosis, DriveDiagnosis
     from tuner.types.records import Drive
 
+    stage("reading", 0.05)
     data = load_data(log, reading, messages)
     if against is not None:
         _compare(log, data, against, reading, seed, output, messages)
         return 0
     found: Diagnosis | DriveDiagnosis
+    stage("diagnosing", 0.95)
     if isinstance(data, Drive):
         from tuner.diagnosis.drive.explained_drive import examine_drive_of  # a third of a second to load
 
@@ -108,6 +111,7 @@ def command(
         )
         assert isinstance(static, Diagnosis)
         found, parts = static, _parts(static, data)
+    stage("writing", 1.0)
     output.write(diagnosis_json(found))
     page(f"Diagnosis of {Path(log).name}", parts)
     if output.tables:
@@ -164,6 +168,7 @@ def _compare(
     if isinstance(data, Drive):
         msg = f"--against {against}: expected with a static log, got the drive {log}"
         raise DataError(msg)
+    stage("comparing the two logs", 1.0)
     comparison = compare_states(data, load_records(against, reading, messages), seed=seed)
     output.write(states_json(comparison))
     if output.tables:

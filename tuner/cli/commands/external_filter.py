@@ -10,6 +10,7 @@ import click
 from tuner.cli.commands.inputs import load_source
 from tuner.cli.commands.options import POSITIVE, Command, Output, Reading
 from tuner.cli.progress import Messages
+from tuner.stages import stage
 
 TIME_LIMIT = 600.0
 """Default limit of a run, s: forty of them are then a night at most."""
@@ -74,14 +75,14 @@ def tune_filter(
     if log is None:
         config = config_of_drive(measured, stationary_noise(measured))
     elif is_log(log):
+        stage("tuning on the log", 0.3)
         found = tune(load_source(log, reading, messages), gnss=gnss, progress=messages.say, **how)
         config = config_for_drive(measured, found.config)
     else:
         config = config_for_drive(measured, log, gnss=gnss)
-    with messages.count("runs at most") as advance:
-        result = tune_external(
-            program, measured, config, dialect, path=drive, progress=advance or (lambda _done, _total: None)
-        )
+    stage("running the filter with other settings", 1.0)
+    advance = messages.count("runs at most") or (lambda _done, _total: None)
+    result = tune_external(program, measured, config, dialect, path=drive, progress=advance)
     for note in result.notes:
         messages.say(note)
     directory = output_dir or Path("tuner-out") / f"{measured.name}-{dialect}"

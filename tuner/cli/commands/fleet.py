@@ -20,6 +20,7 @@ from tuner.cli.commands.options import (
 )
 from tuner.cli.progress import Messages
 from tuner.jobs import usable
+from tuner.stages import stage
 
 
 @click.command("fleet", short_help="Many logs, one row a unit: limits, outlying units, spread.")
@@ -62,8 +63,9 @@ def command(
 
     directory = output_folder(logs, output_dir)
     stated = {name: value for name, value in asdict(reading).items() if value is not None}
-    with messages.count("units") as advance:
-        result = fleet(logs, store=directory / "units", reading=stated, progress=advance, **how)
+    stage("measuring the units", 0.98)
+    result = fleet(logs, store=directory / "units", reading=stated, progress=messages.count("units"), **how)
+    stage("writing", 1.0)
     messages.say(f"wrote {', '.join(write_fleet(result, directory))} into {directory}")
     output.write(fleet_json(result))
     if output.tables:

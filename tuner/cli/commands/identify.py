@@ -23,6 +23,7 @@ from tuner.cli.commands.options import (
     verbose,
 )
 from tuner.cli.progress import Messages
+from tuner.stages import counted, stage
 
 if TYPE_CHECKING:
     from tuner.identification.arma import Likelihood
@@ -106,7 +107,9 @@ def command(
         if output.tables:
             show(receiver_lines(receiver))
         return
+    stage("reading", 0.2)
     loaded = load_sources(logs, reading, messages)
+    stage("identifying the noise", 0.7)
     found = [
         identify_source(
             source,
@@ -116,8 +119,9 @@ def command(
             latitude=latitude,
             progress=messages.say,
         )
-        for source in loaded
+        for source in counted(loaded)
     ]
+    stage("comparing the noise with the Allan curve", 1.0)
     settings = [
         hold_to_records(synthesize(one), at_rest(source))
         if not isinstance(source, str) and method == "likelihood"

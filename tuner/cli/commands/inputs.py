@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from tuner.cli.commands.options import Reading
 from tuner.cli.progress import Messages
+from tuner.stages import counted, reached
 from tuner.types.records import DataError
 
 if TYPE_CHECKING:
@@ -18,21 +19,20 @@ def load_records(log: str, reading: Reading, messages: Messages) -> tuple[Record
     """Read a static log."""
     from tuner.readers import read
 
-    with messages.bar(f"reading {Path(log).name}") as advance:
-        records = read(
-            Path(log),
-            rate=reading.rate,
-            gyro_unit=reading.gyro_unit,
-            accel_unit=reading.accel_unit,
-            gyro_scale=reading.gyro_scale,
-            accel_scale=reading.accel_scale,
-            columns=reading.columns,
-            assume=reading.assume,
-            memory=reading.memory,
-            begin=reading.begin,
-            end=reading.end,
-            progress=advance,
-        )
+    records = read(
+        Path(log),
+        rate=reading.rate,
+        gyro_unit=reading.gyro_unit,
+        accel_unit=reading.accel_unit,
+        gyro_scale=reading.gyro_scale,
+        accel_scale=reading.accel_scale,
+        columns=reading.columns,
+        assume=reading.assume,
+        memory=reading.memory,
+        begin=reading.begin,
+        end=reading.end,
+        progress=reached,
+    )
     for note in dict.fromkeys(note for record in records for note in record.notes):
         messages.say(f"{Path(log).name}: {note}")
     return records
@@ -65,7 +65,7 @@ def load_sources(
         _refuse_part(reading, f"found {', '.join(sources)}")
     return [
         load_records(source, reading, messages) if log else source
-        for source, log in zip(sources, logs, strict=True)
+        for source, log in counted(list(zip(sources, logs, strict=True)))
     ]
 
 

@@ -18,6 +18,7 @@ from tuner.cli.commands.options import (
     three_numbers,
 )
 from tuner.cli.progress import Messages
+from tuner.stages import stage
 
 
 @click.command("navigate", short_help="Filter a measured drive: innovations, errors, outages.")
@@ -107,10 +108,13 @@ def command(
     from tuner.report.solution_set import attitude_text, write_solution
     from tuner.report.terminal import show
 
+    stage("reading the drive", 0.1)
     measured = with_mounting(read_drive(drive), frame=imu_frame, rpy_deg=mounting_rpy, lever_arm=lever_arm)
     messages.say("navigating (kernels are compiled on first use: about 20 s)")
     vehicle = Vehicle(non_holonomic, zero_velocity)
+    stage("filtering the drive", 0.95)
     found = navigate(measured, config, gnss=gnss, states=states, vehicle=vehicle)
+    stage("writing", 1.0)
     if directory is not None:
         write_solution(found, measured, directory)
 

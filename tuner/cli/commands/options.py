@@ -19,6 +19,7 @@ from tuner.formats.documents import json_text
 from tuner.formats.files import write_text
 from tuner.formats.guard import printable
 from tuner.jobs import limited
+from tuner.stages import finished
 
 Command = Callable[..., Any]
 
@@ -76,6 +77,7 @@ class Output:
     def write(self, content: Mapping[str, Any]) -> None:
         """Write the JSON result, if one is wanted."""
         if self.json_file == "-":
+            finished()
             text = json_text(content)
             if (
                 "utf" not in (sys.stdout.encoding or "utf").lower()

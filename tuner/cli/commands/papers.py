@@ -8,6 +8,7 @@ import click
 
 from tuner.cli.commands.options import DIRECTORY, Output, common
 from tuner.cli.progress import Messages
+from tuner.stages import counted
 
 
 @click.command("papers", short_help="The three papers, reproduced and judged.")
@@ -54,11 +55,10 @@ def command(
     wanted = chosen(names)
     if output_directory is not None:
         (output_directory / "papers").mkdir(parents=True, exist_ok=True)
-    for name in wanted:
+    for name in counted(wanted):
         messages.say(f"{name} …")
         begin = time.perf_counter()
-        with messages.bar(name) as advance:
-            items.append(run(name, Settings(seed, small, advance)))
+        items.append(run(name, Settings(seed, small)))
         if output_directory is not None:
             from tuner.papers.figures import draw_item
 

@@ -9,6 +9,7 @@ import click
 from tuner.cli.commands.inputs import load_source
 from tuner.cli.commands.options import Output, Reading, common, paged, reading
 from tuner.cli.progress import Messages
+from tuner.stages import stage
 
 
 @click.command("plan", short_help="How long a static test must be.")
@@ -46,8 +47,11 @@ def command(
     from tuner.report.json.views import plan_json
     from tuner.report.terminal import show
 
+    stage("reading", 0.2)
     loaded = load_source(source, reading, messages) or source
+    stage("identifying the noise", 0.8)
     identification = identify_source(loaded, arma=None, progress=messages.say)
+    stage("planning", 1.0)
     plans = plan_test(identification, hours=hours, accuracy=accuracy)
     output.write(plan_json(plans))
     units = {axis: channel.unit for axis, channel in identification.channels.items()}

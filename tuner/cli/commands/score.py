@@ -10,6 +10,7 @@ import click
 from tuner.cli.commands.options import DIRECTORY, Output, common, stated_command, strict
 from tuner.cli.progress import Messages
 from tuner.formats.guard import printable
+from tuner.stages import counted, stage
 
 
 def _columns(_context: click.Context, parameter: click.Parameter, value: str | None) -> dict[str, str] | None:
@@ -123,8 +124,10 @@ def command(
     from tuner.report.output_score_tables import output_score_tables
     from tuner.report.terminal import show
 
+    stage("reading", 0.3)
     outputs = [
-        read_estimate(path, frame=frame, body=body, columns=columns, topic=topic) for path in estimates
+        read_estimate(path, frame=frame, body=body, columns=columns, topic=topic)
+        for path in counted(estimates)
     ]
     references = [
         read_estimate(
@@ -137,6 +140,7 @@ def command(
         )
         for path in truths
     ]
+    stage("scoring", 0.95)
     found = score_outputs(
         outputs,
         references,
@@ -156,6 +160,7 @@ def command(
         "runs": len(outputs),
         "seed": seed,
     }
+    stage("writing", 1.0)
     content = output_score_json(found, source=source)
     if output_dir is not None:
         from tuner.report.output_score_page import write_output_score

@@ -8,6 +8,7 @@ import click
 
 from tuner.cli.commands.options import POSITIVE, Output, common
 from tuner.cli.progress import Messages
+from tuner.stages import stage
 
 
 @click.command("simulate", short_help="A log or a drive of a sensor, with effects on request.")
@@ -61,6 +62,7 @@ def command(
     from tuner.simulation.simulate_source import simulate_source
     from tuner.types.records import Drive
 
+    stage("simulating", 0.5)
     made = simulate_source(
         sensor,
         trajectory=trajectory,
@@ -70,6 +72,7 @@ def command(
         effects=effects,
         seed=seed,
     )
+    stage("writing", 1.0)
     for note in made.notes:
         messages.say(note)
     if isinstance(made.data, Drive):

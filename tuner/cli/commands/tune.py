@@ -24,6 +24,7 @@ from tuner.cli.commands.options import (
     verbose,
 )
 from tuner.cli.progress import Messages
+from tuner.stages import stage
 
 
 @click.command("tune", short_help="The main job: from a log to a filter configuration, with report.")
@@ -89,8 +90,12 @@ def command(
             messages=messages,
         )
         return
-    result = tune(load_source(log, reading, messages), dialect=dialect, progress=messages.say, **how)
+    stage("reading the log", 0.1)
+    loaded = load_source(log, reading, messages)
+    stage("tuning", 0.8)
+    result = tune(loaded, dialect=dialect, progress=messages.say, **how)
     directory = output_dir or Path("tuner-out") / result.name
+    stage("drawing the page", 1.0)
     write_tune_result(result, directory, stated_command(click.get_current_context().obj))
     output.write(tune_json(result))
     if output.tables:

@@ -27,7 +27,7 @@ from tuner.consistency.output_causes.hypotheses import LOG_MAX_SCALE, ScaleHypot
 from tuner.consistency.output_causes.true_noise import TrueNoise
 from tuner.consistency.output_errors import OutputErrors
 from tuner.consistency.scores import EQUIVALENCE_MARGIN
-from tuner.jobs import counted
+from tuner.stages import counted
 from tuner.types.consistency import MeanError
 from tuner.types.output_score import OutputCause
 

@@ -24,8 +24,8 @@ from tuner.diagnosis.drive.staying_errors import (
     VELOCITY,
 )
 from tuner.formats.outage_words import PREDICTED_RATIOS
-from tuner.jobs import counted
 from tuner.navigation.drive.clock import Clock
+from tuner.stages import counted
 from tuner.types import FilterConfig
 from tuner.types.records import DataError, Drive
 

@@ -39,6 +39,7 @@ from tuner.formats.diagnosis import config_finding
 from tuner.navigation.drive.axis_checks import refuse_wrong_axes
 from tuner.navigation.drive.clock import Clock
 from tuner.navigation.drive.vehicle_constraints import turned_from
+from tuner.stages import stage, task
 from tuner.types import Compensation, DriveDiagnosis, FilterConfig, Gain, Parameter, Unexplained
 from tuner.types.records import DataError, Drive
 
@@ -100,16 +101,20 @@ def examine_drive(
         raise DataError(msg) from error
 
 
+@task()
 def _examine(
     drive: Drive, config: FilterConfig, wheels: bool, progress: Callable[[str], None] | None
 ) -> ExaminedDrive:
+    stage("filtering the drive", 0.1)
     sensor, every = thin_fixes(in_sensor_axes(drive))
     base = run_filter(sensor, Hypothesis.first(sensor, config, config.compensation))
     suspicious_clocks = clocks_are_suspicious(base)
     if suspicious_clocks:
         refuse_wrong_axes(drive)
     # A lever arm counts for the clocks only in axes that are known.
+    stage("finding the offset of the clocks", 0.2)
     coarse, clock = coarse_clock_search(placed_in_sensor_axes(drive), base.hypothesis)
+    stage("searching for causes", 0.85)
     outcome = search_causes(sensor, base, coarse, progress)
     measured = clock_coefficients(clock, config.compensation)
     outcome = replace(
@@ -127,6 +132,7 @@ def _examine(
     if lacking := config.constants.keys() - {CORRELATED_VELOCITY.name}:
         states = ", ".join(FILTER_STATES[name].meaning for name in config.constants if name in lacking)
         notes = (*notes, f"searched without the further states of the configuration: {states}")
+    stage("testing the findings on the last part of the drive", 1.0)
     gain = held_out_gain(sensor, outcome)
     seen, beyond = against_reference(drive, outcome.final, config.gnss)
     diagnosis = plausible(_diagnosis(drive, config, wheels, outcome, (*notes, *seen), gain), outcome.final)

@@ -8,19 +8,23 @@ from pathlib import Path
 from tuner.diagnosis.drive.diagnose import ExaminedDrive, examine_drive
 from tuner.diagnosis.drive.noise_scale_estimates import estimate_noise_scales
 from tuner.identification.identify_source import receiver_of_source
+from tuner.stages import stage, task
 from tuner.synthesis.from_drive import config_for_drive, config_of_drive, receiver_of, stationary_noise
 from tuner.types import FilterConfig, GnssNoise
 from tuner.types.progress import Progress, silent
 from tuner.types.records import DataError, Drive
 
 
+@task()
 def examine_and_explain(
     drive: Drive, config: FilterConfig, *, wheels: bool = False, progress: Progress
 ) -> ExaminedDrive:
     """Diagnose a drive and explain the factor that each noise setting needs; see `examine_drive`."""
     progress("diagnosing the drive (kernels are compiled on first use: some 20 s)")
+    stage("diagnosing the drive", 0.85)
     examined = examine_drive(drive, config, wheels=wheels, progress=progress)
     progress("estimating the scale of each noise setting")
+    stage("estimating the scale of each noise setting", 1.0)
     scales = estimate_noise_scales(examined, stationary_noise(drive).vibration)
     return replace(examined, diagnosis=replace(examined.diagnosis, noise_scales=scales))
 

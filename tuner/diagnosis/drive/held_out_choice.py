@@ -58,6 +58,7 @@ from tuner.navigation.drive.axis_checks import with_axes_found
 from tuner.navigation.drive.clock import Clock, clock_of_drive
 from tuner.navigation.drive.gross_outliers import without_gross_outliers
 from tuner.navigation.fix_sd_model import GNSS_NOISE_SCALE
+from tuner.stages import stage, task
 from tuner.types import FilterConfig
 from tuner.types.progress import Progress
 from tuner.types.records import DataError, Drive
@@ -108,6 +109,7 @@ class HeldOutChoice:
         return self.after is not None and all(low <= one.ratio <= high for one in self.after.outages)
 
 
+@task()
 def choose_config(
     drive: Drive, examined: ExaminedDrive, before: FilterConfig, after: FilterConfig, progress: Progress
 ) -> HeldOutChoice:
@@ -133,6 +135,7 @@ def choose_config(
     trial = Trial(drive, clock, begin, begin + FITTED_SHARE * (end - begin), end)
 
     progress("fitting the noise to outages of the first part of the drive")
+    stage("fitting the noise to outages of the first part of the drive", 0.5)
     written = _written(examined, before, after)
     candidates = first_candidates(trial, _fitted(examined, written, trial.cut))
     begun = trial.score("as it began", before, trial.cut, end)
@@ -144,6 +147,7 @@ def choose_config(
     candidates = sorted([*candidates, *refined(trial, best)], key=by_innovations)
     progress("judging the configurations on the last part of the drive")
 
+    stage("judging the settings on the last part of the drive", 1.0)
     outages = all_outages(trial.run_of("as it began", before), begin, end)
 
     def judged(one: Candidate) -> tuple[HeldOutChoice, Rank] | None:
@@ -156,6 +160,7 @@ def choose_config(
     return chosen
 
 
+@task()
 def first_of_best(
     rounds: Iterable[Iterable[Candidate]],
     judged: Callable[[Candidate], tuple[HeldOutChoice, Rank] | None],
@@ -178,6 +183,7 @@ def first_of_best(
     """
     chosen, rank = None, None
     for number, candidates in enumerate(rounds):
+        stage("", 1.0 - 0.5 ** (number + 1))
         for one in candidates:
             if rank is not None and one.best_rank >= rank:
                 continue

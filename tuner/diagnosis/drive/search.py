@@ -43,8 +43,8 @@ from tuner.diagnosis.drive.score_tests import (
     retest,
 )
 from tuner.diagnosis.static.outcome import TestResult
-from tuner.jobs import Advance, stages
 from tuner.navigation.fix_sd_model import GNSS_NOISE_SCALE
+from tuner.stages import stage, task
 from tuner.types import Alternative, Coefficient, Parameter
 from tuner.types.records import DataError, Drive
 
@@ -113,6 +113,7 @@ class SearchResult:
     notes: tuple[str, ...] = ()
 
 
+@task()
 def search_causes(
     drive: Drive,
     base: FilterRun,
@@ -132,19 +133,9 @@ def search_causes(
     progress : callable, optional
         Called with what is being done.
     """
-    with stages() as tell:
-        return _searched(drive, base, coarse, progress or (lambda _: None), tell)
-
-
-def _searched(
-    drive: Drive,
-    base: FilterRun,
-    coarse: Mapping[Parameter, float],
-    report: Callable[[str], None],
-    tell: Advance,
-) -> SearchResult:
-    """Return the result of a search that tells how many causes it took, of as many as seem to be left."""
+    report = progress or (lambda _: None)
     run = base
+    stage("searching for causes", 1 / (2 + STAGES_AFTER))
     accepted: list[Accepted] = []
     fitted = tuple(dict.fromkeys(parameter.cause for parameter in coarse))
     if fitted:
@@ -168,7 +159,7 @@ def _searched(
             for a in tests
             if a.is_significant(significance_threshold()) and a.credible and a.cause not in exhausted
         ]
-        tell(done + 1, done + 1 + len(significant) + STAGES_AFTER)
+        stage("searching for causes", (done + 2) / (done + 2 + len(significant) + STAGES_AFTER))
         if not significant:
             break
         chosen = max(significant, key=lambda a: a.result.gain)
@@ -207,6 +198,7 @@ def _searched(
             run = refit_constants(
                 drive, run_filter(drive, replace(then, errors_in_variables_bias=None)), fitted
             )
+    stage("testing the causes again", 1.0)
     if fitted:
         run = _with_errors_in_variables_bias(drive, run)
     run, accepted, fitted, notes = _without_unsupported_causes(drive, run, accepted, fitted)

@@ -29,6 +29,7 @@ from tuner.diagnosis.static.spectrum import aliasing as sampling
 from tuner.jobs import each
 from tuner.segments.conditions import without_knocks
 from tuner.segments.stationary import Segments
+from tuner.stages import stage, task
 from tuner.types import Diagnosis, Finding, Identification, Unexplained
 from tuner.types.records import DataError, Record
 
@@ -60,6 +61,7 @@ WHOLE_RECORD = "the whole record"
 """Where a misfit shows that no part of the record shows more than another."""
 
 
+@task()
 def diagnose(
     records: Record | Sequence[Record],
     *,
@@ -103,6 +105,7 @@ def diagnose(
     notes: list[str] = []
     refused: list[str] = []
     ready: list[Channel] = []
+    stage("testing the samples", 0.1)
     for record, tests in zip(sensors, each(data_quality_tests, sensors), strict=True):
         found += [_finding(t) for t in tests if t.p_value < limit and not t.note]
         notes += [f"{', '.join(t.channels)}: {t.text}" for t in tests if t.note]
@@ -139,6 +142,7 @@ def diagnose(
         final = outcome.final.without_caches
         return _Diagnosed(singles(part.axis, outcome, before), unexplained, final, before, after, found)
 
+    stage("searching for causes", 0.9)
     longest_first = sorted(parts, key=lambda part: -_colour(part[0]))
     found_in = dict(
         zip(
@@ -147,6 +151,7 @@ def diagnose(
             strict=True,
         )
     )
+    stage("comparing the axes", 1.0)
     for group in _by_clock([part for part, _ in parts]):
         smooth = {c.axis: one for c in group if (one := found_in[c.axis].outcome) is not None}
         changed = shared_shape.with_shared_shape(smooth)

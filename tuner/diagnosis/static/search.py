@@ -41,6 +41,7 @@ from tuner.diagnosis.static.near_twins import (
 from tuner.diagnosis.static.outcome import Accepted, TestResult
 from tuner.diagnosis.static.residual_checks import checks
 from tuner.diagnosis.static.variance.quantized_noise import hides_noise
+from tuner.stages import stage, task
 from tuner.types import Alternative
 
 MAX_PASSES = 16
@@ -58,6 +59,10 @@ while independent effects of like size do not cost a pass each.
 """
 GROUPS: tuple[Group, ...] = ("fast spectrum", "distribution", "slow part")
 """Groups of which one cause each can be accepted in the same pass."""
+
+
+PASS_SHARE = 0.7
+"""Share of a search that seems to be left after each pass, for those who watch: some three passes, then estimates."""
 
 
 @dataclass(frozen=True)
@@ -80,6 +85,7 @@ class SearchResult:
     unexplained: tuple[TestResult, ...]
 
 
+@task()
 def search_causes(channel: Channel, threshold: float, given: tuple[Extension, ...] = ()) -> SearchResult:
     """Search one channel for causes by tests of its residuals.
 
@@ -118,7 +124,8 @@ def search_causes(channel: Channel, threshold: float, given: tuple[Extension, ..
     results: tuple[TestResult, ...] = ()
     fresh = 0
     quiet: tuple[TestResult, ...] = ()
-    for _ in range(MAX_PASSES):
+    for passed in range(MAX_PASSES):
+        stage("", 1.0 - PASS_SHARE ** (passed + 1))
         before, results = results, hypothesis_tests(found, quiet)
         if quiet and not any(_rejections(results, threshold)):
             results = hypothesis_tests(found)
@@ -180,6 +187,7 @@ def search_causes(channel: Channel, threshold: float, given: tuple[Extension, ..
             found = residual(channel, refits, starts=found.starts, near=found)
         if any(x.cause == "temperature" for x in new):
             found, accepted = with_lag(found, accepted)
+    stage("", 1.0)
     found, accepted = _prune(found, accepted, threshold)
     found, accepted = without_lag(found, accepted)
     found, accepted = with_curve(*with_one_lag(found, accepted))

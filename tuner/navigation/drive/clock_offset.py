@@ -49,6 +49,7 @@ from tuner.navigation.drive.clock_regression import (
 from tuner.navigation.drive.integrated_increments import IntegratedIncrements, integrate_increments
 from tuner.navigation.drive.steady_rest import steady_steps
 from tuner.navigation.drive.thinning import irregular_rows
+from tuner.stages import counted, stage, task
 from tuner.types.records import Gnss
 
 FloatArray = NDArray[np.float64]
@@ -70,6 +71,8 @@ MAX_COARSE_SEGMENTS = 24
 """Segments that the coarse search uses, those with the largest accelerations."""
 MAX_STEPS = 12
 """Most steps of Gauss–Newton."""
+STEP_SHARE = 0.6
+"""Share of the work that seems to be left after each of them, for those who watch: mostly there are four."""
 MAX_STEP = 0.5
 """Longest of them, s."""
 MIN_STEP = 0.05
@@ -138,6 +141,7 @@ class ClockOffset:
         return student_quantile(0.975, self.freedom)
 
 
+@task()
 def estimate_clock_offset(steps: Steps, gnss: Gnss, lever_arm: Sequence[float] | None) -> ClockOffset | None:
     """Measure the delays of positions and velocities; None where the drive has no motion that could show them.
 
@@ -160,13 +164,17 @@ def estimate_clock_offset(steps: Steps, gnss: Gnss, lever_arm: Sequence[float] |
     if len(parts) < 2:
         return None
     arm = np.zeros(3) if lever_arm is None else np.asarray(lever_arm, dtype=float)
+    stage("", 0.5)
     bias = _gyro_bias(steps, gnss, arm)
     increments = integrate_increments(steps, bias)
     prior_sd = COMMON_PRIOR_SD.copy()
     if lever_arm is not None:
         prior_sd[2:5] = KNOWN_ARM_SD
+    stage("", 0.6)
     first, at_bound = _coarse(increments, parts, arm)
+    stage("", 0.9)
     found, change = _gauss_newton(increments, parts, arm, prior_sd, first, at_bound)
+    stage("", 1.0)
     for _ in range(MAX_BIAS_ROUNDS):
         if found is None or not found.significant or np.abs(change).max() < NEGLIGIBLE_BIAS:
             break
@@ -191,7 +199,7 @@ def _gyro_bias(steps: Steps, gnss: Gnss, arm: FloatArray) -> FloatArray:
     shortest = MIN_SEGMENT_FIXES * float(np.median(np.diff(gnss.t)))
     prior, free = np.diag(COMMON_PRIOR_SD**-2), np.zeros(COMMON_PARAMETERS, dtype=bool)
     free[-3:] = True
-    for duration in BIAS_SEGMENTS:
+    for duration in counted(BIAS_SEGMENTS):
         parts = segments(gnss, max(duration, shortest))
         increments = integrate_increments(steps, bias)
         weights = [unweighted(part, FIRST_SDS) for part in parts]
@@ -259,6 +267,7 @@ def _scatters(left: Sequence[tuple[FloatArray, FloatArray]]) -> FloatArray:
     return np.stack(out, axis=-1)
 
 
+@task()
 def _gauss_newton(
     increments: IntegratedIncrements,
     parts: Sequence[Segment],
@@ -283,6 +292,7 @@ def _gauss_newton(
 
     before = np.zeros(2)
     for step in range(MAX_STEPS):
+        stage("", 1.0 - STEP_SHARE ** (step + 1))
         for _ in range(FIRST_REWEIGHTINGS if step == 0 else 1):
             rows = linearized()
             own = [reweighted(part, one) for part, one in zip(parts, rows, strict=True)]
