@@ -14,6 +14,7 @@ import numpy as np
 from challenge.drives.earth import axes, geodetic
 from challenge.drives.errors import Errors
 from challenge.drives.items import KINDS, Item, item
+from challenge.drives.outside import Fixes, Outside
 from challenge.drives.scene import MG, Scene
 from challenge.drives.truth import turn
 from challenge.generator.noise import Noise
@@ -50,10 +51,16 @@ reference: its maker
 
 def drive(made: Item) -> dict[str, NDArray[Any]]:
     """Return the arrays of a drive; names and units of the project's input format."""
-    s, e = made.scene, made.errors
-    units, fixes = (np.random.default_rng([made.seed, number]) for number in (0, 1))
+    return arrays(made.scene, made.errors, made.seed)
+
+
+def arrays(s: Scene, e: Errors, seed: int, outside: Outside | None = None) -> dict[str, NDArray[Any]]:
+    """Return the arrays of a drive with errors, and with an effect outside the catalogue."""
+    units, fixes, more = (np.random.default_rng([seed, number]) for number in range(3))
     t, rates = _unit(s, e, units)
-    at, llh, vel = _fixes(s, e, fixes)
+    if outside is not None and outside.unit is not None:
+        rates = rates + outside.unit(t, s.truth.state(t - 0.5 / s.imu_rate), s, more)
+    at, llh, vel = _fixes(s, e, fixes, outside or Outside(), more)
     said = np.tile(np.array([*s.position_sd, *s.velocity_sd]), (len(at), 1))
     meta = {"imu_frame": "FRD", "mounting_rpy_deg": [0.0, 0.0, 0.0], "lever_arm_frd_m": list(s.arm)}
     return {
@@ -124,12 +131,24 @@ def _unit(s: Scene, e: Errors, rng: np.random.Generator) -> tuple[FloatArray, Fl
     return t, sensed + np.where(t[:, None] > e.jump_time, e.jump, 0.0)
 
 
-def _fixes(s: Scene, e: Errors, rng: np.random.Generator) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _seen(s: Scene, t: FloatArray, arm: FloatArray, off: FloatArray) -> Fixes:
+    """Return what a receiver sees at times t."""
+    x, velocity = s.truth.antenna(t, arm)
+    way = (x - x[:1]) @ axes(geodetic(x[:1]))[0]
+    return Fixes(t, s.truth.state(t), way, velocity, off)
+
+
+def _fixes(
+    s: Scene, e: Errors, rng: np.random.Generator, outside: Outside, more: np.random.Generator
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return stamps (k,), latitude and longitude in degrees with height (k, 3), velocities (k, 3)."""
     t = np.arange(1, int(s.duration * s.gnss_rate)) / s.gnss_rate
     k, arm = len(t), np.array(s.arm) + e.arm
-    x, _ = s.truth.antenna(t - e.delay, arm)
-    _, vel = s.truth.antenna(t - e.delay - e.lag, arm)
+    then = t - e.delay
+    if outside.late is not None:
+        then = then - outside.late(_seen(s, t, arm, np.zeros((k, 6))), s, more)
+    x, _ = s.truth.antenna(then, arm)
+    _, vel = s.truth.antenna(then - e.lag, arm)
     vel = vel @ turn(*(np.array([angle]) for angle in e.frame))[0].T
     sd = np.array([*s.position_sd, *s.velocity_sd])
     off = e.fixes * sd * rng.standard_normal((k, 6))
@@ -146,6 +165,8 @@ def _fixes(s: Scene, e: Errors, rng: np.random.Generator) -> tuple[FloatArray, F
     if e.wrong:
         which = rng.choice(np.arange(k // 10, k), e.wrong, replace=False)
         off[which, 3:] += e.wrong_rms / np.sqrt(3.0) * rng.standard_normal((e.wrong, 3))
+    if outside.fixes is not None:
+        off = outside.fixes(_seen(s, then, arm, off), s, more)
     local = axes(geodetic(x))
     llh = geodetic(x + np.einsum("nij,nj->ni", local, off[:, :3]))
     kept = np.ones(k, dtype=bool)

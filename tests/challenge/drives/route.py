@@ -6,6 +6,7 @@ A step rises along x⁴ (35 − 84 x + 70 x² − 20 x³), three times different
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,15 @@ Step = tuple[float, float, float]
 GRAVITY = 9.81
 LEAN = 0.03
 """Roll per lateral acceleration in g, outwards, rad."""
+
+
+class Motion(Protocol):
+    """What a route says."""
+
+    @property
+    def duration(self) -> float: ...
+
+    def motion(self, t: FloatArray) -> tuple[FloatArray, FloatArray]: ...
 
 
 @dataclass(frozen=True)
@@ -40,11 +50,13 @@ class Route:
     slope: tuple[Step, ...]
 
     def motion(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return speed (n,) and roll, pitch, yaw (n, 3)."""
+        """Return velocity north, east, down (n, 3) and roll, pitch, yaw (n, 3)."""
         speed, rate = rise(self.speed, t), slope_of(self.turn, t)
         roll = -LEAN * speed * rate / GRAVITY
-        pitch = rise(self.slope, t)
-        return speed, np.column_stack([roll, pitch, self.heading + rise(self.turn, t)])
+        pitch, yaw = rise(self.slope, t), self.heading + rise(self.turn, t)
+        flat = speed * np.cos(pitch)
+        vel = np.column_stack([flat * np.cos(yaw), flat * np.sin(yaw), -speed * np.sin(pitch)])
+        return vel, np.column_stack([roll, pitch, yaw])
 
 
 def rise(steps: tuple[Step, ...], t: FloatArray) -> FloatArray:

@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 from functools import cached_property
 
 import numpy as np
-from challenge.drives.route import Route, city, straight
+from challenge.drives.route import Motion, city, straight
 from challenge.drives.truth import Truth
 from challenge.generator.scene import log_uniform
 
@@ -36,7 +36,7 @@ class Scene:
         Errors of the receiver, north, east, down: true and reported.
     arm : tuple of 3 floats
         Lever arm as said, m.
-    route : Route
+    route : Motion
     start : tuple of 3 floats
         Latitude, longitude, rad, height, m.
     gaps : tuple of (begin, end)
@@ -59,7 +59,7 @@ class Scene:
     position_sd: tuple[float, float, float]
     velocity_sd: tuple[float, float, float]
     arm: tuple[float, float, float]
-    route: Route
+    route: Motion
     start: tuple[float, float, float]
     gaps: tuple[tuple[float, float], ...] = ()
     turn_on: float = 0.0

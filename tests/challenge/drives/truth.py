@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 from challenge.drives.earth import SPIN, axes, geodetic, gravity, place, radii
-from challenge.drives.route import Route
+from challenge.drives.route import Motion
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline, make_interp_spline
 
@@ -41,18 +41,14 @@ class State:
 class Truth:
     """A route from a place on Earth."""
 
-    route: Route
+    route: Motion
     start: tuple[float, float, float]
 
     @cached_property
     def _splines(self) -> tuple[BSpline, BSpline]:
         step = KNOTS / FINE
         t = np.arange(-2.0, self.route.duration + 2.0 + step, step)
-        speed, rpy = self.route.motion(t)
-        flat = speed * np.cos(rpy[:, 1])
-        vel = np.column_stack(
-            [flat * np.cos(rpy[:, 2]), flat * np.sin(rpy[:, 2]), -speed * np.sin(rpy[:, 1])]
-        )
+        vel, rpy = self.route.motion(t)
         llh = np.tile(np.array(self.start), (len(t), 1))
         for _ in range(3):  # the radii depend weakly on where it goes
             north, east = radii(llh)
