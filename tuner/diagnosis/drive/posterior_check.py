@@ -30,11 +30,12 @@ from tuner.diagnosis.drive.causes.correlated_gnss import CORRELATED_GNSS
 from tuner.diagnosis.drive.causes.correlated_velocity import CAUSE_CODE as CORRELATED_VELOCITY
 from tuner.diagnosis.drive.causes.sensor_bias import CAUSE_CODE as SENSOR_BIAS
 from tuner.diagnosis.drive.causes.time_offset import OFFSET_DELAY
+from tuner.diagnosis.drive.correlation_left import correlation_left
 from tuner.diagnosis.drive.hypothesis import FilterRun, Hypothesis
-from tuner.diagnosis.drive.linear_model.kalman_kernels import NAVIGATION_STATES
 from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, as_configured, evaluate
 from tuner.diagnosis.drive.linear_model.linearized_run import NOISE_GROUPS, LinearizedRun
 from tuner.diagnosis.drive.linear_model.whitened_innovations import whiten
+from tuner.diagnosis.drive.motion_errors import bias_columns, motion_errors
 from tuner.diagnosis.drive.score_tests import colour_factor, columns_of
 from tuner.diagnosis.drive.search import Accepted, SearchResult
 from tuner.navigation.settings import ACCELS, GYROS
@@ -112,9 +113,10 @@ def _thirds(values: FloatArray, among: NDArray[np.bool_]) -> IntArray:
 def with_something_else(findings: tuple[Finding, ...], outcome: SearchResult) -> tuple[Finding, ...]:
     """Return findings with something else among their alternatives where what they predict is not there.
 
-    Its weight is the posterior odds of deviations; of a cause that passes, the largest evidence against any cause as a
-    share of its own gain, and at least `MIN_WEIGHT` where that evidence outweighs the prior odds: then something is in
-    the drive that none of them describes.
+    Its weight is the posterior odds of deviations, or of an error in no cause in place of this one (`motion_errors`).
+    Of a cause that passes, it is the largest evidence against any cause, for an error beside all of them, or for
+    innovations that are not white (`correlation_left`), as a share of its own gain, and at least `MIN_WEIGHT` where
+    that evidence outweighs the prior odds: then something is in the drive that none of them describes.
 
     Parameters
     ----------
@@ -123,22 +125,37 @@ def with_something_else(findings: tuple[Finding, ...], outcome: SearchResult) ->
     outcome : SearchResult
         The search.
     """
-    found = checks(findings, outcome)
-    worst = max((one.evidence for one in found.values()), default=0.0)
+    if not findings:
+        return findings
+    found, instead = checks(findings, outcome), motion_errors(outcome)
+    beside, left = instead.pop(""), correlation_left(as_configured(outcome.final.linearized))
+    reasons = {
+        "something in the drive is explained by none of the findings": max(
+            [0.0, *(one.evidence for one in found.values()), *(one.evidence for one in instead.values())]
+        ),
+        f"beside all findings, there seems to be {beside.text}": beside.evidence,
+        left.text: left.evidence,
+    }
+    why_beside, worst = max(reasons.items(), key=lambda item: item[1])
     gains: dict[str, float] = {}
     for one in outcome.accepted:
         gains[one.cause] = max(gains.get(one.cause, 0.0), one.candidate.result.gain)
 
     def judged(one: Finding) -> Finding:
-        own = found.get(one.cause)
-        odds = PRIOR_ODDS * math.exp(min(own.evidence, 10.0)) if own is not None else 0.0
+        own, other = found.get(one.cause), instead.get(one.cause)
+        evidence = max(
+            -math.inf if own is None else own.evidence, -math.inf if other is None else other.evidence
+        )
+        odds = PRIOR_ODDS * math.exp(min(evidence, 10.0))
         gain = gains.get(one.cause, 0.5 * one.value**2 if one.cause == SENSOR_BIAS else math.inf)
-        beside = MIN_WEIGHT if worst > -math.log(PRIOR_ODDS) else 0.0
-        weight = min(1.0, max(odds, beside, worst / max(gain, worst, 1.0)))
+        least = MIN_WEIGHT if worst > -math.log(PRIOR_ODDS) else 0.0
+        weight = min(1.0, max(odds, least, worst / max(gain, worst, 1.0)))
         if weight < MIN_WEIGHT:
             return one
-        why = "something in the drive is explained by none of the findings"
-        if own is not None and odds >= MIN_WEIGHT:
+        why = why_beside
+        if odds >= MIN_WEIGHT and other is not None and other.evidence == evidence:
+            why = f"{other.text} explains the innovations better"
+        elif odds >= MIN_WEIGHT and own is not None:
             why = f"its effect differs between {BETWEEN[own.between]}"
         share = 100.0 * weight / (1.0 + weight + sum(a.score for a in one.alternatives))
         text = f"{one.text}; it stands for something else with {share:.0f} %: {why}"
@@ -260,9 +277,7 @@ def _effects(
         total = np.array([one.parameters[name.name].value or 0.0 for name in names])
         values = total - base.compensation.vector(names)
         found[one.cause] = linearized.B[:, :, own] @ values, linearized.D[:, :, own] @ values
-    # A bias of one unit between two fixes does what the transition makes of its state.
-    unit = linearized.transition[:, :, NAVIGATION_STATES : NAVIGATION_STATES + 6].copy()
-    unit[:, NAVIGATION_STATES:] = 0.0
+    unit = bias_columns(linearized)
     if run.hypothesis.jumps:
         jumped = np.zeros((k, n))
         for jump in run.hypothesis.jumps:
