@@ -15,6 +15,8 @@ import pytest
 
 from tuner.diagnosis.static.causes import motion
 from tuner.diagnosis.static.channel import channel
+from tuner.diagnosis.static.hypothesis_tests import threshold
+from tuner.diagnosis.static.search import search_causes
 from tuner.segments.multi_position import find_poses
 from tuner.types.records import Record
 
@@ -52,3 +54,10 @@ def test_search_for_motion_of_six_channels_takes_no_copy_of_one(sensors: tuple[R
     """Steps between block means are a quarter of a second apart."""
     six = [channel(record, axis) for record in sensors for axis in record.axes]
     assert columns_taken(lambda: motion.stretches(six)) < 1.0
+
+
+def test_search_for_causes_takes_few_columns(sensors: tuple[Record, Record]) -> None:
+    """Residuals, coefficients and squares are columns; spectra are in single precision and taken by turns."""
+    one = channel(sensors[0], "gyro_x")
+    limit = threshold(6)
+    assert columns_taken(lambda: search_causes(one, limit)) < 11.0

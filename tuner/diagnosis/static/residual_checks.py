@@ -121,8 +121,8 @@ def _law(fitted: Residual) -> tuple[TestResult, ...]:
     channel = fitted.channel
     if channel.clipped or channel.missing_codes or channel.deadband > 0.0:
         return ()
-    e = fitted.good / float(np.std(np.clip(fitted.good, -RESIDUAL_CLIP, RESIDUAL_CLIP)))
-    bins = histogram(np.clip(e, -RESIDUAL_CLIP, RESIDUAL_CLIP))
+    e = fitted.clipped if bool(fitted.valid.all()) else fitted.clipped[fitted.valid]
+    bins = histogram(fitted.good, clip=RESIDUAL_CLIP, sd=float(np.std(e, dtype=float)))
     z, share = bins.value, bins.count / bins.count.sum()
     statistic = len(e) * _smooth_statistic(z, share)
     moments = [float(share @ z**k) for k in (3, 4)]
@@ -142,8 +142,8 @@ def _smooth_statistic(z: FloatArray, share: FloatArray) -> float:
 def _law_of_means(fitted: Residual) -> tuple[TestResult, ...]:
     """Test the law of means of the residuals, which events and processes that are not normal bend."""
     name, tests = "law of the means of residuals", []
-    e = np.clip(fitted.e, -RESIDUAL_CLIP, RESIDUAL_CLIP)
-    means = e if bool(fitted.valid.all()) else np.where(fitted.valid, e, 0.0)
+    e = fitted.clipped
+    means = (e if bool(fitted.valid.all()) else np.where(fitted.valid, e, np.float32(0.0))).astype(float)
     sizes = [size for size in MEAN_SIZES if len(e) >= MIN_MEANS * size]
     for size, before in zip(sizes, (1, *sizes), strict=False):
         ratio = size // before
@@ -167,11 +167,12 @@ def _squares(fitted: Residual) -> tuple[TestResult, ...]:
     x = np.where(measured, local.square - 1.0, 0.0).astype(np.float32)
     size = next_fast_len(len(x), real=True)
     wave = rfft(x, size)
-    power = (wave.real**2 + wave.imag**2).astype(float)
+    power = wave.real**2
+    power += wave.imag**2
     first, last = int(np.ceil(MIN_CYCLES * size / len(x))), len(power) - 1
     edges = np.unique(np.geomspace(first, last, int(np.log2(last / first)) + 1).astype(int))
     count = np.diff(edges)
-    mean = np.add.reduceat(power[: edges[-1]], edges[:-1]) / count
+    mean = np.add.reduceat(power[: edges[-1]], edges[:-1], dtype=float) / count
     mean /= _squares_of_colour(fitted, 0.5 * (edges[1:] + edges[:-1]) / size)
     relative = mean / float(count @ mean / count.sum())
     deviate = variance_deviate(relative, 2.0 * count * len(x) / size)
@@ -186,7 +187,7 @@ def _squares_of_colour(fitted: Residual, cycles: FloatArray) -> FloatArray:
     """Return the spectrum of the squares of normal numbers as coloured as the residuals, 1 if not; cycles a sample."""
     power = fitted.periodogram
     edges = np.linspace(0, len(power), min(COLOUR_LAGS * 4, len(power)) + 1).astype(int)
-    mean = np.add.reduceat(power, edges[:-1]) / np.diff(edges)
+    mean = np.add.reduceat(power, edges[:-1], dtype=float) / np.diff(edges)
     lag = np.arange(1, COLOUR_LAGS)
     middle = 0.25 * (edges[1:] + edges[:-1]) / len(power)
     r = np.cos(2.0 * np.pi * np.outer(lag, middle)) @ mean / mean.sum()
@@ -196,9 +197,7 @@ def _squares_of_colour(fitted: Residual, cycles: FloatArray) -> FloatArray:
 
 def _spectrum_in_time(fitted: Residual) -> TestResult:
     """Test whether the shape of the fast spectrum stays the same through the record."""
-    e = fitted.e.astype(np.float32)
-    np.clip(e, -RESIDUAL_CLIP, RESIDUAL_CLIP, out=e)
-    tests = [_cells(fitted, e, parts, bands) for parts, bands in TIME_FREQUENCY_GRIDS]
+    tests = [_cells(fitted, fitted.clipped, parts, bands) for parts, bands in TIME_FREQUENCY_GRIDS]
     return min(tests, key=lambda test: test.p_value)
 
 
@@ -211,9 +210,11 @@ def _cells(fitted: Residual, e: NDArray[np.float32], parts: int, bands: int) -> 
     count = np.diff(edges)
     if len(count) < 2 or count.min() < MIN_ORDINATES:
         return TestResult("spectrum in time", 1.0, 0.0, 0.0, name)
-    wave = rfft(e[: parts * size].reshape(parts, size))
-    power = (wave.real**2 + wave.imag**2)[:, : edges[-1]]
-    cell = np.asarray(np.add.reduceat(power, edges[:-1], axis=1) / count, dtype=float)
+    cell = np.empty((parts, len(count)))
+    for number in range(parts):
+        wave = rfft(e[number * size : (number + 1) * size])[: edges[-1]]
+        power = wave.real**2 + wave.imag**2
+        cell[number] = np.add.reduceat(power, edges[:-1], dtype=float) / count
     for _ in range(2):
         cell = cell / (cell @ count / count.sum())[:, None]
         cell = cell / cell.mean(axis=0)

@@ -125,14 +125,18 @@ class _Window:
 
 def _largest_variance(local: LocalVariance) -> _Window:
     """Return the least likely of all windows."""
-    n = len(local.square)
-    total, scatter = (np.concatenate(([0.0], np.cumsum(x))) for x in (local.square, local.scatter))
+    n, step = len(local.square), MIN_WINDOW // 4
+    total, scatter = (
+        np.concatenate(([0.0], np.cumsum(x[: n // step * step].reshape(-1, step).sum(axis=1))))
+        for x in (local.square, local.scatter)
+    )
     best = _Window(1.0, 0, MIN_WINDOW, 1.0)
     widths = _widths(n)
     for width in widths:
         start = np.arange(0, n - width, width // 4)
-        mean = (total[start + width] - total[start]) / width
-        freedom = 2.0 * width**2 / np.maximum(scatter[start + width] - scatter[start], 1e-9)
+        a, b = start // step, (start + width) // step
+        mean = (total[b] - total[a]) / width
+        freedom = 2.0 * width**2 / np.maximum(scatter[b] - scatter[a], 1e-9)
         deviate = np.abs(local.deviate(mean, freedom * (1.0 - width / n)))
         at = int(np.argmax(deviate))
         chance = float(norm.sf(deviate[at])) * len(start) * len(widths)

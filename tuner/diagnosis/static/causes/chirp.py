@@ -29,7 +29,7 @@ from scipy.stats import gamma
 
 from tuner.diagnosis.static.causes.base import Extension
 from tuner.diagnosis.static.channel import Channel
-from tuner.diagnosis.static.model.residual import RESIDUAL_CLIP, Residual
+from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.outcome import TestResult
 
 FloatArray = NDArray[np.float64]
@@ -79,11 +79,10 @@ class Sweep(Extension):
     @classmethod
     def test(cls, fitted: Residual) -> TestResult:
         """Search the residuals for a tone that sweeps from one end of the record to the other."""
-        e = np.clip(fitted.e, -RESIDUAL_CLIP, RESIDUAL_CLIP)
+        e = fitted.clipped
         tried = [parts for parts in PARTS if len(e) >= MIN_PART_SAMPLES * parts]
         slowest = {parts: parts // 4 if parts > min(tried) else MIN_TRACK_MOTION for parts in tried}
-        single = e.astype(np.float32)
-        tracks = [track for parts in tried if (track := _clearest(single, parts, slowest[parts])) is not None]
+        tracks = [track for parts in tried if (track := _clearest(e, parts, slowest[parts])) is not None]
         if not tracks:
             return TestResult(Sweep.cause, 1.0, -9.0, 0.0, Sweep.meaning)
         best = min(tracks, key=lambda track: track.chance)
@@ -115,48 +114,67 @@ def _clearest(e: SingleArray, parts: int, slowest: int) -> _Track | None:
 
     It moves by `slowest` half bins at least.
     """
-    size = len(e) // parts
-    spectrum = rfft(e[: parts * size].reshape(parts, size), 2 * size)[:, MIN_HALF_BIN:-1]
-    power = spectrum.real**2 + spectrum.imag**2
-    power /= power.mean(axis=1, keepdims=True)
-    power /= power.mean(axis=0)
+    power = _powers(e, parts)
+    width, size = power.shape[1], len(e) // parts
     best = None
-    width = power.shape[1]
     for mirrored in (False, True):
-        sums = _sums(power[:, ::-1] if mirrored else power)[slowest:]
-        sums = np.asarray(sums / np.maximum(_beside(sums) / parts, 1.0), dtype=np.float32)
-        drift, at = np.unravel_index(int(np.argmax(sums)), sums.shape)
-        moved = np.array([at, min(at + drift + slowest, width - 1)])
+        most, drift, at = 0.0, slowest, 0
+        for rise, sums in enumerate(_sums(power[:, ::-1] if mirrored else power)[slowest:], start=slowest):
+            if sums.max() <= most:  # what is beside can only lower them
+                continue
+            above = sums / np.maximum(_beside(sums) / np.float32(parts), 1.0)
+            if above.max() > most:
+                most, drift, at = float(above.max()), rise, int(np.argmax(above))
+        moved = np.array([at, min(at + drift, width - 1)])
         ends = (MIN_HALF_BIN + (width - 1 - moved if mirrored else moved)) / (2.0 * size)
-        most = float(sums[drift, at])
-        chance = 2.0 * sums.size * float(gamma.sf(most, parts))
+        chance = 2.0 * (parts - slowest) * width * float(gamma.sf(most, parts))
         if chance < (best.chance if best else 1.0):
             best = _Track(chance, most - parts, Sweep(float(ends[0]), float(ends[1]), parts))
     return best
 
 
+def _powers(e: SingleArray, parts: int) -> SingleArray:
+    """Return the periodograms of even parts on half bins ÷ the means of their part and frequency, (parts, F)."""
+    size = len(e) // parts
+    power = np.empty((parts, size - MIN_HALF_BIN), np.float32)
+    for number, row in enumerate(power):
+        wave = rfft(e[number * size : (number + 1) * size], 2 * size)[MIN_HALF_BIN:-1]
+        np.add(wave.real**2, wave.imag**2, out=row)
+        row /= row.mean()
+    power /= power.mean(axis=0)
+    return power
+
+
 def _sums(power: SingleArray) -> SingleArray:
     """Return the sums along all tracks that rise by d < K, of powers (K, F): shape (K, F), by d and first frequency."""
-    sums = power[:, None, :]
-    width = power.shape[1]
-    while len(sums) > 1:
-        first, second = sums[::2], sums[1::2]
-        sums = np.repeat(first, 2, axis=1)
-        for d in range(sums.shape[1]):
-            shift = (d + 1) // 2
-            if shift < width:
-                sums[:, d, : width - shift] += second[:, d // 2, shift:]
-    return np.asarray(sums[0])
+    number, width = power.shape
+    before, after = power, np.empty_like(power)
+    length = 1
+    while (
+        length < number
+    ):  # tracks through `length` parts, one after the other, become those through twice as many
+        first, second = before.reshape(-1, 2, length, width).swapaxes(0, 1)
+        sums = after.reshape(-1, 2 * length, width)
+        for d in range(2 * length):
+            shift = min((d + 1) // 2, width)
+            np.add(
+                first[:, d // 2, : width - shift],
+                second[:, d // 2, shift:],
+                out=sums[:, d, : width - shift],
+            )
+            sums[:, d, width - shift :] = first[:, d // 2, width - shift :]
+        before, after, length = after, np.empty_like(power) if before is power else before, 2 * length
+    return before
 
 
 def _beside(sums: SingleArray) -> SingleArray:
-    """Return the mean sum of the parallel tracks beside each, shape of `sums`."""
+    """Return the mean sum of the parallel tracks beside each, of tracks of one rise by first frequency, (F,)."""
     outer, inner = 2 * FAR_TRACK_DISTANCE + 1, 2 * NEAR_TRACK_DISTANCE - 1
-    wide, narrow = (uniform_filter1d(sums, size, axis=1, mode="nearest") for size in (outer, inner))
+    wide, narrow = (uniform_filter1d(sums, size, mode="nearest") for size in (outer, inner))
     return np.asarray((outer * wide - inner * narrow) / (outer - inner))
 
 
-def _placed(e: FloatArray, tone: Sweep) -> Sweep:
+def _placed(e: SingleArray, tone: Sweep) -> Sweep:
     """Return the tone with the ends, within two half bins, at which its parts have most power."""
     size = len(e) // tone.parts // PART_PIECES
     n = tone.parts * PART_PIECES * size

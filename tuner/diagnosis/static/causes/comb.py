@@ -114,7 +114,8 @@ def _best_period(fitted: Residual) -> tuple[float, float, int]:
     """Return the largest mean of the autocorrelation over multiples, in sds, its period, samples, and their number."""
     n = len(fitted.e)
     power = fitted.spectrum[1]
-    r = irfft(np.concatenate(([0.0], power)), 2 * len(power))[: n // 2] * np.sqrt(n)
+    reach = min(n // 2, int(MAX_PERIOD * PERIOD_MULTIPLES) + 2)
+    r = irfft(np.concatenate((np.zeros(1, np.float32), power)), 2 * len(power))[:reach] * np.sqrt(n)
     r = (r[:-1] + r[1:]) / np.sqrt(2.0)
     periods = np.arange(MIN_PERIOD, min(MAX_PERIOD, (len(r) - 1) / MIN_MULTIPLES), 1.0 / PERIOD_MULTIPLES)
     if not len(periods):

@@ -26,7 +26,7 @@ from models.effects.static.spectral import Line as Effect
 from tuner.diagnosis.static.causes import vibration
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.channel import Channel
-from tuner.diagnosis.static.model.residual import RESIDUAL_CLIP, Residual
+from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.spectrum.background import FIRST_ORDINATE, local_level
 
@@ -113,9 +113,9 @@ def _chance(height: float, n: int) -> float:
 
 def _peak(fitted: Residual, near: float, level: float) -> tuple[float, float]:
     """Return the height of the peak next to a frequency over a level, and its frequency, Hz."""
-    n, e = len(fitted.e), np.clip(fitted.e, -RESIDUAL_CLIP, RESIDUAL_CLIP)
+    n, e = len(fitted.e), fitted.clipped
     f, amplitude = _tone(fitted, near)
-    return 0.25 * n * abs(amplitude) ** 2 / (float(np.mean(e * e)) * level), f
+    return 0.25 * n * abs(amplitude) ** 2 / (float(np.mean(e * e, dtype=float)) * level), f
 
 
 def extension(fitted: Residual, near: float) -> Line:
@@ -140,10 +140,9 @@ def extension(fitted: Residual, near: float) -> Line:
 def _tone(fitted: Residual, near: float) -> tuple[float, complex]:
     """Return the frequency, Hz, next to a given one at which the clipped residuals have most power, and c − i s."""
     n, dt = len(fitted.e), fitted.channel.interval
-    e = np.clip(fitted.e, -RESIDUAL_CLIP, RESIDUAL_CLIP)
     span = n * dt
     size = fitted.channel.block
-    turned = e.reshape(-1, size) @ np.exp(-2j * np.pi * near * dt * np.arange(size))
+    turned = fitted.clipped.reshape(-1, size) @ np.exp(-2j * np.pi * near * dt * np.arange(size))
     start = 2.0 * np.pi * dt * size * np.arange(n // size)
     middle = np.pi * dt * (size - 1)
 

@@ -26,6 +26,7 @@ from tuner.diagnosis.static.variance.local_variance import local_variance
 from tuner.diagnosis.static.variance.white_share import dilution
 
 FloatArray = NDArray[np.float64]
+SingleArray = NDArray[np.float32]
 
 MIN_CYCLES = 64
 """Least number of periods in a record: slower changes are seen in the variance of its parts."""
@@ -79,10 +80,13 @@ class PeriodicVariance(Extension):
         """Search the squares of the residuals for a period."""
         local, interval = local_variance(fitted), fitted.channel.interval
         measured = local.scatter > 0.0
-        x = np.where(measured, local.square - 1.0, 0.0) / np.sqrt(local.kappa)
+        x = ((local.square - 1.0) / np.sqrt(local.kappa)).astype(np.float32)
+        x[~measured] = 0.0
         size = next_fast_len(len(x), real=True)
         wave = rfft(x, size)
-        power = np.abs(wave) ** 2 / max(int(measured.sum()), 1)
+        power = wave.real**2
+        power += wave.imag**2
+        power /= np.float32(max(int(measured.sum()), 1))
         first = int(np.ceil(MIN_CYCLES * size / len(x)))
         name = "largest ordinate of the spectrum of the squared residuals"
         if float(power[first:].max()) < MIN_ORDINATE:
@@ -101,7 +105,7 @@ class PeriodicVariance(Extension):
         return float(np.mean(np.exp(self.course(4096)) > np.exp(self.course(4096)).mean()))
 
 
-def _extension(fitted: Residual, x: FloatArray, near: float) -> PeriodicVariance:
+def _extension(fitted: Residual, x: SingleArray, near: float) -> PeriodicVariance:
     """Return the period next to a frequency, Hz, with its depth; `x` are the squares less 1 ÷ their sd, shape (n,)."""
     n, dt = len(x), fitted.channel.interval
     tried = near + np.linspace(-0.6, 0.6, 13) / (n * dt)
@@ -130,7 +134,7 @@ def _extension(fitted: Residual, x: FloatArray, near: float) -> PeriodicVariance
     return PeriodicVariance(frequency, depth, float(np.angle(wave)), dt, values=values)
 
 
-def _wave(x: FloatArray, f: float, near: float, block: int) -> complex:
+def _wave(x: SingleArray, f: float, near: float, block: int) -> complex:
     """Return Σ x exp(−2πi f k), f in cycles a sample; within blocks the turn is that of a frequency `near` by."""
     sums = x.reshape(-1, block) @ np.exp(-2j * np.pi * near * np.arange(block))
     middle = 0.5 * (f - near) * (block - 1)

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm, poisson
@@ -21,11 +22,12 @@ from scipy.stats import norm, poisson
 from tuner.diagnosis.static.causes.base import Extension
 from tuner.diagnosis.static.causes.recovery import MIN_BLOCKS
 from tuner.diagnosis.static.channel import Channel
-from tuner.diagnosis.static.model.residual import RESIDUAL_CLIP, Residual
+from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.outcome import NO_GAIN, TestResult
 
 FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.intp]
+IntArray = NDArray[np.int64]
+SingleArray = NDArray[np.float32]
 
 SHORTEST_TIME, TIME_RATIO = 4.0, 2.5
 """Shortest time constant, samples, and from one to the next: one between two has 0.95 of the product with either."""
@@ -55,16 +57,22 @@ class Transients(Extension):
     @classmethod
     def test(cls, fitted: Residual) -> TestResult:
         """Count excursions of the products of the residuals with a decay."""
-        e = np.where(fitted.valid, np.clip(fitted.e, -RESIDUAL_CLIP, RESIDUAL_CLIP), 0.0)
+        e = (
+            fitted.clipped
+            if bool(fitted.valid.all())
+            else np.where(fitted.valid, fitted.clipped, np.float32(0.0))
+        )
         longest = max(MIN_BLOCKS * fitted.channel.block, SHORTEST_TIME)
         constants = SHORTEST_TIME * TIME_RATIO ** np.arange(
             int(np.log(longest / SHORTEST_TIME) / np.log(TIME_RATIO)) + 1
         )
         best, chosen = 1.0, SHORTEST_TIME
-        for constant in constants.tolist():
-            size = np.abs(_products(e, constant))
+        decay = np.exp(-1.0 / constants)
+        which, at, product = _beyond(e, decay, np.sqrt(-np.expm1(-2.0 / constants)), LEVELS[0])
+        for k, constant in enumerate(constants.tolist()):
+            places, size = at[which == k][::-1], np.abs(product[which == k])[::-1]
             for level in LEVELS:
-                number = len(_excursions(size, level, constant))
+                number = len(_excursions(places[size > level], constant))
                 if not number:
                     break
                 mean = 2.0 * len(e) / constant * level * norm.pdf(level)
@@ -73,17 +81,21 @@ class Transients(Extension):
         p_value = min(1.0, best * len(constants) * len(LEVELS))
         if p_value > 1e-3:
             return TestResult(cls.cause, p_value, NO_GAIN, 0.0, cls.meaning)
-        z = _products(e, chosen)
-        size = np.abs(z)
-        peaks = [int(at[np.argmax(size[at])]) for at in _excursions(size, LEVELS[0], chosen)]
+        mine = which == constants.tolist().index(chosen)
+        z = dict(zip(at[mine].tolist(), product[mine].tolist(), strict=True))
+        peaks = [
+            max(group.tolist(), key=lambda place: abs(z[place]))
+            for group in _excursions(at[mine][::-1], chosen)
+        ]
+        size = np.abs([z[place] for place in peaks])
         price = np.log(len(e) / chosen)
-        gain = float(np.sum(np.maximum(0.5 * size[peaks] ** 2 - price, 0.0)))
+        gain = float(np.sum(np.maximum(0.5 * size**2 - price, 0.0)))
         dt, start = fitted.channel.interval, fitted.channel.start
-        largest = max(peaks, key=lambda at: float(size[at]))
+        largest = peaks[int(np.argmax(size))]
         place = f"{len(peaks)} that decay in {chosen * dt:.2g} s, largest at {start + largest * dt:.6g} s"
         half = fitted.power[-max(1, len(fitted.power) // 2) :]
         white = fitted.spread * float(np.sqrt(half.mean() / dt))
-        sizes = white * np.sqrt(-np.expm1(-2.0 / chosen)) * z[peaks]
+        sizes = white * np.sqrt(-np.expm1(-2.0 / chosen)) * np.array([z[place] for place in peaks])
         found = cls(tuple(peaks), tuple(sizes.tolist()), chosen)
         return TestResult(
             cls.cause,
@@ -104,12 +116,34 @@ def _decaying(begun: FloatArray, constant: float) -> FloatArray:
     return np.asarray(lfilter([1.0], [1.0, -np.exp(-1.0 / constant)], begun))
 
 
-def _products(e: FloatArray, constant: float) -> FloatArray:
-    """Return the products of residuals with a decay from each sample on, of unit variance, shape (n,)."""
-    return np.asarray(np.sqrt(-np.expm1(-2.0 / constant)) * _decaying(e[::-1], constant)[::-1])
+@numba.njit(cache=True, nogil=True)  # type: ignore[misc, unused-ignore]
+def _beyond(
+    e: SingleArray, decay: FloatArray, scale: FloatArray, level: float
+) -> tuple[IntArray, IntArray, FloatArray]:
+    """Return where products of residuals with decays from each sample on, of unit variance, are beyond a level.
+
+    Which of the decays (q,), the sample, and the product, the last samples first.
+    """
+    which, at, product = (
+        [np.int64(0) for _ in range(0)],
+        [np.int64(0) for _ in range(0)],
+        [0.0 for _ in range(0)],
+    )
+    total, least = np.zeros(decay.size), level / scale
+    for i in range(e.size - 1, -1, -1):
+        beyond = False
+        for k in range(decay.size):
+            total[k] = decay[k] * total[k] + e[i]
+            beyond |= abs(total[k]) > least[k]
+        if beyond:
+            for k in range(decay.size):
+                if abs(total[k]) > least[k]:
+                    which.append(np.int64(k))
+                    at.append(np.int64(i))
+                    product.append(scale[k] * total[k])
+    return np.array(which, np.int64), np.array(at, np.int64), np.array(product, np.float64)
 
 
-def _excursions(size: FloatArray, level: float, constant: float) -> list[IntArray]:
-    """Return the samples beyond a level, those within two time constants of each other together."""
-    at = np.flatnonzero(size > level)
+def _excursions(at: IntArray, constant: float) -> list[IntArray]:
+    """Return samples, in order of time, those within two time constants of each other together."""
     return np.split(at, np.flatnonzero(np.diff(at) > 2.0 * constant) + 1) if len(at) else []

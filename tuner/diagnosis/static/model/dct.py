@@ -13,6 +13,8 @@ References
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct, dst, idct
@@ -22,6 +24,7 @@ from tuner.diagnosis.static.channel import Channel
 from tuner.identification.periodogram import CosinePeriodogram
 
 FloatArray = NDArray[np.float64]
+Real = TypeVar("Real", np.float32, np.float64)
 
 MAX_SQUARE = 30.0
 """Largest square of a coefficient that enters the noise fit, in units of its neighbours'; lines are larger.
@@ -39,12 +42,16 @@ Within 2 % of frequency the spectra of the terms are flat.
 
 def transform(y: FloatArray, interval: float) -> FloatArray:
     """Return the coefficients a_0 … a_{n-1} of n samples."""
-    return np.asarray(np.sqrt(interval) * dct(y, norm="ortho"))
+    a: FloatArray = dct(y, norm="ortho")
+    a *= np.sqrt(interval)
+    return a
 
 
 def inverse(a: FloatArray, interval: float) -> FloatArray:
-    """Return the samples of n coefficients."""
-    return np.asarray(idct(a, norm="ortho") / np.sqrt(interval))
+    """Return the samples of n coefficients, which may be written over."""
+    y: FloatArray = idct(a, norm="ortho", overwrite_x=True)
+    y /= np.sqrt(interval)
+    return y
 
 
 def block_transform(columns: FloatArray, channel: Channel, singles: int) -> FloatArray:
@@ -89,9 +96,11 @@ def grid(a: FloatArray, interval: float, singles: int) -> CosinePeriodogram:
     """
     n = len(a)
     span = n * interval
-    level = _level(a[1:] ** 2)
-    capped = np.clip(a[1:], -np.sqrt(MAX_SQUARE * level), np.sqrt(MAX_SQUARE * level))
-    capped[:UNCAPPED_COEFFICIENTS] = a[1 : UNCAPPED_COEFFICIENTS + 1]
+    square = a[1:] ** 2
+    most = _level(square)
+    most *= MAX_SQUARE
+    most[:UNCAPPED_COEFFICIENTS] = np.inf
+    np.minimum(square, most, out=square)
     low = min(singles, n - 1)
     order = np.arange(1.0, low + 1.0)
     edges = np.unique(
@@ -99,13 +108,13 @@ def grid(a: FloatArray, interval: float, singles: int) -> CosinePeriodogram:
     )
     count = np.diff(edges).astype(float)
     cells = len(count)
-    power = np.add.reduceat(capped[: edges[-1]] ** 2, edges[:-1]) / count if cells else np.empty(0)
+    power = np.add.reduceat(square[: edges[-1]], edges[:-1]) / count if cells else np.empty(0)
     mean_order = 0.5 * (edges[:-1] + edges[1:] + 1.0)
     orders = np.concatenate((order, mean_order))
     return CosinePeriodogram(
         interval=interval,
         frequency=orders / (2.0 * span),
-        amplitude=np.concatenate((capped[:low], np.sqrt(power))),
+        amplitude=np.concatenate((np.copysign(np.sqrt(square[:low]), a[1 : low + 1]), np.sqrt(power))),
         count=np.concatenate((np.ones(low), count)),
         order=orders,
         parity=np.concatenate(((-1.0) ** order, np.zeros(cells))),
@@ -121,14 +130,15 @@ def _level(power: FloatArray) -> FloatArray:
     if n == 0:
         return np.full(len(power), np.median(power) / MEDIAN_OF_CHI2)
     median = np.median(power[:n].reshape(-1, width), axis=1) / MEDIAN_OF_CHI2
-    return np.exp(between_middles(np.log(np.maximum(median, 1e-300)), width, len(power)))
+    level = between_middles(np.log(np.maximum(median, 1e-300)), width, len(power))
+    return np.asarray(np.exp(level, out=level))
 
 
-def between_middles(values: FloatArray, width: int, n: int) -> FloatArray:
+def between_middles(values: NDArray[Real], width: int, n: int) -> NDArray[Real]:
     """Return n numbers on straight lines between values at the middles of stretches of `width`; level beyond them."""
-    out = np.empty(n)
+    out = np.empty(n, values.dtype)
     first = (width + 1) // 2
-    share = (np.arange(width) + 0.5 * (width % 2)) / width
+    share = ((np.arange(width) + 0.5 * (width % 2)) / width).astype(values.dtype)
     last = first + (len(values) - 1) * width
     out[:first], out[last:] = values[0], values[-1]
     lines = out[first:last].reshape(-1, width)

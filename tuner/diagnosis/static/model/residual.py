@@ -28,6 +28,7 @@ from tuner.diagnosis.static.model.null_distributions import SLOW_RATIO_FACTOR
 from tuner.diagnosis.static.model.slow_likelihood import BASES, Fit, Kinds, Track
 
 FloatArray = NDArray[np.float64]
+SingleArray = NDArray[np.float32]
 T = TypeVar("T")
 
 SPECTRUM_KNOTS = 8192
@@ -37,6 +38,8 @@ MIN_PROMISED_RATIO = 4.0
 
 In simulations the score foretold 0.3 to 1.3 of ratios above 4; a finding needs 20 and more.
 """
+SAMPLES_AT_ONCE = 1 << 16
+"""Numbers treated at a time, so that what is computed on the way stays in the cache of a processor."""
 RESIDUAL_CLIP = 5.0
 """Sds at which residuals are cut for tests of the spectrum and of the variance.
 
@@ -145,10 +148,16 @@ class Residual:
     def power(self) -> FloatArray:
         """Expected power of each coefficient 1 … n-1."""
         n, dt, low = len(self.cleaned), self.channel.interval, self.track.singles
-        order = np.arange(low + 1.0, n)
         knots = spectrum_knots(low + 1, n)
         smooth = self.smooth_power(knots / (2.0 * n * dt))
-        return np.concatenate((self.fit.expected[:low], np.interp(order, knots, smooth) + self.peaks[low:]))
+        power = np.empty(n - 1)
+        power[:low] = self.fit.expected[:low]
+        for first in range(low, n - 1, SAMPLES_AT_ONCE):
+            last = min(first + SAMPLES_AT_ONCE, n - 1)
+            power[first:last] = np.interp(np.arange(first + 1.0, last + 1.0), knots, smooth)
+        if self.has_peaks:
+            power[low:] += self.peaks[low:]
+        return power
 
     def smooth_power(self, f: FloatArray, further: Iterable[Term] = ()) -> FloatArray:
         """Return the spectrum without peaks at frequencies `f`, Hz: white noise behind the filters, and other terms."""
@@ -157,10 +166,17 @@ class Residual:
         others = NoiseModel([*(term for term in terms if not isinstance(term, White)), *further])
         return np.asarray(white * gain_of(self.extensions, f, dt) + others.psd(f, interval=dt))
 
+    @property
+    def has_peaks(self) -> bool:
+        """Whether an extension adds power to single coefficients."""
+        return any(type(extension).power is not Extension.power for extension in self.extensions)
+
     @cached_property
     def peaks(self) -> FloatArray:
-        """Power that the extensions add to each coefficient 1 … n-1."""
+        """Power that the extensions add to each coefficient 1 … n-1, zeros without memory where none does."""
         n, dt = len(self.cleaned), self.channel.interval
+        if not self.has_peaks:
+            return np.broadcast_to(0.0, n - 1)
         total, f = np.zeros(n - 1), np.arange(1.0, n) / (2.0 * n * dt)
         for extension in self.extensions:
             if type(extension).power is not Extension.power:
@@ -187,15 +203,23 @@ class Residual:
     @cached_property
     def scaled(self) -> tuple[FloatArray, float]:
         """Residuals of unit robust variance, and what they were divided by."""
-        whitened = np.zeros_like(self.coefficients)
-        whitened[1:] = self.coefficients[1:]
-        whitened[1 : self.track.singles + 1] -= self.track.columns @ self.fit.beta
-        whitened[1:] /= np.sqrt(self.power)
-        e = inverse(whitened, 1.0)
+        e = self.coefficients.copy()
+        e[0] = 0.0
+        e[1 : self.track.singles + 1] -= self.track.columns @ self.fit.beta
+        for first in range(1, len(e), SAMPLES_AT_ONCE):
+            e[first : first + SAMPLES_AT_ONCE] /= np.sqrt(self.power[first - 1 : first - 1 + SAMPLES_AT_ONCE])
+        e = inverse(e, 1.0)
         for extension in self.extensions:
             e = extension.whiten(e)
-        spread = robust_sd(e[self.valid])
-        return e / spread, spread
+        spread = robust_sd(e if bool(self.valid.all()) else e[self.valid])
+        e /= spread
+        return e, spread
+
+    @cached_property
+    def clipped(self) -> SingleArray:
+        """Residuals cut at `RESIDUAL_CLIP`, in single precision, which holds numbers of unit size to 1e-7."""
+        e = np.empty(len(self.e), np.float32)
+        return np.clip(self.e, -RESIDUAL_CLIP, RESIDUAL_CLIP, out=e, casting="same_kind")
 
     @property
     def valid(self) -> NDArray[np.bool_]:
@@ -222,12 +246,12 @@ class Residual:
         return tuple(self.track.fit((*kinds, GaussMarkov)) for kinds in self.kinds)
 
     @cached_property
-    def periodogram(self) -> FloatArray:
+    def periodogram(self) -> SingleArray:
         """Periodogram of the clipped residuals at the Fourier frequencies 1 … n/2, mean 1."""
-        e = np.clip(self.e, -RESIDUAL_CLIP, RESIDUAL_CLIP)
-        if next_fast_len(2 * len(e), real=True) == 2 * len(e):
+        n = len(self.e)
+        if next_fast_len(2 * n, real=True) == 2 * n:
             return np.ascontiguousarray(self.spectrum[1][1::2])
-        return np.asarray(np.abs(rfft(e)[1:]) ** 2 / (len(e) * float(np.mean(e * e))))
+        return _periodogram(self.clipped, n)
 
     def power_at(self, f: FloatArray | float) -> FloatArray:
         """Return the expected spectrum at frequencies `f`, Hz, by interpolation."""
@@ -237,12 +261,20 @@ class Residual:
         return np.asarray(self.power[below] + (place - below) * (self.power[below + 1] - self.power[below]))
 
     @cached_property
-    def spectrum(self) -> tuple[float, FloatArray]:
+    def spectrum(self) -> tuple[float, SingleArray]:
         """Periodogram of the clipped residuals at 1/T, 2/T, … Hz, at most half bins: T, s, and power, mean 1."""
-        e = np.clip(self.e, -RESIDUAL_CLIP, RESIDUAL_CLIP)
-        size = next_fast_len(2 * len(e), real=True)
-        power = np.abs(rfft(e, size)[1:]) ** 2 / (len(e) * float(np.mean(e * e)))
-        return size * self.channel.interval, power
+        size = next_fast_len(2 * len(self.e), real=True)
+        return size * self.channel.interval, _periodogram(self.clipped, size)
+
+
+def _periodogram(e: SingleArray, size: int) -> SingleArray:
+    """Return the periodogram of e, followed by zeros up to `size`, at frequencies 1 … size/2, mean 1."""
+    wave = rfft(e, size)[1:]
+    power: SingleArray = wave.real**2
+    power += wave.imag**2
+    parts = (e[first : first + SAMPLES_AT_ONCE] for first in range(0, len(e), SAMPLES_AT_ONCE))
+    power /= np.float32(sum(float(part @ part) for part in parts))
+    return power
 
 
 def once(make: Callable[[Residual], T]) -> Callable[[Residual], T]:
@@ -307,7 +339,8 @@ def power_of(extensions: tuple[Extension, ...], f: FloatArray, interval: float) 
 
 def robust_sd(e: FloatArray) -> float:
     """Return the standard deviation with squares capped at five deviations."""
-    cap = RESIDUAL_CLIP * float(np.std(e))
+    mean = float(e.mean())
+    cap = RESIDUAL_CLIP * float(np.sqrt(max(float(e @ e) / len(e) - mean * mean, 0.0)))
     for _ in range(5):
         cap = RESIDUAL_CLIP * float(np.sqrt(_capped_square(e, cap * cap) / len(e)))
     return cap / RESIDUAL_CLIP

@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.diagnosis.static.model.dct import between_middles
-
-FloatArray = NDArray[np.float64]
+from tuner.diagnosis.static.model.dct import Real, between_middles
 
 FIRST_ORDINATE = 20
 """Lowest Fourier frequency that is searched for lines and resonances.
@@ -16,9 +14,10 @@ Below, the spectrum of slow noise is too steep for the median of the neighbours 
 """
 
 
-def local_level(power: FloatArray, width: int) -> FloatArray:
-    """Return the level of exponential ordinates by medians over `width` of them, shape of `power`."""
+def local_level(power: NDArray[Real], width: int) -> NDArray[Real]:
+    """Return the level of exponential ordinates by medians over `width` of them, shape and type of `power`."""
     width = min(width, len(power))
     number = len(power) // width
-    median = np.median(power[: number * width].reshape(number, width), axis=1) / np.log(2.0)
-    return np.maximum(between_middles(median, width, len(power)), 0.2)
+    median = np.median(power[: number * width].reshape(number, width), axis=1) / float(np.log(2.0))
+    level = between_middles(median, width, len(power))
+    return np.maximum(level, power.dtype.type(0.2), out=level)

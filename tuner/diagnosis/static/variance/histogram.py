@@ -15,6 +15,9 @@ CELL_WIDTH = 0.02
 MAX_DEVIATION = 60.0
 """Residuals beyond are counted at this deviation, sds; chosen to bound the number of bins."""
 
+SAMPLES_AT_ONCE = 1 << 16
+"""Samples treated at a time, so that what is computed from them stays in the cache of a processor."""
+
 
 @dataclass(frozen=True)
 class Histogram:
@@ -29,11 +32,11 @@ class Histogram:
         return -float(self.count @ norm.logpdf(self.value, 0.0, sd))
 
 
-def histogram(e: FloatArray) -> Histogram:
-    """Return the bins of residuals; what lies beyond `MAX_DEVIATION` is put there."""
-    index = np.round((np.clip(e, -MAX_DEVIATION, MAX_DEVIATION) + MAX_DEVIATION) / CELL_WIDTH).astype(int)
-    count = np.bincount(index)
+def histogram(e: FloatArray, *, clip: float = MAX_DEVIATION, sd: float = 1.0) -> Histogram:
+    """Return the bins of residuals in sds; what lies beyond `clip` is put there."""
+    count = np.zeros(round(2.0 * clip / CELL_WIDTH) + 1)
+    for first in range(0, len(e), SAMPLES_AT_ONCE):
+        part = np.clip(e[first : first + SAMPLES_AT_ONCE] / sd, -clip, clip)
+        count += np.bincount(np.round((part + clip) / CELL_WIDTH).astype(int), minlength=len(count))
     filled = np.flatnonzero(count)
-    return Histogram(
-        np.asarray(filled * CELL_WIDTH - MAX_DEVIATION, dtype=float), count[filled].astype(float)
-    )
+    return Histogram(np.asarray(filled * CELL_WIDTH - clip, dtype=float), count[filled])

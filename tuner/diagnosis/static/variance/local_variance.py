@@ -78,17 +78,19 @@ class LocalVariance:
 @once
 def local_variance(fitted: Residual) -> LocalVariance:
     """Return the squares of the residuals as estimates of the local variance, and their variances."""
-    e = np.clip(fitted.e, -RESIDUAL_CLIP, RESIDUAL_CLIP)
-    square, measured = e * e, fitted.valid
+    square, measured = np.clip(fitted.e, -RESIDUAL_CLIP, RESIDUAL_CLIP), fitted.valid
+    square *= square
     cell = cell_moments(fitted)
     if cell is not None:
         measured = measured & np.isfinite(cell[1])
         square = square / cell[0]
     if not measured.any():
-        return LocalVariance(np.ones_like(e), np.zeros_like(e), 2.0, rounded=True)
-    square = square / square[measured].mean()
-    kappa = float(np.var(square[measured]))
-    scatter = np.full(len(e), kappa)
+        return LocalVariance(np.ones_like(square), np.zeros_like(square), 2.0, rounded=True)
+    inside = square if measured.all() else square[measured]
+    level = float(inside.mean())
+    kappa = float(np.var(inside)) / level**2
+    square /= level
+    scatter = np.broadcast_to(kappa, len(square))
     if cell is not None:
         likely = np.maximum(cell[1], MIN_SQUARE_VARIANCE)
         scatter = likely * (kappa / float(likely[measured].mean()))
@@ -100,10 +102,12 @@ def local_variance(fitted: Residual) -> LocalVariance:
 @once
 def course(fitted: Residual) -> FloatArray:
     """Return the variance of each sample's noise ÷ its mean, shape (n,), as the extensions model it."""
+    changing = [x for x in fitted.extensions if x.cause in ("burst", "variance_drift")]
+    if not changing:
+        return np.broadcast_to(1.0, len(fitted.e))
     deviate = np.ones(len(fitted.e))
-    for extension in fitted.extensions:
-        if extension.cause in ("burst", "variance_drift"):
-            deviate = extension.whiten(deviate)
+    for extension in changing:
+        deviate = extension.whiten(deviate)
     variance = deviate**-2
     return np.asarray(variance / variance.mean())
 
@@ -119,7 +123,8 @@ def block_variance(fitted: Residual) -> tuple[FloatArray, FloatArray, float]:
     inside = slice(0, size * LEVEL_BLOCKS)
     measured = local.scatter[inside] > 0.0
     count = measured.reshape(LEVEL_BLOCKS, size).sum(axis=1).astype(float)
-    square = np.where(measured, local.square[inside], 0.0).reshape(LEVEL_BLOCKS, size).sum(axis=1)
+    filled = local.square[inside] if measured.all() else np.where(measured, local.square[inside], 0.0)
+    square = filled.reshape(LEVEL_BLOCKS, size).sum(axis=1)
     scatter = local.scatter[inside].reshape(LEVEL_BLOCKS, size).sum(axis=1)
     weight = np.maximum(local.kappa * count**2 / np.maximum(scatter, 1e-12), 1.0)
     mean = np.where(count > 0.0, square / np.maximum(count, 1.0), 1.0)
