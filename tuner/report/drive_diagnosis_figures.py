@@ -6,7 +6,7 @@ and for each finding the view of the innovations in which it shows (`tuner.repor
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from textwrap import fill
@@ -19,7 +19,7 @@ from scipy.stats import chi2
 from tuner.diagnosis.drive import ExaminedDrive
 from tuner.diagnosis.drive.causes.registry import DRIVE_CAUSES
 from tuner.diagnosis.drive.hypothesis import FilterRun
-from tuner.formats.files import Put, write_bytes
+from tuner.formats.files import Put
 from tuner.navigation.data import WITHHELD
 from tuner.navigation.drive.run import navigate, outage_windows
 from tuner.report.drive_cause_panels import (
@@ -36,6 +36,7 @@ from tuner.report.figure_files import new_figure
 from tuner.types import Parameter
 
 FloatArray = NDArray[np.float64]
+Panels = Sequence[Callable[[Axes], None]]
 
 OUTAGE_LENGTHS = (30.0, 60.0)
 """Lengths of the outages, s."""
@@ -45,87 +46,84 @@ NIS_WINDOW = 30.0
 """Time over which NIS is averaged, s: some 30 fixes at 1 Hz, a band of ± 15 %."""
 
 
-def draw_drive(examined: ExaminedDrive, directory: Path, put: Put = write_bytes) -> list[tuple[str, Path]]:
-    """Draw the diagnosis of a drive to ``drive-*.png`` and ``.svg``.
+def drive_figures(
+    examined: ExaminedDrive, directory: Path, suffixes: Sequence[str] = (".png", ".svg")
+) -> tuple[list[tuple[str, Path]], list[Callable[[Put], None]]]:
+    """Return the figures of the diagnosis of a drive, for `draw_all`.
 
     Returns
     -------
     list of (str, Path)
         Caption and SVG of each picture.
+    list of callable
+        Draws it to ``drive-*`` with each of `suffixes`.
     """
     passes = (examined.search.base, examined.search.final)
     named = "with all findings" if examined.diagnosis.findings else "nothing found, so the same again"
-    drawn = [
-        _draw(
-            put,
-            directory / "drive-innovations.svg",
-            f"Innovations of the filter as configured (grey) and {named} (blue); bands are ± 1 predicted sd.",
-            (11.0, 7.0),
-            (3, 2),
-            [partial(_innovations, passes, row) for row in (0, 3, 1, 4, 2, 5)],
-        ),
-        _draw(
-            put,
-            directory / "drive-consistency.svg",
-            f"Left: normalised innovations must be uncorrelated. Right: NIS, averaged over {NIS_WINDOW:.0f} s, "
-            "must stay about 1; the shaded band holds 95 % of the averages of a consistent filter.",
-            (11.0, 4.0),
-            (1, 2),
-            [partial(_correlation, passes), partial(_nis, passes)],
-        ),
-    ]
-    outages = _outages(passes)
-    if outages:
-        drawn.append(
-            _draw(
-                put,
-                directory / "drive-outages.svg",
-                "Horizontal error at the end of outages of the whole drive, before and after the findings; below the "
-                "diagonal is better. These are the data the findings were estimated from: the gain on held-out data "
-                "is in the table.",
-                (11.0, 4.6),
-                (1, len(outages)),
-                [partial(_paired, *one) for one in outages],
-            )
+    drawn: list[tuple[str, Path]] = []
+    figures: list[Callable[[Put], None]] = []
+
+    def add(
+        name: str, caption: str, size: tuple[float, float], shape: tuple[int, int], panels: Panels
+    ) -> None:
+        path = directory / f"drive-{name}.svg"
+        drawn.append((caption, path))
+        figures.append(
+            partial(_draw, [path.with_suffix(suffix) for suffix in suffixes], caption, size, shape, panels)
         )
-    seen: set[str] = set()
+
+    add(
+        "innovations",
+        f"Innovations of the filter as configured (grey) and {named} (blue); bands are ± 1 predicted sd.",
+        (11.0, 7.0),
+        (3, 2),
+        [partial(_innovations, passes, row) for row in (0, 3, 1, 4, 2, 5)],
+    )
+    add(
+        "consistency",
+        f"Left: normalised innovations must be uncorrelated. Right: NIS, averaged over {NIS_WINDOW:.0f} s, "
+        "must stay about 1; the shaded band holds 95 % of the averages of a consistent filter.",
+        (11.0, 4.0),
+        (1, 2),
+        [partial(_correlation, passes), partial(_nis, passes)],
+    )
+    if outages := _outages(passes):
+        add(
+            "outages",
+            "Horizontal error at the end of outages of the whole drive, before and after the findings; below the "
+            "diagonal is better. These are the data the findings were estimated from: the gain on held-out data "
+            "is in the table.",
+            (11.0, 4.6),
+            (1, len(outages)),
+            [partial(_paired, *one) for one in outages],
+        )
+    first: dict[str, str] = {}
     for finding in examined.diagnosis.findings:
-        if finding.cause in seen:
-            continue
-        seen.add(finding.cause)
-        view = _view(examined, finding.cause)
-        drawn.append(
-            _draw(
-                put,
-                directory / f"drive-finding-{len(seen)}-{finding.cause}.svg",
-                finding.text,
-                (11.0, 4.0),
-                (1, 2),
-                [
-                    partial(_viewed, view, p, title)
-                    for p, title in zip(passes, ("before", "after"), strict=True)
-                ],
-            )
-        )
-    return drawn
+        first.setdefault(finding.cause, finding.text)
+    for number, (cause, text) in enumerate(first.items(), 1):
+        view = _view(examined, cause)
+        panels = [
+            partial(_viewed, view, p, title) for p, title in zip(passes, ("before", "after"), strict=True)
+        ]
+        add(f"finding-{number}-{cause}", text, (11.0, 4.0), (1, 2), panels)
+    return drawn, figures
 
 
 def _draw(
-    put: Put,
-    path: Path,
+    paths: Sequence[Path],
     caption: str,
     size: tuple[float, float],
     shape: tuple[int, int],
-    panels: list[Callable[[Axes], None]],
-) -> tuple[str, Path]:
-    with new_figure(size, (path.with_suffix(".png"), path), put) as figure:
+    panels: Panels,
+    put: Put,
+) -> None:
+    with new_figure(size, paths, put) as figure:
         for panel, draw in zip(figure.subplots(*shape, squeeze=False).flat, panels, strict=True):
             draw(panel)
             panel.grid(which="major", color="0.9", lw=0.6)
             if panel.get_legend_handles_labels()[0]:
                 panel.legend(fontsize=7, framealpha=0.85)
         figure.suptitle(fill(caption, 150), fontsize=9, parse_math=False)
-    return caption, path
 
 
 def _view(examined: ExaminedDrive, cause: str) -> View:

@@ -21,10 +21,12 @@ from rich.table import Table
 from tuner.exporters import DIALECTS, export, lacking
 from tuner.formats.customary_units import digits, in_customary, term_title
 from tuner.pipeline import EXPORTED_DIALECTS
+from tuner.report.alike_sentences import alike_sentences
 from tuner.report.calibration_text import calibration_lines
 from tuner.report.consistency_tables import consistency_tables
 from tuner.report.identification_tables import identification_tables
-from tuner.report.page_charts import Chart, charts
+from tuner.report.interactive_figure import Chart
+from tuner.report.page_charts import charts
 from tuner.report.page_findings import findings_content
 from tuner.report.page_parts import Picture, blocks, shown
 from tuner.report.prediction_tables import prediction_tables
@@ -39,8 +41,6 @@ from tuner.report.tune_answer import (
 )
 from tuner.tune_result import TuneResult
 
-ROW_HEIGHT = 1.7
-"""Height of a row with a name in a chart, rem."""
 KINDS = {
     "allan": "Allan deviation: measured with its 95 % band, what the settings predict, and each identified term",
     "spectrum": "Spectrum: root of the two-sided density with its 95 % band, and that of the identified noise",
@@ -75,6 +75,7 @@ def write_page(
         What was typed; empty where the page was made from Python.
     """
     drawn = charts(result)
+    panels: list[Chart] = []
     axes = list(dict.fromkeys(axis for by_axis in drawn.values() for axis in by_axis))
     noise = blocks(identification_tables(result.identification))
     checked = result.check
@@ -95,17 +96,17 @@ def write_page(
         "files": [{"name": name, "text": text} for name, text in result.exports.items()],
         "dialects": list(others),
         "texts": _for_script(others),
-        **findings_content(result, pictures),
+        **findings_content(result, pictures, panels),
         "axes": axes,
         "kinds": [(kind, KINDS[kind]) for kind in drawn],
-        "charts": _for_script(drawn),
         "plotly": _packed_library(),
         "allan": None if allan is None else shown(Picture(KINDS["allan"], "allan.svg", allan)),
         "noise": [block for block in noise if "rows" in block],
-        "sections": _sections(result, pictures),
+        "sections": _sections(result, pictures, panels),
         "limits": _limits(result, noise),
         "provenance": _provenance(result, command),
     }
+    content["charts"] = _for_script({**drawn, "panels": panels})
     content["contents"] = [
         ("settings", "Settings"),
         ("files", "Files"),
@@ -132,19 +133,13 @@ def write_sections_page(
     drawn: list[Chart] = []
     parts = []
     for heading, words, pictures in sections:
-        views: list[dict[str, Any]] = []
-        for picture in pictures:
-            own = list(picture.charts or ())
-            numbers = range(len(drawn), len(drawn) + len(own))
-            views.append(shown(picture) | {"charts": numbers, "heights": [_height(chart) for chart in own]})
-            drawn += own
-        parts.append((heading, blocks(words), views))
+        parts.append((heading, blocks(words), [shown(picture, drawn) for picture in pictures]))
     content = {
         "name": title,
         "sections": parts,
         "command": command,
         "verdict": verdict,
-        "charts": _for_script(drawn),
+        "charts": _for_script({"panels": drawn}),
         "plotly": _packed_library() if drawn else "",
     }
     return _filled("sections.html.j2", content)
@@ -173,13 +168,7 @@ def _packed_library() -> Markup:
     return Markup(b64encode(gzip.compress(get_plotlyjs().encode(), 6, mtime=0)).decode())
 
 
-def _height(chart: Chart) -> float | None:
-    """Return the height, rem, of a chart with a name on each of its rows; None for others, which are all alike."""
-    rows = len(chart.get("names", {}).get("y", {}).get("at", ()))
-    return 10.0 + ROW_HEIGHT * rows if rows else None
-
-
-def _for_script(data: Mapping[str, Any] | Sequence[Chart]) -> Markup:
+def _for_script(data: Mapping[str, Any]) -> Markup:
     """Return data as JSON that no text in it can end early."""
     text = json.dumps(data, separators=(",", ":"), ensure_ascii=False)
     return Markup(text.replace("<", "\\u003c").replace("&", "\\u0026"))
@@ -193,12 +182,12 @@ def _stands(result: TuneResult) -> bool:
 
 def _facts(result: TuneResult) -> list[tuple[str, str]]:
     facts = [("Recording", recording_line(result))]
-    wrong = [
-        f"{record.name}: {record.timing[key]:.0f} {words}"
-        for record in result.records
+    wrong = alike_sentences(
+        (f"{record.timing[key]:.0f} {words}", record.name)
         for key, words in TIMING.items()
+        for record in result.records
         if record.timing.get(key)
-    ]
+    )
     repairs = dict.fromkeys(note for record in result.records for note in record.notes)
     if result.records:
         facts.append(("Time stamps", "; ".join(wrong) or "no gap, no repetition"))
@@ -248,10 +237,10 @@ def _reasons(result: TuneResult) -> list[str]:
 
 
 def _sections(
-    result: TuneResult, pictures: Sequence[Picture]
-) -> list[tuple[str, str, list[dict[str, Any]], list[dict[str, str]]]]:
+    result: TuneResult, pictures: Sequence[Picture], panels: list[Chart]
+) -> list[tuple[str, str, list[dict[str, Any]], list[dict[str, Any]]]]:
     """Return prediction, calibration, drive and checks, each as anchor, heading, content and pictures."""
-    sections: list[tuple[str, str, list[dict[str, Any]], list[dict[str, str]]]] = []
+    sections: list[tuple[str, str, list[dict[str, Any]], list[dict[str, Any]]]] = []
     if result.predictions:
         content = blocks(prediction_tables(result.predictions))
         sections.append(("prediction", "Does it predict the log?", content, []))
@@ -265,7 +254,7 @@ def _sections(
 
         static = () if result.diagnosis is None else result.diagnosis.findings
         of_findings = {one.text for one in (*static, *result.drive.diagnosis.findings)}
-        own = [shown(picture) for picture in pictures if picture.caption not in of_findings]
+        own = [shown(picture, panels) for picture in pictures if picture.caption not in of_findings]
         sections.append(("drive", "The drive", blocks(drive_tables(result.drive.diagnosis)), own))
     if result.check is not None:
         content = blocks(consistency_tables(result.check.consistency, result.check.notes))

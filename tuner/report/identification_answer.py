@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 
 from rich.table import Table
@@ -10,6 +9,7 @@ from rich.table import Table
 from tuner.formats.customary_units import customary_unit, digits, pretty, symbol
 from tuner.identification.identify import BY_DIAGNOSIS
 from tuner.report.agreeing_rows import joined_rows
+from tuner.report.alike_sentences import alike_sentences
 from tuner.report.answer_layout import INTERVAL, LINE_WIDTH, settings_table, span_text, used_part, wrapped
 from tuner.report.settings_rows import axes_text, settings_rows
 from tuner.report.terms_rows import MAIN_TERMS, TermsRow, channel_row, single_row
@@ -67,8 +67,12 @@ def warning_lines(found: Identification, *, short: bool = False) -> list[str]:
 
 def _warnings(found: Identification) -> list[str]:
     """Return the warnings of all axes, those that differ only in numbers once."""
-    every = [w for one in found.channels.values() for w in one.warnings if BY_DIAGNOSIS not in w]
-    return list({re.sub(r"[\d.]+", "", w): w for w in every}.values())
+    return alike_sentences(
+        (text, one.axis)
+        for one in found.channels.values()
+        for text in one.warnings
+        if BY_DIAGNOSIS not in text
+    )
 
 
 def pooled_answer(pooled: Mapping[str, PooledChannel], names: Sequence[str]) -> list[Table | str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 from rich.table import Table
 
@@ -16,6 +16,7 @@ from tuner.formats.customary_units import (
     term_title,
 )
 from tuner.identification.gnss_receiver import ReceiverErrors
+from tuner.report.alike_sentences import alike_sentences
 from tuner.report.coefficient_text import LEVEL_NAMES
 from tuner.types import (
     ChannelIdentification,
@@ -33,15 +34,15 @@ def identification_tables(identification: Identification) -> list[Table | str]:
     answer: list[Table | str] = [f"  {text}" for text in identification.source.get("assumptions", ())]
     for unit in dict.fromkeys(c.unit for c in channels):
         answer.append(_sensor_table([c for c in channels if c.unit == unit]))
-    for text, axes in _gather(
+    reasons = (
         (f"{symbol(name)}: {c.reason}", channel.axis)
         for channel in channels
         for name, c in _coefficients(channel)
         if c.value is None and c.reason
-    ).items():
-        answer.append(f"  {text}  [{', '.join(axes)}]")
-    for text, axes in _gather((w, channel.axis) for channel in channels for w in channel.warnings).items():
-        answer.append(f"  warning: {text}  [{', '.join(axes)}]")
+    )
+    answer += [f"  {line}" for line in alike_sentences(reasons)]
+    warnings = ((text, channel.axis) for channel in channels for text in channel.warnings)
+    answer += [f"  warning: {line}" for line in alike_sentences(warnings)]
     answer += [f"  note: {note}" for note in identification.notes]
     return answer
 
@@ -123,14 +124,6 @@ def _arma(channel: ChannelIdentification) -> str:
         return "not distinguishable from white"
     p, q = channel.arma.order
     return f"ARMA({p},{q}) by {channel.arma.criterion.upper()}"
-
-
-def _gather(pairs: Iterable[tuple[str, str]]) -> dict[str, list[str]]:
-    gathered: dict[str, list[str]] = {}
-    for text, axis in pairs:
-        if axis not in gathered.setdefault(text, []):
-            gathered[text].append(axis)
-    return gathered
 
 
 _NAMES = {"white_sd": "white", "sd": "Gauss–Markov", "time_constant": "time constant"}

@@ -1,27 +1,31 @@
 """A drawn figure as charts that a page lets its reader zoom and read: one chart a panel, in the colours of the page.
 
-Lines, points, bands between curves, marked spans and names along an axis are kept. A panel with anything else (images,
-bars, a colour scale) makes the figure one that stays a picture.
+Lines, points, bands between curves, steps, marked spans, names along an axis and points by a colour scale are kept. A
+panel with anything else (images, bars) makes the figure one that stays a picture.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import PolyCollection
+from matplotlib.collections import LineCollection, PathCollection, PolyCollection
 from matplotlib.colors import to_hex, to_rgb, to_rgba_array
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Rectangle
+from matplotlib.patches import Rectangle, StepPatch
 from matplotlib.ticker import FixedFormatter, FuncFormatter
 
-from tuner.report.page_charts import DRAWN_DIGITS, Chart
+Chart = Mapping[str, Any]
 
+DRAWN_DIGITS = 5
+"""Significant digits of a drawn number: finer than a screen, a third of the bytes."""
 DRAWN_POINTS = 4000
 """Points of a line on a page: two for each of as many columns as a wide screen has."""
+FIGURE_POINTS = 12_000
+"""Points of a line in all panels of a figure together: where there are many, each is narrow."""
 PAGE_COLOURS = {
     "#1f5fa8": "--measured", "#1d4ed8": "--measured", "#c2410c": "--model", "#111827": "--predicted",
     "#b91c1c": "--event", "#0f766e": "--term0", "#a16207": "--term1", "#be185d": "--term2", "#15803d": "--term3",
@@ -30,34 +34,41 @@ PAGE_COLOURS = {
 """Names that the page has for colours of figures: light ones where it is dark."""
 GREYS = ((0.3, "--ink"), (0.65, "--quiet"), (1.1, "--rule"))
 """Names of greys up to a lightness."""
+COLOUR_SCALE = "<colorbar>"
+"""Label that matplotlib gives the panel of a colour scale: its chart has one of its own."""
 DASHES = {"-": "solid", "--": "dash", ":": "dot", "-.": "dashdot"}
 MARKERS = {"o": "circle", ".": "circle", "x": "x", "^": "triangle-up", "v": "triangle-down", "s": "square"}
 
 
 def charts_of_figure(figure: Figure) -> list[Chart] | None:
     """Return one chart for each panel; None where a panel holds what no chart shows."""
-    charts = [_chart(panel) for panel in figure.axes]
+    panels = [panel for panel in figure.axes if panel.get_label() != COLOUR_SCALE]
+    points = min(DRAWN_POINTS, FIGURE_POINTS // max(len(panels), 1))
+    charts = [_chart(panel, points) for panel in panels]
     known = [chart for chart in charts if chart is not None]
     return known if known and len(known) == len(charts) else None
 
 
-def _chart(panel: Axes) -> Chart | None:
-    bands = [c for c in panel.collections if isinstance(c, PolyCollection)]
-    known = len(bands) == len(panel.collections) and not panel.images
+def _chart(panel: Axes, points: int) -> Chart | None:
     scales = {panel.get_xscale(), panel.get_yscale()}
     spans = [patch for patch in panel.patches if isinstance(patch, Rectangle)]
-    if not known or not scales <= {"linear", "log"} or len(spans) != len(panel.patches):
+    steps = [patch for patch in panel.patches if isinstance(patch, StepPatch)]
+    known = not panel.images and all(isinstance(c, tuple(COLLECTIONS)) for c in panel.collections)
+    if not known or not scales <= {"linear", "log"} or len(spans) + len(steps) != len(panel.patches):
         return None
     if any(_place(panel, patch) is None for patch in spans):
         return None
     names = _names(panel)
     shapes, traces = [_span(panel, patch) for patch in spans], []
-    for band in bands:
-        traces += _bands(band)
+    for one in panel.collections:
+        traces += next(
+            drawn(panel, one, points) for kind, drawn in COLLECTIONS.items() if isinstance(one, kind)
+        )
+    traces += [_steps(panel, one) for one in steps]
     for line in panel.lines:
         where = _place(panel, line)
         if where is None:
-            traces.append(_curve(panel, line, names))
+            traces.append(_curve(panel, line, names, points))
         else:
             shapes.append(_straight(line, where))
             if not str(line.get_label()).startswith("_"):
@@ -72,6 +83,7 @@ def _chart(panel: Axes) -> Chart | None:
         "yscale": panel.get_yscale(),
         "xrange": _range(panel.get_xlim(), panel.get_xscale()),
         "yrange": _range(panel.get_ylim(), panel.get_yscale()),
+        "even": panel.get_aspect() == 1.0,
         "names": {end: {"at": list(at), "text": list(text)} for end, (at, text) in names.items()},
         "shapes": shapes,
         "spans": [],
@@ -131,22 +143,20 @@ def _legend_entry(line: Line2D) -> dict[str, Any]:
 
 
 def _curve(
-    panel: Axes, line: Line2D, names: dict[str, tuple[Sequence[float], Sequence[str]]]
+    panel: Axes, line: Line2D, names: dict[str, tuple[Sequence[float], Sequence[str]]], points: int
 ) -> dict[str, Any]:
     x, y = (np.atleast_1d(np.asarray(values, dtype=float)) for values in line.get_data())
-    x, y = _thinned(x, y)
+    x, y = _thinned(x, y, points)
     label = str(line.get_label())
     drawn = line.get_linestyle() in DASHES
     marker = str(line.get_marker())
     style = "+".join(
         [*(["lines"] if drawn else []), *(["markers"] if marker not in ("None", "", " ") else [])]
     )
-    unit = {end: "" if end in names else f"{panel_label}: " for end, panel_label in _labels(panel).items()}
-    words = "<br>".join(f"{unit[end]}%{{{end}:.4~g}}" for end in ("x", "y") if end not in names)
     trace: dict[str, Any] = {
         "type": "scatter", "x": [_short(v) for v in x], "y": [_short(v) for v in y], "mode": style or "lines",
         "name": "" if label.startswith("_") else label, "showlegend": not label.startswith("_"),
-        "hovertemplate": f"{words}<extra></extra>", "line": _line_style(line),
+        "hovertemplate": _hover(panel, names), "line": _line_style(line),
     }  # fmt: skip
     if "markers" in style:
         size = max(4.0, 1.3 * float(line.get_markersize()))
@@ -155,17 +165,69 @@ def _curve(
     return trace
 
 
-def _labels(panel: Axes) -> dict[str, str]:
-    return {"x": panel.get_xlabel() or "x", "y": panel.get_ylabel() or panel.get_title() or "y"}
+def _hover(panel: Axes, names: Mapping[str, object]) -> str:
+    """Return what is shown beside a point: its values behind their labels, but those along an axis with names."""
+    labels = {"x": panel.get_xlabel() or "x", "y": panel.get_ylabel() or panel.get_title() or "y"}
+    return (
+        "<br>".join(f"{labels[end]}: %{{{end}:.4~g}}" for end in labels if end not in names)
+        + "<extra></extra>"
+    )
 
 
-def _bands(band: PolyCollection) -> list[dict[str, Any]]:
+def _steps(panel: Axes, patch: StepPatch) -> dict[str, Any]:
+    """Return a histogram as a line of steps, filled where it is."""
+    values, edges, _ = patch.get_data()
+    filled = bool(patch.get_fill())
+    colour = _colour(patch.get_facecolor() if filled else patch.get_edgecolor())
+    dash = DASHES.get(str(patch.get_linestyle()), "solid")
+    return {
+        "type": "scatter", "x": [_short(v) for v in edges], "y": [_short(v) for v in np.append(values, values[-1])],
+        "mode": "lines", "name": str(patch.get_label()), "hovertemplate": _hover(panel, {}),
+        "line": {"color": colour, "width": 1.0, "dash": dash, "shape": "hv"},
+        "fill": "tozeroy" if filled else "none", "fillcolor": colour, "opacity": patch.get_alpha() or 1.0,
+        "showlegend": not str(patch.get_label()).startswith("_"),
+    }  # fmt: skip
+
+
+def _points_by_colour(panel: Axes, dots: PathCollection, _: int) -> list[dict[str, Any]]:
+    """Return points whose colours are values, with their scale; its title is that of the panel of the scale."""
+    (x, y), values = np.asarray(dots.get_offsets(), dtype=float).T, dots.get_array()
+    if values is None:
+        return []
+    bar = dots.colorbar
+    marker = {
+        "size": 5, "color": [_short(v) for v in np.asarray(values)], "colorscale": "Viridis", "showscale": True,
+        "colorbar": {"title": {"text": "" if bar is None else bar.ax.get_ylabel(), "side": "right"}, "thickness": 12},
+    }  # fmt: skip
+    return [
+        {
+            "type": "scatter", "x": [_short(v) for v in x], "y": [_short(v) for v in y], "mode": "markers",
+            "name": str(dots.get_label()), "showlegend": True, "marker": marker, "hovertemplate": _hover(panel, {}),
+        }
+    ]  # fmt: skip
+
+
+def _bars(_: Axes, bars: LineCollection, __: int) -> list[dict[str, Any]]:
+    """Return separate pieces of lines, such as intervals of points, as one line with gaps."""
+    x: list[float | None] = []
+    y: list[float | None] = []
+    for piece in bars.get_segments():
+        x += [*(_short(v) for v in piece[:, 0]), None]
+        y += [*(_short(v) for v in piece[:, 1]), None]
+    line = {"color": _colour(bars.get_colors()[0]), "width": 1.0}
+    return [
+        {"type": "scatter", "x": x, "y": y, "mode": "lines", "name": "", "showlegend": False, "hoverinfo": "skip",
+         "line": line}
+    ]  # fmt: skip
+
+
+def _bands(_: Axes, band: PolyCollection, points: int) -> list[dict[str, Any]]:
     fill = to_rgba_array(band.get_facecolor())[0]
     traces: list[dict[str, Any]] = []
     for path in band.get_paths():
         x, y = np.asarray(path.vertices, dtype=float).T
-        if len(x) > 2 * DRAWN_POINTS:
-            part = np.linspace(0, len(x) - 1, 2 * DRAWN_POINTS).astype(int)
+        if len(x) > 2 * points:
+            part = np.linspace(0, len(x) - 1, 2 * points).astype(int)
             x, y = x[part], y[part]
         trace = {
             "type": "scatter", "x": [_short(v) for v in x], "y": [_short(v) for v in y], "mode": "lines", "name": "",
@@ -189,10 +251,10 @@ def _words(text: Any) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _thinned(x: Any, y: Any) -> tuple[Any, Any]:
+def _thinned(x: Any, y: Any, points: int) -> tuple[Any, Any]:
     """Return the smallest and the largest value of each piece of a long line."""
-    size = -(-2 * len(x) // DRAWN_POINTS)
-    if len(x) <= DRAWN_POINTS:
+    size = -(-2 * len(x) // points)
+    if len(x) <= points:
         return x, y
     starts = np.arange(0, len(x), size)
     low, high = np.fmin.reduceat(y, starts), np.fmax.reduceat(y, starts)
@@ -214,3 +276,11 @@ def _colour(colour: Any) -> str:
 
 def _short(value: Any) -> float | None:
     return float(f"{float(value):.{DRAWN_DIGITS}g}") if np.isfinite(value) else None
+
+
+COLLECTIONS: Mapping[type, Callable[[Axes, Any, int], list[dict[str, Any]]]] = {
+    PolyCollection: _bands,
+    PathCollection: _points_by_colour,
+    LineCollection: _bars,
+}
+"""What a panel can hold beside lines, spans and steps, and how it is drawn."""

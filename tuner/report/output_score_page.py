@@ -42,6 +42,7 @@ _UNITS = (
 )
 _AXES = (("north", "east", "down"),) * 3 + (("x", "y", "z"),) * 2
 ERROR_COLOUR, BAND_COLOUR = "#1d4ed8", "#d6d3d1"
+BAND_LABEL = "±3 sd as the filter states"
 
 
 def write_output_score(
@@ -106,7 +107,15 @@ def _drawn(found: OutputScore) -> Figure | None:
         for j in range(3):
             _error_panel(row[j], run, i, j)
         _correlation_panel(row[3], run, i)
+    _label(axes)
     return figure
+
+
+def _label(axes: Any) -> None:
+    """Say what the axes and the colours of panels over time, and of autocorrelations beside them, are."""
+    for panel in axes[:, :3].flat:
+        panel.set_xlabel("time, s", fontsize=8)
+    axes[0, 0].legend(fontsize=7, framealpha=0.85)
 
 
 def _error_panel(ax: Axes, run: OutputErrors, block: int, axis: int) -> None:
@@ -114,8 +123,8 @@ def _error_panel(ax: Axes, run: OutputErrors, block: int, axis: int) -> None:
     step = math.ceil(len(run) / MAX_DRAWN_EPOCHS)
     t, k = run.t[::step], 3 * block + axis
     sd = 3.0 * factor * np.sqrt(np.maximum(run.covariance[::step, k, k], 0.0))
-    ax.fill_between(t, -sd, sd, color=BAND_COLOUR, linewidth=0.0)
-    ax.plot(t, factor * run.error[::step, k], color=ERROR_COLOUR, linewidth=0.7)
+    ax.fill_between(t, -sd, sd, color=BAND_COLOUR, linewidth=0.0, label=BAND_LABEL)
+    ax.plot(t, factor * run.error[::step, k], color=ERROR_COLOUR, linewidth=0.7, label="error")
     for begin, end in run.estimate.outages:
         ax.axvspan(begin, end, color="#fecaca", alpha=0.4, linewidth=0.0)
     ax.set_title(f"{BLOCKS[block].replace('_', ' ')} {_AXES[block][axis]}, {unit}", fontsize=9)
@@ -126,6 +135,7 @@ def _correlation_panel(ax: Axes, run: OutputErrors, block: int) -> None:
     w = normalized(run)[:, 3 * block : 3 * block + 3]
     good = np.isfinite(w).all(axis=1)
     ax.set_title(f"{BLOCKS[block].replace('_', ' ')}: autocorrelation", fontsize=9)
+    ax.set_xlabel("lag, s", fontsize=8)
     ax.tick_params(labelsize=7)
     if np.count_nonzero(good) < 10:
         return
@@ -144,13 +154,17 @@ def _innovation_figure(t: FloatArray, z: FloatArray, s: FloatArray) -> Figure:
         sd = np.sqrt(np.einsum("kii->ki", s))
         for j in range(3):
             k = 3 * i + j
-            row[j].fill_between(t, -3.0 * sd[:, k], 3.0 * sd[:, k], color=BAND_COLOUR, linewidth=0.0)
-            row[j].plot(t, z[:, k], color=ERROR_COLOUR, linewidth=0.7)
+            row[j].fill_between(
+                t, -3.0 * sd[:, k], 3.0 * sd[:, k], color=BAND_COLOUR, linewidth=0.0, label=BAND_LABEL
+            )
+            row[j].plot(t, z[:, k], color=ERROR_COLOUR, linewidth=0.7, label="innovation")
             name = "position" if i == 0 else "velocity"
             row[j].set_title(f"{name} innovation {_AXES[0][j]}, {('m', 'm/s')[i]}", fontsize=9)
         w = z[:, 3 * i : 3 * i + 3] / sd[:, 3 * i : 3 * i + 3]
         w = w[np.isfinite(w).all(axis=1)]
         rho = autocorrelation(w)[:60]
         row[3].plot(np.arange(len(rho)), rho, color=ERROR_COLOUR, linewidth=0.9)
-        row[3].set_title("autocorrelation by lag, fixes", fontsize=9)
+        row[3].set_title("autocorrelation", fontsize=9)
+        row[3].set_xlabel("lag, fixes", fontsize=8)
+    _label(axes)
     return figure

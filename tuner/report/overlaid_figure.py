@@ -17,6 +17,7 @@ from tuner.types import ChannelIdentification
 
 SOURCE_COLOURS = ("#1f5fa8", "#c2410c", "#15803d", "#7c3aed", "#a16207", "#be185d", "#0f766e", "#475569")
 """One a source, in order; they begin again where there are more."""
+SENSORS = {"rad/s": "gyros", "m/s^2": "accelerometers"}
 STATED_TAU = (0.01, 1e4)
 """Cluster times over which a data sheet is drawn, s."""
 
@@ -35,6 +36,7 @@ def overlaid_figure(comparison: Comparison, paths: Sequence[Path] = (), *, put: 
                     )
             panel.set(xscale="log", yscale="log", xlabel="cluster time τ, s")
             panel.set_ylabel(f"Allan deviation, {pretty(customary_unit('level', unit))}")
+            panel.set_title(SENSORS.get(unit, unit))
             panel.grid(which="major", color="0.88", lw=0.6)
             panel.legend(fontsize=8)
     return figure

@@ -15,18 +15,15 @@ from numpy.typing import NDArray
 from tuner.curves.spectrum import psd
 from tuner.formats.customary_units import customary_unit, in_customary, pretty
 from tuner.report.allan_figure import term_label
+from tuner.report.interactive_figure import DRAWN_DIGITS, Chart
 from tuner.tune_result import TuneResult
 from tuner.types import ChannelIdentification, Finding
 from tuner.types.prediction import PredictedBlock
 from tuner.types.records import DataError, Record
 
 FloatArray = NDArray[np.float64]
-Chart = Mapping[str, Any]
-
 COURSE_PIECES = 1000
 """Pieces of a time course, each drawn from its smallest to its largest sample: more than a screen has columns."""
-DRAWN_DIGITS = 5
-"""Significant digits of a drawn number: finer than a screen, a third of the bytes."""
 TERM_DASHES = ("dash", "dot", "dashdot", "longdash", "longdashdot")
 
 

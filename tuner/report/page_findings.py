@@ -12,7 +12,8 @@ from tuner.report.finding_groups import (
     finding_groups,
     way_texts,
 )
-from tuner.report.page_parts import Picture, blocks, shown
+from tuner.report.interactive_figure import Chart
+from tuner.report.page_parts import Picture, blocks, picture_size, shown
 from tuner.report.settings_rows import axes_text
 from tuner.report.static_diagnosis_tables import diagnosis_tables, gain_text, unexplained_lines
 from tuner.tune_result import TuneResult
@@ -24,8 +25,11 @@ WORDED_FINDINGS = 2
 """Findings of a group that stand in words with their pictures: further ones differ in their figures only."""
 
 
-def findings_content(result: TuneResult, pictures: Sequence[Picture]) -> dict[str, Any]:
-    """Return the findings in groups, each with its pictures as long as there is room, and what else there is."""
+def findings_content(result: TuneResult, pictures: Sequence[Picture], panels: list[Chart]) -> dict[str, Any]:
+    """Return the findings in groups, each with its pictures as long as there is room, and what else there is.
+
+    Charts of the pictures are added to the `panels` of the page.
+    """
     found, span = result.diagnosis, max((record.span for record in result.records), default=None)
     sources: list[tuple[str, Any, list[str], Sequence[Finding]]] = []
     if found is not None:
@@ -39,10 +43,10 @@ def findings_content(result: TuneResult, pictures: Sequence[Picture]) -> dict[st
         own = [picture for picture in pictures if picture.caption in {one.text for one in findings}]
         taken = []
         for picture in own[:WORDED_FINDINGS]:
-            one = shown(picture)
-            if len(one["address"]) <= room:
-                taken.append(one)
-                room -= len(one["address"])
+            size = picture_size(picture)
+            if size <= room:
+                taken.append(shown(picture, panels))
+                room -= size
         left_out = [picture.name for picture in own if picture.name not in {one["name"] for one in taken}]
         groups.append(
             {

@@ -76,6 +76,8 @@ def settings_figure(config: FilterConfig) -> Figure:
 
 RATIO_TICKS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 0.7, 1.0, 1.4, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
 """Ratios named along their axis: most scores lie within a factor of 2, where decades name nothing but 1."""
+CLOSE_RATIO_TICKS = (0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2, 1.3, 1.5, 1.7)
+"""Ratios that are named where all lie within a factor of 3 of one another."""
 
 
 def scores_figure(scores: Sequence[Score]) -> Figure:
@@ -89,7 +91,8 @@ def scores_figure(scores: Sequence[Score]) -> Figure:
         panel.axvline(1.0, color="0.4", lw=0.8)
         panel.set(xscale="log", xlabel="true rms ÷ predicted sd (grey: consistent)")
         low, high = panel.get_xlim()
-        ticks = [ratio for ratio in RATIO_TICKS if low <= ratio <= high]
+        named = CLOSE_RATIO_TICKS if high < 3.0 * low else RATIO_TICKS
+        ticks = [ratio for ratio in named if low <= ratio <= high]
         panel.set_xticks(ticks, [f"{ratio:g}" for ratio in ticks])
         panel.minorticks_off()
         panel.set_yticks(range(len(scores)), [score_title(score.name).replace("_", " ") for score in scores])

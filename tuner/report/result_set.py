@@ -20,11 +20,11 @@ from tuner.pipeline import CHECK_RUNS, CHECK_TRAJECTORY
 from tuner.report.allan_figure import allan_figure
 from tuner.report.calibration_text import calibration_lines
 from tuner.report.consistency_tables import consistency_tables
-from tuner.report.figure_files import draw_all
+from tuner.report.figure_files import CHARTS, draw_all
 from tuner.report.html_page import write_page
 from tuner.report.identification_tables import identification_tables
 from tuner.report.json.consistency import consistency_json
-from tuner.report.page_parts import Picture
+from tuner.report.page_parts import titled_pictures
 from tuner.report.prediction_tables import prediction_tables, settings_tables
 from tuner.report.static_diagnosis_figures import finding_figures
 from tuner.report.static_diagnosis_tables import diagnosis_tables, headline_lines, hidden_effect_lines
@@ -71,15 +71,20 @@ def tune_files(result: TuneResult, command: str = "") -> dict[str, bytes]:
         )
     drawn: list[tuple[str, Path]] = []
     if result.diagnosis is not None:
-        captions, more = finding_figures(result.records, result.diagnosis, here, result.replicas, result.seed)
+        captions, more = finding_figures(
+            result.records, result.diagnosis, here, result.replicas, result.seed, suffixes=(".svg", CHARTS)
+        )
+        drawn += captions
+        figures += more
+    if result.drive is not None:
+        from tuner.report.drive_diagnosis_figures import drive_figures  # loads the diagnosis of drives
+
+        captions, more = drive_figures(result.drive, here, (".svg", CHARTS))
         drawn += captions
         figures += more
     draw_all(figures, put)
-    if result.drive is not None:
-        from tuner.report.drive_diagnosis_figures import draw_drive  # loads the diagnosis of drives
-
-        drawn += draw_drive(result.drive, here, put)
-    pictures = [Picture(caption, path.name, files[path.name], titled=True) for caption, path in drawn]
+    pictures = titled_pictures(drawn, files)
+    files = {name: content for name, content in files.items() if not name.endswith(CHARTS)}
     files |= {name: _encoded(text) for name, text in result.exports.items()}
     files["report.html"] = _encoded(write_page(result, pictures, files.get("allan.svg"), command))
     if result.key is not None:

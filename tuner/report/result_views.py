@@ -19,14 +19,15 @@ from tuner.consistency.compare_sensors import SensorComparison
 from tuner.consistency.score_drive import DriveResult
 from tuner.consistency.score_output import OutputScore
 from tuner.diagnosis.drive import ExaminedDrive
+from tuner.formats.files import Put
 from tuner.report.allan_figure import allan_figure
 from tuner.report.answer_layout import settings_table
 from tuner.report.comparison_tables import choice_tables, comparison_tables
 from tuner.report.consistency_tables import check_tables, consistency_tables, consistency_verdict
 from tuner.report.curve_tables import statistic_tables
-from tuner.report.drive_diagnosis_figures import draw_drive
+from tuner.report.drive_diagnosis_figures import drive_figures
 from tuner.report.drive_diagnosis_tables import drive_tables
-from tuner.report.figure_files import draw_all, figure_bytes
+from tuner.report.figure_files import CHARTS, draw_all, figure_bytes
 from tuner.report.fleet_files import fleet_frame
 from tuner.report.fleet_tables import fleet_tables
 from tuner.report.html_page import tables_html, write_sections_page
@@ -34,7 +35,7 @@ from tuner.report.identification_tables import identification_tables
 from tuner.report.interactive_figure import charts_of_figure
 from tuner.report.output_score_tables import output_score_tables
 from tuner.report.overlaid_figure import overlaid_figure
-from tuner.report.page_parts import Picture
+from tuner.report.page_parts import Picture, picture_size, titled_pictures
 from tuner.report.result_figures import (
     choice_figure,
     curve_figure,
@@ -71,8 +72,8 @@ from tuner.types.diagnosis import DriveDiagnosis
 from tuner.types.fleet import Fleet
 from tuner.types.records import DataError, Drive, Record
 
-PAGE_PICTURE_BYTES = 2_000_000
-"""Bytes of all pictures of findings on a page, a third more on it: with the drawing library it stays below 6 MB."""
+PAGE_PICTURE_BYTES = 2_800_000
+"""Bytes of all pictures of findings on a page with their charts: with the drawing library it stays below 6 MB."""
 
 
 @dataclass(frozen=True)
@@ -174,26 +175,29 @@ def _part_of(result: object) -> Part:
 
 def pictures_of_findings(records: Sequence[Record], diagnosis: Diagnosis) -> Part:
     """Return the picture that proves each finding, as many as a page has room for."""
-    made: dict[Path, bytes] = {}
-    captions, figures = finding_figures(records, diagnosis, Path(), suffixes=(".svg",))
-    draw_all(figures, made.__setitem__)
+    captions, figures = finding_figures(records, diagnosis, Path(), suffixes=(".svg", CHARTS))
     room, pictures, left_out = PAGE_PICTURE_BYTES, [], []
-    for caption, path in captions:
-        room -= len(made[path])
+    for picture in _drawn(captions, figures):
+        room -= picture_size(picture)
         if room >= 0:
-            pictures.append(Picture(caption, path.name, made[path], titled=True))
+            pictures.append(picture)
         else:
-            left_out.append(f"without a picture here, which `tuner tune` draws: {caption}")
+            left_out.append(f"without a picture here, which `tuner tune` draws: {picture.caption}")
     return Part(left_out, pictures)
 
 
 def pictures_of_drive(examined: ExaminedDrive) -> Part:
     """Return the pictures of the diagnosis of a drive: of each finding first, then of the whole filter."""
-    made: dict[Path, bytes] = {}
-    drawn = draw_drive(examined, Path(), made.__setitem__)
-    whole = [Picture(caption, path.name, made[path], titled=True) for caption, path in drawn]
     proofs = {finding.text for finding in examined.diagnosis.findings}
-    return Part([], sorted(whole, key=lambda picture: picture.caption not in proofs))
+    pictures = _drawn(*drive_figures(examined, Path(), (".svg", CHARTS)))
+    return Part([], sorted(pictures, key=lambda picture: picture.caption not in proofs))
+
+
+def _drawn(captions: Sequence[tuple[str, Path]], figures: Sequence[Callable[[Put], None]]) -> list[Picture]:
+    """Draw figures, and return them with their captions."""
+    made: dict[str, bytes] = {}
+    draw_all(figures, lambda path, content: made.update({path.name: content}))
+    return titled_pictures(captions, made)
 
 
 SOLUTION_CAPTIONS = {

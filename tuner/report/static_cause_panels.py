@@ -21,6 +21,10 @@ FloatArray = NDArray[np.float64]
 View = Callable[[Axes, DiagnosedAxis, Mapping[str, float]], None]
 
 DATA_COLOUR, CAUSE_COLOUR, MODEL_COLOUR = "#1f5fa8", "#c2410c", "0.45"
+LONG_COURSE = 7200.0
+"""Span of a time course from which on it is shown in hours, s."""
+OUTLYING_SHARE = 0.02
+"""Share of the bands of a spectrum that may lie beyond its panel: a line elsewhere must not flatten its shape."""
 COURSE_BLOCKS = 600
 """Blocks of a time course: as many as the panel has pixels to show."""
 
@@ -33,6 +37,11 @@ def shown(subject: DiagnosedAxis, values: FloatArray) -> FloatArray:
 def unit_of(subject: DiagnosedAxis) -> str:
     """Return the customary unit of the axis."""
     return pretty(customary_unit("level", subject.unit))
+
+
+def _clock(subject: DiagnosedAxis) -> tuple[float, str]:
+    """Return the unit of time that suits a log, s, and the label of its axis."""
+    return (3600.0, "time, h") if np.ptp(subject.t) > LONG_COURSE else (1.0, "time, s")
 
 
 def blocks(x: FloatArray, count: int = COURSE_BLOCKS) -> FloatArray:
@@ -70,6 +79,8 @@ def draw_colour(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float]
     panel.plot(at, rows, ".", ms=3, color=DATA_COLOUR, label="residuals (means over a band)")
     panel.axhline(1.0, color=MODEL_COLOUR, ls="--", lw=0.9, label="expected without any finding")
     panel.plot(at, subject.expected(at), color=CAUSE_COLOUR, lw=1.3, label="expected with what was found")
+    top = float(max(np.quantile(rows, 1.0 - OUTLYING_SHARE), 1.0))
+    panel.set_ylim(0.0, 1.3 * top)
     if "cutoff" in values:
         panel.axvline(
             values["cutoff"], color=CAUSE_COLOUR, ls=":", lw=1.0, label=f"cut-off {values['cutoff']:.4g} Hz"
@@ -86,12 +97,13 @@ def draw_temperature(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, f
     bias, signal = (
         shown(subject, blocks(x).mean(axis=1)) for x in (subject.without_others(code), subject.signals[code])
     )
-    celsius, hours = blocks(subject.temperature).mean(axis=1), blocks(subject.t).mean(axis=1) / 3600.0
+    one, label = _clock(subject)
+    celsius, when = blocks(subject.temperature).mean(axis=1), blocks(subject.t).mean(axis=1) / one
     bias = bias - bias.mean()
-    dots = panel.scatter(celsius, bias, c=hours, s=6, cmap="viridis", lw=0, label="means of the samples")
+    dots = panel.scatter(celsius, bias, c=when, s=6, cmap="viridis", lw=0, label="means of the samples")
     panel.plot(celsius, signal, color=CAUSE_COLOUR, lw=1.2, label="found")
     assert panel.figure is not None
-    panel.figure.colorbar(dots, ax=panel, label="time, h")
+    panel.figure.colorbar(dots, ax=panel, label=label)
     panel.set(xlabel="temperature, °C", ylabel=f"bias, {unit_of(subject)}", title="bias over temperature")
 
 
@@ -103,21 +115,23 @@ def draw_course(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float]
         part = slice(0, max(64, min(len(subject.y), int(stay / subject.interval))))
     else:
         part = slice(0, len(subject.y))
-    hours = blocks(subject.t[part]).mean(axis=1) / 3600.0
+    middle = blocks(subject.t[part]).mean(axis=1)
+    one, label = _clock(subject)
+    when = middle / one
     bias = shown(subject, blocks(subject.without_others(cause)[part]).mean(axis=1))
-    panel.plot(hours, bias - bias.mean(), color=DATA_COLOUR, lw=0.8, label="means of the samples")
-    if "dwell_low" in values and "size" in values and len(hours) > 1:
-        step = 3600.0 * float(hours[1] - hours[0])
+    panel.plot(when, bias - bias.mean(), color=DATA_COLOUR, lw=0.8, label="means of the samples")
+    if "dwell_low" in values and "size" in values and len(middle) > 1:
+        step = float(middle[1] - middle[0])
         size = float(shown(subject, np.array(values["size"])))
         path = two_level_path(bias, step, size, (values["dwell_low"], values["dwell_high"]))
-        panel.plot(hours, path - bias.mean(), color=CAUSE_COLOUR, lw=1.4, label="likeliest two levels")
+        panel.plot(when, path - bias.mean(), color=CAUSE_COLOUR, lw=1.4, label="likeliest two levels")
     if cause in subject.signals:
         signal = shown(subject, blocks(subject.signals[cause][part]).mean(axis=1))
-        panel.plot(hours, signal - signal.mean(), color=CAUSE_COLOUR, lw=1.4, label="found")
+        panel.plot(when, signal - signal.mean(), color=CAUSE_COLOUR, lw=1.4, label="found")
     for event in subject.values("motion") if cause == "motion" else ():
-        first, last = event["start"] / 3600.0, (event["start"] + event["duration"]) / 3600.0
+        first, last = event["start"] / one, (event["start"] + event["duration"]) / one
         panel.axvspan(first, last, color=CAUSE_COLOUR, alpha=0.2, lw=1.5)
-    panel.set(xlabel="time, h", ylabel=f"bias, {unit_of(subject)}", title="time course")
+    panel.set(xlabel=label, ylabel=f"bias, {unit_of(subject)}", title="time course")
 
 
 def draw_variance(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float]) -> None:
@@ -126,13 +140,14 @@ def draw_variance(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, floa
     if "period" in values:
         draw_swell(panel, square, subject.t, values)
         return
-    hours = blocks(subject.t, 300).mean(axis=1) / 3600.0
+    one, label = _clock(subject)
+    when = blocks(subject.t, 300).mean(axis=1) / one
     rows = blocks(square, 300)
-    panel.plot(hours, rows.mean(axis=1), ".", ms=3, color=DATA_COLOUR, label="residuals")
+    panel.plot(when, rows.mean(axis=1), ".", ms=3, color=DATA_COLOUR, label="residuals")
     half = 1.96 * np.sqrt(2.0 / rows.shape[1])
     panel.axhspan(1.0 - half, 1.0 + half, color="0.85", lw=0, label="95 % of the model's")
     if "variance_ratio" in values:
-        first, last = values["start"] / 3600.0, (values["start"] + values["duration"]) / 3600.0
+        first, last = values["start"] / one, (values["start"] + values["duration"]) / one
         panel.axvspan(
             first,
             last,
@@ -146,8 +161,8 @@ def draw_variance(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, floa
         by = subject.temperature if unit == "1/K" and subject.temperature is not None else subject.t
         course = blocks(by, 300).mean(axis=1)
         level = np.exp(values["slope"] * (course - course.mean()))
-        panel.plot(hours, level * rows.mean() / level.mean(), color=CAUSE_COLOUR, lw=1.4, label="found")
-    panel.set(xlabel="time, h", ylabel="variance of the residuals", title="variance over time")
+        panel.plot(when, level * rows.mean() / level.mean(), color=CAUSE_COLOUR, lw=1.4, label="found")
+    panel.set(xlabel=label, ylabel="variance of the residuals", title="variance over time")
 
 
 def draw_swell(panel: Axes, square: FloatArray, t: FloatArray, values: Mapping[str, float]) -> None:
@@ -186,8 +201,10 @@ def draw_codes(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float])
         what, values_of = "differences of samples", np.diff(subject.y)
     numbers = shown(subject, values_of)
     low, high = np.quantile(numbers, [1e-4, 1.0 - 1e-4])
-    panel.hist(numbers, bins=np.linspace(low, high, 201).tolist(), color=DATA_COLOUR, alpha=0.7, label=what)
-    panel.set(yscale="log", xlabel=f"{what} less their median, {unit_of(subject)}", ylabel="count")
+    count, edges = np.histogram(numbers, np.linspace(low, high, 201))
+    panel.stairs(np.maximum(count, 0.3), edges, fill=True, color=DATA_COLOUR, alpha=0.7, label=what)
+    panel.set(yscale="log", ylim=(0.3, 3.0 * max(float(count.max()), 1.0)), ylabel="count")
+    panel.set_xlabel(f"{what} less their median, {unit_of(subject)}")
     panel.set_title(f"histogram of the {what}")
 
 
@@ -201,7 +218,9 @@ def draw_pairs(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float])
             panel.plot(value.interval, [place, place], color=DATA_COLOUR, lw=1.5)
             panel.plot(value.value, place, "o", ms=4, color=DATA_COLOUR)
     panel.axvline(0.0, color=MODEL_COLOUR, ls="--", lw=0.9, label="independent channels")
-    panel.set_yticks(range(len(each)), [pair.replace("_", " ") for pair in each])
+    panel.set_yticks(
+        range(len(each)), [pair.replace("_", " ").replace(", ", ",\n") for pair in each], fontsize=7
+    )
     panel.invert_yaxis()
     panel.set(xlabel=f"{name} of the residuals, 95 %", title="what the channels share")
 

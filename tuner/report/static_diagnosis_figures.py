@@ -34,6 +34,12 @@ FloatArray = NDArray[np.float64]
 MOST_REPLICAS = 39
 """Simulated records of a band: the range of 39 holds 95 % of further ones."""
 BEFORE_COLOUR = "0.35"
+TITLE_WIDTH = 150
+"""Characters of a line of the title."""
+LINE_HEIGHT = 0.035
+"""Height of a line of the title, as a share of the figure."""
+MARGINS = {"left": 0.07, "right": 0.985, "bottom": 0.12, "wspace": 0.24}
+"""Places of the two panels, as shares of the figure: room for numbers of seven digits."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +112,9 @@ def _draw(
     one: DiagnosedAxis, finding: Finding, paths: Sequence[Path], replicas: int, seed: int, put: Put
 ) -> None:
     one = replace(one, findings=(finding, *(f for f in one.findings if f is not finding)))
-    with new_figure((11.0, 4.4), paths, put) as figure:
+    title = fill(finding.text, TITLE_WIDTH)
+    top = 0.93 - LINE_HEIGHT * (title.count("\n") + 1)
+    with new_figure((11.0, 4.4), paths, put, margins={**MARGINS, "top": top}) as figure:
         left, right = figure.subplots(1, 2)
         _draw_curve(left, one, _spectrum(one) if _is_spectral(finding.cause) else _allan(one), replicas, seed)
         view_of(finding.cause)(right, one, parameters(finding, one.axis))
@@ -114,7 +122,7 @@ def _draw(
             panel.grid(which="major", color="0.9", lw=0.6)
             if panel.get_legend_handles_labels()[0]:
                 panel.legend(fontsize=7, framealpha=0.85)
-        figure.suptitle(fill(f"{finding.text}", 150), fontsize=9, parse_math=False)
+        figure.suptitle(title, fontsize=9, parse_math=False)
 
 
 def _draw_curve(panel: Axes, one: DiagnosedAxis, curve: _Curve, replicas: int, seed: int) -> None:

@@ -135,7 +135,7 @@ def test_the_report_shows_the_drive(tuned):
     assert ">The drive</h2>" in page
     assert page.count("data:image/svg") >= 3
     for name in ("drive-innovations", "drive-consistency", "drive-finding-1-time_offset"):
-        assert (tuned / f"{name}.png").stat().st_size > 10_000
+        assert (tuned / f"{name}.svg").stat().st_size > 10_000
 
 
 def test_tune_and_navigate_say_the_same_of_the_settings_written(tuned, file, capsys):

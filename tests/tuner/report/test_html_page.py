@@ -62,7 +62,7 @@ def test_the_spectrum_is_that_of_the_part_that_was_analysed():
 
 def test_warnings_are_found_by_their_name_first_of_the_limits(page):
     limits = page[page.index('id="limits"') :]
-    assert limits.index("<li>") == limits.index("<li>Warning: clusters differ")
+    assert limits.index("<li>") == limits.index("<li>Warning: gyro x: clusters differ")
 
 
 class Reader(HTMLParser):

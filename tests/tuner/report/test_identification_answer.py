@@ -13,8 +13,10 @@ from tuner.consistency.compare_sensors import compare
 from tuner.formats.customary_units import amount
 from tuner.identification import identify
 from tuner.identification.several_logs import pool
+from tuner.report.alike_sentences import alike_sentences
 from tuner.report.comparison_tables import choice_tables, comparison_tables
 from tuner.report.identification_answer import identification_answer, pooled_answer, warning_lines
+from tuner.report.settings_rows import axes_text
 from tuner.simulation.static import simulate
 from tuner.synthesis.load_config import load_config
 from tuner.types import Coefficient
@@ -100,7 +102,21 @@ def test_warnings_are_shortened_to_what_they_are_about(found):
         for i, (axis, one) in enumerate(found[0].channels.items(), 1)
     }
     warned = replace(found[0], channels=channels)
-    assert warning_lines(warned) == [
-        "Warning: clusters shorter than 0.03 s follow no sum (a filter): longer ones"
+    said = f"Warning: {axes_text(list(channels))}: clusters shorter than 0.01 to 0.0{len(channels)} s follow no sum"
+    assert warning_lines(warned) == [f"{said} (a filter): longer ones"]
+    assert warning_lines(warned, short=True) == [said]
+
+
+def test_sentences_about_other_things_stay_apart():
+    pairs = [
+        ("χ² = 11.6 on 1, p = 0.0007", "gyro_x"),
+        ("χ² = 20.8 on 1, p = 5e-06", "gyro_y"),
+        ("the mean moved by −3 deg/h", "gyro_y"),
+        ("the mean moved by −12 deg/h", "accel_z"),
+        ("the mean moved", "accel_z"),
     ]
-    assert warning_lines(warned, short=True) == ["Warning: clusters shorter than 0.03 s follow no sum"]
+    assert alike_sentences(pairs) == [
+        "gyro x y: χ² = 11.6 to 20.8 on 1, p = 5e-06 to 0.0007",
+        "gyro y, accel z: the mean moved by −12 to −3 deg/h",
+        "accel z: the mean moved",
+    ]
