@@ -115,6 +115,9 @@ def even(listing: Listing, plan: Plan, digest: str, options: Options) -> EvenRec
     notes += base.notes(even=not options.stamps)
     t = base.t + origin if origin else base.t
     timing = _timing(base, rate) if time is not None else {}
+    course = None
+    if time is not None and len(base.t):
+        course = base.stamp_course(clock.stamps) + np.array([origin, 0.0, 0.0, 0.0])
     channels = {
         name: filled
         for name, column in covariates.items()
@@ -145,6 +148,7 @@ def even(listing: Listing, plan: Plan, digest: str, options: Options) -> EvenRec
                 source=printable(listing.path.name),
                 digest=digest,
                 timing=MappingProxyType(timing),
+                stamp_course=course,
             )
         )
     return EvenRecords(tuple(records), tuple(notes), tuple(assumptions))

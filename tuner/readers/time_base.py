@@ -57,6 +57,10 @@ _MAX_STAMPS = 1 << 17
 """Stamps from which jitter and rounding are estimated: the sd is then known to 0.2 %."""
 
 
+COURSE_PIECES = 600
+"""Pieces of the course of the stamps: as many as a panel has pixels to show."""
+
+
 @dataclass(frozen=True)
 class Timebase:
     """Where the rows of a log lie on an even grid.
@@ -112,6 +116,25 @@ class Timebase:
         if self.positions is None:
             return kept
         return np.interp(np.arange(len(self.t)), self.positions, kept)
+
+    def stamp_course(self, stamps: FloatArray) -> FloatArray:
+        """Return how stamps, shape (n,), s, lie about the even grid, over time.
+
+        Returns
+        -------
+        ndarray, shape (k, 4)
+            Of up to `COURSE_PIECES` pieces: time, smallest and largest distance of a stamp from the grid, s, and the
+            number of samples that are missing.
+        """
+        kept = stamps if self.rows is None else stamps[self.rows]
+        at = self.t if self.positions is None else self.t[self.positions]
+        starts = np.arange(0, len(kept), -(-len(kept) // COURSE_PIECES))
+        late = kept - at
+        missing = np.zeros(len(kept))
+        if self.positions is not None:
+            missing[1:] = np.diff(self.positions) - 1
+        smallest, largest = np.minimum.reduceat(late, starts), np.maximum.reduceat(late, starts)
+        return np.column_stack([at[starts], smallest, largest, np.add.reduceat(missing, starts)])
 
     def bridge(self, column: FloatArray, stream: int) -> FloatArray:
         """Return the samples of axis number `stream` on the grid, shape (N,), with simulated ones in short gaps."""

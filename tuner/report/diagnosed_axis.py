@@ -51,6 +51,8 @@ class DiagnosedAxis:
         Signals that were found, by cause, SI.
     findings : tuple of Finding
         All findings in the axis.
+    stamps : ndarray, shape (k, 4), optional
+        Course of the time stamps, as in `Record`.
     """
 
     axis: str
@@ -65,6 +67,7 @@ class DiagnosedAxis:
     after: NoiseModel
     signals: Mapping[str, FloatArray]
     findings: tuple[Finding, ...]
+    stamps: FloatArray | None = None
 
     @property
     def e(self) -> FloatArray:
@@ -149,6 +152,7 @@ def diagnosed_axis(
         after,
         signals,
         findings,
+        record.stamp_course,
     )
 
 

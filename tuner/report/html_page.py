@@ -10,7 +10,8 @@ import functools
 import gzip
 import json
 from base64 import b64encode
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -159,7 +160,19 @@ def _filled(template: str, content: Mapping[str, Any]) -> str:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
+    environment.globals["unlike"] = _unlike()
     return environment.get_template(template).render(content).lstrip()
+
+
+def _unlike() -> Callable[[str], str]:
+    """Return a function that gives names back, those that come again with a number: each region needs its own."""
+    times = Counter[str]()
+
+    def unlike(name: str) -> str:
+        times[name] += 1
+        return name if times[name] == 1 else f"{name} ({times[name]})"
+
+    return unlike
 
 
 @functools.cache

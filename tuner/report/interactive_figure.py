@@ -184,7 +184,7 @@ def _steps(panel: Axes, patch: StepPatch) -> dict[str, Any]:
         "type": "scatter", "x": [_short(v) for v in edges], "y": [_short(v) for v in np.append(values, values[-1])],
         "mode": "lines", "name": str(patch.get_label()), "hovertemplate": _hover(panel, {}),
         "line": {"color": colour, "width": 1.0, "dash": dash, "shape": "hv"},
-        "fill": "tozeroy" if filled else "none", "fillcolor": colour, "opacity": patch.get_alpha() or 1.0,
+        "fill": "tozeroy" if filled else "none", "fillcolor": "--band",
         "showlegend": not str(patch.get_label()).startswith("_"),
     }  # fmt: skip
 

@@ -225,11 +225,19 @@ def draw_pairs(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float])
     panel.set(xlabel=f"{name} of the residuals, 95 %", title="what the channels share")
 
 
-def draw_stamps(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float]) -> None:
-    """Write the figures of the time stamps as text: the samples have been put on an even grid."""
-    lines = [f"{name.replace('_', ' ')}: {value:.6g}" for name, value in values.items()]
-    panel.text(0.05, 0.5, "\n".join(lines), transform=panel.transAxes, va="center")
-    panel.set(title=f"time stamps of {subject.axis}", xticks=[], yticks=[])
+def draw_stamps(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float]) -> None:  # noqa: ARG001
+    """Draw how far the stamps lie from an even clock over time, and where samples are missing."""
+    one, label = _clock(subject)
+    panel.set(title="time stamps", xlabel=label, ylabel="stamp less even clock, ms")
+    if subject.stamps is None:
+        return
+    t, low, high, missing = subject.stamps.T
+    panel.fill_between(t / one, 1e3 * low, 1e3 * high, color=DATA_COLOUR, alpha=0.3, lw=0.5)
+    panel.plot(t / one, 5e2 * (low + high), color=DATA_COLOUR, lw=0.8, label="stamps")
+    gaps = missing > 0
+    if gaps.any():
+        words = f"{missing.sum():.0f} samples missing"
+        panel.plot(t[gaps] / one, 1e3 * high[gaps], "v", ms=6, color=CAUSE_COLOUR, label=words)
 
 
 VIEWS: Mapping[cause.View, View] = {

@@ -79,6 +79,9 @@ class Record:
         By axis, the Allan variances of clusters shorter than the interval, from all samples of such a log.
     limiting_steps : mapping of str to float
         Quantizer step of each axis whose noise it hides, unit.
+    stamp_course : ndarray, shape (k, 4), optional
+        What a figure shows of the stamps, in pieces of time: time, smallest and largest distance of a stamp from the
+        even clock, s, samples that are missing.
     """
 
     name: str
@@ -97,6 +100,7 @@ class Record:
     samples_a_mean: int = 1
     short_clusters: Mapping[str, ShortClusters] = field(default_factory=lambda: MappingProxyType({}))
     limiting_steps: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    stamp_course: FloatArray | None = None
 
     def __post_init__(self) -> None:
         y = np.asfortranarray(np.atleast_2d(np.asarray(self.y, dtype=float).T).T)

@@ -171,3 +171,15 @@ def test_rows_without_a_number_are_no_gap_of_the_clock() -> None:
     assert stamped_timebase(both[kept], valid=mine[kept]).unread == 0
     mine[800] = False
     assert stamped_timebase(both, valid=mine).unread == 1
+
+
+def test_the_course_of_the_stamps_shows_the_late_one_and_the_gap() -> None:
+    stamps = 0.01 * np.arange(COUNT)
+    stamps[700] += 0.003
+    kept = np.delete(stamps, slice(12_000, 12_005))
+    t, low, high, missing = stamped_timebase(kept).stamp_course(kept).T
+    assert len(t) <= 600
+    assert (t[np.argmax(high)], np.max(high)) == (pytest.approx(7.0, abs=0.4), pytest.approx(0.003, abs=1e-5))
+    assert np.abs(low).max() < 1e-5
+    assert missing.sum() == 5
+    assert t[np.argmax(missing)] == pytest.approx(120.0, abs=0.5)
