@@ -20,7 +20,7 @@ from tuner.diagnosis.static.search import search_causes
 from tuner.segments.multi_position import find_poses
 from tuner.types.records import Record
 
-SAMPLES = 400_000
+SAMPLES = 300_000
 
 
 @pytest.fixture(scope="module")
@@ -60,4 +60,9 @@ def test_search_for_causes_takes_few_columns(sensors: tuple[Record, Record]) -> 
     """Residuals, coefficients and squares are columns; spectra are in single precision and taken by turns."""
     one = channel(sensors[0], "gyro_x")
     limit = threshold(6)
-    assert columns_taken(lambda: search_causes(one, limit)) < 11.0
+    assert columns_taken(lambda: search_causes(one, limit)) < 10.0
+
+
+def test_channel_is_prepared_in_place(sensors: tuple[Record, Record]) -> None:
+    """What comes back is a column, and a byte for each sample."""
+    assert columns_taken(lambda: channel(sensors[0], "gyro_x")) < 1.3

@@ -204,7 +204,11 @@ def without_frozen(record: Record, axes: tuple[str, ...], tests: Sequence[DataQu
     """Return some axes of a record, without the stretches in which one of them was frozen."""
     stretches = [stretch for test in tests if set(axes) & set(test.channels) for stretch in test.stretches]
     columns = [record.axes.index(axis) for axis in axes]
-    return replace(record, y=record.y[:, columns], axes=axes, segments=cut(record.segments, stretches))
+    if columns == list(range(columns[0], columns[0] + len(columns))):
+        y = record.y[:, columns[0] : columns[0] + len(columns)]  # no copy
+    else:
+        y = record.y[:, columns]
+    return replace(record, y=y, axes=axes, segments=cut(record.segments, stretches))
 
 
 def duplicates(

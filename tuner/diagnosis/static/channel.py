@@ -7,7 +7,7 @@ and kept out of every test of the distribution.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
@@ -40,6 +40,10 @@ FLOOR_STEP = 0.5
 """Step of the codes, ÷ scale, that such samples are given: rounding is a known white floor, scale²/48."""
 ARITHMETIC_SD = 1e-9
 """Sd of what is left of a computed signal ÷ its own: arithmetic has no more digits."""
+FIRST_SAMPLES = 4096
+"""Samples that show that most signals are not computed."""
+SAMPLES_AT_ONCE = 1 << 16
+"""Samples treated at a time, so that what is computed from them stays in the cache of a processor."""
 MIN_SAMPLES = 1024
 """Samples below which no test is made: too few for the spectrum bins and for asymptotic null distributions."""
 GAP_NEIGHBOURS = 128
@@ -60,7 +64,7 @@ class Channel:
     axis, unit : str
         Name, and unit of the samples before scaling.
     y : ndarray, shape (n,)
-        Samples ÷ `scale`, less their median; n = M L.
+        Samples ÷ `scale`, less their median; n = M L. Empty where they were let go of.
     valid : ndarray of bool, shape (n,)
         Samples that were measured.
     scale : float
@@ -98,17 +102,22 @@ class Channel:
     missing_codes: bool = False
 
     def __len__(self) -> int:
-        return len(self.y)
+        return len(self.valid)
 
     @property
     def blocks(self) -> int:
         """Number of blocks, M."""
-        return len(self.y) // self.block
+        return len(self) // self.block
 
     @property
     def span(self) -> float:
         """Length, s."""
-        return len(self.y) * self.interval
+        return len(self) * self.interval
+
+    @property
+    def without_samples(self) -> Channel:
+        """The same without the samples, which another copy of the channel has."""
+        return replace(self, y=np.empty(0))
 
     @property
     def block_time(self) -> FloatArray:
@@ -182,19 +191,23 @@ def channel(
         A channel that is too short, constant, or a computed sinusoid.
     """
     chosen = _without_long_gaps(record)
-    column = record.column(axis)
-    place = np.concatenate([_index(record, piece) for piece in chosen])
-    place -= place[0]
-    source = np.concatenate([np.arange(*piece) for piece in chosen])
-    n = int(place[-1]) + 1
+    first, n = chosen[0][0], int(_index(record, chosen[-1])[-1] - _index(record, chosen[0])[0]) + 1
     if n < MIN_SAMPLES:
         msg = f"{record.source or record.name}: {axis} has {n} samples, expected {MIN_SAMPLES} or more; record longer"
         raise DataError(msg)
     block, n = _cut(n)
-    keep = place < n
-    if repeated is not None:
-        keep &= ~repeated[source]
-    place, source = place[keep], source[keep]
+    place: slice | NDArray[np.int64] = slice(0, n)
+    source: slice | NDArray[np.int64] = slice(first, first + n)
+    if len(chosen) > 1 or repeated is not None:
+        place = np.concatenate([_index(record, piece) for piece in chosen])
+        place -= place[0]
+        source = np.concatenate([np.arange(*piece) for piece in chosen])
+        keep = place < n
+        if repeated is not None:
+            keep &= ~repeated[source]
+        place, source = place[keep], source[keep]
+        first = int(source[0])
+    column = record.column(axis)
     measured = column[source]
     level, scale = float(np.median(measured)), difference_sd(measured)
     if not scale > 0:
@@ -206,17 +219,23 @@ def channel(
         msg = f"{record.source or record.name}: {axis} is {what} without any noise, expected noise; leave it out"
         raise DataError(msg)
     noise = np.random.default_rng((seed, 77))
-    if float(np.std(np.diff(measured, 8))) < DEEP_STOP_BAND * scale * float(np.sqrt(12870.0)):  # Σ C(8, k)²
+    if _sd_of_eighth_differences(measured) < DEEP_STOP_BAND * scale * float(np.sqrt(12870.0)):  # Σ C(8, k)²
         quantizer_step = max(quantizer_step, FLOOR_STEP * scale)
         measured = measured + FLOOR_STEP * scale * noise.uniform(-0.5, 0.5, len(measured))
     valid = np.zeros(n, dtype=bool)
     valid[place] = True
-    y = np.zeros(n)
-    y[place] = (measured - level) / scale
-    y = fill(y, ~valid, 1.0, noise)
+    scaled = measured - level
+    scaled /= scale
+    y = scaled
+    if not isinstance(place, slice):
+        y = np.zeros(n)
+        y[place] = scaled
+        y = fill(y, ~valid, 1.0, noise)
     covariates = {
         name: smoothed(
-            np.interp(np.arange(n), place, values[source]).reshape(-1, block).mean(axis=1),
+            (values[source] if isinstance(place, slice) else np.interp(np.arange(n), place, values[source]))
+            .reshape(-1, block)
+            .mean(axis=1),
             code_step(values),
             -(-typical_repeats(values) // block),
         )
@@ -224,7 +243,7 @@ def channel(
         if np.all(np.isfinite(values)) and np.ptp(values) > 0
     }
     return Channel(
-        axis, record.unit, y, valid, scale, level, record.interval, float(record.t[source[0]]), block,
+        axis, record.unit, y, valid, scale, level, record.interval, float(record.t[first]), block,
         MappingProxyType(covariates), quantizer_step / scale,
     )  # fmt: skip
 
@@ -232,8 +251,15 @@ def channel(
 def computed(y: FloatArray) -> float | None:
     """Return the cycles a sample of a sinusoid, 0 of a straight line, that samples (n,) are but for digits; else None.
 
-    The differences d of one obey d_(k+1) + d_(k−1) = 2 cos(2πf) d_k.
+    The differences d of one obey d_(k+1) + d_(k−1) = 2 cos(2πf) d_k. What the first samples miss by more than that
+    lets all of them miss it.
     """
+    d = np.diff(y[:FIRST_SAMPLES])
+    middle, both = d[1:-1] - d[1:-1].mean(), d[2:] + d[:-2]
+    both -= both.mean()
+    left = both - float(middle @ both) / max(float(middle @ middle), np.finfo(float).tiny) * middle
+    if np.sqrt(float(left @ left) / len(y)) > ARITHMETIC_SD * float(np.ptp(y)):
+        return None
     d = np.diff(y)
     middle, both = d[1:-1], d[2:] + d[:-2]
     twice = float(middle @ both) / float(middle @ middle)
@@ -270,12 +296,27 @@ def _largest_prime(n: int) -> int:
 
 def difference_sd(x: FloatArray) -> float:
     """Return the standard deviation of the white part: by the differences, median of short blocks."""
-    square = np.diff(x) ** 2
-    size = min(256, len(square))
-    blocks = square[: len(square) // size * size].reshape(-1, size)
-    typical = float(np.median(blocks.mean(axis=1)))
-    capped = np.minimum(blocks, 25.0 * typical).mean(axis=1)
+    size = min(256, len(x) - 1)
+    rows = (len(x) - 1) // size
+    at_once = max(1, SAMPLES_AT_ONCE // size)
+
+    def squares() -> Iterator[FloatArray]:
+        for row in range(0, rows, at_once):
+            stop = min(row + at_once, rows)
+            yield (np.diff(x[row * size : stop * size + 1]) ** 2).reshape(-1, size)
+
+    typical = float(np.median(np.concatenate([part.mean(axis=1) for part in squares()])))
+    capped = np.concatenate([np.minimum(part, 25.0 * typical).mean(axis=1) for part in squares()])
     return float(np.sqrt(0.5 * (np.median(capped) or capped.mean())))
+
+
+def _sd_of_eighth_differences(x: FloatArray) -> float:
+    """Return the sd of the differences of differences … of samples (n,), eight times."""
+    total, square, count = 0.0, 0.0, len(x) - 8
+    for start in range(0, count, SAMPLES_AT_ONCE):
+        part = np.diff(x[start : start + SAMPLES_AT_ONCE + 8], 8)
+        total, square = total + float(part.sum()), square + float(part @ part)
+    return float(np.sqrt(max(square / count - (total / count) ** 2, 0.0)))
 
 
 def fill(y: FloatArray, missing: BoolArray, sd: float, rng: np.random.Generator) -> FloatArray:

@@ -46,30 +46,39 @@ def prepared(
     """
     ready = []
     for axis in record.axes:
-        stuck = [t for t in tests if t.stretches and (t.cause == "duplicates" or t.p_value < limit)]
-        others = [t for t in tests if not t.stretches and axis in t.channels]
-        mine = {t.cause: t for t in others if t.p_value < limit or t.note}
-        codes = mine["lattice"].parameters if "lattice" in mine else {}
-        step, dead = (
-            float(codes[name].value or 0.0) if name in codes else 0.0 for name in ("step", "deadband")
-        )
-        source = without_frozen(record, (axis,), stuck)
-        repeated = None
-        if "duplicates" in mine:
-            test = mine["duplicates"]
-            repeated = _repeated(without_frozen(record, test.channels, stuck), test, seed)
-        if repeated is not None and repeated.mean() > MAX_BRIDGED_SHARE:
-            source, repeated = _thinned(source, ~repeated), None
         try:
-            even = channel(source, axis, quantizer_step=step, repeated=repeated, seed=seed)
-            holes = "lattice" in mine and not mine["lattice"].note and not dead
-            even = replace(
-                even, interpolated="interpolated" in mine, clipped="clipping" in mine, missing_codes=holes
-            )
-            ready.append(replace(even, deadband=dead / even.scale))
+            ready.append(prepared_axis(record, axis, tests, limit, seed))
         except DataError as error:
             refused.append(str(error))
     return ready
+
+
+def prepared_axis(
+    record: Record, axis: str, tests: Sequence[DataQualityTest], limit: float, seed: int
+) -> Channel:
+    """Return one axis of a record as `prepared` does.
+
+    Raises
+    ------
+    DataError
+        Where it cannot be analysed.
+    """
+    stuck = [t for t in tests if t.stretches and (t.cause == "duplicates" or t.p_value < limit)]
+    others = [t for t in tests if not t.stretches and axis in t.channels]
+    mine = {t.cause: t for t in others if t.p_value < limit or t.note}
+    codes = mine["lattice"].parameters if "lattice" in mine else {}
+    step, dead = (float(codes[name].value or 0.0) if name in codes else 0.0 for name in ("step", "deadband"))
+    source = without_frozen(record, (axis,), stuck)
+    repeated = None
+    if "duplicates" in mine:
+        test = mine["duplicates"]
+        repeated = _repeated(without_frozen(record, test.channels, stuck), test, seed)
+    if repeated is not None and repeated.mean() > MAX_BRIDGED_SHARE:
+        source, repeated = _thinned(source, ~repeated), None
+    even = channel(source, axis, quantizer_step=step, repeated=repeated, seed=seed)
+    holes = "lattice" in mine and not mine["lattice"].note and not dead
+    even = replace(even, interpolated="interpolated" in mine, clipped="clipping" in mine, missing_codes=holes)
+    return replace(even, deadband=dead / even.scale)
 
 
 def _repeated(record: Record, test: DataQualityTest, seed: int) -> BoolArray:

@@ -15,7 +15,7 @@ from tuner.diagnosis.static.causes import attitude, cross_axis, motion, mount_ti
 from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.diagnosis.static.causes.temperature import COVARIATE as TEMPERATURE
 from tuner.diagnosis.static.channel import MIN_SAMPLES, Channel, channel
-from tuner.diagnosis.static.channel_preparation import prepared
+from tuner.diagnosis.static.channel_preparation import prepared, prepared_axis
 from tuner.diagnosis.static.findings import Single, findings, joins, singles, words
 from tuner.diagnosis.static.held_out_gain import with_gains
 from tuner.diagnosis.static.hypothesis_tests import threshold
@@ -105,10 +105,12 @@ def diagnose(
     notes: list[str] = []
     refused: list[str] = []
     ready: list[Channel] = []
+    tests_of: dict[str, Sequence[DataQualityTest]] = {}
     stage("testing the samples", 0.1)
     for record, tests in zip(sensors, each(data_quality_tests, sensors), strict=True):
         found += [_finding(t) for t in tests if t.p_value < limit and not t.note]
         notes += [f"{', '.join(t.channels)}: {t.text}" for t in tests if t.note]
+        tests_of |= dict.fromkeys(record.axes, tests)
         ready += prepared(record, tests, limit, seed, refused)
     parts: list[tuple[Channel, tuple[motion.Motion, ...]]] = []
     for group in _by_clock(ready):
@@ -117,15 +119,22 @@ def diagnose(
         parts += kept
     if not parts:
         raise DataError(_nothing_left(refused, found, sensors[0], resting))
-    whole = {one.axis: one for one in ready}
+    whole = {one.axis: (len(one), one.start) for one in ready}
     order = list(whole)
     parts.sort(key=lambda part: order.index(part[0].axis))
+    colour = {part.axis: _colour(part) for part, _ in parts}
+    parts = [
+        (part.without_samples, moves) for part, moves in parts
+    ]  # each is made again where it is searched
+    del ready, group, kept
 
     record_of = {axis: record for record in sensors for axis in record.axes}
 
     def diagnosed(given: tuple[Channel, tuple[motion.Motion, ...]]) -> _Diagnosed:
         part, moves = given
-        return judged(part, search_causes(part, limit, moves))
+        again = prepared_axis(record_of[part.axis], part.axis, tests_of[part.axis], limit, seed)
+        first = round((part.start - whole[part.axis][1]) / part.interval)
+        return judged(part, search_causes(replace(part, y=again.y[first : first + len(part)]), limit, moves))
 
     def judged(part: Channel, outcome: SearchResult) -> _Diagnosed:
         found = outcome if shared_shape.smooth(outcome) else None
@@ -139,11 +148,11 @@ def diagnose(
             Unexplained(r.name, (part.axis,), r.p_value, r.nats, r.place or WHOLE_RECORD)
             for r in outcome.unexplained
         )
-        final = outcome.final.without_caches
+        final = outcome.final.beside_others(part)
         return _Diagnosed(singles(part.axis, outcome, before), unexplained, final, before, after, found)
 
     stage("searching for causes", 0.9)
-    longest_first = sorted(parts, key=lambda part: -_colour(part[0]))
+    longest_first = sorted(parts, key=lambda part: -colour[part[0].axis])
     found_in = dict(
         zip(
             (part.axis for part, _ in longest_first),
@@ -174,7 +183,7 @@ def diagnose(
         (*notes, *refused, *sampling.notes(finals)),
         models,
         {axis: one.before for axis, one in zip(axes, every, strict=True)},
-        {part.axis: _times(part) for part, _ in parts if len(part) < len(whole[part.axis])},
+        {part.axis: _times(part) for part, _ in parts if len(part) < whole[part.axis][0]},
     )
 
 

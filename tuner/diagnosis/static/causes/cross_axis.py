@@ -15,7 +15,7 @@ from scipy.stats import norm
 
 from models.effects.static.distribution import CrossAxis as Effect
 from tuner.diagnosis.cause import Cause
-from tuner.diagnosis.static.model.residual import RESIDUAL_CLIP, Residual
+from tuner.diagnosis.static.model.residual import SAMPLES_AT_ONCE, Residual
 from tuner.types import Coefficient
 
 
@@ -68,14 +68,25 @@ def test(residuals: Mapping[str, Residual], limit: float) -> tuple[Shared, ...]:
     pairs = [(a, b) for a, b in combinations(residuals, 2) if _together(residuals[a], residuals[b])]
     found: dict[tuple[str, str], tuple[float, float, float]] = {}
     for a, b in pairs:
-        both = residuals[a].valid & residuals[b].valid
-        x, y = (np.clip(residuals[axis].e[both], -RESIDUAL_CLIP, RESIDUAL_CLIP) for axis in (a, b))
-        n = len(x)
-        rho = float(np.corrcoef(x, y)[0, 1])
+        rho, n = _correlation(residuals[a], residuals[b])
         p_value = min(1.0, 2.0 * len(pairs) * float(norm.sf(abs(rho) * np.sqrt(n))))
         if p_value < limit:
             found[a, b] = (rho, (1.0 - rho**2) / np.sqrt(n), p_value)
     return tuple(_shared(group, found) for group in _groups(list(found)))
+
+
+def _correlation(a: Residual, b: Residual) -> tuple[float, int]:
+    """Return the correlation of clipped residuals that are valid in both channels, and their number."""
+    number, sums, products = 0, np.zeros(2), np.zeros((2, 2))
+    for first in range(0, len(a.valid), SAMPLES_AT_ONCE):
+        part = slice(first, first + SAMPLES_AT_ONCE)
+        both = a.valid[part] & b.valid[part]
+        x = np.stack([a.clipped[part][both], b.clipped[part][both]]).astype(float)
+        number += x.shape[1]
+        sums += x.sum(axis=1)
+        products += x @ x.T
+    covariance = products / number - np.outer(sums, sums) / number**2
+    return float(covariance[0, 1] / np.sqrt(covariance[0, 0] * covariance[1, 1])), number
 
 
 def _together(a: Residual, b: Residual) -> bool:

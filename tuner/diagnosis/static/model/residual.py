@@ -80,11 +80,14 @@ class Residual:
     shapes: dict[Extension, FloatArray] = field(repr=False, compare=False, default_factory=dict)
     known: dict[Callable[..., Any], Any] = field(init=False, repr=False, compare=False, default_factory=dict)
 
-    @property
-    def without_caches(self) -> Residual:
-        """The same without what was computed from it, tenfold its size, but for the residuals themselves."""
-        same = replace(self, shapes={})
-        same.__dict__["scaled"] = self.scaled
+    def beside_others(self, channel: Channel) -> Residual:
+        """Return what is compared with other channels: the fit and the clipped residuals, but no other samples.
+
+        `channel` is its own channel, with or without samples.
+        """
+        cleaned = channel if self.cleaned is self.channel else self.cleaned.without_samples
+        same = replace(self, channel=channel, cleaned=cleaned, coefficients=np.empty(0), shapes={})
+        same.__dict__["clipped"] = self.clipped
         return same
 
     @property
