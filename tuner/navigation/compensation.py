@@ -5,6 +5,7 @@ A `Compensation` has values of the parameters of constant causes, SI, in the axe
 
 ================================ ==========================================================================
 time_offset.delay                positions of stamp t are those of t − delay
+clock_drift.rate                 … of t − delay − rate (t − t₀), t₀ halfway between the first and the last fix
 velocity_lag.delay               velocities are so much later than the positions beside them
 lever_arm.x y z                  true lever arm less the given one (none: 0)
 gnss_frame.roll pitch yaw        v_reported = Rz(yaw) Ry(pitch) Rx(roll) v
@@ -28,6 +29,7 @@ from numpy.typing import NDArray
 
 from models.effects.drive import EFFECTS
 from models.effects.drive.base import Correction
+from models.effects.drive.gnss import middle_of
 from tuner.navigation.fix_sd_model import GNSS_NOISE_SCALE, fix_sd_model
 from tuner.navigation.settings import FilterSettings
 from tuner.types import Compensation
@@ -52,6 +54,11 @@ def correction(compensation: Compensation) -> Correction:
     return answer
 
 
+def corrected_stamps(t: FloatArray, change: Correction) -> FloatArray:
+    """Return the times of fixes on the clock of the inertial unit, from all their stamps t (k,)."""
+    return np.asarray(t - change.fix_delay - change.fix_delay_rate * (t - middle_of(t)))
+
+
 def compensate(drive: Drive, compensation: Compensation) -> Drive:
     """Return the drive with known errors of stamps, frames, lever arm, mounting and sensors taken out."""
     if not compensation:
@@ -61,7 +68,7 @@ def compensate(drive: Drive, compensation: Compensation) -> Drive:
     gnss = drive.gnss
     gnss = replace(
         gnss,
-        t=gnss.t - change.fix_delay,
+        t=corrected_stamps(gnss.t, change),
         vel_n=(gnss.vel_n - change.velocity_offset) @ change.velocity_rotation,
     )
     if drive.mounting is not None:

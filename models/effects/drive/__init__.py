@@ -4,6 +4,7 @@
 code                parameters                                                            module
 ==================  ====================================================================  ==========
 time_offset         delay: p_meas(t) = p(t − delay)                                       receiver
+clock_drift         rate: seconds by which the delay grows in one                         receiver
 velocity_lag        delay                                                                 receiver
 lever_arm           x, y, z                                                               receiver
 correlated_gnss     sd, time_constant                                                     receiver
@@ -37,7 +38,14 @@ import numpy as np
 
 from models.effects import parsing as text
 from models.effects.drive.base import DriveEffect, DriveSamples
-from models.effects.drive.gnss import CorrelatedGnss, GnssNoiseScale, GnssOutliers, LeverArm, TimeOffset
+from models.effects.drive.gnss import (
+    ClockDrift,
+    CorrelatedGnss,
+    GnssNoiseScale,
+    GnssOutliers,
+    LeverArm,
+    TimeOffset,
+)
 from models.effects.drive.gnss_velocity import (
     GnssFrame,
     GnssVelocity,
@@ -84,7 +92,7 @@ EFFECTS: Registry[type[DriveEffect]] = Registry(
 """Class of every effect on a drive, by the code of its cause, in the order in which sensor errors are composed."""
 EFFECTS.extend(
     (
-        TimeOffset, VelocityLag, LeverArm, CorrelatedGnss, GnssNoiseScale, GnssOutliers, GnssVelocity,
+        TimeOffset, ClockDrift, VelocityLag, LeverArm, CorrelatedGnss, GnssNoiseScale, GnssOutliers, GnssVelocity,
         GnssFrame, VelocityScale, VerticalVelocity, ImuNoiseScale, GyroScale, AccelScale, Misalignment, GSensitivity,
         Mounting, Gravity, BiasJump,
     )

@@ -125,6 +125,8 @@ class Correction:
         A with measured (ω, f) = A true, in the axes of the sensor.
     fix_delay : float
         Fixes of stamp t are those of t − fix_delay, s.
+    fix_delay_rate : float
+        Change of that delay in a second, which is `fix_delay` in the middle of the fixes.
     velocity_lag : float
         Velocities are so much later than the positions beside them, s.
     velocity_rotation : ndarray, shape (3, 3)
@@ -141,6 +143,7 @@ class Correction:
 
     sensor_matrix: FloatArray = field(default_factory=lambda: np.eye(6))
     fix_delay: float = 0.0
+    fix_delay_rate: float = 0.0
     velocity_lag: float = 0.0
     velocity_rotation: FloatArray = field(default_factory=lambda: np.eye(3))
     velocity_offset: FloatArray = field(default_factory=lambda: np.zeros(3))

@@ -7,6 +7,7 @@
     correlated_gnss    position + g: Gauss–Markov of `sd` and `time_constant`, each of north, east, down
     gnss_outliers      `fraction` of the positions off by `size` sds in a random direction, in runs
     time_offset        p_meas(t) = p(t − delay), v_meas(t) = v(t − delay): stamps are late by `delay`
+    clock_drift        that delay changes by `rate` a second, and is 0 in the middle of the fixes
 """
 
 from __future__ import annotations
@@ -247,18 +248,59 @@ class TimeOffset(DriveEffect):
 
     def apply(self, drive: DriveSamples, rng: np.random.Generator) -> DriveSamples:
         """Stamp every fix later; those outside the inertial record are lost."""
-        t = drive.fix_t + self.delay
-        kept = (t >= drive.t[0]) & (t <= drive.t[-1])
-        if not kept.any():
-            msg = f"'delay' must leave fixes within the record, {drive.t[-1] - drive.t[0]:.6g} s, got {self.delay}"
-            raise ValueError(msg)
-        columns = {
-            name: getattr(drive, name)[kept] for name in ("llh", "vel_n", "position_sd", "velocity_sd")
-        }
-        white = None if drive.fix_white is None else drive.fix_white[kept]
-        return replace(drive, fix_t=t[kept], fix_white=white, **columns)
+        return _stamped(drive, drive.fix_t + self.delay, "delay", self.delay)
 
     @classmethod
     def draw(cls, rng: np.random.Generator, drive: DriveSamples) -> Self:
         """± 3 … 300 ms."""
         return cls(sign(rng) * log_uniform(rng, 3e-3, 0.3))
+
+
+@dataclass(frozen=True)
+class ClockDrift(DriveEffect):
+    """A clock of the receiver that runs faster than that of the inertial unit.
+
+    Attributes
+    ----------
+    rate : float
+        Seconds that the stamps of the fixes gain in a second; above −1.
+    """
+
+    name: ClassVar[str] = "clock_drift"
+    stage: ClassVar[int] = STAMP_STAGE
+    is_constant: ClassVar[bool] = True
+    rate: float
+
+    def __post_init__(self) -> None:
+        require_between(-1.0, 1.0, rate=self.rate)
+
+    @classmethod
+    def corrected(cls, correction: Correction, values: Mapping[str, float]) -> Correction:
+        """Return a correction of a drive that stretches the stamps of the fixes, too."""
+        return replace(correction, fix_delay_rate=values.get("rate", 0.0))
+
+    def apply(self, drive: DriveSamples, rng: np.random.Generator) -> DriveSamples:
+        """Stamp fixes later and later; those outside the inertial record are lost."""
+        t = drive.fix_t + self.rate * (drive.fix_t - middle_of(drive.fix_t))
+        return _stamped(drive, t, "rate", self.rate)
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, drive: DriveSamples) -> Self:
+        """± 10 … 1000 ppm: crystals to clocks of operating systems."""
+        return cls(sign(rng) * log_uniform(rng, 1e-5, 1e-3))
+
+
+def middle_of(t: FloatArray) -> float:
+    """Return the time halfway between the first and the last of rising stamps, 0 where there is none."""
+    return 0.5 * float(t[0] + t[-1]) if len(t) else 0.0
+
+
+def _stamped(drive: DriveSamples, t: FloatArray, name: str, value: float) -> DriveSamples:
+    """Return a drive with other stamps of its fixes, without those outside the inertial record."""
+    kept = (t >= drive.t[0]) & (t <= drive.t[-1])
+    if not kept.any():
+        msg = f"'{name}' must leave fixes within the record, {drive.t[-1] - drive.t[0]:.6g} s, got {value}"
+        raise ValueError(msg)
+    columns = {name: getattr(drive, name)[kept] for name in ("llh", "vel_n", "position_sd", "velocity_sd")}
+    white = None if drive.fix_white is None else drive.fix_white[kept]
+    return replace(drive, fix_t=t[kept], fix_white=white, **columns)

@@ -300,6 +300,46 @@ def _rounded(f: Fixes, s: Scene, rng: Draw) -> FloatArray:
     return _columns(np.round(seen / step) * step - f.way, f.off[:, 3:])
 
 
+def _lagging_gyros(t: FloatArray, m: State, s: Scene, rng: Draw) -> FloatArray:
+    late = np.column_stack([np.interp(t - 0.08, t, column) for column in m.omega.T])
+    return _gyro(late - m.omega)
+
+
+def _drifting_scale(t: FloatArray, m: State, s: Scene, rng: Draw) -> FloatArray:
+    return _accel(np.outer(t / s.duration, [0.08, 0.08, 0.0]) * m.force)
+
+
+def _one_noisy_axis(t: FloatArray, m: State, s: Scene, rng: Draw) -> FloatArray:
+    return _about_down(12.0 * s.arw * np.sqrt(s.imu_rate) * rng.standard_normal(len(t)))
+
+
+def _sheared_gyros(t: FloatArray, m: State, s: Scene, rng: Draw) -> FloatArray:
+    return _gyro(m.omega @ np.array([[0.0, 0.0, 0.02], [0.0, 0.0, -0.02], [0.0, 0.0, 0.0]]).T)
+
+
+def _shadowed(f: Fixes, s: Scene, rng: Draw) -> FloatArray:
+    size = 5.0 * s.position_sd[0] * np.sin(_heading(f.state) - 0.5)
+    return f.off + np.outer(size, [0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
+
+
+def _offset_velocity(f: Fixes, s: Scene, rng: Draw) -> FloatArray:
+    return f.off + np.array([0.0, 0.0, 0.0, 4.0, -3.0, 0.0]) * s.velocity_sd[0]
+
+
+def _rounded_stamps(f: Fixes, s: Scene, rng: Draw) -> FloatArray:
+    return f.t - np.floor(f.t / 0.7) * 0.7
+
+
+def _two_antennas(f: Fixes, s: Scene, rng: Draw) -> FloatArray:
+    arm = np.einsum("nji,njk,k->ni", f.state.local, f.state.body, np.array([2.0, 0.0, 0.0]))
+    second = (np.floor(f.t / 40.0) % 2.0)[:, None]
+    return f.off + second * _columns(arm, np.zeros_like(arm))
+
+
+def _sinking_heights(f: Fixes, s: Scene, rng: Draw) -> FloatArray:
+    return _vertical(f.off, 20.0 * s.position_sd[2] * f.t / s.duration)
+
+
 def _named(*names: str) -> frozenset[str]:
     return frozenset(names)
 
@@ -323,6 +363,8 @@ KINDS = {
     "datum_step": Outside(fixes=_datum),
     "map_scale": Outside(fixes=_map_scale, right=_named("velocity_scale", "accel_scale")),
     "smoothed_positions": Outside(fixes=_smoothed_positions, right=_named("time_offset", "velocity_lag")),
+    "cycling_bias": Outside(unit=_cycling),
+    "square_accelerometer": Outside(unit=_square_accel),
     "extrapolated_fixes": Outside(fixes=_extrapolated, right=_named("gnss_velocity", "gnss_outliers")),
 }
 """Kinds of which some shaped the checks."""
@@ -331,8 +373,6 @@ FRESH = {
     "saturated_gyro": Outside(unit=_saturated),
     "slipped_unit": Outside(unit=_slipped),
     "dropped_samples": Outside(unit=_dropped),
-    "square_accelerometer": Outside(unit=_square_accel),
-    "cycling_bias": Outside(unit=_cycling),
     "late_unit": Outside(unit=_late_unit, right=_named("time_offset", "velocity_lag")),
     "moved_antenna": Outside(fixes=_antenna_moved),
     "dead_band": Outside(fixes=_dead_band, right=_named("gnss_velocity")),
@@ -341,6 +381,15 @@ FRESH = {
     "satellites_change": Outside(fixes=_satellites_change, right=_named("correlated_gnss")),
     "drawn_off": Outside(fixes=_drawn_off, right=_named("gnss_outliers", "correlated_gnss")),
     "lagging_heights": Outside(fixes=_heights_lag, right=_named("correlated_gnss")),
+    "lagging_gyros": Outside(unit=_lagging_gyros),
+    "drifting_scale": Outside(unit=_drifting_scale),
+    "one_noisy_axis": Outside(unit=_one_noisy_axis, right=_named("imu_noise_scale")),
+    "sheared_gyros": Outside(unit=_sheared_gyros, right=_named("misalignment")),
+    "shadowed_antenna": Outside(fixes=_shadowed),
+    "offset_velocity": Outside(fixes=_offset_velocity, right=_named("correlated_velocity")),
+    "rounded_stamps": Outside(late=_rounded_stamps),
+    "two_antennas": Outside(fixes=_two_antennas),
+    "sinking_heights": Outside(fixes=_sinking_heights, right=_named("correlated_gnss", "vertical_velocity")),
     "rounded_positions": Outside(fixes=_rounded, right=_named("gnss_noise_scale")),
 }
 """Kinds that were made after the checks and shaped none of them."""

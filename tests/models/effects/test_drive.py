@@ -14,6 +14,8 @@ from models.effects.drive.gnss import GnssOutliers, TimeOffset
 from models.measurements import perfect_fixes
 from models.trajectory.catalogue import city
 from models.trajectory.motion import imu_increments
+from tuner.navigation.compensation import corrected_stamps, correction
+from tuner.types import Compensation, Parameter
 
 INTERVAL, DURATION = 0.02, 200.0
 MOTION = city(DURATION)
@@ -22,6 +24,7 @@ CODES = tuple(EFFECTS)
 
 REPORTED = {
     "time_offset": {"delay"},
+    "clock_drift": {"rate"},
     "velocity_lag": {"delay"},
     "lever_arm": {"x", "y", "z"},
     "correlated_gnss": {"sd", "time_constant"},
@@ -45,6 +48,7 @@ REPORTED = {
 
 NOTHING = (
     "time_offset:delay=0",
+    "clock_drift:rate=0",
     "velocity_lag:delay=0",
     "lever_arm:",
     "correlated_gnss:sd=0,time_constant=20",
@@ -181,6 +185,18 @@ def test_fixes_show_the_truth_of_the_delay_before(delay):
     np.testing.assert_allclose(ned_between(late.llh, llh), 0.0, atol=1e-6)
     np.testing.assert_allclose(late.vel_n, vel, atol=1e-9)
     np.testing.assert_array_equal(late.rates, CLEAN.rates)
+
+
+@pytest.mark.parametrize("rate", [2e-3, -0.01])
+def test_a_clock_that_drifts_delays_the_last_fixes_as_much_as_it_advances_the_first(rate):
+    drifting = only(f"clock_drift:rate={rate}")
+    middle = 0.5 * (CLEAN.fix_t[0] + CLEAN.fix_t[-1])
+    true_t = middle + (drifting.fix_t - middle) / (1.0 + rate)
+    llh, _ = perfect_fixes(MOTION, true_t)
+    np.testing.assert_allclose(ned_between(drifting.llh, llh), 0.0, atol=1e-6)
+    taken_out = correction(Compensation({Parameter("clock_drift", "rate"): rate}))
+    left = corrected_stamps(CLEAN.fix_t + rate * (CLEAN.fix_t - middle), taken_out) - CLEAN.fix_t
+    np.testing.assert_allclose(left, 0.0, atol=1.1 * rate**2 * middle)
 
 
 @pytest.mark.parametrize("delay", [0.13, -0.3])

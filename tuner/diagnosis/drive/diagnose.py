@@ -17,7 +17,6 @@ from tuner.diagnosis.drive.causes.registry import significance_threshold
 from tuner.diagnosis.drive.causes.sensor_bias import biases_beyond_prior
 from tuner.diagnosis.drive.causes.time_offset import (
     clock_coefficients,
-    clock_drift,
     clocks_are_suspicious,
     coarse_clock_search,
 )
@@ -202,7 +201,6 @@ def _diagnosis(
     left = tuple(
         Unexplained(f"{a.cause}: {a.result.name}", ("drive",), a.result.p_value) for a in outcome.unexplained
     )
-    left = (*left, *clock_drift(outcome.final, outcome.shifts, significance_threshold()))
     all_notes = (*drive.notes, *notes)
     causes = tuple(finding.cause for finding in findings)
     untestable = untestable_causes(outcome.final, drive.mounting, wheels=wheels, accepted=causes)

@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from models.effects.drive.gnss import middle_of
 from models.filter_states.built_in import CORRELATED_VELOCITY
 from models.noise import GaussMarkov
 from tuner.diagnosis.drive.cause_test import CauseTest, scaled_factor
@@ -21,7 +22,12 @@ from tuner.diagnosis.drive.linear_model.linearize import linearize
 from tuner.diagnosis.drive.linear_model.linearized_run import NOISE_GROUPS, LinearizedRun
 from tuner.diagnosis.drive.linear_model.noise_parameters import ROW_GROUPS
 from tuner.diagnosis.drive.linear_model.whitened_innovations import WhitenedInnovations, whiten
-from tuner.navigation.compensation import compensate, compensate_settings
+from tuner.navigation.compensation import (
+    compensate,
+    compensate_settings,
+    corrected_stamps,
+    correction,
+)
 from tuner.navigation.data import Solution
 from tuner.navigation.drive.run import Stretch, initial_estimates, navigate, prepare, reported_sds
 from tuner.navigation.drive.thinning import irregular_rows
@@ -262,7 +268,7 @@ def run_filter(drive: Drive, hypothesis: Hypothesis) -> FilterRun:
         initial_estimates(settings, stretch, solutions[i - 1] if i else None)
         for i, stretch in enumerate(stretches)
     ]
-    stamps = drive.gnss.t - hypothesis.compensation.value("time_offset", "delay")
+    stamps = corrected_stamps(drive.gnss.t, correction(hypothesis.compensation))
     indices = [_nearest(stamps, solution.t) for solution in solutions]
     reported = reported_sds(drive.gnss, settings)
     linearized = linearize(
@@ -272,6 +278,7 @@ def run_filter(drive: Drive, hypothesis: Hypothesis) -> FilterRun:
         starts[0][1],
         [x for x, _ in starts],
         [reported[index] for index in indices],
+        middle_of(stamps),
     )
     return FilterRun(hypothesis, settings, stretches, solutions, linearized, np.concatenate(indices), notes)
 

@@ -92,15 +92,6 @@ class ConstantsFit:
     covariance: FloatArray
 
 
-@dataclass(frozen=True)
-class LinearTrend:
-    """Rate of change of a constant, unit/s, its sd, and the p value of no change."""
-
-    rate: float
-    sd: float
-    p_value: float
-
-
 def columns_of(cause: str, parameters: Sequence[Parameter]) -> tuple[int, ...]:
     """Return the columns of a cause."""
     return tuple(i for i, parameter in enumerate(parameters) if parameter.cause == cause)
@@ -210,34 +201,6 @@ def inseparable(
         if float(fitted @ fitted) > INSEPARABLE_CORRELATION**2 * float(path @ path):
             names.append(other)
     return tuple(names)
-
-
-def linear_trend(
-    w: WhitenedInnovations, parameters: Sequence[Parameter], accepted: Sequence[str], parameter: Parameter
-) -> LinearTrend:
-    """Test whether a compensated constant changes linearly with time, accepted ones fitted beside it.
-
-    Parameters
-    ----------
-    w : WhitenedInnovations
-        The rows.
-    parameters : sequence of Parameter
-        Constants of the run.
-    accepted : sequence of str
-        Causes that are accepted.
-    parameter : Parameter
-        The constant.
-    """
-    residual, _ = _projected_out(w, _columns(accepted, parameters))
-    column = w.slope[:, parameters.index(parameter)] * (w.t - w.t.mean())
-    fitted = w.slope[:, list(_columns(accepted, parameters))]
-    s = (column - fitted @ np.linalg.lstsq(fitted, column, rcond=None)[0])[:, None]
-    information = float(s[:, 0] @ s[:, 0])
-    if information <= 0.0:
-        return LinearTrend(0.0, np.inf, 1.0)
-    rate = float(s[:, 0] @ residual) / information
-    sd = float(np.sqrt(colour_factor(w.t, residual - s[:, 0] * rate, s) / information))
-    return LinearTrend(rate, sd, float(chi2.sf((rate / sd) ** 2, 1)))
 
 
 def _columns(causes: Sequence[str], parameters: Sequence[Parameter]) -> tuple[int, ...]:

@@ -19,7 +19,7 @@ from tuner.diagnosis.drive.linear_model.linearized_run import LinearizedRun
 from tuner.diagnosis.drive.linear_model.noise_fit import maximize_likelihood
 from tuner.diagnosis.drive.linear_model.noise_parameters import noise_parameters
 from tuner.diagnosis.drive.linear_model.whitened_innovations import whiten
-from tuner.diagnosis.drive.score_tests import linear_trend
+from tuner.diagnosis.drive.score_tests import fit_constants, retest
 from tuner.types import Parameter
 
 DELAY = Parameter("time_offset", "delay")
@@ -58,13 +58,32 @@ def test_noise_is_fitted_beside_free_means(short_drive: LinearizedRun) -> None:
         assert profile(fit.estimate + step) < top + 0.02
 
 
-def test_a_drifting_delay_is_distinguished_from_a_constant_one(city_drive: LinearizedRun) -> None:
-    linearized, rate = drawn(city_drive, 2), 2e-4
-    for true in (0.0, rate):
-        moved = late(linearized, 0.02 + true * (linearized.t - linearized.t.mean()))
-        trend = linear_trend(whiten(as_configured(moved)), moved.parameters, ("time_offset",), DELAY)
-        assert abs(trend.rate - true) < 5.0 * trend.sd
-        assert (trend.p_value < 1e-6) == (true > 0.0)
+def test_a_drifting_clock_is_distinguished_from_a_constant_delay(city_drive: LinearizedRun) -> None:
+    """Beside the constant delay; a drift of 2e-4 is some 20 sds of this drive."""
+    drift = Parameter("clock_drift", "rate")
+    since = city_drive.t - 0.5 * (city_drive.t[0] + city_drive.t[-1])
+    linearized = drawn(city_drive, 2)
+    for true in (0.0, 2e-4):
+        moved = late(linearized, 0.02 + true * since)
+        moved = replace(
+            moved,
+            D=np.concatenate([moved.D, moved.D[:, :, :1] * since[:, None, None]], axis=2),
+            B=np.concatenate([moved.B, 0.0 * moved.B[:, :, :1]], axis=2),
+            parameters=(*moved.parameters, drift),
+        )
+        fit = fit_constants(
+            whiten(as_configured(moved)), moved.parameters, ("time_offset", drift.cause), np.zeros(8)
+        )
+        sd = float(np.sqrt(fit.covariance[1, 1]))
+        assert abs(fit.value[1] - true) < 5.0 * sd
+        test = retest(
+            whiten(as_configured(moved)),
+            moved.parameters,
+            ("time_offset", drift.cause),
+            drift.cause,
+            np.zeros(1),
+        )
+        assert (test.p_value < 1e-6) == (true > 0.0)
 
 
 def test_a_run_of_wrong_positions_is_left_out_at_once(city_drive: LinearizedRun) -> None:

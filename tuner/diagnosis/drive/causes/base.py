@@ -45,12 +45,15 @@ class FixGeometry:
         Mean acceleration around the fix, m/s².
     rate : ndarray, shape (k, 3)
         Angular rate against the Earth, north, east, down, rad/s.
+    since : ndarray, shape (k,)
+        Seconds since the time halfway between the first and the last fix of the drive.
     """
 
     mat_nb: FloatArray
     velocity: FloatArray
     acceleration: FloatArray
     rate: FloatArray
+    since: FloatArray
 
 
 class DriveCause:

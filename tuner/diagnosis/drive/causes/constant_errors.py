@@ -40,6 +40,23 @@ class TimeOffset(ConstantCause):
         return _columns(-geometry.velocity[:, :, None], -geometry.acceleration[:, :, None])
 
 
+class ClockDrift(ConstantCause):
+    """Stamps of the fixes that get later and later: δp = −v (t − t₀), δv = −a (t − t₀) for each second a second."""
+
+    cause = "clock_drift"
+    effect = gnss.ClockDrift
+    channels = ("gnss",)
+    meaning = "the clock of the fixes runs at another rate: their delay grows by it every second"
+    consequence = "stretch the stamps, or take both from one clock"
+    units = dict.fromkeys(("rate",), "1")
+    prior_sd, largest = 1e-4, 0.01
+
+    @classmethod
+    def fix_sensitivity(cls, geometry: FixGeometry) -> FloatArray:
+        """Return D (k, 6, 1)."""
+        return TimeOffset.fix_sensitivity(geometry) * geometry.since[:, None, None]
+
+
 class VelocityLag(ConstantCause):
     """Velocities later than the positions beside them: δv = −a for each second."""
 

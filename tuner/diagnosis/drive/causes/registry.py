@@ -9,6 +9,7 @@ from tuner.diagnosis.drive.causes.base import DRIVE_CAUSES
 from tuner.diagnosis.drive.causes.bias_jump import BiasJump
 from tuner.diagnosis.drive.causes.constant_errors import (
     AccelScale,
+    ClockDrift,
     GnssFrame,
     Gravity,
     GSensitivity,
@@ -35,9 +36,9 @@ non-normal errors."""
 
 DRIVE_CAUSES.extend(
     (
-        TimeOffset, VelocityLag, LeverArm, GnssFrame, VelocityScale, VerticalVelocity, GyroScale, AccelScale,
-        Misalignment, GSensitivity, Gravity, GnssNoiseScale, ImuNoiseScale, CorrelatedGnss, CorrelatedVelocity,
-        BiasJump, GnssOutliers, GnssVelocity, SensorBias, Mounting,
+        TimeOffset, ClockDrift, VelocityLag, LeverArm, GnssFrame, VelocityScale, VerticalVelocity, GyroScale,
+        AccelScale, Misalignment, GSensitivity, Gravity, GnssNoiseScale, ImuNoiseScale, CorrelatedGnss,
+        CorrelatedVelocity, BiasJump, GnssOutliers, GnssVelocity, SensorBias, Mounting,
     )
 )  # fmt: skip
 

@@ -1,4 +1,4 @@
-"""Coarse search for the clock offset of a drive, and the test of a clock drift.
+"""Coarse search for the clock offset of a drive.
 
 Only the first minutes in motion are searched, and only where a run with the stamps as they are fits badly.
 """
@@ -10,10 +10,9 @@ from dataclasses import replace
 import numpy as np
 
 from tuner.diagnosis.drive.hypothesis import FilterRun, Hypothesis
-from tuner.diagnosis.drive.score_tests import linear_trend
 from tuner.navigation.compensation import compensate
 from tuner.navigation.drive.clock import Clock, remaining_clock
-from tuner.types import Coefficient, Compensation, FilterConfig, Parameter, Unexplained
+from tuner.types import Coefficient, Compensation, FilterConfig, Parameter
 from tuner.types.records import Drive
 
 MEDIAN_CHI2_1 = 0.455
@@ -41,32 +40,6 @@ def clocks_are_suspicious(run: FilterRun) -> bool:
         refused > SUSPICIOUS_REFUSED_SHARE
         or float(np.median(ratio)) > SUSPICIOUS_SQUARE_RATIO * MEDIAN_CHI2_1
     )
-
-
-def clock_drift(run: FilterRun, accepted: tuple[str, ...], threshold: float) -> tuple[Unexplained, ...]:
-    """Return a note on a delay that changes with time: no constant compensates it, a common clock is missing.
-
-    Parameters
-    ----------
-    run : FilterRun
-        The last run.
-    accepted : tuple of str
-        Constant causes that it compensates.
-    threshold : float
-        p value below which it is reported.
-    """
-    if OFFSET_DELAY.cause not in accepted:
-        return ()
-    names = run.linearized.parameters
-    trend = linear_trend(run.whitened, names, accepted, OFFSET_DELAY)
-    if trend.p_value >= threshold:
-        return ()
-    low, high = (1e3 * (trend.rate + side * 1.96 * trend.sd) for side in (-1.0, 1.0))
-    text = (
-        f"the delay of the fixes changes by {1e3 * trend.rate:.3g} ({low:.3g} … {high:.3g}) ms/s: the clocks run at "
-        "different rates, what is missing is a common clock"
-    )
-    return (Unexplained(text, ("drive",), trend.p_value),)
 
 
 def coarse_clock_search(drive: Drive, start: Hypothesis) -> tuple[dict[Parameter, float], Clock]:

@@ -3,7 +3,8 @@
 The filter runs as it is; `error_propagation` follows it a second time and leaves Φ, Q and B, the fixes give H and D::
 
     position = llh ⊕ C l             velocity = v + ω_eb × C l          H: their derivatives by the states
-    D: time_offset  −v, −a           velocity_lag  0, −a                lever_arm  C, [ω_eb ×] C
+    D: time_offset  −v, −a (clock_drift: times t − t₀)
+       velocity_lag  0, −a                lever_arm  C, [ω_eb ×] C
        gnss_frame   0, [· ×] v       velocity_scale  0, v
        vertical_velocity  0, e_D     all others act on the sensors: B
 
@@ -56,6 +57,7 @@ def linearize(
     covariance: FloatArray,
     starts: Sequence[FloatArray],
     reported: Sequence[FloatArray],
+    middle: float = 0.0,
 ) -> LinearizedRun:
     """Return the linear model of a filter run.
 
@@ -71,9 +73,11 @@ def linearize(
         Estimates of the other states at the start of every stretch.
     reported : sequence of ndarray, shape (k, 6)
         Sds that the receiver reports, those of the configuration where it does not.
+    middle : float
+        Time halfway between the first and the last fix of the drive, s.
     """
     parts = [
-        _part(settings, *each, first=i == 0)
+        _part(settings, *each, first=i == 0, middle=middle)
         for i, each in enumerate(zip(stretches, solutions, starts, reported, strict=True))
     ]
 
@@ -115,6 +119,7 @@ def _part(
     reported: FloatArray,
     *,
     first: bool,
+    middle: float,
 ) -> LinearizedRun:
     """Return the linear model of one stretch."""
     parameters = constant_parameters()
@@ -166,7 +171,7 @@ def _part(
     before = NavigationState(out.prior[:, :3], out.prior[:, 3:6], out.prior[:, 6:])
     correction = solution.parameters - out.x
     correction[:, :9] = navigation_error(solution.state, before)
-    h, d = _jacobians(settings, out)
+    h, d = _jacobians(settings, out, solution.t - middle)
     use = np.repeat(solution.use, 3, axis=1)
     return LinearizedRun(
         solution.t,
@@ -210,8 +215,10 @@ def _start(settings: FilterSettings, stretch: Stretch, own: Columns) -> FloatArr
     return v
 
 
-def _jacobians(settings: FilterSettings, out: PropagatedErrors) -> tuple[FloatArray, FloatArray]:
-    """Return H (k, 6, n) and D (k, 6, p)."""
+def _jacobians(
+    settings: FilterSettings, out: PropagatedErrors, since: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return H (k, 6, n) and D (k, 6, p); `since` (k,) are the seconds since the middle of the drive."""
     at, k, n = settings.model.layout, len(out.x), settings.size
     llh, vel = out.prior[:, :3], out.prior[:, 3:6]
     mat = rotation.mat_from_quat(out.prior[:, 6:])
@@ -241,7 +248,7 @@ def _jacobians(settings: FilterSettings, out: PropagatedErrors) -> tuple[FloatAr
     frame = np.stack(transport_rate(sin_lat, cos_lat, llh[:, 2], tuple(vel.T)), axis=-1)
     acc = out.force.mean(axis=1) - np.cross(2.0 * of_earth + frame, vel)
     acc[:, 2] += gravity(sin_lat, llh[:, 2])
-    geometry = FixGeometry(mat, antenna, acc, relative)
+    geometry = FixGeometry(mat, antenna, acc, relative, since)
     parts = []
     for cause in constant_causes().values():
         part = cause.fix_sensitivity(geometry)
