@@ -30,10 +30,7 @@ from tuner.diagnosis.drive.explained_drive import examine_and_explain
 from tuner.diagnosis.drive.held_out_choice import HeldOutChoice, choose_config
 from tuner.diagnosis.drive.held_out_gain import change_interval
 from tuner.diagnosis.drive.noise_factors import with_noise_factors
-from tuner.diagnosis.drive.predictive_score import (
-    PredictiveScore,
-    predictive_score,
-)
+from tuner.diagnosis.drive.predictive_score import PredictiveScore, predictive_score
 from tuner.diagnosis.drive.score_tests import FITTED_SHARE
 from tuner.navigation.data import USED, Solution
 from tuner.navigation.drive.clock import clock_of_drive

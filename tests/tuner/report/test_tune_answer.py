@@ -10,7 +10,8 @@ import pytest
 
 from models.noise import NoiseModel, RandomWalk, White
 from tuner.diagnosis.drive.held_out_choice import HeldOutChoice
-from tuner.diagnosis.drive.predictive_score import OutageErrors, PredictiveScore
+from tuner.diagnosis.drive.outage_errors import OutageErrors
+from tuner.diagnosis.drive.predictive_score import PredictiveScore
 from tuner.identification import identify
 from tuner.report.answer_layout import BOUNDED
 from tuner.report.drive_answer import INCONSISTENT, choice_lines, finding_lines

@@ -14,10 +14,7 @@ from tuner.diagnosis.drive.noise_factors import (
     FACTORS,
     with_noise_factors,
 )
-from tuner.diagnosis.drive.predictive_score import (
-    PredictiveScore,
-    predictive_score,
-)
+from tuner.diagnosis.drive.predictive_score import PredictiveScore, predictive_score
 from tuner.diagnosis.drive.staying_errors import (
     POSITION,
     STAYING,

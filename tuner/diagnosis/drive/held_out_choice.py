@@ -46,12 +46,8 @@ from tuner.diagnosis.drive.noise_factors import (
     with_recorded_factors,
     with_sds_of,
 )
-from tuner.diagnosis.drive.predictive_score import (
-    OutageErrors,
-    PredictiveScore,
-    all_outages,
-    outage_pairs,
-)
+from tuner.diagnosis.drive.outage_errors import OutageErrors, all_outages, outage_pairs
+from tuner.diagnosis.drive.predictive_score import PredictiveScore
 from tuner.diagnosis.drive.score_tests import FITTED_SHARE
 from tuner.formats.outage_words import PREDICTED_RATIOS
 from tuner.navigation.drive.axis_checks import with_axes_found

@@ -14,85 +14,34 @@ filter is judged by where it has the antenna, and otherwise fixes are by where t
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from models.earth import ned_between
-from models.strapdown import NavigationState
-from tuner.consistency.drive_scores import reference_positions, stated
-from tuner.consistency.outage_ratio import components, ratio_interval
+from tuner.consistency.drive_scores import reference_positions
 from tuner.consistency.score_drive import OUTAGE_LENGTHS
 from tuner.consistency.scores import innovation_scores
 from tuner.diagnosis.drive.configured_run import ConfiguredRun, antenna
-from tuner.formats.outage_words import outage_words
-from tuner.navigation import engine
-from tuner.navigation.data import Solution, Steps
+from tuner.diagnosis.drive.outage_errors import (
+    OutageErrors,
+    errors_at,
+    log_density,
+    position_errors,
+    with_outages,
+)
+from tuner.navigation.data import Solution
 from tuner.navigation.drive.run import (
     RECOVERY_TIME,
     Stretch,
-    initial_estimates,
-    initial_state,
     outage_windows,
 )
-from tuner.navigation.settings import FilterSettings
 
 FloatArray = NDArray[np.float64]
-Window = tuple[float, float]
-"""Begin and end of an outage, s."""
-
-STUDENT_FREEDOM = 5.0
-"""ν: heavy tails in which an error of five sds costs 8 nats, not 12."""
 INNOVATION_RATIOS = (0.8, 1.25)
 """Innovations ÷ predicted sds that `navigate` finds consistent on a drive of ten minutes."""
-MAX_LATE_FIX = 0.2
-"""Share of a window, beyond half a second, by which its last withheld fix may be early."""
-
-
-@dataclass(frozen=True)
-class OutageErrors:
-    """Errors at the ends of w outages of one length.
-
-    Attributes
-    ----------
-    seconds : float
-        Length.
-    square, stated : ndarray, shape (w,)
-        Squared errors and their predictions, m².
-    log_density : ndarray, shape (w,)
-        Of the errors.
-    freedom : float
-        Components that an error counts for, 1 to 3.
-    """
-
-    seconds: float
-    square: FloatArray
-    stated: FloatArray
-    log_density: FloatArray
-    freedom: float = 1.0
-
-    @property
-    def rms(self) -> float:
-        """Root mean square of the errors, m."""
-        return float(np.sqrt(np.mean(self.square)))
-
-    @property
-    def ratio(self) -> float:
-        """Errors ÷ stated sds, root mean square."""
-        return float(np.sqrt(np.mean(self.square / self.stated)))
-
-    @property
-    def interval(self) -> tuple[float, float]:
-        """Interval of `ratio` at 95 %."""
-        return ratio_interval(list(self.square / self.stated), self.freedom)
-
-    @property
-    def text(self) -> str:
-        """Errors and predictions, their ratio, and how well these windows tell it, in words."""
-        predicted = float(np.sqrt(np.mean(self.stated)))
-        return outage_words(self.seconds, self.rms, predicted, self.ratio, self.interval, len(self.square))
 
 
 @dataclass(frozen=True)
@@ -145,8 +94,8 @@ def predictive_score(run: ConfiguredRun, begin: float, end: float) -> Predictive
         for seconds in OUTAGE_LENGTHS
         if len(found := outage_windows(stretches, seconds, begin=begin, end=end)) > 1
     }
-    solutions, ends = _with_outages(run, [window for each in windows.values() for window in each])
-    outages = [_errors(run, seconds, [ends[one] for one in each]) for seconds, each in windows.items()]
+    solutions, ends = with_outages(run, [window for each in windows.values() for window in each])
+    outages = [errors_at(run, seconds, [ends[one] for one in each]) for seconds, each in windows.items()]
     tracked = [_tracked(run, s, solution, begin) for s, solution in zip(stretches, solutions, strict=True)]
     t, square, density, alone = (np.concatenate(part) for part in zip(*tracked, strict=True))
     good = [one for one in outages if one is not None]
@@ -196,118 +145,6 @@ def _until(stretch: Stretch, end: float) -> Stretch:
     )
 
 
-def _position_errors(
-    run: ConfiguredRun, solution: Solution, rows: NDArray[np.intp]
-) -> tuple[FloatArray, FloatArray]:
-    """Return errors of positions (r, 3) and covariances (r, 3, 3), against the reference, where it is not the fixes."""
-    innovation = solution.innovation[rows, :3], solution.innovation_covariance[rows, :3, :3]
-    if run.reference is None:
-        return innovation
-    t = solution.t[rows]
-    error = ned_between(reference_positions(run.reference, t), solution.state.llh[rows])
-    if run.of_antenna:
-        error = error - antenna(run.settings, solution, rows)
-    covariance = solution.covariance[rows, :3, :3] + stated(run.reference, t)[:, :3, None] * np.eye(3)
-    there = np.asarray(np.isfinite(error).all(axis=1))
-    return (
-        np.where(there[:, None], error, innovation[0]),
-        np.where(there[:, None, None], covariance, innovation[1]),
-    )
-
-
-def _with_outages(
-    run: ConfiguredRun, windows: Sequence[Window]
-) -> tuple[tuple[Solution, ...], Mapping[Window, Solution | None]]:
-    """Filter with all fixes, and from there through each window; return also the prediction of its last fix."""
-    solutions: list[Solution] = []
-    ends: dict[Window, Solution | None] = dict.fromkeys(windows)
-    for stretch in run.stretches:
-        x, p = initial_estimates(run.settings, stretch, solutions[-1] if solutions else None)
-        now, fixes = initial_state(run.settings, stretch, x), stretch.fixes
-        at = {
-            window: (int(first), int(last))
-            for window, first, last in zip(
-                windows,
-                *np.searchsorted(fixes.t, np.array(windows).reshape(-1, 2).T, side="right"),
-                strict=True,
-            )
-            if 0 < first < last
-            and window[1] - fixes.t[last - 1] <= MAX_LATE_FIX * (window[1] - window[0]) + 0.5
-        }
-        parts, first = [], 0
-        for last in [*sorted({begun for begun, _ in at.values()} - {len(fixes)}), len(fixes)]:
-            part = _filtered_part(run.settings, now, stretch, slice(first, last), x, p)
-            now, x, p, first = part.final, part.final_parameters, part.final_covariance, last
-            parts.append(part)
-            for window in [one for one, (begun, _) in at.items() if begun == last]:
-                only = slice(at[window][1] - 1, at[window][1])
-                ends[window] = _filtered_part(
-                    run.settings, now, stretch, only, x, p, since=last, withheld=True
-                )
-        solutions.append(_joined(parts))
-    return tuple(solutions), ends
-
-
-def _filtered_part(
-    settings: FilterSettings,
-    now: NavigationState,
-    stretch: Stretch,
-    which: slice,
-    x: FloatArray,
-    p: FloatArray,
-    *,
-    since: int | None = None,
-    withheld: bool = False,
-) -> Solution:
-    """Filter on from the fix before `since`, by default before the first, with some of the fixes of a stretch."""
-    steps, before = stretch.steps, which.start if since is None else since
-    begin = int(stretch.fixes.after[before - 1]) if before else 0
-    own = stretch.fixes.rows(which)
-    own = replace(own, after=own.after - begin, withheld=own.withheld | withheld)
-    last = which.stop == len(stretch.fixes) and not withheld
-    done = slice(begin, len(steps.dt) if last else int(stretch.fixes.after[which.stop - 1]))
-    start = steps.start + float(steps.dt[:begin].sum())
-    part = Steps(start, steps.dt[done], steps.increments[done])
-    return engine.run(settings, now, part, own, parameters=x, covariance=p)
-
-
-def _joined(parts: Sequence[Solution]) -> Solution:
-    """Return solutions of parts that follow one another as one."""
-    state = NavigationState(
-        *(np.concatenate([getattr(one.state, name) for one in parts]) for name in ("llh", "vel_n", "quat_nb"))
-    )
-
-    def whole(name: str) -> FloatArray:
-        return np.concatenate([getattr(one, name) for one in parts])
-
-    return replace(
-        parts[-1],
-        t=whole("t"),
-        state=state,
-        parameters=whole("parameters"),
-        covariance=whole("covariance"),
-        innovation=whole("innovation"),
-        innovation_covariance=whole("innovation_covariance"),
-        use=np.concatenate([one.use for one in parts]),
-        further_covariance=whole("further_covariance"),
-    )
-
-
-def _errors(run: ConfiguredRun, seconds: float, ends: Sequence[Solution | None]) -> OutageErrors | None:
-    """Return the errors at the ends of outages of one length; None where a filter is lost."""
-    found = [one for one in ends if one is not None]
-    if not found:
-        return None
-    whole = _joined(found)
-    e, s = _position_errors(run, whole, np.arange(len(whole.t)))
-    good = np.isfinite(e).all(axis=1)
-    e, s = e[good], s[good]
-    if not len(e) or not np.isfinite(s).all():
-        return None
-    stated, freedom = np.trace(s, axis1=1, axis2=2), float(np.mean(components(s)))
-    return OutageErrors(seconds, np.sum(e**2, axis=1), stated, _log_density(e, s), freedom)
-
-
 def _tracked(
     run: ConfiguredRun, stretch: Stretch, solution: Solution, begin: float
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
@@ -317,7 +154,7 @@ def _tracked(
     gap, these and those of the filter are NaN, and the density is that of the fixes.
     """
     rows = np.flatnonzero(solution.t >= max(begin, stretch.settled))
-    error, covariance = _position_errors(run, solution, rows)
+    error, covariance = position_errors(run, solution, rows)
     good = np.isfinite(error).all(axis=1) & (solution.use[rows, 0] > 0)
     error, covariance, rows = error[good], covariance[good], rows[good]
     square, off = np.sum(error**2, axis=1), np.zeros(len(rows))
@@ -326,42 +163,4 @@ def _tracked(
         if not run.of_antenna:
             alone = alone + antenna(run.settings, solution, rows)
         off = np.sum(alone**2, axis=1)
-    return solution.t[rows], np.where(np.isfinite(off), square, np.nan), _log_density(error, covariance), off
-
-
-def _log_density(e: FloatArray, s: FloatArray) -> FloatArray:
-    """Return the log density of errors (w, 3) under Student's law with covariances (w, 3, 3), up to a constant."""
-    square = np.sum(e * np.linalg.solve(s, e[..., None])[..., 0], axis=1)
-    nu = STUDENT_FREEDOM
-    return np.asarray(-0.5 * ((nu + 3.0) * np.log1p(square / (nu - 2.0)) + np.linalg.slogdet(s)[1]))
-
-
-def all_outages(run: ConfiguredRun, begin: float, end: float) -> Mapping[float, OutageErrors]:
-    """Return errors in outages between two times, and in as many half a window later, by length, s.
-
-    A drive of ten minutes has two outages of a minute in its last part, by which nothing can be judged.
-    """
-    windows = {
-        seconds: [
-            (a + later, b + later)
-            for later in (0.0, 0.5 * (seconds + RECOVERY_TIME))
-            for a, b in outage_windows(run.stretches, seconds, begin=begin, end=end - later)
-        ]
-        for seconds in OUTAGE_LENGTHS
-    }
-    _, ends = _with_outages(run, [one for each in windows.values() for one in each])
-    found = {s: _errors(run, s, [ends[one] for one in each]) for s, each in windows.items()}
-    return {s: one for s, one in found.items() if one is not None}
-
-
-def outage_pairs(
-    before: Mapping[float, OutageErrors], after: Mapping[float, OutageErrors]
-) -> Mapping[float, FloatArray]:
-    """Return squared errors in the same outages (`all_outages`) under two filters, (w, 2), m², by length, s."""
-    return {
-        seconds: np.stack([before[seconds].square, after[seconds].square], axis=-1)
-        for seconds in OUTAGE_LENGTHS
-        if seconds in before
-        and seconds in after
-        and len(before[seconds].square) == len(after[seconds].square) > 1
-    }
+    return solution.t[rows], np.where(np.isfinite(off), square, np.nan), log_density(error, covariance), off

@@ -23,12 +23,8 @@ from tuner.diagnosis.drive.held_out_choice import (
     rank_of,
 )
 from tuner.diagnosis.drive.noise_factors import with_noise_factors, with_sds_of
-from tuner.diagnosis.drive.predictive_score import (
-    OutageErrors,
-    PredictiveScore,
-    _with_outages,
-    predictive_score,
-)
+from tuner.diagnosis.drive.outage_errors import OutageErrors, with_outages
+from tuner.diagnosis.drive.predictive_score import PredictiveScore, predictive_score
 from tuner.navigation.data import WITHHELD
 from tuner.navigation.drive.clock import AGREEING, Clock
 from tuner.navigation.drive.run import navigate
@@ -77,7 +73,7 @@ def test_an_outage_branches_off_from_the_filter_with_all_fixes(drive, right):
     """What a branch predicts is what a filter predicts from which that one outage is withheld."""
     run = configured_run(drive, right, AGREEING)
     window = (200.0, 230.0)
-    (whole,), ends = _with_outages(run, [window])
+    (whole,), ends = with_outages(run, [window])
     (alone,) = navigate(run.stretches, run.settings, np.array([window]))
     last = int(np.flatnonzero(alone.use[:, 0] == WITHHELD)[-1])
     assert ends[window].t[0] == alone.t[last]

@@ -16,7 +16,7 @@ from models.trajectory.catalogue import TRAJECTORIES
 from tuner.catalogue.grades import load_gnss, load_grade
 from tuner.diagnosis.drive.configured_run import configured_run
 from tuner.diagnosis.drive.held_out_choice import choose_config
-from tuner.diagnosis.drive.predictive_score import all_outages, outage_pairs
+from tuner.diagnosis.drive.outage_errors import all_outages, outage_pairs
 from tuner.diagnosis.drive.staying_errors import (
     POSITION,
     POSITION_TIME,
