@@ -59,6 +59,14 @@ def independent_count(w: FloatArray) -> float:
     return max(count / (1.0 + UNCERTAIN_COUNT / count), 1.0)
 
 
+def independent_share(w: FloatArray) -> float:
+    """Return 1/(1 + 2 Σ ρ²) of errors in order of time, shape (n, d): what share of them counts as independent."""
+    rho = autocorrelation(w)
+    below = np.flatnonzero(rho[1:] < CORRELATION_CUT)
+    last = 1 + int(below[0]) if len(below) else len(w)
+    return 1.0 / (1.0 + 2.0 * float(np.sum(rho[1:last] ** 2)))
+
+
 def whitened(error: FloatArray, covariance: FloatArray) -> FloatArray:
     """Return columns of errors, (…, d, r), of unit covariance where P = L Lᵀ, (…, d, d), is right.
 

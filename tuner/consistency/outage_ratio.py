@@ -36,7 +36,9 @@ def components(covariance: FloatArray) -> FloatArray:
     return np.where(square > 0.0, total**2 / np.where(square > 0.0, square, 1.0), 1.0)
 
 
-def ratio_interval(groups: Sequence[ArrayLike], freedom: float) -> tuple[float, float]:
+def ratio_interval(
+    groups: Sequence[ArrayLike], freedom: float, independent: float = 1.0
+) -> tuple[float, float]:
     """Return the interval of a root mean square ratio.
 
     Parameters
@@ -45,6 +47,8 @@ def ratio_interval(groups: Sequence[ArrayLike], freedom: float) -> tuple[float, 
         Squared errors over their predictions, in groups that are independent of one another.
     freedom : float
         Components behind each square, in the mean (`components`).
+    independent : float
+        Share of the groups that counts as independent.
     """
     means, weights = means_and_weights(groups)
     mean = float(weights @ means) if len(means) else 0.0
@@ -57,6 +61,7 @@ def ratio_interval(groups: Sequence[ArrayLike], freedom: float) -> tuple[float, 
         tail = 0.5 * (1.0 - LEVEL)
         sure = own * (normal_reach(LEVEL) / student_quantile(1.0 - tail, count - 1)) ** 2
         nu = min(nu, own, max(sure, count))
+    nu *= independent
     low, high = (nu / chi2_quantile(p, nu) for p in (0.5 * (1.0 + LEVEL), 0.5 * (1.0 - LEVEL)))
     return math.sqrt(mean * low), math.sqrt(mean * high)
 

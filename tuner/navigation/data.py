@@ -81,7 +81,7 @@ class Fixes:
     def __len__(self) -> int:
         return len(self.t)
 
-    def rows(self, which: slice) -> Fixes:
+    def rows(self, which: slice | NDArray[np.intp]) -> Fixes:
         """Return some of the fixes."""
         return Fixes(
             self.t[which],

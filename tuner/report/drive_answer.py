@@ -99,7 +99,7 @@ def choice_lines(
     if shortest:
         ratios = ", ".join(
             f"{one.seconds:g} s {digits(one.ratio, 2)} ({interval_words(one.interval)} by {len(one.square)})"
-            for one in after.outages
+            for one in choice.late
         )
         return [
             *despite,
@@ -112,7 +112,7 @@ def choice_lines(
         *despite,
         f"Kept {choice.kept}; position error, rms: with fixes, last 40 % of the drive, {tracking}{alone}; "
         f"without them, whole drive, {blind}{of_change}",
-        f"Without fixes, last 40 % (ratios at 95 %): {'; '.join(one.text for one in after.outages)}",
+        f"Without fixes, last 40 % (ratios at 95 %): {'; '.join(one.text for one in choice.late)}",
     ]
 
 

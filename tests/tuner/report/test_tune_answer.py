@@ -185,6 +185,7 @@ def test_errors_before_and_after_name_the_part_of_the_drive_they_are_of(result):
         score,
         score,
         {30.0: np.array([[4.0, 1.0], [9.0, 2.0], [4.0, 1.0]])},
+        score.outages,
     )
     for brief in (False, True):
         line, ratios = choice_lines(choice, shorter=brief, shortest=brief)

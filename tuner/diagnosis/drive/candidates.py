@@ -36,6 +36,8 @@ FIRST_STAYING: Mapping[str, float] = MappingProxyType({POSITION: 1.0, VELOCITY: 
 """Errors of the receiver that stay, with which a candidate begins: their sds as the receiver reports them."""
 NEARER_TO_FIXES = ((3.0, 1.0), (3.0**1.5, 1.0), (9.0, 1.0), (9.0, 1.0 / 3.0))
 """Factors on errors of velocities that stay, and on all sds of positions, for a filter that follows the fixes."""
+SHORTER_MEMORIES = (3.0**-0.5, 3.0**-1.0, 3.0**-1.5)
+"""Factors on the size of errors of positions that stay, their driving noise unchanged."""
 DRIFT_FACTORS = (3.0**0.5, 3.0)
 """Factors on process noise that are tried where outages err otherwise than predicted."""
 POSITIONS = (POSITION, "position_horizontal", "position_vertical")
@@ -48,12 +50,19 @@ class Rank(IntEnum):
     """What a candidate does on a drive with a reference, the best first."""
 
     FOLLOWS_AND_PREDICTS = 0
-    """Positions err no more than the fixes, and errors in outages are predicted (`PREDICTED_RATIOS`)."""
+    """Positions err no more than the fixes, errors in outages are predicted (`OutageErrors.predicted`), and so are
+    innovations (`INNOVATION_RATIOS`)."""
     PREDICTS = 1
-    """Errors in outages are predicted, and positions err like the fixes, within `MAX_TRACKING_RATIO`."""
-    FOLLOWS = 2
+    """Outages and innovations are predicted, and positions err like the fixes, within `MAX_TRACKING_RATIO`."""
+    NOT_REFUTED = 2
+    """Innovations are predicted, positions err no more than the fixes, no errors in outages are shown to be off."""
+    LIKE_FIXES = 3
+    """The same with positions that err like the fixes, within `MAX_TRACKING_RATIO`."""
+    CONTRADICTED = 4
+    """Positions err no more than the fixes, no errors in outages are shown to be off, but innovations are."""
+    FOLLOWS = 5
     """Positions err no more than the fixes."""
-    NEITHER = 3
+    NEITHER = 6
 
 
 @dataclass(frozen=True)
@@ -68,6 +77,8 @@ class Candidate:
     @property
     def best_rank(self) -> Rank:
         """The best rank that it can have by the first part; without a reference nobody errs more than the fixes."""
+        if self.first.contradicted:
+            return Rank.CONTRADICTED if self.first.follows() else Rank.NEITHER
         if self.first.follows():
             return Rank.FOLLOWS_AND_PREDICTS
         return Rank.PREDICTS if self.first.follows(MAX_TRACKING_RATIO) else Rank.NEITHER
@@ -120,13 +131,14 @@ def rounds_of(trial: Trial, candidates: Sequence[Candidate]) -> Iterator[Iterabl
     """Yield candidates in the order of trial: as they are, wider, nearer to the fixes, from the other beginnings."""
     yield candidates
     best = candidates[0]
-    yield (more for one in candidates for more in _with_other_sizes(trial, one))
+    tried = (_with_other_memory, _with_other_sizes)
+    yield (more for one in candidates for vary in tried for more in vary(trial, one))
     yield _nearer_to_fixes(trial, best)
     names = dict.fromkeys(one.name for one in candidates if one.name != best.name)
     others = [max((one for one in candidates if one.name == name), key=by_nats) for name in names]
     again = [more for one in others for more in refined(trial, one)]
     yield again
-    yield (more for one in again for tried in VARIATIONS for more in tried(trial, one))
+    yield (more for one in again for vary in VARIATIONS for more in vary(trial, one))
 
 
 def by_innovations(one: Candidate) -> tuple[float, float]:
@@ -156,6 +168,29 @@ def _nearer_to_fixes(trial: Trial, one: Candidate) -> Iterator[Candidate]:
             yield found
 
 
+def _with_other_memory(trial: Trial, one: Candidate) -> Iterator[Candidate]:
+    """Yield a candidate that errs more than the fixes with less wander of theirs, more of velocities', and more drift.
+
+    Innovations show the driving noise 2σ²/T of a process that stays for minutes, and hardly how far it goes: σ and T
+    are changed by factors f and f². Positions that wander less, and velocities that wander more, let the filter follow
+    the fixes.
+    """
+    if POSITION not in one.factors or one.first.contradicted or one.first.follows():
+        return
+    for factor in SHORTER_MEMORIES:
+        shorter = _wandering(one.factors, POSITION, factor)
+        longer = _wandering(shorter, VELOCITY, 1.0 / factor)
+        for factors in (shorter, longer, {**longer, "bias": one.factors.get("bias", 1.0) * DRIFT_FACTORS[0]}):
+            if (found := trial.candidate(one.name, one.config, factors)) is not None:
+                yield found
+
+
+def _wandering(factors: Mapping[str, float], name: str, factor: float) -> Mapping[str, float]:
+    """Return factors with another size of an error that stays, and the same driving noise."""
+    time = STAYING[STAYING.index(name) + 1]
+    return {**factors, name: factors.get(name, 1.0) * factor, time: factors.get(time, 1.0) * factor**2}
+
+
 def _with_other_sizes(trial: Trial, one: Candidate) -> Iterator[Candidate]:
     """Yield a candidate with larger settings where outages err more than it states, with smaller where they err less.
 
@@ -163,7 +198,8 @@ def _with_other_sizes(trial: Trial, one: Candidate) -> Iterator[Candidate]:
     noise, the shortest the positions from which they begin.
     """
     low, high = PREDICTED_RATIOS
-    ratios = [outage.ratio for outage in one.first.outages]
+    outages = one.first.outages
+    ratios = [1.0 if outage.predicted else outage.ratio for outage in outages]
     changes: list[tuple[float, tuple[str, ...]]] = []
     if POSITION in one.factors and not low <= ratios[0] <= high:
         changes.append((DRIFT_FACTORS[0] if ratios[0] > high else 1.0 / DRIFT_FACTORS[0], (POSITION,)))
@@ -177,7 +213,7 @@ def _with_other_sizes(trial: Trial, one: Candidate) -> Iterator[Candidate]:
             yield found
 
 
-VARIATIONS = (_with_other_sizes, _nearer_to_fixes)
+VARIATIONS = (_with_other_memory, _with_other_sizes, _nearer_to_fixes)
 """What is tried where a candidate does not follow the fixes, or predict outages."""
 
 

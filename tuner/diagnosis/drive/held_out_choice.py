@@ -11,9 +11,11 @@ is worse: positions with fixes, and errors in outages of the whole drive, compar
 are tried in the order of their log density on the first part, those whose innovations are as large as predicted before
 the others; where none passes, the configuration stays as it began.
 Without a reference the first that passes is written. With one (`trusted_reference`) the best `Rank` is: positions of
-both parts err no more than the fixes, and errors in the outages of the whole drive, and in as many half a window later,
-are predicted. Further candidates are tried until one does: more or less process noise, less trust in velocities, the
-other beginnings. So the last part decides what is refused, and little of what is chosen.
+both parts err no more than the fixes, innovations are as large as predicted, and so are errors in outages of the whole
+drive, one after another (`all_outages`). Further candidates are tried until one does: errors of the receiver that
+wander less, more or less process noise, less trust in velocities, the other beginnings. Settings whose innovations
+contradict them are written only where no others come near the fixes. So the last part decides what is refused, and
+little of what is chosen.
 """
 
 from __future__ import annotations
@@ -49,7 +51,6 @@ from tuner.diagnosis.drive.noise_factors import (
 from tuner.diagnosis.drive.outage_errors import OutageErrors, all_outages, outage_pairs
 from tuner.diagnosis.drive.predictive_score import PredictiveScore
 from tuner.diagnosis.drive.score_tests import FITTED_SHARE
-from tuner.formats.outage_words import PREDICTED_RATIOS
 from tuner.navigation.drive.axis_checks import with_axes_found
 from tuner.navigation.drive.clock import Clock, clock_of_drive
 from tuner.navigation.drive.gross_outliers import without_gross_outliers
@@ -86,6 +87,8 @@ class HeldOutChoice:
         On the last part: as it began, and as written; None where the drive is too short.
     outages : mapping of float to ndarray, shape (w, 2)
         Squared errors in outages of the whole drive, m², as it began and as written, by length, s.
+    late : tuple of OutageErrors
+        Those of the last part as written.
     note : str
         What was decided, and why, in words.
     """
@@ -96,13 +99,8 @@ class HeldOutChoice:
     before: PredictiveScore | None = None
     after: PredictiveScore | None = None
     outages: Mapping[float, FloatArray] = field(default_factory=lambda: MappingProxyType({}))
+    late: tuple[OutageErrors, ...] = ()
     note: str = ""
-
-    @property
-    def is_predicted(self) -> bool:
-        """Whether errors in outages of the last part are within `PREDICTED_RATIOS` of those predicted."""
-        low, high = PREDICTED_RATIOS
-        return self.after is not None and all(low <= one.ratio <= high for one in self.after.outages)
 
 
 @task()
@@ -146,13 +144,19 @@ def choose_config(
     stage("judging the settings on the last part of the drive", 1.0)
     outages = all_outages(trial.run_of("as it began", before), begin, end)
 
+    known: dict[tuple[str, tuple[tuple[str, float], ...]], tuple[HeldOutChoice, Rank] | None] = {}
+
     def judged(one: Candidate) -> tuple[HeldOutChoice, Rank] | None:
-        return _judged(trial, begun, outages, written[one.name], one)
+        key = one.name, tuple(sorted(one.factors.items()))
+        if key not in known:
+            known[key] = _judged(trial, begun, outages, written[one.name], one)
+        return known[key]
 
     chosen = first_of_best(rounds_of(trial, candidates), judged, has_reference=drive.reference is not None)
     if chosen is None:
-        note = _note("as it began", begun, begun, {})
-        return HeldOutChoice(before, "as it began", {}, begun, begun, note=note)
+        late = _since(outages, trial.cut)
+        note = _note("as it began", begun, begun, {}, late)
+        return HeldOutChoice(before, "as it began", {}, begun, begun, late=late, note=note)
     return chosen
 
 
@@ -189,7 +193,7 @@ def first_of_best(
             chosen, rank = found
             if not has_reference or rank == Rank.FOLLOWS_AND_PREDICTS:
                 return chosen
-        if number > 0 and rank is not None and rank <= Rank.PREDICTS:
+        if number > 0 and rank is not None and rank <= Rank.LIKE_FIXES:
             return chosen
     return chosen
 
@@ -249,18 +253,30 @@ def _judged(
     if any(change_interval(pair, 2.0 * WORSE_PROBABILITY - 1.0)[0] > 0.0 for pair in pairs.values()):
         return None
     kept = f"{one.name}, factors for outages" if one.factors else one.name
-    chosen, note = with_recorded_factors(written, one.factors), _note(kept, begun, late, pairs)
-    low, high = PREDICTED_RATIOS
-    rank = rank_of([one.first, late], predicts=all(low <= each.ratio <= high for each in after.values()))
-    return HeldOutChoice(chosen, kept, one.factors, begun, late, pairs, note), rank
+    blind = _since(after, trial.cut)
+    chosen, note = with_recorded_factors(written, one.factors), _note(kept, begun, late, pairs, blind)
+    rank = rank_of([one.first, late], list(after.values()))
+    return HeldOutChoice(chosen, kept, one.factors, begun, late, pairs, blind, note), rank
 
 
-def rank_of(parts: Sequence[PredictiveScore], *, predicts: bool) -> Rank:
-    """Return the rank of a candidate from its scores on both parts, and whether it predicts errors in outages."""
-    if all(part.follows() for part in parts):
-        return Rank.FOLLOWS_AND_PREDICTS if predicts else Rank.FOLLOWS
+def _since(outages: Mapping[float, OutageErrors], t: float) -> tuple[OutageErrors, ...]:
+    """Return the outages that begin at a time, s, or later."""
+    late = [one.since(t) for one in outages.values()]
+    return tuple(one for one in late if len(one.square))
+
+
+def rank_of(parts: Sequence[PredictiveScore], outages: Sequence[OutageErrors]) -> Rank:
+    """Return the rank of a candidate from its scores on both parts, and its errors in outages of the whole drive."""
+    follows = all(part.follows() for part in parts)
     near = all(part.follows(MAX_TRACKING_RATIO) for part in parts)
-    return Rank.PREDICTS if predicts and near else Rank.NEITHER
+    refuted = any(one.refuted for one in outages)
+    if near and not refuted and not any(part.contradicted for part in parts):
+        if all(one.predicted for one in outages):
+            return Rank.FOLLOWS_AND_PREDICTS if follows else Rank.PREDICTS
+        return Rank.NOT_REFUTED if follows else Rank.LIKE_FIXES
+    if follows:
+        return Rank.FOLLOWS if refuted else Rank.CONTRADICTED
+    return Rank.NEITHER
 
 
 def is_better(before: PredictiveScore, after: PredictiveScore) -> bool:
@@ -269,7 +285,11 @@ def is_better(before: PredictiveScore, after: PredictiveScore) -> bool:
 
 
 def _note(
-    kept: str, before: PredictiveScore, after: PredictiveScore, pairs: Mapping[float, FloatArray]
+    kept: str,
+    before: PredictiveScore,
+    after: PredictiveScore,
+    pairs: Mapping[float, FloatArray],
+    late: Sequence[OutageErrors],
 ) -> str:
     """Return in words what was kept and what it does."""
     alone = "" if after.fixes_rms is None else f" (fixes alone {after.fixes_rms:.3g} m)"
@@ -278,12 +298,12 @@ def _note(
     elif not after.follows():
         alone += ", a difference within the scatter of a drive"
     if kept == "as it began":
-        outages = "; ".join(one.text for one in before.outages)
+        outages = "; ".join(one.text for one in late)
         return (
             "the configuration stays as it began: no change predicts the last 40 % of the drive better without "
             f"larger errors; position with fixes {after.tracking_rms:.3g} m{alone}; without them for {outages}"
         )
-    ratios = "; ".join(one.text for one in after.outages)
+    ratios = "; ".join(one.text for one in late)
     errors = ", ".join(_change_text(seconds, pair) for seconds, pair in pairs.items())
     return (
         f"kept: {kept}; on the last 40 % of the drive position with fixes {before.tracking_rms:.3g} → "

@@ -7,26 +7,26 @@ by where they have the unit.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from models.earth import ned_between
 from models.strapdown import NavigationState
+from tuner.consistency.correlated_errors import independent_share
 from tuner.consistency.drive_scores import reference_positions, stated
 from tuner.consistency.outage_ratio import components, ratio_interval
-from tuner.consistency.score_drive import OUTAGE_LENGTHS
 from tuner.diagnosis.drive.configured_run import ConfiguredRun, antenna
-from tuner.formats.outage_words import outage_words
+from tuner.formats.outage_words import PREDICTED_RATIOS, outage_words
 from tuner.navigation import engine
 from tuner.navigation.data import Solution, Steps
 from tuner.navigation.drive.run import (
-    RECOVERY_TIME,
     Stretch,
     initial_estimates,
     initial_state,
-    outage_windows,
 )
 from tuner.navigation.settings import FilterSettings
 
@@ -36,6 +36,18 @@ Window = tuple[float, float]
 
 STUDENT_FREEDOM = 5.0
 """ν: heavy tails in which an error of five sds costs 8 nats, not 12."""
+BY_FIX = (
+    "t",
+    "parameters",
+    "covariance",
+    "innovation",
+    "innovation_covariance",
+    "use",
+    "further_covariance",
+)
+"""What a solution has at every fix, beside the state."""
+WINDOW_SPACING: Mapping[float, float] = MappingProxyType({10.0: 10.0, 30.0: 20.0, 60.0: 40.0})
+"""Time between the begins of outages, by length, s: closer ones tell hardly more."""
 MAX_LATE_FIX = 0.2
 """Share of a window, beyond half a second, by which its last withheld fix may be early."""
 
@@ -54,6 +66,10 @@ class OutageErrors:
         Of the errors.
     freedom : float
         Components that an error counts for, 1 to 3.
+    begin : ndarray, shape (w,)
+        Begins of the outages, s.
+    normal : ndarray, shape (w, 3)
+        Errors over their rms prediction.
     """
 
     seconds: float
@@ -61,6 +77,8 @@ class OutageErrors:
     stated: FloatArray
     log_density: FloatArray
     freedom: float = 1.0
+    begin: FloatArray = field(default_factory=lambda: np.zeros(0))
+    normal: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
 
     @property
     def rms(self) -> float:
@@ -75,7 +93,28 @@ class OutageErrors:
     @property
     def interval(self) -> tuple[float, float]:
         """Interval of `ratio` at 95 %."""
-        return ratio_interval(list(self.square / self.stated), self.freedom)
+        share = independent_share(self.normal) if len(self.normal) > 1 else 1.0
+        return ratio_interval(list(self.square / self.stated), self.freedom, share)
+
+    def since(self, t: float) -> OutageErrors:
+        """Return those that begin at a time, s, or later."""
+        late = self.begin >= t
+        rows = {
+            name: getattr(self, name)[late] for name in ("square", "stated", "log_density", "begin", "normal")
+        }
+        return replace(self, **rows)
+
+    @property
+    def predicted(self) -> bool:
+        """Whether the ratio is within `PREDICTED_RATIOS`, or these windows cannot tell it from 1."""
+        (least, most), (low, high) = PREDICTED_RATIOS, self.interval
+        return least <= self.ratio <= most or low <= 1.0 <= high
+
+    @property
+    def refuted(self) -> bool:
+        """Whether these windows show the ratio to be outside `PREDICTED_RATIOS`."""
+        (least, most), (low, high) = PREDICTED_RATIOS, self.interval
+        return low > most or high < least
 
     @property
     def text(self) -> str:
@@ -105,14 +144,14 @@ def with_outages(
         }
         parts, first = [], 0
         for last in [*sorted({begun for begun, _ in at.values()} - {len(fixes)}), len(fixes)]:
-            part = _filtered_part(run.settings, now, stretch, slice(first, last), x, p)
+            part = _filtered_part(run.settings, now, stretch, np.arange(first, last), x, p)
             now, x, p, first = part.final, part.final_parameters, part.final_covariance, last
             parts.append(part)
-            for window in [one for one, (begun, _) in at.items() if begun == last]:
-                only = slice(at[window][1] - 1, at[window][1])
-                ends[window] = _filtered_part(
-                    run.settings, now, stretch, only, x, p, since=last, withheld=True
-                )
+            here = {window: until - 1 for window, (begun, until) in at.items() if begun == last}
+            if here:
+                rows = np.unique(list(here.values()))
+                blind = _filtered_part(run.settings, now, stretch, rows, x, p, since=last)
+                ends |= {one: _rows(blind, np.flatnonzero(rows == row)) for one, row in here.items()}
         solutions.append(_joined(parts))
     return tuple(solutions), ends
 
@@ -121,20 +160,20 @@ def _filtered_part(
     settings: FilterSettings,
     now: NavigationState,
     stretch: Stretch,
-    which: slice,
+    which: NDArray[np.intp],
     x: FloatArray,
     p: FloatArray,
     *,
     since: int | None = None,
-    withheld: bool = False,
 ) -> Solution:
-    """Filter on from the fix before `since`, by default before the first, with some of the fixes of a stretch."""
-    steps, before = stretch.steps, which.start if since is None else since
+    """Filter on with some of the fixes of a stretch; from the fix before `since` on they are withheld."""
+    steps, before = stretch.steps, int(which[0]) if since is None else since
     begin = int(stretch.fixes.after[before - 1]) if before else 0
     own = stretch.fixes.rows(which)
-    own = replace(own, after=own.after - begin, withheld=own.withheld | withheld)
-    last = which.stop == len(stretch.fixes) and not withheld
-    done = slice(begin, len(steps.dt) if last else int(stretch.fixes.after[which.stop - 1]))
+    own = replace(own, after=own.after - begin, withheld=own.withheld | (since is not None))
+    last = int(which[-1])
+    to_the_end = last == len(stretch.fixes) - 1 and since is None
+    done = slice(begin, len(steps.dt) if to_the_end else int(stretch.fixes.after[last]))
     start = steps.start + float(steps.dt[:begin].sum())
     part = Steps(start, steps.dt[done], steps.increments[done])
     return engine.run(settings, now, part, own, parameters=x, covariance=p)
@@ -145,21 +184,19 @@ def _joined(parts: Sequence[Solution]) -> Solution:
     state = NavigationState(
         *(np.concatenate([getattr(one.state, name) for one in parts]) for name in ("llh", "vel_n", "quat_nb"))
     )
+    whole = {name: np.concatenate([getattr(one, name) for one in parts]) for name in BY_FIX}
+    return _with_fixes(parts[-1], state, whole)
 
-    def whole(name: str) -> FloatArray:
-        return np.concatenate([getattr(one, name) for one in parts])
 
-    return replace(
-        parts[-1],
-        t=whole("t"),
-        state=state,
-        parameters=whole("parameters"),
-        covariance=whole("covariance"),
-        innovation=whole("innovation"),
-        innovation_covariance=whole("innovation_covariance"),
-        use=np.concatenate([one.use for one in parts]),
-        further_covariance=whole("further_covariance"),
-    )
+def _rows(solution: Solution, which: NDArray[np.intp]) -> Solution:
+    """Return some rows of a solution."""
+    state = NavigationState(*(getattr(solution.state, name)[which] for name in ("llh", "vel_n", "quat_nb")))
+    return _with_fixes(solution, state, {name: getattr(solution, name)[which] for name in BY_FIX})
+
+
+def _with_fixes(solution: Solution, state: NavigationState, columns: Mapping[str, Any]) -> Solution:
+    """Return a solution with other rows, one a fix."""
+    return replace(solution, state=state, **columns)
 
 
 def position_errors(
@@ -181,19 +218,29 @@ def position_errors(
     )
 
 
-def errors_at(run: ConfiguredRun, seconds: float, ends: Sequence[Solution | None]) -> OutageErrors | None:
+def errors_at(
+    run: ConfiguredRun, seconds: float, windows: Sequence[Window], ends: Mapping[Window, Solution | None]
+) -> OutageErrors | None:
     """Return the errors at the ends of outages of one length; None where a filter is lost."""
-    found = [one for one in ends if one is not None]
+    found = {window: end for window in windows if (end := ends[window]) is not None}
     if not found:
         return None
-    whole = _joined(found)
+    whole = _joined(list(found.values()))
     e, s = position_errors(run, whole, np.arange(len(whole.t)))
     good = np.isfinite(e).all(axis=1)
-    e, s = e[good], s[good]
+    e, s, begin = e[good], s[good], np.array([first for first, _ in found])[good]
     if not len(e) or not np.isfinite(s).all():
         return None
-    stated, freedom = np.trace(s, axis1=1, axis2=2), float(np.mean(components(s)))
-    return OutageErrors(seconds, np.sum(e**2, axis=1), stated, log_density(e, s), freedom)
+    stated = np.trace(s, axis1=1, axis2=2)
+    return OutageErrors(
+        seconds,
+        np.sum(e**2, axis=1),
+        stated,
+        log_density(e, s),
+        float(np.mean(components(s))),
+        begin,
+        e / np.sqrt(stated)[:, None],
+    )
 
 
 def log_density(e: FloatArray, s: FloatArray) -> FloatArray:
@@ -204,20 +251,20 @@ def log_density(e: FloatArray, s: FloatArray) -> FloatArray:
 
 
 def all_outages(run: ConfiguredRun, begin: float, end: float) -> Mapping[float, OutageErrors]:
-    """Return errors in outages between two times, and in as many half a window later, by length, s.
+    """Return errors in outages of a drive between two times, by length, s, one after another (`WINDOW_SPACING`).
 
     A drive of ten minutes has two outages of a minute in its last part, by which nothing can be judged.
     """
     windows = {
         seconds: [
-            (a + later, b + later)
-            for later in (0.0, 0.5 * (seconds + RECOVERY_TIME))
-            for a, b in outage_windows(run.stretches, seconds, begin=begin, end=end - later)
+            (float(first), float(first) + seconds)
+            for s in run.stretches
+            for first in np.arange(max(begin, s.settled), min(end, s.fixes.t[-1]) - seconds, spacing)
         ]
-        for seconds in OUTAGE_LENGTHS
+        for seconds, spacing in WINDOW_SPACING.items()
     }
     _, ends = with_outages(run, [one for each in windows.values() for one in each])
-    found = {s: errors_at(run, s, [ends[one] for one in each]) for s, each in windows.items()}
+    found = {s: errors_at(run, s, each, ends) for s, each in windows.items()}
     return {s: one for s, one in found.items() if one is not None}
 
 
@@ -227,7 +274,7 @@ def outage_pairs(
     """Return squared errors in the same outages (`all_outages`) under two filters, (w, 2), m², by length, s."""
     return {
         seconds: np.stack([before[seconds].square, after[seconds].square], axis=-1)
-        for seconds in OUTAGE_LENGTHS
+        for seconds in WINDOW_SPACING
         if seconds in before
         and seconds in after
         and len(before[seconds].square) == len(after[seconds].square) > 1

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.earth import ned_between
-from tuner.consistency.drive_scores import reference_positions
+from tuner.consistency.drive_scores import blocks, reference_positions
 from tuner.consistency.score_drive import OUTAGE_LENGTHS
 from tuner.consistency.scores import innovation_scores
 from tuner.diagnosis.drive.configured_run import ConfiguredRun, antenna
@@ -60,6 +60,8 @@ class PredictiveScore:
         The same error of the fixes themselves, at the same times; None without a reference.
     innovations : tuple of float
         Innovations ÷ predicted sds, root mean square, of positions and of velocities; what no fix has is left out.
+    bands : tuple of (float, float)
+        Ratios that do not speak against the filter: by blocks of the drive as in `navigate`, and `INNOVATION_RATIOS`.
     """
 
     outages: tuple[OutageErrors, ...]
@@ -67,6 +69,7 @@ class PredictiveScore:
     tracking: FloatArray
     fixes_rms: float | None = None
     innovations: tuple[float, ...] = ()
+    bands: tuple[tuple[float, float], ...] = ()
 
     @property
     def innovation_distance(self) -> float:
@@ -74,6 +77,12 @@ class PredictiveScore:
         low, high = INNOVATION_RATIOS
         far = [abs(np.log(one)) for one in self.innovations if not low <= one <= high]
         return float(max(far, default=0.0))
+
+    @property
+    def contradicted(self) -> bool:
+        """Whether innovations speak against the filter: outside `bands`."""
+        bands = self.bands or (INNOVATION_RATIOS,) * len(self.innovations)
+        return any(not low <= one <= high for one, (low, high) in zip(self.innovations, bands, strict=True))
 
     def follows(self, ratio: float = 1.0) -> bool:
         """Whether positions err no more than the fixes alone, times a ratio, as far as a reference tells."""
@@ -95,7 +104,7 @@ def predictive_score(run: ConfiguredRun, begin: float, end: float) -> Predictive
         if len(found := outage_windows(stretches, seconds, begin=begin, end=end)) > 1
     }
     solutions, ends = with_outages(run, [window for each in windows.values() for window in each])
-    outages = [errors_at(run, seconds, [ends[one] for one in each]) for seconds, each in windows.items()]
+    outages = [errors_at(run, seconds, each, ends) for seconds, each in windows.items()]
     tracked = [_tracked(run, s, solution, begin) for s, solution in zip(stretches, solutions, strict=True)]
     t, square, density, alone = (np.concatenate(part) for part in zip(*tracked, strict=True))
     good = [one for one in outages if one is not None]
@@ -104,25 +113,28 @@ def predictive_score(run: ConfiguredRun, begin: float, end: float) -> Predictive
     block = (t // RECOVERY_TIME).astype(int)
     means = np.array([density[block == one].mean() for one in np.unique(block)])
     fixes_rms = None if run.reference is None else _rms(alone)
-    return PredictiveScore(
-        tuple(good), _rms(square), means, fixes_rms, _innovation_ratios(stretches, solutions, begin)
-    )
+    ratios, bands = _innovation_ratios(stretches, solutions, begin)
+    return PredictiveScore(tuple(good), _rms(square), means, fixes_rms, ratios, bands)
 
 
 def _innovation_ratios(
     stretches: Sequence[Stretch], solutions: Sequence[Solution], begin: float
-) -> tuple[float, ...]:
-    """Return innovations ÷ predicted sds, root mean square, of positions and velocities after a time, s."""
-    chosen = [
-        np.flatnonzero(solution.t >= max(begin, stretch.settled))
+) -> tuple[tuple[float, ...], tuple[tuple[float, float], ...]]:
+    """Return innovations ÷ predicted sds, root mean square, of positions and velocities after a time, s, and bands."""
+    groups = [
+        block
         for stretch, solution in zip(stretches, solutions, strict=True)
+        for block in blocks(solution, np.flatnonzero(solution.t >= max(begin, stretch.settled)))
     ]
     scores = innovation_scores(
-        [one.innovation[rows] for one, rows in zip(solutions, chosen, strict=True)],
-        [one.innovation_covariance[rows] for one, rows in zip(solutions, chosen, strict=True)],
-        [one.use[rows] for one, rows in zip(solutions, chosen, strict=True)],
+        [one.innovation[rows] for one, rows in groups],
+        [one.innovation_covariance[rows] for one, rows in groups],
+        [one.use[rows] for one, rows in groups],
     )
-    return tuple(one.ratio for one in scores if one.dof == 3 and one.ratio > 0.0)
+    found = [one for one in scores if one.dof == 3 and one.ratio > 0.0]
+    low, high = INNOVATION_RATIOS
+    ends = [[float(np.sqrt(end / one.dof)) for end in one.band] for one in found]
+    return tuple(one.ratio for one in found), tuple((min(low, a), max(high, b)) for a, b in ends)
 
 
 def _rms(square: FloatArray) -> float:

@@ -99,7 +99,8 @@ def test_noise_that_is_far_too_small_is_mended(drive, right):
     assert max(choice.factors.values()) >= 3.0
     assert choice.after.nats > choice.before.nats + 10.0
     assert any("outages" in record.reason for record in choice.config.inflations)
-    for one in choice.after.outages:
+    assert [one.seconds for one in choice.late] == [10.0, 30.0, 60.0]
+    for one in choice.late:
         assert f"{one.seconds:g} s: true" in choice.note
         assert f"with {len(one.square)} windows" in choice.note
 
@@ -193,11 +194,18 @@ def test_written_is_the_first_of_the_best_rank(reference, rounds, expected):
 
 def test_ranks_are_those_of_both_parts():
     good, near, far = (replace(_score(10.0, 1.0, tracking=x), fixes_rms=1.0) for x in (0.9, 1.02, 1.2))
-    assert rank_of([good, good], predicts=True) == Rank.FOLLOWS_AND_PREDICTS
-    assert rank_of([good, near], predicts=True) == Rank.PREDICTS
-    assert rank_of([good, good], predicts=False) == Rank.FOLLOWS
-    assert rank_of([good, near], predicts=False) == Rank.NEITHER
-    assert rank_of([good, far], predicts=True) == Rank.NEITHER
+    contradicted = replace(good, innovations=(0.3, 0.6))
+    predicted, unclear, refuted = (_score(10.0, x).outages for x in (1.3, 1.7, 4.0))
+    assert not predicted[0].refuted
+    assert not unclear[0].refuted
+    assert rank_of([good, good], predicted) == Rank.FOLLOWS_AND_PREDICTS
+    assert rank_of([good, near], predicted) == Rank.PREDICTS
+    assert rank_of([good, good], unclear) == Rank.NOT_REFUTED
+    assert rank_of([near, good], unclear) == Rank.LIKE_FIXES
+    assert rank_of([good, contradicted], predicted) == Rank.CONTRADICTED
+    assert rank_of([good, good], refuted) == Rank.FOLLOWS
+    assert rank_of([good, near], refuted) == Rank.NEITHER
+    assert rank_of([good, far], predicted) == Rank.NEITHER
 
 
 def test_a_filter_is_judged_where_the_reference_is(drive, right):
