@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 from rich.table import Table
@@ -16,6 +15,13 @@ from tuner.types.records import Record
 
 LEAST_WHITE_SHARE = 0.1
 """Ratio of two white densities below which one sum of terms has its white noise in another term: no comparison."""
+
+ABOUT = {
+    "fast spectrum": "the spectrum of the noise",
+    "distribution": "the law and the variance of the noise",
+    "slow part": "the slow course of the bias",
+}
+"""Parts of the samples that statistics are about, in words."""
 
 
 def headline_lines(diagnosis: Diagnosis, records: Sequence[Record] = ()) -> list[Table | str]:
@@ -42,24 +48,46 @@ def headline_lines(diagnosis: Diagnosis, records: Sequence[Record] = ()) -> list
 
 
 def unexplained_lines(unexplained: Sequence[Unexplained]) -> list[str]:
-    """Return one line a statistic, the largest first: which axes show it, and where, how much and to what effect most.
+    """Return one line for each part of the samples that is not explained, the largest first, and how much that is.
 
-    The effect is that on the axis in which it makes most of the drift that the model has.
+    A line says what shows most there, in which axes, where, how much and to what effect, and how many statistics more
+    show it. The effect is that on the axis in which it makes most of the drift that the model has, said once an axis.
     """
     groups: dict[str, list[Unexplained]] = {}
     for one in unexplained:
-        groups.setdefault(one.statistic, []).append(one)
-    lines = []
-    for statistic, tests in sorted(groups.items(), key=lambda group: -max(one.nats for one in group[1])):
+        groups.setdefault(one.about or one.statistic, []).append(one)
+    lines: list[str] = []
+    said: set[tuple[str, ...]] = set()
+    for about, tests in sorted(groups.items(), key=lambda group: -max(one.nats for one in group[1])):
         axes = list(dict.fromkeys(axis for one in tests for axis in one.channels))
         largest = max(tests, key=lambda one: one.nats)
         felt = max(tests, key=lambda one: max((a / b for a, b in one.drift.values() if b), default=0.0))
         most = f", most in {axes_text(largest.channels)}" if len(axes) > 1 else ""
-        drift = left_text(felt.drift)
-        where = f" in {axes_text(felt.channels)}" if drift and len(axes) > 1 else ""
-        size = size_text(replace(largest, drift={}))
-        lines.append(f"{statistic} in {axes_text(axes)}{most}{size}" + (f"; {drift}{where}" if drift else ""))
+        size = size_text(largest)
+        line = f"{largest.statistic} in {axes_text(axes)}{most}{size}"
+        where = f" in {axes_text(felt.channels)}" if len(axes) > 1 else ""
+        if more := len({one.statistic for one in tests}) - 1:
+            line += f"; {more} more statistic{'s' * (more > 1)} of {ABOUT.get(about, about)}"
+        if felt.drift and felt.channels not in said:
+            line += f"; {left_text(felt.drift)}{where}"
+            said.add(felt.channels)
+        lines.append(line)
+    statistics = {one.statistic for one in unexplained}
+    if len(statistics) > max(len(groups), 1):
+        lines.insert(0, _in_all(unexplained, groups))
     return lines
+
+
+def _in_all(unexplained: Sequence[Unexplained], groups: Mapping[str, Sequence[Unexplained]]) -> str:
+    """Return how much is unexplained, the largest statistic of each axis and part of the samples: others share it."""
+    axes = list(dict.fromkeys(axis for one in unexplained for axis in one.channels))
+    nats = sum(
+        max((one.nats for one in tests if axis in one.channels), default=0.0)
+        for tests in groups.values()
+        for axis in axes
+    )
+    number = len({one.statistic for one in unexplained})
+    return f"at least {nats:.3g} nats in {axes_text(axes)}, by {number} statistics"
 
 
 def left_text(drift: Mapping[str, tuple[float, float]]) -> str:
@@ -89,23 +117,34 @@ def diagnosis_tables(diagnosis: Diagnosis) -> list[Table | str]:
             answer.append(f"    {gain}")
         if finding.gain is not None and contradicted(finding):
             answer.append(f"    not confirmed: held out ({finding.gain.split}), data are less likely with it")
-    answer += [
-        f"  unexplained: {u.statistic} in {', '.join(u.channels)}{size_text(u)}"
-        for u in diagnosis.unexplained
-    ]
+    if diagnosis.unexplained:
+        answer.append(_unexplained_table(diagnosis.unexplained))
     answer += [f"  note: {note}" for note in diagnosis.notes]
     return answer
 
 
+def _unexplained_table(unexplained: Sequence[Unexplained]) -> Table:
+    """Return one row for each statistic of each axis that no finding explains."""
+    table = Table(title="What no finding explains")
+    for head in ("statistic", "channels", "shows most", "nats", "p", "position error without fixes"):
+        table.add_column(head)
+    for one in sorted(unexplained, key=lambda one: -one.nats):
+        drift = [
+            f"{after}: {seen:.3g} m, {model:.3g} m by the model" for after, (seen, model) in one.drift.items()
+        ]
+        size = f"{one.nats:.3g}" if one.nats else "–"
+        p_value = f"{one.p_value:.1e}" if one.p_value > 0.0 else "< 1e-300"
+        table.add_row(
+            one.statistic, ", ".join(one.channels), one.place or "–", size, p_value, "\n".join(drift) or "–"
+        )
+    return table
+
+
 def size_text(one: Unexplained) -> str:
-    """Return place, size and drift of what is unexplained, to be put after its words."""
+    """Return place and size of what is unexplained, to be put after its words."""
     place = f", {one.place}" if one.place else ""
     size = f": {one.nats:.3g} nats (p = {one.p_value:.1e})" if one.nats else f", p = {one.p_value:.1e}"
-    drift = "; ".join(
-        f"{after} without fixes {measured:.3g} m, {predicted:.3g} m by the model"
-        for after, (measured, predicted) in one.drift.items()
-    )
-    return place + size + (f"; {drift}" if drift else "")
+    return place + size
 
 
 def gain_text(gain: Gain) -> str:

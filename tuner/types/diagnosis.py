@@ -133,6 +133,8 @@ class Unexplained:
     drift : mapping of str to (float, float)
         Position error, m, after so long without fixes (``60 s``), as the axis shows it, what was found taken out, and
         as its model has it; of a static log.
+    about : str
+        What of the samples it is about: ``fast spectrum``, ``distribution`` or ``slow part``; empty on a drive.
     """
 
     statistic: str
@@ -141,6 +143,7 @@ class Unexplained:
     nats: float = 0.0
     place: str = ""
     drift: Mapping[str, tuple[float, float]] = field(default_factory=lambda: MappingProxyType({}))
+    about: str = ""
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ from tuner.diagnosis.static.position_drift import left_drifts, with_drifts
 from tuner.diagnosis.static.posterior_predictive import covered
 from tuner.diagnosis.static.reported_noise import noise_after, noise_before
 from tuner.diagnosis.static.search import SearchResult, search_causes
-from tuner.diagnosis.static.something_else import with_unknown
+from tuner.diagnosis.static.something_else import about, with_unknown
 from tuner.diagnosis.static.spectrum import aliasing as sampling
 from tuner.jobs import each
 from tuner.segments.conditions import without_knocks
@@ -145,7 +145,14 @@ def diagnose(
         after = noise_after(outcome.final, before)
         outcome = replace(outcome, accepted=with_unknown(outcome))
         unexplained = tuple(
-            Unexplained(r.name, (part.axis,), r.p_value, r.nats, r.place or WHOLE_RECORD)
+            Unexplained(
+                r.name,
+                (part.axis,),
+                r.p_value,
+                r.nats,
+                r.place or WHOLE_RECORD,
+                about=about(r.cause)[0] or "",
+            )
             for r in outcome.unexplained
         )
         final = outcome.final.beside_others(part)

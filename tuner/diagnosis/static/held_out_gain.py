@@ -66,6 +66,11 @@ MARGIN_SHARE = 0.03
 
 Chosen as a twentieth of the first part: a jump with less behind it is hardly found again in that part alone.
 """
+MIN_SPIKES = 10
+"""Spikes from which the rest of a record can contradict their rate.
+
+Of nine, none lies in the last 40 % of one record in 100.
+"""
 PREDICTION_HORIZON = 60.0
 """Length of the means whose change a user has to expect, s; chosen as that of an outage of GNSS."""
 
@@ -115,7 +120,8 @@ def with_gains(outcome: SearchResult, second: Channel | None) -> tuple[Accepted,
     n = len(test.channel)
     done = []
     for accepted in outcome.accepted:
-        apart = any(accepted.extension is one for one in late)
+        rare = isinstance(accepted.extension, Spikes) and len(accepted.extension.places) < MIN_SPIKES
+        apart = rare or any(accepted.extension is one for one in late)
         result = None if apart else retest(found, accepted.extension.cause)
         if result is None or result.propose is None or result.gain <= 0:
             done.append(replace(accepted, gain=_in_sample(outcome, accepted)))
@@ -228,8 +234,8 @@ def _score(fitted: Residual, test: _Test, free: FloatArray | None = None) -> flo
             y = y - np.real(z * np.exp(1j * phase))
             charge += 1.0
         if isinstance(extension, Comb):
-            y = y - extension.elsewhere(y)
-            charge += float(np.log(len(extension.profile)))
+            course, cost = extension.elsewhere(y)
+            y, charge = y - course, charge + cost
         if isinstance(extension, Telegraph):
             step = test.channel.block * dt
             charge -= extension.lead(test.channel.block_mean(y), step, block_noise(fitted.fit.terms(), step))

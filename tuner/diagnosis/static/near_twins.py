@@ -11,13 +11,18 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import chi2
 
+from tuner.diagnosis.static.causes.base import Value
 from tuner.diagnosis.static.causes.hysteresis import Hysteresis
+from tuner.diagnosis.static.causes.line import Line
+from tuner.diagnosis.static.causes.recovery import Recovery
 from tuner.diagnosis.static.causes.registry import CAUSES
+from tuner.diagnosis.static.causes.step import Step
 from tuner.diagnosis.static.causes.temperature import COVARIATE, Temperature, warming
 from tuner.diagnosis.static.causes.temperature_rate import TemperatureRate
 from tuner.diagnosis.static.causes.temperature_squared import TemperatureSquared
 from tuner.diagnosis.static.causes.template import Template
 from tuner.diagnosis.static.causes.thermal_lag import ThermalLag, beside_temperature
+from tuner.diagnosis.static.causes.vibration import Vibration
 from tuner.diagnosis.static.causes.warmup import Warmup
 from tuner.diagnosis.static.hypothesis_tests import retest
 from tuner.diagnosis.static.model.dct import block_transform
@@ -40,6 +45,10 @@ SPECTRUM_TWINS = frozenset({"lowpass", "colour"})
 LAG_LIKELIHOOD_RATIO = 24.0
 """Likelihood ratio from which a lag replaces a temperature: χ²₁ at 1e-6, 1e-5 for the dozen lags of the grid."""
 
+LINE_PRICE = 1.5
+"""Price of a line, logs of the number of samples: half of one for amplitude and phase each, one for the frequency."""
+STEP_REACH = 2
+"""Blocks on either side of the beginning of a recovery between which a step in its place lies."""
 TRIED_CONSTANTS = 40
 """Time constants by which the temperature may warm: a seventh apart, a hundredth of the warming's own size."""
 MAX_REST_RATIO = 1.1
@@ -140,12 +149,11 @@ def without_lag(fitted: Residual, accepted: list[Accepted]) -> tuple[Residual, l
         plain = list(fitted.extensions)
         plain[given + at] = Temperature()
         other = residual(fitted.channel, tuple(plain), starts=fitted.starts, near=fitted)
-        refits = tuple(x.refit(other, i) for i, x in enumerate(other.extensions))
-        other = residual(fitted.channel, refits, starts=other.starts, near=other)
+        other = _refitted(other)
         lead = fitted.fit.log_likelihood - other.fit.log_likelihood
         if lead < ALTERNATIVE_NATS:
             twin = Alternative("thermal_lag", float(np.exp(min(lead - ALTERNATIVE_NATS, 0.0))))
-            changed = replace(one, extension=refits[given + at], alternatives=(twin,))
+            changed = replace(one, extension=other.extensions[given + at], alternatives=(twin,))
             return other, [*accepted[:at], changed, *accepted[at + 1 :]]
     return fitted, accepted
 
@@ -164,13 +172,14 @@ def with_one_lag(fitted: Residual, accepted: list[Accepted]) -> tuple[Residual, 
     tried = ThermalLag.candidates(fitted.channel)
     scores, _ = scan(bare, np.stack([one.template(fitted.channel) for one in tried], axis=1))
     other = extended(bare, tried[scores.best].likeliest(bare))
-    refits = tuple(x.refit(other, i) for i, x in enumerate(other.extensions))
-    other = residual(fitted.channel, refits, starts=other.starts, near=other)
+    other = _refitted(other)
     lead = other.fit.log_likelihood - fitted.fit.log_likelihood
     if lead < -ALTERNATIVE_NATS:
         return fitted, accepted
     twin = Alternative(TemperatureRate.cause, float(np.exp(min(-lead, 0.0))))
-    lag = replace(accepted[first], extension=refits[-1], alternatives=(*accepted[first].alternatives, twin))
+    lag = replace(
+        accepted[first], extension=other.extensions[-1], alternatives=(*accepted[first].alternatives, twin)
+    )
     return other, [*(a for at, a in enumerate(accepted) if at not in (first, second)), lag]
 
 
@@ -214,7 +223,69 @@ def with_lag(fitted: Residual, accepted: list[Accepted]) -> tuple[Residual, list
             return fitted, accepted
         wider = [*fitted.extensions[: given + at], lag, *fitted.extensions[given + at + 1 :]]
         other = residual(fitted.channel, tuple(wider), starts=fitted.starts, near=fitted)
-        refits = tuple(x.refit(other, i) for i, x in enumerate(other.extensions))
-        other = residual(fitted.channel, refits, starts=other.starts, near=other)
-        return other, [*accepted[:at], replace(one, extension=refits[given + at]), *accepted[at + 1 :]]
+        other = _refitted(other)
+        changed = replace(one, extension=other.extensions[given + at])
+        return other, [*accepted[:at], changed, *accepted[at + 1 :]]
     return fitted, accepted
+
+
+def with_steps(fitted: Residual, accepted: list[Accepted]) -> tuple[Residual, list[Accepted]]:
+    """Return the model with steps in place of recoveries that explain no more: of all of them, or of one.
+
+    A first step beside a second one that is not in the model yet looks as if it decayed.
+    """
+    given, channel = len(fitted.extensions) - len(accepted), fitted.channel
+    begins = {
+        at: one.extension.first for at, one in enumerate(accepted) if isinstance(one.extension, Recovery)
+    }
+    for chosen in dict.fromkeys((tuple(begins), *((at,) for at in begins))) if begins else ():
+        changed = list(fitted.extensions)
+        for at in chosen:
+            time = channel.start + begins[at] * channel.interval
+            reach = STEP_REACH * channel.block * channel.interval
+            placed = {"time": Value(time, time - reach, time + reach, "s")}
+            changed[given + at] = Step(begins[at], values=placed)
+        other = _refitted(residual(channel, tuple(changed), starts=fitted.starts, near=fitted))
+        lead = fitted.fit.log_likelihood - other.fit.log_likelihood
+        if lead < ALTERNATIVE_NATS * len(chosen):
+            twin = Alternative(Recovery.cause, float(np.exp(min(lead - ALTERNATIVE_NATS * len(chosen), 0.0))))
+            found = [
+                replace(one, extension=other.extensions[given + at], alternatives=(twin,))
+                if at in chosen
+                else one
+                for at, one in enumerate(accepted)
+            ]
+            return with_steps(other, found)
+    return fitted, accepted
+
+
+def without_line_of_resonance(fitted: Residual, accepted: list[Accepted]) -> tuple[Residual, list[Accepted]]:
+    """Return the model without a line within the width of a resonance that explains as much alone, fitted again.
+
+    The highest ordinate of a sharp resonance is found first, and looks like a line.
+    """
+    given = len(fitted.extensions) - len(accepted)
+    resonances = [x for x in fitted.extensions if isinstance(x, Vibration)]
+    for at, one in enumerate(accepted):
+        tone = one.extension
+        if not isinstance(tone, Line) or not any(
+            abs(tone.frequency - x.frequency) < x.frequency / x.quality for x in resonances
+        ):
+            continue
+        other = _refitted(_refitted(without(fitted, given + at)))
+        lead = _spectrum_likelihood(fitted) - _spectrum_likelihood(other)
+        if lead < LINE_PRICE * float(np.log(len(fitted.channel))):
+            return without_line_of_resonance(other, [*accepted[:at], *accepted[at + 1 :]])
+    return fitted, accepted
+
+
+def _refitted(fitted: Residual) -> Residual:
+    """Return the model with every extension fitted again beside the others."""
+    refits = tuple(x.refit(fitted, i) for i, x in enumerate(fitted.extensions))
+    return residual(fitted.channel, refits, starts=fitted.starts, near=fitted)
+
+
+def _spectrum_likelihood(fitted: Residual) -> float:
+    """Return the log likelihood of the coefficients of the residual, nats up to a constant."""
+    power = fitted.power * fitted.spread**2
+    return -0.5 * float(np.sum(np.log(power) + fitted.coefficients[1:] ** 2 / power))

@@ -36,7 +36,9 @@ from tuner.diagnosis.static.near_twins import (
     with_curve,
     with_lag,
     with_one_lag,
+    with_steps,
     without_lag,
+    without_line_of_resonance,
 )
 from tuner.diagnosis.static.outcome import Accepted, TestResult
 from tuner.diagnosis.static.residual_checks import checks
@@ -191,6 +193,7 @@ def search_causes(channel: Channel, threshold: float, given: tuple[Extension, ..
     found, accepted = _prune(found, accepted, threshold)
     found, accepted = without_lag(found, accepted)
     found, accepted = with_curve(*with_one_lag(found, accepted))
+    found, accepted = with_steps(*without_line_of_resonance(found, accepted))
     tested = (*results, *checks(found))  # before caches are lost
     found = with_joint_estimates(found)
     estimated = found.extensions[len(given) :]

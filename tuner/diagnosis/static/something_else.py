@@ -74,9 +74,7 @@ def with_unknown(outcome: SearchResult) -> tuple[Accepted, ...]:
     found = []
     for index, accepted in enumerate(outcome.accepted, given):
         group, gain = accepted.extension.group, accepted.result.gain
-        left = sum(
-            r.nats for r in outcome.unexplained if group in OF_GROUPS.get(r.cause, (group_of(r.cause),))
-        )
+        left = sum(r.nats for r in outcome.unexplained if group in about(r.cause))
         weight = min(left / gain, 1.0) if left > MIN_LEFT_SHARE * gain else 0.0
         if sum(r.nats for r in outcome.unexplained) > gain:
             weight = 1.0
@@ -91,6 +89,11 @@ def with_unknown(outcome: SearchResult) -> tuple[Accepted, ...]:
         twin = _transient_twin(outcome.final, index, accepted)
         found.append(replace(accepted, alternatives=(*accepted.alternatives, *twin, *unknown)))
     return tuple(found)
+
+
+def about(cause: str) -> tuple[Group | None, ...]:
+    """Return the groups of the causes that a test is about, by the name of its cause or statistic; the first most."""
+    return OF_GROUPS.get(cause, (group_of(cause),))
 
 
 def _transient_twin(fitted: Residual, index: int, accepted: Accepted) -> tuple[Alternative, ...]:

@@ -27,7 +27,7 @@ from tuner.diagnosis.static.variance.quantized_noise import slow_track
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
-MIN_PERIOD, MAX_PERIOD = 16.0, 2000.0
+MIN_PERIOD, MAX_PERIOD = 12.0, 2000.0
 """Periods, samples: below there are too few lines for a comb, above few periods for their multiples."""
 MIN_MULTIPLES, PERIOD_MULTIPLES = 8, 32
 """Multiples of a period at which the autocorrelation is averaged: its deviation falls by their root."""
@@ -37,6 +37,8 @@ MAX_MULTIPLE = 12
 """Largest multiple of its period at which a comb is found; beyond, few periods are left in a record."""
 PHASE_STEPS = (0.25, 0.0625, 0.015625)
 """Steps, samples, in the middle of a record and at its ends, by which the bins of a period are put around pulses."""
+HELD_OUT_STEP = 0.25
+"""Steps, bins, in phase and over a record, by which a comb is put on samples that did not show its period."""
 MIN_SHIFT_SQUARE = 18.0
 """Squared sds by which a period must fit its course better one sample off: 2 ln 1e4, for one of 1e4 that is off."""
 FOLDED_PARTS = 32
@@ -64,24 +66,46 @@ class Comb(Extension):
 
     def clean_samples(self, channel: Channel) -> Channel:
         """Take the course out, in each period one sample earlier or later where it is clearly there."""
-        turns = (np.arange(len(channel)) + self.phase) / self.period
-        place, turn = self._bins(len(channel)), np.floor(turns).astype(np.intp)
+        return replace(channel, y=channel.y - self._course(channel.y)[0])
+
+    def elsewhere(self, y: FloatArray) -> tuple[FloatArray, float]:
+        """Return the course in other samples, shape (n,), and what its phases cost, nats.
+
+        The phase is the one among all that these samples show, to a part of a bin, and the period the likeliest within
+        what the samples resolve; a single period that is off costs what it must gain at least.
+        """
+        profile, level = np.array(self.profile), y - y.mean()
+        seen = np.bincount(self._bins(len(y)), level, len(profile))
+        late = int(np.argmax(irfft(rfft(seen) * np.conj(rfft(profile)), len(profile))))
+        steps = [HELD_OUT_STEP * k for k in range(-4, 5)]
+        tried = [
+            replace(
+                self,
+                period=self.period * (1.0 + drift / len(y)),
+                phase=self.phase - late * width + shift * width,
+            )
+            for width in (self.period / len(profile),)
+            for drift in steps
+            for shift in steps
+        ]
+        best = max(tried, key=lambda one: float(profile[one._bins(len(y))] @ level))
+        course, off = best._course(level)
+        return course, float(np.log(len(profile) * len(tried) * HELD_OUT_STEP)) + 0.5 * MIN_SHIFT_SQUARE * off
+
+    def _course(self, y: FloatArray) -> tuple[FloatArray, int]:
+        """Return the course in samples and how many periods in it are one sample earlier or later."""
+        turns = (np.arange(len(y)) + self.phase) / self.period
+        place, turn = self._bins(len(y)), np.floor(turns).astype(np.intp)
         profile, turn = np.array(self.profile), turn - turn[0]
         course, best = profile[place], np.full(turn[-1] + 1, MIN_SHIFT_SQUARE)
-        plain = course
+        plain, off = course, np.zeros(len(best), dtype=bool)
         for shift in (-1, 1):
             moved = profile[(place + shift) % len(profile)]
-            better = np.bincount(turn, (moved - plain) * (2.0 * channel.y - moved - plain))
+            better = np.bincount(turn, (moved - plain) * (2.0 * y - moved - plain))
             course = np.where((better > best)[turn], moved, course)
+            off |= better > best
             best = np.maximum(best, better)
-        return replace(channel, y=channel.y - course)
-
-    def elsewhere(self, y: FloatArray) -> FloatArray:
-        """Return the course in other samples, shape (n,), with the phase among all that these show."""
-        place, profile = self._bins(len(y)), np.array(self.profile)
-        level = np.bincount(place, y - y.mean(), len(profile))
-        agreement = irfft(rfft(level) * np.conj(rfft(profile)), len(profile))
-        return np.asarray(profile[(place - int(np.argmax(agreement))) % len(profile)])
+        return course, int(np.count_nonzero(off))
 
     def _bins(self, n: int) -> IntArray:
         """Return which of the even phases each of n samples has, shape (n,)."""

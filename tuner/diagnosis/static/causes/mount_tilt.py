@@ -245,7 +245,7 @@ def stretched(finals: Mapping[str, Residual], limit: float) -> tuple[Unexplained
         return ()
     start, duration = (clearest.values[k].value for k in ("start", "duration"))
     name = f"the level moves from {start:.6g} s on for {duration:.4g} s, and the specific force changes its length"
-    return (Unexplained(name, tuple(triad), chance),)
+    return (Unexplained(name, tuple(triad), chance, about="slow part"),)
 
 
 def _moved(fitted: Residual, course: MountTilt) -> tuple[float, float]:

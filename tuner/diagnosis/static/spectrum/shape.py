@@ -119,9 +119,12 @@ def fit_white(data: Bins) -> ShapeFit:
     return ShapeFit("white", np.empty(0), found.cost, found.expected, bool(found.size[2] > 0.0), found.cost)
 
 
-def fit_filter(data: Bins, name: str) -> ShapeFit:
-    """Fit a filter by name, from its two likeliest cutoffs: with aliasing the likelihood can have two maxima."""
-    cost = _filter_cost(data, name)
+def fit_filter(data: Bins, name: str, rises: bool = True) -> ShapeFit:
+    """Fit a filter by name, quantization free beside it or none.
+
+    From its two likeliest cutoffs: with aliasing the likelihood can have two maxima.
+    """
+    cost = _filter_cost(data, name, rises)
     low, high = FILTERS[name]
     grid = np.log(_cutoffs_tried(name, low, high))
     value = np.array([cost(x) for x in grid])
@@ -133,10 +136,10 @@ def fit_filter(data: Bins, name: str) -> ShapeFit:
         tried.append(minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": 1e-4}))
     x = float(min(tried, key=lambda result: result.fun).x)
     power = filter_power(name, float(np.exp(x)), data.cycles, data.width)
-    fits = [(rises, _sized(data, power, rises)) for rises in (False, True)]
+    fits = [(beside, _sized(data, power, beside)) for beside in ((False, True) if rises else (False,))]
     least = min(found.cost for _, found in fits)
     return _simpler(
-        data, [ShapeFit(name, np.array([x]), f.cost, f.expected, rises, least) for rises, f in fits]
+        data, [ShapeFit(name, np.array([x]), f.cost, f.expected, beside, least) for beside, f in fits]
     )
 
 
@@ -148,9 +151,9 @@ def _cutoffs_tried(name: str, low: float, high: float) -> FloatArray:
     return np.concatenate((np.geomspace(low, FOLDING_CUTOFF, LOW_CUTOFFS, endpoint=False), above))
 
 
-def _filter_cost(data: Bins, name: str) -> Callable[[float], float]:
+def _filter_cost(data: Bins, name: str, rises: bool = True) -> Callable[[float], float]:
     power = filter_powers(name, data.cycles, data.width)
-    return lambda x: _sized(data, power(float(np.exp(x)))).cost
+    return lambda x: _sized(data, power(float(np.exp(x))), rises).cost
 
 
 def fit_colour(data: Bins, name: str, rises: bool = True) -> ShapeFit:
@@ -331,8 +334,19 @@ def many_shapes(few: ShapeTest) -> ShapeTest:
 
 
 def fit_filters(data: Bins) -> tuple[ShapeFit, ...]:
-    """Return the fits of all filters, the best first."""
+    """Return the fits of all filters, the best first.
+
+    Where quantization stands beside a filter, its best cutoff without it is another one. That is sought where it could
+    be worth more than all others: quantization is then not worth its price.
+    """
     fits = [fit_filter(data, name) for name in FILTERS]
+    best = min(_price(data, fitted, False) for fitted in fits)
+    fits = [
+        replace(_simpler(data, [fitted, fit_filter(data, fitted.name, False)]), least=fitted.least)
+        if fitted.rises and fitted.least + 0.5 * data.log_count < best
+        else fitted
+        for fitted in fits
+    ]
     return tuple(
         sorted(
             fits,
