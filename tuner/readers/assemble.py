@@ -15,6 +15,7 @@ from tuner.formats.guard import printable
 from tuner.readers import column_names as names
 from tuner.readers.clock_unit import MAX_RATE, MIN_RATE
 from tuner.readers.column_choice import Channel, Layout, choose
+from tuner.readers.column_mapping import offered
 from tuner.readers.columns import Listing, Part
 from tuner.readers.constant_axes import without_constant_axes
 from tuner.readers.options import STAMP, Options, UnitChoice, sensor_unit, stated_rate
@@ -93,7 +94,9 @@ def even(listing: Listing, plan: Plan, digest: str, options: Options) -> EvenRec
         valid = without_placeholders(groups, valid, notes)
         if time is None or layout.time is None:
             if rate is None:
-                msg = "no time column and no rate: pass --rate HZ, or --columns t=NAME"
+                msg = (
+                    f"no time column and no rate: pass --rate HZ, or --columns t=NAME, of {offered(listing)}"
+                )
                 raise DataError(msg)
             if options.rate is None and not MIN_RATE <= rate <= MAX_RATE:
                 msg = f"the file states a rate of {rate:.4g} Hz, which no inertial sensor has: pass --rate HZ"

@@ -59,6 +59,7 @@ TIME = (
     "gps_seconds",
     "gps_sec",
     "gpssec",
+    "gpst",
     "imu_t",
     "time_of_week",
     "seconds_of_week",
@@ -94,6 +95,7 @@ TIME_OF_WEEK = (
     "gps_seconds",
     "gps_sec",
     "gpssec",
+    "gpst",
 )
 """Names of the GPS week, and of the time in it."""
 TEMPERATURE = ("temperature", "temp", "imu_temp", "temperature_imu", "temp_c", "celsius")

@@ -89,6 +89,8 @@ FORMATS: Registry[LogFormat] = Registry(
 """Every log format by name; `tuner.readers` adds the built-in ones."""
 
 
+OF_A_RECEIVER = re.compile(rb"\$?(G[ABILNPQ]|BD)[A-Z]{3},|\xb5b")
+"""How logs of NMEA and UBX begin."""
 EUROC_FILES = ("imu0/data.csv", "mav0/imu0/data.csv")
 """Where data sets in the form of EuRoC keep the samples of the IMU."""
 
@@ -124,6 +126,12 @@ def format_of(path: Path) -> LogFormat:
         return declared
     with path.open("rb") as file:
         head = file.read(HEAD_BYTES)
+    if OF_A_RECEIVER.match(head):
+        msg = (
+            f"{path}: sentences or messages of a receiver hold no inertial samples: put the file, named .nmea or .ubx, "
+            "into a folder with imu.csv, and give the folder as the drive"
+        )
+        raise DataError(msg)
     found = next((one for one in FORMATS.values() if not one.any_text and one.recognizes(head)), declared)
     if found is None:
         found = next((one for one in FORMATS.values() if one.any_text and one.recognizes(head)), None)

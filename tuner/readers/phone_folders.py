@@ -26,6 +26,7 @@ from tuner.readers.text_dialect import find_dialect
 from tuner.types.records import DataError
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 MAX_UNPACKED = 1 << 32
 """Largest size of a member of a ZIP that is unpacked, bytes: days of a phone's samples."""
@@ -72,6 +73,13 @@ APPS = (
 
 Sensor Logger's ``Accelerometer.csv`` is without gravity; its versions of 2021 have stamps since 1970 alone.
 """
+MOST_APART = 1.5
+"""Distance of stamps of samples that count as taken together, intervals: phones stamp one sensor after the other."""
+SAME_STEP, LEAST_PAIRED = 0.005, 0.9
+"""Relative difference of the usual intervals, and share of samples with a fellow, of sensors that run at one rate but
+lost samples of their own: the rest is left out. Two clocks of a phone differ by less than 0.01 %."""
+SHIFTS = (0.0, 0.25, -0.25)
+"""Shifts of the stamps before the nearest is looked for, intervals: halfway between two, jitter alone would choose."""
 FIRST_STAMP_OF_2001 = 1e18
 """ns since 1970."""
 
@@ -190,22 +198,36 @@ def _columns(path: Path, app: _App) -> _Columns | None:
 
 
 def _paired(path: Path, gyro: FloatArray, accel: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the rows of both sensors that belong together."""
+    """Return the rows of both sensors that belong together: in order, or where one lost samples, by their times."""
     step = float(np.median(np.diff(gyro[:, 0]))) if len(gyro) > 1 else 0.0
     begin = max(gyro[0, 0], accel[0, 0]) - 0.5 * step
     first, second = (x[int(np.searchsorted(x[:, 0], begin)) :] for x in (gyro, accel))
     count = min(len(first), len(second))
-    first, second = first[:count], second[:count]
-    apart = np.abs(first[:, 0] - second[:, 0])
-    if count < 2 or apart.max() > 1.5 * step:
-        rates = [1.0 / float(np.median(np.diff(x[:, 0]))) if len(x) > 1 else 0.0 for x in (gyro, accel)]
-        msg = (
-            f"{path}: gyroscope ({len(gyro)} samples, {rates[0]:.4g} Hz) and accelerometer ({len(accel)}, "
-            f"{rates[1]:.4g} Hz) are not sampled together: unpack it and read Gyroscope.csv and the accelerometer's "
-            "file one at a time"
-        )
-        raise DataError(msg)
-    return first, second
+    if count > 1 and np.abs(first[:count, 0] - second[:count, 0]).max() <= MOST_APART * step:
+        return first[:count], second[:count]
+    other = float(np.median(np.diff(accel[:, 0]))) if len(accel) > 1 else 0.0
+    if count > 1 and abs(other - step) < SAME_STEP * step:
+        pairs = (_nearest(first[:, 0] + shift * step, second[:, 0], step) for shift in SHIFTS)
+        rows, at = max(pairs, key=lambda pair: len(pair[0]))
+        if len(rows) >= LEAST_PAIRED * count:
+            return first[rows], second[at]
+    rates = [1.0 / float(np.median(np.diff(x[:, 0]))) if len(x) > 1 else 0.0 for x in (gyro, accel)]
+    msg = (
+        f"{path}: gyroscope ({len(gyro)} samples, {rates[0]:.4g} Hz) and accelerometer ({len(accel)}, "
+        f"{rates[1]:.4g} Hz) are not sampled together: unpack it and read Gyroscope.csv and the accelerometer's "
+        "file one at a time"
+    )
+    raise DataError(msg)
+
+
+def _nearest(t: FloatArray, others: FloatArray, step: float) -> tuple[IntArray, IntArray]:
+    """Return which stamps have another within three quarters of an interval, each one of its own, and which it is."""
+    at = np.clip(np.searchsorted(others, t), 1, len(others) - 1)
+    at -= t - others[at - 1] < others[at] - t
+    near = np.abs(t - others[at]) <= MOST_APART / 2.0 * step
+    rows = np.flatnonzero(near)
+    own = np.diff(at[rows], prepend=-1) > 0
+    return rows[own], at[rows[own]]
 
 
 FORMAT = LogFormat(

@@ -25,6 +25,7 @@ from tuner.readers.log_format import LogFormat, format_of
 from tuner.readers.text_dialect import (
     HEAD_BYTES,
     Dialect,
+    even_lines,
     find_dialect,
     is_number,
     is_text,
@@ -224,7 +225,7 @@ def _pieces(path: Path, file: IO[bytes], skip: int) -> Iterator[tuple[int, bytes
     line = skip + 1
     while piece := file.read(BYTES_AT_ONCE):
         piece += file.readline(MAX_LINE_BYTES)
-        if b"\r" in piece and b"\r" in (piece := piece.replace(b"\r\n", b"\n")):
+        if b"\r" in (piece := even_lines(piece)):
             at = line + piece[: piece.index(b"\r")].count(b"\n")
             raise DataError(lone_return(path, at))
         if piece[-1:] != b"\n" and len(piece) > MAX_LINE_BYTES and b"\n" not in piece[-MAX_LINE_BYTES:]:

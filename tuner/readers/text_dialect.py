@@ -100,9 +100,9 @@ def find_dialect(path: Path) -> Dialect:
     if b"\0" in head:
         msg = f"{path}: not a text file: expected a header and rows of numbers"
         raise DataError(msg)
-    if b"\r" in (body := head.replace(b"\r\n", b"\n")).rstrip(b"\r"):
+    if b"\r" in (body := even_lines(head)).rstrip(b"\r"):
         raise DataError(lone_return(path, 1 + body[: body.index(b"\r")].count(b"\n")))
-    lines = re.split("\r\n|\r|\n", _decoded(head))
+    lines = re.split("\r{0,2}\n|\r", _decoded(head))
     at = next((i for i, line in enumerate(lines) if _is_data(line)), None)
     if at is None:
         found = lines[0].strip()[:40]
@@ -172,6 +172,11 @@ def _with_units_below(dialect: Dialect, above: str) -> Dialect:
         f"{name} [{unit}]" if fits else name for name, unit, fits in zip(header, units, stated, strict=True)
     )
     return replace(dialect, names=tuple(names))
+
+
+def even_lines(text: bytes) -> bytes:
+    """Return text whose lines end in LF: those in CR LF, or in CR CR LF of programs that write CR LF to a text file."""
+    return text.replace(b"\r\n", b"\n").replace(b"\r\n", b"\n") if b"\r" in text else text
 
 
 def lone_return(path: Path, line: int) -> str:

@@ -156,6 +156,38 @@ def test_phone_sensors_of_different_rates_are_refused_with_the_way_out(tmp_path)
         read(tmp_path)
 
 
+def test_phone_sensors_that_lost_samples_of_their_own_are_paired_by_their_times(tmp_path):
+    """An application that was paused left 85 s out of the gyroscope's file: refused as not sampled together."""
+    phyphox(tmp_path)
+    gyro, accel = (np.delete(np.arange(N), lost) for lost in (slice(200, 240), [300]))
+    names = "time,x,y,z"
+    table(tmp_path / "Gyroscope.csv", names, np.column_stack([T, GYRO])[gyro])
+    table(tmp_path / "Accelerometer.csv", names, np.column_stack([T + 0.4 / RATE, ACCEL])[accel])
+    rates, force = read(tmp_path)
+    kept = np.setdiff1d(gyro, [300])
+    place = np.rint(RATE * (rates.t - rates.t[0])).astype(int)
+    known = np.isin(place, kept)
+    np.testing.assert_allclose(rates.y[known], GYRO[place[known]], atol=1e-12)
+    np.testing.assert_allclose(force.y[known], ACCEL[place[known]], atol=1e-9)
+    assert known.sum() == len(kept)
+
+
+@pytest.mark.parametrize("head", [b"$GNGGA,134355.50,4922.59358,N\r\n", b"\xb5b\x01\x07\0\0"])
+def test_a_log_of_a_receiver_is_refused_as_such(head, tmp_path):
+    """NMEA in a file named .ubx was taken for a table without gyros."""
+    (tmp_path / "gps.ubx").write_bytes(40 * head)
+    with pytest.raises(DataError, match="hold no inertial samples: put the file"):
+        read(tmp_path / "gps.ubx")
+
+
+def test_lines_that_a_windows_program_ended_twice_are_read(tmp_path):
+    path = table(tmp_path / "log.csv", "GPST,Gx,Gy,Gz,Ax,Ay,Az", np.column_stack([T + 390884.0, GYRO, ACCEL]))
+    path.write_bytes(path.read_bytes().replace(b"\n", b"\r\r\n"))
+    gyro, accel = read(path)
+    np.testing.assert_allclose(gyro.y, GYRO, rtol=1e-9)
+    assert (gyro.t[0], len(accel)) == (pytest.approx(390884.0), N)
+
+
 @pytest.mark.parametrize(("header", "separator"), [("Gyro. X", ","), ("time  Gyro. X  Gyro. Y", " ")])
 def test_names_with_blanks_above_columns_without_them_are_names(header, separator, tmp_path):
     """One column has no separator that its name could be split by; aligned columns stand two blanks apart."""
