@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import tracemalloc
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,6 +18,8 @@ from tuner.diagnosis.static.causes import motion
 from tuner.diagnosis.static.channel import channel
 from tuner.diagnosis.static.hypothesis_tests import threshold
 from tuner.diagnosis.static.search import search_causes
+from tuner.readers import read
+from tuner.readers.block_means import BASE_BYTES, BYTES_A_NUMBER, BYTES_A_ROW
 from tuner.segments.multi_position import find_poses
 from tuner.types.records import Record
 
@@ -66,3 +69,14 @@ def test_search_for_causes_takes_few_columns(sensors: tuple[Record, Record]) -> 
 def test_channel_is_prepared_in_place(sensors: tuple[Record, Record]) -> None:
     """What comes back is a column, and a byte for each sample."""
     assert columns_taken(lambda: channel(sensors[0], "gyro_x")) < 1.3
+
+
+def test_log_larger_than_its_memory_is_read_into_its_means(
+    sensors: tuple[Record, Record], tmp_path: Path
+) -> None:
+    """Means of four samples make 1.75 columns; parts, here an eighth of the log, are held some seven times."""
+    columns = {axis: record.column(axis) for record in sensors for axis in record.axes}
+    np.savez(tmp_path / "log.npz", t=sensors[0].t, **columns)
+    allowed = BASE_BYTES + SAMPLES / 4 * (7 * BYTES_A_NUMBER + BYTES_A_ROW)
+    assert read(tmp_path / "log.npz", memory=allowed)[0].samples_a_mean == 4
+    assert columns_taken(lambda: read(tmp_path / "log.npz", memory=allowed)) < 8.8

@@ -86,7 +86,8 @@ def read_means(
     first: tuple[Record, ...] = ()
     for row, found in _parts(listing, plan, digest, options, how.rows):
         if joined is None:
-            joined, first = _Joined(str(listing.path), how.size, found.records), found.records
+            joined = _Joined(str(listing.path), how.size, found.records, listing.rows // how.size)
+            first = found.records
         joined.add(row, found)
     if joined is None:
         msg = f"{listing.path}: no data rows"
@@ -152,19 +153,47 @@ def _joined(pieces: Sequence[tuple[NDArray[Any], ...]]) -> tuple[NDArray[Any], .
     return tuple(np.concatenate(column) for column in zip(*pieces, strict=True))
 
 
+class _Means:
+    """Columns that grow to about an expected number of rows, in one block of memory from the first row on."""
+
+    def __init__(self, width: int, expected: int) -> None:
+        self.width = width
+        self._rows = np.empty((expected + 1, width), order="F")
+        self._count = 0
+
+    def add(self, columns: Sequence[FloatArray]) -> None:
+        """Append rows, given as columns."""
+        end = self._count + len(columns[0])
+        if end > len(self._rows):
+            larger = np.empty((end + end // 4, self.width), order="F")
+            larger[: self._count] = self._rows[: self._count]
+            self._rows = larger
+        for j, column in enumerate(columns):
+            self._rows[self._count : end, j] = column
+        self._count = end
+
+    def finished(self) -> FloatArray:
+        """Return all rows, shape (n, width), Fortran order; columns are moved together where they are."""
+        flat, room, n = self._rows.reshape(-1, order="F"), len(self._rows), self._count
+        for j in range(1, self.width):
+            flat[j * n : (j + 1) * n] = flat[j * room : j * room + n]
+        return flat[: n * self.width].reshape((n, self.width), order="F")
+
+
 class _Joined:
     """Means of the parts so far, and what carries over to the next."""
 
-    def __init__(self, source: str, size: int, first: Sequence[Record]) -> None:
+    def __init__(self, source: str, size: int, first: Sequence[Record], expected: int) -> None:
         self._source, self._size = source, size
         self._first = tuple(replace(r, t=r.t[:2], y=r.y[:2], covariates={}, segments=()) for r in first)
         self._covariates = tuple(first[0].covariates)
-        self._means: list[FloatArray] = []
+        widths = [1, *(len(r.axes) for r in first), *(1 for _ in self._covariates)]
+        self._means = [_Means(width, expected) for width in widths]
         self._count = 0
         self._segments: list[tuple[int, int]] = []
-        self._rest: FloatArray | None = None
-        self._sums: list[FloatArray] = []
+        self._rest = [np.empty(0) for width in widths for _ in range(width)]
         self._differences = np.zeros(int(math.log2(size)), np.int64)
+        self._sums = np.zeros((len(self._rest), len(self._differences)))
         self._last: float | None = None
         self._samples = 0
         self._interval = 0.0
@@ -189,9 +218,9 @@ class _Joined:
         columns += [record.covariates.get(name, nothing) for name in self._covariates]
         for number, (start, stop) in enumerate(record.segments):
             if number > 0 or not self._continues(row, record, interval):
-                self._rest = None
+                self._rest = [np.empty(0) for _ in columns]
                 self._segments.append((self._count, self._count))
-            self._append(np.stack([column[start:stop] for column in columns], axis=1))
+            self._append([column[start:stop] for column in columns])
             self._last = float(record.t[stop - 1])
         used = sum(stop - start for start, stop in record.segments)
         self._samples += used
@@ -215,22 +244,28 @@ class _Joined:
         self._gaps.append(round(ahead / interval) - 1)
         return False
 
-    def _append(self, samples: FloatArray) -> None:
-        whole = samples if self._rest is None else np.concatenate([self._rest, samples])
-        full = len(whole) - len(whole) % self._size
-        self._rest = whole[full:].copy()
+    def _append(self, columns: Sequence[FloatArray]) -> None:
+        """Take in the samples of a stretch without a gap, one array a column."""
+        beside = len(self._rest[0])
+        full = (beside + len(columns[0])) // self._size * self._size
+        means = []
+        for number, column in enumerate(columns):
+            whole = np.concatenate([self._rest[number], column])
+            self._rest[number] = whole[full:].copy()
+            level = whole[:full]
+            for k in range(len(self._differences)):
+                step = np.diff(level)
+                self._sums[number, k] += float(step @ step)
+                level = 0.5 * (level[0::2] + level[1::2])
+            means.append(level)
+        self._differences += np.maximum(full // 2 ** np.arange(len(self._differences)) - 1, 0)
         if not full:
             return
-        level = whole[:full]
-        sums = []
-        for k in range(len(self._differences)):
-            step = np.diff(level, axis=0)
-            sums.append(np.einsum("ij,ij->j", step, step))
-            self._differences[k] += len(step)
-            level = 0.5 * (level[0::2] + level[1::2])
-        self._sums = [a + b for a, b in zip(self._sums, sums, strict=True)] if self._sums else sums
-        self._means.append(level)
-        self._count += len(level)
+        at = 0
+        for one in self._means:
+            one.add(means[at : at + one.width])
+            at += one.width
+        self._count += len(means[0])
         self._segments[-1] = (self._segments[-1][0], self._count)
 
     def finished(self) -> EvenRecords:
@@ -244,20 +279,19 @@ class _Joined:
                 f"short for means of {self._size} samples: allow more by --memory, or cut the log"
             )
             raise DataError(msg)
-        every = np.concatenate(self._means)
-        self._means.clear()
-        at, records = 1, []
+        time, *others = (one.finished() for one in self._means)
+        records = []
         axes = [axis for r in self._first for axis in r.axes]
         short = {axis: self._short(1 + j) for j, axis in enumerate(axes)}
-        covariates = {name: every[:, 1 + len(axes) + j].copy() for j, name in enumerate(self._covariates)}
+        rest = others[len(self._first) :]
+        covariates = {name: column[:, 0] for name, column in zip(self._covariates, rest, strict=True)}
         gone = [name for name, column in covariates.items() if np.isnan(column).any()]
-        for one in self._first:
-            width = len(one.axes)
+        for one, y in zip(self._first, others, strict=False):
             records.append(
                 replace(
                     one,
-                    t=every[:, 0].copy(),
-                    y=every[:, at : at + width].copy(order="F"),
+                    t=time[:, 0],
+                    y=y,
                     interval=self._size * interval,
                     segments=tuple(long),
                     covariates=MappingProxyType({n: c for n, c in covariates.items() if n not in gone}),
@@ -266,7 +300,6 @@ class _Joined:
                     short_clusters=MappingProxyType({axis: short[axis] for axis in one.axes}),
                 )
             )
-            at += width
         said = (
             f"the log is larger than the memory it may take: {self._samples} samples were read in parts, and each of "
             f"the {kept} that are kept is the mean of {self._size}: what is faster than "
@@ -286,7 +319,7 @@ class _Joined:
     def _short(self, column: int) -> ShortClusters:
         return ShortClusters(
             tuple(2**k for k in range(len(self._differences))),
-            tuple(float(0.5 * s[column] / n) for s, n in zip(self._sums, self._differences, strict=True)),
+            tuple(float(0.5 * s / n) for s, n in zip(self._sums[column], self._differences, strict=True)),
             tuple(int(n) for n in self._differences),
         )
 

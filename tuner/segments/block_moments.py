@@ -25,7 +25,7 @@ def block_moments(column: FloatArray, starts: IntArray, stops: IntArray) -> tupl
     return mean, variance
 
 
-@njit(cache=True, nogil=True)  # type: ignore[misc, unused-ignore]
+@njit(cache=True, nogil=True, fastmath={"reassoc", "contract", "nsz"})  # type: ignore[misc, unused-ignore]
 def _moments(
     column: FloatArray, starts: IntArray, stops: IntArray, mean: FloatArray, variance: FloatArray
 ) -> None:
