@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from models.noise import TERMS, GaussMarkov, NoiseModel, Quantization, Sinusoid
 from models.noise.bias_instability import ALLAN_FLOOR
 from tuner.curves import curve as empirical_curve
+from tuner.formats.customary_units import digits
 from tuner.identification.allan_leastsquares import Misfit, misfit, unweighted
 from tuner.identification.allan_leastsquares import fit as fit_curve
 from tuner.identification.allan_octaves import OctaveCurve
@@ -340,7 +341,7 @@ def about_band(band: Band, interval: float) -> tuple[str, ...]:
         return ()
     part, side = 100.0 * abs(band.ratio - 1.0), "above" if band.ratio > 1.0 else "below"
     return (
-        f"clusters shorter than {band.m * interval:.3g} s follow no sum of noise terms (samples {part:.2g} % "
+        f"clusters shorter than {band.m * interval:.3g} s follow no sum of noise terms (samples {digits(part, 2)} % "
         f"{side} it: a filter in the sensor, vibration or a line): the terms are fitted to longer ones, "
         f"f ≤ {band.highest:.3g} Hz",
     )
@@ -361,7 +362,7 @@ def disagreement(found: Misfit, *, robust: bool = False) -> tuple[str, ...]:
     part, side = 100.0 * abs(found.ratio - 1.0), "above" if found.ratio > 1.0 else "below"
     return (
         f"the Allan curve disagrees with the sum of terms (χ² = {found.statistic:.3g} on {found.freedom}, "
-        f"p = {found.p_value:.1g}), most at τ = {found.tau:.3g} s, where it is {part:.2g} % {side}: "
+        f"p = {found.p_value:.1g}), most at τ = {found.tau:.3g} s, where it is {digits(part, 2)} % {side}: "
         "something in the data is not among the terms"
         + ("; the coefficients are those of weighted least squares on the curve" if robust else ""),
     )

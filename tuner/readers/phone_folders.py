@@ -75,6 +75,8 @@ Sensor Logger's ``Accelerometer.csv`` is without gravity; its versions of 2021 h
 """
 MOST_APART = 1.5
 """Distance of stamps of samples that count as taken together, intervals: phones stamp one sensor after the other."""
+IN_G = 0.1
+"""Distance from 1 of the usual force within which it is in g: so it is on iPhones, and no phone rests at 1 m/s²."""
 SAME_STEP, LEAST_PAIRED = 0.005, 0.9
 """Relative difference of the usual intervals, and share of samples with a fellow, of sensors that run at one rate but
 lost samples of their own: the rest is left out. Two clocks of a phone differ by less than 0.01 %."""
@@ -140,7 +142,7 @@ def _list(path: Path, folder: Path) -> Listing:
             continue
         accel = next((folder / name for name in app.accel if (folder / name).is_file()), None)
         force = None if accel is None else _columns(accel, app)
-        notes = (
+        notes: tuple[str, ...] = (
             f"{app.title}: gyroscope of {gyro.name}"
             + ("" if accel is None or force is None else f", accelerometer of {accel.name}"),
         )
@@ -152,6 +154,12 @@ def _list(path: Path, folder: Path) -> Listing:
             first, second = _paired(path, rates.values, force.values)
             arrays = {"t": first[:, 0], "gyro": first[:, 1:], "accel": second[:, 1:]}
             units["accel"] = force.unit or "m/s^2"
+            usual = float(np.median(np.linalg.norm(second[:, 1:], axis=1)))
+            if app.title == "Sensor Logger" and force.unit is None and abs(usual - 1.0) < IN_G:
+                units["accel"] = "g"
+                notes += (
+                    f"{app.title} states no unit; its accelerometer reads {usual:.3g} in the median: g",
+                )
         listing = listing_of_arrays(path, arrays, units=units, meta={})
         return Listing(path, listing.shapes, listing.load, listing.units, listing.integer, notes=notes)
     msg = (

@@ -156,6 +156,17 @@ def test_phone_sensors_of_different_rates_are_refused_with_the_way_out(tmp_path)
         read(tmp_path)
 
 
+def test_the_uncalibrated_accelerometer_of_an_iphone_is_in_g(tmp_path):
+    """It was refused until --accel-unit g was given."""
+    sensor_logger(tmp_path)
+    (tmp_path / "TotalAcceleration.csv").unlink()
+    rows = [(str(EPOCH), T[i], *ACCEL[i, ::-1] / 9.80665) for i in range(N)]
+    table(tmp_path / "AccelerometerUncalibrated.csv", "time,seconds_elapsed,z,y,x", rows)
+    gyro, accel = read(tmp_path)
+    np.testing.assert_allclose(accel.y, ACCEL, rtol=1e-9, atol=1e-12)
+    assert any("no unit" in note and note.endswith(": g") for note in gyro.notes)
+
+
 def test_phone_sensors_that_lost_samples_of_their_own_are_paired_by_their_times(tmp_path):
     """An application that was paused left 85 s out of the gyroscope's file: refused as not sampled together."""
     phyphox(tmp_path)

@@ -36,6 +36,8 @@ FIX_3D = 3
 """Least status of a position in three dimensions."""
 NUMBERED = {f"{kind}{number}": (kind, number - 1) for kind in ("IMU", "GPS") for number in (2, 3)}
 """Types of messages of old logs: type and instance of today's."""
+MESSAGE_HEAD = b"\xa3\x95"
+"""First bytes of every message."""
 WANTED = ["IMU", "GPS", "GPA", *NUMBERED]
 
 
@@ -47,6 +49,13 @@ def read_dataflash(path: Path) -> MessageLog:
     DataError
         What is no such log, or a damaged one.
     """
+    with path.open("rb") as file:
+        if (first := file.read(len(MESSAGE_HEAD))) != MESSAGE_HEAD:
+            msg = (
+                f"{path}: expected a dataflash log of ArduPilot, whose first bytes are {MESSAGE_HEAD.hex(' ')}, found "
+                f"{first.hex(' ') or 'nothing'}: export another sensor's binary output as CSV by its maker's program"
+            )
+            raise DataError(msg)
     imu: dict[int, list[tuple[float, ...]]] = {}
     gps: dict[int, list[tuple[float, ...]]] = {}
     accuracy: dict[tuple[int, int], tuple[float, float, float]] = {}

@@ -291,3 +291,10 @@ def test_a_truncated_file_is_read_to_its_end_or_refused_in_one_line(kind, tmp_pa
             continue
         assert str(short) in said
         assert "\n" not in said
+
+
+def test_binary_output_of_another_sensor_is_no_dataflash_log(tmp_path):
+    """Of a VectorNav's log.bin it was said that it holds no messages of an inertial unit."""
+    (tmp_path / "log.bin").write_bytes(b"\xfa\x01\x29\x01" * 100)
+    with pytest.raises(DataError, match="found fa 01: export another sensor's binary output as CSV"):
+        read(tmp_path / "log.bin")
