@@ -163,6 +163,8 @@ def align_once(
     moving: float,
     offset: float = MAX_CLOCK_OFFSET,
     bias_sd: FloatArray = KNOWN_BIAS_SD,
+    *,
+    other_starts: bool = True,
 ) -> Alignment | None:
     """Return the alignment at the first fix from a given length of motion, s; None without fixes."""
     ends = steps.ends()
@@ -210,7 +212,9 @@ def align_once(
             return changes(rotated, delay), changes(rotated, delay, derivative=True)
 
         times = fix_t[windows[:, -1]] - fix_t[0]
-        return biases_from_motion(felt, beta, times, bias, unknown, share, reported)
+        return biases_from_motion(
+            felt, beta, times, bias, unknown, share, reported, other_starts=other_starts
+        )
 
     found = biased(0.0) if unknown.any() else BiasEstimate(bias, np.zeros((9, 9)))
     rotated = rotate_steps(steps, window, found.bias)

@@ -10,6 +10,7 @@ second, and not in turns, where the middle of the rear axle, which is unknown, m
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -73,8 +74,10 @@ class ConstraintCount:
     ratio: float
 
 
-MIN_COMMON_DIRECTION = 0.9
-"""Length of the median of unit vectors of the motion from which they have a direction in common: 25° of crabbing."""
+MAX_CRAB_ANGLE = math.radians(25.0)
+"""Angle between motion and axis up to which a vehicle moves along the axis: boats in a wind crab so much, cars less."""
+MIN_SHARE_ALONG = 2.0 / 3.0
+"""Share of the time in motion in which it must move so: cars reverse at times, multicopters fly to all sides."""
 KINDS = (
     ("non-holonomic", NON_HOLONOMIC, 2),
     ("zero velocity", ZERO_VELOCITY, 3),
@@ -93,13 +96,12 @@ def forward_axes(solution: Solution) -> FloatArray | None:
     if np.count_nonzero(moving) < 10:
         return None
     to_body = np.swapaxes(rotation.mat_from_quat(solution.state.quat_nb[moving]), -1, -2)
-    ahead = np.median(
-        (to_body @ (solution.state.vel_n[moving] / speed[moving, None])[..., None])[..., 0], axis=0
-    )
-    if np.linalg.norm(ahead) < MIN_COMMON_DIRECTION:
+    directions = (to_body @ (solution.state.vel_n[moving] / speed[moving, None])[..., None])[..., 0]
+    ahead = np.median(directions, axis=0)
+    ahead /= max(float(np.linalg.norm(ahead)), 1e-9)
+    if np.mean(directions @ ahead > math.cos(MAX_CRAB_ANGLE)) < MIN_SHARE_ALONG:
         return None
     down = np.median(to_body[..., 2], axis=0)
-    ahead /= np.linalg.norm(ahead)
     down -= (down @ ahead) * ahead
     down /= np.linalg.norm(down)
     return np.stack([ahead, np.cross(down, ahead), down], axis=-1)

@@ -11,7 +11,7 @@ from models import rotation
 from tuner.navigation.drive.vehicle_constraints import forward_axes
 
 
-@pytest.mark.parametrize(("spread", "known"), [(10.0, True), (180.0, False)])
+@pytest.mark.parametrize(("spread", "known"), [(10.0, True), (70.0, False), (180.0, False)])
 def test_a_vehicle_that_flies_to_all_sides_has_no_forward_axis(spread, known):
     rng = np.random.default_rng(4)
     course = np.linspace(0.0, 6.0, 400)
