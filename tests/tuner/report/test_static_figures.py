@@ -10,6 +10,8 @@ from scipy.signal import lfilter
 
 from models.noise import Arma, NoiseModel, RandomWalk, White
 from tuner.diagnosis import diagnose
+from tuner.diagnosis.static.causes.vibration import Vibration
+from tuner.diagnosis.static.model.dct import inverse, transform
 from tuner.formats.customary_units import digits_to
 from tuner.identification import identify
 from tuner.report.allan_figure import allan_figure
@@ -224,3 +226,16 @@ def test_a_resonance_hides_no_variance_that_swells():
         0.297 * share, abs=0.058
     )  # 2 I₁(0.3)/I₀(0.3); 5 sd of 30 000 squares
     assert depth(subject.e) < 0.5 * depth(subject.left)
+
+
+def test_residuals_in_a_picture_are_those_of_the_whole_spectrum():
+    """Also beside a resonance that is narrower than the places between which the rest of the spectrum is linear."""
+    (log,) = simulate({"gyro_x": MODEL}, duration=600.0, rate=100.0, seed=1)[0]
+    ring = Vibration(20.0, 2000.0, 1e-3)
+    model = NoiseModel([*MODEL.terms, *ring.terms(log.interval)])
+    found = finding("vibration", {"frequency": 20.0, "quality": 2000.0, "sd": 1e-3})
+    subject = diagnosed_axis([log], "gyro_x", Diagnosis((found,), base={}, models={"gyro_x": model}))
+    a = transform(subject.y - subject.signal, log.interval)
+    f = np.arange(1.0, len(a)) / (2.0 * len(a) * log.interval)
+    exact = inverse(np.append(0.0, a[1:] / np.sqrt(model.psd(f, interval=log.interval))), 1.0)
+    assert np.allclose(subject.left * np.std(exact), exact * np.std(subject.left), atol=1e-3 * np.std(exact))
