@@ -18,7 +18,6 @@ from tuner.navigation.drive.clock_offset import (
 )
 from tuner.navigation.drive.clock_regression import DELAYS
 from tuner.navigation.drive.gross_outliers import without_gross_outliers
-from tuner.navigation.drive.velocity_latency import velocities_at
 from tuner.types import Compensation
 from tuner.types.records import Drive
 
@@ -51,8 +50,15 @@ AGREEING = Clock()
 """Clocks that agree."""
 
 
-def clock_of_drive(drive: Drive) -> Clock:
+def clock_of_drive(drive: Drive, *, lag: float = 0.0) -> Clock:
     """Return what the motion of a drive says of its clocks: nothing is taken out that is not significant.
+
+    Parameters
+    ----------
+    drive : Drive
+        As read.
+    lag : float
+        How much its velocities are known to be later than its positions, s: what is found is beside it.
 
     Raises
     ------
@@ -69,7 +75,7 @@ def clock_of_drive(drive: Drive) -> Clock:
         arm = None
     refuse_distant_clocks(replace(drive, gnss=gnss))
     found = estimate_clock_offset(steps, gnss, None if arm is None else arm.tolist())
-    return AGREEING if found is None else chosen_clock(found)
+    return AGREEING if found is None else chosen_clock(found.beside_lag(lag) if lag else found)
 
 
 def remaining_clock(drive: Drive, compensation: Compensation) -> Clock:
@@ -88,12 +94,7 @@ def remaining_clock(drive: Drive, compensation: Compensation) -> Clock:
         Where the clocks differ by more than is searched.
     """
     lag = compensation.value("velocity_lag", "delay")
-    gnss = drive.gnss
-    known = np.asarray(np.isfinite(gnss.vel_n).all(axis=1))
-    if lag and known.any():
-        at_stamps = np.where(known[:, None], velocities_at(gnss.t, gnss.vel_n, gnss.t + lag), np.nan)
-        drive = replace(drive, gnss=replace(gnss, vel_n=at_stamps))
-    return _with_words(clock_of_drive(drive), compensation)
+    return _with_words(clock_of_drive(drive, lag=lag), compensation)
 
 
 def _with_words(clock: Clock, compensation: Compensation) -> Clock:

@@ -19,7 +19,7 @@ References
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -139,6 +139,13 @@ class ClockOffset:
     def quantile(self) -> float:
         """Return the half width of a 95 % interval in sds."""
         return student_quantile(0.975, self.freedom)
+
+    def beside_lag(self, lag: float) -> ClockOffset:
+        """Return what remains beside a lag of velocities behind positions that is known, s."""
+        delay = self.delay - np.array([0.0, lag])
+        which = np.flatnonzero(np.isfinite(delay))
+        p_value = _agreement(delay[which], self.covariance[np.ix_(which, which)], self.freedom)
+        return replace(self, delay=delay, p_value=1.0 if self.p_value == 1.0 else p_value)
 
 
 @task()
@@ -312,8 +319,7 @@ def _gauss_newton(
     covariance = np.where(np.outer(free[:2], free[:2]), found.covariance[:2, :2], np.nan)
     which = np.flatnonzero(free[:2])
     d, c = delay[which], covariance[np.ix_(which, which)]
-    statistic = float(d @ np.linalg.solve(c, d)) / len(d)
-    p_value = fisher_beyond(statistic, len(d), found.freedom)
+    p_value = _agreement(d, c, found.freedom)
     if p_value < FALSE_OFFSET_PROBABILITY:
         full = [unweighted(part, w.sd) for part, w in zip(parts, weights, strict=True)]
         none, some = (
@@ -327,6 +333,12 @@ def _gauss_newton(
         if some >= none:  # where motion is faster than the steps, they may end at a delay that fits worse
             p_value = 1.0
     return ClockOffset(delay, covariance, found.freedom, p_value, at_bound), found.value[-3:]
+
+
+def _agreement(delay: FloatArray, covariance: FloatArray, freedom: float) -> float:
+    """Return the p-value of delays that are zero."""
+    statistic = float(delay @ np.linalg.solve(covariance, delay)) / len(delay)
+    return fisher_beyond(statistic, len(delay), freedom)
 
 
 def _left(rows: Sequence[Rows], prior: FloatArray, free: NDArray[np.bool_]) -> float:

@@ -62,6 +62,12 @@ def test_what_the_settings_take_out_is_not_found_again(drive):
         "a delay of +0.400 s of the fixes and +0.100 s of velocities behind positions"
     )
     assert "of what remains: clocks agree" in clock.note
+    sharp = _drive("city", interval=1.0, seed=9)
+    late = _late(sharp, 0.0, 0.25)
+    stated = Compensation.parse({"velocity_lag.delay": 0.25})
+    assert abs(remaining_clock(compensate(late, stated), stated).lag) < 0.05
+    more = remaining_clock(compensate(late, stated), Compensation.parse({"velocity_lag.delay": 0.05}))
+    assert more.lag == pytest.approx(0.2, abs=0.05)
 
 
 @pytest.mark.parametrize("trajectory", ["city", "climb"])
