@@ -23,7 +23,7 @@ from scipy.special import stdtrit
 
 from models.earth import ned_between
 from tuner.consistency.output_errors import OutputErrors
-from tuner.consistency.trajectory_alignment import interpolation_variance
+from tuner.consistency.trajectory_alignment import MAX_GAP_INTERVALS, interpolation_variance
 from tuner.types.filter_output import FilterOutput
 from tuner.types.output_score import TimeOffset
 
@@ -118,7 +118,7 @@ def find_time_offset(estimate: FilterOutput, truth: FilterOutput) -> float | Non
         return None
     ta, tb, a, b = estimate.t[good_a], truth.t[good_b], a[good_a], b[good_b]
     ta = ta.copy()
-    inside = (ta >= tb[0] + MAX_TIME_OFFSET) & (ta <= tb[-1] - MAX_TIME_OFFSET)
+    inside = (ta >= tb[0] + MAX_TIME_OFFSET) & (ta <= tb[-1] - MAX_TIME_OFFSET) & _far_from_gaps(ta, tb)
     if np.count_nonzero(inside) < 10:
         return None
     ta, a = ta[inside], a[inside]
@@ -136,6 +136,13 @@ def find_time_offset(estimate: FilterOutput, truth: FilterOutput) -> float | Non
 
     low, high = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
     return float(minimize_scalar(misfit, bounds=(low, high), method="bounded", options={"xatol": 1e-4}).x)
+
+
+def _far_from_gaps(t: FloatArray, rows: FloatArray) -> NDArray[np.bool_]:
+    """Return which times are farther than any offset from gaps between rows: across them there is no speed."""
+    long = np.diff(rows) > MAX_GAP_INTERVALS * float(np.median(np.diff(rows)))
+    begins, ends = rows[:-1][long] - MAX_TIME_OFFSET, rows[1:][long] + MAX_TIME_OFFSET
+    return np.asarray(np.searchsorted(begins, t) == np.searchsorted(ends, t))
 
 
 def _speed(given: FilterOutput) -> FloatArray:

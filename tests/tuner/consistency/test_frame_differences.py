@@ -12,6 +12,7 @@ from models import rotation
 from models.earth import llh_displaced
 from models.trajectory.motion import Trajectory
 from models.trajectory.profiles import Profile, Wave
+from tuner.consistency.clock_offset import find_time_offset
 from tuner.consistency.correlated_errors import absorbed_shares
 from tuner.consistency.frame_differences import differences_of_frames, errors_in_one_frame
 from tuner.consistency.output_scores import error_scores
@@ -173,3 +174,17 @@ def test_where_only_clock_or_body_differ_that_is_named(truth, causes):
     wrong = replace(output, covariance=0.3 * output.covariance)
     offset, runs = errors_in_one_frame([wrong], [reference], NONE, False, False)
     assert differences_of_frames([wrong], [reference], NONE, runs, offset, found) == ()
+
+
+@pytest.mark.parametrize("seed", [29, 53, 65, 149])
+def test_speeds_across_gaps_of_a_truth_show_no_offset_of_clocks(seed):
+    """A vehicle stops and goes, its truth lacks its wrong parts: lines across these fit best up to 3 s elsewhere."""
+    t, rng = np.arange(0.0, 400.0, 0.1), np.random.default_rng(seed)
+    swing = np.sin(rng.uniform(0.03, 0.3) * t + rng.uniform(0.0, 6.0))
+    speed = np.clip(20.0 * swing + rng.uniform(-5.0, 5.0), 0.0, 12.0) + 0.02 * t
+    kept = (np.abs(t - rng.uniform(0.0, 400.0, 4)[:, None]) >= 28.0).all(axis=0)
+    north = np.stack([speed, 0.0 * t, 0.0 * t], axis=-1)
+    llh = llh_displaced(np.array([0.9, 0.2, 100.0]), np.cumsum(north, axis=0) * 0.1)
+    estimate = filter_output("estimate", t, llh=llh, vel_n=north + 0.3 * np.cos(t)[:, None])
+    truth = filter_output("truth", t[kept], llh=llh[kept], vel_n=north[kept])
+    assert find_time_offset(estimate, truth) == pytest.approx(0.0, abs=0.1)
