@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tuner.diagnosis.data_quality import data_quality_tests
 from tuner.diagnosis.static.causes import motion
 from tuner.diagnosis.static.channel import channel
 from tuner.diagnosis.static.hypothesis_tests import threshold
@@ -69,6 +70,11 @@ def test_search_for_causes_takes_few_columns(sensors: tuple[Record, Record]) -> 
 def test_channel_is_prepared_in_place(sensors: tuple[Record, Record]) -> None:
     """What comes back is a column, and a byte for each sample."""
     assert columns_taken(lambda: channel(sensors[0], "gyro_x")) < 1.3
+
+
+def test_data_quality_of_a_triad_takes_few_columns(sensors: tuple[Record, Record]) -> None:
+    """What is largest here, a byte for each of 63 lags and 200 000 samples, does not grow with the record."""
+    assert columns_taken(lambda: data_quality_tests(sensors[0])) < 5.5
 
 
 def test_log_larger_than_its_memory_is_read_into_its_means(

@@ -300,7 +300,7 @@ def clipping(pieces: Sequence[FloatArray], step: float, *, axis: str, unit: str)
         f"{worst.count} samples lie at {worst.level:.6g} {unit}, none beyond; "
         f"{worst.crossings:.3g} were to be expected there"
     )
-    level = float(np.median(np.concatenate(pieces)))
+    level = float(np.median(np.concatenate(pieces))) if worst.p_value < DECISIVE_P_VALUE else None
     return DataQualityTest(
         "clipping", (axis,), worst.crossings, worst.p_value, parameters, text=text, level=level
     )

@@ -9,7 +9,7 @@ quantizer, so that no step is left to see, as often as among samples farther apa
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,6 +27,8 @@ MAX_SEARCHED_SAMPLES = 100_000
 """Samples in which packets are sought before the whole record is read for one length; chosen to bound the time."""
 MIN_PACKETS = 3
 """Least number of packets that come twice, at the length that stands out."""
+SAMPLES_AT_ONCE = 1 << 16
+"""Samples treated at a time, so that what is computed from them stays in the cache of a processor."""
 CHANCE_FACTOR = 4.0
 """Factor on the number by chance, for noise whose neighbours resemble each other more than those at other lags."""
 MAX_P_VALUE = 1e-3
@@ -115,28 +117,30 @@ def find_lines(pieces: Sequence[FloatArray], step: float) -> Lines:
 
     `step` is that of its quantizer, 0 for none.
     """
-    size = _off_line(pieces, 1)
-    if not len(size):
+    sizes = [(len(size), float(size.sum())) for size in _off_line(pieces, 1)]
+    count = sum(number for number, _ in sizes)
+    if not count:
         return Lines(0.0, 1.0)
-    reach = max(1.01 * step, MAX_LINE_DISTANCE * float(size.mean()))
-    scale = float(normal_sd(size[size > reach])) if np.any(size > reach) else 0.0
+    reach = max(1.01 * step, MAX_LINE_DISTANCE * sum(total for _, total in sizes) / count)
+    on_line = sum(int(np.count_nonzero(size <= reach)) for size in _off_line(pieces, 1))
+    share = on_line / count
+    if share < MIN_LINE_SHARE or share == 1.0:
+        return Lines(share, 1.0)
+    size = np.concatenate(list(_off_line(pieces, 1)))
+    scale = float(normal_sd(size[size > reach]))
     if not scale > 0.0 or scale < MIN_STEPS * step:
         return Lines(0.0, 1.0)
-    on_line = int(np.count_nonzero(size <= reach))
-    share = on_line / len(size)
-    if share < MIN_LINE_SHARE:
-        return Lines(share, 1.0)
     by_density = (2.0 * reach + step) / (scale * np.sqrt(2.0 * np.pi))
-    apart = [np.mean(far <= reach) for lag in FAR_LAGS if len(far := _off_line(pieces, lag))]
+    far = (np.concatenate([np.empty(0), *_off_line(pieces, lag)]) for lag in FAR_LAGS)
+    apart = [np.mean(one <= reach) for one in far if len(one)]
     expected = min(CHANCE_FACTOR * max(by_density, float(np.median(apart)) if apart else 0.0) + 1e-9, 1.0)
-    return Lines(share, float(binom.sf(on_line - 1, len(size), expected)))
+    return Lines(share, float(binom.sf(on_line - 1, count, expected)))
 
 
-def _off_line(pieces: Sequence[FloatArray], lag: int) -> FloatArray:
-    """Return how far samples lie off the line through those `lag` before and after them, where the signal moves."""
-    away = []
+def _off_line(pieces: Sequence[FloatArray], lag: int) -> Iterator[FloatArray]:
+    """Yield how far samples lie off the line through those `lag` before and after them, where the signal moves."""
     for piece in pieces:
-        if len(piece) > 2 * lag:
-            before, after = piece[lag:-lag] - piece[: -2 * lag], piece[2 * lag :] - piece[lag:-lag]
-            away.append(np.abs(after - before)[after != 0.0])
-    return np.concatenate(away) if away else np.empty(0)
+        for first in range(0, len(piece) - 2 * lag, SAMPLES_AT_ONCE):
+            part = piece[first : first + SAMPLES_AT_ONCE + 2 * lag]
+            before, after = part[lag:-lag] - part[: -2 * lag], part[2 * lag :] - part[lag:-lag]
+            yield np.abs(after - before)[after != 0.0]

@@ -28,6 +28,9 @@ FACTORS = np.array(
 )
 """Odd numbers of random bits, by which words are multiplied."""
 
+ROWS_AT_ONCE = 1 << 15
+"""Rows treated at a time, so that what is computed from them stays in the cache of a processor."""
+
 
 def find_copied_stretches(y: FloatArray) -> Packets:
     """Search the rows of samples, shape (n, k), for stretches that come again."""
@@ -39,11 +42,10 @@ def find_copied_stretches(y: FloatArray) -> Packets:
     chance = float(n) ** 2 * max(usual, 1.0 / n) ** window
     if chance > MAX_CHANCE:
         return none
-    number = _numbers(y)
-    place = np.flatnonzero(number & ANCHOR_MASK == 0)
-    order = np.argsort(number[place], kind="stable")
+    place, number = _anchors(y, window)
+    order = np.argsort(number, kind="stable")
     place = place[order]
-    again = np.flatnonzero(np.diff(number[place]) == 0)
+    again = np.flatnonzero(np.diff(number[order]) == 0)
     copies, lengths = np.zeros(n, dtype=bool), []
     for first, second in zip(place[again].tolist(), place[again + 1].tolist(), strict=True):
         if copies[second]:
@@ -54,6 +56,17 @@ def find_copied_stretches(y: FloatArray) -> Packets:
             copies[begin:end] = True
             lengths.append(end - begin)
     return Packets(max(lengths), len(lengths), chance, copies) if lengths else none
+
+
+def _anchors(y: FloatArray, window: int) -> tuple[NDArray[np.int64], NDArray[np.uint64]]:
+    """Return which windows of rows are compared, and their numbers, shapes (m,)."""
+    places, numbers = [], []
+    for first in range(0, len(y) - window + 1, ROWS_AT_ONCE):
+        number = _numbers(y[first : first + ROWS_AT_ONCE + window - 1])
+        at = np.flatnonzero(number & ANCHOR_MASK == 0)
+        places.append(first + at)
+        numbers.append(number[at])
+    return np.concatenate(places), np.concatenate(numbers)
 
 
 def _numbers(y: FloatArray) -> NDArray[np.uint64]:

@@ -131,6 +131,9 @@ def frozen(record: Record, axis: str) -> Frozen | None:
         One of its axes.
     """
     y = record.column(axis)
+    places = slice(0, -1, MIN_RUN_LENGTH - 1), slice(1, None, MIN_RUN_LENGTH - 1)
+    if not np.any(y[places[0]] == y[places[1]]):  # a run that long has one of these pairs
+        return None
     first, length = _runs(y, record.segments)
     order = (
         np.argsort(-length, kind="stable")

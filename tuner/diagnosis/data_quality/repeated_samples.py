@@ -228,6 +228,8 @@ def _differences(y: FloatArray, step: float, reach: int, block: int) -> IntArray
 
 def _hides(pieces: Sequence[FloatArray], column: int, step: float) -> bool:
     """Return whether the quantizer is so coarse that equal neighbours are the rule."""
+    if step == 0.0:
+        return False
     squares = np.concatenate([np.diff(piece[:, column]) ** 2 for piece in pieces])
     return bool(np.mean(squares) < MIN_SQUARE_DIFFERENCE * step**2)
 
