@@ -9,7 +9,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from functools import partial
-from itertools import product
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,13 +16,14 @@ from tuner.navigation.engine.ahead import compile_variant
 from tuner.navigation.engine.layout import BATCH_SIZE
 from tuner.navigation.engine.state import LONG_ROW, SHORT_ROW
 
-UNUSED = (LONG_ROW, 1, True)
-"""What no test runs: a filter alone with many states and ideal sensors."""
-VARIANTS = tuple(
-    one for one in product((LONG_ROW, SHORT_ROW), (BATCH_SIZE, 1), (False, True)) if one != UNUSED
+VARIANTS = (
+    (SHORT_ROW, 1, False),
+    *((length, BATCH_SIZE, False) for length in (LONG_ROW, SHORT_ROW)),
+    (LONG_ROW, 1, False),
+    (SHORT_ROW, BATCH_SIZE, True),
 )
-"""Of the compiled filter: room for states, filters, and whether sensors are ideal."""
-ALONE = (SHORT_ROW, 1, False)
+"""Of the compiled filter: room for states, filters, and whether sensors are ideal. What takes longest comes first."""
+ALONE = VARIANTS[0]
 """The variant that a linear model of a drive is taken from."""
 MAX_WAIT = 300.0
 """Longest time that a worker waits for what the others compile, s."""
@@ -71,13 +71,9 @@ class Part(NamedTuple):
 
 
 def parts() -> list[Part]:
-    """Return all parts, those that take longest first; few tests need the linear model, the others do not wait for it.
-
-    Filters whose sensors have scale factors and all that take three times as long as those of ideal ones.
-    """
+    """Return all parts, those that take longest first; few tests need the linear model: the others do not wait."""
     filters = [
-        Part("-".join(map(str, one)), partial(compile_variant, *one[:2], ideal=one[2]))
-        for one in sorted(VARIANTS, key=lambda one: (one[2], one != ALONE))
+        Part("-".join(map(str, one)), partial(compile_variant, *one[:2], ideal=one[2])) for one in VARIANTS
     ]
     linear = Part("linear", _linear_model_of_drives, after=filters[0].name, awaited=False)
     others = [_likelihood_of_outputs, _likelihood_of_drives, *_static()]

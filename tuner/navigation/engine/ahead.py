@@ -27,7 +27,7 @@ def compile_variant(length: int = SHORT_ROW, filters: int = BATCH_SIZE, *, ideal
     filters : int
         1, or `BATCH_SIZE` side by side.
     ideal : bool
-        Whether sensors have no scale factors, misalignments or g-sensitivity.
+        Whether sensors have no scale factors, misalignments or g-sensitivity; of many filters with few states alone.
     """
     lay = _layout(length, ideal)
     none = np.zeros((filters, 0, 6))
