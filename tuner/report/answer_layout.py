@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from textwrap import wrap
 from typing import Any
@@ -10,11 +11,10 @@ from rich.table import Table
 
 from tuner.formats.customary_units import digits
 from tuner.report.settings_rows import EXTRAPOLATED, SettingsRow, axes_text, units_of
+from tuner.report.terminal import COLUMN_GAP, LINE_WIDTH
 
-LINE_WIDTH = 80
-"""Columns of a terminal as it opens."""
-COLUMN_GAP = 2
-"""Columns between those of a table."""
+MAX_LINES = 10
+"""Lines of an answer: what is read at a glance."""
 SHORT_SPAN = 600.0
 """Time up to which a reader counts seconds, s."""
 INTERVAL = "± ( ) 95 %"
@@ -116,3 +116,30 @@ def wrapped(text: str, indent: int = 0) -> list[str]:
     return wrap(
         text, LINE_WIDTH, subsequent_indent=" " * indent, break_long_words=False, break_on_hyphens=False
     )
+
+
+def filled(lines: Sequence[str], more: Sequence[str] = (), *, also: str = "") -> list[str]:
+    """Return lines, of further sentences those that an answer has room for, and what `--verbose` shows beyond.
+
+    Parameters
+    ----------
+    lines : sequence of str
+        What is said in any case, no line wider than `LINE_WIDTH`.
+    more : sequence of str, optional
+        What is said, whole and in this order, until there is no room for the next.
+    also : str, optional
+        What else `--verbose` shows.
+    """
+    answer, left = list(lines), list(more)
+    while left and len(answer) + len(text := wrapped(left[0], 2)) < MAX_LINES:
+        answer += text
+        del left[0]
+    rest = f"{len(left)} more remark{'s' * (len(left) > 1)}" if left else ""
+    said = " and ".join(part for part in (also, rest) if part) or "all tables"
+    return [*answer, *wrapped(f"{said[:1].upper()}{said[1:]}: --verbose", 2)]
+
+
+def assumed_text(assumptions: Sequence[str]) -> str:
+    """Return what nobody stated of a log and was assumed, without what else it might be; empty for nothing."""
+    parts = [re.split(r" \(|;", text)[0].replace(" assumed,", ",") for text in dict.fromkeys(assumptions)]
+    return f"ASSUMED: {'; '.join(parts)}" if parts else ""

@@ -19,9 +19,9 @@ from tuner.formats.customary_units import (
 from tuner.identification.comparison import LimitCheck
 from tuner.identification.record_length import Plan, PlannedParameter
 from tuner.report.agreeing_rows import joined_rows
-from tuner.report.answer_layout import INTERVAL, LINE_WIDTH
 from tuner.report.identification_answer import terms_table
 from tuner.report.settings_rows import axes_text
+from tuner.report.terminal import LINE_WIDTH
 from tuner.report.terms_rows import channel_row
 from tuner.types import FilterConfig
 
@@ -37,7 +37,7 @@ def comparison_tables(found: SensorComparison) -> list[Table | str]:
         for row in joined_rows(channel_row(channel) for channel in source.channels.values())
     ]
     answer: list[Table | str] = [terms_table(rows)]
-    answer.append(f"{INTERVAL}; < 95 % limit; without these: stated; – not stated")
+    answer.append("± ( ) 95 %; < 95 % limit; without these: stated; – not stated")
     answer += [limit_text(one) for one in found.limits]
     answer += [text for text in (_differences(found),) if text]
     return [*answer, *_drift_table(found)]

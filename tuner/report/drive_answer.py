@@ -9,7 +9,7 @@ import numpy as np
 
 from tuner.formats.customary_units import amount, digits
 from tuner.formats.outage_words import interval_words
-from tuner.report.answer_layout import LINE_WIDTH
+from tuner.report.terminal import LINE_WIDTH
 from tuner.report.verdict_text import verdict_text
 from tuner.types.consistency import Consistency
 
@@ -49,13 +49,13 @@ def finding_lines(findings: Sequence[Finding], choice: HeldOutChoice | None) -> 
     """
     if not findings:
         return ["On the drive: nothing found that the filter does not expect"]
-    lines = [_in_one_line(one) for one in findings[:SHOWN_FINDINGS]]
+    lines = [found_text(one) for one in findings[:SHOWN_FINDINGS]]
     if choice is not None and not choice.kept.startswith("with the findings"):
         lines.append("Findings are not in the settings: the last 40 % is predicted no better with them")
     return lines
 
 
-def _in_one_line(finding: Finding) -> str:
+def found_text(finding: Finding) -> str:
     """Return what a finding is with its first figure, and further ones that a line has room for."""
     words = finding.text.partition(": ")[2].partition(" (")[0] or finding.text
     text = words = f"Found: {words}"

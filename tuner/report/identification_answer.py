@@ -10,21 +10,22 @@ from tuner.formats.customary_units import customary_unit, digits, pretty, symbol
 from tuner.identification.identify import BY_DIAGNOSIS
 from tuner.report.agreeing_rows import joined_rows
 from tuner.report.alike_sentences import alike_sentences
-from tuner.report.answer_layout import INTERVAL, LINE_WIDTH, settings_table, span_text, used_part, wrapped
+from tuner.report.answer_layout import assumed_text, filled, span_text, used_part, wrapped
 from tuner.report.settings_rows import axes_text, settings_rows
+from tuner.report.terminal import LINE_WIDTH
 from tuner.report.terms_rows import MAIN_TERMS, TermsRow, channel_row, single_row
 from tuner.types import FilterConfig, Identification, PooledChannel
 
 UNEQUAL_BELOW = 0.05
 """Probability below which logs are said to differ."""
-MAX_WARNINGS = 2
-"""Warnings in the answer: what changes what a reader does next."""
+LEGEND = "± ( ) < 95 %"
+"""What stands behind or before a number: an interval, or a limit."""
 
 
 def identification_answer(
     name: str, found: Identification, settings: FilterConfig | None = None
 ) -> list[Table | str]:
-    """Return what was found in a log, none of its lines wider than a terminal.
+    """Return what was found in a log in ten lines, fewer where its axes agree; none is wider than a terminal.
 
     Parameters
     ----------
@@ -33,46 +34,35 @@ def identification_answer(
     found : Identification
         Its noise terms.
     settings : FilterConfig, optional
-        What `tune` makes of it: shown where it is not the identified terms.
+        What `tune` makes of it: named where it is not the identified terms.
     """
-    channels = list(found.channels.values())
-    rows = joined_rows(channel_row(channel) for channel in channels)
-    answer: list[Table | str] = [
-        *wrapped(f"{name}: {_recording(found)}", 2),
-        terms_table([("", row) for row in rows]),
-    ]
-    answer += wrapped(f"{INTERVAL}; < 95 % limit; – not stated", 2)
-    answer += [
-        line for row in rows if row.further for line in wrapped(f"{axes_text(row.axes)}: {row.further}", 2)
-    ]
-    answer += _too_short(found)
+    rows = joined_rows(channel_row(channel) for channel in found.channels.values())
+    recording = wrapped(f"{name}: {_recording(found)}", 2)
     fitted = [] if settings is None else [row for row in settings_rows(settings) if row.fitted]
+    more = []
     if fitted:
-        answer.append("The Allan curve is not the sum of these terms. `tuner tune` writes instead:")
-        answer.append(settings_table(fitted))
-    answer += [line for text in warning_lines(found) for line in wrapped(text, 2)]
-    more = len(_warnings(found)) - MAX_WARNINGS
-    rest = f"{more} more warnings, all" if more > 0 else "All"
-    return [*answer, *wrapped(f"{rest} terms, bounds with reasons, means, ARMA: --verbose", 2)]
+        axes = axes_text([axis for row in fitted for axis in row.axes])
+        more.append(f"The terms do not predict the Allan curve of {axes}: set a filter by `tuner tune`")
+    more += warning_lines(found, short=True)
+    more += _too_short(found)
+    more += [f"{axes_text(row.axes)}: {row.further}" for row in rows if row.further]
+    room = ["" for _ in range(len(recording) + 1 + len(rows))]  # lines, the table counted as it is printed
+    rest = filled(room, more, also="all terms, bounds with reasons, means, ARMA")[len(room) :]
+    return [*recording, terms_table([("", row) for row in rows]), *rest]
 
 
 def warning_lines(found: Identification, *, short: bool = False) -> list[str]:
-    """Return what limits the terms of a log, at most `MAX_WARNINGS`; `short` leaves figures and consequences out.
+    """Return what limits the terms of a log, with its axes; `short` leaves figures and consequences out.
 
     What the diagnosis found stands among the findings.
     """
-    texts = [text.partition(" (")[0] if short else text for text in _warnings(found)]
-    return [f"Warning: {text}" for text in texts[:MAX_WARNINGS]]
-
-
-def _warnings(found: Identification) -> list[str]:
-    """Return the warnings of all axes, those that differ only in numbers once."""
-    return alike_sentences(
-        (text, one.axis)
+    said = alike_sentences(
+        (text.partition(" (")[0] if short else text, one.axis)
         for one in found.channels.values()
         for text in one.warnings
         if BY_DIAGNOSIS not in text
     )
+    return [f"Warning: {text}" for text in said]
 
 
 def pooled_answer(pooled: Mapping[str, PooledChannel], names: Sequence[str]) -> list[Table | str]:
@@ -82,8 +72,10 @@ def pooled_answer(pooled: Mapping[str, PooledChannel], names: Sequence[str]) -> 
         for one in pooled.values()
         if one.mean is not None
     )
-    lines: list[Table | str] = [f"{len(names)} logs pooled", terms_table([("", row) for row in rows])]
-    lines += wrapped(f"{INTERVAL} of the mean over the logs; < 95 % limit", 2)
+    lines: list[Table | str] = [
+        f"{len(names)} logs pooled: ± ( ) 95 % of the mean over the logs; < 95 % limit",
+        terms_table([("", row) for row in rows]),
+    ]
     differing: dict[str, list[str]] = {}
     for channel in pooled.values():
         for one in (*channel.coefficients, *([channel.mean] if channel.mean else [])):
@@ -97,13 +89,14 @@ def pooled_answer(pooled: Mapping[str, PooledChannel], names: Sequence[str]) -> 
 
 
 def terms_table(rows: Sequence[tuple[str, TermsRow]]) -> Table:
-    """Return N, B and K of every row, behind the name of its source, under the units of its sensor."""
-    table = Table(box=None, padding=(0, 2, 0, 0), show_header=False, width=LINE_WIDTH)
-    table.add_column("noise of", no_wrap=True)
+    """Return N, B and K of every row, behind the name of its source, under the units of the sensors."""
+    table = Table(box=None, padding=(0, 2, 0, 0), width=LINE_WIDTH)
+    units = list(dict.fromkeys(row.unit for _, row in rows))
+    table.add_column(LEGEND, no_wrap=True)
     for name in MAIN_TERMS:
-        table.add_column(symbol(name), overflow="fold")
-    for unit in dict.fromkeys(row.unit for _, row in rows):
-        table.add_row("", *(f"{symbol(n)}, {pretty(customary_unit(n, unit))}" for n in MAIN_TERMS))
+        each = "|".join(pretty(customary_unit(name, unit)) for unit in units)
+        table.add_column(f"{symbol(name)}, {each}", overflow="fold")
+    for unit in units:
         for name, row in rows:
             if row.unit == unit:
                 label = f"{name} {axes_text(row.axes)}".strip()
@@ -118,8 +111,8 @@ def _recording(found: Identification) -> str:
         text = f"{span_text(c.span)} at {digits(1.0 / c.interval)} Hz{part}, by {c.method}"
         spans.setdefault(text if c.span > 0.0 else "stated, not measured", []).append(c.axis)
     parts = [text if len(spans) == 1 else f"{text} ({axes_text(axes)})" for text, axes in spans.items()]
-    assumed = found.source.get("assumptions", ())
-    return "; ".join([*parts, *(["ASSUMED: " + "; ".join(map(str, assumed))] if assumed else [])])
+    assumed = assumed_text(found.source.get("assumptions", ()))
+    return "; ".join([*parts, *([assumed] if assumed else [])])
 
 
 def terms_too_short(found: Identification) -> dict[str, list[str]]:
@@ -136,4 +129,4 @@ def terms_too_short(found: Identification) -> dict[str, list[str]]:
 def _too_short(found: Identification) -> list[str]:
     """Return which terms of which axes a longer record would show; empty where none is bounded for that reason."""
     text = "; ".join(f"{sign} of {axes_text(axes)}" for sign, axes in terms_too_short(found).items())
-    return wrapped(f"Too short to show {text}: `tuner plan` says how long it takes", 2) if text else []
+    return [f"Too short to show {text}: `tuner plan` says how long it takes"] if text else []

@@ -5,9 +5,16 @@ from __future__ import annotations
 from rich.table import Table
 
 from tuner.consistency.score_output import OutputScore
+from tuner.report.consistency_answer import consistency_answer
 from tuner.report.consistency_tables import consistency_tables
 from tuner.report.output_cause_text import cause_text, change_text
 from tuner.types.consistency import Score
+
+
+def output_score_answer(found: OutputScore) -> list[str]:
+    """Return verdict, scores and errors, and of each cause what to change, in ten lines."""
+    causes = [f"{cause_text(cause)}: {change_text(cause)}" for cause in found.causes]
+    return consistency_answer(found.consistency, found.notes, causes)
 
 
 def output_score_tables(found: OutputScore) -> list[Table | str]:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import shutil
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from textwrap import wrap
 
+from rich.cells import cell_len
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.segment import Segment
 from rich.table import Table
@@ -16,8 +18,10 @@ _CONTROLS = dict.fromkeys(
     {*range(32), *range(127, 160), *range(0xD800, 0xE000)} - {ord("\n")}, "\N{REPLACEMENT CHARACTER}"
 )
 """Characters that a terminal would take for commands, and halves of characters, as in names that are no text."""
-UNKNOWN_WIDTH = 160
-"""Columns where nobody says how many, and no terminal does."""
+LINE_WIDTH = 80
+"""Columns of a terminal as it opens."""
+COLUMN_GAP = 2
+"""Columns between those of a table."""
 
 
 class _Console(Console):
@@ -33,10 +37,66 @@ class _Console(Console):
             yield segment if segment.control else segment._replace(text=segment.text.translate(_CONTROLS))
 
 
-def show(tables: Iterable[Table | str], width: int = UNKNOWN_WIDTH) -> None:
-    """Print tables and lines on standard output, as wide as the terminal or, where it is none, as stated."""
+def show(tables: Iterable[Table | str]) -> None:
+    """Print tables and lines on standard output, as wide as the terminal or, where it is none, as one as it opens.
+
+    Lines are parted between words, further ones indented; of a table that is wider, columns that have no room follow
+    beneath it, beside its first one again.
+    """
     finished()
-    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else width
+    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else LINE_WIDTH
     console = _Console(width=width, highlight=False, markup=False, emoji=False)
     for table in tables:
-        console.print(table)
+        if isinstance(table, str):
+            for line in table.split("\n"):
+                console.print("\n".join(_folded(line, width)), soft_wrap=True)
+        else:
+            for number, part in enumerate(_parts(table, width)):
+                if number:
+                    console.print()
+                console.print(part)
+
+
+def _folded(line: str, width: int) -> list[str]:
+    """Return a line in as many as it needs; no word, such as a path, is broken."""
+    indent = " " * (len(line) - len(line.lstrip()))
+    return wrap(
+        line,
+        width,
+        initial_indent="",
+        subsequent_indent=f"{indent}  ",
+        drop_whitespace=True,
+        break_long_words=False,
+        break_on_hyphens=False,
+    ) or [line]
+
+
+def _parts(table: Table, width: int) -> list[Table]:
+    """Return a table without lines between its cells, in parts that are no wider than stated."""
+    cells = [[str(column.header), *map(str, column.cells)] for column in table.columns]
+    widths = [max(cell_len(line) for cell in own for line in cell.split("\n")) + COLUMN_GAP for own in cells]
+    groups = [[0]]
+    for i in range(1, len(cells)):
+        if len(groups[-1]) > 1 and sum(widths[k] for k in groups[-1]) + widths[i] > width + COLUMN_GAP:
+            groups.append([0])
+        groups[-1].append(i)
+    return [_columns_of(table, cells, group, first=group is groups[0]) for group in groups]
+
+
+def _columns_of(table: Table, cells: Sequence[Sequence[str]], group: Sequence[int], *, first: bool) -> Table:
+    """Return some columns of a table, its title over the first of them."""
+    part = Table(
+        title=table.title if first else None,
+        title_justify="left",
+        box=None,
+        padding=(0, COLUMN_GAP, 0, 0),
+        pad_edge=False,
+        show_header=table.show_header,
+        width=table.width,
+    )
+    for i in group:
+        column = table.columns[i]
+        part.add_column(str(column.header), justify=column.justify, no_wrap=column.no_wrap, overflow="fold")
+    for row in zip(*(cells[i][1:] for i in group), strict=True):
+        part.add_row(*row)
+    return part

@@ -12,8 +12,9 @@ from tuner.identification.comparison import compare_identifications, limit_check
 from tuner.report.answer_layout import (
     BOUNDED,
     INTERVAL,
-    LINE_WIDTH,
     LONGER,
+    MAX_LINES,
+    assumed_text,
     settings_lines,
     span_text,
     used_part,
@@ -32,6 +33,7 @@ from tuner.report.finding_groups import (
 from tuner.report.identification_answer import terms_too_short, warning_lines
 from tuner.report.settings_rows import EXTRAPOLATED, SettingsRow, axes_text, settings_rows
 from tuner.report.static_diagnosis_tables import hidden_effect_lines
+from tuner.report.terminal import LINE_WIDTH
 from tuner.report.verdict_text import verdict_text
 from tuner.synthesis.findings import judge_hidden
 
@@ -41,8 +43,6 @@ if TYPE_CHECKING:
 
 WITHOUT_RECEIVER = "name a receiver (--gnss GRADE)"
 """Words of the reason where a check lacks only the receiver."""
-MAX_LINES = 10
-"""Lines of an answer: what is read at a glance."""
 SHORTER = ("head", "numbers", "findings", "warnings", "drive", "without effect")
 """Parts that are said in fewer words where the answer has more lines, in this order."""
 MAX_KEYS = 7
@@ -227,7 +227,7 @@ def recording_line(result: TuneResult, *, named: bool = True) -> str:
             spans.setdefault(text, []).append(channel.axis)
     lengths = [text if len(spans) == 1 else f"{text} ({axes_text(axes)})" for text, axes in spans.items()]
     assumed = assumptions(result)
-    units = f"ASSUMED: {'; '.join(assumed)}" if assumed else "units stated, none assumed"
+    units = assumed_text(assumed) or "units stated, none assumed"
     if result.key is not None:
         units = "simulated in SI units"
     if not named:

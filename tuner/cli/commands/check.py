@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 
 import click
 
-from tuner.cli.commands.options import Finite, Output, common, jobs, paged, strict
+from tuner.cli.commands.options import Finite, Output, common, jobs, paged, strict, verbose
 from tuner.cli.progress import Messages
 from tuner.stages import stage
 
@@ -41,6 +41,7 @@ from tuner.stages import stage
 @click.option("--gnss", metavar="GRADE", help="Built-in receiver, instead of the configuration's.")
 @click.option("--budget", is_flag=True, help="Add the error budget: the share of every source in the errors.")
 @strict("the filter is not consistent")
+@verbose
 @jobs
 @common
 @paged
@@ -53,6 +54,7 @@ def command(
     gnss: str | None,
     budget: bool,
     strict: bool,
+    verbose: bool,
     seed: int,
     page: Callable[[str, Mapping[str, object]], None],
     output: Output,
@@ -66,6 +68,7 @@ def command(
     from tuner import check
     from tuner.catalogue.grades import DEFAULT_RECEIVER
     from tuner.catalogue.trajectories import load_trajectory
+    from tuner.report.consistency_answer import consistency_answer
     from tuner.report.consistency_tables import check_tables
     from tuner.report.json.consistency import check_json
     from tuner.report.terminal import show
@@ -91,5 +94,8 @@ def command(
     page(f"Check of the filter of {configured.name}", {"Is it consistent?": found})
     output.write(check_json(found, source=source, budget=budget))
     if output.tables:
-        show(check_tables(found, budget=budget))
+        if verbose or budget:
+            show(check_tables(found, budget=budget))
+        else:
+            show(consistency_answer(found.consistency, found.notes))
     return 1 if strict and not found.consistency.consistent else 0

@@ -46,7 +46,6 @@ def command(
     The filter is aided for fifteen minutes in a city, then left without fixes. Only noise and biases count.
     """
     from tuner import choose
-    from tuner.report.answer_layout import LINE_WIDTH
     from tuner.report.comparison_tables import choice_tables
     from tuner.report.json.views import choice_json
     from tuner.report.terminal import show
@@ -56,4 +55,4 @@ def command(
     output.write(choice_json(found))
     page("Choice of a sensor", {f"{error:g} m after {outage:g} s": found})
     if output.tables:
-        show(choice_tables(found), LINE_WIDTH)
+        show(choice_tables(found))

@@ -52,7 +52,6 @@ def command(
     """
     from tuner import compare
     from tuner.catalogue.grades import grade_names, load_grade
-    from tuner.report.answer_layout import LINE_WIDTH
     from tuner.report.comparison_tables import comparison_tables, grade_tables
     from tuner.report.json.views import comparison_json, grades_json
     from tuner.report.terminal import show
@@ -76,4 +75,4 @@ def command(
         overlaid_figure(comparison.noise, [figure])
         messages.say(f"wrote {figure}")
     if output.tables:
-        show(comparison_tables(comparison), LINE_WIDTH)
+        show(comparison_tables(comparison))

@@ -115,14 +115,22 @@ def command(
     output.write(diagnosis_json(found))
     page(f"Diagnosis of {Path(log).name}", parts)
     if output.tables:
-        show(assumed(data))
-        if isinstance(found, DriveDiagnosis):
+        if not verbose:
+            from tuner.report.diagnosis_answer import diagnosis_answer, drive_diagnosis_answer
+
+            show(
+                drive_diagnosis_answer(found)
+                if isinstance(found, DriveDiagnosis)
+                else diagnosis_answer(found, () if isinstance(data, Drive) else data)
+            )
+        elif isinstance(found, DriveDiagnosis):
             from tuner.report.drive_diagnosis_tables import drive_tables
 
             show(drive_tables(found))
         else:
+            show(assumed(data))
             show(headline_lines(found, () if isinstance(data, Drive) else data))
-            show(diagnosis_tables(found) if verbose else ())
+            show(diagnosis_tables(found))
     harmful = isinstance(found, DriveDiagnosis) and not found.credited
     return 1 if strict and (found.unexplained or harmful) else 0
 

@@ -16,6 +16,7 @@ from tuner.cli.commands.options import (
     state,
     strict,
     three_numbers,
+    verbose,
 )
 from tuner.cli.progress import Messages
 from tuner.stages import stage
@@ -76,6 +77,7 @@ from tuner.stages import stage
     help="Write solution.csv, track.kml, track.gpx and figures of track, innovations and errors there.",
 )
 @strict("the filter is not consistent")
+@verbose
 @common
 @paged
 def command(
@@ -90,12 +92,13 @@ def command(
     zero_velocity: float | None,
     directory: Path | None,
     strict: bool,
+    verbose: bool,
     seed: int,
     page: Callable[[str, Mapping[str, object]], None],
     output: Output,
     messages: Messages,
 ) -> int:
-    """Filter a measured drive and score the filter: innovations, outages, errors.
+    """Filter a measured drive and score the filter: innovations, outages, errors. --verbose shows every score.
 
     DRIVE is a folder with imu.csv and gnss.csv, an NPZ, or a YAML of KF-GINS. Fixes are withheld for 10, 30 and 60 s at
     a time to score the prediction; errors are against the reference where the drive has one.
@@ -103,6 +106,7 @@ def command(
     from tuner import navigate
     from tuner.navigation.drive.vehicle_constraints import Vehicle
     from tuner.readers.drive import read_drive, with_mounting
+    from tuner.report.consistency_answer import consistency_answer
     from tuner.report.consistency_tables import consistency_tables
     from tuner.report.json.consistency import navigation_json
     from tuner.report.solution_set import attitude_text, write_solution
@@ -126,22 +130,25 @@ def command(
     tuned_on = found.config.provenance.get("drive") or {}
     if tuned_on.get("digest") == measured.digest:
         advice = (
-            "`tuner tune` made these settings from this drive and diagnosed it: its report.html has the causes found "
-            "and what stays unexplained; score them on another drive of the unit"
+            "`tuner tune` made these settings from this drive: its report.html names the causes; score them on another "
+            "drive of the unit"
         )
     else:
-        advice = f"`tuner diagnose {drive} --config {config}` names the causes and what to change"
-    notes = found.notes if found.consistency.consistent else (*found.notes, advice)
+        advice = f"`tuner diagnose {drive} --config {config}` names the causes"
+    notes = found.notes
+    stated = notes if found.consistency.consistent else (*notes, advice)
     page(
         f"Filter of {Path(config).name} on {Path(drive).name}",
         {"Is it consistent?": found, "What it did": pictures},
     )
-    output.write(navigation_json(found, measured, notes=notes, seed=seed))
+    output.write(navigation_json(found, measured, notes=stated, seed=seed))
     if output.tables:
-        lines = consistency_tables(found.consistency, found.notes)
-        if not found.consistency.consistent:
-            lines.append(f"  what to do: {advice}")
+        to_do = [] if found.consistency.consistent else [f"What to do: {advice}"]
         if directory is not None:
-            lines += [f"  solution, tracks and figures: {directory}", f"  {attitude_text(measured)}"]
-        show(lines)
+            to_do.append(f"Solution, tracks and figures: {directory}")
+            notes = (attitude_text(measured), *found.notes)
+        if verbose:
+            show([*consistency_tables(found.consistency, notes), *to_do])
+        else:
+            show(consistency_answer(found.consistency, notes, to_do))
     return 1 if strict and not found.consistency.consistent else 0

@@ -42,7 +42,6 @@ def command(
     from tuner.identification.identify_source import identify_source
     from tuner.identification.record_length import plan_test
     from tuner.readers.source_kind import source_name
-    from tuner.report.answer_layout import LINE_WIDTH
     from tuner.report.comparison_tables import plan_tables
     from tuner.report.json.views import plan_json
     from tuner.report.terminal import show
@@ -64,4 +63,4 @@ def command(
 
     page(f"Static test of {source}", {"How long must it last?": drawn})
     if output.tables:
-        show(tables, LINE_WIDTH)
+        show(tables)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from tuner.cli.commands.options import DIRECTORY, Output, common, stated_command, strict
+from tuner.cli.commands.options import DIRECTORY, Output, common, stated_command, strict, verbose
 from tuner.cli.progress import Messages
 from tuner.formats.guard import printable
 from tuner.stages import counted, stage
@@ -88,6 +88,7 @@ def _windows(
     "-o", "--output-dir", type=DIRECTORY, metavar="DIR", help="Write report.html, score.svg, score.json."
 )
 @strict("the filter is not consistent")
+@verbose
 @common
 def command(
     estimates: tuple[str, ...],
@@ -107,6 +108,7 @@ def command(
     imu: str | None,
     output_dir: Path | None,
     strict: bool,
+    verbose: bool,
     seed: int,
     output: Output,
     messages: Messages,
@@ -121,7 +123,7 @@ def command(
     from tuner.consistency.trajectory_alignment import Alignment
     from tuner.readers.estimate import read_estimate
     from tuner.report.json.output_score import output_score_json
-    from tuner.report.output_score_tables import output_score_tables
+    from tuner.report.output_score_tables import output_score_answer, output_score_tables
     from tuner.report.terminal import show
 
     stage("reading", 0.3)
@@ -169,7 +171,7 @@ def command(
         messages.say(f"written: {output_dir}")
     output.write(content)
     if output.tables:
-        show(output_score_tables(found))
+        show(output_score_tables(found) if verbose else output_score_answer(found))
     return 1 if strict and not found.consistency.consistent else 0
 
 

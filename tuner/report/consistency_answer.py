@@ -1,0 +1,97 @@
+"""The answer of `check`, `navigate` and `score` in ten lines of 80 columns: verdict, scores, errors, what to do."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+from tuner.formats.customary_units import digits
+from tuner.report.answer_layout import filled, wrapped
+from tuner.report.verdict_text import verdict_text
+from tuner.types.consistency import Consistency, Score
+
+OFF = "*"
+"""Mark behind a ratio that is shown to be off 1."""
+NAMES = {
+    "nees": "all states",
+    "gyro_bias": "gyro bias",
+    "accel_bias": "accelerometer bias",
+    "nis": "innovations",
+    "nis_position": "position innovations",
+    "nis_velocity": "velocity innovations",
+}
+"""Scores in an answer, where their names are none."""
+
+
+def consistency_answer(found: Consistency, notes: Sequence[str] = (), to_do: Sequence[str] = ()) -> list[str]:
+    """Return the verdict on a filter with its reason, its scores and errors, what to do, and notes that have room.
+
+    Parameters
+    ----------
+    found : Consistency
+        Scores of a filter.
+    notes : sequence of str, optional
+        What was repaired, found and assumed.
+    to_do : sequence of str, optional
+        What explains the verdict and what to change, and where files are.
+    """
+    found = found.shown
+    done = [line for text in to_do for line in wrapped(text, 2)]
+    lines = [*verdict_lines(found), *_score_lines(found), *_error_lines(found), *done]
+    return filled(lines, [f"Note: {note}" for note in notes], also="every score with its band")
+
+
+def verdict_lines(found: Consistency) -> list[str]:
+    """Return whether a filter is consistent, and the first reason with its likeliest explanation."""
+    if found.consistent:
+        return ["Consistent: no score is shown to be 10 % off what the filter predicts"]
+    first = found.verdicts[0]
+    reason = verdict_text(replace(first, explanations=first.explanations[:1]))
+    reason = reason.replace("what the filter predicts: ", "predicted, ")
+    return wrapped(f"NOT consistent: {reason}", 2)
+
+
+def _score_lines(found: Consistency) -> list[str]:
+    """Return true ÷ predicted of every score, and of the outages with their errors."""
+    elsewhere = {outage.score.name for outage in found.outages}
+    if len(found.nis) > 1:  # the first is of all together
+        elsewhere.add(found.nis[0].name)
+    parts = [
+        f"{NAMES.get(one.name, one.name.replace('_', ' '))} {_ratio(one)}"
+        for one in found.scores
+        if one.name not in elsewhere
+    ]
+    white = found.whiteness
+    if white is not None and not white.consistent:
+        parts.append(f"innovations correlated, {white.correlation:+.2f} at lag {white.lag}")
+    lines = []
+    if parts:
+        mark = f" ({OFF}: off)" if OFF in "".join(parts) else ""
+        lines += wrapped(f"True ÷ predicted error{mark}: {', '.join(parts)}", 2)
+    if found.outages:
+        each = (
+            f"{one.score.name.removeprefix('outage ')} {digits(one.rms)} ({digits(one.predicted)}) m"
+            f"{'' if one.score.consistent else OFF}"
+            for one in found.outages
+        )
+        lines += wrapped(f"Without fixes, error (predicted): {', '.join(each)}", 2)
+    return lines
+
+
+def _ratio(score: Score) -> str:
+    return f"{digits(score.ratio)}{'' if score.consistent else OFF}"
+
+
+def _error_lines(found: Consistency) -> list[str]:
+    """Return rms errors over all axes, and how many fixes were refused."""
+    parts = []
+    innovations = all(name.rpartition("_rms_")[0].endswith("_innovation") for name in found.errors)
+    for name, values in found.errors.items():
+        what, _, unit = name.partition("_rms_")
+        size, shown = (math.degrees(1.0), "deg") if unit == "rad" else (1.0, unit.replace("m_s", "m/s"))
+        words = what.removesuffix("_innovation") if innovations else what
+        parts.append(f"{words.replace('_', ' ')} {digits(size * math.hypot(*values))} {shown}")
+    gated = [f"{100.0 * found.gated:.2g} % of fixes refused"] if found.gated else []
+    errors = [f"{'Innovations' if innovations else 'Error'}, rms: {', '.join(parts)}"] if parts else []
+    return wrapped("; ".join([*errors, *gated]), 2) if errors or gated else []
