@@ -154,7 +154,12 @@ def identify_channel(
         terms=tuple(sorted(every, key=lambda term: order.index(term.name))),
         parameters=estimates.parameters,
         covariance=estimates.covariance,
-        mean=mean_of_noise(float(np.mean(np.concatenate(pieces))), chosen.model, single.span, single.unit),
+        mean=mean_of_noise(
+            sum(float(p.sum()) for p in pieces) / sum(map(len, pieces)),
+            chosen.model,
+            single.span,
+            single.unit,
+        ),
         sigma_10s=_deviation_at(single, chosen.model, 10.0),
         minimum=minimum,
         floor=floor,

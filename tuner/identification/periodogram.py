@@ -31,6 +31,8 @@ from scipy.fft import dct
 
 FloatArray = NDArray[np.float64]
 
+SAMPLES_AT_ONCE = 1 << 16
+"""Samples treated at a time, so that what is computed from them stays in the cache of a processor."""
 SINGLE_COEFFICIENTS = 64
 """Coefficients of a segment that are kept with their sign; fewer where there are more than 16 segments."""
 
@@ -127,10 +129,12 @@ def cosine_periodogram(
         single = np.stack((order / (2.0 * span), amplitude[:low], np.ones(low), order, (-1.0) ** order,
                            np.full(low, span), line[:low]))  # fmt: skip
         singles.append(single)
-        _gather(cells, amplitude[low:] ** 2, edges, span, low + 1)
-    count, frequency, power, order_sum, inverse_span = cells[:, cells[0] > 0]
+        power = amplitude[low:]
+        np.square(power, out=power)
+        _gather(cells, power, edges, span, low + 1)
+    count, frequency, powers, order_sum, inverse_span = cells[:, cells[0] > 0]
     nothing = np.zeros_like(count)
-    grouped = np.stack((frequency / count, np.sqrt(power / count), count, order_sum / count, nothing,
+    grouped = np.stack((frequency / count, np.sqrt(powers / count), count, order_sum / count, nothing,
                         count / inverse_span, nothing))  # fmt: skip
     return CosinePeriodogram(interval, *np.concatenate((*singles, grouped), axis=1))
 
@@ -141,11 +145,19 @@ def _transform(piece: FloatArray, interval: float, low: int) -> tuple[FloatArray
     The straight line is taken out first and put back into those coefficients only: the rest of a strong ramp
     would hide the noise at high frequency.
     """
-    n = len(piece)
-    t = (np.arange(n) - 0.5 * (n - 1)) * interval
-    centred = piece - piece.mean()
-    slope = (t @ centred) / (t @ t)
-    amplitude = np.sqrt(interval) * dct(centred - slope * t, norm="ortho")[1:]
+    n, middle = len(piece), 0.5 * (len(piece) - 1)
+    rest = piece - piece.mean()
+    product = 0.0
+    for first in range(0, n, SAMPLES_AT_ONCE):
+        part = rest[first : first + SAMPLES_AT_ONCE]
+        product += float((np.arange(first, first + len(part)) - middle) @ part)
+    step = product / (n * (n * n - 1.0) / 12.0)  # Σ (i − middle)², exactly
+    for first in range(0, n, SAMPLES_AT_ONCE):
+        part = rest[first : first + SAMPLES_AT_ONCE]
+        part -= step * (np.arange(first, first + len(part)) - middle)
+    slope = step / interval
+    amplitude: FloatArray = dct(rest, norm="ortho", overwrite_x=True)[1:]
+    amplitude *= np.sqrt(interval)
     k = np.arange(1.0, low + 1.0)
     half = 0.5 * np.pi * k / n
     line = -np.sqrt(2.0 * interval / n) * interval * (k % 2) * np.cos(half) / (2.0 * np.sin(half) ** 2)

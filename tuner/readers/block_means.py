@@ -32,8 +32,8 @@ from tuner.types.records import DataError, Record, ShortClusters
 
 FloatArray = NDArray[np.float64]
 
-ROWS_IN_PART = 1 << 19
-"""Rows read at a time: with the work of putting them on a grid some 200 MB."""
+ROWS_IN_PART = 1 << 18
+"""Rows read at a time: with the work of putting them on a grid some 100 MB."""
 MIN_ROWS = 1 << 14
 """Rows from which a part tells rate, gaps and broken readings as a whole log does."""
 BASE_BYTES = 400e6

@@ -144,22 +144,24 @@ def _numbers_in_pieces(
     path: Path, dialect: Dialect, groups: Sequence[Sequence[int]], rows: int, progress: Progress | None
 ) -> Iterator[tuple[NDArray[np.float64], ...]]:
     """Yield the columns of each group in pieces of `rows` rows; the last may be shorter."""
-    import pandas as pd
-
-    frames = _frames(path, dialect, sorted({j for group in groups for j in group}), progress)
-    kept: list[Any] = []
-    ended = False
-    while not ended:
-        while sum(map(len, kept)) < rows and not ended:
-            frame = next(frames, None)
-            ended = frame is None
-            kept += [] if frame is None else [frame]
-        whole = pd.concat(kept, ignore_index=True) if kept else None
-        if whole is not None and len(whole):
-            some = whole.iloc[:rows]
-            yield tuple(some[list(group)].to_numpy(np.float64, copy=True) for group in groups)
-            kept = [whole.iloc[rows:]]
-            ended = ended and len(whole) <= rows
+    blocks: list[NDArray[np.float64]] = []
+    filled = 0
+    for frame in _frames(path, dialect, sorted({j for group in groups for j in group}), progress):
+        taken = 0
+        while taken < len(frame):
+            if not filled:
+                blocks = [np.empty((rows, len(group)), order="F") for group in groups]
+            count = min(rows - filled, len(frame) - taken)
+            some = frame.iloc[taken : taken + count]
+            for block, group in zip(blocks, groups, strict=True):
+                for j, column in enumerate(group):
+                    block[filled : filled + count, j] = some[column].to_numpy()
+            taken, filled = taken + count, filled + count
+            if filled == rows:
+                yield tuple(blocks)
+                filled = 0
+    if filled:
+        yield tuple(np.asfortranarray(block[:filled]) for block in blocks)
 
 
 def _frames(path: Path, dialect: Dialect, used: Sequence[int], progress: Progress | None) -> Iterator[Any]:

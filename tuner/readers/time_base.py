@@ -330,7 +330,9 @@ def _on_grid(t: FloatArray, interval: float, at: IntArray, size: IntArray, *, mo
 
 def _some(start: int, stop: int) -> IntArray:
     """Return up to `_MAX_STAMPS` rows from start to stop, evenly chosen, the first and the last among them."""
-    return np.unique(np.linspace(start, stop - 1, min(stop - start, _MAX_STAMPS)).astype(np.int64))
+    if stop - start <= _MAX_STAMPS:
+        return np.arange(start, stop)
+    return np.linspace(start, stop - 1, _MAX_STAMPS).astype(np.int64)
 
 
 def rounding_of(steps: FloatArray) -> float:
