@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 from tuner.catalogue.grades import grade_names, load_grade
 from tuner.exporters.triad_values import triad
+from tuner.synthesis.from_drive import nearest_grade
 from tuner.types import FilterConfig
 
 
@@ -32,17 +33,9 @@ def scale_factor(config: FilterConfig, block: str) -> tuple[float, str]:
     named = source.get("name") if isinstance(source, Mapping) else None
     if named in known:
         return known[named].value, f"of the grade {named}"
-    nearest = min(known, key=lambda name: _distance(name, config))
-    return known[nearest].value, f"assumed: of {nearest}, the built-in grade of the nearest white noise"
-
-
-def _distance(name: str, config: FilterConfig) -> float:
-    """Return how far a grade's white noise is from the configuration's: |ln ratio|, summed over the sensors."""
-    grade = load_grade(name)
-    total = 0.0
-    for stated in (grade.gyro, grade.accel):
-        channels = triad(config, stated.kind)
-        if channels and stated.white is not None:
-            density = math.sqrt(sum(c.white_density**2 for c in channels) / len(channels))
-            total += abs(math.log(stated.white.value / density))
-    return total
+    white = {}
+    for kind in ("gyro", "accel"):
+        if channels := triad(config, kind):
+            white[kind] = math.sqrt(sum(c.white_density**2 for c in channels) / len(channels))
+    nearest = nearest_grade(white, known)
+    return known[nearest].value, f"assumed: of {nearest}, nearest in white noise of the grades that state one"

@@ -92,6 +92,11 @@ def digits(value: float, significant: int = 3) -> str:
     return f"{value:.{significant - 1}e}"
 
 
+def stamp(time: float) -> str:
+    """Return a time on the clock of a log, s, to the millisecond: stamps may be seconds since 1970."""
+    return f"{time:.3f}".rstrip("0").removesuffix(".")
+
+
 def digits_to(value: float, half_width: float) -> str:
     """Format a value as finely as two digits of its half width call for; with many zeros, one digit of it."""
     if not (math.isfinite(half_width) and half_width > 0 and math.isfinite(value)):

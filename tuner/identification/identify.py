@@ -216,7 +216,7 @@ def _source(records: Sequence[Record]) -> dict[str, object]:
 
 
 def _used(record: Record) -> list[float]:
-    """Return begin and end of what is used of a log, and its length, s from its first sample."""
+    """Return begin and end of what is used of a log, s on its clock, and its length, s."""
     first, last = record.segments[0][0], record.segments[-1][1] - 1
-    times = (record.t[first], record.t[last] + record.interval, record.t[-1] + record.interval)
-    return [round(float(time - record.t[0]), 6) for time in times]
+    times = (record.t[first], record.t[last] + record.interval, record.t[-1] + record.interval - record.t[0])
+    return [round(float(time), 6) for time in times]

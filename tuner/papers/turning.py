@@ -79,7 +79,7 @@ def rlg_dynamic(settings: Settings) -> Item:
             exact(motion.share, "1"),
             claimed=None,
             derived=(float(swinging.mean()), float(swinging.mean()) + 12.0 / static.span),
-            why=f"the motion is found by itself: {motion.describe(float(turning.t[0]))}",
+            why=f"the motion is found by itself: {motion.describe()}",
         ),
         judge(
             "white noise from the still parts",

@@ -1,12 +1,12 @@
-"""The part of a log that its user wants: seconds from its first sample, everything else is left out."""
+"""The part of a log that its user wants, by the times of its clock: everything else is left out."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from types import MappingProxyType
 
+from tuner.formats.customary_units import stamp
 from tuner.types.records import DataError, Record
 
 MIN_SAMPLES = 64
@@ -14,7 +14,7 @@ MIN_SAMPLES = 64
 
 
 def between(records: Sequence[Record], begin: float | None, end: float | None) -> tuple[Record, ...]:
-    """Return records of the samples from `begin` to before `end`, s from the first sample of the log.
+    """Return records of the samples from `begin` to before `end`, s on the clock of the log: the times of answers.
 
     Raises
     ------
@@ -25,22 +25,21 @@ def between(records: Sequence[Record], begin: float | None, end: float | None) -
         return tuple(records)
     name = records[0].source or records[0].name
     first = min(float(record.t[0]) for record in records)
-    length = max(float(record.t[-1]) + record.interval for record in records) - first
-    lower, upper = (0.0 if begin is None else begin), (length if end is None else end)
+    last = max(float(record.t[-1]) + record.interval for record in records)
+    lower, upper = (first if begin is None else begin), (last if end is None else end)
+    log = f"the clock of the log goes from {stamp(first)} to {stamp(last)} s"
+    near = max(record.interval for record in records)
     for option, value in (("--begin", lower), ("--end", upper)):
-        if not math.isfinite(value) or value < 0.0:
-            msg = f"{name}: {option} {value:g}: expected seconds from the start of the log, 0 to {length:.6g}"
+        if not first - near <= value <= last + near:
+            msg = f"{name}: {option} {stamp(value)}: {log}; leave it out to use all"
             raise DataError(msg)
     if lower >= upper:
-        msg = f"{name}: --begin {lower:g} --end {upper:.6g}: expected an end after the beginning"
-        if end is None:
-            msg = f"{name}: --begin {lower:g}: expected less than the {upper:.6g} s of the log"
+        msg = (
+            f"{name}: --begin {stamp(lower)} --end {stamp(upper)}: expected an end after the beginning; {log}"
+        )
         raise DataError(msg)
-    if upper > length + max(record.interval for record in records):
-        msg = f"{name}: --end {upper:g}: the log ends at {length:.6g} s; leave --end out to use it to its end"
-        raise DataError(msg)
-    note = f"{lower:.6g} to {min(upper, length):.6g} s of {length:.6g} s are used, as stated"
-    return tuple(_part(record, first + lower, first + upper, note) for record in records)
+    note = f"{stamp(lower)} to {stamp(upper)} s are used, as stated, of {stamp(first)} to {stamp(last)} s"
+    return tuple(_part(record, lower, upper, note) for record in records)
 
 
 def _part(record: Record, begin: float, end: float, note: str) -> Record:

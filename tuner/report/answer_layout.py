@@ -9,7 +9,7 @@ from typing import Any
 
 from rich.table import Table
 
-from tuner.formats.customary_units import digits
+from tuner.formats.customary_units import digits, stamp
 from tuner.report.settings_rows import EXTRAPOLATED, SettingsRow, axes_text, units_of
 from tuner.report.terminal import COLUMN_GAP, LINE_WIDTH
 
@@ -107,7 +107,7 @@ def used_part(source: Mapping[str, Any], axis: str) -> str:
         begin, end, log = sensor.get("used_s", (0.0, 0.0, 0.0))
         if axis in sensor["axes"] and log - sensor["span_s"] > MIN_LEFT_OUT:
             parts = f" in {sensor['segments']} parts" if sensor["segments"] > 1 else ""
-            return f", {digits(begin)} to {digits(end)} s{parts}"
+            return f", {stamp(begin)} to {stamp(end)} s of its clock{parts}"
     return ""
 
 

@@ -35,6 +35,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.robust import normal_sd
+from tuner.formats.customary_units import stamp
 from tuner.segments.block_moments import block_moments
 from tuner.segments.knock_bridges import bridge_knocks
 from tuner.segments.knocks import knocked
@@ -98,15 +99,17 @@ class Motion:
     threshold: float
     knocks: Segments = ()
 
-    def describe(self, begin: float) -> str | None:
-        """Return one line about the motion, in s after `begin` (s, on the record's clock), or None without any."""
+    def describe(self) -> str | None:
+        """Return one line about the motion, times on the record's clock, or None without any."""
         if not self.episodes:
             return None
         shown = ", ".join(
-            f"{start - begin:.5g} s for {duration:.3g} s" for start, duration in self.episodes[:4]
+            f"from {stamp(start)} s on for {duration:.3g} s" for start, duration in self.episodes[:4]
         )
         more = f" and {len(self.episodes) - 4} more" if len(self.episodes) > 4 else ""
-        return f"the sensor moved in {100.0 * self.share:.3g} % of the log: {shown}{more} (from its start)"
+        return (
+            f"the sensor moved in {100.0 * self.share:.3g} % of the log: {shown}{more} (times of its clock)"
+        )
 
 
 def find_motion(
@@ -220,8 +223,7 @@ def cut_to_still(records: Sequence[Record], motion: Motion) -> tuple[Record, ...
     DataError
         Nothing stands still.
     """
-    begin = float(records[0].t[0])
-    description = motion.describe(begin)
+    description = motion.describe()
     if not motion.still:
         msg = f"{records[0].source}: {description}: no part stands still; record the sensor at rest"
         raise DataError(msg)
@@ -240,16 +242,16 @@ def cut_to_still(records: Sequence[Record], motion: Motion) -> tuple[Record, ...
         raise DataError(msg)
     knocks = [(a, b) for a, b in motion.knocks if any(c <= a < d for c, d in still)]
     bridges = f"; knocks inside, {len(knocks)}, are replaced by simulated samples" if knocks else ""
-    note = f"{description}; {_described_parts(records[0], still, begin)}{bridges}"
+    note = f"{description}; {_described_parts(records[0], still)}{bridges}"
     cut = [replace(r, segments=still, notes=(*r.notes, note), short_clusters={}) for r in records]
     return tuple(bridge_knocks(record, knocks) if knocks else record for record in cut)
 
 
-def _described_parts(record: Record, still: Segments, begin: float) -> str:
-    """Return which parts are used, in s after `begin`, the longest ones first where they are many."""
-    spans = [(record.t[a] - begin, record.t[b - 1] + record.interval - begin) for a, b in still]
+def _described_parts(record: Record, still: Segments) -> str:
+    """Return which parts are used, times on the record's clock, the longest ones first where they are many."""
+    spans = [(float(record.t[a]), float(record.t[b - 1]) + record.interval) for a, b in still]
     longest = sorted(sorted(spans, key=lambda span: span[0] - span[1])[:4])
-    shown = ", ".join(f"{first:.5g} to {last:.5g} s" for first, last in longest)
+    shown = ", ".join(f"{stamp(first)} to {stamp(last)} s" for first, last in longest)
     if len(spans) == 1:
         return f"used: {shown}"
     return f"{len(spans)} still parts are used, " + (

@@ -9,7 +9,7 @@ and at rest.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.fft import rfft, rfftfreq
 
 from models.earth import distance_along
+from models.noise import White
 from models.robust import normal_sd
 from tuner.catalogue.grades import (
     DEFAULT_RECEIVER,
@@ -122,7 +123,8 @@ def identification_of_drive(drive: Drive, found: StationaryNoise) -> Identificat
     channels = {}
     for axis, channel in grade.channels.items():
         n = found.white[axis.rpartition("_")[0]]
-        density = Coefficient.known(n, n * (1.0 - share), n * (1.0 + share), f"{channel.unit}/sqrt(Hz)")
+        (unit,) = White(n).units(channel.unit)
+        density = Coefficient.known(n, n * (1.0 - share), n * (1.0 + share), unit)
         terms = tuple(
             TermEstimate("white", {"density": density}) if t.name == "white" else t for t in channel.terms
         )
@@ -188,8 +190,8 @@ def _typical(reported: FloatArray) -> tuple[float, float, float] | None:
     return north, east, down
 
 
-def nearest_grade(white: Mapping[str, float]) -> str:
-    """Return the built-in grade whose white densities are the nearest by their logs."""
+def nearest_grade(white: Mapping[str, float], names: Collection[str] = ()) -> str:
+    """Return the built-in grade, of all or of those named, whose white densities are the nearest by their logs."""
 
     def distance(name: str) -> float:
         triads = {triad.kind: triad for triad in (load_grade(name).gyro, load_grade(name).accel)}
@@ -201,7 +203,7 @@ def nearest_grade(white: Mapping[str, float]) -> str:
             logs.append(np.log(value / density.value))
         return float(np.sum(np.square(logs)))
 
-    return min(grade_names(), key=distance)
+    return min(names or grade_names(), key=distance)
 
 
 def _speed(drive: Drive, t: FloatArray) -> FloatArray:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from rich.console import Console
 
 from models.noise import NoiseModel, RandomWalk, White
+from tuner.cli import run
 from tuner.consistency.choose_grade import GradeChoice, RankedGrade
 from tuner.consistency.compare_sensors import compare
 from tuner.formats.customary_units import amount
@@ -90,7 +93,7 @@ def test_the_table_of_a_comparison_and_of_a_choice_fit_a_terminal():
 def test_the_part_of_a_log_that_is_used_is_named():
     whole = simulate({"gyro_x": NoiseModel([White(1e-4)])}, duration=120.0, rate=20.0, seed=5)[0][0]
     cut = identify([replace(whole, segments=((200, 1000), (1200, 2400)))], arma=None)
-    assert ", 10.0 to 120 s in 2 parts" in " ".join(lines(identification_answer("log", cut)))
+    assert ", 10 to 120 s of its clock in 2 parts" in " ".join(lines(identification_answer("log", cut)))
     assert " to " not in lines(identification_answer("log", identify([whole], arma=None)))[0]
 
 
@@ -121,3 +124,30 @@ def test_sentences_about_other_things_stay_apart():
         "gyro y, accel z: the mean moved by −12 to −3 deg/h",
         "accel z: the mean moved",
     ]
+
+
+def test_times_of_an_answer_are_those_of_the_log_and_cut_it_to_the_same_part(tmp_path, capsys):
+    """A log whose clock begins at 72477 s, moved for its first 15 s, cut before and after that by its own answer."""
+    rng = np.random.default_rng(11)
+    t = 72477.0 + np.arange(4000) / 50.0
+    y = 1e-3 * rng.standard_normal((4000, 3))
+    y[:750] += rng.standard_normal((750, 3))
+    path = tmp_path / "moved.npz"
+    np.savez(path, t=t, gyro=y)
+
+    def answer(*more):
+        words = ["identify", str(path), "--gyro-unit", "rad/s", "--arma", "off", *more]
+        assert run(words) == 0
+        return capsys.readouterr()
+
+    whole = answer()
+    found = re.search(r", (\S+) to (\S+) s of its clock", whole.out)
+    begin, end = map(float, found.groups())
+    assert 72492.0 <= begin < 72496.0
+    assert end == pytest.approx(t[-1] + 0.02, abs=1e-6)
+    part = answer("--begin", found[1], "--end", found[2])
+    assert part.out.splitlines()[1:] == whole.out.splitlines()[1:]
+    # What is found in a part that is cut elsewhere has the same times.
+    later = answer("--begin", "72480")
+    assert re.search(r", (\S+) to (\S+) s of its clock", later.out).groups() == (found[1], found[2])
+    assert f"used: {found[1]} to {found[2]} s" in " ".join(later.err.split())

@@ -75,7 +75,7 @@ def test_a_turn_is_found_where_it_is(rate: float) -> None:
     assert 8290 <= stop <= 8500
     assert motion.still == ((0, start), (stop, 20_000))
     assert motion.episodes == ((start / RATE, pytest.approx((stop - start) / RATE)),)
-    described = motion.describe(0.0)
+    described = motion.describe()
     assert described is not None
     assert described.startswith("the sensor moved in")
 
@@ -126,13 +126,13 @@ def test_a_log_that_moves_all_the_time_is_refused() -> None:
         keep_still((moving,))
 
 
-def test_times_of_motion_count_from_the_start_of_the_log() -> None:
+def test_times_of_motion_are_those_of_the_clock_of_the_log() -> None:
     rng = np.random.default_rng(30)
     y = 1e-3 * rng.standard_normal((10_000, 3))
     y[3000:3500] += rng.standard_normal((500, 3))
     late = gyro_of(y)
     (kept,) = keep_still((Record("gyro", late.t + 1.4e9, y, late.axes, "rad/s", 1 / RATE),))
-    assert ": 59 s for 12 s (from its start)" in kept.notes[-1]
+    assert ": from 1400000059 s on for 12 s (times of its clock)" in kept.notes[-1]
 
 
 def test_quantizer_coarser_than_noise() -> None:

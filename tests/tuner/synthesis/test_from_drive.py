@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from models.noise import White
 from tuner.catalogue.grades import load_grade
 from tuner.synthesis.from_drive import (
     ALLAN_TAU,
@@ -63,6 +64,7 @@ def test_interval_of_the_white_noise_is_that_of_its_degrees_of_freedom():
     density = white.coefficients["density"]
     share = 1.96 / np.sqrt(4.0 * found.seconds / ALLAN_TAU)
     assert density.value == found.white["gyro"]
+    assert (density.unit,) == White(1.0).units("rad/s")  # as after a log
     assert density.interval == pytest.approx((density.value * (1.0 - share), density.value * (1.0 + share)))
 
 

@@ -269,11 +269,13 @@ def reading(command: Command) -> Command:
     )
     @click.option(
         "--begin",
-        type=Finite(min=0),
+        type=Finite(),
         metavar="S",
-        help="Use a static log from this second on, counted from its first sample.",
+        help="Use a static log from this second of its clock on: the times that answers state.",
     )
-    @click.option("--end", type=POSITIVE, metavar="S", help="Use a static log up to this second.")
+    @click.option(
+        "--end", type=Finite(), metavar="S", help="Use a static log up to this second of its clock."
+    )
     @functools.wraps(command)
     def wrapped(
         *args: Any,

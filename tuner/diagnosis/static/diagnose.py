@@ -26,6 +26,7 @@ from tuner.diagnosis.static.reported_noise import noise_after, noise_before
 from tuner.diagnosis.static.search import SearchResult, search_causes
 from tuner.diagnosis.static.something_else import about, with_unknown
 from tuner.diagnosis.static.spectrum import aliasing as sampling
+from tuner.formats.customary_units import stamp
 from tuner.jobs import each
 from tuner.segments.conditions import without_knocks
 from tuner.segments.stationary import Segments
@@ -208,10 +209,11 @@ def _nothing_left(
     """Return why no channel can be analysed, in one line."""
     if refused or not any(one.cause == "motion" for one in found):
         return refused[0] if refused else "no channel to diagnose; give a record with at least one axis"
-    parts = [(b - a, record.t[a] - record.t[0]) for a, b in resting.get(record.axes[0], ())]
+    parts = [(b - a, float(record.t[a])) for a, b in resting.get(record.axes[0], ())]
     longest, begin = max(parts, default=(0, 0.0))
+    end = begin + longest * record.interval
     return (
-        f"the sensor moved: its longest stand-still, {begin:.5g} to {begin + longest * record.interval:.5g} s, has "
+        f"the sensor moved: its longest stand-still, {stamp(begin)} to {stamp(end)} s, has "
         f"{longest} samples, expected {MIN_SAMPLES}: record one of {MIN_SAMPLES * record.interval:.3g} s or more"
     )
 
