@@ -85,6 +85,8 @@ def verdict_text(verdict: Verdict) -> str:
 def explanation_text(explanation: Explanation) -> str:
     """Return an explanation of scores, and the same in other words where there are such."""
     words = _explanation(explanation)
+    if explanation.beside is not None:
+        return f"both {words} and {_explanation(explanation.beside)}"
     other = explanation.equivalent
     return words if other is None else f"{words}, or in other words: {_explanation(other)}"
 

@@ -93,6 +93,8 @@ class Explanation:
         fixes their own.
     equivalent : Explanation or None
         The same effect described otherwise: the runs do not distinguish the two.
+    beside : Explanation or None
+        What is wrong as well; the two explain the scores together.
     """
 
     kind: ExplanationKind
@@ -102,6 +104,7 @@ class Explanation:
     misfit: float
     time_constant: float | None = None
     equivalent: Explanation | None = None
+    beside: Explanation | None = None
 
     @property
     def source(self) -> str:

@@ -167,6 +167,32 @@ def test_least_misfit_is_named_where_several_settings_are_far_off():
     assert causes[0].source == "gyro white noise"
 
 
+def test_sensors_and_fixes_that_are_both_wrong_are_both_named():
+    """Variances of 4 for the sensors and 0.25 for the fixes, which have two scores each in other shares."""
+    true, shares = (4.0, 0.25), np.array([[0.9, 0.1], [0.5, 0.5], [0.2, 0.8]])
+    y = np.random.default_rng(4).standard_normal((40, 200, 3)) * np.sqrt(shares @ true)
+    scores = [score("x", list(y[..., i] ** 2), 1) for i in range(3)]
+    own = {
+        name: np.concatenate([column, np.diag(column).ravel()])
+        for name, column in zip(("all sensor noise", "position fixes"), shares.T, strict=True)
+    }
+    rivals = [
+        Hypothesis(
+            ExplanationKind.SCALE,
+            name,
+            lambda x, column=column: sum(own.values()) + (np.exp(2.0 * x) - 1.0) * column,
+            (-4.6, 4.6),
+        )
+        for name, column in own.items()
+    ]
+    measured = [whitened_products(y, np.ones((40, 200), dtype=bool))]
+    (cause,) = likeliest(scores, measured, rivals)
+    assert (cause.source, cause.beside.source) == ("all sensor noise", "position fixes")
+    # An sd of 40 · 200 squares errs by 1 %, and the model by 5 %.
+    assert cause.ratio == pytest.approx(2.0, rel=0.1)
+    assert cause.beside.ratio == pytest.approx(0.5, rel=0.1)
+
+
 @pytest.mark.parametrize(("level", "count"), [(0.95, 2), (0.7, 1)])
 def test_explanations_that_differ_by_a_common_level_of_five_percent_are_both_named(level, count):
     """Runs tell 5 % apart, but linear covariance errs by as much."""

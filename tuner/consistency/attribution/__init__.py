@@ -12,6 +12,9 @@ The likelihood punishes a variance that is expected too small far more than one 
 only hypotheses that fit. Where none does, because several settings are far off, that of least misfit in the logarithms
 of the scores is named.
 
+Noise of the sensors and noise of the fixes may both be wrong (`tuner.consistency.attribution.pairs`): where the best
+hypothesis leaves more misfit than chance, pairs are tried, and named where the runs distinguish them from it.
+
 One error may have two descriptions: a ladder of states whose time constants are a rung too long lacks its fastest state
 and has one too slow to differ from a constant. Where the runs do not distinguish the two, they are one explanation.
 
@@ -36,6 +39,7 @@ from tuner.consistency.attribution.likelihood import (
     expected_products,
     measured_products,
 )
+from tuner.consistency.attribution.pairs import fitted_in_turn, pairs
 from tuner.consistency.attribution.sensitivity import (
     CORRELATED_TIMES,
     ScoreSensitivity,
@@ -149,8 +153,30 @@ def likeliest(
         scale = count / max(least, count)
         fits = [replace(fit, loss=scale * fit.loss, level_loss=scale * fit.level_loss) for fit in fits]
     fits.sort(key=lambda fit: float(fit.loss.mean()))
+    if not fits or fits[0].misfit > count:
+        both = _both(rivals, lambda one: _fitted(one, likelihoods(measured), whole, misfits))
+        both = [pair for pair in both if pair[0].misfit <= min(half, MAX_MISFIT_PER_SCORE * count)]
+        single = (
+            likelihoods(measured)(fits[0].hypothesis.expected(fits[0].size)[None, :])[0] if fits else None
+        )
+        if both and (single is None or _distinct(replace(fits[0], loss=single), both[0][0])):
+            return _explained_by_both(both)
     likely = [fit for fit in fits if not _distinct(fit, fits[0])]
     return _explanations(sorted(likely, key=_beyond_bounds))
+
+
+def _both(rivals: Sequence[Hypothesis], fit: Callable[[Hypothesis], Fit]) -> list[tuple[Fit, Fit]]:
+    """Return noise of sensors and of fixes that are wrong together, the likeliest first; each is surely wrong."""
+    found = [fitted_in_turn(one, other, fit, lambda of: of.size) for one, other in pairs(rivals)]
+    sure = [pair for pair in found if all(not one.interval[0] < 0.0 < one.interval[1] for one in pair)]
+    return sorted(sure, key=lambda pair: float(pair[1].loss.mean()))
+
+
+def _explained_by_both(both: Sequence[tuple[Fit, Fit]]) -> tuple[Explanation, ...]:
+    """Return the pairs that are not distinguished from the likeliest, that with the clearer change first in each."""
+    likely = [pair for pair in both if not _distinct(pair[1], both[0][1])]
+    ordered = [sorted(pair, key=lambda one: -abs(one.size)) for pair in likely]
+    return tuple(replace(_explanation(one), beside=_explanation(other)) for one, other in ordered)
 
 
 def _fitted(rival: Hypothesis, loss: Loss, whole: Loss, misfits: Loss) -> Fit:

@@ -77,7 +77,7 @@ class ConstraintCount:
 MAX_CRAB_ANGLE = math.radians(25.0)
 """Angle between motion and axis up to which a vehicle moves along the axis: boats in a wind crab so much, cars less."""
 MIN_SHARE_ALONG = 2.0 / 3.0
-"""Share of the time in motion in which it must move so: cars reverse at times, multicopters fly to all sides."""
+"""Share of the time in motion in which it must move so: cars reverse at times, multicopters move to all sides."""
 KINDS = (
     ("non-holonomic", NON_HOLONOMIC, 2),
     ("zero velocity", ZERO_VELOCITY, 3),

@@ -48,6 +48,7 @@ def explanation_json(explanation: Explanation) -> dict[str, Any]:
         "interval": list(explanation.interval),
         "misfit": explanation.misfit,
         "text": explanation_text(explanation),
+        **({} if explanation.beside is None else {"beside": explanation_json(explanation.beside)}),
     }
 
 
