@@ -45,6 +45,11 @@ _DIAGONAL_RIDGE = 1e-10
 
 _GRID_POINTS = 8
 """Trial values of a time constant: half a decade apart in a record of four decades."""
+_FITTED_STARTS = 12
+"""Points of the grid, the best at rough amplitudes, at which the amplitudes are fitted.
+
+Of 45 grids of 36 points each, half of recordings, one led to a likelihood that was lower by more than 0.5 nats.
+"""
 _REFINED_STARTS = 3
 """Best points of the grid from which the likelihood is maximised: it may have several maxima."""
 
@@ -193,12 +198,15 @@ class Objective:
         choices = [combinations_with_replacement(group[0][1], len(group)) for group in same]
         amplitudes = [j for j in range(len(self.lower)) if self.is_amplitude(j)]
         lower, upper = self.lower[amplitudes], self.upper[amplitudes]
-        found = []
+        tried, found = [], []
         for choice in product(*choices):
             scales, each = zip(*(trial for group in choice for trial in group), strict=True)
             shapes = np.stack(each)
             start = np.clip(0.5 * np.log(self._shares(shapes)), lower, upper)
             function = partial(self._of_amplitudes, shapes)
+            tried.append((function(start)[0], start, function, scales))
+        tried.sort(key=lambda entry: entry[0])
+        for _, start, function, scales in tried[:_FITTED_STARTS]:
             logs, value = minimise(function, start, lower=lower, upper=upper, tolerance=1e-4)
             entries = [(log, *np.log(scale)) for log, scale in zip(logs, scales, strict=True)]
             found.append((value, np.concatenate(entries)))
