@@ -20,7 +20,7 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import combinations_with_replacement, groupby, product
@@ -176,6 +176,15 @@ class Objective:
         relative = gradient / expected
         value = float(self.data.count @ np.log(expected) + squares.sum()) + determinant
         return value, relative @ (freedom - squares), (relative * freedom) @ relative.T
+
+    def with_power(self, shape: FloatArray) -> Callable[[FloatArray], tuple[float, FloatArray, FloatArray]]:
+        """Return what a call does, with a last parameter more: the log of the size of power of this shape, (m,)."""
+
+        def of(theta: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+            (expected, gradient), power = self.expected(theta[:-1]), np.exp(theta[-1]) * shape
+            return self._evaluate(expected + power, np.concatenate((gradient, power[None])))
+
+        return of
 
     def log_likelihood(self, theta: FloatArray) -> float:
         """Return ln L without the last term, to compare sums with different templates."""

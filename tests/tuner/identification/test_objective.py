@@ -42,6 +42,20 @@ def test_gradient_is_that_of_the_value(restricted):
     np.testing.assert_allclose(one(THETA)[1], differences, rtol=1e-6, atol=1e-5)
 
 
+def test_power_of_a_given_shape_is_known_power_of_its_size():
+    one, step = objective(), 1e-5
+    shape, theta = one.data.frequency**-0.75, np.append(THETA, -3.0)
+    value, gradient, _ = one.with_power(shape)(theta)
+    known = replace(one, fixed=one.fixed + np.exp(-3.0) * shape)
+    assert value == pytest.approx(known(THETA)[0], rel=1e-12)
+    differences = [
+        (one.with_power(shape)(theta + step * unit)[0] - one.with_power(shape)(theta - step * unit)[0])
+        / (2.0 * step)
+        for unit in np.eye(len(theta))
+    ]
+    np.testing.assert_allclose(gradient, differences, rtol=1e-6, atol=1e-5)
+
+
 @pytest.mark.parametrize("restricted", [True, False])
 def test_what_lies_along_a_template_does_not_count(restricted):
     one = objective(restricted=restricted)

@@ -9,7 +9,7 @@ catalogue. Its weight, a likelihood ratio as that of every alternative, is the l
   of time for a transient, and for causes that bend the spectrum power-law noise f^α with an α that is none of 0, −1
   and −2 (white, flicker, random walk)::
 
-    E(f) = S_base(f) + s f^α,    s ≥ 0, α on a grid, the noise of the base fitted again for each s
+    E(f) = S_base(f) + s f^α,    s ≥ 0, α on a grid, s and the noise of the base fitted together
 """
 
 from __future__ import annotations
@@ -19,7 +19,6 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 from models.noise import BiasInstability, RandomWalk
 from tuner.diagnosis.cause import Group
@@ -33,6 +32,7 @@ from tuner.diagnosis.static.model.slow_likelihood import FLICKER
 from tuner.diagnosis.static.near_twins import NEAR_TWIN_NATS, THERMAL
 from tuner.diagnosis.static.outcome import Accepted
 from tuner.diagnosis.static.search import SearchResult, group_of
+from tuner.identification.fisher_scoring import minimise
 from tuner.types import Alternative
 
 FloatArray = NDArray[np.float64]
@@ -61,8 +61,10 @@ CORRELATED = ("gauss_markov", "lowpass", "colour")
 """Causes that bend the spectrum over decades."""
 TRIED_EXPONENTS = (-0.25, -0.5, -0.75, -1.25, -1.5, -1.75)
 """α that are tried, a quarter apart: one between two loses a nat in fifty, and −1 and −2 are in the base."""
-LOG_SIZES = (-12.0, 6.0)
-"""Range of the log of the power ÷ that of the white noise, in the middle of the cells of the fit."""
+LOG_SIZES, START_LOG_SIZE = (-12.0, 6.0), -2.0
+"""Range of the log of the power ÷ that of the white noise, in the middle of the cells, and where a fit begins."""
+SIZE_TOLERANCE = 0.01
+"""Gain of -2 ln L in a step at which a fit ends; a lead counts in nats."""
 CORNER_COUNT = 16
 """Places of a change of slope, and starts of a logarithm, that are tried; neighbours resemble each other by 0.95."""
 
@@ -118,17 +120,18 @@ def power_law_lead(fitted: Residual) -> float:
     for kind in (RandomWalk, BiasInstability):
         at = sum(len(k.PARAMETERS) for k in FLICKER[: FLICKER.index(kind)])
         weak[at] = problem.lower[at] + 1.0
+    lower, upper = (
+        np.append(ends, end) for ends, end in zip((problem.lower, problem.upper), LOG_SIZES, strict=True)
+    )
     best = -np.inf
     for exponent in TRIED_EXPONENTS:
         shape = fit.expected[-1] * (f / f[len(f) // 2]) ** exponent
         for start in (fit.theta, weak):
-
-            def cost(log_size: float, shape: FloatArray = shape, start: FloatArray = start) -> float:
-                track = replace(bare.track, fixed=bare.track.fixed + np.exp(log_size) * shape)
-                return -track.fit(FLICKER, start).log_likelihood
-
-            found = minimize_scalar(cost, bounds=LOG_SIZES, method="bounded", options={"xatol": 0.1})
-            best = max(best, -float(found.fun))
+            first = np.clip(np.append(start, START_LOG_SIZE), lower, upper)
+            _, value = minimise(
+                problem.with_power(shape), first, lower=lower, upper=upper, tolerance=SIZE_TOLERANCE
+            )
+            best = max(best, -0.5 * value)
     return best - fitted.fit.log_likelihood
 
 
