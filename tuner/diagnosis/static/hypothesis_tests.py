@@ -19,6 +19,7 @@ from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.diagnosis.static.causes.template import Template
 from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.outcome import TestResult
+from tuner.diagnosis.static.spectrum.falling_curve import CURVE
 from tuner.diagnosis.static.spectrum.filters import is_mean
 from tuner.diagnosis.static.spectrum.shape import few_shapes, many_shapes
 from tuner.diagnosis.static.variance import modulation
@@ -92,7 +93,8 @@ def spectrum(fitted: Residual, *, whole: bool = True) -> tuple[TestResult, ...]:
     """Test the fast spectrum for resonances and for its broad shape.
 
     Beside a clear narrow resonance (`CERTAIN_GAIN`) broad shapes are tested only with `whole`: the resonance goes
-    first, unless moving means gain more: between their nulls power looks like resonances.
+    first, unless moving means, or a filter with a sharp edge, gain more: between nulls and at edges power looks like
+    resonances.
     """
     tested = few_shapes(fitted)
     name, nats = "shape of the fast spectrum", tested.misfit_nats
@@ -102,8 +104,12 @@ def spectrum(fitted: Residual, *, whole: bool = True) -> tuple[TestResult, ...]:
     resonances = (vibration.test(fitted, tested),) if is_open(fitted, "vibration") else ()
     certain = any(one.gain > CERTAIN_GAIN for one in resonances)
     shaped = bool(fitted.count("lowpass", "colour"))
-    means = not shaped and bool(tested.filters) and is_mean(tested.filters[0].name)
-    if certain and means and tested.filter_gain > max(one.gain for one in resonances) + CERTAIN_GAIN:
+    best = tested.filters[0].name if tested.filters and not shaped else ""
+    if (
+        certain
+        and (is_mean(best) or best == CURVE)
+        and tested.filter_gain > max(one.gain for one in resonances) + CERTAIN_GAIN
+    ):
         return (*resonances, lowpass.test(tested), unnamed)
     if shaped or (certain and not whole):
         return (*resonances, unnamed)

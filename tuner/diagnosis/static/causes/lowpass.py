@@ -20,7 +20,13 @@ from tuner.diagnosis.static.causes.base import Value
 from tuner.diagnosis.static.causes.shaped_white_noise import ShapedWhiteNoise
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.spectrum.binned import Bins, bins
-from tuner.diagnosis.static.spectrum.filters import filter_arma, filter_kind, filter_power, is_mean
+from tuner.diagnosis.static.spectrum.falling_curve import CURVE, curve_power, curve_recursion, falling_curve
+from tuner.diagnosis.static.spectrum.filters import (
+    filter_arma,
+    filter_kind,
+    filter_power,
+    is_mean,
+)
 from tuner.diagnosis.static.spectrum.shape import ShapeFit, ShapeTest, cutoffs, fit_filters
 
 if TYPE_CHECKING:
@@ -45,20 +51,28 @@ class LowPass(ShapedWhiteNoise):
     )
     kind: str
     cutoff: float
+    response: tuple[float, ...] = ()
+    """Squared response in bins, of a filter that is known as a curve."""
 
     def arma(self, interval: float, density: float = 1.0) -> Arma:
         """Return the filtered white noise as an ARMA term."""
-        ar, ma = filter_arma(self.kind, self.cutoff * interval)
+        ar, ma = (
+            (curve_recursion(np.array(self.response)), ())
+            if self.response
+            else filter_arma(self.kind, self.cutoff * interval)
+        )
         gain = (1.0 + sum(ma)) / (1.0 - sum(ar))
         return Arma(ar, _invertible(ma), density**2 / interval / gain**2, interval)
 
     @property
     def order(self) -> int:
-        """Number of poles."""
-        return filter_kind(self.kind)[0]
+        """Number of poles; 0 of a filter without any."""
+        return 0 if self.response or is_mean(self.kind) else filter_kind(self.kind)[0]
 
     def gain(self, f: FloatArray, interval: float) -> FloatArray:
-        """Return the squared response of the filter; of moving means, whose nulls an ARMA blurs, in closed form."""
+        """Return the squared response of the filter, in closed form where an ARMA blurs its nulls or edges."""
+        if self.response:
+            return curve_power(np.array(self.response), np.asarray(f) * interval)
         if is_mean(self.kind):
             return filter_power(self.kind, self.cutoff * interval, np.asarray(f) * interval)
         return super().gain(f, interval)
@@ -99,6 +113,11 @@ def test(tested: ShapeTest) -> TestResult:
 def extension(data: Bins, filters: tuple[ShapeFit, ...]) -> LowPass:
     """Return the best filter with its cutoff."""
     rate = 1.0 / data.interval
+    curve = falling_curve(data) if filters[0].name == CURVE else None
+    if curve is not None:
+        cutoff, reach = rate * curve.cutoff, rate * curve.reach
+        known = {"cutoff": Value(cutoff, max(cutoff - reach, 0.0), cutoff + reach, "Hz")}
+        return LowPass(data.rounding_sd, CURVE, cutoff, tuple(curve.response.tolist()), values=known)
     low, high = (rate * float(np.exp(end)) for end in cutoffs(data, filters))
     cutoff = rate * float(np.exp(filters[0].x[0]))
     return LowPass(

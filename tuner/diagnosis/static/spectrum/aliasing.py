@@ -21,7 +21,6 @@ from models.noise import White
 from tuner.diagnosis.static.causes.colour import Colour
 from tuner.diagnosis.static.causes.lowpass import LowPass
 from tuner.diagnosis.static.model.residual import Residual, gain_of
-from tuner.diagnosis.static.spectrum.filters import is_mean
 
 MIN_RATE_RATIO = 2.0
 """Least rate ÷ bandwidth without aliasing: the sampling theorem."""
@@ -44,7 +43,7 @@ def bandwidth(fitted: Residual) -> tuple[float, bool]:
     """Return the equivalent noise bandwidth of a channel, Hz, and whether it may as well be larger."""
     dt = fitted.channel.interval
     for shape in fitted.extensions:
-        if isinstance(shape, LowPass) and not is_mean(shape.kind):
+        if isinstance(shape, LowPass) and shape.order:
             return float(0.5 * np.pi / shape.order / np.sin(0.5 * np.pi / shape.order)) * shape.cutoff, False
         if isinstance(shape, LowPass | Colour):
             f = np.asarray((np.arange(256) + 0.5) / (512.0 * dt), dtype=float)

@@ -29,6 +29,7 @@ from scipy.stats import chi2
 from tuner.diagnosis.static.model.null_distributions import maximum, minimum
 from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.spectrum.binned import Bins, Sizes, bins, rise, sized
+from tuner.diagnosis.static.spectrum.falling_curve import CURVE, falling_curve
 from tuner.diagnosis.static.spectrum.filters import (
     COLOURS,
     FILTERS,
@@ -65,6 +66,8 @@ COLOUR_STARTS = 2
 """Searches for a colour, from its likeliest starting points: the likelihood may have a maximum for either sign."""
 FIRST_ORDER = ("ar1", "ma1")
 """Colours whose likelihood ratio is the statistic."""
+CURVE_P_VALUE = 1e-6
+"""P-value below which the filters with a formula are contradicted, and one of any form is tried."""
 SHAPES_P_VALUE = 1e-3
 """P-value below which all shapes are fitted; chosen above any threshold, so that it only saves time."""
 
@@ -76,9 +79,10 @@ class ShapeFit:
     Attributes
     ----------
     name : str
-        ``white``, or as in `tuner.diagnosis.static.spectrum.filters`.
+        ``white``, or as in `tuner.diagnosis.static.spectrum.filters` or `falling_curve`.
     x : ndarray, shape (p,)
-        Its parameters: the log of a cutoff × interval, or the free numbers of a colour.
+        Its parameters: the log of a cutoff × interval (of a curve besides as many zeros as its levels are worth), or
+        the free numbers of a colour.
     cost : float
         Minus the log likelihood.
     expected : ndarray, shape (b,)
@@ -98,8 +102,8 @@ class ShapeFit:
 
     @property
     def falls(self) -> bool:
-        """Whether the spectrum falls all the way to the highest frequency."""
-        return bool(np.all(np.diff(self.expected) <= 0.0))
+        """Whether the spectrum falls all the way to the highest frequency, but for ripple in a stop band."""
+        return self.name == CURVE or bool(np.all(np.diff(self.expected) <= 0.0))
 
     @property
     def even(self) -> bool:
@@ -347,14 +351,24 @@ def fit_filters(data: Bins) -> tuple[ShapeFit, ...]:
         else fitted
         for fitted in fits
     ]
-    return tuple(
-        sorted(
-            fits,
-            key=lambda fitted: (
-                fitted.least + (SIMPLER_NATS if fitted.name == QUANTIZATION_LIKE_FILTER else 0.0)
-            ),
-        )
+    fits.sort(
+        key=lambda fitted: fitted.least + (SIMPLER_NATS if fitted.name == QUANTIZATION_LIKE_FILTER else 0.0)
     )
+    likeliest = min(fits, key=lambda fitted: _price(data, fitted, False))
+    curve = _fit_curve(data) if misfit(data, likeliest) < CURVE_P_VALUE else None
+    if curve is not None and _price(data, curve, False) < _price(data, likeliest, False):
+        return (curve, *fits)
+    return tuple(fits)
+
+
+def _fit_curve(data: Bins) -> ShapeFit | None:
+    """Fit a filter of any form, a nat for each level; None where the spectrum does not fall as behind one."""
+    found = falling_curve(data)
+    if found is None:
+        return None
+    x = np.zeros(1 + round(2.0 * found.numbers / data.log_count))
+    x[0] = np.log(found.cutoff)
+    return ShapeFit(CURVE, x, found.cost, found.expected, False, found.cost)
 
 
 def _price(data: Bins, fitted: ShapeFit | ResonanceFit, rises: bool) -> float:
