@@ -2,13 +2,14 @@
 
     TUNER_DATA=FOLDER python benchmarks/drives.py [NAME …]
 
-Each drive below FOLDER/drives. The first table has the delays of the fixes by the motion alone, with intervals
-at 95 %: no configuration plays a part in them. In the second, configurations filter the drive with these clocks; the
-last 40 % are scored: position with fixes (3D, against the reference where there
-is one, else the fixes), and outages of 10, 30 and 60 s as error and true ÷ predicted. *began*: noise at rest, sds as
-reported; *× 10*: its process noise ten times as large; *Sage–Husa*: sds of the fixes by the well-known adaptation to
-the innovations; *written*: by `tune --drive`. The last column is processor time of what is written. The third table
-compares began and written in all outages of the drive, in pairs.
+Each drive below FOLDER/drives. The first table has the delays of the fixes by the motion alone, with intervals at 95
+%: no configuration plays a part in them. In the second, configurations filter the drive with these clocks; the last
+40 % are scored: position with fixes (3D, against the reference where there is one, else the fixes), and outages of
+10, 30 and 60 s, one after another, as error and true ÷ predicted with its 95 % interval and the number of outages.
+*began*: noise at rest, sds as reported; *× 10*: its process noise ten times as large; *Sage–Husa*: sds of the fixes
+by the well-known adaptation to the innovations; *written*: by `tune --drive`. The last column is processor time of
+what is written. The third table compares began and written in all outages of the drive, in pairs; the fourth has what
+is written where every fix is moved by `MOVED_SDS` of its reported sds at random, the diagnosis kept.
 """
 
 from __future__ import annotations
@@ -16,13 +17,14 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from models.earth import llh_displaced
 from tuner.consistency.reference_check import trusted_reference
 from tuner.diagnosis.drive.config_after_drive import config_after_drive
 from tuner.diagnosis.drive.configured_run import ConfiguredRun, configured_run
@@ -30,8 +32,10 @@ from tuner.diagnosis.drive.explained_drive import examine_and_explain
 from tuner.diagnosis.drive.held_out_choice import HeldOutChoice, choose_config
 from tuner.diagnosis.drive.held_out_gain import change_interval
 from tuner.diagnosis.drive.noise_factors import with_noise_factors
+from tuner.diagnosis.drive.outage_errors import OutageErrors, all_outages
 from tuner.diagnosis.drive.predictive_score import PredictiveScore, predictive_score
 from tuner.diagnosis.drive.score_tests import FITTED_SHARE
+from tuner.formats.outage_words import interval_words
 from tuner.navigation.data import USED, Solution
 from tuner.navigation.drive.clock import clock_of_drive
 from tuner.navigation.drive.gross_outliers import without_gross_outliers
@@ -50,6 +54,20 @@ LEAST_VARIANCE = 0.01
 """Least variance of a fix, in units of the reported: Sage and Husa's may become negative."""
 ADAPTATIONS = 4
 """Runs in which the sds settle: each takes its covariances from the one before."""
+
+
+MOVED_SDS = 0.003
+"""Random change of fixes, in the sds that they report: millimetres, far below what a fix is off."""
+MOVED_SEEDS = (1, 2)
+"""Seeds of it."""
+
+
+def moved(drive: Drive, seed: int) -> Drive:
+    """Return a drive whose fixes are moved at random."""
+    rng, gnss = np.random.default_rng(seed), drive.gnss
+    off = [MOVED_SDS * sd * rng.standard_normal(sd.shape) for sd in (gnss.position_sd, gnss.velocity_sd)]
+    llh = llh_displaced(gnss.llh, np.nan_to_num(off[0]))
+    return replace(drive, gnss=replace(gnss, llh=llh, vel_n=gnss.vel_n + np.nan_to_num(off[1])))
 
 
 def drives(folder: Path, names: list[str]) -> Iterator[Drive]:
@@ -109,26 +127,39 @@ def _signed(value: float) -> str:
     return f"{float(f'{value:.2g}'):+g}".replace("-", "−")
 
 
-def row(name: str, score: PredictiveScore | None, seconds: float | None = None) -> str:
+Judged = tuple[PredictiveScore, Mapping[float, OutageErrors]]
+"""Score of a part of a drive, and its outages."""
+
+
+def row(name: str, found: Judged | None, seconds: float | None = None) -> str:
     """Return one row of the second table."""
     took = "" if seconds is None else f"{seconds:.0f}"
-    if score is None:
+    if found is None:
         return f"| {name} | too short, or lost | | | | {took} |"
-    by = {one.seconds: f"{one.rms:.3g} m, {one.ratio:.2f}" for one in score.outages}
-    cells = " | ".join(by.get(length, "–") for length in (10.0, 30.0, 60.0))
+    score, outages = found
+    cells = " | ".join(cell(outages.get(length)) for length in (10.0, 30.0, 60.0))
     return f"| {name} | {score.tracking_rms:.3g} | {cells} | {took} |"
+
+
+def cell(one: OutageErrors | None) -> str:
+    """Return error and true ÷ predicted in outages of one length, with its interval and their number."""
+    if one is None or not len(one.square):
+        return "–"
+    return f"{one.rms:.3g} m, {one.ratio:.2f} ({interval_words(one.interval)}, {len(one.square)})"
 
 
 def judged(
     drive: Drive, config: FilterConfig, begin: float, *, adapt: bool = False, whole: bool = False
-) -> PredictiveScore | None:
+) -> Judged | None:
     """Return the score of a configuration on the drive from a time on, by its reference where that is right."""
     clean = replace(drive, gnss=without_gross_outliers(drive.gnss)[0])
     try:
         run = configured_run(clean, config, clock_of_drive(drive))
         if run.reference is not None and not whole:
             run = replace(run, reference=trusted_reference(run.reference, run.stretches, run.settings)[0])
-        return predictive_score(adapted(run) if adapt else run, begin, float(drive.gnss.t[-1]))
+        run, end = adapted(run) if adapt else run, float(drive.gnss.t[-1])
+        score = predictive_score(run, begin, end)
+        return None if score is None else (score, all_outages(run, begin, end))
     except DataError:
         return None
 
@@ -138,7 +169,7 @@ def main() -> None:
     folder = Path(os.environ.get("TUNER_DATA", "")) / "drives"
     if not folder.is_dir():
         sys.exit("TUNER_DATA: expected a folder with recordings in 'drives', found none")
-    clocks, scores, outages = [], [], []
+    clocks, scores, outages, changes = [], [], [], []
     for drive in drives(folder, sys.argv[1:]):
         clocks.append(f"| {drive.name} | {clock_of_drive(drive).note} |")
         t = drive.gnss.t
@@ -158,14 +189,29 @@ def main() -> None:
         if choice.after is not None and choice.after.fixes_rms is not None:
             own.append(f"| … fixes alone | {choice.after.fixes_rms:.3g} | | | | |")
             by_all = judged(drive, choice.config, begin, whole=True)
-            if by_all is not None and by_all.fixes_rms is not None:
+            if by_all is not None and by_all[0].fixes_rms is not None:
                 own.append(row("… written, by the whole reference", by_all))
-                own.append(f"| … fixes alone, by the whole reference | {by_all.fixes_rms:.3g} | | | | |")
+                own.append(f"| … fixes alone, by the whole reference | {by_all[0].fixes_rms:.3g} | | | | |")
+            changes += [
+                f"| {drive.name} | {other.kept}, {len(other.factors)} factors | {other.after.tracking_rms:.3g} | "
+                f"{' | '.join(map(cell, other.late))} |"
+                for seed in MOVED_SEEDS
+                if (
+                    other := choose_config(
+                        moved(drive, seed), examined, began, config_after_drive(examined, kept=True), silent
+                    )
+                ).after
+            ]
         outages.append(compared(drive.name, choice))
         scores += own
         print(clocks[-1], *own, outages[-1], choice.note, sep="\n", flush=True)
     print("\n| drive | clocks by the motion alone |\n|---|---|", *clocks, sep="\n")
     print("\n| drive | position, m | 10 s | 30 s | 60 s | s |\n|---|---|---|---|---|---|", *scores, sep="\n")
+    print(
+        "\n| fixes moved | written | position, m | 10 s | 30 s | 60 s |\n|---|---|---|---|---|---|",
+        *changes,
+        sep="\n",
+    )
     print("\n| all outages of the drive, m | 10 s | 30 s | 60 s |\n|---|---|---|---|", *outages, sep="\n")
 
 

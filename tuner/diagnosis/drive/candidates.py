@@ -26,6 +26,8 @@ from tuner.stages import counted
 from tuner.types import FilterConfig
 from tuner.types.records import DataError, Drive
 
+BEGINNING = "as it began"
+"""Name of the configuration before the drive."""
 STEPS = (3.0, 3.0**0.5)
 """Factors by which a setting is moved: a third of a decade is far, its root is what outages of a drive tell apart."""
 MIN_GAIN = 3.0
@@ -146,6 +148,19 @@ def by_innovations(one: Candidate) -> tuple[float, float]:
     return one.first.innovation_distance, -one.first.nats
 
 
+def in_order(candidates: Sequence[Candidate]) -> list[Candidate]:
+    """Return candidates in order of trial, first of those within `MIN_GAIN` of the best the nearest to the start."""
+    ranked = sorted(candidates, key=by_innovations)
+    distance, nats = ranked[0].first.innovation_distance, ranked[0].first.nats
+    ties = [
+        one
+        for one in ranked
+        if one.first.innovation_distance == distance and one.first.nats > nats - MIN_GAIN
+    ]
+    nearest = min(ties, key=lambda one: (one.name != BEGINNING, len(one.factors)))
+    return [nearest, *(one for one in ranked if one is not nearest)]
+
+
 def by_nats(one: Candidate) -> float:
     """Return the log density of the first part."""
     return one.first.nats
@@ -223,7 +238,8 @@ def _fit_factors(
     """Return the factors of a candidate after those moves that raise its log density, one after another.
 
     A move that takes innovations away from their prediction is refused: it would contradict what the fixes say of
-    their own errors, for a few outages that chance decides.
+    their own errors, for a few outages that chance decides. In the end each factor without which less than `MIN_GAIN`
+    is lost goes back to where it began, so that small changes of a drive change few of them.
     """
     factors, nats = dict(best.factors), best.first.nats
     distance = best.first.innovation_distance
@@ -248,6 +264,11 @@ def _fit_factors(
                 if moved:
                     gains[name] = []
                     break
+    for name in reversed([name for name in factors if factors[name] != best.factors.get(name, 1.0)]):
+        trial = {**factors, name: best.factors.get(name, 1.0)}
+        found = score(with_noise_factors(best.config, trial))
+        if found and found.nats > nats - MIN_GAIN and found.innovation_distance <= distance:
+            factors = trial
     return {
         name: value for name, value in factors.items() if name in FIRST_STAYING or abs(np.log(value)) > 1e-6
     }

@@ -9,7 +9,7 @@ of 3 and then of √3, each kept where it gains `MIN_GAIN`.
 On the last part a candidate replaces the beginning only where its log density is larger and nothing that a user reads
 is worse: positions with fixes, and errors in outages of the whole drive, compared in pairs (`outage_pairs`). Candidates
 are tried in the order of their log density on the first part, those whose innovations are as large as predicted before
-the others; where none passes, the configuration stays as it began.
+the others, of alike ones (`MIN_GAIN`) the nearest to the beginning first; where none passes, it is written.
 Without a reference the first that passes is written. With one (`trusted_reference`) the best `Rank` is: positions of
 both parts err no more than the fixes, innovations are as large as predicted, and so are errors in outages of the whole
 drive, one after another (`all_outages`). Further candidates are tried until one does: errors of the receiver that
@@ -29,13 +29,14 @@ from numpy.typing import NDArray
 
 from tuner.consistency.reference_check import trusted_reference
 from tuner.diagnosis.drive.candidates import (
+    BEGINNING,
     MAX_TRACKING_RATIO,
     Candidate,
     Rank,
     Trial,
-    by_innovations,
     by_nats,
     first_candidates,
+    in_order,
     refined,
     rounds_of,
 )
@@ -132,17 +133,17 @@ def choose_config(
     stage("fitting the noise to outages of the first part of the drive", 0.5)
     written = _written(examined, before, after)
     candidates = first_candidates(trial, _fitted(examined, written, trial.cut))
-    begun = trial.score("as it began", before, trial.cut, end)
+    begun = trial.score(BEGINNING, before, trial.cut, end)
     if begun is None or not candidates:
         if after == before:
-            return HeldOutChoice(before, "as it began", note=f"{TOO_SHORT}: they stay as they began")
+            return HeldOutChoice(before, BEGINNING, note=f"{TOO_SHORT}: they stay as they began")
         return HeldOutChoice(after, "with the findings", note=NOT_JUDGED)
     best = max(candidates, key=by_nats)
-    candidates = sorted([*candidates, *refined(trial, best)], key=by_innovations)
+    candidates = in_order([*candidates, *refined(trial, best)])
     progress("judging the configurations on the last part of the drive")
 
     stage("judging the settings on the last part of the drive", 1.0)
-    outages = all_outages(trial.run_of("as it began", before), begin, end)
+    outages = all_outages(trial.run_of(BEGINNING, before), begin, end)
 
     known: dict[tuple[str, tuple[tuple[str, float], ...]], tuple[HeldOutChoice, Rank] | None] = {}
 
@@ -155,8 +156,8 @@ def choose_config(
     chosen = first_of_best(rounds_of(trial, candidates), judged, has_reference=drive.reference is not None)
     if chosen is None:
         late = _since(outages, trial.cut)
-        note = _note("as it began", begun, begun, {}, late)
-        return HeldOutChoice(before, "as it began", {}, begun, begun, late=late, note=note)
+        note = _note(BEGINNING, begun, begun, {}, late)
+        return HeldOutChoice(before, BEGINNING, {}, begun, begun, late=late, note=note)
     return chosen
 
 
@@ -211,7 +212,7 @@ def _with_trusted_reference(drive: Drive, config: FilterConfig, clock: Clock) ->
 
 def _written(examined: ExaminedDrive, before: FilterConfig, after: FilterConfig) -> dict[str, FilterConfig]:
     """Return the configurations that may be written, by name, the one as it began first."""
-    written = {"as it began": before}
+    written = {BEGINNING: before}
     if after is not before and examined.search.accepted:
         written["with the findings"] = after
         if {one.cause for one in examined.search.accepted} - {GNSS_NOISE_SCALE}:
@@ -223,7 +224,7 @@ def _fitted(
     examined: ExaminedDrive, written: Mapping[str, FilterConfig], cut: float
 ) -> dict[str, FilterConfig]:
     """Return the same configurations with values fitted before a time, s; without those that cannot be fitted."""
-    fitted = {"as it began": written["as it began"]}
+    fitted = {BEGINNING: written[BEGINNING]}
     if len(written) == 1:
         return fitted
     try:
@@ -232,7 +233,7 @@ def _fitted(
         return fitted
     found = fitted["with the findings"] = replace(part.config, compensation=part.compensation)
     if SDS_FOUND in written:
-        fitted[SDS_FOUND] = with_sds_of(written["as it began"], found)
+        fitted[SDS_FOUND] = with_sds_of(written[BEGINNING], found)
     return fitted
 
 
@@ -297,7 +298,7 @@ def _note(
         alone += ", so that where there are fixes they are better than this filter"
     elif not after.follows():
         alone += ", a difference within the scatter of a drive"
-    if kept == "as it began":
+    if kept == BEGINNING:
         outages = "; ".join(one.text for one in late)
         return (
             "the configuration stays as it began: no change predicts the last 40 % of the drive better without "

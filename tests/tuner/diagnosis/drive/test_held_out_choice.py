@@ -13,7 +13,7 @@ from models import rotation
 from models.earth import llh_displaced
 from models.trajectory.catalogue import TRAJECTORIES
 from tuner.catalogue.grades import load_gnss, load_grade
-from tuner.diagnosis.drive.candidates import Candidate, Rank, by_innovations, refined
+from tuner.diagnosis.drive.candidates import Candidate, Rank, in_order, refined
 from tuner.diagnosis.drive.causes.time_offset import with_clock
 from tuner.diagnosis.drive.configured_run import configured_run, with_other_noise
 from tuner.diagnosis.drive.held_out_choice import (
@@ -151,7 +151,37 @@ def test_no_factor_for_outages_contradicts_the_innovations(right):
     far = replace(_score(10.0, 1.0, nats=40.0), innovations=(1.0, 0.5))
     near = replace(_score(10.0, 1.0, nats=1.0), innovations=(1.0, 0.9))
     both = [Candidate("far", None, {}, far), Candidate("near", None, {}, near)]
-    assert min(both, key=by_innovations).name == "near"
+    assert in_order(both)[0].name == "near"
+    best, simpler, begun = (
+        Candidate(name, None, factors, replace(_score(10.0, 1.0, nats=nats), innovations=(1.0, 1.0)))
+        for name, factors, nats in (
+            ("a", {"white": 3.0, "bias": 3.0}, 9.0),
+            ("a", {"white": 3.0}, 6.5),
+            ("as it began", {"white": 3.0}, 5.0),
+        )
+    )
+    assert in_order([best, simpler, begun])[0] is simpler
+    alike = replace(begun, first=replace(_score(10.0, 1.0, nats=7.0), innovations=(1.0, 1.0)))
+    assert in_order([best, simpler, alike])[0] is alike
+
+
+def test_factors_that_became_idle_go_back(right):
+    """The first factor gains 5 nats, a second one 4 more; without the first, the second is worth 8 of these 9."""
+
+    def score(name, config, begin, end):
+        own = config.compensation.of("gnss_noise_scale")
+        moved = tuple(
+            abs(np.log(own.get(row, 1.0))) > 0.1 for row in ("position_vertical", "position_horizontal")
+        )
+        gain = {(True, False): 5.0, (False, True): 8.0, (True, True): 9.0}.get(moved, 0.0)
+        return replace(_score(10.0, 1.0, nats=gain), innovations=(1.0, 1.0))
+
+    def candidate(name, config, factors):
+        return Candidate(name, config, factors, score(name, with_noise_factors(config, factors), 0.0, 1.0))
+
+    trial: Any = SimpleNamespace(score=score, candidate=candidate, begin=0.0, cut=1.0)
+    (found,) = refined(trial, candidate("a", right, {}))
+    assert list(found.factors) == ["position_horizontal"]
 
 
 def test_clocks_of_a_configuration_are_those_of_the_motion(right):
