@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from tuner.curves.spectrum import psd
 from tuner.formats.customary_units import customary_unit, in_customary, pretty
+from tuner.jobs import each
 from tuner.report.allan_figure import term_label
 from tuner.report.interactive_figure import DRAWN_DIGITS, Chart
 from tuner.tune_result import TuneResult
@@ -35,12 +36,21 @@ def charts(result: TuneResult) -> dict[str, dict[str, Chart]]:
             stated = None if result.datasheet is None else result.datasheet.channels.get(axis)
             found["allan"][axis] = allan_chart(channel, result.predictions.get(axis), stated)
     findings = () if result.diagnosis is None else result.diagnosis.findings
-    for record in result.records:
-        analysed = record if result.diagnosis is None else part_analysed(record, result.diagnosis.parts)
-        found["spectrum"] |= spectrum_charts(analysed, result.identification.channels)
-        for axis in record.axes:
-            concerned = [one for one in findings if axis in one.channels]
-            found["course"][axis] = course_chart(record, axis, concerned)
+
+    def of_samples(place: tuple[Record, int]) -> tuple[dict[str, Chart], Chart]:
+        record, j = place
+        one = replace(record, y=record.y[:, j : j + 1], axes=record.axes[j : j + 1])
+        analysed = one if result.diagnosis is None else part_analysed(one, result.diagnosis.parts)
+        concerned = [finding for finding in findings if one.axes[0] in finding.channels]
+        return (
+            spectrum_charts(analysed, result.identification.channels),
+            course_chart(one, one.axes[0], concerned),
+        )
+
+    places = [(record, j) for record in result.records for j in range(len(record.axes))]
+    for (record, j), (spectrum, course) in zip(places, each(of_samples, places), strict=True):
+        found["spectrum"] |= spectrum
+        found["course"][record.axes[j]] = course
     return {kind: by_axis for kind, by_axis in found.items() if by_axis}
 
 

@@ -132,6 +132,8 @@ def calibrate(records: Sequence[Record], *, gravity: float = STANDARD_GRAVITY) -
     accel = next((r for r in records if r.unit == "m/s^2" and len(r.axes) == 3), None)
     if accel is None or any(len(r) != len(accel) or r.segments != accel.segments for r in records):
         return None
+    if _one_direction(accel):
+        return None
     poses = find_poses(records)
     at = sum(len(r.axes) for r in records[: next(i for i, r in enumerate(records) if r is accel)])
     if not poses:
@@ -150,6 +152,16 @@ def calibrate(records: Sequence[Record], *, gravity: float = STANDARD_GRAVITY) -
                 gyro[f"bias_{axis.rpartition('_')[2]}"] = _gyro_bias(mean[:, place + j])
         place += len(record.axes)
     return PoseCalibration(len(poses), different, found, gyro, misfit, notes)
+
+
+def _one_direction(accel: Record) -> bool:
+    """Return whether all samples, and with them all their means, lie within half of `MIN_POSE_ANGLE` of one direction.
+
+    They are in a box; this is so where a ball about it is narrow as seen from the origin.
+    """
+    low, high = accel.y.min(axis=0), accel.y.max(axis=0)
+    distance, radius = np.linalg.norm(0.5 * (low + high)), np.linalg.norm(0.5 * (high - low))
+    return bool(radius < distance * np.sin(0.5 * MIN_POSE_ANGLE))
 
 
 def _gyro_bias(means: FloatArray) -> Coefficient:
