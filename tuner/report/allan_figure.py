@@ -44,6 +44,10 @@ SLOPES = {
 }
 WELL_KNOWN_SHARE = 0.2
 """Share of the record up to which the empirical curve is drawn in full: beyond a fifth, few differences remain."""
+MARGIN_INCHES = {"left": 0.75, "right": 0.15, "bottom": 0.5, "top": 0.3, "title": 0.3}
+"""Room about the panels for labels and their titles, and that of the title of the figure."""
+GAP_SHARES = {"wspace": 0.05, "hspace": 0.22}
+"""Room between panels as shares of one: for numbers at the left, for label and title above one another."""
 LEGEND_WIDTH = 60
 """Characters in a line of the legend beyond which each parameter gets a line: about as many as fit into a panel."""
 
@@ -64,8 +68,16 @@ def allan_figure(
     units = list(dict.fromkeys(c.unit for c in channels))
     rows = [[c for c in channels if c.unit == unit] for unit in units]
     columns = max(len(row) for row in rows)
-    size = (4.6 * columns + 0.4, 4.1 * len(rows) + 0.7)
-    with new_figure(size, paths, put) as figure:
+    size = width, height = (4.6 * columns + 0.4, 4.1 * len(rows) + 0.7)
+    room = MARGIN_INCHES
+    margins = {
+        "left": room["left"] / width,
+        "right": 1.0 - room["right"] / width,
+        "bottom": room["bottom"] / height,
+        "top": 1.0 - (room["top"] + (room["title"] if title else 0.0)) / height,
+        **GAP_SHARES,
+    }
+    with new_figure(size, paths, put, margins=margins) as figure:
         grid = figure.subplots(len(rows), columns, squeeze=False, sharey="row")
         for row, panels in zip(rows, grid, strict=True):
             for channel, panel in zip(row, panels, strict=False):

@@ -7,7 +7,7 @@ warm-up, a step. The effect of the cause (`models.effects`) makes them from the 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -47,6 +47,8 @@ class DiagnosedAxis:
         Time, s, and samples less their median, SI; short gaps are bridged.
     fitted : callable
         Returns the fit whose residuals are `e`; made where a figure shows it, once for all copies of this object.
+    whitened : callable
+        Returns `left`, made likewise.
     scale : float
         Size of its samples, SI.
     temperature : ndarray, shape (n,), optional
@@ -67,6 +69,7 @@ class DiagnosedAxis:
     t: FloatArray
     y: FloatArray
     fitted: Callable[[], Residual]
+    whitened: Callable[[], FloatArray]
     scale: float
     temperature: FloatArray | None
     before: NoiseModel
@@ -86,26 +89,7 @@ class DiagnosedAxis:
 
         Their distribution, and their variance over time, are not those of a resonance that is known.
         """
-        if not self.after.terms:
-            return self.e
-        a = transform(self.y - self.signal, self.interval)
-        order, knots = np.arange(1.0, len(a)), self._knots(len(a))
-        power = self.after.psd(knots / (2.0 * len(a) * self.interval), interval=self.interval)
-        a[0] = 0.0
-        a[1:] /= np.sqrt(np.interp(order, knots, power))
-        e = inverse(a, 1.0)
-        return e / robust_sd(e)
-
-    def _knots(self, n: int) -> FloatArray:
-        """Return the places, of 1 … n − 1, between which the spectrum with what was found is as good as linear."""
-        peaks = []
-        for one in self.values(Vibration.cause):
-            place = 2.0 * n * self.interval * one["frequency"]
-            reach = PEAK_WIDTHS * place / one["quality"]
-            low, high = (float(np.clip(end, 1, n - 1)) for end in (place - reach, place + reach))
-            inside = np.linspace(low, high, KNOTS_IN_A_PEAK)
-            peaks.append(inside if high - low > KNOTS_IN_A_PEAK else np.arange(np.ceil(low), high))
-        return np.unique(np.concatenate((spectrum_knots(1, n), *peaks)))
+        return self.whitened()
 
     def expected(self, f: FloatArray) -> FloatArray:
         """Return the spectrum that `e` has if the noise is `after`, at frequencies `f`, Hz; 1 where that is the fit."""
@@ -157,13 +141,14 @@ def diagnosed_axis(
     empty = NoiseModel()
     before, after = diagnosis.base.get(axis, empty), diagnosis.models.get(axis, empty)
     fitted = cache(lambda: residual(ready))
-    return DiagnosedAxis(
+    one = DiagnosedAxis(
         axis,
         ready.unit,
         ready.interval,
         t,
         y,
         fitted,
+        lambda: fitted().e,
         ready.scale,
         temperature,
         before,
@@ -172,6 +157,32 @@ def diagnosed_axis(
         findings,
         record.stamp_course,
     )
+    return replace(one, whitened=cache(lambda: _whitened(one)))
+
+
+def _whitened(one: DiagnosedAxis) -> FloatArray:
+    """Return samples without their signals as white noise of unit variance, shape (n,)."""
+    if not one.after.terms:
+        return one.e
+    a = transform(one.y - one.signal, one.interval)
+    order, knots = np.arange(1.0, len(a)), _knots(one, len(a))
+    power = one.after.psd(knots / (2.0 * len(a) * one.interval), interval=one.interval)
+    a[0] = 0.0
+    a[1:] /= np.sqrt(np.interp(order, knots, power))
+    e = inverse(a, 1.0)
+    return e / robust_sd(e)
+
+
+def _knots(one: DiagnosedAxis, n: int) -> FloatArray:
+    """Return the places, of 1 … n − 1, between which the spectrum with what was found is as good as linear."""
+    peaks = []
+    for found in one.values(Vibration.cause):
+        place = 2.0 * n * one.interval * found["frequency"]
+        reach = PEAK_WIDTHS * place / found["quality"]
+        low, high = (float(np.clip(end, 1, n - 1)) for end in (place - reach, place + reach))
+        inside = np.linspace(low, high, KNOTS_IN_A_PEAK)
+        peaks.append(inside if high - low > KNOTS_IN_A_PEAK else np.arange(np.ceil(low), high))
+    return np.unique(np.concatenate((spectrum_knots(1, n), *peaks)))
 
 
 def _analysed(whole: Channel, diagnosis: Diagnosis) -> Channel | None:

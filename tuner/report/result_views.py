@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -201,17 +202,19 @@ def _drawn(captions: Sequence[tuple[str, Path]], figures: Sequence[Callable[[Put
 
 
 SOLUTION_CAPTIONS = {
-    "track.svg": "Track of the filter, of the fixes, and of the reference where there is one",
-    "errors.svg": "Errors against the reference",
-    "innovations.svg": "Innovations: fixes less their prediction",
+    "track": "Track of the filter, of the fixes, and of the reference where there is one",
+    "errors": "Errors: reference less filter, in bands of ± 3 predicted sds",
+    "innovations": "Innovations: fixes less their prediction, in bands of ± 3 predicted sds; ×: refused by the gate",
 }
 
 
 def pictures_of_solution(found: DriveResult, drive: Drive) -> Part:
     """Return the pictures of a filtered drive: track, errors against the reference, innovations."""
-    drawn = solution_pictures(found, drive, ("svg",))
+    drawn = solution_pictures(found, drive, ("svg", "json"))
     pictures = [
-        Picture(caption, name, drawn[name]) for name, caption in SOLUTION_CAPTIONS.items() if name in drawn
+        Picture(caption, f"{name}.svg", drawn[f"{name}.svg"], json.loads(drawn[f"{name}.json"]))
+        for name, caption in SOLUTION_CAPTIONS.items()
+        if f"{name}.svg" in drawn
     ]
     return Part([], pictures)
 

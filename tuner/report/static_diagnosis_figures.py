@@ -114,7 +114,7 @@ def _draw(
     one = replace(one, findings=(finding, *(f for f in one.findings if f is not finding)))
     title = fill(finding.text, TITLE_WIDTH)
     top = 0.93 - LINE_HEIGHT * (title.count("\n") + 1)
-    with new_figure((11.0, 4.4), paths, put, margins={**MARGINS, "top": top}) as figure:
+    with new_figure((11.0, 4.4), paths, put, margins={**MARGINS, "top": top}, coarse=True) as figure:
         left, right = figure.subplots(1, 2)
         _draw_curve(left, one, _spectrum(one) if _is_spectral(finding.cause) else _allan(one), replicas, seed)
         view_of(finding.cause)(right, one, parameters(finding, one.axis))
