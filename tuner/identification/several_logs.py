@@ -4,7 +4,7 @@ Each record i gives an estimate y_i = μ + b_i + e_i with its own known sd s_i; 
 what differs from start to start (or unit to unit, or axis to axis). Cochran's Q = Σ (y_i − ȳ)²/s_i² tests
 τ = 0 as χ² with n − 1 degrees of freedom. Where it passes, the records are one sample and μ is the
 inverse-variance mean; where it fails, τ is the restricted maximum-likelihood value, its interval inverts
-Q(τ), and μ has the Hartung–Knapp interval on n − 1 degrees of freedom.
+Q(τ), and μ has the Hartung–Knapp interval on n − 1 degrees of freedom; two that differ have none.
 
 References
 ----------
@@ -13,6 +13,8 @@ References
    Statist. Med. 26, 2007 (Q profile).
 .. [3] J. Hartung, G. Knapp, On tests of the overall treatment effect in meta-analysis,
    Statist. Med. 20, 2001.
+.. [4] A. Gonnermann, T. Framke, A. Großhennig, A. Koch, No solution yet for combining two independent
+   studies in the presence of heterogeneity, Statist. Med. 34, 2015.
 """
 
 from __future__ import annotations
@@ -30,6 +32,9 @@ from tuner.types import LEVEL, Coefficient, Identification, PooledChannel, Poole
 
 FloatArray = NDArray[np.float64]
 
+TWO_DIFFER = "two logs that differ give no interval, only their range; a third log does"
+"""Said of two estimates that are not one: Student's t on one degree of freedom is ± 12.7 sds, and every narrower
+interval rests on a prior of the spread [4]_."""
 VARIATION_P_VALUE = 0.05
 """Size of the test that decides whether records differ."""
 
@@ -154,6 +159,13 @@ def pool_coefficients(
             spread_high, spread_unit, f"records agree (Cochran's test, p = {result.p_value:.2g})"
         )
     )
+    if len(usable) == 2 and result.p_value < VARIATION_P_VALUE:
+        mean, between = back(result.mean), result.spread
+        value, spread = (
+            Coefficient(v, None, None, u, TWO_DIFFER) for v, u in ((mean, unit), (between, spread_unit))
+        )
+        each = tuple(None if v is None else v.value for v in values)
+        return PooledCoefficient(name, value, spread, each, result.p_value)
     least, why = _contradicting(values, back(low))
     return PooledCoefficient(
         name,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from rich.table import Table
 
@@ -14,7 +15,7 @@ from tuner.report.answer_layout import assumed_text, filled, span_text, used_par
 from tuner.report.settings_rows import axes_text, settings_rows
 from tuner.report.terminal import LINE_WIDTH
 from tuner.report.terms_rows import MAIN_TERMS, TermsRow, channel_row, single_row
-from tuner.types import FilterConfig, Identification, PooledChannel
+from tuner.types import Coefficient, FilterConfig, Identification, PooledChannel
 
 UNEQUAL_BELOW = 0.05
 """Probability below which logs are said to differ."""
@@ -67,11 +68,7 @@ def warning_lines(found: Identification, *, short: bool = False) -> list[str]:
 
 def pooled_answer(pooled: Mapping[str, PooledChannel], names: Sequence[str]) -> list[Table | str]:
     """Return what several logs of one sensor have in common, and in what they differ."""
-    rows = joined_rows(
-        single_row(one.axis, one.unit, [(c.name, c.value) for c in one.coefficients])
-        for one in pooled.values()
-        if one.mean is not None
-    )
+    rows = joined_rows(_pooled_row(one) for one in pooled.values() if one.mean is not None)
     lines: list[Table | str] = [
         f"{len(names)} logs pooled: ± ( ) 95 % of the mean over the logs; < 95 % limit",
         terms_table([("", row) for row in rows]),
@@ -85,7 +82,19 @@ def pooled_answer(pooled: Mapping[str, PooledChannel], names: Sequence[str]) -> 
     verdict = (
         f"Logs differ (p < {UNEQUAL_BELOW:g}) in {text}" if text else "No coefficient differs from log to log"
     )
-    return [*lines, *wrapped(f"{verdict}. Each log and the spread: --verbose", 2)]
+    two = ": there their range, of two; a third log gives an interval" if text and len(names) == 2 else ""
+    return [*lines, *wrapped(f"{verdict}{two}. Each log: --verbose", 2)]
+
+
+def _pooled_row(pooled: PooledChannel) -> TermsRow:
+    """Return the pooled coefficients of an axis as a row; the values of all logs where they give no interval."""
+    row = single_row(pooled.axis, pooled.unit, [(c.name, c.value) for c in pooled.coefficients])
+    every = {
+        (c.name, 0): tuple(Coefficient(v, None, None, c.value.unit) for v in c.values if v is not None)
+        for c in pooled.coefficients
+        if c.value.value is not None and c.value.interval is None
+    }
+    return replace(row, coefficients={**row.coefficients, **every})
 
 
 def terms_table(rows: Sequence[tuple[str, TermsRow]]) -> Table:

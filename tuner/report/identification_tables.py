@@ -78,6 +78,8 @@ def pooled_tables(pooled: Mapping[str, PooledChannel], names: Sequence[str]) -> 
 def _spread(spread: Coefficient, unit: str) -> str:
     if spread.unit != "relative":
         return phrase(spread, "level", unit, with_unit=False)
+    if spread.value is not None and spread.interval is None:
+        return f"{digits(100 * spread.value, 2)} %"
     if spread.value is None or spread.interval is None:
         return f"< {digits(100 * (spread.upper or 0.0), 2)} %"
     low, high = spread.interval

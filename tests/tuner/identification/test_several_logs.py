@@ -61,6 +61,23 @@ def test_coefficients_pool_as_logarithms_and_keep_each_value():
     assert again.p_value == pytest.approx(pooled.p_value)
 
 
+def test_two_that_differ_give_their_range_and_no_interval_three_give_one():
+    """Student's t on one degree of freedom would say 0.01 … 4 for white noises of 0.187 and 0.233 known to 3 %."""
+    values = [Coefficient.known(v, 0.97 * v, 1.03 * v, "rad/s^0.5") for v in (0.187, 0.233, 0.21)]
+    two = pool_coefficients("white.density", values[:2], logarithmic=True)
+    assert two.value.interval is None
+    assert two.spread.interval is None
+    assert 0.187 < two.value.value < 0.233
+    assert two.values == (0.187, 0.233)
+    assert "third" in two.value.reason
+    low, high = pool_coefficients("white.density", values, logarithmic=True).value.interval
+    assert 0.1 < low < 0.187
+    assert 0.233 < high < 0.4
+    alike = [Coefficient.known(v, 0.9 * v, 1.1 * v, "rad/s^0.5") for v in (0.2, 0.201)]
+    low, high = pool_coefficients("white.density", alike, logarithmic=True).value.interval
+    assert 0.18 < low < high < 0.22
+
+
 def test_too_few_values_are_refused():
     assert pool_coefficients("mean", [None, Coefficient.bounded(1.0, "s", "x")], logarithmic=False) is None
     with pytest.raises(ValueError, match="at least two"):
