@@ -137,4 +137,5 @@ def test_two_states_of_a_unit_differ_by_cause_and_entry(tmp_path, capsys):
     assert found >= {
         ("line", None), ("noise", entry("white_density")), ("mean", entry("constant_sd")),
     }  # fmt: skip
-    assert "What differs, by cause" in capsys.readouterr().out
+    assert states["differences"][0]["place"]["frequency"]["value"] == pytest.approx(12.5, abs=1e-3)
+    assert "line (frequency 12.5" in capsys.readouterr().out

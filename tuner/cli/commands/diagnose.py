@@ -169,7 +169,7 @@ def _compare(
 ) -> None:
     """Show what differs between a log and one of the same unit in another state."""
     from tuner.diagnosis.static.compare_logs import compare_states
-    from tuner.report.state_tables import state_tables, states_json
+    from tuner.report.state_lines import state_lines, states_json
     from tuner.report.terminal import show
     from tuner.types.records import DataError, Drive
 
@@ -181,4 +181,4 @@ def _compare(
     output.write(states_json(comparison))
     if output.tables:
         show(assumed(data))
-        show(state_tables(comparison))
+        show(state_lines(comparison))

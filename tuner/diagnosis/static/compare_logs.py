@@ -8,7 +8,8 @@ compared. Coefficients of the noise, and means, which vibration shifts by rectif
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from types import MappingProxyType
 
 from models.units import unit_of_samples
 from tuner.diagnosis.static.causes.registry import CAUSES
@@ -63,6 +64,8 @@ class Difference:
         Its size in either log, SI; None where the log does not have it.
     entry : str
         Entry of the configuration that it moves, such as ``channels.gyro_x.white_density``; empty for none.
+    place : mapping of str to Coefficient
+        What locates a cause, such as its ``frequency``, SI.
     """
 
     axis: str
@@ -71,6 +74,7 @@ class Difference:
     at_rest: Coefficient | None
     running: Coefficient | None
     entry: str
+    place: Mapping[str, Coefficient] = field(default_factory=lambda: MappingProxyType({}))
 
 
 @dataclass(frozen=True)
@@ -121,13 +125,22 @@ def _by_cause(axis: str, running: Sequence[Finding], at_rest: Sequence[Finding])
             others.remove(twin)
         name = _size(axis, finding)
         now, then = _value(axis, finding, name), None if twin is None else _value(axis, twin, name)
-        if twin is None or _apart(now, then):
-            differences.append(Difference(axis, finding.cause, name, then, now, _entry(axis, finding.cause)))
+        if twin is None or apart(now, then):
+            place = _place(axis, finding)
+            entry = _entry(axis, finding.cause)
+            differences.append(Difference(axis, finding.cause, name, then, now, entry, place))
     for finding in others:
         name = _size(axis, finding)
         then = _value(axis, finding, name)
-        differences.append(Difference(axis, finding.cause, name, then, None, _entry(axis, finding.cause)))
+        place, entry = _place(axis, finding), _entry(axis, finding.cause)
+        differences.append(Difference(axis, finding.cause, name, then, None, entry, place))
     return differences
+
+
+def _place(axis: str, finding: Finding) -> dict[str, Coefficient]:
+    """Return what locates a finding on an axis."""
+    values = {name: _value(axis, finding, name) for name in _locating(finding.cause)}
+    return {name: value for name, value in values.items() if value is not None}
 
 
 def _entry(axis: str, cause: str) -> str:
@@ -158,11 +171,11 @@ def _size(axis: str, finding: Finding) -> str:
 def _same(axis: str, one: Finding, other: Finding) -> bool:
     """Return whether findings of two logs are one cause, at one place where it has one."""
     return one.cause == other.cause and not any(
-        _apart(_value(axis, one, name), _value(axis, other, name)) for name in _locating(one.cause)
+        apart(_value(axis, one, name), _value(axis, other, name)) for name in _locating(one.cause)
     )
 
 
-def _apart(one: Coefficient | None, other: Coefficient | None) -> bool:
+def apart(one: Coefficient | None, other: Coefficient | None) -> bool:
     """Return whether the 95 % intervals of two numbers do not meet."""
     if one is None or other is None or one.interval is None or other.interval is None:
         return False
