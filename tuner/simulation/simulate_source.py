@@ -10,9 +10,10 @@ from models.effects.static.temperature_profiles import Diurnal, Profile
 from tuner.catalogue.grades import DEFAULT_RECEIVER, grade_names, load_gnss, load_grade
 from tuner.catalogue.trajectories import load_trajectory
 from tuner.formats import noise_yaml
+from tuner.formats.customary_units import stamp
 from tuner.readers.source_kind import is_file
 from tuner.simulation.drive import simulate_drive
-from tuner.simulation.effect_spec import PlacedEffect
+from tuner.simulation.effect_spec import PlacedEffect, within_record
 from tuner.simulation.from_config import channels_of_config, drive_effects_of_config
 from tuner.simulation.static import simulate
 from tuner.types import FilterConfig
@@ -92,6 +93,7 @@ def simulate_source(
         return Simulated(source, records, key)
     config = noise_yaml.load(Path(source))
     channels, findings, notes = channels_of_config(config)
+    findings, beyond = _within(findings, duration)
     records, key = simulate(
         channels,
         duration=duration,
@@ -100,7 +102,29 @@ def simulate_source(
         effects=(*findings, *effects),
         temperature=_profile(findings, duration),
     )
-    return Simulated(config.name, records, key, notes)
+    return Simulated(config.name, records, key, (*notes, *beyond))
+
+
+def _within(
+    findings: tuple[PlacedEffect, ...], duration: float
+) -> tuple[tuple[PlacedEffect, ...], tuple[str, ...]]:
+    """Return the findings that happen in a simulation of a length, s, and what is said of those that do not."""
+    kept: list[PlacedEffect] = []
+    beyond: dict[tuple[str, float], list[str]] = {}
+    for one in findings:
+        try:
+            within_record(one.effect, 0.0, duration)
+        except DataError:
+            values = vars(one.effect)
+            begins = float(values.get("time") or values.get("start") or 0.0)
+            beyond.setdefault((one.effect.name, begins), []).extend(one.axes)
+        else:
+            kept.append(one)
+    notes = tuple(
+        f"{name} in {', '.join(axes)} is left out: at {stamp(begins)} s of its log, beyond the {duration:g} s simulated"
+        for (name, begins), axes in beyond.items()
+    )
+    return tuple(kept), notes
 
 
 def _profile(findings: tuple[PlacedEffect, ...], duration: float) -> Profile | None:
@@ -122,6 +146,7 @@ def _drive_of_config(
     """Simulate a drive of the unit and the receiver that a configuration describes, with its findings."""
     own = config.gnss if gnss is None else None
     channels, at_rest, notes = channels_of_config(config, drive=True)
+    at_rest, beyond = _within(at_rest, duration)
     findings, more = drive_effects_of_config(config, receiver=own is not None)
     drive, key = simulate_drive(
         channels,
@@ -133,4 +158,4 @@ def _drive_of_config(
         at_rest=at_rest,
         name=config.name,
     )
-    return Simulated(config.name, drive, key, (*notes, *more))
+    return Simulated(config.name, drive, key, (*notes, *beyond, *more))

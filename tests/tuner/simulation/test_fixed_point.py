@@ -98,6 +98,21 @@ def test_findings_become_effects_as_they_were_found():
     assert white.density**2 == pytest.approx(1e-6 - STEP**2 * 0.02 / 12.0)
 
 
+def test_what_happened_beyond_a_shorter_simulation_is_left_out_and_said(tmp_path):
+    noise = {axis: ChannelNoise(axis, "rad/s", 1e-3, (), 0.0, 0.02) for axis in ("gyro_x", "gyro_y")}
+    moved = [finding("motion", axis, start=269.5, duration=2.0, sd=0.1) for axis in noise]
+    early = finding("motion", "gyro_x", start=3.0, duration=2.0, sd=0.1)
+    config = FilterConfig(
+        "unit", 0.02, noise, InitialUncertainty(1.0, 1.0, 0.1, 0.1), None, findings=(*moved, early)
+    )
+    noise_yaml.dump(config, tmp_path / "noise.yaml")
+    made = simulate_source(str(tmp_path / "noise.yaml"), duration=20.0, seed=1)
+    assert len(made.key["hidden"]) == 1
+    (note,) = made.notes
+    assert note.startswith("motion in gyro_x, gyro_y is left out: at 269.5 s of its log, beyond the 20 s")
+    assert len(simulate_source(str(tmp_path / "noise.yaml"), duration=300.0, seed=1).key["hidden"]) == 3
+
+
 def test_whole_numbers_may_be_written_with_a_point():
     assert parse("timing:gap_count=3.0") == parse("timing:gap_count=3")
     with pytest.raises(ValueError, match="must be an integer"):

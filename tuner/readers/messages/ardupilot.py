@@ -2,8 +2,8 @@
 
 Axes are forward, right, down; `TimeUS` is µs since boot. Logs before 2015 have `TimeMS` (of a `GPS`, the time since
 boot is its `T`), and one type of message an instance: IMU, IMU2, IMU3. Heights of GPS are above mean sea level: over a
-drive, a constant offset to the ellipsoid. IMU is logged at the rate of `LOG_BITMASK`: set its bit "fast IMU" or
-"raw IMU" for noise, for otherwise the log has 10 to 50 samples a second that alias all above half of that.
+drive, a constant offset to the ellipsoid. IMU is logged at the rate of `LOG_BITMASK`: set its bit "fast IMU" for
+noise, for otherwise the log has 10 to 50 samples a second that alias all above half of that.
 """
 
 from __future__ import annotations
