@@ -8,7 +8,7 @@ where its own test is significant and where it is no residue of a much stronger 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -67,6 +67,11 @@ MAX_LATE_LOSS, MIN_LATE_SHARE = 2.0, 0.05
 
 A true constant gains in proportion to the length of that part on average; chosen so low that only those that lose there
 are rejected.
+"""
+MIN_JUMP_SHARE = 0.7
+"""Share of the gain of noise that a jump must gain to be taken first.
+
+Of noise all the time, one impulse is few per cent; of a true jump only the choice of its time is lost, some ten nats.
 """
 MAX_GAUSS_NEWTON_STEPS = 3
 """Most filter runs of Gauss–Newton after a cause is accepted; enough where errors of linearisation are small."""
@@ -162,7 +167,7 @@ def search_causes(
         stage("searching for causes", (done + 2) / (done + 2 + len(significant) + STAGES_AFTER))
         if not significant:
             break
-        chosen = max(significant, key=lambda a: a.result.gain)
+        chosen = _best(significant)
         report(f"{chosen.cause}: {chosen.result.gain:.0f} nats")
         if chosen.score_test is not None:
             inseparable_causes = inseparable(
@@ -207,6 +212,18 @@ def search_causes(
     accepted = [a for a in accepted if any(c.value is not None for c in a.parameters.values())]
     left = tuple(a for a in tests if a.is_significant(significance_threshold()))
     return SearchResult(base, run, tuple(accepted), left, fitted, (*notes, *more))
+
+
+def _best(significant: Sequence[Candidate]) -> Candidate:
+    """Return the cause of the largest gain, a jump of a bias before noise of the sensors that gains hardly more.
+
+    Noise takes up a jump at once, nearly in full; a jump takes up little of what is noise all the time.
+    """
+    best = max(significant, key=lambda a: a.result.gain)
+    if best.cause != "imu_noise_scale":
+        return best
+    least = MIN_JUMP_SHARE * best.result.gain
+    return next((a for a in significant if a.cause == BIAS_JUMP and a.result.gain > least), best)
 
 
 def _with_rejected_solutions(

@@ -25,6 +25,8 @@ from tuner.diagnosis.drive.residue_of_strong_causes import (
     with_piecewise_constants,
 )
 from tuner.diagnosis.drive.score_tests import ScoreTest, retest
+from tuner.diagnosis.drive.search import _best
+from tuner.diagnosis.static.outcome import TestResult
 from tuner.types import Compensation, Parameter
 
 KNOWN = ("time_offset", "lever_arm")
@@ -49,6 +51,20 @@ def weak(run) -> ScoreTest:
     names = run.linearized.parameters
     shorter = retest(run.whitened, names, KNOWN, "lever_arm", np.zeros(3))
     return replace(shorter, gain=0.5 * MAX_WEAK_GAIN)
+
+
+def candidate(cause, gain):
+    return Candidate(TestResult(cause, 1e-20, gain, 2.0 * gain, ""))
+
+
+@pytest.mark.parametrize(
+    ("jump", "noise", "first"),
+    [(429.0, 433.0, "bias_jump"), (140.0, 165.0, "bias_jump"), (20.0, 299.0, "imu_noise_scale")],
+)
+def test_noise_does_not_take_the_place_of_a_jump_that_gains_as_much(jump, noise, first):
+    """Gains of two jumps, and of gyros four times as noisy, on simulated drives."""
+    assert _best([candidate("imu_noise_scale", noise), candidate("bias_jump", jump)]).cause == first
+    assert _best([candidate("gnss_noise_scale", noise), candidate("bias_jump", jump)]).result.gain == noise
 
 
 def test_constants_of_all_parts_together_are_the_constant(short_drive: LinearizedRun) -> None:
