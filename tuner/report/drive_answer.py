@@ -19,10 +19,6 @@ if TYPE_CHECKING:
 
 SHOWN_FINDINGS = 2
 """Findings of a drive in the answer: what a reader acts on first."""
-INCONSISTENT = (
-    "Innovations are not as large as predicted: these settings do best by errors with fixes and in outages"
-)
-"""Said where the innovations of the settings as written contradict them."""
 
 
 def drive_verdict(found: Consistency, *, short: bool = False) -> str:
@@ -67,17 +63,13 @@ def found_text(finding: Finding) -> str:
     return f"{text})" if "(" in text else text
 
 
-def choice_lines(
-    choice: HeldOutChoice, measured: Consistency | None = None, *, shorter: bool, shortest: bool
-) -> list[str]:
+def choice_lines(choice: HeldOutChoice, *, shorter: bool, shortest: bool) -> list[str]:
     """Return what was kept, and position errors with fixes and without them before and after.
 
     Parameters
     ----------
     choice : HeldOutChoice
         What the drive keeps.
-    measured : Consistency, optional
-        Scores of the settings on the whole drive.
     shorter, shortest : bool
         Whether to leave the intervals of the changes to the page, and what the fixes alone give and what was kept.
     """
@@ -95,7 +87,7 @@ def choice_lines(
         changes.append(f"{seconds:.0f} s {digits(old)}{arrow}{digits(new)}{change}")
     tracking = f"{digits(before.tracking_rms)}{arrow}{digits(after.tracking_rms)} m"
     blind = f"{', '.join(changes)} m"
-    despite = [INCONSISTENT] if measured and not all(one.consistent for one in measured.nis) else []
+    despite = [f"{choice.despite[:1].upper()}{choice.despite[1:]}"] if choice.despite else []
     if shortest:
         ratios = ", ".join(
             f"{one.seconds:g} s {digits(one.ratio, 2)} ({interval_words(one.interval)} by {len(one.square)})"

@@ -130,8 +130,7 @@ def _answer(result: TuneResult, directory: Path, short: Set[str], keys: Sequence
         texts += finding_lines(found[:most], result.choice)
         shown += min(len(found), most)
     if result.choice is not None:
-        scores = None if result.measured is None else result.measured.consistency
-        texts += choice_lines(result.choice, scores, shorter="numbers" in short, shortest=brief)
+        texts += choice_lines(result.choice, shorter="numbers" in short, shortest=brief)
     return [
         *(line for text in head for line in wrapped(text, 2)),
         *table,

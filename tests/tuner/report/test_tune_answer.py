@@ -3,7 +3,6 @@
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +13,7 @@ from tuner.diagnosis.drive.outage_errors import OutageErrors
 from tuner.diagnosis.drive.predictive_score import PredictiveScore
 from tuner.identification import identify
 from tuner.report.answer_layout import BOUNDED
-from tuner.report.drive_answer import INCONSISTENT, choice_lines, finding_lines
+from tuner.report.drive_answer import choice_lines, finding_lines
 from tuner.report.settings_rows import Setting, axes_text, settings_rows
 from tuner.report.tune_answer import answer_lines, verdict_line
 from tuner.simulation.static import simulate
@@ -194,13 +193,15 @@ def test_errors_before_and_after_name_the_part_of_the_drive_they_are_of(result):
         assert "0.60 … 2.9" in ratios
 
 
-@pytest.mark.parametrize("consistent", [True, False])
-def test_settings_whose_innovations_contradict_them_give_the_reason(result, consistent):
+@pytest.mark.parametrize(
+    "despite", ["", "innovations are 0.30 × predicted: settings that have them err 4.0 m"]
+)
+def test_settings_whose_innovations_contradict_them_give_the_reason(result, despite):
     square = np.ones(4)
-    score = PredictiveScore(
-        (OutageErrors(30.0, square, square, square),), 1.0, square, innovations=(0.5, 0.5)
-    )
-    choice = HeldOutChoice(result.config, "with the findings", {}, score, score)
-    measured: Any = SimpleNamespace(nis=(SimpleNamespace(consistent=consistent),))
-    lines = choice_lines(choice, measured, shorter=True, shortest=True)
-    assert (INCONSISTENT in lines) != consistent
+    score = PredictiveScore((OutageErrors(30.0, square, square, square),), 1.0, square)
+    choice = HeldOutChoice(result.config, "with the findings", {}, score, score, despite=despite)
+    for brief in (False, True):
+        lines = choice_lines(choice, shorter=brief, shortest=brief)
+        assert [line for line in lines if line.startswith("Innovations are 0.30")] == lines[:1] * bool(
+            despite
+        )

@@ -44,6 +44,13 @@ DRIFT_FACTORS = (3.0**0.5, 3.0)
 """Factors on process noise that are tried where outages err otherwise than predicted."""
 POSITIONS = (POSITION, "position_horizontal", "position_vertical")
 """Sds of positions."""
+SDS_OF_INNOVATIONS = (
+    ("position_horizontal", "position_vertical"),
+    ("velocity_horizontal", "velocity_vertical"),
+)
+"""Sds of the fixes that the innovations of positions, and of velocities, show."""
+SD_STEPS = 3
+"""Steps to sds that innovations do not contradict: each halves what is left where half of an innovation is the fix."""
 MAX_TRACKING_RATIO = 1.05
 """Position error with fixes, after ÷ before, above which it counts as worse: 5 % are lost in the scatter of a drive."""
 
@@ -133,7 +140,7 @@ def rounds_of(trial: Trial, candidates: Sequence[Candidate]) -> Iterator[Iterabl
     """Yield candidates in the order of trial: as they are, wider, nearer to the fixes, from the other beginnings."""
     yield candidates
     best = candidates[0]
-    tried = (_with_other_memory, _with_other_sizes)
+    tried = (_with_sds_of_innovations, _with_other_memory, _with_other_sizes)
     yield (more for one in candidates for vary in tried for more in vary(trial, one))
     yield _nearer_to_fixes(trial, best)
     names = dict.fromkeys(one.name for one in candidates if one.name != best.name)
@@ -181,6 +188,27 @@ def _nearer_to_fixes(trial: Trial, one: Candidate) -> Iterator[Candidate]:
             factors |= {name: one.factors.get(name, 1.0) * more for name in POSITIONS}
         if (found := trial.candidate(one.name, one.config, factors)) is not None:
             yield found
+
+
+def _with_sds_of_innovations(trial: Trial, one: Candidate) -> Iterator[Candidate]:
+    """Yield a candidate that its innovations contradict with sds of the fixes times the ratio that innovations show.
+
+    Innovations hold the prediction, too: what the first step leaves is taken out by further ones.
+    """
+    for _ in range(SD_STEPS):
+        ratios = one.first.innovations
+        if not one.first.contradicted or len(ratios) != len(SDS_OF_INNOVATIONS):
+            return
+        more = {
+            name: one.factors.get(name, 1.0) * ratio
+            for names, ratio in zip(SDS_OF_INNOVATIONS, ratios, strict=True)
+            for name in names
+        }
+        found = trial.candidate(one.name, one.config, {**one.factors, **more})
+        if found is None:
+            return
+        one = found
+        yield one
 
 
 def _with_other_memory(trial: Trial, one: Candidate) -> Iterator[Candidate]:

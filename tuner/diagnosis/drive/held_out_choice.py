@@ -92,6 +92,8 @@ class HeldOutChoice:
         Those of the last part as written.
     note : str
         What was decided, and why, in words.
+    despite : str
+        Why it is written although innovations contradict it, in words; empty where they do not.
     """
 
     config: FilterConfig
@@ -102,6 +104,7 @@ class HeldOutChoice:
     outages: Mapping[float, FloatArray] = field(default_factory=lambda: MappingProxyType({}))
     late: tuple[OutageErrors, ...] = ()
     note: str = ""
+    despite: str = ""
 
 
 @task()
@@ -158,7 +161,9 @@ def choose_config(
         late = _since(outages, trial.cut)
         note = _note(BEGINNING, begun, begun, {}, late)
         return HeldOutChoice(before, BEGINNING, {}, begun, begun, late=late, note=note)
-    return chosen
+    rivals = [each[0] for each in known.values() if each is not None]
+    despite = _despite(chosen, rivals)
+    return replace(chosen, despite=despite, note=f"{chosen.note}; {despite}" if despite else chosen.note)
 
 
 @task()
@@ -170,7 +175,8 @@ def first_of_best(
 ) -> HeldOutChoice | None:
     """Return the first choice of the best rank, candidates that the last part refuses left out; None for none.
 
-    Without a reference no ranks differ in what they say of the fixes: the first that is not refused is taken.
+    Without a reference no ranks differ in what they say of the fixes: the first is taken that neither innovations nor
+    outages contradict, and after the second round whatever is best.
 
     Parameters
     ----------
@@ -192,9 +198,9 @@ def first_of_best(
             if found is None or (rank is not None and found[1] >= rank):
                 continue
             chosen, rank = found
-            if not has_reference or rank == Rank.FOLLOWS_AND_PREDICTS:
+            if rank == Rank.FOLLOWS_AND_PREDICTS or (not has_reference and rank <= Rank.LIKE_FIXES):
                 return chosen
-        if number > 0 and rank is not None and rank <= Rank.LIKE_FIXES:
+        if number > 0 and rank is not None and (rank <= Rank.LIKE_FIXES or not has_reference):
             return chosen
     return chosen
 
@@ -278,6 +284,26 @@ def rank_of(parts: Sequence[PredictiveScore], outages: Sequence[OutageErrors]) -
     if follows:
         return Rank.FOLLOWS if refuted else Rank.CONTRADICTED
     return Rank.NEITHER
+
+
+def _despite(chosen: HeldOutChoice, rivals: Sequence[HeldOutChoice]) -> str:
+    """Return why settings are written that innovations contradict, beside the best that they do not."""
+    if chosen.after is None or not chosen.after.contradicted:
+        return ""
+    own = " and ".join(f"{one:.2f}" for one in chosen.after.innovations)
+    right = [one for one in rivals if one.after is not None and not one.after.contradicted]
+    if not right:
+        return f"innovations are {own} × predicted, and no settings that were tried have them as predicted"
+    best = min(right, key=_tracking)
+    return (
+        f"innovations are {own} × predicted: settings that have them as predicted err {_tracking(best):.3g} m "
+        f"with fixes instead of {_tracking(chosen):.3g} m"
+    )
+
+
+def _tracking(one: HeldOutChoice) -> float:
+    """Return the position error with fixes, m."""
+    return np.inf if one.after is None else one.after.tracking_rms
 
 
 def is_better(before: PredictiveScore, after: PredictiveScore) -> bool:

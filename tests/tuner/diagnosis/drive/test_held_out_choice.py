@@ -13,10 +13,19 @@ from models import rotation
 from models.earth import llh_displaced
 from models.trajectory.catalogue import TRAJECTORIES
 from tuner.catalogue.grades import load_gnss, load_grade
-from tuner.diagnosis.drive.candidates import Candidate, Rank, in_order, refined
+from tuner.diagnosis.drive.candidates import (
+    Candidate,
+    Rank,
+    Trial,
+    _with_sds_of_innovations,
+    in_order,
+    refined,
+)
 from tuner.diagnosis.drive.causes.time_offset import with_clock
 from tuner.diagnosis.drive.configured_run import configured_run, with_other_noise
 from tuner.diagnosis.drive.held_out_choice import (
+    HeldOutChoice,
+    _despite,
     choose_config,
     first_of_best,
     is_better,
@@ -207,7 +216,9 @@ def _made_up(name, first, rank):
 @pytest.mark.parametrize(
     ("reference", "rounds", "expected"),
     [
-        (False, [[("a", 1.0, None), ("b", 3.0, Rank.NEITHER), ("c", 0.9, Rank.FOLLOWS)]], "b"),
+        (False, [[("a", 1.0, None), ("b", 0.9, Rank.NOT_REFUTED), ("c", 0.9, 0)]], "b"),
+        (False, [[("a", 0.9, Rank.CONTRADICTED)], [("b", 0.9, Rank.NOT_REFUTED)], [("c", 0.9, 0)]], "b"),
+        (False, [[("a", 0.9, Rank.CONTRADICTED)], [("b", 0.9, None)], [("c", 0.9, 0)]], "a"),
         (True, [[("a", 3.0, Rank.NEITHER), ("b", 0.9, Rank.FOLLOWS)], [("c", 0.9, None)]], "b"),
         (True, [[("a", 0.9, Rank.FOLLOWS)], [("b", 1.02, Rank.PREDICTS)], [("c", 0.9, 0)]], "b"),
         (True, [[("a", 0.9, Rank.FOLLOWS), ("b", 0.9, 0)], [("c", 0.9, 0)]], "b"),
@@ -220,6 +231,31 @@ def test_written_is_the_first_of_the_best_rank(reference, rounds, expected):
     known = {one[0]: _made_up(*one) for candidates in rounds for one in candidates}
     asked = [[known[one[0]][0] for one in candidates] for candidates in rounds]
     assert first_of_best(asked, lambda one: known[one.name][1], has_reference=reference) == expected
+
+
+def test_innovations_show_the_sds_of_fixes(drive, right):
+    """Fixes that err five and three times less than the filter assumes: variations bring the innovations to one."""
+    wrong = with_noise_factors(
+        right, {"position_horizontal": 5.0, "position_vertical": 5.0, "velocity_horizontal": 3.0}
+    )
+    trial = Trial(drive, AGREEING, 0.0, 360.0, 600.0)
+    one = trial.candidate("a", wrong, {})
+    assert one.first.contradicted
+    (*_, last) = _with_sds_of_innovations(trial, one)
+    assert not last.first.contradicted
+    assert last.factors["position_horizontal"] == pytest.approx(0.2, rel=0.4)
+
+
+def test_settings_despite_their_innovations_are_set_beside_right_ones(drive, right):
+    good, bad = (
+        HeldOutChoice(right, name, after=replace(_score(10.0, 1.0, tracking=x), innovations=(ratio, 1.0)))
+        for name, x, ratio in (("a", 4.0, 1.0), ("b", 2.9, 0.3))
+    )
+    assert _despite(good, [good, bad]) == ""
+    text = _despite(bad, [good, bad])
+    assert "0.30 and 1.00 × predicted" in text
+    assert "err 4 m with fixes instead of 2.9 m" in text
+    assert "no settings" in _despite(bad, [bad])
 
 
 def test_ranks_are_those_of_both_parts():
