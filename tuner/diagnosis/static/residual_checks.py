@@ -37,7 +37,7 @@ from tuner.diagnosis.static.causes.temperature import COVARIATE
 from tuner.diagnosis.static.causes.template import Template, TimeConstantTemplate
 from tuner.diagnosis.static.model.dct import block_transform
 from tuner.diagnosis.static.model.null_distributions import SLOW_RATIO_FACTOR, variance_deviate
-from tuner.diagnosis.static.model.residual import RESIDUAL_CLIP, Residual
+from tuner.diagnosis.static.model.residual import RESIDUAL_CLIP, Residual, moment
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.variance.histogram import histogram
 from tuner.diagnosis.static.variance.local_variance import local_variance
@@ -121,8 +121,9 @@ def _law(fitted: Residual) -> tuple[TestResult, ...]:
     channel = fitted.channel
     if channel.clipped or channel.missing_codes or channel.deadband > 0.0:
         return ()
-    e = fitted.clipped if bool(fitted.valid.all()) else fitted.clipped[fitted.valid]
-    bins = histogram(fitted.good, clip=RESIDUAL_CLIP, sd=float(np.std(e, dtype=float)))
+    e = fitted.good_clipped
+    sd = float(np.sqrt(moment(e, 2) - moment(e, 1) ** 2))
+    bins = histogram(fitted.good, clip=RESIDUAL_CLIP, sd=sd)
     z, share = bins.value, bins.count / bins.count.sum()
     statistic = len(e) * _smooth_statistic(z, share)
     moments = [float(share @ z**k) for k in (3, 4)]
@@ -164,7 +165,9 @@ def _squares(fitted: Residual) -> tuple[TestResult, ...]:
     measured = local.scatter > 0.0
     if local.rounded:
         return ()
-    x = np.where(measured, local.square - 1.0, 0.0).astype(np.float32)
+    x = np.empty(len(measured), np.float32)
+    np.subtract(local.square, 1.0, out=x, casting="same_kind")
+    x[~measured] = 0.0
     size = next_fast_len(len(x), real=True)
     wave = rfft(x, size)
     power = wave.real**2

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numba
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import irfft, rfft
+from scipy.fft import irfft, next_fast_len, rfft
 from scipy.stats import chi2
 
 from models.effects.static.spectral import Comb as Effect
@@ -25,6 +25,7 @@ from tuner.diagnosis.static.outcome import NO_GAIN, TestResult
 from tuner.diagnosis.static.variance.quantized_noise import slow_track
 
 FloatArray = NDArray[np.float64]
+SingleArray = NDArray[np.float32]
 IntArray = NDArray[np.intp]
 
 MIN_PERIOD, MAX_PERIOD = 12.0, 2000.0
@@ -137,9 +138,7 @@ class Comb(Extension):
 def _best_period(fitted: Residual) -> tuple[float, float, int]:
     """Return the largest mean of the autocorrelation over multiples, in sds, its period, samples, and their number."""
     n = len(fitted.e)
-    power = fitted.spectrum[1]
-    reach = min(n // 2, int(MAX_PERIOD * PERIOD_MULTIPLES) + 2)
-    r = irfft(np.concatenate((np.zeros(1, np.float32), power)), 2 * len(power))[:reach] * np.sqrt(n)
+    r = _autocorrelation(fitted.clipped, min(n // 2, int(MAX_PERIOD * PERIOD_MULTIPLES) + 2)) * np.sqrt(n)
     r = (r[:-1] + r[1:]) / np.sqrt(2.0)
     periods = np.arange(MIN_PERIOD, min(MAX_PERIOD, (len(r) - 1) / MIN_MULTIPLES), 1.0 / PERIOD_MULTIPLES)
     if not len(periods):
@@ -151,6 +150,17 @@ def _best_period(fitted: Residual) -> tuple[float, float, int]:
     score = total / np.sqrt(count)
     best = int(np.argmax(score))
     return float(score[best]), float(periods[best]), len(periods)
+
+
+def _autocorrelation(e: SingleArray, reach: int) -> FloatArray:
+    """Return the autocorrelation at lags 0 … reach − 1, without the part of the mean, from stretches of the record."""
+    size = next_fast_len(max(4 * reach, 1 << 12), real=True)
+    step, product = size - reach, np.zeros(size // 2 + 1, complex)
+    for first in range(0, len(e), step):
+        beside = e[first : first + size]
+        product += rfft(beside[:step], size).conj() * rfft(beside, size)
+    r: FloatArray = irfft(product, size)[:reach]
+    return np.asarray((r - float(e.sum(dtype=float)) ** 2 / (2.0 * len(e))) / r[0])
 
 
 def _fold(x: FloatArray, period: float, phase: float) -> FloatArray:

@@ -25,7 +25,7 @@ from scipy.stats import norm, t
 from models.effects.static.distribution import HeavyTails as Effect
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.model.null_distributions import maximum, minimum
-from tuner.diagnosis.static.model.residual import RESIDUAL_CLIP, Residual
+from tuner.diagnosis.static.model.residual import Residual, moment
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.variance.histogram import Histogram, histogram
 from tuner.diagnosis.static.variance.white_share import dilution
@@ -104,10 +104,9 @@ class HeavyTails(Extension):
         """Compare the kurtosis of the residuals with that of the normal law; None where missing codes make another."""
         if fitted.channel.missing_codes:
             return None
-        e = np.clip(fitted.good, -RESIDUAL_CLIP, RESIDUAL_CLIP)
-        square = e * e
+        e = fitted.good_clipped
         n = len(e)
-        kurtosis = float(np.mean(square * square) / np.mean(square) ** 2) - 3.0
+        kurtosis = moment(e, 4) / moment(e, 2) ** 2 - 3.0
         white = fitted.spread * float(
             np.sqrt(fitted.power[len(fitted.power) // 2 :].mean() / fitted.channel.interval)
         )

@@ -80,7 +80,9 @@ class PeriodicVariance(Extension):
         """Search the squares of the residuals for a period."""
         local, interval = local_variance(fitted), fitted.channel.interval
         measured = local.scatter > 0.0
-        x = ((local.square - 1.0) / np.sqrt(local.kappa)).astype(np.float32)
+        x = np.empty(len(measured), np.float32)
+        np.subtract(local.square, 1.0, out=x, casting="same_kind")
+        x /= np.float32(np.sqrt(local.kappa))
         x[~measured] = 0.0
         size = next_fast_len(len(x), real=True)
         wave = rfft(x, size)

@@ -24,7 +24,7 @@ from scipy.stats import norm
 
 from models.effects.static.distribution import SkewedNoise as Effect
 from tuner.diagnosis.static.causes.base import Extension, Value
-from tuner.diagnosis.static.model.residual import RESIDUAL_CLIP, Residual
+from tuner.diagnosis.static.model.residual import Residual, moment
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.variance.local_variance import local_variance
 from tuner.diagnosis.static.variance.white_share import dilution
@@ -71,9 +71,10 @@ class SkewedNoise(Extension):
         channel = fitted.channel
         if channel.clipped or channel.missing_codes or local_variance(fitted).rounded:
             return None
-        e = np.clip(fitted.good, -RESIDUAL_CLIP, RESIDUAL_CLIP)
-        cube = e * (e * e - 3.0)
-        seen, error = float(cube.mean()), float(cube.std()) / float(np.sqrt(len(e)))
+        e = fitted.good_clipped
+        seen = moment(e, 3) - 3.0 * moment(e, 1)  # of e³ − 3 e, and of its square below
+        square = moment(e, 6) - 6.0 * moment(e, 4) + 9.0 * moment(e, 2)
+        error = float(np.sqrt(max(square - seen**2, 0.0) / len(e)))
         deviate = seen / error
         gain = 0.5 * deviate**2 - 0.5 * float(np.log(len(e)))
         third = dilution(fitted).third

@@ -161,8 +161,14 @@ def gross(channel: Channel, apart: Sequence[tuple[int, int]] = ()) -> TestResult
         Stretches of samples at whose edges levels are known to change.
     """
     n, w = len(channel), GROSS_WINDOW
-    total = np.concatenate(([0.0], np.cumsum(channel.y)))
-    change = (total[2 * w :] - 2.0 * total[w : n + 1 - w] + total[: n + 1 - 2 * w]) / w
+    total = np.empty(n + 1)
+    total[0] = 0.0
+    np.cumsum(channel.y, out=total[1:])
+    change = total[2 * w :] - total[w : n + 1 - w]
+    change -= total[w : n + 1 - w]
+    change += total[: n + 1 - 2 * w]
+    change /= w
+    del total
     usual = float(normal_sd(change))
     size = np.abs(change)
     large = np.flatnonzero(size > max(GROSS_STEP, GROSS_DEVIATE * usual))

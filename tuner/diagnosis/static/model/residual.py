@@ -234,6 +234,11 @@ class Residual:
         """Residuals of valid samples."""
         return self.e if bool(self.valid.all()) else self.e[self.valid]
 
+    @property
+    def good_clipped(self) -> SingleArray:
+        """Clipped residuals of valid samples."""
+        return self.clipped if bool(self.valid.all()) else self.clipped[self.valid]
+
     @cached_property
     def may_have_markov(self) -> bool:
         """Whether the scores of a further Gauss–Markov process promise a likelihood ratio worth fits that have it."""
@@ -338,6 +343,18 @@ def power_of(extensions: tuple[Extension, ...], f: FloatArray, interval: float) 
     for extension in extensions:
         out += extension.power(f, interval)
     return out
+
+
+def moment(e: SingleArray, order: int) -> float:
+    """Return the mean of a power of numbers, summed in double precision."""
+    total = 0.0
+    for first in range(0, len(e), SAMPLES_AT_ONCE):
+        part = e[first : first + SAMPLES_AT_ONCE].astype(float)
+        product = part.copy()
+        for _ in range(order - 1):
+            product *= part
+        total += float(product.sum())
+    return total / len(e)
 
 
 def robust_sd(e: FloatArray) -> float:

@@ -143,9 +143,12 @@ def _range(n: int) -> tuple[int, int]:
 def _measured(fitted: Residual) -> FloatArray:
     """Return the squared coefficients in bins, lines cut, shape (b,)."""
     first, width = _range(len(fitted.coefficients) - 1)
-    square = (fitted.coefficients[1 + first : 1 + first + width * BIN_COUNT] ** 2).reshape(BIN_COUNT, width)
-    level = np.median(square, axis=1, keepdims=True) / MEDIAN_OF_CHI2
-    return np.asarray(np.minimum(square, MAX_SQUARE * level).mean(axis=1))
+    inside = fitted.coefficients[1 + first : 1 + first + width * BIN_COUNT].reshape(BIN_COUNT, width)
+    mean = np.empty(BIN_COUNT)
+    for number, row in enumerate(inside):
+        square = row * row
+        mean[number] = np.minimum(square, MAX_SQUARE * np.median(square) / MEDIAN_OF_CHI2).mean()
+    return mean
 
 
 def rise(cycles: FloatArray) -> FloatArray:
