@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import zipfile
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,10 +14,22 @@ if TYPE_CHECKING:
     from tuner.readers.drive_npz import DriveArrays
 
 
+UNIT = re.compile(r"\w+\.\d+")
+"""Name of one inertial unit of several: a message and its instance."""
+
+
 def source_name(source: str | Path) -> str:
     """Return the short name of a source: its file name without suffixes, or the name of the grade."""
-    name = printable(Path(source).name)
-    return name.split(".")[0] or name
+    path, unit = unit_of_log(source)
+    name = printable(path.name)
+    return "-".join([name.split(".")[0] or name, *([unit] if unit else [])])
+
+
+def unit_of_log(source: str | Path) -> tuple[Path, str]:
+    """Return the path of a log, and the inertial unit in it that ``log.bin:IMU.1`` names, or no text."""
+    path, _, unit = str(source).rpartition(":")
+    named = path and UNIT.fullmatch(unit) and not Path(source).exists() and Path(path).is_file()
+    return (Path(path), unit) if named else (Path(source), "")
 
 
 def is_file(source: str | Path) -> bool:

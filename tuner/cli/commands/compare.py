@@ -47,8 +47,9 @@ def command(
 
     Tests at 95 % whether the last differs from the first; ranks them by the drift, with wheels and without.
 
-    A source is a log, an Allan curve, a datasheet, a noise.yaml, the JSON of identify or tune, or the name of a
-    built-in grade. With --by, the parts of one log are compared. Without arguments, the grades are listed.
+    A source is a log (log.bin:IMU.1 is one inertial unit of several in it), an Allan curve, a datasheet, a
+    noise.yaml, the JSON of identify or tune, or the name of a built-in grade. With --by, the parts of one log are
+    compared. Without arguments, the grades are listed.
     """
     from tuner import compare
     from tuner.catalogue.grades import grade_names, load_grade

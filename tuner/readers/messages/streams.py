@@ -135,7 +135,7 @@ def listing_of_log(path: Path, log: MessageLog) -> Listing:
         arrays["temperature"] = np.interp(chosen.seconds(), warm.seconds(), warm.arrays["temperature"])
         units["temperature"] = warm.units["temperature"]
         notes += (f"temperature of '{warm.name}', {len(warm.t)} values, between its stamps",)
-    for stream in others:
+    for stream in log.inertial if others else ():
         parts = {"t": stream.t, **{k: v for k, v in stream.arrays.items() if k != "temperature"}}
         arrays |= {f"{stream.name}/{part}": array for part, array in parts.items()}
         units |= {f"{stream.name}/{part}": unit for part, unit in stream.units.items()}

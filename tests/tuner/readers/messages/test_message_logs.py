@@ -8,6 +8,10 @@ import numpy as np
 import pytest
 
 from tests.tuner.readers.messages.writers import write_bag, write_dataflash, write_ulog
+from tuner.cli.commands.inputs import load_sources
+from tuner.cli.commands.options import Reading
+from tuner.cli.progress import Messages
+from tuner.identification.identify_source import records_name
 from tuner.readers import log_format, read
 from tuner.readers.drive import read_drive, read_if_drive
 from tuner.readers.source_kind import is_drive
@@ -169,6 +173,13 @@ def test_a_dataflash_log_of_2014_has_stamps_in_milliseconds_and_a_type_an_instan
     chosen = {"t": "IMU.1/t", "gyro": "IMU.1/gyro", "accel": "IMU.1/accel"}
     second = read(path, columns=chosen)[0]
     np.testing.assert_allclose(second.y[10:20], 2.0 * GYRO[10:20], rtol=1e-6, atol=1e-9)
+    both = load_sources([f"{path}:IMU.0", f"{path}:IMU.1"], Reading(), Messages(quiet=True))
+    for scale, (gyro, accel) in zip((1.0, 2.0), both, strict=True):
+        np.testing.assert_allclose(gyro.y[10:20], scale * GYRO[10:20], rtol=1e-6, atol=1e-9)
+        np.testing.assert_allclose(accel.y[10:20], ACCEL[10:20], rtol=1e-6, atol=1e-6)
+    assert [records_name(one) for one in both] == ["log-IMU.0", "log-IMU.1"]
+    with pytest.raises(DataError, match=r"IMU\.7"):
+        load_sources([f"{path}:IMU.7"], Reading(), Messages(quiet=True))
 
 
 def test_types_that_a_file_does_not_define_are_named_with_the_cure(tmp_path):
