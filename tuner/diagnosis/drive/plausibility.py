@@ -6,9 +6,9 @@ biases and noise of sensors that no sensor has. So causes are withdrawn where
 - the filter had to correct the attitude of its start by more than `MAX_START_CORRECTION` of its stated sds: every
   residual behind it is one of the start, and nothing else can be named;
 - a heading that was hardly known was corrected by more than a linear filter can (`MAX_LINEAR_CORRECTION`);
-- a bias is beyond `MAX_BIAS` prior sds, noise is more than `MAX_RATIO` times as large as stated (of fixes in classes:
-  that of every class), or errors of the fixes
-  last longer than the drive and than any of a receiver, so that they cannot be distinguished from a constant.
+- a bias is beyond `MAX_BIAS` prior sds, and no scale factor of the vertical accelerometer either, noise is more than
+  `MAX_RATIO` times as large as stated (of fixes in classes: that of every class), or errors of the fixes last longer
+  than the drive and than any of a receiver, so that they cannot be distinguished from a constant.
 """
 
 from __future__ import annotations
@@ -156,7 +156,8 @@ def _ratios(parameters: Mapping[str, Coefficient]) -> dict[str, float]:
 
 def reasons(one: Finding, span: float) -> Iterator[str]:
     """Yield why a finding cannot be true on a drive of a length, s."""
-    if one.cause == SENSOR_BIAS and one.value > MAX_BIAS:
+    scaled = any(other.cause == "accel_scale" for other in one.alternatives)
+    if one.cause == SENSOR_BIAS and one.value > MAX_BIAS and not scaled:
         yield f"a bias of {one.value:.0f} prior sds"
     if is_noise_scale(one.cause):
         ratio = max(_ratios(one.parameters).values(), default=0.0)

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from tuner.diagnosis.drive import diagnose_drive
+from tuner.diagnosis.drive.causes.sensor_bias import _like_vertical_bias
 from tuner.diagnosis.drive.hypothesis import Hypothesis, Jump
+from tuner.types import Coefficient
 
 
 def test_a_gyro_bias_beyond_its_prior_is_named_with_what_it_may_be(simulated, drive_config):
@@ -19,6 +22,27 @@ def test_a_gyro_bias_beyond_its_prior_is_named_with_what_it_may_be(simulated, dr
     assert findings["sensor_bias"].parameters["gyro_y"].value == pytest.approx(0.015, abs=5e-3)
     assert [one.cause for one in findings["sensor_bias"].alternatives] == ["g_sensitivity"]
     assert ("sensor_bias", "g_sensitivity") in {one.causes for one in diagnosis.inseparable}
+
+
+@pytest.mark.parametrize(
+    ("axis", "value", "names"),
+    [
+        ("accel_z", 0.1, ["accel_scale"]),
+        ("accel_z", 0.004, ["gravity"]),
+        ("accel_x", 0.1, []),
+        ("accel_z", 3.0, []),
+    ],
+)
+def test_a_bias_of_the_vertical_accelerometer_may_be_its_scale_factor(drive_config, axis, value, names):
+    """A bias of 0.1 m/s² at a stated 0.001 is a scale factor of 1 %; nothing explains 3 m/s², or 0.1 across."""
+    channels = {a: replace(c, constant_sd=1e-3) for a, c in drive_config.channels.items()}
+    start = SimpleNamespace(quat_nb=np.array([[1.0, 0.0, 0.0, 0.0]]), llh=np.array([[0.8, 0.1, 100.0]]))
+    run = SimpleNamespace(solutions=[SimpleNamespace(state=start)])
+    found = _like_vertical_bias(
+        run, replace(drive_config, channels=channels), {axis: Coefficient.known(value, value, value, "m/s^2")}
+    )
+    assert {one.cause for one in found} >= set(names)
+    assert bool(found) == bool(names)
 
 
 def test_a_badly_known_scale_leaves_no_bias(simulated, drive_config):

@@ -2,12 +2,16 @@
 
 After a drive the estimate of a turn-on constant with prior sd σ and posterior variance p is N(0, σ² − p) where the
 prior is right, plus what its random walk has added since. A g-sensitive gyro shows the same bias as long as the unit
-stays level: sensitivity g of an axis to the vertical force is a bias of 9.8 g. Constants that are compensated and
-poorly known, as a scale factor of the vertical accelerometer, add their error times the force at the start to the
-bias: the sd of that is added to the prior.
+stays level: sensitivity g of an axis to the vertical force is a bias of 9.8 g. A scale factor s of the vertical
+accelerometer is a bias of 9.8 s there: which is likelier is a matter of what units differ by in practice. Constants
+that are compensated and poorly known, as a scale factor of the vertical accelerometer, add their error times the force
+at the start to the bias: the sd of that is added to the prior.
 """
 
 from __future__ import annotations
+
+import math
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +20,7 @@ from scipy.stats import norm
 from models import rotation
 from models.earth import gravity
 from tuner.diagnosis.drive.causes.base import FinalCause
+from tuner.diagnosis.drive.causes.constant_errors import AccelScale, Gravity
 from tuner.diagnosis.drive.hypothesis import FilterRun
 from tuner.diagnosis.drive.linear_model.linearize import columns
 from tuner.diagnosis.drive.score_tests import fit_constants
@@ -28,8 +33,14 @@ CAUSE_CODE = "sensor_bias"
 CAUSE_MEANING = "a constant bias far beyond its prior"
 CAUSE_CONSEQUENCE = "widen the prior of the turn-on constant, or calibrate"
 
-ALTERNATIVES = {"gyro": (Alternative("g_sensitivity", 1.0),), "accel": ()}
-"""Causes that have the same effect on a level road, by sensor."""
+LIKE_GYRO_BIAS = (Alternative("g_sensitivity", 1.0),)
+"""Causes that have the effect of a gyro bias on a level road."""
+LIKE_VERTICAL_BIAS = (AccelScale, Gravity)
+"""Causes that have the effect of a bias of the vertical accelerometer on a level road."""
+MIN_VERTICAL_SHARE = 0.9
+"""Share of gravity that an axis at rest feels from which it is the vertical one: 26° of tilt."""
+MIN_WEIGHT = 0.05
+"""Odds from which a cause is an alternative: one in twenty."""
 
 
 def biases_beyond_prior(
@@ -76,6 +87,7 @@ def biases_beyond_prior(
                     Enlargement(Quantity(axis, "constant_sd"), abs(value) / noise.constant_sd, reason)
                 )
         if biases:
+            others = LIKE_GYRO_BIAS if sensor == "gyro" else _like_vertical_bias(run, config, biases)
             channels = tuple(biases)
             values = {
                 "cause": CAUSE_CODE,
@@ -94,11 +106,32 @@ def biases_beyond_prior(
                     text,
                     CAUSE_CONSEQUENCE,
                     values,
-                    alternatives=ALTERNATIVES[sensor],
+                    alternatives=others,
                     inflations=tuple(inflations),
                 )
             )
     return tuple(findings)
+
+
+def _like_vertical_bias(
+    run: FilterRun, config: FilterConfig, biases: Mapping[str, Coefficient]
+) -> tuple[Alternative, ...]:
+    """Return the causes that a bias of the vertical accelerometer may be as well, by the odds of their priors."""
+    start = run.solutions[0].state
+    up = -rotation.mat_from_quat(start.quat_nb[0])[2]
+    vertical = int(np.argmax(np.abs(up)))
+    axis = ACCELS[vertical]
+    if axis not in biases or abs(up[vertical]) < MIN_VERTICAL_SHARE:
+        return ()
+    size = float(gravity(np.sin(start.llh[0, 0]), start.llh[0, 2]))
+    value, prior = abs(biases[axis].value or 0.0), max(config.channels[axis].constant_sd, 1e-12)
+    found = []
+    for cause, felt in zip(LIKE_VERTICAL_BIAS, (size, 1.0), strict=True):
+        spread = felt * cause.prior_sd
+        odds = math.exp(min(0.0, norm.logpdf(value, scale=spread) - norm.logpdf(value, scale=prior)))
+        if odds > MIN_WEIGHT and value < felt * cause.largest:
+            found.append(Alternative(cause.cause, odds))
+    return tuple(found)
 
 
 def _sd_from_constants(run: FilterRun, shifts: tuple[str, ...]) -> NDArray[np.float64]:
