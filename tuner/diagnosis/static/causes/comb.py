@@ -44,8 +44,13 @@ MIN_SHIFT_SQUARE = 18.0
 """Squared sds by which a period must fit its course better one sample off: 2 ln 1e4, for one of 1e4 that is off."""
 FOLDED_PARTS = 32
 """Parts of a record that are folded apart to refine a period: over one of them its harmonics lose no phase."""
-FEW_LINES, MAX_LINE_SHARE = 3, 0.6
-"""Lines that hold less than this share of the power of a comb; a pulse spreads its power over all of them evenly."""
+FEW_LINES, MAX_LINE_SHARE, CLEAR_LINE_SHARE = 3, 0.6, 0.8
+"""Lines that hold less than this share of the power of a comb; a pulse spreads its power over all of them evenly.
+
+Beyond the second share they hold too much at any phase of the bins, which is then not sought.
+"""
+MIDDLE_PHASE = 0.5
+"""Phase, samples, at which samples lie in the middle of their bin: at its edge, rounding would spread what repeats."""
 
 
 @dataclass(frozen=True)
@@ -122,7 +127,10 @@ class Comb(Extension):
         if score < MIN_SCORE:
             return TestResult(cls.cause, 1.0, NO_GAIN, score, name)
         e = np.where(fitted.valid, np.clip(fitted.e, -RESIDUAL_CLIP, RESIDUAL_CLIP), 0.0)
-        period, phase = _in_phase(e, _shortest(e, _fitted_best(e, _refined(fitted, e, period))))
+        period = _fitted_best(e, _refined(fitted, e, period))
+        if _of_few_lines(_fold(e, period, MIDDLE_PHASE), _square(e, period), CLEAR_LINE_SHARE):
+            return TestResult(cls.cause, 1.0, NO_GAIN, score, name)
+        period, phase = _in_phase(e, _shortest(e, period))
         folded = _fold(e, period, phase)
         square = _square(e, period, phase)
         if _of_few_lines(folded, square):
@@ -207,11 +215,8 @@ def _refined(fitted: Residual, e: FloatArray, near: float) -> float:
     return float(near_first[best])
 
 
-def _square(e: FloatArray, period: float, phase: float = 0.5) -> float:
-    """Return Σ count · mean² of residuals over the phases of a period: χ² where nothing repeats.
-
-    Samples lie in the middle of their bin: at its edge, rounding would spread what comes again over two.
-    """
+def _square(e: FloatArray, period: float, phase: float = MIDDLE_PHASE) -> float:
+    """Return Σ count · mean² of residuals over the phases of a period: χ² where nothing repeats."""
     total, count = _sums(e, phase, period, int(period))
     return float(np.sum(total**2 / np.maximum(count, 1.0)))
 
@@ -237,15 +242,16 @@ def _fitted_best(e: FloatArray, near: float) -> float:
     return max((p for p in tried if int(p) == int(near)), key=lambda p: _square(e, p))
 
 
-def _of_few_lines(folded: FloatArray, square: float) -> bool:
-    """Return whether means over a period, shape (K,), whose sum of squares is χ²_K by chance, are those of few lines.
+def _of_few_lines(folded: FloatArray, square: float, share: float = MAX_LINE_SHARE) -> bool:
+    """Return whether few lines hold more than a share of means over a period, shape (K,).
 
-    What chance has a part in is taken off on both sides: 1 of a line on average, ln of their number of the largest.
+    `square` is their sum of squares, χ²_K by chance. What chance has a part in is taken off on both sides: 1 of a line
+    on average, ln of their number of the largest.
     """
     lines = np.sort(np.abs(rfft(folded - folded.mean())[1:]) ** 2)[::-1]
     lines *= 0.5 * square / max(lines.sum(), np.finfo(float).tiny)
     few = float(lines[:FEW_LINES].sum()) - FEW_LINES * float(np.log(len(lines)))
-    return few > MAX_LINE_SHARE * (float(lines.sum()) - len(lines))
+    return few > share * (float(lines.sum()) - len(lines))
 
 
 def _in_phase(e: FloatArray, near: float) -> tuple[float, float]:
