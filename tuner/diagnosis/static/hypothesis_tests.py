@@ -147,5 +147,5 @@ def retest(fitted: Residual, cause: str) -> TestResult | None:
         results.append(lowpass.test(few_shapes(fitted)))
     elif cause in ("lowpass", "colour", "vibration"):
         results += [r for r in spectrum(fitted, whole=cause != "vibration") if r.cause == cause]
-    known = [result for result in results if result is not None]
+    known = [result.confirm() if result.confirm else result for result in results if result is not None]
     return max(known, key=lambda result: (result.gain > 0, -result.p_value)) if known else None

@@ -40,6 +40,9 @@ class TestResult:
         Of a test without a cause: nats that a description of its own would gain, 0 for that of the p-value.
     place : str
         Where it shows most, in words; empty for the whole record.
+    confirm : callable or None
+        Makes the result of closer judgement, which takes longer and gains no more; to be called before the proposal
+        is used.
     """
 
     __test__ = False
@@ -53,6 +56,7 @@ class TestResult:
     local: bool = False
     misfit: float = 0.0
     place: str = ""
+    confirm: Callable[[], TestResult] | None = None
 
     @property
     def nats(self) -> float:
@@ -62,7 +66,7 @@ class TestResult:
     @property
     def without_proposal(self) -> TestResult:
         """The result without `propose`, which would keep the whole residual in memory."""
-        return replace(self, propose=None)
+        return replace(self, propose=None, confirm=None)
 
 
 @dataclass(frozen=True)

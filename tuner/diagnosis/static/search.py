@@ -131,6 +131,7 @@ def search_causes(channel: Channel, threshold: float, given: tuple[Extension, ..
         before, results = results, hypothesis_tests(found, quiet)
         if quiet and not any(_rejections(results, threshold)):
             results = hypothesis_tests(found)
+        results = _settled(results, threshold)
         if fresh:
             known = [_with_rivals(one, before, results, threshold) for one in accepted[-fresh:]]
             accepted = [*accepted[:-fresh], *known]
@@ -145,13 +146,7 @@ def search_causes(channel: Channel, threshold: float, given: tuple[Extension, ..
             rejections = [better[1]]
         if not rejections:
             break
-        local = [result.gain for result in rejections if result.local]
-        filtered = [result.gain for result in rejections if result.cause == "lowpass"]
-        if local and not (filtered and filtered[0] > max(local) + CERTAIN_GAIN):
-            rejections = [
-                result for result in rejections if result.local or group_of(result.cause) != "fast spectrum"
-            ]
-        rejections = _not_superseded(rejections)
+        rejections = _eligible(rejections)
         broad = [result for result in rejections if is_broad(result.cause)]
         chosen = [
             warming_box(
@@ -219,6 +214,36 @@ def is_broad(cause: str) -> bool:
     """Return whether a cause shapes the whole fast spectrum."""
     declared = CAUSES.extensions().get(cause)
     return declared is not None and declared.broad
+
+
+def _eligible(rejections: list[TestResult]) -> list[TestResult]:
+    """Return the rejections of which one may be accepted now: not those that clearer ones of their kind explain."""
+    local = [result.gain for result in rejections if result.local]
+    filtered = [result.gain for result in rejections if result.cause == "lowpass"]
+    if local and not (filtered and filtered[0] > max(local) + CERTAIN_GAIN):
+        rejections = [
+            result for result in rejections if result.local or group_of(result.cause) != "fast spectrum"
+        ]
+    return _not_superseded(rejections)
+
+
+def _settled(results: tuple[TestResult, ...], threshold: float) -> tuple[TestResult, ...]:
+    """Return the results, those judged closely that would be accepted now, stand beside such, or alone in their group.
+
+    What waits for clearer causes is judged when these are known.
+    """
+    while True:
+        rejections = _rejections(results, threshold)
+        clearest = _clearest(_eligible(rejections)) if rejections else []
+        unsure = []
+        for one in rejections:
+            mine = [other for other in rejections if group_of(other.cause) == group_of(one.cause)]
+            beside = any(other in clearest and one.gain > other.gain - NEAR_TWIN_NATS for other in mine)
+            if one.confirm is not None and (beside or all(other.confirm for other in mine)):
+                unsure.append(id(one))
+        if not unsure:
+            return results
+        results = tuple(one.confirm() if one.confirm and id(one) in unsure else one for one in results)
 
 
 def _not_superseded(rejections: list[TestResult]) -> list[TestResult]:

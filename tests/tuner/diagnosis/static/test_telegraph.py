@@ -9,6 +9,8 @@ import pytest
 
 from models.noise import BiasInstability, NoiseModel, RandomWalk, White
 from tuner.diagnosis import diagnose
+from tuner.diagnosis.static.outcome import TestResult
+from tuner.diagnosis.static.search import _settled
 from tuner.diagnosis.static.switching.kim_filter import paired, still, switching
 from tuner.diagnosis.static.switching.models import STILL, Chain, Slow, likelihood
 from tuner.simulation.static import Channel, simulate
@@ -110,3 +112,20 @@ def test_the_filter_for_one_level_is_the_general_one():
         y, STILL.levels, STILL.first, STILL.chances, slow.phi, slow.q, slow.initial, r, np.empty(0)
     )
     assert still(y, slow.phi, slow.q, slow.initial, r) == pytest.approx(general, rel=1e-9)
+
+
+@pytest.mark.parametrize(("others", "judged"), [({"lowpass": 900.0}, 0), ({"lowpass": 90.0}, 1), ({}, 1)])
+def test_a_path_is_judged_closely_only_where_it_may_be_accepted(others, judged):
+    """Beside a filter that gains more than fivefold it waits; a Gauss–Markov process stays behind it meanwhile."""
+    calls = []
+
+    def confirm():
+        calls.append(1)
+        return TestResult("telegraph", 1e-20, -9.0, 30.0, "two levels")
+
+    known = {"gauss_markov": 25.0, **others}
+    results = tuple(TestResult(cause, 1e-20, gain, gain, cause, tuple) for cause, gain in known.items())
+    unsure = TestResult("telegraph", 1e-20, 30.0, 30.0, "two levels", tuple, confirm=confirm)
+    settled = _settled((*results, unsure), 1e-6)
+    assert len(calls) == judged
+    assert {r.cause: r.gain for r in settled} == {**known, "telegraph": -9.0 if judged else 30.0}

@@ -19,6 +19,7 @@ References
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +33,7 @@ from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.null_distributions import curvature
 from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.model.slow_likelihood import Fit
-from tuner.diagnosis.static.outcome import TestResult
+from tuner.diagnosis.static.outcome import NO_GAIN, TestResult
 from tuner.diagnosis.static.switching.climb import climb
 from tuner.diagnosis.static.switching.models import (
     NO_VALUES,
@@ -169,20 +170,14 @@ class Telegraph(Extension):
         gain = lead - price
         if gain <= 0.0:
             return TestResult("telegraph", p_value, gain, lead, name)
-        extension, switches, x, two = _extension(y, step, channel.span, r, best[1], besides)
-        many, three = _three_levels(y, step, channel.span, r, x, besides, two + THIRD_LEVEL_LEAD)
-        if many is not None:
-            found = many
-            return TestResult(
-                "telegraph", p_value, three - null - price, three - null, ManyLevels.meaning, lambda: (found,)
-            )
-        size = extension.values["size"]
-        if (
-            switches < MIN_SWITCHES or not size.lower * size.upper > 0.0
-        ):  # levels that are not distinct have no name
-            return TestResult("telegraph", p_value, -9.0, lead, name)
-        extension = replace(extension, third_level_lead=three - two)
-        return TestResult("telegraph", p_value, gain, lead, name, lambda: (extension,))
+        found = best[1]
+        unsure = TestResult("telegraph", p_value, gain, lead, name)
+
+        @cache
+        def confirm() -> TestResult:
+            return _judged(unsure, y, step, channel.span, r, found, besides, null)
+
+        return replace(unsure, propose=lambda: _proposed(confirm()), confirm=confirm)
 
 
 @dataclass(frozen=True)
@@ -191,6 +186,37 @@ class ManyLevels(Telegraph):
 
     named = False
     meaning = "the bias switches between more than two levels"
+
+
+def _proposed(result: TestResult) -> tuple[Extension, ...]:
+    """Return what a result proposes, nothing where it does not."""
+    return () if result.propose is None else result.propose()
+
+
+def _judged(
+    unsure: TestResult,
+    y: FloatArray,
+    step: float,
+    span: float,
+    r: FloatArray | float,
+    x: FloatArray,
+    besides: type[Term],
+    null: float,
+) -> TestResult:
+    """Return the result for two levels at these free numbers, whose path is compared with steps and more levels."""
+    extension, switches, x, two = _extension(y, step, span, r, x, besides)
+    many, three = _three_levels(y, step, span, r, x, besides, two + THIRD_LEVEL_LEAD)
+    if many is not None:
+        lead, price = three - null, unsure.statistic - unsure.gain
+        known = replace(unsure, gain=lead - price, statistic=lead, name=ManyLevels.meaning)
+        return replace(known, propose=lambda: (many,))
+    size = extension.values["size"]
+    if (
+        switches < MIN_SWITCHES or not size.lower * size.upper > 0.0
+    ):  # levels that are not distinct have no name
+        return replace(unsure, gain=NO_GAIN)
+    extension = replace(extension, third_level_lead=three - two)
+    return replace(unsure, propose=lambda: (extension,))
 
 
 def _parts(x: FloatArray, step: float, span: float, besides: type[Term]) -> tuple[Chain, Slow]:
