@@ -94,7 +94,8 @@ def quantizer_step(pieces: Sequence[FloatArray]) -> float:
         Samples; steps may carry the rounding of a decimal print-out (2 % of a step). The rarest 3 % of the
         samples may lie between codes, as interpolated ones do, where codes are so few that they repeat.
     """
-    values, count = np.unique(np.concatenate(pieces)[:MAX_VALUES], return_counts=True)
+    some = np.concatenate([piece[:MAX_VALUES] for piece in pieces])[:MAX_VALUES]
+    values, count = np.unique(some, return_counts=True)
     descending = np.sort(count)[::-1]
     frequent = count >= descending[np.searchsorted(descending.cumsum(), MIN_CODE_SHARE * count.sum())]
     values = values[frequent] if np.count_nonzero(frequent) > 1 else values
