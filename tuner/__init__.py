@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from tuner.curves import empirical as curve
     from tuner.diagnosis import diagnose
     from tuner.exporters import export
-    from tuner.identification import identify
+    from tuner.identification.identify_source import identify_log as identify
     from tuner.identification.record_length import plan_test as plan
     from tuner.pipeline import tune
     from tuner.production.fleet import fleet
@@ -66,7 +66,7 @@ __all__ = [
 _HOMES = {
     "tune": ("tuner.pipeline", "tune"),
     "read": ("tuner.readers", "read"),
-    "identify": ("tuner.identification", "identify"),
+    "identify": ("tuner.identification.identify_source", "identify_log"),
     "diagnose": ("tuner.diagnosis", "diagnose"),
     "synthesize": ("tuner.synthesis", "synthesize"),
     "check": ("tuner.consistency.check", "check"),

@@ -5,6 +5,7 @@ from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import FrozenInstanceError, replace
 from io import StringIO
 
+import numpy as np
 import pytest
 
 import tuner
@@ -172,3 +173,21 @@ def test_a_simulated_unit_stands_in_where_nothing_is_given(monkeypatch):
     assert found.name == "simulated-7"
     assert found.key["hidden"][0]["cause"] == "spikes"
     assert found.config.gnss == load_gnss("spp")
+
+
+def test_identify_takes_a_path_and_only_what_stood_still(tmp_path):
+    """Of a log with a motion the verb stated the noise of the motion; a path was taken for a sequence of records."""
+    rng = np.random.default_rng(4)
+    n, rate = 6000, 50.0
+    columns = {f"gyro_{axis}": rng.normal(0.0, 1e-3, n) for axis in "xyz"}
+    moved = slice(4000, 4600)
+    for column in columns.values():
+        column[moved] += 0.5 * np.sin(np.arange(600) / 20.0)
+    path = tmp_path / "log.npz"
+    np.savez(path, t=np.arange(n) / rate, **columns)
+    noise = tuner.identify(path, arma=None, gyro_unit="rad/s", terms=["white"])
+    for channel in noise.channels.values():
+        # 5400 samples at rest hold N to 1 %.
+        assert channel.term("white").coefficients["density"].value == pytest.approx(
+            1e-3 / rate**0.5, rel=0.06
+        )

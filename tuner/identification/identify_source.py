@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
 
 from tuner.catalogue.datasheet import is_datasheet, read_datasheet
 from tuner.catalogue.grades import grade_identification, grade_names, load_gnss, load_grade
@@ -20,6 +21,11 @@ from tuner.segments.multi_position import calibrate
 from tuner.types import GnssNoise, Identification
 from tuner.types.progress import Progress, silent
 from tuner.types.records import DataError, Record
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from tuner.readers.logs_in_memory import Table
 
 SEVERAL_POSES = "several poses: `tuner tune` also calibrates the sensors from them"
 
@@ -69,6 +75,36 @@ def identify_source(
         progress(SEVERAL_POSES)
     progress("identifying")
     return identify(records, terms=terms, method=method, arma=arma, latitude=latitude)
+
+
+def identify_log(
+    log: str | Path | Sequence[Record] | Table | pd.DataFrame,
+    *,
+    terms: Sequence[str] | None = None,
+    method: str = "likelihood",
+    arma: Likelihood | None = "fast",
+    latitude: float | None = None,
+    **reading: Any,
+) -> Identification:
+    """Return the noise of a log, of the parts in which the sensor stood still.
+
+    Parameters
+    ----------
+    log : str, Path, sequence of Record, mapping of str to array, or DataFrame
+        A file or table that `tuner.read` reads, or what it returned.
+    terms, method, arma, latitude
+        As of `identify`, which takes records as they are.
+    **reading
+        Options of `tuner.read` where it is a file or table: ``rate``, ``gyro_unit``, ``columns`` …
+
+    Raises
+    ------
+    DataError
+        If nothing can be read, or no part stands still.
+    """
+    known = isinstance(log, Sequence) and all(isinstance(one, Record) for one in log)
+    records = cast(Sequence[Record], log) if known else read(cast(Any, log), **reading)
+    return identify(at_rest(records), terms=terms, method=method, arma=arma, latitude=latitude)
 
 
 def identify_fixes(log: str | Path, progress: Progress = silent) -> ReceiverErrors:
