@@ -21,7 +21,7 @@ SHOWN_FINDINGS = 2
 """Findings of a drive in the answer: what a reader acts on first."""
 
 
-def drive_verdict(found: Consistency, *, short: bool = False) -> str:
+def drive_verdict(found: Consistency, *, short: bool = False, shortest: bool = False) -> str:
     """Return the verdict on the filter on the measured drive, the first reason and how many others there are."""
     if found.consistent:
         return "On the measured drive: consistent, no score is shown to be 10 % off"
@@ -29,11 +29,16 @@ def drive_verdict(found: Consistency, *, short: bool = False) -> str:
     more = f" ({len(reasons) - 1} more on the page)" if len(reasons) > 1 else ""
     if short:
         reason = reasons[0].replace("what the filter predicts: ", "predicted, ")
+        if shortest:  # whether more or less than 1, the number says
+            reason = reason.removesuffix(", optimistic").removesuffix(", pessimistic")
+            more = more.replace(" on the page", "")
         return f"Measured drive: NOT consistent: {reason}{more}"
     return f"On the measured drive: NOT consistent: {reasons[0]}{more}"
 
 
-def finding_lines(findings: Sequence[Finding], choice: HeldOutChoice | None) -> list[str]:
+def finding_lines(
+    findings: Sequence[Finding], choice: HeldOutChoice | None, *, shortest: bool = False
+) -> list[str]:
     """Return the clearest findings of a drive, with as many of their figures as a line has room for.
 
     Parameters
@@ -42,11 +47,17 @@ def finding_lines(findings: Sequence[Finding], choice: HeldOutChoice | None) -> 
         Of the drive, the clearest first.
     choice : HeldOutChoice or None
         What of them entered the settings.
+    shortest : bool, optional
+        Whether to leave out figures for which one line has no room.
     """
     if not findings:
         return ["On the drive: nothing found that the filter does not expect"]
     lines = [found_text(one) for one in findings[:SHOWN_FINDINGS]]
-    if choice is not None and not choice.kept.startswith("with the findings"):
+    if shortest:
+        for end in (" (", ", "):
+            lines = [text if len(text) <= LINE_WIDTH else text.partition(end)[0] for text in lines]
+    stays = shortest and choice is not None and choice.kept == "as it began"  # said with the choice
+    if choice is not None and not stays and not choice.kept.startswith("with the findings"):
         lines.append("Findings are not in the settings: the last 40 % is predicted no better with them")
     return lines
 
@@ -63,7 +74,9 @@ def found_text(finding: Finding) -> str:
     return f"{text})" if "(" in text else text
 
 
-def choice_lines(choice: HeldOutChoice, *, shorter: bool, shortest: bool) -> list[str]:
+def choice_lines(
+    choice: HeldOutChoice, *, shorter: bool, shortest: bool, intervals_alone: bool = False
+) -> list[str]:
     """Return what was kept, and position errors with fixes and without them before and after.
 
     Parameters
@@ -72,10 +85,17 @@ def choice_lines(choice: HeldOutChoice, *, shorter: bool, shortest: bool) -> lis
         What the drive keeps.
     shorter, shortest : bool
         Whether to leave the intervals of the changes to the page, and what the fixes alone give and what was kept.
+    intervals_alone : bool, optional
+        Whether to say the intervals of the ratios alone.
     """
     before, after = choice.before, choice.after
+    ranges = [f"{one.seconds:g} s {interval_words(one.interval)}".replace(" … ", "–") for one in choice.late]
+    ratios = ", ".join(ranges)
+    least = [f"True ÷ predicted, last 40 %: {ratios} (95 %)"] if ratios else []
     if choice.kept == "as it began" or before is None or after is None:
-        return [f"After the drive: {choice.note}"]
+        if not intervals_alone:
+            return [f"After the drive: {choice.note}"]
+        return [f"After the drive: {choice.note.partition(';')[0] if least else choice.note}", *least]
     from tuner.diagnosis.drive.held_out_gain import change_interval  # loads the diagnosis of drives
 
     arrow = "→" if shortest else " → "
@@ -88,6 +108,8 @@ def choice_lines(choice: HeldOutChoice, *, shorter: bool, shortest: bool) -> lis
     tracking = f"{digits(before.tracking_rms)}{arrow}{digits(after.tracking_rms)} m"
     blind = f"{', '.join(changes)} m"
     despite = [f"{choice.despite[:1].upper()}{choice.despite[1:]}"] if choice.despite else []
+    if intervals_alone:
+        return [*despite, f"Error, last 40 %: {tracking}; whole drive, unaided {blind}", *least]
     if shortest:
         ratios = ", ".join(
             f"{one.seconds:g} s {digits(one.ratio, 2)} ({interval_words(one.interval)} by {len(one.square)})"

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 WITHOUT_RECEIVER = "name a receiver (--gnss GRADE)"
 """Words of the reason where a check lacks only the receiver."""
-SHORTER = ("head", "numbers", "findings", "warnings", "drive", "without effect")
+SHORTER = ("head", "numbers", "findings", "warnings", "drive", "without effect", "least of the drive")
 """Parts that are said in fewer words where the answer has more lines, in this order."""
 MAX_KEYS = 7
 """Lines of another filter's settings that an answer shows; of more, only the file is named."""
@@ -102,14 +102,14 @@ def _answer(result: TuneResult, directory: Path, short: Set[str], keys: Sequence
     """Return the answer with some of its parts in fewer words, those of `SHORTER`."""
     rows = settings_rows(result.config)
     table = settings_lines(rows, tight="numbers" in short) if rows and len(keys) < 2 else []
-    brief = "drive" in short
+    brief, least = "drive" in short, "least of the drive" in short
     head = (
         [short_verdict(result, brief=brief)]
         if "head" in short
         else [verdict_line(result), recording_line(result)]
     )
     if result.measured is not None:
-        measured = drive_verdict(result.measured.consistency, short=brief)
+        measured = drive_verdict(result.measured.consistency, short=brief, shortest=least)
         head = [f"{measured}. {head[0]}"] if "head" in short else [measured, *head]
     if any("*" in line for line in table) and BOUNDED not in table[0]:
         legend_here = f"; {BOUNDED}"
@@ -119,6 +119,8 @@ def _answer(result: TuneResult, directory: Path, short: Set[str], keys: Sequence
         head[-1] += f"; {LONGER}"
     if "head" in short and len(head[-1]) > LINE_WIDTH:
         head[-1] = head[-1].replace(f" ({WHAT_SIMULATES})", "")
+    if least:
+        head = [one.replace(" with its noise:", ":").replace(" in the drive at", " at") for one in head]
     findings, shown = _findings_of_log(result, short="findings" in short, idle="without effect" not in short)
     warnings = warning_lines(result.identification, short="findings" in short)
     unsaid = len(warnings) if "warnings" in short else 0
@@ -126,11 +128,13 @@ def _answer(result: TuneResult, directory: Path, short: Set[str], keys: Sequence
     texts = [*against_datasheet(result), *findings, *warnings, *hidden_lines(result), *_absent_lines(result)]
     if result.drive is not None:
         found = result.drive.diagnosis.findings
-        most = 1 if findings and brief else SHOWN_FINDINGS
-        texts += finding_lines(found[:most], result.choice)
+        most = 1 if least or (findings and brief) else SHOWN_FINDINGS
+        texts += finding_lines(found[:most], result.choice, shortest=least)
         shown += min(len(found), most)
     if result.choice is not None:
-        texts += choice_lines(result.choice, shorter="numbers" in short, shortest=brief)
+        texts += choice_lines(
+            result.choice, shorter="numbers" in short, shortest=brief, intervals_alone=least
+        )
     return [
         *(line for text in head for line in wrapped(text, 2)),
         *table,

@@ -3,7 +3,9 @@
 import html
 import json
 import os
+from contextlib import redirect_stdout
 from dataclasses import dataclass, replace
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
@@ -84,9 +86,20 @@ def tuned(file):
     patch.setattr(pipeline, "CHECK_RUNS", 2)
     patch.setattr(pipeline, "CHECK_DURATION", 300.0)
     folder = file.with_name("out")
-    assert run(["tune", "--drive", str(file), "-o", str(folder), "--quiet"]) == 0
+    with redirect_stdout(StringIO()) as told:
+        assert run(["tune", "--drive", str(file), "-o", str(folder), "--quiet"]) == 0
+    (folder / "told.txt").write_text(told.getvalue(), encoding="utf-8")
     patch.undo()
     return folder
+
+
+def test_tune_answers_on_a_drive_in_ten_lines(tuned):
+    told = (tuned / "told.txt").read_text(encoding="utf-8").splitlines()
+    assert len(told) <= 10
+    assert any("drive" in line and "onsistent" in line for line in told)
+    *lines, page = told
+    assert max(map(len, lines)) <= 80
+    assert page.startswith("Page") or page.endswith("report.html")  # a long path is not broken
 
 
 def test_the_hidden_delay_is_named(found):
