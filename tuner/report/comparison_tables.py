@@ -25,6 +25,8 @@ from tuner.report.terminal import LINE_WIDTH
 from tuner.report.terms_rows import channel_row
 from tuner.types import FilterConfig
 
+NEAREST_GRADES = 3
+"""Grades of an answer: the last that keeps the limit and two that do not."""
 UNITS = {"gyro": "rad/s", "accel": "m/s^2"}
 
 
@@ -103,8 +105,8 @@ def _drift_table(found: SensorComparison) -> list[Table | str]:
     return [table, about]
 
 
-def choice_tables(found: GradeChoice) -> list[Table | str]:
-    """Return the ranking of the built-in grades, and which noise would just do."""
+def choice_tables(found: GradeChoice, *, every: bool = True) -> list[Table | str]:
+    """Return the ranking of the built-in grades, all or those nearest to the limit, and which noise would just do."""
     with_wheels = "with" if found.wheels else "without"
     limit = f"{found.limit:g} m after {found.outage:g} s without fixes, {found.receiver} before, {with_wheels} wheels"
     kept = len(found.kept)
@@ -115,7 +117,9 @@ def choice_tables(found: GradeChoice) -> list[Table | str]:
     table.add_column("keeps\nit")
     for head in ("gyro N,\ndeg/√h", "B,\ndeg/h", "accel N,\nµg/√Hz", "B,\nµg"):
         table.add_column(head, justify="right")
-    for one in found.ranking:
+    first = 0 if every else max(0, min(kept - 1, len(found.ranking) - NEAREST_GRADES))
+    shown = found.ranking[first:] if every else found.ranking[first : first + NEAREST_GRADES]
+    for one in shown:
         cells = [digits(value) if value > 0.0 else "–" for value in noise_of(one.config, 1.0)]
         table.add_row(one.name, digits(one.error, 2), "yes" if one.error <= found.limit else "no", *cells)
     answer.append(table)
@@ -131,7 +135,8 @@ def choice_tables(found: GradeChoice) -> list[Table | str]:
             f"It would just do: {digits(found.factor, 2)} × the noise and biases of {found.nearest.name}: gyro N "
             f"{gyro_n} deg/√h, B {gyro_b} deg/h; accel N {accel_n} µg/√Hz, B {accel_b} µg"
         )
-    return [*answer, f"{text}. Scale factors and misalignments come on top."]
+    rest = "" if every else " All grades: --verbose"
+    return [*answer, f"{text}. Scale factors and misalignments come on top.{rest}"]
 
 
 def noise_of(config: FilterConfig, factor: float) -> tuple[float, float, float, float]:

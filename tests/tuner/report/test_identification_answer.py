@@ -88,6 +88,14 @@ def test_the_table_of_a_comparison_and_of_a_choice_fit_a_terminal():
     told = lines(choice_tables(GradeChoice(60.0, 2.0, "rtk", True, (grade,), grade, 0.5)))
     assert max(map(len, told)) <= 80
     assert "It would just do" in " ".join(told)
+    ranking = tuple(replace(grade, name=f"grade{i}", error=0.5 * i) for i in range(1, 9))
+    told = lines(choice_tables(GradeChoice(60.0, 2.0, "rtk", True, ranking, ranking[3], 0.5), every=False))
+    assert len(told) <= 10
+    assert [line.split()[0] for line in told if line.startswith("grade") and "m (rms)" not in line] == [
+        "grade4",
+        "grade5",
+        "grade6",
+    ]
 
 
 def test_the_part_of_a_log_that_is_used_is_named():

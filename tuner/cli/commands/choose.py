@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 
 import click
 
-from tuner.cli.commands.options import Finite, Output, common, paged
+from tuner.cli.commands.options import Finite, Output, common, paged, verbose
 from tuner.cli.progress import Messages
 
 
@@ -29,6 +29,7 @@ from tuner.cli.progress import Messages
 )
 @click.option("--gnss", default="spp", show_default=True, metavar="GRADE", help="Receiver before the outage.")
 @click.option("--wheels", is_flag=True, help="A vehicle on wheels that do not slip sideways.")
+@verbose
 @common
 @paged
 def command(
@@ -36,6 +37,7 @@ def command(
     error: float,
     gnss: str,
     wheels: bool,
+    verbose: bool,
     seed: int,  # noqa: ARG001
     page: Callable[[str, Mapping[str, object]], None],
     output: Output,
@@ -55,4 +57,4 @@ def command(
     output.write(choice_json(found))
     page("Choice of a sensor", {f"{error:g} m after {outage:g} s": found})
     if output.tables:
-        show(choice_tables(found))
+        show(choice_tables(found, every=verbose))
