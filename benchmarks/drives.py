@@ -148,15 +148,20 @@ def cell(one: OutageErrors | None) -> str:
     return f"{one.rms:.3g} m, {one.ratio:.2f} ({interval_words(one.interval)}, {len(one.square)})"
 
 
-def judged(
-    drive: Drive, config: FilterConfig, begin: float, *, adapt: bool = False, whole: bool = False
-) -> Judged | None:
-    """Return the score of a configuration on the drive from a time on, by its reference where that is right."""
+def trusted(drive: Drive, began: FilterConfig) -> Drive:
+    """Return a drive without those times of its reference at which it is wrong, as `tune --drive` judges by."""
+    if drive.reference is None:
+        return drive
+    clean = replace(drive, gnss=without_gross_outliers(drive.gnss)[0])
+    run = configured_run(clean, began, clock_of_drive(drive))
+    return replace(drive, reference=trusted_reference(drive.reference, run.stretches, run.settings)[0])
+
+
+def judged(drive: Drive, config: FilterConfig, begin: float, *, adapt: bool = False) -> Judged | None:
+    """Return the score of a configuration on the drive from a time on, by its reference."""
     clean = replace(drive, gnss=without_gross_outliers(drive.gnss)[0])
     try:
         run = configured_run(clean, config, clock_of_drive(drive))
-        if run.reference is not None and not whole:
-            run = replace(run, reference=trusted_reference(run.reference, run.stretches, run.settings)[0])
         run, end = adapted(run) if adapt else run, float(drive.gnss.t[-1])
         score = predictive_score(run, begin, end)
         return None if score is None else (score, all_outages(run, begin, end))
@@ -180,15 +185,16 @@ def main() -> None:
         choice = choose_config(drive, examined, began, config_after_drive(examined, kept=True), silent)
         took = time.process_time() - start
         times_ten = with_noise_factors(began, {"white": 10.0, "bias": 10.0})
+        right = trusted(drive, began)
         own = [
-            row(f"{drive.name}, began", judged(drive, began, begin)),
-            row("… process noise × 10", judged(drive, times_ten, begin)),
-            row("… Sage–Husa", judged(drive, began, begin, adapt=True)),
-            row(f"… written: {choice.kept}", judged(drive, choice.config, begin), took),
+            row(f"{drive.name}, began", judged(right, began, begin)),
+            row("… process noise × 10", judged(right, times_ten, begin)),
+            row("… Sage–Husa", judged(right, began, begin, adapt=True)),
+            row(f"… written: {choice.kept}", judged(right, choice.config, begin), took),
         ]
         if choice.after is not None and choice.after.fixes_rms is not None:
             own.append(f"| … fixes alone | {choice.after.fixes_rms:.3g} | | | | |")
-            by_all = judged(drive, choice.config, begin, whole=True)
+            by_all = judged(drive, choice.config, begin)
             if by_all is not None and by_all[0].fixes_rms is not None:
                 own.append(row("… written, by the whole reference", by_all))
                 own.append(f"| … fixes alone, by the whole reference | {by_all[0].fixes_rms:.3g} | | | | |")

@@ -2,13 +2,17 @@
 
 ``python -m benchmarks.inputs`` prints the tables of ``docs/inputs.md``: 20 000 samples of six axes, 3600 fixes, 3600
 poses. The files are written as in the tests: binary ones by the libraries of their formats where these write.
+``python -m benchmarks.inputs FILE …`` prints a row for each of these files, which others wrote: what was read of it.
 """
 
 from __future__ import annotations
 
+import sys
 import tempfile
 import time
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -18,9 +22,14 @@ from tests.tuner.readers import test_formats as formats
 from tests.tuner.readers import test_receiver_files as receivers
 from tests.tuner.readers import test_waypoint_text as waypoint
 from tests.tuner.readers.messages import test_message_logs as messages
+from tuner.formats.customary_units import phrase
+from tuner.identification import identify
 from tuner.readers import read
 from tuner.readers.drive import read_drive
 from tuner.readers.estimate import read_estimate
+from tuner.readers.log_format import file_of, format_of
+from tuner.types import Coefficient, Identification
+from tuner.types.records import DataError
 
 COUNT, RATE = 20_000, 100.0
 FIXES = 3600
@@ -58,10 +67,59 @@ FIX_TITLES = {
 }
 
 
+READINGS = 3
+"""Times that each file is read, for the scatter of the times."""
+
+
 def main() -> None:
-    """Write, read and compare every format."""
+    """Write, read and compare every format; of files that are named, say what was read."""
+    if sys.argv[1:]:
+        published([Path(name) for name in sys.argv[1:]])
+        return
     logs()
     fixes()
+
+
+def timed(read_it: Callable[[], Any]) -> tuple[Any, str]:
+    """Return what is read, and the processor time that takes, s, with half the range of some readings."""
+    spent = []
+    for _ in range(READINGS):
+        start = time.process_time()
+        found = read_it()
+        spent.append(time.process_time() - start)
+    return found, f"{np.median(spent):.2f} ± {0.5 * np.ptp(spent):.2f}"
+
+
+def published(paths: Sequence[Path]) -> None:
+    """Print the format, the time, the rate, the length and the white noise of each log, or why it is refused."""
+    print(
+        "| file | read as | s | Hz | samples at rest | N, deg/√h | N, µg/√Hz |\n|---|---|---|---|---|---|---|"
+    )
+    for path in paths:
+        try:
+            title = format_of(file_of(path)).title
+            records, seconds = timed(lambda path=path: read(path))
+            rest = sum(stop - start for start, stop in records[0].segments)
+            found = identify(records, arma=None)
+        except DataError as error:
+            print(f"| {path.name} | refused: {str(error).removeprefix(f'{path}: ')} | | | | | |", flush=True)
+            continue
+        noise = {
+            unit: [phrase(one, "white.density", unit, with_unit=False) for one in whites]
+            for unit, whites in _whites(found).items()
+        }
+        cells = ["; ".join(noise.get(unit, ["–"])) for unit in ("rad/s", "m/s^2")]
+        rate = f"{records[0].rate:.5g}"
+        print(f"| {path.name} | {title} | {seconds} | {rate} | {rest} | {' | '.join(cells)} |", flush=True)
+
+
+def _whites(found: Identification) -> dict[str, list[Coefficient]]:
+    """Return the white noise of every axis by the unit of its sensor."""
+    whites: dict[str, list[Coefficient]] = {}
+    for channel in found.channels.values():
+        if (term := channel.term("white")) is not None:
+            whites.setdefault(channel.unit, []).append(term.coefficients["density"])
+    return whites
 
 
 def logs() -> None:
@@ -87,12 +145,10 @@ def logs() -> None:
                 module, path = messages, messages.MAKERS[name](place, fixes=False)
             else:
                 module, path = files, getattr(files, name)(place)
-            start = time.process_time()
-            gyro, accel = read(path)
-            seconds = time.process_time() - start
+            (gyro, accel), seconds = timed(lambda path=path: read(path))
             pairs = ((gyro, module.GYRO), (accel, module.ACCEL))
             off = [np.abs(one.y - truth[: len(one.y)]).max() for one, truth in pairs]
-            print(f"| {title} | {library} | {seconds:.2f} | {off[0]:.0e}, {off[1]:.0e} |", flush=True)
+            print(f"| {title} | {library} | {seconds} | {off[0]:.0e}, {off[1]:.0e} |", flush=True)
 
 
 def fixes() -> None:
@@ -108,19 +164,18 @@ def fixes() -> None:
             if name in receivers.WRITERS:
                 receivers.imu(place, receivers.CLOCKS["UNIX time"])
                 receivers.WRITERS[name](place)
-                start = time.process_time()
-                llh = read_drive(place).gnss.llh
+                drive, seconds = timed(lambda place=place: read_drive(place))
+                llh = drive.gnss.llh
                 written = np.column_stack([receivers.LAT, receivers.LON, receivers.HEIGHT])
             elif name == "tum":
                 written = _tum(place / "tum.txt")
-                start = time.process_time()
-                llh = np.asarray(read_estimate(place / "tum.txt", frame="NED").local)
+                found, seconds = timed(lambda place=place: read_estimate(place / "tum.txt", frame="NED"))
+                llh = np.asarray(found.local)
             else:
                 (place / "ie.txt").write_text(waypoint.LAYOUTS[name]())
-                start = time.process_time()
-                llh = read_estimate(place / "ie.txt").llh
+                found, seconds = timed(lambda place=place: read_estimate(place / "ie.txt"))
+                llh = found.llh
                 written = np.column_stack([waypoint.LAT, waypoint.LON, waypoint.HEIGHT])
-            seconds = time.process_time() - start
             off = (
                 llh - written
                 if name == "tum"
@@ -128,7 +183,7 @@ def fixes() -> None:
             )
             angle = "–" if name == "tum" else f"{np.abs(off[:, :2]).max():.0e}"
             print(
-                f"| {title} | {library} | {seconds:.2f} | {angle}, {np.abs(off[:, 2]).max():.0e} |",
+                f"| {title} | {library} | {seconds} | {angle}, {np.abs(off[:, 2]).max():.0e} |",
                 flush=True,
             )
 

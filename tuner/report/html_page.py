@@ -100,7 +100,6 @@ def write_page(
         **findings_content(result, pictures, panels),
         "axes": axes,
         "kinds": [(kind, KINDS[kind]) for kind in drawn],
-        "plotly": _packed_library(),
         "allan": None if allan is None else shown(Picture(KINDS["allan"], "allan.svg", allan)),
         "noise": [block for block in noise if "rows" in block],
         "sections": _sections(result, pictures, panels),
@@ -108,6 +107,7 @@ def write_page(
         "provenance": _provenance(result, command),
     }
     content["charts"] = _for_script({**drawn, "panels": panels})
+    content["plotly"] = _packed_library() if axes or panels else ""
     content["contents"] = [
         ("settings", "Settings"),
         ("files", "Files"),

@@ -21,7 +21,7 @@ from tuner.formats.documents import json_text
 from tuner.formats.file_set import MANIFEST, digests, write_set
 from tuner.formats.guard import printable
 from tuner.report.consistency_tables import consistency_tables, consistency_verdict
-from tuner.report.figure_files import figure_bytes
+from tuner.report.figure_files import figure_bytes, lay_out
 from tuner.report.html_page import write_sections_page
 from tuner.report.interactive_figure import charts_of_figure
 from tuner.report.output_cause_text import cause_text, change_text
@@ -62,6 +62,8 @@ def write_output_score(
         What was typed; empty where the page is made from Python.
     """
     figure = _drawn(found)
+    if figure is not None:
+        lay_out(figure)
     files = {} if figure is None else {f"score.{kind}": figure_bytes(figure, kind) for kind in ("png", "svg")}
     pictures = (
         []

@@ -134,7 +134,7 @@ def choose_config(
 
     progress("fitting the noise to outages of the first part of the drive")
     stage("fitting the noise to outages of the first part of the drive", 0.5)
-    written = _written(examined, before, after)
+    written = _written(examined, before, with_clock(_refitted(examined, after), clock))
     candidates = first_candidates(trial, _fitted(examined, written, trial.cut))
     begun = trial.score(BEGINNING, before, trial.cut, end)
     if begun is None or not candidates:
@@ -161,6 +161,7 @@ def choose_config(
         late = _since(outages, trial.cut)
         note = _note(BEGINNING, begun, begun, {}, late)
         return HeldOutChoice(before, BEGINNING, {}, begun, begun, late=late, note=note)
+    chosen = _as_written(trial, begun, outages, chosen)
     rivals = [each[0] for each in known.values() if each is not None]
     despite = _despite(chosen, rivals)
     return replace(chosen, despite=despite, note=f"{chosen.note}; {despite}" if despite else chosen.note)
@@ -214,6 +215,34 @@ def _with_trusted_reference(drive: Drive, config: FilterConfig, clock: Clock) ->
         return replace(drive, reference=trusted_reference(drive.reference, run.stretches, run.settings)[0])
     except DataError:
         return drive
+
+
+def _refitted(examined: ExaminedDrive, after: FilterConfig) -> FilterConfig:
+    """Return the configuration with all findings, their values fitted together to the whole drive.
+
+    The search fits each as it is found; candidates are fitted together, and so is what is written of them.
+    """
+    if not examined.search.accepted:
+        return after
+    try:
+        found = fitted_before(examined.drive, examined.search, np.inf)
+    except DataError:
+        return after
+    return replace(after, compensation=found.compensation)
+
+
+def _as_written(
+    trial: Trial, begun: PredictiveScore, before: Mapping[float, OutageErrors], chosen: HeldOutChoice
+) -> HeldOutChoice:
+    """Return a choice with the errors of what is written: its values are those of the whole drive."""
+    name = f"{chosen.kept}, as written"
+    late = trial.score(name, chosen.config, trial.cut, trial.end)
+    if late is None:
+        return chosen
+    after = all_outages(trial.run_of(name, chosen.config), trial.begin, trial.end)
+    pairs, blind = outage_pairs(before, after), _since(after, trial.cut)
+    note = _note(chosen.kept, begun, late, pairs, blind)
+    return replace(chosen, after=late, outages=pairs, late=blind, note=note)
 
 
 def _written(examined: ExaminedDrive, before: FilterConfig, after: FilterConfig) -> dict[str, FilterConfig]:

@@ -25,6 +25,7 @@ from tuner.diagnosis.drive.causes.time_offset import with_clock
 from tuner.diagnosis.drive.configured_run import configured_run, with_other_noise
 from tuner.diagnosis.drive.held_out_choice import (
     HeldOutChoice,
+    _as_written,
     _despite,
     choose_config,
     first_of_best,
@@ -32,7 +33,7 @@ from tuner.diagnosis.drive.held_out_choice import (
     rank_of,
 )
 from tuner.diagnosis.drive.noise_factors import with_noise_factors, with_sds_of
-from tuner.diagnosis.drive.outage_errors import OutageErrors, with_outages
+from tuner.diagnosis.drive.outage_errors import OutageErrors, all_outages, with_outages
 from tuner.diagnosis.drive.predictive_score import PredictiveScore, predictive_score
 from tuner.navigation.data import WITHHELD
 from tuner.navigation.drive.clock import AGREEING, Clock
@@ -256,6 +257,19 @@ def test_settings_despite_their_innovations_are_set_beside_right_ones(drive, rig
     assert "0.30 and 1.00 × predicted" in text
     assert "err 4 m with fixes instead of 2.9 m" in text
     assert "no settings" in _despite(bad, [bad])
+
+
+def test_stated_are_the_errors_of_what_is_written(drive, right):
+    """Values of what is written are those of the whole drive, not those of the candidate that was judged."""
+    trial = Trial(drive, AGREEING, 0.0, 360.0, 600.0)
+    begun = trial.score("begun", right, 360.0, 600.0)
+    wider = with_noise_factors(right, {"white": 5.0, "bias": 5.0})
+    judged = HeldOutChoice(wider, "with the findings", after=begun)
+    found = _as_written(trial, begun, all_outages(trial.run_of("begun", right), 0.0, 600.0), judged)
+    assert found.after.nats == pytest.approx(trial.score("again", wider, 360.0, 600.0).nats)
+    assert [one.seconds for one in found.late] == [10.0, 30.0, 60.0]
+    assert all(one.text in found.note for one in found.late)
+    assert found.late[2].ratio < 0.5
 
 
 def test_ranks_are_those_of_both_parts():
