@@ -164,7 +164,8 @@ def judged(drive: Drive, config: FilterConfig, begin: float, *, adapt: bool = Fa
         run = configured_run(clean, config, clock_of_drive(drive))
         run, end = adapted(run) if adapt else run, float(drive.gnss.t[-1])
         score = predictive_score(run, begin, end)
-        return None if score is None else (score, all_outages(run, begin, end))
+        outages = all_outages(run, float(drive.gnss.t[0]), end)
+        return None if score is None else (score, {s: one.since(begin) for s, one in outages.items()})
     except DataError:
         return None
 
