@@ -42,15 +42,8 @@ from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.hypothesis_tests import retest
 from tuner.diagnosis.static.model.dct import inverse, transform
 from tuner.diagnosis.static.model.profile_likelihood import first_column
-from tuner.diagnosis.static.model.residual import (
-    RESIDUAL_CLIP,
-    Residual,
-    gain_of,
-    once,
-    power_of,
-    residual,
-    spectrum_knots,
-)
+from tuner.diagnosis.static.model.residual import Residual, gain_of, once, power_of, residual, spectrum_knots
+from tuner.diagnosis.static.model.series_statistics import RESIDUAL_CLIP
 from tuner.diagnosis.static.outcome import Accepted
 from tuner.diagnosis.static.search import SearchResult
 from tuner.diagnosis.static.switching.models import block_noise

@@ -37,7 +37,8 @@ from tuner.diagnosis.static.causes.temperature import COVARIATE
 from tuner.diagnosis.static.causes.template import Template, TimeConstantTemplate
 from tuner.diagnosis.static.model.dct import block_transform
 from tuner.diagnosis.static.model.null_distributions import SLOW_RATIO_FACTOR, variance_deviate
-from tuner.diagnosis.static.model.residual import RESIDUAL_CLIP, Residual, moment
+from tuner.diagnosis.static.model.residual import Residual
+from tuner.diagnosis.static.model.series_statistics import RESIDUAL_CLIP, moment
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.variance.histogram import histogram
 from tuner.diagnosis.static.variance.local_variance import local_variance

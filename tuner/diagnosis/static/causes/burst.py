@@ -26,7 +26,8 @@ from models.effects.static.distribution import Burst as Effect
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.null_distributions import EDGE_NATS
-from tuner.diagnosis.static.model.residual import RESIDUAL_CLIP, Residual, robust_sd
+from tuner.diagnosis.static.model.residual import Residual
+from tuner.diagnosis.static.model.series_statistics import RESIDUAL_CLIP, robust_sd
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.variance.local_variance import LocalVariance, local_variance
 from tuner.diagnosis.static.variance.white_share import dilution

@@ -20,7 +20,8 @@ from scipy.stats import chi2
 from models.effects.static.spectral import Comb as Effect
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.channel import Channel
-from tuner.diagnosis.static.model.residual import RESIDUAL_CLIP, Residual
+from tuner.diagnosis.static.model.residual import Residual
+from tuner.diagnosis.static.model.series_statistics import RESIDUAL_CLIP
 from tuner.diagnosis.static.outcome import NO_GAIN, TestResult
 from tuner.diagnosis.static.variance.quantized_noise import slow_track
 

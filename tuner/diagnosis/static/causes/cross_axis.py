@@ -15,7 +15,8 @@ from scipy.stats import norm
 
 from models.effects.static.distribution import CrossAxis as Effect
 from tuner.diagnosis.cause import Cause
-from tuner.diagnosis.static.model.residual import SAMPLES_AT_ONCE, Residual
+from tuner.diagnosis.static.model.residual import Residual
+from tuner.diagnosis.static.model.series_statistics import SAMPLES_AT_ONCE
 from tuner.types import Coefficient
 
 

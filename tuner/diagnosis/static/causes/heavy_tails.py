@@ -25,7 +25,8 @@ from scipy.stats import norm, t
 from models.effects.static.distribution import HeavyTails as Effect
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.model.null_distributions import maximum, minimum
-from tuner.diagnosis.static.model.residual import Residual, moment
+from tuner.diagnosis.static.model.residual import Residual
+from tuner.diagnosis.static.model.series_statistics import moment
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.variance.histogram import Histogram, histogram
 from tuner.diagnosis.static.variance.white_share import dilution

@@ -24,7 +24,8 @@ from scipy.stats import norm
 
 from models.effects.static.distribution import SkewedNoise as Effect
 from tuner.diagnosis.static.causes.base import Extension, Value
-from tuner.diagnosis.static.model.residual import Residual, moment
+from tuner.diagnosis.static.model.residual import Residual
+from tuner.diagnosis.static.model.series_statistics import moment
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.variance.local_variance import local_variance
 from tuner.diagnosis.static.variance.white_share import dilution

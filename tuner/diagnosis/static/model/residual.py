@@ -15,16 +15,21 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property, wraps
 from typing import Any, TypeVar
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import next_fast_len, rfft
+from scipy.fft import next_fast_len
 
 from models.noise import BiasInstability, GaussMarkov, NoiseModel, RandomWalk, Term, White
 from tuner.diagnosis.static.causes.base import Extension
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.dct import block_transform, grid, inverse, transform
 from tuner.diagnosis.static.model.null_distributions import SLOW_RATIO_FACTOR
+from tuner.diagnosis.static.model.series_statistics import (
+    RESIDUAL_CLIP,
+    SAMPLES_AT_ONCE,
+    robust_sd,
+    unit_periodogram,
+)
 from tuner.diagnosis.static.model.slow_likelihood import BASES, Fit, Kinds, Track
 
 FloatArray = NDArray[np.float64]
@@ -37,13 +42,6 @@ MIN_PROMISED_RATIO = 4.0
 """Likelihood ratio of a further Gauss–Markov process, foretold by scores, below which it is not fitted.
 
 In simulations the score foretold 0.3 to 1.3 of ratios above 4; a finding needs 20 and more.
-"""
-SAMPLES_AT_ONCE = 1 << 16
-"""Numbers treated at a time, so that what is computed on the way stays in the cache of a processor."""
-RESIDUAL_CLIP = 5.0
-"""Sds at which residuals are cut for tests of the spectrum and of the variance.
-
-Normal samples exceed five with a chance of 6e-7; spikes, which have a test of their own, do not decide these.
 """
 
 
@@ -259,7 +257,7 @@ class Residual:
         n = len(self.e)
         if next_fast_len(2 * n, real=True) == 2 * n:
             return np.ascontiguousarray(self.spectrum[1][1::2])
-        return _periodogram(self.clipped, n)
+        return unit_periodogram(self.clipped, n)
 
     def power_at(self, f: FloatArray | float) -> FloatArray:
         """Return the expected spectrum at frequencies `f`, Hz, by interpolation."""
@@ -272,17 +270,7 @@ class Residual:
     def spectrum(self) -> tuple[float, SingleArray]:
         """Periodogram of the clipped residuals at 1/T, 2/T, … Hz, at most half bins: T, s, and power, mean 1."""
         size = next_fast_len(2 * len(self.e), real=True)
-        return size * self.channel.interval, _periodogram(self.clipped, size)
-
-
-def _periodogram(e: SingleArray, size: int) -> SingleArray:
-    """Return the periodogram of e, followed by zeros up to `size`, at frequencies 1 … size/2, mean 1."""
-    wave = rfft(e, size)[1:]
-    power: SingleArray = wave.real**2
-    power += wave.imag**2
-    parts = (e[first : first + SAMPLES_AT_ONCE] for first in range(0, len(e), SAMPLES_AT_ONCE))
-    power /= np.float32(sum(float(part @ part) for part in parts))
-    return power
+        return size * self.channel.interval, unit_periodogram(self.clipped, size)
 
 
 def once(make: Callable[[Residual], T]) -> Callable[[Residual], T]:
@@ -343,36 +331,6 @@ def power_of(extensions: tuple[Extension, ...], f: FloatArray, interval: float) 
     for extension in extensions:
         out += extension.power(f, interval)
     return out
-
-
-def moment(e: SingleArray, order: int) -> float:
-    """Return the mean of a power of numbers, summed in double precision."""
-    total = 0.0
-    for first in range(0, len(e), SAMPLES_AT_ONCE):
-        part = e[first : first + SAMPLES_AT_ONCE].astype(float)
-        product = part.copy()
-        for _ in range(order - 1):
-            product *= part
-        total += float(product.sum())
-    return total / len(e)
-
-
-def robust_sd(e: FloatArray) -> float:
-    """Return the standard deviation with squares capped at five deviations."""
-    mean = float(e.mean())
-    cap = RESIDUAL_CLIP * float(np.sqrt(max(float(e @ e) / len(e) - mean * mean, 0.0)))
-    for _ in range(5):
-        cap = RESIDUAL_CLIP * float(np.sqrt(_capped_square(e, cap * cap) / len(e)))
-    return cap / RESIDUAL_CLIP
-
-
-@numba.njit(cache=True, nogil=True)  # type: ignore[misc, unused-ignore]
-def _capped_square(e: FloatArray, cap: float) -> float:
-    """Return the sum of the squares, none above `cap`."""
-    total = 0.0
-    for i in range(e.size):
-        total += min(e[i] * e[i], cap)
-    return total
 
 
 def residual(

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tuner.diagnosis.static.model.null_distributions import variance_deviate
-from tuner.diagnosis.static.model.residual import RESIDUAL_CLIP, Residual, once
+from tuner.diagnosis.static.model.residual import Residual, once
+from tuner.diagnosis.static.model.series_statistics import RESIDUAL_CLIP
 from tuner.diagnosis.static.variance.quantized_noise import cell_moments
 
 FloatArray = NDArray[np.float64]
