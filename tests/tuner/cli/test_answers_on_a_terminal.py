@@ -10,18 +10,19 @@ from tuner.cli import run
 from tuner.formats.logs import write_log
 from tuner.simulation.static import simulate
 
+WHITE = ("--terms", "white", "--arma", "off")
 COMMANDS = {
     "identify": ("identify", "{log}"),
-    "identify, no units": ("identify", "{bare}"),
-    "identify two": ("identify", "{log}", "{other}", "--arma", "off"),
-    "identify --verbose": ("identify", "{log}", "{other}", "--arma", "off", "--verbose"),
+    "identify, no units": ("identify", "{bare}", *WHITE),
+    "identify two": ("identify", "{log}", "{other}", *WHITE),
+    "identify --verbose": ("identify", "{log}", "{other}", *WHITE, "--verbose"),
     "diagnose": ("diagnose", "{bare}"),
     "diagnose --verbose": ("diagnose", "{bare}", "--verbose"),
     "curve": ("curve", "{log}", "--tau", "0.1,1"),
     "curve psd": ("curve", "{log}", "--estimator", "psd"),
-    "compare": ("compare", "{log}", "mpu9250"),
+    "compare": ("compare", "adis16405", "mpu9250"),
     "grades": ("compare",),
-    "plan": ("plan", "{log}"),
+    "plan": ("plan", "mpu9250"),
     "fleet": ("fleet", "{log}", "{folder}/none.csv", "-o", "{folder}/fleet"),
     "dialects": ("export", "--list"),
     "check": ("check", "mpu9250", "--runs", "2", "--duration", "300"),
