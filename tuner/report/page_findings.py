@@ -38,9 +38,14 @@ def findings_content(result: TuneResult, pictures: Sequence[Picture], panels: li
             sources.append((title, _drift(group), _words(group), group.findings))
     if result.drive is not None:
         sources += _found_on_drive(result.drive.diagnosis.findings)
+    worded = [
+        (title, drift, lines, {one.text for one in findings}) for title, drift, lines, findings in sources
+    ]
+    left = unexplained_lines(found.unexplained) if found is not None else []
+    worded += [("What no finding explains", None, left, set(left))] if left else []
     room, groups = PICTURE_BYTES, []
-    for title, drift, lines, findings in sources:
-        own = [picture for picture in pictures if picture.caption in {one.text for one in findings}]
+    for title, drift, lines, captions in worded:
+        own = [picture for picture in pictures if picture.caption in captions]
         taken = []
         for picture in own[:WORDED_FINDINGS]:
             size = picture_size(picture)
@@ -73,7 +78,6 @@ def findings_content(result: TuneResult, pictures: Sequence[Picture], panels: li
         for one in found.findings
         if contradicted(one)
     ]
-    remarks += [f"unexplained: {line}" for line in unexplained_lines(found.unexplained)]
     return {
         "groups": groups,
         "remarks": remarks,

@@ -156,7 +156,7 @@ def draw_variance(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, floa
             lw=0,
             label=f"variance × {values['variance_ratio']:.3g}",
         )
-    else:
+    elif "slope" in values:
         unit = next(f.parameters["slope"].unit for f in subject.findings if f.cause == "variance_drift")
         by = subject.temperature if unit == "1/K" and subject.temperature is not None else subject.t
         course = blocks(by, 300).mean(axis=1)

@@ -25,7 +25,18 @@ from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.formats.files import Put, write_bytes
 from tuner.report.diagnosed_axis import DiagnosedAxis, diagnosed_axis, parameters
 from tuner.report.figure_files import draw_all, new_figure
-from tuner.report.static_cause_panels import CAUSE_COLOUR, DATA_COLOUR, shown, unit_of, view_of
+from tuner.report.static_cause_panels import (
+    CAUSE_COLOUR,
+    DATA_COLOUR,
+    draw_colour,
+    draw_course,
+    draw_histogram,
+    draw_variance,
+    shown,
+    unit_of,
+    view_of,
+)
+from tuner.report.static_diagnosis_tables import unexplained_parts
 from tuner.types import Diagnosis, Finding
 from tuner.types.records import Record
 
@@ -75,14 +86,14 @@ def finding_figures(
     seed: int = 0,
     suffixes: Sequence[str] = (".png", ".svg"),
 ) -> tuple[list[tuple[str, Path]], list[Callable[[Put], None]]]:
-    """Return the figures of all findings, one for each cause and its channels, for `draw_all`.
+    """Return the figures of all findings, one for each cause and its channels, and of what is left, for `draw_all`.
 
     Returns
     -------
     list of (str, Path)
         Caption and SVG of each picture.
     list of callable
-        Draws it to ``finding-NUMBER-CAUSE`` with each of `suffixes`.
+        Draws it to ``finding-NUMBER-CAUSE`` or ``unexplained-NUMBER`` with each of `suffixes`.
     """
     figures: list[Callable[[Put], None]] = []
     subject = cache(lambda axis, moving: diagnosed_axis(records, axis, diagnosis, moving=moving))
@@ -99,7 +110,15 @@ def finding_figures(
         paths = [path.with_suffix(suffix) for suffix in suffixes]
         figures.append(partial(_draw, chosen, finding, paths, replicas, seed))
         drawn[finding.cause, finding.channels] = (finding.text, path)
-    return list(drawn.values()), figures
+    left: list[tuple[str, Path]] = []
+    for line, largest in unexplained_parts(diagnosis.unexplained):
+        one = subject(largest.channels[0], False)
+        if one is not None:
+            path = directory / f"unexplained-{len(left) + 1}.svg"
+            paths = [path.with_suffix(suffix) for suffix in suffixes]
+            figures.append(partial(_draw_unexplained, one, largest.about, line, paths))
+            left.append((line, path))
+    return [*drawn.values(), *left], figures
 
 
 def _is_spectral(code: str) -> bool:
@@ -112,12 +131,38 @@ def _draw(
     one: DiagnosedAxis, finding: Finding, paths: Sequence[Path], replicas: int, seed: int, put: Put
 ) -> None:
     one = replace(one, findings=(finding, *(f for f in one.findings if f is not finding)))
-    title = fill(finding.text, TITLE_WIDTH)
+
+    def draw(left: Axes, right: Axes) -> None:
+        _draw_curve(left, one, _spectrum(one) if _is_spectral(finding.cause) else _allan(one), replicas, seed)
+        view_of(finding.cause)(right, one, parameters(finding, one.axis))
+
+    _draw_pair(finding.text, paths, put, draw)
+
+
+def _draw_unexplained(one: DiagnosedAxis, about: str, line: str, paths: Sequence[Path], put: Put) -> None:
+    """Draw what is unexplained: law and variance of the residuals; the spectrum; or Allan deviation and time course."""
+
+    def draw(left: Axes, right: Axes) -> None:
+        if about == "distribution":
+            draw_histogram(left, one, {})
+            draw_variance(right, one, {})
+        elif about == "fast spectrum":
+            _draw_curve(left, one, _spectrum(one), 0, 0)
+            draw_colour(right, one, {})
+        else:
+            _draw_curve(left, one, _allan(one), 0, 0)
+            draw_course(right, replace(one, findings=()), {})
+
+    _draw_pair(line, paths, put, draw)
+
+
+def _draw_pair(text: str, paths: Sequence[Path], put: Put, draw: Callable[[Axes, Axes], None]) -> None:
+    """Draw two panels under a title."""
+    title = fill(text, TITLE_WIDTH)
     top = 0.93 - LINE_HEIGHT * (title.count("\n") + 1)
     with new_figure((11.0, 4.4), paths, put, margins={**MARGINS, "top": top}, coarse=True) as figure:
         left, right = figure.subplots(1, 2)
-        _draw_curve(left, one, _spectrum(one) if _is_spectral(finding.cause) else _allan(one), replicas, seed)
-        view_of(finding.cause)(right, one, parameters(finding, one.axis))
+        draw(left, right)
         for panel in (left, right):
             panel.grid(which="major", color="0.9", lw=0.6)
             if panel.get_legend_handles_labels()[0]:

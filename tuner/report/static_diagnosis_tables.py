@@ -48,17 +48,24 @@ def headline_lines(diagnosis: Diagnosis, records: Sequence[Record] = ()) -> list
 
 
 def unexplained_lines(unexplained: Sequence[Unexplained]) -> list[str]:
-    """Return one line for each part of the samples that is not explained, the largest first, and how much that is.
+    """Return one line for each part of the samples that is not explained, the largest first, and how much that is."""
+    lines = [line for line, _ in unexplained_parts(unexplained)]
+    if len({one.statistic for one in unexplained}) > max(len(lines), 1):
+        lines.insert(0, _in_all(unexplained))
+    return lines
+
+
+def unexplained_parts(unexplained: Sequence[Unexplained]) -> list[tuple[str, Unexplained]]:
+    """Return what is not explained of each part of the samples, in words and where it shows most, the largest first.
 
     A line says what shows most there, in which axes, where, how much and to what effect, and how many statistics more
     show it. The effect is that on the axis in which it makes most of the drift that the model has, said once an axis.
     """
-    groups: dict[str, list[Unexplained]] = {}
-    for one in unexplained:
-        groups.setdefault(one.about or one.statistic, []).append(one)
-    lines: list[str] = []
+    parts: list[tuple[str, Unexplained]] = []
     said: set[tuple[str, ...]] = set()
-    for about, tests in sorted(groups.items(), key=lambda group: -max(one.nats for one in group[1])):
+    for about, tests in sorted(
+        _by_part(unexplained).items(), key=lambda part: -max(one.nats for one in part[1])
+    ):
         axes = list(dict.fromkeys(axis for one in tests for axis in one.channels))
         largest = max(tests, key=lambda one: one.nats)
         felt = max(tests, key=lambda one: max((a / b for a, b in one.drift.values() if b), default=0.0))
@@ -71,19 +78,24 @@ def unexplained_lines(unexplained: Sequence[Unexplained]) -> list[str]:
         if felt.drift and felt.channels not in said:
             line += f"; {left_text(felt.drift)}{where}"
             said.add(felt.channels)
-        lines.append(line)
-    statistics = {one.statistic for one in unexplained}
-    if len(statistics) > max(len(groups), 1):
-        lines.insert(0, _in_all(unexplained, groups))
-    return lines
+        parts.append((line, largest))
+    return parts
 
 
-def _in_all(unexplained: Sequence[Unexplained], groups: Mapping[str, Sequence[Unexplained]]) -> str:
+def _by_part(unexplained: Sequence[Unexplained]) -> dict[str, list[Unexplained]]:
+    """Return the statistics by what of the samples they are about."""
+    parts: dict[str, list[Unexplained]] = {}
+    for one in unexplained:
+        parts.setdefault(one.about or one.statistic, []).append(one)
+    return parts
+
+
+def _in_all(unexplained: Sequence[Unexplained]) -> str:
     """Return how much is unexplained, the largest statistic of each axis and part of the samples: others share it."""
     axes = list(dict.fromkeys(axis for one in unexplained for axis in one.channels))
     nats = sum(
         max((one.nats for one in tests if axis in one.channels), default=0.0)
-        for tests in groups.values()
+        for tests in _by_part(unexplained).values()
         for axis in axes
     )
     number = len({one.statistic for one in unexplained})

@@ -18,10 +18,10 @@ from tuner.report.allan_figure import allan_figure
 from tuner.report.diagnosed_axis import diagnosed_axis, signal_of
 from tuner.report.figure_files import label_plainly, lay_out
 from tuner.report.static_diagnosis_figures import draw_findings
-from tuner.report.static_diagnosis_tables import diagnosis_tables, hidden_effect_lines
+from tuner.report.static_diagnosis_tables import diagnosis_tables, hidden_effect_lines, unexplained_lines
 from tuner.report.two_level_path import two_level_path
 from tuner.simulation.static import simulate
-from tuner.types import Coefficient, Diagnosis, Finding, Gain
+from tuner.types import Coefficient, Diagnosis, Finding, Gain, Unexplained
 
 MODEL = NoiseModel([White(1e-4), RandomWalk(1e-6)])
 EFFECTS = {
@@ -71,6 +71,23 @@ def test_findings_of_one_cause_and_channels_share_a_picture(tmp_path):
     moves = tuple(finding("motion", {"start": s, "duration": 5.0}) for s in (20.0, 80.0, 150.0))
     found = Diagnosis(moves, base={"gyro_x": MODEL}, models={"gyro_x": MODEL})
     assert len(draw_findings(record(), found, tmp_path)) == 1
+
+
+def test_what_is_unexplained_has_a_picture_for_each_part_of_the_samples(tmp_path):
+    """Residuals over time and their law, their spectrum, the time course: two statistics of one part share one."""
+    parts = (
+        ("law", "distribution"),
+        ("squares", "distribution"),
+        ("shape", "fast spectrum"),
+        ("course", "slow part"),
+    )
+    left = tuple(Unexplained(name, ("gyro_x",), 1e-9, 40.0, about=about) for name, about in parts)
+    found = Diagnosis((), left, base={"gyro_x": MODEL}, models={"gyro_x": MODEL})
+    drawn = draw_findings(record(), found, tmp_path)
+    assert [caption for caption, _ in drawn] == unexplained_lines(left)[1:]
+    shown = [path.read_text() for _, path in drawn]
+    wanted = ("variance of the residuals", "spectrum of the residuals", "Allan deviation")
+    assert all(words in svg for words, svg in zip(wanted, shown, strict=True))
 
 
 def test_the_signal_of_a_line_is_the_line(tmp_path):
