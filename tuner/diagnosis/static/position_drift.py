@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from models.earth import SEMI_MAJOR_AXIS
 from models.effects import EFFECTS, Samples
 from models.noise import GaussMarkov, NoiseModel
+from models.noise.arma import Arma
 from models.units import STANDARD_GRAVITY
 from tuner.curves.allan import overlapping_allan
 from tuner.diagnosis.static.causes.temperature import COVARIATE
@@ -87,8 +88,11 @@ def left_drifts(
             signal = signals[axis][1] if axis in signals else np.zeros(len(record))
             pieces = [record.column(axis)[a:b] - signal[a:b] for a, b in record.segments]
             measured = _allan(pieces, record.interval)
-            tau = np.array([_samples(h, record.interval) * record.interval for h in measured])
-            modelled = models[axis].allan_variance(tau, interval=record.interval)
+            dt = next((t.interval for t in models[axis].terms if isinstance(t, Arma)), record.interval)
+            tau = np.array(
+                [max(_samples(h, dt), 1) * dt for h in measured]
+            )  # without repeated samples dt is longer
+            modelled = models[axis].allan_variance(tau, interval=dt)
             out[axis] = {
                 f"{h:g} s": (
                     position_drift(record.unit, np.sqrt(measured[h]), h),

@@ -22,3 +22,16 @@ def test_a_model_of_samples_is_compared_where_no_duration_is_a_multiple_of_them(
     drifts = left_drifts([], [record], {"gyro_x": NoiseModel((noise,))})["gyro_x"]
     measured, modelled = next(iter(drifts.values()))
     assert measured == pytest.approx(modelled, rel=0.3)
+
+
+def test_a_model_of_samples_without_repeats_is_compared_at_its_own_interval() -> None:
+    """Two of three readings repeat the last: the model is of those kept, three times as far apart."""
+    noise = Arma((0.5,), (), 1e-6, 0.03)
+    y = np.repeat(noise.sample(40_000, 0.03, np.random.default_rng(6)), 3)[:, None]
+    record = Record(
+        name="gyro", t=0.01 * np.arange(120_000), y=y, axes=("gyro_x",), unit="rad/s", interval=0.01
+    )
+    measured, modelled = next(
+        iter(left_drifts([], [record], {"gyro_x": NoiseModel((noise,))})["gyro_x"].values())
+    )
+    assert measured == pytest.approx(modelled, rel=0.3)
