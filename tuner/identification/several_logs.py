@@ -29,6 +29,7 @@ from scipy.optimize import brentq, minimize_scalar
 
 from models.probability import chi2_beyond, chi2_quantile, normal_reach, student_quantile
 from tuner.types import LEVEL, Coefficient, Identification, PooledChannel, PooledCoefficient
+from tuner.types.records import DataError
 
 FloatArray = NDArray[np.float64]
 
@@ -97,7 +98,13 @@ def pool(identifications: Sequence[Identification]) -> dict[str, PooledChannel]:
     Amplitudes and time constants are pooled as logarithms (their sd from the interval), the mean as it is: its
     spread is the turn-on repeatability. The triads ``gyro`` and ``accel`` pool the values of their axes: their
     spread is that between axes. What fewer than two of them identify is left out.
+
+    Raises
+    ------
+    DataError
+        Where two of them are of the same samples.
     """
+    _refuse_repeated(identifications)
     axes = dict.fromkeys(axis for one in identifications for axis in one.channels)
     pooled: dict[str, PooledChannel] = {}
     for axis in axes:
@@ -111,6 +118,18 @@ def pool(identifications: Sequence[Identification]) -> dict[str, PooledChannel]:
         mean = pool_coefficients("mean", [c.mean for c in channels], logarithmic=False)
         pooled[axis] = PooledChannel(axis, channels[0].unit, _pool_tables(tables), mean)
     return pooled | _pool_triads(pooled)
+
+
+def _refuse_repeated(identifications: Sequence[Identification]) -> None:
+    """Refuse a record that is given twice: its means and levels are equal to the last digit."""
+    known: dict[tuple[object, ...], object] = {}
+    for one in identifications:
+        figures = tuple((axis, c.mean.value, c.sigma_10s.value) for axis, c in one.channels.items())
+        name = one.source.get("name", "unnamed")
+        if figures in known and figures:
+            msg = f"{known[figures]}, {name}: expected two recordings, found the same samples twice: give each once"
+            raise DataError(msg)
+        known[figures] = name
 
 
 def _pool_triads(axes: Mapping[str, PooledChannel]) -> dict[str, PooledChannel]:

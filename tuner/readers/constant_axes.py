@@ -34,7 +34,7 @@ def without_constant_axes(records: Sequence[Record], notes: list[str], *, keep: 
         dead = [a for j, a in enumerate(record.axes) if np.ptp(record.y[:, j]) == 0.0]
         if dead:
             handling = "kept" if keep and moving else "left out"
-            notes.append(f"{len(dead)} constant axes were {handling}: {', '.join(dead)}")
+            notes.append(f"constant from first to last sample and {handling}: {', '.join(dead)}")
         if len(moving) == len(record.axes) or (keep and moving):
             live.append(record)
         elif moving:

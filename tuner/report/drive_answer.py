@@ -65,8 +65,13 @@ def finding_lines(
 def found_text(finding: Finding) -> str:
     """Return what a finding is with its first figure, and further ones that a line has room for."""
     words = finding.text.partition(": ")[2].partition(" (")[0] or finding.text
+    figures = dict(finding.parameters)
+    for name in finding.parameters:
+        if (phrase := f" by the {name.replace('_', ' ')}") in words:  # the figure in its place
+            words = words.replace(phrase, f" by {amount(figures.pop(name))}", 1)
+            break
     text = words = f"Found: {words}"
-    for name, value in finding.parameters.items():
+    for name, value in figures.items():
         longer = f"{text}{', ' if '(' in text else ' ('}{name.replace('_', ' ')} {amount(value)}"
         if len(longer) >= LINE_WIDTH and text != words:
             break

@@ -42,6 +42,7 @@ def findings_content(result: TuneResult, pictures: Sequence[Picture], panels: li
         (title, drift, lines, {one.text for one in findings}) for title, drift, lines, findings in sources
     ]
     left = unexplained_lines(found.unexplained) if found is not None else []
+    left += [one.statistic for one in result.drive.diagnosis.unexplained] if result.drive is not None else []
     worded += [("What no finding explains", None, left, set(left))] if left else []
     room, groups = PICTURE_BYTES, []
     for title, drift, lines, captions in worded:

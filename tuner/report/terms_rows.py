@@ -13,6 +13,8 @@ from tuner.types import ChannelIdentification, Coefficient
 
 MAIN_TERMS = ("white.density", "bias_instability.level", "random_walk.density")
 """Coefficients with a column of their own: what a filter is set from."""
+SHOWN_DIGITS = (3, 4, 5, 6)
+"""Of a range: the fewest that tell its ends apart."""
 Key = tuple[str, int]
 """Name of a coefficient, such as ``white.density``, and which of several of that name."""
 
@@ -45,8 +47,11 @@ class TermsRow:
         value = fmean(values)
         ends = [in_customary(end, name, self.unit) for c in found for end in c.interval or ()]
         if not ends:
-            low, high = digits(min(values)), digits(max(values))
-            return low if low == high else f"{low} to {high}"
+            for count in SHOWN_DIGITS:
+                low, high = digits(min(values), count), digits(max(values), count)
+                if low != high:
+                    return f"{low} to {high}"
+            return low
         return with_interval(value, min(ends), max(ends))
 
     @property

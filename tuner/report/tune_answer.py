@@ -164,7 +164,7 @@ def verdict_line(result: TuneResult, *, brief: bool = False) -> str:
     if failed:
         parts.append(f"does NOT predict the log in {axes_text(failed)}")
     elif result.predictions:
-        parts.append(f"predicts {_compared(result) or 'the log on every axis'}")
+        parts.append(f"predicts {_compared(result) or _on_axes(result)}")
     if result.check is None:
         parts.append("filter not simulated" + (f" ({WHAT_SIMULATES})" if _no_receiver(result) else ""))
     text = "; ".join(parts)
@@ -182,10 +182,17 @@ def short_verdict(result: TuneResult, *, brief: bool) -> str:
     verdict = (
         f"Consistent within 10 %, predicts {part or 'each axis'}"
         if checked
-        else f"Predicts {part or 'the log on every axis'}"
+        else f"Predicts {part or _on_axes(result)}"
     )
     with_cure = f"{verdict}; {recording}; filter not simulated ({WHAT_SIMULATES})"
     return with_cure if _no_receiver(result) and len(with_cure) <= LINE_WIDTH else f"{verdict}; {recording}"
+
+
+def _on_axes(result: TuneResult) -> str:
+    """Return what is predicted of a log: of a sensor that lacks an axis, or has a constant one, the others by name."""
+    triads = {axis.rpartition("_")[0] for axis in result.predictions}
+    whole = len(result.predictions) == 3 * len(triads)
+    return "the log on every axis" if whole else f"the log on {axes_text(list(result.predictions))}"
 
 
 def _compared(result: TuneResult) -> str:
@@ -330,6 +337,7 @@ def _page_lines(result: TuneResult, directory: Path, shown: int, warnings: int) 
     more += [f"{warnings} warning{'s' * (warnings > 1)}"] if warnings else []
     axes = [] if found is None else [axis for one in found.unexplained for axis in one.channels]
     more += [f"unexplained rest of {axes_text(list(dict.fromkeys(axes)))}"] if axes else []
+    more += ["unexplained rest of the drive"] if result.drive and result.drive.diagnosis.unexplained else []
     text = f"Page ({', '.join(more)}): {path}" if more else f"Page: {path}"
     short = f"Page ({', '.join(one.partition(' of ')[0] for one in more)}): {path}" if more else text
     shortest = short.replace(" more findings", " more")

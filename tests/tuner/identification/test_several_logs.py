@@ -7,7 +7,7 @@ from scipy.stats import binom
 from tuner.identification import identify
 from tuner.identification.several_logs import pool, pool_coefficients, random_effects
 from tuner.types import Coefficient
-from tuner.types.records import Record
+from tuner.types.records import DataError, Record
 
 
 def simulate(rng, spread, sd):
@@ -113,3 +113,13 @@ def test_a_bound_that_contradicts_the_pooled_value_is_kept():
         "level", [*found, Coefficient.bounded(3e-5, "rad/s", "absent")], logarithmic=True
     )
     assert high.value == pool_coefficients("level", found, logarithmic=True).value
+
+
+def test_one_record_given_twice_is_refused():
+    """Pooled with itself its intervals were √2 too narrow."""
+    y = np.random.default_rng(7).standard_normal((800, 1))
+    one = identify(
+        [Record("gyro", np.arange(800.0), y, ("gyro_x",), "rad/s", 1.0)], terms=("white",), arma=None
+    )
+    with pytest.raises(DataError, match="the same samples twice"):
+        pool([one, one])

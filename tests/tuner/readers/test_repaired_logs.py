@@ -146,7 +146,7 @@ def test_constant_axis_is_left_out(tmp_path: Path) -> None:
     gyro = GYRO * np.array([1.0, 0.0, 1.0])
     record, _ = read(write(tmp_path / "log.csv", rows(gyro=gyro)))
     assert record.axes == ("gyro_x", "gyro_z")
-    assert any("1 constant axes were left out: gyro_y" in note for note in record.notes)
+    assert any("constant from first to last sample and left out: gyro_y" in note for note in record.notes)
 
 
 def test_missing_temperature_is_interpolated(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import pytest
 from rich.console import Console
 
 from models.noise import NoiseModel, RandomWalk, White
+from models.units import to_si
 from tuner.cli import run
 from tuner.consistency.choose_grade import GradeChoice, RankedGrade
 from tuner.consistency.compare_sensors import compare
@@ -20,6 +21,7 @@ from tuner.report.alike_sentences import alike_sentences
 from tuner.report.comparison_tables import choice_tables, comparison_tables
 from tuner.report.identification_answer import identification_answer, pooled_answer, warning_lines
 from tuner.report.settings_rows import axes_text
+from tuner.report.terms_rows import single_row
 from tuner.simulation.static import simulate
 from tuner.synthesis.load_config import load_config
 from tuner.types import Coefficient
@@ -51,6 +53,15 @@ def test_axes_that_agree_share_a_row_and_a_terminal_holds_it(found):
     assert float(row.split()[3]) == pytest.approx(0.34377, rel=0.073)
     assert any(line.startswith("gyro y ") for line in told)
     assert "--verbose" in told[-1]
+
+
+def test_a_range_has_as_many_digits_as_tell_its_ends_apart():
+    """0.1716 to 0.1721 read 0.172, without a range."""
+    values = tuple(Coefficient(to_si(n, "deg/√h"), None, None, "") for n in (0.17161, 0.17214))
+    row = single_row("x", "rad/s", [("white.density", values[0])])
+    assert (
+        replace(row, coefficients={("white.density", 0): values}).cell("white.density") == "0.1716 to 0.1721"
+    )
 
 
 def test_logs_that_agree_are_said_to(found):

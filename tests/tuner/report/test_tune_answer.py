@@ -169,9 +169,10 @@ def test_a_finding_of_a_drive_has_its_size_and_interval(words):
         "time_offset", ("gnss",), "a statistic", 9.0, 1e-9, {"delay": Coefficient.known(-0.199, -0.219, -0.178, "s")},
         f"time_offset in gnss: {words} (delay)",
     )  # fmt: skip
-    (line,) = finding_lines([late], None)
-    assert words in line
-    assert "-0.199 ± 0.021 s" in line
+    for shortest in (False, True):  # without room it read "late by the delay", and no number
+        (line,) = finding_lines([late], None, shortest=shortest)
+        assert line.startswith(f"Found: {words.partition(' by ')[0]}")
+        assert "-0.199 ± 0.021 s" in line
 
 
 def test_errors_before_and_after_name_the_part_of_the_drive_they_are_of(result):
