@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from models import rotation
 from models.earth import ned_between
 from models.units import unit_value
-from tuner.types.filter_output import FilterOutput
+from tuner.readers.axes_letters import BODY_LETTERS, WORLD_LETTERS, axes_rotation
+from tuner.types.filter_output import FilterOutput, TakenAxes
 from tuner.types.records import DataError
 
 FloatArray = NDArray[np.float64]
@@ -30,13 +31,11 @@ MAX_UNIT_MISMATCH = 0.25
 """Relative distance of a ratio from that of two units within which it is taken for it."""
 MIN_ROWS = 20
 """Epochs from which conventions are compared."""
-_SWAPPED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
-_TURNED = np.diag([1.0, -1.0, -1.0])
-WORLDS = {"ENU": _SWAPPED, "NWU": _TURNED}
-"""Other axes of the world, to north-east-down."""
+WORLDS = ("NED", "ENU", "NWU")
+"""Usual axes of the world."""
+BODIES = ("FRD", "FLU", "RFU")
+"""Usual axes of the body."""
 _UPWARD = np.array([1.0, 1.0, -1.0])
-BODIES = {"FLU": _TURNED, "RFU": _SWAPPED}
-"""Other axes of the body, to forward-right-down."""
 SPEEDS = ("km/h", "kn", "mph", "ft/s", "cm/s")
 """Other units of velocities."""
 
@@ -116,7 +115,7 @@ def _positions(
     estimate: FilterOutput, truth: FilterOutput, place: FloatArray, other: FloatArray
 ) -> Iterator[tuple[str, str, FloatArray]]:
     if estimate.llh is None or truth.llh is None:
-        for name, mat in WORLDS.items():
+        for name, mat in _worlds(estimate.axes.positions):
             yield f"as {name}", f"name the columns x, y, z with --frame {name}", place @ mat.T - other
         # An offset of the height may look so, too: its changes have to agree.
         down, up = (float(np.nanstd(sign * place[:, 2] - other[:, 2])) for sign in (1.0, -1.0))
@@ -134,7 +133,7 @@ def _positions(
 
 
 def _velocities(one: FilterOutput, want: FloatArray, option: str) -> Iterator[tuple[str, str, FloatArray]]:
-    for name, mat in WORLDS.items():
+    for name, mat in _worlds(one.axes.velocities):
         yield f"as {name}", f"name the columns vx, vy, vz with {option} {name}", one.vel_n @ mat.T - want
     yield "with vd upwards", "change the sign of vd", one.vel_n * _UPWARD - want
     for unit in SPEEDS:
@@ -158,14 +157,36 @@ def _attitudes(one: FilterOutput, want: FloatArray) -> Iterator[tuple[str, str, 
     radian = "name the columns 'roll [rad]', 'pitch [rad]', 'yaw [rad]'"
     yield "in rad", radian, _turns(rotation.quat_from_rpy(np.degrees(angles)), want)
     mat = rotation.mat_from_quat(q)
-    eye = np.eye(3)
-    for (world, to_ned), (body, to_frd) in itertools.product(
-        [("NED", eye), *WORLDS.items()], [("FRD", eye), *BODIES.items()]
-    ):
-        if (world, body) != ("NED", "FRD"):
-            frames = f"--frame {world} --body {body}"
-            other = rotation.quat_from_mat(to_ned @ np.where(np.isfinite(mat), mat, eye) @ to_frd.T)
-            yield f"as {body} to {world}", f"add {frames}", _turns(other, want)
+    mat = np.where(np.isfinite(mat), mat, np.eye(3))
+    taken = one.axes
+    before = taken.attitudes or "NED"
+    from_frd = axes_rotation(taken.body, BODY_LETTERS, option="--body")
+    for (world, to_ned), body in itertools.product([(before, np.eye(3)), *_worlds(before)], BODIES):
+        if (world, body) != (before, taken.body):
+            to_frd = axes_rotation(body, BODY_LETTERS, option="--body")
+            other = rotation.quat_from_mat(to_ned @ mat @ from_frd @ to_frd.T)
+            yield f"as {body} to {world}", _frames_cure(taken, world, body), _turns(other, want)
+
+
+def _worlds(taken: str) -> Iterator[tuple[str, FloatArray]]:
+    """Yield other axes of the world than a file was taken in, with the rotation that takes it in them instead."""
+    back = axes_rotation(taken, WORLD_LETTERS, option="--frame").T
+    for name in WORLDS:
+        if name != taken:
+            yield name, axes_rotation(name, WORLD_LETTERS, option="--frame") @ back
+
+
+def _frames_cure(taken: TakenAxes, world: str, body: str) -> str:
+    """Return the options with which attitudes are taken in other axes, and those that they replace."""
+    if taken.attitudes is None:  # --frame turns no angles
+        turned = "" if world == "NED" else "turn the attitudes to NED axes"
+        bodies = "" if body == taken.body else f"pass --body {body}"
+        bodies += f", not {taken.body}" if bodies and taken.body != "FRD" else ""
+        return " and ".join(part for part in (turned, bodies) if part)
+    options = f"--frame {world} --body {body}"
+    if (taken.attitudes, taken.body) == ("NED", "FRD"):
+        return f"add {options}"
+    return f"pass {options}, not {taken.attitudes} and {taken.body}"
 
 
 def _turns(q: FloatArray, want: FloatArray) -> FloatArray:

@@ -92,10 +92,13 @@ def identify_channel(
     DataError
         If the channel is constant or too short for an Allan variance.
     ValueError
-        If the method or a term is unknown.
+        If the method, a term or `arma` is unknown.
     """
     if method not in METHODS:
         msg = f"'method' must be one of {', '.join(METHODS)}, got {method!r}"
+        raise ValueError(msg)
+    if arma not in ("fast", "exact", None):
+        msg = f"'arma' must be 'fast', 'exact' or None for no ARMA model, got {arma!r}"
         raise ValueError(msg)
     single = single_axis(record, axis)
     pieces = single.pieces(axis)

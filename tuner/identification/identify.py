@@ -62,7 +62,7 @@ def identify(
     DataError
         If all channels are constant or too short, or a channel comes twice.
     ValueError
-        If the method or a term is unknown.
+        If the method, a term or `arma` is unknown.
     """
     records = records if isinstance(records, Sequence) else read(records, **reading)
     varying: dict[str, Record] = {}

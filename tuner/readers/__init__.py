@@ -21,7 +21,7 @@ from tuner.readers.block_means import read_means, reduction
 from tuner.readers.column_mapping import parse_columns
 from tuner.readers.columns import Progress, digest
 from tuner.readers.log_format import FORMATS, LogFormat, columns_of, file_of, log_folder
-from tuner.readers.logs_in_memory import Table, list_table
+from tuner.readers.logs_in_memory import Table, in_python, list_table
 from tuner.readers.messages import ardupilot, rosbag, ulog
 from tuner.readers.options import Options
 from tuner.readers.time_range import between
@@ -113,9 +113,14 @@ def read(
         stamps=stamps,
     )
     if not isinstance(path, str | Path):
-        listing, identity = list_table(path)
-        plan = plan_of(listing, options)
-        return between(checked(listing, plan, even(listing, plan, identity, options), options), begin, end)
+        try:
+            listing, identity = list_table(path)
+            plan = plan_of(listing, options)
+            return between(
+                checked(listing, plan, even(listing, plan, identity, options), options), begin, end
+            )
+        except DataError as error:
+            raise DataError(in_python(str(error))) from None
     path = file_of(Path(path))
     if not path.exists():
         msg = f"{path}: no such file"

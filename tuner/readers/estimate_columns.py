@@ -39,7 +39,7 @@ from tuner.readers.estimate_column_names import (
     stated_unit,
     units_of_product,
 )
-from tuner.types.filter_output import FilterOutput, filter_output
+from tuner.types.filter_output import FilterOutput, TakenAxes, filter_output
 from tuner.types.records import DataError
 
 FloatArray = NDArray[np.float64]
@@ -129,6 +129,7 @@ def assemble(
     parts: list[tuple[int, FloatArray, tuple[str, ...]]] = []
     eye = np.broadcast_to(np.eye(3), (n, 3, 3))
     mat_nw: FloatArray = np.asarray(eye)
+    world, in_ecef = "NED", False
     if xyz is not None or vel_w is not None or (frames.world is not None and "qw" in values):
         if frames.world is None:
             which = "x, y, z" if xyz is not None else "vx, vy, vz"
@@ -138,11 +139,12 @@ def assemble(
             if xyz is None:
                 msg = f"{source}: --frame ECEF: expected the columns x, y, z, found none"
                 raise DataError(msg)
-            llh = llh_from_ecef(xyz)
+            llh, in_ecef = llh_from_ecef(xyz), True
             mat_nw = np.swapaxes(mat_en(llh[:, 0], llh[:, 1]), -1, -2)
         else:
             mat = axes_rotation(frames.world, WORLD_LETTERS, option="--frame")
             mat_nw = np.asarray(np.broadcast_to(mat, (n, 3, 3)))
+            world = frames.world.strip().upper()
             local = xyz @ mat.T if xyz is not None and llh is None else local
     if vel_w is not None:
         vel_n = np.einsum("nij,nj->ni", mat_nw, vel_w)
@@ -196,6 +198,12 @@ def assemble(
         innovation_covariance=s,
         outages=_outages(values),
         notes=tuple(messages),
+        axes=TakenAxes(
+            world if xyz is not None and llh is None else "NED",
+            world if vel_w is not None else "NED",
+            None if rpy is not None or in_ecef else world,
+            frames.body.strip().upper(),
+        ),
     )
 
 

@@ -68,6 +68,11 @@ def read_estimate_npz(path: Path, frames: Frames) -> FilterOutput:
     if "t" not in data and "ref_t" in data:
         data = {new: data[old] for old, new in _REFERENCE.items() if old in data}
     if "t" not in data or data["t"].ndim != 1 or not data["t"].size:
+        if any(name.startswith("imu_") for name in data):
+            msg = (
+                f"{path}: this drive has no reference (ref_t, ref_llh, …): score it against a better solution"
+            )
+            raise DataError(msg)
         msg = f"{path}: expected an array t of times, s, found {', '.join(data) or 'no arrays of numbers'}"
         raise DataError(msg)
     n = len(data["t"])

@@ -53,10 +53,15 @@ def limit_text(one: LimitCheck) -> str:
     worst: dict[str, list[tuple[str, float]]] = {}
     for axis, name, ratio in one.exceeded:
         worst.setdefault(symbol(name), []).append((axis, ratio))
-    parts = [
-        f"{sign} of {axes_text([axis for axis, _ in at])} up to {digits(max(r for _, r in at))} ×"
-        for sign, at in worst.items()
-    ]
+    parts = []
+    for sign, at in worst.items():
+        most, ratio = max(at, key=lambda pair: pair[1])
+        axes = axes_text([axis for axis, _ in at])
+        parts.append(
+            f"{sign} of {axes} {digits(ratio)} ×"
+            if len(at) == 1
+            else f"{sign} of {axes} up to {digits(ratio)} × ({axes_text([most])})"
+        )
     return f"{head} FAIL: {'; '.join(parts)} what is stated"
 
 
@@ -110,7 +115,9 @@ def choice_tables(found: GradeChoice, *, every: bool = True) -> list[Table | str
     with_wheels = "with" if found.wheels else "without"
     limit = f"{found.limit:g} m after {found.outage:g} s without fixes, {found.receiver} before, {with_wheels} wheels"
     kept = len(found.kept)
-    answer: list[Table | str] = [f"{kept or 'None'} of {len(found.ranking)} built-in grades keep {limit}:"]
+    shown_part = "" if every or len(found.ranking) <= NEAREST_GRADES else ". Nearest to that"
+    head = f"{kept or 'None'} of {len(found.ranking)} built-in grades keep {limit}{shown_part}:"
+    answer: list[Table | str] = [head]
     table = Table(box=None, padding=(0, 2, 0, 0), width=LINE_WIDTH)
     table.add_column("grade")
     table.add_column("drift,\nm (rms)", justify="right")

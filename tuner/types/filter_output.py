@@ -14,6 +14,26 @@ BLOCKS = ("position", "velocity", "attitude", "gyro_bias", "accel_bias")
 
 
 @dataclass(frozen=True)
+class TakenAxes:
+    """Axes that a file was taken in before its values were turned into ours.
+
+    Attributes
+    ----------
+    positions, velocities : str
+        Of the world, by three letters.
+    attitudes : str or None
+        Of the world; None where no three letters state it: angles, or ECEF.
+    body : str
+        Of the body, by three letters.
+    """
+
+    positions: str = "NED"
+    velocities: str = "NED"
+    attitudes: str | None = "NED"
+    body: str = "FRD"
+
+
+@dataclass(frozen=True)
 class FilterOutput:
     """Estimates of a filter, or a truth, in north-east-down and forward-right-down axes (SI); NaN where absent.
 
@@ -46,6 +66,8 @@ class FilterOutput:
         attitude; it is turned north-east-down with the estimated attitude like the velocity.
     notes : tuple of str
         How the file was understood.
+    axes : TakenAxes
+        What the file was taken in.
     """
 
     name: str
@@ -62,6 +84,7 @@ class FilterOutput:
     outages: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))
     notes: tuple[str, ...] = ()
     vel_of_body: bool = False
+    axes: TakenAxes = TakenAxes()
 
     def __len__(self) -> int:
         return len(self.t)
@@ -103,6 +126,7 @@ def filter_output(
     innovation_covariance: FloatArray | None = None,
     outages: FloatArray | None = None,
     notes: tuple[str, ...] = (),
+    axes: TakenAxes | None = None,
 ) -> FilterOutput:
     """Return a filter output with NaN for all that is not given."""
     n = len(t)
@@ -124,4 +148,5 @@ def filter_output(
         whole(innovation_covariance, 6, 6),
         np.zeros((0, 2)) if outages is None else outages,
         notes,
+        axes=axes or TakenAxes(),
     )

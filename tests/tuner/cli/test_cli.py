@@ -86,6 +86,7 @@ def test_examples_in_the_help_are_lines_that_can_be_typed(name, capsys):
     assert run([name, "--help"]) == 0
     text = said(capsys)[0]
     assert text.startswith(f"Usage: tuner {name}")
+    assert "=None" not in text
     assert len(EXAMPLES[name]) == 2
     for line in EXAMPLES[name]:
         assert f"  {line}\n" in text

@@ -10,6 +10,7 @@ import pytest
 from models import rotation
 from tuner.consistency.output_errors import output_errors
 from tuner.consistency.score_output import score_outputs
+from tuner.readers.estimate_columns import Frames, assemble
 from tuner.types.filter_output import filter_output
 from tuner.types.records import DataError
 
@@ -55,6 +56,27 @@ def test_another_convention_is_told_with_its_cure(wrong):
     changed, words = WRONG[wrong]
     with pytest.raises(DataError, match=f"^e: .*{words}"):
         output_errors(replace(estimate(), **changed), TRUTH)
+
+
+@pytest.mark.parametrize("angles", [True, False])
+def test_options_that_are_wrong_are_not_asked_for_again(angles):
+    wide = [VEL.T, rotation.rpy_from_quat(Q).T if angles else Q.T]
+    names = ("vx", "vy", "vz", *(("roll", "pitch", "yaw") if angles else ("qw", "qx", "qy", "qz")))
+    columns = {name: (column, None) for name, column in zip(names, np.vstack(wide), strict=True)}
+    if angles:
+        columns |= {name: (np.degrees(columns[name][0]), None) for name in names[3:]}
+    columns["t"] = (T, None)
+    for world, body, cure in (
+        (
+            "NED",
+            "RFU",
+            "pass --body FRD, not RFU" if angles else "pass --frame NED --body FRD, not NED and RFU",
+        ),
+        ("ENU", "FRD", "name the columns vx, vy, vz with --frame NED"),
+    ):
+        with pytest.raises(DataError, match=f"{cure}$"):
+            output_errors(assemble("e", columns, Frames(world, body)), TRUTH)
+    assert len(output_errors(assemble("e", columns, Frames("NED", "FRD")), TRUTH)) == len(T)
 
 
 def test_radians_taken_as_degrees_and_exchanged_columns_of_latitude_are_told():

@@ -9,6 +9,7 @@ from scipy.stats import binom
 from tuner.catalogue.grades import grade_identification, load_grade
 from tuner.identification import identify
 from tuner.identification.comparison import compare_identifications, limit_checks
+from tuner.report.comparison_tables import limit_text
 from tuner.types import Coefficient, Identification, TermEstimate
 from tuner.types.records import Record
 
@@ -64,3 +65,6 @@ def test_a_measured_interval_above_what_is_stated_fails():
         assert check.measured == "log"
         if not passes:
             assert check.exceeded == (("gyro_x", "white.density", pytest.approx(factor)),)
+            assert "N of gyro x 1.20 ×" in limit_text(check)
+            worse = replace(check, exceeded=(*check.exceeded, ("gyro_z", "white.density", 15.1)))
+            assert "N of gyro x z up to 15.1 × (gyro z) what is stated" in limit_text(worse)

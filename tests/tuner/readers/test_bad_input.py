@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from tests.tuner.readers.plain_logs import ACCEL, COUNT, GYRO, HEADER, T, refused, rows, write
+from tuner.identification.identify_source import identify_log
 from tuner.readers import parse_columns, read
 from tuner.types.records import DataError
 
@@ -193,3 +194,32 @@ def test_missing_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 def test_mapping_that_is_none() -> None:
     with pytest.raises(DataError, match="expected NAME=COLUMN, found 'gyro'"):
         parse_columns("gyro")
+
+
+@pytest.mark.parametrize(
+    ("log", "options", "pattern"),
+    [
+        (
+            np.ones((9, 3)),
+            {},
+            r"a dict of arrays, found numpy.ndarray of shape \(9, 3\): .*\{'gyro': array\}",
+        ),
+        (np.ones((9, 6)), {}, r"'gyro': array\[:, :3\], 'accel': array\[:, 3:\]"),
+        (
+            [{"gyro": GYRO}, {"gyro": GYRO}],
+            {},
+            r"expected one log, found a list of 2: .* import pool; pool\(",
+        ),
+        ({"gyro": GYRO}, {}, 'no rate: pass rate=HZ, or columns={"t": "NAME"}, of'),
+        ({"gyro": GYRO, "accel": 0.1 * ACCEL}, {"rate": 100.0}, 'pass accel_unit="g", or assume="si"'),
+        (
+            {"gyro": GYRO},
+            {"rate": 100.0, "gyro_unit": "rad/s", "arma": "off"},
+            "'arma' must be 'fast', 'exact' or None",
+        ),
+    ],
+)
+def test_python_is_answered_in_python(log: object, options: dict[str, object], pattern: str) -> None:
+    with pytest.raises(ValueError, match=pattern) as refusal:
+        identify_log(log, **options)  # type: ignore[arg-type]
+    assert "--" not in str(refusal.value)

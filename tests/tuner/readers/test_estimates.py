@@ -199,6 +199,12 @@ def test_navego_states_in_our_order_and_metres(tmp_path):
     assert found.innovation_covariance[0, 0, 0] == 4.0
 
 
+def test_a_drive_without_a_reference_is_no_truth(tmp_path):
+    np.savez(tmp_path / "drive.npz", imu_t=T, imu_gyro=np.zeros((len(T), 3)))
+    with pytest.raises(DataError, match="this drive has no reference"):
+        read_estimate(tmp_path / "drive.npz")
+
+
 def test_npz_of_vectors_and_matrices(tmp_path):
     cov = np.tile(np.eye(9), (N, 1, 1))
     np.savez(tmp_path / "a.npz", t=T, llh=LLH, vned=VEL, rpy=RPY, covariance=cov, outages=[[110.0, 115.0]])

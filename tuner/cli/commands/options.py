@@ -24,8 +24,8 @@ from tuner.stages import finished
 Command = Callable[..., Any]
 
 
-class Finite(click.FloatRange):
-    """A finite number in a range: click's own range lets NaN and infinity pass."""
+class AnyFinite(click.types.FloatParamType):
+    """A finite number: click's own lets NaN and infinity pass."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Return the number, or refuse it."""
@@ -33,6 +33,10 @@ class Finite(click.FloatRange):
         if not math.isfinite(number):
             self.fail(f"{value} is not a finite number.", param, ctx)
         return number
+
+
+class Finite(AnyFinite, click.FloatRange):
+    """A finite number in a range."""
 
 
 POSITIVE = Finite(min=0, min_open=True)
@@ -269,12 +273,12 @@ def reading(command: Command) -> Command:
     )
     @click.option(
         "--begin",
-        type=Finite(),
+        type=AnyFinite(),
         metavar="S",
         help="Use a static log from this second of its clock on: the times that answers state.",
     )
     @click.option(
-        "--end", type=Finite(), metavar="S", help="Use a static log up to this second of its clock."
+        "--end", type=AnyFinite(), metavar="S", help="Use a static log up to this second of its clock."
     )
     @functools.wraps(command)
     def wrapped(
