@@ -28,7 +28,7 @@ from tuner.identification.identify_source import identify_source, receiver_of_so
 from tuner.readers import read
 from tuner.readers.drive import read_drive
 from tuner.readers.source_kind import is_log, source_name
-from tuner.segments.conditions import at_rest
+from tuner.segments.conditions import at_rest, expect_rest
 from tuner.segments.multi_position import PoseCalibration, calibrate
 from tuner.simulation.imu import sensor_of_config
 from tuner.simulation.static import demo
@@ -247,6 +247,7 @@ def identify_and_diagnose(
     if inputs.records:
         stage("finding where the sensor is at rest", 0.05)
         still = at_rest(inputs.records, progress)
+        expect_rest(still)
         progress("identifying")
         stage("identifying the noise", 0.25)
         found = identify(still, terms=terms, latitude=latitude)

@@ -8,12 +8,13 @@ columns; `column_choice` chooses among them, `time_base` finds interval and gaps
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tuner.formats.guard import input_guard
+from tuner.formats.guard import input_guard, printable
 from tuner.readers import hdf5, kitti, mat, npz, parquet, phone_folders, text
 from tuner.readers.allan_curve import is_curve, read_curve
 from tuner.readers.assemble import checked, even, plan_of
@@ -24,6 +25,7 @@ from tuner.readers.log_format import FORMATS, LogFormat, columns_of, file_of, lo
 from tuner.readers.logs_in_memory import Table, in_python, list_table
 from tuner.readers.messages import ardupilot, rosbag, ulog
 from tuner.readers.options import Options
+from tuner.readers.source_kind import unit_of_log
 from tuner.readers.time_range import between
 from tuner.types.records import DataError, Record
 
@@ -59,7 +61,8 @@ def read(
     Parameters
     ----------
     path : str, Path, mapping of str to array, or DataFrame
-        The log; the format of a file is found by the ending of its name, else by its first bytes. Columns of a table
+        The log; the format of a file is found by the ending of its name, else by its first bytes. ``log.bin:IMU.1``
+        is one of several inertial units of a log of messages. Columns of a table
         have the names of a file's, ``gyro_x [deg/s]`` or ``gyro`` (n, 3); an index of time stands for ``t``.
     rate : float, optional
         Sampling rate, Hz: needed where the file has neither stamps nor a stated rate; checked against stamps.
@@ -121,7 +124,9 @@ def read(
             )
         except DataError as error:
             raise DataError(in_python(str(error))) from None
-    path = file_of(Path(path))
+    named = path
+    whole, unit_name = unit_of_log(path)
+    path = file_of(whole)
     if not path.exists():
         msg = f"{path}: no such file"
         raise DataError(msg)
@@ -134,13 +139,14 @@ def read(
         kinds = "EuRoC, KITTI, phyphox, Sensor Logger or a ROS 2 bag"
         msg = f"{path}: expected a file, or a folder of {kinds}, found {found}"
         raise DataError(msg)
-    listing = columns_of(path, progress)
+    listing = columns_of(path, progress, unit_name)
     with input_guard(path, "a log"), np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         plan = plan_of(listing, options)
         how = reduction(listing, plan, memory)
         if how is not None:
             return between(read_means(listing, plan, digest(path), options, how), begin, end)
-        return between(
-            checked(listing, plan, even(listing, plan, digest(path), options), options), begin, end
-        )
+        records = checked(listing, plan, even(listing, plan, digest(path), options), options)
+        if unit_name:
+            records = tuple(replace(record, source=printable(str(named))) for record in records)
+        return between(records, begin, end)
     raise AssertionError

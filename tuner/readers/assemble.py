@@ -217,9 +217,10 @@ def _load(
     }
     for name, column in covariates.items():
         if len(column) != len(blocks[0]):
+            leave = ", or none by --columns temperature=none" if name == "temperature" else ""
             msg = (
                 f"{listing.path}: {name}: expected a value for each of {len(blocks[0])} samples, got {len(column)}; "
-                f"give it at every sample, choose another with --columns {name}=NAME or take it out of the file"
+                f"give it at every sample, choose another with --columns {name}=NAME{leave}"
             )
             raise DataError(msg)
     return (loaded[-1][:, 0] if layout.time is not None else None), blocks, covariates

@@ -63,9 +63,12 @@ def choose(listing: Listing, *, columns: Mapping[str, str] | None = None) -> Lay
     """
     parsed = {array: names.parse_name(array) for array in listing.shapes}
     columns = dict(columns or {})
-    untimed = columns.get("t") == NO_COLUMN and NO_COLUMN not in listing.shapes
-    if untimed:
-        del columns["t"]
+    absent = {
+        role
+        for role in ("t", "temperature")
+        if columns.get(role) == NO_COLUMN and NO_COLUMN not in listing.shapes
+    }
+    columns = {role: name for role, name in columns.items() if role not in absent}
     mapped = resolve(listing, columns)
     by_name = _by_name(parsed, {part.array for chosen in mapped.values() for part in chosen.parts})
     notes: list[str] = []
@@ -83,9 +86,17 @@ def choose(listing: Listing, *, columns: Mapping[str, str] | None = None) -> Lay
     others = [role for role in mapped if role != "t" and role.split("_")[0] not in names.SENSORS]
     channels = {
         role: channel
-        for role in dict.fromkeys([*([] if untimed else ["t"]), "temperature", *others])
-        if (channel := _channel(listing, role, mapped, by_name, parsed, notes)) is not None
+        for role in dict.fromkeys(["t", "temperature", *others])
+        if role not in absent
+        and (channel := _channel(listing, role, mapped, by_name, parsed, notes)) is not None
     }
+    if "t" in mapped and "temperature" not in mapped and "temperature" in channels:
+        rows, values = (
+            listing.shapes[part.array][0] for part in (mapped["t"].parts[0], channels["temperature"].part)
+        )
+        if rows != values:
+            del channels["temperature"]
+            notes.append(f"temperature: its {values} values are not of the {rows} stamps chosen: left out")
     if (week := _week(listing, channels.get("t"), parsed)) is not None:
         channels["week"] = week
     used = {part.array for sensor in sensors for part in sensor.parts}

@@ -64,6 +64,8 @@ class Listing:
         Reads groups of columns piece by piece; None where the format cannot.
     rows : int
         Number of rows, of a text an estimate; 0 where `stream` is None.
+    of_unit : callable or None
+        Returns the columns of one inertial unit, by its name; None where the format names none.
     """
 
     path: Path
@@ -77,6 +79,7 @@ class Listing:
     guessed: frozenset[str] = frozenset()
     stream: Stream | None = None
     rows: int = 0
+    of_unit: Callable[[str], Listing] | None = None
 
 
 @dataclass(frozen=True)

@@ -176,7 +176,7 @@ def _of_arrays(path: Path, found: DriveArrays) -> Drive:
         found.imu,
         found.fixes,
         found.truth,
-        notes=notes if nameless else (),
+        notes=(*found.notes, *(notes if nameless else ())),
         mounting=mounting,
         lever_arm=found.lever_arm,
     )

@@ -63,6 +63,8 @@ class DriveArrays:
         Axes of the unit.
     mounting_rpy_deg, lever_arm : tuple of 3 floats, or None
         deg, m.
+    notes : tuple of str
+        How the file was understood.
     """
 
     imu: FloatArray
@@ -71,6 +73,7 @@ class DriveArrays:
     frame: str | None
     mounting_rpy_deg: tuple[float, float, float] | None
     lever_arm: tuple[float, float, float] | None
+    notes: tuple[str, ...] = ()
 
 
 def read_drive_npz(path: Path) -> DriveArrays:

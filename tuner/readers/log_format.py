@@ -142,17 +142,22 @@ def format_of(path: Path) -> LogFormat:
     return found
 
 
-def columns_of(path: Path, progress: Progress | None) -> Listing:
-    """Return the columns of a log.
+def columns_of(path: Path, progress: Progress | None, unit: str = "") -> Listing:
+    """Return the columns of a log, or of one inertial unit in it where `unit` names one.
 
     Raises
     ------
     DataError
-        Where no format fits, a library is missing, or the file is damaged.
+        Where no format fits, a library is missing, the file is damaged, or it holds no such unit.
     """
     declared = format_of(path)
     with library_of(declared, path), input_guard(path, declared.title):
         listing = declared.read(path, progress)
+        if unit and listing.of_unit is None:
+            msg = f"{path}:{unit}: {declared.title} names no inertial units: leave ':{unit}' out"
+            raise DataError(msg)
+        if unit and listing.of_unit is not None:
+            listing = listing.of_unit(unit)
         return replace(listing, load=guarded(path, declared.title, listing.load))
     raise AssertionError
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
+from tuner.segments.stand_stills import MIN_PART_SECONDS, MIN_SECONDS
 from tuner.segments.stationary import Segments, cut_to_still, find_motion
 from tuner.types.records import DataError, Record
 
@@ -81,6 +82,36 @@ def at_rest(records: Sequence[Record], say: Callable[[str], None] = lambda _: No
     ):
         say(line)
     return answer
+
+
+def expect_rest(records: Sequence[Record]) -> None:
+    """Refuse records at rest that are too short for the settings of a filter.
+
+    A bias wanders over seconds and more: parts shorter than a pause of a hand show nothing of it, however many they
+    are, and less than eight seconds of longer ones do not tell noise from motion.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        Sensors of one log, cut to their parts at rest.
+
+    Raises
+    ------
+    DataError
+        Parts of `MIN_SECONDS` or more make up less than `MIN_PART_SECONDS`.
+    """
+    for record in records:
+        lengths = [(stop - start) * record.interval for start, stop in record.segments]
+        # Half a sample is left for the rounding of lengths to whole samples.
+        long = [length for length in lengths if length > MIN_SECONDS - 0.5 * record.interval]
+        if sum(long) + 0.5 * record.interval < MIN_PART_SECONDS:
+            parts = f" in {len(lengths)} parts, the longest {max(lengths):.2g} s" if len(lengths) > 1 else ""
+            msg = (
+                f"{record.source}: {sum(lengths):.3g} s at rest{parts}: settings of a filter need parts of "
+                f"{MIN_SECONDS:g} s or more that make up {MIN_PART_SECONDS:g} s: record longer, at rest and without "
+                "losing samples"
+            )
+            raise DataError(msg)
 
 
 def without_knocks(records: Sequence[Record]) -> tuple[tuple[Record, ...], Mapping[str, Segments]]:

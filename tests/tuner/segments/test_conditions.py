@@ -10,7 +10,8 @@ from tuner.cli import run
 from tuner.formats.logs import write_log
 from tuner.identification import identify
 from tuner.identification.comparison import compare_identifications
-from tuner.segments.conditions import at_rest, still_parts, temperature_parts
+from tuner.pipeline import tune
+from tuner.segments.conditions import at_rest, expect_rest, still_parts, temperature_parts
 from tuner.types.records import DataError, Record
 
 RATE = 50.0
@@ -135,3 +136,17 @@ def test_the_command_compares_the_parts_of_one_log(tmp_path, capsys):
     assert run(["compare", str(path), str(path), "--by", "still", "--quiet"]) == 2
     assert run(["compare", "mpu9250", "--by", "still", "--quiet"]) == 2
     assert capsys.readouterr().err.count("\n") == 3
+
+
+def test_parts_too_short_for_a_filter_are_refused():
+    """An interrupted log of 6.6 s in 300 parts of 0.02 s gave a filter settings of a bias that nobody saw."""
+    n = 2000
+    y = 1e-3 * np.random.default_rng(3).standard_normal((n, 3))
+    whole = Record("gyro", np.arange(n) / 250.0, y, AXES, "rad/s", 1 / 250.0, source="unit.csv")
+    pieces = replace(whole, segments=tuple((k, k + 5) for k in range(0, n, 6)))
+    with pytest.raises(DataError, match=r"6\.68 s at rest in 334 parts, the longest 0\.02 s: .*make up 8 s"):
+        tune([pieces])
+    expect_rest([whole])  # eight seconds
+    expect_rest([replace(whole, segments=((0, 500), (500, 1000), (1000, 2000)))])
+    with pytest.raises(DataError, match=r"the longest 0\.8 s"):
+        expect_rest([replace(whole, segments=tuple((k, k + 200) for k in range(0, n, 200)))])

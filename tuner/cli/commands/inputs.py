@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,14 +18,9 @@ if TYPE_CHECKING:
 def load_records(log: str, reading: Reading, messages: Messages) -> tuple[Record, ...]:
     """Read a static log, or one inertial unit of several in it, such as ``log.bin:IMU.1``."""
     from tuner.readers import read
-    from tuner.readers.source_kind import unit_of_log
 
-    path, unit = unit_of_log(log)
-    if unit:
-        columns = {part: f"{unit}/{part}" for part in ("t", "gyro", "accel")}
-        reading = replace(reading, columns=columns)
     records = read(
-        path,
+        log,
         rate=reading.rate,
         gyro_unit=reading.gyro_unit,
         accel_unit=reading.accel_unit,
@@ -41,7 +35,7 @@ def load_records(log: str, reading: Reading, messages: Messages) -> tuple[Record
     )
     for note in dict.fromkeys(note for record in records for note in record.notes):
         messages.say(f"{Path(log).name}: {note}")
-    return tuple(replace(record, source=log) for record in records) if unit else records
+    return records
 
 
 def assumed(data: object) -> list[str]:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from tuner.readers.columns import Listing, listing_of_arrays
 from tuner.readers.drive_npz import DriveArrays
+from tuner.readers.source_kind import UNIT
 from tuner.types.records import DataError
 
 FloatArray = NDArray[np.float64]
@@ -117,41 +118,60 @@ class MessageLog:
         return any(len(stream.rows) >= MIN_FIXES for stream in self.fixes)
 
 
-def listing_of_log(path: Path, log: MessageLog) -> Listing:
-    """Return the columns of the preferred inertial unit as ``t, gyro, accel, temperature``, others by their topic.
+def listing_of_log(path: Path, log: MessageLog, unit: str = "") -> Listing:
+    """Return the columns of one inertial unit as ``t, gyro, accel, temperature``; without a name, the preferred one's.
+
+    Then the others' columns follow by their topic.
 
     Raises
     ------
     DataError
-        Where the log holds no inertial samples.
+        Where the log holds no inertial samples, or none of the unit named.
     """
-    chosen = _preferred(path, log)
+    chosen = _named(path, log, unit) if unit else _preferred(path, log)
     arrays: dict[str, NDArray[Any]] = {"t": chosen.t, **chosen.arrays}
     units = {"t": chosen.clock_unit, **chosen.units}
     others = [stream for stream in log.inertial if stream is not chosen]
-    warm = max((s for s in others if "temperature" in s.arrays), key=lambda s: len(s.t), default=None)
     notes = log.notes
-    if warm is not None and "temperature" not in chosen.arrays and len(warm.t) > 1:
+    if (warm := _thermometer(chosen, others)) is not None:
         arrays["temperature"] = np.interp(chosen.seconds(), warm.seconds(), warm.arrays["temperature"])
         units["temperature"] = warm.units["temperature"]
         notes += (f"temperature of '{warm.name}', {len(warm.t)} values, between its stamps",)
-    for stream in log.inertial if others else ():
+    for stream in log.inertial if others and not unit else ():
         parts = {"t": stream.t, **{k: v for k, v in stream.arrays.items() if k != "temperature"}}
         arrays |= {f"{stream.name}/{part}": array for part, array in parts.items()}
         units |= {f"{stream.name}/{part}": unit for part, unit in stream.units.items()}
         units[f"{stream.name}/t"] = stream.clock_unit
+    if others and not unit:
+        notes += (f"{_about_units(chosen, others)}: choose one by {_how_named(path, others)}",)
     found = listing_of_arrays(path, arrays, units=units, meta={})
-    found = replace(found, notes=(*found.notes, *notes))
-    if not others:
-        return found
+    return replace(found, notes=(*found.notes, *notes), of_unit=lambda name: listing_of_log(path, log, name))
+
+
+def _thermometer(chosen: InertialStream, others: Sequence[InertialStream]) -> InertialStream | None:
+    """Return the stream whose temperature stands for that of a unit without: of its own instance, if there is one."""
+    if "temperature" in chosen.arrays:
+        return None
+    number = chosen.name.rpartition(".")[2]
+    warm = [s for s in others if "temperature" in s.arrays and len(s.t) > 1]
+    return max(warm, key=lambda s: (s.name.rpartition(".")[2] == number, len(s.t)), default=None)
+
+
+def _about_units(chosen: InertialStream, others: Sequence[InertialStream]) -> str:
+    return f"inertial samples of {_sizes([chosen])}; the file also holds {_sizes(others)}"
+
+
+def _how_named(path: Path, others: Sequence[InertialStream]) -> str:
+    """Return what a command takes to read the most complete of other units."""
     other = max(others, key=lambda stream: (stream.complete, len(stream.t)))
+    if UNIT.fullmatch(other.name):
+        return f"{path.name}:{other.name}"
     kept = [part for part in other.arrays if part != "temperature"]
-    option = ",".join(f"{part}={other.name}/{part}" for part in ("t", *kept))
-    note = (
-        f"inertial samples of '{chosen.name}' ({len(chosen.t)} of them); the file also holds "
-        f"{', '.join(f'{s.name} ({len(s.t)})' for s in others)}: choose one with --columns '{option}'"
-    )
-    return replace(found, notes=(*found.notes, note))
+    return f"{path.name} --columns '{','.join(f'{part}={other.name}/{part}' for part in ('t', *kept))}'"
+
+
+def _sizes(streams: Sequence[InertialStream]) -> str:
+    return ", ".join(f"{stream.name} ({len(stream.t)} samples)" for stream in streams)
 
 
 def drive_of_log(path: Path, log: MessageLog) -> DriveArrays:
@@ -175,7 +195,19 @@ def drive_of_log(path: Path, log: MessageLog) -> DriveArrays:
         raise DataError(msg)
     fixes = max(log.fixes, key=lambda stream: len(stream.rows))
     imu = np.column_stack([chosen.seconds(), chosen.arrays["gyro"], chosen.arrays["accel"]])
-    return DriveArrays(imu, fixes.rows, None, log.frame, None, None)
+    others = [stream for stream in log.inertial if stream is not chosen]
+    noise = f"`tuner identify {_how_named(path, others)}` gives the noise of another" if others else ""
+    notes = (f"{_about_units(chosen, others)}: {noise}",) if others else ()
+    return DriveArrays(imu, fixes.rows, None, log.frame, None, None, notes)
+
+
+def _named(path: Path, log: MessageLog, unit: str) -> InertialStream:
+    found = next((stream for stream in log.inertial if stream.name == unit), None)
+    if found is None:
+        present = _sizes(log.inertial) or f"none among {_some(log.topics)}{log.cure}"
+        msg = f"{path}:{unit}: the log has no inertial unit '{unit}': it has {present}"
+        raise DataError(msg)
+    return found
 
 
 def _preferred(path: Path, log: MessageLog) -> InertialStream:

@@ -29,8 +29,21 @@ LLH = np.column_stack(
 VEL = np.column_stack([1.0 + 0.1 * np.sin(FIX_T), 2.0 + 0.0 * FIX_T, -0.3 + 0.0 * FIX_T])
 
 
-def ulog(path, *, fixes=True, instances=1):
+def ulog(path, *, fixes=True, instances=1, combined=False):
     topics = {}
+    if combined:  # twice the rate of the others; only the thermometers of the parts have a temperature
+        stamps = (5e5 * np.arange(2 * len(T)) / RATE + 5e6).astype(np.uint64)
+        topics["sensor_combined", 0] = {
+            "timestamp": stamps,
+            **{f"gyro_rad[{j}]": np.concatenate([GYRO[:, j], GYRO[::-1, j]]) for j in range(3)},
+            **{f"accelerometer_m_s2[{j}]": np.concatenate([ACCEL[:, j], ACCEL[::-1, j]]) for j in range(3)},
+        }
+        for i in range(instances):
+            topics["sensor_accel", i] = {
+                "timestamp": np.array([5_000_000, 35_000_000], dtype=np.uint64),
+                **{axis: np.full(2, 9.81) for axis in "xyz"},
+                "temperature": np.full(2, 20.0 + 10.0 * i),
+            }
     for i in range(instances):
         dt = np.full(len(T), 1e6 / RATE)
         topics["vehicle_imu", i] = {
@@ -182,6 +195,47 @@ def test_a_dataflash_log_of_2014_has_stamps_in_milliseconds_and_a_type_an_instan
         load_sources([f"{path}:IMU.7"], Reading(), Messages(quiet=True))
 
 
+def test_a_unit_named_of_a_ulog_has_its_own_temperature_and_notes(tmp_path):
+    """The temperature of `sensor_combined`, of another rate, was taken for that of every unit, and refused."""
+    pytest.importorskip("pyulog")
+    path = ulog(tmp_path / "log.ulg", fixes=False, instances=2, combined=True)
+    said = []
+    messages = Messages(quiet=True)
+    for i in (0, 1):
+        gyro, accel = load_sources([f"{path}:vehicle_imu.{i}"], Reading(), messages)[0]
+        np.testing.assert_allclose(gyro.y, GYRO, rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(accel.covariates["temperature"], 20.0 + 10.0 * i)
+        said += gyro.notes
+    assert not any("columns" in note for note in said)
+    by_columns = {part: f"vehicle_imu.1/{part}" for part in ("t", "gyro", "accel")}
+    gyro, _ = read(path, columns=by_columns)
+    assert "temperature" not in gyro.covariates
+    assert any("temperature" in note and "left out" in note for note in gyro.notes)
+    both = read(path)[0].notes
+    assert any("sensor_combined.0" in note and "log.ulg:vehicle_imu.0" in note for note in both)
+    assert not read(path, columns={"temperature": "none"})[0].covariates
+
+
+def test_a_unit_that_a_log_has_not_is_refused_with_those_it_has(tmp_path):
+    pytest.importorskip("pyulog")
+    path = ulog(tmp_path / "log.ulg", fixes=False)
+    with pytest.raises(
+        DataError, match=r"no inertial unit 'vehicle_imu\.1': it has vehicle_imu\.0"
+    ) as refused:
+        read(f"{path}:vehicle_imu.1")
+    assert "--columns" not in str(refused.value)
+    np.savez(tmp_path / "log.npz", gyro=GYRO, accel=ACCEL, t=T)
+    with pytest.raises(DataError, match=r"leave ':IMU\.0' out"):
+        read(f"{tmp_path / 'log.npz'}:IMU.0")
+
+
+@pytest.mark.parametrize("kind", ["ulog", "dataflash"])
+def test_a_drive_says_which_of_its_units_it_took(kind, tmp_path):
+    pytest.importorskip(LIBRARY[kind])
+    notes = read_drive(MAKERS[kind](tmp_path, instances=2)).notes
+    assert any(".0 (" in note and "also holds" in note for note in notes)
+
+
 def test_types_that_a_file_does_not_define_are_named_with_the_cure(tmp_path):
     pytest.importorskip("rosbags")
     path = bag(tmp_path / "log", "sqlite3", fixes=False, message="driver_msgs/msg/Reading")
@@ -234,9 +288,9 @@ def test_a_second_unit_is_named_and_can_be_chosen(kind, tmp_path):
     path = MAKERS[kind](tmp_path, fixes=False, instances=2)
     gyro, _ = read(path)
     note = next(note for note in gyro.notes if "the file also holds" in note)
-    option = note.split("--columns '")[1].split("'")[0]
-    chosen = dict(part.split("=") for part in option.split(","))
-    again, accel = read(path, columns=chosen)
+    named, _, option = note.split("choose one by ")[1].partition(" --columns ")
+    chosen = dict(part.split("=") for part in option.strip("'").split(",")) if option else None
+    again, accel = read(path if option else path.with_name(named), columns=chosen)
     np.testing.assert_array_equal(again.y, gyro.y)
     assert accel.axes == ("accel_x", "accel_y", "accel_z")
 
