@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from tuner.diagnosis.static.causes.base import Extension
+from tuner.diagnosis.static.causes.base import Extension, gain_of, power_of
 from tuner.diagnosis.static.causes.burst import Burst
 from tuner.diagnosis.static.causes.comb import Comb
 from tuner.diagnosis.static.causes.heavy_tails import HeavyTails
@@ -42,7 +42,7 @@ from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.hypothesis_tests import retest
 from tuner.diagnosis.static.model.dct import inverse, transform
 from tuner.diagnosis.static.model.profile_likelihood import first_column
-from tuner.diagnosis.static.model.residual import Residual, gain_of, once, power_of, residual, spectrum_knots
+from tuner.diagnosis.static.model.residual import Residual, once, residual, spectrum_knots
 from tuner.diagnosis.static.model.series_statistics import RESIDUAL_CLIP
 from tuner.diagnosis.static.outcome import Accepted
 from tuner.diagnosis.static.search import SearchResult

@@ -206,3 +206,19 @@ class Extension(Cause):
             Size of its first template in scales, with the 95 % interval at noise refitted.
         """
         return self
+
+
+def gain_of(extensions: tuple[Extension, ...], f: FloatArray, interval: float) -> FloatArray:
+    """Return the product of the gains of the extensions, shape of `f`."""
+    out = np.ones_like(f)
+    for extension in extensions:
+        out *= extension.gain(f, interval)
+    return out
+
+
+def power_of(extensions: tuple[Extension, ...], f: FloatArray, interval: float) -> FloatArray:
+    """Return the sum of the powers of the extensions, shape of `f`."""
+    out = np.zeros_like(f)
+    for extension in extensions:
+        out += extension.power(f, interval)
+    return out

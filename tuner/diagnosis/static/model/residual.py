@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.fft import next_fast_len
 
 from models.noise import BiasInstability, GaussMarkov, NoiseModel, RandomWalk, Term, White
-from tuner.diagnosis.static.causes.base import Extension
+from tuner.diagnosis.static.causes.base import Extension, gain_of, power_of
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.dct import block_transform, grid, inverse, transform
 from tuner.diagnosis.static.model.null_distributions import SLOW_RATIO_FACTOR
@@ -315,22 +315,6 @@ def spectrum_knots(first: int, end: int) -> FloatArray:
     """Return the places, of first … end − 1, between which a spectrum without peaks is as good as linear."""
     few = np.concatenate((np.geomspace(first, end, SPECTRUM_KNOTS), np.linspace(first, end, SPECTRUM_KNOTS)))
     return np.sort(few) if len(few) < end - first else np.arange(float(first), end)
-
-
-def gain_of(extensions: tuple[Extension, ...], f: FloatArray, interval: float) -> FloatArray:
-    """Return the product of the gains of the extensions, shape of `f`."""
-    out = np.ones_like(f)
-    for extension in extensions:
-        out *= extension.gain(f, interval)
-    return out
-
-
-def power_of(extensions: tuple[Extension, ...], f: FloatArray, interval: float) -> FloatArray:
-    """Return the sum of the powers of the extensions, shape of `f`."""
-    out = np.zeros_like(f)
-    for extension in extensions:
-        out += extension.power(f, interval)
-    return out
 
 
 def residual(

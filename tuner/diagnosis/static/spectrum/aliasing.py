@@ -18,9 +18,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from models.noise import White
+from tuner.diagnosis.static.causes.base import gain_of
 from tuner.diagnosis.static.causes.colour import Colour
 from tuner.diagnosis.static.causes.lowpass import LowPass
-from tuner.diagnosis.static.model.residual import Residual, gain_of
+from tuner.diagnosis.static.model.residual import Residual
 
 MIN_RATE_RATIO = 2.0
 """Least rate ÷ bandwidth without aliasing: the sampling theorem."""

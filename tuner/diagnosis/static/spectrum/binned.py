@@ -22,9 +22,9 @@ from numpy.typing import NDArray
 
 from models.noise import Quantization, White
 from models.robust import MEDIAN_OF_CHI2
-from tuner.diagnosis.static.causes.base import Extension
+from tuner.diagnosis.static.causes.base import Extension, gain_of, power_of
 from tuner.diagnosis.static.model.dct import MAX_SQUARE
-from tuner.diagnosis.static.model.residual import Residual, gain_of, once, power_of
+from tuner.diagnosis.static.model.residual import Residual, once
 from tuner.diagnosis.static.spectrum.fisher_scoring import sizes
 from tuner.diagnosis.static.variance.local_variance import course
 

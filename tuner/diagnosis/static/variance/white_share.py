@@ -16,7 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from models.noise import White
-from tuner.diagnosis.static.model.residual import Residual, gain_of
+from tuner.diagnosis.static.causes.base import gain_of
+from tuner.diagnosis.static.model.residual import Residual
 
 FREQUENCY_COUNT = 4096
 """Frequencies, even up to half the rate, at which the filter is computed.
