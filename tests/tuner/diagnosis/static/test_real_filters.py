@@ -56,6 +56,42 @@ def test_a_windowed_sinc_is_a_lowpass_with_its_cutoff():
     assert cutoff.interval[0] < half < cutoff.interval[1]
 
 
+def resampled(x: np.ndarray, ratio: float, half: int) -> np.ndarray:
+    """Samples at a rate `ratio` times higher, by a windowed sinc of so many samples on either side."""
+    n = int((len(x) - 2 * half) * ratio)
+    place = np.arange(n) / ratio + half
+    off = place[:, None] - (place.astype(int)[:, None] + np.arange(1 - half, half + 1))
+    weights = np.sinc(off) * np.cos(0.5 * np.pi * off / half) ** 2
+    return np.sum(weights * x[place.astype(int)[:, None] + np.arange(1 - half, half + 1)], axis=1)
+
+
+def test_resampled_noise_is_a_lowpass_alone():
+    """Before, the images beyond the edge, which swing with the clock of the resampler, were a periodic variance."""
+    found = diagnosed(resampled(np.random.default_rng(2).standard_normal(9000), 2.23, 6))
+    assert [f.cause for f in found.findings] == ["lowpass"]
+    assert not found.unexplained
+
+
+def test_a_stop_band_without_noise_leaves_nothing():
+    """Order 8 at 0.35 of the rate: before, the ends of the record were spikes, bursts and heavy tails in it."""
+    noise = np.random.default_rng(12).standard_normal(22_000)
+    found = diagnosed(lfilter(*butter(8, 0.7), noise)[2000:])
+    assert [f.cause for f in found.findings] == ["lowpass"]
+    assert not found.unexplained
+
+
+def test_a_burst_behind_a_sharp_filter_has_its_ratio():
+    """Only what passes the filter shows it."""
+    noise = np.random.default_rng(3).standard_normal(9000)
+    noise[4000:4400] *= 2.0
+    found = diagnosed(resampled(noise, 2.23, 6))
+    assert sorted(f.cause for f in found.findings) == ["burst", "lowpass"]
+    (burst,) = (f for f in found.findings if f.cause == "burst")
+    low, high = burst.parameters["variance_ratio"].interval
+    assert low < 4.0 < high
+    assert burst.parameters["start"].value == pytest.approx(4000 * 2.23 * INTERVAL, abs=1.0)
+
+
 @pytest.mark.parametrize(("order", "width"), [(1, 3.0), (2, 1.7), (4, 1.2)])
 def test_moving_means_have_the_power_of_their_covariance(order, width):
     """That of means of white noise at 40 times the rate, folded; its ARMA has the same."""

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from tuner.diagnosis.static.outcome import TestResult
 
 FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
 
 MAX_LOG_FACTOR = 20.0
 """Logarithm of the largest factor that an interval reaches to: beyond, products would overflow."""
@@ -163,6 +164,10 @@ class Extension(Cause):
         """Return the factor on the spectrum of the white noise at frequencies `f`, Hz."""
         return 1.0
 
+    def hides(self, f: FloatArray, interval: float) -> BoolArray | bool:  # noqa: ARG002
+        """Return whether a filter leaves too little white noise at frequencies `f`, Hz, to tell its law from."""
+        return False
+
     def power(self, f: FloatArray, interval: float) -> FloatArray | float:  # noqa: ARG002
         """Return the power added at frequencies `f`, Hz, scale²/Hz."""
         return 0.0
@@ -213,6 +218,14 @@ def gain_of(extensions: tuple[Extension, ...], f: FloatArray, interval: float) -
     out = np.ones_like(f)
     for extension in extensions:
         out *= extension.gain(f, interval)
+    return out
+
+
+def hidden_by(extensions: tuple[Extension, ...], f: FloatArray, interval: float) -> BoolArray:
+    """Return whether a filter among the extensions hides the white noise, shape of `f`."""
+    out = np.zeros(f.shape, dtype=bool)
+    for extension in extensions:
+        out |= extension.hides(f, interval)
     return out
 
 

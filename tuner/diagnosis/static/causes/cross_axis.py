@@ -69,10 +69,12 @@ def test(residuals: Mapping[str, Residual], limit: float) -> tuple[Shared, ...]:
     pairs = [(a, b) for a, b in combinations(residuals, 2) if _together(residuals[a], residuals[b])]
     found: dict[tuple[str, str], tuple[float, float, float]] = {}
     for a, b in pairs:
-        rho, n = _correlation(residuals[a], residuals[b])
-        p_value = min(1.0, 2.0 * len(pairs) * float(norm.sf(abs(rho) * np.sqrt(n))))
+        seen, n = _correlation(residuals[a], residuals[b])
+        p_value = min(1.0, 2.0 * len(pairs) * float(norm.sf(abs(seen) * np.sqrt(n))))
         if p_value < limit:
-            found[a, b] = (rho, (1.0 - rho**2) / np.sqrt(n), p_value)
+            share = 1.0 - float(np.mean(residuals[a].hidden | residuals[b].hidden))
+            rho = min(max(seen / share, -1.0), 1.0)
+            found[a, b] = (rho, (1.0 - seen**2) / np.sqrt(n) / share, p_value)
     return tuple(_shared(group, found) for group in _groups(list(found)))
 
 

@@ -20,7 +20,13 @@ from tuner.diagnosis.static.causes.base import Value
 from tuner.diagnosis.static.causes.shaped_white_noise import ShapedWhiteNoise
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.spectrum.binned import Bins, bins
-from tuner.diagnosis.static.spectrum.falling_curve import CURVE, curve_power, curve_recursion, falling_curve
+from tuner.diagnosis.static.spectrum.falling_curve import (
+    CURVE,
+    HALF_POWER,
+    curve_power,
+    curve_recursion,
+    falling_curve,
+)
 from tuner.diagnosis.static.spectrum.filters import (
     filter_arma,
     filter_kind,
@@ -33,6 +39,7 @@ if TYPE_CHECKING:
     from tuner.diagnosis.static.model.residual import Residual
 
 FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
 
 MIN_INTERVAL_CHANGE = 0.05
 """Share of its length by which an interval must move for the model to be fitted again: 0.2 sd of the cutoff."""
@@ -76,6 +83,14 @@ class LowPass(ShapedWhiteNoise):
         if is_mean(self.kind):
             return filter_power(self.kind, self.cutoff * interval, np.asarray(f) * interval)
         return super().gain(f, interval)
+
+    def hides(self, f: FloatArray, interval: float) -> BoolArray | bool:
+        """Return whether less than half of the white noise passes a sharp filter.
+
+        What is there is not noise of its own: behind a resampler it is the image of what passed, so that its variance
+        swings with the clock of the resampler, and in a deep stop band it leaks from the ends of the record.
+        """
+        return self.gain(f, interval) < HALF_POWER if self.response else False
 
     def refit(self, fitted: Residual, index: int) -> LowPass:
         """Fit the filter again beside everything else, unless that hardly moves it."""

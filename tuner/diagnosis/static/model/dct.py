@@ -18,6 +18,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct, dst, idct
+from scipy.ndimage import maximum_filter1d
 
 from models.robust import MEDIAN_OF_CHI2
 from tuner.diagnosis.static.channel import Channel
@@ -31,6 +32,8 @@ MAX_SQUARE = 30.0
 
 The square of a normal coefficient exceeds 30 with a chance of 4e-8: noise is not cut.
 """
+LINE_REACH = 64
+"""Coefficients on either side of a line that are its own: further ones have 2/(64π²), a 300th, of its power."""
 UNCAPPED_COEFFICIENTS = 64
 """Lowest coefficients, which are not cut: the spectrum is steep there, so that neighbours do not give their level."""
 CELL_RESOLUTION = 0.02
@@ -132,6 +135,12 @@ def _level(power: FloatArray) -> FloatArray:
     median = np.median(power[:n].reshape(-1, width), axis=1) / MEDIAN_OF_CHI2
     level = between_middles(np.log(np.maximum(median, 1e-300)), width, len(power))
     return np.asarray(np.exp(level, out=level))
+
+
+def lines(square: FloatArray) -> NDArray[np.bool_]:
+    """Return which squared coefficients of unit expectation are those of lines, shape (n,)."""
+    high = square > MAX_SQUARE * np.maximum(_level(square), 1.0)
+    return np.asarray(maximum_filter1d(high.view(np.uint8), 2 * LINE_REACH + 1), dtype=bool)
 
 
 def between_middles(values: NDArray[Real], width: int, n: int) -> NDArray[Real]:

@@ -5,7 +5,8 @@ model is right::
 
     e = DCT⁻¹[ (a − C β) / √E ]
 
-with the whole spectrum E of the model. Zero-phase whitening leaves a spike a spike and a line a line.
+with the whole spectrum E of the model. Zero-phase whitening leaves a spike a spike and a line a line. Where a sharp
+filter hides the white noise independent standard normal numbers stand in place of the coefficients, lines apart.
 """
 
 from __future__ import annotations
@@ -14,15 +15,16 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property, wraps
 from typing import Any, TypeVar
+from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import next_fast_len
 
 from models.noise import BiasInstability, GaussMarkov, NoiseModel, RandomWalk, Term, White
-from tuner.diagnosis.static.causes.base import Extension, gain_of, power_of
+from tuner.diagnosis.static.causes.base import Extension, gain_of, hidden_by, power_of
 from tuner.diagnosis.static.channel import Channel
-from tuner.diagnosis.static.model.dct import block_transform, grid, inverse, transform
+from tuner.diagnosis.static.model.dct import block_transform, grid, inverse, lines, transform
 from tuner.diagnosis.static.model.null_distributions import SLOW_RATIO_FACTOR
 from tuner.diagnosis.static.model.series_statistics import (
     RESIDUAL_CLIP,
@@ -186,6 +188,15 @@ class Residual:
                 total += self.shapes[extension]
         return total
 
+    @cached_property
+    def hidden(self) -> NDArray[np.bool_]:
+        """Whether a filter hides the white noise, at coefficients 1 … n-1: the residuals have other noise there."""
+        n, dt = len(self.cleaned), self.channel.interval
+        filters = tuple(x for x in self.extensions if type(x).hides is not Extension.hides)
+        if not filters:
+            return np.broadcast_to(False, n - 1)
+        return hidden_by(filters, np.arange(1.0, n) / (2.0 * n * dt), dt)
+
     @property
     def e(self) -> FloatArray:
         """Residuals, shape (n,), scaled to a robust unit variance."""
@@ -209,6 +220,10 @@ class Residual:
         e[1 : self.track.singles + 1] -= self.track.columns @ self.fit.beta
         for first in range(1, len(e), SAMPLES_AT_ONCE):
             e[first : first + SAMPLES_AT_ONCE] /= np.sqrt(self.power[first - 1 : first - 1 + SAMPLES_AT_ONCE])
+        if self.hidden.any():
+            own = np.random.default_rng(crc32(self.channel.axis.encode()))
+            noise = self.hidden & ~lines(e[1:] ** 2)
+            e[1:][noise] = own.standard_normal(int(noise.sum()))
         e = inverse(e, 1.0)
         for extension in self.extensions:
             e = extension.whiten(e)

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from models.noise import Quantization, White
 from models.robust import MEDIAN_OF_CHI2
-from tuner.diagnosis.static.causes.base import Extension, gain_of, power_of
+from tuner.diagnosis.static.causes.base import Extension, gain_of, hidden_by, power_of
 from tuner.diagnosis.static.model.dct import MAX_SQUARE
 from tuner.diagnosis.static.model.residual import Residual, once
 from tuner.diagnosis.static.spectrum.fisher_scoring import sizes
@@ -123,7 +123,7 @@ def bins(fitted: Residual, without: Extension | None = None) -> Bins:
     return Bins(
         dt,
         cycles,
-        _measured(fitted),
+        np.where(hidden_by(known, cycles / dt, dt), total, _measured(fitted)),
         np.full(BIN_COUNT, width / float(np.mean(course(fitted) ** 2))),
         np.mean([gain_of(known, f / dt, dt) for f in within], axis=0),
         np.maximum(rest, 0.0),

@@ -92,6 +92,8 @@ def _beside(data: Bins, share: float) -> FallingCurve | None:
         return None
     flat = data.cycles < FLAT_SHARE * _crossing(data.cycles, monotonic / level, HALF_POWER)
     level = float(white[flat].mean()) if flat.any() else level
+    if level <= 0.0:
+        return None
     ends = [_crossing(data.cycles, monotonic / level, part) for part in (HALF_POWER, TENTH_POWER)]
     if ends[1] > ONE_POLE_RATIO * ends[0]:
         return None

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from models.noise import White
-from tuner.diagnosis.static.causes.base import gain_of
+from tuner.diagnosis.static.causes.base import gain_of, hidden_by
 from tuner.diagnosis.static.model.residual import Residual
 
 FREQUENCY_COUNT = 4096
@@ -67,6 +67,7 @@ def dilution(fitted: Residual) -> Dilution:
     density = float(np.exp(2.0 * fitted.fit.theta[at]))
     own = max(density - fitted.channel.quantizer_step**2 * dt / 12.0, MIN_WHITE_SHARE * density)
     response = np.sqrt(np.minimum(own * gain_of(fitted.extensions, f, dt) / fitted.power_at(f), 1.0))
+    response[hidden_by(fitted.extensions, f, dt)] = 0.0
     h = np.fft.irfft(response)
     error = 2.0 * float(np.sqrt(fitted.fit.covariance[at, at]))
     return Dilution(
