@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from models.earth import ned_between
+from models.effects.drive.gnss import ClockDrift, TimeOffset, middle_of
 from tuner.consistency.drive_scores import reference_positions
 from tuner.consistency.reference_check import trusted_reference
 from tuner.diagnosis.drive.causes.reported_sd import reported_levels, sd_model_parameters, updated_values
@@ -34,7 +35,7 @@ from tuner.diagnosis.drive.search import SearchResult, refit_constants
 from tuner.navigation.data import WITHHELD
 from tuner.navigation.drive.run import RECOVERY_TIME, navigate
 from tuner.navigation.fix_sd_model import GNSS_NOISE_SCALE
-from tuner.types import Gain, Parameter
+from tuner.types import Compensation, Gain, Parameter
 from tuner.types.records import DataError, Drive
 
 FloatArray = NDArray[np.float64]
@@ -92,7 +93,12 @@ def fitted_before(drive: Drive, outcome: SearchResult, cut: float) -> Hypothesis
     part = replace(
         drive, imu_t=drive.imu_t[inertial], rates=drive.rates[inertial], gnss=drive.gnss.rows(kept)
     )
-    own = replace(final, position_out=final.position_out[kept], velocity_out=final.velocity_out[kept])
+    own = replace(
+        final,
+        position_out=final.position_out[kept],
+        velocity_out=final.velocity_out[kept],
+        compensation=about_middle(final.compensation, drive.gnss.t, part.gnss.t),
+    )
     run = refit_constants(part, run_filter(part, own), outcome.shifts)
     compensation = run.hypothesis.compensation
     values = compensation.of(GNSS_NOISE_SCALE)
@@ -104,7 +110,27 @@ def fitted_before(drive: Drive, outcome: SearchResult, cut: float) -> Hypothesis
             compensation = compensation.with_values(
                 {Parameter(GNSS_NOISE_SCALE, name): value for name, value in fitted.items()}
             )
-    return replace(final, compensation=compensation)
+    return replace(final, compensation=about_middle(compensation, part.gnss.t, drive.gnss.t))
+
+
+def about_middle(compensation: Compensation, own: FloatArray, other: FloatArray) -> Compensation:
+    """Return what shifts fixes of a drive by as much as the compensation does of a part of that drive, or the reverse.
+
+    A clock that drifts by `rate` is counted from the middle of the fixes: t − delay − rate (t − t₀).
+
+    Parameters
+    ----------
+    compensation : Compensation
+        Of fixes with the stamps `own`.
+    own, other : ndarray
+        Stamps of the fixes that it is of, and of those that the answer is of, s.
+    """
+    drift = compensation.of(ClockDrift.name)
+    if not drift:
+        return compensation
+    moved = drift["rate"] * (middle_of(other) - middle_of(own))
+    delay = compensation.of(TimeOffset.name).get("delay", 0.0)
+    return compensation.with_values({Parameter(TimeOffset.name, "delay"): delay + moved})
 
 
 def _shared_rows(

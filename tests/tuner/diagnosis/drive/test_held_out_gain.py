@@ -11,10 +11,26 @@ from scipy.stats import binom
 from models.trajectory.catalogue import TRAJECTORIES
 from tuner.catalogue.grades import load_gnss, load_grade
 from tuner.diagnosis.drive import diagnose_drive
-from tuner.diagnosis.drive.held_out_gain import _against_reference, change_interval
+from tuner.diagnosis.drive.held_out_gain import _against_reference, about_middle, change_interval
 from tuner.diagnosis.drive.hypothesis import Hypothesis, run_filter
 from tuner.simulation.drive import simulate_drive
 from tuner.synthesis.load_config import load_config
+from tuner.types import Compensation, Parameter
+
+
+def test_a_clock_fitted_to_a_part_shifts_the_same_fixes_in_the_whole_drive():
+    """A drift of 1e-4 over half an hour was taken out 36 ms aside, and errors of the receiver were fitted to that."""
+    t = np.arange(0.0, 1800.0)
+    part, rate, delay = t[:1080], Parameter("clock_drift", "rate"), Parameter("time_offset", "delay")
+    for found in ({rate: 1e-4}, {rate: -2e-4, delay: 0.15}):
+        whole = about_middle(Compensation(found), part, t)
+        shift, of_part = (
+            one.get(delay, 0.0) + one[rate] * (part - 0.5 * (own[0] + own[-1]))
+            for one, own in ((whole, t), (found, part))
+        )
+        np.testing.assert_allclose(shift, of_part, atol=1e-12)
+    lag = Compensation({delay: 0.15})
+    assert about_middle(lag, part, t) == lag
 
 
 @pytest.mark.parametrize("windows", [2, 4, 8, 20])
