@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import PurePath
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,33 +14,26 @@ from tuner.identification.channel import identify_channel
 from tuner.identification.estimates import BASE
 from tuner.identification.mean_and_earth_rate import without_earth_rate
 from tuner.jobs import each
-from tuner.readers import read
-from tuner.readers.logs_in_memory import Table
 from tuner.types import ChannelIdentification, Identification
 from tuner.types.records import DataError, Record
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 FloatArray = NDArray[np.float64]
 
 
 def identify(
-    records: Sequence[Record] | Table | pd.DataFrame,
+    records: Sequence[Record],
     *,
     terms: Sequence[str] | None = None,
     method: str = "likelihood",
     arma: Likelihood | None = "fast",
     latitude: float | None = None,
-    **reading: Any,
 ) -> Identification:
     """Identify the noise of every channel of a log.
 
     Parameters
     ----------
-    records : sequence of Record, mapping of str to array, or DataFrame
-        Sensors at rest, such as gyro and accelerometer of one unit; no two channels of one name. Tables are read as
-        `tuner.read` does.
+    records : sequence of Record
+        Sensors at rest, such as gyro and accelerometer of one unit; no two channels of one name.
     terms : sequence of str, optional
         Fit exactly this sum of terms to every channel instead of choosing one.
     method : str
@@ -50,8 +42,6 @@ def identify(
         Time-series model beside the sum of terms: ``fast``, ``exact`` or None.
     latitude : float, optional
         Degrees; takes the Earth's vertical rate out of the gyro means.
-    **reading
-        Of a table, options of `tuner.read`: ``rate``, ``gyro_unit``, ``accel_unit``, ``columns`` …
 
     Returns
     -------
@@ -64,7 +54,6 @@ def identify(
     ValueError
         If the method, a term or `arma` is unknown.
     """
-    records = records if isinstance(records, Sequence) else read(records, **reading)
     varying: dict[str, Record] = {}
     notes: list[str] = []
     for record in records:

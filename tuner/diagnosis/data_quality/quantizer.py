@@ -215,7 +215,11 @@ def _gap(count: NDArray[np.int64], zero: int) -> float:
 
 
 def _deadband(count: NDArray[np.int64], zero: int) -> float:
-    """Return the half-width of the dead band in steps: to the first filled code, less what is left of it."""
+    """Return the half-width of the dead band, steps, the mean over both sides of zero; 0 where neither side shows it.
+
+    On each side it ends within the first code that has samples: the fewer of these compared with the next code, the
+    more of that code belongs to the dead band.
+    """
     halves = []
     for side in (count[zero + 1 :], count[:zero][::-1]):
         filled = np.flatnonzero(side)
