@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from tuner.diagnosis import diagnose
     from tuner.exporters import export
     from tuner.identification.identify_source import identify_log as identify
-    from tuner.identification.record_length import plan_test as plan
+    from tuner.identification.static_test_plan import plan_test as plan
     from tuner.pipeline import tune
     from tuner.production.fleet import fleet
     from tuner.readers import read
@@ -74,7 +74,7 @@ _HOMES = {
     "score": ("tuner.consistency.score_output", "score_arrays"),
     "compare": ("tuner.consistency.compare_sensors", "compare"),
     "choose": ("tuner.consistency.choose_grade", "choose"),
-    "plan": ("tuner.identification.record_length", "plan_test"),
+    "plan": ("tuner.identification.static_test_plan", "plan_test"),
     "curve": ("tuner.curves", "empirical"),
     "export": ("tuner.exporters", "export"),
     "fleet": ("tuner.production.fleet", "fleet"),

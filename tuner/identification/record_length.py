@@ -24,8 +24,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.noise import NoiseModel, Ramp
-from tuner.types import Identification
-from tuner.types.records import DataError
 
 FloatArray = NDArray[np.float64]
 
@@ -115,33 +113,6 @@ def plan(model: NoiseModel, *, interval: float, hours: float, accuracy: float) -
         clusters,
         3600.0 * hours / clusters,
     )
-
-
-def plan_test(identification: Identification, *, hours: float, accuracy: float) -> dict[str, Plan]:
-    """Plan a static test of a sensor whose noise is known from elsewhere, channel by channel.
-
-    Parameters
-    ----------
-    identification : Identification
-        Noise to expect, of a grade, a datasheet or an earlier log.
-    hours : float
-        Length of the test, h.
-    accuracy : float
-        Wanted relative standard deviation, such as 0.1.
-
-    Raises
-    ------
-    DataError
-        If `hours` or `accuracy` is out of its range.
-    """
-    try:
-        return {
-            axis: plan(channel.model, interval=channel.interval, hours=hours, accuracy=accuracy)
-            for axis, channel in identification.channels.items()
-        }
-    except ValueError as error:
-        msg = f"plan: {error}"
-        raise DataError(msg) from error
 
 
 def relative_sd(model: NoiseModel, *, interval: float, span: float) -> FloatArray:

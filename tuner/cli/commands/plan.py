@@ -40,7 +40,7 @@ def command(
     The expected noise is that of a built-in grade, a datasheet or an earlier log of the sensor.
     """
     from tuner.identification.identify_source import identify_source
-    from tuner.identification.record_length import plan_test
+    from tuner.identification.static_test_plan import plan_test
     from tuner.readers.source_kind import source_name
     from tuner.report.comparison_tables import plan_tables
     from tuner.report.json.views import plan_json
