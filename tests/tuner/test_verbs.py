@@ -191,3 +191,12 @@ def test_identify_takes_a_path_and_only_what_stood_still(tmp_path):
         assert channel.term("white").coefficients["density"].value == pytest.approx(
             1e-3 / rate**0.5, rel=0.06
         )
+
+
+def test_identify_plan_and_export_take_the_name_of_a_grade_as_their_commands_do():
+    grade = tuner.identify("mpu9250")
+    assert tuner.plan("mpu9250", hours=2.0, accuracy=0.1) == tuner.plan(grade, hours=2.0, accuracy=0.1)
+    exported = tuner.export("mpu9250", "kalibr")
+    assert exported == tuner.export(tuner.synthesize(grade), "kalibr")
+    with pytest.raises(DataError, match="or a built-in grade"):
+        tuner.export("mpu925", "kalibr")

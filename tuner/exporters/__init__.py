@@ -7,6 +7,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from models.registry import RegistryError
 from tuner.exporters import (
     airsim,
@@ -45,6 +47,7 @@ from tuner.exporters.header import SENSORS
 from tuner.exporters.triad_values import triad
 from tuner.formats import noise_yaml
 from tuner.synthesis.equivalent_models import FILTER_MEMORY
+from tuner.synthesis.load_config import load_config
 from tuner.types import FilterConfig
 from tuner.types.records import DataError
 
@@ -96,7 +99,7 @@ DIALECTS.extend(
 
 
 def export(
-    config: FilterConfig,
+    config: FilterConfig | str | Path,
     dialect: str,
     *,
     interval: float | None = None,
@@ -107,9 +110,9 @@ def export(
 
     Parameters
     ----------
-    config : FilterConfig
-        What to export. A sensor it lacks is left out, with a comment that says so, where the settings of the other
-        stand alone.
+    config : FilterConfig, str or Path
+        What to export: the settings, their file or the name of a built-in grade. A sensor it lacks is left out, with a
+        comment that says so, where the settings of the other stand alone.
     dialect : str
         A key of `DIALECTS`.
     interval : float, optional
@@ -126,6 +129,8 @@ def export(
         For an unknown dialect, a sensor that the target cannot do without, and an axis without white noise.
     """
     declared = dialect_named(dialect)
+    if isinstance(config, str | Path):
+        config = load_config(config)
     if missing := lacking(config, declared):
         msg = (
             f"{config.name}: {dialect} needs gyroscopes and accelerometers, found no {missing[0]}; "

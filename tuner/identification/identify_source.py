@@ -86,12 +86,13 @@ def identify_log(
     latitude: float | None = None,
     **reading: Any,
 ) -> Identification:
-    """Return the noise of a log, of the parts in which the sensor stood still.
+    """Return the noise of a log, of the parts in which the sensor stood still, or that of another description of it.
 
     Parameters
     ----------
     log : str, Path, sequence of Record, mapping of str to array, or DataFrame
-        A file or table that `tuner.read` reads, or what it returned.
+        A file or table that `tuner.read` reads, or what it returned; or, without `reading`, what else describes the
+        noise of a sensor: the name of a built-in grade, a datasheet, a noise.yaml, a curve.
     terms, method, arma, latitude
         As of `identify`, which takes records as they are.
     **reading
@@ -102,6 +103,8 @@ def identify_log(
     DataError
         If nothing can be read, or no part stands still.
     """
+    if isinstance(log, str | Path) and not reading:
+        return identify_source(log, terms=terms, method=method, arma=arma, latitude=latitude)
     known = isinstance(log, Sequence) and all(isinstance(one, Record) for one in log)
     records = cast(Sequence[Record], log) if known else read(cast(Any, log), **reading)
     return identify(at_rest(records), terms=terms, method=method, arma=arma, latitude=latitude)

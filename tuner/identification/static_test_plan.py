@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
+from tuner.identification.identify_source import identify_source
 from tuner.identification.record_length import Plan, plan
 from tuner.types import Identification
 from tuner.types.records import DataError
 
 
-def plan_test(identification: Identification, *, hours: float, accuracy: float) -> dict[str, Plan]:
+def plan_test(noise: Identification | str | Path, *, hours: float, accuracy: float) -> dict[str, Plan]:
     """Plan a static test of a sensor whose noise is known from elsewhere, channel by channel.
 
     Parameters
     ----------
-    identification : Identification
-        Noise to expect, of a grade, a datasheet or an earlier log.
+    noise : Identification, str or Path
+        Noise to expect: an identification, the name of a built-in grade, or the path of a datasheet or an earlier log.
     hours : float
         Length of the test, h.
     accuracy : float
@@ -22,12 +25,13 @@ def plan_test(identification: Identification, *, hours: float, accuracy: float) 
     Raises
     ------
     DataError
-        If `hours` or `accuracy` is out of its range.
+        If `hours` or `accuracy` is out of its range, or the noise cannot be had from its source.
     """
+    known = noise if isinstance(noise, Identification) else identify_source(noise, arma=None)
     try:
         return {
             axis: plan(channel.model, interval=channel.interval, hours=hours, accuracy=accuracy)
-            for axis, channel in identification.channels.items()
+            for axis, channel in known.channels.items()
         }
     except ValueError as error:
         msg = f"plan: {error}"
