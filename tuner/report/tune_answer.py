@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import replace
 from pathlib import Path
@@ -58,6 +59,8 @@ SHOWN_FINDINGS = 2
 """Findings in the answer: what a reader acts on first."""
 OF_DRIVE_ALONE = "static diagnosis"
 """What lacks where a drive stands in for the log, which the line of the recording says."""
+SAME = "the same on all axes"
+"""Remark on a setting of a file that the line of an answer has no room for."""
 NO_INTERVAL = "no ±: fitted to the Allan curve, or set"
 
 
@@ -82,17 +85,25 @@ def answer_lines(result: TuneResult, directory: Path, dialect: str | None = None
 
 
 def settings_in_dialect(result: TuneResult, dialect: str, directory: Path) -> list[str]:
-    """Return where the file of a dialect is, and its settings without comment lines where they are few."""
+    """Return where the file of a dialect is, and its settings where they are few.
+
+    Lines of comments are left out; what they say of a setting, "# NAME: unit; …", stands behind it, as far as it fits.
+    """
     from tuner.pipeline import file_of_dialect  # loaded when used: it imports every room
 
     name = file_of_dialect(dialect)
+    written = [line.rstrip() for line in result.exports[name].splitlines() if line.strip()]
+    remarks = (line[2:].split(": ", 1) for line in written if line.startswith("# ") and ": " in line)
+    notes = {name: remark.replace(f"; {SAME}", "") for name, remark in remarks}
     lines = []
-    for line in result.exports[name].splitlines():
-        if line.strip() and not line.lstrip().startswith(COMMENTS):
-            shown = line.rstrip()
-            while len(shown) > LINE_WIDTH and "; " in shown:
-                shown = shown.rpartition("; ")[0]
-            lines.append(shown)
+    for line in written:
+        if line.lstrip().startswith(COMMENTS):
+            continue
+        shown = line.replace("\t", " ")
+        shown += "".join(f"  # {notes[word]}" for word in re.split(r"[ ,]+", shown) if word in notes)
+        while len(shown) > LINE_WIDTH and "; " in shown:
+            shown = shown.rpartition("; ")[0]
+        lines.append(shown)
     if len(lines) <= MAX_KEYS and max(map(len, lines), default=0) <= LINE_WIDTH:
         return [f"{directory / name}:", *lines]
     return [f"For {dialect}: {directory / name}"]

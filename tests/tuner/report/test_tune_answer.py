@@ -11,11 +11,13 @@ from models.noise import NoiseModel, RandomWalk, White
 from tuner.diagnosis.drive.held_out_choice import HeldOutChoice
 from tuner.diagnosis.drive.outage_errors import OutageErrors
 from tuner.diagnosis.drive.predictive_score import PredictiveScore
+from tuner.exporters import export
 from tuner.identification import identify
+from tuner.identification.identify_source import identify_source
 from tuner.report.answer_layout import BOUNDED
 from tuner.report.drive_answer import choice_lines, finding_lines
 from tuner.report.settings_rows import Setting, axes_text, settings_rows
-from tuner.report.tune_answer import answer_lines, verdict_line
+from tuner.report.tune_answer import answer_lines, settings_in_dialect, verdict_line
 from tuner.simulation.static import simulate
 from tuner.synthesis import synthesize
 from tuner.tune_result import TuneResult
@@ -206,3 +208,14 @@ def test_settings_whose_innovations_contradict_them_give_the_reason(result, desp
         assert [line for line in lines if line.startswith("Innovations are 0.30")] == lines[:1] * bool(
             despite
         )
+
+
+def test_settings_of_an_autopilot_stand_with_unit_and_stock_value():
+    config = synthesize(identify_source("mpu9250"))
+    exported = SimpleNamespace(exports={"px4.txt": export(config, "px4")})
+    where, *lines = settings_in_dialect(exported, "px4", Path("out"))
+    assert where == f"{Path('out') / 'px4.txt'}:"
+    assert len(lines) == 6
+    assert all(len(line) <= 80 for line in lines)
+    (gyro,) = (line for line in lines if "EKF2_GYR_NOISE" in line)
+    assert gyro.endswith("# rad/s; N/√dt; stock 0.015")
