@@ -213,17 +213,6 @@ def dynamics(model: ErrorModel, at: Linearization) -> FloatArray:
     return f
 
 
-def noise_density(model: ErrorModel, at: Linearization) -> FloatArray:
-    """Return the two-sided spectral density of the noise in x' = F x + noise; shape (n, n), symmetric."""
-    turn, push = at.sensor_response()
-    layout = model.layout
-    q = np.diag(model.driving_density**2)
-    g = np.zeros((layout.size, 6))
-    g[layout["velocity"]], g[layout["attitude"]] = push, turn
-    white = np.concatenate([model.gyro_density, model.accel_density]) ** 2
-    return np.asarray(q + (g * white) @ g.T)
-
-
 def transition(model: ErrorModel, at: Linearization, dt: float) -> FloatArray:
     """Return Φ of one step of length dt, s; shape (n, n). See the module for the scheme and its error."""
     f_rr, f_vr, f_vv, f_ar, f_av, omega_in = at.coupling()

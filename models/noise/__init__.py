@@ -22,9 +22,9 @@ from numpy.typing import ArrayLike
 
 from models.noise.arma import Arma
 from models.noise.base import FloatArray, Term
-from models.noise.bias_instability import BiasInstability, flicker_ladder
+from models.noise.bias_instability import BiasInstability
 from models.noise.gauss_markov import GaussMarkov, LowPassWhite
-from models.noise.power_law import Quantization, Ramp, RandomWalk, White, quantize_increments
+from models.noise.power_law import Quantization, Ramp, RandomWalk, White
 from models.noise.sinusoid import Sinusoid
 from models.registry import Registry
 from models.statespace import StateSpace, block_sum
@@ -43,7 +43,6 @@ __all__ = [
     "Sinusoid",
     "Term",
     "White",
-    "quantize_increments",
 ]
 
 POWER_LAW = (Quantization, White, BiasInstability, RandomWalk, Ramp)
@@ -153,7 +152,7 @@ class NoiseModel:
         Raises
         ------
         ValueError
-            Where a term has no finite state space: see `with_ladder`.
+            Where a term has no finite state space: see `flicker_ladder`.
         """
         systems = [s for s in (term.state_space() for term in self.terms) if s is not None]
         return block_sum(*systems) if systems else None
@@ -161,18 +160,6 @@ class NoiseModel:
     def white_density(self) -> float:
         """Return the density of the white terms together, unit/√Hz."""
         return float(np.sqrt(sum(t.density**2 for t in self.terms if isinstance(t, White))))
-
-    def with_ladder(self, shortest: float, longest: float, *, per_decade: float = 1.0) -> NoiseModel:
-        """Return the model with bias instability replaced by `flicker_ladder` over time constants in s."""
-        return NoiseModel(
-            rung
-            for term in self.terms
-            for rung in (
-                flicker_ladder(term.level, shortest, longest, per_decade=per_decade)
-                if isinstance(term, BiasInstability)
-                else (term,)
-            )
-        )
 
     def sample(self, n: int, interval: float, rng: np.random.Generator) -> FloatArray:
         """Return n consecutive samples, shape (n,); random walk and flicker start at 0.

@@ -80,11 +80,6 @@ class Arma(Term):
         """Return the unit of the variance."""
         return (f"({rate_unit})^2",)
 
-    def white_equivalent_density(self) -> float:
-        """Return the density of the white noise that has the same spectrum at f = 0, unit/√Hz."""
-        gain = (1.0 + sum(self.ma)) / (1.0 - sum(self.ar))
-        return float(np.sqrt(self.variance * self.interval) * abs(gain))
-
     def psd(self, f: ArrayLike, *, interval: float | None = None) -> FloatArray:
         """Return the spectrum of the sequence, |f| <= 1/(2 interval)."""
         self._check(interval)

@@ -226,27 +226,6 @@ class Ramp(Term):
         return np.arange(n, dtype=np.float64) * (self.rate * interval)
 
 
-def quantize_increments(y: ArrayLike, interval: float, step: float) -> FloatArray:
-    """Return the rate that a counter of whole increments reports.
-
-    Parameters
-    ----------
-    y : array_like, shape (n,) or (n, k)
-        True rate.
-    interval : float
-        Sampling interval, s.
-    step : float
-        Size of one count of the integral (rad, m/s).
-
-    Returns
-    -------
-    ndarray, shape of y
-        Differences of the rounded integral, divided by the interval.
-    """
-    counts = np.rint(np.cumsum(as_array(y), axis=0) * (interval / step))
-    return as_array(np.diff(counts, axis=0, prepend=0.0) * (step / interval))
-
-
 def _need_interval(interval: float | None, message: str) -> float:
     if interval is None:
         msg = f"{message} without the sampling interval: give 'interval'"

@@ -15,7 +15,6 @@ from models.error_state import (
     dynamics,
     middle,
     navigation_error,
-    noise_density,
     process_noise,
     process_noise_variance,
     transition,
@@ -286,6 +285,15 @@ def _still():
     return Linearization(
         np.array([0.7, 0.2, 300.0]), np.zeros(3), np.eye(3), np.zeros(3), np.array([0.0, 0.0, -9.8])
     )
+
+
+def noise_density(model, at):
+    """Two-sided spectral density of the noise in x' = F x + noise."""
+    turn, push = at.sensor_response()
+    g = np.zeros((model.layout.size, 6))
+    g[model.layout["velocity"]], g[model.layout["attitude"]] = push, turn
+    white = np.concatenate([model.gyro_density, model.accel_density]) ** 2
+    return np.diag(model.driving_density**2) + (g * white) @ g.T
 
 
 def test_process_noise_compounds_to_the_exact_integral(model, place):

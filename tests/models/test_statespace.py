@@ -130,8 +130,6 @@ def test_ladder_rungs():
     assert [g.time_constant for g in ladder] == pytest.approx([10.0, 100.0, 1000.0])
     assert [g.sd for g in ladder] == pytest.approx([math.sqrt(math.log(10.0) / math.pi)] * 3)
     assert len(flicker_ladder(1.0, 5.0, 5.0)) == 1
-    model = (White(0.1) + BiasInstability(1.0)).with_ladder(10.0, 1000.0)
-    assert model == NoiseModel([White(0.1), *ladder])
 
 
 def test_flicker_itself_has_no_states():

@@ -67,11 +67,6 @@ def grade_names() -> tuple[str, ...]:
     return _names("sensors")
 
 
-def gnss_names() -> tuple[str, ...]:
-    """Return the names of the built-in GNSS receivers."""
-    return _names("gnss")
-
-
 @cache
 def load_grade(name: str) -> SensorGrade:
     """Return a built-in sensor.

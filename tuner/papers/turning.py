@@ -19,7 +19,7 @@ from tuner.papers.laser import AXES, LASER_NOISE, SAMPLING_INTERVAL, N, in_degre
 from tuner.papers.results import Curve, Item, Panel, Picture, exact, judge
 from tuner.papers.sampling import Settings, record_from, record_of, scaled
 from tuner.papers.subjects import RING_LASER_PAPER
-from tuner.segments.stationary import find_motion, keep_still
+from tuner.segments.stationary import cut_to_still, find_motion
 from tuner.types import ChannelIdentification, Coefficient
 
 FloatArray = NDArray[np.float64]
@@ -45,7 +45,7 @@ def rlg_dynamic(settings: Settings) -> Item:
     change = float(np.max(np.abs(of["constant"].deviation() / of["static"].deviation() - 1.0)))
     extremes = _extremes(of["turning"].deviation()[:, 0])
     motion = find_motion(turning)
-    still = keep_still([turning])[0]
+    still = cut_to_still([turning], motion)[0]
     of_still = identify_channel(still, "gyro_x", method="leastsquares", arma=None)
     of_all = identify_channel(
         turning, "gyro_x", terms=("quantization", "white"), method="leastsquares", arma=None

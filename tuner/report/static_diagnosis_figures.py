@@ -22,9 +22,9 @@ from models.noise import NoiseModel
 from tuner.curves.allan import overlapping_allan
 from tuner.diagnosis.static.causes.motion import Motion
 from tuner.diagnosis.static.causes.registry import CAUSES
-from tuner.formats.files import Put, write_bytes
+from tuner.formats.files import Put
 from tuner.report.diagnosed_axis import DiagnosedAxis, diagnosed_axis, parameters
-from tuner.report.figure_files import draw_all, new_figure
+from tuner.report.figure_files import new_figure
 from tuner.report.static_cause_panels import (
     CAUSE_COLOUR,
     DATA_COLOUR,
@@ -62,20 +62,6 @@ class _Curve:
     expected: Callable[[NoiseModel], FloatArray]
     label: str
     unit: str
-
-
-def draw_findings(
-    records: Sequence[Record],
-    diagnosis: Diagnosis,
-    directory: Path,
-    replicas: int = 0,
-    seed: int = 0,
-    put: Put = write_bytes,
-) -> list[tuple[str, Path]]:
-    """Draw every finding; return caption and SVG of each picture. See `finding_figures`."""
-    captions, figures = finding_figures(records, diagnosis, directory, replicas, seed)
-    draw_all(figures, put)
-    return captions
 
 
 def finding_figures(

@@ -195,26 +195,6 @@ def _quietest(variances: Sequence[FloatArray], rounding: Sequence[FloatArray]) -
     ]
 
 
-def still_segments(
-    records: Record | Sequence[Record], *, false_alarm: float = FALSE_ALARM_PROBABILITY
-) -> Segments:
-    """Return the sample ranges in which a sensor stood still; see `find_motion`."""
-    return find_motion(records, false_alarm=false_alarm).still
-
-
-def keep_still(
-    records: Sequence[Record], *, false_alarm: float = FALSE_ALARM_PROBABILITY
-) -> tuple[Record, ...]:
-    """Return the records with their segments cut to the still parts, and a note if any part moved.
-
-    Raises
-    ------
-    DataError
-        Nothing stands still, or too short to tell.
-    """
-    return cut_to_still(records, find_motion(records, false_alarm=false_alarm))
-
-
 def cut_to_still(records: Sequence[Record], motion: Motion) -> tuple[Record, ...]:
     """Return the records with their segments cut to the still parts of their motion, and a note if any part moved.
 

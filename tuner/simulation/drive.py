@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from models import rotation
 from models.effects import Samples
 from models.effects import hide as hide_at_rest
-from models.effects.drive import Course, course_of_fixes, draw, hide, parse
+from models.effects.drive import Course, draw, hide, parse
 from models.effects.drive.base import DriveEffect, DriveSamples
 from models.measurements import perfect_fixes
 from models.sensors import SensorGrade
@@ -143,48 +143,6 @@ def simulate_drive(
         "channels": {a: {"constant": constant[a], "terms": c.model.as_dict()} for a, c in channels.items()},
     }
     return drive, key
-
-
-def add_effects(
-    drive: Drive, effects: Sequence[str | DriveEffect], *, seed: int
-) -> tuple[Drive, list[dict[str, Any]]]:
-    """Add effects to a drive, also a measured one.
-
-    Without knowledge of its errors, factors apply to what was measured and noise can only be added. Effects
-    that need the course take it from the reference where that has an attitude, else from the fixes.
-
-    Parameters
-    ----------
-    drive : Drive
-        The drive.
-    effects : sequence of str or DriveEffect
-        As in `simulate_drive`.
-    seed : int
-        Seed of all randomness.
-
-    Returns
-    -------
-    drive : Drive
-        With the effects in it.
-    truth : list of dict
-        Cause and parameters of each effect.
-
-    Raises
-    ------
-    DataError
-        An effect that cannot be, in one line.
-    """
-    gnss, r = drive.gnss, drive.reference
-    if r is not None and np.isfinite(np.hstack([r.vel_n, r.rpy])).all():
-        course = Course(r.t, r.llh, r.vel_n, rotation.quat_from_rpy(r.rpy))
-    else:
-        course = course_of_fixes(gnss.t, gnss.llh, gnss.vel_n)
-    samples = DriveSamples(
-        drive.imu_t, drive.rates, gnss.t, gnss.llh, gnss.vel_n, gnss.position_sd, gnss.velocity_sd, course,
-        drive.lever_arm or (0.0, 0.0, 0.0), drive.mounting,
-    )  # fmt: skip
-    changed, truth = _with_effects(samples, effects, np.random.default_rng(seed))
-    return replace(drive, rates=changed.rates, gnss=_gnss(changed)), truth
 
 
 def _with_static_effects(

@@ -14,7 +14,7 @@ from tuner.synthesis.equivalent_models import (
     structure_function,
 )
 from tuner.synthesis.initial_covariance import turn_on_spread
-from tuner.synthesis.process_noise import axis_states, axis_system, shaping_states, step_noise
+from tuner.synthesis.process_noise import axis_states, axis_system, shaping_states
 from tuner.synthesis.synthesize import inflate, synthesize
 
 __all__ = [
@@ -27,7 +27,6 @@ __all__ = [
     "equivalent_random_walk",
     "inflate",
     "shaping_states",
-    "step_noise",
     "structure_function",
     "synthesize",
     "turn_on_spread",

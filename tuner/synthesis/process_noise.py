@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.noise.arma import Arma
-from models.statespace import StateSpace, discretize
+from models.statespace import StateSpace
 from tuner.types import ArmaFit, ChannelNoise
 
 FloatArray = NDArray[np.float64]
@@ -62,11 +62,6 @@ def axis_system(channel: ChannelNoise) -> StateSpace:
     Q = np.diag(np.square(drives + [0.0] * len(ramp)))
     P0 = np.diag(np.square([0.0, *(state.sd for state in channel.markov), channel.constant_sd, *ramp]))
     return StateSpace(F, np.eye(n), np.eye(1, n), Q, P0)
-
-
-def step_noise(channel: ChannelNoise, step: float) -> tuple[FloatArray, FloatArray]:
-    """Return transition matrix and process-noise covariance of one axis for a step of the filter, s."""
-    return discretize(axis_system(channel), step)
 
 
 def shaping_states(fit: ArmaFit) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -63,10 +63,10 @@ from models.effects.drive.imu import (
     Misalignment,
     Mounting,
 )
-from models.effects.drive.true_trajectory import Course, course_of_fixes
+from models.effects.drive.true_trajectory import Course
 from models.registry import Registry
 
-__all__ = ["EFFECTS", "Course", "DriveEffect", "DriveSamples", "course_of_fixes", "draw", "hide", "parse"]
+__all__ = ["EFFECTS", "Course", "DriveEffect", "DriveSamples", "draw", "hide", "parse"]
 
 
 def _effect_of(declared: Any) -> type[DriveEffect] | None:

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from models import rotation
-from models.earth import distance_along, llh_displaced, metres_per_radian, transport_rate
+from models.earth import llh_displaced, metres_per_radian, transport_rate
 
 FloatArray = NDArray[np.float64]
 
@@ -81,25 +81,3 @@ class Course:
         of_frame = transport_rate(np.sin(llh[:, 0]), np.cos(llh[:, 0]), llh[:, 2], columns)
         vel = vel + swing(times, 1) + np.cross(np.stack(of_frame, axis=-1), u)
         return llh_displaced(llh, u), vel
-
-
-def course_of_fixes(t: ArrayLike, llh: ArrayLike, vel_n: ArrayLike) -> Course:
-    """Return a course through fixes, its x axis along the velocity.
-
-    Parameters
-    ----------
-    t : array_like, shape (k,)
-        s, increasing.
-    llh, vel_n : array_like, shape (k, 3)
-        Fixes; where a velocity is missing (NaN), the slope of the positions.
-    """
-    t, llh = np.asarray(t, dtype=float), np.asarray(llh, dtype=float)
-    metres = distance_along(llh)
-    vel = np.where(np.isfinite(vel_n), vel_n, np.gradient(metres, t, axis=0))
-    level = np.hypot(vel[:, 0], vel[:, 1])
-    moving = level >= MIN_SPEED
-    last = np.maximum.accumulate(np.where(moving, np.arange(len(t)), int(np.argmax(moving))))
-    yaw = np.arctan2(vel[:, 1], vel[:, 0])[last]
-    pitch = np.arctan2(-vel[:, 2], level)[last]
-    rpy = np.stack([np.zeros_like(yaw), pitch, yaw], axis=-1)
-    return Course(t, llh, vel, rotation.quat_from_rpy(rpy))

@@ -9,7 +9,7 @@ import pytest
 
 from models import rotation
 from models.earth import ned_between
-from models.effects.drive import EFFECTS, Course, DriveSamples, course_of_fixes, draw, hide, parse
+from models.effects.drive import EFFECTS, Course, DriveSamples, draw, hide, parse
 from models.effects.drive.gnss import GnssOutliers, TimeOffset
 from models.measurements import perfect_fixes
 from models.trajectory.catalogue import city
@@ -372,19 +372,3 @@ def test_a_bias_jumps_once(sensor, first):
     expected = np.zeros_like(CLEAN.rates)
     expected[CLEAN.t > 80.0, first : first + 3] = [1e-3, -2e-3, 3e-3]
     np.testing.assert_allclose(out.rates - CLEAN.rates, expected, atol=1e-13)
-
-
-# ---- the course
-
-
-def test_trajectory_of_fixes_runs_through_them_and_heads_along_the_velocity():
-    course = course_of_fixes(CLEAN.fix_t, CLEAN.llh, CLEAN.vel_n)
-    llh, vel = course.antenna(CLEAN.fix_t, (0.0, 0.0, 0.0))
-    np.testing.assert_allclose(ned_between(llh, CLEAN.llh), 0.0, atol=1e-8)
-    np.testing.assert_allclose(vel, CLEAN.vel_n, atol=1e-12)
-    quick = np.linalg.norm(CLEAN.vel_n, axis=1) > 1.0
-    along = course.mat_nb(CLEAN.fix_t)[quick, :, 0]
-    unit = CLEAN.vel_n[quick] / np.linalg.norm(CLEAN.vel_n[quick], axis=1)[:, None]
-    np.testing.assert_allclose(along, unit, atol=1e-12)
-    blind = course_of_fixes(CLEAN.fix_t, CLEAN.llh, np.full_like(CLEAN.vel_n, np.nan))
-    assert np.median(np.abs(blind.vel_n - CLEAN.vel_n)) < 0.1

@@ -35,11 +35,10 @@ def test_autocovariance_is_that_of_the_discrete_states(arma):
 
 @pytest.mark.parametrize("arma", EXAMPLES, ids=named)
 def test_allan_variance_of_long_clusters_is_that_of_the_equivalent_white_noise(arma):
-    white = White(arma.white_equivalent_density())
+    white = White(math.sqrt(arma.psd(0.0)))
     tau = np.array([1e6, 1e7]) * arma.interval
     np.testing.assert_allclose(arma.allan_variance(tau), white.allan_variance(tau), rtol=1e-4)
     np.testing.assert_allclose(arma.hadamard_variance(tau), white.hadamard_variance(tau), rtol=1e-4)
-    assert float(arma.psd(0.0)) == pytest.approx(white.density**2)
 
 
 @pytest.mark.parametrize("time_constant", [0.05, 3.0, 1e3, 1e5])

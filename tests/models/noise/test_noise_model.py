@@ -21,7 +21,6 @@ from models.noise import (
     RandomWalk,
     Sinusoid,
     White,
-    quantize_increments,
 )
 from tests.extension.second_order_gauss_markov import SecondOrderGaussMarkov
 from tests.models.noise.terms import CONTINUOUS, EXAMPLES, INTERVAL, RANDOM, STATIONARY, named
@@ -285,12 +284,3 @@ def test_errors_say_what_was_expected():
         White(1.0) + 3.0
     with pytest.raises(ValueError, match=r"'values' must have shape \(1,\)"):
         NoiseModel([White(1.0)]).with_values([1.0, 2.0])
-
-
-def test_quantiser_reports_whole_counts_of_the_integral():
-    y, interval, step = np.random.default_rng(1).normal(3.0, 1.0, (5000, 2)), 0.01, 0.004
-    reported = quantize_increments(y, interval, step)
-    counts = reported * interval / step
-    np.testing.assert_allclose(counts, np.rint(counts), atol=1e-9)
-    error = np.cumsum(reported - y, axis=0) * interval
-    assert np.max(np.abs(error)) <= 0.5 * step * (1.0 + 1e-9)

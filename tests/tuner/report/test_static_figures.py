@@ -13,11 +13,12 @@ from tuner.diagnosis import diagnose
 from tuner.diagnosis.static.causes.vibration import Vibration
 from tuner.diagnosis.static.model.dct import inverse, transform
 from tuner.formats.customary_units import digits_to
+from tuner.formats.files import write_bytes
 from tuner.identification import identify
 from tuner.report.allan_figure import allan_figure
 from tuner.report.diagnosed_axis import diagnosed_axis, signal_of
-from tuner.report.figure_files import label_plainly, lay_out
-from tuner.report.static_diagnosis_figures import draw_findings
+from tuner.report.figure_files import draw_all, label_plainly, lay_out
+from tuner.report.static_diagnosis_figures import finding_figures
 from tuner.report.static_diagnosis_tables import diagnosis_tables, hidden_effect_lines, unexplained_lines
 from tuner.report.two_level_path import two_level_path
 from tuner.simulation.static import simulate
@@ -53,6 +54,12 @@ def record(*hidden, seed=1):
 def finding(cause, values):
     parameters = {name: Coefficient.known(v, 0.9 * v, 1.1 * v, "SI") for name, v in values.items()}
     return Finding(cause, ("gyro_x",), "a statistic", 10.0, 1e-12, parameters, f"{cause} in gyro_x: said so")
+
+
+def draw_findings(records, found, directory, replicas=0):
+    captions, figures = finding_figures(records, found, directory, replicas)
+    draw_all(figures, write_bytes)
+    return captions
 
 
 @pytest.mark.parametrize("cause", EFFECTS)

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tuner.readers import read
-from tuner.segments.stationary import find_motion, keep_still, still_segments
+from tuner.segments.stationary import cut_to_still, find_motion
 from tuner.types.records import DataError, Record
 
 RATE = 50.0
+
+
+def kept_still(records: Sequence[Record]) -> tuple[Record, ...]:
+    return cut_to_still(records, find_motion(records))
 
 
 def colour(rng: np.random.Generator, count: int, exponent: float) -> np.ndarray:
@@ -59,7 +64,7 @@ def test_one_jumping_channel_is_not_motion() -> None:
     y = 1e-3 * rng.standard_normal((20_000, 3))
     y[7777:, 1] += 0.02
     y[12_000:12_100, 2] *= 20.0
-    assert still_segments(gyro_of(y)) == ((0, 20_000),)
+    assert find_motion(gyro_of(y)).still == ((0, 20_000),)
 
 
 @pytest.mark.parametrize("rate", [0.05, 0.5])
@@ -100,17 +105,17 @@ def test_scale_and_bias_change_nothing() -> None:
 def test_blocks_respect_gaps_and_short_logs_are_refused() -> None:
     rng = np.random.default_rng(26)
     y = 1e-3 * rng.standard_normal((6000, 3))
-    assert still_segments(gyro_of(y, ((0, 2500), (2600, 6000)))) == ((0, 2500), (2600, 6000))
+    assert find_motion(gyro_of(y, ((0, 2500), (2600, 6000)))).still == ((0, 2500), (2600, 6000))
     with pytest.raises(DataError, match="too short to tell motion from noise"):
         find_motion(gyro_of(y[:200]))
 
 
-def test_keep_still_cuts_the_segments() -> None:
+def test_segments_are_cut_to_the_stationary_parts() -> None:
     rng = np.random.default_rng(27)
     y = 1e-3 * rng.standard_normal((10_000, 3))
-    assert keep_still((gyro_of(y),))[0].segments == ((0, 10_000),)
+    assert kept_still((gyro_of(y),))[0].segments == ((0, 10_000),)
     y[3000:3500] += rng.standard_normal((500, 3))
-    (kept,) = keep_still((gyro_of(y),))
+    (kept,) = kept_still((gyro_of(y),))
     assert len(kept.segments) == 2
     assert kept.span < 190.5
     assert any("the sensor moved" in note for note in kept.notes)
@@ -123,7 +128,7 @@ def test_a_log_that_moves_all_the_time_is_refused() -> None:
     moving = gyro_of(1e-3 * rng.standard_normal((10_000, 3)) + sway)
     assert find_motion(moving).episodes == ()
     with pytest.raises(DataError, match=r"not at rest: .*gyro_[xyz] changes by .* deg/s"):
-        keep_still((moving,))
+        kept_still((moving,))
 
 
 def test_times_of_motion_are_those_of_the_clock_of_the_log() -> None:
@@ -131,14 +136,14 @@ def test_times_of_motion_are_those_of_the_clock_of_the_log() -> None:
     y = 1e-3 * rng.standard_normal((10_000, 3))
     y[3000:3500] += rng.standard_normal((500, 3))
     late = gyro_of(y)
-    (kept,) = keep_still((Record("gyro", late.t + 1.4e9, y, late.axes, "rad/s", 1 / RATE),))
+    (kept,) = kept_still((Record("gyro", late.t + 1.4e9, y, late.axes, "rad/s", 1 / RATE),))
     assert ": from 1400000059 s on for 12 s (times of its clock)" in kept.notes[-1]
 
 
 def test_quantizer_coarser_than_noise() -> None:
     rng = np.random.default_rng(28)
     y = 0.01 * np.rint(0.12 * rng.standard_normal((20_000, 3)))
-    assert still_segments(gyro_of(y)) == ((0, 20_000),)
+    assert find_motion(gyro_of(y)).still == ((0, 20_000),)
 
 
 # measured --------------------------------------------------------------------------------------------------
@@ -169,9 +174,11 @@ def test_measured_moves_of_the_animal_tag() -> None:
 
 @measured
 def test_measured_poses() -> None:
-    still = still_segments(read(DATA / "imu_tk_xsens_multipos.npz", gyro_scale=2e-4, accel_scale=2.5e-3))
+    still = find_motion(read(DATA / "imu_tk_xsens_multipos.npz", gyro_scale=2e-4, accel_scale=2.5e-3)).still
     assert still[0][0] == 0
     assert 4900 < still[0][1] < 5300
     assert 35 <= len(still) <= 42
     columns = {"gyro": "imu0[3:6]", "accel": "imu0[0:3]"}
-    assert 15 <= len(still_segments(read(DATA / "mpu9150_multipos.npz", rate=100.0, columns=columns))) <= 30
+    assert (
+        15 <= len(find_motion(read(DATA / "mpu9150_multipos.npz", rate=100.0, columns=columns)).still) <= 30
+    )

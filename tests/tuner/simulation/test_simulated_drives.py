@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from models.earth import EARTH_RATE, ned_between
 from models.effects.drive import EFFECTS
-from models.effects.drive.gnss import TimeOffset
 from models.measurements import perfect_fixes
 from models.trajectory.catalogue import city
 from models.trajectory.motion import Trajectory, imu_increments
@@ -23,7 +20,7 @@ from tuner.formats.logs import write_drive
 from tuner.navigation.data import Steps
 from tuner.navigation.drive.alignment import align
 from tuner.readers.drive import read_drive
-from tuner.simulation.drive import add_effects, simulate_drive
+from tuner.simulation.drive import simulate_drive
 from tuner.types.records import DataError
 
 DURATION, RATE = 120.0, 50.0
@@ -88,32 +85,6 @@ def test_every_cause_can_be_drawn_into_a_drive():
         assert key["hidden"][0]["cause"] == code
         assert np.isfinite(drive.rates).all()
         json.dumps(key)
-
-
-def test_what_is_hidden_in_a_measured_drive_is_as_stated():
-    clean, _ = run()
-    bare = replace(clean, reference=None)
-    late, told = add_effects(bare, [TimeOffset(0.1), "gnss_frame:yaw=0.01"], seed=1)
-    assert [item["cause"] for item in told] == ["time_offset", "gnss_frame"]
-    np.testing.assert_allclose(late.gnss.t, clean.gnss.t[: len(late.gnss)] + 0.1)
-    heavier, _ = add_effects(clean, ["gravity:offset=1e-3"], seed=1)
-    from_fixes, _ = add_effects(bare, ["gravity:offset=1e-3"], seed=1)
-    change = heavier.rates[:, 3:] - clean.rates[:, 3:]
-    np.testing.assert_allclose(np.linalg.norm(change, axis=1), 1e-3, rtol=1e-6)
-    assert np.median(np.abs(from_fixes.rates - heavier.rates)[:, 3:]) < 1e-4
-    turned, _ = add_effects(
-        replace(clean, mounting=np.diag([1.0, -1.0, -1.0])), ["gravity:offset=1e-3"], seed=1
-    )
-    np.testing.assert_allclose(turned.rates[:, 5] - clean.rates[:, 5], -change[:, 2], atol=1e-12)
-
-
-@pytest.mark.skipif("TUNER_DATA" not in os.environ, reason="TUNER_DATA is not set")
-def test_a_measured_drive_takes_every_effect():
-    drive = read_drive(Path(os.environ["TUNER_DATA"]) / "drives" / "rtkexplorer_drive_0708.npz")
-    for code in EFFECTS:
-        changed, told = add_effects(drive, [code if code != "imu_noise_scale" else f"{code}:gyro=2"], seed=5)
-        assert told[0]["cause"] == code
-        assert np.isfinite(changed.rates).all()
 
 
 def test_command_writes_a_drive_and_its_key(tmp_path, capsys):

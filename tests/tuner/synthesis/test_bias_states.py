@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from models.noise import BiasInstability, GaussMarkov
+from models.statespace import discretize
 from tuner.synthesis import (
     RULES,
     axis_states,
@@ -15,7 +16,6 @@ from tuner.synthesis import (
     bounding_state,
     equivalent_noise,
     equivalent_random_walk,
-    step_noise,
 )
 from tuner.synthesis.bias_states import FlickerView, spectrum_bound
 from tuner.synthesis.error_growth import fading_growth, modelled_growth, walk_growth
@@ -210,13 +210,13 @@ def test_equivalent_walk_of_a_still_bias_is_small_and_positive() -> None:
     assert walk**2 * memory**3 / 3.0 == pytest.approx(0.01 * still.white_density**2 * memory)
 
 
-def test_step_noise_has_the_closed_forms() -> None:
+def test_noise_of_a_step_has_the_closed_forms() -> None:
     sd, time, walk, white = 2e-3, 50.0, 3e-5, 1e-2
     noise = channel(white_density=white, markov=(GaussMarkov(sd, time),), random_walk_density=walk)
     assert axis_states(noise) == ("integral", "markov_1", "bias")
     for step in (0.01, 1.0, 100.0, 1000.0 * time):
         phi = math.exp(-step / time)
-        transition, q = step_noise(noise, step)
+        transition, q = discretize(axis_system(noise), step)
         gain = time * -math.expm1(-step / time)
         area = step - 2.0 * gain + time * -math.expm1(-2.0 * step / time) / 2.0
         if step > 0.1 * time:  # below, the closed form cancels

@@ -67,15 +67,12 @@ class Explanations:
         One after another as they were found.
     means : tuple of MeanError
         Constants that shift the errors by more than the margin of the scores.
-    assumed : FilterModel or None
-        What the filter assumes, as its sds show; None where no such filter has these sds.
     misfit : float or None
         Rms difference of the logarithms of its sds and those of the nearest filter, where that is too large.
     """
 
     causes: tuple[OutputCause, ...] = ()
     means: tuple[MeanError, ...] = ()
-    assumed: FilterModel | None = None
     misfit: float | None = None
 
 
@@ -116,7 +113,7 @@ def explain(
     models = [error_model(run, course, model) for run, course in pairs]
     known = sum(int(one.known.any(axis=1).sum()) for one in models)
     if known < 20:
-        return Explanations(assumed=model)
+        return Explanations()
     base = TrueNoise()
     fixed: tuple[str, ...] = ()
     causes: list[OutputCause] = []
@@ -136,7 +133,7 @@ def explain(
         if best.names:
             means += _mean_errors(models[0], best)
         base, fixed = best.base, (*fixed, *best.names)
-    return Explanations(tuple(causes), tuple(means), model)
+    return Explanations(tuple(causes), tuple(means))
 
 
 def _with_sensor_noise(

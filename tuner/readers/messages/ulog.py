@@ -31,14 +31,6 @@ from tuner.types.records import DataError
 SIGNATURE = b"ULog\x01\x12\x35"
 FIX_3D = 3
 """Least fix type of a position in three dimensions."""
-MESSAGES = (
-    "sensor_combined",
-    "vehicle_imu",
-    "sensor_gyro",
-    "sensor_accel",
-    "vehicle_gps_position",
-    "sensor_gps",
-)
 
 Fields = Mapping[str, NDArray[Any]]
 

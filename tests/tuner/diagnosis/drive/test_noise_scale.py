@@ -5,6 +5,7 @@ Seeds are the first that were tried. Bounds on counts are binomial at 1e-5 for a
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -16,15 +17,22 @@ from tests.tuner.diagnosis.drive.replicas import Source
 from tuner.diagnosis.drive.causes.bias_jump import bias_jump, jump_sensor, with_jump
 from tuner.diagnosis.drive.causes.correlated_gnss import correlated_gnss
 from tuner.diagnosis.drive.causes.gnss_outliers import ROWS_OF_CAUSE, mask, outliers
-from tuner.diagnosis.drive.causes.noise_scale import fit_noise, gnss_noise, imu_noise, noise_scores
+from tuner.diagnosis.drive.causes.noise_scale import gnss_noise, imu_noise, noise_scores
 from tuner.diagnosis.drive.linear_model import noise_fit
 from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, as_configured, evaluate
 from tuner.diagnosis.drive.linear_model.linearized_run import NOISE_GROUPS, LinearizedRun
-from tuner.diagnosis.drive.linear_model.noise_parameters import ROW_GROUPS, noise_parameters
+from tuner.diagnosis.drive.linear_model.noise_fit import NoiseFit, maximize_likelihood
+from tuner.diagnosis.drive.linear_model.noise_parameters import ROW_GROUPS, noise_parameters, present
 from tuner.diagnosis.drive.linear_model.whitened_innovations import whiten
 from tuner.types import Parameter
 
 REJECTION_P_VALUE = 7e-4
+
+
+def fit_noise(noise: NoiseHypothesis, prior_sd: Mapping[str, float] | None = None) -> NoiseFit:
+    """Factors of R and Q, all together."""
+    names = present(noise, (*ROW_GROUPS, *NOISE_GROUPS))
+    return maximize_likelihood(noise, noise_parameters(names), prior_sd=prior_sd or {})
 
 
 def seldom(p_values: np.ndarray, level: float) -> bool:

@@ -17,8 +17,9 @@ from tuner.diagnosis import diagnose
 from tuner.diagnosis.cause import Cause
 from tuner.diagnosis.static.causes.registry import CAUSES, CauseRegistry, lacking
 from tuner.diagnosis.static.causes.template import Template
+from tuner.formats.files import write_bytes
 from tuner.report.diagnosed_axis import signal_of
-from tuner.report.static_diagnosis_figures import draw_findings
+from tuner.report.static_diagnosis_figures import finding_figures
 from tuner.simulation.static import simulate
 
 EXAMPLE = Path(__file__).with_name("temperature_swing_cause.py")
@@ -83,7 +84,9 @@ def test_a_cause_of_another_package_is_hidden_found_named_and_sized(tmp_path: Pa
     drawn = signal_of("temperature_swing", {"slope": 2.0}, t, records[0].y[:, 0], celsius)
     away = celsius - celsius.mean()
     np.testing.assert_allclose(drawn, 2.0 * away * np.gradient(away, records[0].interval))
-    assert len(draw_findings(records, diagnosis, tmp_path)) == 1
+    ((_, path),), (draw,) = finding_figures(records, diagnosis, tmp_path)
+    draw(write_bytes)
+    assert path.is_file()
 
 
 @pytest.mark.usefixtures("package")

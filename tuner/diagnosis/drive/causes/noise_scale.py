@@ -1,7 +1,7 @@
 """Wrong R and wrong Q: factors on the noise of the receiver and of the sensors, tested one by one and together.
 
-`fit_noise` estimates all factors, true ÷ assumed, together; prior knowledge, such as the intervals of a static
-identification, enters as sds of their logs. The tests `gnss_noise_scale` and `imu_noise_scale` test each factor
+Prior knowledge of a factor, true ÷ assumed, such as the intervals of a static identification, enters as sd of its
+log. The tests `gnss_noise_scale` and `imu_noise_scale` test each factor
 alone, the rest as configured: first by score and curvature of ln L by the log x of the factor (of R: 2 Σ (r d)², d
 the precision of a row given all others), then by a fit where the score is large. The null hypothesis for a factor
 whose log has a prior sd σ is a factor about 1 with that σ::
@@ -120,21 +120,6 @@ def noise_scores(noise: NoiseHypothesis) -> NoiseScores:
     return NoiseScores(names, likelihood.value, slope, curvature, tried)
 
 
-def fit_noise(noise: NoiseHypothesis, *, prior_sd: Mapping[str, float] = NO_PRIOR) -> NoiseFit:
-    """Fit all factors of R and Q together.
-
-    Parameters
-    ----------
-    noise : NoiseHypothesis
-        Its noise is factor 1.
-    prior_sd : mapping of str to float
-        Prior sd of the log of a factor, by name of `ROW_GROUPS` or `NOISE_GROUPS`.
-    """
-    return maximize_likelihood(
-        noise, noise_parameters(present(noise, (*ROW_GROUPS, *NOISE_GROUPS))), prior_sd=prior_sd
-    )
-
-
 def gnss_noise(noise: NoiseHypothesis, scores: NoiseScores) -> CauseTest:
     """Test the factors on the sds of the fixes."""
     return _test(noise, scores, "gnss_noise_scale", ERROR_RATE_SHARE, NO_PRIOR)
@@ -143,7 +128,7 @@ def gnss_noise(noise: NoiseHypothesis, scores: NoiseScores) -> CauseTest:
 def imu_noise(
     noise: NoiseHypothesis, scores: NoiseScores, *, prior_sd: Mapping[str, float] = NO_PRIOR
 ) -> CauseTest:
-    """Test the factors on the process noise of the sensors; `prior_sd` as of `fit_noise`, 0 where not given."""
+    """Test the factors on the process noise of the sensors; `prior_sd` is that of the log of a factor, 0 by default."""
     names = [name for name in NOISE_GROUPS if name in scores.names and scores.is_informative(name)]
     return _test(noise, scores, "imu_noise_scale", dict.fromkeys(names, 1.0 / max(len(names), 1)), prior_sd)
 

@@ -23,7 +23,7 @@ UNKNOWN_LOG_SD = 0.5
 
 
 def static_prior(channels: Mapping[str, ChannelNoise]) -> dict[str, float]:
-    """Return the sds of the logs of the factors by group, for `noise.fit_noise` and `noise.imu_noise`.
+    """Return the sds of the logs of the factors by group, as `imu_noise` takes them.
 
     Parameters
     ----------
