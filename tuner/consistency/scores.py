@@ -199,13 +199,13 @@ def evaluate(
     )
 
 
-def run_ratios(runs: Runs, outages: FloatArray, *, settling: float = SETTLING_TIME) -> FloatArray:
+def run_ratios(runs: Runs, outages: FloatArray) -> FloatArray:
     """Return true rms ÷ predicted sd of each run while aided, all states together, inf where one is not finite; (m,).
 
     Parameters are those of `evaluate`.
     """
     finite = np.isfinite(runs.error).all(axis=(1, 2)) & np.isfinite(runs.covariance).all(axis=(1, 2, 3))
-    own = np.ix_(finite, scored_epochs(runs.t, outages, settling))
+    own = np.ix_(finite, scored_epochs(runs.t, outages, SETTLING_TIME))
     error, covariance = runs.error[own], runs.covariance[own].astype(float)
     ratios = np.full(len(runs.error), np.inf)
     ratios[finite] = np.sqrt(squares(error, covariance).mean(axis=1) / error.shape[-1])

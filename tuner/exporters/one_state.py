@@ -61,9 +61,10 @@ class OneState:
         return min(self.ratios), max(self.ratios)
 
 
-def cluster_times(horizon: float) -> FloatArray:
+def cluster_times() -> FloatArray:
     """Return the cluster times, s, at which a simulator is fitted: 1 s to the horizon."""
-    return np.geomspace(1.0, horizon, 1 + math.ceil(_LAGS_A_DECADE * math.log10(horizon)))
+    count = 1 + math.ceil(_LAGS_A_DECADE * math.log10(SIMULATED_HORIZON))
+    return np.geomspace(1.0, SIMULATED_HORIZON, count)
 
 
 def allan_variances(channel: ChannelNoise, lags: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -74,9 +75,7 @@ def allan_variances(channel: ChannelNoise, lags: FloatArray) -> tuple[FloatArray
     return channel.white_density**2 / lags, bias
 
 
-def simulated_state(
-    channel: ChannelNoise, *, preferred: float, horizon: float = SIMULATED_HORIZON
-) -> OneState:
+def simulated_state(channel: ChannelNoise, *, preferred: float) -> OneState:
     """Return the one state whose samples are closest in Allan deviation to the model from 1 s to the horizon.
 
     Parameters
@@ -85,13 +84,11 @@ def simulated_state(
         The model.
     preferred : float
         T, s, that is taken where several fit alike.
-    horizon : float
-        Longest cluster time, s.
     """
-    lags = cluster_times(horizon)
+    lags = cluster_times()
     still, bias = allan_variances(channel, lags)
     if not bias.any():
-        sd = equivalent_random_walk(channel, memory=horizon) * math.sqrt(preferred / 2.0)
+        sd = equivalent_random_walk(channel, memory=SIMULATED_HORIZON) * math.sqrt(preferred / 2.0)
         return _fitted(sd, preferred, still, still, lags)
     centre_sd = math.log(math.sqrt(float(bias.max())))
     centre_time = math.log(preferred)

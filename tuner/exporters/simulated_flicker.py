@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from models.noise import BiasInstability
 from models.units import unit_of_samples
-from tuner.exporters.one_state import SIMULATED_HORIZON, allan_variances, cluster_times
+from tuner.exporters.one_state import allan_variances, cluster_times
 from tuner.formats.digits import rounded
 from tuner.types import ChannelNoise
 
@@ -46,9 +46,7 @@ class FlickerAndWalk:
     ratios: tuple[float, ...]
 
 
-def simulated_flicker(
-    channel: ChannelNoise, *, flicker: bool = True, horizon: float = SIMULATED_HORIZON
-) -> FlickerAndWalk:
+def simulated_flicker(channel: ChannelNoise, *, flicker: bool = True) -> FlickerAndWalk:
     """Return the B and K whose samples are closest in Allan deviation to the model from 1 s to the horizon.
 
     Parameters
@@ -57,10 +55,8 @@ def simulated_flicker(
         The model.
     flicker : bool
         Whether the simulator draws flicker; else B is 0.
-    horizon : float
-        Longest cluster time, s.
     """
-    lags = cluster_times(horizon)
+    lags = cluster_times()
     still, bias = allan_variances(channel, lags)
     shapes = BiasInstability(1.0).allan_variance(lags), lags / 3.0
     centres = [math.sqrt(float((bias / shape).max())) or 1.0 for shape in shapes]
@@ -80,15 +76,13 @@ def simulated_flicker(
             for value in found
         ]
         width /= 10.0
-    return with_mismatch(channel, found[0], found[1], horizon=horizon)
+    return with_mismatch(channel, found[0], found[1])
 
 
-def with_mismatch(
-    channel: ChannelNoise, level: float, density: float, *, horizon: float = SIMULATED_HORIZON
-) -> FlickerAndWalk:
+def with_mismatch(channel: ChannelNoise, level: float, density: float) -> FlickerAndWalk:
     """Return a B and a K, rounded as an export does, with the Allan deviation that they leave wrong."""
     level, density = rounded(level), rounded(density)
-    lags = cluster_times(horizon)
+    lags = cluster_times()
     still, bias = allan_variances(channel, lags)
     drawn = still + density**2 * lags / 3.0
     if level:

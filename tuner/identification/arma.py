@@ -7,7 +7,7 @@ block.
 
 A record of white noise often "chooses" an ARMA(1,1) whose roots nearly cancel, with coefficients that
 mean nothing (their standard error is 33/√n for the model of the third paper). The model is called white
-where the criterion prefers order (0, 0), or where a likelihood ratio against white noise is not
+where BIC prefers order (0, 0), or where a likelihood ratio against white noise is not
 significant.
 
 The covariance of the coefficients is that of the Whittle likelihood::
@@ -41,7 +41,6 @@ from tuner.types.records import Record
 FloatArray = NDArray[np.float64]
 Order = tuple[int, int]
 Likelihood = Literal["fast", "exact"]
-Criterion = Literal["bic", "aic"]
 
 MAX_ORDER = 3
 """Highest order on either side."""
@@ -125,7 +124,6 @@ def fit_arma(
     unit: str,
     *,
     likelihood: Likelihood = "fast",
-    criterion: Criterion = "bic",
 ) -> ArmaFit:
     """Prepare a series, choose the order of an ARMA model, estimate it and test what it leaves.
 
@@ -140,8 +138,6 @@ def fit_arma(
     likelihood : str
         ``fast``: the log-binned periodogram of up to a million samples; ``exact``: the innovations likelihood
         of the first 20 000.
-    criterion : str
-        ``bic`` or ``aic``.
 
     Returns
     -------
@@ -162,7 +158,7 @@ def fit_arma(
     lags = min(_TESTED_LAGS, n // 4)
     correlation, partial = _correlograms(prepared.y, lags)
     fits = _all_orders(prepared.y, likelihood)
-    penalty = float(np.log(n)) if criterion == "bic" else 2.0
+    penalty = float(np.log(n))
     scores = {order: found.score(penalty) for order, found in fits.items()}
     best = min(scores, key=lambda order: scores[order])
     p_white = chi2_beyond(fits[0, 0].deviance - fits[best].deviance, max(sum(best), 1))
@@ -177,7 +173,7 @@ def fit_arma(
         f"series: {what} samples of the longest gap-free stretch, {interval:.6g} s apart",
         *prepared.steps,
         f"correlograms of {lags} lags suggest: {suggested_class(correlation, partial, n)}",
-        f"order by {criterion.upper()} over p, q ≤ {MAX_ORDER}, {source}: ARMA{best}",
+        f"order by BIC over p, q ≤ {MAX_ORDER}, {source}: ARMA{best}",
         _whiteness(best, p_white, scores, white),
         *_residual_report(prepared.y, chosen),
     )
@@ -186,7 +182,7 @@ def fit_arma(
         chosen.variance,
         interval,
         unit,
-        criterion,
+        "bic",
         scores,
         white,
         steps,

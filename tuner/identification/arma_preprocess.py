@@ -37,6 +37,8 @@ ROBUST_SIGMAS = 4.5
 PAPER_SIGMAS = 3.0
 TREND_TEST_GROUPS = 10
 """Groups of the reverse-arrangements and variance tests."""
+_BLOCKS_A_GROUP = 20
+"""Blocks of a group, whose variances the test of constant variance compares."""
 
 _MEDIAN_BLOCK = 101
 """Samples a block of the local median."""
@@ -143,21 +145,20 @@ def remove_trend(y: FloatArray) -> tuple[float, FloatArray]:
     return slope, y - slope * time
 
 
-def reverse_arrangements(y: FloatArray, groups: int = TREND_TEST_GROUPS) -> StationarityTest:
+def reverse_arrangements(y: FloatArray) -> StationarityTest:
     """Test for a monotone trend by the order of group means.
 
     Parameters
     ----------
     y : ndarray, shape (n,)
-        Samples; the last n mod `groups` are left out.
-    groups : int
-        Number I of groups.
+        Samples; the last n mod I of I groups are left out.
 
     Returns
     -------
     StationarityTest
         Z with the continuity correction, and its two-sided probability.
     """
+    groups = TREND_TEST_GROUPS
     means = _groups(y, groups).mean(axis=1)
     count = int(np.sum(np.triu(means[:, None] > means[None, :], 1)))
     excess = count - groups * (groups - 1) / 4.0
@@ -166,15 +167,15 @@ def reverse_arrangements(y: FloatArray, groups: int = TREND_TEST_GROUPS) -> Stat
     return StationarityTest(z, 2.0 * normal_beyond(abs(z)))
 
 
-def variance_change(y: FloatArray, groups: int = TREND_TEST_GROUPS, blocks: int = 20) -> StationarityTest:
+def variance_change(y: FloatArray) -> StationarityTest:
     """Test whether the variance of first differences is the same in all groups.
 
     The logarithms of the block variances inside a group are the sample whose means are compared (F
     test): this stands outliers and correlation better than Bartlett's test of the samples.
     """
     differences = np.diff(y)
-    cut = _groups(differences, groups * blocks)
-    logs = np.log(np.mean(cut**2, axis=1) + 1e-300).reshape(groups, blocks)
+    cut = _groups(differences, TREND_TEST_GROUPS * _BLOCKS_A_GROUP)
+    logs = np.log(np.mean(cut**2, axis=1) + 1e-300).reshape(TREND_TEST_GROUPS, -1)
     if np.ptp(logs) == 0.0:
         return StationarityTest(0.0, 1.0)
     return StationarityTest(*same_mean(logs))

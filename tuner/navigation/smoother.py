@@ -85,10 +85,10 @@ def smooth(solution: Solution, passages: Sequence[Passage]) -> Smoothed:
     return Smoothed(corrected(solution.state, error[:, :9]), parameters, error, covariance, gained)
 
 
-def separation(smoothed: Smoothed, *, block: slice = slice(0, 9)) -> FloatArray:
-    """Return (filtered − smoothed)² of each state over its expectation, ideally 1; shape (k − 1, states)."""
-    spread = np.einsum("kii->ki", smoothed.gained)[:-1, block]
-    return np.asarray(smoothed.error[:-1, block] ** 2 / np.maximum(spread, 1e-300))
+def separation(smoothed: Smoothed) -> FloatArray:
+    """Return (filtered − smoothed)² of position, velocity, attitude over its expectation, ideally 1; (k − 1, 9)."""
+    spread = np.einsum("kii->ki", smoothed.gained)[:-1, :9]
+    return np.asarray(smoothed.error[:-1, :9] ** 2 / np.maximum(spread, 1e-300))
 
 
 def _solve(P: FloatArray, B: FloatArray) -> FloatArray:

@@ -51,13 +51,12 @@ def record_of(
     rng: np.random.Generator,
     *,
     axes: tuple[str, ...] = ("gyro_x",),
-    unit: str = "rad/s",
 ) -> Record:
     """Return a record of independent axes with one noise, n samples each."""
     y = np.empty((n, len(axes)), order="F")
     for j in range(len(axes)):
         y[:, j] = model.sample(n, interval, rng)
-    return record_from(y, interval, axes=axes, unit=unit)
+    return record_from(y, interval, axes=axes)
 
 
 def record_from(
@@ -74,10 +73,8 @@ def realisations(model: NoiseModel | Term, n: int, runs: int, rng: np.random.Gen
     return np.stack([model.sample(n, 1.0, rng) for _ in range(runs)], axis=1)
 
 
-def estimate(
-    runs: FloatArray, statistic: Callable[[FloatArray], float | np.floating], unit: str = "1"
-) -> Coefficient:
-    """Return a statistic of independent runs with its jackknife interval.
+def estimate(runs: FloatArray, statistic: Callable[[FloatArray], float | np.floating]) -> Coefficient:
+    """Return a statistic, a ratio, of independent runs with its jackknife interval.
 
     Parameters
     ----------
@@ -85,8 +82,6 @@ def estimate(
         One row a run.
     statistic : callable
         Smooth function of all rows.
-    unit : str
-        Unit of the statistic.
 
     Notes
     -----
@@ -99,7 +94,7 @@ def estimate(
     without = np.array([float(statistic(runs[label != g])) for g in range(groups)])
     sd = np.sqrt((groups - 1) / groups * np.sum((without - without.mean()) ** 2))
     reach = float(student.isf(0.5 * (1.0 - LEVEL), groups - 1) * sd)
-    return Coefficient.known(value, value - reach, value + reach, unit)
+    return Coefficient.known(value, value - reach, value + reach, "1")
 
 
 def scatter(

@@ -28,15 +28,13 @@ def is_curve(path: str | Path) -> bool:
     return bool(plain & _TAU) and bool(plain & _DEVIATION)
 
 
-def read_curve(path: str | Path, *, unit: str | None = None) -> AllanCurve:
+def read_curve(path: str | Path) -> AllanCurve:
     """Read an overlapping Allan curve.
 
     Parameters
     ----------
     path : str or Path
         Text file with the columns tau (s), deviation and optionally dof.
-    unit : str, optional
-        Unit of the deviation instead of what the header says: a rate unit of a gyroscope or an accelerometer.
 
     Returns
     -------
@@ -85,7 +83,7 @@ def read_curve(path: str | Path, *, unit: str | None = None) -> AllanCurve:
         raise DataError(msg)
     tau_unit = names.unit_of(parsed[columns[0]].unit or "s", names.TIME_UNITS, what=f"{path}: tau")
     rates = [u for sensor in names.SENSORS for u in names.UNITS[sensor] if u not in names.INCREMENT_UNITS]
-    named = names.unit_of(unit or parsed[columns[1]].unit or "rad/s", rates, what=f"{path}: deviation")
+    named = names.unit_of(parsed[columns[1]].unit or "rad/s", rates, what=f"{path}: deviation")
     sensor = "gyro" if named in names.UNITS["gyro"] else "accel"
     deviation = table[:, 1:2] * unit_value(named)
     return AllanCurve(

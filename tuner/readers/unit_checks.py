@@ -205,7 +205,7 @@ def _open_rate(
             alike = [u for u in UNITS["gyro"] if u not in possible and (u in INCREMENT_UNITS) == kind]
             fitting = [*possible[1:], *(u for u in alike if possible_rate(u, found, interval, read_in))]
             option += f" ({', '.join(fitting)} would fit, too)" if fitting else ""
-            if "deg/s" in rates and rate_in_motion("deg/s", found, interval, read_in):
+            if "deg/s" in rates and rate_in_motion(found, interval, read_in):
                 option = f"--gyro-unit deg/s if the sensor moved; if it was at rest, {option}"
         msg = f"{source}: gyro {why}, and nothing states its unit: pass {option}, or {ANSWER} if it is {read_in}"
         raise DataError(msg)

@@ -117,11 +117,11 @@ def possible_rate(unit: str, found: Sizes, interval: float, read_in: str) -> boo
     return found.mean * factor <= MAX_BIAS and MIN_WHITE <= found.white * factor <= MAX_WHITE * alias
 
 
-def rate_in_motion(unit: str, found: Sizes, interval: float, read_in: str) -> bool:
-    """Return whether a gyroscope that moves, but none at rest, can have these sizes, if written in `unit`."""
-    factor = si_value(unit, interval) / si_value(read_in, interval)
+def rate_in_motion(found: Sizes, interval: float, read_in: str) -> bool:
+    """Return whether a gyroscope that moves, but none at rest, can have these sizes, if written in deg/s."""
+    factor = si_value("deg/s", interval) / si_value(read_in, interval)
     too_small = found.white * factor < MIN_WHITE
-    moves = not too_small and not possible_rate(unit, found, interval, read_in)
+    moves = not too_small and not possible_rate("deg/s", found, interval, read_in)
     return moves and found.mean * factor <= MAX_STEADY_RATE
 
 

@@ -20,7 +20,7 @@ from tuner.types import (
 def statistic_tables(found: AllanCurve | Spectrum | Correlogram) -> list[Table | str]:
     """Return the table of any empirical curve."""
     if isinstance(found, AllanCurve):
-        return curve_tables(found)
+        return [_deviation_table(found)]
     if isinstance(found, Spectrum):
         return [_spectrum_table(found)]
     table = Table(title=f"{found.statistic}, white noise stays within ± {digits(found.band)} at 95 %")
@@ -32,9 +32,9 @@ def statistic_tables(found: AllanCurve | Spectrum | Correlogram) -> list[Table |
     return [table]
 
 
-def curve_tables(curve: AllanCurve, axis_quantity: str = "level") -> list[Table | str]:
+def _deviation_table(curve: AllanCurve) -> Table:
     """Return one Allan-type curve: cluster time, deviation with its 95 % interval, degrees of freedom."""
-    unit = pretty(customary_unit(axis_quantity, curve.unit))
+    unit = pretty(customary_unit("level", curve.unit))
     table = Table(title=f"{curve.estimator}, deviation in {unit} (95 % interval), degrees of freedom")
     table.add_column("τ, s", justify="right")
     for axis in curve.axes:
@@ -44,12 +44,11 @@ def curve_tables(curve: AllanCurve, axis_quantity: str = "level") -> list[Table 
         cells = []
         for j in range(len(curve.axes)):
             value, a, b = (
-                digits(in_customary(float(x[i, j]), axis_quantity, curve.unit))
-                for x in (deviation, low, high)
+                digits(in_customary(float(x[i, j]), "level", curve.unit)) for x in (deviation, low, high)
             )
             cells.append(f"{value} ({a} … {b})  {digits(float(curve.dof[i, j]))}")
         table.add_row(digits(float(tau), 5), *cells)
-    return [table]
+    return table
 
 
 def _spectrum_table(found: Spectrum) -> Table:

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tuner.formats.customary_units import customary_unit, in_customary, pretty
-from tuner.formats.files import Put, write_bytes
+from tuner.formats.files import write_bytes
 from tuner.identification.comparison import Comparison
 from tuner.report.figure_files import new_figure
 from tuner.types import ChannelIdentification
@@ -22,10 +22,10 @@ STATED_TAU = (0.01, 1e4)
 """Cluster times over which a data sheet is drawn, s."""
 
 
-def overlaid_figure(comparison: Comparison, paths: Sequence[Path] = (), *, put: Put = write_bytes) -> Figure:
+def overlaid_figure(comparison: Comparison, paths: Sequence[Path] = ()) -> Figure:
     """Draw every axis of every source: measured as points with their fit, stated as a dashed line."""
     units = list(dict.fromkeys(c.unit for one in comparison.sources for c in one.channels.values()))
-    with new_figure((5.4 * len(units) + 0.4, 4.4), paths, put) as figure:
+    with new_figure((5.4 * len(units) + 0.4, 4.4), paths, write_bytes) as figure:
         panels = figure.subplots(1, len(units), squeeze=False)[0]
         for unit, panel in zip(units, panels, strict=True):
             for k, (name, source) in enumerate(zip(comparison.names, comparison.sources, strict=True)):

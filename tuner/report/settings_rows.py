@@ -145,10 +145,10 @@ def units_of(unit: str) -> tuple[str, str, str]:
 
 
 def _row(channel: ChannelNoise, bounded: Set[str], span: float) -> SettingsRow:
-    walk = _setting(channel, channel.random_walk_density, "random_walk", "density")
+    walk = _setting(channel, channel.random_walk_density, "random_walk")
     if f"{channel.axis}.random_walk.density" in bounded:
         walk = _half_limit(walk)
-    white = _setting(channel, channel.white_density, "white", "density")
+    white = _setting(channel, channel.white_density, "white")
     if white.low is None and f"{channel.axis}.white.density" in bounded:
         white = _half_limit(white)
     ladder_bounded = f"{channel.axis}.bias_instability.level" in bounded
@@ -173,10 +173,10 @@ def _half_limit(setting: Setting) -> Setting:
     return Setting(setting.used, 0.0, 2.0 * setting.used[0], bounded=True)
 
 
-def _setting(channel: ChannelNoise, value: float, term: str, parameter: str) -> Setting:
-    """Return a setting, with the interval of the term that it is."""
-    quantity = f"{term}.{parameter}"
-    found = _identified(channel, term, parameter, value)
+def _setting(channel: ChannelNoise, value: float, term: str) -> Setting:
+    """Return a density, with the interval of the term that it is."""
+    quantity = f"{term}.density"
+    found = _identified(channel, term, "density", value)
     used = (in_customary(value, quantity, channel.unit),)
     if found is None or found.interval is None:
         return Setting(used)

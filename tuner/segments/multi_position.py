@@ -114,15 +114,13 @@ def different_poses(force: FloatArray) -> int:
     return len(kept)
 
 
-def calibrate(records: Sequence[Record], *, gravity: float = STANDARD_GRAVITY) -> PoseCalibration | None:
+def calibrate(records: Sequence[Record]) -> PoseCalibration | None:
     """Calibrate from the stand-stills of a log.
 
     Parameters
     ----------
     records : sequence of Record
         Sensors on one clock; the accelerometers must be a triad.
-    gravity : float
-        Local gravity, m/s²: a relative error in it is one of all scales.
 
     Returns
     -------
@@ -143,7 +141,9 @@ def calibrate(records: Sequence[Record], *, gravity: float = STANDARD_GRAVITY) -
     different = different_poses(mean[:, columns])
     if different < MIN_POSES:
         return None
-    found, misfit, notes = fit_accel(mean[:, columns], sd[:, columns], gravity=gravity, different=different)
+    found, misfit, notes = fit_accel(
+        mean[:, columns], sd[:, columns], gravity=STANDARD_GRAVITY, different=different
+    )
     gyro: dict[str, Coefficient] = {}
     place = 0
     for record in records:

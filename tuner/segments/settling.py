@@ -27,6 +27,8 @@ BoolArray = NDArray[np.bool_]
 
 MAX_SETTLING = 30.0
 """Longest time that counts as settling, s: mounts, hands and anti-aliasing filters are done by then; heat is not."""
+SETTLING_PROBABILITY = 0.01
+"""Probability that an end of a stand-still beside a motion is cut where nothing settles: it costs about a second."""
 MAX_SHARE = 0.25
 """Longest settling ÷ stand-still: the rest must tell what is usual."""
 SHORTEST_MEAN = 1.0
@@ -37,9 +39,7 @@ MIN_PLACES = 15
 """Fewest independent differences that tell what is usual."""
 
 
-def settled_from(
-    records: Sequence[Record], moved: BoolArray, start: int, stop: int, probability: float, *, back: bool
-) -> int:
+def settled_from(records: Sequence[Record], moved: BoolArray, start: int, stop: int, *, back: bool) -> int:
     """Return from which sample on a stand-still has settled; with `back`, up to which it has not begun to move.
 
     Parameters
@@ -50,8 +50,6 @@ def settled_from(
         Samples of knocks inside the stand-still: means with any are taken from those beside them.
     start, stop : int
         Samples of a stand-still, beside a motion before it (with `back`: behind it).
-    probability : float
-        Of a cut where nothing settles.
     back : bool
         Whether its end is judged instead of its beginning.
     """
@@ -67,7 +65,7 @@ def settled_from(
     )
     cut = 0
     while cut < limit:
-        width = _differing(means[cut:], probability / tests)
+        width = _differing(means[cut:], SETTLING_PROBABILITY / tests)
         if width == 0:
             break
         cut += width

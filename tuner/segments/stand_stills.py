@@ -14,8 +14,6 @@ from tuner.types.records import Record
 BoolArray = NDArray[np.bool_]
 Segments = tuple[tuple[int, int], ...]
 
-SETTLING_PROBABILITY = 0.01
-"""Probability that an end of a stand-still beside a motion is cut where nothing settles: it costs about a second."""
 
 MIN_SECONDS = 1.0
 """Shortest time between motions that counts as rest, s: a hand that turns a sensor pauses for less."""
@@ -64,12 +62,8 @@ def stand_stills(records: Sequence[Record], moving: BoolArray, long: BoolArray) 
     edges = {edge for segment in first.segments for edge in segment}
     parts = []
     for begin, end in still:
-        a = (
-            begin
-            if begin in edges
-            else settled_from(records, moving, begin, end, SETTLING_PROBABILITY, back=False)
-        )
-        b = end if end in edges else settled_from(records, moving, a, end, SETTLING_PROBABILITY, back=True)
+        a = begin if begin in edges else settled_from(records, moving, begin, end, back=False)
+        b = end if end in edges else settled_from(records, moving, a, end, back=True)
         parts.append((a, b))
     return tuple(parts), tuple(knocks)
 

@@ -123,10 +123,8 @@ def outage_windows(duration: float) -> FloatArray:
     return np.stack([begins, begins + OUTAGE_DURATION], axis=-1)
 
 
-def scenario(
-    motion: Motion, receiver: GnssNoise, interval: float, *, outages: FloatArray | None = None
-) -> Scenario:
-    """Prepare a trajectory.
+def scenario(motion: Motion, receiver: GnssNoise, interval: float) -> Scenario:
+    """Prepare a trajectory, with the outages of `outage_windows`.
 
     Parameters
     ----------
@@ -136,8 +134,6 @@ def scenario(
         Errors of the receiver; its interval is rounded to samples.
     interval : float
         Sampling interval of the inertial unit, s.
-    outages : ndarray, shape (w, 2), optional
-        By default those of `outage_windows`.
     """
     motion.evaluate([0.0])  # solves for the positions, once and not in every process
     chunks = increment_chunks(motion, interval)
@@ -155,7 +151,7 @@ def scenario(
         NavigationState(state.llh[1:], state.vel_n[1:], quat[1:]),
         NavigationState(state.llh[0], state.vel_n[0], quat[0]),
         receiver,
-        outage_windows(motion.duration) if outages is None else outages,
+        outage_windows(motion.duration),
     )
 
 

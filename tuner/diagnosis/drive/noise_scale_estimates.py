@@ -23,7 +23,7 @@ from tuner.diagnosis.drive.causes.base import DRIVE_CAUSES, is_noise_scale
 from tuner.diagnosis.drive.diagnose import ExaminedDrive
 from tuner.diagnosis.drive.hypothesis import FilterRun, run_filter
 from tuner.diagnosis.drive.hypothesis_tests import noise_hypothesis_of
-from tuner.diagnosis.drive.linear_model.noise_fit import NO_PRIOR, NoiseFit, maximize_likelihood
+from tuner.diagnosis.drive.linear_model.noise_fit import NoiseFit, maximize_likelihood
 from tuner.diagnosis.drive.linear_model.noise_parameters import BLOCKS, noise_parameters, present
 from tuner.types import ChannelNoise, Coefficient, FilterConfig, NoiseScaleEstimate
 from tuner.types.records import DataError, Drive
@@ -69,14 +69,12 @@ class _Factors:
 
 
 def estimate_noise_scales(
-    examined: ExaminedDrive,
-    vibration: Mapping[str, float] | None = None,
-    *,
-    prior_sd: Mapping[str, float] = NO_PRIOR,
+    examined: ExaminedDrive, vibration: Mapping[str, float] | None = None
 ) -> tuple[NoiseScaleEstimate, ...]:
     """Estimate the factor that a drive gives on each noise setting, before and after its causes are named.
 
-    Empty where the likelihood has no maximum that could be found.
+    No prior enters: the drive alone determines the factors. Empty where the likelihood has no maximum that could be
+    found.
 
     Parameters
     ----------
@@ -84,8 +82,6 @@ def estimate_noise_scales(
         The drive, its runs and findings.
     vibration : mapping of str to float
         Noise above 5 Hz, moving ÷ at rest, of ``gyro`` and ``accel``.
-    prior_sd : mapping of str to float
-        Prior sd of the log of a factor, by name of `SETTINGS`; none by default, so that the drive alone determines it.
     """
     base, final = examined.search.base, examined.search.final
     config = base.hypothesis.config
@@ -93,8 +89,8 @@ def estimate_noise_scales(
     if not all(present(noise_hypothesis_of(one, ()), tuple(SETTINGS)) for one in (base, final)):
         return ()
     try:
-        unexplained = _fit_factors(base, base, (), prior_sd)
-        explained = _fit_factors(base, final, fitted, prior_sd)
+        unexplained = _fit_factors(base, base, ())
+        explained = _fit_factors(base, final, fitted)
     except np.linalg.LinAlgError:
         return ()
     names = [
@@ -109,9 +105,7 @@ def estimate_noise_scales(
         if not may_be_one(factor[name][0])
         and unexplained.log(name) - explained.log(name) > MIN_RETURNED_SHARE * unexplained.log(name)
     ]
-    accounted = _responsible_causes(
-        examined.drive, base, final, fitted, fallen, unexplained, explained, prior_sd
-    )
+    accounted = _responsible_causes(examined.drive, base, final, fitted, fallen, unexplained, explained)
     answer = []
     for name in SETTINGS:
         stated = stated_value(config, base, name)
@@ -162,7 +156,6 @@ def _fit_factors(
     base: FilterRun,
     run: FilterRun,
     fitted: Sequence[str],
-    prior_sd: Mapping[str, float],
     free: Sequence[str] = tuple(SETTINGS),
     others: NoiseFit | None = None,
 ) -> _Factors:
@@ -175,7 +168,7 @@ def _fit_factors(
         noise = noise_parameters(fixed).change(noise, logs)
     # Far from the truth variances may come out negative: the search turns back from there.
     with np.errstate(invalid="ignore"):
-        fit = maximize_likelihood(noise, noise_parameters(names), prior_sd=prior_sd)
+        fit = maximize_likelihood(noise, noise_parameters(names))
     return _Factors(
         fit, {name: assumed_over_stated(run, name) / assumed_over_stated(base, name) for name in names}
     )
@@ -204,7 +197,6 @@ def _responsible_causes(
     fallen: Sequence[str],
     unexplained: _Factors,
     explained: _Factors,
-    prior_sd: Mapping[str, float],
 ) -> dict[str, tuple[str, ...]]:
     """Return the findings without which factors return, the most important first."""
     causes = tuple(dict.fromkeys(c for c in fitted if not is_noise_scale(c)))[:MAX_CAUSES_LEFT_OUT]
@@ -217,7 +209,7 @@ def _responsible_causes(
         others = tuple(c for c in fitted if c != cause)
         try:
             without = run_filter(drive, DRIVE_CAUSES[cause].without(final.hypothesis, base.hypothesis))
-            refit = _fit_factors(base, without, others, prior_sd, fallen, explained.fit)
+            refit = _fit_factors(base, without, others, fallen, explained.fit)
         except (DataError, np.linalg.LinAlgError):
             # A filter that cannot do without the cause: all of the factor is back.
             returned = {name: {**shares, cause: 1.0} for name, shares in returned.items()}
