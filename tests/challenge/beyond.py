@@ -18,7 +18,7 @@ import numpy as np
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE.parent), str(HERE.parents[1])]
 
-from challenge.generator import outside, outside_last, outside_more, quiet  # noqa: E402
+from challenge.generator import outside, outside_last, outside_more, outside_named, quiet  # noqa: E402
 from challenge.generator.beyond import INTERVAL, KINDS, Made, record  # noqa: E402
 
 from tuner.diagnosis import diagnose  # noqa: E402
@@ -80,7 +80,7 @@ def main() -> None:
     parser.add_argument(
         "--kinds",
         default="beyond",
-        help="or groups: beyond, without, outside, more, last; with commas between",
+        help="or groups: beyond, without, outside, more, last, named; with commas between",
     )
     parser.add_argument("--details", action="store_true", help="every diagnosis in one line")
     args = parser.parse_args()
@@ -90,6 +90,7 @@ def main() -> None:
         "outside": outside.KINDS,
         "more": outside_more.KINDS,
         "last": outside_last.KINDS,
+        "named": outside_named.KINDS,
     }
     kinds = [kind for name in args.kinds.split(",") for kind in groups.get(name, {name: None})]
     total: dict[str, int] = defaultdict(int)

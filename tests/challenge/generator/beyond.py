@@ -390,8 +390,15 @@ KINDS: dict[str, Callable[[np.random.Generator], Made]] = {
 
 def record(kind: str, seed: str, number: int) -> Made:
     """Return one record of a kind, of those of `quiet` and outside the catalogue too."""
-    from challenge.generator import outside, outside_last, outside_more, quiet
+    from challenge.generator import outside, outside_last, outside_more, outside_named, quiet
 
     words = [ord(c) for c in f"{seed}/{kind}"]
-    kinds = {**KINDS, **quiet.KINDS, **outside.KINDS, **outside_more.KINDS, **outside_last.KINDS}
+    kinds = {
+        **KINDS,
+        **quiet.KINDS,
+        **outside.KINDS,
+        **outside_more.KINDS,
+        **outside_last.KINDS,
+        **outside_named.KINDS,
+    }
     return kinds[kind](np.random.default_rng([*words, number]))

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from tuner.diagnosis.data_quality.copied_samples import Lines, Packets, find_lines, find_packets
 from tuner.diagnosis.data_quality.copied_stretches import find_copied_stretches
 from tuner.diagnosis.data_quality.frozen import Frozen, cut, frozen, together
+from tuner.diagnosis.data_quality.overflow import find_overflow, unwrapped
 from tuner.diagnosis.data_quality.quantizer import quantizer_step, read_codes
 from tuner.diagnosis.data_quality.repeated_samples import find_repeated_samples
 from tuner.diagnosis.data_quality.resampled import find_resampled
@@ -56,7 +57,7 @@ class DataQualityTest:
     Attributes
     ----------
     cause : str
-        ``duplicates timing clipping lattice repeated_packets interpolated``.
+        ``duplicates timing overflow clipping lattice repeated_packets interpolated``.
     channels : tuple of str
         Axes it concerns.
     statistic : float
@@ -112,7 +113,11 @@ def data_quality_tests(record: Record) -> tuple[DataQualityTest, ...]:
             fresh = tuple(piece[np.diff(piece, prepend=np.nan) != 0.0] for piece in pieces)
         else:
             fresh = pieces
+        wrapped = overflow(fresh, steps[axis], axis=axis, unit=record.unit)
+        if wrapped.p_value < DECISIVE_P_VALUE:
+            fresh = tuple(unwrapped(piece, wrapped.statistic) for piece in fresh)
         tests += [
+            wrapped,
             clipping(fresh, steps[axis], axis=axis, unit=record.unit),
             quantizer_test(fresh, steps[axis], axis=axis, unit=record.unit),
         ]
@@ -285,6 +290,21 @@ def interpolated(lines: Mapping[str, Lines]) -> list[DataQualityTest]:
     text = f"{100 * shares[-1]:.3g} % of the samples lie on lines between others, or follow from them"
     chance = max(lines[axis].p_value for axis in axes)
     return [DataQualityTest("interpolated", tuple(axes), shares[-1], chance, parameters, text=text)]
+
+
+def overflow(pieces: Sequence[FloatArray], step: float, *, axis: str, unit: str) -> DataQualityTest:
+    """Test whether samples of an axis, given as gap-free pieces (n,), wrap around the range of a register."""
+    found = find_overflow(pieces, step)
+    low, high, slack = found.low - 0.5 * step, found.high + 0.5 * step, found.slack
+    parameters = {
+        "low": Coefficient.known(low, low - slack, low + 0.5 * step, unit),
+        "high": Coefficient.known(high, high - 0.5 * step, high + slack, unit),
+    }
+    text = (
+        f"{found.count} samples beyond one end of the range of {found.low:.6g} to {found.high:.6g} {unit} "
+        "came out at the other end"
+    )
+    return DataQualityTest("overflow", (axis,), high - low, found.p_value, parameters, text=text)
 
 
 def clipping(pieces: Sequence[FloatArray], step: float, *, axis: str, unit: str) -> DataQualityTest:

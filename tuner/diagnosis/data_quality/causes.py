@@ -75,6 +75,19 @@ class Clipping(Cause):
     view = "values"
 
 
+class Overflow(Cause):
+    """Samples that wrap around the range of a register."""
+
+    cause = "overflow"
+    group = "samples"
+    meaning = "a register is too small: samples beyond one end of its range come out at the other end"
+    consequence = (
+        "add or subtract the range where samples jump by about that much, or use a wider register: "
+        "a filter takes each of them for an error of the size of the range"
+    )
+    view = "values"
+
+
 class Quantizer(Cause):
     """A quantizer that is coarse beside the noise."""
 

@@ -1,7 +1,8 @@
 """Channels from records: what the data-quality tests reject is left out, bridged or dropped.
 
 Frozen stretches are gaps of their axis. A few repeated samples are bridged, as if they had not come; where they are
-many they are dropped, and the rest is taken for even samples at the mean rate of what is new.
+many they are dropped, and the rest is taken for even samples at the mean rate of what is new. Samples that wrapped
+around the range of a register are put back.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tuner.diagnosis.data_quality import DataQualityTest, without_frozen
+from tuner.diagnosis.data_quality.overflow import unwrapped
 from tuner.diagnosis.static.channel import Channel, channel
 from tuner.types.records import DataError, Record
 
@@ -69,6 +71,9 @@ def prepared_axis(
     codes = mine["lattice"].parameters if "lattice" in mine else {}
     step, dead = (float(codes[name].value or 0.0) if name in codes else 0.0 for name in ("step", "deadband"))
     source = without_frozen(record, (axis,), stuck)
+    if "overflow" in mine:
+        column = unwrapped(source.column(axis), mine["overflow"].statistic)
+        source = replace(source, y=column[:, None])
     repeated = None
     if "duplicates" in mine:
         test = mine["duplicates"]

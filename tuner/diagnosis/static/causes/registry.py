@@ -12,6 +12,7 @@ from tuner.diagnosis.data_quality.causes import (
     Clipping,
     Duplicates,
     Interpolated,
+    Overflow,
     Quantizer,
     RepeatedPackets,
     Timing,
@@ -77,7 +78,7 @@ CAUSES.extend(
     (
         Line, Temperature, ThermalLag, Step, Warmup, MountTilt, Ageing, Telegraph, MoreMarkov, Spikes, HeavyTails,
         Burst, VarianceDrift, Vibration, LowPass, Colour, Sweep, Motion, CrossAxis, Thermal, Duplicates, Timing,
-        Clipping, Quantizer, RepeatedPackets, Interpolated, SkewedNoise, PeriodicVariance, TemperatureSquared,
+        Overflow, Clipping, Quantizer, RepeatedPackets, Interpolated, SkewedNoise, PeriodicVariance, TemperatureSquared,
         TemperatureRate, Hysteresis, Comb, Recovery, Transients,
     )
 )  # fmt: skip

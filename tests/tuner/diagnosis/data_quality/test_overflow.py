@@ -1,0 +1,65 @@
+"""A register that wraps around is found with its range, and put back; rails, glitches and error codes are none."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tuner.diagnosis import diagnose
+from tuner.diagnosis.data_quality import data_quality_tests
+from tuner.diagnosis.data_quality.overflow import find_overflow, unwrapped
+from tuner.types.records import Record
+
+COUNT = 40_000
+ALIKE = 1e-4
+"""P-value that decides (`tuner.diagnosis.data_quality.DECISIVE_P_VALUE`)."""
+
+
+def white(seed: int) -> np.ndarray:
+    rng = np.random.default_rng([97, seed])
+    return rng.standard_normal(COUNT) + 0.5 * np.linspace(0.0, 1.0, COUNT)
+
+
+def wrap(y: np.ndarray, low: float, width: float) -> np.ndarray:
+    return low + np.mod(y - low, width)
+
+
+@pytest.mark.parametrize(("top", "width"), [(3.3, 12.0), (3.0, 400.0)])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_the_range_of_a_register_is_found_and_samples_put_back(top, width, sign):
+    """The interval holds both ends; every sample comes back to its place but for the gap to the outermost one."""
+    y = sign * white(1)
+    low = top - width if sign > 0.0 else -top
+    found = find_overflow([wrap(y, low, width)], 0.0)
+    assert found.p_value < ALIKE
+    assert found.low - found.slack < low <= found.low
+    assert found.high <= low + width < found.high + found.slack
+    back = unwrapped(wrap(y, low, width), found.high - found.low)
+    assert np.abs(back - y).max() <= 2.0 * found.slack
+
+
+def test_a_sixteen_bit_register_is_named_and_leaves_nothing_else():
+    """Codes near 32767 that come out near −32768: neither spikes nor rails; the samples are those before."""
+    code = np.round(32_700.0 + 20.0 * white(2))
+    y = 1e-5 * wrap(code, -32_768.0, 65_536.0)
+    record = Record("gyro", 0.01 * np.arange(COUNT), y[:, None], ("gyro_x",), "rad/s", 0.01)
+    diagnosis = diagnose(record)
+    assert [f.cause for f in diagnosis.findings] == ["overflow"]
+    assert not diagnosis.unexplained
+    assert diagnosis.findings[0].parameters["high"].value == pytest.approx(0.327675, abs=2e-5)
+
+
+def test_rails_glitches_and_error_codes_are_no_overflow():
+    """Glitches of like size, of any size, one value for an error, and rails with as many glitches as they cut off."""
+    rng = np.random.default_rng(98)
+    few = rng.random(COUNT) < 3e-4
+    alike, any_size, error, rail = (white(seed) for seed in range(3, 7))
+    alike[few] -= 20.0
+    any_size[few] -= rng.uniform(5.0, 40.0, int(few.sum()))
+    error[few] = -20.0
+    rail = np.minimum(rail, 3.0)
+    rail[few] -= 20.0
+    for y in (white(7), alike, any_size, error, rail, 0.1 * np.round(10.0 * error)):
+        record = Record("gyro", 0.01 * np.arange(COUNT), y[:, None], ("gyro_x",), "rad/s", 0.01)
+        (test,) = (one for one in data_quality_tests(record) if one.cause == "overflow")
+        assert test.p_value > ALIKE

@@ -1,0 +1,169 @@
+"""Overflow: a register too small for a sample wraps it around, to the other end of its range.
+
+Samples beyond a limit L come out one range W lower (or higher, at the low end), at the end of all others: L is the
+largest sample, L − W the smallest. The level beside a sample is the median of its block. Samples nearer to the level
+once W is added to them count as wrapped; without overflow they are glitches, and nothing keeps the others below L.
+The chance of both is ::
+
+    p = exp(−ρ²E) · (r/W')^(k−1),    E = Σ_t Φ((level_t − L)/σ)
+
+E the samples that the noise should have beyond L, ρ ≤ 1 the samples found beyond a level half a sd inside it ÷ those
+expected there, which guards against light tails, and r the range of the k wrapped samples beside W', in which
+glitches of other sizes would lie. The number k of the wrapped ones must be that of those that are missing, they must
+lie at their end as a tail does, and farther from the level than the noise's own tail on that side.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import gammaincc, ndtr
+from scipy.stats import binom, norm
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+LEVEL_SAMPLES = 64
+"""Samples whose median is their level: its sd is then 0.16 of theirs, and wrapped ones up to a third change little."""
+MIN_WRAPPED = 3
+"""Least number of wrapped samples: two glitches of like size may be chance."""
+MAX_WRAPPED_SHARE = 0.2
+"""Largest share of wrapped samples: with more, medians of blocks are between the two ends."""
+MIN_DISTANCE = 4.0
+"""Least distance of wrapped samples from the level, sds: most of the noise must lie nearer to it than W/2."""
+INNER_EDGE = 0.5
+"""Distance inside the end from which on samples are counted to see how light the tail is, sds."""
+GAP_NATS = 3.0
+"""Gap beside the outermost of k samples of a tail, times k and its rate, that is exceeded in 5 % of cases: −ln 0.05."""
+COUNT_SDS = 4.0
+"""Sds by which the number of wrapped samples may differ from that expected beyond the end; normal: 6e-5."""
+SD_ERROR = 0.02
+"""Relative error of the sd of the noise: that of the number beyond L is (L/σ)² times as large."""
+
+
+OWN_TAIL_RATE = 0.7
+"""Rate of the noise's own tail beyond W/2 ÷ that of normal noise: how much heavier it may be."""
+MEAN_MARGIN, TIED_MARGIN = 1.3, 1.3
+"""Factors by which tails may be heavier, and codes next to an end fuller, than those of normal noise."""
+MIN_GRAIN, TIED_P_VALUE = 1e-6, 1e-6
+"""Distance at which two samples are one value, sds; chance of so many of these at an end.
+
+An end at which samples pile up is a rail, and one value that comes again and again a code for an error.
+"""
+
+
+@dataclass(frozen=True)
+class Overflow:
+    """Test whether an axis wraps around.
+
+    Attributes
+    ----------
+    low, high : float
+        Ends of the range: smallest and largest sample, unit.
+    slack : float
+        How far beyond these it may reach (95 %), unit.
+    count : int
+        Samples that wrapped.
+    p_value : float
+        Chance of such samples without overflow, doubled for the two ends.
+    """
+
+    low: float
+    high: float
+    slack: float
+    count: int
+    p_value: float
+
+
+def unwrapped(y: FloatArray, width: float) -> FloatArray:
+    """Return samples, shape (n,), of which those that wrapped are put back by a range of this width."""
+    return np.asarray(y - width * np.round((y - _levels(y)) / width))
+
+
+def find_overflow(pieces: Sequence[FloatArray], step: float) -> Overflow:
+    """Test both ends of the range of one channel.
+
+    Parameters
+    ----------
+    pieces : sequence of ndarray, shape (n,)
+        Gap-free samples of the channel.
+    step : float
+        Its quantizer step, unit; 0 for none.
+    """
+    low = min(float(piece.min()) for piece in pieces)
+    high = max(float(piece.max()) for piece in pieces)
+    width = high - low + step
+    levels = [_levels(piece) for piece in pieces]
+    off = np.concatenate([piece - level for piece, level in zip(pieces, levels, strict=True)])
+    tests: list[tuple[float, float, int]] = []
+    for sign in (1.0, -1.0):
+        wrapped = sign * off < -0.5 * width
+        if MIN_WRAPPED <= np.count_nonzero(wrapped) <= MAX_WRAPPED_SHARE * len(off):
+            level = np.concatenate(levels)
+            room = high - level if sign > 0.0 else level - low
+            tests.append(_end(sign * off, room, wrapped, step, width))
+    if not tests:
+        return Overflow(low, high, 0.0, 0, 1.0)
+    p_value, slack, count = min(tests)
+    return Overflow(low, high, slack, count, min(1.0, 2.0 * p_value))
+
+
+def _end(
+    off: FloatArray, room: FloatArray, wrapped: BoolArray, step: float, width: float
+) -> tuple[float, float, int]:
+    """Return the chance that wrapped samples do not come from beyond the high end, its error (95 %), their number.
+
+    `off` is the distance of each sample from its level, `room` that of the end, `wrapped` which ones wrapped.
+    """
+    count = int(np.count_nonzero(wrapped))
+    lower = off[(off < 0.0) & ~wrapped]
+    square = float(np.mean(lower**2)) - step**2 / 12.0
+    if 0.25 * width**2 < MIN_DISTANCE**2 * square or square <= 0.0:
+        return 1.0, 0.0, count
+    sigma = math.sqrt(square)
+    room = room / sigma
+    beyond = float(np.sum(ndtr(-room - 0.5 * step / sigma)))
+    inside = float(np.sum(ndtr(INNER_EDGE - room)))
+    found = count + int(np.count_nonzero(off > sigma * (room - INNER_EDGE)))
+    lightness = min(1.0, found / inside) if inside > 0.0 else 1.0
+    error = math.sqrt(beyond + (SD_ERROR * float(np.median(room)) ** 2 * beyond) ** 2)
+    if not lightness * beyond - COUNT_SDS * error <= count <= beyond + COUNT_SDS * error:
+        return 1.0, 0.0, count
+    end, grain = max(float(np.median(room)), 1.0), max(step / sigma, MIN_GRAIN)
+    edge = end + 0.5 * grain
+    mean = float(norm.pdf(edge) / norm.sf(edge) - edge)
+    past = off[wrapped] / sigma + width / sigma - room[wrapped] - 0.5 * grain
+    short = room - off / sigma
+    reach = max(mean, 2.0 * grain)
+    first = 1.0 - ndtr(-edge - grain) / ndtr(-edge)
+    last = (ndtr(grain - edge) - ndtr(-edge)) / (ndtr(reach + 0.5 * grain - edge) - ndtr(-edge))
+    if (
+        past.mean() > mean * (MEAN_MARGIN + COUNT_SDS / math.sqrt(count))
+        or _tied(past, grain, first)
+        or _tied(short[short < reach], grain, last)
+    ):
+        return 1.0, 0.0, count
+    spread = float(np.ptp(past)) / (0.5 * width / sigma)
+    alike = min(spread, 1.0) ** (count - 1) if np.ptp(past) > grain else 1.0
+    farther = -off[wrapped] / sigma - 0.5 * width / sigma
+    own_tail = gammaincc(count, OWN_TAIL_RATE * 0.5 * width / sigma * float(farther.sum()))
+    p_value = max(math.exp(-(lightness**2) * beyond) * alike, float(own_tail))
+    return p_value, GAP_NATS * sigma / (end * count), count
+
+
+def _tied(distance: FloatArray, grain: float, share: float) -> bool:
+    """Return whether more samples lie on the code next to an end than this share of them, as a normal tail has."""
+    at = int(np.count_nonzero(distance < distance.min(initial=np.inf) + 0.5 * grain))
+    return float(binom.sf(at - 1, len(distance), min(TIED_MARGIN * share, 1.0))) < TIED_P_VALUE
+
+
+def _levels(y: FloatArray) -> FloatArray:
+    """Return the median of the block of each sample, shape (n,)."""
+    number = max(len(y) // LEVEL_SAMPLES, 1)
+    size = len(y) // number
+    median = np.median(y[: number * size].reshape(number, size), axis=1)
+    return np.append(np.repeat(median, size), np.full(len(y) - number * size, median[-1]))
