@@ -1,10 +1,9 @@
 """Where the errors of a filter come from: the share of every source, by linear covariance.
 
-Along the noise-free trajectory (`tuner.navigation.engine.linear_covariance`) the covariance of every error is a
-sum over sources,
-P = Σ_g P_g. The shares of a source in the variances are its part of the error budget;
-`tuner.consistency.attribution` reads
-from them what explains a bad score, `blind_spots` which wrong setting would not show.
+Along the noise-free trajectory (`tuner.navigation.engine.linear_covariance`) the covariance of every error is a sum
+over sources, P = Σ_g P_g. The shares of a source in the variances are its part of the error budget;
+`tuner.consistency.attribution` reads from them what explains a bad score, `blind_spots` which wrong setting would not
+show.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
 """Side by side: the same coefficient of several sources, and which of them differ.
 
-Two estimates with independent errors differ at 95 % where the logarithm of their ratio lies outside its
-own interval,
-|ln(a/b)| > √(h_a² + h_b²) with h the half widths of their logarithmic intervals. Means may have any
-sign: they are compared by their difference, and have no ratio.
+Two estimates with independent errors differ at 95 % where the logarithm of their ratio lies outside its own interval,
+|ln(a/b)| > √(h_a² + h_b²) with h the half widths of their logarithmic intervals. Means may have any sign: they are
+compared by their difference, and have no ratio.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
 """How long must a static test be? The Cramér–Rao bound answers for terms, the cluster rule for the curve.
 
-The bound on the logarithms of the parameters of a spectrum S(f; θ) from a record of length T is the
-inverse of the
+The bound on the logarithms of the parameters of a spectrum S(f; θ) from a record of length T is the inverse of the
 Whittle information::
 
     I_ij = Σ_k ∂ln S(f_k)/∂ln θ_i · ∂ln S(f_k)/∂ln θ_j ,   f_k = k/T ≤ 1/(2 interval)

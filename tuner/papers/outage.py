@@ -2,10 +2,9 @@
 
 One axis of an MPU-9250 sees its angle to 0.3° once a second for an hour and then predicts. Truth is white noise,
 flicker (a fine ladder from 0.3 s to 10⁷ s) and rate random walk. Five filters differ in their bias states; the
-covariance of the true error is exact (`tuner.synthesis.mismatched_filter`). The ARMA sequence is the one that
-an hour at 1 Hz
-tends to by likelihood: the least of Σ ln S' + S/S' over the frequencies of the record, S the true spectrum, with two
-real poles and zeros each. Run times are measured on simulated runs of the whole navigation filter.
+covariance of the true error is exact (`tuner.synthesis.mismatched_filter`). The ARMA sequence is the one that an hour
+at 1 Hz tends to by likelihood: the least of Σ ln S' + S/S' over the frequencies of the record, S the true spectrum,
+with two real poles and zeros each. Run times are measured on simulated runs of the whole navigation filter.
 """
 
 from __future__ import annotations

@@ -1,26 +1,21 @@
 """Stationary parts of a log: motion is variance on all channels at once, or a rate that no bias can have.
 
-A log is cut into blocks of about a second. With v_bj the variance of block b on channel j (of all records
-on one
+A log is cut into blocks of about a second. With v_bj the variance of block b on channel j (of all records on one
 clock), and q_j its lower quartile over the blocks, block b moved if
 
     T_b = exp( ½ mean_j ln(v_bj / q_j) )  >  1.5 c(k, p)
 
-A still sensor's block variance scatters most where the noise wanders within a block (pure random walk:
-flicker and
-white noise scatter less). Then v is the variance of a Brownian bridge of free mean, Σ λ_i χ²_1 with λ_i =
-1/(iπ)²: lower
-quartile 0.0701, upper tail exp(-π² v/2). All k channels must be large at once for T to be, so that
+A still sensor's block variance scatters most where the noise wanders within a block (pure random walk: flicker and
+white noise scatter less). Then v is the variance of a Brownian bridge of free mean, Σ λ_i χ²_1 with λ_i = 1/(iπ)²:
+lower quartile 0.0701, upper tail exp(-π² v/2). All k channels must be large at once for T to be, so that
 
     c(k, p) = √( 2 ln(1/p) / (0.0701 π² k) ),    p = false_alarm ÷ number of blocks
 
-The factor 1.5 leaves room for a noise level that changes while the sensor stands still. One channel alone
-is not
-motion (a bias step, a burst of one axis) unless it is unmistakable: a gyroscope whose block mean is 0.1
-rad/s off its
-median, or a block sd of more than 0.1 rad/s or 1 m/s² and ten times its usual one. Blocks beside a moving one
-count as moving too. Where a quarter of the log is not at rest, as its means or a far quieter stretch show, the quietest
-eight adjoining blocks take the place of the lower quartile.
+The factor 1.5 leaves room for a noise level that changes while the sensor stands still. One channel alone is not
+motion (a bias step, a burst of one axis) unless it is unmistakable: a gyroscope whose block mean is 0.1 rad/s off its
+median, or a block sd of more than 0.1 rad/s or 1 m/s² and ten times its usual one. Blocks beside a moving one count as
+moving too. Where a quarter of the log is not at rest, as its means or a far quieter stretch show, the quietest eight
+adjoining blocks take the place of the lower quartile.
 
 Shorter motions are found in `knocks`, what settles beside a motion in `settling`. Knocks after which the level is the
 same are no end of a stand-still (`knock_bridges`).

@@ -2,11 +2,9 @@
 
 `channels_of_config` makes a static log, `drive_effects_of_config` adds what a drive showed.
 
-Where a finding carries the noise of its channels without it (`tuner.synthesis.findings.findings_for_config`),
-that noise is
-taken; elsewhere the identified terms. Causes whose spectrum is part of
-that noise are not
-added a second time; telegraph noise is added instead of the Gauss–Markov process of its spectrum::
+Where a finding carries the noise of its channels without it (`tuner.synthesis.findings.findings_for_config`), that
+noise is taken; elsewhere the identified terms. Causes whose spectrum is part of that noise are not added a second
+time; telegraph noise is added instead of the Gauss–Markov process of its spectrum::
 
     sd = size √(low high)/(low + high),  1/T = 1/low + 1/high
 """

@@ -9,8 +9,8 @@ difference d = x̂ − L x, which stays small where x does not::
 
     d ← Φ' d + (Φ' L − L Φ) x − L w                d ← (I − G h') d + G v
 
-After an hour of measurements, one a second, the filter
-predicts: the true rms of its error stands beside the sd that it predicts.
+After an hour of measurements, one a second, the filter predicts: the true rms of its error stands beside the sd that
+it predicts.
 
 References
 ----------

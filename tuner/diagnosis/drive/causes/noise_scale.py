@@ -1,10 +1,10 @@
 """Wrong R and wrong Q: factors on the noise of the receiver and of the sensors, tested one by one and together.
 
-Prior knowledge of a factor, true ÷ assumed, such as the intervals of a static identification, enters as sd of its
-log. The tests `gnss_noise_scale` and `imu_noise_scale` test each factor
-alone, the rest as configured: first by score and curvature of ln L by the log x of the factor (of R: 2 Σ (r d)², d
-the precision of a row given all others), then by a fit where the score is large. The null hypothesis for a factor
-whose log has a prior sd σ is a factor about 1 with that σ::
+Prior knowledge of a factor, true ÷ assumed, such as the intervals of a static identification, enters as sd of its log.
+The tests `gnss_noise_scale` and `imu_noise_scale` test each factor alone, the rest as configured: first by score and
+curvature of ln L by the log x of the factor (of R: 2 Σ (r d)², d the precision of a row given all others), then by a
+fit where the score is large. The null hypothesis for a factor whose log has a prior sd σ is a factor about 1 with that
+σ::
 
     LR = max_x 2 ln L(x) − max_x [2 ln L(x) − x²/σ²] ~ χ²₁,    exactly known (σ = 0): 2 ln L(x̂) − 2 ln L(0)
 

@@ -3,8 +3,7 @@
 The squared coefficients above a hundredth of the rate are averaged in 128 even bins. Where the variance v of the noise
 changes along the record, they are correlated, and count for fewer: by the factor (mean v)²/mean v². The best sizes of
 the shapes follow by Fisher scoring (`tuner.diagnosis.static.spectrum.fisher_scoring`). What depends on further
-parameters is left with these
-alone (variable projection).
+parameters is left with these alone (variable projection).
 
 References
 ----------
