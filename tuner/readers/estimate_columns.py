@@ -76,6 +76,24 @@ class _Spread:
         return np.asarray(self.mat[:, at][:, :, at])
 
 
+@dataclass(frozen=True)
+class _Part:
+    """Three states, from the number `first` on, as a linear function of named columns: Jacobian of shape (n, 3, k)."""
+
+    first: int
+    jacobian: FloatArray
+    names: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class _World:
+    """Axes of the world by letters, their rotation to north, east, down, (n, 3, 3), and positions that were ECEF."""
+
+    letters: str
+    mat_nw: FloatArray
+    llh: FloatArray | None = None
+
+
 def assemble(
     source: str,
     columns: Mapping[str, tuple[FloatArray, str | None]],
@@ -110,87 +128,47 @@ def assemble(
         raise DataError(msg)
     spread = _spread(source, columns, units, values, messages)
     n = len(values["t"])
-
-    def triple(key: str) -> FloatArray | None:
-        names = TRIPLES[key][0]
-        found = [name for name in names if name in values]
-        if found and len(found) < 3:
-            missing = ", ".join(name for name in names if name not in found)
-            msg = f"{source}: expected the columns {', '.join(names)} together, {missing} missing"
-            raise DataError(msg)
-        return np.column_stack([values[name] for name in names]) if found else None
-
-    llh, local, xyz, vel_n, vel_w, rpy = (triple(k) for k in ("llh", "ned", "xyz", "vned", "vxyz", "rpy"))
+    triples = {key: _triple(source, values, key) for key in ("llh", "ned", "xyz", "vned", "vxyz", "rpy")}
+    llh, local, xyz, vel_n, vel_w, rpy = triples.values()
     if llh is not None and not (np.nanmax(np.abs(llh[:, 0])) < 1.6):
         msg = f"{source}: expected latitudes within ±90 deg, found {np.degrees(np.nanmax(np.abs(llh[:, 0]))):.5g} deg"
         raise DataError(msg)
     mat_bf = axes_rotation(frames.body, BODY_LETTERS, option="--body")
-    cov = np.full((n, 15, 15), np.nan)
-    parts: list[tuple[int, FloatArray, tuple[str, ...]]] = []
-    eye = np.broadcast_to(np.eye(3), (n, 3, 3))
-    mat_nw: FloatArray = np.asarray(eye)
-    world, in_ecef = "NED", False
-    if xyz is not None or vel_w is not None or (frames.world is not None and "qw" in values):
-        if frames.world is None:
-            which = "x, y, z" if xyz is not None else "vx, vy, vz"
-            msg = f"{source}: the columns {which} need their axes: --frame ENU, NED, ECEF or others"
-            raise DataError(msg)
-        if frames.world.strip().upper() == "ECEF":
-            if xyz is None:
-                msg = f"{source}: --frame ECEF: expected the columns x, y, z, found none"
-                raise DataError(msg)
-            llh, in_ecef = llh_from_ecef(xyz), True
-            mat_nw = np.swapaxes(mat_en(llh[:, 0], llh[:, 1]), -1, -2)
-        else:
-            mat = axes_rotation(frames.world, WORLD_LETTERS, option="--frame")
-            mat_nw = np.asarray(np.broadcast_to(mat, (n, 3, 3)))
-            world = frames.world.strip().upper()
-            local = xyz @ mat.T if xyz is not None and llh is None else local
+    world = _world(source, frames, xyz, vel_w, quaternions="qw" in values, n=n)
+    if world.llh is not None:
+        llh = world.llh
+    elif xyz is not None and llh is None:
+        local = xyz @ world.mat_nw[0].T
     if vel_w is not None:
-        vel_n = np.einsum("nij,nj->ni", mat_nw, vel_w)
+        vel_n = np.einsum("nij,nj->ni", world.mat_nw, vel_w)
+    eye = np.asarray(np.broadcast_to(np.eye(3), (n, 3, 3)))
+    parts: list[_Part] = []
     if llh is not None and {"sd_lat", "cov_lat_lat"} & columns.keys():
         size = metres_per_radian(llh)
-        parts.append((0, np.einsum("ni,ij->nij", size, np.eye(3)), ("lat", "lon", "height")))
-    parts += [(0, np.asarray(eye), ("n", "e", "d")), (0, mat_nw, ("x", "y", "z"))]
-    parts += [(3, np.asarray(eye), ("vn", "ve", "vd")), (3, mat_nw, ("vx", "vy", "vz"))]
-    quat = None
-    if rpy is not None:
-        if np.nanmax(np.abs(rpy[:, 1])) > 0.5 * np.pi * (1.0 + ANGLE_ROUNDING):
-            worst = math.degrees(float(np.nanmax(np.abs(rpy[:, 1]))))
-            msg = f"{source}: expected a pitch within ±90 deg, found {worst:.4g} deg: state the unit of its column"
-            raise DataError(msg)
-        mat_nb = rotation.mat_from_rpy(rpy) @ mat_bf.T
-        quat = rotation.quat_from_mat(mat_nb)
-        parts.append((6, rotvec_of_angles(rpy), ("roll", "pitch", "yaw")))
-    elif all(name in values for name in QUATERNION):
-        q = np.column_stack([values[name] for name in QUATERNION])
-        length = np.linalg.norm(q, axis=1, keepdims=True)
-        if not np.nanmax(np.abs(length - 1.0)) < 0.05:
-            msg = f"{source}: expected unit quaternions in qw, qx, qy, qz, found lengths up to {np.nanmax(length):.3g}"
-            raise DataError(msg)
-        q = q / length
-        mat_nb = mat_nw @ rotation.mat_from_quat(q) @ mat_bf.T
-        quat = rotation.quat_from_mat(mat_nb)
-        parts.append((6, mat_nw @ _rotvec_of_quaternion(q), QUATERNION))
-    parts.append((6, np.asarray(eye), ("phi_n", "phi_e", "phi_d")))
+        parts.append(_Part(0, np.einsum("ni,ij->nij", size, np.eye(3)), ("lat", "lon", "height")))
+    parts += [_Part(0, eye, ("n", "e", "d")), _Part(0, world.mat_nw, ("x", "y", "z"))]
+    parts += [_Part(3, eye, ("vn", "ve", "vd")), _Part(3, world.mat_nw, ("vx", "vy", "vz"))]
+    attitude = _attitude(source, values, rpy, world.mat_nw, mat_bf)
+    if attitude is not None:
+        parts.append(attitude[1])
+    parts.append(_Part(6, eye, ("phi_n", "phi_e", "phi_d")))
     body = np.asarray(np.broadcast_to(mat_bf, (n, 3, 3)))
     bias = np.full((n, 6), np.nan)
     for i, key in enumerate(("bg", "ba")):
-        own = triple(key)
+        own = _triple(source, values, key)
         if own is not None:
             bias[:, 3 * i : 3 * i + 3] = own @ mat_bf.T
-            parts.append((9 + 3 * i, body, TRIPLES[key][0]))
-    correlated = False
-    if spread is not None:
-        correlated = _transform(cov, spread, parts)
-    innovation, s = _innovations(n, triple("z"), triple("zv"), spread)
+            parts.append(_Part(9 + 3 * i, body, TRIPLES[key][0]))
+    cov = np.full((n, 15, 15), np.nan)
+    correlated = spread is not None and _transform(cov, spread, parts)
+    innovation, s = _innovations(n, _triple(source, values, "z"), _triple(source, values, "zv"), spread)
     return filter_output(
         source,
         values["t"],
         llh=llh,
         local=None if llh is not None else local,
         vel_n=vel_n,
-        quat_nb=quat,
+        quat_nb=None if attitude is None else attitude[0],
         bias=bias,
         covariance=cov,
         correlated=correlated,
@@ -199,12 +177,78 @@ def assemble(
         outages=_outages(values),
         notes=tuple(messages),
         axes=TakenAxes(
-            world if xyz is not None and llh is None else "NED",
-            world if vel_w is not None else "NED",
-            None if rpy is not None or in_ecef else world,
+            world.letters if xyz is not None and llh is None else "NED",
+            world.letters if vel_w is not None else "NED",
+            None if rpy is not None or world.llh is not None else world.letters,
             frames.body.strip().upper(),
         ),
     )
+
+
+def _triple(source: str, values: Mapping[str, FloatArray], key: str) -> FloatArray | None:
+    """Return three columns that belong together, shape (n, 3); None where there is none of them."""
+    names = TRIPLES[key][0]
+    missing = [name for name in names if name not in values]
+    if len(missing) == len(names):
+        return None
+    if missing:
+        msg = f"{source}: expected the columns {', '.join(names)} together, {', '.join(missing)} missing"
+        raise DataError(msg)
+    return np.column_stack([values[name] for name in names])
+
+
+def _world(
+    source: str,
+    frames: Frames,
+    xyz: FloatArray | None,
+    velocity: FloatArray | None,
+    *,
+    quaternions: bool,
+    n: int,
+) -> _World:
+    """Return the axes of x, y, z, vx, vy, vz and of quaternions: north, east, down where nothing needs them."""
+    if xyz is None and velocity is None and (frames.world is None or not quaternions):
+        return _World("NED", np.asarray(np.broadcast_to(np.eye(3), (n, 3, 3))))
+    if frames.world is None:
+        which = "x, y, z" if xyz is not None else "vx, vy, vz"
+        msg = f"{source}: the columns {which} need their axes: --frame ENU, NED, ECEF or others"
+        raise DataError(msg)
+    letters = frames.world.strip().upper()
+    if letters != "ECEF":
+        mat = axes_rotation(frames.world, WORLD_LETTERS, option="--frame")
+        return _World(letters, np.asarray(np.broadcast_to(mat, (n, 3, 3))))
+    if xyz is None:
+        msg = f"{source}: --frame ECEF: expected the columns x, y, z, found none"
+        raise DataError(msg)
+    llh = llh_from_ecef(xyz)
+    return _World("NED", np.swapaxes(mat_en(llh[:, 0], llh[:, 1]), -1, -2), llh)
+
+
+def _attitude(
+    source: str,
+    values: Mapping[str, FloatArray],
+    rpy: FloatArray | None,
+    mat_nw: FloatArray,
+    mat_bf: FloatArray,
+) -> tuple[FloatArray, _Part] | None:
+    """Return the attitude, shape (n, 4), by angles or else by quaternions, and the part of its covariance."""
+    if rpy is not None:
+        if np.nanmax(np.abs(rpy[:, 1])) > 0.5 * np.pi * (1.0 + ANGLE_ROUNDING):
+            worst = math.degrees(float(np.nanmax(np.abs(rpy[:, 1]))))
+            msg = f"{source}: expected a pitch within ±90 deg, found {worst:.4g} deg: state the unit of its column"
+            raise DataError(msg)
+        quat = rotation.quat_from_mat(rotation.mat_from_rpy(rpy) @ mat_bf.T)
+        return quat, _Part(6, rotvec_of_angles(rpy), ("roll", "pitch", "yaw"))
+    if any(name not in values for name in QUATERNION):
+        return None
+    q = np.column_stack([values[name] for name in QUATERNION])
+    length = np.linalg.norm(q, axis=1, keepdims=True)
+    if not np.nanmax(np.abs(length - 1.0)) < 0.05:
+        msg = f"{source}: expected unit quaternions in qw, qx, qy, qz, found lengths up to {np.nanmax(length):.3g}"
+        raise DataError(msg)
+    q = q / length
+    quat = rotation.quat_from_mat(mat_nw @ rotation.mat_from_quat(q) @ mat_bf.T)
+    return quat, _Part(6, mat_nw @ _rotvec_of_quaternion(q), QUATERNION)
 
 
 def _thinned(
@@ -310,18 +354,16 @@ def _rotvec_of_quaternion(q: FloatArray) -> FloatArray:
     )
 
 
-def _transform(
-    cov: FloatArray, spread: _Spread, parts: list[tuple[int, FloatArray, tuple[str, ...]]]
-) -> bool:
+def _transform(cov: FloatArray, spread: _Spread, parts: list[_Part]) -> bool:
     """Fill the covariance of the states from that of the columns; return whether off-diagonal entries are known."""
-    used = [part for part in parts if all(name in spread.names for name in part[2])]
-    chosen: dict[int, tuple[FloatArray, tuple[str, ...]]] = {}
-    for first, jacobian, names in used:
-        chosen.setdefault(first, (jacobian, names))
-    given = any(np.isfinite(spread.of(names)[:, 0, 1]).any() for _, names in chosen.values())
-    for a, (ja, names_a) in chosen.items():
-        for b, (jb, names_b) in chosen.items():
-            at_a, at_b = ([spread.names.index(n) for n in names] for names in (names_a, names_b))
+    chosen: dict[int, _Part] = {}
+    for part in parts:
+        if all(name in spread.names for name in part.names):
+            chosen.setdefault(part.first, part)
+    given = any(np.isfinite(spread.of(part.names)[:, 0, 1]).any() for part in chosen.values())
+    for a, of_a in chosen.items():
+        for b, of_b in chosen.items():
+            at_a, at_b = ([spread.names.index(n) for n in part.names] for part in (of_a, of_b))
             block = spread.mat[:, at_a][:, :, at_b]
             if a == b:
                 diagonal = np.isfinite(np.einsum("nii->ni", block)).all(axis=1)
@@ -329,7 +371,7 @@ def _transform(
                 block[~diagonal] = np.nan
             else:
                 block = np.where(np.isfinite(block), block, 0.0)
-            cov[:, a : a + 3, b : b + 3] = ja @ block @ np.swapaxes(jb, -1, -2)
+            cov[:, a : a + 3, b : b + 3] = of_a.jacobian @ block @ np.swapaxes(of_b.jacobian, -1, -2)
     return given
 
 
