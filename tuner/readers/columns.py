@@ -108,7 +108,7 @@ def listing_of_arrays(
 
     An array of three or six rows and many columns is turned round. Stored arrays are read when they are used.
     """
-    numbers: dict[str, tuple[tuple[int, ...], bool, NDArray[Any] | StoredArray]] = {}
+    numbers: dict[str, _Numbers] = {}
     said = list(notes)
     for name, array in arrays.items():
         shape, size = tuple(array.shape), math.prod(array.shape)
@@ -124,37 +124,72 @@ def listing_of_arrays(
         elif len(shape) == 2 and shape[0] in (3, 6) and shape[1] > 6:
             shape, turned = shape[::-1], True
             said.append(f"array '{name}' was turned round to {shape}")
-        numbers[name] = shape, turned, array
+        numbers[name] = _Numbers(shape, turned, array)
+    table = _Arrays(path, numbers, progress)
+    return Listing(
+        path=path,
+        shapes={name: one.shape for name, one in numbers.items()},
+        load=table.load,
+        units=units,
+        integer=frozenset(name for name, one in numbers.items() if one.array.dtype.kind in "iu"),
+        unsigned={n: 8 * a.array.dtype.itemsize for n, a in numbers.items() if a.array.dtype.kind == "u"},
+        meta=meta,
+        notes=tuple(said),
+        stream=table.stream,
+        rows=max((one.shape[0] for one in numbers.values()), default=0),
+    )
 
-    def array_of(name: str) -> NDArray[Any]:
-        shape, turned, array = numbers[name]
-        found = array.read() if isinstance(array, StoredArray) else array
-        if math.prod(found.shape) != math.prod(shape):
-            msg = f"{path}: array '{name}': expected shape {shape}, found {found.shape}: save it anew"
-            raise DataError(msg)
-        return found.T if turned else found.reshape(shape)
 
-    def load(groups: Sequence[Sequence[Part]]) -> tuple[NDArray[Any], ...]:
+@dataclass(frozen=True)
+class _Numbers:
+    """An array of numbers: the shape it is read in, one row a sample, and whether it is turned round for that."""
+
+    shape: tuple[int, ...]
+    turned: bool
+    array: NDArray[Any] | StoredArray
+
+
+@dataclass(frozen=True)
+class _Arrays:
+    """Arrays of a file by name, read whole or in pieces."""
+
+    path: Path
+    numbers: Mapping[str, _Numbers]
+    progress: Progress | None
+
+    def load(self, groups: Sequence[Sequence[Part]]) -> tuple[NDArray[Any], ...]:
+        """Return whole columns, an array for each group."""
         used = list(dict.fromkeys(p.array for group in groups for p in group))
         read = {}
         for done, name in enumerate(used, start=1):
-            read[name] = array_of(name)
-            if progress is not None:
-                progress(done, len(used))
-        return grouped(groups, read)
+            read[name] = self._array(name)
+            if self.progress is not None:
+                self.progress(done, len(used))
+        return self._grouped(groups, read)
 
-    def stream(groups: Sequence[Sequence[Part]], rows: int) -> Iterator[tuple[NDArray[Any], ...]]:
+    def stream(self, groups: Sequence[Sequence[Part]], rows: int) -> Iterator[tuple[NDArray[Any], ...]]:
+        """Yield pieces of at most so many rows, an array for each group."""
         used = list(dict.fromkeys(p.array for group in groups for p in group))
-        every = zip(*(_pieces(path, name, *numbers[name], rows) for name in used), strict=True)
-        done, count = 0, max(numbers[name][0][0] for name in used)
+        every = zip(*(_pieces(self.path, name, self.numbers[name], rows) for name in used), strict=True)
+        done, count = 0, max(self.numbers[name].shape[0] for name in used)
         for pieces in every:
-            yield grouped(groups, dict(zip(used, pieces, strict=True)))
+            yield self._grouped(groups, dict(zip(used, pieces, strict=True)))
             done += rows
-            if progress is not None:
-                progress(min(done, count), count)
+            if self.progress is not None:
+                self.progress(min(done, count), count)
 
-    def grouped(
-        groups: Sequence[Sequence[Part]], read: Mapping[str, NDArray[Any]]
+    def _array(self, name: str) -> NDArray[Any]:
+        one = self.numbers[name]
+        found = one.array.read() if isinstance(one.array, StoredArray) else one.array
+        if math.prod(found.shape) != math.prod(one.shape):
+            msg = (
+                f"{self.path}: array '{name}': expected shape {one.shape}, found {found.shape}: save it anew"
+            )
+            raise DataError(msg)
+        return found.T if one.turned else found.reshape(one.shape)
+
+    def _grouped(
+        self, groups: Sequence[Sequence[Part]], read: Mapping[str, NDArray[Any]]
     ) -> tuple[NDArray[Any], ...]:
         loaded = []
         for group in groups:
@@ -162,7 +197,7 @@ def listing_of_arrays(
             lengths = {len(p) for p in parts}
             if len(lengths) > 1:
                 sizes = ", ".join(f"{part} has {len(p)}" for part, p in zip(group, parts, strict=True))
-                msg = f"{path}: columns of one sensor must have one length: {sizes} rows"
+                msg = f"{self.path}: columns of one sensor must have one length: {sizes} rows"
                 raise DataError(msg)
             exact = all(p.dtype.kind == "i" or (p.dtype.kind == "u" and p.dtype.itemsize < 8) for p in parts)
             block = np.empty((lengths.pop(), len(parts)), np.int64 if exact else np.float64, order="F")
@@ -172,24 +207,10 @@ def listing_of_arrays(
             loaded.append(block)
         return tuple(loaded)
 
-    return Listing(
-        path=path,
-        shapes={name: shape for name, (shape, _, _) in numbers.items()},
-        load=load,
-        units=units,
-        integer=frozenset(name for name, (_, _, a) in numbers.items() if a.dtype.kind in "iu"),
-        unsigned={n: 8 * a.dtype.itemsize for n, (_, _, a) in numbers.items() if a.dtype.kind == "u"},
-        meta=meta,
-        notes=tuple(said),
-        stream=stream,
-        rows=max((shape[0] for shape, _, _ in numbers.values()), default=0),
-    )
 
-
-def _pieces(
-    path: Path, name: str, shape: tuple[int, ...], turned: bool, array: NDArray[Any] | StoredArray, rows: int
-) -> Iterator[NDArray[Any]]:
-    """Yield pieces of at most `rows` rows of an array of that shape."""
+def _pieces(path: Path, name: str, numbers: _Numbers, rows: int) -> Iterator[NDArray[Any]]:
+    """Yield pieces of at most `rows` rows of an array."""
+    shape, turned, array = numbers.shape, numbers.turned, numbers.array
     along_last = turned or (len(shape) == 1 and len(array.shape) == 2 and array.shape[0] == 1)
     if isinstance(array, StoredArray) and array.pieces is not None:
         pieces = array.pieces(rows, along_last)

@@ -6,7 +6,8 @@ read in their unit.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -26,9 +27,78 @@ BUFFER_BYTES = 1 << 20
 """Bytes that are read at a time where a file is read in pieces, instead of a whole group of rows."""
 
 
+@dataclass(frozen=True)
+class _Columns:
+    """Numeric columns of a Parquet file: units that types or metadata state, and which hold whole numbers."""
+
+    names: tuple[str, ...]
+    units: Mapping[str, str]
+    integer: frozenset[str]
+
+
+@dataclass(frozen=True)
+class _Table:
+    """A Parquet file whose columns are read as arrays."""
+
+    path: Path
+    file: Any
+    rows: int
+    integer: frozenset[str]
+    progress: Progress | None
+
+    def load(self, groups: Sequence[Sequence[Part]]) -> tuple[NDArray[Any], ...]:
+        """Return whole columns, an array for each group."""
+        done, count = 0, sum(map(len, groups))
+
+        def column(name: str) -> Any:
+            nonlocal done
+            values = self.file.read(columns=[name]).column(0)
+            if len(values) != self.rows:
+                msg = f"{self.path}: column '{name}': expected {self.rows} rows, got {len(values)}: damaged?"
+                raise DataError(msg)
+            done += 1
+            if self.progress is not None:
+                self.progress(done, count)
+            return values
+
+        return tuple(self._block(group, self.rows, column) for group in groups)
+
+    def stream(self, groups: Sequence[Sequence[Part]], most: int) -> Iterator[tuple[NDArray[Any], ...]]:
+        """Yield pieces of at most so many rows, an array for each group."""
+        from pyarrow import parquet
+
+        names = list(dict.fromkeys(part.array for group in groups for part in group))
+        with (
+            input_guard(self.path, "Parquet"),
+            parquet.ParquetFile(self.path, buffer_size=BUFFER_BYTES) as some,
+        ):
+            done = 0
+            for number in range(some.num_row_groups):  # over all at once, pyarrow keeps what it has read
+                for batch in some.iter_batches(most, [number], names, use_threads=False):
+                    yield tuple(self._block(group, len(batch), batch.column) for group in groups)
+                    done += len(batch)
+                    if self.progress is not None:
+                        self.progress(done, self.rows)
+
+    def _block(self, group: Sequence[Part], count: int, column: Callable[[str], Any]) -> NDArray[Any]:
+        """Return columns side by side: whole numbers where all of them are and none is missing."""
+        import pyarrow as pa
+
+        exact = all(part.array in self.integer for part in group)
+        block: NDArray[Any] = np.empty((count, len(group)), np.int64 if exact else np.float64, order="F")
+        for j, part in enumerate(group):
+            with input_guard(f"{self.path}: column '{part.array}'", "numbers"):
+                values = column(part.array)
+                if exact and values.null_count:
+                    exact, block = False, block.astype(np.float64, order="F")
+                if part.array in self.integer and not values.null_count:
+                    values = values.cast(pa.int64())
+                block[:, j] = values.to_numpy(zero_copy_only=False)
+        return block
+
+
 def list_parquet(path: Path, progress: Progress | None = None) -> Listing:
     """Return the numeric columns of a Parquet file."""
-    import pyarrow as pa
     from pyarrow import parquet
 
     with input_guard(path, "Parquet"):
@@ -38,8 +108,32 @@ def list_parquet(path: Path, progress: Progress | None = None) -> Listing:
         if rows > MAX_ROWS_PER_BYTE * path.stat().st_size:
             msg = f"{path}: expected a row or so a byte, got {rows} rows in {path.stat().st_size} bytes: damaged?"
             raise DataError(msg)
+    columns = _numeric_columns(path, schema)
+    table = _Table(path, file, rows, columns.integer, progress)
+    meta = {
+        k.decode("utf-8", errors="replace"): v.decode("utf-8", errors="replace")
+        for k, v in (schema.metadata or {}).items()
+        if len(v) < 100
+    }
+    numbers = {key: number for key, value in meta.items() if (number := _number(value)) is not None}
+    return Listing(
+        path=path,
+        shapes=dict.fromkeys(columns.names, (rows,)),
+        load=table.load,
+        units=columns.units,
+        integer=columns.integer,
+        meta=meta | numbers,
+        stream=table.stream,
+        rows=rows,
+    )
+
+
+def _numeric_columns(path: Path, schema: Any) -> _Columns:
+    """Return the numeric columns of a schema of pyarrow."""
+    import pyarrow as pa
+
+    names: list[str] = []
     units: dict[str, str] = {}
-    shapes: dict[str, tuple[int, ...]] = {}
     integer = set()
     for column in schema:
         kind = column.type
@@ -47,7 +141,7 @@ def list_parquet(path: Path, progress: Progress | None = None) -> Listing:
             units[column.name] = kind.unit
         elif not (pa.types.is_integer(kind) or pa.types.is_floating(kind)):
             continue
-        shapes[column.name] = (rows,)
+        names.append(column.name)
         if not pa.types.is_floating(kind) and kind != pa.uint64():
             integer.add(column.name)
         stated = (column.metadata or {}).get(b"unit") or (column.metadata or {}).get(b"units")
@@ -57,63 +151,7 @@ def list_parquet(path: Path, progress: Progress | None = None) -> Listing:
                 msg = f"{path}: column '{column.name}' is of type {kind}, its metadata say {unit}: take one of them out"
                 raise DataError(msg)
             units[column.name] = unit
-
-    def load(groups: Sequence[Sequence[Part]]) -> tuple[NDArray[Any], ...]:
-        done, count = 0, sum(map(len, groups))
-
-        def column(name: str) -> Any:
-            nonlocal done
-            values = file.read(columns=[name]).column(0)
-            if len(values) != rows:
-                msg = f"{path}: column '{name}': expected {rows} rows, got {len(values)}: damaged?"
-                raise DataError(msg)
-            done += 1
-            if progress is not None:
-                progress(done, count)
-            return values
-
-        return tuple(block_of(group, rows, column) for group in groups)
-
-    def stream(groups: Sequence[Sequence[Part]], most: int) -> Iterator[tuple[NDArray[Any], ...]]:
-        names = list(dict.fromkeys(part.array for group in groups for part in group))
-        with input_guard(path, "Parquet"), parquet.ParquetFile(path, buffer_size=BUFFER_BYTES) as some:
-            done = 0
-            for number in range(some.num_row_groups):  # over all at once, pyarrow keeps what it has read
-                for batch in some.iter_batches(most, [number], names, use_threads=False):
-                    yield tuple(block_of(group, len(batch), batch.column) for group in groups)
-                    done += len(batch)
-                    if progress is not None:
-                        progress(done, rows)
-
-    def block_of(group: Sequence[Part], count: int, column: Callable[[str], Any]) -> NDArray[Any]:
-        exact = all(part.array in integer for part in group)
-        block: NDArray[Any] = np.empty((count, len(group)), np.int64 if exact else np.float64, order="F")
-        for j, part in enumerate(group):
-            with input_guard(f"{path}: column '{part.array}'", "numbers"):
-                values = column(part.array)
-                if exact and values.null_count:
-                    exact, block = False, block.astype(np.float64, order="F")
-                if part.array in integer and not values.null_count:
-                    values = values.cast(pa.int64())
-                block[:, j] = values.to_numpy(zero_copy_only=False)
-        return block
-
-    meta = {
-        k.decode("utf-8", errors="replace"): v.decode("utf-8", errors="replace")
-        for k, v in (schema.metadata or {}).items()
-        if len(v) < 100
-    }
-    numbers = {key: number for key, value in meta.items() if (number := _number(value)) is not None}
-    return Listing(
-        path=path,
-        shapes=shapes,
-        load=load,
-        units=units,
-        integer=frozenset(integer),
-        meta=meta | numbers,
-        stream=stream,
-        rows=rows,
-    )
+    return _Columns(tuple(names), units, frozenset(integer))
 
 
 def _number(text: str) -> float | None:
