@@ -16,7 +16,11 @@ from tuner.catalogue.grades import DEFAULT_RECEIVER
 from tuner.catalogue.trajectories import load_trajectory
 from tuner.consistency.attribution import attribute
 from tuner.consistency.attribution.installation import of_installation, without_means
-from tuner.consistency.attribution.sensitivity import score_sensitivity, with_correlated_fixes
+from tuner.consistency.attribution.sensitivity import (
+    ScoreSensitivity,
+    score_sensitivity,
+    with_correlated_fixes,
+)
 from tuner.consistency.divergence import divergence
 from tuner.consistency.error_budget import error_budget
 from tuner.consistency.false_observability import spurious_information
@@ -24,14 +28,14 @@ from tuner.consistency.observability import observability
 from tuner.consistency.scores import evaluate
 from tuner.consistency.start_scores import start_scores, wrong_starts
 from tuner.consistency.verdicts import verdicts, with_explanations
-from tuner.navigation.settings import filter_settings, further_states
+from tuner.navigation.settings import FilterSettings, filter_settings, further_states
 from tuner.simulation.imu import Sensor, sensor_of_config
 from tuner.simulation.load_truth import Truth, installation, load_truth
-from tuner.simulation.monte_carlo import resolution, scenario, simulate
+from tuner.simulation.monte_carlo import Runs, Scenario, resolution, scenario, simulate
 from tuner.stages import stage, task
 from tuner.synthesis.load_config import load_config
 from tuner.types import FilterConfig, GnssNoise
-from tuner.types.consistency import Check
+from tuner.types.consistency import Check, Consistency
 from tuner.types.records import DataError
 from tuner.types.verdict import Explanation, Severity, Verdict, VerdictCode
 
@@ -118,12 +122,7 @@ def check(
     stage(f"filtering {runs} simulated runs", 0.8)
     simulated = simulate(settings, sensor, plan, runs=runs, seed=seed)
     stage("scoring the filter", 0.84)
-    drawn = {
-        name: own
-        for name, own in further_states(settings.model).items()
-        if FILTER_STATES[name].origin is Origin.NAME
-    }
-    settled = evaluate(simulated, plan.outages, further=drawn)
+    settled = _settled_scores(settings, plan, simulated)
     found = settled
     if plan.start_sd is not None and not found.diverged:
         found = replace(found, blocks=(*found.blocks, *start_scores(simulated)))
@@ -141,30 +140,47 @@ def check(
     seen = observability(settings, shares.final)
     optimistic = any(s.ratio > 1.0 and not s.consistent for s in found.scores)
     spurious = spurious_information(simulated, shares) if optimistic else None
-    explanations: tuple[Explanation, ...] = ()
     stage("finding which setting is wrong", 1.0)
-    if not found.consistent and spurious is None:
-        explanations = wrong_starts(found.scores)
-    if not settled.consistent and spurious is None:
-        effects = score_sensitivity(
-            settings,
-            plan,
-            shares,
-            window=resolution(settings, sensor),
-            with_correlated=with_correlated_fixes(config),
-        )
-        others = attribute(settled, simulated, effects)
-        constant = of_installation(simulated, plan)
-        if constant:
-            rest = without_means(simulated)
-            left = evaluate(rest, plan.outages, further=drawn)
-            others = (*constant, *(() if left.consistent else attribute(left, rest, effects)))
-        named = {one.source for one in explanations}
-        explanations += tuple(one for one in others if one.source not in named)
-    reasons = (
-        with_explanations(found, explanations) if spurious is None else (spurious.verdict, *verdicts(found))
-    )
+    explanations: tuple[Explanation, ...] = ()
+    if spurious is not None:
+        reasons = (spurious.verdict, *verdicts(found))
+    else:
+        explanations = () if found.consistent else wrong_starts(found.scores)
+        if not settled.consistent:
+            effects = score_sensitivity(
+                settings,
+                plan,
+                shares,
+                window=resolution(settings, sensor),
+                with_correlated=with_correlated_fixes(config),
+            )
+            named = {one.source for one in explanations}
+            others = _wrong_settings(settings, plan, simulated, settled, effects)
+            explanations += tuple(one for one in others if one.source not in named)
+        reasons = with_explanations(found, explanations)
     return Check(replace(found, verdicts=reasons), settings.size, tuple(notes), shares, seen, explanations)
+
+
+def _settled_scores(settings: FilterSettings, plan: Scenario, runs: Runs) -> Consistency:
+    """Return the scores after the start, of the states too that a configuration names."""
+    drawn = {
+        name: own
+        for name, own in further_states(settings.model).items()
+        if FILTER_STATES[name].origin is Origin.NAME
+    }
+    return evaluate(runs, plan.outages, further=drawn)
+
+
+def _wrong_settings(
+    settings: FilterSettings, plan: Scenario, runs: Runs, settled: Consistency, effects: ScoreSensitivity
+) -> tuple[Explanation, ...]:
+    """Return the wrong settings that explain the scores: constants of the installation, then the noise beside them."""
+    constant = of_installation(runs, plan)
+    if not constant:
+        return attribute(settled, runs, effects)
+    rest = without_means(runs)
+    left = _settled_scores(settings, plan, rest)
+    return (*constant, *(() if left.consistent else attribute(left, rest, effects)))
 
 
 def _with_fewer_fixes(gnss: GnssNoise, share: float) -> GnssNoise:

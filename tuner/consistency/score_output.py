@@ -114,20 +114,14 @@ def score_outputs(
         msg = f"expected one truth, or one for each of {len(outputs)} estimates, found {len(truths)}"
         raise DataError(msg)
     notes = [note for output in (*outputs, *truths) for note in output.notes]
+    every = list(truths) if len(truths) == len(outputs) else [*truths] * len(outputs)
     offset: TimeOffset | None = None
     runs: list[OutputErrors] = []
-    every: list[FilterOutput] = []
-    if truths:
-        every = list(truths) if len(truths) == len(outputs) else [truths[0]] * len(outputs)
+    if every:
         offset, runs = errors_in_one_frame(outputs, every, how, align_time, align_body)
         notes += [note for run in runs for note in run.notes]
         if offset is not None and not offset.removed and matters(offset, runs):
-            late = "late" if offset.value > 0.0 else "early"
-            low, high = sorted(map(abs, offset.interval))
-            notes.append(
-                f"the estimate is {abs(offset.value):.3g} s ({low:.3g} … {high:.3g}) {late} against the truth; "
-                "--align-time takes it out"
-            )
+            notes.append(_about_offset(offset))
     stage("scoring", 0.35)
     innovative = [output for output in outputs if output.has_innovations]
     if not runs and not innovative:
@@ -136,32 +130,19 @@ def score_outputs(
             "neither: there is nothing to score by"
         )
         raise DataError(msg)
-    nees, blocks = error_scores(runs) if runs else (None, ())
-    notes += [note for s in blocks if s.name == "attitude" and (note := unit_of_sds(s.ratio)) is not None]
+    found = _scores(runs, innovative)
+    notes += [
+        note for s in found.blocks if s.name == "attitude" and (note := unit_of_sds(s.ratio)) is not None
+    ]
     notes += unscored_start(runs)
-    if runs and not blocks:
+    if runs and not found.blocks:
         notes.append("the estimate states no sds of what the truth has: only its errors are shown")
-    found = Consistency(
-        nees,
-        blocks,
-        output_innovation_scores(innovative) if innovative else (),
-        output_whiteness(innovative) if innovative else None,
-        outage_scores(runs) if runs else (),
-        rms_errors(runs) if runs else {},
-        0.0,
-        False,
-    )
     stage("finding why it is not consistent", 0.9)
     lost = any(_not_finite(output) for output in outputs)
-    why = (
-        Explanations()
-        if lost
-        else explain(
-            runs or [_without_truth(o) for o in innovative],
-            only_means=found.consistent,
-            sensor_noise=sensor_noise,
-        )
-    )
+    why = Explanations()
+    if not lost:
+        errors = runs or [_without_truth(o) for o in innovative]
+        why = explain(errors, only_means=found.consistent, sensor_noise=sensor_noise)
     found = replace(found, mean_errors=why.means)
     if why.misfit is not None and not found.consistent:
         notes.append(
@@ -178,13 +159,8 @@ def score_outputs(
         factor = one_factor(found.scores, states)
         causes = () if factor is None else (factor,)
     found = replace(found, diverged=lost or far)
-    said = verdicts(found)
-    if lost:
-        said = (Verdict(VerdictCode.NOT_FINITE, Severity.DIVERGED),)
-    if not found.consistent and not causes and not found.diverged:
-        said = (Verdict(VerdictCode.NOT_EXPLAINED, Severity.EXPLANATION), *said)
     return OutputScore(
-        replace(found, verdicts=said),
+        replace(found, verdicts=_verdicts(found, lost=lost, named=bool(causes))),
         states,
         causes,
         offset,
@@ -192,6 +168,41 @@ def score_outputs(
         tuple(outputs),
         tuple(dict.fromkeys(notes)),
     )
+
+
+def _about_offset(offset: TimeOffset) -> str:
+    """Say how late or early the estimate is, where that stays in its errors."""
+    late = "late" if offset.value > 0.0 else "early"
+    low, high = sorted(map(abs, offset.interval))
+    return (
+        f"the estimate is {abs(offset.value):.3g} s ({low:.3g} … {high:.3g}) {late} against the truth; "
+        "--align-time takes it out"
+    )
+
+
+def _scores(runs: Sequence[OutputErrors], innovative: Sequence[FilterOutput]) -> Consistency:
+    """Return the scores of errors and of innovations, without a verdict."""
+    nees, blocks = error_scores(runs) if runs else (None, ())
+    return Consistency(
+        nees,
+        blocks,
+        output_innovation_scores(innovative) if innovative else (),
+        output_whiteness(innovative) if innovative else None,
+        outage_scores(runs) if runs else (),
+        rms_errors(runs) if runs else {},
+        0.0,
+        False,
+    )
+
+
+def _verdicts(found: Consistency, *, lost: bool, named: bool) -> tuple[Verdict, ...]:
+    """Return the verdicts: that numbers are not finite, or those of the scores, and whether no cause is named."""
+    if lost:
+        return (Verdict(VerdictCode.NOT_FINITE, Severity.DIVERGED),)
+    said = verdicts(found)
+    if found.consistent or named or found.diverged:
+        return said
+    return (Verdict(VerdictCode.NOT_EXPLAINED, Severity.EXPLANATION), *said)
 
 
 def score_arrays(
