@@ -36,6 +36,7 @@ from tuner.stages import stage
     type=click.IntRange(min=2),
     default=40,
     show_default=True,
+    metavar="N",
     help="Number of simulated runs, each with new turn-on biases.",
 )
 @click.option("--gnss", metavar="GRADE", help="Built-in receiver, instead of the configuration's.")

@@ -25,9 +25,11 @@ from tuner.cli.progress import Messages
     default=2.0,
     show_default=True,
     metavar="M",
-    help="Wanted horizontal error after it, rms, m.",
+    help="Largest horizontal error after the outage, rms, m.",
 )
-@click.option("--gnss", default="spp", show_default=True, metavar="GRADE", help="Receiver before the outage.")
+@click.option(
+    "--gnss", default="spp", show_default=True, metavar="GRADE", help="Built-in receiver before the outage."
+)
 @click.option("--wheels", is_flag=True, help="A vehicle on wheels that do not slip sideways.")
 @verbose
 @common
@@ -43,7 +45,7 @@ def command(
     output: Output,
     messages: Messages,
 ) -> None:
-    """Rank the built-in grades by the drift that a filter of each predicts, and say which N and B would just do.
+    """Rank the built-in grades by the drift that a filter of each predicts, and state the largest N and B that suffice.
 
     The filter is aided for fifteen minutes in a city, then left without fixes. Only noise and biases count.
     """

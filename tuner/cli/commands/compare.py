@@ -21,7 +21,13 @@ from tuner.stages import stage
     type=click.Choice(["still", "temperature"]),
     help="Compare the parts of one log: its stationary parts, or three bins of temperature.",
 )
-@click.option("--gnss", default="spp", show_default=True, metavar="GRADE", help="Receiver before an outage.")
+@click.option(
+    "--gnss",
+    default="spp",
+    show_default=True,
+    metavar="GRADE",
+    help="Built-in receiver that aids the filter before the drift.",
+)
 @click.option(
     "--figure",
     type=click.Path(path_type=Path, dir_okay=False),
@@ -45,7 +51,7 @@ def command(
 ) -> None:
     """Compare sensors: noise terms, limits of datasheets (pass or fail), drift after 10, 60 and 300 s without fixes.
 
-    Tests at 95 % whether the last differs from the first; ranks them by the drift, with wheels and without.
+    Tests at 95 % whether the last source differs from the first, and ranks all by that drift, with wheels and without.
 
     A source is a log (log.bin:IMU.1 is one inertial unit of several in it), an Allan curve, a datasheet, a
     noise.yaml, the JSON of identify or tune, or the name of a built-in grade. With --by, the parts of one log are

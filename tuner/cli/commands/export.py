@@ -30,10 +30,16 @@ from tuner.cli.progress import Messages
     "--rate", type=POSITIVE, metavar="HZ", help="Rate of the IMU that DIALECT reads; default that of the log."
 )
 @click.option(
-    "--step", type=POSITIVE, metavar="SECONDS", help="Prediction step of its filter; default its own."
+    "--step",
+    type=POSITIVE,
+    metavar="SECONDS",
+    help="Prediction step of that filter; default what it is stated to use.",
 )
 @click.option(
-    "--memory", type=POSITIVE, metavar="SECONDS", help="Time in which it renews its biases; default 100."
+    "--memory",
+    type=POSITIVE,
+    metavar="SECONDS",
+    help="Time over which that filter renews its estimates of biases; default 100.",
 )
 @click.option("--list", "list_dialects", is_flag=True, help="List the dialects and their units.")
 @common

@@ -20,7 +20,11 @@ def external_options(command: Command) -> Command:
     """Add ``--filter``, ``--to`` and ``--filter-timeout``."""
     for option in (
         click.option(
-            "--filter-timeout", type=POSITIVE, default=TIME_LIMIT, metavar="SECONDS", help="Limit of a run."
+            "--filter-timeout",
+            type=POSITIVE,
+            default=TIME_LIMIT,
+            metavar="SECONDS",
+            help="Longest time that one run of COMMAND may take.",
         ),
         click.option(
             "--to",

@@ -32,7 +32,7 @@ from tuner.stages import stage
     type=click.IntRange(1),
     default=usable,
     metavar="N",
-    help="Processes; default one a core.",
+    help="Processes; default one for each core.",
 )
 @click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler that does the work instead of --jobs.")
 @strict("a unit is not PASS, or cannot be used")

@@ -42,7 +42,7 @@ METHODS = ("likelihood", "leastsquares", "slopes", "unweighted")
     type=click.Choice(METHODS),
     default="likelihood",
     show_default=True,
-    help="How coefficients are estimated.",
+    help="How coefficients are estimated: by the likelihood of the spectrum, or from the Allan curve.",
 )
 @click.option(
     "--arma",
@@ -80,9 +80,9 @@ def command(
 ) -> None:
     """Find the noise terms of each axis, with intervals: quantization, white, flicker, random walk, ramp and others.
 
-    Prints N, B and K, axes that agree in one row; --verbose prints every term, bound and reason, and beside them the
-    settings of a filter as `tuner tune` makes them from the same log, where the terms do not predict its Allan curve,
-    which is said. Several logs of one sensor are pooled, with their spread. A CSV with columns
+    Prints N, B and K, axes that agree in one row; --verbose prints every term, bound and reason. Where the terms do not
+    predict the Allan curve of the log, the answer says so, and --verbose also prints the settings of a filter that do,
+    as `tuner tune` writes them. Several logs of one sensor are pooled, with their spread. A CSV with columns
     tau,deviation[,dof] is fitted as an Allan curve. A CSV of GNSS fixes of an antenna at rest (t,lat,lon,height,…)
     gives the errors of the receiver.
     """

@@ -107,6 +107,7 @@ def common(command: Command) -> Command:
         type=click.IntRange(min=0),
         default=0,
         show_default=True,
+        metavar="N",
         help="Seed of all random numbers.",
     )
     @click.option("--quiet", is_flag=True, help="Show no progress and no messages.")
@@ -135,7 +136,7 @@ def paged(command: Command) -> Command:
         "page_file",
         type=click.Path(path_type=Path, dir_okay=False),
         metavar="FILE",
-        help="Write tables and figure as one offline page (HTML).",
+        help="Write tables and figures as one offline page (HTML).",
     )
     @functools.wraps(command)
     def wrapped(*args: Any, page_file: Path | None, messages: Messages, **options: Any) -> Any:
@@ -164,7 +165,7 @@ def verbose(command: Command) -> Command:
     return click.option(
         "--verbose",
         is_flag=True,
-        help="Show every table in full, not only the answer and what the findings change.",
+        help="Print every table in full, not only the short answer.",
     )(command)
 
 
@@ -198,7 +199,7 @@ def latitude(command: Command) -> Command:
         "--latitude",
         type=Finite(-90, 90),
         metavar="DEG",
-        help="Latitude of the log: subtracts the Earth's rate from the gyro means.",
+        help="Latitude of the recording: the Earth's rate is subtracted from the gyro means.",
     )
     return option(command)
 
@@ -211,7 +212,7 @@ def replicas(command: Command) -> Command:
         default=0,
         show_default=True,
         metavar="N",
-        help="Simulated records for each finding, for the bands in the figures; 0 for none.",
+        help="Records simulated for each finding, whose range the figures show as a band; 0 for none.",
     )
     return option(command)
 
@@ -262,23 +263,25 @@ def reading(command: Command) -> Command:
         help="Columns of the log, or arrays of an NPZ, such as gyro_x=wx,t=stamp; t=none reads no stamps.",
     )
     @click.option(
-        "--assume", type=click.Choice(["si"]), help="Take units that nothing states as rad/s and m/s^2."
+        "--assume",
+        type=click.Choice(["si"]),
+        help="Take samples whose unit nothing states as rad/s and m/s^2.",
     )
     @click.option(
         "--memory",
         type=POSITIVE,
         metavar="GB",
-        help="Memory that the program may take, by default half of what is free: larger logs become means of samples; "
-        "on one processor.",
+        help="Memory that the program may take, by default half of what is free. A larger log is read as means of "
+        "neighbouring samples. One processor is used.",
     )
     @click.option(
         "--begin",
         type=AnyFinite(),
         metavar="S",
-        help="Use a static log from this second of its clock on: the times that answers state.",
+        help="Use a static log from this time on, s, of its own clock, as answers state times.",
     )
     @click.option(
-        "--end", type=AnyFinite(), metavar="S", help="Use a static log up to this second of its clock."
+        "--end", type=AnyFinite(), metavar="S", help="Use a static log up to this time of its own clock, s."
     )
     @functools.wraps(command)
     def wrapped(

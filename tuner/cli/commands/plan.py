@@ -19,9 +19,12 @@ from tuner.stages import stage
     type=float,
     default=0.1,
     show_default=True,
+    metavar="SHARE",
     help="Wanted relative standard deviation of each term.",
 )
-@click.option("--hours", type=float, default=1.0, show_default=True, help="Length of the test, h.")
+@click.option(
+    "--hours", type=float, default=1.0, show_default=True, metavar="H", help="Length of the test, h."
+)
 @reading
 @common
 @paged

@@ -48,7 +48,7 @@ def _windows(
     "truths",
     multiple=True,
     metavar="FILE",
-    help="Better solution: one for all, or one for each estimate; without it innovations are scored.",
+    help="A better solution, one for all estimates or one for each; without it the innovations are scored.",
 )
 @click.option(
     "--columns", callback=_columns, metavar="NAME=COLUMN,…", help="Columns of a CSV of the estimate."
@@ -59,18 +59,22 @@ def _windows(
 @click.option("--topic", metavar="NAME", help="Topic of a ROS bag of the estimate.")
 @click.option("--truth-topic", metavar="NAME", help="Topic of a ROS bag of the truth.")
 @click.option("--frame", metavar="AXES", help="Axes of x, y, z of the estimate: NED, ENU, NWU, ECEF, …")
-@click.option("--truth-frame", metavar="AXES", help="The same of the truth.")
+@click.option("--truth-frame", metavar="AXES", help="Axes of x, y, z of the truth.")
 @click.option("--body", metavar="AXES", help="Axes of the body of the estimate: FRD (default), FLU, RFU, …")
-@click.option("--truth-body", metavar="AXES", help="The same of the truth.")
+@click.option("--truth-body", metavar="AXES", help="Axes of the body of the truth.")
 @click.option(
     "--align",
     type=click.Choice(["none", "yaw", "se3"]),
     default="none",
     show_default=True,
-    help="Motion taken out of the estimate: shift and turn about the vertical, or about all axes.",
+    help="What is taken out of the estimate: a shift and a turn about the vertical (yaw), or about all axes (se3).",
 )
 @click.option("--align-time", is_flag=True, help="Take out the offset between the clocks.")
-@click.option("--align-body", is_flag=True, help="Take out a constant rotation between the bodies.")
+@click.option(
+    "--align-body",
+    is_flag=True,
+    help="Take out a constant rotation between the bodies of estimate and truth.",
+)
 @click.option(
     "--outage",
     "outages",
@@ -82,7 +86,7 @@ def _windows(
 @click.option(
     "--imu",
     metavar="LOG|CONFIG|GRADE",
-    help="Of the inertial unit: its noise at rest helps to tell which assumption is wrong.",
+    help="The inertial unit: its noise at rest helps to tell which assumption of the filter is wrong.",
 )
 @click.option(
     "-o", "--output-dir", type=DIRECTORY, metavar="DIR", help="Write report.html, score.svg, score.json."

@@ -23,7 +23,7 @@ from tuner.stages import stage
 )
 @click.option("--trajectory", metavar="NAME", help="Simulate a drive along this built-in trajectory.")
 @click.option("--gnss", metavar="GRADE", help="Built-in GNSS receiver of the drive.")
-@click.option("--hours", type=POSITIVE, default=1.0, show_default=True, help="Length, h.")
+@click.option("--hours", type=POSITIVE, default=1.0, show_default=True, metavar="H", help="Length, h.")
 @click.option(
     "--rate",
     type=POSITIVE,

@@ -31,10 +31,14 @@ from tuner.stages import stage
 @click.argument("log", required=False)
 @click.option("-o", "--output-dir", type=DIRECTORY, metavar="DIR", help="Folder; default tuner-out/NAME.")
 @horizon
-@click.option("--drive", metavar="DRIVE", help="Measured drive of the same unit.")
+@click.option(
+    "--drive",
+    metavar="DRIVE",
+    help="Measured drive of the same unit: what it shows to be wrong enters the configuration.",
+)
 @click.option("--complete", metavar="GRADE", help="Built-in grade that stands in for a sensor the log lacks.")
 @click.option(
-    "--datasheet", metavar="GRADE|SHEET", help="Data sheet to compare the log with; on the page, too."
+    "--datasheet", metavar="GRADE|SHEET", help="Data sheet to compare the log with, also on the page."
 )
 @click.option("--gnss", metavar="GRADE|LOG", help="GNSS receiver: built-in grade, or a log of fixes at rest.")
 @noise_terms
