@@ -11,7 +11,8 @@ from tests.tuner.diagnosis.drive.replicas import Source
 from tuner.diagnosis.drive.correlation_left import correlation_left
 from tuner.diagnosis.drive.linear_model.likelihood import as_configured
 from tuner.diagnosis.drive.linear_model.whitened_innovations import whiten
-from tuner.diagnosis.drive.motion_errors import Innovations, Motion, bias_columns, errors_in
+from tuner.diagnosis.drive.motion_courses import Motion
+from tuner.diagnosis.drive.motion_errors import Innovations, bias_columns, errors_in
 from tuner.types import Parameter
 
 DELAY = Parameter("time_offset", "delay")
