@@ -1,4 +1,4 @@
-"""Motion at the fixes of a drive, and the courses that errors of sensors and fixes may follow: speed, force, time …"""
+"""Motion at the fixes of a drive, and courses that errors of sensors and fixes may follow: speed, force and time."""
 
 from __future__ import annotations
 
@@ -14,12 +14,21 @@ from tuner.diagnosis.drive.score_tests import columns_of
 
 FloatArray = NDArray[np.float64]
 
-WARM_UP = (30.0, 100.0, 300.0)
-"""Time constants of warm-up that are tried, s: those of boards to boxes."""
+WARM_UP = (20.0, 32.0, 50.0, 80.0, 126.0, 200.0, 316.0, 500.0)
+"""Time constants of warm-up that are tried, s: those of boards to boxes; one between two of them fits either to 1 %."""
 COSINE_COUNT = 12
 """Number of cosines of which a slow change is made: a period down to a sixth of the drive, minutes for most."""
+COSINES_OF_A_WAVE, WAVE_BANDS = 4, 9
+"""Cosines of a band, of which a wave is made, and bands, down to a period of 1/18 of the drive.
+
+A wave that is not whole in the drive has most of its power in two cosines to either side of its period.
+"""
 STEP_COUNT = 12
 """Number of times of steps that are tried, evenly over the drive."""
+
+
+WAVES = "goes up and down"
+"""How the names of waves begin."""
 
 
 @dataclass(frozen=True)
@@ -70,13 +79,20 @@ def covariates(motion: Motion) -> dict[str, list[FloatArray]]:
         "grows with the height": [way[:, 2]],
         "grows with time": [t],
     }
-    waves = [np.cos(np.pi * j * t / max(float(t[-1]), 1e-9)) for j in range(1, 1 + COSINE_COUNT)]
-    found["changes slowly with time"] = waves
+    span = max(float(t[-1]), 1e-9)
+    waves = [np.cos(np.pi * j * t / span) for j in range(1, 1 + COSINES_OF_A_WAVE * WAVE_BANDS)]
+    found["changes slowly with time"] = waves[:COSINE_COUNT]
+    for first in range(0, len(waves), COSINES_OF_A_WAVE):
+        shortest, longest = 2.0 * span / (first + COSINES_OF_A_WAVE), 2.0 * span / (first + 1)
+        name = f"{WAVES} with a period of {shortest:.0f} to {longest:.0f} s"
+        found[name] = waves[first : first + COSINES_OF_A_WAVE]
     for memory in WARM_UP:
         found[f"settles within {memory:.0f} s"] = [1.0 - np.exp(-t / memory)]
     for begin in np.linspace(0.0, t[-1], STEP_COUNT + 2)[1:-1]:
         found[f"changes at {motion.t[0] + begin:.0f} s"] = [(t > begin).astype(float)]
-    return {
-        name: [course / max(float(np.sqrt(np.mean(course**2))), 1e-12) for course in courses]
-        for name, courses in found.items()
-    }
+    unit = {id(course): _of_unit_rms(course) for courses in found.values() for course in courses}
+    return {name: [unit[id(course)] for course in courses] for name, courses in found.items()}
+
+
+def _of_unit_rms(course: FloatArray) -> FloatArray:
+    return np.asarray(course / max(float(np.sqrt(np.mean(course**2))), 1e-12))

@@ -3,8 +3,8 @@
 A cause takes up what the catalogue lacks: vibration that shifts accelerometers with the speed passes for a scale
 factor, an antenna on a bending mast for a delay. So errors of every sensor and fix are tried that are proportional to
 what the vehicle does, whatever would make them: speed and its square, acceleration and force along the axes, turn
-rates, heading, way, height, and time (ramps, warm-up, steps). Each group G of columns S is a constant amplitude of
-three axes; with the evidence of the largest over all spreads of its prior (`g-prior` [1]_)::
+rates, heading, way, height, and time (ramps, warm-up, steps, waves). Each group G of columns S is a constant amplitude
+of three axes; with the evidence of the largest over all spreads of its prior (`g-prior` [1]_)::
 
     z² = bᵀ I⁻¹ b / c,   b = Sᵀ W,   I = Sᵀ S          ln B = ½ [z² − k − k ln(z²/k)]  where z² > k, else 0
 
@@ -20,7 +20,7 @@ References
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -33,20 +33,29 @@ from tuner.diagnosis.drive.causes.correlated_gnss import CORRELATED_GNSS
 from tuner.diagnosis.drive.causes.correlated_velocity import CAUSE_CODE as CORRELATED_VELOCITY
 from tuner.diagnosis.drive.linear_model.kalman_kernels import NAVIGATION_STATES
 from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, as_configured, evaluate
-from tuner.diagnosis.drive.linear_model.linearized_run import LinearizedRun
+from tuner.diagnosis.drive.linear_model.linearized_run import NOISE_GROUPS, LinearizedRun
 from tuner.diagnosis.drive.linear_model.whitened_innovations import whiten
-from tuner.diagnosis.drive.motion_courses import Motion, covariates
+from tuner.diagnosis.drive.motion_courses import WAVES, Motion, covariates
 from tuner.diagnosis.drive.score_tests import colour_factor, columns_of
 from tuner.diagnosis.drive.search import SearchResult
-from tuner.types import Parameter
+from tuner.types import ChannelNoise, Parameter
 
 FloatArray = NDArray[np.float64]
 
 SPREAD_COST = 2.0
 """Cost, nats, of choosing the spread of the prior: sizes known to four decades, of which the best takes about e."""
+SLOW_COURSES = ("grows with time", "changes slowly", "settles")
+"""What errors of all sensors at once do: one temperature, or one supply, moves them together."""
+ATTITUDE_ERRORS = slice(6, 9)
+"""Errors of the attitude."""
+NEAR_FIXES = (-1, 0, 1)
+"""Fixes about that of a jump at which an attitude may jump: between two fixes neither is known better."""
 SENSOR_NAMES = {"gyro": "gyroscopes", "accel": "accelerometers"}
+IMU_NOISE = "imu_noise_scale"
 STATES = {CORRELATED_GNSS: "gnss_position", CORRELATED_VELOCITY: "correlated_velocity"}
 """States of a filter that causes add."""
+OF_SHIFTS = "shifts"
+"""Stands for constants and jumps, each of which is left out in turn."""
 WHITE = ("gyro", "accel")
 """Factors on white noise, in the order of `NOISE_GROUPS`."""
 NEGLIGIBLE_SD = 1e-6
@@ -78,59 +87,77 @@ Columns = tuple[FloatArray, FloatArray]
 """What c amplitudes add to errors between fixes, (k, n, c), and to fixes, (k, 6, c)."""
 
 
-def groups(linearized: LinearizedRun) -> Iterator[tuple[str, dict[str, Columns]]]:
-    """Yield what is wrong, with its columns by what it grows with; causes of the catalogue are left out."""
+@dataclass(frozen=True)
+class Port:
+    """Where errors enter: in words, what they do at amplitude 1, and the courses they may follow.
+
+    Attributes
+    ----------
+    name : str
+        What is wrong.
+    columns : Columns
+        Of c amplitudes.
+    courses : mapping of str to list of ndarray
+        Courses (k,) of all, or (k, c) of each amplitude, by what the error does.
+    """
+
+    name: str
+    columns: Columns
+    courses: Mapping[str, list[FloatArray]]
+
+
+def ports(linearized: LinearizedRun, jumps: Sequence[float] = ()) -> Iterator[Port]:
+    """Yield what may be wrong, with the courses of its error; causes of the catalogue are left out.
+
+    Parameters
+    ----------
+    linearized : LinearizedRun
+        The run.
+    jumps : sequence of float
+        Times of jumps of a bias that were found, s: an attitude that is wrong from then on looks alike.
+    """
     motion = Motion.of(linearized)
     courses = covariates(motion)
     k, n = linearized.transition.shape[:2]
-    unit = bias_columns(linearized)
+    unit, none = bias_columns(linearized), np.zeros((k, 6, 6))
 
-    def on_sensors(push: FloatArray, *left_out: str) -> dict[str, Columns]:
+    def those(*begin: str, but: tuple[str, ...] = ()) -> dict[str, list[FloatArray]]:
         return {
-            name: (
-                np.concatenate([push * course[:, None, None] for course in of], axis=2),
-                np.zeros((k, 6, push.shape[2] * len(of))),
-            )
-            for name, of in courses.items()
-            if not name.startswith(("changes at", *left_out))
+            name: of for name, of in courses.items() if name.startswith(begin) and not name.startswith(but)
         }
 
-    def on_fixes(shift: FloatArray, *only: str) -> dict[str, Columns]:
-        return {
-            name: (
-                np.zeros((k, n, shift.shape[2] * len(of))),
-                np.concatenate([shift * course[:, None, None] for course in of], axis=2),
-            )
-            for name, of in courses.items()
-            if name.startswith(only or ("",))
-        }
-
-    yield (
-        "an error of the gyroscopes",
-        on_sensors(unit[:, :, :3], "grows with the force", "grows with the rate"),
-    )
-    yield "an error of the accelerometers", on_sensors(unit[:, :, 3:])
+    by_jumps = ("changes at",)
+    by_rates = (*by_jumps, "grows with the force", "grows with the rate")
+    yield Port("an error of the gyroscopes", (unit[:, :, :3], none[:, :, :3]), those("", but=by_rates))
+    yield Port("an error of the accelerometers", (unit[:, :, 3:], none[:, :, :3]), those("", but=by_jumps))
+    yield Port("an error of all sensors", (unit, none), those(*SLOW_COURSES))
     for sensors, values in (("gyro", motion.rate), ("accel", motion.force)):
         own = list(columns_of(f"{sensors}_scale", linearized.parameters))
-        push, none = linearized.B[:, :, own], np.zeros((k, 6, len(own)))
         felt = values[:, : len(own)]
-        yield (
+        yield Port(
             f"a scale factor of the {SENSOR_NAMES[sensors]}",
-            {
-                "differs between directions": (push * np.sign(felt)[:, None, :], none),
-                "grows with what is measured": (push * np.abs(felt)[:, None, :], none),
-            },
+            (linearized.B[:, :, own], none[:, :, : len(own)]),
+            {"differs between directions": [np.sign(felt)], "grows with what is measured": [np.abs(felt)]},
         )
-    three = np.zeros((k, 3, 3))
+    three, still = np.zeros((k, 3, 3)), np.zeros((k, n, 3))
     north = np.broadcast_to(np.eye(3), (k, 3, 3))
     for what, rows in (("positions", 0), ("velocities", 3)):
         for axes, mat in (("", north), (" in axes of the vehicle", motion.mat)):
             parts = [mat, three] if rows == 0 else [three, mat]
-            yield f"an error of the {what}{axes}", on_fixes(np.concatenate(parts, axis=1))
-    in_time = ("changes at", "grows with time")
+            shift = np.concatenate(parts, axis=1)
+            yield Port(f"an error of the {what}{axes}", (still, shift), those("", but=(WAVES,)))
     for what, cause in (("a lever arm", "lever_arm"), ("a delay of the fixes", "time_offset")):
         own = list(columns_of(cause, linearized.parameters))
-        yield what, on_fixes(linearized.D[:, :, own], *in_time)
+        yield Port(
+            what, (still[:, :, : len(own)], linearized.D[:, :, own]), those("changes", "grows with time")
+        )
+    if len(jumps):
+        turn = still.copy()
+        turn[:, ATTITUDE_ERRORS, :] = np.eye(3)
+        at = np.searchsorted(linearized.t, jumps)
+        near = {int(i) + more for i in at for more in NEAR_FIXES if 0 <= i + more < k}
+        impulses = {f"jumps at {linearized.t[i]:.1f} s": [np.eye(k)[i]] for i in sorted(near)}
+        yield Port("an attitude", (turn, three), impulses)
 
 
 def _whitened(noise: NoiseHypothesis, columns: Mapping[str, Columns]) -> dict[str, FloatArray]:
@@ -143,6 +170,22 @@ def _whitened(noise: NoiseHypothesis, columns: Mapping[str, Columns]) -> dict[st
     ).slope
     edges = np.cumsum([one[0].shape[2] for one in columns.values()])[:-1]
     return dict(zip(columns, np.split(slope, edges, axis=1), strict=True))
+
+
+def _errors_of(noise: NoiseHypothesis, port: Port) -> dict[str, FloatArray]:
+    """Return the whitened columns (m, c) of all errors of a port, by what they do; each course is whitened once."""
+    push, shift = port.columns
+
+    def times(course: FloatArray) -> Columns:
+        of = course[:, None, None] if course.ndim == 1 else course[:, None, :]
+        return push * of, shift * of
+
+    once = {str(id(course)): times(course) for courses in port.courses.values() for course in courses}
+    found = _whitened(noise, once)
+    return {
+        name: np.column_stack([found[str(id(course))] for course in courses])
+        for name, courses in port.courses.items()
+    }
 
 
 def _evidence(t: FloatArray, residual: FloatArray, s: FloatArray) -> float:
@@ -163,7 +206,7 @@ class Innovations:
     noise: NoiseHypothesis
     residual: FloatArray
     beside: FloatArray
-    hurdle: float = 0.0
+    hurdle: float = SPREAD_COST
 
     @cached_property
     def _q(self) -> FloatArray:
@@ -183,23 +226,45 @@ def innovations(outcome: SearchResult) -> dict[str, Innovations]:
     run, noise = outcome.final, as_configured(outcome.final.linearized)
     level, bias = evaluate(noise).value, run.hypothesis.errors_in_variables_bias
     found = dict(_shifts(outcome))
-    gains: dict[str, float] = {}
-    for one in outcome.accepted:
-        gains[one.cause] = max(gains.get(one.cause, 0.0), one.candidate.result.gain)
     out = {}
-    for cause, own in {"": noise, **dict(_without_noise(outcome, noise))}.items():
+    named = with_named_noise(outcome, noise)
+    for cause, own in {"": noise, OF_SHIFTS: named, **dict(_without_noise(outcome, noise))}.items():
         w = whiten(own)
         residual = w.residual if bias is None else w.residual - w.slope @ bias
         slopes = _whitened(own, {c: columns for c, (columns, _) in found.items()}) if found else {}
         none = np.zeros((len(residual), 0))
-        hurdle = level - evaluate(own).value if cause else 0.0
-        out[cause] = Innovations(own, residual, np.column_stack([none, *slopes.values()]), hurdle)
-        for shift in found if not cause else ():
+        if cause != OF_SHIFTS:
+            hurdle = level - evaluate(own).value if cause else SPREAD_COST
+            out[cause] = Innovations(own, residual, np.column_stack([none, *slopes.values()]), hurdle)
+            continue
+        for shift in found:
             others = np.column_stack([none, *(s for c, s in slopes.items() if c != shift)])
             alone = Innovations(own, residual + slopes[shift] @ found[shift][1], others)
             least = _evidence(w.t, alone.left(alone.residual), alone.left(slopes[shift]))
-            out[shift] = replace(alone, hurdle=max(least, gains.get(shift, 0.0)))
+            out[shift] = replace(alone, hurdle=least)
     return out
+
+
+def with_named_noise(outcome: SearchResult, noise: NoiseHypothesis) -> NoiseHypothesis:
+    """Return the noise of the last run with densities of the sensors as stated where no finding says otherwise.
+
+    Larger ones that the search put into the filter follow what no cause explains, and hide it.
+    """
+    if any(one.cause == IMU_NOISE for one in outcome.accepted):
+        return noise
+    now, stated = (run.hypothesis.config.channels for run in (outcome.final, outcome.base))
+    ratio = np.ones(len(NOISE_GROUPS))
+    for i, (sensor, kind) in enumerate(group.split("_") for group in NOISE_GROUPS):
+        one, other = (_densities(channels[f"{sensor}_x"], kind) for channels in (now, stated))
+        ratio[i] = other / one if one > 0.0 else 1.0
+    return replace(noise, process_noise_scale=noise.process_noise_scale * ratio)
+
+
+def _densities(channel: ChannelNoise, kind: str) -> float:
+    """Return a density of an axis that a factor on white noise, or on the noise of its biases, multiplies."""
+    if kind == "white":
+        return channel.white_density
+    return math.hypot(channel.random_walk_density, *(state.sd for state in channel.markov))
 
 
 def _shifts(outcome: SearchResult) -> Iterator[tuple[str, tuple[Columns, FloatArray]]]:
@@ -228,7 +293,7 @@ def _without_noise(outcome: SearchResult, noise: NoiseHypothesis) -> Iterator[tu
     """Yield the noise without what each cause of noise changed."""
     linearized, layout = noise.linearized, outcome.final.settings.model.layout
     for one in outcome.accepted:
-        if one.cause == "imu_noise_scale":
+        if one.cause == IMU_NOISE:
             factors = [one.parameters[name].value if name in one.parameters else 1.0 for name in WHITE]
             before = np.array([factor or 1.0 for factor in factors] + [1.0, 1.0])
             yield one.cause, replace(noise, process_noise_scale=noise.process_noise_scale / before)
@@ -246,32 +311,29 @@ def _without_noise(outcome: SearchResult, noise: NoiseHypothesis) -> Iterator[tu
 
 def motion_errors(outcome: SearchResult) -> dict[str, MotionError]:
     """Return the error with the largest evidence beside all that was found, by "", and in place of each cause."""
-    return errors_in(innovations(outcome))
+    return errors_in(innovations(outcome), [jump.time for jump in outcome.final.hypothesis.jumps])
 
 
-def errors_in(looked_at: Mapping[str, Innovations]) -> dict[str, MotionError]:
+def errors_in(looked_at: Mapping[str, Innovations], jumps: Sequence[float] = ()) -> dict[str, MotionError]:
     """Return the error with the largest evidence in each of some innovations of one run.
 
-    The evidence is less what it has to beat, and what the choice among all groups costs.
+    The evidence is less what it has to beat, and what the choice costs: all places where errors enter are alike
+    beforehand, and at each of them all courses.
     """
     best = {name: MotionError("", "", -math.inf) for name in looked_at}
-    count = 0
     first = next(iter(looked_at.values())).noise.linearized
-    for port, columns in groups(first):
-        count += len(columns)
+    all_ports = list(ports(first, jumps))
+    for port in all_ports:
+        paid = math.log(len(all_ports) * len(port.courses))
         whitened: dict[int, dict[str, FloatArray]] = {}
         for name, one in looked_at.items():
-            own = whitened.setdefault(id(one.noise), {}) or _whitened(one.noise, columns)
+            own = whitened.setdefault(id(one.noise), {}) or _errors_of(one.noise, port)
             whitened[id(one.noise)] = own
             rows = one.noise.counted
             t = np.broadcast_to(first.t[:, None], rows.shape)[rows]
             y = one.left(one.residual)
             for grows_with, s in own.items():
-                evidence = _evidence(t, y, one.left(s))
+                evidence = _evidence(t, y, one.left(s)) - one.hurdle - paid
                 if evidence > best[name].evidence:
-                    best[name] = MotionError(port, grows_with, evidence)
-    paid = math.log(count) + SPREAD_COST
-    return {
-        name: replace(one, evidence=one.evidence - looked_at[name].hurdle - paid)
-        for name, one in best.items()
-    }
+                    best[name] = MotionError(port.name, grows_with, evidence)
+    return best

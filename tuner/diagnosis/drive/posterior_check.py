@@ -35,7 +35,7 @@ from tuner.diagnosis.drive.hypothesis import FilterRun, Hypothesis
 from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, as_configured, evaluate
 from tuner.diagnosis.drive.linear_model.linearized_run import NOISE_GROUPS, LinearizedRun
 from tuner.diagnosis.drive.linear_model.whitened_innovations import whiten
-from tuner.diagnosis.drive.motion_errors import bias_columns, motion_errors
+from tuner.diagnosis.drive.motion_errors import bias_columns, motion_errors, with_named_noise
 from tuner.diagnosis.drive.score_tests import colour_factor, columns_of
 from tuner.diagnosis.drive.search import Accepted, SearchResult
 from tuner.navigation.settings import ACCELS, GYROS
@@ -128,13 +128,18 @@ def with_something_else(findings: tuple[Finding, ...], outcome: SearchResult) ->
     if not findings:
         return findings
     found, instead = checks(findings, outcome), motion_errors(outcome)
-    beside, left = instead.pop(""), correlation_left(as_configured(outcome.final.linearized))
+    noise = as_configured(outcome.final.linearized)
+    beside, left = instead.pop(""), correlation_left(noise)
+    unnamed = evaluate(noise).value - evaluate(with_named_noise(outcome, noise)).value
     reasons = {
         "something in the drive is explained by none of the findings": max(
             [0.0, *(one.evidence for one in found.values()), *(one.evidence for one in instead.values())]
         ),
         f"beside all findings, there seems to be {beside.text}": beside.evidence,
         left.text: left.evidence,
+        "only more noise of the sensors than stated, which is no finding, lets the filter follow the drive": (
+            unnamed - 0.5 * len(NOISE_GROUPS) * math.log(noise.count)
+        ),
     }
     why_beside, worst = max(reasons.items(), key=lambda item: item[1])
     gains: dict[str, float] = {}

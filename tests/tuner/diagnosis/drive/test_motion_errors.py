@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from tests.tuner.diagnosis.drive.replicas import Source
 from tuner.diagnosis.drive.correlation_left import correlation_left
-from tuner.diagnosis.drive.linear_model.likelihood import as_configured
+from tuner.diagnosis.drive.hypothesis import with_density_factors
+from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, as_configured
 from tuner.diagnosis.drive.linear_model.whitened_innovations import whiten
 from tuner.diagnosis.drive.motion_courses import Motion
-from tuner.diagnosis.drive.motion_errors import Innovations, bias_columns, errors_in
+from tuner.diagnosis.drive.motion_errors import Innovations, bias_columns, errors_in, with_named_noise
+from tuner.synthesis.load_config import load_config
 from tuner.types import Parameter
 
 DELAY = Parameter("time_offset", "delay")
@@ -80,3 +83,41 @@ def test_correlation_is_found_in_the_row_that_has_it_and_not_by_chance(source):
     assert left.p_value < 1e-4
     assert left.evidence > 5.0
     assert "velocities down" in left.text or "heights" in left.text
+
+
+def test_an_attitude_that_jumps_and_a_bias_that_settles_are_found_as_what_they_are(source, short_drive):
+    """Neither is a jump of a bias, which is all that the catalogue has for them."""
+    motion, unit = Motion.of(short_drive), bias_columns(short_drive)
+    i = len(short_drive) // 2
+    turned = np.zeros_like(unit[:, :, 0])
+    turned[i, 6:8] = 0.01
+    warming = (
+        unit[:, :, [0, 3]]
+        @ np.array([5e-4, 0.04])
+        * (1.0 - np.exp(-(motion.t - motion.t[0]) / 100.0))[:, None]
+    )
+    for push, expected in ((turned, "an attitude that jumps"), (warming, "settles within")):
+        at = short_drive.parameters.index(DELAY)
+        pushed = replace(short_drive, B=short_drive.B.copy(), D=short_drive.D.copy())
+        pushed.B[:, :, at], pushed.D[:, :, at] = push, 0.0
+        drawn = Source.of(as_configured(pushed)).draw(
+            np.random.default_rng(8), np.eye(len(short_drive.parameters))[at]
+        )
+        drawn = replace(drawn, B=short_drive.B, D=short_drive.D)
+        found = errors_in({"": looked_at(drawn)}, [float(motion.t[i])])[""]
+        assert found.evidence > 10.0
+        assert expected in found.text
+
+
+def test_noise_that_no_finding_states_does_not_judge_causes():
+    """A search widened the drift of biases 30 times: what replaces a jump is judged by the drift that is stated."""
+    stated = load_config("mpu9250")
+    wide = with_density_factors(
+        stated, {"gyro_white": 1.0, "accel_white": 1.0, "gyro_bias": 30.0, "accel_bias": 1.0}
+    )
+    runs = [SimpleNamespace(hypothesis=SimpleNamespace(config=config)) for config in (stated, wide)]
+    outcome = SimpleNamespace(accepted=(), base=runs[0], final=runs[1])
+    noise = NoiseHypothesis(None, np.ones((1, 6)), np.ones(4), np.ones((1, 6), dtype=bool))
+    assert with_named_noise(outcome, noise).process_noise_scale == pytest.approx([1.0, 1.0, 1.0 / 30.0, 1.0])
+    outcome.accepted = (SimpleNamespace(cause="imu_noise_scale"),)
+    assert with_named_noise(outcome, noise) is noise
