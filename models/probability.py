@@ -1,4 +1,4 @@
-"""Tails and quantiles of the normal, the χ², Student's and Fisher's law, and tests of a sample by its moments.
+"""Tails and quantiles of customary laws, and tests of a sample by its moments.
 
 `scipy.stats` has them too; loading it takes half a second, a quarter of what a short command may take.
 
@@ -13,11 +13,11 @@ References
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import fdtrc, gammaincc, gammaincinv, ndtr, ndtri, stdtrit
+from scipy.special import betainc, fdtrc, gammainc, gammaincc, gammaincinv, ndtr, ndtri, stdtr, stdtrit
 
 FloatArray = NDArray[np.float64]
 Numbers = TypeVar("Numbers", float, FloatArray)
@@ -28,9 +28,10 @@ def normal_below(z: float) -> float:
     return float(ndtr(z))
 
 
-def normal_beyond(z: float) -> float:
-    """Return the chance that a standard normal number is above `z`."""
-    return float(ndtr(-z))
+def normal_beyond(z: Numbers) -> Numbers:
+    """Return the chance that a standard normal number is above `z`, for each of several."""
+    found: Numbers = _as_given(ndtr(-z))
+    return found
 
 
 def normal_reach(level: float) -> float:
@@ -38,9 +39,26 @@ def normal_reach(level: float) -> float:
     return float(-ndtri(0.5 * (1.0 - level)))
 
 
+def normal_density(z: Numbers, sd: float = 1.0) -> Numbers:
+    """Return the density of a normal number without mean at `z`, in its inverse unit, for each of several."""
+    found: Numbers = _as_given(np.exp(-0.5 * np.square(z / sd)) / (np.sqrt(2.0 * np.pi) * sd))
+    return found
+
+
+def log_normal_density(z: Numbers, sd: float) -> Numbers:
+    """Return the logarithm of the density of a normal number without mean at `z`, for each of several."""
+    found: Numbers = _as_given(-0.5 * np.square(z / sd) - np.log(np.sqrt(2.0 * np.pi) * sd))
+    return found
+
+
+def chi2_below(x: FloatArray, freedom: float) -> FloatArray:
+    """Return the chance that χ² with so many degrees of freedom is below each of `x`, shape (n,), of 0 or more."""
+    return np.asarray(gammainc(0.5 * freedom, 0.5 * x))
+
+
 def chi2_beyond(x: float, freedom: float) -> float:
-    """Return the chance that χ² with so many degrees of freedom is above `x`."""
-    return float(gammaincc(0.5 * freedom, 0.5 * x)) if x > 0.0 else 1.0
+    """Return the chance that χ² with so many degrees of freedom is above `x`; one where none is left."""
+    return float(gammaincc(0.5 * freedom, 0.5 * x)) if x > 0.0 and freedom > 0.0 else 1.0
 
 
 def chi2_quantile(p: float, freedom: Numbers) -> Numbers:
@@ -54,9 +72,35 @@ def student_quantile(p: float, freedom: float) -> float:
     return float(stdtrit(freedom, p))
 
 
+def student_beyond(x: Numbers, freedom: float) -> Numbers:
+    """Return the chance that Student's t is above `x`, for each of several."""
+    found: Numbers = _as_given(stdtr(freedom, -x))
+    return found
+
+
+def poisson_at_least(count: int, mean: float) -> float:
+    """Return the chance of so many events or more, where so many are expected."""
+    return float(gammainc(count, mean)) if count > 0 else 1.0
+
+
+def binomial_at_least(count: float, tried: float, chance: float) -> float:
+    """Return the chance that so many or more of those tried succeed, each with the chance given."""
+    return float(betainc(count, tried - count + 1, chance)) if count > 0 else 1.0
+
+
+def negative_binomial_at_least(count: int, mean: float, variance: float) -> float:
+    """Return the chance of so many events or more, where a gamma law of a relative variance scatters their mean."""
+    return float(betainc(count, 1.0 / variance, 1.0 - 1.0 / (1.0 + mean * variance))) if count > 0 else 1.0
+
+
 def fisher_beyond(x: float, above: float, below: float) -> float:
     """Return the chance that F with degrees of freedom of its numerator and its denominator is above `x`."""
     return float(fdtrc(above, below, x)) if x > 0.0 else 1.0
+
+
+def _as_given(found: FloatArray) -> Any:
+    """Return an array as it is, and one number as such."""
+    return float(found) if np.ndim(found) == 0 else found
 
 
 def same_mean(groups: FloatArray) -> tuple[float, float]:

@@ -22,14 +22,11 @@ from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg.blas import dtbsv
 
 from models.noise import exponential
 from models.noise.base import FloatArray, Term, as_array
+from models.recursion import decaying_sum
 from models.statespace import StateSpace, discretize
-
-SOLVED_AT_ONCE = 1 << 16
-"""Samples of a recursion that are solved at once, so that its matrix takes no memory that grows with a record."""
 
 
 @dataclass(frozen=True)
@@ -84,22 +81,12 @@ class GaussMarkov(Term):
         drive = rng.standard_normal(n)
         drive[:1] /= np.sqrt(-np.expm1(-2.0 * a))
         drive *= self.sd * np.sqrt(-np.expm1(-2.0 * a))
-        return _recursion(drive, float(np.exp(-a)))
+        return decaying_sum(drive, float(np.exp(-a)))
 
     def phase_covariance(self, t: ArrayLike, scale: float) -> FloatArray:  # noqa: ARG002
         """Return −σ² T² (t/T − 1 + e^{−t/T})."""
         scaled = as_array(t) / self.time_constant
         return as_array(-((self.sd * self.time_constant) ** 2) * (scaled + np.expm1(-scaled)))
-
-
-def _recursion(x: FloatArray, decay: float) -> FloatArray:
-    """Make x_k + decay y_{k−1} of x, shape (n,), in place: by triangular solution, for `scipy.signal` loads slowly."""
-    bands = np.full((2, min(len(x), SOLVED_AT_ONCE)), -decay, order="F")
-    for first in range(0, len(x), SOLVED_AT_ONCE):
-        part = x[first : first + SOLVED_AT_ONCE]
-        part[0] += decay * x[first - 1] if first else 0.0
-        part[:] = dtbsv(1, bands[:, : len(part)], part, lower=1, diag=1)
-    return x
 
 
 @dataclass(frozen=True)

@@ -116,27 +116,29 @@ def read_clock(
         notes.append(
             f"{unset} rows with stamps from before the clock was set (0, -1 or no time) were left out"
         )
-    usual = _usual_step(time[on])
+    usual = _usual_step(_only(time, on))
     time = _continued(time, on, usual, notes)
     factor = _stated_factor(unit, name)
     if factor is None or factor == 1.0:
         decoded = _clock_time(time, on, usual)
         if decoded is not None:
             time, how = decoded
-            time = _continued(time, on, _usual_step(time[on]), notes)
+            time = _continued(time, on, _usual_step(_only(time, on)), notes)
             factor = 1.0
             notes.append(f"time column '{name}': clock times {how} were read as seconds of the day")
+    clock = _only(time, on)
+    step = _mean_step(clock)
     if factor is None:
-        found = unit_of_stamps(time[on], _mean_step(time[on]), name=name, rate=rate)
+        found = unit_of_stamps(clock, step, name=name, rate=rate)
         factor = found.factor
         notes += found.notes
         assumptions += found.assumptions
     elif unit is not None and rate is None and not (by_user or by_type):
         stated = names.unit_of(unit, names.TIME_UNITS, what=name)
-        if (remark := unusual_rate(stated, _mean_step(time[on]), name=name)) is not None:
+        if (remark := unusual_rate(stated, step, name=name)) is not None:
             assumptions.append(remark)
-    first = time[on][0]
-    resolution = factor * _single_precision(time[on], name, notes, factor)
+    first = clock[0]
+    resolution = factor * _single_precision(clock, step, name, notes, factor)
     relative: FloatArray = np.subtract(time, first).astype(float, copy=False)
     if factor != 1.0:
         relative *= factor
@@ -147,12 +149,18 @@ def read_clock(
         origin = float(first) * factor + start
     else:
         origin = float(first) * factor
+    clock = _only(relative, on)
+    step = _mean_step(clock)
     if not by_user:
-        _check(relative[on], name)
-    step = _mean_step(relative[on])
+        _check(clock, step, name)
     return Clock(
         origin, relative, None if on.all() else on, step, resolution, tuple(notes), tuple(assumptions)
     )
+
+
+def _only(time: Stamps, on: BoolArray) -> Stamps:
+    """Return the stamps on the clock: the array itself where all are."""
+    return time if on.all() else time[on]
 
 
 def _stated_factor(unit: str | None, name: str) -> float | None:
@@ -179,7 +187,10 @@ def _set(time: Stamps, finite: BoolArray) -> BoolArray:
 
 def _usual_step(time: Stamps) -> float:
     """Return the median of the steps forward; 0 where there are none."""
-    step = np.diff(time)
+    return _median_forward(np.diff(time))
+
+
+def _median_forward(step: Stamps) -> float:
     forward = step[step > 0]
     return float(np.median(forward)) if len(forward) else 0.0
 
@@ -187,7 +198,7 @@ def _usual_step(time: Stamps) -> float:
 def _mean_step(time: Stamps) -> float:
     """Return the mean step without gaps and steps back; stamps that repeat count as steps of nothing."""
     step = np.diff(time)
-    usual = _usual_step(time)
+    usual = _median_forward(step)
     inner = step[(step >= 0) & (step <= 10.0 * usual)].astype(float)
     return float(np.mean(inner)) if len(inner) else usual
 
@@ -243,7 +254,7 @@ def _clock_time(time: Stamps, on: BoolArray, usual: float) -> tuple[FloatArray, 
     return None
 
 
-def _single_precision(time: Stamps, name: str, notes: list[str], factor: float) -> float:
+def _single_precision(time: Stamps, mean_step: float, name: str, notes: list[str], factor: float) -> float:
     """Return to what stamps of single precision are rounded, in their unit; 0 where it is fine or they are none.
 
     A text has them with their shortest digits. Stamps on a decimal grid coarser than that rounding are exact: where
@@ -256,7 +267,7 @@ def _single_precision(time: Stamps, name: str, notes: list[str], factor: float) 
     single = some.astype(np.float32)
     if not np.array_equal(single, some) and not np.array_equal(single.astype(str).astype(float), some):
         return 0.0
-    if last < MIN_SINGLE_SHARE * _mean_step(time):
+    if last < MIN_SINGLE_SHARE * mean_step:
         return 0.0
     unit = 10.0 ** np.ceil(np.log10(2.0 * last))
     if np.abs(some / unit - np.rint(some / unit)).max() < 1e-3:
@@ -280,9 +291,8 @@ def _without_strays(relative: FloatArray, on: BoolArray, notes: list[str]) -> Bo
     return on & ~off
 
 
-def _check(relative: FloatArray, name: str) -> None:
+def _check(relative: Stamps, step: float, name: str) -> None:
     """Refuse a rate and a span that no log of an inertial sensor has."""
-    step = _mean_step(relative)
     cure = f"state the unit of time, such as --columns 't={name} [ms]', or the rate: --rate HZ"
     if step > 0.0 and not MIN_RATE <= 1.0 / step <= MAX_RATE:
         msg = f"time column '{name}': {1.0 / step:.4g} Hz is no rate of an inertial sensor: {cure}"

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from tuner.diagnosis.drive.noise_scale_estimates import factor_text, may_be_one
 from tuner.report.answer_layout import assumed_text, filled, wrapped
-from tuner.report.drive_answer import found_text
-from tuner.report.drive_diagnosis_tables import SHORT_NAMES, harm_text, missing, whole_gain_text
 from tuner.report.finding_groups import headlines
 from tuner.report.static_diagnosis_tables import unexplained_lines
-from tuner.types import Diagnosis, DriveDiagnosis
+from tuner.types import Diagnosis
 from tuner.types.records import Record
 
 CLEAREST_FINDINGS = 3
@@ -37,23 +34,3 @@ def diagnosis_answer(found: Diagnosis, records: Sequence[Record] = ()) -> list[s
         *(f"Note: {one}" for one in found.notes),
     ]
     return filled([*wrapped(assumed, 2), head], more, also="every finding and test")
-
-
-def drive_diagnosis_answer(found: DriveDiagnosis) -> list[str]:
-    """Return what the filter gets wrong on a drive, the factors that its noise needs, and what is left."""
-    lines = [f"{found_text(one)} → {one.consequence}" for one in found.findings]
-    if found.quiet:
-        lines = ["Nothing found: the drive agrees with a simulation of this filter"]
-    left = [f"Unexplained: {one.statistic}" for one in found.unexplained]
-    factors = [
-        f"{SHORT_NAMES[one.setting]} × {factor_text(one.plain)}"
-        for one in found.noise_scales
-        if one.stated is not None and one.identifiable and not may_be_one(one.plain)
-    ]
-    noise = [f"Factors on the noise that the drive shows: {'; '.join(factors)}"] if factors else []
-    gain = [] if found.gain is None else [whole_gain_text(found.gain)]
-    harm = [] if found.credited else [harm_text(found.gain)]
-    rest = [f"Missing: {one}" for one in missing(found)] + [f"Note: {one}" for one in found.notes]
-    clear, others = lines[:CLEAREST_FINDINGS], lines[CLEAREST_FINDINGS:]
-    texts = [*harm, *clear, *left[:1], *noise, *gain, *others, *left[1:], *rest]
-    return filled([], [f"{text[:1].upper()}{text[1:]}" for text in texts], also="every finding and test")

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from models.earth import llh_displaced
 from models.filter_states import FILTER_STATES, Origin
 from models.measurements import perfect_fixes
+from models.recursion import decaying_sum
 from models.state_layout import ErrorModel
 from tuner.navigation.settings import FilterSettings, error_rows
 
@@ -126,8 +127,6 @@ def _path(
     settings: FilterSettings, state: int, rows: int, step: float, rng: np.random.Generator
 ) -> FloatArray:
     """Return one state at the beginning of every step, s; shape (rows,)."""
-    from scipy.signal import lfilter  # loaded when used: scipy.signal is slow to import
-
     constant, density = settings.model.time_constant[state], settings.model.driving_density[state]
     first = settings.initial_sd[state] * rng.standard_normal()
     if density == 0.0 and np.isinf(constant):
@@ -135,7 +134,7 @@ def _path(
     decay = np.exp(-step / constant)
     variance = step if np.isinf(constant) else -0.5 * constant * np.expm1(-2.0 * step / constant)
     steps = density * np.sqrt(variance) * rng.standard_normal(rows - 1)
-    return np.asarray(lfilter([1.0], [1.0, -decay], np.concatenate([[first], steps])))
+    return decaying_sum(np.concatenate([[first], steps]), float(decay))
 
 
 def antenna_fixes(

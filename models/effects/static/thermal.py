@@ -31,6 +31,7 @@ from models.effects.static.base import (
     require_positive,
     sign,
 )
+from models.recursion import decaying_sum
 
 
 def _temperature(block: Samples, cause: str) -> FloatArray:
@@ -102,11 +103,9 @@ class ThermalLag(Effect):
 
     def lagged(self, temperature: FloatArray, interval: float) -> FloatArray:
         """Return the lagging temperature (n,), °C, exact where the input is constant between samples."""
-        from scipy.signal import lfilter  # loaded when used: scipy.signal is slow to import
-
         phi = math.exp(-interval / self.time_constant)
         rise = np.concatenate(([0.0], temperature[:-1] - temperature[0]))
-        return np.asarray(temperature[0] + lfilter([1.0 - phi], [1.0, -phi], rise), dtype=float)
+        return np.asarray(temperature[0] + (1.0 - phi) * decaying_sum(rise, phi), dtype=float)
 
     def signal(self, temperature: FloatArray, interval: float) -> FloatArray:
         """Return the bias for evenly sampled temperatures (n,), °C."""

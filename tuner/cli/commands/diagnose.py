@@ -116,13 +116,14 @@ def command(
     page(f"Diagnosis of {Path(log).name}", parts)
     if output.tables:
         if not verbose:
-            from tuner.report.diagnosis_answer import diagnosis_answer, drive_diagnosis_answer
+            if isinstance(found, DriveDiagnosis):
+                from tuner.report.drive_diagnosis_tables import drive_diagnosis_answer
 
-            show(
-                drive_diagnosis_answer(found)
-                if isinstance(found, DriveDiagnosis)
-                else diagnosis_answer(found, () if isinstance(data, Drive) else data)
-            )
+                show(drive_diagnosis_answer(found))
+            else:
+                from tuner.report.diagnosis_answer import diagnosis_answer
+
+                show(diagnosis_answer(found, () if isinstance(data, Drive) else data))
         elif isinstance(found, DriveDiagnosis):
             from tuner.report.drive_diagnosis_tables import drive_tables
 

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import binom, poisson
 
+from models.probability import binomial_at_least, poisson_at_least
 from models.robust import normal_sd
 
 FloatArray = NDArray[np.float64]
@@ -79,7 +79,7 @@ def find_packets(y: FloatArray) -> Packets:
         len(_rows(one, int(lags[best]))) for one, lag in zip(equal, lags, strict=True) if lag % lags[best]
     )
     chance = CHANCE_FACTOR * max(len(part) * usual ** float(lags[best]), float(beside), 1e-12)
-    p_value = min(1.0, len(lags) * float(poisson.sf(number[best] - 1, chance)))
+    p_value = min(1.0, len(lags) * poisson_at_least(number[best], chance))
     if number[best] < MIN_PACKETS or p_value > MAX_P_VALUE:
         return none
     length = int(lags[best])
@@ -134,7 +134,7 @@ def find_lines(pieces: Sequence[FloatArray], step: float) -> Lines:
     far = (np.concatenate([np.empty(0), *_off_line(pieces, lag)]) for lag in FAR_LAGS)
     apart = [np.mean(one <= reach) for one in far if len(one)]
     expected = min(CHANCE_FACTOR * max(by_density, float(np.median(apart)) if apart else 0.0) + 1e-9, 1.0)
-    return Lines(share, float(binom.sf(on_line - 1, count, expected)))
+    return Lines(share, binomial_at_least(on_line, count, expected))
 
 
 def _off_line(pieces: Sequence[FloatArray], lag: int) -> Iterator[FloatArray]:

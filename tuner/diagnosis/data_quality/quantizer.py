@@ -24,7 +24,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
-from scipy.stats import norm
+
+from models.probability import normal_beyond
 
 FloatArray = NDArray[np.float64]
 
@@ -204,7 +205,7 @@ def _zero_excess(count: NDArray[np.int64], zero: int) -> float:
         return 1.0
     excess = np.log(count[zero]) - (4.0 * np.log(near).mean() - np.log(far).mean()) / 3.0
     variance = 1.0 / count[zero] + 4.0 / 9.0 * np.sum(1.0 / near) + np.sum(1.0 / far) / 36.0
-    return float(norm.sf((excess - MIN_LOG_EXCESS) / np.sqrt(variance)))
+    return normal_beyond(float((excess - MIN_LOG_EXCESS) / np.sqrt(variance)))
 
 
 def _gap(count: NDArray[np.int64], zero: int) -> float:

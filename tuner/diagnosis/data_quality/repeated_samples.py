@@ -34,7 +34,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import erf
-from scipy.stats import binom, norm, t
+
+from models.probability import binomial_at_least, normal_reach, student_beyond
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -147,9 +148,9 @@ def _by_lags(pieces: Sequence[FloatArray], steps: Sequence[float]) -> RepeatedSa
     statistic = float(excess.sum()) / sd
     if first + later < MIN_EQUALITIES:
         odds = float(np.sum(scaled * margin)) / later if later else float(np.mean(colour * margin))
-        p_value = float(binom.sf(first - 1, first + later, odds / (odds + len(lags))))
+        p_value = binomial_at_least(first, first + later, odds / (odds + len(lags)))
     else:
-        p_value = float(t.sf(statistic, max(len(excess) - 1, 1)))
+        p_value = student_beyond(statistic, max(len(excess) - 1, 1))
     shares = np.concatenate(([1.0], equal.sum(axis=0) / n))
     scale = np.array([scaled[:, i].sum() / max(equal[:, k].sum(), 1.0) for i, k in enumerate(lags)])
     return _with_share(statistic, p_value, shares, np.where(scale > 0.0, scale, colour), lags, sd / n)
@@ -185,7 +186,7 @@ def _fine(pieces: Sequence[FloatArray], steps: Sequence[float]) -> RepeatedSampl
     repeated = excess[:, 0] - np.mean(ratio * excess[:, lags], axis=1)
     total, sd = float(repeated.sum()), math.sqrt(len(repeated)) * float(np.std(repeated, ddof=1))
     shares = np.concatenate(([1.0], excess.sum(axis=0) / n))
-    return _with_share(total / sd, float(t.sf(total / sd, len(repeated) - 1)), shares, ratio, lags, sd / n)
+    return _with_share(total / sd, student_beyond(total / sd, len(repeated) - 1), shares, ratio, lags, sd / n)
 
 
 def _with_share(
@@ -195,7 +196,7 @@ def _with_share(
     free = max(1.0 - float(np.mean(ratio * shares[lags])), 1e-3)
     most = max(float(shares[1]), 0.0)
     fraction = min(max((shares[1] - float(np.mean(ratio * shares[lags + 1]))) / free, 0.0), most)
-    half = float(norm.ppf(0.975)) * sd / free
+    half = normal_reach(0.95) * sd / free
     return RepeatedSamples(
         statistic, p_value, fraction, (max(fraction - half, 0.0), min(fraction + half, 1.0))
     )

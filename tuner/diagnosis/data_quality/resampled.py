@@ -14,8 +14,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import rfft
-from scipy.stats import chi2
 
+from models.probability import chi2_below
 from tuner.diagnosis.data_quality.copied_samples import Lines
 
 FloatArray = NDArray[np.float64]
@@ -80,7 +80,7 @@ def _on_lines(y: FloatArray, inputs: float) -> Lines:
     if float(ratio.mean()) > MAX_LEFT:
         return Lines(0.0, 1.0)
     freedom = WINDOW_SAMPLES - int(np.ceil(WINDOW_SAMPLES * inputs)) - 1
-    chance = np.minimum(PHASE_COUNT * chi2.cdf(freedom * ratio, freedom), 1.0)
+    chance = np.minimum(PHASE_COUNT * chi2_below(freedom * ratio, freedom), 1.0)
     p_value = float(np.prod(chance))
     return Lines(1.0 - inputs, p_value if p_value < MAX_P_VALUE else 1.0)
 

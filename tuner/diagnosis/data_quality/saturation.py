@@ -34,8 +34,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
 from scipy.special import ndtr
-from scipy.stats import nbinom, poisson
 
+from models.probability import negative_binomial_at_least, poisson_at_least
 from tuner.diagnosis.data_quality.quantizer import MIN_NOISE_VARIANCE, fast_part
 
 FloatArray = NDArray[np.float64]
@@ -123,13 +123,11 @@ def _upper_end(pieces: Sequence[FloatArray], step: float) -> Rail:
     )
     if count < MIN_RAIL_SAMPLES:
         return Rail(level, count, 0.0, 1.0)
-    from scipy.signal import lfilter  # loaded when used: scipy.signal is slow to import
-
     noises = [fast_part(piece) for piece in pieces]
     spread = math.sqrt(float(np.mean(np.concatenate(noises) ** 2)))
     width = max(1.0, round(0.5 * spread / step)) * step if step > 0 else 0.5 * spread
     whitener = _prediction_error_filter(noises)
-    errors = [lfilter(whitener, [1.0], noise) for noise in noises]
+    errors = [np.convolve(noise, whitener)[: len(noise)] for noise in noises]
     sd = math.sqrt(float(np.mean(np.concatenate(errors) ** 2)))
     if sd == 0.0 or step > MAX_PREDICTED_STEP * sd:
         return Rail(level, count, 0.0, 1.0)
@@ -150,7 +148,7 @@ def _reachable(
     pieces: Sequence[FloatArray], level: float, slack: float, count: int, crossings: float, spread: float
 ) -> bool:
     """Whether the noise reaches the end, or explains all samples there, or as many others lie far away."""
-    if crossings > 1.0 or poisson.sf(count - 1, crossings) > END_P_VALUE:
+    if crossings > 1.0 or poisson_at_least(count, crossings) > END_P_VALUE:
         return True
     y = np.concatenate(pieces)
     away = np.abs(y - np.median(y))
@@ -199,7 +197,7 @@ def _pile(count: int, first: int, second: int, step: float, width: float, spread
     curve = 0.5 * inside * (inside + width) / spread**2
     expected = step * math.exp(log_first + weight * (log_first - log_second) - curve)
     variance = (1.0 + weight) ** 2 / (first + 0.5) + weight**2 / (second + 0.5)
-    return float(nbinom.sf(count - 1, 1.0 / variance, 1.0 / (1.0 + expected * variance)))
+    return negative_binomial_at_least(count, expected, variance)
 
 
 def _prediction_error_filter(noises: Sequence[FloatArray]) -> FloatArray:

@@ -23,7 +23,6 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from models.earth import llh_displaced
 from tuner.diagnosis.drive.causes.base import prior_sds
@@ -99,6 +98,8 @@ def with_more_noise(drive: Drive, run: FilterRun, rng: np.random.Generator) -> D
 
 def _markov(shape: tuple[int, ...], rate: float, rng: np.random.Generator) -> FloatArray:
     """Return a Gauss–Markov process of variance 1 along the first axis, `rate` in steps by its time constant."""
+    from scipy.signal import lfilter  # a sixth of a second to load
+
     drawn = rng.standard_normal(shape)
     drawn[1:] *= np.sqrt(-np.expm1(-2.0 * rate))
     return np.asarray(lfilter([1.0], [1.0, -np.exp(-rate)], drawn, axis=0))

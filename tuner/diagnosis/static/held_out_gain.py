@@ -21,8 +21,8 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
 
+from models.probability import log_normal_density
 from tuner.diagnosis.static.causes.base import Extension, gain_of, power_of
 from tuner.diagnosis.static.causes.burst import Burst
 from tuner.diagnosis.static.causes.comb import Comb
@@ -275,7 +275,8 @@ def _law(fitted: Residual) -> Callable[[FloatArray], FloatArray]:
         )
         return lambda e: np.asarray(
             np.logaddexp(
-                np.log1p(-share) + norm.logpdf(e, 0.0, sd), np.log(share) + norm.logpdf(e, 0.0, wide)
+                np.log1p(-share) + log_normal_density(e, sd),
+                np.log(share) + log_normal_density(e, wide),
             )
         )
     return lambda e: -0.5 * (e / sd) ** 2 - float(np.log(sd) + 0.5 * np.log(2.0 * np.pi))

@@ -12,8 +12,8 @@ References
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import chi2
 
+from models.probability import chi2_beyond
 from tuner.diagnosis.static.causes import colour, lowpass, vibration
 from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.diagnosis.static.causes.template import Template
@@ -131,7 +131,7 @@ def slow_spectrum_misfit(fitted: Residual) -> tuple[TestResult, ...]:
     share = count * (mean - 1.0 - np.log(mean))
     deviance = float(np.sum(share))
     inflation = float(np.mean(1.0 + 1.0 / (3.0 * count)))
-    p_value = float(chi2.sf(deviance / inflation, len(count)))
+    p_value = chi2_beyond(deviance / inflation, len(count))
     worst = int(np.argmax(share))
     longest, shortest = 2.0 * fitted.channel.span / edges[worst : worst + 2]
     place = f"{10.0 * np.log10(mean[worst]):+.2g} dB at periods of {shortest:.3g} … {longest:.3g} s"

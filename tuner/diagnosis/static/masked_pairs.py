@@ -12,8 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
+from models.probability import chi2_beyond
 from tuner.diagnosis.static.causes.base import Extension
 from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.diagnosis.static.causes.step import Step
@@ -45,14 +45,14 @@ def test(fitted: Residual) -> TestResult | None:
         return None
     full = fitted.refit(columns[:, chosen])
     ratio = max(0.0, 2.0 * (full.log_likelihood - fitted.fit.log_likelihood))
-    if float(chi2.sf(ratio, len(chosen))) > OMNIBUS_LEVEL:
+    if chi2_beyond(ratio, len(chosen)) > OMNIBUS_LEVEL:
         return None
     first = _best_pairs(fitted, candidates, columns, full.expected)
     judged = [(fitted.refit(columns[:, list(pair)]).log_likelihood, pair) for pair in first[:3]]
     value, pair = max(judged, key=lambda item: item[0])
     ratio = max(0.0, 2.0 * (value - fitted.fit.log_likelihood))
     price = float(np.prod([_number(candidates[i]) for i in pair]))
-    p_value = min(1.0, price * float(chi2.sf(SLOW_RATIO_FACTOR * ratio, 2)))
+    p_value = min(1.0, price * chi2_beyond(SLOW_RATIO_FACTOR * ratio, 2))
     gain = 0.5 * ratio - float(np.log(price)) - 0.5 * float(np.log(fitted.channel.blocks))
     return TestResult(
         PAIR,
@@ -82,7 +82,7 @@ def replacing_pair(fitted: Residual, threshold: float) -> tuple[int, TestResult]
         return None
     places = Step.different_in_pairs
     ratio = pair.statistic - 2.0 * max(0.0, fitted.fit.log_likelihood - fewer.fit.log_likelihood)
-    p_value = min(1.0, places * float(chi2.sf(SLOW_RATIO_FACTOR * max(ratio, 0.0), 1)))
+    p_value = min(1.0, places * chi2_beyond(SLOW_RATIO_FACTOR * max(ratio, 0.0), 1))
     if p_value > threshold or 0.5 * ratio < np.log(places) + 0.25 * np.log(fitted.channel.blocks):
         return None
     return slow[0], replace(pair, p_value=min(pair.p_value, p_value))

@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.stats import chi2
 
+from models.probability import chi2_beyond
 from tuner.diagnosis.static.causes.base import Value
 from tuner.diagnosis.static.causes.hysteresis import Hysteresis
 from tuner.diagnosis.static.causes.line import Line
@@ -94,7 +94,7 @@ def behind_thermometer(fitted: Residual, result: TestResult, threshold: float) -
     best = fitted.refit(block_transform(columns, fitted.cleaned, fitted.track.singles))
     ratio = max(0.0, 2.0 * (best.log_likelihood - fitted.fit.log_likelihood))
     gain = 0.5 * ratio - 0.5 * float(np.log(fitted.channel.blocks))
-    p_value = float(chi2.sf(SLOW_RATIO_FACTOR * ratio, 2))
+    p_value = chi2_beyond(SLOW_RATIO_FACTOR * ratio, 2)
     if gain < result.gain - NEAR_TWIN_NATS or p_value > threshold:
         return result
     name = "likelihood ratio of the temperature and its rate"

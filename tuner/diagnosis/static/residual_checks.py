@@ -30,8 +30,8 @@ from numpy.polynomial.legendre import Legendre, legvander
 from numpy.typing import NDArray
 from scipy.fft import next_fast_len, rfft
 from scipy.special import ndtr
-from scipy.stats import chi2
 
+from models.probability import chi2_beyond
 from tuner.diagnosis.static.causes.line import Line
 from tuner.diagnosis.static.causes.temperature import COVARIATE
 from tuner.diagnosis.static.causes.template import Template, TimeConstantTemplate
@@ -99,7 +99,7 @@ def _rounding_share(fitted: Residual) -> float:
 
 def _result(cause: str, statistic: float, freedom: int, name: str, place: str, tried: int = 1) -> TestResult:
     """Return the result of a χ² statistic, the least likely of so many."""
-    p_value = min(1.0, tried * float(chi2.sf(statistic, freedom)))
+    p_value = min(1.0, tried * chi2_beyond(statistic, freedom))
     left = 0.5 * max(statistic - freedom, 0.0)
     return TestResult(cause, p_value, 0.0, statistic, name, misfit=left, place=place)
 

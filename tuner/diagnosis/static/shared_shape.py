@@ -11,8 +11,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.stats import chi2
 
+from models.probability import chi2_beyond
 from tuner.diagnosis.static.causes.base import Extension
 from tuner.diagnosis.static.causes.hysteresis import Hysteresis
 from tuner.diagnosis.static.causes.temperature import COVARIATE, Temperature
@@ -118,7 +118,7 @@ def _changed(
     given = len(outcome.final.extensions) - len(outcome.accepted)
     kept = [a for a in outcome.accepted if not isinstance(a.extension, SMOOTH)]
     ratio = 2.0 * max(fit.fit.log_likelihood - bare.fit.log_likelihood, 0.0)
-    p_value = float(chi2.sf(SLOW_RATIO_FACTOR * ratio, len(shapes)))
+    p_value = chi2_beyond(SLOW_RATIO_FACTOR * ratio, len(shapes))
     gain = 0.5 * ratio - _numbers(shapes, fit.channel.blocks)
     weight = float(np.exp(min(own - _value(fit, shapes), 0.0)))
     causes = {x.cause for x in shapes}

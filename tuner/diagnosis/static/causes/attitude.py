@@ -12,8 +12,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
 
+from models.probability import chi2_beyond
 from tuner.diagnosis.static.model.dct import block_transform
 from tuner.diagnosis.static.model.null_distributions import SLOW_RATIO_FACTOR
 from tuner.diagnosis.static.model.residual import Residual
@@ -80,7 +80,7 @@ def test(residuals: Mapping[str, Residual], limit: float) -> Tilt | None:
     )
     fit = found.refit(template[:, 0])
     ratio = max(0.0, 2.0 * (fit.log_likelihood - found.fit.log_likelihood))
-    p_value = float(chi2.sf(SLOW_RATIO_FACTOR * ratio, 1))
+    p_value = chi2_beyond(SLOW_RATIO_FACTOR * ratio, 1)
     size, error = float(fit.beta[-1]), float(np.sqrt(fit.beta_covariance[-1, -1]))
     if p_value > limit or abs(size - 1.0) > 4.0 * error + 4.0 * sd / change:
         return None

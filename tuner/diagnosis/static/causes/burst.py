@@ -20,9 +20,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
 
 from models.effects.static.distribution import Burst as Effect
+from models.probability import normal_beyond
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.null_distributions import EDGE_NATS
@@ -140,7 +140,7 @@ def _largest_variance(local: LocalVariance) -> _Window:
         freedom = 2.0 * width**2 / np.maximum(scatter[b] - scatter[a], 1e-9)
         deviate = np.abs(local.deviate(mean, freedom * (1.0 - width / n)))
         at = int(np.argmax(deviate))
-        chance = float(norm.sf(deviate[at])) * len(start) * len(widths)
+        chance = normal_beyond(deviate[at]) * len(start) * len(widths)
         if chance < best.chance:
             best = _Window(chance, int(start[at]), width, float(mean[at]))
     return best

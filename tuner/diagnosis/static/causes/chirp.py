@@ -25,8 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import rfft
 from scipy.ndimage import uniform_filter1d
-from scipy.stats import gamma
 
+from models.probability import chi2_beyond
 from tuner.diagnosis.static.causes.base import Extension
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.residual import Residual
@@ -127,7 +127,7 @@ def _clearest(e: SingleArray, parts: int, slowest: int) -> _Track | None:
                 most, drift, at = float(above.max()), rise, int(np.argmax(above))
         moved = np.array([at, min(at + drift, width - 1)])
         ends = (MIN_HALF_BIN + (width - 1 - moved if mirrored else moved)) / (2.0 * size)
-        chance = 2.0 * (parts - slowest) * width * float(gamma.sf(most, parts))
+        chance = 2.0 * (parts - slowest) * width * chi2_beyond(2.0 * most, 2.0 * parts)
         if chance < (best.chance if best else 1.0):
             best = _Track(chance, most - parts, Sweep(float(ends[0]), float(ends[1]), parts))
     return best

@@ -15,9 +15,9 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
-from scipy.stats import chi2
 
 from models.effects.static.spectral import Comb as Effect
+from models.probability import chi2_beyond
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.residual import Residual
@@ -137,7 +137,7 @@ class Comb(Extension):
         if _of_few_lines(folded, square):
             return TestResult(cls.cause, 1.0, NO_GAIN, score, name)
         tried = number * len(e) / period
-        p_value = min(1.0, tried * float(chi2.sf(square, len(folded))))
+        p_value = min(1.0, tried * chi2_beyond(square, len(folded)))
         gain = 0.5 * (square - len(folded)) - float(np.log(tried))
         return TestResult(
             cls.cause, p_value, gain, square, name, lambda: (_extension(fitted, period, phase),), local=True

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from scipy.stats import norm
 
 from models.effects.static.distribution import CrossAxis as Effect
+from models.probability import normal_beyond
 from tuner.diagnosis.cause import Cause
 from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.model.series_statistics import SAMPLES_AT_ONCE
@@ -70,7 +70,7 @@ def test(residuals: Mapping[str, Residual], limit: float) -> tuple[Shared, ...]:
     found: dict[tuple[str, str], tuple[float, float, float]] = {}
     for a, b in pairs:
         seen, n = _correlation(residuals[a], residuals[b])
-        p_value = min(1.0, 2.0 * len(pairs) * float(norm.sf(abs(seen) * np.sqrt(n))))
+        p_value = min(1.0, 2.0 * len(pairs) * normal_beyond(abs(seen) * np.sqrt(n)))
         if p_value < limit:
             share = 1.0 - float(np.mean(residuals[a].hidden | residuals[b].hidden))
             rho = min(max(seen / share, -1.0), 1.0)

@@ -10,9 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
 
 from models.effects.static.spectral import CorrelatedDrift
+from models.probability import chi2_beyond
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.model.slow_likelihood import Fit
@@ -42,7 +42,7 @@ class MoreMarkov(Extension):
         ratio = max(0.0, 2.0 * (best.log_likelihood - fitted.fit.log_likelihood))
         decades = np.log10(fitted.channel.span / (20.0 * fitted.channel.interval))
         gain = 0.5 * ratio - float(np.log(fitted.channel.blocks))
-        p_value = float(min(1.0, 2.0 * decades * chi2.sf(ratio, 2)))
+        p_value = float(min(1.0, 2.0 * decades * chi2_beyond(ratio, 2)))
         return TestResult(
             "gauss_markov",
             p_value,

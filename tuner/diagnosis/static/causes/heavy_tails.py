@@ -20,9 +20,9 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit, gammaln, ndtr, ndtri
-from scipy.stats import norm, t
 
 from models.effects.static.distribution import HeavyTails as Effect
+from models.probability import normal_beyond, student_beyond
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.model.null_distributions import maximum, minimum
 from tuner.diagnosis.static.model.residual import Residual
@@ -97,7 +97,9 @@ class HeavyTails(Extension):
     def _deviate(self, size: NDArray[np.floating[Any]]) -> FloatArray:
         """Return the normal deviates of sizes of the law."""
         core, wide = self.scales
-        beyond = (1.0 - self.share) * norm.sf(size / core) + self.share * t.sf(size / wide, self.nu)
+        exact = np.asarray(size, dtype=float)
+        beyond = (1.0 - self.share) * normal_beyond(exact / core)
+        beyond += self.share * student_beyond(exact / wide, self.nu)
         return np.asarray(-ndtri(np.maximum(beyond, 1e-300)))
 
     @classmethod
@@ -113,7 +115,7 @@ class HeavyTails(Extension):
         )
         rounding = rounded_kurtosis(fitted.channel.quantizer_step / white)
         deviate = (kurtosis - CLIPPED_KURTOSIS - rounding) / np.sqrt(24.0 / n)
-        p_value = float(norm.sf(deviate))
+        p_value = normal_beyond(deviate)
         gain, law = 0.0, Law(0.0, np.inf, 0.0)
         if p_value < 1e-3:
             law = whole(histogram(fitted.good))

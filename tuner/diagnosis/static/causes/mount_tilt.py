@@ -20,9 +20,9 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from models.effects.static.attitude import Attitude
+from models.probability import chi2_beyond
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.dct import block_transform
@@ -123,7 +123,7 @@ class MountTilt(Extension):
         template = block_transform(placed.columns(fitted.channel), fitted.cleaned, fitted.track.singles)
         ratio = max(0.0, 2.0 * (fitted.refit(template).log_likelihood - fitted.fit.log_likelihood))
         chance = float(
-            len(DURATIONS) * chi2.sf(SLOW_RATIO_FACTOR * ratio, 1)
+            len(DURATIONS) * chi2_beyond(SLOW_RATIO_FACTOR * ratio, 1)
             + crossings * np.exp(-0.5 * SLOW_RATIO_FACTOR * ratio)
         )
         gain = 0.5 * ratio - float(np.log(blocks / 8.0)) - MIN_LEAD - 0.25 * float(np.log(blocks))
@@ -240,7 +240,7 @@ def stretched(finals: Mapping[str, Residual], limit: float) -> tuple[Unexplained
     change = float(np.linalg.norm(moved[:, 0]))
     longer = float(along @ moved[:, 0]) + 0.5 * change**2 / norm
     spread = float(np.hypot(np.linalg.norm(along * moved[:, 1]), DIRECTION_SD * change))
-    chance = float(chi2.sf((longer / spread) ** 2, 1))
+    chance = chi2_beyond((longer / spread) ** 2, 1)
     if chance >= limit:
         return ()
     start, duration = (clearest.values[k].value for k in ("start", "duration"))

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.effects.static.events import Recovery as Effect
+from models.recursion import decaying_sum
 from tuner.diagnosis.static.causes.base import Value
 from tuner.diagnosis.static.causes.template import TimeConstantTemplate
 from tuner.diagnosis.static.channel import Channel
@@ -175,13 +176,11 @@ class Recovery(TimeConstantTemplate):
 
 def _scan(fitted: Residual, time_constant: float) -> Scan:
     """Score a transient of one time constant, s, from each block boundary 1 … M − 1."""
-    from scipy.signal import lfilter  # loaded when used: scipy.signal is slow to import
-
     channel, m = fitted.channel, fitted.channel.blocks
     blocks = time_constant / (channel.block * channel.interval)
     first = max(4, m // 500, int(np.ceil(0.5 * blocks)))
     each = block_sums(weights(fitted) * rest(fitted), channel)
-    total = lfilter([-np.expm1(-1.0 / blocks) * blocks], [1.0, -np.exp(-1.0 / blocks)], each[::-1])[::-1]
+    total = -np.expm1(-1.0 / blocks) * blocks * decaying_sum(each[::-1], float(np.exp(-1.0 / blocks)))[::-1]
     turn = np.linspace(0.0, np.pi, NORM_PLACES)
     places = np.unique(np.rint(first + 0.5 * (m - 2 * first) * (1.0 - np.cos(turn))).astype(int))
     pairs = [Recovery(time_constant, int(p + d) * channel.block) for p in places for d in (0, 1)]

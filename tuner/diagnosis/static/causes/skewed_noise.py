@@ -20,9 +20,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
 
 from models.effects.static.distribution import SkewedNoise as Effect
+from models.probability import normal_beyond
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.model.series_statistics import moment
@@ -83,7 +83,7 @@ class SkewedNoise(Extension):
         shape = cls(float(np.clip(seen, -MAX_SKEWNESS, MAX_SKEWNESS)), values={"skewness": size})
         return TestResult(
             cls.cause,
-            2.0 * float(norm.sf(abs(deviate))),
+            2.0 * normal_beyond(abs(deviate)),
             gain,
             seen,
             "skewness of the residuals",

@@ -14,10 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
-from scipy.stats import chi2 as chi2_law
-from scipy.stats import norm, poisson
 
 from models.effects.static.events import Spikes as Effect
+from models.probability import chi2_quantile, normal_beyond, normal_density, poisson_at_least
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.null_distributions import any_of, maximum
@@ -67,9 +66,9 @@ class Spikes(Extension):
         size = np.abs(fitted.good)
         n = len(size)
         count = int(np.count_nonzero(size > SPIKE_THRESHOLD))
-        expected = n * 2.0 * float(norm.sf(SPIKE_THRESHOLD))
-        many = float(poisson.sf(count - 1, expected)) if count else 1.0
-        largest = any_of(2.0 * float(norm.sf(size.max())), n)
+        expected = n * 2.0 * normal_beyond(SPIKE_THRESHOLD)
+        many = poisson_at_least(count, expected) if count else 1.0
+        largest = any_of(2.0 * normal_beyond(size.max()), n)
         p_value = min(1.0, 2.0 * min(many, largest))
         gain = 0.0
         if p_value < 1e-3:
@@ -90,7 +89,7 @@ def mixture_gain(bins: Histogram) -> float:
 
     def cost(x: FloatArray) -> float:
         share, core, wide = expit(x[0]), np.exp(x[1]), np.exp(x[1]) * (1.0 + np.exp(x[2]))
-        density = (1.0 - share) * norm.pdf(bins.value, 0.0, core) + share * norm.pdf(bins.value, 0.0, wide)
+        density = (1.0 - share) * normal_density(bins.value, core) + share * normal_density(bins.value, wide)
         return -float(bins.count @ np.log(density + 1e-300))
 
     return bins.normal_cost() - maximum(cost, [[-9.0, 0.0, 2.0], [-5.0, 0.0, 1.0]], scale=0.5)[2]
@@ -114,7 +113,7 @@ def extension(fitted: Residual) -> Spikes:
     """Return the samples to be taken out, with the rate and the typical size."""
     e, dt = fitted.e, fitted.channel.interval
     places = np.flatnonzero((np.abs(e) > SPIKE_GATE) & fitted.valid)
-    by_chance = 2.0 * float(norm.sf(SPIKE_GATE)) * len(e)
+    by_chance = 2.0 * normal_beyond(SPIKE_GATE) * len(e)
     white = fitted.spread * float(np.sqrt(fitted.power[-max(1, len(fitted.power) // 2) :].mean() / dt))
     return _taken_out(places, np.abs(e[places]) * white, len(e) * dt, white, by_chance)
 
@@ -122,7 +121,7 @@ def extension(fitted: Residual) -> Spikes:
 def _taken_out(places: IntArray, sizes: FloatArray, span: float, white: float, by_chance: float) -> Spikes:
     """Return spikes at these places, of these sizes in noise of a white sd; so many are there by chance."""
     count = len(places)
-    low, high = (0.5 * chi2_law.ppf([0.025, 0.975], [2 * count, 2 * count + 2])).tolist()
+    low, high = (float(0.5 * chi2_quantile(p, 2.0 * n)) for p, n in ((0.025, count), (0.975, count + 1)))
     middle = float(np.median(sizes))
     spread = (1.2533 * float(np.std(sizes)) + white) / float(np.sqrt(max(count, 1)))
     return Spikes(

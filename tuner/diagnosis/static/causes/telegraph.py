@@ -24,10 +24,10 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
-from scipy.stats import chi2
 
 from models.effects.static.events import Telegraph as Effect
 from models.noise import BiasInstability, GaussMarkov, RandomWalk, Term
+from models.probability import chi2_beyond
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.null_distributions import curvature
@@ -166,7 +166,7 @@ class Telegraph(Extension):
         if best[0] - null > price:
             null = max(null, _refit_gaussian(y, step, channel.span, r, best[1]))
         lead = best[0] - null
-        p_value = float(chi2.sf(2.0 * max(lead, 0.0), 5))
+        p_value = chi2_beyond(2.0 * max(lead, 0.0), 5)
         gain = lead - price
         if gain <= 0.0:
             return TestResult("telegraph", p_value, gain, lead, name)

@@ -17,8 +17,9 @@ from dataclasses import dataclass, replace
 import numba
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm, poisson
 
+from models.probability import normal_density, poisson_at_least
+from models.recursion import decaying_sum
 from tuner.diagnosis.static.causes.base import Extension
 from tuner.diagnosis.static.causes.recovery import MIN_BLOCKS
 from tuner.diagnosis.static.channel import Channel
@@ -52,7 +53,7 @@ class Transients(Extension):
         """Take the transients out."""
         begun = np.zeros(len(channel))
         begun[list(self.places)] = self.sizes
-        return replace(channel, y=channel.y - _decaying(begun, self.time_constant))
+        return replace(channel, y=channel.y - decaying_sum(begun, float(np.exp(-1.0 / self.time_constant))))
 
     @classmethod
     def test(cls, fitted: Residual) -> TestResult:
@@ -75,8 +76,8 @@ class Transients(Extension):
                 number = len(_excursions(places[size > level], constant))
                 if not number:
                     break
-                mean = 2.0 * len(e) / constant * level * norm.pdf(level)
-                chance = float(poisson.sf(number - 1, mean))
+                mean = 2.0 * len(e) / constant * level * normal_density(level)
+                chance = poisson_at_least(number, mean)
                 best, chosen = min((best, chosen), (chance, constant))
         p_value = min(1.0, best * len(constants) * len(LEVELS))
         if p_value > 1e-3:
@@ -107,13 +108,6 @@ class Transients(Extension):
             misfit=gain,
             place=place,
         )
-
-
-def _decaying(begun: FloatArray, constant: float) -> FloatArray:
-    """Return what begins with these sizes at each sample, and decays, shape (n,)."""
-    from scipy.signal import lfilter  # loaded when used: scipy.signal is slow to import
-
-    return np.asarray(lfilter([1.0], [1.0, -np.exp(-1.0 / constant)], begun))
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[misc, unused-ignore]

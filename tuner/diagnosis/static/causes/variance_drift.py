@@ -17,9 +17,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from models.effects.static.distribution import VarianceDrift as Effect
+from models.probability import chi2_beyond
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.causes.temperature import COVARIATE
 from tuner.diagnosis.static.channel import Channel
@@ -154,7 +154,7 @@ def _regression(
     values = {"slope": Value.of(change / width, sd / width, unit)}
     return TestResult(
         "variance_drift",
-        float(chi2.sf(max(2.0 * gain, 0.0), 1)),
+        chi2_beyond(max(2.0 * gain, 0.0), 1),
         gain - 0.5 * float(np.log(len(fitted.e))),
         change,
         name,

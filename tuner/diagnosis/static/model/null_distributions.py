@@ -13,7 +13,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+
+from models.probability import chi2_beyond
 
 FloatArray = NDArray[np.float64]
 
@@ -43,7 +44,7 @@ def davies(ratio: float, correlation: FloatArray) -> float:
         Correlation of adjacent whitened templates; empty for a single one.
     """
     crossings = float(np.sum(np.arccos(np.clip(correlation, -1.0, 1.0)))) / np.pi
-    return float(min(1.0, chi2.sf(ratio, 1) + crossings * np.exp(-0.5 * ratio)))
+    return float(min(1.0, chi2_beyond(ratio, 1) + crossings * np.exp(-0.5 * ratio)))
 
 
 def any_of(p_value: float, number: float) -> float:

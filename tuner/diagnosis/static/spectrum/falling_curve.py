@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
 from scipy.optimize import isotonic_regression
-from scipy.stats import chi2
 
+from models.probability import chi2_beyond
 from tuner.diagnosis.static.spectrum.binned import BIN_COUNT, MIN_RELATIVE_FREQUENCY, Bins
 
 FloatArray = NDArray[np.float64]
@@ -106,7 +106,7 @@ def _beside(data: Bins, share: float) -> FallingCurve | None:
     ratio = data.power / expected
     deviance = data.count * (ratio - 1.0 - np.log(ratio))
     passed = response > HALF_POWER
-    if chi2.sf(deviance[passed].sum(), passed.sum()) < PASSBAND_P_VALUE:
+    if chi2_beyond(deviance[passed].sum(), passed.sum()) < PASSBAND_P_VALUE:
         return None
     at = int(np.searchsorted(data.cycles, ends[0]))
     near = slice(max(at - 2, 0), at + 2)

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
 
 from models.effects.static.spectral import Vibration
+from models.probability import normal_beyond
 from tuner.diagnosis.static.model.null_distributions import curvature, minimum, variance_deviate
 from tuner.diagnosis.static.spectrum.binned import Bins, Sizes, rise, sized
 from tuner.diagnosis.static.spectrum.filters import arma_power
@@ -52,7 +52,7 @@ def scan_resonances(data: Bins, expected: FloatArray) -> tuple[float, float, flo
         freedom = mass[width:] - mass[:-width]
         z = variance_deviate((total[width:] - total[:-width]) / freedom, freedom)
         at = int(np.argmax(z))
-        chance = len(WIDTHS) * len(z) * float(norm.sf(z[at]))
+        chance = len(WIDTHS) * len(z) * normal_beyond(z[at])
         if chance < best[0]:
             middle = float(data.cycles[at : at + width].mean())
             best = (chance, middle, width * float(data.cycles[1] - data.cycles[0]))

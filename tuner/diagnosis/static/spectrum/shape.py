@@ -24,8 +24,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
-from scipy.stats import chi2
 
+from models.probability import chi2_beyond
 from tuner.diagnosis.static.model.null_distributions import maximum, minimum
 from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.spectrum.binned import Bins, Sizes, bins, rise, sized
@@ -216,7 +216,7 @@ def _reach(data: Bins, fitted: ShapeFit, goal: float) -> tuple[float, float]:
 def misfit(data: Bins, fitted: ShapeFit) -> float:
     """Return the p-value of the scatter of the bins about the fit."""
     square = 0.5 * data.count * (data.power / fitted.expected - 1.0) ** 2
-    return float(chi2.sf(square.sum(), len(square) - 3 - len(fitted.x)))
+    return chi2_beyond(square.sum(), len(square) - 3 - len(fitted.x))
 
 
 @dataclass(frozen=True)
@@ -316,7 +316,7 @@ def few_shapes(fitted: Residual) -> ShapeTest:
         return ShapeTest(data, null, 1.0, misfit(data, null), (), (), None, 1.0)
     first = tuple(fit_colour(data, name) for name in FIRST_ORDER)
     ratio = 2.0 * max(0.0, null.cost - min(f.cost for f in first))
-    p_value = min(1.0, 2.0 * float(chi2.sf(ratio, 1)))
+    p_value = min(1.0, 2.0 * chi2_beyond(ratio, 1))
     scatter = misfit(data, null)
     resonance_p_value = scan_resonances(data, null.expected)[0]
     if min(p_value, scatter, resonance_p_value) > SHAPES_P_VALUE:

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
+
+from models.probability import log_normal_density
 
 FloatArray = NDArray[np.float64]
 
@@ -29,7 +30,7 @@ class Histogram:
     def normal_cost(self) -> float:
         """Return minus the log likelihood of the normal law of best variance."""
         sd = float(np.sqrt(self.count @ self.value**2 / self.count.sum()))
-        return -float(self.count @ norm.logpdf(self.value, 0.0, sd))
+        return -float(self.count @ log_normal_density(self.value, sd))
 
 
 def histogram(e: FloatArray, *, clip: float = MAX_DEVIATION, sd: float = 1.0) -> Histogram:

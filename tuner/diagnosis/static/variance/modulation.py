@@ -25,9 +25,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import idct
-from scipy.stats import chi2
 
 from models.noise import NoiseModel, Quantization, White
+from models.probability import chi2_beyond
 from tuner.diagnosis.static.causes.temperature import COVARIATE
 from tuner.diagnosis.static.causes.variance_drift import middles, on_blocks
 from tuner.diagnosis.static.model.null_distributions import any_of, variance_deviate
@@ -51,19 +51,19 @@ def test(fitted: Residual) -> tuple[TestResult, TestResult, TestResult]:
     bias = _beside(bias_track(fitted), basis)
     by_bias = float(bias @ deviate) ** 2
     scatter = float(deviate @ deviate) - max(periodic, by_bias)
-    chance = 1.0 if is_coarse(fitted) else float(chi2.sf(by_bias, 1))
+    chance = 1.0 if is_coarse(fitted) else chi2_beyond(by_bias, 1)
     freedom = int(np.count_nonzero(deviate)) - basis.shape[1] - 2
     period = fitted.channel.span / cycles
     return (
         replace(
-            _unnamed("periodic variance", any_of(float(chi2.sf(periodic, 2)), len(CYCLES)), periodic,
+            _unnamed("periodic variance", any_of(chi2_beyond(periodic, 2), len(CYCLES)), periodic,
                      "the variance of the white noise swells and ebbs"),
             place=f"with a period of {period:.4g} s",
         ),
         _unnamed("variance by bias", chance, by_bias,
                  "the variance of the white noise moves with the bias"),
         replace(
-            _unnamed("irregular variance", float(chi2.sf(scatter, freedom)), scatter,
+            _unnamed("irregular variance", chi2_beyond(scatter, freedom), scatter,
                      f"the variance of the white noise changes irregularly between {LEVEL_BLOCKS} parts of the record"),
             misfit=0.5 * max(scatter - freedom, 0.0),
             place=_worst_part(fitted, deviate),
