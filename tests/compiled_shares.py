@@ -14,15 +14,9 @@ from typing import NamedTuple
 
 from tuner.navigation.engine.ahead import compile_variant
 from tuner.navigation.engine.layout import BATCH_SIZE
-from tuner.navigation.engine.state import LONG_ROW, SHORT_ROW
 
-VARIANTS = (
-    (SHORT_ROW, 1, False),
-    *((length, BATCH_SIZE, False) for length in (LONG_ROW, SHORT_ROW)),
-    (LONG_ROW, 1, False),
-    (SHORT_ROW, BATCH_SIZE, True),
-)
-"""Of the compiled filter: room for states, filters, and whether sensors are ideal. What takes longest comes first."""
+VARIANTS = ((1, False), (BATCH_SIZE, False), (BATCH_SIZE, True))
+"""Of the compiled filter: filters, and whether sensors are ideal. What takes longest comes first."""
 ALONE = VARIANTS[0]
 """The variant that a linear model of a drive is taken from."""
 MAX_WAIT = 300.0
@@ -73,11 +67,11 @@ class Part(NamedTuple):
 def parts() -> list[Part]:
     """Return all parts, those that take longest first; few tests need the linear model: the others do not wait."""
     filters = [
-        Part("-".join(map(str, one)), partial(compile_variant, *one[:2], ideal=one[2])) for one in VARIANTS
+        Part("-".join(map(str, one)), partial(compile_variant, one[0], ideal=one[1])) for one in VARIANTS
     ]
     linear = Part("linear", _linear_model_of_drives, after=filters[0].name, awaited=False)
     others = [_likelihood_of_outputs, _likelihood_of_drives, *_static()]
-    return [*filters[:4], linear, *filters[4:], *(Part(run.__name__, run) for run in others)]
+    return [*filters, linear, *(Part(run.__name__, run) for run in others)]
 
 
 def compile_share(folder: Path) -> None:

@@ -8,8 +8,8 @@ from tuner.catalogue.grades import DEFAULT_RECEIVER, grade_identification, load_
 from tuner.jobs import on_disk
 from tuner.navigation.engine.filter_steps import SensorInput, run_filters, variant
 from tuner.navigation.engine.fixes import FixBatch, new_output
-from tuner.navigation.engine.layout import BATCH_SIZE, Layout, layout_of, with_sensor_states
-from tuner.navigation.engine.state import LONG_ROW, SHORT_ROW, new_state
+from tuner.navigation.engine.layout import BATCH_SIZE, Layout, layout_of
+from tuner.navigation.engine.state import new_state
 from tuner.navigation.settings import filter_settings
 from tuner.synthesis import synthesize
 
@@ -17,19 +17,17 @@ SAMPLE_GRADE = "mpu9250"
 """A sensor whose filter has the states that most have; numbers do not matter."""
 
 
-def compile_variant(length: int = SHORT_ROW, filters: int = BATCH_SIZE, *, ideal: bool = True) -> None:
+def compile_variant(filters: int = BATCH_SIZE, *, ideal: bool = True) -> None:
     """Run a variant of the filter on no data: it is compiled, or loaded from disk. By default that of simulated runs.
 
     Parameters
     ----------
-    length : int
-        Room for states, `SHORT_ROW` or `LONG_ROW`.
     filters : int
         1, or `BATCH_SIZE` side by side.
     ideal : bool
-        Whether sensors have no scale factors, misalignments or g-sensitivity; of many filters with few states alone.
+        Whether sensors have no scale factors, misalignments or g-sensitivity; of many filters alone.
     """
-    lay = _layout(length, ideal)
+    lay = _layout(ideal)
     none = np.zeros((filters, 0, 6))
     run_filters(
         lay,
@@ -41,15 +39,12 @@ def compile_variant(length: int = SHORT_ROW, filters: int = BATCH_SIZE, *, ideal
     )
 
 
-def is_stored(length: int = SHORT_ROW, filters: int = BATCH_SIZE, *, ideal: bool = True) -> bool:
+def is_stored(filters: int = BATCH_SIZE, *, ideal: bool = True) -> bool:
     """Return whether a variant, perhaps of older sources, is on disk."""
-    lay = _layout(length, ideal)
+    lay = _layout(ideal)
     return on_disk(variant(lay, new_state(lay, filters)))
 
 
-def _layout(length: int, ideal: bool) -> Layout:
+def _layout(ideal: bool) -> Layout:
     config = synthesize(grade_identification(load_grade(SAMPLE_GRADE)), gnss=load_gnss(DEFAULT_RECEIVER))
-    lay = layout_of(filter_settings(config))._replace(ideal=ideal)
-    if length == LONG_ROW:
-        lay = with_sensor_states(lay, np.zeros(SHORT_ROW + 1 - lay.size, dtype=np.int64))
-    return lay
+    return layout_of(filter_settings(config))._replace(ideal=ideal)

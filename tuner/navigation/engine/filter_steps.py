@@ -51,13 +51,13 @@ from tuner.navigation.engine.mechanisation import (
 )
 from tuner.navigation.engine.propagation import LONGEST_DECAY, advance, gather, scatter, set_decay
 from tuner.navigation.engine.record_numbers import NUMBERS_CHECKSUM
-from tuner.navigation.engine.state import CALIBRATED_ROW, RATE, SAMPLE_ROW, SHORT_ROW, State
+from tuner.navigation.engine.state import CALIBRATED_ROW, RATE, SAMPLE_ROW, State
 
 FloatArray = NDArray[np.float64]
 
 
 @cache
-def _variant(filters: int, length: int, full: bool | None) -> Any:
+def _variant(filters: int, full: bool | None) -> Any:
     """Return the run compiled for records of `state.record_types`, kept on disk until a source of it changes.
 
     Numba looks at the file of one function only, and at the closure of that function: so the checksum of all files
@@ -143,25 +143,23 @@ def _variant(filters: int, length: int, full: bool | None) -> Any:
                 start_step(m)
                 changed = False
 
-    filter_steps.__qualname__ = f"filter_steps_{filters}_{length}_{full}"
+    filter_steps.__qualname__ = f"filter_steps_{filters}_{full}"
     return entry(filter_steps)
 
 
 def variant(lay: Layout, m: State) -> Any:
     """Return the compiled function for these states and records."""
-    _, length, filters = m.states.shape
-    return _variant(filters, length, _full(lay, m))
+    return _variant(m.rows.shape[1], _full(lay, m))
 
 
 def _full(lay: Layout, m: State) -> bool | None:
-    """Return None for many filters with few states whose sensor errors are biases and noise alone, else True.
+    """Return None for many filters whose sensor errors are biases and noise alone, else True.
 
     What these leave out takes a quarter of the time of compiling and none of running: so only the filters of simulated
     runs, which a first run waits for, have code of their own.
     """
-    _, length, filters = m.states.shape
     plain = lay.ideal and lay.delay < 0 and not len(lay.ramps) and not len(lay.further)
-    return None if plain and length == SHORT_ROW and filters > 1 else True
+    return None if plain and m.rows.shape[1] > 1 else True
 
 
 _CHECKSUM = NUMBERS_CHECKSUM ^ checksum(

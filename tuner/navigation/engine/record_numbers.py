@@ -15,7 +15,7 @@ import numpy as np
 from numba import from_dtype, types
 
 from tuner.navigation.engine.layout import BATCH_SIZE
-from tuner.navigation.engine.state import LONG_ROW, SHORT_ROW, record_types
+from tuner.navigation.engine.state import record_types
 
 FIRST_NUMBER = 20_000
 """From here on: more than a process has types before it compiles the filter (about 400 at first, some thousands when
@@ -31,12 +31,7 @@ def _numbered() -> tuple[Any, ...]:
     """Return the record types, their numbers one after another."""
     for k in range(_number(from_dtype(np.dtype([("first", "i1")]))), FIRST_NUMBER):
         types.Opaque(f"unused {k}")
-    kinds = [
-        kind
-        for filters in (1, BATCH_SIZE)
-        for length in (SHORT_ROW, LONG_ROW)
-        for kind in record_types(filters, length)
-    ]
+    kinds = [kind for filters in (1, BATCH_SIZE) for kind in record_types(filters)]
     return tuple(from_dtype(kind) for kind in kinds)
 
 

@@ -1,7 +1,7 @@
 """The records of the compiled filter: its layout and all that it changes; the last axis of arrays is the filters'.
 
-One record of arrays, whose sizes are constants of compilation, for one filter or `BATCH_SIZE`, of at most
-`SHORT_ROW` or `LONG_ROW` states. Compiled functions take it as their first argument `m`.
+One record of arrays, whose sizes are constants of compilation, for one filter or `BATCH_SIZE`, of at most `MAX_STATES`.
+Compiled functions take it as their first argument `m`.
 """
 
 from __future__ import annotations
@@ -27,9 +27,10 @@ from tuner.navigation.engine.random_normal import RANDOM_ROWS
 FloatArray = NDArray[np.float64]
 Field = tuple[str, str, tuple[int, ...]]  # name, type and shape of a field of a record
 
-SHORT_ROW, LONG_ROW = 48, 96
-"""Row lengths of matrices: room for all states. Rows of `BATCH_SIZE` filters are one element longer, and those of one
-filter eight, so that row distances are not near multiples of 4096 bytes, which share the same lines of the cache."""
+MAX_STATES = 96
+"""Room for states; what of it is not used costs no time. Rows of matrices are longer by one element for `BATCH_SIZE`
+filters, else by eight, so that the distances of rows, and of matrices, are not near multiples of 4096 bytes, which
+share the same lines of the cache."""
 CACHE_LINE = 64
 """Bytes of a line of the cache."""
 UNREACHED_LIMIT = 1e300
@@ -87,19 +88,19 @@ class State(NamedTuple):
     inputs: NDArray[np.void]  # (1,), that of S P: of six sensors, and of the acceleration down,
     each: NDArray[np.void]  # (1,), that of P_each, covariances while fixes are used; of one filter that of P
     rows: FloatArray  # (ROW_COUNT, W), see above
-    states: FloatArray  # (FIELD_COUNT, row length, W), of the states, see above
+    states: FloatArray  # (FIELD_COUNT, MAX_STATES, W), of the states, see above
     P: FloatArray  # (rows, columns, W); what is behind the states is 0
     stream: NDArray[np.uint64]  # (4, W), states of the streams of white noise
 
 
 @cache
-def record_types(filters: int, length: int) -> tuple[np.dtype[np.void], ...]:
-    """Return the four records of one filter, or of `BATCH_SIZE`, for at most `length` states.
+def record_types(filters: int) -> tuple[np.dtype[np.void], ...]:
+    """Return the four records of one filter, or of `BATCH_SIZE`.
 
     Arrays that one loop reads and writes at variable indices are in different records: of two such places in one
     record LLVM does not know that they differ.
     """
-    f, i, one = "f8", "i8", filters == 1
+    f, i, one, length = "f8", "i8", filters == 1, MAX_STATES
     columns = length + 8 if one else length + 1
     P: Field = ("P", f, (length + GROUP_SIZE - 1, columns, filters))
     fields: list[Field] = [
@@ -126,7 +127,7 @@ def record_types(filters: int, length: int) -> tuple[np.dtype[np.void], ...]:
         ("batches", i, ()),  # 1, which LLVM does not know
     ]
     inputs: Field = ("inputs", f, (DOWN_INPUT + 1, columns, filters))
-    each: Field = ("P_each", f, (1, length, columns) if one else (filters, length, length))
+    each: Field = ("P_each", f, (filters, length, length + 8))
     return tuple(_record(own) for own in (fields, [P], [inputs], [each]))
 
 
@@ -154,17 +155,16 @@ def new_state(lay: Layout, filters: int) -> State:
     Raises
     ------
     ValueError
-        Where there are more than `LONG_ROW` states, or these add to more than the record has room for.
+        Where there are more than `MAX_STATES`, or these add to more than the record has room for.
     """
     n, further = lay.size, len(lay.further)
-    if n > LONG_ROW:
-        msg = f"at most {LONG_ROW} states can be compiled, got {n}"
+    if n > MAX_STATES:
+        msg = f"at most {MAX_STATES} states can be compiled, got {n}"
         raise ValueError(msg)
-    length = SHORT_ROW if n <= SHORT_ROW and further <= 2 * SHORT_ROW else LONG_ROW
-    if further > 2 * length:
-        msg = f"at most {2 * length} couplings of declared states can be compiled, got {further}"
+    if further > 2 * MAX_STATES:
+        msg = f"at most {2 * MAX_STATES} couplings of declared states can be compiled, got {further}"
         raise ValueError(msg)
-    kind, *kinds = record_types(filters, length)
+    kind, *kinds = record_types(filters)
     memory, covariance, inputs = (_zeros(own.itemsize).view(own) for own in (kind, *kinds[:2]))
     shared = filters == 1  # its covariance needs no copy
     each = (covariance.view(np.uint8)[: kinds[2].itemsize] if shared else _zeros(kinds[2].itemsize)).view(
