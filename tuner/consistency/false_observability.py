@@ -34,7 +34,7 @@ class SpuriousInformation:
 
     @property
     def verdict(self) -> Verdict:
-        """The verdict that says so."""
+        """Verdict that the linearisation gives information that the true motion does not."""
         numbers = {"filter_sd": self.filter_sd, "linear_sd": self.linear_sd}
         return Verdict(VerdictCode.SPURIOUS_INFORMATION, Severity.EXPLANATION, self.state, numbers)
 

@@ -45,7 +45,7 @@ def outage_numbers(outage: Outage) -> dict[str, float | tuple[float, ...]]:
 
 
 def with_explanations(found: Consistency, explanations: Sequence[Explanation]) -> tuple[Verdict, ...]:
-    """Return the verdicts with, before them, what would explain them.
+    """Return the explanations of the scores, followed by the verdicts on them.
 
     Parameters
     ----------

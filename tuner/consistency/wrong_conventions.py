@@ -169,7 +169,7 @@ def _attitudes(one: FilterOutput, want: FloatArray) -> Iterator[tuple[str, str, 
 
 
 def _worlds(taken: str) -> Iterator[tuple[str, FloatArray]]:
-    """Yield other axes of the world than a file was taken in, with the rotation that takes it in them instead."""
+    """Yield other axes of the world than those a file was read in, each with the rotation that changes to them."""
     back = axes_rotation(taken, WORLD_LETTERS, option="--frame").T
     for name in WORLDS:
         if name != taken:

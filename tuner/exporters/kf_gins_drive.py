@@ -130,7 +130,7 @@ def _settled(stretch: Stretch, solution: Solution) -> int:
 
 
 def _seconds_of_week(drive: Drive, stretch: Stretch) -> float:
-    """Return what takes the time of a drive to seconds of the week; 0 where the week ends on the way."""
+    """Return the shift from the clock of a drive to seconds of the GPS week; 0 where the week ends during the drive."""
     begin = drive.origin % SECONDS_PER_WEEK
     return begin if begin + float(stretch.steps.ends()[-1]) < SECONDS_PER_WEEK else 0.0
 

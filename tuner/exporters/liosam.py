@@ -35,7 +35,7 @@ def write(config: FilterConfig, target: Target) -> str:
 
 
 def write_ros2(config: FilterConfig, target: Target) -> str:
-    """Return the same as a parameter file of ROS 2, whose branch has no level ``lio_sam``."""
+    """Return the settings as a parameter file of ROS 2, whose branch has no level ``lio_sam``."""
     header = provenance(config, "LIO-SAM: IMU entries of params.yaml, ROS 2", walk_memory=target.memory)
     return yaml_text({"/**": {"ros__parameters": entries(config, target)}}, header=header)
 

@@ -107,7 +107,7 @@ class Parameter:
     stock: float
 
     def remark(self, value: float) -> str:
-        """Return what to say beside a value: the stock one, and a warning outside the range."""
+        """Return the remark on a value: the stock one, and a warning where it is outside the range."""
         stock = f"stock {self.stock:g}"
         if self.low <= value <= self.high:
             return stock
@@ -133,7 +133,7 @@ def parameter_lines(
 
 
 def initial_bias_sd(channel: ChannelNoise) -> float:
-    """Return the sd of constant and states together: of a bias that is one state of a target."""
+    """Return the sd of constant and bias states together, for targets with one state for the bias."""
     return math.hypot(channel.constant_sd, *(state.sd for state in channel.markov))
 
 

@@ -63,7 +63,7 @@ class Deviations:
     s: FloatArray
 
     def rows(self, which: NDArray[np.bool_] | NDArray[np.intp]) -> Deviations:
-        """Return some of them."""
+        """Return the innovations of some rows."""
         return Deviations(self.kind, self.t[which], self.z[which], self.s[which])
 
     def log_likelihood(self) -> FloatArray:
@@ -110,7 +110,7 @@ def deviations_of(
 
 
 def common(one: Deviations, other: Deviations) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return the rows of two that are of the same instant."""
+    """Return the rows of two series of innovations that are of the same instants."""
     near = np.searchsorted(other.t, one.t - SAME_INSTANT).clip(0, len(other.t) - 1)
     same = np.abs(other.t[near] - one.t) < SAME_INSTANT
     return np.flatnonzero(same), near[same]

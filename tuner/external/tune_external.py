@@ -78,7 +78,7 @@ class ExternalTuning:
 
     @property
     def kept(self) -> bool:
-        """Whether the rest of the drive speaks for the factors, and its reference not against them."""
+        """Whether the part of the drive that was not fitted supports the factors, and no reference contradicts them."""
         return _is_kept(self.gain, self.reference_gain)
 
 
@@ -181,7 +181,7 @@ def _is_kept(gain: float, reference_gain: float | None) -> bool:
 
 
 def _rest(one: Deviations, other: Deviations, until: float) -> tuple[Deviations, Deviations]:
-    """Return the vectors of two at the same instants after the part that was fitted."""
+    """Return the rows of two series at the same instants, after the part of the drive that was fitted."""
     rows, same = common(one, other)
     late = one.t[rows] > until
     return one.rows(rows[late]), other.rows(same[late])

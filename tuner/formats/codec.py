@@ -127,7 +127,7 @@ def store(
     dump: Callable[[Any], Any] | None = None,
     load: Callable[[object], Any] | None = None,
 ) -> None:
-    """Declare how documents have `kind`, a class or a union, where its fields do not say it."""
+    """Declare how documents hold `kind`, a class or a union, where that is not simply its fields."""
     if dump is not None:
         _CONVERTER.register_unstructure_hook(kind, dump)
     if load is not None:

@@ -51,7 +51,7 @@ def load_diagnosis(content: object, *, source: str) -> Diagnosis | DriveDiagnosi
 
 
 def config_finding(finding: Finding) -> dict[str, Any]:
-    """Return one finding as a configuration has it: its enlargements stand there by themselves."""
+    """Return one finding as a configuration stores it: without its enlargements, which stand there on their own."""
     content: dict[str, Any] = dump(finding)
     return {key: entry for key, entry in content.items() if key != "inflations"}
 

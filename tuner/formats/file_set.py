@@ -72,7 +72,7 @@ def write_set(directory: Path, files: Mapping[str, bytes], *, last: str) -> None
 
 
 def stale_files(path: Path) -> list[str]:
-    """Return the files beside the last one of a set that are not those it was written with, or are missing."""
+    """Return the files of a set that are missing, or are not those that its last file was written with."""
     try:
         stated = json.loads(path.read_text(encoding="utf-8")).get(MANIFEST, {})
         wrong = [name for name, digest in stated.items() if _digest(path.with_name(name)) != digest]
@@ -86,7 +86,7 @@ def _digest(path: Path) -> str | None:
 
 
 def _manifest(path: Path) -> set[str]:
-    """Return the names of a set that is there; names that lead elsewhere are none of it."""
+    """Return the names of the files of a stored set, without those that lead out of its folder."""
     try:
         stated = json.loads(path.read_text(encoding="utf-8")).get(MANIFEST, {})
         return {str(name) for name in stated if Path(str(name)).name == str(name)}

@@ -1,4 +1,4 @@
-"""Errors after some time without fixes, true beside predicted, in words: the same wherever they stand."""
+"""Errors after some time without fixes, true beside predicted, in the words of every answer and page."""
 
 from __future__ import annotations
 

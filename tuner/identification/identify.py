@@ -170,7 +170,7 @@ def _absent(channel: ChannelIdentification, further: Sequence[str]) -> list[str]
 def _earth(
     channels: dict[str, ChannelIdentification], latitude: float | None
 ) -> tuple[dict[str, ChannelIdentification], list[str]]:
-    """Return the channels with what is known of the Earth's rate out of the gyro means."""
+    """Return the channels with the Earth's rate, as far as it is known, subtracted from the gyro means."""
     gyros = {axis: c.mean for axis, c in channels.items() if c.unit == "rad/s"}
     if not gyros:
         return channels, []

@@ -86,7 +86,7 @@ def identify_log(
     latitude: float | None = None,
     **reading: Any,
 ) -> Identification:
-    """Return the noise of a log, of the parts in which the sensor stood still, or that of another description of it.
+    """Return the noise of a log in its parts at rest, or the noise that another description of the sensor states.
 
     Parameters
     ----------

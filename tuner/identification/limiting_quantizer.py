@@ -1,4 +1,4 @@
-"""What the codes of a quantizer that hides the noise of its axis say of that noise: bounds.
+"""Bounds on the noise of an axis whose quantizer hides it, from the codes that its samples take.
 
 Samples y = x + e of a step q have |e| ≤ q/2. Where e is not independent of x (noise below 0.35 q), the variance of y
 may be anything from none to that of codes that alternate, and e wanders with the mean between two codes. Two
@@ -28,7 +28,7 @@ MAX_ERROR_DEVIATION = float(np.sqrt(0.5))
 
 
 def as_bounds(estimates: Estimates, step: float, tau: FloatArray, interval: float) -> Estimates:
-    """Return the estimates of an axis that its quantizer limits: bounds, where the step can hide or make the term.
+    """Return the estimates of an axis that its quantizer limits, as bounds where the step can hide or make a term.
 
     Parameters
     ----------

@@ -56,7 +56,7 @@ def mean_of_noise(mean: float, model: NoiseModel, span: float, unit: str) -> Coe
 def without_earth_rate(
     means: Mapping[str, Coefficient], force: FloatArray | None, latitude: float | None
 ) -> tuple[dict[str, Coefficient], str]:
-    """Take out of three gyro means what is known of the Earth's rate.
+    """Subtract the Earth's rate, as far as it is known, from three gyro means.
 
     Parameters
     ----------

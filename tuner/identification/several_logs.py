@@ -1,4 +1,4 @@
-"""Several records of one sensor: one value where it is one, a spread where it truly varies.
+"""Several records of one sensor pooled: one value where they agree, a spread where they do not.
 
 Each record i gives an estimate y_i = μ + b_i + e_i with its own known sd s_i; the effects b_i ~ N(0, τ²) are
 what differs from start to start (or unit to unit, or axis to axis). Cochran's Q = Σ (y_i − ȳ)²/s_i² tests

@@ -83,7 +83,7 @@ def compensate(drive: Drive, compensation: Compensation) -> Drive:
 
 
 def compensate_settings(settings: FilterSettings, compensation: Compensation) -> FilterSettings:
-    """Return the filter with what is known besides: gravity, the lag of velocities, models of sds."""
+    """Return the settings with the compensation of gravity, of the lag of velocities and of the sds of fixes."""
     change = correction(compensation)
     settings = replace(settings, velocity_lag=change.velocity_lag, gravity_excess=change.gravity_excess)
     values = compensation.of(GNSS_NOISE_SCALE)

@@ -60,7 +60,7 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Passage:
-    """The way of the errors from one fix to the next, and what the fix did.
+    """Propagation of the errors from one fix to the next, and their update by that fix.
 
     Attributes
     ----------

@@ -122,7 +122,7 @@ def judge(
     derived: float | Range | None = None,
     why: str,
 ) -> Claim:
-    """Compare a value with the paper's and with the one derived in its place.
+    """Compare a value with the one that the paper prints and with the one derived in its place.
 
     Parameters
     ----------

@@ -47,7 +47,7 @@ def _in_processes(attempt: Attempt, tasks: Sequence[Task], jobs: int) -> Iterato
     lock, stopped = threading.Lock(), threading.Event()
 
     def feed() -> None:
-        """Give tasks to one process after the other: to the next one where a task has ended the last."""
+        """Give tasks to a process, and to a new one after a task that ended the last."""
         process: subprocess.Popen[bytes] | None = None
         while True:
             try:

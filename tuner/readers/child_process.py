@@ -56,7 +56,7 @@ def array_from_child(
 
 
 def check_in_child(source: str, work: Callable[[], object], *, seconds: float | None = None) -> None:
-    """Do some work in a child process, and say what went wrong with it.
+    """Check a file in a child process, and raise what went wrong there.
 
     Raises
     ------

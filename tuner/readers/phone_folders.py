@@ -229,7 +229,7 @@ def _paired(path: Path, gyro: FloatArray, accel: FloatArray) -> tuple[FloatArray
 
 
 def _nearest(t: FloatArray, others: FloatArray, step: float) -> tuple[IntArray, IntArray]:
-    """Return which stamps have another within three quarters of an interval, each one of its own, and which it is."""
+    """Return which stamps have a partner within three quarters of an interval, one for each, and the partners."""
     at = np.clip(np.searchsorted(others, t), 1, len(others) - 1)
     at -= t - others[at - 1] < others[at] - t
     near = np.abs(t - others[at]) <= MOST_APART / 2.0 * step

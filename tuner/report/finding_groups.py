@@ -1,4 +1,4 @@
-"""Findings as a person acts on them: alike ones together, ranked by the drift of position that they cause.
+"""Findings that call for one action in one group, ranked by the drift of position that they cause.
 
 One group a cause and sensor; events at one time are one group, whatever they are called in each axis; lines at
 multiples of one spacing are a comb. A finding that makes held-out data less likely is a note, and so is a group that
@@ -42,7 +42,7 @@ LASTING = ("thermal", "attitude")
 
 @dataclass(frozen=True)
 class FindingGroup:
-    """Findings that are one thing to do something about.
+    """Findings that call for one action.
 
     Attributes
     ----------
@@ -214,7 +214,7 @@ def _of_term(term: str) -> str:
 
 
 def way_texts(before: float, after: float) -> tuple[str, str]:
-    """Return two lengths of a way, the last with its unit, in metres or kilometres."""
+    """Return two distances, the last with its unit, in metres or kilometres."""
     size, unit = (1e-3, "km") if before >= KILOMETRES_FROM else (1.0, "m")
     return digits(size * before, 2), f"{digits(size * after, 2)} {unit}"
 

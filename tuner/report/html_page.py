@@ -165,7 +165,7 @@ def _filled(template: str, content: Mapping[str, Any]) -> str:
 
 
 def _unlike() -> Callable[[str], str]:
-    """Return a function that gives names back, those that come again with a number: each region needs its own."""
+    """Return a function that numbers names which it has returned before: each region of a page needs its own."""
     times = Counter[str]()
 
     def unlike(name: str) -> str:

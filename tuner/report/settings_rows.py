@@ -64,7 +64,7 @@ class Setting:
 
 @dataclass(frozen=True)
 class SettingsRow:
-    """What the filter is given of axes of one sensor that agree.
+    """Settings of the filter for axes of one sensor that agree.
 
     Attributes
     ----------

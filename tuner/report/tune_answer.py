@@ -363,7 +363,7 @@ def _no_receiver(result: TuneResult) -> bool:
 
 
 def _absent_lines(result: TuneResult) -> list[str]:
-    """Return what could not be done and why, other than what verdict and recording say already."""
+    """Return what could not be done and why, where neither the verdict nor the lines on the recording say so."""
     return [
         f"No {part}: {reason}"
         for part, reason in result.absent.items()

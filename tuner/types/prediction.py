@@ -1,4 +1,4 @@
-"""What a filter is given of one axis, and how well it predicts the record that it came from.
+"""Settings of a filter for one axis, and how well they predict the record that they were made from.
 
 A *block* is white noise N, Gauss–Markov states (σ, T) and a random walk K. Quantization noise and lines or resonances
 stay bounded in the integral of the samples; a filter has no state for them, and they are kept beside the block. Both
@@ -207,7 +207,7 @@ class ForecastComparison:
 
     @property
     def passes(self) -> bool:
-        """Whether the forecasts are as good as the block says."""
+        """Whether the errors of the forecasts are as large as the settings predict."""
         return self.lowest <= self.ratio <= self.highest
 
 

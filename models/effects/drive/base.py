@@ -188,7 +188,7 @@ class DriveEffect(Written, ABC):
 
     @abstractmethod
     def apply(self, drive: DriveSamples, rng: np.random.Generator) -> DriveSamples:
-        """Return the drive as it is with the effect in it."""
+        """Return the drive with the effect in it."""
 
     @classmethod
     @abstractmethod

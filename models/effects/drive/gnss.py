@@ -83,7 +83,7 @@ class LeverArm(DriveEffect):
 
     @classmethod
     def draw(cls, rng: np.random.Generator, drive: DriveSamples) -> Self:
-        """0.05 … 3 m in a random direction."""
+        """Draw an effect of 0.05 … 3 m in a random direction."""
         return cls(*(log_uniform(rng, 0.05, 3.0) * direction(rng)).tolist())
 
 
@@ -134,7 +134,7 @@ class GnssNoiseScale(DriveEffect):
 
     @classmethod
     def draw(cls, rng: np.random.Generator, drive: DriveSamples) -> Self:
-        """0.3 … 3, one ratio for position and one for velocity."""
+        """Draw an effect of 0.3 … 3, one ratio for position and one for velocity."""
         position, velocity = log_uniform(rng, 0.3, 3.0), log_uniform(rng, 0.3, 3.0)
         return cls(position, position, velocity, velocity)
 
@@ -175,7 +175,7 @@ class CorrelatedGnss(DriveEffect):
 
     @classmethod
     def draw(cls, rng: np.random.Generator, drive: DriveSamples) -> Self:
-        """0.2 … 3 reported sds (of 1 m where there are none), 5 … 300 s."""
+        """Draw an effect of 0.2 … 3 reported sds (of 1 m where there are none), 5 … 300 s."""
         reported = drive.position_sd[np.isfinite(drive.position_sd)]
         unit = float(np.median(reported)) if len(reported) else 1.0
         return cls(unit * log_uniform(rng, 0.2, 3.0), log_uniform(rng, 5.0, 300.0))
@@ -219,7 +219,7 @@ class GnssOutliers(DriveEffect):
 
     @classmethod
     def draw(cls, rng: np.random.Generator, drive: DriveSamples) -> Self:
-        """0.1 … 5 %, 4 … 50 sds, 1 … 10 in a row."""
+        """Draw an effect of 0.1 … 5 %, 4 … 50 sds, 1 … 10 in a row."""
         return cls(log_uniform(rng, 1e-3, 5e-2), log_uniform(rng, 4.0, 50.0), int(rng.integers(1, 11)))
 
 
@@ -252,7 +252,7 @@ class TimeOffset(DriveEffect):
 
     @classmethod
     def draw(cls, rng: np.random.Generator, drive: DriveSamples) -> Self:
-        """± 3 … 300 ms."""
+        """Draw an effect of ± 3 … 300 ms."""
         return cls(sign(rng) * log_uniform(rng, 3e-3, 0.3))
 
 
@@ -286,7 +286,7 @@ class ClockDrift(DriveEffect):
 
     @classmethod
     def draw(cls, rng: np.random.Generator, drive: DriveSamples) -> Self:
-        """± 10 … 1000 ppm: crystals to clocks of operating systems."""
+        """Draw an effect of ± 10 … 1000 ppm: crystals to clocks of operating systems."""
         return cls(sign(rng) * log_uniform(rng, 1e-5, 1e-3))
 
 

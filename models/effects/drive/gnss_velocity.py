@@ -68,7 +68,7 @@ class VelocityLag(DriveEffect):
 
     @classmethod
     def draw(cls, rng: np.random.Generator, drive: DriveSamples) -> Self:
-        """± 0.01 … 0.5 s."""
+        """Draw an effect of ± 0.01 … 0.5 s."""
         return cls(sign(rng) * log_uniform(rng, 0.01, 0.5))
 
 
@@ -101,7 +101,7 @@ class GnssVelocity(DriveEffect):
 
     @classmethod
     def draw(cls, rng: np.random.Generator, drive: DriveSamples) -> Self:
-        """1 … 30 %, 0.5 … 10 m/s."""
+        """Draw an effect of 1 … 30 %, 0.5 … 10 m/s."""
         return cls(log_uniform(rng, 0.01, 0.3), log_uniform(rng, 0.5, 10.0))
 
 
@@ -123,7 +123,7 @@ class GnssFrame(Turn):
 
     @classmethod
     def draw(cls, rng: np.random.Generator, drive: DriveSamples) -> Self:
-        """0.05 … 3° about a random axis."""
+        """Draw an effect of 0.05 … 3° about a random axis."""
         return cls(*(np.radians(log_uniform(rng, 0.05, 3.0)) * direction(rng)).tolist())
 
 
@@ -157,7 +157,7 @@ class VelocityScale(DriveEffect):
 
     @classmethod
     def draw(cls, rng: np.random.Generator, drive: DriveSamples) -> Self:
-        """± 0.3 … 5 %."""
+        """Draw an effect of ± 0.3 … 5 %."""
         return cls(sign(rng) * log_uniform(rng, 3e-3, 0.05))
 
 
@@ -190,5 +190,5 @@ class VerticalVelocity(DriveEffect):
 
     @classmethod
     def draw(cls, rng: np.random.Generator, drive: DriveSamples) -> Self:
-        """± 0.03 … 0.5 m/s."""
+        """Draw an effect of ± 0.03 … 0.5 m/s."""
         return cls(sign(rng) * log_uniform(rng, 0.03, 0.5))

@@ -74,7 +74,7 @@ class Gravity(DriveEffect):
 
     @classmethod
     def draw(cls, rng: np.random.Generator, drive: DriveSamples) -> Self:
-        """± 1 … 500 mGal."""
+        """Draw an effect of ± 1 … 500 mGal."""
         return cls(sign(rng) * log_uniform(rng, 1e-5, 5e-3))
 
 
@@ -122,7 +122,7 @@ class Mounting(Turn):
 
     @classmethod
     def draw(cls, rng: np.random.Generator, drive: DriveSamples) -> Self:
-        """0.1 … 5°, about a random axis."""
+        """Draw an effect of 0.1 … 5°, about a random axis."""
         return cls(*(np.radians(log_uniform(rng, 0.1, 5.0)) * direction(rng)).tolist())
 
 
@@ -154,7 +154,7 @@ class Misalignment(Turn):
 
     @classmethod
     def draw(cls, rng: np.random.Generator, drive: DriveSamples) -> Self:
-        """0.5 … 20 mrad, about a random axis."""
+        """Draw an effect of 0.5 … 20 mrad, about a random axis."""
         return cls(*(log_uniform(rng, 5e-4, 2e-2) * direction(rng)).tolist())
 
 
@@ -193,7 +193,7 @@ class _Scale(DriveEffect):
 
     @classmethod
     def draw(cls, rng: np.random.Generator, drive: DriveSamples) -> Self:
-        """100 … 10 000 ppm, in a random direction."""
+        """Draw an effect of 100 … 10 000 ppm, in a random direction."""
         return cls(*(log_uniform(rng, 1e-4, 1e-2) * direction(rng)).tolist())
 
 
@@ -259,7 +259,7 @@ class GSensitivity(DriveEffect):
 
     @classmethod
     def draw(cls, rng: np.random.Generator, drive: DriveSamples) -> Self:
-        """Norm 1e-5 … 1e-3 rad/s per m/s² (0.006 … 0.6 deg/s/g), in a random direction."""
+        """Draw an effect of norm 1e-5 … 1e-3 rad/s per m/s² (0.006 … 0.6 deg/s/g), in a random direction."""
         g = rng.standard_normal(9)
         return cls(*(log_uniform(rng, 1e-5, 1e-3) * g / np.linalg.norm(g)).tolist())
 
@@ -300,7 +300,7 @@ class ImuNoiseScale(DriveEffect):
 
     @classmethod
     def draw(cls, rng: np.random.Generator, drive: DriveSamples) -> Self:
-        """1.3 … 5 each."""
+        """Draw an effect of 1.3 … 5 each."""
         return cls(log_uniform(rng, 1.3, 5.0), log_uniform(rng, 1.3, 5.0))
 
 
@@ -340,7 +340,7 @@ class BiasJump(DriveEffect):
 
     @classmethod
     def draw(cls, rng: np.random.Generator, drive: DriveSamples) -> Self:
-        """5 … 200 deg/h or 0.1 … 5 mg in a random direction, in the middle 60 % of the drive."""
+        """Draw an effect of 5 … 200 deg/h or 0.1 … 5 mg in a random direction, in the middle 60 % of the drive."""
         time = float(drive.t[0] + rng.uniform(0.2, 0.8) * (drive.t[-1] - drive.t[0]))
         sensor = str(rng.choice(SENSOR_NAMES))
         size = log_uniform(rng, 2.5e-5, 1e-3) if sensor == "gyro" else log_uniform(rng, 1e-3, 5e-2)

@@ -57,5 +57,5 @@ class Attitude(Effect):
 
     @classmethod
     def draw(cls, rng: np.random.Generator, scale: Scale) -> Self:
-        """Tilt ± 0.001 … 0.1 rad."""
+        """Draw an effect of tilt ± 0.001 … 0.1 rad."""
         return cls(sign(rng) * log_uniform(rng, 1e-3, 0.1))

@@ -172,7 +172,7 @@ class Effect(Written, ABC):
 
     @abstractmethod
     def apply(self, block: Samples, rng: np.random.Generator) -> Samples:
-        """Return the block as it is with the effect in it."""
+        """Return the block with the effect in it."""
 
     @classmethod
     @abstractmethod

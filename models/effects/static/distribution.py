@@ -64,7 +64,7 @@ class HeavyTails(Effect):
 
     @classmethod
     def draw(cls, rng: np.random.Generator, scale: Scale) -> Self:
-        """Excess kurtosis 0.06 … 6 (ν = 100 … 5)."""
+        """Draw an effect of excess kurtosis 0.06 … 6 (ν = 100 … 5)."""
         return cls(log_uniform(rng, 0.06, 6.0))
 
 
@@ -101,7 +101,7 @@ class Burst(Effect):
 
     @classmethod
     def draw(cls, rng: np.random.Generator, scale: Scale) -> Self:
-        """1 … 30 % of the record, variance × 1.1 … 10."""
+        """Draw an effect of 1 … 30 % of the record, variance × 1.1 … 10."""
         duration = scale.span * log_uniform(rng, 0.01, 0.3)
         start = scale.start + float(rng.uniform(0.0, scale.span - duration))
         return cls(start, duration, 1.0 + log_uniform(rng, 0.1, 9.0))
@@ -133,7 +133,7 @@ class VarianceDrift(Effect):
 
     @classmethod
     def draw(cls, rng: np.random.Generator, scale: Scale) -> Self:
-        """Change of the log variance over the record ± 0.05 … 2."""
+        """Draw an effect of change of the log variance over the record ± 0.05 … 2."""
         return cls(sign(rng) * log_uniform(rng, 0.05, 2.0) / scale.span)
 
 
@@ -165,7 +165,7 @@ class SkewedNoise(Effect):
 
     @classmethod
     def draw(cls, rng: np.random.Generator, scale: Scale) -> Self:
-        """Skewness ± 0.05 … 1."""
+        """Draw an effect of skewness ± 0.05 … 1."""
         return cls(sign(rng) * log_uniform(rng, 0.05, 1.0))
 
 
@@ -201,7 +201,7 @@ class PeriodicVariance(Effect):
 
     @classmethod
     def draw(cls, rng: np.random.Generator, scale: Scale) -> Self:
-        """Four intervals … a twentieth of the record, depth 0.05 … 1."""
+        """Draw an effect of four intervals … a twentieth of the record, depth 0.05 … 1."""
         return cls(log_uniform(rng, 4.0 * scale.interval, 0.05 * scale.span), log_uniform(rng, 0.05, 1.0))
 
 
@@ -235,5 +235,5 @@ class CrossAxis(Effect):
 
     @classmethod
     def draw(cls, rng: np.random.Generator, scale: Scale) -> Self:
-        """Correlation 0.01 … 0.5."""
+        """Draw an effect of correlation 0.01 … 0.5."""
         return cls(log_uniform(rng, 0.01, 0.5))

@@ -71,7 +71,7 @@ class Step(Effect):
 
     @classmethod
     def draw(cls, rng: np.random.Generator, scale: Scale) -> Self:
-        """Size ± 0.5 … 10 Allan floors, between a tenth and nine tenths of the record."""
+        """Draw an effect of size ± 0.5 … 10 Allan floors, between a tenth and nine tenths of the record."""
         return cls(
             scale.start + scale.span * float(rng.uniform(0.1, 0.9)),
             sign(rng) * scale.floor * log_uniform(rng, 0.5, 10.0),
@@ -115,7 +115,7 @@ class Recovery(Effect):
 
     @classmethod
     def draw(cls, rng: np.random.Generator, scale: Scale) -> Self:
-        """Size ± 1 … 20 Allan floors, time constant 0.3 … 5 % of the record, in the middle eight tenths of it."""
+        """Draw an effect of ± 1 … 20 Allan floors, time constant 0.3 … 5 % of the record, in its middle 80 %."""
         return cls(
             scale.start + scale.span * float(rng.uniform(0.1, 0.9)),
             sign(rng) * scale.floor * log_uniform(rng, 1.0, 20.0),
@@ -166,7 +166,7 @@ class Telegraph(Effect):
 
     @classmethod
     def draw(cls, rng: np.random.Generator, scale: Scale) -> Self:
-        """Size 0.02 … 0.5 white sd, dwells 1 … 1000 s but at most an eighth of the record."""
+        """Draw an effect of size 0.02 … 0.5 white sd, dwells 1 … 1000 s but at most an eighth of the record."""
         top = max(min(1000.0, scale.span / 8.0), 4.0 * scale.interval)
         low = min(1.0, 0.25 * top)
         return cls(
@@ -208,7 +208,7 @@ class Spikes(Effect):
 
     @classmethod
     def draw(cls, rng: np.random.Generator, scale: Scale) -> Self:
-        """1e-6 … 1e-3 a sample (at least three expected), 5 … 50 white sd."""
+        """Draw an effect of 1e-6 … 1e-3 a sample (at least three expected), 5 … 50 white sd."""
         least = max(1e-6, 3.0 * scale.interval / scale.span)
         chance = log_uniform(rng, least, max(1e-3, 2.0 * least))
         return cls(min(chance, 0.5) / scale.interval, scale.white_sd * log_uniform(rng, 5.0, 50.0))
@@ -256,7 +256,7 @@ class Motion(Effect):
 
     @classmethod
     def draw(cls, rng: np.random.Generator, scale: Scale) -> Self:
-        """1 … 10 % of the record, 3 … 100 white sd."""
+        """Draw an effect of 1 … 10 % of the record, 3 … 100 white sd."""
         duration = scale.span * log_uniform(rng, 0.01, 0.1)
         start = scale.start + float(rng.uniform(0.0, scale.span - duration))
         return cls(start, duration, scale.white_sd * log_uniform(rng, 3.0, 100.0))

@@ -1,4 +1,4 @@
-"""Effects of the way to the file: rails, coarse codes, repeated readings, time stamps.
+"""Effects between the sensor and the file: rails, coarse codes, repeated readings, time stamps.
 
 ::
 
@@ -65,7 +65,7 @@ class Clipping(Effect):
 
     @classmethod
     def draw(cls, rng: np.random.Generator, scale: Scale) -> Self:
-        """Rails 3 … 6 white sd from the level; one rail alone in a third of the cases."""
+        """Draw an effect of rails 3 … 6 white sd from the level; one rail alone in a third of the cases."""
         rail = scale.white_sd * rng.uniform(3.0, 6.0, 2)
         low, high = float(scale.level - rail[0]), float(scale.level + rail[1])
         kind = int(rng.integers(6))
@@ -100,7 +100,7 @@ class Quantizer(Effect):
 
     @classmethod
     def draw(cls, rng: np.random.Generator, scale: Scale) -> Self:
-        """Step 0.01 … 2 white sd; in a quarter of the cases a dead band of 1 … 3 steps."""
+        """Draw an effect of step 0.01 … 2 white sd; in a quarter of the cases a dead band of 1 … 3 steps."""
         step = scale.white_sd * log_uniform(rng, 0.01, 2.0)
         return cls(step, step * float(rng.integers(1, 4)) if rng.random() < 0.25 else 0.0)
 
@@ -145,7 +145,7 @@ class Duplicates(Effect):
 
     @classmethod
     def draw(cls, rng: np.random.Generator, scale: Scale) -> Self:
-        """Fraction 1e-4 … 0.9."""
+        """Draw an effect of fraction 1e-4 … 0.9."""
         return cls(log_uniform(rng, 1e-4, 0.9))
 
 
@@ -213,7 +213,7 @@ class Timing(Effect):
 
     @classmethod
     def draw(cls, rng: np.random.Generator, scale: Scale) -> Self:
-        """0.001 … 1 % of the samples lost, jitter 0.1 … 20 % of the interval, clock off by 1e-5 … 1e-3."""
+        """Draw an effect of 0.001 … 1 % lost samples, jitter 0.1 … 20 % of the interval, clock off by 1e-5 … 1e-3."""
         n = scale.span / scale.interval
         length = int(rng.integers(1, 21))
         gaps = max(1, round(n * log_uniform(rng, 1e-5, 1e-2) / length))

@@ -84,7 +84,7 @@ class Line(Effect):
 
     @classmethod
     def draw(cls, rng: np.random.Generator, scale: Scale) -> Self:
-        """Frequency 0.05 Hz … 0.49 of the rate, amplitude 0.003 … 1 white sd."""
+        """Draw an effect of frequency 0.05 Hz … 0.49 of the rate, amplitude 0.003 … 1 white sd."""
         top = 0.49 / scale.interval
         return cls(log_uniform(rng, min(0.05, 0.1 * top), top), scale.white_sd * log_uniform(rng, 0.003, 1.0))
 
@@ -119,7 +119,7 @@ class Comb(Effect):
 
     @classmethod
     def draw(cls, rng: np.random.Generator, scale: Scale) -> Self:
-        """Spacing of 20 … 2000 samples, sd 0.03 … 0.3 of the white one."""
+        """Draw an effect of spacing of 20 … 2000 samples, sd 0.03 … 0.3 of the white one."""
         spacing = 1.0 / (scale.interval * log_uniform(rng, 20.0, 2000.0))
         return cls(spacing, scale.white_sd * log_uniform(rng, 0.03, 0.3))
 
@@ -180,7 +180,7 @@ class Vibration(Effect):
 
     @classmethod
     def draw(cls, rng: np.random.Generator, scale: Scale) -> Self:
-        """Frequency 2 Hz … 0.45 of the rate, quality 5 … 100, sd 0.02 … 0.5 white sd."""
+        """Draw an effect of frequency 2 Hz … 0.45 of the rate, quality 5 … 100, sd 0.02 … 0.5 white sd."""
         top = 0.45 / scale.interval
         return cls(
             log_uniform(rng, min(2.0, 0.1 * top), top),
@@ -237,7 +237,7 @@ class LowPass(Effect):
 
     @classmethod
     def draw(cls, rng: np.random.Generator, scale: Scale) -> Self:
-        """First or second order, cutoff 0.1 … 0.48 of the rate."""
+        """Draw an effect of first or second order, cutoff 0.1 … 0.48 of the rate."""
         return cls(log_uniform(rng, 0.1, 0.48) / scale.interval, int(rng.integers(1, 3)))
 
 
@@ -284,7 +284,7 @@ class Colour(Effect):
 
     @classmethod
     def draw(cls, rng: np.random.Generator, scale: Scale) -> Self:
-        """AR(1) with −0.5 … −0.003, or ARMA(2,1) with poles and zero within ±0.5."""
+        """Draw an effect of AR(1) with −0.5 … −0.003, or ARMA(2,1) with poles and zero within ±0.5."""
         if rng.random() < 0.5:
             return cls(ar=(-log_uniform(rng, 0.003, 0.5),))
         p, q = rng.uniform(-0.5, 0.5, 2)
@@ -332,7 +332,7 @@ class CorrelatedDrift(Effect):
 
     @classmethod
     def draw(cls, rng: np.random.Generator, scale: Scale) -> Self:
-        """Sd 0.5 … 5 Allan floors, time constant 1 s … a twentieth of the record."""
+        """Draw an effect of sd 0.5 … 5 Allan floors, time constant 1 s … a twentieth of the record."""
         top = max(scale.span / 20.0, 4.0 * scale.interval)
         return cls(
             scale.floor * log_uniform(rng, 0.5, 5.0),

@@ -214,7 +214,7 @@ def _edge(excess: Callable[[float], float], inside: float, end: float) -> float:
 
 
 def _standard_error(by_run: FloatArray) -> float:
-    """Return the standard error of a mean over runs; of one value it is unknown, and 0."""
+    """Return the standard error of a mean over runs; 0 for a single run, where it is unknown."""
     return float(by_run.std(ddof=1)) / math.sqrt(len(by_run)) if len(by_run) > 1 else 0.0
 
 

@@ -41,7 +41,7 @@ def pairs(rivals: Sequence[Hypothesis]) -> list[tuple[Hypothesis, Hypothesis]]:
 
 
 def beside(one: Hypothesis, other: Hypothesis, size: float) -> Hypothesis:
-    """Return a hypothesis where another one holds, too, of a known size ln θ."""
+    """Return a hypothesis beside another one that holds with a known size ln θ."""
     more = other.expected(size) - other.expected(0.0)
     return replace(one, expected=lambda x: one.expected(x) + more)
 

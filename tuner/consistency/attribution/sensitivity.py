@@ -116,7 +116,7 @@ def with_correlated_fixes(config: FilterConfig) -> FilterSettings | None:
 
 
 def _correlated_budget(wide: FilterSettings, plan: Scenario) -> ErrorBudget:
-    """Return what errors of the fixes that stay add to those of a filter whose states for them get no gain."""
+    """Return what correlated errors of the fixes add to the errors of a filter that does not estimate them."""
     own, _ = known_sources(wide, plan)
     last = wide.model.layout["gnss_position"].stop
     first = last - 3 * len(CORRELATED_TIMES)

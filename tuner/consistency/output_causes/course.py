@@ -1,4 +1,4 @@
-"""The epochs of a run as a linear filter passes them: motion between them, and which have a fix."""
+"""The epochs of a run for a linear filter: the motion between them, and which of them have a fix."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ STEADY_GROWTH = 0.05
 
 @dataclass(frozen=True)
 class Course:
-    """The epochs of a run as a linear filter passes them.
+    """Epochs of a run, the motion between them, and which of them have a fix.
 
     Attributes
     ----------

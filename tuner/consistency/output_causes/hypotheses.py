@@ -1,4 +1,4 @@
-"""Hypotheses of one size: a factor on noise that a filter assumes, or a process that it lacks."""
+"""Hypotheses with one free size: a factor on noise that a filter assumes, or a process that it lacks."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _UNITS = {"gyro": "rad/s", "accel": "m/s^2", "fixes": "m"}
 
 @dataclass(frozen=True)
 class ScaleHypothesis:
-    """A hypothesis of one size s, as a logarithm: what the truth is then."""
+    """A hypothesis with one free size s, a logarithm, and the true noise as a function of it."""
 
     cause: str
     subject: str
@@ -64,7 +64,7 @@ def _times(*which: int) -> Callable[[TrueNoise, float], TrueNoise]:
 
 
 def scale_hypotheses(model: ErrorModel, base: TrueNoise) -> list[ScaleHypothesis]:
-    """Return all hypotheses of one size; of processes that the filter lacks only one at a time."""
+    """Return all hypotheses with one free size, each with at most one process that the filter lacks."""
     r, q = "gnss_noise_scale", "imu_noise_scale"
     if model.of_body:
         return [

@@ -1,4 +1,4 @@
-"""What differs between two logs of one unit, as at rest and with motors on: by cause, and where a filter feels it.
+"""Differences of two logs of one unit, such as at rest and with motors on, by cause and by what they do to a filter.
 
 A cause of one log is that of the other where what locates it (a frequency, a period) agrees; then its sizes are
 compared. Coefficients of the noise, and means, which vibration shifts by rectification, are compared at 95 %

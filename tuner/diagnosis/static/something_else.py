@@ -1,13 +1,13 @@
-"""The share of something else in a name: what is left of its kind, and what no cause has explains as much.
+"""Weight of causes outside the catalogue against the name that a finding has.
 
-A cause is named because it explains more than the other causes. That is no evidence against what is no cause of the
-catalogue. Its weight, a likelihood ratio as that of every alternative, is the larger of
+A cause is named because it explains more than the other causes of the catalogue. That is no evidence against a cause
+that the catalogue lacks. Its weight, a likelihood ratio as that of every alternative, is the larger of
 
 - what is left unexplained of the kind that the cause is about ÷ what the cause explains, 1 where more is left of all
   kinds together than it explains, and
-- the likelihood of what no cause has in its place: three levels for two, a change of slope, powers and the logarithm
-  of time for a transient, and for causes that bend the spectrum power-law noise f^α with an α that is none of 0, −1
-  and −2 (white, flicker, random walk)::
+- the likelihood of a shape that no cause has, in place of the named cause: three levels for two, a change of slope,
+  powers and the logarithm of time for a transient, and for causes that bend the spectrum power-law noise f^α with an α
+  that is none of 0, −1 and −2 (white, flicker, random walk)::
 
     E(f) = S_base(f) + s f^α,    s ≥ 0, α on a grid, s and the noise of the base fitted together
 """

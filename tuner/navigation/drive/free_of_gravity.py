@@ -1,4 +1,4 @@
-"""Fixes less what gravity and the rotation of the Earth make of them: what is left is the specific force, integrated.
+"""Fixes without the effects of gravity and of the Earth's rotation: what is left is the integrated specific force.
 
 In axes a that are those of north, east, down at the first fix, with s the integral of the velocity and T = C_an::
 

@@ -78,7 +78,7 @@ class UnitFactor:
 
     @property
     def likely(self) -> bool:
-        """Whether 95 % say that it is not 1."""
+        """Whether the 95 % interval of the factor excludes 1."""
         low, high = self.interval
         return low > MAX_COMMON_FACTOR or high < 1.0 / MAX_COMMON_FACTOR
 

@@ -102,7 +102,7 @@ class LinearizedRun:
         return self.used & self.scored[:, None]
 
     def rows(self, which: slice, settling: int) -> LinearizedRun:
-        """Return a part of the run, a filter begun anew there with P of the start, of which so many fixes count not."""
+        """Return a part of the run as a filter that starts there with the first P; its first fixes do not count."""
         scored = self.scored[which].copy()
         scored[:settling] = False
         out = LinearizedRun(
