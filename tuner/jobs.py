@@ -30,6 +30,7 @@ from types import MappingProxyType
 from typing import Any, BinaryIO, NoReturn, TypeVar
 
 from tuner.free_memory import free_memory
+from tuner.heap import keep_freed_memory, return_freed_memory
 from tuner.stages import counted, is_watched, reached, watched
 
 Item = TypeVar("Item")
@@ -91,7 +92,10 @@ def each(
     Exception
         Whatever the function raises, of the first item for which it does.
     """
-    processes = min(usable(), len(items), _affordable())
+    processes = min(usable(), len(items))
+    if processes > 1:
+        return_freed_memory()
+        processes = min(processes, _affordable())
     if processes < 2 or not _can_copy():
         return [function(item) for item in counted(items)]
     numbers = _numbers(len(items))
@@ -201,10 +205,11 @@ def _fork() -> int:
 
 
 def _alone() -> None:
-    """Make a copy end with its parent, and use one processor."""
+    """Make a copy end with its parent, use one processor, and keep its memory to itself."""
     for name in ("SIGINT", "SIGTERM", "SIGHUP"):
         signal.signal(getattr(signal, name), signal.SIG_DFL)
     ctypes.CDLL(None).prctl(_END_WITH_PARENT, signal.SIGKILL)
+    keep_freed_memory()
     _limit.set(1)
     sys.stderr = sys.__stderr__ or sys.stderr  # a progress bar of the parent has locks of its own
     os.environ.update(dict.fromkeys(THREAD_LIMITS, "1"))

@@ -27,6 +27,7 @@ from tuner.cli.examples import EXAMPLES
 from tuner.cli.package_check import foreign_models
 from tuner.cli.process import ANSWERS, Terminated, answer, kernel_cache, robust_streams, termination
 from tuner.formats.guard import printable, reason
+from tuner.heap import keep_freed_memory
 from tuner.types.records import DataError
 
 COMMANDS: Mapping[str, str] = MappingProxyType(
@@ -82,6 +83,7 @@ def tuner() -> None:
 def main() -> None:
     """Run the command line and leave the process with its exit status."""
     robust_streams()
+    keep_freed_memory()
     if not sys.warnoptions:
         warnings.simplefilter(
             "ignore", RuntimeWarning

@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import next_fast_len, rfft
 
+from tuner.curves.long_transforms import without_tables
 from tuner.types import Spectrum
 from tuner.types.records import DataError, Record
 
@@ -93,6 +94,8 @@ def multitaper(y: FloatArray, interval: float, tapers: int) -> FloatArray:
     padded = np.zeros(2 * period)
     padded[1:period] = y - y.mean()
     transform = rfft(padded)
+    del padded
+    without_tables(2 * period)
     bins = _bins(y.size, tapers)
     total = np.zeros(bins.size)
     for begin in range(0, bins.size, _FREQUENCIES_AT_ONCE):

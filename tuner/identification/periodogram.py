@@ -29,6 +29,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct
 
+from tuner.curves.long_transforms import without_tables
+
 FloatArray = NDArray[np.float64]
 
 SAMPLES_AT_ONCE = 1 << 16
@@ -157,6 +159,7 @@ def _transform(piece: FloatArray, interval: float, low: int) -> tuple[FloatArray
         part -= step * (np.arange(first, first + len(part)) - middle)
     slope = step / interval
     amplitude: FloatArray = dct(rest, norm="ortho", overwrite_x=True)[1:]
+    without_tables(n)
     amplitude *= np.sqrt(interval)
     k = np.arange(1.0, low + 1.0)
     half = 0.5 * np.pi * k / n

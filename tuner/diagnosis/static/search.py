@@ -377,4 +377,4 @@ def with_joint_estimates(fitted: Residual) -> Residual:
             size = Value(float(fitted.fit.beta[at]), lower, upper)
             extension = extension.with_joint_estimate(fitted, index, size)
         estimated.append(extension)
-    return relabelled(fitted, tuple(estimated))
+    return relabelled(fitted, tuple(estimated)) if estimated else fitted

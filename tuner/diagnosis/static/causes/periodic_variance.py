@@ -16,6 +16,7 @@ from scipy.fft import next_fast_len, rfft
 from scipy.special import ive
 
 from models.effects.static.distribution import PeriodicVariance as Effect
+from tuner.curves.long_transforms import without_tables
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.null_distributions import any_of
@@ -86,8 +87,10 @@ class PeriodicVariance(Extension):
         x[~measured] = 0.0
         size = next_fast_len(len(x), real=True)
         wave = rfft(x, size)
+        without_tables(size)
         power = wave.real**2
         power += wave.imag**2
+        del wave
         power /= np.float32(max(int(measured.sum()), 1))
         first = int(np.ceil(MIN_CYCLES * size / len(x)))
         name = "largest ordinate of the spectrum of the squared residuals"

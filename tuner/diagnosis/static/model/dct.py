@@ -21,6 +21,7 @@ from scipy.fft import dct, dst, idct
 from scipy.ndimage import maximum_filter1d
 
 from models.robust import MEDIAN_OF_CHI2
+from tuner.curves.long_transforms import without_tables
 from tuner.diagnosis.static.channel import Channel
 from tuner.identification.periodogram import CosinePeriodogram
 
@@ -46,6 +47,7 @@ Within 2 % of frequency the spectra of the terms are flat.
 def transform(y: FloatArray, interval: float) -> FloatArray:
     """Return the coefficients a_0 … a_{n-1} of n samples."""
     a: FloatArray = dct(y, norm="ortho")
+    without_tables(len(a))
     a *= np.sqrt(interval)
     return a
 
@@ -53,6 +55,7 @@ def transform(y: FloatArray, interval: float) -> FloatArray:
 def inverse(a: FloatArray, interval: float) -> FloatArray:
     """Return the samples of n coefficients, which may be written over."""
     y: FloatArray = idct(a, norm="ortho", overwrite_x=True)
+    without_tables(len(y))
     y /= np.sqrt(interval)
     return y
 

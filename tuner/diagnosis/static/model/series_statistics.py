@@ -7,6 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import rfft
 
+from tuner.curves.long_transforms import without_tables
+
 FloatArray = NDArray[np.float64]
 SingleArray = NDArray[np.float32]
 
@@ -22,8 +24,10 @@ Normal samples exceed five with a chance of 6e-7; spikes, which have a test of t
 def unit_periodogram(e: SingleArray, size: int) -> SingleArray:
     """Return the periodogram of e, followed by zeros up to `size`, at frequencies 1 … size/2, mean 1."""
     wave = rfft(e, size)[1:]
+    without_tables(size)
     power: SingleArray = wave.real**2
     power += wave.imag**2
+    del wave
     parts = (e[first : first + SAMPLES_AT_ONCE] for first in range(0, len(e), SAMPLES_AT_ONCE))
     power /= np.float32(sum(float(part @ part) for part in parts))
     return power
