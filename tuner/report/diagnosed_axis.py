@@ -19,7 +19,8 @@ from tuner.diagnosis.static.causes.motion import Motion
 from tuner.diagnosis.static.causes.vibration import Vibration
 from tuner.diagnosis.static.channel import Channel, channel
 from tuner.diagnosis.static.model.dct import inverse, transform
-from tuner.diagnosis.static.model.residual import Residual, residual, spectrum_knots
+from tuner.diagnosis.static.model.expected_power import spectrum_knots
+from tuner.diagnosis.static.model.residual import Residual, residual
 from tuner.diagnosis.static.model.series_statistics import robust_sd
 from tuner.types import Coefficient, Diagnosis, Finding
 from tuner.types.records import DataError, Record

@@ -41,8 +41,9 @@ from tuner.diagnosis.static.causes.variance_drift import VarianceDrift
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.hypothesis_tests import retest
 from tuner.diagnosis.static.model.dct import inverse, transform
+from tuner.diagnosis.static.model.expected_power import spectrum_knots
 from tuner.diagnosis.static.model.profile_likelihood import first_column
-from tuner.diagnosis.static.model.residual import Residual, once, residual, spectrum_knots
+from tuner.diagnosis.static.model.residual import Residual, once, residual
 from tuner.diagnosis.static.model.series_statistics import RESIDUAL_CLIP
 from tuner.diagnosis.static.outcome import Accepted
 from tuner.diagnosis.static.search import SearchResult
@@ -269,10 +270,8 @@ def _law(fitted: Residual) -> Callable[[FloatArray], FloatArray]:
     sd = float(np.std(fitted.good)) * fitted.spread
     if spikes is not None:
         share = max(spikes.values["rate"].value * fitted.channel.interval, 1e-8)
-        wide = (
-            max(spikes.values["size"].value / float(np.sqrt(fitted.power[-1] / fitted.channel.interval)), 6.0)
-            * sd
-        )
+        white = float(np.sqrt(fitted.power_at(np.inf) / fitted.channel.interval))
+        wide = max(spikes.values["size"].value / white, 6.0) * sd
         return lambda e: np.asarray(
             np.logaddexp(
                 np.log1p(-share) + log_normal_density(e, sd),

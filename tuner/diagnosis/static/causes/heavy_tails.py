@@ -110,9 +110,9 @@ class HeavyTails(Extension):
         e = fitted.good_clipped
         n = len(e)
         kurtosis = moment(e, 4) / moment(e, 2) ** 2 - 3.0
-        white = fitted.spread * float(
-            np.sqrt(fitted.power[len(fitted.power) // 2 :].mean() / fitted.channel.interval)
-        )
+        last = len(fitted.cleaned) - 1
+        fast = float(fitted.expected_power.between(last // 2, last).mean())
+        white = fitted.spread * float(np.sqrt(fast / fitted.channel.interval))
         rounding = rounded_kurtosis(fitted.channel.quantizer_step / white)
         deviate = (kurtosis - CLIPPED_KURTOSIS - rounding) / np.sqrt(24.0 / n)
         p_value = normal_beyond(deviate)

@@ -79,30 +79,25 @@ class PeriodicVariance(Extension):
     @classmethod
     def test(cls, fitted: Residual) -> TestResult:
         """Search the squares of the residuals for a period."""
-        local, interval = local_variance(fitted), fitted.channel.interval
-        measured = local.scatter > 0.0
-        x = np.empty(len(measured), np.float32)
-        np.subtract(local.square, 1.0, out=x, casting="same_kind")
-        x /= np.float32(np.sqrt(local.kappa))
-        x[~measured] = 0.0
-        size = next_fast_len(len(x), real=True)
-        wave = rfft(x, size)
+        n, interval = len(fitted.channel), fitted.channel.interval
+        size = next_fast_len(n, real=True)
+        wave = rfft(_scatter(fitted), size)
         without_tables(size)
         power = wave.real**2
         power += wave.imag**2
         del wave
-        power /= np.float32(max(int(measured.sum()), 1))
-        first = int(np.ceil(MIN_CYCLES * size / len(x)))
+        power /= np.float32(max(int(np.count_nonzero(local_variance(fitted).scatter)), 1))
+        first = int(np.ceil(MIN_CYCLES * size / n))
         name = "largest ordinate of the spectrum of the squared residuals"
         if float(power[first:].max()) < MIN_ORDINATE:
             return TestResult(cls.cause, 1.0, NO_GAIN, float(power[first:].max()), name)
         relative = power[first:] / local_level(power[first:], BACKGROUND_WIDTH)
         at = int(np.argmax(relative))
         number, largest = len(relative), float(relative[at])
-        gain = largest - float(np.log(number)) - float(np.log(len(x)))
+        gain = largest - float(np.log(number)) - float(np.log(n))
         return TestResult(
             cls.cause, any_of(float(np.exp(-largest)), number), gain, largest, name,
-            lambda: (_extension(fitted, x, (first + at) / (size * interval)),),
+            lambda: (_extension(fitted, (first + at) / (size * interval)),),
         )  # fmt: skip
 
     def enlarged_share(self, channel: Channel) -> float:  # noqa: ARG002
@@ -110,8 +105,19 @@ class PeriodicVariance(Extension):
         return float(np.mean(np.exp(self.course(4096)) > np.exp(self.course(4096)).mean()))
 
 
-def _extension(fitted: Residual, x: SingleArray, near: float) -> PeriodicVariance:
-    """Return the period next to a frequency, Hz, with its depth; `x` are the squares less 1 ÷ their sd, shape (n,)."""
+def _scatter(fitted: Residual) -> SingleArray:
+    """Return the squares of the residuals less 1 ÷ their sd, shape (n,), 0 where nothing was measured."""
+    local = local_variance(fitted)
+    x = np.empty(len(local.square), np.float32)
+    np.subtract(local.square, 1.0, out=x, casting="same_kind")
+    x /= np.float32(np.sqrt(local.kappa))
+    x[local.scatter <= 0.0] = 0.0
+    return x
+
+
+def _extension(fitted: Residual, near: float) -> PeriodicVariance:
+    """Return the period next to a frequency, Hz, with its depth."""
+    x = _scatter(fitted)
     n, dt = len(x), fitted.channel.interval
     tried = near + np.linspace(-0.6, 0.6, 13) / (n * dt)
     waves = np.array([_wave(x, f * dt, near * dt, fitted.channel.block) for f in tried])

@@ -114,7 +114,7 @@ def extension(fitted: Residual) -> Spikes:
     e, dt = fitted.e, fitted.channel.interval
     places = np.flatnonzero((np.abs(e) > SPIKE_GATE) & fitted.valid)
     by_chance = 2.0 * normal_beyond(SPIKE_GATE) * len(e)
-    white = fitted.spread * float(np.sqrt(fitted.power[-max(1, len(fitted.power) // 2) :].mean() / dt))
+    white = fitted.spread * float(np.sqrt(fitted.expected_power.fast / dt))
     return _taken_out(places, np.abs(e[places]) * white, len(e) * dt, white, by_chance)
 
 

@@ -94,8 +94,7 @@ class Transients(Extension):
         dt, start = fitted.channel.interval, fitted.channel.start
         largest = peaks[int(np.argmax(size))]
         place = f"{len(peaks)} that decay in {chosen * dt:.2g} s, largest at {start + largest * dt:.6g} s"
-        half = fitted.power[-max(1, len(fitted.power) // 2) :]
-        white = fitted.spread * float(np.sqrt(half.mean() / dt))
+        white = fitted.spread * float(np.sqrt(fitted.expected_power.fast / dt))
         sizes = white * np.sqrt(-np.expm1(-2.0 / chosen)) * np.array([z[place] for place in peaks])
         found = cls(tuple(peaks), tuple(sizes.tolist()), chosen)
         return TestResult(

@@ -109,15 +109,12 @@ class Vibration(Extension):
         first, last = max(FIRST_ORDINATE, first), min(n - 1, last)
         size = max(1, (last - first) // 400)
         number = (last - first) // size
-        around = slice(max(first - NEIGHBOUR_COUNT, 0), last + NEIGHBOUR_COUNT)
-        square = (
-            _lines_cut(fitted.coefficients[1:][around] ** 2 / fitted.power[around], MAX_ORDINATE)
-            * fitted.power[around]
-        )
-        inside = slice(first, first + number * size)
+        around = slice(max(first - NEIGHBOUR_COUNT, 0), min(last + NEIGHBOUR_COUNT, n - 1))
+        beside = fitted.expected_power.between(around.start, around.stop)
+        square = _lines_cut(fitted.coefficients[1:][around] ** 2 / beside, MAX_ORDINATE) * beside
         mean = square[first - around.start :][: number * size].reshape(number, size).mean(axis=1)
         f = np.asarray((first + 1 + (np.arange(number) + 0.5) * size - 0.5) * df, dtype=float)
-        expected = fitted.power[inside].reshape(number, size).mean(axis=1)
+        expected = fitted.expected_power.means(first, size, number)
         other = np.maximum(expected - self.power(f, dt), 1e-3 * expected)
         place = (f - f.mean()) / (f[-1] - f[0])
         level = np.stack((other * (0.5 - place), other * (0.5 + place)))
@@ -176,13 +173,15 @@ def _level_cost(mean: FloatArray, level: float, slope: float, place: FloatArray,
 def test(fitted: Residual, tested: ShapeTest) -> TestResult:
     """Search the spectrum of the residuals for a resonance over the best monotonic spectrum."""
     df = 1.0 / (len(fitted.e) * fitted.channel.interval)
-    background = tested.background(df * np.arange(1.0, len(fitted.periodogram) + 1.0))
-    power = fitted.periodogram / background
-    total = np.concatenate(([0.0], np.cumsum(_lines_cut(power, MAX_ORDINATE))))
-    widths = [width for width in WINDOWS if width <= len(power) // 24]
+    number = len(fitted.periodogram)
+    f = df * np.arange(1.0, number + 1.0)
+    total = np.empty(number + 1)
+    total[0] = 0.0
+    np.cumsum(_lines_cut(fitted.periodogram / tested.background(f), MAX_ORDINATE), out=total[1:])
+    widths = [width for width in WINDOWS if width <= number // 24]
     best = (np.inf, 8, FIRST_ORDINATE, 1.0)
     for width in widths:
-        start = np.arange(FIRST_ORDINATE, len(power) - width, width // 2)
+        start = np.arange(FIRST_ORDINATE, number - width, width // 2)
         ratio, beside = _over_neighbours(total, start, width)
         ratio[taken(fitted, (start + 1 + 0.5 * width) * df)] = 1.0
         largest = _largest(ratio, 8)
@@ -197,9 +196,9 @@ def test(fitted: Residual, tested: ShapeTest) -> TestResult:
     name = f"mean of {width} ordinates of the spectrum ÷ their neighbourhood"
     if p_value > REFIT_P_VALUE:
         return TestResult("vibration", min(1.0, 2.0 * p_value), -9.0, mean, name)
-    gain, found = extension(fitted, background, centre, half)
+    gain, found = extension(fitted, tested.background(f), centre, half)
     covered = float(np.clip(found.frequency / found.quality / df, WINDOWS[0], widths[-1]))
-    price = float(np.log(len(widths) * 2.0 * len(power) / covered))
+    price = float(np.log(len(widths) * 2.0 * number / covered))
     p_value = min(1.0, 2.0 * min(p_value, float(np.exp(price - max(gain, 0.0)))))
     if found.quality < MIN_QUALITY or found.overlaps(fitted):
         gain = -np.inf

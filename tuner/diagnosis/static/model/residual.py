@@ -25,6 +25,7 @@ from models.noise import BiasInstability, GaussMarkov, NoiseModel, RandomWalk, T
 from tuner.diagnosis.static.causes.base import Extension, gain_of, hidden_by, power_of
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.dct import block_transform, grid, inverse, lines, transform
+from tuner.diagnosis.static.model.expected_power import ExpectedPower, spectrum_knots
 from tuner.diagnosis.static.model.null_distributions import SLOW_RATIO_FACTOR
 from tuner.diagnosis.static.model.series_statistics import (
     RESIDUAL_CLIP,
@@ -38,8 +39,6 @@ FloatArray = NDArray[np.float64]
 SingleArray = NDArray[np.float32]
 T = TypeVar("T")
 
-SPECTRUM_KNOTS = 8192
-"""Frequencies, even and in even ratios, between which the spectrum is interpolated linearly; fine for its curvature."""
 MIN_PROMISED_RATIO = 4.0
 """Likelihood ratio of a further Gauss–Markov process, foretold by scores, below which it is not fitted.
 
@@ -147,20 +146,18 @@ class Residual:
         """Noise of the best fit, extensions apart, in units of the scale."""
         return NoiseModel(self.fit.terms())
 
-    @cached_property
+    @property
     def power(self) -> FloatArray:
-        """Expected power of each coefficient 1 … n-1."""
-        n, dt, low = len(self.cleaned), self.channel.interval, self.track.singles
+        """Expected power of each coefficient 1 … n-1, made anew: a column, of which most need a part."""
+        return self.expected_power.between(0, len(self.cleaned) - 1)
+
+    @cached_property
+    def expected_power(self) -> ExpectedPower:
+        """Expected power of each coefficient, made where it is needed."""
+        n, low = len(self.cleaned), self.track.singles
         knots = spectrum_knots(low + 1, n)
-        smooth = self.smooth_power(knots / (2.0 * n * dt))
-        power = np.empty(n - 1)
-        power[:low] = self.fit.expected[:low]
-        for first in range(low, n - 1, SAMPLES_AT_ONCE):
-            last = min(first + SAMPLES_AT_ONCE, n - 1)
-            power[first:last] = np.interp(np.arange(first + 1.0, last + 1.0), knots, smooth)
-        if self.has_peaks:
-            power[low:] += self.peaks[low:]
-        return power
+        smooth = self.smooth_power(knots / (2.0 * n * self.channel.interval))
+        return ExpectedPower(self.fit.expected[:low], knots, smooth, self.peaks)
 
     def smooth_power(self, f: FloatArray, further: Iterable[Term] = ()) -> FloatArray:
         """Return the spectrum without peaks at frequencies `f`, Hz: white noise behind the filters, and other terms."""
@@ -218,8 +215,9 @@ class Residual:
         e = self.coefficients.copy()
         e[0] = 0.0
         e[1 : self.track.singles + 1] -= self.track.columns @ self.fit.beta
-        for first in range(1, len(e), SAMPLES_AT_ONCE):
-            e[first : first + SAMPLES_AT_ONCE] /= np.sqrt(self.power[first - 1 : first - 1 + SAMPLES_AT_ONCE])
+        for first in range(0, len(e) - 1, SAMPLES_AT_ONCE):
+            last = min(first + SAMPLES_AT_ONCE, len(e) - 1)
+            e[first + 1 : last + 1] /= np.sqrt(self.expected_power.between(first, last))
         if self.hidden.any():
             own = np.random.default_rng(crc32(self.channel.axis.encode()))
             noise = self.hidden & ~lines(e[1:] ** 2)
@@ -278,8 +276,7 @@ class Residual:
         """Return the expected spectrum at frequencies `f`, Hz, by interpolation."""
         n = len(self.cleaned)
         place = np.clip(np.asarray(f) * (2.0 * n * self.channel.interval) - 1.0, 0.0, n - 2.0)
-        below = np.minimum(place.astype(np.intp), n - 3)
-        return np.asarray(self.power[below] + (place - below) * (self.power[below + 1] - self.power[below]))
+        return self.expected_power.at(place)
 
     @cached_property
     def spectrum(self) -> tuple[float, SingleArray]:
@@ -324,12 +321,6 @@ def _crossing(drop: Callable[[float], float], centre: float, step: float) -> flo
         middle = 0.5 * (low + high)
         low, high = (low, middle) if drop(centre + middle) >= goal else (middle, high)
     return centre + high
-
-
-def spectrum_knots(first: int, end: int) -> FloatArray:
-    """Return the places, of first … end − 1, between which a spectrum without peaks is as good as linear."""
-    few = np.concatenate((np.geomspace(first, end, SPECTRUM_KNOTS), np.linspace(first, end, SPECTRUM_KNOTS)))
-    return np.sort(few) if len(few) < end - first else np.arange(float(first), end)
 
 
 def residual(

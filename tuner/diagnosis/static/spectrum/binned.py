@@ -102,7 +102,7 @@ def bins(fitted: Residual, without: Extension | None = None) -> Bins:
     dt, n = fitted.channel.interval, len(fitted.coefficients) - 1
     first, width = _range(n)
     inside = slice(first, first + width * BIN_COUNT)
-    total = fitted.power[inside].reshape(BIN_COUNT, width).mean(axis=1)
+    total = _modelled(fitted)
     cycles = np.asarray((first + (np.arange(BIN_COUNT) + 0.5) * width + 0.5) / (2.0 * (n + 1)), dtype=float)
     within = [cycles + (part - 0.5) * width / (2.0 * (n + 1)) for part in PLACES_IN_A_BIN]
     terms = fitted.fit.terms()
@@ -136,6 +136,13 @@ def _range(n: int) -> tuple[int, int]:
     """Return the first of n coefficients that is binned, and how many are in a bin."""
     first = int(2.0 * MIN_RELATIVE_FREQUENCY * n)
     return first, (n - first) // BIN_COUNT
+
+
+@once
+def _modelled(fitted: Residual) -> FloatArray:
+    """Return the expected power in bins, shape (b,)."""
+    first, width = _range(len(fitted.coefficients) - 1)
+    return fitted.expected_power.means(first, width, BIN_COUNT)
 
 
 @once

@@ -213,6 +213,7 @@ def slow_track(fitted: Residual) -> tuple[FloatArray, float, float]:
     a = fitted.coefficients.copy()
     means = np.zeros(n - 1)
     means[: fitted.track.singles] = fitted.track.columns @ fitted.fit.beta
-    a[1:] = means + (1.0 - power / fitted.power) * (a[1:] - means)
-    unsure = float(np.mean(power * (1.0 - power / fitted.power))) / dt
+    kept = 1.0 - power / fitted.power
+    a[1:] = means + kept * (a[1:] - means)
+    unsure = float(np.mean(power * kept)) / dt
     return inverse(a, dt), fitted.spread**2 * float(power.mean()) / dt, unsure
