@@ -24,6 +24,7 @@ from tuner.consistency.trajectory_alignment import (
     rate_of,
     to_tangent_plane,
 )
+from tuner.consistency.velocity_of_positions import velocity_contradiction
 from tuner.consistency.wrong_conventions import refuse_wrong_conventions
 from tuner.types.filter_output import FilterOutput
 from tuner.types.records import DataError
@@ -82,7 +83,8 @@ class OutputErrors:
     estimate : FilterOutput
         The estimate at these epochs.
     between : ndarray, shape (n, 9)
-        Variances of position, velocity and attitude of the truth between its rows, part of the covariance.
+        Variances of what the truth leaves open, part of the covariance: position, velocity and attitude between its
+        rows, velocities that contradict its positions.
     rate : ndarray, shape (n, 15)
         Derivatives of the truth by time: those of the errors by how late the estimate is, 1/s.
     body : BodyRotation or None
@@ -164,6 +166,10 @@ def output_errors(
         there, body = in_axes_of(there, moved)
         done = (*done, *body.note(moved.name, there.name))
     refuse_wrong_conventions(moved, there)
+    noted = _note_between(between, moved, truth)
+    own = truth.rows((truth.t >= begin - 1e-9) & (truth.t <= end + 1e-9))
+    wrong, said = velocity_contradiction(own, moved, np.mean(between[:, 3:6], axis=0))
+    between = between + np.pad(wrong, (3, 3))
     error = difference(there, moved)
     if moved.vel_of_body:
         same = rotation.mat_from_quat(
@@ -189,7 +195,7 @@ def output_errors(
         rate,
         np.concatenate(fitted, axis=2),
         body,
-        (*notes, *done, *_note_between(between, moved, truth)),
+        (*notes, *done, *noted, *said),
     )
 
 

@@ -24,6 +24,7 @@ from tuner.consistency.drive_scores import (
     reference_at,
     settled,
 )
+from tuner.consistency.reference_attitude import without_wrong_attitude
 from tuner.consistency.reference_check import trusted_reference
 from tuner.consistency.scores import (
     DIVERGED_RATIO,
@@ -205,9 +206,10 @@ def navigate_drive(
     else:
         stage("finding the offset of the reference", 0.8)
         reference, late = on_clock_of(reference, solutions, scored)
+        reference, turned = without_wrong_attitude(reference, stretches, solutions)
         stage("comparing with the reference", 0.88)
         compared, more = against_reference(reference, solutions, scored, timed=late is not None)
-        notes = (*notes, *([late] if late else []), *more)
+        notes = (*notes, *(one for one in (late, turned) if one), *more)
     stage("filtering without fixes", 1.0)
     found = Consistency(
         None,

@@ -9,10 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import cumulative_trapezoid
 from scipy.signal import lfilter
 
 from models import rotation
-from models.earth import ned_between
+from models.earth import in_degrees, llh_displaced, ned_between
 from models.trajectory.catalogue import TRAJECTORIES
 from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
 from tuner.cli import run
@@ -169,7 +170,12 @@ def test_sds_of_the_reference_count(configuration, saved, data, tmp_path):
         -np.median(np.diff(data["ref_t"])) / 10.0
     )  # white noise would show in the reference itself
     staying = lfilter([np.sqrt(1.0 - decay**2)], [1.0, -decay], rng.standard_normal((n, 3)), axis=0)
-    noisy = dict(data, ref_vned=data["ref_vned"] + 0.3 * staying)
+    path = cumulative_trapezoid(
+        0.3 * staying, data["ref_t"], axis=0, initial=0.0
+    )  # no contradiction of its own
+    began = data["ref_llh"] * [np.pi / 180.0, np.pi / 180.0, 1.0]
+    moved = in_degrees(llh_displaced(began, path))
+    noisy = dict(data, ref_vned=data["ref_vned"] + 0.3 * staying, ref_llh=moved)
     stating = dict(noisy, ref_vstd=np.full((n, 3), 0.3), ref_pstd=np.zeros((n, 3)), ref_astd=np.zeros((n, 3)))
     ratios = []
     for name, arrays_of in (("silent", noisy), ("stating", stating)):

@@ -17,6 +17,7 @@ from scipy.stats import t as student
 from models.earth import ned_between
 from models.robust import normal_sd
 from tuner.consistency.drive_scores import differences, reference_at
+from tuner.consistency.reference_attitude import without_wrong_attitude
 from tuner.consistency.reference_check import trusted_reference
 from tuner.diagnosis.drive.hypothesis import FilterRun
 from tuner.types import GnssNoise, Unexplained
@@ -116,8 +117,9 @@ def against_reference(
         sizes = [_sizes(drive, errors, good, "")]
     sizes[-1] += f"; errors of positions stay for some {stay:.0f} s"
     stated = _stated_sds(drive.gnss.position_sd[good], receiver)
+    reference, turned = without_wrong_attitude(reference, final.stretches, final.solutions)
     found = (_offset(errors, good, stay, stated), _heading(reference, final))
-    return (*notes, *sizes), tuple(one for one in found if one is not None)
+    return (*notes, *([turned] if turned else []), *sizes), tuple(one for one in found if one is not None)
 
 
 def staying_time(t: FloatArray, error: FloatArray) -> float:
