@@ -7,8 +7,7 @@ A motion is velocity, attitude and their derivatives as functions of time; every
 A `Trajectory` gives speed s, pitch θ, heading ψ and roll as closed forms (`models.trajectory.profiles`). The body's x
 axis points along the velocity, v_n = s (cos θ cos ψ, cos θ sin ψ, −sin θ), so that the non-holonomic law v_b = (s, 0,
 0) is exact. Position is the integral of L' = v_N/(M+h), λ' = v_E/((N+h) cos L), h' = −v_D by Gauss–Legendre quadrature
-on short cells, exact to rounding. A `Track` (`models.trajectory.spline`) passes splines through given positions;
-`models.trajectory.catalogue` holds the built-in motions.
+on short cells, exact to rounding. `models.trajectory.catalogue` holds the built-in motions.
 
 An inertial unit delivers increments, the integrals of ω_ib and f in the turning body frame
 (`imu_increments`), or rates (`evaluate`).

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from models import rotation
-from models.earth import earth_rate, ned_between
+from models.earth import earth_rate
 from models.trajectory.catalogue import city, climb
 from models.trajectory.motion import imu_increments
-from models.trajectory.spline import Track
 from tuner.catalogue.grades import load_gnss, load_grade
 from tuner.consistency.drive_scores import differences
 from tuner.consistency.score_drive import navigate_drive
@@ -113,17 +112,3 @@ def test_fixes_free_of_gravity_are_the_integrated_force(inertial):
         total.append(total[-1] + mat @ (push + 0.5 * np.cross(turn, push)))
         mat = mat @ rotation.mat_from_rotvec(turn)
     np.testing.assert_allclose(velocity, total, atol=0.05)
-
-
-def test_track_through_the_date_line_is_one_curve():
-    """Points with longitudes that jump and the same without give one motion."""
-    t = np.arange(10.0)
-    lon = np.radians(179.9999) + 1e-6 * t
-    smooth, jumping = (
-        Track("a", t, np.column_stack([0.3 + 1e-6 * t, x, 0.0 * t]))
-        for x in (lon, np.remainder(lon + np.pi, 2 * np.pi) - np.pi)
-    )
-    for one, other in zip((smooth, jumping), (jumping, smooth), strict=True):
-        at = np.linspace(0.0, 9.0, 50)
-        apart = ned_between(one.evaluate(at).llh, other.evaluate(at).llh)
-        np.testing.assert_allclose(apart, 0.0, atol=1e-6)
