@@ -175,6 +175,7 @@ def log_covariance(model: NoiseModel, curve: OctaveCurve) -> tuple[FloatArray, F
     """
     mean, covariance = allan_covariance(model.terms, curve.m, curve.lengths, curve.interval)
     covariance += np.diag((_RELATIVE_PRECISION * mean) ** 2)  # a ramp alone has no noise of its own
+    covariance += curve.law_variance / np.multiply.outer(curve.tau, curve.tau)
     sd = np.sqrt(np.diag(covariance))
     dof = 2.0 * (mean / sd) ** 2
     log_sd = np.sqrt(polygamma(1, 0.5 * dof))

@@ -43,12 +43,16 @@ class OctaveCurve:
         Samples of each segment.
     interval : float
         Sampling interval, s.
+    law_variance : float
+        Variance of the white power that comes from the law of the samples, unit⁴/Hz²
+        (`tuner.identification.law_of_samples`); 0 for the normal law.
     """
 
     m: IntArray
     variance: FloatArray
     lengths: tuple[int, ...]
     interval: float
+    law_variance: float = 0.0
 
     @property
     def tau(self) -> FloatArray:

@@ -24,6 +24,7 @@ from tuner.identification.allan_octaves import OctaveCurve
 from tuner.identification.arma import MIN_SAMPLES, Likelihood, fit_arma
 from tuner.identification.curve_limit import below_the_curve
 from tuner.identification.estimates import ALLOWS_NONE, BASE, Estimates, from_fit, from_powers, from_segments
+from tuner.identification.law_of_samples import variance_by_law
 from tuner.identification.likelihood import (
     LikelihoodFit,
     fit,
@@ -33,7 +34,7 @@ from tuner.identification.likelihood import (
 )
 from tuner.identification.limiting_quantizer import as_bounds, bounds_of
 from tuner.identification.mean_and_earth_rate import mean_of_noise
-from tuner.identification.periodogram import cosine_periodogram
+from tuner.identification.periodogram import CosinePeriodogram, cosine_periodogram
 from tuner.identification.selection import Bound, select_periodogram
 from tuner.identification.short_clusters import band_of_samples, down_to_samples
 from tuner.identification.slopes import read_segments
@@ -107,9 +108,11 @@ def identify_channel(
         noise = choose_terms(pieces, single.interval, further)
         band, chosen, candidates = noise.band, noise.fit, noise.candidates
         bounds = tuple(_bounded(b, single.unit) for b in noise.bounds)
+        whole = replace(whole, law_variance=noise.law_variance)
     else:
         band = Band(1, np.inf, 1.0)
         chosen, bounds, candidates = fit(pieces, single.interval, (*terms, *further)), (), ()
+        whole = replace(whole, law_variance=variance_by_law(pieces, single.interval))
     octaves = curve_within(whole, band)
     allan = empirical_curve(single, "oadev", noise=chosen.model)
     estimates = _by_method(chosen, method, octaves, allan, forced=terms is not None)
@@ -274,12 +277,15 @@ class ChosenNoise:
         Limits of the terms that are absent.
     candidates : tuple of Candidate
         Sums that were compared, the best first.
+    law_variance : float
+        Variance of the white power that comes from the law of the samples, unit⁴/Hz².
     """
 
     fit: LikelihoodFit
     band: Band
     bounds: tuple[Bound, ...]
     candidates: tuple[Candidate, ...]
+    law_variance: float
 
 
 def choose_terms(pieces: Sequence[FloatArray], interval: float, further: Sequence[str] = ()) -> ChosenNoise:
@@ -299,7 +305,7 @@ def choose_terms(pieces: Sequence[FloatArray], interval: float, further: Sequenc
     curve = OctaveCurve.of(rest, interval)
     band = find_band(curve)
     whole = cosine_periodogram(rest, interval)
-    data = periodogram_within(whole, band)
+    data = _of_band(whole, rest, band)
     selection = select_periodogram(data, processes)
     refused = set()
     while GaussMarkov.name not in processes and _faster_than_samples(selection.fit.model, interval):
@@ -307,7 +313,7 @@ def choose_terms(pieces: Sequence[FloatArray], interval: float, further: Sequenc
         if longer is None:
             refused.add(GaussMarkov.name)
             break
-        band, data = longer, periodogram_within(whole, longer)
+        band, data = longer, _of_band(whole, rest, longer)
         selection = select_periodogram(data, processes)
     chosen, absent = selection.fit, selection.bounded
     refused |= {Quantization.name} if band.m > 1 else set()
@@ -320,7 +326,14 @@ def choose_terms(pieces: Sequence[FloatArray], interval: float, further: Sequenc
         below = Bound(Quantization.name, Quantization.PARAMETERS[0], np.inf, hidden)
         absent = (below, *(b for b in absent if b.name != Quantization.name))
     bounds = tuple(b for b in absent if b.name not in chosen.terms)
-    return ChosenNoise(with_lines(chosen, lines, rest, interval), band, bounds, selection.candidates)
+    noise = with_lines(chosen, lines, rest, interval)
+    return ChosenNoise(noise, band, bounds, selection.candidates, data.law_variance)
+
+
+def _of_band(whole: CosinePeriodogram, pieces: Sequence[FloatArray], band: Band) -> CosinePeriodogram:
+    """Return the cells of a band, and what the law of its clusters adds to their variance."""
+    by_law = variance_by_law(pieces, whole.interval, band.m)
+    return replace(periodogram_within(whole, band), law_variance=by_law)
 
 
 def _faster_than_samples(model: NoiseModel, interval: float) -> bool:

@@ -8,7 +8,8 @@ others, and a_k ~ N(0, E_k)::
 
 a weighted sum of χ² variables, whose tail probability follows from its saddle point within a few per cent.
 That keeps the stated coverage where a random walk lives in three coefficients, and at θ_j = 0,
-where the likelihood ratio is optimistic and a Hessian fails.
+where the likelihood ratio is optimistic and a Hessian fails. Where the samples have heavier tails than normal ones,
+ends lie at larger deviates, in the ratio of the two standard errors (`tuner.identification.law_of_samples`).
 
 Where the low frequencies happen to be quieter than the other terms alone would make them, every amplitude is
 unlikely. There the tail at the upper end of an amplitude is counted relative to the tail at zero,
@@ -32,8 +33,8 @@ from tuner.identification.objective import Objective
 
 FloatArray = NDArray[np.float64]
 
-_MAX_NORMAL_DEVIATE = 8.0
-"""Normal deviate at which a tail probability counts as zero."""
+_MAX_NORMAL_DEVIATE = 1000.0
+"""Normal deviate beyond which none is computed: samples of far heavier tails than normal ones widen tens of times."""
 
 _WELL_KNOWN = 0.1
 """Relative standard error below which an amplitude is too far from zero for zero to matter."""
@@ -110,11 +111,14 @@ def end(objective: Objective, theta: FloatArray, j: int, reach: float) -> tuple[
     """
     side = np.sign(reach)
     bound = objective.upper[j] if side > 0 else objective.lower[j]
-    spread = float(np.sqrt(2.0 * np.linalg.inv(objective(theta)[2] + 1e-9 * np.eye(len(theta)))[j, j]))
+    normal, by_law = objective.covariances(theta)
+    spread = float(np.sqrt(normal[j, j]))
+    widening = float(np.sqrt(1.0 + by_law[j, j] / normal[j, j]))
     goal = abs(reach)
     if side > 0 and objective.is_amplitude(j) and spread > _WELL_KNOWN:
         nothing = normal_score(objective, _at(objective, theta, j, objective.lower[j]), j)
-        goal = -float(ndtri(ndtr(-goal) * min(1.0, 2.0 * ndtr(nothing))))
+        goal = -float(ndtri(ndtr(-goal) * min(1.0, 2.0 * ndtr(nothing / widening))))
+    goal *= widening
     step = float(np.clip(goal * spread, 1e-4, 1.0))
     inside, low, outside, high = theta, -goal, np.nan, np.nan
     for _ in range(60):

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from models.noise import NoiseModel, Ramp, Sinusoid, Term
 from tuner.identification.intervals import interval as score_interval
+from tuner.identification.law_of_samples import variance_by_law
 from tuner.identification.objective import Objective
 from tuner.identification.periodogram import CosinePeriodogram, cosine_periodogram
 from tuner.identification.sinusoids import Line, line_sd, take_out_line
@@ -37,7 +38,8 @@ class LikelihoodFit:
     estimate : ndarray, shape (p,)
         Natural logs of the parameters.
     covariance : ndarray, shape (p, p)
-        Covariance of the logs by the Fisher information; huge where the data do not hold the parameter.
+        Covariance of the logs by the Fisher information and the law of the samples; huge where the data do not hold
+        the parameter.
     intervals : tuple of (float, float)
         95 % interval of each parameter: from 0 where the data allow none, to inf where they set no limit.
     log_likelihood : float
@@ -92,7 +94,8 @@ def fit(pieces: Sequence[FloatArray], interval: float, terms: Sequence[str]) -> 
     """
     lines, rest = take_out_lines(pieces, interval, list(terms).count(Sinusoid.name))
     noise = [name for name in terms if name != Sinusoid.name]
-    return with_lines(fit_periodogram(cosine_periodogram(rest, interval), noise), lines, rest, interval)
+    data = replace(cosine_periodogram(rest, interval), law_variance=variance_by_law(rest, interval))
+    return with_lines(fit_periodogram(data, noise), lines, rest, interval)
 
 
 def take_out_lines(
@@ -134,8 +137,8 @@ def describe(objective: Objective, theta: FloatArray) -> LikelihoodFit:
         terms.append(kind(*np.exp(theta[at : at + size]).tolist()))
         names += [f"{label}.{parameter}" for parameter in kind.PARAMETERS]
         at += size
-    information = objective(theta)[2]
-    covariance = np.asarray(2.0 * np.linalg.inv(information + 1e-9 * np.eye(len(theta))), dtype=np.float64)
+    normal, by_law = objective.covariances(theta)
+    covariance = normal + by_law
     intervals = [score_interval(objective, theta, j) for j in range(len(theta))]
     log_likelihood = objective.log_likelihood(theta)
     slope, ends = 0.0, (0.0, 0.0)

@@ -186,6 +186,14 @@ class Objective:
 
         return of
 
+    def covariances(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the covariance of θ of normal samples, (p, p), and what the law of the samples adds to it."""
+        expected, gradient = self.expected(theta)
+        information = self._evaluate(expected, gradient)[2] + 1e-9 * np.eye(len(theta))
+        moved = np.linalg.solve(information, gradient / expected @ (self.data.count / expected))
+        covariance = np.asarray(2.0 * np.linalg.inv(information), dtype=float)
+        return covariance, self.data.law_variance * np.outer(moved, moved)
+
     def log_likelihood(self, theta: FloatArray) -> float:
         """Return ln L without the last term, to compare sums with different templates."""
         expected, _ = self.expected(theta)

@@ -64,6 +64,9 @@ class CosinePeriodogram:
         Span T of the segment, s (harmonic mean where a cell gathers several segments).
     line : ndarray, shape (m,)
         Coefficient of the unit ramp, s^1.5; 0 for cells of several.
+    law_variance : float
+        Covariance of any two powers of white noise that comes from the law of the samples, unit⁴/Hz²
+        (`tuner.identification.law_of_samples`); 0 for the normal law.
     """
 
     interval: float
@@ -74,6 +77,7 @@ class CosinePeriodogram:
     parity: FloatArray
     span: FloatArray
     line: FloatArray
+    law_variance: float = 0.0
 
     @property
     def power(self) -> FloatArray:

@@ -122,7 +122,8 @@ def curve_within(curve: OctaveCurve, band: Band) -> OctaveCurve:
 def periodogram_within(data: CosinePeriodogram, band: Band) -> CosinePeriodogram:
     """Return the cells of the band."""
     inside = data.frequency <= band.highest
-    arrays = {f.name: getattr(data, f.name) for f in fields(data) if f.name != "interval"}
+    scalars = ("interval", "law_variance")
+    arrays = {f.name: getattr(data, f.name) for f in fields(data) if f.name not in scalars}
     return replace(data, **{name: array[inside] for name, array in arrays.items()})
 
 
