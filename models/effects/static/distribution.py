@@ -144,7 +144,7 @@ class SkewedNoise(Effect):
     Attributes
     ----------
     skewness : float
-        Third central moment ÷ sd³, −2 … 2; 0 is Gaussian.
+        Third central moment ÷ sd³, −10 … 10; 0 is Gaussian.
     """
 
     name: ClassVar[str] = "skewed_noise"
@@ -153,7 +153,7 @@ class SkewedNoise(Effect):
     skewness: float
 
     def __post_init__(self) -> None:
-        require_between(-2.0, 2.0, skewness=self.skewness)
+        require_between(-10.0, 10.0, skewness=self.skewness)
 
     def apply(self, block: Samples, rng: np.random.Generator) -> Samples:
         """Give the white part of every channel a skew law."""

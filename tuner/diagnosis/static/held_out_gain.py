@@ -247,7 +247,7 @@ def _score(fitted: Residual, test: _Test, free: FloatArray | None = None) -> flo
     for extension in fitted.extensions:
         if isinstance(extension, SkewedNoise):
             charge -= float(extension.log_slope(e).sum())
-            e = extension.whiten(e)
+            e = extension.deviates(e)
     return float(_law(fitted)(e).sum() - 0.5 * spread.sum() - 0.5 * np.log(power).sum() * len(e) / n - charge)
 
 

@@ -19,6 +19,7 @@ from tuner.diagnosis.static.causes.heavy_tails import (
     whole,
 )
 from tuner.diagnosis.static.variance.histogram import histogram
+from tuner.diagnosis.static.variance.normal_scores import NormalScores
 from tuner.types.records import Record
 
 INTERVAL, N = 0.01, 180_000
@@ -98,3 +99,36 @@ def test_a_law_is_one_of_unit_variance_and_is_mapped_to_the_normal_one(law):
     assert square == pytest.approx(1.0, abs=1e-3)
     e = law.sample(100_000, np.random.default_rng(5))
     assert kstest(law.whiten(e), norm.cdf).pvalue > 1e-5
+
+
+def skewed(law: str, n: int, seed: int) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    y = rng.lognormal(0.0, 0.7, n) if law == "lognormal" else -rng.gamma(0.5, size=n)
+    return (y - y.mean()) / y.std()
+
+
+@pytest.mark.parametrize(("law", "seed"), [("lognormal", 2), ("gamma", 1)])
+def test_independent_samples_of_a_skewed_law_have_that_cause_alone(law, seed):
+    assert causes(skewed(law, 20_000, seed)) == ["skewed_noise"]
+
+
+@pytest.mark.parametrize("effect", ["telegraph", "spikes"])
+def test_what_happens_in_skewed_noise_is_found_beside_its_law(effect):
+    y, rng = skewed("lognormal", 20_000, 3), np.random.default_rng(5)
+    if effect == "spikes":
+        y[rng.choice(len(y), 8, replace=False)] -= 25.0
+    else:
+        y += 0.7 * (np.cumsum(rng.random(len(y)) < 1.0 / 2000.0) % 2)
+    assert sorted(causes(y)) == sorted(["skewed_noise", effect])
+
+
+@pytest.mark.parametrize("law", ["lognormal", "gamma"])
+def test_normal_scores_are_normal_and_have_the_density_of_the_law(law):
+    y = skewed(law, 200_000, 6)
+    scores = NormalScores.of(y)
+    assert kstest(scores.shuffled(y), "norm").statistic < 0.005
+    x = np.linspace(np.quantile(y, 0.001), np.quantile(y, 0.9999), 200_001)
+    density = np.exp(norm.logpdf(scores(x)) + scores.log_slope(x))
+    assert np.trapezoid(density, x) == pytest.approx(0.9989, abs=2e-3)
+    far = scores(np.array([np.max(np.abs(y)) * 3.0]) * np.sign(y.mean() - np.median(y)))
+    assert 6.0 < abs(far[0]) < 35.0

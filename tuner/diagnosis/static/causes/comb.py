@@ -127,7 +127,8 @@ class Comb(Extension):
         score, period, number = _best_period(fitted)
         if score < MIN_SCORE:
             return TestResult(cls.cause, 1.0, NO_GAIN, score, name)
-        e = np.where(fitted.valid, np.clip(fitted.e, -RESIDUAL_CLIP, RESIDUAL_CLIP), 0.0)
+        e = np.clip(fitted.e, -RESIDUAL_CLIP, RESIDUAL_CLIP)
+        e = np.where(fitted.valid, e - e[fitted.valid].mean(), 0.0)
         period = _fitted_best(e, _refined(fitted, e, period))
         if _of_few_lines(_fold(e, period, MIDDLE_PHASE), _square(e, period), CLEAR_LINE_SHARE):
             return TestResult(cls.cause, 1.0, NO_GAIN, score, name)
@@ -147,7 +148,8 @@ class Comb(Extension):
 def _best_period(fitted: Residual) -> tuple[float, float, int]:
     """Return the largest mean of the autocorrelation over multiples, in sds, its period, samples, and their number."""
     n = len(fitted.e)
-    r = _autocorrelation(fitted.clipped, min(n // 2, int(MAX_PERIOD * PERIOD_MULTIPLES) + 2)) * np.sqrt(n)
+    e = fitted.clipped - fitted.clipped.mean(dtype=float).astype(np.float32)
+    r = _autocorrelation(e, min(n // 2, int(MAX_PERIOD * PERIOD_MULTIPLES) + 2)) * np.sqrt(n)
     r = (r[:-1] + r[1:]) / np.sqrt(2.0)
     periods = np.arange(MIN_PERIOD, min(MAX_PERIOD, (len(r) - 1) / MIN_MULTIPLES), 1.0 / PERIOD_MULTIPLES)
     if not len(periods):
@@ -162,14 +164,14 @@ def _best_period(fitted: Residual) -> tuple[float, float, int]:
 
 
 def _autocorrelation(e: SingleArray, reach: int) -> FloatArray:
-    """Return the autocorrelation at lags 0 … reach − 1, without the part of the mean, from stretches of the record."""
+    """Return the autocorrelation at lags 0 … reach − 1 of numbers of mean 0, from stretches of the record."""
     size = next_fast_len(max(4 * reach, 1 << 12), real=True)
     step, product = size - reach, np.zeros(size // 2 + 1, complex)
     for first in range(0, len(e), step):
         beside = e[first : first + size]
         product += rfft(beside[:step], size).conj() * rfft(beside, size)
     r: FloatArray = irfft(product, size)[:reach]
-    return np.asarray((r - float(e.sum(dtype=float)) ** 2 / (2.0 * len(e))) / r[0])
+    return np.asarray(r / r[0])
 
 
 def _fold(x: FloatArray, period: float, phase: float) -> FloatArray:

@@ -115,7 +115,8 @@ def extension(fitted: Residual) -> Spikes:
     places = np.flatnonzero((np.abs(e) > SPIKE_GATE) & fitted.valid)
     by_chance = 2.0 * normal_beyond(SPIKE_GATE) * len(e)
     white = fitted.spread * float(np.sqrt(fitted.expected_power.fast / dt))
-    return _taken_out(places, np.abs(e[places]) * white, len(e) * dt, white, by_chance)
+    sizes = np.abs(fitted.whitened()[places]) * white / fitted.spread  # as they are, whatever the law
+    return _taken_out(places, sizes, len(e) * dt, white, by_chance)
 
 
 def _taken_out(places: IntArray, sizes: FloatArray, span: float, white: float, by_chance: float) -> Spikes:

@@ -47,6 +47,7 @@ from tuner.diagnosis.static.switching.models import (
     likelihood_by_start,
 )
 from tuner.diagnosis.static.variance.local_variance import course
+from tuner.diagnosis.static.variance.normal_blocks import law_in_blocks
 
 FloatArray = NDArray[np.float64]
 
@@ -139,7 +140,7 @@ class Telegraph(Extension):
         """Compare two levels with Gaussian noise on the block means."""
         channel = fitted.channel
         step = channel.block * channel.interval
-        y = fitted.cleaned.block_mean(fitted.cleaned.y) - fitted.path
+        y = fitted.cleaned.block_mean(fitted.cleaned.y) - fitted.path - law_in_blocks(fitted)
         y = y - y.mean()
         relative_variance = channel.block_mean(course(fitted))
         name = "log likelihood of two levels less that of Gaussian noise"

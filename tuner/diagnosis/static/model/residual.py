@@ -212,6 +212,15 @@ class Residual:
     @cached_property
     def scaled(self) -> tuple[FloatArray, float]:
         """Residuals of unit robust variance, and what they were divided by."""
+        e = self.whitened()
+        for extension in self.extensions:
+            e = extension.whiten(e)
+        spread = robust_sd(e if bool(self.valid.all()) else e[self.valid])
+        e /= spread
+        return e, spread
+
+    def whitened(self) -> FloatArray:
+        """Return the residuals as the whitening filter leaves them, shape (n,): of unit variance, of any law."""
         e = self.coefficients.copy()
         e[0] = 0.0
         e[1 : self.track.singles + 1] -= self.track.columns @ self.fit.beta
@@ -222,12 +231,7 @@ class Residual:
             own = np.random.default_rng(crc32(self.channel.axis.encode()))
             noise = self.hidden & ~lines(e[1:] ** 2)
             e[1:][noise] = own.standard_normal(int(noise.sum()))
-        e = inverse(e, 1.0)
-        for extension in self.extensions:
-            e = extension.whiten(e)
-        spread = robust_sd(e if bool(self.valid.all()) else e[self.valid])
-        e /= spread
-        return e, spread
+        return inverse(e, 1.0)
 
     @cached_property
     def clipped(self) -> SingleArray:

@@ -30,10 +30,12 @@ from models.noise import NoiseModel, Quantization, White
 from models.probability import chi2_beyond
 from tuner.diagnosis.static.causes.temperature import COVARIATE
 from tuner.diagnosis.static.causes.variance_drift import middles, on_blocks
+from tuner.diagnosis.static.model.dct import block_transform
 from tuner.diagnosis.static.model.null_distributions import any_of, variance_deviate
 from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.variance.local_variance import LEVEL_BLOCKS, block_variance
+from tuner.diagnosis.static.variance.normal_blocks import law_in_blocks
 from tuner.diagnosis.static.variance.quantized_noise import is_coarse
 
 FloatArray = NDArray[np.float64]
@@ -126,5 +128,6 @@ def bias_track(fitted: Residual) -> FloatArray:
     slow = NoiseModel(t for t in fit.terms() if not isinstance(t, White | Quantization))
     power = slow.psd(track.grid.frequency[low], interval=fitted.channel.interval)
     means = track.columns[low] @ fit.beta
-    coefficients = means + power / fit.expected[low] * (track.grid.amplitude[low] - means)
+    law = block_transform(law_in_blocks(fitted)[:, None], fitted.cleaned, LEVEL_BLOCKS - 1)[:, 0]
+    coefficients = means + power / fit.expected[low] * (track.grid.amplitude[low] - law - means)
     return np.asarray(idct(np.concatenate(([0.0], coefficients)), norm="ortho"))
