@@ -21,6 +21,7 @@ References
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -172,22 +173,12 @@ def align_once(
     begin = max(float(gnss.t[0]), still_end - MAX_STATIONARY)
     stop = min(still_end + STATIONARY_MARGIN + moving, float(gnss.t[-1]), float(ends[-1]))
     last = np.searchsorted(ends, stop + offset + 0.1)
-    bias, excess, bias_known = np.zeros(6), np.zeros(3), np.full(3, np.inf)
     # Biases that rotate the unit by less than an alignment resolves are not estimated.
     unknown = bias_sd if bias_sd[:3].max() * (stop - begin) > MIN_BIAS_ROTATION else KNOWN_BIAS_SD
     down = float(gravity(np.sin(gnss.llh[0, 0]), gnss.llh[0, 2]))
     whole = slice(*np.searchsorted(ends, [begin, still_end]).tolist())
-    quiet = steady_steps(steps, whole)
-    rest = still_end - begin - float(steps.dt[whole].sum() - steps.dt[quiet].sum())
-    if rest > MIN_STATIONARY or (rest >= MIN_STATIONARY_POOR_GYROS and unknown.any()):
-        means = steps.increments[quiet].sum(axis=0) / steps.dt[quiet].sum()
-        bias[:3], force = means[:3], float(np.linalg.norm(means[3:]))
-        if rest > SUFFICIENT_STATIONARY or not unknown.any():
-            excess, unknown = means[3:] * (1.0 - down / force), KNOWN_BIAS_SD
-            bias_known = _sd_at_rest(steps, quiet)
-        else:  # noise counts as one value a second: what shakes a unit at rest is not white
-            scatter = np.std(steps.increments[quiet, :3] / steps.dt[quiet, None], axis=0)
-            unknown = np.concatenate([np.minimum(bias_sd[:3], scatter / np.sqrt(rest)), bias_sd[3:]])
+    rest = _measured_at_rest(steps, whole, still_end - begin, down, unknown)
+    unknown = rest.unknown_sd
     back = max(0, int(np.searchsorted(ends, begin - offset)) - 1)
     window = slice(back, min(int(last), len(steps.dt)))
     inside = (gnss.t >= begin) & (gnss.t <= stop)
@@ -213,10 +204,10 @@ def align_once(
 
         times = fix_t[windows[:, -1]] - fix_t[0]
         return biases_from_motion(
-            felt, beta, times, bias, unknown, share, reported, other_starts=other_starts
+            felt, beta, times, rest.bias, unknown, share, reported, other_starts=other_starts
         )
 
-    found = biased(0.0) if unknown.any() else BiasEstimate(bias, np.zeros((9, 9)))
+    found = biased(0.0) if unknown.any() else BiasEstimate(rest.bias, np.zeros((9, 9)))
     rotated = rotate_steps(steps, window, found.bias)
 
     def solve(delay: float) -> tuple[FloatArray, float]:
@@ -227,11 +218,7 @@ def align_once(
 
     delay = 0.0
     if offset > 0.0:
-        grid = np.arange(-offset, offset + 1e-9, 0.05)
-        costs = [solve(float(d))[1] for d in grid]
-        best = int(np.argmin(costs))
-        low, high = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
-        delay = float(minimize_scalar(lambda d: solve(float(d))[1], bounds=(low, high), method="bounded").x)
+        delay = _best_delay(lambda d: solve(d)[1], offset)
         if unknown.any():
             found = biased(delay)
             rotated = rotate_steps(steps, window, found.bias)
@@ -257,10 +244,60 @@ def align_once(
         max(misfit / (9.8 * length), float(np.sqrt(np.diag(found.covariance)[:2].mean()))),
         bias,
         delay,
-        rest,
-        excess + found.bias[3:],
-        bias_known,
+        rest.duration,
+        rest.accel_excess + found.bias[3:],
+        rest.gyro_bias_sd,
     )
+
+
+@dataclass(frozen=True)
+class _AtRest:
+    """What samples at rest show of the biases.
+
+    Attributes
+    ----------
+    duration : float
+        Time at rest, s, without the parts that are not steady.
+    bias : ndarray, shape (6,)
+        Means of the gyros, rad/s, and zeros; zeros throughout where the time is too short.
+    accel_excess, gyro_bias_sd : ndarray, shape (3,)
+        As `Alignment.accel_bias` and `Alignment.gyro_bias_sd`.
+    unknown_sd : ndarray, shape (6,)
+        Sds of what is left of the biases for the motion to determine; zeros where they are known.
+    """
+
+    duration: float
+    bias: FloatArray
+    accel_excess: FloatArray
+    gyro_bias_sd: FloatArray
+    unknown_sd: FloatArray
+
+
+def _measured_at_rest(
+    steps: Steps, still: slice, duration: float, down: float, unknown: FloatArray
+) -> _AtRest:
+    """Return what the samples of a stand-still show of biases with prior sds `unknown`, in gravity `down`, m/s²."""
+    quiet = steady_steps(steps, still)
+    rest = duration - float(steps.dt[still].sum() - steps.dt[quiet].sum())
+    bias, excess, bias_sd = np.zeros(6), np.zeros(3), np.full(3, np.inf)
+    if rest > MIN_STATIONARY or (rest >= MIN_STATIONARY_POOR_GYROS and unknown.any()):
+        means = steps.increments[quiet].sum(axis=0) / steps.dt[quiet].sum()
+        bias[:3], force = means[:3], float(np.linalg.norm(means[3:]))
+        if rest > SUFFICIENT_STATIONARY or not unknown.any():
+            excess, unknown = means[3:] * (1.0 - down / force), KNOWN_BIAS_SD
+            bias_sd = _sd_at_rest(steps, quiet)
+        else:  # noise counts as one value a second: what shakes a unit at rest is not white
+            scatter = np.std(steps.increments[quiet, :3] / steps.dt[quiet, None], axis=0)
+            unknown = np.concatenate([np.minimum(unknown[:3], scatter / np.sqrt(rest)), unknown[3:]])
+    return _AtRest(rest, bias, excess, bias_sd, unknown)
+
+
+def _best_delay(cost: Callable[[float], float], offset: float) -> float:
+    """Return the delay of least cost up to `offset` to both sides, s: the best of a grid, refined."""
+    grid = np.arange(-offset, offset + 1e-9, 0.05)
+    best = int(np.argmin([cost(float(d)) for d in grid]))
+    low, high = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
+    return float(minimize_scalar(lambda d: cost(float(d)), bounds=(low, high), method="bounded").x)
 
 
 def _sd_at_rest(steps: Steps, quiet: NDArray[np.intp]) -> FloatArray:
