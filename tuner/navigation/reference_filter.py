@@ -154,7 +154,6 @@ def _run(
     x = np.zeros(n) if parameters is None else parameters.copy()
     state, sensor = start, calibration(model, x)
     now = _Interval(start, 0.0, np.zeros(3), np.zeros(3))
-    before: tuple[tuple[float, ...], tuple[float, ...]] | None = None
     at_fix, at_constraint = _by_step(fixes.after), _by_step([] if constraints is None else constraints.after)
     outcome: list[tuple[int, float]] = []
     rows: list[Any] = []
@@ -162,29 +161,14 @@ def _run(
     for k in range(len(steps.dt) + 1):
         if k > 0:
             dt = float(steps.dt[k - 1])
-            sample = np.linalg.solve(sensor.matrix, steps.increments[k - 1] - sensor.bias * dt)
-            angle, velocity = tuple(sample[:3].tolist()), tuple(sample[3:].tolist())
-            if before is None:
-                before_angle, before_velocity = angle, velocity
-            else:
-                # The formulas of coning and sculling are for steps of one length.
-                stretch = 2.0 * dt * dt / (steps.dt[k - 2] + dt) / steps.dt[k - 2]
-                before_angle, before_velocity = (tuple(stretch * c for c in part) for part in before)
-            before = angle, velocity
-            rotvec, force = correct_increments(angle, velocity, before_angle, before_velocity)
-            pos, vel, quat, force_n = step(
-                tuple(state.llh.tolist()),
-                tuple(state.vel_n.tolist()),
-                tuple(state.quat_nb.tolist()),
-                rotvec,
-                force,
-                dt,
-            )
-            faster = np.array([0.0, 0.0, dt * (settings.gravity_excess + down_acceleration(model, x))])
-            state = NavigationState(np.array(pos) - 0.5 * dt * faster, np.array(vel) + faster, np.array(quat))
+            last, sample = sample, np.linalg.solve(sensor.matrix, steps.increments[k - 1] - sensor.bias * dt)
+            # The formulas of coning and sculling are for steps of one length.
+            stretch = 2.0 * dt * dt / (steps.dt[k - 2] + dt) / steps.dt[k - 2] if k > 1 else 1.0
+            downwards = settings.gravity_excess + down_acceleration(model, x)
+            state, force_n = _advanced(state, sample, stretch * last if k > 1 else sample, dt, downwards)
             now.dt += dt
             now.angle += sample[:3]
-            now.velocity_n += np.array(force_n) * dt
+            now.velocity_n += force_n * dt
         due = k in at_fix or k in at_constraint or k == len(steps.dt)
         if now.dt > 0.0 and (due or now.dt + 0.5 * steps.dt[k] > settings.covariance_step):
             at = middle(now.start, state, now.angle / now.dt, now.velocity_n / now.dt, sensor)
@@ -223,6 +207,29 @@ def _run(
     uses = np.array([use for use, _ in outcome], dtype=np.int64)
     distances = np.array([distance for _, distance in outcome], dtype=float)
     return replace(solution, constrained=Constrained(constraints.t, constraints.kind, uses, distances))
+
+
+def _advanced(
+    state: NavigationState, sample: FloatArray, before: FloatArray, dt: float, downwards: float
+) -> tuple[NavigationState, FloatArray]:
+    """Return the state after increments `sample` of angle and velocity, (6,), and the mean specific force in n, m/s².
+
+    `before` are the increments before them; `downwards` is an acceleration that the mechanisation does not know, m/s².
+    """
+    rotvec, force = correct_increments(
+        *(tuple(part.tolist()) for part in (*np.split(sample, 2), *np.split(before, 2)))
+    )
+    pos, vel, quat, force_n = step(
+        tuple(state.llh.tolist()),
+        tuple(state.vel_n.tolist()),
+        tuple(state.quat_nb.tolist()),
+        rotvec,
+        force,
+        dt,
+    )
+    faster = np.array([0.0, 0.0, dt * downwards])
+    moved = NavigationState(np.array(pos) - 0.5 * dt * faster, np.array(vel) + faster, np.array(quat))
+    return moved, np.array(force_n)
 
 
 def _by_step(after: Iterable[int]) -> dict[int, list[int]]:
