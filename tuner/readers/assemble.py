@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any
@@ -14,14 +14,14 @@ from models.units import unit_value
 from tuner.formats.guard import printable
 from tuner.readers import column_names as names
 from tuner.readers.clock_unit import MAX_RATE, MIN_RATE
-from tuner.readers.column_choice import Channel, Layout, choose
+from tuner.readers.column_choice import Layout, choose
 from tuner.readers.column_mapping import offered
 from tuner.readers.columns import Listing, Part
 from tuner.readers.constant_axes import without_constant_axes
 from tuner.readers.options import STAMP, Options, UnitChoice, sensor_unit, stated_rate
 from tuner.readers.placeholder_rows import without_placeholders
-from tuner.readers.time_base import COARSE_CLOCK, Timebase, even_timebase, stamped_timebase
-from tuner.readers.time_column import Clock, read_clock
+from tuner.readers.sample_grid import check_rate, clock_of_columns, timebase_of_clock
+from tuner.readers.time_base import Timebase, even_timebase
 from tuner.readers.unit_checks import check_units
 from tuner.readers.value_checks import about_limiting_step, limiting_step, without_spikes
 from tuner.types.records import DataError, Record
@@ -32,11 +32,7 @@ BoolArray = NDArray[np.bool_]
 
 UNREADABLE_SHARE = 0.01
 """Largest share of rows with NaN or infinity that is repaired."""
-RATE_TOLERANCE = 0.05
-"""Largest relative difference between the stated rate and that of the stamps."""
 _SI_UNITS = {"gyro": "rad/s", "accel": "m/s^2"}
-SECONDS_OF_WEEK = 604800.0
-"""Where the seconds of the GPS week begin anew."""
 
 
 @dataclass(frozen=True)
@@ -104,14 +100,14 @@ def even(listing: Listing, plan: Plan, digest: str, options: Options) -> EvenRec
             valid = without_spikes(groups, axes, valid, notes, interval=1.0 / rate)
             origin, base = 0.0, even_timebase(count, 1.0 / rate, valid, moving=options.stamps)
         else:
-            clock = _clock(listing, layout.time, time, week, rate, options)
+            clock = clock_of_columns(listing, layout.time, time, week, rate, options)
             notes += [*clock.assumptions, *clock.notes]
             assumptions += clock.assumptions
             on = clock.on
             usable = valid if on is None else on if valid is None else valid & on
             usable = without_spikes(groups, axes, usable, notes, interval=clock.step)
-            base, origin = _timebase(clock, usable, equal, options, notes), clock.origin
-            _check_rate(base.interval, rate, notes, explicit=options.rate is not None)
+            base, origin = timebase_of_clock(clock, usable, equal, options, notes), clock.origin
+            check_rate(base.interval, rate, notes, explicit=options.rate is not None)
     except DataError as error:
         msg = f"{listing.path}: {error}"
         raise DataError(msg) from None
@@ -224,66 +220,6 @@ def _load(
             )
             raise DataError(msg)
     return (loaded[-1][:, 0] if layout.time is not None else None), blocks, covariates
-
-
-def _clock(
-    listing: Listing,
-    channel: Channel,
-    time: NDArray[Any],
-    week: FloatArray | None,
-    rate: float | None,
-    options: Options,
-) -> Clock:
-    """Return the clock of a file: its time column and, where there is one, the GPS week beside it."""
-    unit = channel.unit
-    if week is not None and np.isfinite(week).all():
-        milliseconds = (unit or ("ms" if np.nanmedian(time) > SECONDS_OF_WEEK else "s")) == "ms"
-        unit = "ms" if milliseconds else "s"
-        time = time + (week - week[0]) * SECONDS_OF_WEEK * (1000.0 if milliseconds else 1.0)
-    mapped = (options.columns or {}).get("t", "")
-    by_user = options.rate is not None or ("[" in mapped and mapped not in listing.shapes)
-    by_type = channel.part.array in listing.units
-    return read_clock(time, name=str(channel.part), unit=unit, rate=rate, by_user=by_user, by_type=by_type)
-
-
-def _timebase(
-    clock: Clock,
-    usable: BoolArray | None,
-    equal: Callable[[IntArray, IntArray], BoolArray],
-    options: Options,
-    notes: list[str],
-) -> Timebase:
-    """Return the time base of a clock, or that of the stated rate where the clock is too coarse to give one."""
-    rate = options.rate
-    try:
-        return stamped_timebase(
-            clock.stamps,
-            valid=usable,
-            timed=clock.on,
-            equal=equal,
-            resolution=clock.resolution,
-            moving=options.stamps,
-        )
-    except DataError as error:
-        if rate is None or not str(error).startswith(COARSE_CLOCK):
-            raise
-        notes.append(f"{COARSE_CLOCK} to give a rate: samples are taken as even at the {rate:.6g} Hz stated")
-        return even_timebase(len(clock.stamps), 1.0 / rate, usable, moving=options.stamps)
-
-
-def _check_rate(interval: float, rate: float | None, notes: list[str], *, explicit: bool) -> None:
-    if rate is None:
-        return
-    measured = 1.0 / interval
-    if abs(measured / rate - 1.0) > RATE_TOLERANCE:
-        whose = "--rate says" if explicit else "the file's meta says"
-        msg = (
-            f"the stamps give {measured:.6g} Hz, {whose} {rate:.6g} Hz: correct the rate, or state the unit "
-            "of the time column, such as --columns 't=NAME [ms]'"
-        )
-        raise DataError(msg)
-    if abs(measured / rate - 1.0) > 1e-3:
-        notes.append(f"the stamps give {measured:.9g} Hz, stated were {rate:.9g} Hz: the stamps are used")
 
 
 def _valid_rows(listing: Listing, groups: Mapping[str, NDArray[Any]], notes: list[str]) -> BoolArray | None:
