@@ -13,17 +13,14 @@ from numpy.typing import NDArray
 from models.units import unit_value
 from tuner.formats.guard import printable
 from tuner.readers import column_names as names
-from tuner.readers.clock_unit import MAX_RATE, MIN_RATE
 from tuner.readers.column_choice import Layout, choose
-from tuner.readers.column_mapping import offered
 from tuner.readers.columns import Listing, Part
 from tuner.readers.constant_axes import without_constant_axes
 from tuner.readers.options import STAMP, Options, UnitChoice, sensor_unit, stated_rate
-from tuner.readers.placeholder_rows import without_placeholders
-from tuner.readers.sample_grid import check_rate, clock_of_columns, timebase_of_clock
-from tuner.readers.time_base import Timebase, even_timebase
+from tuner.readers.sample_grid import Columns, sample_grid
+from tuner.readers.time_base import Timebase
 from tuner.readers.unit_checks import check_units
-from tuner.readers.value_checks import about_limiting_step, limiting_step, without_spikes
+from tuner.readers.value_checks import about_limiting_step, limiting_step
 from tuner.types.records import DataError, Record
 
 FloatArray = NDArray[np.float64]
@@ -73,56 +70,30 @@ def even(listing: Listing, plan: Plan, digest: str, options: Options) -> EvenRec
     """Read the columns and put them on an even grid, in SI units."""
     layout, units = plan.layout, plan.units
     notes: list[str] = []
-    assumptions: list[str] = []
     time, blocks, covariates = _load(listing, plan)
     rate = options.rate if options.rate is not None else stated_rate(listing.meta)
-    count = len(blocks[0])
     groups = {s.name: block for s, block in zip(layout.sensors, blocks, strict=True)}
     valid = _valid_rows(listing, groups if time is None else groups | {"t": time}, notes)
-    week = covariates.pop("week", None)
-
-    def equal(i: IntArray, j: IntArray) -> BoolArray:
-        same: BoolArray = np.logical_and.reduce([(b[i] == b[j]).all(axis=1) for b in blocks])
-        return same
-
-    axes = [axis for sensor in layout.sensors for axis in sensor.axes]
+    axes = tuple(axis for sensor in layout.sensors for axis in sensor.axes)
+    columns = Columns(groups, axes, valid, time, covariates.pop("week", None))
     try:
-        valid = without_placeholders(groups, valid, notes)
-        if time is None or layout.time is None:
-            if rate is None:
-                msg = (
-                    f"no time column and no rate: pass --rate HZ, or --columns t=NAME, of {offered(listing)}"
-                )
-                raise DataError(msg)
-            if options.rate is None and not MIN_RATE <= rate <= MAX_RATE:
-                msg = f"the file states a rate of {rate:.4g} Hz, which no inertial sensor has: pass --rate HZ"
-                raise DataError(msg)
-            valid = without_spikes(groups, axes, valid, notes, interval=1.0 / rate)
-            origin, base = 0.0, even_timebase(count, 1.0 / rate, valid, moving=options.stamps)
-        else:
-            clock = clock_of_columns(listing, layout.time, time, week, rate, options)
-            notes += [*clock.assumptions, *clock.notes]
-            assumptions += clock.assumptions
-            on = clock.on
-            usable = valid if on is None else on if valid is None else valid & on
-            usable = without_spikes(groups, axes, usable, notes, interval=clock.step)
-            base, origin = timebase_of_clock(clock, usable, equal, options, notes), clock.origin
-            check_rate(base.interval, rate, notes, explicit=options.rate is not None)
+        grid = sample_grid(listing, layout.time, columns, rate, options, notes)
     except DataError as error:
         msg = f"{listing.path}: {error}"
         raise DataError(msg) from None
+    base, origin, clock = grid.base, grid.origin, grid.clock
     notes += base.notes(even=not options.stamps)
     t = base.t + origin if origin else base.t
-    timing = _timing(base, rate) if time is not None else {}
+    timing = _timing(base, rate) if clock is not None else {}
     course = None
-    if time is not None and len(base.t):
+    if clock is not None and len(base.t):
         course = base.stamp_course(clock.stamps) + np.array([origin, 0.0, 0.0, 0.0])
     channels = {
         name: filled
         for name, column in covariates.items()
         if (filled := _covariate(base, name, column, layout.covariates[name].unit, notes)) is not None
     }
-    if options.stamps and time is not None:
+    if options.stamps and clock is not None:
         channels[STAMP] = base.regrid(clock.stamps) + origin
     records = []
     for number, (sensor, block) in enumerate(zip(layout.sensors, blocks, strict=True)):
@@ -150,7 +121,7 @@ def even(listing: Listing, plan: Plan, digest: str, options: Options) -> EvenRec
                 stamp_course=course,
             )
         )
-    return EvenRecords(tuple(records), tuple(notes), tuple(assumptions))
+    return EvenRecords(tuple(records), tuple(notes), () if clock is None else tuple(clock.assumptions))
 
 
 def checked(

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tuner.readers.clock_unit import MAX_RATE, MIN_RATE
 from tuner.readers.column_choice import Channel
+from tuner.readers.column_mapping import offered
 from tuner.readers.columns import Listing
 from tuner.readers.options import Options
+from tuner.readers.placeholder_rows import without_placeholders
 from tuner.readers.time_base import COARSE_CLOCK, Timebase, even_timebase, stamped_timebase
 from tuner.readers.time_column import Clock, read_clock
+from tuner.readers.value_checks import without_spikes
 from tuner.types.records import DataError
 
 FloatArray = NDArray[np.float64]
@@ -25,7 +30,79 @@ SECONDS_OF_WEEK = 604800.0
 """Where the seconds of the GPS week begin anew."""
 
 
-def clock_of_columns(
+@dataclass(frozen=True)
+class Columns:
+    """Columns of a file that are not on a grid yet.
+
+    Attributes
+    ----------
+    groups : mapping of str to ndarray
+        Samples by sensor, shape (n, axes).
+    axes : tuple of str
+        Names of all axes, in that order.
+    valid : ndarray of bool, shape (n,), or None
+        Rows that hold numbers; None where all do.
+    time, week : ndarray, shape (n,), or None
+        Stamps, and the GPS week beside them.
+    """
+
+    groups: Mapping[str, NDArray[Any]]
+    axes: tuple[str, ...]
+    valid: BoolArray | None
+    time: NDArray[Any] | None
+    week: FloatArray | None
+
+
+@dataclass(frozen=True)
+class SampleGrid:
+    """Time base of a file, the time, s, on its clock at which that begins, and the clock; None without stamps."""
+
+    base: Timebase
+    origin: float = 0.0
+    clock: Clock | None = None
+
+
+def sample_grid(
+    listing: Listing,
+    channel: Channel | None,
+    columns: Columns,
+    rate: float | None,
+    options: Options,
+    notes: list[str],
+) -> SampleGrid:
+    """Return the grid of samples by their stamps, the column `channel`, or by the stated rate where they have none.
+
+    Raises
+    ------
+    DataError
+        Without stamps and rate, or where one contradicts the other or what a sensor can do.
+    """
+    valid = without_placeholders(columns.groups, columns.valid, notes)
+    if columns.time is None or channel is None:
+        if rate is None:
+            msg = f"no time column and no rate: pass --rate HZ, or --columns t=NAME, of {offered(listing)}"
+            raise DataError(msg)
+        if options.rate is None and not MIN_RATE <= rate <= MAX_RATE:
+            msg = f"the file states a rate of {rate:.4g} Hz, which no inertial sensor has: pass --rate HZ"
+            raise DataError(msg)
+        valid = without_spikes(columns.groups, columns.axes, valid, notes, interval=1.0 / rate)
+        count = len(next(iter(columns.groups.values())))
+        return SampleGrid(even_timebase(count, 1.0 / rate, valid, moving=options.stamps))
+
+    def equal(i: IntArray, j: IntArray) -> BoolArray:
+        same: BoolArray = np.logical_and.reduce([(b[i] == b[j]).all(axis=1) for b in columns.groups.values()])
+        return same
+
+    clock = _clock(listing, channel, columns.time, columns.week, rate, options)
+    notes += [*clock.assumptions, *clock.notes]
+    usable = valid if clock.on is None else clock.on if valid is None else valid & clock.on
+    usable = without_spikes(columns.groups, columns.axes, usable, notes, interval=clock.step)
+    base = _timebase(clock, usable, equal, options, notes)
+    _check_rate(base.interval, rate, notes, explicit=options.rate is not None)
+    return SampleGrid(base, clock.origin, clock)
+
+
+def _clock(
     listing: Listing,
     channel: Channel,
     time: NDArray[Any],
@@ -45,7 +122,7 @@ def clock_of_columns(
     return read_clock(time, name=str(channel.part), unit=unit, rate=rate, by_user=by_user, by_type=by_type)
 
 
-def timebase_of_clock(
+def _timebase(
     clock: Clock,
     usable: BoolArray | None,
     equal: Callable[[IntArray, IntArray], BoolArray],
@@ -70,7 +147,7 @@ def timebase_of_clock(
         return even_timebase(len(clock.stamps), 1.0 / rate, usable, moving=options.stamps)
 
 
-def check_rate(interval: float, rate: float | None, notes: list[str], *, explicit: bool) -> None:
+def _check_rate(interval: float, rate: float | None, notes: list[str], *, explicit: bool) -> None:
     """Refuse stamps whose rate is far from the stated one; note a small difference."""
     if rate is None:
         return
