@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
+from dataclasses import dataclass
 from typing import Any
 
 from tuner.report.finding_groups import (
@@ -30,39 +31,8 @@ def findings_content(result: TuneResult, pictures: Sequence[Picture], panels: li
 
     Charts of the pictures are added to the `panels` of the page.
     """
-    found, span = result.diagnosis, max((record.span for record in result.records), default=None)
-    sources: list[tuple[str, Any, list[str], Sequence[Finding]]] = []
-    if found is not None:
-        for group in finding_groups([one for one in found.findings if not contradicted(one)], span):
-            title = group.short[:1].upper() + group.short[1:]
-            sources.append((title, _drift(group), _words(group), group.findings))
-    if result.drive is not None:
-        sources += _found_on_drive(result.drive.diagnosis.findings)
-    worded = [
-        (title, drift, lines, {one.text for one in findings}) for title, drift, lines, findings in sources
-    ]
-    left = unexplained_lines(found.unexplained) if found is not None else []
-    left += [one.statistic for one in result.drive.diagnosis.unexplained] if result.drive is not None else []
-    worded += [("What no finding explains", None, left, set(left))] if left else []
-    room, groups = PICTURE_BYTES, []
-    for title, drift, lines, captions in worded:
-        own = [picture for picture in pictures if picture.caption in captions]
-        taken = []
-        for picture in own[:WORDED_FINDINGS]:
-            size = picture_size(picture)
-            if size <= room:
-                taken.append(shown(picture, panels))
-                room -= size
-        left_out = [picture.name for picture in own if picture.name not in {one["name"] for one in taken}]
-        groups.append(
-            {
-                "title": title,
-                "drift": drift,
-                "lines": lines,
-                "pictures": taken,
-                "left_out": left_out,
-            }
-        )
+    groups = _with_pictures(_groups_in_words(result), pictures, panels)
+    found = result.diagnosis
     if found is None:
         why = result.absent.get("static diagnosis") or result.absent.get("diagnosis")
         nothing = f"No static diagnosis: {why}." if why else "No diagnosis was made."
@@ -88,19 +58,70 @@ def findings_content(result: TuneResult, pictures: Sequence[Picture], panels: li
     }
 
 
-def _found_on_drive(
-    findings: Sequence[Finding],
-) -> list[tuple[str, None, list[str], Sequence[Finding]]]:
-    """Return title, words and findings of each cause that was found on the drive, the clearest first."""
+@dataclass(frozen=True)
+class _Group:
+    """Findings of the page that belong together: heading, table of their drift, words, captions of their pictures."""
+
+    title: str
+    drift: dict[str, Any] | None
+    lines: Sequence[str]
+    captions: Set[str]
+
+
+def _groups_in_words(result: TuneResult) -> list[_Group]:
+    """Return the findings of the log and of the drive in groups, and what no finding explains."""
+    found, span = result.diagnosis, max((record.span for record in result.records), default=None)
+    groups: list[_Group] = []
+    left: list[str] = []
+    if found is not None:
+        for group in finding_groups([one for one in found.findings if not contradicted(one)], span):
+            title = group.short[:1].upper() + group.short[1:]
+            captions = {one.text for one in group.findings}
+            groups.append(_Group(title, _drift(group), _words(group), captions))
+        left += unexplained_lines(found.unexplained)
+    if result.drive is not None:
+        groups += _found_on_drive(result.drive.diagnosis.findings)
+        left += [one.statistic for one in result.drive.diagnosis.unexplained]
+    return [*groups, _Group("What no finding explains", None, left, set(left))] if left else groups
+
+
+def _with_pictures(
+    groups: Sequence[_Group], pictures: Sequence[Picture], panels: list[Chart]
+) -> list[dict[str, Any]]:
+    """Return the groups for the page, each with its first pictures as long as there is room for them."""
+    room, filled = PICTURE_BYTES, []
+    for group in groups:
+        own = [picture for picture in pictures if picture.caption in group.captions]
+        taken = []
+        for picture in own[:WORDED_FINDINGS]:
+            size = picture_size(picture)
+            if size <= room:
+                taken.append(shown(picture, panels))
+                room -= size
+        left_out = [picture.name for picture in own if picture.name not in {one["name"] for one in taken}]
+        filled.append(
+            {
+                "title": group.title,
+                "drift": group.drift,
+                "lines": group.lines,
+                "pictures": taken,
+                "left_out": left_out,
+            }
+        )
+    return filled
+
+
+def _found_on_drive(findings: Sequence[Finding]) -> list[_Group]:
+    """Return a group for each cause that was found on the drive, the clearest first."""
     by_cause: dict[str, list[Finding]] = {}
     for one in findings:
         by_cause.setdefault(one.cause, []).append(one)
     return [
-        (
+        _Group(
             f"On the drive: {cause.replace('_', ' ')}",
             None,
             [f"{one.text} → {one.consequence}" for one in alike],
-            alike,
+            {one.text for one in alike},
         )
         for cause, alike in by_cause.items()
     ]

@@ -114,6 +114,32 @@ def _answer(result: TuneResult, directory: Path, short: Set[str], keys: Sequence
     rows = settings_rows(result.config)
     table = settings_lines(rows, tight="numbers" in short) if rows and len(keys) < 2 else []
     brief, least = "drive" in short, "least of the drive" in short
+    findings, shown = _findings_of_log(result, short="findings" in short, idle="without effect" not in short)
+    warnings = warning_lines(result.identification, short="findings" in short)
+    unsaid = len(warnings) if "warnings" in short else 0
+    warnings = warnings[unsaid:]
+    texts = [*against_datasheet(result), *findings, *warnings, *hidden_lines(result), *_absent_lines(result)]
+    if result.drive is not None:
+        found = result.drive.diagnosis.findings
+        most = 1 if least or (findings and brief) else SHOWN_FINDINGS
+        texts += finding_lines(found[:most], result.choice, shortest=least)
+        shown += min(len(found), most)
+    if result.choice is not None:
+        texts += choice_lines(
+            result.choice, shorter="numbers" in short, shortest=brief, intervals_alone=least
+        )
+    return [
+        *(line for text in _head(result, short, table) for line in wrapped(text, 2)),
+        *table,
+        *keys,
+        *(line for text in texts for line in wrapped(text, 2)),
+        *_page_lines(result, directory, shown, unsaid),
+    ]
+
+
+def _head(result: TuneResult, short: Set[str], table: Sequence[str]) -> list[str]:
+    """Return the verdicts and the line on the recording, with what signs in the table of settings mean."""
+    brief, least = "drive" in short, "least of the drive" in short
     head = (
         [short_verdict(result, brief=brief)]
         if "head" in short
@@ -131,28 +157,8 @@ def _answer(result: TuneResult, directory: Path, short: Set[str], keys: Sequence
     if "head" in short and len(head[-1]) > LINE_WIDTH:
         head[-1] = head[-1].replace(f" ({WHAT_SIMULATES})", "")
     if least:
-        head = [one.replace(" with its noise:", ":").replace(" in the drive at", " at") for one in head]
-    findings, shown = _findings_of_log(result, short="findings" in short, idle="without effect" not in short)
-    warnings = warning_lines(result.identification, short="findings" in short)
-    unsaid = len(warnings) if "warnings" in short else 0
-    warnings = warnings[unsaid:]
-    texts = [*against_datasheet(result), *findings, *warnings, *hidden_lines(result), *_absent_lines(result)]
-    if result.drive is not None:
-        found = result.drive.diagnosis.findings
-        most = 1 if least or (findings and brief) else SHOWN_FINDINGS
-        texts += finding_lines(found[:most], result.choice, shortest=least)
-        shown += min(len(found), most)
-    if result.choice is not None:
-        texts += choice_lines(
-            result.choice, shorter="numbers" in short, shortest=brief, intervals_alone=least
-        )
-    return [
-        *(line for text in head for line in wrapped(text, 2)),
-        *table,
-        *keys,
-        *(line for text in texts for line in wrapped(text, 2)),
-        *_page_lines(result, directory, shown, unsaid),
-    ]
+        return [one.replace(" with its noise:", ":").replace(" in the drive at", " at") for one in head]
+    return head
 
 
 def whole_verdict(result: TuneResult) -> str:
