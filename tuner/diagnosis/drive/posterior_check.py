@@ -16,33 +16,31 @@ what the search fitted, and no further run of the filter.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
-from functools import partial
+from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import gammaln, logsumexp
 
 from tuner.diagnosis.drive.causes.base import is_noise_scale, is_of_single_fixes
 from tuner.diagnosis.drive.causes.bias_jump import BIAS_JUMP, SENSORS
 from tuner.diagnosis.drive.causes.correlated_gnss import CORRELATED_GNSS
 from tuner.diagnosis.drive.causes.correlated_velocity import CAUSE_CODE as CORRELATED_VELOCITY
 from tuner.diagnosis.drive.causes.sensor_bias import CAUSE_CODE as SENSOR_BIAS
-from tuner.diagnosis.drive.causes.time_offset import OFFSET_DELAY
 from tuner.diagnosis.drive.correlation_left import correlation_left
 from tuner.diagnosis.drive.hypothesis import FilterRun, Hypothesis
-from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, as_configured, evaluate
+from tuner.diagnosis.drive.linear_model.likelihood import as_configured, evaluate
 from tuner.diagnosis.drive.linear_model.linearized_run import NOISE_GROUPS, LinearizedRun
 from tuner.diagnosis.drive.linear_model.whitened_innovations import whiten
 from tuner.diagnosis.drive.motion_errors import bias_columns, motion_errors, with_named_noise
+from tuner.diagnosis.drive.noise_by_parts import densities_by_parts, shares_by_parts, variances_by_parts
+from tuner.diagnosis.drive.parts_of_innovations import BETWEEN, Check, IntArray, divisions, mixed
 from tuner.diagnosis.drive.score_tests import colour_factor, columns_of
 from tuner.diagnosis.drive.search import Accepted, SearchResult
 from tuner.navigation.settings import ACCELS, GYROS
 from tuner.types import Alternative, Finding, Parameter
 
 FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.intp]
 
 UNKNOWN = "unknown"
 """Code of what is none of the catalogue, among alternatives."""
@@ -52,62 +50,6 @@ MIN_WEIGHT = 0.2
 """Weight from which something else joins the alternatives: twice that of an effect of which the parts say nothing."""
 MIN_LOG_SD = 0.1
 """Least deviation of a log of an sd that is looked for: factors that are known to 10 % are 1."""
-TIME_PARTS, MOTION_PARTS = 4, 3
-"""Parts of the drive in time, and of the fixes by what the vehicle does."""
-MIN_SPEED_SHARE = 0.1
-"""Share of the usual speed from which a vehicle moves: at rest sensors are not shaken."""
-_NEAR, _FAR = (-0.2, 0.2), (-2.5, -1.5, -0.8, -0.45, 0.45, 0.8, 1.5, 2.5)
-"""Deviations, in units of τ, at which the likelihood of an sd is evaluated; 0 is known."""
-
-BETWEEN = {
-    "rows": "positions and velocities, level and vertical",
-    "time": "quarters of the drive",
-    "course": "courses to the north, east, south and west",
-    "along": "braking and accelerating",
-    "turn": "left and right turns",
-    "speed": "slow and fast",
-}
-"""What the parts of each division are."""
-
-
-@dataclass(frozen=True)
-class Check:
-    """Evidence against a named cause, nats, and the division of the innovations that has most of it."""
-
-    evidence: float
-    between: str
-
-
-def divisions(linearized: LinearizedRun) -> dict[str, IntArray]:
-    """Return the part of every row of k fixes, by division; (k, 6) each, −1 where the row is in none."""
-    k, t = len(linearized.t), linearized.t
-    delay = linearized.parameters.index(OFFSET_DELAY)
-    velocity, acceleration = -linearized.D[:, :3, delay], -linearized.D[:, 3:, delay]
-    speed = np.linalg.norm(velocity, axis=1)
-    moving = speed > MIN_SPEED_SHARE * float(np.quantile(speed, 0.9))
-    heading = velocity / np.maximum(speed, 1e-9)[:, None]
-    along = np.einsum("ki,ki->k", heading, acceleration)
-    left = heading[:, 0] * acceleration[:, 1] - heading[:, 1] * acceleration[:, 0]
-    course = np.arctan2(velocity[:, 1], velocity[:, 0])
-    quadrant = np.floor((course + 0.25 * np.pi) / (0.5 * np.pi)).astype(np.intp) % 4
-    span = max(float(t[-1] - t[0]), 1e-9)
-    by_fix = {
-        "time": np.minimum((TIME_PARTS * (t - t[0]) / span).astype(np.intp), TIME_PARTS - 1),
-        "course": np.where(moving, quadrant, -1),
-        **{
-            name: np.where(moving, _thirds(values, moving), -1)
-            for name, values in (("along", along), ("turn", left), ("speed", speed))
-        },
-    }
-    rows = np.broadcast_to(np.array([0, 0, 1, 2, 2, 3], dtype=np.intp), (k, 6))
-    return {"rows": rows, **{name: np.repeat(part[:, None], 6, axis=1) for name, part in by_fix.items()}}
-
-
-def _thirds(values: FloatArray, among: NDArray[np.bool_]) -> IntArray:
-    if not among.any():
-        return np.zeros(len(values), dtype=np.intp)
-    edges = np.quantile(values[among], np.arange(1, MOTION_PARTS) / MOTION_PARTS)
-    return np.asarray(np.digitize(values, edges), dtype=np.intp)
 
 
 def with_something_else(findings: tuple[Finding, ...], outcome: SearchResult) -> tuple[Finding, ...]:
@@ -186,21 +128,14 @@ def checks(findings: tuple[Finding, ...], outcome: SearchResult) -> dict[str, Ch
         logs = [abs(math.log(c.value)) for c in one.parameters.values() if c.value and c.value > 0.0]
         tau = max([MIN_LOG_SD, *logs])
         if is_of_single_fixes(one.cause):
-            found[one.cause] = _shares(run, one.cause, parts)
+            found[one.cause] = shares_by_parts(run, one.cause, parts)
         elif one.cause in (CORRELATED_GNSS, CORRELATED_VELOCITY):
-            found[one.cause] = _scales(noise, ("gnss_position",), 1.0, parts)
+            found[one.cause] = densities_by_parts(noise, ("gnss_position",), 1.0, parts)
         elif one.cause == "imu_noise_scale":
-            found[one.cause] = _scales(noise, NOISE_GROUPS[:2], tau, parts)
+            found[one.cause] = densities_by_parts(noise, NOISE_GROUPS[:2], tau, parts)
         elif is_noise_scale(one.cause):
-            found[one.cause] = _variances(noise, tau, parts)
+            found[one.cause] = variances_by_parts(noise, tau, parts)
     return found
-
-
-def _mixed(evidence: Mapping[str, float]) -> Check:
-    """Return the evidence of all divisions together, each as likely as the others beforehand."""
-    names = list(evidence)
-    values = np.array([evidence[name] for name in names])
-    return Check(float(logsumexp(values)) - math.log(len(values)), names[int(np.argmax(values))])
 
 
 def _amplitudes(
@@ -255,7 +190,7 @@ def _amplitudes(
             else:
                 s = np.stack([of[cause, name, p] for p in range(count)], axis=-1)
             evidence[name] = _normal_evidence(w.t, residual, s - q @ (q.T @ s))
-        found[cause] = _mixed(evidence)
+        found[cause] = mixed(evidence)
     return found
 
 
@@ -302,93 +237,3 @@ def _normal_evidence(t: FloatArray, residual: FloatArray, s: FloatArray) -> floa
     c = colour_factor(t, residual - s @ step, s)
     wide = np.eye(len(b)) + information / c
     return 0.5 * float(b @ np.linalg.solve(wide, b)) / c**2 - 0.5 * float(np.linalg.slogdet(wide)[1])
-
-
-def _scales(
-    noise: NoiseHypothesis, groups: tuple[str, ...], tau: float, parts: Mapping[str, IntArray]
-) -> Check:
-    """Check the density of process noise: its factor between two fixes, part by part."""
-    linearized = noise.linearized
-    kept = tuple(group for group in groups if group in linearized.noise and linearized.noise[group].any())
-    level = evaluate(noise).value
-
-    def gain(which: NDArray[np.bool_], x: float) -> float:
-        factor = np.where(which, np.exp(2.0 * x), 1.0)[:, None, None]
-        more = {group: of * factor if group in kept else of for group, of in linearized.noise.items()}
-        return evaluate(replace(noise, linearized=replace(linearized, noise=more))).value - level
-
-    if not kept:
-        return Check(-math.inf, "time")
-    evidence = {}
-    for name, part in parts.items():
-        if name != "rows":
-            masks = [part[:, 0] == p for p in range(int(part.max()) + 1)]
-            evidence[name] = sum(_integrated(partial(gain, mask), tau) for mask in masks)
-    return _mixed(evidence)
-
-
-def _variances(noise: NoiseHypothesis, tau: float, parts: Mapping[str, IntArray]) -> Check:
-    """Check sds of fixes: the mean square of their whitened innovations, of positions and velocities, part by part."""
-    white = np.where(noise.counted, evaluate(noise).white, 0.0)
-    evidence = {}
-    for name, part in parts.items():
-        total = 0.0
-        for rows in (slice(0, 3), slice(3, 6)) if name != "rows" else (slice(0, 6),):
-            for p in range(int(part.max()) + 1):
-                which = noise.counted[:, rows] & (part[:, rows] == p)
-                n, square = int(np.count_nonzero(which)), float(np.sum(white[:, rows][which] ** 2))
-                total += _integrated(partial(_variance_gain, n, square), tau)
-        evidence[name] = total
-    return _mixed(evidence)
-
-
-def _variance_gain(n: int, square: float, x: float) -> float:
-    """Return the log likelihood that n innovations gain on unit variance with an sd of exp x."""
-    return -n * x - 0.5 * square * math.expm1(-2.0 * x)
-
-
-def _integrated(gain: Callable[[float], float], tau: float) -> float:
-    """Return ln ∫ N(x; 0, τ²) exp gain(x) dx, gain(0) = 0, by a parabola about the best of some points.
-
-    Three points suffice where the best deviation is about between them.
-    """
-    known = {0.0: 0.0}
-    for points in (_NEAR, _FAR):
-        known |= {x: gain(x * tau) - 0.5 * x**2 for x in points}
-        at = np.array(sorted(known))
-        value = np.array([known[x] for x in at])
-        best = min(max(int(np.argmax(value)), 1), len(at) - 2)
-        three = slice(best - 1, best + 2)
-        a, b, c = np.polyfit(at[three], value[three], 2)
-        top = -0.5 * b / a if a < 0.0 else math.inf
-        if abs(top) < 2.0 * _NEAR[1]:
-            break
-    if a >= 0.0:
-        return float(value.max())
-    peak = max(float(np.polyval((a, b, c), np.clip(top, at[best - 1], at[best + 1]))), float(value.max()))
-    return peak - 0.5 * math.log(-2.0 * a)
-
-
-def _shares(run: FilterRun, cause: str, parts: Mapping[str, IntArray]) -> Check:
-    """Check single fixes that are left out: the share of their runs, part by part."""
-    h, t = run.hypothesis, run.linearized.t
-    out = h.position_out if cause == "gnss_outliers" else h.velocity_out & ~h.position_out
-    begins = np.flatnonzero(out & ~np.append(False, out[:-1]))
-    # A fix that is left out altogether is in the part of the one before.
-    nearest = np.clip(np.searchsorted(run.index, begins), 0, len(t) - 1)
-    evidence = {}
-    for name, part in parts.items():
-        if name == "rows":
-            continue
-        of_fix = part[:, 0]
-        weight = np.array([np.mean(of_fix[of_fix >= 0] == p) for p in range(int(of_fix.max()) + 1)])
-        count = np.array([np.count_nonzero(of_fix[nearest] == p) for p in range(len(weight))])
-        evidence[name] = _dirichlet_evidence(count[weight > 0.0], weight[weight > 0.0])
-    return _mixed(evidence)
-
-
-def _dirichlet_evidence(count: IntArray, weight: FloatArray) -> float:
-    """Return the log Bayes factor of shares that are unknown, Dirichlet, against known ones."""
-    prior = weight * len(weight)
-    total = gammaln(prior.sum()) - gammaln(prior.sum() + count.sum())
-    return float(total + np.sum(gammaln(prior + count) - gammaln(prior)) - count @ np.log(weight))

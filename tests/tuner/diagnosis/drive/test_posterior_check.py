@@ -13,14 +13,14 @@ import pytest
 from tests.tuner.diagnosis.drive.replicas import Source
 from tuner.diagnosis.drive.linear_model.likelihood import as_configured
 from tuner.diagnosis.drive.linear_model.whitened_innovations import whiten
-from tuner.diagnosis.drive.posterior_check import (
-    _amplitudes,
-    _dirichlet_evidence,
-    _integrated,
-    _scales,
-    _variances,
-    divisions,
+from tuner.diagnosis.drive.noise_by_parts import (
+    densities_by_parts,
+    dirichlet_evidence,
+    integrated,
+    variances_by_parts,
 )
+from tuner.diagnosis.drive.parts_of_innovations import divisions
+from tuner.diagnosis.drive.posterior_check import _amplitudes
 from tuner.types import Parameter
 
 DELAY = Parameter("time_offset", "delay")
@@ -32,7 +32,7 @@ def test_expected_bayes_factor_of_shares_is_one():
     for count in product(range(6), repeat=3):
         if sum(count) == 5:
             chance = factorial(5) * np.prod([w**n / factorial(n) for w, n in zip(weight, count, strict=True)])
-            total += chance * exp(_dirichlet_evidence(np.array(count), weight))
+            total += chance * exp(dirichlet_evidence(np.array(count), weight))
     assert total == pytest.approx(1.0, rel=1e-12)
 
 
@@ -40,7 +40,7 @@ def test_expected_bayes_factor_of_shares_is_one():
 def test_integral_of_a_normal_likelihood_is_exact(best, information):
     tau = 0.7
     exact = 0.5 * information**2 * best**2 / (information + tau**-2) - 0.5 * log(1.0 + tau**2 * information)
-    found = _integrated(lambda x: information * (best * x - 0.5 * x**2), tau)
+    found = integrated(lambda x: information * (best * x - 0.5 * x**2), tau)
     assert found == pytest.approx(exact, abs=1e-6)
 
 
@@ -73,12 +73,14 @@ def test_noise_of_turns_alone_is_no_density_of_the_sensor_and_no_sd_of_the_recei
     parts = divisions(city_drive)
     source = Source.of(as_configured(city_drive))
     clean = as_configured(source.draw(rng, np.zeros(len(city_drive.parameters))))
-    assert _variances(clean, 0.5, parts).evidence < 3.0
-    assert _scales(clean, ("gyro_white", "accel_white"), 1.0, parts).evidence < 3.0
+    assert variances_by_parts(clean, 0.5, parts).evidence < 3.0
+    assert densities_by_parts(clean, ("gyro_white", "accel_white"), 1.0, parts).evidence < 3.0
     turning = parts["turn"][:, :1] != 1
     noisy = clean.linearized.innovation + np.where(turning, 2.0, 0.0) * clean.sd * rng.standard_normal(
         (len(turning), 6)
     )
-    found = _variances(replace(clean, linearized=replace(clean.linearized, innovation=noisy)), 0.5, parts)
+    found = variances_by_parts(
+        replace(clean, linearized=replace(clean.linearized, innovation=noisy)), 0.5, parts
+    )
     assert found.evidence > 10.0
     assert found.between == "turn"
