@@ -31,6 +31,7 @@ from tuner.diagnosis.drive.causes.base import is_noise_scale
 from tuner.diagnosis.drive.causes.bias_jump import BIAS_JUMP, SENSORS
 from tuner.diagnosis.drive.causes.correlated_gnss import CORRELATED_GNSS
 from tuner.diagnosis.drive.causes.correlated_velocity import CAUSE_CODE as CORRELATED_VELOCITY
+from tuner.diagnosis.drive.causes.sensor_bias import CAUSE_CODE as SENSOR_BIAS
 from tuner.diagnosis.drive.linear_model.kalman_kernels import NAVIGATION_STATES
 from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, as_configured, evaluate
 from tuner.diagnosis.drive.linear_model.linearized_run import NOISE_GROUPS, LinearizedRun
@@ -38,6 +39,7 @@ from tuner.diagnosis.drive.linear_model.whitened_innovations import whiten
 from tuner.diagnosis.drive.motion_courses import WAVES, Motion, covariates
 from tuner.diagnosis.drive.score_tests import colour_factor, columns_of
 from tuner.diagnosis.drive.search import SearchResult
+from tuner.navigation.settings import ACCELS, GYROS
 from tuner.types import ChannelNoise, Parameter
 
 FloatArray = NDArray[np.float64]
@@ -160,7 +162,7 @@ def ports(linearized: LinearizedRun, jumps: Sequence[float] = ()) -> Iterator[Po
         yield Port("an attitude", (turn, three), impulses)
 
 
-def _whitened(noise: NoiseHypothesis, columns: Mapping[str, Columns]) -> dict[str, FloatArray]:
+def whitened_columns(noise: NoiseHypothesis, columns: Mapping[str, Columns]) -> dict[str, FloatArray]:
     """Return whitened columns (m, c) by name."""
     push = np.concatenate([one[0] for one in columns.values()], axis=2)
     shift = np.concatenate([one[1] for one in columns.values()], axis=2)
@@ -181,14 +183,14 @@ def _errors_of(noise: NoiseHypothesis, port: Port) -> dict[str, FloatArray]:
         return push * of, shift * of
 
     once = {str(id(course)): times(course) for courses in port.courses.values() for course in courses}
-    found = _whitened(noise, once)
+    found = whitened_columns(noise, once)
     return {
         name: np.column_stack([found[str(id(course))] for course in courses])
         for name, courses in port.courses.items()
     }
 
 
-def _evidence(t: FloatArray, residual: FloatArray, s: FloatArray) -> float:
+def evidence_of(t: FloatArray, residual: FloatArray, s: FloatArray) -> float:
     """Return the log Bayes factor of columns, nats, the spread of their prior the best one."""
     information, b = s.T @ s, s.T @ residual
     if not np.any(information):
@@ -217,11 +219,12 @@ class Innovations:
         return np.asarray(s - self._q @ (self._q.T @ s))
 
 
-def innovations(outcome: SearchResult) -> dict[str, Innovations]:
+def innovations(outcome: SearchResult, biased: Sequence[str] = ()) -> dict[str, Innovations]:
     """Return the innovations beside all that was found, by "", and as if one cause had not been found, by its code.
 
     What has to be beaten is the evidence for the cause where it is a constant or a jump, and the likelihood that its
-    factors, or its states, gain where it is noise.
+    factors, or its states, gain where it is noise. Of biases beyond their prior, axes `biased`, it is the evidence of
+    constants: the filter has their prior.
     """
     run, noise = outcome.final, as_configured(outcome.final.linearized)
     level, bias = evaluate(noise).value, run.hypothesis.errors_in_variables_bias
@@ -231,18 +234,33 @@ def innovations(outcome: SearchResult) -> dict[str, Innovations]:
     for cause, own in {"": noise, OF_SHIFTS: named, **dict(_without_noise(outcome, noise))}.items():
         w = whiten(own)
         residual = w.residual if bias is None else w.residual - w.slope @ bias
-        slopes = _whitened(own, {c: columns for c, (columns, _) in found.items()}) if found else {}
+        slopes = whitened_columns(own, {c: columns for c, (columns, _) in found.items()}) if found else {}
         none = np.zeros((len(residual), 0))
         if cause != OF_SHIFTS:
             hurdle = level - evaluate(own).value if cause else SPREAD_COST
             out[cause] = Innovations(own, residual, np.column_stack([none, *slopes.values()]), hurdle)
             continue
+        if biased:
+            out[SENSOR_BIAS] = without_bias(own, biased, {c: columns for c, (columns, _) in found.items()})
         for shift in found:
             others = np.column_stack([none, *(s for c, s in slopes.items() if c != shift)])
             alone = Innovations(own, residual + slopes[shift] @ found[shift][1], others)
-            least = _evidence(w.t, alone.left(alone.residual), alone.left(slopes[shift]))
+            least = evidence_of(w.t, alone.left(alone.residual), alone.left(slopes[shift]))
             out[shift] = replace(alone, hurdle=least)
     return out
+
+
+def without_bias(noise: NoiseHypothesis, biased: Sequence[str], beside: Mapping[str, Columns]) -> Innovations:
+    """Return all innovations from the first fix on, with the evidence of a constant error of some axes as hurdle."""
+    start = replace(noise.linearized, scored=np.ones(len(noise.linearized.t), dtype=bool))
+    every = replace(noise, linearized=start)
+    w = whiten(every)
+    push = bias_columns(start)[:, :, [(GYROS + ACCELS).index(axis) for axis in biased]]
+    own = {SENSOR_BIAS: (push, np.zeros((len(push), 6, len(biased)))), **beside}
+    slopes = whitened_columns(every, own)
+    constants = slopes.pop(SENSOR_BIAS)
+    alone = Innovations(every, w.residual, np.column_stack([np.zeros((len(w.t), 0)), *slopes.values()]))
+    return replace(alone, hurdle=evidence_of(w.t, alone.left(w.residual), alone.left(constants)))
 
 
 def with_named_noise(outcome: SearchResult, noise: NoiseHypothesis) -> NoiseHypothesis:
@@ -309,9 +327,9 @@ def _without_noise(outcome: SearchResult, noise: NoiseHypothesis) -> Iterator[tu
             yield one.cause, replace(noise, linearized=replace(linearized, initial=initial, noise=slow))
 
 
-def motion_errors(outcome: SearchResult) -> dict[str, MotionError]:
+def motion_errors(outcome: SearchResult, biased: Sequence[str] = ()) -> dict[str, MotionError]:
     """Return the error with the largest evidence beside all that was found, by "", and in place of each cause."""
-    return errors_in(innovations(outcome), [jump.time for jump in outcome.final.hypothesis.jumps])
+    return errors_in(innovations(outcome, biased), [jump.time for jump in outcome.final.hypothesis.jumps])
 
 
 def errors_in(looked_at: Mapping[str, Innovations], jumps: Sequence[float] = ()) -> dict[str, MotionError]:
@@ -333,7 +351,7 @@ def errors_in(looked_at: Mapping[str, Innovations], jumps: Sequence[float] = ())
             t = np.broadcast_to(first.t[:, None], rows.shape)[rows]
             y = one.left(one.residual)
             for grows_with, s in own.items():
-                evidence = _evidence(t, y, one.left(s)) - one.hurdle - paid
+                evidence = evidence_of(t, y, one.left(s)) - one.hurdle - paid
                 if evidence > best[name].evidence:
                     best[name] = MotionError(port.name, grows_with, evidence)
     return best

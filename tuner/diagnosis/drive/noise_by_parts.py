@@ -6,23 +6,44 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import gammaln
+from scipy.special import gammaln, logsumexp
 
 from tuner.diagnosis.drive.hypothesis import FilterRun
 from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, evaluate
 from tuner.diagnosis.drive.parts_of_innovations import Check, FloatArray, IntArray, mixed
 
+NOTHING_FURTHER: Mapping[str, float] = MappingProxyType({})
+"""No further divisions."""
 _NEAR, _FAR = (-0.2, 0.2), (-2.5, -1.5, -0.8, -0.45, 0.45, 0.8, 1.5, 2.5)
 """Deviations, in units of τ, at which the likelihood of an sd is evaluated; 0 is known."""
 
 
 def densities_by_parts(
-    noise: NoiseHypothesis, groups: tuple[str, ...], tau: float, parts: Mapping[str, IntArray]
+    noise: NoiseHypothesis,
+    groups: tuple[str, ...],
+    tau: float,
+    parts: Mapping[str, IntArray],
+    further: Mapping[str, float] = NOTHING_FURTHER,
 ) -> Check:
-    """Check the density of process noise: its factor between two fixes, part by part."""
+    """Check the density of process noise: its factor between two fixes, part by part.
+
+    Parameters
+    ----------
+    noise : NoiseHypothesis
+        Of the last run.
+    groups : tuple of str
+        Groups of process noise that have one factor.
+    tau : float
+        Prior sd of its logarithm.
+    parts : mapping of str to ndarray
+        Part of every row, by division.
+    further : mapping of str to float
+        Evidence of further divisions.
+    """
     linearized = noise.linearized
     kept = tuple(group for group in groups if group in linearized.noise and linearized.noise[group].any())
     level = evaluate(noise).value
@@ -34,12 +55,50 @@ def densities_by_parts(
 
     if not kept:
         return Check(-math.inf, "time")
-    evidence = {}
+    evidence = dict(further)
     for name, part in parts.items():
         if name != "rows":
             masks = [part[:, 0] == p for p in range(int(part.max()) + 1)]
             evidence[name] = sum(integrated(partial(gain, mask), tau) for mask in masks)
     return mixed(evidence)
+
+
+def evidence_of_axes(noise: NoiseHypothesis, states: slice, forward: FloatArray) -> float:
+    """Return the log Bayes factor of errors that are larger along the vehicle than across, or in between, or smaller.
+
+    A receiver does not know where the vehicle points: such errors are in its body, as of antennas in turn. Errors that
+    are larger to the north than to the east are those of satellites, and are no evidence.
+
+    Parameters
+    ----------
+    noise : NoiseHypothesis
+        With states of errors of the fixes that stay.
+    states : slice
+        These states, three each.
+    forward : ndarray, shape (k, 2)
+        Forward axis, north and east.
+    """
+    linearized = noise.linearized
+    level, own = evaluate(noise).value, linearized.noise["gnss_position"]
+    length = np.maximum(np.linalg.norm(forward, axis=1), 1e-9)[:, None]
+    north = np.broadcast_to([1.0, 0.0], forward.shape)
+
+    def gain(axis: FloatArray, x: float) -> float:
+        along = axis[:, :, None] * axis[:, None, :]
+        turn = np.tile(np.eye(own.shape[1]), (len(own), 1, 1))
+        for first in range(states.start, states.stop, 3):
+            level_axes = slice(first, first + 2)
+            turn[:, level_axes, level_axes] = np.exp(x) * along + np.exp(-x) * (np.eye(2) - along)
+        more = {**linearized.noise, "gnss_position": turn @ own @ np.swapaxes(turn, 1, 2)}
+        return evaluate(replace(noise, linearized=replace(linearized, noise=more))).value - level
+
+    def either(axis: FloatArray) -> float:
+        between = np.stack([axis[:, 0] - axis[:, 1], axis[:, 0] + axis[:, 1]], axis=1) / math.sqrt(2.0)
+        return float(logsumexp([integrated(partial(gain, one), 1.0) for one in (axis, between)])) - math.log(
+            2.0
+        )
+
+    return either(forward / length) - max(0.0, either(north))
 
 
 def variances_by_parts(noise: NoiseHypothesis, tau: float, parts: Mapping[str, IntArray]) -> Check:

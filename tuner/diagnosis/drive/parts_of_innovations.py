@@ -18,6 +18,8 @@ IntArray = NDArray[np.intp]
 
 TIME_PARTS, MOTION_PARTS = 4, 3
 """Parts of the drive in time, and of the fixes by what the vehicle does."""
+MIN_SIZE_RANGE = 0.2
+"""Range of the sizes of an effect ÷ its largest, from which small and large ones are compared."""
 MIN_SPEED_SHARE = 0.1
 """Share of the usual speed from which a vehicle moves: at rest sensors are not shaken."""
 
@@ -28,6 +30,8 @@ BETWEEN = {
     "along": "braking and accelerating",
     "turn": "left and right turns",
     "speed": "slow and fast",
+    "size": "where it is small and where it is large",
+    "vehicle": "along and across the vehicle",
 }
 """What the parts of each division are."""
 
@@ -63,6 +67,23 @@ def divisions(linearized: LinearizedRun) -> dict[str, IntArray]:
     }
     rows = np.broadcast_to(np.array([0, 0, 1, 2, 2, 3], dtype=np.intp), (k, 6))
     return {"rows": rows, **{name: np.repeat(part[:, None], 6, axis=1) for name, part in by_fix.items()}}
+
+
+def thirds_by_size(size: FloatArray) -> IntArray | None:
+    """Return parts of k fixes, each with a third of the information of an effect; None where its sizes are alike.
+
+    What is in proportion to its cause is so in all three; a square, or what saturates, is not.
+    """
+    order = np.argsort(size)
+    information = np.cumsum(size[order] ** 2)
+    if information[-1] <= 0.0:
+        return None
+    ends = size[order[np.searchsorted(information, information[-1] * np.array([0.1, 0.9]))]]
+    if np.ptp(ends) < MIN_SIZE_RANGE * size.max():
+        return None
+    part = np.empty(len(size), dtype=np.intp)
+    part[order] = np.minimum(MOTION_PARTS * information / information[-1], MOTION_PARTS - 1).astype(np.intp)
+    return part
 
 
 def _thirds(values: FloatArray, among: NDArray[np.bool_]) -> IntArray:

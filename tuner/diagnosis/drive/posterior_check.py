@@ -18,10 +18,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from models.units import STANDARD_GRAVITY
 from tuner.diagnosis.drive.causes.base import is_noise_scale, is_of_single_fixes
 from tuner.diagnosis.drive.causes.bias_jump import BIAS_JUMP, SENSORS
 from tuner.diagnosis.drive.causes.correlated_gnss import CORRELATED_GNSS
@@ -32,9 +34,23 @@ from tuner.diagnosis.drive.hypothesis import FilterRun, Hypothesis
 from tuner.diagnosis.drive.linear_model.likelihood import as_configured, evaluate
 from tuner.diagnosis.drive.linear_model.linearized_run import NOISE_GROUPS, LinearizedRun
 from tuner.diagnosis.drive.linear_model.whitened_innovations import whiten
-from tuner.diagnosis.drive.motion_errors import bias_columns, motion_errors, with_named_noise
-from tuner.diagnosis.drive.noise_by_parts import densities_by_parts, shares_by_parts, variances_by_parts
-from tuner.diagnosis.drive.parts_of_innovations import BETWEEN, Check, IntArray, divisions, mixed
+from tuner.diagnosis.drive.motion_courses import Motion
+from tuner.diagnosis.drive.motion_errors import STATES, bias_columns, motion_errors, with_named_noise
+from tuner.diagnosis.drive.noise_by_parts import (
+    densities_by_parts,
+    evidence_of_axes,
+    shares_by_parts,
+    variances_by_parts,
+)
+from tuner.diagnosis.drive.parts_of_innovations import (
+    BETWEEN,
+    Check,
+    IntArray,
+    divisions,
+    mixed,
+    thirds_by_size,
+)
+from tuner.diagnosis.drive.rivals_of_biases import rivals_of_bias
 from tuner.diagnosis.drive.score_tests import colour_factor, columns_of
 from tuner.diagnosis.drive.search import Accepted, SearchResult
 from tuner.navigation.settings import ACCELS, GYROS
@@ -69,7 +85,8 @@ def with_something_else(findings: tuple[Finding, ...], outcome: SearchResult) ->
     """
     if not findings:
         return findings
-    found, instead = checks(findings, outcome), motion_errors(outcome)
+    biased = [axis for one in findings if one.cause == SENSOR_BIAS for axis in one.parameters]
+    found, instead = checks(findings, outcome), motion_errors(outcome, biased)
     noise = as_configured(outcome.final.linearized)
     beside, left = instead.pop(""), correlation_left(noise)
     unnamed = evaluate(noise).value - evaluate(with_named_noise(outcome, noise)).value
@@ -96,19 +113,33 @@ def with_something_else(findings: tuple[Finding, ...], outcome: SearchResult) ->
         odds = PRIOR_ODDS * math.exp(min(evidence, 10.0))
         gain = gains.get(one.cause, 0.5 * one.value**2 if one.cause == SENSOR_BIAS else math.inf)
         least = MIN_WEIGHT if worst > -math.log(PRIOR_ODDS) else 0.0
-        weight = min(1.0, max(odds, least, worst / max(gain, worst, 1.0)))
+        impossible = ""
+        if one.cause == BIAS_JUMP and _overlap(findings):
+            impossible = "two jumps at one time are an error of some seconds, and of no bias"
+        if one.cause == SENSOR_BIAS:
+            rivals = rivals_of_bias(outcome, one)
+            one = replace(one, alternatives=(*one.alternatives, *rivals.alternatives))
+            impossible = "" if rivals.shown else "the innovations hardly show it"
+        weight = 1.0 if impossible else min(1.0, max(odds, least, worst / max(gain, worst, 1.0)))
         if weight < MIN_WEIGHT:
             return one
-        why = why_beside
-        if odds >= MIN_WEIGHT and other is not None and other.evidence == evidence:
+        why = impossible or why_beside
+        if not impossible and odds >= MIN_WEIGHT and other is not None and other.evidence == evidence:
             why = f"{other.text} explains the innovations better"
-        elif odds >= MIN_WEIGHT and own is not None:
+        elif not impossible and odds >= MIN_WEIGHT and own is not None:
             why = f"its effect differs between {BETWEEN[own.between]}"
         share = 100.0 * weight / (1.0 + weight + sum(a.score for a in one.alternatives))
         text = f"{one.text}; it stands for something else with {share:.0f} %: {why}"
         return replace(one, text=text, alternatives=(*one.alternatives, Alternative(UNKNOWN, weight)))
 
     return tuple(judged(one) for one in findings)
+
+
+def _overlap(findings: tuple[Finding, ...]) -> bool:
+    """Whether the times of two jumps of a bias may be the same: one that jumps stays for a while."""
+    times = [one.parameters["time"].interval for one in findings if one.cause == BIAS_JUMP]
+    known = sorted(interval for interval in times if interval is not None)
+    return any(after[0] < before[1] for before, after in pairwise(known))
 
 
 def checks(findings: tuple[Finding, ...], outcome: SearchResult) -> dict[str, Check]:
@@ -130,7 +161,10 @@ def checks(findings: tuple[Finding, ...], outcome: SearchResult) -> dict[str, Ch
         if is_of_single_fixes(one.cause):
             found[one.cause] = shares_by_parts(run, one.cause, parts)
         elif one.cause in (CORRELATED_GNSS, CORRELATED_VELOCITY):
-            found[one.cause] = densities_by_parts(noise, ("gnss_position",), 1.0, parts)
+            layout, forward = run.settings.model.layout, Motion.of(run.linearized).mat[:, :2, 0]
+            states = STATES[one.cause]
+            axes = {"vehicle": evidence_of_axes(noise, layout[states], forward)} if states in layout else {}
+            found[one.cause] = densities_by_parts(noise, ("gnss_position",), 1.0, parts, axes)
         elif one.cause == "imu_noise_scale":
             found[one.cause] = densities_by_parts(noise, NOISE_GROUPS[:2], tau, parts)
         elif is_noise_scale(one.cause):
@@ -155,12 +189,18 @@ def _amplitudes(
     linearized = run.linearized
     counted = as_configured(linearized).counted
     columns: dict[tuple[str, str, int], tuple[FloatArray, FloatArray]] = {}
+    by_size: dict[str, IntArray] = {}
     for cause, (push, shift) in effects.items():
         columns[cause, "", 0] = push, shift
         for name, part in parts.items():
             for p in range(int(part.max()) + 1) if name != "rows" else ():
                 here = (part[:, :1] == p).astype(float)
                 columns[cause, name, p] = push * here, shift * here
+        if (third := thirds_by_size(_sizes(push, shift, linearized.sd))) is not None:
+            by_size[cause] = third
+            for p in range(int(third.max()) + 1):
+                here = (third[:, None] == p).astype(float)
+                columns[cause, "size", p] = push * here, shift * here
     fixed = [i for i, parameter in enumerate(linearized.parameters) if parameter.cause in effects]
     more = replace(
         linearized,
@@ -182,7 +222,8 @@ def _amplitudes(
     found = {}
     for cause in effects:
         evidence = {}
-        for name, part in parts.items():
+        own = {"size": by_size[cause]} if cause in by_size else {}
+        for name, part in {**parts, **own}.items():
             count = int(part.max()) + 1
             if name == "rows":
                 of_row = part[counted]
@@ -192,6 +233,15 @@ def _amplitudes(
             evidence[name] = _normal_evidence(w.t, residual, s - q @ (q.T @ s))
         found[cause] = mixed(evidence)
     return found
+
+
+def _sizes(push: FloatArray, shift: FloatArray, sd: FloatArray) -> FloatArray:
+    """Return the sizes (k,) of what is added to fixes, by their sds (k, 6), else of that of velocity and tilt."""
+    if np.any(shift):
+        return np.asarray(np.sqrt(np.nansum((shift / sd) ** 2, axis=1)))
+    return np.asarray(
+        np.linalg.norm(push[:, 3:6], axis=1) + STANDARD_GRAVITY * np.linalg.norm(push[:, 6:9], axis=1)
+    )
 
 
 def _has(linearized: LinearizedRun, cause: str) -> bool:

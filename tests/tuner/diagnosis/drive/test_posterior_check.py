@@ -13,15 +13,17 @@ import pytest
 from tests.tuner.diagnosis.drive.replicas import Source
 from tuner.diagnosis.drive.linear_model.likelihood import as_configured
 from tuner.diagnosis.drive.linear_model.whitened_innovations import whiten
+from tuner.diagnosis.drive.motion_courses import Motion
 from tuner.diagnosis.drive.noise_by_parts import (
     densities_by_parts,
     dirichlet_evidence,
+    evidence_of_axes,
     integrated,
     variances_by_parts,
 )
-from tuner.diagnosis.drive.parts_of_innovations import divisions
-from tuner.diagnosis.drive.posterior_check import _amplitudes
-from tuner.types import Parameter
+from tuner.diagnosis.drive.parts_of_innovations import divisions, thirds_by_size
+from tuner.diagnosis.drive.posterior_check import _amplitudes, _overlap
+from tuner.types import Coefficient, Parameter
 
 DELAY = Parameter("time_offset", "delay")
 
@@ -84,3 +86,65 @@ def test_noise_of_turns_alone_is_no_density_of_the_sensor_and_no_sd_of_the_recei
     )
     assert found.evidence > 10.0
     assert found.between == "turn"
+
+
+def test_a_square_is_no_scale_factor_and_what_hardly_differs_is_not_divided():
+    """Thirds of what an effect tells: the largest fixes, fewer than the smallest, tell as much as these."""
+    size = np.linspace(0.0, 1.0, 1000)
+    part = thirds_by_size(size)
+    told = [np.sum(size[part == p] ** 2) for p in range(3)]
+    assert told == pytest.approx(np.full(3, np.sum(size**2) / 3.0), rel=0.01)
+    assert np.all(np.diff(part) >= 0)
+    assert thirds_by_size(np.ones(10) + 0.01 * size[:10]) is None
+    assert thirds_by_size(np.zeros(10)) is None
+
+
+def with_staying_errors(linearized, sd, time):
+    """Return a run whose filter has three states of errors of positions that stay."""
+    k, n = linearized.transition.shape[:2]
+    wider = {name: np.pad(of, ((0, 0), (0, 3), (0, 3))) for name, of in linearized.noise.items()}
+    transition = np.pad(linearized.transition, ((0, 0), (0, 3), (0, 3)))
+    transition[:, n:, n:] = np.exp(-1.0 / time) * np.eye(3)
+    wider["gnss_position"] = np.zeros((k, n + 3, n + 3))
+    wider["gnss_position"][:, n:, n:] = -np.expm1(-2.0 / time) * sd**2 * np.eye(3)
+    initial = np.pad(linearized.initial, (0, 3))
+    initial[n:, n:] = sd**2 * np.eye(3)
+    H = np.pad(linearized.H, ((0, 0), (0, 0), (0, 3)))
+    H[:, :3, n:] = np.eye(3)
+    B = np.pad(linearized.B, ((0, 0), (0, 3), (0, 0)))
+    correction = np.zeros((k, n + 3))
+    return replace(
+        linearized,
+        transition=transition,
+        noise=wider,
+        initial=initial,
+        H=H,
+        B=B,
+        D=linearized.D.copy(),
+        correction=correction,
+    ), slice(n, n + 3)
+
+
+def test_antennas_in_turn_are_no_errors_that_stay(city_drive):
+    """Errors that stay know nothing of where the vehicle points; those of a second antenna are along it."""
+    run, states = with_staying_errors(city_drive, 1.0, 30.0)
+    forward = Motion.of(run).mat[:, :2, 0]
+    at = run.parameters.index(DELAY)
+    second = np.floor(run.t / 40.0) % 2.0
+    run.D[:, :, at] = 0.0
+    run.D[:, :2, at] = second[:, None] * forward
+    for size, low, high in ((0.0, -np.inf, 3.0), (4.0, 10.0, np.inf)):
+        drawn = Source.of(as_configured(run)).draw(
+            np.random.default_rng(12), size * np.eye(len(run.parameters))[at]
+        )
+        assert low < evidence_of_axes(as_configured(drawn), states, forward) < high
+
+
+def test_two_jumps_at_one_time_are_none():
+    def jump(low, high):
+        return SimpleNamespace(
+            cause="bias_jump", parameters={"time": Coefficient.known(0.5 * (low + high), low, high, "s")}
+        )
+
+    assert _overlap((jump(154.0, 181.0), jump(166.0, 171.0)))
+    assert not _overlap((jump(154.0, 165.0), jump(166.0, 171.0)))

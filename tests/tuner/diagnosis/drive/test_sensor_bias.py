@@ -8,10 +8,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from tests.tuner.diagnosis.drive.replicas import Source
 from tuner.diagnosis.drive import diagnose_drive
+from tuner.diagnosis.drive.causes.base import constant_parameters
 from tuner.diagnosis.drive.causes.sensor_bias import _like_vertical_bias
 from tuner.diagnosis.drive.hypothesis import Hypothesis, Jump
-from tuner.types import Coefficient
+from tuner.diagnosis.drive.linear_model.likelihood import as_configured
+from tuner.diagnosis.drive.rivals_of_biases import rivals_of_bias
+from tuner.types import Coefficient, Parameter
 
 
 def test_a_gyro_bias_beyond_its_prior_is_named_with_what_it_may_be(simulated, drive_config):
@@ -57,3 +61,39 @@ def test_a_jump_at_the_same_place_again_is_no_further_jump(simulated, drive_conf
     assert replace(one, jumps=(once, replace(once, size=0.9 * once.size))).is_equivalent_to(one)
     assert not replace(one, jumps=(once, replace(once, time=130.0))).is_equivalent_to(one)
     assert not replace(one, jumps=(once, replace(once, sensor="gyro"))).is_equivalent_to(one)
+
+
+def test_a_bias_that_innovations_do_not_show_is_none_and_constants_that_they_show_are_listed(short_drive):
+    """Before a filter has settled its biases take up a scale factor at once, or one wrong fix."""
+    bias = Coefficient.known(0.01, 0.009, 0.011, "rad/s")
+    one = SimpleNamespace(parameters={"gyro_z": bias}, value=7.0, alternatives=())
+    names = constant_parameters()
+    wide = replace(
+        short_drive,
+        parameters=names,
+        **{
+            key: np.stack(
+                [
+                    of[:, :, short_drive.parameters.index(name)]
+                    if name in short_drive.parameters
+                    else np.zeros(of.shape[:2])
+                    for name in names
+                ],
+                axis=-1,
+            )
+            for key, of in (("B", short_drive.B), ("D", short_drive.D))
+        },
+    )
+    values = np.zeros(len(names))
+    for size, listed in ((0.0, set()), (0.05, {"gyro_scale"})):
+        values[names.index(Parameter("gyro_scale", "z"))] = size
+        drawn = Source.of(as_configured(wide)).draw(np.random.default_rng(3), values)
+        drawn.correction[5, 11] += 0.01
+        found = rivals_of_bias(SimpleNamespace(final=SimpleNamespace(linearized=drawn), shifts=()), one)
+        assert found.shown == bool(listed)
+        assert {a.cause for a in found.alternatives} >= listed
+        assert listed or not found.alternatives
+    drawn.correction[5, 11] -= 0.01
+    at_rest = rivals_of_bias(SimpleNamespace(final=SimpleNamespace(linearized=drawn), shifts=()), one)
+    assert at_rest.shown
+    assert not at_rest.alternatives
