@@ -118,7 +118,7 @@ class Vibration(Extension):
         other = np.maximum(expected - self.power(f, dt), 1e-3 * expected)
         place = (f - f.mean()) / (f[-1] - f[0])
         level = np.stack((other * (0.5 - place), other * (0.5 + place)))
-        count = np.full(number, float(size))
+        count = float(size)
 
         def peak(x: FloatArray) -> FloatArray:
             frequency, quality = np.exp(np.clip(x, -20.0, 20.0)).tolist()

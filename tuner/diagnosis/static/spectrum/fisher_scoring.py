@@ -24,54 +24,89 @@ MAX_STEPS = 40
 """Largest number of steps of Fisher scoring, which converges in a few; it bounds the time where it does not."""
 MIN_STEP_GAIN = 1e-4
 """Nats below which a step ends the search; far below what any decision needs."""
+FACTORS = 8
+"""Ratios of power whose product is far from the largest and the least number."""
+SUMS_IN_ANY_ORDER = {"reassoc", "contract", "nsz"}
+"""What lets a processor add several numbers at a time; sums differ in their last digits."""
 DIAGONAL_RIDGE = 1e-10
 """Share added to the diagonal of the normal equations, whose diagonal is 1: against singular ones, above rounding."""
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[misc, unused-ignore]
+@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=SUMS_IN_ANY_ORDER)  # type: ignore[misc, unused-ignore]
 def sizes(
-    power: FloatArray, count: FloatArray, shapes: FloatArray, known: FloatArray
+    power: FloatArray, count: float, shapes: FloatArray, known: FloatArray
 ) -> tuple[FloatArray, FloatArray, float]:
     """Return the best sizes (k,) of shapes (k, b), the power they expect (b,) and minus its log likelihood.
 
-    `power`, `count` and `known` have shape (b,): mean squares, how many were averaged, power that is not sized.
+    `power` and `known` have shape (b,): mean squares of `count` coefficients each, power that is not sized. Logarithms
+    are taken of products of `FACTORS` ratios.
     """
     number, width = shapes.shape
-    level = np.maximum(power, 1e-300)
+    level, above = np.maximum(power, 1e-300), power - known
+    weight, ratio = np.empty(width), np.ones(-(-width // FACTORS) * FACTORS)
     best, best_level, best_cost = np.zeros(number), level.copy(), np.inf
     matrix, target = np.empty((number, number)), np.empty(number)
     for _ in range(MAX_STEPS):
+        for at in range(width):
+            weight[at] = 0.5 * count / (level[at] * level[at])
         for i in range(number):
-            target[i] = 0.0
+            total = 0.0
+            for at in range(width):
+                total += weight[at] * shapes[i, at] * above[at]
+            target[i] = total
             for j in range(i + 1):
-                matrix[i, j] = 0.0
-        for at in range(width):
-            weight = 0.5 * count[at] / level[at] ** 2
-            for i in range(number):
-                weighted = weight * shapes[i, at]
-                target[i] += weighted * (power[at] - known[at])
-                for j in range(i + 1):
-                    matrix[i, j] += weighted * shapes[j, at]
-        for i in range(number):
-            for j in range(i):
-                matrix[j, i] = matrix[i, j]
+                total = 0.0
+                for at in range(width):
+                    total += weight[at] * shapes[i, at] * shapes[j, at]
+                matrix[i, j] = matrix[j, i] = total
         size = not_negative(matrix, target)
-        largest, cost = 0.0, 0.0
-        for at in range(width):
-            level[at] = known[at]
-            for i in range(number):
+        level[:] = known
+        for i in range(number):
+            for at in range(width):
                 level[at] += size[i] * shapes[i, at]
-            largest = max(largest, level[at])
+        least, cost = 1e-9 * level.max() + 1e-300, 0.0
         for at in range(width):
-            level[at] = max(level[at], 1e-9 * largest + 1e-300)
-            ratio = power[at] / level[at]
-            cost += 0.5 * count[at] * (ratio - 1.0 - np.log(ratio))
+            level[at] = max(level[at], least)
+            ratio[at] = power[at] / level[at]
+            cost += ratio[at] - 1.0
+        for first in range(0, ratio.size, FACTORS):
+            product = 1.0
+            for at in range(first, first + FACTORS):
+                product *= ratio[at]
+            cost -= np.log(product)
+        cost *= 0.5 * count
         settled = cost > best_cost - MIN_STEP_GAIN
         if cost < best_cost:
             best, best_level, best_cost = size, level.copy(), cost
         if settled:
             break
     return best, best_level, best_cost
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[misc, unused-ignore]
+def sizes_with_slow(
+    power: FloatArray, count: float, shapes: FloatArray, known: FloatArray
+) -> tuple[FloatArray, FloatArray, float]:
+    """Return `sizes` where that of the second shape, the slow noise as fitted, is 1 at most."""
+    found = sizes(power, count, shapes, known)
+    if found[0][1] <= 1.0:
+        return found
+    size = np.ones(len(shapes))
+    others, level, cost = sizes(power, count, np.concatenate((shapes[:1], shapes[2:])), known + shapes[1])
+    size[0], size[2:] = others[0], others[1:]
+    return size, level, cost
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[misc, unused-ignore]
+def costs(
+    power: FloatArray, count: float, shapes: FloatArray, known: FloatArray, gains: FloatArray
+) -> FloatArray:
+    """Return the cost of `sizes_with_slow` with the first shape times each of the gains, (g, b); shape (g,)."""
+    shaped, out = shapes.copy(), np.empty(len(gains))
+    for number in range(len(gains)):
+        shaped[0] = shapes[0] * gains[number]
+        out[number] = sizes_with_slow(power, count, shaped, known)[2]
+    return out
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[misc, unused-ignore]

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +40,7 @@ from tuner.diagnosis.static.spectrum.filters import (
     filter_powers,
     is_mean,
 )
+from tuner.diagnosis.static.spectrum.fisher_scoring import costs
 from tuner.diagnosis.static.spectrum.resonance import ResonanceFit, fit_resonance, scan_resonances
 
 FloatArray = NDArray[np.float64]
@@ -131,7 +132,9 @@ def fit_filter(data: Bins, name: str, rises: bool = True) -> ShapeFit:
     cost = _filter_cost(data, name, rises)
     low, high = FILTERS[name]
     grid = np.log(_cutoffs_tried(name, low, high))
-    value = np.array([cost(x) for x in grid])
+    known = np.stack([data.white, data.rest, *([rise(data.cycles)] if rises else [])])
+    powers = _powers_tried(name, data.cycles.tobytes(), data.width)
+    value = costs(data.power, float(data.count[0]), known, data.fixed, powers)
     edged = np.concatenate(([np.inf], value, [np.inf]))
     lowest = np.flatnonzero((value <= edged[:-2]) & (value <= edged[2:]))
     tried = []
@@ -153,6 +156,13 @@ def _cutoffs_tried(name: str, low: float, high: float) -> FloatArray:
         return np.geomspace(low, high, MEAN_CUTOFFS_TRIED if name == "mean1" else MEAN_CUTOFFS_TRIED // 4)
     above = np.linspace(FOLDING_CUTOFF, high, HIGH_CUTOFFS)
     return np.concatenate((np.geomspace(low, FOLDING_CUTOFF, LOW_CUTOFFS, endpoint=False), above))
+
+
+@lru_cache(maxsize=len(FILTERS))
+def _powers_tried(name: str, cycles: bytes, width: float) -> FloatArray:
+    """Return the power of a filter with each of these cutoffs, shape (g, b), in bins whose cycles are those bytes."""
+    power = filter_powers(name, np.frombuffer(cycles), width)
+    return np.stack([power(cutoff) for cutoff in _cutoffs_tried(name, *FILTERS[name]).tolist()])
 
 
 def _filter_cost(data: Bins, name: str, rises: bool = True) -> Callable[[float], float]:
