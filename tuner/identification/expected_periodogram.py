@@ -23,6 +23,7 @@ from dataclasses import replace
 from functools import singledispatch
 from typing import Any
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
@@ -37,12 +38,53 @@ LOG_STEP = 1e-4
 """Step of the logarithm of a parameter in central differences: relative error 1e-8."""
 
 
+@singledispatch
 def expected_power(term: Term, grid: CosinePeriodogram) -> tuple[FloatArray, FloatArray]:
     """Return E a² of a term on the grid, shape (m,), and its derivatives by the logs of its parameters."""
     spectrum = term.psd(grid.frequency, interval=grid.interval)
     gradient = term.psd_gradient(grid.frequency, interval=grid.interval)
     factor, slope = _edge(term, grid)
     return spectrum * factor, gradient * factor + spectrum * slope
+
+
+@expected_power.register
+def _(term: GaussMarkov, grid: CosinePeriodogram) -> tuple[FloatArray, FloatArray]:
+    time, interval = term.time_constant, grid.interval
+    ends = grid.parity * np.exp(-grid.span / time)
+    both = _of_markov(grid.frequency, grid.sine_square, grid.span, ends, interval, term.sd, time)
+    return both[0], both[1:]
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
+def _of_markov(
+    frequency: FloatArray,
+    sine_square: FloatArray,
+    span: FloatArray,
+    ends: FloatArray,
+    interval: float,
+    sd: float,
+    time: float,
+) -> FloatArray:
+    """Return E a² of a sampled Gauss–Markov process and its derivatives by ln σ and ln T, shape (3, m).
+
+    `sine_square` is sin²(πfτ0) and `ends` s e^{-T/T_c}, shape (m,) each.
+    """
+    out = np.empty((3, frequency.size))
+    a = interval / time
+    lost, phi, size = -np.expm1(-a), np.exp(-a), interval * sd * sd
+    top, angle = -np.expm1(-2.0 * a) * size, 2.0 * np.pi * time
+    for k in range(frequency.size):
+        over = 1.0 / (lost * lost + 4.0 * phi * sine_square[k])
+        spectrum = top * over
+        slope = (4.0 * sine_square[k] * (1.0 + phi * phi) - 2.0 * lost * lost) * (size * a * phi)
+        ratio = time / span[k]
+        knee = 1.0 / (1.0 + (angle * frequency[k]) ** 2)
+        factor = 1.0 - 2.0 * ratio * knee * (1.0 - ends[k])
+        by_time = 2.0 * knee * (ends[k] - ratio * (2.0 * knee - 1.0) * (1.0 - ends[k]))
+        out[0, k] = spectrum * factor
+        out[1, k] = 2.0 * spectrum * factor
+        out[2, k] = spectrum * by_time - slope * over * over * factor
+    return out
 
 
 @singledispatch
@@ -85,15 +127,6 @@ def _(_term: BiasInstability, grid: CosinePeriodogram) -> tuple[Any, Any]:
     k = grid.order
     exact = 2.0 / np.pi * sici(np.pi * k)[0] - 2.0 / (np.pi**2 * k) * (1.0 - grid.parity)
     return np.where(grid.parity != 0.0, exact, 1.0 - 2.0 / (np.pi**2 * k)), 0.0
-
-
-@_edge.register
-def _(term: GaussMarkov, grid: CosinePeriodogram) -> tuple[Any, Any]:
-    ratio = term.time_constant / grid.span
-    end = grid.parity * np.exp(-1.0 / ratio)
-    knee = 1.0 + (2.0 * np.pi * grid.frequency * term.time_constant) ** 2
-    by_time = -2.0 * ratio / knee * ((2.0 / knee - 1.0) * (1.0 - end)) + 2.0 / knee * end
-    return 1.0 - 2.0 * ratio / knee * (1.0 - end), np.stack((np.zeros_like(by_time), by_time))
 
 
 @_edge.register

@@ -22,9 +22,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from itertools import combinations_with_replacement, groupby, product
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -114,47 +115,54 @@ class Objective:
         """Return the expected power, shape (m,), and its derivatives by θ, shape (p, m)."""
         rows, total, at = [], np.zeros_like(self.data.frequency) + self.fixed, 0
         for kind, trials in zip(self.kinds, self.grids, strict=True):
-            gain = np.exp(2.0 * theta[at])
             if len(kind.PARAMETERS) == 1:
-                power, gradient = gain * trials[0][1], 2.0 * gain * trials[0][1][None]
+                power = np.exp(2.0 * theta[at]) * trials[0][1]
+                gradient = 2.0 * power[None]
             else:
-                scale = np.exp(theta[at + 1 : at + len(kind.PARAMETERS)])
-                power, gradient = expected_power(_unit(kind, scale), self.data)
-                power, gradient = gain * power, gain * gradient
+                values = np.exp(theta[at : at + len(kind.PARAMETERS)]).tolist()
+                power, gradient = expected_power(kind(*values), self.data)
             total += power
             rows.append(gradient)
             at += len(gradient)
         return total, np.concatenate(rows)
 
+    @cached_property
+    def rows(self) -> FloatArray:
+        """The templates as rows, shape (q, K)."""
+        return np.ascontiguousarray(self.columns.T)
+
     def sizes(self, expected: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the sizes of the templates, shape (q,), and their covariance, (q, q)."""
-        weighted = self.columns / expected[: len(self.columns), None]
-        information = weighted.T @ self.columns
-        ridge = np.diag(_DIAGONAL_RIDGE * np.diag(information) + np.finfo(float).tiny)
-        covariance = np.asarray(np.linalg.inv(information + ridge), dtype=float)
-        return covariance @ (weighted.T @ self.data.amplitude[: len(self.columns)]), covariance
+        single = len(self.columns)
+        weighted = self.rows / expected[:single]
+        information = weighted @ self.columns
+        diagonal = information.reshape(-1)[:: len(information) + 1]
+        diagonal += _DIAGONAL_RIDGE * diagonal + np.finfo(float).tiny
+        covariance = np.asarray(np.linalg.inv(information), dtype=float)
+        return covariance @ (weighted @ self.data.amplitude[:single]), covariance
 
     def excess(self, expected: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the sum of squares of each cell over its expectation, and its degrees of freedom, (m,)."""
-        squares, freedom, _ = self._excess(expected)
-        return squares, freedom
+        rest, freedom, _ = self._rest(expected)
+        return self.data.count * rest**2 / expected, freedom
 
-    def _excess(self, expected: FloatArray) -> tuple[FloatArray, FloatArray, float]:
-        """Return `excess` and ln det of the information on the templates, 0 where it does not count."""
+    def _rest(self, expected: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+        """Return coefficients less templates and their degrees of freedom, (m,); ln det of the information on these.
+
+        That is 0 where it does not count.
+        """
         rest, freedom, determinant = self.data.amplitude, self.data.count, 0.0
         if self.columns.size:
             single = len(self.columns)
             size, covariance = self.sizes(expected)
             rest = rest.copy()
-            rest[:single] -= self.columns @ size
+            rest[:single] -= size @ self.rows
             if self.restricted:
-                leverage = (
-                    np.einsum("kp,pq,kq->k", self.columns, covariance, self.columns) / expected[:single]
-                )
+                leverage = np.einsum("pk,pk->k", covariance @ self.rows, self.rows) / expected[:single]
                 freedom = freedom.copy()
                 freedom[:single] = np.maximum(freedom[:single] - leverage, 0.0)
                 determinant = -float(np.linalg.slogdet(covariance)[1])
-        return self.data.count * rest**2 / expected, freedom, determinant
+        return rest, freedom, determinant
 
     def with_size(self, column: int, size: float) -> Objective:
         """Return the objective with the size of one template fixed instead of profiled out."""
@@ -172,10 +180,9 @@ class Objective:
 
     def _evaluate(self, expected: FloatArray, gradient: FloatArray) -> tuple[float, FloatArray, FloatArray]:
         """Return what a call returns, for an expected power and its derivatives."""
-        squares, freedom, determinant = self._excess(expected)
-        relative = gradient / expected
-        value = float(self.data.count @ np.log(expected) + squares.sum()) + determinant
-        return value, relative @ (freedom - squares), (relative * freedom) @ relative.T
+        rest, freedom, determinant = self._rest(expected)
+        squares, slope, information = _scores(self.data.count, rest, freedom, expected, gradient)
+        return float(self.data.count @ np.log(expected) + squares) + determinant, slope, information
 
     def with_power(self, shape: FloatArray) -> Callable[[FloatArray], tuple[float, FloatArray, FloatArray]]:
         """Return what a call does, with a last parameter more: the log of the size of power of this shape, (m,)."""
@@ -244,6 +251,36 @@ class Objective:
             expected = variances @ shapes + self.fixed
             variances = variances * np.sqrt(shapes @ (squares / expected**2) / (shapes @ (count / expected)))
         return variances + np.finfo(float).tiny
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})  # type: ignore[misc, unused-ignore]
+def _scores(
+    count: FloatArray, rest: FloatArray, freedom: FloatArray, expected: FloatArray, gradient: FloatArray
+) -> tuple[float, FloatArray, FloatArray]:
+    """Return the sum of squares over their expectations, the gradient of -2 ln L by θ and its second derivatives.
+
+    Arrays have shape (m,), `gradient`, that of the expected power, (p, m). Sums are taken in any order.
+    """
+    p, m = gradient.shape
+    relative, left = np.empty((p, m)), np.empty(m)
+    squares = 0.0
+    for k in range(m):
+        square = count[k] * rest[k] * rest[k] / expected[k]
+        squares += square
+        left[k] = freedom[k] - square
+    slope, information = np.empty(p), np.empty((p, p))
+    for i in range(p):
+        total = 0.0
+        for k in range(m):
+            relative[i, k] = gradient[i, k] / expected[k]
+            total += relative[i, k] * left[k]
+        slope[i] = total
+        for j in range(i + 1):
+            total = 0.0
+            for k in range(m):
+                total += relative[i, k] * relative[j, k] * freedom[k]
+            information[i, j] = information[j, i] = total
+    return squares, slope, information
 
 
 def random_terms() -> dict[str, type[Term]]:

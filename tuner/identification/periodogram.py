@@ -24,6 +24,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,6 +84,11 @@ class CosinePeriodogram:
     def power(self) -> FloatArray:
         """Mean square of a cell, unit²/Hz, shape (m,)."""
         return self.amplitude**2
+
+    @cached_property
+    def sine_square(self) -> FloatArray:
+        """sin²(πfτ0) of a cell, shape (m,)."""
+        return np.asarray(np.sin(np.pi * self.interval * self.frequency) ** 2)
 
     @property
     def longest(self) -> float:
