@@ -108,8 +108,9 @@ def test_the_filter_for_one_level_is_the_general_one():
     y = np.cumsum(np.random.default_rng(0).standard_normal(1000))
     slow = Slow(np.array([1.0, 0.9, 0.99]), np.array([0.5, 0.05, 0.1]), np.array([1e6, 0.3, 2.0]))
     r = np.random.default_rng(1).uniform(0.1, 1.0, 1000)
+    same = Chain.even([0.0, 0.0], 0.1)
     general = switching(
-        y, STILL.levels, STILL.first, STILL.chances, slow.phi, slow.q, slow.initial, r, np.empty(0)
+        y, same.levels, same.first, same.chances, slow.phi, slow.q, slow.initial, r, np.empty(0)
     )
     assert still(y, slow.phi, slow.q, slow.initial, r) == pytest.approx(general, rel=1e-9)
 
