@@ -24,7 +24,7 @@ MAX_STEPS = 40
 """Largest number of steps of Fisher scoring, which converges in a few; it bounds the time where it does not."""
 MIN_STEP_GAIN = 1e-4
 """Nats below which a step ends the search; far below what any decision needs."""
-FACTORS = 8
+RATIOS_MULTIPLIED = 8
 """Ratios of power whose product is far from the largest and the least number."""
 SUMS_IN_ANY_ORDER = {"reassoc", "contract", "nsz"}
 """What lets a processor add several numbers at a time; sums differ in their last digits."""
@@ -39,11 +39,11 @@ def sizes(
     """Return the best sizes (k,) of shapes (k, b), the power they expect (b,) and minus its log likelihood.
 
     `power` and `known` have shape (b,): mean squares of `count` coefficients each, power that is not sized. Logarithms
-    are taken of products of `FACTORS` ratios.
+    are taken of products of `RATIOS_MULTIPLIED` ratios.
     """
     number, width = shapes.shape
     level, above = np.maximum(power, 1e-300), power - known
-    weight, ratio = np.empty(width), np.ones(-(-width // FACTORS) * FACTORS)
+    weight, ratio = np.empty(width), np.ones(-(-width // RATIOS_MULTIPLIED) * RATIOS_MULTIPLIED)
     best, best_level, best_cost = np.zeros(number), level.copy(), np.inf
     matrix, target = np.empty((number, number)), np.empty(number)
     for _ in range(MAX_STEPS):
@@ -69,9 +69,9 @@ def sizes(
             level[at] = max(level[at], least)
             ratio[at] = power[at] / level[at]
             cost += ratio[at] - 1.0
-        for first in range(0, ratio.size, FACTORS):
+        for first in range(0, ratio.size, RATIOS_MULTIPLIED):
             product = 1.0
-            for at in range(first, first + FACTORS):
+            for at in range(first, first + RATIOS_MULTIPLIED):
                 product *= ratio[at]
             cost -= np.log(product)
         cost *= 0.5 * count

@@ -24,9 +24,9 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 
 
-STATES = 7
+MAX_STATES = 7
 """Most slow states that `switching` holds: a random walk beside one rung a decade of six."""
-TRIANGLE = 32
+TRIANGLE_SIZE = 32
 """Numbers kept of a covariance: the 28 of its triangle, row by row, and zeros up to whole vectors."""
 
 
@@ -45,15 +45,15 @@ def switching(
     """Return the log likelihood of y, shape (M,); fill `path` (M or 0) with the mean of the level so far.
 
     `levels`, two or three, have the chances `first` (m,) at the start and `chances` (m, m) from row to column a block.
-    `phi`, `q`, `initial` have shape (n,), n at most `STATES`: decay, process-noise and initial variance of each state;
+    `phi`, `q`, `initial` have shape (n,), n at most `MAX_STATES`: decay, process-noise and initial variance of each state;
     `r` (M,) is that of v. Covariances are triangles, written out so that they stay in registers; what levels apart add
     to a mixture is taken from their differences: Σ c_k (s_k − s̄)(s_k − s̄)ᵀ = Σ_{k>h} c_k c_h (s_k − s_h)(s_k − s_h)ᵀ.
     """
     n, modes = phi.size, levels.size
-    p, ahead_p = np.zeros((modes, TRIANGLE)), np.zeros((modes, TRIANGLE))
-    s, ahead_s = np.zeros((modes, STATES)), np.zeros((modes, STATES))
-    spread, decay = np.zeros((modes * (modes - 1) // 2, TRIANGLE)), np.zeros(TRIANGLE)
-    damped, noise = np.zeros(STATES), np.zeros(STATES)
+    p, ahead_p = np.zeros((modes, TRIANGLE_SIZE)), np.zeros((modes, TRIANGLE_SIZE))
+    s, ahead_s = np.zeros((modes, MAX_STATES)), np.zeros((modes, MAX_STATES))
+    spread, decay = np.zeros((modes * (modes - 1) // 2, TRIANGLE_SIZE)), np.zeros(TRIANGLE_SIZE)
+    damped, noise = np.zeros(MAX_STATES), np.zeros(MAX_STATES)
     shares, away = np.zeros(modes), np.zeros(modes)
     chance, ahead = first.copy(), np.zeros(modes)
     damped[:n] = phi
@@ -90,16 +90,16 @@ def switching(
                     shares[k] = chance[k] * chances[k, m] / ahead[m]
                 a, b, ab = shares[0], shares[1], shares[0] * shares[1]
                 if modes == 2:
-                    for e in range(TRIANGLE):
+                    for e in range(TRIANGLE_SIZE):
                         ahead_p[m, e] = (a * p[0, e] + b * p[1, e] + ab * spread[0, e]) * decay[e]
-                    for i in range(STATES):
+                    for i in range(MAX_STATES):
                         ahead_s[m, i] = (a * s[0, i] + b * s[1, i]) * damped[i]
                 else:
                     c, ac, bc = shares[2], a * shares[2], b * shares[2]
-                    for e in range(TRIANGLE):
+                    for e in range(TRIANGLE_SIZE):
                         apart = ab * spread[0, e] + ac * spread[1, e] + bc * spread[2, e]
                         ahead_p[m, e] = (a * p[0, e] + b * p[1, e] + c * p[2, e] + apart) * decay[e]
-                    for i in range(STATES):
+                    for i in range(MAX_STATES):
                         ahead_s[m, i] = (a * s[0, i] + b * s[1, i] + c * s[2, i]) * damped[i]
             p, ahead_p = ahead_p, p
             s, ahead_s = ahead_s, s

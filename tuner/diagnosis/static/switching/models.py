@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.noise import BiasInstability, GaussMarkov, Quantization, RandomWalk, Term, White
-from tuner.diagnosis.static.switching.kim_filter import STATES, paired, still, switching
+from tuner.diagnosis.static.switching.kim_filter import MAX_STATES, paired, still, switching
 from tuner.types.records import DataError
 
 FloatArray = NDArray[np.float64]
@@ -127,12 +127,10 @@ def likelihood(
     Raises
     ------
     ValueError
-        Other than one to three levels, or more slow states beside two or three than `STATES`.
+        Other than one to three levels, or more slow states beside two or three than `MAX_STATES`.
     """
-    if len(chain.levels) > 3 or (chain is not STILL and len(slow.phi) > STATES):
-        msg = (
-            f"{len(chain.levels)} levels beside {len(slow.phi)} slow states, expected 3 and {STATES} at most"
-        )
+    if len(chain.levels) > 3 or (chain is not STILL and len(slow.phi) > MAX_STATES):
+        msg = f"{len(chain.levels)} levels beside {len(slow.phi)} slow states, expected 3 and {MAX_STATES} at most"
         raise ValueError(msg)
     r = np.full(len(y), r)
     if chain is STILL:
