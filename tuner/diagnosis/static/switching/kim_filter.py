@@ -45,9 +45,10 @@ def switching(
     """Return the log likelihood of y, shape (M,); fill `path` (M or 0) with the mean of the level so far.
 
     `levels`, two or three, have the chances `first` (m,) at the start and `chances` (m, m) from row to column a block.
-    `phi`, `q`, `initial` have shape (n,), n at most `MAX_STATES`: decay, process-noise and initial variance of each state;
-    `r` (M,) is that of v. Covariances are triangles, written out so that they stay in registers; what levels apart add
-    to a mixture is taken from their differences: Σ c_k (s_k − s̄)(s_k − s̄)ᵀ = Σ_{k>h} c_k c_h (s_k − s_h)(s_k − s_h)ᵀ.
+    `phi`, `q`, `initial` have shape (n,), n at most `MAX_STATES`: decay, process-noise and initial variance of each
+    state; `r` (M,) is that of v. Covariances are triangles, written out so that they stay in registers; what levels
+    apart add to a mixture is taken from their differences:
+    Σ c_k (s_k − s̄)(s_k − s̄)ᵀ = Σ_{k>h} c_k c_h (s_k − s_h)(s_k − s_h)ᵀ.
     """
     n, modes = phi.size, levels.size
     p, ahead_p = np.zeros((modes, TRIANGLE_SIZE)), np.zeros((modes, TRIANGLE_SIZE))
