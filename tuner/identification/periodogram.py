@@ -13,6 +13,7 @@ closed form (`tuner.identification.expected_periodogram`). The mean is k = 0 and
     c_k = -√(2τ0/n) τ0 (1-(-1)^k) cos(x/2) / (4 sin²(x/2)),    x = πk/n
 
 Coefficients up to `SINGLE_COEFFICIENTS` stay single; above, their squares are averaged in narrow cells of frequency.
+There lines are left out: a sinusoid is no noise, and the power of some tens of weak ones is seen as white.
 
 References
 ----------
@@ -29,6 +30,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct
+from scipy.special import stdtrit
 
 from tuner.curves.long_transforms import without_tables
 
@@ -38,6 +40,12 @@ SAMPLES_AT_ONCE = 1 << 16
 """Samples treated at a time, so that what is computed from them stays in the cache of a processor."""
 SINGLE_COEFFICIENTS = 64
 """Coefficients of a segment that are kept with their sign; fewer where there are more than 16 segments."""
+
+LINE_CHANCE, LINE_REACH = 1e-3, 3
+"""Chance that noise alone loses a coefficient to a line, and how many it loses on either side of each: a sinusoid
+between two coefficients leaves a twentieth of its power farther away."""
+MAX_LINE_PASSES = 64
+"""Lines that a cell may lose, one in each pass; chosen above what stands in two per cent of a spectrum."""
 
 MIN_SEGMENT_SAMPLES = 16
 """Segments with fewer samples are left out: they hold next to nothing and cost a frequency grid each."""
@@ -193,7 +201,34 @@ def _gather(cells: FloatArray, power: FloatArray, edges: FloatArray, span: float
     filled = stop > start
     if not np.any(filled):
         return
-    n = (stop - start)[filled].astype(float)
+    n = (stop - start)[filled] - _take_out_lines(power, start[filled])
     order = first + 0.5 * (start + stop - 1)[filled]
     sums = np.add.reduceat(power, start[filled])
     cells[:, filled] += np.stack((n, n * order / (2.0 * span), sums, n * order, n / span))
+
+
+def _take_out_lines(power: FloatArray, start: NDArray[np.intp]) -> FloatArray:
+    """Set coefficients that a line makes to zero, and those beside them; return their number in each cell, (m,).
+
+    A squared coefficient of noise ÷ the mean of those around it, in its cell and the next on either side, is the square
+    of Student's t.
+    """
+    count = np.diff(start, append=len(power)).astype(float)
+    chance = LINE_CHANCE / len(power)
+    taken = np.zeros_like(count)
+    for _ in range(MAX_LINE_PASSES):
+        number = np.convolve(count - taken, np.ones(3), "same")
+        total = np.convolve(np.add.reduceat(power, start), np.ones(3), "same")
+        largest = np.maximum.reduceat(power, start)
+        limit = stdtrit(np.maximum(number - 1.0, 1.0), 0.5 * chance) ** 2
+        lined = np.flatnonzero(largest * (number - 1.0) > limit * (total - largest))
+        if not len(lined):
+            break
+        for cell in lined.tolist():
+            inside = slice(start[cell], start[cell] + int(count[cell]))
+            peak = int(start[cell]) + int(np.argmax(power[inside]))
+            near = np.arange(max(peak - LINE_REACH, 0), min(peak + LINE_REACH + 1, len(power)))
+            near = near[power[near] > 0.0]
+            power[near] = 0.0
+            np.add.at(taken, np.searchsorted(start, near, side="right") - 1, 1.0)
+    return taken

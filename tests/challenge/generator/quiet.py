@@ -115,10 +115,34 @@ def quiet_cic(rng: np.random.Generator) -> Made:
     return filtered(rng, lambda x: np.asarray(lfilter(b, [1.0], x)))
 
 
+def quiet_skewed(rng: np.random.Generator) -> Made:
+    """White noise of a law that is longer on one side, skewness 0.5 to 3.5, with slow noise of any grade or none."""
+    skewness, kind = log_uniform(rng, 0.5, 3.5), rng.integers(4)
+    if kind == 0:
+        w = rng.standard_gamma(4.0 / skewness**2, COUNT)
+    elif kind == 1:
+        w = rng.lognormal(0.0, 0.3 * skewness**0.8, COUNT)
+    elif kind == 2:
+        w = rng.standard_normal(COUNT) + skewness * rng.exponential(size=COUNT)
+    else:
+        w = rng.beta(1.2, 6.0, COUNT)
+    w = (w - w.mean()) / w.std() * rng.choice([-1.0, 1.0])
+    noise = of_grade(rng) if rng.random() < 0.5 else NOTHING
+    return record(made(replace(noise, quantum=0.0), rng, white=w), ("skewed_noise", "heavy_tails"))
+
+
+def quiet_heavy(rng: np.random.Generator) -> Made:
+    """White noise of Student's law with 3 to 30 degrees of freedom, or of Laplace's, likewise."""
+    nu = log_uniform(rng, 3.0, 30.0)
+    w = rng.laplace(size=COUNT) if rng.random() < 0.3 else rng.standard_t(nu, COUNT)
+    noise = of_grade(rng) if rng.random() < 0.5 else NOTHING
+    return record(made(replace(noise, quantum=0.0), rng, white=w / w.std()), ("heavy_tails",))
+
+
 KINDS = {
     f.__name__: f
     for f in (
         quiet, quiet_markov, quiet_walk, quiet_short, quiet_long, quiet_codes, quiet_constant, quiet_butterworth,
-        quiet_mean, quiet_cic,
+        quiet_mean, quiet_cic, quiet_skewed, quiet_heavy,
     )
 }  # fmt: skip

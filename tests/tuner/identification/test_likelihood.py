@@ -271,3 +271,15 @@ def test_shortest_record():
     y = np.random.default_rng(10).standard_normal(16)
     found = fit_periodogram(cosine_periodogram([y], INTERVAL), ["white", "random_walk"])
     assert np.all(np.isfinite(found.estimate))
+
+
+def test_lines_take_no_part_in_white_noise():
+    n = 50_000
+    t, white = INTERVAL * np.arange(n), np.random.default_rng(5).standard_normal(n)
+    comb = sum(0.09 * np.cos(2.0 * np.pi * k * 0.039 / INTERVAL * t + k) for k in range(1, 12))
+    alone, beside = (fit([y], INTERVAL, ["white"]) for y in (white, white + comb))
+    assert cosine_periodogram([white], INTERVAL).count.sum() == n - 1
+    low, high = alone.interval("white.density")  # the comb has 4.5 % of the power, five half-widths
+    assert beside.value("white.density") == pytest.approx(
+        alone.value("white.density"), abs=0.2 * (high - low)
+    )
