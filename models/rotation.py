@@ -27,23 +27,29 @@ FloatArray = NDArray[np.float64]
 
 
 def _components(a: ArrayLike) -> tuple[FloatArray, ...]:
-    return tuple(np.moveaxis(np.asarray(a, dtype=float), -1, 0))
+    a = np.asarray(a, dtype=float)
+    return tuple(a) if a.ndim == 1 else tuple(a[..., k] for k in range(a.shape[-1]))
 
 
 def _vector(*components: FloatArray) -> FloatArray:
-    return np.stack(np.broadcast_arrays(*components), axis=-1)
+    answer = np.empty((*np.broadcast(*components).shape, len(components)))
+    for k, x in enumerate(components):
+        answer[..., k] = x
+    return answer
 
 
 def _matrix(rows: triples.Mat) -> FloatArray:
-    flat = np.broadcast_arrays(*(np.asarray(x, dtype=float) for row in rows for x in row))
-    return np.stack(flat, axis=-1).reshape(*flat[0].shape, 3, 3)
+    answer = np.empty((*np.broadcast(*rows[0], *rows[1], *rows[2]).shape, 3, 3))
+    for i, row in enumerate(rows):
+        for j, x in enumerate(row):
+            answer[..., i, j] = x
+    return answer
 
 
 def skew(a: ArrayLike) -> FloatArray:
     """Return the matrix [a ×] with [a ×] b = a × b; shape (..., 3) → (..., 3, 3)."""
     x, y, z = _components(a)
-    zero = np.zeros_like(x)
-    return _matrix(((zero, -z, y), (z, zero, -x), (-y, x, zero)))
+    return _matrix(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))
 
 
 def quat_multiply(p: ArrayLike, q: ArrayLike) -> FloatArray:

@@ -39,8 +39,9 @@ BIAS_SD = np.array([0.01] * 3 + [0.05] * 3)
 """Prior sds of biases, rad/s and m/s²: those of cheap sensors."""
 MAX_READINGS = 16
 """Readings that are aligned from several biases, the best of all by one: a sixth, where one in 48 is right."""
-SUMMED_STEP = 0.04
-"""Increments are summed to this length before all readings are tried, s."""
+SUMMED_STEP = 0.1
+"""Increments are summed to this length before all readings are tried, s: in it a vehicle turns by far less than the
+right angle by which readings differ."""
 
 
 def with_axes_found(gnss: Gnss, source: str = "drive") -> tuple[Gnss, str | None]:
