@@ -38,8 +38,7 @@ DELAY = 0.15
 SETTINGS = ["gyro_white", "accel_white", "gyro_bias", "accel_bias", "position", "velocity"]
 
 
-@pytest.fixture(scope="module")
-def drive():
+def late_drive(rate):
     """Minutes of city with late fixes: the delay shows by tens of standard deviations.
 
     Of five minutes alone it cannot be told whether biases or velocities look worse by it.
@@ -48,7 +47,7 @@ def drive():
         load_grade("mpu9250"),
         TRAJECTORIES["city"](450.0),
         load_gnss("spp"),
-        rate=25.0,
+        rate=rate,
         seed=3,
         effects=[f"time_offset:delay={DELAY}"],
     )
@@ -56,9 +55,15 @@ def drive():
 
 
 @pytest.fixture(scope="module")
-def file(drive, tmp_path_factory):
+def drive():
+    return late_drive(25.0)
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    """Its fixes, which tell of the delay, do not depend on the rate of the samples; the time of the tests does."""
     path = tmp_path_factory.mktemp("drive") / "late.npz"
-    write_drive(drive, path)
+    write_drive(late_drive(12.5), path)
     return path
 
 

@@ -87,7 +87,9 @@ def test_scatter_of_stamps_is_taken_out_and_told(saved, data, tmp_path):
     assert sum("scatter by" in note for note in drive.notes) == 2
 
 
-def test_kf_gins_files_are_read(configuration, data, file, tmp_path):
+def test_kf_gins_files_are_read(configuration, arrays, saved, tmp_path):
+    data = arrays(150.0)
+    file = saved(tmp_path / "drive.npz", data, lever_arm_frd_m=LEVER, mounting_rpy_deg=MOUNTING_RPY)
     dt = np.diff(data["imu_t"], prepend=1000.0)[:, None]
     np.savetxt(tmp_path / "imu.txt", np.column_stack([data["imu_t"], data["gyro"] * dt, data["accel"] * dt]))
     np.savetxt(
@@ -107,7 +109,8 @@ def test_kf_gins_files_are_read(configuration, data, file, tmp_path):
     assert not navigate_drive(replace(b, mounting=None), configuration()).consistency.diverged
 
 
-def test_one_file_of_kf_gins_is_drive_and_configuration(configuration, data, tmp_path):
+def test_one_file_of_kf_gins_is_drive_and_configuration(configuration, arrays, tmp_path):
+    data = arrays(150.0)
     dt = np.diff(data["imu_t"], prepend=1000.0)[:, None]
     np.savetxt(tmp_path / "imu.txt", np.column_stack([data["imu_t"], data["gyro"] * dt, data["accel"] * dt]))
     columns = [data["gnss_t"], data["gnss_llh"], data["gnss_pstd"]]
