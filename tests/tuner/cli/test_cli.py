@@ -160,14 +160,6 @@ def test_identification_finds_the_simulated_white_noise(tuned, log):
         assert channel["terms"]["white"]["density"]["value"] == pytest.approx(expected, rel=0.016)
 
 
-def test_same_seed_same_result(axis, tmp_path):
-    texts = []
-    for name in ("a", "b"):
-        assert run(["tune", str(axis), "-o", str(tmp_path / name), "--quiet"]) == 0
-        texts.append((tmp_path / name / "noise.yaml").read_text())
-    assert texts[0] == texts[1]
-
-
 @pytest.mark.parametrize(
     ("name", "key"), [("a.1.npz", "a.1.key.json"), ("a.csv.gz", "a.key.json"), (".a.npz", ".a.key.json")]
 )

@@ -69,14 +69,14 @@ def test_span_follows_from_the_degrees_of_freedom_of_flicker():
 
 
 def test_scaling_the_curve_scales_the_amplitudes():
-    found = measured(TRUTH, 7)
+    found = measured(TRUTH, 7, n=20_000)
     scaled = AllanCurve("oadev", found.tau, 9.0 * found.variance, found.dof, found.unit, found.axes)
     a, b = (identify_curve(c).channels["gyro_x"] for c in (found, scaled))
     assert b.model.terms[0].density == pytest.approx(3.0 * a.model.terms[0].density, rel=1e-4)
 
 
 def test_a_curve_shows_no_constant():
-    mean = identify_curve(measured(TRUTH, 8)).channels["gyro_x"].mean
+    mean = identify_curve(measured(TRUTH, 8, n=20_000), terms=("white",)).channels["gyro_x"].mean
     assert mean.value is None
     assert "constant" in mean.reason
 
