@@ -12,8 +12,9 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import combinations
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -26,6 +27,7 @@ from models.noise import BiasInstability, NoiseModel, RandomWalk, White
 from tuner.diagnosis import diagnose
 from tuner.diagnosis.static.position_drift import found_signals
 from tuner.identification import identify
+from tuner.jobs import each
 from tuner.readers import read
 from tuner.segments.conditions import at_rest
 from tuner.simulation.static import simulate
@@ -57,15 +59,15 @@ class SimulatedLog:
     axes: tuple[str, ...]
 
 
-def own_logs(pairs: int) -> Iterator[SimulatedLog]:
-    """Yield logs of the project's own effects: each alone, and a number of pairs in random order."""
+def own_logs(pairs: int) -> Iterator[Callable[[], SimulatedLog]]:
+    """Yield makers of logs of the project's own effects: each alone, and a number of pairs in random order."""
     codes = list(EFFECTS)
     for code in codes:
         for seed in range(SEEDS):
-            yield _log("single", (code,), seed)
+            yield partial(_log, "single", (code,), seed)
     every = [pair for pair in combinations(codes, 2) if frozenset(pair) not in EXCLUSIVE]
     for at in np.random.default_rng(0).permutation(len(every))[:pairs]:
-        yield _log("pair", every[at], int(at))
+        yield partial(_log, "pair", every[at], int(at))
 
 
 def _log(group: str, codes: tuple[str, ...], seed: int) -> SimulatedLog:
@@ -79,21 +81,20 @@ def _log(group: str, codes: tuple[str, ...], seed: int) -> SimulatedLog:
     return SimulatedLog(group, f"{' + '.join(codes)}, seed {1000 + seed}", records, axes[:1])
 
 
-def challenge_logs(number: int) -> Iterator[SimulatedLog]:
-    """Yield logs of the independent generator, one axis that has an effect of each."""
+def challenge_log(at: int) -> SimulatedLog:
+    """Return a log of the independent generator, one axis that has an effect."""
     sys.path.append(str(Path(__file__).resolve().parents[1] / "tests"))
     from challenge.generator.files import log
     from challenge.generator.items import item
 
-    for at in range(number):
-        one = item("predictive", at, ("single", "pair", "triple", "unknown"), samples=120_000, width=1)
-        causes = " + ".join(hidden.effect.cause or type(hidden.effect).__name__ for hidden in one.hidden)
-        axes = tuple(dict.fromkeys(axis for hidden in one.hidden for axis in hidden.axes))
-        with TemporaryDirectory() as folder:
-            path = Path(folder) / "log.npz"
-            np.savez(path, **log(one))
-            records = read(path)
-        yield SimulatedLog("independent generator", f"{causes}, item {at}", records, axes[:1])
+    one = item("predictive", at, ("single", "pair", "triple", "unknown"), samples=120_000, width=1)
+    causes = " + ".join(hidden.effect.cause or type(hidden.effect).__name__ for hidden in one.hidden)
+    axes = tuple(dict.fromkeys(axis for hidden in one.hidden for axis in hidden.axes))
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "log.npz"
+        np.savez(path, **log(one))
+        records = read(path)
+    return SimulatedLog("independent generator", f"{causes}, item {at}", records, axes[:1])
 
 
 def prediction(one: SimulatedLog) -> PredictedBlock | None:
@@ -127,34 +128,41 @@ def row(group: str, found: Sequence[PredictedBlock]) -> str:
     )
 
 
+def outcome(make: Callable[[], SimulatedLog]) -> tuple[SimulatedLog, PredictedBlock | str | None]:
+    """Return a log without its samples, and how well its settings predict it, or why it is refused."""
+    one = make()
+    named = replace(one, records=())
+    try:
+        return named, prediction(one)
+    except DataError as error:
+        return named, f"refused: {error}"
+
+
+def failure(found: PredictedBlock | str | None) -> str | None:
+    """Return where settings do not predict their log, None where they do."""
+    if found is None:
+        return "too short to be judged"
+    if isinstance(found, str):
+        return found
+    ahead = ", ".join(f"{f.ratio:.2f} over {f.horizon:g} s" for f in found.forecasts if not f.passes)
+    curve = "" if found.curve.passes else f"{found.curve.worst:.2f} at {found.curve.worst_tau:.3g} s"
+    return "; ".join(filter(None, (curve, ahead))) or None
+
+
 def main() -> None:
     """Print the table and what is not predicted."""
     options = argparse.ArgumentParser()
     options.add_argument("--pairs", type=int, default=1000, metavar="N")
     options.add_argument("--challenge", type=int, default=60, metavar="N")
     given = options.parse_args()
+    makers = [*own_logs(given.pairs), *(partial(challenge_log, at) for at in range(given.challenge))]
     groups: dict[str, list[PredictedBlock]] = {}
     failures: list[str] = []
-    for logs in (own_logs(given.pairs), challenge_logs(given.challenge)):
-        for one in logs:
-            try:
-                found = prediction(one)
-            except DataError as error:
-                failures.append(f"{one.name}: refused: {error}")
-                continue
-            if found is None:
-                failures.append(f"{one.name}: too short to be judged")
-                continue
+    for one, found in each(outcome, makers):
+        if isinstance(found, PredictedBlock):
             groups.setdefault(one.group, []).append(found)
-            if not found.passes:
-                ahead = ", ".join(
-                    f"{f.ratio:.2f} over {f.horizon:g} s" for f in found.forecasts if not f.passes
-                )
-                curve = (
-                    "" if found.curve.passes else f"{found.curve.worst:.2f} at {found.curve.worst_tau:.3g} s"
-                )
-                failures.append(f"{one.name}: {'; '.join(filter(None, (curve, ahead)))}")
-                print(failures[-1], file=sys.stderr, flush=True)
+        if text := failure(found):
+            failures.append(f"{one.name}: {text}")
     print(
         "| logs | number | from identified terms | predict the curve | points within 0.8 … 1.25 | all points "
         "| predict forecasts | true ÷ predicted |\n|---|---|---|---|---|---|---|---|"
@@ -162,7 +170,7 @@ def main() -> None:
     for group, found_there in groups.items():
         print(row(group, found_there))
     print(row("**all**", [one for found_there in groups.values() for one in found_there]))
-    print("\n".join(["", *(f"- {failure}" for failure in failures)]))
+    print("\n".join(["", *(f"- {line}" for line in failures)]))
 
 
 if __name__ == "__main__":
