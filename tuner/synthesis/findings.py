@@ -13,7 +13,7 @@ Which term stands for a cause is a fact of its effect (`models.effects.Effect.id
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -27,9 +27,11 @@ from tuner.types import (
     Diagnosis,
     Enlargement,
     FilterConfig,
+    Finding,
     Identification,
     Quantity,
 )
+from tuner.types.records import Record
 
 WORTH_SAYING = 1.02
 """Factor up to which nothing is inflated."""
@@ -44,6 +46,22 @@ def terms_found(diagnosis: Diagnosis) -> dict[str, tuple[str, ...]]:
             for axis in finding.channels:
                 found.setdefault(axis, []).append(effect.identified_as)
     return {axis: tuple(terms) for axis, terms in found.items()}
+
+
+def without_motion(record: Record, findings: Sequence[Finding]) -> Record:
+    """Return the record without the stretches in which it moved."""
+    segments = list(record.segments)
+    for finding in findings:
+        start, duration = (finding.parameters.get(name) for name in ("start", "duration"))
+        if finding.cause != "motion" or start is None or duration is None:
+            continue
+        first, last = np.searchsorted(
+            record.t, [start.value or 0.0, (start.value or 0.0) + (duration.value or 0.0)]
+        ).tolist()
+        segments = [
+            part for a, b in segments for part in ((a, min(b, first)), (max(a, last), b)) if part[1] > part[0]
+        ]
+    return replace(record, segments=tuple(segments)) if segments else record
 
 
 def with_notes_on_findings(identification: Identification, diagnosis: Diagnosis) -> Identification:

@@ -32,6 +32,7 @@ from tuner.curves.allan import overlapping_allan
 from tuner.diagnosis.static.causes.temperature import COVARIATE
 from tuner.diagnosis.static.channel import BLOCK_COUNT
 from tuner.diagnosis.static.model.covariate import code_step, smoothed, typical_repeats
+from tuner.synthesis.findings import without_motion
 from tuner.types import Finding
 from tuner.types.records import Record
 
@@ -62,7 +63,7 @@ def with_drifts(findings: Sequence[Finding], records: Sequence[Record]) -> tuple
     records : sequence of Record
         Log that was diagnosed.
     """
-    still = [_without_motion(record, findings) for record in records]
+    still = [without_motion(record, findings) for record in records]
     measured: dict[str, Mapping[float, float]] = {}
     return tuple(replace(finding, drift=_drift(finding, still, measured)) for finding in findings)
 
@@ -83,7 +84,7 @@ def left_drifts(
     """
     signals = found_signals(findings, records)
     out = {}
-    for record in (_without_motion(one, findings) for one in records):
+    for record in (without_motion(one, findings) for one in records):
         for axis in (axis for axis in record.axes if axis in models):
             signal = signals[axis][1] if axis in signals else np.zeros(len(record))
             pieces = [record.column(axis)[a:b] - signal[a:b] for a, b in record.segments]
@@ -101,22 +102,6 @@ def left_drifts(
                 for h, variance in zip(measured, modelled, strict=True)
             }
     return out
-
-
-def _without_motion(record: Record, findings: Sequence[Finding]) -> Record:
-    """Return the record without the stretches in which it moved."""
-    segments = list(record.segments)
-    for finding in findings:
-        start, duration = (finding.parameters.get(name) for name in ("start", "duration"))
-        if finding.cause != "motion" or start is None or duration is None:
-            continue
-        first, last = np.searchsorted(
-            record.t, [start.value or 0.0, (start.value or 0.0) + (duration.value or 0.0)]
-        ).tolist()
-        segments = [
-            part for a, b in segments for part in ((a, min(b, first)), (max(a, last), b)) if part[1] > part[0]
-        ]
-    return replace(record, segments=tuple(segments)) if segments else record
 
 
 def _drift(
