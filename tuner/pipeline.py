@@ -35,7 +35,12 @@ from tuner.simulation.static import demo
 from tuner.stages import stage, task
 from tuner.synthesis import inflate, synthesize
 from tuner.synthesis.calibration import with_calibration
-from tuner.synthesis.findings import findings_for_config, terms_found, with_notes_on_findings
+from tuner.synthesis.findings import (
+    findings_for_config,
+    terms_found,
+    with_notes_on_findings,
+    without_motion,
+)
 from tuner.synthesis.from_drive import identification_of_drive, receiver_of, stationary_noise
 from tuner.synthesis.prediction import hold_to_records
 from tuner.synthesis.rest_and_motion import in_motion, with_rest_and_motion
@@ -259,6 +264,9 @@ def identify_and_diagnose(
         except DataError as error:
             return LogResult(found, None, {"diagnosis": str(error)}, still)
         stage("identifying the noise beside the findings", 1.0)
+        resting = tuple(without_motion(record, diagnosis.findings) for record in still)
+        if any(cut.segments != before.segments for cut, before in zip(resting, still, strict=True)):
+            still, found = resting, identify(resting, terms=terms, latitude=latitude)
         if terms is None:
             found = with_notes_on_findings(with_terms_found(still, found, terms_found(diagnosis)), diagnosis)
         return LogResult(found, diagnosis, {}, still)

@@ -5,6 +5,7 @@ finding                         what becomes of the identification
 ==============================  ====================================================================
 line                            the terms are chosen beside a sinusoid
 gauss_markov, telegraph         the terms are chosen beside a Gauss–Markov process
+motion                          its stretches are left out: it is no noise of the sensor
 all others                      as it is: a filter that does not compensate them meets them; a note says so
 ==============================  ====================================================================
 
@@ -33,6 +34,8 @@ from tuner.types import (
 )
 from tuner.types.records import Record
 
+MOTION = "motion"
+"""The finding whose stretches tell nothing of the noise of the sensor."""
 WORTH_SAYING = 1.02
 """Factor up to which nothing is inflated."""
 
@@ -53,7 +56,7 @@ def without_motion(record: Record, findings: Sequence[Finding]) -> Record:
     segments = list(record.segments)
     for finding in findings:
         start, duration = (finding.parameters.get(name) for name in ("start", "duration"))
-        if finding.cause != "motion" or start is None or duration is None:
+        if finding.cause != MOTION or start is None or duration is None:
             continue
         first, last = np.searchsorted(
             record.t, [start.value or 0.0, (start.value or 0.0) + (duration.value or 0.0)]
@@ -72,7 +75,7 @@ def with_notes_on_findings(identification: Identification, diagnosis: Diagnosis)
     notes = list(identification.notes)
     for axis, channel in identification.channels.items():
         causes = dict.fromkeys(f.cause for f in diagnosis.findings if axis in f.channels)
-        left = [cause for cause in causes if not _is_identified(cause)]
+        left = [cause for cause in causes if cause != MOTION and not _is_identified(cause)]
         if left:
             notes.append(
                 f"{axis} was identified with {', '.join(left)} in it{_without(diagnosis, axis, channel.unit)}"

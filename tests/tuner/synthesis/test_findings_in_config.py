@@ -11,6 +11,7 @@ from tuner.cli import run
 from tuner.formats.configuration import config_json, load_config
 from tuner.identification import identify
 from tuner.identification.identify import with_terms_found
+from tuner.pipeline import identify_and_diagnose
 from tuner.simulation.static import simulate
 from tuner.synthesis import inflate, synthesize
 from tuner.synthesis.findings import (
@@ -20,7 +21,9 @@ from tuner.synthesis.findings import (
     terms_found,
     with_notes_on_findings,
 )
+from tuner.tune_result import TuneInputs
 from tuner.types import Coefficient, Diagnosis, Enlargement, Finding, Quantity
+from tuner.types.progress import silent
 
 MODEL = NoiseModel([White(1e-4), RandomWalk(1e-6)])
 
@@ -186,3 +189,16 @@ def test_a_log_too_short_for_a_diagnosis_is_tuned_and_says_so(tmp_path, capsys):
     result = json.loads((tmp_path / "out" / "result.json").read_text())
     assert "1024" in result["absent"]["diagnosis"]
     assert "diagnosis" not in result
+
+
+def test_a_motion_that_only_the_diagnosis_finds_is_left_out_of_the_noise():
+    motion = "motion@gyro_x:start=300,duration=20,sd=0.003"
+    records, _ = simulate({"gyro_x": MODEL}, duration=600.0, rate=20.0, seed=2, effects=[motion])
+    inputs = TuneInputs("unit", records, None, None, None)
+    found = identify_and_diagnose(inputs, terms=None, latitude=None, replicas=0, seed=0, progress=silent)
+    assert [one.cause for one in found.diagnosis.findings] == ["motion"]
+    white = found.identification.channels["gyro_x"].term("white").coefficients["density"].value
+    assert white == pytest.approx(1e-4, rel=0.03)  # 4 sds of 12 000 samples; 3e-4 with the motion in it
+    assert not any("motion" in note for note in found.identification.notes)
+    (record,) = found.still
+    assert all(stop <= 6000 or start >= 6400 for start, stop in record.segments)
