@@ -24,6 +24,9 @@ from tuner.identification.sinusoids import Line, line_sd, take_out_line
 FloatArray = NDArray[np.float64]
 Interval = tuple[float, float]
 
+CHI2_1_QUANTILE_95 = 3.841
+"""95 % quantile of χ²₁: what twice the log likelihood falls by at the ends of an interval."""
+
 
 @dataclass(frozen=True)
 class LikelihoodFit:
@@ -46,8 +49,6 @@ class LikelihoodFit:
         Up to a constant that all fits to the same record share.
     slope : float
         Rate of the ramp with its sign, 0 without a ramp.
-    slope_interval : (float, float)
-        95 % interval of the slope.
     model : NoiseModel
         The same as a noise model.
     """
@@ -59,7 +60,6 @@ class LikelihoodFit:
     intervals: tuple[Interval, ...]
     log_likelihood: float
     slope: float
-    slope_interval: Interval
     model: NoiseModel
 
     def value(self, name: str) -> float:
@@ -141,21 +141,20 @@ def describe(objective: Objective, theta: FloatArray) -> LikelihoodFit:
     covariance = normal + by_law
     intervals = [score_interval(objective, theta, j) for j in range(len(theta))]
     log_likelihood = objective.log_likelihood(theta)
-    slope, ends = 0.0, (0.0, 0.0)
+    slope = 0.0
     if objective.columns.size:
         slope, slope_sd = _slope(objective, theta)
-        ends = slope_interval(objective, theta)
+        intervals.append(magnitude(slope_interval(objective, theta)))
         rate = max(abs(slope), 1e-6 * slope_sd)
         terms.append(Ramp(rate))
         names.append("ramp.rate")
         covariance = np.pad(covariance, (0, 1))
         covariance[-1, -1] = (slope_sd / rate) ** 2
         theta = np.append(theta, np.log(rate))
-        intervals.append(magnitude(ends))
     kinds = tuple(term.name for term in terms)
     model = NoiseModel(tuple(terms))
     return LikelihoodFit(
-        kinds, tuple(names), theta, covariance, tuple(intervals), log_likelihood, slope, ends, model
+        kinds, tuple(names), theta, covariance, tuple(intervals), log_likelihood, slope, model
     )
 
 
@@ -187,8 +186,8 @@ def magnitude(ends: Interval) -> Interval:
     return (0.0 if ends[0] <= 0.0 <= ends[1] else low), high
 
 
-def slope_interval(objective: Objective, theta: FloatArray, *, drop: float = 3.841) -> Interval:
-    """Return where the likelihood, the noise refitted for each slope, lies within `drop`/2 of its greatest.
+def slope_interval(objective: Objective, theta: FloatArray) -> Interval:
+    """Return where the likelihood, the noise refitted for each slope, is not refuted at 95 %, that is, by χ²₁.
 
     Parameters
     ----------
@@ -196,8 +195,6 @@ def slope_interval(objective: Objective, theta: FloatArray, *, drop: float = 3.8
         Terms with a ramp, and data.
     theta : ndarray, shape (p,)
         Logs of the parameters at the maximum.
-    drop : float
-        Quantile of χ²₁: 95 % by default.
 
     Returns
     -------
@@ -210,7 +207,9 @@ def slope_interval(objective: Objective, theta: FloatArray, *, drop: float = 3.8
         return objective.with_size(0, slope).minimise(theta)[1]
 
     best = value(centre)
-    return _reach(value, centre, -sd, best + drop), _reach(value, centre, sd, best + drop)
+    return _reach(value, centre, -sd, best + CHI2_1_QUANTILE_95), _reach(
+        value, centre, sd, best + CHI2_1_QUANTILE_95
+    )
 
 
 def _slope(objective: Objective, theta: FloatArray) -> tuple[float, float]:

@@ -12,7 +12,7 @@ from tuner.diagnosis.static.channel import channel
 from tuner.diagnosis.static.model.residual import residual
 from tuner.diagnosis.static.near_twins import with_steps
 from tuner.diagnosis.static.outcome import Accepted, TestResult
-from tuner.diagnosis.static.spectrum.shape import shape_test
+from tuner.diagnosis.static.spectrum.shape import few_shapes, many_shapes
 from tuner.types import Diagnosis
 from tuner.types.records import Record
 
@@ -24,7 +24,7 @@ def named(diagnosis: Diagnosis) -> list[str]:
 def test_a_weak_filter_of_first_order_gains_as_much_as_the_recursion_that_it_is():
     """An exponential mean: its best cutoff without quantization was sought with quantization beside it."""
     y = lfilter([0.96], [1.0, -0.04], np.random.default_rng(4).standard_normal(60_000))
-    tested = shape_test(fitted(y))
+    tested = many_shapes(few_shapes(fitted(y)))
     assert tested.filter_gain > tested.gain(tested.colours[0]) - 0.5 > 10.0
 
 

@@ -29,7 +29,7 @@ from tuner.diagnosis.static.spectrum.filters import (
     filter_power,
     is_mean,
 )
-from tuner.diagnosis.static.spectrum.shape import shape_test
+from tuner.diagnosis.static.spectrum.shape import few_shapes, many_shapes
 from tuner.types import Coefficient
 from tuner.types.records import Record
 
@@ -137,7 +137,7 @@ def test_wide_and_narrow_resonances_are_found():
         rng = np.random.default_rng(int(frequency))
         y = rng.standard_normal(N) + Vibration(frequency, quality, sd).signal(N, 1.0 / RATE, rng)
         found = fitted(y)
-        result = vibration.test(found, shape_test(found))
+        result = vibration.test(found, many_shapes(few_shapes(found)))
         assert result.p_value < threshold(6)
         assert result.gain > 0.0
         assert result.propose is not None
@@ -167,7 +167,7 @@ def test_white_noise_has_no_resonance_and_no_burst():
     """Forty records: the chance of a p-value below 1e-4 among them is 1 %, of one below 1e-6 1e-4."""
     for seed in range(20):
         found = fitted(np.random.default_rng([seed, 3]).standard_normal(20_000))
-        assert vibration.test(found, shape_test(found)).p_value > 1e-6
+        assert vibration.test(found, many_shapes(few_shapes(found))).p_value > 1e-6
         assert Burst.test(found).p_value > 1e-6
 
 

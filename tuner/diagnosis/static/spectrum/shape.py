@@ -310,11 +310,6 @@ class ShapeTest:
         return min(even, key=lambda fitted: fitted.cost, default=None)
 
 
-def shape_test(fitted: Residual) -> ShapeTest:
-    """Fit filters, colours and a resonance to the fast spectrum; all of them only where `few_shapes` rejects."""
-    return many_shapes(few_shapes(fitted))
-
-
 def few_shapes(fitted: Residual) -> ShapeTest:
     """Fit the colours of first order and, where they or the bins reject white noise, the filters.
 
