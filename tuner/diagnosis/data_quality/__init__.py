@@ -341,6 +341,8 @@ def quantizer_test(pieces: Sequence[FloatArray], step: float, *, axis: str, unit
     ratio = step / codes.white_sd
     text = f"samples are multiples of {step:.6g} {unit}, {ratio:.3g} of the sd of the white noise"
     text += f"; {codes.missing} multiples between others never occur" if codes.missing else ""
+    if codes.unevenness > 0.0:
+        text += f"; the widths of codes differ by {100.0 * codes.unevenness:.2g} %"
     return DataQualityTest(
         "lattice",
         (axis,),

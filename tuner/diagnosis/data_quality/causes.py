@@ -94,6 +94,6 @@ class Quantizer(Cause):
     cause = "lattice"
     effect = sampling.Quantizer
     group = "samples"
-    meaning = "the codes are too coarse for the noise to blur them, or some never come"
+    meaning = "the codes are too coarse for the noise to blur them, differ in width, or some never come"
     consequence = "add step²/12 to the variance of a sample; the mean between two codes is not to be trusted"
     view = "values"

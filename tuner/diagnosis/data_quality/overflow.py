@@ -21,8 +21,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import gammaincc, ndtr
-from scipy.stats import binom, norm
+from scipy.special import gammaincc
+
+from models.probability import binomial_at_least, normal_beyond, normal_density
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -126,8 +127,8 @@ def _end(
         return 1.0, 0.0, count
     sigma = math.sqrt(square)
     room = room / sigma
-    beyond = float(np.sum(ndtr(-room - 0.5 * step / sigma)))
-    inside = float(np.sum(ndtr(INNER_EDGE - room)))
+    beyond = float(np.sum(normal_beyond(room + 0.5 * step / sigma)))
+    inside = float(np.sum(normal_beyond(room - INNER_EDGE)))
     found = count + int(np.count_nonzero(off > sigma * (room - INNER_EDGE)))
     lightness = min(1.0, found / inside) if inside > 0.0 else 1.0
     error = math.sqrt(beyond + (SD_ERROR * float(np.median(room)) ** 2 * beyond) ** 2)
@@ -135,12 +136,14 @@ def _end(
         return 1.0, 0.0, count
     end, grain = max(float(np.median(room)), 1.0), max(step / sigma, MIN_GRAIN)
     edge = end + 0.5 * grain
-    mean = float(norm.pdf(edge) / norm.sf(edge) - edge)
+    mean = normal_density(edge) / normal_beyond(edge) - edge
     past = off[wrapped] / sigma + width / sigma - room[wrapped] - 0.5 * grain
     short = room - off / sigma
     reach = max(mean, 2.0 * grain)
-    first = 1.0 - ndtr(-edge - grain) / ndtr(-edge)
-    last = (ndtr(grain - edge) - ndtr(-edge)) / (ndtr(reach + 0.5 * grain - edge) - ndtr(-edge))
+    first = 1.0 - normal_beyond(edge + grain) / normal_beyond(edge)
+    last = (normal_beyond(edge - grain) - normal_beyond(edge)) / (
+        normal_beyond(edge - 0.5 * grain - reach) - normal_beyond(edge)
+    )
     if (
         past.mean() > mean * (MEAN_MARGIN + COUNT_SDS / math.sqrt(count))
         or _tied(past, grain, first)
@@ -158,7 +161,7 @@ def _end(
 def _tied(distance: FloatArray, grain: float, share: float) -> bool:
     """Return whether more samples lie on the code next to an end than this share of them, as a normal tail has."""
     at = int(np.count_nonzero(distance < distance.min(initial=np.inf) + 0.5 * grain))
-    return float(binom.sf(at - 1, len(distance), min(TIED_MARGIN * share, 1.0))) < TIED_P_VALUE
+    return binomial_at_least(at, len(distance), min(TIED_MARGIN * share, 1.0)) < TIED_P_VALUE
 
 
 def _levels(y: FloatArray) -> FloatArray:

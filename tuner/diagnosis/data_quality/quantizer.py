@@ -9,7 +9,10 @@ the variance and nothing else [1]_: that is a note, not a finding. What is a fin
   hole there has at least half the lesser of the two, so that the chance of none is exp(−min/2) by Poisson;
 - a dead band |x| < b that reads 0: code 0 stands out, and has such holes beside it, or, for b ≤ D, more
   samples than the parabola through the logarithms of the counts of codes ±1 and ±2 allows (exact for a
-  Gaussian).
+  Gaussian);
+- codes of uneven width (differential nonlinearity): the logarithms of five neighbouring counts do not lie on one smooth
+  curve. What a smooth law itself leaves of the fourth difference falls by 16 from pairs of codes to single ones, while
+  that of uneven widths does not.
 
 References
 ----------
@@ -22,10 +25,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from models.probability import normal_beyond
+from models.probability import chi2_beyond, normal_beyond, normal_reach
 
 FloatArray = NDArray[np.float64]
 
@@ -57,8 +61,20 @@ MIN_PEAK_RATIO = 1.5
 """Samples of code 0 ÷ those of any other near it from which a dead band is tested: one of b = D doubles them."""
 MIN_LOG_EXCESS = np.log(1.5)
 """Log excess of zeros that noise of other than normal shape may have; `MIN_PEAK_RATIO` in the logarithm."""
+SMOOTH_SHARE = 1.0 / 8.0
+"""Fourth difference of single codes ÷ that of pairs, up to which it is that of a law: half of 1/16 more than that."""
+MIN_UNEVENNESS = 0.1
+"""Relative sd of the widths of codes that is a finding: it adds 1 % to the variance of rounding."""
+MIN_UNEVEN_STEP, MAX_UNEVEN_STEP = 0.1, 0.8
+"""Step ÷ sd of the fast noise: below, widths do no harm, as missing codes do none; above, no five codes are filled."""
+MAX_FILLED = 20.0
+"""Range of the codes with samples ÷ sd of the fast noise above which the level moves: its rests look like widths."""
 MIN_COUNT_RATIO = 0.5
 """Least counts of codes ±2 ÷ those of codes ±1 for which five codes lie on a parabola (step 0.7 σ)."""
+
+
+DIFFERENCE_WEIGHTS = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / 6.0
+"""Weights of the fourth difference, of which the middle one is 1: they leave no cubic."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +92,9 @@ class Codes:
     missing : int
         Codes that never come between codes that often do.
     p_value : float
-        P-value of the least likely hole or excess, times the codes tested.
+        P-value of the least likely hole, excess or scatter of widths, times the codes tested.
+    unevenness : float
+        Relative sd of the widths of the codes; 0 where they are alike.
     """
 
     white_sd: float
@@ -84,6 +102,7 @@ class Codes:
     deadband: float
     missing: int
     p_value: float
+    unevenness: float = 0.0
 
 
 def quantizer_step(pieces: Sequence[FloatArray]) -> float:
@@ -171,7 +190,47 @@ def read_codes(pieces: Sequence[FloatArray], step: float) -> Codes:
         if is_dead or p_zero < 1e-3:
             deadband = step * _deadband(count, zero)
     p_value = min(1.0, len(count) * min(p_hole, p_zero))
-    return Codes(white_sd, coarse, deadband, len(holes), p_value)
+    uneven = 0.0
+    quiet = float(np.median([np.median(np.abs(fast_part(p))) for p in pieces])) / normal_reach(0.5)
+    filled = np.count_nonzero(count >= MIN_CODE_COUNT) * step
+    if (
+        p_value == 1.0
+        and MIN_UNEVEN_STEP * quiet < step < MAX_UNEVEN_STEP * quiet
+        and filled < MAX_FILLED * quiet
+    ):
+        uneven, p_uneven = _unevenness(count)
+        p_value, uneven = (p_uneven, uneven) if uneven > MIN_UNEVENNESS else (p_value, 0.0)
+    return Codes(white_sd, coarse, deadband, len(holes), p_value, uneven)
+
+
+def _unevenness(count: NDArray[np.int64]) -> tuple[float, float]:
+    """Return the relative sd of the widths of codes with these counts, and the chance of such counts of even ones.
+
+    The third of the codes that is farthest off is left out: laws have edges, widths differ everywhere. Five differences
+    beside each other count as one: a fifth of the sum of squares is at most χ² of a fifth of their number.
+    """
+    size = len(count) // 2
+    pairs = count[: 2 * size].reshape(size, 2).sum(axis=1)
+    smooth, noise = _fourth_differences(pairs)
+    if not len(smooth):
+        return 0.0, 1.0
+    law = SMOOTH_SHARE**2 * float(np.mean(smooth**2))
+    excess, noise = _fourth_differences(count)
+    square = excess**2 / (noise + law)
+    most = np.sort(square)[: -(len(square) // 3) or None]
+    apart = chi2_beyond(float(most.sum()) / len(DIFFERENCE_WEIGHTS), len(most) / len(DIFFERENCE_WEIGHTS))
+    own = float(DIFFERENCE_WEIGHTS @ DIFFERENCE_WEIGHTS)
+    variance = float(np.median(excess**2)) / normal_reach(0.5) ** 2 - float(np.median(noise)) - law
+    return float(np.sqrt(max(variance / own, 0.0))), apart
+
+
+def _fourth_differences(count: NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
+    """Return how far the log of each count is from the cubic through four filled ones beside it, and variances."""
+    if len(count) < len(DIFFERENCE_WEIGHTS):
+        return np.empty(0), np.empty(0)
+    five = sliding_window_view(count, 5)
+    five = five[five.min(axis=1) >= MIN_CODE_COUNT]
+    return np.log(five) @ DIFFERENCE_WEIGHTS, (1.0 / five) @ DIFFERENCE_WEIGHTS**2
 
 
 def _holes(count: NDArray[np.int64], width: float) -> tuple[NDArray[np.intp], float]:

@@ -63,6 +63,8 @@ END_P_VALUE = 1e-3
 
 It is a precondition of the test of ties only, so that its value is not critical.
 """
+MAX_TAIL_EXCESS = 10.0
+"""Factor by which tails may hold more than normal ones: more samples than that at an end are a code for an error."""
 MIN_DISTINCT_VALUES = 1e6
 """Least number of values in the range of data without a quantizer: single precision has 1.7e7."""
 MAX_TAIL_STEEPNESS = 2.0
@@ -148,7 +150,7 @@ def _reachable(
     pieces: Sequence[FloatArray], level: float, slack: float, count: int, crossings: float, spread: float
 ) -> bool:
     """Whether the noise reaches the end, or explains all samples there, or as many others lie far away."""
-    if crossings > 1.0 or poisson_at_least(count, crossings) > END_P_VALUE:
+    if poisson_at_least(count, MAX_TAIL_EXCESS * crossings) > END_P_VALUE:
         return True
     y = np.concatenate(pieces)
     away = np.abs(y - np.median(y))

@@ -22,8 +22,10 @@ from numpy.typing import NDArray
 
 from models.noise import BiasInstability, RandomWalk
 from tuner.diagnosis.cause import Group
+from tuner.diagnosis.static.causes.line import Line, resonance_lead
 from tuner.diagnosis.static.causes.telegraph import Telegraph
 from tuner.diagnosis.static.causes.transients import Transients
+from tuner.diagnosis.static.causes.vibration import Vibration
 from tuner.diagnosis.static.causes.warmup import Warmup
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.residual import Residual, extended, residual, without
@@ -88,7 +90,7 @@ def with_unknown(outcome: SearchResult) -> tuple[Accepted, ...]:
         if lead > -NEAR_TWIN_NATS:
             weight = max(weight, float(np.exp(min(lead, 0.0))))
         unknown = (Alternative(UNKNOWN, weight),) if weight else ()
-        twin = _transient_twin(outcome.final, index, accepted)
+        twin = _transient_twin(outcome.final, index, accepted) + _line_twin(outcome.final, index, accepted)
         found.append(replace(accepted, alternatives=(*accepted.alternatives, *twin, *unknown)))
     return tuple(found)
 
@@ -108,6 +110,15 @@ def _transient_twin(fitted: Residual, index: int, accepted: Accepted) -> tuple[A
     likeliest = tried[scores.best].likeliest(bare)
     lead = extended(bare, likeliest).fit.log_likelihood - fitted.fit.log_likelihood
     return (Alternative(Warmup.cause, float(np.exp(min(lead, 0.0)))),) if lead > -NEAR_TWIN_NATS else ()
+
+
+def _line_twin(fitted: Residual, index: int, accepted: Accepted) -> tuple[Alternative, ...]:
+    """Return a resonance as the twin of a line that explains as much as it does: one whose phase wanders."""
+    line = accepted.extension
+    if not isinstance(line, Line) or any(a.cause == Vibration.cause for a in accepted.alternatives):
+        return ()
+    lead = resonance_lead(without(fitted, index), line.frequency)
+    return (Alternative(Vibration.cause, float(np.exp(min(lead, 0.0)))),) if lead > -NEAR_TWIN_NATS else ()
 
 
 def power_law_lead(fitted: Residual) -> float:

@@ -370,3 +370,18 @@ def test_gaps_are_no_neighbours():
 @pytest.mark.parametrize("y", [np.zeros((500, 2)), np.ones((3, 1)), np.arange(40.0)[:, None]])
 def test_records_without_noise_or_length_are_judged_without_fuss(y):
     assert rejected(data_quality_tests(record(y))) == []
+
+
+def test_codes_of_uneven_width_are_reported_and_no_law_of_the_noise():
+    """Widths that scatter by a third, on a step of 0.4 sd; laws with edges, tails and two humps have even codes."""
+    rng = np.random.default_rng(22)
+    n = 60_000
+    white = rng.standard_normal(n)
+    edges = np.cumsum(0.4 * np.maximum(1.0 + 0.33 * rng.standard_normal(200), 0.05))
+    (uneven,) = rejected(
+        data_quality_tests(record(0.4 * np.searchsorted(edges, white[:, None] + edges[100])))
+    )
+    assert uneven == "lattice"
+    humps = white + 2.0 * rng.choice([-1.0, 1.0], n)
+    for y in (white, rng.standard_t(4, n), rng.uniform(-2.0, 2.0, n), rng.standard_gamma(3.0, n), humps):
+        assert read_codes([0.4 * np.round(y / 0.4)], 0.4).unevenness == 0.0

@@ -100,6 +100,15 @@ class Line(Extension):
         )
 
 
+def resonance_lead(fitted: Residual, frequency: float) -> float:
+    """Return the log likelihood that a resonance has over the line at a frequency, Hz, of residuals that hold it."""
+    span, power = fitted.spectrum
+    level = local_level(power, 2 * NEIGHBOUR_COUNT)
+    at = min(max(round(frequency * span) - 1, 0), len(power) - 1)
+    height, f = _peak(fitted, frequency, float(level[at]))
+    return vibration.lead_over_line(fitted, f, height)
+
+
 def _nats(height: float) -> float:
     """Return minus the log of the chance of one ordinate above a height."""
     return EFFECTIVE_NEIGHBOURS * float(np.log1p(height / EFFECTIVE_NEIGHBOURS))

@@ -286,6 +286,16 @@ def rival(fitted: Residual, frequency: float, height: float) -> TestResult | Non
     return TestResult("vibration", p_value, gain, gain, name, lambda: (found,), local=True)
 
 
+def lead_over_line(fitted: Residual, frequency: float, height: float) -> float:
+    """Return the log likelihood of a resonance less that of a line of this height at a frequency; −∞ where it is one.
+
+    A resonance narrower than an ordinate is a line.
+    """
+    span, n = len(fitted.e) * fitted.channel.interval, fitted.periodogram
+    gain, found = extension(fitted, np.ones_like(n), frequency, 8.0 / span, cap=np.inf)
+    return gain - height if found.quality < frequency * span else -np.inf
+
+
 def extension(
     fitted: Residual, background: FloatArray, middle: float, half: float, *, cap: float = MAX_ORDINATE
 ) -> tuple[float, Vibration]:

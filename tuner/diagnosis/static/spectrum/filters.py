@@ -68,6 +68,7 @@ COLOURS: dict[str, tuple[int, int, tuple[tuple[float, ...], ...]]] = {
     "ma1": (0, 1, ((0.1,), (-0.1,), (0.7,), (-0.7,))),
     "arma11": (1, 1, ((0.5, -0.4), (-0.5, 0.4), (0.2, 0.2))),
     "ar2": (2, 0, ((0.1, 0.1), (-0.1, 0.1), (0.3, -0.3))),
+    "ma2": (0, 2, ((0.1, 0.1), (0.1, -0.1))),
     "arma21": (2, 1, ((0.3, -0.1, -0.2), (-0.3, 0.1, 0.2))),
 }
 """Orders p, q of the colours and starting points of their free numbers, the simplest first."""
