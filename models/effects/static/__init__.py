@@ -3,7 +3,8 @@
 ======================  ==============================================  ==========================
 code                    parameters                                      module
 ======================  ==============================================  ==========================
-line                    frequency, amplitude                            spectral
+line                    frequency, amplitude, modulation_frequency,     spectral
+                        modulation_depth
 comb                    spacing, sd                                     spectral
 vibration               frequency, quality, sd                          spectral
 lowpass                 cutoff                                          spectral

@@ -51,6 +51,8 @@ class Line(Effect):
         Peak value A, unit.
     phase : float, optional
         Phase φ at t = 0, rad; drawn evenly where absent, one for all channels.
+    modulation_frequency, modulation_depth : float
+        Frequency g, Hz, and depth m of the swelling of the amplitude, A (1 + m cos 2πgt); 0 for none.
     """
 
     name: ClassVar[str] = "line"
@@ -60,16 +62,25 @@ class Line(Effect):
     frequency: float
     amplitude: float
     phase: float | None = None
+    modulation_frequency: float = 0.0
+    modulation_depth: float = 0.0
 
     def __post_init__(self) -> None:
         require_positive(frequency=self.frequency)
-        require_not_negative(amplitude=self.amplitude)
+        require_not_negative(
+            amplitude=self.amplitude,
+            modulation_frequency=self.modulation_frequency,
+            modulation_depth=self.modulation_depth,
+        )
         require_finite(phase=self.phase or 0.0)
 
     def signal(self, t: FloatArray, *, phase: float = 0.0) -> FloatArray:
         """Return the sinusoid at the times `t`, shape (n,); `phase` stands in for an absent one."""
-        return self.amplitude * np.sin(
-            2.0 * np.pi * self.frequency * t + (phase if self.phase is None else self.phase)
+        envelope = 1.0 + self.modulation_depth * np.cos(2.0 * np.pi * self.modulation_frequency * t)
+        return (
+            self.amplitude
+            * envelope
+            * np.sin(2.0 * np.pi * self.frequency * t + (phase if self.phase is None else self.phase))
         )
 
     def apply(self, block: Samples, rng: np.random.Generator) -> Samples:

@@ -40,6 +40,8 @@ INNER_EDGE = 0.5
 """Distance inside the end from which on samples are counted to see how light the tail is, sds."""
 GAP_NATS = 3.0
 """Gap beside the outermost of k samples of a tail, times k and its rate, that is exceeded in 5 % of cases: −ln 0.05."""
+MIN_BEYOND = 1.0
+"""Samples that the noise should have beyond an end for their lack to say anything."""
 COUNT_SDS = 4.0
 """Sds by which the number of wrapped samples may differ from that expected beyond the end; normal: 6e-5."""
 SD_ERROR = 0.02
@@ -127,14 +129,17 @@ def _end(
         return 1.0, 0.0, count
     sigma = math.sqrt(square)
     room = room / sigma
-    beyond = float(np.sum(normal_beyond(room + 0.5 * step / sigma)))
+    chance = normal_beyond(room + 0.5 * step / sigma)
+    beyond = float(chance.sum())
+    if beyond < MIN_BEYOND:
+        return 1.0, 0.0, count
+    end, grain = max(float(chance @ room) / beyond, 1.0), max(step / sigma, MIN_GRAIN)
     inside = float(np.sum(normal_beyond(room - INNER_EDGE)))
     found = count + int(np.count_nonzero(off > sigma * (room - INNER_EDGE)))
     lightness = min(1.0, found / inside) if inside > 0.0 else 1.0
-    error = math.sqrt(beyond + (SD_ERROR * float(np.median(room)) ** 2 * beyond) ** 2)
+    error = math.sqrt(beyond + (SD_ERROR * end**2 * beyond) ** 2)
     if not lightness * beyond - COUNT_SDS * error <= count <= beyond + COUNT_SDS * error:
         return 1.0, 0.0, count
-    end, grain = max(float(np.median(room)), 1.0), max(step / sigma, MIN_GRAIN)
     edge = end + 0.5 * grain
     mean = normal_density(edge) / normal_beyond(edge) - edge
     past = off[wrapped] / sigma + width / sigma - room[wrapped] - 0.5 * grain

@@ -24,6 +24,7 @@ from tuner.diagnosis.static.position_drift import left_drifts, with_drifts
 from tuner.diagnosis.static.posterior_predictive import covered
 from tuner.diagnosis.static.reported_noise import noise_after, noise_before
 from tuner.diagnosis.static.search import SearchResult, search_causes
+from tuner.diagnosis.static.sidebands import with_sidebands
 from tuner.diagnosis.static.something_else import about, with_unknown
 from tuner.diagnosis.static.spectrum import aliasing as sampling
 from tuner.formats.customary_units import stamp
@@ -157,7 +158,9 @@ def diagnose(
             for r in outcome.unexplained
         )
         final = outcome.final.beside_others(part)
-        return _Diagnosed(singles(part.axis, outcome, before), unexplained, final, before, after, found)
+        return _Diagnosed(
+            with_sidebands(singles(part.axis, outcome, before)), unexplained, final, before, after, found
+        )
 
     stage("searching for causes", 0.9)
     longest_first = sorted(parts, key=lambda part: -colour[part[0].axis])

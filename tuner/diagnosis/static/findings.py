@@ -134,11 +134,12 @@ def _locating(cause: str) -> tuple[str, ...]:
 
 
 def _agree(a: Coefficient, b: Coefficient) -> bool:
-    (mean_a, sd_a), (mean_b, sd_b) = _moments(a), _moments(b)
+    (mean_a, sd_a), (mean_b, sd_b) = moments(a), moments(b)
     return abs(mean_a - mean_b) <= AGREEMENT_SDS * float(np.hypot(sd_a, sd_b)) + 1e-12 * abs(mean_a)
 
 
-def _moments(c: Coefficient) -> tuple[float, float]:
+def moments(c: Coefficient) -> tuple[float, float]:
+    """Return a coefficient and the sd that its interval shows."""
     assert c.value is not None
     assert c.interval is not None
     return c.value, max((c.interval[1] - c.interval[0]) / 3.92, 1e-300)
@@ -159,7 +160,7 @@ def pooled(coefficients: Sequence[Coefficient]) -> Coefficient:
         return Coefficient.known(
             float(np.exp(value)), float(np.exp(value - half)), float(np.exp(value + half)), first.unit
         )
-    value, half = _mean([_moments(c) for c in coefficients])
+    value, half = _mean([moments(c) for c in coefficients])
     low = max(value - half, 0.0) if least == 0.0 else value - half
     return Coefficient.known(value, low, value + half, first.unit)
 

@@ -1,0 +1,37 @@
+"""A line whose amplitude swells is one finding with the frequency and depth of that; three other lines are three."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from models.effects.static.spectral import Line
+from tuner.diagnosis import diagnose
+from tuner.types.records import Record
+
+RATE, COUNT = 100.0, 30_000
+TIME = np.arange(COUNT) / RATE
+
+
+def found(*lines: Line) -> list:
+    rng = np.random.default_rng(61)
+    y = rng.standard_normal(COUNT) + sum(line.signal(TIME) for line in lines)
+    record = Record("gyro", TIME, 1e-3 * y[:, None], ("gyro_x",), "rad/s", 1.0 / RATE)
+    return [f for f in diagnose(record).findings if f.cause == "line"]
+
+
+def test_a_line_that_swells_is_one_finding_with_its_modulation():
+    """Carrier of 0.3 sd at 7.3 Hz that swells by 60 % with a period of 4 s: the intervals hold all four numbers."""
+    (line,) = found(Line(7.3, 0.3, 1.0, 0.25, 0.6))
+    truth = {"frequency": 7.3, "amplitude": 0.3e-3, "modulation_frequency": 0.25, "modulation_depth": 0.6}
+    for name, value in truth.items():
+        low, high = line.parameters[name].interval
+        assert low - 0.5 * (high - low) < value < high + 0.5 * (high - low), name
+        assert high - low < 0.5 * value
+    assert line.gain.nats > 250.0
+
+
+def test_lines_that_do_not_lie_evenly_or_differ_in_size_stay_apart():
+    """Sidebands one ordinate off, and sidebands of which one is twice the other."""
+    off = 1.0 / TIME[-1]
+    assert len(found(Line(7.3, 0.3, 1.0), Line(7.05, 0.1, 1.0), Line(7.55 + off, 0.1, 1.0))) == 3
+    assert len(found(Line(7.3, 0.3, 1.0), Line(7.05, 0.08, 1.0), Line(7.55, 0.16, 1.0))) == 3
