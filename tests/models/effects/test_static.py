@@ -139,7 +139,8 @@ def test_zero_amplitude_is_the_identity(text):
         ("lines:frequency=1", "must be one of line, vibration, .*; got 'lines'"),
         (
             "line:f=1,amplitude=2",
-            "'line' takes frequency=VALUE, amplitude=VALUE, phase=VALUE, modulation_frequency=VALUE, modulation_depth=VALUE; got 'f=1'",
+            "'line' takes frequency=VALUE, amplitude=VALUE, phase=VALUE, modulation_frequency=VALUE, "
+            "modulation_depth=VALUE; got 'f=1'",
         ),
         ("line:frequency", "'line' takes .*; got 'frequency'"),
         ("line:frequency=1", "'line' needs amplitude=VALUE; got 'line:frequency=1'"),

@@ -28,10 +28,10 @@ from tuner.diagnosis.static.variance.quantized_noise import hides_noise
 
 FALSE_ALARM_BUDGET = 3e-3
 """Probability that a data set without any effect gets a finding; chosen as one data set in three hundred."""
-TESTS_WITHOUT_CAUSE = 12
+TESTS_WITHOUT_CAUSE = 13
 """Tests that no cause owns: misfit of the fast and of the slow spectrum, three of the local variance, masked pairs.
 
-And six checks of the final residuals (`tuner.diagnosis.static.residual_checks`).
+And seven checks of the final residuals (`tuner.diagnosis.static.residual_checks`).
 """
 CERTAIN_GAIN = 60.0
 """Gain beyond which an extension is not tested again, nats; chosen far beyond chance, e⁻⁶⁰."""

@@ -11,6 +11,8 @@ own; what rejects is unexplained, and makes the names of its kind less certain (
               autocorrelation r: Σ d², d the normal deviates of its means in octaves ÷ their common mean
     spectrum  the power in cells of time and frequency is the product of those of its time and of its frequency:
       in time Σ d² over the cells of a grid, for two grids
+    times of  spikes come at random: the largest ordinate of the periodogram of their places is exponential
+    spikes
     beside    a line is alone: the mean of the ordinates next to it is that of white noise
     lines
     course    smooth functions of time, its logarithm and the temperature explain no more of the bias: likelihood
@@ -34,6 +36,7 @@ from scipy.special import ndtr
 from models.probability import chi2_beyond
 from tuner.curves.long_transforms import without_tables
 from tuner.diagnosis.static.causes.line import Line
+from tuner.diagnosis.static.causes.spikes import Spikes
 from tuner.diagnosis.static.causes.temperature import COVARIATE
 from tuner.diagnosis.static.causes.template import Template, TimeConstantTemplate
 from tuner.diagnosis.static.model.dct import block_transform
@@ -69,6 +72,8 @@ MIN_ORDINATES = 8
 """Least ordinates of a periodogram in a cell: with 16 degrees of freedom the cube root of χ² is close to normal."""
 SIDE_ORDINATES = 8
 """Ordinates on either side of a line; chosen as those that a phase that wanders through the record reaches first."""
+MIN_PERIODS = 4
+"""Periods in the record from which spikes may come at one: fewer are a burst of them."""
 HARMLESS_SHARE = 1e-3
 """Share of the likelihood ratio of the slow causes that may be left of it: no shape is exact to 3 % of its size."""
 TRIAL_RATIO = 1.01
@@ -91,7 +96,7 @@ def checks(fitted: Residual) -> tuple[TestResult, ...]:
         if _rounding_share(fitted) < MAX_ROUNDING_SHARE
         else ()
     )
-    return (*law, _spectrum_in_time(fitted), *_beside_lines(fitted), *slow)
+    return (*law, _spectrum_in_time(fitted), *_beside_lines(fitted), *_spike_times(fitted), *slow)
 
 
 def _rounding_share(fitted: Residual) -> float:
@@ -259,6 +264,27 @@ def _beside_lines(fitted: Residual) -> tuple[TestResult, ...]:
             _result("beside lines", statistic, 2 * len(at), "power beside a line", place, len(frequencies))
         )
     return tuple(sorted(tests, key=lambda test: test.p_value)[:1])
+
+
+def _spike_times(fitted: Residual) -> tuple[TestResult, ...]:
+    """Test whether the spikes that were accepted come at a period; nothing where there are none."""
+    places = sorted({place for x in fitted.extensions if isinstance(x, Spikes) for place in x.places})
+    if not places:
+        return ()
+    n = len(fitted.e)
+    size = next_fast_len(n, real=True)
+    there = np.zeros(n, np.float32)
+    there[places] = 1.0
+    wave = rfft(there - there.mean(), size)
+    power = (wave.real**2 + wave.imag**2) / len(places)
+    first = int(np.ceil(MIN_PERIODS * size / n))
+    at = first + int(np.argmax(power[first:]))
+    place = f"every {size * fitted.channel.interval / at:.4g} s or a multiple of that"
+    height, tried = float(power[at]), len(power) - first
+    name = "spikes come at a period"
+    p_value = min(1.0, tried * float(np.exp(-height)))
+    left = max(height - float(np.log(tried)), 0.0)
+    return (TestResult("times of spikes", p_value, 0.0, height, name, misfit=left, place=place),)
 
 
 def _coefficients(fitted: Residual, columns: FloatArray) -> FloatArray:

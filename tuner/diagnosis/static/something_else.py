@@ -55,6 +55,7 @@ OF_GROUPS: Mapping[str, tuple[Group, ...]] = {
     "squares": ("distribution", "fast spectrum"),
     "spectrum in time": ("distribution", "fast spectrum"),
     "beside lines": ("fast spectrum",),
+    "times of spikes": ("distribution",),
     "course": ("slow part",),
     Transients.cause: ("distribution", "slow part"),
 }

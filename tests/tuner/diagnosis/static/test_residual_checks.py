@@ -10,6 +10,7 @@ from scipy.signal import lfilter
 
 from tuner.diagnosis import diagnose
 from tuner.diagnosis.static.causes.line import Line
+from tuner.diagnosis.static.causes.spikes import Spikes
 from tuner.diagnosis.static.causes.temperature import Temperature
 from tuner.diagnosis.static.causes.warmup import Warmup
 from tuner.diagnosis.static.channel import channel
@@ -67,6 +68,29 @@ def test_normal_noise_passes_all_checks_rounded_or_not(step):
         found = p_values(step * np.round(y / step) if step else y, step=step)
         assert min(found.values()) > CHANCE
         assert ("law" in found) == (step < 0.5)
+
+
+def test_spikes_at_a_period_are_told_from_those_at_random():
+    """Forty spikes every 500 samples, one sample early or late, and forty anywhere."""
+    for places, clear in (
+        (250 + 500 * np.arange(40) + rng(14).integers(-1, 2, 40), True),
+        (rng(15).choice(COUNT, 40, replace=False), False),
+    ):
+        y = rng(16).standard_normal(COUNT)
+        y[places] += 12.0
+        fitted = residual(channel(record(y), "gyro_x"), (Spikes(tuple(places.tolist())),))
+        (p,) = (test.p_value for test in checks(fitted) if test.cause == "times of spikes")
+        assert (p < 1e-8) == clear
+        assert clear or p > CHANCE
+
+
+def test_two_converters_in_turn_are_one_cause():
+    """The variance of every second sample is e times that of the others: one period of two samples, of depth ½."""
+    y = rng(17).standard_normal(COUNT) * np.exp(0.25 * (-1.0) ** np.arange(COUNT))
+    (found,) = diagnose(record(y)).findings
+    assert found.cause == "periodic_variance"
+    assert found.parameters["period"].value == pytest.approx(0.02, rel=1e-6)
+    assert found.parameters["depth"].value == pytest.approx(0.5, abs=0.05)
 
 
 def test_a_line_whose_phase_wanders_leaves_power_beside_it():

@@ -131,10 +131,15 @@ def _extension(fitted: Residual, near: float) -> PeriodicVariance:
             * float(tried[1] - tried[0])
         )
     frequency = float(tried[best]) + shift
+    alternates = abs(frequency * dt - 0.5) * n < 0.5
+    frequency = 0.5 / dt if alternates else frequency
     wave = _wave(x, frequency * dt, frequency * dt, fitted.channel.block)
     kappa = local_variance(fitted).kappa
     seen, error = 2.0 * abs(wave) / n * float(np.sqrt(kappa)), float(np.sqrt(2.0 * kappa / n))
     depth = log_amplitude(seen)
+    if alternates:  # both halves of the spectrum are one there, and the swing is tanh d
+        wave = complex(wave.real)
+        depth = float(np.arctanh(min(0.5 * seen, np.tanh(MAX_DEPTH))))
     slope = float(np.sqrt(6.0)) / (np.pi * n * dt) / (2.0 * abs(wave) / float(np.sqrt(n)))
     white = dilution(fitted)
     share = white.variance
