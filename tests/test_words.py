@@ -11,14 +11,13 @@ import ast
 import io
 import re
 import tokenize
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parents[1]
 FILES = sorted(path for room in ("models", "tuner") for path in (ROOT / room).rglob("*.py"))
-NAMES = [str(path.relative_to(ROOT)) for path in FILES]
 
 PRIVATE = {
     r"told": "known, given, reported, distinguished",
@@ -57,8 +56,6 @@ ALLOWED: dict[str, tuple[str, ...]] = {
     "tuner/formats/configuration.py": ("fates",),
     "tuner/formats/noise_yaml.py": ("fates",),
     "tuner/formats/diagnosis.py": ("asked", "demands"),
-    # The name of a function of the reference filter.
-    "tuner/consistency/drive_scores.py": ("passages",),
 }
 """Words that are right in one file."""
 
@@ -164,43 +161,17 @@ def without_first_line(path: Path) -> list[str]:
     return missing + [node.name for node in nodes if not ast.get_docstring(node) and node not in overloads]
 
 
-MOST_LEFT = {"tuner/navigation": 23}
-"""Private words that these rooms still hold: they only get fewer."""
-MOST_ONE_WORD_LEFT = {"tuner/navigation": 3}
-"""One-word numbers that these rooms still hold."""
-
-
-def outside(rooms: Mapping[str, int]) -> list[Path]:
-    """Return the files outside of some rooms."""
-    return [path for path, name in zip(FILES, NAMES, strict=True) if not name.startswith(tuple(rooms))]
-
-
-def inside(room: str) -> list[Path]:
-    """Return the files of a room."""
-    return [path for path, name in zip(FILES, NAMES, strict=True) if name.startswith(room)]
-
-
 def listed(check: Callable[[Path], list[str]], paths: list[Path]) -> list[str]:
     """Return what a check finds in files, as FILE:LINE: WHAT."""
     return [f"{path.relative_to(ROOT)}:{entry}" for path in paths for entry in check(path)]
 
 
 def test_the_words_are_those_of_the_field() -> None:
-    assert listed(found_in, outside(MOST_LEFT)) == []
-
-
-@pytest.mark.parametrize("room", MOST_LEFT)
-def test_the_words_of_a_room_only_get_better(room: str) -> None:
-    assert len(listed(found_in, inside(room))) <= MOST_LEFT[room]
+    assert listed(found_in, FILES) == []
 
 
 def test_constants_say_their_quantity() -> None:
-    assert listed(one_word_constants, outside(MOST_ONE_WORD_LEFT)) == []
-
-
-@pytest.mark.parametrize("room", MOST_ONE_WORD_LEFT)
-def test_the_constants_of_a_room_only_get_better(room: str) -> None:
-    assert len(listed(one_word_constants, inside(room))) <= MOST_ONE_WORD_LEFT[room]
+    assert listed(one_word_constants, FILES) == []
 
 
 def test_everything_public_has_a_first_line() -> None:

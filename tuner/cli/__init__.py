@@ -109,7 +109,7 @@ def run(arguments: Sequence[str]) -> int:
         )
         sys.stdout.flush()
     except click.exceptions.NoArgsIsHelpError as error:
-        _complain(error.format_message())
+        _write_error(error.format_message())
         return 2
     except click.ClickException as error:
         return _refuse(error.format_message())
@@ -123,13 +123,13 @@ def run(arguments: Sequence[str]) -> int:
     except MemoryError as error:
         return _refuse(f"not enough memory: {error}; ask for less, or split the log")
     except (click.Abort, KeyboardInterrupt):
-        _complain(answer(130))
+        _write_error(answer(130))
         return 130
     except Terminated:
-        _complain(answer(143))
+        _write_error(answer(143))
         return 143
     except Exception as error:
-        return _confess(error)
+        return _report_fault(error)
     return status if isinstance(status, int) else 0
 
 
@@ -147,7 +147,7 @@ def _missing(command: str, error: ImportError) -> str:
     return f"a package that 'tuner {command}' needs cannot be loaded ({error}); install it anew"
 
 
-def _complain(text: str) -> None:
+def _write_error(text: str) -> None:
     """Write on standard error; where that is full or gone, the exit status says what it can."""
     with suppress(OSError):
         sys.stderr.write(text + "\n")
@@ -155,11 +155,11 @@ def _complain(text: str) -> None:
 
 
 def _refuse(message: str) -> int:
-    _complain("tuner: " + printable(message))
+    _write_error("tuner: " + printable(message))
     return 2
 
 
-def _confess(error: Exception) -> int:
+def _report_fault(error: Exception) -> int:
     """Say in one line that this program made a mistake, where, and what a report of it needs."""
     frames = traceback.extract_tb(error.__traceback__)
     ours = [
@@ -172,5 +172,5 @@ def _confess(error: Exception) -> int:
         f"a mistake of this program, not of the input: {type(error).__name__}{at}: {reason(error)}; "
         f"please report it with the command and, if you may, the file: {ISSUES}"
     )
-    _complain("tuner: " + printable(line))
+    _write_error("tuner: " + printable(line))
     return 3

@@ -210,7 +210,7 @@ def against_smoother(
     before: Solution | None = None
     for stretch, rows in zip(stretches, scored, strict=True):
         x, p = initial_estimates(settings, stretch, before)
-        before, passages = readable.run_with_passages(
+        before, kept = readable.run_for_smoother(
             settings,
             initial_state(settings, stretch, x),
             stretch.steps,
@@ -218,7 +218,7 @@ def against_smoother(
             parameters=x,
             covariance=p,
         )
-        apart = separation(smooth(before, passages))
+        apart = separation(smooth(before, kept))
         for _, own in blocks(before, rows[rows < len(apart)]):
             for i, name in enumerate(parts):
                 parts[name].append(apart[own, 3 * i : 3 * i + 3].sum(axis=1))

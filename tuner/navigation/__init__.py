@@ -1,8 +1,9 @@
-"""Navigation: the error-state filter that shows whether a configuration is honest.
+"""Navigation: the error-state filter that shows whether a configuration is consistent.
 
-``settings``   a `FilterConfig` as the states, drives and prior of a filter
-``inputs``     inertial steps and satellite fixes on one clock
-``filter``     the filter, readable, on filterpy: the reference
-``engine``     the same filter compiled, for long drives and many runs
-``simulate``   simulated flights of a sensor through a trajectory
+``settings``          a `FilterConfig` as the states, driving noise and prior of a filter
+``data``              inertial steps, satellite fixes, and what a filter returns
+``reference_filter``  the filter, readable, on filterpy
+``engine``            the same filter compiled, for long drives and many runs
+``smoother``          estimates that use the fixes before and after each instant
+``drive``             measured drives: alignment, checks of axes and units, motion constraints
 """

@@ -16,7 +16,7 @@ from models.strapdown import NavigationState
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-NEAR = 1e-6
+TIME_TOLERANCE = 1e-6
 """A fix this close to the end of a step, s, counts as there."""
 
 
@@ -220,16 +220,18 @@ def split_at(steps: Steps, times: ArrayLike) -> tuple[Steps, IntArray]:
         How many of them are done at each time.
     """
     times, ends = np.asarray(times, dtype=float), steps.ends()
-    if len(times) and not (times[0] >= ends[0] - NEAR and times[-1] <= ends[-1] + NEAR):
+    if len(times) and not (times[0] >= ends[0] - TIME_TOLERANCE and times[-1] <= ends[-1] + TIME_TOLERANCE):
         msg = f"'times' must lie within {ends[0]} … {ends[-1]} s, got {times[0]} … {times[-1]}"
         raise ValueError(msg)
     nearest = np.clip(np.searchsorted(ends, times), 0, len(ends) - 1)
     before = np.maximum(nearest - 1, 0)
     nearest = np.where(np.abs(ends[before] - times) < np.abs(ends[nearest] - times), before, nearest)
-    inside = np.unique(times[np.abs(ends[nearest] - times) > NEAR])
+    inside = np.unique(times[np.abs(ends[nearest] - times) > TIME_TOLERANCE])
     knots = np.union1d(ends, inside)
     parent = np.clip(np.searchsorted(ends, 0.5 * (knots[1:] + knots[:-1])) - 1, 0, len(steps.dt) - 1)
     dt = np.diff(knots)
     split = Steps(steps.start, dt, steps.increments[parent] * (dt / steps.dt[parent])[:, None])
-    after = np.searchsorted(knots, np.where(np.abs(ends[nearest] - times) > NEAR, times, ends[nearest]))
+    after = np.searchsorted(
+        knots, np.where(np.abs(ends[nearest] - times) > TIME_TOLERANCE, times, ends[nearest])
+    )
     return split, after.astype(np.int64)

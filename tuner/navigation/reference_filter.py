@@ -59,7 +59,7 @@ FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Passage:
+class SmootherStep:
     """Propagation of the errors from one fix to the next, and their update by that fix.
 
     Attributes
@@ -124,7 +124,7 @@ def run(
     return _run(settings, start, steps, fixes, parameters, covariance, constraints, None)
 
 
-def run_with_passages(
+def run_for_smoother(
     settings: FilterSettings,
     start: NavigationState,
     steps: Steps,
@@ -132,9 +132,9 @@ def run_with_passages(
     *,
     parameters: FloatArray | None = None,
     covariance: FloatArray | None = None,
-) -> tuple[Solution, tuple[Passage, ...]]:
-    """Filter a stretch of data and keep what smoothers and critics need: a `Passage` for every fix."""
-    kept: list[Passage] = []
+) -> tuple[Solution, tuple[SmootherStep, ...]]:
+    """Filter a stretch of data and keep what a smoother needs of every fix."""
+    kept: list[SmootherStep] = []
     return _run(settings, start, steps, fixes, parameters, covariance, None, kept), tuple(kept)
 
 
@@ -146,7 +146,7 @@ def _run(
     parameters: FloatArray | None,
     covariance: FloatArray | None,
     constraints: Constraints | None,
-    kept: list[Passage] | None,
+    kept: list[SmootherStep] | None,
 ) -> Solution:
     model, n = settings.model, settings.size
     kf = KalmanFilter(dim_x=n, dim_z=6)
@@ -157,7 +157,7 @@ def _run(
     at_fix, at_constraint = _by_step(fixes.after), _by_step([] if constraints is None else constraints.after)
     outcome: list[tuple[int, float]] = []
     rows: list[Any] = []
-    sample, refused, way = np.zeros(6), np.full(2, np.inf), np.eye(n)
+    sample, refused, since_fix = np.zeros(6), np.full(2, np.inf), np.eye(n)
     for k in range(len(steps.dt) + 1):
         if k > 0:
             dt = float(steps.dt[k - 1])
@@ -176,7 +176,7 @@ def _run(
             kf.predict(F=phi, Q=process_noise(model, at, now.dt))
             x[9:] = phi[9:, 9:] @ x[9:]
             if kept is not None:
-                way = phi @ way
+                since_fix = phi @ since_fix
             sensor = calibration(model, x)
             now = _Interval(state, 0.0, np.zeros(3), np.zeros(3))
         for i in at_fix.get(k, ()):
@@ -186,8 +186,8 @@ def _run(
             prior = kf.P
             state, row, used = _update(kf, settings, state, x, sensor, rates, fixes, i, limit)
             if kept is not None:
-                kept.append(Passage(way, prior, kf.P, *used))
-                way = np.eye(n)
+                kept.append(SmootherStep(since_fix, prior, kf.P, *used))
+                since_fix = np.eye(n)
             use = row[-1]
             refused = np.where(
                 use == GATED, np.minimum(refused, fixes.t[i]), np.where(use == ABSENT, refused, np.inf)

@@ -1,8 +1,8 @@
-"""What a filter is made of: the states, drives and prior that a `FilterConfig` asks for.
+"""Settings of a filter: the states, their driving noise and the prior that follow from a `FilterConfig`.
 
 Each axis has a bias state, the turn-on constant with its random walk, and one Gauss–Markov state for every
 rung of its ladder; a ramp gives the slope of the bias a state; correlated GNSS error has its own. Further
-states (scale factors, lever arm, …, those of other packages) are asked for by name with the sd of their prior.
+states (scale factors, lever arm, …, those of other packages) are named with the sd of their prior.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ FloatArray = NDArray[np.float64]
 GYROS, ACCELS = ("gyro_x", "gyro_y", "gyro_z"), ("accel_x", "accel_y", "accel_z")
 COVARIANCE_STEP = 0.1
 """Longest step of the covariance, s: see `models.error_state` for what it costs."""
-GATE = 5.0
+DEFAULT_GATE = 5.0
 """Gate where the configuration has none, sigmas."""
-PATIENCE = 10.0
-"""Time with nothing but refused fixes after which one is believed, s."""
+MAX_REFUSING_TIME = 10.0
+"""Time with nothing but refused fixes after which one is used, s."""
 NO_CONSTANTS: Mapping[str, float] = MappingProxyType({})
 
 
@@ -67,12 +67,12 @@ class FilterSettings:
 
     model: ErrorModel
     initial_sd: FloatArray
-    gate: float = GATE
+    gate: float = DEFAULT_GATE
     lever_arm: tuple[float, float, float] = (0.0, 0.0, 0.0)
     covariance_step: float = COVARIANCE_STEP
     position_sd: tuple[float, float, float] | None = None
     velocity_sd: tuple[float, float, float] | None = None
-    patience: float = PATIENCE
+    patience: float = MAX_REFUSING_TIME
     fix_sd_models: tuple[FixSdModel, FixSdModel] | None = None
     velocity_lag: float = 0.0
     gravity_excess: float = 0.0
@@ -154,7 +154,7 @@ def filter_settings(
         model = replace(model, driving_density=drive)
     gnss = config.gnss
     if gnss is None:
-        return FilterSettings(model, sd, GATE, lever_arm, covariance_step)
+        return FilterSettings(model, sd, DEFAULT_GATE, lever_arm, covariance_step)
     return FilterSettings(
         model, sd, gnss.gate, lever_arm, covariance_step, gnss.position_sd, gnss.velocity_sd
     )

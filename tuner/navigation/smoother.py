@@ -30,7 +30,7 @@ from models.strapdown import NavigationState
 from tuner.navigation.data import Solution
 
 if TYPE_CHECKING:
-    from tuner.navigation.reference_filter import Passage
+    from tuner.navigation.reference_filter import SmootherStep
 
 FloatArray = NDArray[np.float64]
 
@@ -60,21 +60,21 @@ class Smoothed:
     gained: FloatArray
 
 
-def smooth(solution: Solution, passages: Sequence[Passage]) -> Smoothed:
-    """Smooth what `filter.run_with_passages` returned.
+def smooth(solution: Solution, at_fixes: Sequence[SmootherStep]) -> Smoothed:
+    """Smooth what `reference_filter.run_for_smoother` returned.
 
     Parameters
     ----------
     solution : Solution
         Filtered estimates.
-    passages : sequence of Passage
+    at_fixes : sequence of SmootherStep
         One for every fix.
     """
-    k, n = len(passages), passages[0].after.shape[0]
+    k, n = len(at_fixes), at_fixes[0].after.shape[0]
     error, covariance, gained = np.zeros((k, n)), np.zeros((k, n, n)), np.zeros((k, n, n))
-    covariance[-1] = passages[-1].after
+    covariance[-1] = at_fixes[-1].after
     for i in range(k - 2, -1, -1):
-        here, there = passages[i], passages[i + 1]
+        here, there = at_fixes[i], at_fixes[i + 1]
         back = _solve(there.before, there.transition @ here.after).T
         error[i] = back @ (there.correction + error[i + 1])
         covariance[i] = here.after + back @ (covariance[i + 1] - there.before) @ back.T

@@ -49,8 +49,8 @@ def flights():
         fixes = Fixes(t, after, llh + error[:, :3] / metres, vel + error[:, 3:], np.tile(sd, (len(t), 1)))
         fixes = fixes.without([[25.0, 35.0]])
         start = corrected(motion.evaluate([0.0]).at(0), -settings.initial_sd[:9] * rng.standard_normal(9))
-        solution, passages = reference.run_with_passages(settings, start, steps, fixes)
-        answers.append((solution, passages, smooth(solution, passages)))
+        solution, kept = reference.run_for_smoother(settings, start, steps, fixes)
+        answers.append((solution, kept, smooth(solution, kept)))
     states = [truth.at(k) for k in range(len(t))]
     stacked = NavigationState(truth.llh, truth.vel_n, np.stack([state.quat_nb for state in states]))
     return t, stacked, answers
@@ -65,8 +65,8 @@ def test_last_estimate_is_the_filters(flights):
 
 def test_variances_shrink(flights):
     _, _, answers = flights
-    for _, passages, smoothed in answers:
-        before = np.array([np.diag(p.after) for p in passages])
+    for _, kept, smoothed in answers:
+        before = np.array([np.diag(p.after) for p in kept])
         after = np.einsum("kii->ki", smoothed.covariance)
         assert np.all(after <= before * (1.0 + 1e-6))
         assert np.all(after > 0.0)
@@ -95,11 +95,11 @@ def test_filter_and_smoother_differ_as_they_should(flights):
     assert 0.6 < found.mean() < 1.6
 
 
-def test_passages_tell_the_fixes(flights):
+def test_steps_of_the_smoother_are_those_of_the_filter(flights):
     _, _, answers = flights
-    solution, passages, _ = answers[0]
-    for k, passage in enumerate(passages):
-        z = solution.innovation[k, : len(passage.H)]
-        np.testing.assert_allclose(passage.gain @ z, passage.correction, atol=1e-9)
+    solution, kept, _ = answers[0]
+    for k, one in enumerate(kept):
+        z = solution.innovation[k, : len(one.H)]
+        np.testing.assert_allclose(one.gain @ z, one.correction, atol=1e-9)
         if solution.use[k, 0] == 3:
-            assert np.all(passage.gain == 0.0)
+            assert np.all(one.gain == 0.0)
