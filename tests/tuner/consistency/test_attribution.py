@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import sys
 from dataclasses import fields, replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -55,9 +56,9 @@ def configured(*, q=1.0, r=1.0, memory=1.0, rungs=None, sensors=("gyro", "accel"
     return replace(CONFIG, channels=channels, gnss=receiver)
 
 
-@pytest.fixture(scope="module")
-def town():
-    return scenario(TRAJECTORIES["city"](1500.0), load_gnss("spp"), 0.02)
+@cache
+def town(duration=1500.0):
+    return scenario(TRAJECTORIES["city"](duration), load_gnss("spp"), 0.02)
 
 
 def sensitivity(settings, plan):
@@ -97,12 +98,14 @@ MIRRORED = ("Q×10", "R×0.3")
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=[pytest.mark.slow] * (name in MIRRORED)) for name in CASES]
 )
-def test_a_wrong_setting_is_named(town, name):
+def test_a_wrong_setting_is_named(name):
+    """In a quarter of an hour; a time constant takes longer to show."""
     wrong, reason, size = CASES[name]
+    plan = town() if name == "T×10" else town(900.0)
     settings = filter_settings(configured(**wrong))
-    [(found, simulated)] = studies(settings, town, 4, 1)
+    [(found, simulated)] = studies(settings, plan, 4, 1)
     assert not found.consistent
-    causes = attribute(found, simulated, sensitivity(settings, town))
+    causes = attribute(found, simulated, sensitivity(settings, plan))
     assert causes[0].source == reason
     # Three standard errors of an sd from 40 runs of three components, 3/√(2 · 120) = 0.19. Time constants are
     # interpolated between half decades: a factor of 1.8 (a quarter of a decade) to either side.
@@ -121,10 +124,10 @@ def test_a_wrong_setting_is_named(town, name):
 
 
 @pytest.mark.parametrize("factor", [pytest.param(1.0 / 9.0, marks=pytest.mark.slow), 9.0])
-def test_wrong_gyros_are_distinguished_from_wrong_accelerometers(town, factor):
+def test_wrong_gyros_are_distinguished_from_wrong_accelerometers(factor):
     settings = filter_settings(configured(q=factor, white=1.0 / factor, sensors=("gyro",)))
-    [(found, simulated)] = studies(settings, town, 4, 1, runs=16)
-    causes = attribute(found, simulated, sensitivity(settings, town))
+    [(found, simulated)] = studies(settings, town(900.0), 4, 1, runs=16)
+    causes = attribute(found, simulated, sensitivity(settings, town(900.0)))
     assert causes[0].source == "gyro bias noise"
     assert causes[0].ratio == pytest.approx(factor**-0.5, rel=0.2)
 
@@ -236,12 +239,12 @@ def test_mean_over_a_window_hides_fast_flicker():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
-def test_wrong_settings_are_flagged_for_the_right_reason_in_fifty_studies(town, name):
+def test_wrong_settings_are_flagged_for_the_right_reason_in_fifty_studies(name):
     wrong, reason, size = CASES[name]
     settings = filter_settings(configured(**wrong))
-    effects = sensitivity(settings, town)
+    effects = sensitivity(settings, town())
     flagged, named, held = 0, 0, 0
-    for found, simulated in studies(settings, town, 1000, 50):
+    for found, simulated in studies(settings, town(), 1000, 50):
         causes = attribute(found, simulated, effects)
         flagged += not found.consistent
         named += bool(causes) and causes[0].source == reason
@@ -256,7 +259,7 @@ def test_wrong_settings_are_flagged_for_the_right_reason_in_fifty_studies(town, 
 
 
 @pytest.mark.slow
-def test_right_configuration_passes_in_a_hundred_studies(town):
-    passed = sum(found.consistent for found, _ in studies(filter_settings(CONFIG), town, 2000, 100))
+def test_right_configuration_passes_in_a_hundred_studies():
+    passed = sum(found.consistent for found, _ in studies(filter_settings(CONFIG), town(), 2000, 100))
     sys.stderr.write(f"right: {passed} of 100 pass\n")
     assert passed >= 98
