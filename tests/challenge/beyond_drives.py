@@ -41,6 +41,8 @@ from tuner.types.records import DataError, Drive  # noqa: E402
 
 STUDIES = ("clean", "single", "pair", "known", "fresh")
 UNKNOWN = "unknown"
+MIN_DELAY_LEFT = 0.5
+"""Part of the larger of two delays that both together must leave in the velocities."""
 
 
 @dataclass(frozen=True)
@@ -90,6 +92,9 @@ def _hidden(oracle: Oracle, count: int, rng: np.random.Generator) -> tuple[Hidde
             continue
         try:
             drawn = [hide(oracle, cause, log_uniform(rng, 60.0, 500.0), rng) for cause in causes]
+            delays = [h.errors.delay + h.errors.lag for h in drawn]
+            if abs(sum(delays)) < MIN_DELAY_LEFT * max(map(abs, delays)):
+                continue  # velocities late by one and early by the other: little is left of both
             return tuple(apart(oracle, h, *(c for c in causes if c != h.cause)) for h in drawn)
         except UnreachableError:
             continue

@@ -190,25 +190,51 @@ def _errors_of(noise: NoiseHypothesis, port: Port) -> dict[str, FloatArray]:
     }
 
 
-def evidence_of(t: FloatArray, residual: FloatArray, s: FloatArray) -> float:
-    """Return the log Bayes factor of columns, nats, the spread of their prior the best one."""
-    information, b = s.T @ s, s.T @ residual
-    if not np.any(information):
-        return 0.0
-    step = np.linalg.pinv(information, rcond=1e-9, hermitian=True) @ b
-    k = s.shape[1]
-    z2 = float(b @ step) / colour_factor(t, residual - s @ step, s)
-    return 0.5 * (z2 - k - k * math.log(z2 / k)) if z2 > k else 0.0
+@dataclass(frozen=True)
+class Fit:
+    """Fit of k columns to whitened innovations: z², and how much wider than white noise its sums scatter.
+
+    Two fits to the same innovations are compared with one scatter, the less: what either leaves is in it, and of one
+    column it is hardly known.
+    """
+
+    z2: float
+    count: int
+    colour: float
+
+    @classmethod
+    def of(cls, t: FloatArray, residual: FloatArray, s: FloatArray) -> Fit:
+        """Fit columns (m, k) to whitened innovations (m,) at times t."""
+        information, b = s.T @ s, s.T @ residual
+        if not np.any(information):
+            return cls(0.0, s.shape[1], 1.0)
+        step = np.linalg.pinv(information, rcond=1e-9, hermitian=True) @ b
+        return cls(float(b @ step), s.shape[1], colour_factor(t, residual - s @ step, s))
+
+    def evidence(self, colour: float) -> float:
+        """Return the log Bayes factor of the columns, nats, the spread of their prior the best one."""
+        z2 = self.z2 / colour
+        return 0.5 * (z2 - self.count - self.count * math.log(z2 / self.count)) if z2 > self.count else 0.0
+
+    def evidence_above(self, other: Fit) -> float:
+        """Return how much larger it is than that of another fit."""
+        colour = min(self.colour, other.colour)
+        return self.evidence(colour) - other.evidence(colour)
+
+
+NOTHING = Fit(0.0, 1, math.inf)
+"""Fit of nothing, which no error has to beat."""
 
 
 @dataclass(frozen=True)
 class Innovations:
-    """Innovations in which errors are looked for: noise, whitened rows, what is fitted beside, nats to be beaten."""
+    """Innovations in which errors are looked for: noise, whitened rows, what is fitted beside, what is to be beaten."""
 
     noise: NoiseHypothesis
     residual: FloatArray
     beside: FloatArray
     hurdle: float = SPREAD_COST
+    rival: Fit = NOTHING
 
     @cached_property
     def _q(self) -> FloatArray:
@@ -245,8 +271,8 @@ def innovations(outcome: SearchResult, biased: Sequence[str] = ()) -> dict[str, 
         for shift in found:
             others = np.column_stack([none, *(s for c, s in slopes.items() if c != shift)])
             alone = Innovations(own, residual + slopes[shift] @ found[shift][1], others)
-            least = evidence_of(w.t, alone.left(alone.residual), alone.left(slopes[shift]))
-            out[shift] = replace(alone, hurdle=least)
+            least = Fit.of(w.t, alone.left(alone.residual), alone.left(slopes[shift]))
+            out[shift] = replace(alone, hurdle=0.0, rival=least)
     return out
 
 
@@ -260,7 +286,7 @@ def without_bias(noise: NoiseHypothesis, biased: Sequence[str], beside: Mapping[
     slopes = whitened_columns(every, own)
     constants = slopes.pop(SENSOR_BIAS)
     alone = Innovations(every, w.residual, np.column_stack([np.zeros((len(w.t), 0)), *slopes.values()]))
-    return replace(alone, hurdle=evidence_of(w.t, alone.left(w.residual), alone.left(constants)))
+    return replace(alone, hurdle=0.0, rival=Fit.of(w.t, alone.left(w.residual), alone.left(constants)))
 
 
 def with_named_noise(outcome: SearchResult, noise: NoiseHypothesis) -> NoiseHypothesis:
@@ -351,7 +377,7 @@ def errors_in(looked_at: Mapping[str, Innovations], jumps: Sequence[float] = ())
             t = np.broadcast_to(first.t[:, None], rows.shape)[rows]
             y = one.left(one.residual)
             for grows_with, s in own.items():
-                evidence = evidence_of(t, y, one.left(s)) - one.hurdle - paid
+                evidence = Fit.of(t, y, one.left(s)).evidence_above(one.rival) - one.hurdle - paid
                 if evidence > best[name].evidence:
                     best[name] = MotionError(port.name, grows_with, evidence)
     return best

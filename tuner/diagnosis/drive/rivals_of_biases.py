@@ -60,7 +60,7 @@ def rivals_of_bias(outcome: SearchResult, one: Finding) -> Rivals:
     if all(moved[axis] < MIN_MOVED_SHARE * abs(c.value or 0.0) for axis, c in one.parameters.items()):
         return Rivals((), shown=True)
     own = without_bias(as_configured(linearized), list(one.parameters), {})
-    w, evidence = whiten(own.noise), own.hurdle
+    w, evidence = whiten(own.noise), own.rival.evidence(own.rival.colour)
     listed = {a.cause for a in one.alternatives}
     near = tuple(
         Alternative(test.cause, float(np.exp(min(test.gain - evidence, 0.0))))

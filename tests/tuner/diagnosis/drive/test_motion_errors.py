@@ -14,7 +14,7 @@ from tuner.diagnosis.drive.hypothesis import with_density_factors
 from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, as_configured
 from tuner.diagnosis.drive.linear_model.whitened_innovations import whiten
 from tuner.diagnosis.drive.motion_courses import Motion
-from tuner.diagnosis.drive.motion_errors import Innovations, bias_columns, errors_in, with_named_noise
+from tuner.diagnosis.drive.motion_errors import Fit, Innovations, bias_columns, errors_in, with_named_noise
 from tuner.synthesis.load_config import load_config
 from tuner.types import Parameter
 
@@ -121,3 +121,10 @@ def test_noise_that_no_finding_states_does_not_judge_causes():
     assert with_named_noise(outcome, noise).process_noise_scale == pytest.approx([1.0, 1.0, 1.0 / 30.0, 1.0])
     outcome.accepted = (SimpleNamespace(cause="imu_noise_scale"),)
     assert with_named_noise(outcome, noise) is noise
+
+
+def test_two_fits_are_compared_by_one_scatter():
+    """A true delay leaves sums that scatter 1.6 times as much by chance: twelve cosines of a delay explain no more."""
+    constant, waves = Fit(503.0, 1, 1.6), Fit(479.0, 12, 1.0)
+    assert waves.evidence(waves.colour) > constant.evidence(constant.colour)
+    assert waves.evidence_above(constant) < -10.0
