@@ -69,6 +69,12 @@ class TestResult:
         return replace(self, propose=None, confirm=None)
 
 
+    @property
+    def without_residual(self) -> TestResult:
+        """The result with whether it proposes something, but not what: that would keep the whole residual in memory."""
+        return replace(self, propose=None if self.propose is None else tuple, confirm=None)
+
+
 @dataclass(frozen=True)
 class Accepted:
     """An extension, the test result that proposed it, and its gain on data held out."""
