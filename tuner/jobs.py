@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import copyreg
 import ctypes
+import math
 import os
 import pickle
 import selectors
@@ -46,6 +47,7 @@ _END_WITH_PARENT = 1
 """PR_SET_PDEATHSIG of Linux: the signal that a process gets when its parent ends."""
 
 _limit: ContextVar[int | None] = ContextVar("processors", default=None)
+_memory: ContextVar[float] = ContextVar("memory", default=math.inf)
 
 
 def usable() -> int:
@@ -73,8 +75,21 @@ def limited(processors: int | None) -> Iterator[None]:
         _limit.reset(token)
 
 
+@contextmanager
+def within(memory: float | None) -> Iterator[None]:
+    """Let the processes that this block makes take, with this one, at most so many bytes; None changes nothing."""
+    token = _memory.set(_memory.get() if memory is None else memory)
+    try:
+        yield
+    finally:
+        _memory.reset(token)
+
+
 def each(
-    function: Callable[[Item], Result], items: Sequence[Item], shared: Sequence[object] = ()
+    function: Callable[[Item], Result],
+    items: Sequence[Item],
+    shared: Sequence[object] = (),
+    memory: float = 0.0,
 ) -> list[Result]:
     """Return the function of each item, in their order; computed in parallel where `usable` allows.
 
@@ -86,6 +101,8 @@ def each(
         Given to it one by one; those that take long should come first.
     shared : sequence of object
         Objects of this process that results may contain: they are handed back as themselves and not as copies.
+    memory : float
+        Bytes that one item takes beside what this process has; 0 for as many as this process has.
 
     Raises
     ------
@@ -95,7 +112,7 @@ def each(
     processes = min(usable(), len(items))
     if processes > 1:
         return_freed_memory()
-        processes = min(processes, _affordable())
+        processes = min(processes, _affordable(memory))
     if processes < 2 or not _can_copy():
         return [function(item) for item in counted(items)]
     numbers = _numbers(len(items))
@@ -156,13 +173,14 @@ def beside(function: Callable[[], object]) -> Iterator[None]:
         os.waitpid(child, 0)
 
 
-def _affordable() -> int:
-    """Return how many processes the memory allows if each copy comes to need as much as this process has."""
+def _affordable(memory: float) -> int:
+    """Return how many copies of so many bytes each are allowed beside this process; 0 for as many as it has."""
     try:
         pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
     except (OSError, ValueError, IndexError):
         return sys.maxsize
-    return 1 + int(min(free_memory() / max(pages * os.sysconf("SC_PAGE_SIZE"), 1), 1e6))
+    mine = float(pages * os.sysconf("SC_PAGE_SIZE"))
+    return int(min(max(min(free_memory(), _memory.get() - mine), 0.0) / (memory or mine), 1e6))
 
 
 def _can_copy() -> bool:

@@ -18,7 +18,7 @@ from models.noise import NoiseModel, RandomWalk, White
 from tuner import diagnose, identify
 from tuner.formats.diagnosis import diagnosis_json
 from tuner.formats.identification import identification_json
-from tuner.jobs import beside, each, limited, usable
+from tuner.jobs import beside, each, limited, usable, within
 from tuner.simulation.static import simulate
 from tuner.stages import reached, watched
 
@@ -103,6 +103,17 @@ def test_no_copies_where_memory_is_scarce(monkeypatch):
     monkeypatch.setattr("tuner.jobs.free_memory", lambda: 0.0)
     with limited(4):
         assert each(lambda _: os.getpid(), range(3)) == 3 * [os.getpid()]
+
+
+def test_copies_take_no_more_memory_than_is_allowed():
+    """This process has some 200 MB: beside it two copies of 1 GB fit into 2.9 GB, and none into 1.1 GB."""
+
+    def processes(memory: float) -> set[int]:
+        with limited(4), within(memory):
+            return set(each(lambda _: time.sleep(0.05) or os.getpid(), range(4), memory=1e9))
+
+    assert len(processes(2.9e9)) == 2
+    assert processes(1.1e9) == {os.getpid()}
 
 
 def test_what_runs_beside_ends_with_the_block(tmp_path):

@@ -20,7 +20,10 @@ from tuner.diagnosis.static.channel import channel
 from tuner.diagnosis.static.hypothesis_tests import threshold
 from tuner.diagnosis.static.search import search_causes
 from tuner.readers import read
+from tuner.readers.assemble import plan_of
 from tuner.readers.block_means import BASE_BYTES, BYTES_A_NUMBER, BYTES_A_ROW
+from tuner.readers.npz import list_npz
+from tuner.readers.options import Options
 from tuner.segments.multi_position import find_poses
 from tuner.types.records import Record
 
@@ -75,6 +78,17 @@ def test_channel_is_prepared_in_place(sensors: tuple[Record, Record]) -> None:
 def test_data_quality_of_a_triad_takes_few_columns(sensors: tuple[Record, Record]) -> None:
     """What is largest here does not grow with the record: the values of the first 200 000 samples, lags of 100 000."""
     assert columns_taken(lambda: data_quality_tests(sensors[0])) < 6.5
+
+
+def test_columns_are_loaded_beside_one_copy_of_a_sensor(
+    sensors: tuple[Record, Record], tmp_path: Path
+) -> None:
+    """Seven columns are loaded, three at a time brought into one block."""
+    columns = {axis: record.column(axis) for record in sensors for axis in record.axes}
+    np.savez(tmp_path / "log.npz", t=sensors[0].t, **columns)
+    listing = list_npz(tmp_path / "log.npz")
+    groups = plan_of(listing, Options(None, {}, {}, None)).groups
+    assert columns_taken(lambda: listing.load(groups)) < 10.2
 
 
 def test_log_larger_than_its_memory_is_read_into_its_means(

@@ -19,6 +19,9 @@ from tuner.types.records import DataError, Record
 
 FloatArray = NDArray[np.float64]
 
+IDENTIFICATION_COLUMNS = 8
+"""Columns of a record that the identification of one axis takes; six were measured."""
+
 
 def identify(
     records: Sequence[Record],
@@ -74,7 +77,8 @@ def identify(
     def identified(axis: str) -> ChannelIdentification:
         return identify_channel(varying[axis], axis, terms=terms, method=method, arma=arma)
 
-    channels = dict(zip(varying, each(identified, list(varying)), strict=True))
+    need = IDENTIFICATION_COLUMNS * 8.0 * max(map(len, varying.values()))
+    channels = dict(zip(varying, each(identified, list(varying), memory=need), strict=True))
     channels, about_earth = _earth(channels, latitude)
     return Identification(_source(records), channels, (*notes, *about_earth))
 

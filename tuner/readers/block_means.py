@@ -38,10 +38,10 @@ MIN_ROWS = 1 << 14
 """Rows from which a part tells rate, gaps and broken readings as a whole log does."""
 BASE_BYTES = 400e6
 """Memory of the program without samples."""
-BYTES_A_NUMBER, BYTES_A_ROW = 24.0, 750.0
-"""Memory behind each number of a record that is read, and behind each row while one axis is diagnosed."""
-SHARE_OF_FREE = 0.5
-"""Part of the free memory that a log may take where nobody says how much."""
+BYTES_A_NUMBER, BYTES_A_ROW = 8.0, 180.0
+"""Memory of each number of a record, and behind each row while one axis is diagnosed: 7 columns, 22 with findings."""
+SHARE_OF_FREE, PROCESSORS = 0.5, 4
+"""Part of the free memory that a log may take where nobody says how much, axes being diagnosed at the same time."""
 MAX_RATE_CHANGE = 1e-3
 """Relative difference of the rates of two parts of one record; clocks of sensors drift by less."""
 MIN_MEANS = 64
@@ -59,13 +59,15 @@ class Reduction:
 def reduction(listing: Listing, plan: Plan, memory: float | None) -> Reduction | None:
     """Return how a log must be reduced to fit; None where all of it fits, or its format cannot be read in parts.
 
-    `memory`, bytes, is what the whole program may take; None for half of what is free.
+    `memory`, bytes, is what the whole program may take, on one processor if need be; None for half of what is free, on
+    `PROCESSORS`.
     """
     if listing.stream is None:
         return None
-    allowed = SHARE_OF_FREE * free_memory() if memory is None else memory - BASE_BYTES
+    allowed, at_once = (SHARE_OF_FREE * free_memory(), PROCESSORS) if memory is None else (memory, 1)
     columns = sum(map(len, plan.groups)) + (plan.layout.time is None)
-    fitting = max(allowed / (BYTES_A_NUMBER * columns + BYTES_A_ROW), float(MIN_ROWS))
+    bytes_a_row = BYTES_A_NUMBER * columns + BYTES_A_ROW * at_once
+    fitting = max((allowed - BASE_BYTES) / bytes_a_row, float(MIN_ROWS))
     if listing.rows <= fitting:
         return None
     size = 1 << math.ceil(math.log2(listing.rows / fitting))

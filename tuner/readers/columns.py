@@ -159,13 +159,25 @@ class _Arrays:
 
     def load(self, groups: Sequence[Sequence[Part]]) -> tuple[NDArray[Any], ...]:
         """Return whole columns, an array for each group."""
-        used = list(dict.fromkeys(p.array for group in groups for p in group))
-        read = {}
-        for done, name in enumerate(used, start=1):
-            read[name] = self._array(name)
-            if self.progress is not None:
-                self.progress(done, len(used))
-        return self._grouped(groups, read)
+        used = [list(dict.fromkeys(part.array for part in group)) for group in groups]
+        count = len({name for names in used for name in names})
+        read: dict[str, NDArray[Any]] = {}
+        loaded: list[NDArray[Any]] = []
+        done = 0
+        for number, (group, names) in enumerate(zip(groups, used, strict=True)):
+            for name in names:
+                if name in read:
+                    continue
+                read[name] = self._array(name)
+                done += 1
+                if self.progress is not None:
+                    self.progress(done, count)
+            loaded += self._grouped([group], read)
+            later = {name for others in used[number + 1 :] for name in others}
+            read = {
+                name: array for name, array in read.items() if name in later
+            }  # the others are in their block
+        return tuple(loaded)
 
     def stream(self, groups: Sequence[Sequence[Part]], rows: int) -> Iterator[tuple[NDArray[Any], ...]]:
         """Yield pieces of at most so many rows, an array for each group."""

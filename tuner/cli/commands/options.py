@@ -18,7 +18,7 @@ from tuner.cli.progress import Messages
 from tuner.formats.documents import json_text
 from tuner.formats.files import write_text
 from tuner.formats.guard import printable
-from tuner.jobs import limited
+from tuner.jobs import limited, within
 from tuner.stages import finished
 
 Command = Callable[..., Any]
@@ -272,7 +272,7 @@ def reading(command: Command) -> Command:
         type=POSITIVE,
         metavar="GB",
         help="Memory that the program may take, by default half of what is free. A larger log is read as means of "
-        "neighbouring samples. One processor is used.",
+        "neighbouring samples. As many processors are used as fit.",
     )
     @click.option(
         "--begin",
@@ -303,7 +303,7 @@ def reading(command: Command) -> Command:
         chosen = None if columns is None else parse_columns(columns)
         size = None if memory is None else 1e9 * memory
         how = Reading(rate, gyro_unit, accel_unit, gyro_scale, accel_scale, chosen, assume, size, begin, end)
-        with limited(None if memory is None else 1):  # each processor takes memory of its own
+        with within(size):
             return command(*args, reading=how, **options)
 
     return wrapped

@@ -68,7 +68,6 @@ class TestResult:
         """The result without `propose`, which would keep the whole residual in memory."""
         return replace(self, propose=None, confirm=None)
 
-
     @property
     def without_residual(self) -> TestResult:
         """The result with whether it proposes something, but not what: that would keep the whole residual in memory."""

@@ -186,7 +186,13 @@ def search_causes(channel: Channel, threshold: float, given: tuple[Extension, ..
             found, accepted = with_lag(found, accepted)
         results = tuple(result.without_residual for result in results)
         quiet = tuple(result.without_residual for result in quiet)
-        del rejections, broad, chosen, jumps, result  # they hold the residual before, with all that was computed of it
+        del (
+            rejections,
+            broad,
+            chosen,
+            jumps,
+            result,
+        )  # they hold the residual before, with all that was computed of it
     stage("", 1.0)
     found, accepted = _prune(found, accepted, threshold)
     found, accepted = without_lag(found, accepted)
