@@ -38,10 +38,15 @@ MIN_ROWS = 1 << 14
 """Rows from which a part tells rate, gaps and broken readings as a whole log does."""
 BASE_BYTES = 400e6
 """Memory of the program without samples."""
-BYTES_A_NUMBER, BYTES_A_ROW = 8.0, 180.0
-"""Memory of each number of a record, and behind each row while one axis is diagnosed: 7 columns, 22 with findings."""
-SHARE_OF_FREE, PROCESSORS = 0.5, 4
-"""Part of the free memory that a log may take where nobody says how much, axes being diagnosed at the same time."""
+BYTES_A_NUMBER, BYTES_A_ROW = 8.0, 330.0
+"""Memory of each number of a record, and behind each row while one axis is diagnosed.
+
+That takes 10 columns where nothing is found, 20 with four findings, 41 on the richest recording tried, with ten.
+"""
+SHARE_OF_FREE = 0.5
+"""Part of the free memory that a log may take where nobody says how much."""
+AXES_AT_ONCE = 2
+"""Axes that must then have room to be diagnosed side by side, so that little time is lost to save memory."""
 MAX_RATE_CHANGE = 1e-3
 """Relative difference of the rates of two parts of one record; clocks of sensors drift by less."""
 MIN_MEANS = 64
@@ -59,12 +64,12 @@ class Reduction:
 def reduction(listing: Listing, plan: Plan, memory: float | None) -> Reduction | None:
     """Return how a log must be reduced to fit; None where all of it fits, or its format cannot be read in parts.
 
-    `memory`, bytes, is what the whole program may take, on one processor if need be; None for half of what is free, on
-    `PROCESSORS`.
+    `memory`, bytes, is what the whole program may take, on one processor if need be; None for half of what is free,
+    with `AXES_AT_ONCE`.
     """
     if listing.stream is None:
         return None
-    allowed, at_once = (SHARE_OF_FREE * free_memory(), PROCESSORS) if memory is None else (memory, 1)
+    allowed, at_once = (SHARE_OF_FREE * free_memory(), AXES_AT_ONCE) if memory is None else (memory, 1)
     columns = sum(map(len, plan.groups)) + (plan.layout.time is None)
     bytes_a_row = BYTES_A_NUMBER * columns + BYTES_A_ROW * at_once
     fitting = max((allowed - BASE_BYTES) / bytes_a_row, float(MIN_ROWS))

@@ -40,8 +40,8 @@ MAX_MOVING_SHARE = 0.4
 
 Chosen so that the stationary parts are the majority of what is analysed.
 """
-SEARCH_COLUMNS = 18
-"""Columns of a record that the search in one axis takes: 10 where nothing is found, 16 with four findings."""
+SEARCH_COLUMNS = 40
+"""Columns of a record that the search in one axis takes: 10 where nothing is found, 41 with ten findings."""
 MAX_INTERVAL_DIFFERENCE = 0.01
 """Relative difference of two sampling intervals up to which they are one; clocks differ by far less, rates by more."""
 
