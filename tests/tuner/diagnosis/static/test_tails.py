@@ -18,6 +18,9 @@ from tuner.diagnosis.static.causes.heavy_tails import (
     student,
     whole,
 )
+from tuner.diagnosis.static.causes.skewed_noise import SkewedNoise
+from tuner.diagnosis.static.channel import channel
+from tuner.diagnosis.static.model.residual import residual
 from tuner.diagnosis.static.variance.histogram import histogram
 from tuner.diagnosis.static.variance.normal_scores import NormalScores
 from tuner.types.records import Record
@@ -132,3 +135,14 @@ def test_normal_scores_are_normal_and_have_the_density_of_the_law(law):
     assert np.trapezoid(density, x) == pytest.approx(0.9989, abs=2e-3)
     far = scores(np.array([np.max(np.abs(y)) * 3.0]) * np.sign(y.mean() - np.median(y)))
     assert 6.0 < abs(far[0]) < 35.0
+
+
+def test_codes_are_no_law_of_their_own():
+    # 0.4 sds, and the mean not midway between two: quantiles of residuals lie on the codes
+    y, rng = np.empty(60_000), np.random.default_rng(7)
+    y[:] = rng.standard_gamma(2000.0, len(y))  # skewness 0.045
+    y = 0.4 * np.round(((y - y.mean()) / y.std() + 0.13) / 0.4)
+    record = Record("gyro", INTERVAL * np.arange(len(y)), y[:, None], ("gyro_x",), "rad/s", INTERVAL)
+    found = SkewedNoise.test(residual(channel(record, "gyro_x", quantizer_step=0.4)))
+    assert found is not None
+    assert found.gain < 50.0

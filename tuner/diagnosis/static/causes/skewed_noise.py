@@ -6,8 +6,9 @@ Extension: the residuals pass Wilson and Hilferty's cube root, which makes gamma
 
     z = 6/γ ((1 + γ e/2)^⅓ − 1 + γ²/36)
 
-Where the law is far from that, and how its two sides differ is no small part of it, they pass the quantiles of their
-own law (`tuner.diagnosis.static.variance.normal_scores`), tails and all: one law is one cause.
+Where the law is far from that, in one half of the record as in the other, and how its two sides differ is no small
+part of it, they pass the quantiles of their own law (`tuner.diagnosis.static.variance.normal_scores`), tails and all:
+one law is one cause.
 
 What is reported is the skewness of the white noise itself: the whitening filter mixes samples
 (`tuner.diagnosis.static.variance.white_share`).
@@ -95,7 +96,8 @@ class SkewedNoise(Extension):
         for before in fitted.extensions[:index]:
             e = before.whiten(e)
         e = e[fitted.valid]
-        return replace(self, scores=NormalScores.of(e), values=_values(fitted, *skewness(e)))
+        scores = NormalScores.of(_between_codes(fitted, e))
+        return replace(self, scores=scores, values=_values(fitted, *skewness(e)))
 
     @classmethod
     def test(cls, fitted: Residual) -> TestResult | None:
@@ -112,9 +114,11 @@ class SkewedNoise(Extension):
         gain = 0.5 * deviate**2 - 0.5 * float(np.log(len(e)))
         scores = None
         if p_value < 1e-3:
-            unscaled = fitted.spread * fitted.good
-            own, even = (NormalScores.of(x) for x in (unscaled, np.concatenate((unscaled, -unscaled))))
-            law, tails = own.gain(unscaled), even.gain(unscaled)
+            unscaled = _between_codes(fitted, fitted.spread * fitted.good)
+            own = NormalScores.of(unscaled)
+            known, new = np.array_split(unscaled, 2)
+            law = 2.0 * NormalScores.of(known).gain(new)
+            tails = 2.0 * NormalScores.of(np.concatenate((known, -known))).gain(new)
             price = 0.5 * len(own.value) * float(np.log(len(e)))
             if law - tails > MIN_SKEWED_SHARE * law and law - price > gain:
                 scores, gain = own, law - price
@@ -129,6 +133,12 @@ class SkewedNoise(Extension):
             "skewness of the residuals",
             lambda: (shape,),
         )
+
+
+def _between_codes(fitted: Residual, e: FloatArray) -> FloatArray:
+    """Return residuals whose samples are spread over the step of their codes, which are no part of the law."""
+    step = fitted.channel.quantizer_step / np.sqrt(fitted.expected_power.fast / fitted.channel.interval)
+    return np.asarray(e + step * (np.random.default_rng(len(e)).random(len(e)) - 0.5)) if step else e
 
 
 def _values(fitted: Residual, seen: float, error: float) -> dict[str, Value]:
