@@ -25,6 +25,7 @@ from tuner.formats.prediction import prediction_json
 from tuner.identification import identify
 from tuner.identification.identify import with_terms_found
 from tuner.identification.identify_source import identify_source, receiver_of_source, records_name
+from tuner.navigation.drive.clock import Clock
 from tuner.readers import read
 from tuner.readers.drive import read_drive
 from tuner.readers.source_kind import is_log, source_name
@@ -158,7 +159,7 @@ def tune(
         config = with_rest_and_motion(config, choice.config)
         config = replace(config, notes=(*config.notes, choice.note))
         stage("scoring the settings on the whole drive", 0.95)
-        measured, unmeasured = measured_or_reason(inputs.drive, config, progress)
+        measured, unmeasured = measured_or_reason(inputs.drive, config, progress, examined.clock)
     exports = {"noise.yaml": noise_yaml.dumps(config)}
     exports |= {file_of_dialect(name): export(config, name) for name in wanted}
     exports |= {
@@ -317,7 +318,7 @@ def configure(
 
 
 def measured_or_reason(
-    drive: Drive, config: FilterConfig, progress: Progress
+    drive: Drive, config: FilterConfig, progress: Progress, clock: Clock | None = None
 ) -> tuple[DriveResult | None, Mapping[str, str]]:
     """Return the filter of a configuration on the drive it was made for, or None and why it cannot be scored.
 
@@ -328,7 +329,7 @@ def measured_or_reason(
     """
     progress("scoring the settings on the whole drive")
     try:
-        measured = navigate_drive(drive, config)
+        measured = navigate_drive(drive, config, measured=clock)
     except DataError as error:
         return None, {"scores on the drive": str(error)}
     if measured.consistency.diverged:

@@ -37,7 +37,7 @@ from tuner.consistency.verdicts import verdicts
 from tuner.navigation.compensation import compensate, compensate_settings
 from tuner.navigation.data import GATED, WITHHELD, Solution
 from tuner.navigation.drive.axis_checks import inertial_axes
-from tuner.navigation.drive.clock import AGREEING, Clock, remaining_clock
+from tuner.navigation.drive.clock import AGREEING, Clock, clock_left, remaining_clock
 from tuner.navigation.drive.gross_outliers import without_gross_outliers
 from tuner.navigation.drive.run import SETTLING_TIME, Stretch, navigate, outage_windows, prepare
 from tuner.navigation.drive.unit_checks import suspected_unit
@@ -138,6 +138,7 @@ def navigate_drive(
     gnss: GnssNoise | str | None = None,
     states: Mapping[str, float] | None = None,
     vehicle: Vehicle = UNCONSTRAINED,
+    measured: Clock | None = None,
 ) -> DriveResult:
     """Filter a measured drive, with and without its fixes, and score the filter.
 
@@ -153,6 +154,8 @@ def navigate_drive(
         Further states, names of `models.filter_states.named_states`, with the sd of their prior.
     vehicle : Vehicle
         What may be assumed of the vehicle: that it does not slip, and is stationary where it seems so.
+    measured : Clock, optional
+        Of this drive, as stamped, where it was measured before.
 
     Raises
     ------
@@ -170,7 +173,8 @@ def navigate_drive(
     if vehicle.sideways is not None:
         states = {"mounting": MOUNTING_SD, **(states or {})}
     stage("finding the offset of the clocks", 0.55)
-    clock = remaining_clock(drive, config.compensation)
+    clock = None if measured is None else clock_left(measured, config.compensation)
+    clock = remaining_clock(drive, config.compensation) if clock is None else clock
     settings, assumed = drive_filter(drive, config, clock=clock, states=states)
     stage("aligning", 0.57)
     stretches, notes = prepare(drive, settings, clock=clock)

@@ -48,14 +48,11 @@ def finding_lines(
     choice : HeldOutChoice or None
         What of them entered the settings.
     shortest : bool, optional
-        Whether to leave out figures for which one line has no room.
+        Whether each has one line.
     """
     if not findings:
         return ["On the drive: nothing found that the filter does not expect"]
-    lines = [found_text(one) for one in findings[:SHOWN_FINDINGS]]
-    if shortest:
-        for end in (" (", ", "):
-            lines = [text if len(text) <= LINE_WIDTH else text.partition(end)[0] for text in lines]
+    lines = [(shortest_text if shortest else found_text)(one) for one in findings[:SHOWN_FINDINGS]]
     stays = shortest and choice is not None and choice.kept == "as it began"  # said with the choice
     if choice is not None and not stays and not choice.kept.startswith("with the findings"):
         lines.append("Findings are not in the settings: the last 40 % is predicted no better with them")
@@ -77,6 +74,21 @@ def found_text(finding: Finding) -> str:
             break
         text = longer
     return f"{text})" if "(" in text else text
+
+
+def shortest_text(finding: Finding) -> str:
+    """Return what a finding is with its first figure in one line: the words give way, the figure stays."""
+    text = found_text(finding)
+    if len(text) <= LINE_WIDTH:
+        return text
+    what, _, figures = text.partition(" (")
+    first = f" ({figures.removesuffix(')').partition(', ')[0]})" if figures else ""
+    if not first and len(what) > LINE_WIDTH:
+        return what.partition(", ")[0]
+    clauses = [what, what.rpartition(": ")[0], f"Found: {finding.cause.replace('_', ' ')}"]
+    return next(
+        (f"{one}{first}" for one in clauses if one and len(one + first) <= LINE_WIDTH), what[:LINE_WIDTH]
+    )
 
 
 def choice_lines(

@@ -21,7 +21,7 @@ def _measured(*, diverged):
 
 def test_a_drive_on_which_the_filter_diverges_is_refused_in_one_line(monkeypatch):
     config: Any = None
-    monkeypatch.setattr(pipeline, "navigate_drive", lambda *_: _measured(diverged=True))
+    monkeypatch.setattr(pipeline, "navigate_drive", lambda *_, **__: _measured(diverged=True))
     with pytest.raises(DataError) as refused:
         pipeline.measured_or_reason(DRIVE, config, silent)
     text = str(refused.value)
@@ -34,5 +34,5 @@ def test_a_drive_on_which_the_filter_diverges_is_refused_in_one_line(monkeypatch
         "without --drive",
     ):
         assert said in text
-    monkeypatch.setattr(pipeline, "navigate_drive", lambda *_: _measured(diverged=False))
+    monkeypatch.setattr(pipeline, "navigate_drive", lambda *_, **__: _measured(diverged=False))
     assert pipeline.measured_or_reason(DRIVE, config, silent)[1] == {}

@@ -177,6 +177,22 @@ def test_a_finding_of_a_drive_has_its_size_and_interval(words):
         assert "-0.199 ± 0.021 s" in line
 
 
+def test_sds_of_fixes_that_are_wrong_have_their_factor_in_one_line():
+    """It read "errors of the fixes are not as large as reported: true ÷ reported", and no number."""
+    factors = {
+        f"{name}_{way}": Coefficient.known(2.46, 2.20, 2.76, "1")
+        for name in ("position", "velocity")
+        for way in ("horizontal", "vertical")
+    }
+    wrong = Finding(
+        "gnss_noise_scale", ("gnss",), "a statistic", 9.0, 1e-9, factors,
+        "gnss_noise_scale in gnss: errors of the fixes are not as large as reported: true ÷ reported (position 2.46)",
+    )  # fmt: skip
+    (line,) = finding_lines([wrong], None, shortest=True)
+    assert "position horizontal 2.46 ± 0.28" in line
+    assert len(line) <= 80
+
+
 def test_errors_before_and_after_name_the_part_of_the_drive_they_are_of(result):
     square = np.ones(4)
     score = PredictiveScore((OutageErrors(30.0, square, square, square),), 1.0, square)

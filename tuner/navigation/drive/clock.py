@@ -78,6 +78,14 @@ def clock_of_drive(drive: Drive, *, lag: float = 0.0) -> Clock:
     return AGREEING if found is None else chosen_clock(found.beside_lag(lag) if lag else found)
 
 
+def clock_left(measured: Clock, compensation: Compensation) -> Clock | None:
+    """Return what a clock that was measured before leaves beside settings made from it; None where others made them."""
+    stated = compensation.value("time_offset", "delay"), compensation.value("velocity_lag", "delay")
+    if not any(stated):
+        return measured
+    return _with_words(AGREEING, compensation) if stated == (measured.delay, measured.lag) else None
+
+
 def remaining_clock(drive: Drive, compensation: Compensation) -> Clock:
     """Return what the motion says of the clocks of a drive beside a delay and a lag that its settings state.
 
