@@ -217,8 +217,8 @@ def _take_out_lines(power: FloatArray, start: NDArray[np.intp]) -> FloatArray:
     chance = LINE_CHANCE / len(power)
     taken = np.zeros_like(count)
     for _ in range(MAX_LINE_PASSES):
-        number = np.convolve(count - taken, np.ones(3), "same")
-        total = np.convolve(np.add.reduceat(power, start), np.ones(3), "same")
+        number = _with_next(count - taken)
+        total = _with_next(np.add.reduceat(power, start))
         largest = np.maximum.reduceat(power, start)
         limit = stdtrit(np.maximum(number - 1.0, 1.0), 0.5 * chance) ** 2
         lined = np.flatnonzero(largest * (number - 1.0) > limit * (total - largest))
@@ -232,3 +232,9 @@ def _take_out_lines(power: FloatArray, start: NDArray[np.intp]) -> FloatArray:
             power[near] = 0.0
             np.add.at(taken, np.searchsorted(start, near, side="right") - 1, 1.0)
     return taken
+
+
+def _with_next(cells: FloatArray) -> FloatArray:
+    """Return the sums of each cell and the next ones on either side, (m,)."""
+    beside = np.pad(cells, 1)
+    return np.asarray(beside[:-2] + cells + beside[2:])

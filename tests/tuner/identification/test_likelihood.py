@@ -282,3 +282,9 @@ def test_lines_take_no_part_in_white_noise():
     assert beside.value("white.density") == pytest.approx(
         alone.value("white.density"), abs=0.2 * (high - low)
     )
+
+
+@pytest.mark.parametrize("n", [*range(64, 80), 128])
+def test_segments_with_few_cells_keep_their_coefficients(n):
+    y = np.random.default_rng(n).standard_normal(n)
+    assert cosine_periodogram([y], INTERVAL).count.sum() == n - 1
