@@ -6,13 +6,16 @@ from collections.abc import Sequence
 
 from rich.table import Table
 
-from tuner.diagnosis.drive.noise_scale_estimates import factor_text, may_be_one
+from tuner.diagnosis.drive.noise_scale_estimates import UNKNOWN_CAUSE, factor_text, listed, may_be_one
 from tuner.formats.customary_units import customary_unit, digits, in_customary, pretty
 from tuner.report.answer_layout import filled
 from tuner.report.diagnosis_answer import CLEAREST_FINDINGS
 from tuner.report.drive_answer import found_text
 from tuner.report.static_diagnosis_tables import findings_table
 from tuner.types import DriveDiagnosis, Gain, NoiseScaleEstimate
+
+NOISE_CAUSES = {"vibration", "gnss_noise_scale", "imu_noise_scale"}
+"""Causes of larger noise that stays with all findings in the filter."""
 
 
 def drive_diagnosis_answer(found: DriveDiagnosis) -> list[str]:
@@ -21,18 +24,39 @@ def drive_diagnosis_answer(found: DriveDiagnosis) -> list[str]:
     if found.quiet:
         lines = ["Nothing found: the drive agrees with a simulation of this filter"]
     left = [f"Unexplained: {one.statistic}" for one in found.unexplained]
-    factors = [
-        f"{SHORT_NAMES[one.setting]} × {factor_text(one.plain)}"
-        for one in found.noise_scales
-        if one.stated is not None and one.identifiable and not may_be_one(one.plain)
-    ]
-    noise = [f"Factors on the noise that the drive shows: {'; '.join(factors)}"] if factors else []
+    noise = noise_lines(found.noise_scales)
     gain = [] if found.gain is None else [whole_gain_text(found.gain)]
     harm = [] if found.credited else [harm_text(found.gain)]
     rest = [f"Missing: {one}" for one in missing(found)] + [f"Note: {one}" for one in found.notes]
     clear, others = lines[:CLEAREST_FINDINGS], lines[CLEAREST_FINDINGS:]
     texts = [*harm, *clear, *left[:1], *noise, *gain, *others, *left[1:], *rest]
     return filled([], [f"{text[:1].upper()}{text[1:]}" for text in texts], also="every finding and test")
+
+
+def noise_lines(estimates: Sequence[NoiseScaleEstimate]) -> list[str]:
+    """Return in words the noise that a drive shows otherwise than stated: of no named cause, of one, or explained."""
+    shown = [
+        one for one in estimates if one.stated is not None and one.identifiable and not may_be_one(one.plain)
+    ]
+    left = [one for one in shown if not may_be_one(one.named)]
+    named = [one for one in left if UNKNOWN_CAUSE not in one.causes and NOISE_CAUSES & {*one.causes}]
+    unnamed = [one for one in left if one not in named]
+    explained = [SHORT_NAMES[one.setting] for one in shown if one not in left]
+    lines = []
+    if unnamed:
+        lines.append(f"Noise of no known cause, true ÷ stated: {'; '.join(map(_factor_left, unnamed))}")
+    if named:
+        lines.append(f"Noise, true ÷ stated: {'; '.join(map(_factor_left, named))}")
+    if explained:
+        lines.append(f"As stated once the findings are in the filter: {', '.join(explained)}")
+    return lines
+
+
+def _factor_left(one: NoiseScaleEstimate) -> str:
+    """Return the factor on a setting that is left with all findings in the filter, and what accounts for it."""
+    causes = [cause.replace("_", " ") for cause in one.causes if cause in NOISE_CAUSES]
+    by = f" ({listed(causes)})" if causes else ""
+    return f"{SHORT_NAMES[one.setting]} × {factor_text(one.named)}{by}"
 
 
 def drive_tables(found: DriveDiagnosis) -> list[Table | str]:

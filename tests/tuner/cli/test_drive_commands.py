@@ -21,7 +21,7 @@ from tuner.diagnosis.drive.noise_scale_estimates import may_be_one, words
 from tuner.formats import noise_yaml
 from tuner.formats.logs import write_drive
 from tuner.readers.source_kind import is_drive
-from tuner.report.drive_diagnosis_tables import drive_tables
+from tuner.report.drive_diagnosis_tables import drive_tables, noise_lines
 from tuner.simulation.drive import simulate_drive
 from tuner.synthesis.from_drive import UNKNOWN_UNIT_GRADE, config_of_drive, nearest_grade, stationary_noise
 from tuner.types import (
@@ -267,7 +267,12 @@ def test_noise_scales_are_put_in_words():
     assert "once time offset is named" in words(estimate)
     assert "no known cause" in words(replace(estimate, named=three, causes=("unknown",)))
     assert "not identifiable" in words(replace(estimate, identifiable=False, causes=()))
-    assert "times as noisy in motion" in words(replace(estimate, named=three, causes=("vibration",)), 3.2)
+    vibrating = replace(estimate, named=three, causes=("vibration",))
+    assert "times as noisy in motion" in words(vibrating, 3.2)
+    assert noise_lines([estimate]) == ["As stated once the findings are in the filter: gyro white"]
+    unnamed, known = noise_lines([replace(estimate, named=three, causes=("unknown",)), vibrating])
+    assert unnamed == "Noise of no known cause, true ÷ stated: gyro white × 3 (2.5 … 3.6)"
+    assert known == "Noise, true ÷ stated: gyro white × 3 (2.5 … 3.6) (vibration)"
 
 
 def test_findings_that_do_harm_are_not_taken_over(tuned):
