@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -25,7 +25,7 @@ from models.trajectory.catalogue import figure_eight
 from models.units import DEG
 from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
 from tuner.navigation.settings import filter_settings
-from tuner.papers.results import Curve, Item, Panel, Picture, Table, exact, judge
+from tuner.papers.results import Claim, Curve, Item, Panel, Picture, Table, exact, judge
 from tuner.papers.sampling import Settings, estimate
 from tuner.papers.subjects import RING_LASER_PAPER
 from tuner.simulation.imu import sensor_of_grade
@@ -45,9 +45,33 @@ SHOWN_OUTAGES = (10.0, 60.0, 300.0, 1000.0)
 """Outages of the table, s."""
 
 
+@dataclass(frozen=True)
+class _Comparison:
+    """Five filters in outages.
+
+    Attributes
+    ----------
+    states : mapping of str to int
+        Bias states an axis, by the name of the filter.
+    loss, ratio : mapping of str to ndarray, shape (q,)
+        True error ÷ best possible, and ÷ predicted sd, after each of `OUTAGES`.
+    """
+
+    states: Mapping[str, int]
+    loss: Mapping[str, FloatArray]
+    ratio: Mapping[str, FloatArray]
+
+
 def kf_parameters(settings: Settings) -> Item:
     """Return the comparison of five filters."""
-    model = load_grade("mpu9250").noise_model("gyro")
+    found = _compared(load_grade("mpu9250").noise_model("gyro"))
+    taken = run_times(tuple(found.states.values()), settings.size(20, 6))
+    title = f"{RING_LASER_PAPER}: 2.3 (8)"
+    return Item("kf-parameters", title, _claims(found, taken), _picture(found, taken))
+
+
+def _compared(model: NoiseModel) -> _Comparison:
+    """Return the errors of the filters in outages of a sensor with this noise."""
     density, level, walk = (_amplitude(model, kind) for kind in (White, BiasInstability, RandomWalk))
     tau = np.geomspace(1.0, 1e5, 2000)
     deviation = np.sqrt(model.allan_variance(tau))
@@ -75,13 +99,19 @@ def kf_parameters(settings: Settings) -> Item:
     states = (0, len(paper), len(paper), len(ladder), len(sequence.transition()[0]))
     best = outage_errors(truth, truth, ANGLE_SD, OUTAGES.tolist())[0]
     found = {name: outage_errors(truth, one, ANGLE_SD, OUTAGES.tolist()) for name, one in filters.items()}
+    return _Comparison(
+        dict(zip(filters, states, strict=True)),
+        {name: true / best for name, (true, _) in found.items()},
+        {name: true / predicted for name, (true, predicted) in found.items()},
+    )
+
+
+def _claims(found: _Comparison, taken: FloatArray) -> tuple[Claim, ...]:
+    """Return what the paper says of its filter, judged; `taken` are run times, s, of each run and filter."""
+    loss, ratio, states = found.loss, found.ratio, tuple(found.states.values())
     judged = int(np.argmin(np.abs(OUTAGES - JUDGED_OUTAGE)))
-    loss = {name: true / best for name, (true, _) in found.items()}
-    ratio = {name: true / predicted for name, (true, predicted) in found.items()}
-    bare, markov, _, every, arma = filters
-    taken = run_times(states, settings.size(20, 6))
-    relative = taken.mean(axis=0) / taken.mean(axis=0)[1]
-    claims = (
+    bare, markov, _, every, arma = found.states
+    return (
         judge(
             f"error after {JUDGED_OUTAGE:g} s: ARW and BI ÷ best possible",
             "more terms do not improve accuracy notably: 1",
@@ -131,14 +161,20 @@ def kf_parameters(settings: Settings) -> Item:
             f"still take {taken[:, 3].mean():.2g} s",
         ),
     )
+
+
+def _picture(found: _Comparison, taken: FloatArray) -> Picture:
+    """Return the errors over the length of the outage, and a table with the run times."""
+    loss, ratio = found.loss, found.ratio
+    relative = taken.mean(axis=0) / taken.mean(axis=0)[1]
     panels = tuple(
         Panel(
             title,
             "time since the last measurement, s",
             label,
-            tuple(Curve(OUTAGES, values, name, group=g) for g, (name, values) in enumerate(ratio.items())),
+            tuple(Curve(OUTAGES, values, name, group=g) for g, (name, values) in enumerate(of.items())),
         )
-        for title, label, ratio in (
+        for title, label, of in (
             ("accuracy", "true error ÷ best possible", loss),
             ("ratio", "true error ÷ predicted sd", ratio),
         )
@@ -152,10 +188,10 @@ def kf_parameters(settings: Settings) -> Item:
     cells = np.array(
         [
             [cost, *loss[name][chosen], *ratio[name][chosen]]
-            for name, cost in zip(filters, relative, strict=True)
+            for name, cost in zip(found.states, relative, strict=True)
         ]
     )
-    rows = tuple(f"{name} ({count})" for name, count in zip(filters, states, strict=True))
+    rows = tuple(f"{name} ({count})" for name, count in found.states.items())
     numbers = Table(
         "run time ÷ the paper's; true error ÷ best possible, and ÷ predicted sd (in brackets: bias states an axis)",
         rows,
@@ -163,8 +199,7 @@ def kf_parameters(settings: Settings) -> Item:
         cells,
         ratios=True,
     )
-    title = f"{RING_LASER_PAPER}: 2.3 (8)"
-    return Item("kf-parameters", title, claims, Picture((*panels, numbers)))
+    return Picture((*panels, numbers))
 
 
 def likeliest(model: NoiseModel) -> Arma:
