@@ -173,7 +173,7 @@ def rate_of(given: FilterOutput, t: FloatArray) -> FloatArray:
 
 
 def half_way_variances(given: FilterOutput) -> tuple[FloatArray, FloatArray]:
-    """Return mean squares of rows minus what their neighbours make of them: the next ones, those beyond; (9,) each."""
+    """Return mean squares of rows minus their interpolation: from the next rows, and from those beyond; (9,) each."""
     return _middle_variance(given, 1), _middle_variance(given, 2)
 
 
@@ -204,7 +204,7 @@ def interpolation_variance(
 
 
 def _middle_variance(given: FilterOutput, stride: int) -> FloatArray:
-    """Return mean squares of rows minus what the rows `stride` before and after make of them; (9,), 0 where unknown."""
+    """Return mean squares of rows minus their interpolation from rows `stride` away; (9,), 0 if unknown."""
     rows = given.rows(slice(None, None, stride))
     if len(rows) < 8:
         return np.zeros(9)

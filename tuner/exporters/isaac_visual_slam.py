@@ -2,7 +2,7 @@
 
 gyro_noise_density rad/s/√Hz, gyro_random_walk rad/s²/√Hz, accel_noise_density m/s²/√Hz, accel_random_walk m/s³/√Hz,
 calibration_frequency Hz. The library adds N²·f·dt² and K²/f a sample, f being the frequency stated: it has to be that
-of the IMU. Its bundle adjustment multiplies the information of the IMU by penalties of its own.
+of the IMU. Its bundle adjustment multiplies the information of the IMU by penalties that it sets.
 
 Source: NVIDIA-ISAAC-ROS/isaac_ros_visual_slam src/visual_slam_node.cpp, src/impl/visual_slam_impl.cpp;
 nvidia-isaac/cuVSLAM libs/common/imu_calibration.cpp (constructor), libs/imu/imu_preintegration.cpp (update_state),

@@ -1,4 +1,4 @@
-"""Whatever is wrong with an input becomes one printable line; nothing from outside reaches a terminal as it is."""
+"""Every fault of an input becomes one printable line; no text from outside reaches a terminal unchecked."""
 
 from __future__ import annotations
 

@@ -147,14 +147,14 @@ def _sums() -> list[tuple[str, ...]]:
 
 
 def _note(terms: tuple[str, ...], chosen: tuple[str, ...]) -> str:
-    """Say how a sum differs from the chosen one."""
+    """Name the terms by which a sum differs from the chosen one."""
     without = [f"without {name}" for name in chosen if name not in terms]
     extra = [f"with {name}" for name in terms if name not in chosen]
     return ", ".join(extra + without) or "chosen"
 
 
 def _bound(data: CosinePeriodogram, fit: LikelihoodFit, name: str) -> Bound:
-    """Return the upper limit of a term beside the chosen ones, and the reason why it is no more than that."""
+    """Return the upper limit of a term that was not chosen, and the reason why it is not determined."""
     objective = Objective.of(data, (*fit.terms, name))
     theta = objective.maximum()
     if name == Ramp.name:

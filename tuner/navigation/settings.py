@@ -62,7 +62,7 @@ class FilterSettings:
     velocity_lag : float
         How much later the velocities of fixes are than their positions, s: mended by the inertial unit.
     gravity_excess : float
-        What gravity is larger than its formula, m/s², as far as it is known; a `gravity` state is added to it.
+        Excess of gravity over its formula, m/s², as far as it is known; a `gravity` state is added to it.
     """
 
     model: ErrorModel

@@ -113,7 +113,7 @@ def _score(x: float, own: float, place: Located) -> float:
 
 
 def _mistaken_units(one: UnitMeasurement, places: Mapping[str, Located]) -> tuple[str, ...]:
-    """Return the unit that would bring the white noise of every axis of a sensor, outlying as it is, to the fleet's."""
+    """Return the unit of samples that would explain why the white noise of every axis of a sensor is outlying."""
     lines = []
     for sensor, names in MISTAKEN_UNITS.items():
         si = next(unit for unit, name in SENSORS.items() if name == sensor)

@@ -1,4 +1,4 @@
-"""Drives in the text layout of KF-GINS: a YAML that names the files, and what it says of the start.
+"""Drives in the text layout of KF-GINS: a YAML that names the files and states the errors at the start.
 
 ==============================  ===============================================================================
 imupath                         t s, angle increments x y z rad, velocity increments x y z m/s, forward-right-down;

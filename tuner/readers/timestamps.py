@@ -14,8 +14,7 @@ interval
     all stamps within their resolution (1 ms stamps of a 400 Hz log), nothing is missing.
 gaps
     A step over 1.5 p, or over p by more than the stamping error explains, is a gap if it shifts the clock
-    against the row
-    number for good: a stamp that is late, with hurried ones behind it, is not.
+    against the row number permanently: a late stamp that is followed by shorter steps is none.
 """
 
 from __future__ import annotations

@@ -35,7 +35,7 @@ def identification_answer(
     found : Identification
         Its noise terms.
     settings : FilterConfig, optional
-        What `tune` makes of it: named where it is not the identified terms.
+        Configuration that `tune` would write: shown where it is not made of the identified terms.
     """
     rows = joined_rows(channel_row(channel) for channel in found.channels.values())
     recording = wrapped(f"{name}: {_recording(found)}", 2)

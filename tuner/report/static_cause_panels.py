@@ -73,7 +73,7 @@ def draw_peak(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float]) 
 
 
 def draw_colour(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float]) -> None:
-    """Draw the whole spectrum of the residuals and what the extended model makes of it."""
+    """Draw the whole spectrum of the residuals and that of the extended model."""
     f, power = _periodogram(subject)
     rows, at = blocks(power, 200).mean(axis=1), blocks(f, 200).mean(axis=1)
     panel.plot(at, rows, ".", ms=3, color=DATA_COLOUR, label="residuals (means over a band)")

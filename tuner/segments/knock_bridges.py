@@ -69,7 +69,7 @@ def same_level(records: Sequence[Record], moved: BoolArray, start: int, stop: in
 
 
 def bridge_knocks(record: Record, knocks: Sequence[tuple[int, int]]) -> Record:
-    """Return a record with simulated samples in place of knocks inside its segments, as those beside them predict."""
+    """Return a record with samples simulated from those beside them in place of knocks inside its segments."""
     y = record.y.copy(order="F")
     for start, stop in record.segments:  # each has a noise of its own: what moved between them is none
         kept = np.ones(stop - start, dtype=bool)

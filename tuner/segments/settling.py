@@ -47,7 +47,7 @@ def settled_from(records: Sequence[Record], moved: BoolArray, start: int, stop: 
     records : sequence of Record
         Sensors on one clock.
     moved : ndarray of bool, shape (n,)
-        Samples of knocks inside the stand-still: means with any are taken from those beside them.
+        Samples of knocks inside the stand-still: a mean that holds one is replaced by those beside it.
     start, stop : int
         Samples of a stand-still, beside a motion before it (with `back`: behind it).
     back : bool

@@ -23,7 +23,7 @@ class OutputCause:
     unit : str
         SI.
     gain : float
-        Log likelihood above that of the filter as it is, nats, less the price of its parameters.
+        Log likelihood above that of the unchanged filter, nats, less the price of its parameters.
     parameters : mapping of str to (value, low, high)
         Its parts, each with its 95 % interval.
     subject : str

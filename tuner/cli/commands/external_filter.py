@@ -1,4 +1,4 @@
-"""`tuner tune --filter`: another program's filter, tuned as it is."""
+"""`tuner tune --filter`: the settings of another program's filter, which is run without changes, are tuned."""
 
 from __future__ import annotations
 

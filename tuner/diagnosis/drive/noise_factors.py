@@ -53,7 +53,7 @@ def with_noise_factors(config: FilterConfig, factors: Mapping[str, float]) -> Fi
 def with_sds_of(config: FilterConfig, other: FilterConfig) -> FilterConfig:
     """Return a configuration with the sds of the fixes that another one makes of the reported ones.
 
-    Where the other has errors that stay beside them, its sds are those of the rest: only larger ones are taken over.
+    Where the other has states for correlated errors, its sds are those of the rest: only larger ones are taken over.
     """
     found = dict(other.compensation.of(GNSS_NOISE_SCALE))
     if other.gnss is not None and other.gnss.correlated:

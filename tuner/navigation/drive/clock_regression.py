@@ -74,7 +74,7 @@ class Segment:
     t, since : ndarray, shape (k,)
         Stamps, and time since the first of them, s.
     position, velocity : ndarray, shape (k, 3)
-        Fixes less what gravity and the rotation of the Earth make of them, m and m/s; NaN where there is none.
+        Fixes without the effects of gravity and of the Earth's rotation, m and m/s; NaN where there is none.
     """
 
     t: FloatArray

@@ -98,7 +98,7 @@ class Layout(NamedTuple):
     factor : ndarray, shape (e,)
         Factors of these.
     gravity_excess : float
-        What gravity is larger than its formula, as far as it is known, m/s².
+        Excess of gravity over its formula, as far as it is known, m/s².
     """
 
     size: int
