@@ -35,7 +35,7 @@ STEP_INTERVAL = 0.02
 CONSTRAINT_INTERVAL = 1.0
 """Time between two uses of the constraint, s: its errors last for seconds."""
 SIDEWAYS_SD = 0.2
-"""Sideways and vertical velocity of wheels, m/s: the default of `tuner navigate --nonholonomic`."""
+"""Sideways and vertical velocity of wheels, m/s: the default of `tuner navigate --non-holonomic`."""
 MAX_TURN_RATE = np.radians(3.0)
 """Turn rate from which the constraint is not used, rad/s: the unit is not above the rear axle."""
 
