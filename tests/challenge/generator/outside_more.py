@@ -61,7 +61,9 @@ def wrapped(rng: Rng) -> Made:
     """A register that overflows: samples beyond one limit come out at the other end of its range."""
     y = noise(rng)
     limit = float(np.quantile(y, 1.0 - log_uniform(rng, 1e-4, 3e-3)))
-    return made(np.where(y > limit, y - 2.0 * rng.uniform(1.0, 2.0) * limit, y), 1e3, "clipping", "spikes")
+    return made(
+        np.where(y > limit, y - 2.0 * rng.uniform(1.0, 2.0) * limit, y), 1e3, "overflow", "clipping", "spikes"
+    )
 
 
 def copied_stretch(rng: Rng) -> Made:

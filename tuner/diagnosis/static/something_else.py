@@ -22,6 +22,8 @@ from numpy.typing import NDArray
 
 from models.noise import BiasInstability, RandomWalk
 from tuner.diagnosis.cause import Group
+from tuner.diagnosis.static.causes.base import Extension
+from tuner.diagnosis.static.causes.comb import Comb
 from tuner.diagnosis.static.causes.line import Line, resonance_lead
 from tuner.diagnosis.static.causes.telegraph import Telegraph
 from tuner.diagnosis.static.causes.transients import Transients
@@ -78,8 +80,8 @@ def with_unknown(outcome: SearchResult) -> tuple[Accepted, ...]:
     power_law = power_law_lead(outcome.final) if outcome.final.count(*CORRELATED) else -np.inf
     found = []
     for index, accepted in enumerate(outcome.accepted, given):
-        group, gain = accepted.extension.group, accepted.result.gain
-        left = sum(r.nats for r in outcome.unexplained if group in about(r.cause))
+        gain, shown = accepted.result.gain, groups(accepted.extension, outcome.final.channel)
+        left = sum(r.nats for r in outcome.unexplained if shown & {*about(r.cause)})
         weight = min(left / gain, 1.0) if left > MIN_LEFT_SHARE * gain else 0.0
         if sum(r.nats for r in outcome.unexplained) > gain:
             weight = 1.0
@@ -94,6 +96,16 @@ def with_unknown(outcome: SearchResult) -> tuple[Accepted, ...]:
         twin = _transient_twin(outcome.final, index, accepted) + _line_twin(outcome.final, index, accepted)
         found.append(replace(accepted, alternatives=(*accepted.alternatives, *twin, *unknown)))
     return tuple(found)
+
+
+def groups(extension: Extension, channel: Channel) -> set[Group | None]:
+    """Return the groups of statistics that show an extension: what repeats slowly is in the slow part, too."""
+    if isinstance(extension, Line | Vibration):
+        frequency = extension.frequency
+    else:
+        frequency = 1.0 / (extension.period * channel.interval) if isinstance(extension, Comb) else np.inf
+    slow: Group = "slow part"
+    return {extension.group, *((slow,) if frequency < 0.5 / (channel.block * channel.interval) else ())}
 
 
 def about(cause: str) -> tuple[Group | None, ...]:

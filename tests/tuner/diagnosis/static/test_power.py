@@ -64,7 +64,7 @@ def test_the_power_of_a_resonance_is_that_of_its_recursion_however_sharp():
     assert 0.0 < Vibration(17.0, 1e8, 0.3).power(np.array([17.0]), 0.01)[0] < np.inf
 
 
-OF_ACCEPTED = ("beside lines", "course")
+OF_ACCEPTED = ("beside lines", "course", "times of spikes")
 """Checks of causes that were accepted, which white noise has none of."""
 
 

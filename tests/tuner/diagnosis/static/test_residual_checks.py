@@ -9,6 +9,7 @@ import pytest
 from scipy.signal import lfilter
 
 from tuner.diagnosis import diagnose
+from tuner.diagnosis.static.causes.comb import Comb
 from tuner.diagnosis.static.causes.line import Line
 from tuner.diagnosis.static.causes.spikes import Spikes
 from tuner.diagnosis.static.causes.temperature import Temperature
@@ -16,7 +17,7 @@ from tuner.diagnosis.static.causes.warmup import Warmup
 from tuner.diagnosis.static.channel import channel
 from tuner.diagnosis.static.model.residual import residual
 from tuner.diagnosis.static.residual_checks import checks
-from tuner.diagnosis.static.something_else import other_transient_lead
+from tuner.diagnosis.static.something_else import groups, other_transient_lead
 from tuner.types.records import Record
 
 COUNT = 20_000
@@ -113,6 +114,27 @@ def test_a_bias_with_a_kink_in_temperature_is_more_than_a_slope(kinked, clear):
     (p,) = (test.p_value for test in found if test.cause == "course")
     assert (p < 1e-8) == clear
     assert clear or p > CHANCE
+
+
+def test_the_square_of_a_temperature_is_foretold_about_the_mean_it_was_found_with():
+    """In the rest of the record the mean is another one, about which the square would have another slope."""
+    felt = 25.0 + 10.0 * np.sin(5.0 * np.pi * np.arange(COUNT) / COUNT)
+    made = record(rng(19).standard_normal(COUNT) + 0.01 * (felt - 22.0) ** 2)
+    found = diagnose(replace(made, covariates={"temperature": felt + 0.02 * rng(20).standard_normal(COUNT)}))
+    (square,) = (f for f in found.findings if f.cause == "temperature_squared")
+    assert square.gain.split == "60/40"
+    assert square.gain.nats > 5.0
+
+
+def test_what_is_left_of_the_slow_part_puts_slow_lines_in_doubt():
+    one = channel(record(rng(21).standard_normal(COUNT)), "gyro_x")
+    edge = 0.5 / (one.block * one.interval)
+    for slow, extension in (
+        (True, Line(0.5 * edge, 0.0, 1.0)),
+        (True, Comb(800.0, (0.0,) * 800, 0.0)),
+        (False, Line(1.5 * edge, 0.0, 1.0)),
+    ):
+        assert ("slow part" in groups(extension, one)) == slow
 
 
 def test_power_law_noise_is_no_certain_filter():

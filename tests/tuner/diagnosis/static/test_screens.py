@@ -30,6 +30,17 @@ def test_the_period_of_short_pulses_is_found_to_a_part_of_a_sample_over_the_reco
     assert result.gain > 50.0
 
 
+def test_weak_short_pulses_are_found_by_many_multiples_of_their_period():
+    """One sample in 61 is half an sd higher, 90 nats where period and phase are known; noise alone has no period."""
+    y = np.random.default_rng(6).standard_normal(N)
+    assert comb.Comb.test(fitted(y)).gain < 0.0
+    y[7::61] += 0.524
+    result = comb.Comb.test(fitted(y))
+    assert result.p_value < 1e-5
+    assert result.gain > 10.0
+    assert result.propose()[0].period == pytest.approx(61.0, abs=0.02)
+
+
 def test_folded_sums_are_those_of_the_phases():
     e = np.random.default_rng(2).standard_normal(1000)
     total, count = comb._sums(e[100:], 100.3, 23.7, 23)
