@@ -25,6 +25,7 @@ from models.noise.arma import Arma
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.model.null_distributions import curvature, maximum, minimum
 from tuner.diagnosis.static.model.residual import Residual
+from tuner.diagnosis.static.model.series_statistics import SAMPLES_AT_ONCE
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.spectrum.background import FIRST_ORDINATE, local_level
 from tuner.diagnosis.static.spectrum.fisher_scoring import sizes
@@ -93,7 +94,11 @@ class Vibration(Extension):
 
     def power(self, f: FloatArray, interval: float) -> FloatArray:
         """Return its spectrum, c/(|1 − r exp i(θ − x)|² |1 − r exp i(θ + x)|²) with poles r exp ±iθ, x = 2πfΔ."""
-        return np.asarray(resonance(f, interval, *self.pole(interval), self.sd))
+        out = np.empty(len(f))
+        for first in range(0, len(f), SAMPLES_AT_ONCE):
+            part = slice(first, first + SAMPLES_AT_ONCE)
+            out[part] = resonance(half_angles(f[part], interval), interval, *self.pole(interval), self.sd)
+        return out
 
     def overlaps(self, fitted: Residual) -> bool:
         """Return whether a resonance that was accepted already lies under this one, or its size is not known."""
@@ -118,11 +123,12 @@ class Vibration(Extension):
         other = np.maximum(expected - self.power(f, dt), 1e-3 * expected)
         place = (f - f.mean()) / (f[-1] - f[0])
         level = np.stack((other * (0.5 - place), other * (0.5 + place)))
-        count = float(size)
+        count, halves = float(size), half_angles(f, dt)
 
         def peak(x: FloatArray) -> FloatArray:
             frequency, quality = np.exp(np.clip(x, -20.0, 20.0)).tolist()
-            return Vibration(min(frequency, 0.499 / dt), min(max(quality, 0.5), 1e5), 1.0).power(f, dt)
+            pole = Vibration(min(frequency, 0.499 / dt), min(max(quality, 0.5), 1e5), 1.0).pole(dt)
+            return np.asarray(resonance(halves, dt, *pole, 1.0))
 
         def cost(x: FloatArray) -> float:
             return sizes(mean, count, np.vstack((level, peak(x))), np.zeros(number))[2]
@@ -146,15 +152,27 @@ class Vibration(Extension):
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[misc, unused-ignore]
-def resonance(f: FloatArray, interval: float, r: float, angle: float, sd: float) -> FloatArray:
-    """Return the spectrum of a resonance of poles r exp ±i angle and standard deviation `sd`, shape of `f`."""
-    out = np.empty(f.size)
+def half_angles(f: FloatArray, interval: float) -> FloatArray:
+    """Return sine and cosine of πfΔ, shape (2, b)."""
+    out = np.empty((2, f.size))
+    for at in range(f.size):
+        s = np.sin(np.pi * interval * f[at])
+        out[0, at], out[1, at] = s, np.sqrt(max(1.0 - s * s, 0.0))
+    return out
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
+def resonance(halves: FloatArray, interval: float, r: float, angle: float, sd: float) -> FloatArray:
+    """Return the spectrum of a resonance of poles r exp ±i angle and standard deviation `sd`, shape (b,).
+
+    `halves` are the `half_angles` of its frequencies.
+    """
+    out = np.empty(halves.shape[1])
     rho = 2.0 * r * np.cos(angle) / (1.0 + r * r)
     size = interval * sd * sd * (1.0 - r**4) * (1.0 - rho * rho)
     least, sine, cosine = (1.0 - r) ** 2, np.sin(0.5 * angle), np.cos(0.5 * angle)
-    for at in range(f.size):
-        s = np.sin(np.pi * interval * f[at])
-        c = np.sqrt(max(1.0 - s * s, 0.0))
+    for at in range(out.size):
+        s, c = halves[0, at], halves[1, at]
         near, far = sine * c - cosine * s, sine * c + cosine * s
         out[at] = size / ((least + 4.0 * r * near * near) * (least + 4.0 * r * far * far))
     return out
@@ -319,7 +337,7 @@ def extension(
     beside = background[around]
     there = np.interp(f, df * np.arange(around.start + 1.0, around.start + 1.0 + len(beside)), beside)
     white = fitted.spread**2 * fitted.power_at(f) * there
-    place, none = (f - middle) / reach, np.zeros(number)
+    place, none, halves = (f - middle) / reach, np.zeros(number), half_angles(f, dt)
 
     def cost(x: FloatArray) -> float:
         frequency, quality, sd = np.exp(x[:3])
@@ -330,7 +348,7 @@ def extension(
             and abs(x[4]) < 0.9
         ):
             return 1e12
-        peak = resonance(f, dt, *Vibration(frequency, quality, sd).pole(dt), sd) / white
+        peak = resonance(halves, dt, *Vibration(frequency, quality, sd).pole(dt), sd) / white
         return size * float(_level_cost(mean, x[3], x[4], place, peak))
 
     def flat(x: FloatArray) -> float:

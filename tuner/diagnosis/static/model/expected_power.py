@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -46,14 +48,20 @@ class ExpectedPower:
         for start in range(low, last, COEFFICIENTS_AT_ONCE):
             stop = min(start + COEFFICIENTS_AT_ONCE, last)
             part = power[start - first : stop - first]
-            part[:] = np.interp(np.arange(start + 1.0, stop + 1.0), self.knots, self.smooth)
+            _interpolate(start + 1, self.knots, self.smooth, part)
             part += self.peaks[start:stop]
         return power
 
     def means(self, first: int, width: int, count: int) -> FloatArray:
         """Return the mean power in `count` bins of `width` coefficients, the first of which is number first + 1."""
-        starts = range(first, first + count * width, width)
-        return np.array([self.between(start, start + width).mean() for start in starts])
+        several = max(1, COEFFICIENTS_AT_ONCE // width)
+        edges = [*range(0, count, several), count]
+        return np.concatenate(
+            [
+                self.between(first + low * width, first + high * width).reshape(-1, width).mean(axis=1)
+                for low, high in pairwise(edges)
+            ]
+        )
 
     def at(self, place: FloatArray) -> FloatArray:
         """Return the power of coefficients place + 1, between whole numbers by lines, shape of `place`."""
@@ -71,6 +79,21 @@ class ExpectedPower:
     def fast(self) -> float:
         """Mean power of the upper half of the coefficients."""
         return float(self.between(len(self) - max(1, len(self) // 2), len(self)).mean())
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[misc, unused-ignore]
+def _interpolate(first: int, knots: FloatArray, values: FloatArray, out: FloatArray) -> None:
+    """Fill `out` with values at first, first + 1 … on straight lines between knots, which rise."""
+    last = len(knots) - 1
+    at = min(int(np.searchsorted(knots, first, side="right")), last) - 1
+    slope = (values[at + 1] - values[at]) / (knots[at + 1] - knots[at])
+    for i in range(out.size):
+        x = float(first + i)
+        if x >= knots[at + 1] and at < last - 1:
+            while at < last - 1 and x >= knots[at + 1]:
+                at += 1
+            slope = (values[at + 1] - values[at]) / (knots[at + 1] - knots[at])
+        out[i] = slope * (x - knots[at]) + values[at] if x < knots[at + 1] else values[at + 1]
 
 
 def spectrum_knots(first: int, end: int) -> FloatArray:

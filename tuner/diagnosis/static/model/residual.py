@@ -77,6 +77,7 @@ class Residual:
     fits: tuple[Fit, ...]
     coefficients: FloatArray
     shapes: dict[Extension, FloatArray] = field(repr=False, compare=False, default_factory=dict)
+    known_of_samples: dict[Callable[..., Any], Any] = field(repr=False, compare=False, default_factory=dict)
     known: dict[Callable[..., Any], Any] = field(init=False, repr=False, compare=False, default_factory=dict)
 
     def beside_others(self, channel: Channel) -> Residual:
@@ -85,7 +86,9 @@ class Residual:
         `channel` is its own channel, with or without samples.
         """
         cleaned = channel if self.cleaned is self.channel else self.cleaned.without_samples
-        same = replace(self, channel=channel, cleaned=cleaned, coefficients=np.empty(0), shapes={})
+        same = replace(
+            self, channel=channel, cleaned=cleaned, coefficients=np.empty(0), shapes={}, known_of_samples={}
+        )
         same.__dict__["clipped"] = self.clipped
         return same
 
@@ -302,6 +305,19 @@ def once(make: Callable[[Residual], T]) -> Callable[[Residual], T]:
     return kept
 
 
+def once_of_samples(make: Callable[[Residual], T]) -> Callable[[Residual], T]:
+    """Return `once` for a function of the cleaned samples alone, which residuals of the same cleaners share."""
+
+    @wraps(make)
+    def kept(fitted: Residual) -> T:
+        if make not in fitted.known_of_samples:
+            fitted.known_of_samples[make] = make(fitted)
+        value: T = fitted.known_of_samples[make]
+        return value
+
+    return kept
+
+
 def _columns(channel: Channel, extensions: tuple[Extension, ...]) -> FloatArray:
     """Return a ramp and the templates of the extensions on the blocks, shape (M, p)."""
     ramp = channel.block_time / channel.span - 0.5
@@ -349,8 +365,9 @@ def residual(
     """
     singles = channel.blocks // 2
     if near is not None and near.channel is channel and near.cleaners == _cleaners(extensions):
-        cleaned, a, cells = near.cleaned, near.coefficients, near.track.grid
+        cleaned, a, cells, made = near.cleaned, near.coefficients, near.track.grid, near.known_of_samples
     else:
+        made = {}
         cleaned = channel
         for extension in extensions:
             cleaned = extension.clean_samples(cleaned)
@@ -368,7 +385,7 @@ def residual(
     fits = sorted((track.fit(kind, known.get(kind)) for kind in kinds), key=lambda fit: -fit.log_likelihood)
     shapes = near.shapes if near is not None and near.channel is channel else {}
     same = {extension: shapes[extension] for extension in extensions if extension in shapes}
-    return Residual(channel, cleaned, extensions, track, tuple(fits), a, same)
+    return Residual(channel, cleaned, extensions, track, tuple(fits), a, same, made)
 
 
 def without(fitted: Residual, index: int) -> Residual:

@@ -23,7 +23,7 @@ from models.noise import Quantization, White
 from models.robust import MEDIAN_OF_CHI2
 from tuner.diagnosis.static.causes.base import Extension, gain_of, hidden_by, power_of
 from tuner.diagnosis.static.model.dct import MAX_SQUARE
-from tuner.diagnosis.static.model.residual import Residual, once
+from tuner.diagnosis.static.model.residual import Residual, once, once_of_samples
 from tuner.diagnosis.static.spectrum.fisher_scoring import sizes_with_slow
 from tuner.diagnosis.static.variance.local_variance import course
 
@@ -145,7 +145,7 @@ def _modelled(fitted: Residual) -> FloatArray:
     return fitted.expected_power.means(first, width, BIN_COUNT)
 
 
-@once
+@once_of_samples
 def _measured(fitted: Residual) -> FloatArray:
     """Return the squared coefficients in bins, lines cut, shape (b,)."""
     first, width = _range(len(fitted.coefficients) - 1)

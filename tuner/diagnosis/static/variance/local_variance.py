@@ -105,8 +105,8 @@ def course(fitted: Residual) -> FloatArray:
     """Return the variance of each sample's noise ÷ its mean, shape (n,), as the extensions model it."""
     changing = [x for x in fitted.extensions if x.cause in ("burst", "variance_drift")]
     if not changing:
-        return np.broadcast_to(1.0, len(fitted.e))
-    deviate = np.ones(len(fitted.e))
+        return np.broadcast_to(1.0, len(fitted.cleaned))
+    deviate = np.ones(len(fitted.cleaned))
     for extension in changing:
         deviate = extension.whiten(deviate)
     variance = deviate**-2

@@ -51,7 +51,10 @@ class NormalScores:
         """Return the map that makes residuals normal."""
         last = float(-ndtri(min(TAIL_SAMPLES / len(e), 0.1)))
         z = KNOT_STEP * np.arange(-int(last / KNOT_STEP), int(last / KNOT_STEP) + 1)
-        value, first = np.unique(np.quantile(e, ndtr(z)), return_index=True)
+        rising, place = np.sort(e), ndtr(z) * (len(e) - 1)
+        below = place.astype(np.intp)
+        quantile = rising[below] + (place - below) * (rising[below + 1] - rising[below])
+        value, first = np.unique(quantile, return_index=True)
         return cls(tuple(value.tolist()), tuple(z[first].tolist()))
 
     def __call__(self, e: FloatArray) -> FloatArray:

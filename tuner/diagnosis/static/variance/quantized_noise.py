@@ -26,7 +26,7 @@ from scipy.special import ndtr
 from models.noise import NoiseModel, Quantization, White
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.dct import inverse
-from tuner.diagnosis.static.model.residual import Residual, once
+from tuner.diagnosis.static.model.residual import Residual, once_of_samples
 
 FloatArray = NDArray[np.float64]
 
@@ -167,7 +167,7 @@ def _sd_of(seen: float, place: FloatArray, deadband: float, unsure: float) -> fl
     return sd
 
 
-@once
+@once_of_samples
 def hides_noise(fitted: Residual) -> bool:
     """Return whether samples do not show their noise: interpolated, or codes of more than `MAX_TELLING_STEP` sd.
 
