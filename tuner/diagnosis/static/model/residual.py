@@ -294,25 +294,23 @@ class Residual:
 
 def once(make: Callable[[Residual], T]) -> Callable[[Residual], T]:
     """Return the function with a cache: its value for a residual is stored with that residual, for all tests."""
-
-    @wraps(make)
-    def kept(fitted: Residual) -> T:
-        if make not in fitted.known:
-            fitted.known[make] = make(fitted)
-        value: T = fitted.known[make]
-        return value
-
-    return kept
+    return _stored(make, lambda fitted: fitted.known)
 
 
 def once_of_samples(make: Callable[[Residual], T]) -> Callable[[Residual], T]:
     """Return `once` for a function of the cleaned samples alone, which residuals of the same cleaners share."""
+    return _stored(make, lambda fitted: fitted.known_of_samples)
 
+
+def _stored(
+    make: Callable[[Residual], T], where: Callable[[Residual], dict[Any, Any]]
+) -> Callable[[Residual], T]:
     @wraps(make)
     def kept(fitted: Residual) -> T:
-        if make not in fitted.known_of_samples:
-            fitted.known_of_samples[make] = make(fitted)
-        value: T = fitted.known_of_samples[make]
+        made = where(fitted)
+        if make not in made:
+            made[make] = make(fitted)
+        value: T = made[make]
         return value
 
     return kept
