@@ -303,15 +303,13 @@ def once_of_samples(make: Callable[[Residual], T]) -> Callable[[Residual], T]:
 
 
 def _stored(
-    make: Callable[[Residual], T], where: Callable[[Residual], dict[Any, Any]]
+    make: Callable[[Residual], T], where: Callable[[Residual], dict[Any, T]]
 ) -> Callable[[Residual], T]:
     @wraps(make)
     def kept(fitted: Residual) -> T:
-        made = where(fitted)
-        if make not in made:
+        if make not in (made := where(fitted)):
             made[make] = make(fitted)
-        value: T = made[make]
-        return value
+        return made[make]
 
     return kept
 
@@ -365,8 +363,7 @@ def residual(
     if near is not None and near.channel is channel and near.cleaners == _cleaners(extensions):
         cleaned, a, cells, made = near.cleaned, near.coefficients, near.track.grid, near.known_of_samples
     else:
-        made = {}
-        cleaned = channel
+        cleaned, made = channel, {}
         for extension in extensions:
             cleaned = extension.clean_samples(cleaned)
         a = transform(cleaned.y, channel.interval)
