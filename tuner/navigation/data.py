@@ -188,7 +188,7 @@ class Constrained:
 
     Attributes
     ----------
-    t, kind : ndarray, shapes (c,)
+    kind : ndarray of int, shape (c,)
         As given.
     use : ndarray of int, shape (c,)
         `USED` or `GATED`.
@@ -196,7 +196,6 @@ class Constrained:
         zᵀ S⁻¹ z, ideally 2 for `NON_HOLONOMIC` and 3 for the others.
     """
 
-    t: FloatArray
     kind: IntArray
     use: IntArray
     distance: FloatArray

@@ -206,7 +206,7 @@ def _run(
         return solution
     uses = np.array([use for use, _ in outcome], dtype=np.int64)
     distances = np.array([distance for _, distance in outcome], dtype=float)
-    return replace(solution, constrained=Constrained(constraints.t, constraints.kind, uses, distances))
+    return replace(solution, constrained=Constrained(constraints.kind, uses, distances))
 
 
 def _advanced(

@@ -53,10 +53,8 @@ MAX_HALF_WIDTH = 0.05
 
 @dataclass(frozen=True)
 class Pose:
-    """A stand-still: its samples, and mean and sd of that mean of each axis, in the order of the records."""
+    """A stand-still: mean and sd of that mean of each axis, in the order of the records."""
 
-    start: int
-    stop: int
     mean: FloatArray
     sd: FloatArray
 
@@ -101,7 +99,7 @@ def find_poses(records: Sequence[Record]) -> tuple[Pose, ...]:
         columns = [column[inside].reshape(count, size).mean(axis=1) for r in records for column in r.y.T]
         rows = np.stack(columns, axis=1)
         sd = rows.std(axis=0, ddof=1) / np.sqrt(count)
-        poses.append(Pose(start, stop, rows.mean(axis=0), sd))
+        poses.append(Pose(rows.mean(axis=0), sd))
     return tuple(poses)
 
 

@@ -9,7 +9,7 @@ A still sensor's block variance scatters most where the noise wanders within a b
 white noise scatter less). Then v is the variance of a Brownian bridge of free mean, Σ λ_i χ²_1 with λ_i = 1/(iπ)²:
 lower quartile 0.0701, upper tail exp(-π² v/2). All k channels must be large at once for T to be, so that
 
-    c(k, p) = √( 2 ln(1/p) / (0.0701 π² k) ),    p = false_alarm ÷ number of blocks
+    c(k, p) = √( 2 ln(1/p) / (0.0701 π² k) ),    p = `FALSE_ALARM_PROBABILITY` ÷ number of blocks
 
 The factor 1.5 leaves room for a noise level that changes while the sensor stands still. One channel alone is not
 motion (a bias step, a burst of one axis) unless it is unmistakable: a gyroscope whose block mean is 0.1 rad/s off its
@@ -82,16 +82,12 @@ class Motion:
         Share of the samples that moved.
     knocks : tuple of (start, stop)
         Sample ranges within those at rest of motions after which the level is the same.
-    statistic, threshold : float
-        Largest T_b and the level it is compared with.
     """
 
     still: Segments
     moving: Segments
     episodes: tuple[tuple[float, float], ...]
     share: float
-    statistic: float
-    threshold: float
     knocks: Segments = ()
 
     def describe(self) -> str | None:
@@ -107,17 +103,13 @@ class Motion:
         )
 
 
-def find_motion(
-    records: Record | Sequence[Record], *, false_alarm: float = FALSE_ALARM_PROBABILITY
-) -> Motion:
+def find_motion(records: Record | Sequence[Record]) -> Motion:
     """Find when a sensor moved, from all channels of records on one clock.
 
     Parameters
     ----------
     records : Record or sequence of Record
         A gyro record, an accel record or both, with the same time and segments.
-    false_alarm : float
-        Probability that a record of a still sensor shows any motion.
 
     Raises
     ------
@@ -135,24 +127,23 @@ def find_motion(
     usual = [
         np.maximum(np.quantile(v, 0.25, axis=0), step) for (_, v), step in zip(moments, rounding, strict=True)
     ]
-    blocks = _moving_blocks(together, bounds, moments, usual, false_alarm)
+    moved = _moving_blocks(together, bounds, moments, usual)
     quietest = _quietest([v for _, v in moments], rounding)
     noisier = np.mean(0.5 * np.log(np.hstack(usual) / np.hstack(quietest)))
-    steady = any(_steady_motion(record, _ranges(bounds, ~blocks[0])) is not None for record in together)
+    steady = any(_steady_motion(record, _ranges(bounds, ~moved)) is not None for record in together)
     if steady or noisier > np.log(_QUARTER_OVER_QUIETEST):
-        again = _moving_blocks(together, bounds, moments, quietest, false_alarm)
-        rest = _ranges(bounds, ~again[0])
+        again = _moving_blocks(together, bounds, moments, quietest)
+        rest = _ranges(bounds, ~again)
         if rest and all(_steady_motion(record, rest) is None for record in together):
-            blocks = again
-    moved, statistic, threshold = blocks
+            moved = again
     long = inside(len(first), _ranges(bounds, moved))
-    parts, knocks = stand_stills(together, knocked(together, long, rounding, false_alarm), long)
+    parts, knocks = stand_stills(together, knocked(together, long, rounding, FALSE_ALARM_PROBABILITY), long)
     judged = inside(len(first), bounds.tolist())
     motions = runs(judged & ~inside(len(first), parts), first.segments)
     found = sorted((*motions, *knocks))
     episodes = tuple((float(first.t[a]), (b - a) * first.interval) for a, b in found)
     share = sum(b - a for a, b in found) / int(judged.sum())
-    return Motion(parts, motions, episodes, share, statistic, threshold, knocks)
+    return Motion(parts, motions, episodes, share, knocks)
 
 
 def _moving_blocks(
@@ -160,9 +151,8 @@ def _moving_blocks(
     bounds: IntArray,
     moments: Sequence[tuple[FloatArray, FloatArray]],
     usual: Sequence[FloatArray],
-    false_alarm: float,
-) -> tuple[BoolArray, float, float]:
-    """Return which blocks moved, the largest T_b and its threshold, with the usual variances of each record, (k,)."""
+) -> BoolArray:
+    """Return which blocks moved, by the usual variances of each record, (k,)."""
     ratios, sizes = [], []
     for record, (mean, variance), level in zip(records, moments, usual, strict=True):
         ratio = np.sqrt(np.maximum(variance, level * 1e-6) / level)
@@ -173,9 +163,9 @@ def _moving_blocks(
         sizes.append(large.any(axis=1))
     every = np.hstack(ratios)
     statistic = np.exp(np.mean(np.log(every), axis=1))
-    threshold = _LEVEL_MARGIN * _scatter(every.shape[1], false_alarm / len(bounds))
+    threshold = _LEVEL_MARGIN * _scatter(every.shape[1], FALSE_ALARM_PROBABILITY / len(bounds))
     moved: BoolArray = (statistic > threshold) | np.logical_or.reduce(sizes)
-    return _widened(moved, bounds), float(statistic.max()), threshold
+    return _widened(moved, bounds)
 
 
 def _quietest(variances: Sequence[FloatArray], rounding: Sequence[FloatArray]) -> list[FloatArray]:

@@ -51,8 +51,6 @@ class ScoreTest:
     ----------
     cause : str
         Its code.
-    columns : tuple of int
-        Its constants.
     statistic, p_value, gain : float
         z², its p value, log Bayes factor.
     size : float
@@ -60,7 +58,6 @@ class ScoreTest:
     """
 
     cause: str
-    columns: tuple[int, ...]
     statistic: float
     p_value: float
     gain: float
@@ -228,9 +225,7 @@ def _score_test(
     eye = np.eye(len(own))
     shrunk = np.linalg.solve(information / c + eye, b / c)
     gain = 0.5 * float(b @ shrunk) / c - 0.5 * float(np.linalg.slogdet(eye + information / c)[1])
-    return ScoreTest(
-        cause, own, z2, float(chi2.sf(z2, len(own))), gain, prior_sd * float(np.abs(shrunk).max())
-    )
+    return ScoreTest(cause, z2, float(chi2.sf(z2, len(own))), gain, prior_sd * float(np.abs(shrunk).max()))
 
 
 def colour_factor(t: FloatArray, residual: FloatArray, s: FloatArray) -> float:

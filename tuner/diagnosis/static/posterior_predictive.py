@@ -7,7 +7,7 @@ the replicas, and the coverage the share of the points of the measured curve ins
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,42 +26,21 @@ BAND_COUNT = 96
 """Bands of the spectrum, evenly spaced in the logarithm of the frequency; chosen as about twenty a decade."""
 
 
-@dataclass(frozen=True)
-class Band:
-    """A measured curve and the range of that curve in replicas of a model.
-
-    Attributes
-    ----------
-    place : ndarray, shape (m,)
-        Cluster time, s, or frequency, Hz.
-    measured, lower, upper : ndarray, shape (m,)
-        Measured curve and the range of the replicas, SI.
-    coverage : float
-        Share of the measured points inside.
-    """
-
-    place: FloatArray
-    measured: FloatArray
-    lower: FloatArray
-    upper: FloatArray
-    coverage: float
-
-
 def covered(outcome: SearchResult, replicas: int, seed: int) -> SearchResult:
     """Return an outcome whose gains carry the coverage before and after."""
     if not outcome.accepted:
         return outcome
-    before, after = (bands(found, replicas, seed) for found in (outcome.base, outcome.final))
-    coverage = {name: (before[name].coverage, after[name].coverage) for name in before}
+    before, after = (coverage(found, replicas, seed) for found in (outcome.base, outcome.final))
+    shares = {name: (before[name], after[name]) for name in before}
     accepted = tuple(
-        replace(a, gain=None if a.gain is None else replace(a.gain, coverage=coverage))
+        replace(a, gain=None if a.gain is None else replace(a.gain, coverage=shares))
         for a in outcome.accepted
     )
     return replace(outcome, accepted=accepted)
 
 
-def bands(fitted: Residual, replicas: int, seed: int) -> dict[str, Band]:
-    """Return the bands of the Allan curve (``allan``) and of the spectrum (``psd``) of a model.
+def coverage(fitted: Residual, replicas: int, seed: int) -> dict[str, float]:
+    """Return the share of the Allan curve (``allan``) and of the spectrum (``psd``) within the range of replicas.
 
     Parameters
     ----------
@@ -83,15 +62,11 @@ def bands(fitted: Residual, replicas: int, seed: int) -> dict[str, Band]:
         again = residual(_replica(fitted, rng), kept, starts=fitted.starts)
         for name, (curve, model) in _curves(again, clusters, edges).items():
             ratios[name].append(np.log(curve / model))
-    scale = fitted.channel.scale**2
-    interval = fitted.channel.interval
-    places = {"allan": clusters * interval, "psd": 0.25 * (edges[:-1] + edges[1:]) / (n * interval)}
     out = {}
     for name, (curve, model) in measured.items():
         spread = np.stack(ratios[name])
         lower, upper = model * np.exp(spread.min(axis=0)), model * np.exp(spread.max(axis=0))
-        inside = float(np.mean((curve >= lower) & (curve <= upper)))
-        out[name] = Band(places[name], scale * curve, scale * lower, scale * upper, inside)
+        out[name] = float(np.mean((curve >= lower) & (curve <= upper)))
     return out
 
 

@@ -92,7 +92,5 @@ def parted(solution: Solution, fixes: Fixes, constraints: Constraints | None) ->
         innovation=solution.innovation[own],
         innovation_covariance=solution.innovation_covariance[own],
         use=solution.use[own],
-        constrained=Constrained(
-            constraints.t, constraints.kind, others[:, 3].astype(np.int64), others[:, 4].copy()
-        ),
+        constrained=Constrained(constraints.kind, others[:, 3].astype(np.int64), others[:, 4].copy()),
     )

@@ -85,8 +85,6 @@ class ReportedSdModel:
         Name of the best model.
     fits : mapping of str to NoiseFit
         Of every model that was tried.
-    gain : float
-        Penalised log likelihood of the best model over the base, nats.
     p_value : float
         Of the base against it; 1 for the base itself.
     levels : ReportedLevels
@@ -98,7 +96,6 @@ class ReportedSdModel:
     block: str
     kind: str
     fits: dict[str, NoiseFit]
-    gain: float
     p_value: float
     levels: ReportedLevels
     edges: tuple[float, ...] = ()
@@ -263,9 +260,8 @@ def choose_sd_model(noise: NoiseHypothesis, block: str) -> ReportedSdModel | Non
     more = len(fits[best].estimate) - 1
     ratio = max(0.0, 2.0 * (fits[best].log_likelihood - fits["factor"].log_likelihood))
     p_value = float(chi2.sf(ratio, more)) if more else 1.0
-    gain = score[best] - score["factor"]
     chosen = models.get(best, FixSdModel())
-    return ReportedSdModel(block, best, fits, gain, p_value, of_kind[best], chosen.edges, chosen.solutions)
+    return ReportedSdModel(block, best, fits, p_value, of_kind[best], chosen.edges, chosen.solutions)
 
 
 def reported_sd_test(noise: NoiseHypothesis, block: str) -> CauseTest | None:

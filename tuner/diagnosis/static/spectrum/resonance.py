@@ -33,14 +33,11 @@ class ResonanceFit:
         Logs of frequency × interval, quality and variance.
     cost : float
         Minus the log likelihood.
-    expected : ndarray, shape (b,)
-        Expected power.
     """
 
     x: FloatArray
     covariance: FloatArray
     cost: float
-    expected: FloatArray
 
 
 def scan_resonances(data: Bins, expected: FloatArray) -> tuple[float, float, float]:
@@ -82,7 +79,7 @@ def fit_resonance(data: Bins, middle: float, width: float) -> ResonanceFit:
     def profile(y: FloatArray) -> float:
         return sized(data, background, np.exp(y[2]) * _power(y[:2], data)).cost
 
-    return ResonanceFit(whole, curvature(profile, whole), value, best.expected)
+    return ResonanceFit(whole, curvature(profile, whole), value)
 
 
 def _power(x: FloatArray, data: Bins) -> FloatArray:
