@@ -10,6 +10,8 @@ from math import log
 import numba
 import numpy as np
 
+from models.array_copies import copy_matrix
+
 
 @numba.njit(cache=True, nogil=True)
 def covariance_recursion(phi, noise, fixed, q, r, start):  # type: ignore[no-untyped-def]
@@ -36,7 +38,7 @@ def covariance_recursion(phi, noise, fixed, q, r, start):  # type: ignore[no-unt
             for j in range(6):
                 for a in range(n):
                     gain[k, a, j] = p[a, j] / r[j]
-        covariance[k] = p
+        copy_matrix(covariance[k], p)
     return covariance, gain
 
 

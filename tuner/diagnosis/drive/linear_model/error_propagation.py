@@ -13,7 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from models import earth, error_state, strapdown, taylor, vector3
+from models import array_copies, earth, error_state, strapdown, taylor, vector3
+from models.array_copies import copy_matrix, copy_row
 from models.filter_states import declaration
 from tuner.diagnosis.drive.linear_model import propagation_kernels
 from tuner.diagnosis.drive.linear_model.propagation_kernels import (
@@ -94,8 +95,8 @@ def _store(lay: Layout, errors: AccumulatedErrors, out: PropagatedErrors, i: int
     noise = 2 * n - 9
     out.phi[i] = 0.0
     out.slow[:, i] = 0.0
-    out.phi[i, :9] = W[:, :n]
-    out.constants[i] = W[:, noise + 36 :]
+    copy_matrix(out.phi[i], W[:, :n])
+    copy_matrix(out.constants[i], W[:, noise + 36 :])
     for r in range(9):
         for c in range(9):
             for g in range(2):
@@ -165,9 +166,10 @@ def _cached(number: int) -> Callable[..., None]:
                 if elapsed != errors.step[0]:
                     errors.step[0] = elapsed
                     set_decay(m, elapsed)
-                force[:] = N[VELOCITY_SUM_ROW : VELOCITY_SUM_ROW + 3, 0] / elapsed
+                for r in range(3):
+                    force[r] = N[VELOCITY_SUM_ROW + r, 0] / elapsed
                 if fresh and i > 0:
-                    out.force[i - 1, 1] = force
+                    copy_row(out.force[i - 1, 1], force)
                 fresh = False
                 set_step(m, p, a, elapsed, errors)
                 accumulate(lay, columns, errors, m, elapsed)
@@ -175,13 +177,14 @@ def _cached(number: int) -> Callable[..., None]:
                 elapsed = 0.0
             while i < k and after[i] == s:
                 _store(lay, errors, out, i)
-                out.prior[i] = N[:10, 0]
-                out.x[i] = S[ESTIMATE, :n, 0]
-                out.rates[i] = N[CALIBRATED_ROW : CALIBRATED_ROW + 6, 0]
-                out.force[i] = force
+                copy_row(out.prior[i], N[:10, 0])
+                copy_row(out.x[i], S[ESTIMATE, :n, 0])
+                copy_row(out.rates[i], N[CALIBRATED_ROW : CALIBRATED_ROW + 6, 0])
+                for side in range(2):
+                    copy_row(out.force[i, side], force)
                 restart(errors)
-                N[:10, 0] = states[i]
-                S[ESTIMATE, :n, 0] = estimates[i]
+                copy_row(N[:, 0], states[i])
+                copy_row(S[ESTIMATE, :, 0], estimates[i])
                 _restart(m)
                 fresh = True
                 i += 1
@@ -194,7 +197,7 @@ def _cached(number: int) -> Callable[..., None]:
 
 propagate = _cached(
     NUMBERS_CHECKSUM ^ checksum(
-        vector3, taylor, earth, strapdown, error_state, compilation, declaration, further_couplings,
+        array_copies, vector3, taylor, earth, strapdown, error_state, compilation, declaration, further_couplings,
         layout, state, mechanisation, transition,
         sensor_inputs, propagation, propagation_kernels, sys.modules[__name__],
     )

@@ -32,6 +32,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from models.array_copies import copy_matrix, copy_row
+
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
@@ -158,7 +160,7 @@ def forward(
     a, b = np.zeros(size), np.zeros(size)
     V, W = np.zeros((size, p)), np.zeros((size, p))
     Ph, at = np.zeros(size), np.zeros(size, dtype=np.int64)
-    P[:n, :n] = initial
+    copy_matrix(P, initial)
     for j in range(n, size):
         P[j, j] = markov_sd[j - n] ** 2
     for i in range(k):
@@ -167,7 +169,7 @@ def forward(
             V[:NAVIGATION_STATES] = 0.0
             P[:NAVIGATION_STATES] = 0.0
             P[:, :NAVIGATION_STATES] = 0.0
-            P[:NAVIGATION_STATES, :NAVIGATION_STATES] = initial[:NAVIGATION_STATES, :NAVIGATION_STATES]
+            copy_matrix(P, initial[:NAVIGATION_STATES, :NAVIGATION_STATES])
         F = transition[i]
         for m in range(n):
             b[m] = 0.0
@@ -230,7 +232,7 @@ def forward(
             variance = max(variance, 0.0) + sd[i, row] ** 2
             z[i, row], f[i, row] = residual, variance
             slope = s[i, row]
-            slope[:] = D[i, row]
+            copy_row(slope, D[i, row])
             for m in range(count):
                 c, of = H[i, row, at[m]], V[at[m]]
                 for q in range(p):
@@ -326,7 +328,7 @@ def backward(
             deleted[i, row] = u / np.sqrt(weight)
             precision[i, row] = weight
             by_sd[i, row] = sd[i, row] ** 2 * (u * u - weight - 2.0 * (1.0 - own) * Kr * pull)
-            h[:n] = H[i, row]
+            copy_row(h, H[i, row])
             if size > n:
                 h[n:] = 0.0
                 if row < 3:
@@ -392,4 +394,4 @@ def unaided(phi: Places, push: FloatArray, starts: BoolArray, error: FloatArray)
             for e in range(start[m], start[m + 1]):
                 total += transition[i, e] * now[column[e]]
             error[i, m] = total
-        now[:] = error[i]
+        copy_row(now, error[i])

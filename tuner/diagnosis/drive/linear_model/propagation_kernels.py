@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from models.array_copies import copy_matrix
 from tuner.navigation.engine.compilation import block
 from tuner.navigation.engine.layout import Layout
 from tuner.navigation.engine.sensor_inputs import calibrate_inputs
@@ -183,7 +184,7 @@ def accumulate(lay: Layout, columns: Columns, errors: AccumulatedErrors, m: Any,
     n, A, G, W = lay.size, errors.A, errors.G, errors.wide
     cross, noise, constants = n - 9, 2 * n - 9, 2 * n + 27
     _product(A, W, errors.other)
-    W[:] = errors.other
+    copy_matrix(W, errors.other)
     for i in range(9):
         for g in range(4):
             for j in range(9):

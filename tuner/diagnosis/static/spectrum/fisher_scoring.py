@@ -18,6 +18,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from models.array_copies import copy_row
+
 FloatArray = NDArray[np.float64]
 
 MAX_STEPS = 40
@@ -60,7 +62,7 @@ def sizes(
                     total += weight[at] * shapes[i, at] * shapes[j, at]
                 matrix[i, j] = matrix[j, i] = total
         size = not_negative(matrix, target)
-        level[:] = known
+        copy_row(level, known)
         for i in range(number):
             for at in range(width):
                 level[at] += size[i] * shapes[i, at]
@@ -93,7 +95,8 @@ def sizes_with_slow(
         return found
     size = np.ones(len(shapes))
     others, level, cost = sizes(power, count, np.concatenate((shapes[:1], shapes[2:])), known + shapes[1])
-    size[0], size[2:] = others[0], others[1:]
+    size[0] = others[0]
+    copy_row(size[2:], others[1:])
     return size, level, cost
 
 
@@ -104,7 +107,8 @@ def costs(
     """Return the cost of `sizes_with_slow` with the first shape times each of the gains, (g, b); shape (g,)."""
     shaped, out = shapes.copy(), np.empty(len(gains))
     for number in range(len(gains)):
-        shaped[0] = shapes[0] * gains[number]
+        for at in range(shapes.shape[1]):
+            shaped[0, at] = shapes[0, at] * gains[number, at]
         out[number] = sizes_with_slow(power, count, shaped, known)[2]
     return out
 
