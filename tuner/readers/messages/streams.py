@@ -198,7 +198,7 @@ def drive_of_log(path: Path, log: MessageLog) -> DriveArrays:
     others = [stream for stream in log.inertial if stream is not chosen]
     noise = f"`tuner identify {_how_named(path, others)}` gives the noise of another" if others else ""
     notes = (f"{_about_units(chosen, others)}: {noise}",) if others else ()
-    return DriveArrays(imu, fixes.rows, None, log.frame, None, None, notes)
+    return DriveArrays(imu, fixes.rows, None, log.frame, None, None, (*fixes.notes, *notes))
 
 
 def _named(path: Path, log: MessageLog, unit: str) -> InertialStream:

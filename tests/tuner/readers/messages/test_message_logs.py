@@ -265,6 +265,7 @@ def test_a_drive_holds_its_fixes(kind, tmp_path):
     np.testing.assert_allclose(drive.gnss.position_sd, np.tile([0.8, 0.8, 1.5], (len(FIX_T), 1)), rtol=1e-6)
     np.testing.assert_allclose(drive.rates[:, 3:], ACCEL, rtol=1e-6, atol=1e-9)
     framed = kind in ("ulog", "dataflash")
+    assert any("velocities of the fixes are those of '/vel'" in note for note in drive.notes) != framed
     assert (drive.mounting is not None) == framed
 
 
