@@ -129,11 +129,6 @@ class NoiseModel:
         """Return the two-sided spectral density, shape of f, unit²/Hz; lines and ramps count 0."""
         return self._sum(f, lambda term: term.psd(f, interval=interval))
 
-    def psd_gradient(self, f: ArrayLike, *, interval: float | None = None) -> FloatArray:
-        """Return the derivatives of `psd` by the logarithms of `parameters`, shape (p, *shape of f)."""
-        gradients = [term.psd_gradient(f, interval=interval) for term in self.terms]
-        return np.concatenate(gradients) if gradients else np.zeros((0, *np.shape(f)))
-
     def allan_variance(self, tau: ArrayLike, *, interval: float | None = None) -> FloatArray:
         """Return the Allan variance at cluster times τ, s; of samples with `interval`; shape of τ, unit²."""
         return self._sum(tau, lambda term: term.allan_variance(tau, interval=interval))

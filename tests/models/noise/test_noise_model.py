@@ -226,8 +226,6 @@ def test_sum_adds_spectra_and_variances():
     for name in ("allan_variance", "hadamard_variance"):
         parts = [getattr(t, name)(tau, interval=INTERVAL) for t in RANDOM]
         np.testing.assert_allclose(getattr(model, name)(tau, interval=INTERVAL), np.sum(parts, axis=0))
-    gradient = model.psd_gradient(f, interval=INTERVAL)
-    assert gradient.shape == (len(model.parameters), f.size)
     assert model.parameters[:2] == ("quantization.increment_sd", "white.density")
     assert "gauss_markov_2.time_constant" in model.parameters
 
@@ -237,7 +235,6 @@ def test_empty_model_is_silence():
     assert np.array_equal(silence.psd([1.0, 2.0]), [0.0, 0.0])
     assert np.array_equal(silence.allan_variance([1.0]), [0.0])
     assert np.array_equal(silence.sample(3, 1.0, np.random.default_rng(0)), np.zeros(3))
-    assert silence.psd_gradient([1.0]).shape == (0, 1)
     assert silence.state_space() is None
     assert silence == sum([], NoiseModel())
 
