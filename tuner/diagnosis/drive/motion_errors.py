@@ -257,7 +257,11 @@ def innovations(outcome: SearchResult, biased: Sequence[str] = ()) -> dict[str, 
     found = dict(_shifts(outcome))
     out = {}
     named = with_named_noise(outcome, noise)
-    for cause, own in {"": noise, OF_SHIFTS: named, **dict(_without_noise(outcome, noise))}.items():
+    if biased:
+        columns = {cause: of for cause, (of, _) in found.items()}
+        out[SENSOR_BIAS] = without_bias(named, biased, columns)
+    shifts = {OF_SHIFTS: named} if found else {}
+    for cause, own in {"": noise, **shifts, **dict(_without_noise(outcome, noise))}.items():
         w = whiten(own)
         residual = w.residual if bias is None else w.residual - w.slope @ bias
         slopes = whitened_columns(own, {c: columns for c, (columns, _) in found.items()}) if found else {}
@@ -266,8 +270,6 @@ def innovations(outcome: SearchResult, biased: Sequence[str] = ()) -> dict[str, 
             hurdle = level - evaluate(own).value if cause else SPREAD_COST
             out[cause] = Innovations(own, residual, np.column_stack([none, *slopes.values()]), hurdle)
             continue
-        if biased:
-            out[SENSOR_BIAS] = without_bias(own, biased, {c: columns for c, (columns, _) in found.items()})
         for shift in found:
             others = np.column_stack([none, *(s for c, s in slopes.items() if c != shift)])
             alone = Innovations(own, residual + slopes[shift] @ found[shift][1], others)
@@ -301,6 +303,8 @@ def with_named_noise(outcome: SearchResult, noise: NoiseHypothesis) -> NoiseHypo
     for i, (sensor, kind) in enumerate(group.split("_") for group in NOISE_GROUPS):
         one, other = (_densities(channels[f"{sensor}_x"], kind) for channels in (now, stated))
         ratio[i] = other / one if one > 0.0 else 1.0
+    if np.all(ratio == 1.0):
+        return noise
     return replace(noise, process_noise_scale=noise.process_noise_scale * ratio)
 
 
