@@ -34,6 +34,8 @@ MIN_WRAPPED = 3
 """Least number of wrapped samples: two glitches of like size may be chance."""
 MAX_WRAPPED_SHARE = 0.2
 """Largest share of wrapped samples: with more, medians of blocks are between the two ends."""
+FAR_SHARE = 0.35
+"""Share of the range by which samples more than half of it from a median are from a mean, at least, of one in seven."""
 MIN_DISTANCE = 4.0
 """Least distance of wrapped samples from the level, sds: most of the noise must lie nearer to it than W/2."""
 INNER_EDGE = 0.5
@@ -100,6 +102,8 @@ def find_overflow(pieces: Sequence[FloatArray], step: float) -> Overflow:
     low = min(float(piece.min()) for piece in pieces)
     high = max(float(piece.max()) for piece in pieces)
     width = high - low + step
+    if sum(_far(piece, width) for piece in pieces) < MIN_WRAPPED:
+        return Overflow(low, high, 0.0, 0, 1.0)
     levels = [_levels(piece) for piece in pieces]
     off = np.concatenate([piece - level for piece, level in zip(pieces, levels, strict=True)])
     tests: list[tuple[float, float, int]] = []
@@ -167,6 +171,15 @@ def _tied(distance: FloatArray, grain: float, share: float) -> bool:
     """Return whether more samples lie on the code next to an end than this share of them, as a normal tail has."""
     at = int(np.count_nonzero(distance < distance.min(initial=np.inf) + 0.5 * grain))
     return binomial_at_least(at, len(distance), min(TIED_MARGIN * share, 1.0)) < TIED_P_VALUE
+
+
+def _far(y: FloatArray, width: float) -> int:
+    """Return how many samples are more than half a range from their level, seen in blocks where that may be."""
+    number = max(len(y) // LEVEL_SAMPLES, 1)
+    blocks = y[: len(y) // number * number].reshape(number, -1)
+    off = np.abs(blocks - blocks.mean(axis=1, keepdims=True)) > FAR_SHARE * width
+    some = blocks[off.any(axis=1)]
+    return int(np.count_nonzero(np.abs(some - np.median(some, axis=1, keepdims=True)) > 0.5 * width))
 
 
 def _levels(y: FloatArray) -> FloatArray:

@@ -165,29 +165,23 @@ def _best_period(fitted: Residual) -> tuple[float, float, int]:
     periods = np.arange(MIN_PERIOD, min(MAX_PERIOD, (len(r) - 1) / MIN_MULTIPLES), 1.0 / PERIOD_MULTIPLES)
     if not len(periods):
         return 0.0, MIN_PERIOD, 1
-    total, count = np.zeros(len(periods)), np.minimum((len(r) - 1) // periods, PERIOD_MULTIPLES)
-    for multiple in range(1, PERIOD_MULTIPLES + 1):
-        inside = int(np.count_nonzero(count >= multiple))
-        total[:inside] += r[(multiple * periods[:inside]).astype(np.intp)]
-    score = total / np.sqrt(count)
+    score, number = _means(r, periods, PERIOD_MULTIPLES), len(periods)
+    if score.max() < MIN_SCORE:
+        largest = np.argpartition(score, -min(CANDIDATE_COUNT, number))[-CANDIDATE_COUNT:]
+        steps = np.arange(-1.0, 1.0, PERIOD_MULTIPLES / MANY_MULTIPLES) / PERIOD_MULTIPLES
+        periods = np.unique(np.add.outer(periods[largest], steps))
+        score, number = _means(r, periods, MANY_MULTIPLES), number * MANY_MULTIPLES // PERIOD_MULTIPLES
     best = int(np.argmax(score))
-    if score[best] >= MIN_SCORE:
-        return float(score[best]), float(periods[best]), len(periods)
-    largest = np.argpartition(score, -min(CANDIDATE_COUNT, len(score)))[-CANDIDATE_COUNT:]
-    return *_over_many(r, periods[largest]), len(periods) * MANY_MULTIPLES // PERIOD_MULTIPLES
+    return float(score[best]), float(periods[best]), number
 
 
-def _over_many(r: FloatArray, candidates: FloatArray) -> tuple[float, float]:
-    """Return the largest mean of the autocorrelation over many multiples of periods next to these, and that period."""
-    steps = np.arange(-1.0, 1.0, PERIOD_MULTIPLES / MANY_MULTIPLES) / PERIOD_MULTIPLES
-    periods = np.unique(np.add.outer(candidates, steps))
-    total, count = np.zeros(len(periods)), np.minimum((len(r) - 1) // periods, MANY_MULTIPLES)
-    for multiple in range(1, MANY_MULTIPLES + 1):
+def _means(r: FloatArray, periods: FloatArray, most: int) -> FloatArray:
+    """Return the mean of the autocorrelation, in sds, over so many multiples of each period or all there are."""
+    total, count = np.zeros(len(periods)), np.minimum((len(r) - 1) // periods, most)
+    for multiple in range(1, most + 1):
         inside = int(np.count_nonzero(count >= multiple))
         total[:inside] += r[(multiple * periods[:inside]).astype(np.intp)]
-    score = total / np.sqrt(count)
-    best = int(np.argmax(score))
-    return float(score[best]), float(periods[best])
+    return np.asarray(total / np.sqrt(count))
 
 
 def _autocorrelation(e: SingleArray, reach: int) -> FloatArray:
