@@ -24,7 +24,7 @@ from models.robust import MEDIAN_OF_CHI2
 from tuner.diagnosis.static.causes.base import Extension, gain_of, hidden_by, power_of
 from tuner.diagnosis.static.model.dct import MAX_SQUARE
 from tuner.diagnosis.static.model.residual import Residual, once, once_of_samples
-from tuner.diagnosis.static.spectrum.fisher_scoring import sizes_with_slow
+from tuner.diagnosis.static.spectrum.fisher_scoring import sizes
 from tuner.diagnosis.static.variance.local_variance import course
 
 FloatArray = NDArray[np.float64]
@@ -168,5 +168,10 @@ def sized(data: Bins, shapes: FloatArray, more: FloatArray | float = 0.0) -> Siz
 
     The second shape is the slow noise, 1 as fitted: lower frequencies do not allow more of it here.
     """
-    known = data.fixed + more
-    return Sizes(*sizes_with_slow(data.power, float(data.count[0]), np.ascontiguousarray(shapes), known))
+    count, fixed = float(data.count[0]), data.fixed + more
+    found = Sizes(*sizes(data.power, count, np.ascontiguousarray(shapes), fixed))
+    if found.size[1] <= 1.0:
+        return found
+    rest = np.concatenate((shapes[:1], shapes[2:]))
+    size, expected, cost = sizes(data.power, count, rest, fixed + shapes[1])
+    return Sizes(np.concatenate((size[:1], [1.0], size[1:])), expected, cost)

@@ -18,8 +18,6 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from models.array_copies import copy_row
-
 FloatArray = NDArray[np.float64]
 
 MAX_STEPS = 40
@@ -44,17 +42,18 @@ def sizes(
     are taken of products of `RATIOS_MULTIPLIED` ratios.
     """
     number, width = shapes.shape
-    level, above = np.maximum(power, 1e-300), power - known
-    weight, ratio = np.empty(width), np.ones(-(-width // RATIOS_MULTIPLIED) * RATIOS_MULTIPLIED)
+    level, weight = power.copy(), np.empty(width)
+    ratio = np.ones(-(-width // RATIOS_MULTIPLIED) * RATIOS_MULTIPLIED)
     best, best_level, best_cost = np.zeros(number), level.copy(), np.inf
     matrix, target = np.empty((number, number)), np.empty(number)
     for _ in range(MAX_STEPS):
         for at in range(width):
-            weight[at] = 0.5 * count / (level[at] * level[at])
+            divisor = max(level[at], 1e-300)
+            weight[at] = 0.5 * count / (divisor * divisor)
         for i in range(number):
             total = 0.0
             for at in range(width):
-                total += weight[at] * shapes[i, at] * above[at]
+                total += weight[at] * shapes[i, at] * (power[at] - known[at])
             target[i] = total
             for j in range(i + 1):
                 total = 0.0
@@ -62,13 +61,14 @@ def sizes(
                     total += weight[at] * shapes[i, at] * shapes[j, at]
                 matrix[i, j] = matrix[j, i] = total
         size = not_negative(matrix, target)
-        copy_row(level, known)
-        for i in range(number):
-            for at in range(width):
-                level[at] += size[i] * shapes[i, at]
-        least, cost = 1e-9 * level.max() + 1e-300, 0.0
+        largest, cost = 0.0, 0.0
         for at in range(width):
-            level[at] = max(level[at], least)
+            level[at] = known[at]
+            for i in range(number):
+                level[at] += size[i] * shapes[i, at]
+            largest = max(largest, level[at])
+        for at in range(width):
+            level[at] = max(level[at], 1e-9 * largest + 1e-300)
             ratio[at] = power[at] / level[at]
             cost += ratio[at] - 1.0
         for first in range(0, ratio.size, RATIOS_MULTIPLIED):
@@ -83,34 +83,6 @@ def sizes(
         if settled:
             break
     return best, best_level, best_cost
-
-
-@numba.njit(cache=True, nogil=True)  # type: ignore[misc, unused-ignore]
-def sizes_with_slow(
-    power: FloatArray, count: float, shapes: FloatArray, known: FloatArray
-) -> tuple[FloatArray, FloatArray, float]:
-    """Return `sizes` where that of the second shape, the slow noise as fitted, is 1 at most."""
-    found = sizes(power, count, shapes, known)
-    if found[0][1] <= 1.0:
-        return found
-    size = np.ones(len(shapes))
-    others, level, cost = sizes(power, count, np.concatenate((shapes[:1], shapes[2:])), known + shapes[1])
-    size[0] = others[0]
-    copy_row(size[2:], others[1:])
-    return size, level, cost
-
-
-@numba.njit(cache=True, nogil=True)  # type: ignore[misc, unused-ignore]
-def costs(
-    power: FloatArray, count: float, shapes: FloatArray, known: FloatArray, gains: FloatArray
-) -> FloatArray:
-    """Return the cost of `sizes_with_slow` with the first shape times each of the gains, (g, b); shape (g,)."""
-    shaped, out = shapes.copy(), np.empty(len(gains))
-    for number in range(len(gains)):
-        for at in range(shapes.shape[1]):
-            shaped[0, at] = shapes[0, at] * gains[number, at]
-        out[number] = sizes_with_slow(power, count, shaped, known)[2]
-    return out
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[misc, unused-ignore]

@@ -40,7 +40,6 @@ from tuner.diagnosis.static.spectrum.filters import (
     filter_powers,
     is_mean,
 )
-from tuner.diagnosis.static.spectrum.fisher_scoring import costs
 from tuner.diagnosis.static.spectrum.resonance import ResonanceFit, fit_resonance, scan_resonances
 
 FloatArray = NDArray[np.float64]
@@ -132,9 +131,8 @@ def fit_filter(data: Bins, name: str, rises: bool = True) -> ShapeFit:
     cost = _filter_cost(data, name, rises)
     low, high = FILTERS[name]
     grid = np.log(_cutoffs_tried(name, low, high))
-    known = np.stack([data.white, data.rest, *([rise(data.cycles)] if rises else [])])
     powers = _powers_tried(name, data.cycles.tobytes(), data.width)
-    value = costs(data.power, float(data.count[0]), known, data.fixed, powers)
+    value = np.array([_sized(data, power, rises).cost for power in powers])
     edged = np.concatenate(([np.inf], value, [np.inf]))
     lowest = np.flatnonzero((value <= edged[:-2]) & (value <= edged[2:]))
     tried = []

@@ -57,15 +57,18 @@ def switching(
     damped, noise = np.zeros(MAX_STATES), np.zeros(MAX_STATES)
     shares, away = np.zeros(modes), np.zeros(modes)
     chance, ahead = first.copy(), np.zeros(modes)
-    damped[:n] = phi
     for i in range(n):
+        damped[i] = phi[i]
         for j in range(i + 1):
             decay[i * (i + 1) // 2 + j] = phi[i] * phi[j]
-        p[:, i * (i + 3) // 2] = initial[i]
+        for m in range(modes):
+            p[m, i * (i + 3) // 2] = initial[i]
     total, product = 0.0, 1.0
     for t in range(y.size):
         if t > 0:
-            noise[:n] = q
+            if t == 1:
+                for i in range(n):
+                    noise[i] = q[i]
             pair = 0
             for k in range(1, modes):
                 for h in range(k):
