@@ -16,7 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from models import rotation
 from models.robust import normal_sd
@@ -78,7 +78,7 @@ def without_wrong_attitude(
         return reference, ""
     begin, turn, by_gyros, sd, stated = rests[:, 0], *np.split(rests[:, 1:], 4, axis=1)
     stand = np.concatenate([[0], np.cumsum(np.diff(begin) > 1.5 * WINDOW_LENGTH)])
-    wrong, surely = [], float(student.isf(FALSE_ALARM, len(rests) - 2))
+    wrong, surely = [], float(stdtrit(len(rests) - 2, 1.0 - FALSE_ALARM))
     for i, axis in enumerate(AXIS_NAMES):
         sums = np.bincount(stand, turn[:, i])
         longest = int(np.argmax(np.abs(sums)))
