@@ -1,4 +1,4 @@
-"""Which built-in grade keeps the position without fixes within a limit, and what noise would just do."""
+"""Which built-in grade keeps the position without fixes within a limit, and what noise is just enough."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def choose(
             ranking.append(RankedGrade(name, config, drift(config)))
     ranking.sort(key=lambda one: one.error)
     kept = [one for one in ranking if one.error <= error]
-    stage("finding the noise that would just do", 1.0)
+    stage("finding the noise that is just enough", 1.0)
     nearest = kept[-1] if kept else ranking[0]
     low, high = (1.0, MAX_NOISE_FACTOR) if kept else (1.0 / MAX_NOISE_FACTOR, 1.0)
     if (drift(scaled(nearest.config, low)) <= error) == (drift(scaled(nearest.config, high)) <= error):

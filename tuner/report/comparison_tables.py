@@ -111,7 +111,7 @@ def _drift_table(found: SensorComparison) -> list[Table | str]:
 
 
 def choice_tables(found: GradeChoice, *, every: bool = True) -> list[Table | str]:
-    """Return the ranking of the built-in grades, all or those nearest to the limit, and which noise would just do."""
+    """Return the ranking of the built-in grades, all or those nearest to the limit, and which noise is just enough."""
     with_wheels = "with" if found.wheels else "without"
     limit = f"{found.limit:g} m after {found.outage:g} s without fixes, {found.receiver} before, {with_wheels} wheels"
     kept = len(found.kept)
@@ -139,7 +139,7 @@ def choice_tables(found: GradeChoice, *, every: bool = True) -> list[Table | str
             digits(v, 2) for v in noise_of(found.nearest.config, found.factor)
         )
         text = (
-            f"It would just do: {digits(found.factor, 2)} × the noise and biases of {found.nearest.name}: gyro N "
+            f"Just enough: {digits(found.factor, 2)} × the noise and biases of {found.nearest.name}: gyro N "
             f"{gyro_n} deg/√h, B {gyro_b} deg/h; accel N {accel_n} µg/√Hz, B {accel_b} µg"
         )
     rest = "" if every else " All grades: --verbose"

@@ -98,7 +98,7 @@ def test_the_table_of_a_comparison_and_of_a_choice_fit_a_terminal():
     grade = RankedGrade("icm20602", load_config("icm20602", gnss="rtk"), 4.0)
     told = lines(choice_tables(GradeChoice(60.0, 2.0, "rtk", True, (grade,), grade, 0.5)))
     assert max(map(len, told)) <= 80
-    assert "It would just do" in " ".join(told)
+    assert "Just enough" in " ".join(told)
     ranking = tuple(replace(grade, name=f"grade{i}", error=0.5 * i) for i in range(1, 9))
     told = lines(choice_tables(GradeChoice(60.0, 2.0, "rtk", True, ranking, ranking[3], 0.5), every=False))
     assert len(told) <= 10
