@@ -116,7 +116,7 @@ def _rests(reference: Reference, stretch: Stretch, solution: Solution) -> FloatA
     stands = change.reshape(-1, 2) - [0, 1]  # first and last epochs
     first = np.concatenate(
         [
-            [0.0][:0],
+            np.zeros(0),
             *(
                 np.arange(a + REST_MARGIN, b - REST_MARGIN - WINDOW_LENGTH + 1e-6, WINDOW_LENGTH)
                 for a, b in mine.t[stands]
