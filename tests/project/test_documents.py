@@ -64,7 +64,7 @@ def test_a_glossary_entry_defines_one_name_once():
     assert len(set(names)) == len(names)
 
 
-def test_the_citation_has_the_version_and_only_keys_of_its_schema():
+def test_the_citation_has_the_last_release_and_only_keys_of_its_schema():
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
     # required and used keys of the schema of Citation File Format 1.2.0
     assert {"cff-version", "message", "title", "authors"} <= set(citation)
@@ -72,8 +72,12 @@ def test_the_citation_has_the_version_and_only_keys_of_its_schema():
         "cff-version", "message", "type", "title", "abstract", "authors", "version", "date-released", "license",
         "keywords", "repository-code", "url", "doi", "identifiers", "references",
     }  # fmt: skip
-    assert citation["version"] == PROJECT["project"]["version"]
-    assert f"## {citation['version']} (" in (ROOT / "CHANGELOG.md").read_text()
+    headings = re.findall(r"^## (\S+)", (ROOT / "CHANGELOG.md").read_text(), flags=re.MULTILINE)
+    released = [heading for heading in headings if heading != "Unreleased"]
+    assert citation["version"] == released[0]
+    here = PROJECT["project"]["version"]
+    # code that differs from the last release must not bear its number
+    assert here.endswith(".dev0") and here > released[0] if "Unreleased" in headings else here == released[0]
 
 
 def test_hooks_before_a_commit_run_the_checks_of_ci_and_download_nothing():

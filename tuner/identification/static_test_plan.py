@@ -10,7 +10,9 @@ from tuner.types import Identification
 from tuner.types.records import DataError
 
 
-def plan_test(noise: Identification | str | Path, *, hours: float, accuracy: float) -> dict[str, Plan]:
+def plan_test(
+    noise: Identification | str | Path, *, hours: float = 1.0, accuracy: float = 0.1
+) -> dict[str, Plan]:
     """Plan a static test of a sensor whose noise is known from elsewhere, channel by channel.
 
     Parameters

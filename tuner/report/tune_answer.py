@@ -87,20 +87,24 @@ def answer_lines(result: TuneResult, directory: Path, dialect: str | None = None
 def settings_in_dialect(result: TuneResult, dialect: str, directory: Path) -> list[str]:
     """Return where the file of a dialect is, and its settings where they are few.
 
-    Lines of comments are left out; what they say of a setting, "# NAME: unit; …", stands behind it, as far as it fits.
+    Lines of comments are left out; what they say of a setting, "# NAME: unit; formula; …", stands behind it, as far as
+    it fits: the formula goes first.
     """
     from tuner.pipeline import file_of_dialect  # loaded when used: it imports every room
 
     name = file_of_dialect(dialect)
     written = [line.rstrip() for line in result.exports[name].splitlines() if line.strip()]
     remarks = (line[2:].split(": ", 1) for line in written if line.startswith("# ") and ": " in line)
-    notes = {name: remark.replace(f"; {SAME}", "") for name, remark in remarks}
+    notes = {name: [part for part in remark.split("; ") if part != SAME] for name, remark in remarks}
     lines = []
     for line in written:
         if line.lstrip().startswith(COMMENTS):
             continue
         shown = line.replace("\t", " ")
-        shown += "".join(f"  # {notes[word]}" for word in re.split(r"[ ,]+", shown) if word in notes)
+        for note in (notes[word] for word in re.split(r"[ ,]+", shown) if word in notes):
+            unit, *rest = note
+            whole, without_formula = (f"{shown}  # {'; '.join(parts)}" for parts in (note, [unit, *rest[1:]]))
+            shown = whole if len(whole) <= LINE_WIDTH else without_formula
         while len(shown) > LINE_WIDTH and "; " in shown:
             shown = shown.rpartition("; ")[0]
         lines.append(shown)

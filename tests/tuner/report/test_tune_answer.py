@@ -235,3 +235,10 @@ def test_settings_of_an_autopilot_stand_with_unit_and_stock_value():
     assert all(len(line) <= 80 for line in lines)
     (gyro,) = (line for line in lines if "EKF2_GYR_NOISE" in line)
     assert gyro.endswith("# rad/s; N/√dt; stock 0.015")
+
+
+def test_settings_of_an_autopilot_keep_the_limit_that_they_rest_on():
+    remark = "rad/s²; K/√dt; rests on a 95 % limit: x, y, z; the same on all axes; stock 0.001"
+    text = f"# EKF2_GYR_B_NOISE: {remark}\n1\t1\tEKF2_GYR_B_NOISE\t2.39343e-05\t9\n"
+    (_, line) = settings_in_dialect(SimpleNamespace(exports={"px4.txt": text}), "px4", Path("out"))
+    assert line == "1 1 EKF2_GYR_B_NOISE 2.39343e-05 9  # rad/s²; rests on a 95 % limit: x, y, z"
