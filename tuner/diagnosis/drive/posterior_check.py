@@ -18,7 +18,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -114,8 +113,8 @@ def with_something_else(findings: tuple[Finding, ...], outcome: SearchResult) ->
         gain = gains.get(one.cause, 0.5 * one.value**2 if one.cause == SENSOR_BIAS else math.inf)
         least = MIN_WEIGHT if worst > -math.log(PRIOR_ODDS) else 0.0
         impossible = ""
-        if one.cause == BIAS_JUMP and _overlap(findings):
-            impossible = "two jumps at one time are an error of some seconds, and of no bias"
+        if one.cause == BIAS_JUMP and _overlaps(one, findings):
+            impossible = "two jumps of a sensor at one time are an error of some seconds, and of no bias"
         if one.cause == SENSOR_BIAS:
             rivals = rivals_of_bias(outcome, one)
             one = replace(one, alternatives=(*one.alternatives, *rivals.alternatives))
@@ -135,11 +134,15 @@ def with_something_else(findings: tuple[Finding, ...], outcome: SearchResult) ->
     return tuple(judged(one) for one in findings)
 
 
-def _overlap(findings: tuple[Finding, ...]) -> bool:
-    """Whether the times of two jumps of a bias may be the same: one that jumps stays for a while."""
-    times = [one.parameters["time"].interval for one in findings if one.cause == BIAS_JUMP]
-    known = sorted(interval for interval in times if interval is not None)
-    return any(after[0] < before[1] for before, after in pairwise(known))
+def _overlaps(jump: Finding, findings: tuple[Finding, ...]) -> bool:
+    """Whether another jump of the same sensor may be at the time of this one: a bias that jumps stays for a while.
+
+    A knock makes gyroscopes and accelerometers jump at one time; their units tell them apart.
+    """
+    time, unit = jump.parameters["time"].interval, jump.parameters["x"].unit
+    others = [f.parameters for f in findings if f.cause == BIAS_JUMP and f is not jump]
+    times = [other["time"].interval for other in others if other["x"].unit == unit]
+    return time is not None and any(t is not None and t[0] < time[1] and time[0] < t[1] for t in times)
 
 
 def checks(findings: tuple[Finding, ...], outcome: SearchResult) -> dict[str, Check]:

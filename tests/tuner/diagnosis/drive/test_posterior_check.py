@@ -22,7 +22,7 @@ from tuner.diagnosis.drive.noise_by_parts import (
     variances_by_parts,
 )
 from tuner.diagnosis.drive.parts_of_innovations import divisions, thirds_by_size
-from tuner.diagnosis.drive.posterior_check import _amplitudes, _overlap
+from tuner.diagnosis.drive.posterior_check import _amplitudes, _overlaps
 from tuner.types import Coefficient, Parameter
 
 DELAY = Parameter("time_offset", "delay")
@@ -140,11 +140,17 @@ def test_antennas_in_turn_are_no_errors_that_stay(city_drive):
         assert low < evidence_of_axes(as_configured(drawn), states, forward) < high
 
 
-def test_two_jumps_at_one_time_are_none():
-    def jump(low, high):
-        return SimpleNamespace(
-            cause="bias_jump", parameters={"time": Coefficient.known(0.5 * (low + high), low, high, "s")}
-        )
+def jump(low, high, unit="rad/s"):
+    size = Coefficient.known(1e-3, 9e-4, 1.1e-3, unit)
+    time = Coefficient.known(0.5 * (low + high), low, high, "s")
+    return SimpleNamespace(cause="bias_jump", parameters={"time": time, "x": size, "y": size, "z": size})
 
-    assert _overlap((jump(154.0, 181.0), jump(166.0, 171.0)))
-    assert not _overlap((jump(154.0, 165.0), jump(166.0, 171.0)))
+
+def test_two_jumps_of_a_sensor_at_one_time_are_none_and_a_third_one_stays():
+    every = jump(154.0, 181.0), jump(166.0, 171.0), jump(181.0, 190.0), jump(300.0, 301.0)
+    assert [_overlaps(one, every) for one in every] == [True, True, False, False]
+
+
+def test_a_knock_that_moves_the_biases_of_both_sensors_at_once_is_believed():
+    both = jump(154.0, 158.0), jump(154.0, 158.0, "m/s^2")
+    assert not any(_overlaps(one, both) for one in both)
