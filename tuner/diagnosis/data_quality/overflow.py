@@ -16,14 +16,15 @@ lie at their end as a tail does, and farther from the level than the noise's own
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaincc
 
 from models.probability import binomial_at_least, normal_beyond, normal_density
+from tuner.types.records import Record
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -87,6 +88,19 @@ class Overflow:
 def unwrapped(y: FloatArray, width: float) -> FloatArray:
     """Return samples, shape (n,), of which those that wrapped are put back by a range of this width."""
     return np.asarray(y - width * np.round((y - _levels(y)) / width))
+
+
+def without_overflow(record: Record, widths: Mapping[str, float]) -> Record:
+    """Return a record with the wrapped samples of some axes put back, by the width of the range of each, unit.
+
+    Segments are treated one by one: the level may differ between them.
+    """
+    y = record.y.copy(order="F")
+    for axis, width in widths.items():
+        column = y[:, record.axes.index(axis)]
+        for start, stop in record.segments:
+            column[start:stop] = unwrapped(column[start:stop], width)
+    return replace(record, y=y)
 
 
 def find_overflow(pieces: Sequence[FloatArray], step: float) -> Overflow:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tuner.diagnosis.data_quality import DataQualityTest, without_frozen
-from tuner.diagnosis.data_quality.overflow import unwrapped
+from tuner.diagnosis.data_quality.overflow import without_overflow
 from tuner.diagnosis.static.channel import Channel, channel
 from tuner.types.records import DataError, Record
 
@@ -72,8 +72,7 @@ def prepared_axis(
     step, dead = (float(codes[name].value or 0.0) if name in codes else 0.0 for name in ("step", "deadband"))
     source = without_frozen(record, (axis,), stuck)
     if "overflow" in mine:
-        column = unwrapped(source.column(axis), mine["overflow"].statistic)
-        source = replace(source, y=column[:, None])
+        source = without_overflow(source, {axis: mine["overflow"].statistic})
     repeated = None
     if "duplicates" in mine:
         test = mine["duplicates"]

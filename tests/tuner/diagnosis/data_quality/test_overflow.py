@@ -8,6 +8,7 @@ import pytest
 from tuner.diagnosis import diagnose
 from tuner.diagnosis.data_quality import data_quality_tests
 from tuner.diagnosis.data_quality.overflow import find_overflow, unwrapped
+from tuner.diagnosis.static.channel_preparation import prepared_axis
 from tuner.types.records import Record
 
 COUNT = 40_000
@@ -47,6 +48,24 @@ def test_a_sixteen_bit_register_is_named_and_leaves_nothing_else():
     assert [f.cause for f in diagnosis.findings] == ["overflow"]
     assert not diagnosis.unexplained
     assert diagnosis.findings[0].parameters["high"].value == pytest.approx(0.327675, abs=2e-5)
+
+
+def test_samples_are_put_back_between_gaps_whose_level_differs():
+    """A level that changes by 0.7 of the range at a gap, which holds no number: only wrapped samples are moved."""
+    width, at = 12.0, 20_016  # a quarter of a block after the gap
+    y = np.where(np.arange(COUNT) < at, 3.0, -5.4) + np.random.default_rng(99).standard_normal(COUNT)
+    wrapped = wrap(y, -6.0, width)
+    wrapped[at - 8 : at] = np.nan
+    t, segments = 0.01 * np.arange(COUNT), ((0, at - 8), (at, COUNT))
+    record = Record("gyro", t, wrapped[:, None], ("gyro_x",), "rad/s", 0.01, segments)
+    tests = data_quality_tests(record)
+    (found,) = (one for one in tests if one.cause == "overflow")
+    assert found.p_value < ALIKE
+    one = prepared_axis(record, "gyro_x", tests, ALIKE, 0)
+    assert np.isfinite(one.y).all()
+    for start, stop in segments:
+        off = one.y[start:stop] * one.scale - y[start:stop]
+        assert np.abs(off - np.median(off)).max() < 0.5
 
 
 def test_rails_glitches_and_error_codes_are_no_overflow():
