@@ -11,8 +11,8 @@ own; what rejects is unexplained, and makes the names of its kind less certain (
               autocorrelation r: Σ d², d the normal deviates of its means in octaves ÷ their common mean
     spectrum  the power in cells of time and frequency is the product of those of its time and of its frequency:
       in time Σ d² over the cells of a grid, for two grids
-    times of  spikes come at random: the largest ordinate of the periodogram of their places is exponential
-    spikes
+    times of  spikes come at random: the largest ordinate of the periodogram of their places, over the level of its
+    spikes    neighbours, is exponential; samples in a row are one spike
     beside    a line is alone: the mean of the ordinates next to it is that of white noise
     lines
     course    smooth functions of time, its logarithm and the temperature explain no more of the bias: likelihood
@@ -44,6 +44,7 @@ from tuner.diagnosis.static.model.null_distributions import SLOW_RATIO_FACTOR, v
 from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.model.series_statistics import RESIDUAL_CLIP, moment
 from tuner.diagnosis.static.outcome import TestResult
+from tuner.diagnosis.static.spectrum.background import local_level
 from tuner.diagnosis.static.variance.histogram import histogram
 from tuner.diagnosis.static.variance.local_variance import local_variance
 from tuner.diagnosis.static.variance.quantized_noise import hides_noise
@@ -72,8 +73,12 @@ MIN_ORDINATES = 8
 """Least ordinates of a periodogram in a cell: with 16 degrees of freedom the cube root of χ² is close to normal."""
 SIDE_ORDINATES = 8
 """Ordinates on either side of a line; chosen as those that a phase that wanders through the record reaches first."""
-MIN_PERIODS = 4
-"""Periods in the record from which spikes may come at one: fewer are a burst of them."""
+MIN_SPIKES = 8
+"""Least number of spikes: no ordinate is larger than it, and exp(−8) is no evidence among thousands of ordinates."""
+LONGEST_PERIOD = 4
+"""Longest period that is looked for ÷ median distance of two spikes: slower changes are a few bursts of them."""
+SPIKE_ORDINATES = 64
+"""Ordinates whose median is the level of those beside it, which bursts of spikes raise at low frequencies."""
 HARMLESS_SHARE = 1e-3
 """Share of the likelihood ratio of the slow causes that may be left of it: no shape is exact to 3 % of its size."""
 TRIAL_RATIO = 1.01
@@ -268,8 +273,9 @@ def _beside_lines(fitted: Residual) -> tuple[TestResult, ...]:
 
 def _spike_times(fitted: Residual) -> tuple[TestResult, ...]:
     """Test whether the spikes that were accepted come at a period; nothing where there are none."""
-    places = sorted({place for x in fitted.extensions if isinstance(x, Spikes) for place in x.places})
-    if not places:
+    every = sorted({place for x in fitted.extensions if isinstance(x, Spikes) for place in x.places})
+    places = np.array(every)[np.diff(every, prepend=-9) > 1]
+    if len(places) < MIN_SPIKES:
         return ()
     n = len(fitted.e)
     size = next_fast_len(n, real=True)
@@ -277,7 +283,10 @@ def _spike_times(fitted: Residual) -> tuple[TestResult, ...]:
     there[places] = 1.0
     wave = rfft(there - there.mean(), size)
     power = (wave.real**2 + wave.imag**2) / len(places)
-    first = int(np.ceil(MIN_PERIODS * size / n))
+    if size % 2 == 0:
+        power[-1] *= 0.5  # of one degree of freedom, where all others have two
+    first = int(np.ceil(size / (LONGEST_PERIOD * np.median(np.diff(places)))))
+    power[first:] /= np.maximum(local_level(power[first:], SPIKE_ORDINATES), 1.0)
     at = first + int(np.argmax(power[first:]))
     place = f"every {size * fitted.channel.interval / at:.4g} s or a multiple of that"
     height, tried = float(power[at]), len(power) - first

@@ -72,10 +72,14 @@ def test_normal_noise_passes_all_checks_rounded_or_not(step):
 
 
 def test_spikes_at_a_period_are_told_from_those_at_random():
-    """Forty spikes every 500 samples, one sample early or late, and forty anywhere."""
+    """Every 500 samples, one sample early or late; anywhere, alone and three in a row; within a tenth of the record."""
+    anywhere = rng(15).choice(COUNT - 3, 40, replace=False)
     for places, clear in (
         (250 + 500 * np.arange(40) + rng(14).integers(-1, 2, 40), True),
-        (rng(15).choice(COUNT, 40, replace=False), False),
+        (anywhere, False),
+        ((anywhere[:, None] + np.arange(3)).ravel(), False),
+        (9000 + anywhere // 10, False),
+        (anywhere // 10 + np.where(np.arange(40) < 20, 3000, 15_000), False),
     ):
         y = rng(16).standard_normal(COUNT)
         y[places] += 12.0
