@@ -24,6 +24,7 @@ from tuner.consistency.drive_scores import as_output, as_truth
 from tuner.consistency.output_errors import in_axes_of
 from tuner.consistency.trajectory_alignment import at_times
 from tuner.formats.customary_units import digits
+from tuner.formats.reference_words import wrong_attitude_text
 from tuner.navigation.data import Solution
 from tuner.navigation.drive.run import Stretch
 from tuner.types.records import Reference
@@ -95,11 +96,7 @@ def without_wrong_attitude(
             )
     if not wrong:
         return reference, ""
-    text = (
-        f"the attitude of the reference is wrong: while the vehicle stands it turns, {'; '.join(wrong)}: attitudes are "
-        "not compared with it"
-    )
-    return replace(reference, rpy=np.full_like(reference.rpy, np.nan)), text
+    return replace(reference, rpy=np.full_like(reference.rpy, np.nan)), wrong_attitude_text(wrong)
 
 
 def _rests(reference: Reference, stretch: Stretch, solution: Solution) -> FloatArray:

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.robust import normal_sd
+from tuner.formats.reference_words import wrong_times_text
 from tuner.navigation.data import WITHHELD
 from tuner.navigation.drive.run import RECOVERY_TIME, Stretch, navigate
 from tuner.navigation.settings import FilterSettings
@@ -62,14 +63,12 @@ def trusted_reference(
     keep = np.ones(len(reference.t), dtype=bool)
     for begin, end in spans:
         keep &= (reference.t < begin) | (reference.t > end)
-    begins = reference.t[0]
-    times = ", ".join(f"{max(a - begins, 0.0):.0f} to {b - begins:.0f} s" for a, b in spans)
-    text = (
-        f"the reference is wrong: in {len(found)} seconds its velocity changes by up to {size:.1f} m/s more or less "
-        f"than inertial unit and receiver show, which agree with one another; its times {times} are not used"
-    )
-    if keep.mean() < MIN_TRUSTED_SHARE:
-        return None, f"{text}, and what is left is too short: errors are judged without a reference"
+    first, last = reference.t[[0, -1]].tolist()
+    times = [(max(begin - first, 0.0), min(end, last) - first) for begin, end in spans]
+    any_left = bool(keep.mean() >= MIN_TRUSTED_SHARE)
+    text = wrong_times_text(len(found), size, times, any_left=any_left)
+    if not any_left:
+        return None, text
     return reference.rows(np.flatnonzero(keep)), text
 
 

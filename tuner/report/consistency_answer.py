@@ -7,8 +7,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from tuner.formats.customary_units import digits
-from tuner.report.answer_layout import filled, wrapped
-from tuner.report.verdict_text import verdict_text
+from tuner.formats.reference_words import reference_line
+from tuner.report.answer_layout import MAX_LINES, filled, wrapped
+from tuner.report.verdict_text import shortened, verdict_text
 from tuner.types.consistency import Consistency, Score
 
 OFF = "*"
@@ -38,22 +39,29 @@ def consistency_answer(found: Consistency, notes: Sequence[str] = (), to_do: Seq
     """
     found = found.shown
     done = [line for text in to_do for line in wrapped(text, 2)]
-    lines = [*verdict_lines(found), *_score_lines(found), *_error_lines(found), *done]
+    wrong = reference_line(notes)
+    for brief in (False, True):
+        verdict = verdict_lines(found, brief=bool(wrong))
+        lines = [*verdict, *wrong, *_score_lines(found, brief=brief), *_error_lines(found), *done]
+        if len(lines) < MAX_LINES:
+            break
     return filled(lines, [f"Note: {note}" for note in notes], also="every score with its band")
 
 
-def verdict_lines(found: Consistency) -> list[str]:
-    """Return whether a filter is consistent, and the first reason with its likeliest explanation."""
+def verdict_lines(found: Consistency, *, brief: bool = False) -> list[str]:
+    """Return whether a filter is consistent, and the first reason with its likeliest explanation, of a few words."""
     if found.consistent:
         return ["Consistent: no score is shown to be 10 % off what the filter predicts"]
     first = found.verdicts[0]
     reason = verdict_text(replace(first, explanations=first.explanations[:1]))
     reason = reason.replace("what the filter predicts: ", "predicted, ")
+    if brief:
+        reason = shortened(reason)
     return wrapped(f"NOT consistent: {reason}", 2)
 
 
-def _score_lines(found: Consistency) -> list[str]:
-    """Return true ÷ predicted of every score, and of the outages with their errors."""
+def _score_lines(found: Consistency, *, brief: bool) -> list[str]:
+    """Return true ÷ predicted of every score, and of the outages with their errors; in fewer words where `brief`."""
     elsewhere = {outage.score.name for outage in found.outages}
     if len(found.nis) > 1:  # the first is of all together
         elsewhere.add(found.nis[0].name)
@@ -68,6 +76,8 @@ def _score_lines(found: Consistency) -> list[str]:
     lines = []
     if parts:
         mark = f" ({OFF}: off)" if OFF in "".join(parts) else ""
+        if brief:
+            parts = [text.replace("innovations", "innov.") for text in parts]
         lines += wrapped(f"True ÷ predicted error{mark}: {', '.join(parts)}", 2)
     if found.outages:
         each = (
@@ -75,7 +85,13 @@ def _score_lines(found: Consistency) -> list[str]:
             f"{'' if one.score.consistent else OFF}"
             for one in found.outages
         )
-        lines += wrapped(f"Without fixes, error (predicted): {', '.join(each)}", 2)
+        text = ", ".join(each)
+        text = (
+            f"Unaided, m (predicted): {text.replace(' m', '')}"
+            if brief
+            else f"Without fixes, error (predicted): {text}"
+        )
+        lines += wrapped(text, 2)
     return lines
 
 

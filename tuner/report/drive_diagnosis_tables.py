@@ -8,6 +8,7 @@ from rich.table import Table
 
 from tuner.diagnosis.drive.noise_scale_estimates import UNKNOWN_CAUSE, factor_text, listed, may_be_one
 from tuner.formats.customary_units import customary_unit, digits, in_customary, pretty
+from tuner.formats.reference_words import reference_line
 from tuner.report.answer_layout import filled
 from tuner.report.diagnosis_answer import CLEAREST_FINDINGS
 from tuner.report.drive_answer import found_text
@@ -29,7 +30,8 @@ def drive_diagnosis_answer(found: DriveDiagnosis) -> list[str]:
     harm = [] if found.credited else [harm_text(found.gain)]
     rest = [f"Missing: {one}" for one in missing(found)] + [f"Note: {one}" for one in found.notes]
     clear, others = lines[:CLEAREST_FINDINGS], lines[CLEAREST_FINDINGS:]
-    texts = [*harm, *clear, *left[:1], *noise, *gain, *others, *left[1:], *rest]
+    first = [*harm, *clear, *left[:1], *noise, *gain]
+    texts = [*first[:1], *reference_line(found.notes), *first[1:], *others, *left[1:], *rest]
     return filled([], [f"{text[:1].upper()}{text[1:]}" for text in texts], also="every finding and test")
 
 

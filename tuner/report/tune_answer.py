@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tuner.formats.customary_units import digits
+from tuner.formats.reference_words import reference_line
 from tuner.identification.comparison import compare_identifications, limit_checks
 from tuner.report.answer_layout import (
     BOUNDED,
@@ -35,7 +36,7 @@ from tuner.report.identification_answer import terms_too_short, warning_lines
 from tuner.report.settings_rows import EXTRAPOLATED, SettingsRow, axes_text, settings_rows
 from tuner.report.static_diagnosis_tables import hidden_effect_lines
 from tuner.report.terminal import LINE_WIDTH
-from tuner.report.verdict_text import verdict_text
+from tuner.report.verdict_text import shortened, verdict_text
 from tuner.synthesis.findings import judge_hidden
 
 if TYPE_CHECKING:
@@ -151,7 +152,13 @@ def _head(result: TuneResult, short: Set[str], table: Sequence[str]) -> list[str
     )
     if result.measured is not None:
         measured = drive_verdict(result.measured.consistency, short=brief, shortest=least)
-        head = [f"{measured}. {head[0]}"] if "head" in short else [measured, *head]
+        wrong = reference_lines(result)
+        if wrong:
+            measured = shortened(measured)
+        together = "head" in short and not wrong
+        head = [f"{measured}. {head[0]}"] if together else [measured, *wrong, *head]
+    elif result.drive is not None:
+        head = [head[0], *reference_lines(result), *head[1:]]
     if any("*" in line for line in table) and BOUNDED not in table[0]:
         legend_here = f"; {BOUNDED}"
         fits = len(head[-1]) + len(legend_here) <= LINE_WIDTH
@@ -165,10 +172,17 @@ def _head(result: TuneResult, short: Set[str], table: Sequence[str]) -> list[str
     return head
 
 
+def reference_lines(result: TuneResult) -> list[str]:
+    """Return what is wrong with the reference of the drive, in one line or none."""
+    if result.measured is not None:
+        return reference_line(result.measured.notes)
+    return [] if result.drive is None else reference_line(result.drive.diagnosis.notes)
+
+
 def whole_verdict(result: TuneResult) -> str:
     """Return the verdict of the measured drive, where there is one, before those of simulation and log."""
-    measured = "" if result.measured is None else f"{drive_verdict(result.measured.consistency)}. "
-    return measured + verdict_line(result)
+    measured = [] if result.measured is None else [drive_verdict(result.measured.consistency)]
+    return ". ".join([*measured, *reference_lines(result), verdict_line(result)])
 
 
 def verdict_line(result: TuneResult, *, brief: bool = False) -> str:

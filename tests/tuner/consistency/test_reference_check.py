@@ -13,6 +13,7 @@ from tuner.catalogue.grades import load_gnss, load_grade
 from tuner.consistency.drive_scores import reference_positions
 from tuner.consistency.reference_check import contradictions, trusted_reference
 from tuner.consistency.score_drive import drive_filter
+from tuner.formats.reference_words import reference_line
 from tuner.navigation.drive.run import RECOVERY_TIME, prepare
 from tuner.simulation.drive import simulate_drive
 from tuner.synthesis.load_config import load_config
@@ -59,6 +60,8 @@ def test_a_reference_that_is_pulled_aside_is_left_out_around_it(flown):
     assert 5.0 < size < 12.0
     kept, text = trusted_reference(wrong, stretches, settings)
     assert "the reference is wrong" in text
+    (line,) = reference_line([text])  # 30 s on either side of a pull of 4 s
+    assert 60.0 <= float(line.split(": ")[1].split()[0]) <= 66.0
     t = np.array([PULLED[0] - RECOVERY_TIME - 2.0, PULLED[0] + 1.0, PULLED[1] + RECOVERY_TIME + 2.0])
     np.testing.assert_array_equal(np.isfinite(reference_positions(kept, t)[:, 0]), [True, False, True])
 

@@ -12,6 +12,7 @@ from tuner.diagnosis.drive.held_out_choice import HeldOutChoice
 from tuner.diagnosis.drive.outage_errors import OutageErrors
 from tuner.diagnosis.drive.predictive_score import PredictiveScore
 from tuner.exporters import export
+from tuner.formats.reference_words import wrong_times_text
 from tuner.identification import identify
 from tuner.identification.identify_source import identify_source
 from tuner.report.answer_layout import BOUNDED
@@ -22,6 +23,7 @@ from tuner.simulation.static import simulate
 from tuner.synthesis import synthesize
 from tuner.tune_result import TuneResult
 from tuner.types import Coefficient, Diagnosis, Finding
+from tuner.types.consistency import Consistency
 from tuner.types.verdict import Explanation, ExplanationKind, Severity, Verdict, VerdictCode
 
 AXES = ("gyro_x", "gyro_y", "gyro_z")
@@ -96,6 +98,20 @@ def test_six_axes_that_differ_and_many_findings_take_ten_lines(result):
     assert all(any(line.startswith(axis.replace("_", " ")) for line in lines) for axis in axes)
     assert "telegraph" in "\n".join(lines).lower()
     assert "more" in lines[-1]
+
+
+@pytest.mark.parametrize("code", [VerdictCode.CORRELATED_INNOVATIONS, VerdictCode.OPTIMISTIC])
+def test_a_wrong_reference_is_said_beneath_the_verdict_of_the_drive(result, code):
+    numbers = {"ratio": 19.3, "correlation": 0.59, "lag": 10, "band": 0.13}
+    verdict = Verdict(code, Severity.INCONSISTENT, "position", numbers)
+    found = Consistency(None, (), (), None, (), {}, 0.0, False, (verdict,))
+    wrong = wrong_times_text(20, 12.8, [(61.0, 121.0), (167.0, 228.0)], any_left=True)
+    measured = SimpleNamespace(consistency=found, notes=("another", wrong))
+    drive = SimpleNamespace(diagnosis=SimpleNamespace(findings=(), unexplained=()))
+    lines = answer_lines(replace(result, measured=measured, drive=drive), Path("out"))
+    assert lines[1] == "Reference wrong in 20 s: 121 s not judged by it"
+    assert len(lines) <= 10
+    assert max(map(len, lines)) <= 80
 
 
 def test_a_filter_named_shows_its_own_keys(result):

@@ -1,0 +1,67 @@
+"""A reference that is wrong is said in one line behind the verdict of each answer, which keeps to ten lines."""
+
+from dataclasses import replace
+
+import pytest
+
+from tuner.consistency.verdicts import verdicts
+from tuner.formats.reference_words import reference_line, wrong_attitude_text, wrong_times_text
+from tuner.report.consistency_answer import consistency_answer
+from tuner.report.drive_diagnosis_tables import drive_diagnosis_answer
+from tuner.types import DriveDiagnosis
+from tuner.types.consistency import Consistency, Outage, Score, Whiteness
+
+SPANS = [(61.0, 121.0), (167.0, 228.0)]
+TIMES = wrong_times_text(20, 12.8, SPANS, any_left=True)
+TURNS = wrong_attitude_text(["its heading by 2.0° in 15 s, of which the gyroscopes show -3 ± 5 %"])
+BOTH = "Reference wrong in 20 s: 121 s not judged by it, attitude not compared"
+
+
+def off(name, ratio):
+    return Score(name, 10.0 * ratio**2, 10, 10.0, (9.0, 11.0))
+
+
+OUTAGES = [(10.0, 8.52, 1.04), (30.0, 13.4, 9.59), (60.0, 93.2, 55.9)]
+FOUND = Consistency(
+    None,
+    (off("position", 19.3), off("velocity", 1.26)),
+    (off("nis", 0.585), off("nis_position", 0.505), off("nis_velocity", 0.667)),
+    Whiteness("position", 10, 0.969, 0.133),
+    tuple(Outage(s, true, own, off(f"outage {s:g} s", true / own), 4) for s, true, own in OUTAGES),
+    {"position_rms_m": (2.39, 2.53, 9.98), "velocity_rms_m_s": (0.229, 0.243, 0.075)},
+    0.0,
+    diverged=False,
+)
+FOUND = replace(FOUND, verdicts=verdicts(FOUND))
+
+
+@pytest.mark.parametrize(
+    ("notes", "line"),
+    [
+        (["one fix of 7 is looked at"], []),
+        ([TIMES], ["Reference wrong in 20 s: 121 s not judged by it"]),
+        ([TIMES, TURNS], [BOTH]),
+        ([TURNS], ["Reference wrong: it turns at rest, attitude not compared"]),
+        ([wrong_times_text(20, 12.8, SPANS, any_left=False)], ["Reference wrong in 20 s: nothing judged by it"]),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_one_line(notes, line):
+    assert reference_line(notes) == line
+    assert all(len(one) <= 80 for one in line)
+
+
+def test_the_answer_of_navigate_says_it_in_its_second_line():
+    """Two paths, all scores off: as much as an answer of a drive has to say."""
+    to_do = [
+        "What to do: `tuner diagnose " + "a" * 52 + " --config mpu9250` names the causes",
+        "Solution: out",
+    ]
+    lines = consistency_answer(FOUND, [TIMES, TURNS], to_do)
+    assert lines[1] == BOTH
+    assert len(lines) <= 10
+    assert max(map(len, lines)) <= 80
+
+
+def test_the_answer_of_diagnose_says_it_in_its_second_line():
+    lines = drive_diagnosis_answer(DriveDiagnosis((), None, None, notes=("another", TIMES, TURNS)))
+    assert lines[1] == BOTH
