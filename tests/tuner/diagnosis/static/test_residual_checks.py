@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from models.probability import chi2_beyond
 from tuner.diagnosis import diagnose
 from tuner.diagnosis.static.causes.comb import Comb
 from tuner.diagnosis.static.causes.line import Line
+from tuner.diagnosis.static.causes.periodic_variance import PeriodicVariance
 from tuner.diagnosis.static.causes.spikes import Spikes
 from tuner.diagnosis.static.causes.temperature import Temperature
 from tuner.diagnosis.static.causes.warmup import Warmup
@@ -96,6 +98,17 @@ def test_two_converters_in_turn_are_one_cause():
     assert found.cause == "periodic_variance"
     assert found.parameters["period"].value == pytest.approx(0.02, rel=1e-6)
     assert found.parameters["depth"].value == pytest.approx(0.5, abs=0.05)
+
+
+def test_the_variance_of_every_second_sample_has_one_degree_of_freedom():
+    """The ordinate is the likelihood ratio of two sds, not twice that; its chance is at least that of χ²₁."""
+    y = rng(22).standard_normal(COUNT) * np.exp(0.05 * (-1.0) ** np.arange(COUNT))
+    found = PeriodicVariance.test(residual(channel(record(y), "gyro_x")))
+    halves = np.log(y.var()) - 0.5 * np.log(y[::2].var()) - 0.5 * np.log(y[1::2].var())
+    ratio = 0.5 * COUNT * halves
+    assert found.statistic == pytest.approx(ratio, rel=0.1)
+    assert found.gain < ratio - 1.5 * np.log(COUNT)
+    assert found.p_value > chi2_beyond(2.0 * ratio, 1)
 
 
 def test_a_line_whose_phase_wanders_leaves_power_beside_it():

@@ -87,6 +87,8 @@ class PeriodicVariance(Extension):
         power += wave.imag**2
         del wave
         power /= np.float32(max(int(np.count_nonzero(local_variance(fitted).scatter)), 1))
+        if size % 2 == 0:
+            power[-1] *= np.float32(0.5)  # of one degree of freedom, where all others have two
         first = int(np.ceil(MIN_CYCLES * size / n))
         name = "largest ordinate of the spectrum of the squared residuals"
         if float(power[first:].max()) < MIN_ORDINATE:
