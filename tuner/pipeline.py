@@ -47,7 +47,7 @@ from tuner.synthesis.prediction import hold_to_records
 from tuner.synthesis.rest_and_motion import in_motion, with_rest_and_motion
 from tuner.synthesis.worst_case import worst_case
 from tuner.tune_result import LogResult, TuneInputs, TuneResult
-from tuner.types import FilterConfig, GnssNoise, Identification
+from tuner.types import FilterConfig, Finding, GnssNoise, Identification
 from tuner.types.consistency import Check
 from tuner.types.prediction import PredictedBlock
 from tuner.types.progress import Progress, silent
@@ -265,9 +265,7 @@ def identify_and_diagnose(
         except DataError as error:
             return LogResult(found, None, {"diagnosis": str(error)}, still)
         stage("identifying the noise beside the findings", 1.0)
-        resting = tuple(without_motion(record, diagnosis.findings) for record in still)
-        if any(cut.segments != before.segments for cut, before in zip(resting, still, strict=True)):
-            still, found = resting, identify(resting, terms=terms, latitude=latitude)
+        still, found = identified_again(still, found, diagnosis.findings, terms=terms, latitude=latitude)
         if terms is None:
             found = with_notes_on_findings(with_terms_found(still, found, terms_found(diagnosis)), diagnosis)
         return LogResult(found, diagnosis, {}, still)
@@ -279,6 +277,25 @@ def identify_and_diagnose(
     assert inputs.drive is not None
     found = identification_of_drive(inputs.drive, stationary_noise(inputs.drive))
     return LogResult(found, None, {"static diagnosis": NO_LOG})
+
+
+def identified_again(
+    still: tuple[Record, ...],
+    found: Identification,
+    findings: Sequence[Finding],
+    *,
+    terms: Sequence[str] | None,
+    latitude: float | None,
+) -> tuple[tuple[Record, ...], Identification]:
+    """Return records and their noise without the motion among the findings; as given where too little would be left."""
+    resting = tuple(without_motion(record, findings) for record in still)
+    if all(cut is before for cut, before in zip(resting, still, strict=True)):
+        return still, found
+    try:
+        return resting, identify(resting, terms=terms, latitude=latitude)
+    except DataError:
+        left = "the noise was identified with the motion that was found in it: too little is left without it"
+        return still, replace(found, notes=(*found.notes, left))
 
 
 def configure(

@@ -52,7 +52,7 @@ def terms_found(diagnosis: Diagnosis) -> dict[str, tuple[str, ...]]:
 
 
 def without_motion(record: Record, findings: Sequence[Finding]) -> Record:
-    """Return the record without the stretches in which it moved."""
+    """Return the record without the stretches in which it moved; itself where it did not, or moved all the time."""
     segments = list(record.segments)
     for finding in findings:
         start, duration = (finding.parameters.get(name) for name in ("start", "duration"))
@@ -64,7 +64,8 @@ def without_motion(record: Record, findings: Sequence[Finding]) -> Record:
         segments = [
             part for a, b in segments for part in ((a, min(b, first)), (max(a, last), b)) if part[1] > part[0]
         ]
-    return replace(record, segments=tuple(segments)) if segments else record
+    changed = segments and tuple(segments) != record.segments
+    return replace(record, segments=tuple(segments)) if changed else record
 
 
 def with_notes_on_findings(identification: Identification, diagnosis: Diagnosis) -> Identification:

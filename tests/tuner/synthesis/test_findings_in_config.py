@@ -11,7 +11,7 @@ from tuner.cli import run
 from tuner.formats.configuration import config_json, load_config
 from tuner.identification import identify
 from tuner.identification.identify import with_terms_found
-from tuner.pipeline import identify_and_diagnose
+from tuner.pipeline import identified_again, identify_and_diagnose
 from tuner.simulation.static import simulate
 from tuner.synthesis import inflate, synthesize
 from tuner.synthesis.findings import (
@@ -202,3 +202,15 @@ def test_a_motion_that_only_the_diagnosis_finds_is_left_out_of_the_noise():
     assert not any("motion" in note for note in found.identification.notes)
     (record,) = found.still
     assert all(stop <= 6000 or start >= 6400 for start, stop in record.segments)
+
+
+def test_a_log_that_moved_nearly_all_the_time_keeps_its_noise():
+    """Pieces of 10 samples at both ends are too few to identify, and none at all is no record."""
+    records, _ = simulate({"gyro_x": MODEL}, duration=20.0, rate=100.0, seed=3)
+    found = identify(records, terms=("white",))
+    for start, duration, said in ((0.1, 19.8, True), (-1.0, 30.0, False)):
+        moved = (finding("motion", start=start, duration=duration),)
+        still, kept = identified_again(records, found, moved, terms=("white",), latitude=None)
+        assert still == records
+        assert kept.channels is found.channels
+        assert any("motion" in note for note in kept.notes) == said
