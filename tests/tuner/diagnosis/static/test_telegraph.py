@@ -6,13 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import multivariate_normal
 
 from models.noise import BiasInstability, NoiseModel, RandomWalk, White
 from tuner.diagnosis import diagnose
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.search import _settled
-from tuner.diagnosis.static.switching.kim_filter import paired, still, switching
-from tuner.diagnosis.static.switching.models import STILL, Chain, Slow, likelihood
+from tuner.diagnosis.static.switching.kim_filter import MAX_STATES, paired, still, switching
+from tuner.diagnosis.static.switching.models import STILL, Chain, Slow, likelihood, likelihood_by_start
 from tuner.simulation.static import Channel, simulate
 from tuner.types.records import Record
 
@@ -72,6 +73,29 @@ def test_levels_that_are_one_are_none():
     alone = likelihood(y, STILL, slow, 0.5)
     assert np.isclose(likelihood(y, Chain.two(0.0, 0.1, 0.3), slow, 0.5), alone)
     assert np.isclose(likelihood(y, Chain.even([0.0, 0.0, 0.0], 0.2), slow, 0.5), alone)
+
+
+@pytest.mark.parametrize("states", [1, 2, MAX_STATES + 1])
+def test_one_level_is_an_offset_with_a_normal_law(states):
+    """The likelihood is that of normal numbers whose covariances are those of the states and the white part."""
+    rng, phi, q = np.random.default_rng(5), np.linspace(0.9, 0.5, states), np.linspace(0.2, 0.1, states)
+    y, path, lag = (
+        rng.standard_normal(12),
+        np.zeros(12),
+        np.abs(np.subtract.outer(np.arange(12), np.arange(12))),
+    )
+    covariance = 0.5 * np.eye(12) + sum(v / (1.0 - a**2) * a**lag for a, v in zip(phi, q, strict=True))
+    exact = multivariate_normal.logpdf(y - 3.0, cov=covariance) + 6.0 * np.log(2.0 * np.pi)
+    slow = Slow(phi, q, q / (1.0 - phi**2))
+    assert likelihood(y, Chain.even([3.0], 0.0), slow, 0.5, path) == pytest.approx(exact, rel=1e-9)
+    assert likelihood_by_start(y, Chain.even([3.0], 0.0), slow, 0.5) == pytest.approx(exact, rel=1e-9)
+    assert np.all(path == 3.0)
+
+
+def test_no_level_is_refused():
+    none = Chain(np.empty(0), np.empty(0), np.empty((0, 0)))
+    with pytest.raises(ValueError, match=r"^0 levels"):
+        likelihood(np.zeros(4), none, Slow.of([RandomWalk(0.1)], 1.0), 1.0)
 
 
 def test_two_levels_with_even_chances_are_one_chain():

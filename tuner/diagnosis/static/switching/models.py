@@ -120,7 +120,7 @@ def block_noise(terms: Sequence[Term], step: float) -> float:
 def likelihood(
     y: FloatArray, chain: Chain, slow: Slow, r: FloatArray | float, path: FloatArray = NO_VALUES
 ) -> float:
-    """Return the log likelihood of block means, shape (M,), by `switching`.
+    """Return the log likelihood of block means, shape (M,), by `switching`; with one level by `still`.
 
     `r` is the variance of their white part, one for all or one each, shape (M,).
 
@@ -129,12 +129,14 @@ def likelihood(
     ValueError
         Other than one to three levels, or more slow states beside two or three than `MAX_STATES`.
     """
-    if len(chain.levels) > 3 or (chain is not STILL and len(slow.phi) > MAX_STATES):
-        msg = f"{len(chain.levels)} levels beside {len(slow.phi)} slow states, expected 3 and {MAX_STATES} at most"
+    levels, alone = len(chain.levels), len(chain.levels) == 1
+    if not 1 <= levels <= 3 or (not alone and len(slow.phi) > MAX_STATES):
+        msg = f"{levels} levels beside {len(slow.phi)} slow states, expected 1 to 3 and {MAX_STATES} at most"
         raise ValueError(msg)
     r = np.full(len(y), r)
-    if chain is STILL:
-        value = still(y, slow.phi, slow.q, slow.initial, r)
+    if alone:
+        value = still(y - chain.levels[0], slow.phi, slow.q, slow.initial, r)
+        path[:] = chain.levels[0]
     else:
         run = paired if len(slow.phi) == 2 else switching
         value = run(y, chain.levels, chain.first, chain.chances, slow.phi, slow.q, slow.initial, r, path)
