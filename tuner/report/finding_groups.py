@@ -1,8 +1,9 @@
 """Findings that call for one action in one group, ranked by the drift of position that they cause.
 
 One group a cause and sensor; events at one time are one group, whatever they are called in each axis; lines at
-multiples of one spacing are a comb. A finding that makes held-out data less likely is a note, and so is a group that
-moves no position, unless the samples themselves are at fault. Every finding stands, complete, in ``result.json``.
+multiples of one spacing are a comb. A filter that takes motion away comes first: a log at rest does not show what that
+costs. A finding that makes held-out data less likely is a note, and so is a group that moves no position at rest,
+unless it takes motion away or the samples themselves are at fault. Every finding stands, complete, in ``result.json``.
 """
 
 from __future__ import annotations
@@ -70,9 +71,14 @@ class FindingGroup:
         )
 
     @property
+    def in_motion(self) -> str:
+        """What it does to samples in motion, in words, that of the clearest finding; empty for nothing known."""
+        return next((text for one in self.findings if (text := _in_motion(one))), "")
+
+    @property
     def matters(self) -> bool:
-        """Whether it moves the position, or may for all that is known; faults of the samples do."""
-        if not self.drift or self.worth >= log(MIN_DRIFT_CHANGE):
+        """Whether it moves the position, or may for all that is known; faults of the samples do, and lost motion."""
+        if self.in_motion or not self.drift or self.worth >= log(MIN_DRIFT_CHANGE):
             return True
         return any(changed_entry(finding.cause) == SAMPLES_AT_FAULT for finding in self.findings)
 
@@ -86,7 +92,7 @@ def contradicted(finding: Finding) -> bool:
 
 
 def finding_groups(findings: Sequence[Finding], span: float | None = None) -> tuple[FindingGroup, ...]:
-    """Return the findings in groups, those first that move the position most.
+    """Return the findings in groups: those first that take motion away, then those that move the position most.
 
     Parameters
     ----------
@@ -103,11 +109,17 @@ def finding_groups(findings: Sequence[Finding], span: float | None = None) -> tu
         left = [one for one in left if one not in alike]
         groups.append(_group((first, *alike), span))
     clearest = {id(group): index for index, group in enumerate(groups)}
-    return tuple(sorted(groups, key=lambda group: (-round(group.worth, 2), clearest[id(group)])))
+    return tuple(
+        sorted(groups, key=lambda group: (not group.in_motion, -round(group.worth, 2), clearest[id(group)]))
+    )
+
+
+def _in_motion(finding: Finding) -> str:
+    return str(finding.extension.get("in_motion", ""))
 
 
 def _belong_together(a: Finding, b: Finding) -> bool:
-    if a.cause == b.cause and _sensors(a) == _sensors(b):
+    if a.cause == b.cause and (_sensors(a) == _sensors(b) or (_in_motion(a) and _in_motion(b))):
         return True
     when, other = _time(a), _time(b)
     return when is not None and other is not None and abs(when - other) <= SIMULTANEOUS_WITHIN
@@ -224,7 +236,7 @@ def drift_text(drift: Mapping[str, tuple[float, float]]) -> str:
     if not drift:
         return ""
     if all(a < MIN_DRIFT_CHANGE * b for a, b in drift.values()):
-        return "does not move the position"
+        return "does not move the position at rest"
     reported = {name: pair for name, pair in drift.items() if pair[0] >= MIN_DRIFT_CHANGE * pair[1]}
     parts = [f"{name} {' → '.join(way_texts(a, b))}" for name, (a, b) in reported.items()]
     return f"drift after {', after '.join(parts)} without it"
@@ -244,7 +256,7 @@ def headlines(findings: Sequence[Finding], span: float | None = None) -> list[st
     groups = [group for group in every if group.matters]
     lines = []
     for group in groups[:MAX_HEADLINES]:
-        words = [group.title, drift_text(group.drift), f"changes {group.changes}"]
+        words = [group.title, group.in_motion, drift_text(group.drift), f"changes {group.changes}"]
         lines.append("; ".join(part for part in words if part))
     if rest := groups[MAX_HEADLINES:]:
         lines.append(f"and {len(rest)} more of less effect: {'; '.join(group.short for group in rest)}")
@@ -252,7 +264,7 @@ def headlines(findings: Sequence[Finding], span: float | None = None) -> list[st
     if idle := [group for group in every if not group.matters]:
         share = 100.0 * (MIN_DRIFT_CHANGE - 1.0)
         listed = "; ".join(f"{group.title}: changes {group.changes}" for group in idle)
-        notes = [f"found, moves the position by less than {share:.2g} %: {listed}"]
+        notes = [f"found, moves the position at rest by less than {share:.2g} %: {listed}"]
     notes += [
         f"{one.cause} in {', '.join(one.channels)}: held-out data are less likely with it ({_split(one.gain)})"
         for one in findings

@@ -139,8 +139,9 @@ def _drift(group: FindingGroup) -> dict[str, Any] | None:
 
 
 def _words(group: FindingGroup) -> list[str]:
-    still = ["Does not move the position."] if group.drift and _drift(group) is None else []
-    lines = [*still, f"Changes {group.changes}."]
+    still = ["Does not move the position at rest."] if group.drift and _drift(group) is None else []
+    moving = [f"{group.in_motion[:1].upper()}{group.in_motion[1:]}."] if group.in_motion else []
+    lines = [*moving, *still, f"Changes {group.changes}."]
     for one in group.findings[:WORDED_FINDINGS]:
         lines.append(one.text + (f" → {one.consequence}" if one.consequence else ""))
         if one.gain is not None and (gain := gain_text(one.gain)):

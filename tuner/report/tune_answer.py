@@ -320,7 +320,7 @@ def _findings_of_log(result: TuneResult, *, short: bool, idle: bool) -> tuple[li
     if not idle and matter and all(group.changes == SAMPLES_AT_FAULT for group in matter):
         return [], 0
     if not matter:
-        return [f"No finding moves the position: {len(groups)} on the page"], len(groups)
+        return [f"No finding moves the position at rest: {len(groups)} on the page"], len(groups)
     if not short:
         return [_in_words(group) for group in matter], len(matter)
     while len(text := _in_short(matter)) > LINE_WIDTH and len(matter) > 1:
@@ -330,7 +330,7 @@ def _findings_of_log(result: TuneResult, *, short: bool, idle: bool) -> tuple[li
 
 def _in_words(group: FindingGroup) -> str:
     """Return a finding, what it does to the position, and which setting it changes."""
-    parts = [drift_text(_most_moved(group.drift)), f"changes {_entry(group.changes)}"]
+    parts = [group.in_motion, drift_text(_most_moved(group.drift)), f"changes {_entry(group.changes)}"]
     return f"{group.short[:1].upper()}{group.short[1:]}: " + "; ".join(part for part in parts if part)
 
 
@@ -341,7 +341,7 @@ def _in_short(groups: Sequence[FindingGroup]) -> str:
     alike = len(names) == 1 and all(moved)
     parts = []
     for group, one in zip(groups, moved, strict=True):
-        does = f": changes {_entry(group.changes)}"
+        does = f": {group.in_motion or f'changes {_entry(group.changes)}'}"
         for name, pair in one.items():
             does = " " if alike else f": {name} drift "
             does += "→".join(way_texts(*pair))

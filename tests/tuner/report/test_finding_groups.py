@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from models.noise import NoiseModel, White
+from tuner.diagnosis.static.causes.lowpass import LowPass
 from tuner.diagnosis.static.position_drift import position_drift, with_drifts
+from tuner.diagnosis.static.spectrum.filters import MEAN_CUTOFFS
 from tuner.report.finding_groups import MAX_HEADLINES, comb_spacing, finding_groups, headlines
 from tuner.report.static_diagnosis_tables import unexplained_lines
 from tuner.simulation.static import simulate
@@ -44,10 +46,44 @@ def test_findings_are_ranked_by_the_drift_that_they_cause():
     )
     assert [line.split()[0] for line in told[:3]] == ["warmup", "step", "clipping"]
     assert told[3].startswith(
-        "note: found, moves the position by less than 1 %: lowpass in gyro_x: changes white noise"
+        "note: found, moves the position at rest by less than 1 %: lowpass in gyro_x: changes white noise"
     )
     assert "; heavy_tails in gyro_x: changes white noise, by its share of the time" in told[3]
     assert "drift after 60 s 5.0 → 1.0 m without it; changes bias states" in told[0]
+
+
+def test_a_filter_that_takes_motion_away_comes_first():
+    """A log at rest does not show what it costs; filters of all sensors call for one action."""
+    lost = LowPass(0.0, "pole1", 0.22).in_motion(0.1)
+    # One pole delays slow motion by its time constant, 1/(2π 0.22 Hz) = 0.72 s.
+    assert lost == "motion faster than 0.22 Hz is lost, delay at least 0.7 s: record unfiltered samples"
+    slow = [
+        replace(finding("lowpass", axis, drift=1.0, cutoff=0.22), extension={"in_motion": lost})
+        for axis in ("gyro_x", "accel_z")
+    ]
+    told = headlines([finding("telegraph", "gyro_y", drift=2.5), *slow])
+    assert told[0].startswith("lowpass in gyro_x, accel_z; motion faster than 0.22 Hz is lost")
+    assert "does not move the position at rest" in told[0]
+    assert told[1].startswith("telegraph in gyro_y")
+
+
+@pytest.mark.parametrize(
+    ("kind", "cutoff", "interval"),
+    [("pole1", 12.0, 0.01), ("pole1", 0.22, 1.0), ("mean1", 0.443, 1.0)],
+    ids=["above motion", "near the rate", "mean over one interval"],
+)
+def test_a_filter_faster_than_motion_or_as_slow_as_the_sampling_loses_nothing(kind, cutoff, interval):
+    assert not LowPass(0.0, kind, cutoff).in_motion(interval)
+
+
+@pytest.mark.parametrize(("kind", "width"), [("mean1", 1), ("pole2", 0)])
+def test_the_delay_is_that_of_the_filter_at_frequency_zero(kind, width):
+    """Moving means delay by half their length, poles of a Butterworth filter by √2/(2π cutoff) for two."""
+    interval, cutoff = 1e-2, 0.5
+    length = width * MEAN_CUTOFFS[width] / cutoff if width else 0.0
+    expected = length / 2.0 if width else np.sqrt(2.0) / (2.0 * np.pi * cutoff)
+    # Between samples of the filter: one interval.
+    assert LowPass(0.0, kind, cutoff).delay(interval) == pytest.approx(expected, abs=1.5 * interval)
 
 
 def test_events_are_counted_with_their_share_of_the_time():

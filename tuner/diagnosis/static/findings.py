@@ -41,6 +41,7 @@ class Single:
     cause: Extension | type[Cause]
     parameters: Mapping[str, Coefficient]
     inflation: Enlargement | None
+    in_motion: str = ""
 
 
 def findings(every: Iterable[Single]) -> tuple[Finding, ...]:
@@ -73,7 +74,10 @@ def singles(axis: str, outcome: SearchResult, base: NoiseModel) -> tuple[Single,
             accepted = replace(accepted, alternatives=(itself, *accepted.alternatives))
         parameters = {name: value.coefficient(channel.unit, channel.scale) for name, value in values.items()}
         inflation = _inflation(axis, outcome, accepted, base)
-        found.append(Single(axis, channel.unit, channel.scale, accepted, cause, parameters, inflation))
+        moving = extension.in_motion(channel.interval)
+        found.append(
+            Single(axis, channel.unit, channel.scale, accepted, cause, parameters, inflation, moving)
+        )
     return tuple(found)
 
 
@@ -192,6 +196,8 @@ def _finding(group: list[Single]) -> Finding:
     extension: dict[str, object] = {"cause": cause.cause, "joins": joins(cause.cause)}
     if cause is best.accepted.extension.family:
         extension["members"] = {single.axis: _member(single) for single in group}
+    if best.in_motion:
+        extension["in_motion"] = best.in_motion
     return Finding(
         cause=cause.cause,
         channels=channels,
@@ -200,7 +206,7 @@ def _finding(group: list[Single]) -> Finding:
         p_value=min(1.0, result.p_value),
         parameters=parameters,
         text=words(cause.cause, channels, cause.meaning, parameters, by_channel),
-        consequence=cause.consequence,
+        consequence="; ".join(filter(None, (best.in_motion, cause.consequence))),
         extension=extension,
         gain=summed([single.accepted.gain for single in group]),
         alternatives=alternatives([single.accepted for single in group]),

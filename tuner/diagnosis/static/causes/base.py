@@ -194,6 +194,10 @@ class Extension(Cause):
         """Return the share of a record, 0 … 1, in which the cause makes the noise larger than its rms over it."""
         return 1.0
 
+    def in_motion(self, interval: float) -> str:  # noqa: ARG002
+        """Return what it does to samples of motion, every `interval`, s, and no drift at rest shows; else empty."""
+        return ""
+
     def refit(self, fitted: Residual, index: int) -> Extension:  # noqa: ARG002
         """Return the extension, number `index` of a residual that has it, with its parameters fitted again."""
         return self

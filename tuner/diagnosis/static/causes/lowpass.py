@@ -34,6 +34,7 @@ from tuner.diagnosis.static.spectrum.filters import (
     is_mean,
 )
 from tuner.diagnosis.static.spectrum.shape import ShapeFit, ShapeTest, cutoffs, fit_filters
+from tuner.formats.customary_units import digits
 
 if TYPE_CHECKING:
     from tuner.diagnosis.static.model.residual import Residual
@@ -43,6 +44,13 @@ BoolArray = NDArray[np.bool_]
 
 MIN_INTERVAL_CHANGE = 0.05
 """Share of its length by which an interval must move for the model to be fitted again: 0.2 sd of the cutoff."""
+
+MOTION_BELOW = 2.0
+"""Cutoff below which a filter takes motion away, Hz: the steps of a walk come at 2 Hz, a vehicle sways at 1 to 2 Hz,
+and turns and brakes within a second."""
+FILTERED_BESIDES = 0.1
+"""Cutoff × interval below which a filter takes more than sampling does: the mean over one interval, 0.44, keeps all
+motion that is integrated, and one of this cutoff is longer than four intervals."""
 
 
 @dataclass(frozen=True)
@@ -83,6 +91,26 @@ class LowPass(ShapedWhiteNoise):
         if is_mean(self.kind):
             return filter_power(self.kind, self.cutoff * interval, np.asarray(f) * interval)
         return super().gain(f, interval)
+
+    def delay(self, interval: float) -> float:
+        """Return how late slow motion is in samples every `interval`, s: the least of any filter of this response, s.
+
+        Minus the slope of the phase at frequency 0 of the filter whose zeros and poles are inside the unit circle.
+        """
+        shape = self.arma(interval)
+        above, below = np.array([1.0, *shape.ma]), np.array([1.0, *(-a for a in shape.ar)])
+        mean = [float(np.arange(c.size) @ c / c.sum()) for c in (above, below)]
+        return interval * (mean[0] - mean[1])
+
+    def in_motion(self, interval: float) -> str:
+        """Return how fast motion must be to be lost, and how late it is, where the filter is that slow."""
+        if self.cutoff >= min(MOTION_BELOW, FILTERED_BESIDES / interval):
+            return ""
+        delay = digits(self.delay(interval), 1)
+        return (
+            f"motion faster than {digits(self.cutoff, 2)} Hz is lost, delay at least {delay} s:"
+            " record unfiltered samples"
+        )
 
     def hides(self, f: FloatArray, interval: float) -> BoolArray | bool:
         """Return whether less than half of the white noise passes a sharp filter.
