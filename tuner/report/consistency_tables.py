@@ -13,7 +13,7 @@ from tuner.consistency.error_budget import table as budget_rows
 from tuner.formats.outage_words import outage_words
 from tuner.report.verdict_text import observability_text, verdict_text
 from tuner.types.consistency import Check, Consistency, ErrorBudget, Observability, Outage, Score
-from tuner.types.verdict import VerdictCode
+from tuner.types.verdict import Verdict, VerdictCode
 
 _TITLES = {
     "nees": "NEES, all",
@@ -28,11 +28,13 @@ _TITLES = {
 }
 
 
-MEANINGS = {
-    VerdictCode.OPTIMISTIC: "optimistic: it errs more than it says, so nothing downstream may rely on its sds",
-    VerdictCode.PESSIMISTIC: "pessimistic: it errs less than it says; safe, but it uses its sensors less than it could",
-}
-"""What the words for a ratio off 1 mean for a user."""
+_OPTIMISTIC = "optimistic: it errs more than it says, so nothing downstream may rely on its sds"
+_PESSIMISTIC = "pessimistic: it errs less than it says; safe, but it uses its sensors less than it could"
+_SMALL_INNOVATIONS = (
+    "pessimistic innovations: smaller than predicted, for instance because errors of the fixes stay alike from fix to "
+    "fix; they do not show that the filter errs less than it says"
+)
+_PESSIMISTIC_IN_PART = "pessimistic: of these outputs alone it errs less than it says; others err more"
 
 
 def score_title(name: str) -> str:
@@ -72,8 +74,17 @@ def consistency_tables(found: Consistency, notes: Sequence[str] = ()) -> list[Ta
     answer += [f"  note: {note}" for note in notes]
     answer.append("consistent" if found.consistent else "NOT consistent")
     answer += [f"  {verdict_text(verdict)}" for verdict in found.verdicts]
-    codes = {verdict.code for verdict in found.verdicts}
-    return answer + [f"  {text}" for code, text in MEANINGS.items() if code in codes]
+    return answer + [f"  {text}" for text in meanings(found.verdicts)]
+
+
+def meanings(verdicts: Sequence[Verdict]) -> list[str]:
+    """Return what optimistic and pessimistic scores mean for a user: nothing is safe where any is optimistic."""
+    small = [one.subject for one in verdicts if one.code is VerdictCode.PESSIMISTIC]
+    if not any(one.code is VerdictCode.OPTIMISTIC for one in verdicts):
+        return [_PESSIMISTIC] if small else []
+    innovations = [name for name in small if name.startswith("nis")]
+    outputs = [_PESSIMISTIC_IN_PART] if len(innovations) < len(small) else []
+    return [_OPTIMISTIC, *outputs, *([_SMALL_INNOVATIONS] if innovations else [])]
 
 
 def consistency_verdict(found: Consistency) -> tuple[bool, str]:
