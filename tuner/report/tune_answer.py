@@ -347,6 +347,8 @@ def _in_short(groups: Sequence[FindingGroup]) -> str:
             does += "→".join(way_texts(*pair))
         parts.append(f"{group.short.replace(' in ', ' ', 1)}{does}")
     text = "; ".join(parts)
+    if groups[0].in_motion and len(groups) == 1 and len(text) > LINE_WIDTH:
+        text = groups[0].in_motion
     return f"{names.pop()} drift: {text}" if alike else f"{text[:1].upper()}{text[1:]}"
 
 

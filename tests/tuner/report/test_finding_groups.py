@@ -56,7 +56,7 @@ def test_a_filter_that_takes_motion_away_comes_first():
     """A log at rest does not show what it costs; filters of all sensors call for one action."""
     lost = LowPass(0.0, "pole1", 0.22).in_motion(0.1)
     # One pole delays slow motion by its time constant, 1/(2π 0.22 Hz) = 0.72 s.
-    assert lost == "motion faster than 0.22 Hz is lost, delay at least 0.7 s: record unfiltered samples"
+    assert lost == "motion faster than 0.22 Hz is lost, delay at least 0.7 s: record it unfiltered"
     slow = [
         replace(finding("lowpass", axis, drift=1.0, cutoff=0.22), extension={"in_motion": lost})
         for axis in ("gyro_x", "accel_z")

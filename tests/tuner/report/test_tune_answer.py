@@ -98,6 +98,15 @@ def test_six_axes_that_differ_and_many_findings_take_ten_lines(result):
     assert all(any(line.startswith(axis.replace("_", " ")) for line in lines) for axis in axes)
     assert "telegraph" in "\n".join(lines).lower()
     assert "more" in lines[-1]
+    lost = "motion faster than 0.22 Hz is lost, delay at least 0.7 s: record it unfiltered"
+    filters = [
+        replace(one, cause="lowpass", channels=(a,), parameters={}, extension={"in_motion": lost})
+        for a in axes
+    ]
+    filtered = replace(many, diagnosis=replace(result.diagnosis, findings=(*found, *filters)))
+    lines = answer_lines(filtered, Path("tuner-out/a_log_of_usual_name"))
+    assert len(lines) <= 10
+    assert "Motion faster than 0.22 Hz is lost" in "\n".join(lines)
 
 
 @pytest.mark.parametrize("code", [VerdictCode.CORRELATED_INNOVATIONS, VerdictCode.OPTIMISTIC])

@@ -107,10 +107,7 @@ class LowPass(ShapedWhiteNoise):
         if self.cutoff >= min(MOTION_BELOW, FILTERED_BESIDES / interval):
             return ""
         delay = digits(self.delay(interval), 1)
-        return (
-            f"motion faster than {digits(self.cutoff, 2)} Hz is lost, delay at least {delay} s:"
-            " record unfiltered samples"
-        )
+        return f"motion faster than {digits(self.cutoff, 2)} Hz is lost, delay at least {delay} s: record it unfiltered"
 
     def hides(self, f: FloatArray, interval: float) -> BoolArray | bool:
         """Return whether less than half of the white noise passes a sharp filter.
