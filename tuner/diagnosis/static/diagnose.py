@@ -160,9 +160,8 @@ def diagnose(
             for r in outcome.unexplained
         )
         final = outcome.final.beside_others(part)
-        return _Diagnosed(
-            with_sidebands(singles(part.axis, outcome, before)), unexplained, final, before, after, found
-        )
+        named = with_sidebands(singles(part.axis, outcome, before), 0.5 * part.interval * (len(part) - 1))
+        return _Diagnosed(named, unexplained, final, before, after, found)
 
     stage("searching for causes", 0.9)
     longest_first = sorted(parts, key=lambda part: -colour[part[0].axis])
