@@ -336,7 +336,7 @@ def _in_words(group: FindingGroup) -> str:
 
 def _in_short(groups: Sequence[FindingGroup]) -> str:
     """Return findings and how far they move the position: ``1000 s drift: step accel z 2557→684 m; …``."""
-    moved = [_most_moved(group.drift) if group.worth > 0.0 else {} for group in groups]
+    moved = [_most_moved(one.drift) if one.worth > 0.0 and not one.in_motion else {} for one in groups]
     names = {name for one in moved for name in one}
     alike = len(names) == 1 and all(moved)
     parts = []
