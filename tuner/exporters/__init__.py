@@ -7,6 +7,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 from models.registry import RegistryError
@@ -126,9 +127,14 @@ def export(
     Raises
     ------
     DataError
-        For an unknown dialect, a sensor that the target cannot do without, and an axis without white noise.
+        For an unknown dialect, a sensor that the target cannot do without, an axis without white noise, and an
+        interval, a step or a memory that is not positive.
     """
     declared = dialect_named(dialect)
+    for name, value in (("interval", interval), ("step", step), ("memory", memory)):
+        if value is not None and not 0.0 < value < math.inf:
+            msg = f"export: expected {name} above 0 s, got {value:g}"
+            raise DataError(msg)
     if isinstance(config, str | Path):
         config = load_config(config)
     if missing := lacking(config, declared):

@@ -26,6 +26,10 @@ from models.noise import NoiseModel, Ramp
 
 FloatArray = NDArray[np.float64]
 
+MIN_SAMPLES = 16
+"""Shortest test, samples: what is identified at least."""
+MAX_HOURS = 1e5
+"""Longest test, h: more than eleven years."""
 MAX_RELATIVE_SD = 1.0 / 1.96
 """Relative sd up to which a record shows a term: its amplitude then differs from zero at 95 %."""
 
@@ -90,10 +94,11 @@ def plan(model: NoiseModel, *, interval: float, hours: float, accuracy: float) -
     Raises
     ------
     ValueError
-        If `hours` or `accuracy` is not positive.
+        If `hours` is less than `MIN_SAMPLES` samples or more than `MAX_HOURS`, or `accuracy` not between 0 and 1.
     """
-    if not hours > 0:
-        msg = f"'hours' must be positive, got {hours}"
+    least = MIN_SAMPLES * interval / 3600.0
+    if not least <= hours <= MAX_HOURS:
+        msg = f"'hours' must lie between {least:.3g} and {MAX_HOURS:g}, got {hours:g}"
         raise ValueError(msg)
     if not 0 < accuracy < 1:
         msg = f"'accuracy' must lie between 0 and 1, got {accuracy}"

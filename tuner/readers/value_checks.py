@@ -36,6 +36,9 @@ ROWS_AT_ONCE = 1 << 16
 NOISE_SAMPLES = 20_000
 """Steps from which the noise is taken: its median is then known to 1 %."""
 
+MIN_SHARE_ON_CODES = 0.9
+"""Least share of samples on values that occur more than once, which are then the codes of a quantizer: samples of a
+float log repeat only where they are clipped."""
 WELL_DITHERED = 0.35
 """Sd in steps from which the variance of the codes is no less than that of the noise, wherever the mean lies."""
 QUANTIZER_SAMPLES = 1 << 16
@@ -154,8 +157,9 @@ def limiting_step(y: NDArray[Any]) -> float | None:
     """
     some = y[:QUANTIZER_SAMPLES]
     levels, count = np.unique(some, return_counts=True)
-    levels = levels[count > 1]
-    if not 2 <= len(levels) <= MAX_LEVELS:
+    repeated = count > 1
+    levels = levels[repeated]
+    if not 2 <= len(levels) <= MAX_LEVELS or count[repeated].sum() < MIN_SHARE_ON_CODES * len(some):
         return None
     step = float(np.diff(levels).min())
     far = (

@@ -1,5 +1,7 @@
 """Length of a static test: Cramér–Rao bounds, scaling laws, the cluster rule."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -65,7 +67,14 @@ def test_what_is_impossible_is_said():
 
 
 @pytest.mark.parametrize(
-    ("hours", "accuracy", "word"), [(0.0, 0.1, "hours"), (1.0, 0.0, "accuracy"), (1.0, 1.5, "accuracy")]
+    ("hours", "accuracy", "word"),
+    [
+        (0.0, 0.1, "hours"),
+        (1e-6, 0.1, "hours"),
+        (math.inf, 0.1, "hours"),
+        (1.0, 0.0, "accuracy"),
+        (1.0, 1.5, "accuracy"),
+    ],
 )
 def test_bad_wishes_are_refused(hours, accuracy, word):
     with pytest.raises(ValueError, match=word):

@@ -10,6 +10,7 @@ import pytest
 
 from tests.tuner.readers.plain_logs import ACCEL, COUNT, GYRO, HEADER, T, notes, refused, rows, write
 from tuner.readers import read
+from tuner.readers.value_checks import limiting_step
 
 
 def test_order_duplicates_and_gaps_are_repaired_and_counted(tmp_path: Path) -> None:
@@ -167,3 +168,12 @@ def test_the_choice_of_the_first_of_two_clocks_is_reported(tmp_path: Path) -> No
     record, _ = read(write(tmp_path / "log.csv", lines, HEADER + ",timestamp"))
     assert record.rate == pytest.approx(100.0)
     assert any("t is 't'; --columns t=… chooses timestamp" in note for note in record.notes)
+
+
+def test_samples_that_saturate_in_a_shake_are_no_codes_of_a_quantizer() -> None:
+    rng = np.random.default_rng(4)
+    rate = rng.normal(0.0, 1e-3, 40_000)
+    rate[20_000:20_200] = np.clip(rng.normal(0.0, 4.0, 200), -2.0, 2.0)  # most of them at the two ends
+    assert limiting_step(rate) is None
+    between_codes = 0.01 + rng.normal(0.0, 1e-3, 40_000)
+    assert limiting_step(np.round(between_codes / 0.02) * 0.02) == pytest.approx(0.02)
