@@ -18,6 +18,7 @@ from tuner.compile_ahead import compiled_ahead
 from tuner.consistency.check import check
 from tuner.consistency.score_drive import DriveResult, navigate_drive
 from tuner.diagnosis import diagnose
+from tuner.diagnosis.data_quality.overflow import without_overflow
 from tuner.diagnosis.static.position_drift import found_signals
 from tuner.exporters import DIALECTS, dialect_named, export, lacking
 from tuner.formats import noise_yaml
@@ -287,15 +288,25 @@ def identified_again(
     terms: Sequence[str] | None,
     latitude: float | None,
 ) -> tuple[tuple[Record, ...], Identification]:
-    """Return records and their noise without the motion among the findings; as given where too little would be left."""
-    resting = tuple(without_motion(record, findings) for record in still)
-    if all(cut is before for cut, before in zip(resting, still, strict=True)):
-        return still, found
+    """Return records and their noise without what the findings take out of them; as given where they take nothing.
+
+    Wrapped samples are put back and motion is left out, unless too little would be left.
+    """
+    widths = {axis: one.value for one in findings if one.cause == "overflow" for axis in one.channels}
+    whole = tuple(without_overflow(record, widths) for record in still)
+    resting = tuple(without_motion(record, findings) for record in whole)
+
+    def noise(records: tuple[Record, ...]) -> Identification:
+        if all(one is before for one, before in zip(records, still, strict=True)):
+            return found
+        return identify(records, terms=terms, latitude=latitude)
+
     try:
-        return resting, identify(resting, terms=terms, latitude=latitude)
+        return resting, noise(resting)
     except DataError:
+        moved = noise(whole)
         left = "the noise was identified with the motion that was found in it: too little is left without it"
-        return still, replace(found, notes=(*found.notes, left))
+        return whole, replace(moved, notes=(*moved.notes, left))
 
 
 def configure(

@@ -6,6 +6,7 @@ finding                         what becomes of the identification
 line                            the terms are chosen beside a sinusoid
 gauss_markov, telegraph         the terms are chosen beside a Gauss–Markov process
 motion                          its stretches are left out: it is no noise of the sensor
+overflow                        its samples are put back by the range of the register
 all others                      as it is: a filter that does not compensate them meets them; a note says so
 ==============================  ====================================================================
 
@@ -36,6 +37,8 @@ from tuner.types.records import Record
 
 MOTION = "motion"
 """The finding whose stretches tell nothing of the noise of the sensor."""
+TAKEN_OUT = (MOTION, "overflow")
+"""Findings that are no longer in the samples when these are identified again."""
 WORTH_SAYING = 1.02
 """Factor up to which nothing is inflated."""
 
@@ -76,7 +79,7 @@ def with_notes_on_findings(identification: Identification, diagnosis: Diagnosis)
     notes = list(identification.notes)
     for axis, channel in identification.channels.items():
         causes = dict.fromkeys(f.cause for f in diagnosis.findings if axis in f.channels)
-        left = [cause for cause in causes if cause != MOTION and not _is_identified(cause)]
+        left = [cause for cause in causes if cause not in TAKEN_OUT and not _is_identified(cause)]
         if left:
             notes.append(
                 f"{axis} was identified with {', '.join(left)} in it{_without(diagnosis, axis, channel.unit)}"

@@ -3,6 +3,7 @@
 import json
 from functools import cache
 
+import numpy as np
 import pytest
 import yaml
 
@@ -24,6 +25,7 @@ from tuner.synthesis.findings import (
 from tuner.tune_result import TuneInputs
 from tuner.types import Coefficient, Diagnosis, Enlargement, Finding, Quantity
 from tuner.types.progress import silent
+from tuner.types.records import Record
 
 MODEL = NoiseModel([White(1e-4), RandomWalk(1e-6)])
 
@@ -214,3 +216,17 @@ def test_a_log_that_moved_nearly_all_the_time_keeps_its_noise():
         assert still == records
         assert kept.channels is found.channels
         assert any("motion" in note for note in kept.notes) == said
+
+
+def test_settings_are_those_of_samples_that_wrapped_put_back():
+    """A register whose end is two sds from the mean, 2 % beyond it: N is that of the samples before."""
+    rng = np.random.default_rng(31)
+    y = 1e-3 * (-7.0 + np.mod(rng.standard_normal(6_000) + 7.0, 9.0))
+    record = Record("gyro", 0.01 * np.arange(6_000), y[:, None], ("gyro_x",), "rad/s", 0.01)
+    inputs = TuneInputs("unit", (record,), None, None, None)
+    found = identify_and_diagnose(inputs, terms=None, latitude=None, replicas=0, seed=0, progress=silent)
+    assert [one.cause for one in found.diagnosis.findings] == ["overflow"]
+    white = found.identification.channels["gyro_x"].term("white").coefficients["density"].value
+    assert white == pytest.approx(1e-4, rel=0.04)  # 4 sds; 1.37e-4 with the wrapped samples
+    assert not any("overflow" in note for note in found.identification.notes)
+    assert np.sum(found.still[0].y > 2e-3) > 100

@@ -83,7 +83,8 @@ class Overflow(Cause):
     meaning = "a register is too small: samples beyond one end of its range come out at the other end"
     consequence = (
         "add or subtract the range where samples jump by about that much, or use a wider register: "
-        "a filter takes each of them for an error of the size of the range"
+        "a filter takes each of them for an error of the size of the range; tune identifies and sets the noise of "
+        "samples put back, identify that of samples as they are"
     )
     view = "values"
 

@@ -91,13 +91,16 @@ def unwrapped(y: FloatArray, width: float) -> FloatArray:
 
 
 def without_overflow(record: Record, widths: Mapping[str, float]) -> Record:
-    """Return a record with the wrapped samples of some axes put back, by the width of the range of each, unit.
+    """Return a record with the wrapped samples of those axes that it has put back, by the width of the range of each.
 
-    Segments are treated one by one: the level may differ between them.
+    Segments are treated one by one: the level may differ between them. Where nothing wrapped it is the record itself.
     """
+    wrapped = widths.keys() & set(record.axes)
+    if not wrapped:
+        return record
     y = record.y.copy(order="F")
-    for axis, width in widths.items():
-        column = y[:, record.axes.index(axis)]
+    for axis in wrapped:
+        column, width = y[:, record.axes.index(axis)], widths[axis]
         for start, stop in record.segments:
             column[start:stop] = unwrapped(column[start:stop], width)
     return replace(record, y=y)
