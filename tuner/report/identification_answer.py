@@ -124,18 +124,29 @@ def _recording(found: Identification) -> str:
     return "; ".join([*parts, *([assumed] if assumed else [])])
 
 
-def terms_too_short(found: Identification) -> dict[str, list[str]]:
-    """Return the axes of each term, by its symbol, that a longer record would show."""
+def terms_too_short(found: Identification) -> str:
+    """Return what a longer record would show: terms by their symbols, with the axes where it is not all of them.
+
+    A ramp has its name: R is the noise of a measurement as well. Sensors with all their axes have no letters.
+    """
     short: dict[str, list[str]] = {}
     for channel in found.channels.values():
         for term in channel.terms:
             for field, c in term.coefficients.items():
                 if c.value is None and c.reason and c.reason.startswith("record too short"):
-                    short.setdefault(symbol(f"{term.name}.{field}"), []).append(channel.axis)
-    return short
+                    sign = term.name if term.name == "ramp" else symbol(f"{term.name}.{field}")
+                    short.setdefault(sign, []).append(channel.axis)
+    every = [sign for sign, axes in short.items() if len(axes) == len(found.channels)]
+    signs: dict[str, list[str]] = {}
+    for sign in (one for one in short if one not in every):
+        for sensor in dict.fromkeys(axis.rpartition("_")[0] for axis in short[sign]):
+            lacking = [axis for axis in short[sign] if axis.rpartition("_")[0] == sensor]
+            whole = len(lacking) == sum(axis.rpartition("_")[0] == sensor for axis in found.channels)
+            signs.setdefault(sensor if whole and sensor else axes_text(lacking), []).append(sign)
+    return ", ".join([*every, *(f"{axes} {' '.join(own)}" for axes, own in signs.items())])
 
 
 def _too_short(found: Identification) -> list[str]:
     """Return which terms of which axes a longer record would show; empty where none is bounded for that reason."""
-    text = "; ".join(f"{sign} of {axes_text(axes)}" for sign, axes in terms_too_short(found).items())
+    text = terms_too_short(found)
     return [f"Too short to show {text}: `tuner plan` says how long it takes"] if text else []

@@ -239,7 +239,7 @@ def _compared(result: TuneResult) -> str:
     span = min((channel.span for channel in channels if channel.span > 0.0), default=0.0)
     rest = any(used_part(result.identification.source, channel.axis) for channel in channels)
     text = f"the {span_text(span)}{' at rest' * rest} up to τ = {digits(longest, 2)} s"
-    signs = " ".join(terms_too_short(result.identification))
+    signs = terms_too_short(result.identification)
     return f"{text}, too short to show {signs}" if signs else text
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,7 +20,12 @@ from tuner.identification import identify
 from tuner.identification.several_logs import pool
 from tuner.report.alike_sentences import alike_sentences
 from tuner.report.comparison_tables import choice_tables, comparison_tables
-from tuner.report.identification_answer import identification_answer, pooled_answer, warning_lines
+from tuner.report.identification_answer import (
+    identification_answer,
+    pooled_answer,
+    terms_too_short,
+    warning_lines,
+)
 from tuner.report.settings_rows import axes_text
 from tuner.report.terms_rows import single_row
 from tuner.simulation.static import simulate
@@ -116,6 +122,25 @@ def test_the_part_of_a_log_that_is_used_is_named():
     cut = identify([replace(whole, segments=((200, 1000), (1200, 2400)))], arma=None)
     assert ", 10 to 120 s of its clock in 2 parts" in " ".join(lines(identification_answer("log", cut)))
     assert " to " not in lines(identification_answer("log", identify([whole], arma=None)))[0]
+
+
+def test_what_a_record_is_too_short_for_has_its_axes():
+    """B known on two axes was said to be too short; R, which is measurement noise elsewhere, is the ramp."""
+    lacking = Coefficient.bounded(1.0, "", "record too short: 1 hour needed")
+    known = Coefficient.known(1.0, 0.9, 1.1, "")
+    fields = {"bias_instability": "level", "random_walk": "density", "ramp": "rate"}
+
+    def channel(axis, shown):
+        terms = [
+            SimpleNamespace(name=n, coefficients={c: known if n in shown else lacking})
+            for n, c in fields.items()
+        ]
+        return SimpleNamespace(axis=axis, terms=terms)
+
+    shown = dict.fromkeys(("accel_x", "accel_y"), ("bias_instability",))
+    axes = (*AXES, "accel_x", "accel_y", "accel_z")
+    found = SimpleNamespace(channels={axis: channel(axis, shown.get(axis, ())) for axis in axes})
+    assert terms_too_short(found) == "K, ramp, gyro B, accel z B"
 
 
 def test_warnings_are_shortened_to_what_they_are_about(found):
