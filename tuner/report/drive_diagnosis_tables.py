@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from rich.table import Table
 
 from tuner.diagnosis.drive.noise_scale_estimates import UNKNOWN_CAUSE, factor_text, listed, may_be_one
-from tuner.formats.customary_units import customary_unit, digits, in_customary, pretty
+from tuner.formats.customary_units import amount, customary_unit, digits, in_customary, pretty
 from tuner.formats.reference_words import reference_line
 from tuner.report.answer_layout import filled
 from tuner.report.diagnosis_answer import CLEAREST_FINDINGS
 from tuner.report.drive_answer import found_text
 from tuner.report.static_diagnosis_tables import findings_table
-from tuner.types import DriveDiagnosis, Gain, NoiseScaleEstimate
+from tuner.types import DriveDiagnosis, Finding, Gain, NoiseScaleEstimate
 
 NOISE_CAUSES = {"vibration", "gnss_noise_scale", "imu_noise_scale"}
 """Causes of larger noise that stays with all findings in the filter."""
+_STAYING_CAUSES = {"correlated_gnss": "position", "correlated_velocity": "velocity"}
+"""Causes that take the errors that stay out of a setting, which is that of white ones then."""
 
 
 def drive_diagnosis_answer(found: DriveDiagnosis) -> list[str]:
@@ -25,7 +27,7 @@ def drive_diagnosis_answer(found: DriveDiagnosis) -> list[str]:
     if found.quiet:
         lines = ["Nothing found: the drive agrees with a simulation of this filter"]
     left = [f"Unexplained: {one.statistic}" for one in found.unexplained]
-    noise = noise_lines(found.noise_scales)
+    noise = noise_lines(found.noise_scales, found.findings)
     gain = [] if found.gain is None else [whole_gain_text(found.gain)]
     harm = [] if found.credited else [harm_text(found.gain)]
     rest = [f"Missing: {one}" for one in missing(found)] + [f"Note: {one}" for one in found.notes]
@@ -35,8 +37,12 @@ def drive_diagnosis_answer(found: DriveDiagnosis) -> list[str]:
     return filled([], [f"{text[:1].upper()}{text[1:]}" for text in texts], also="every finding and test")
 
 
-def noise_lines(estimates: Sequence[NoiseScaleEstimate]) -> list[str]:
-    """Return in words the noise that a drive shows otherwise than stated: of no named cause, of one, or explained."""
+def noise_lines(estimates: Sequence[NoiseScaleEstimate], findings: Sequence[Finding] = ()) -> list[str]:
+    """Return in words the noise that a drive shows otherwise than stated: of no named cause, of one, or explained.
+
+    Beside errors of the fixes that stay, which are among `findings`, a factor is that of the white part alone.
+    """
+    staying = _staying(findings)
     shown = [
         one for one in estimates if one.stated is not None and one.identifiable and not may_be_one(one.plain)
     ]
@@ -46,19 +52,39 @@ def noise_lines(estimates: Sequence[NoiseScaleEstimate]) -> list[str]:
     explained = [SHORT_NAMES[one.setting] for one in shown if one not in left]
     lines = []
     if unnamed:
-        lines.append(f"Noise of no known cause, true ÷ stated: {'; '.join(map(_factor_left, unnamed))}")
+        lines.append(
+            f"Noise of no known cause, true ÷ stated: {'; '.join(_factor_left(one, staying) for one in unnamed)}"
+        )
     if named:
-        lines.append(f"Noise, true ÷ stated: {'; '.join(map(_factor_left, named))}")
+        lines.append(f"Noise, true ÷ stated: {'; '.join(_factor_left(one, staying) for one in named)}")
     if explained:
         lines.append(f"As stated once the findings are in the filter: {', '.join(explained)}")
     return lines
 
 
-def _factor_left(one: NoiseScaleEstimate) -> str:
+def _factor_left(one: NoiseScaleEstimate, staying: Mapping[str, str]) -> str:
     """Return the factor on a setting that is left with all findings in the filter, and what accounts for it."""
     causes = [cause.replace("_", " ") for cause in one.causes if cause in NOISE_CAUSES]
     by = f" ({listed(causes)})" if causes else ""
-    return f"{SHORT_NAMES[one.setting]} × {factor_text(one.named)}{by}"
+    beside = f" beside errors that stay, sd {staying[one.setting]}" if one.setting in staying else ""
+    return f"{_name_left(one, staying)} × {factor_text(one.named)}{beside}{by}"
+
+
+def _name_left(one: NoiseScaleEstimate, staying: Mapping[str, str]) -> str:
+    name = SHORT_NAMES[one.setting]
+    return f"white part of {name}" if one.setting in staying else name
+
+
+def _staying(findings: Sequence[Finding]) -> dict[str, str]:
+    """Return the sds of errors of the fixes that stay, in words by the setting of their white part."""
+    sds: dict[str, str] = {}
+    for one in findings:
+        if (setting := _STAYING_CAUSES.get(one.cause)) is not None:
+            level, down = (one.parameters.get(name) for name in ("sd", "sd_vertical"))
+            words = [amount(level)] if level is not None else []
+            words += [f"vertically {amount(down)}"] if down is not None else []
+            sds[setting] = ", ".join(words)
+    return sds
 
 
 def drive_tables(found: DriveDiagnosis) -> list[Table | str]:
@@ -80,7 +106,7 @@ def drive_tables(found: DriveDiagnosis) -> list[Table | str]:
         for u in found.unexplained
     ]
     if found.noise_scales:
-        answer += noise_scale_tables(found.noise_scales)
+        answer += noise_scale_tables(found.noise_scales, found.findings)
     answer += [f"  missing: {line}" for line in missing(found)]
     return answer + [f"  note: {note}" for note in found.notes]
 
@@ -137,14 +163,22 @@ def harm_text(gain: Gain | None) -> str:
     )
 
 
-def noise_scale_tables(estimates: Sequence[NoiseScaleEstimate]) -> list[Table | str]:
+def noise_scale_tables(
+    estimates: Sequence[NoiseScaleEstimate], findings: Sequence[Finding] = ()
+) -> list[Table | str]:
     """Return one row a noise setting: the stated value, the scale estimated from the drive, and its causes."""
     table = Table(title="Noise settings: stated, and estimated from the drive (95 % intervals)")
     for head in ("setting", "stated", "estimated", "factor", "with all findings", "accounted for by"):
         table.add_column(head)
     for one in estimates:
         table.add_row(SHORT_NAMES[one.setting], *_cells(one))
-    return [table, *(f"  {one.text}" for one in estimates if one.causes)]
+    beside = [
+        f"  with all findings, the factor on {SHORT_NAMES[name]} is that of its white part, beside errors that stay, "
+        f"sd {sds}"
+        for name, sds in _staying(findings).items()
+        if name in {one.setting for one in estimates if one.causes}
+    ]
+    return [table, *(f"  {one.text}" for one in estimates if one.causes), *beside]
 
 
 def _cells(one: NoiseScaleEstimate) -> tuple[str, ...]:

@@ -21,7 +21,7 @@ from tuner.diagnosis.drive.noise_scale_estimates import may_be_one, words
 from tuner.formats import noise_yaml
 from tuner.formats.logs import write_drive
 from tuner.readers.source_kind import is_drive
-from tuner.report.drive_diagnosis_tables import drive_tables, noise_lines
+from tuner.report.drive_diagnosis_tables import drive_tables, noise_lines, noise_scale_tables
 from tuner.simulation.drive import simulate_drive
 from tuner.synthesis.from_drive import UNKNOWN_UNIT_GRADE, config_of_drive, nearest_grade, stationary_noise
 from tuner.types import (
@@ -29,6 +29,7 @@ from tuner.types import (
     Coefficient,
     Compensation,
     DriveDiagnosis,
+    Finding,
     Gain,
     NoiseScaleEstimate,
     Quantity,
@@ -273,6 +274,22 @@ def test_noise_scales_are_put_in_words():
     unnamed, known = noise_lines([replace(estimate, named=three, causes=("unknown",)), vibrating])
     assert unnamed == "Noise of no known cause, true ÷ stated: gyro white × 3 (2.5 … 3.6)"
     assert known == "Noise, true ÷ stated: gyro white × 3 (2.5 … 3.6) (vibration)"
+
+
+def test_beside_errors_of_fixes_that_stay_a_factor_is_that_of_the_white_part():
+    """It read "R position × below 0.00346": fixes of metres would have been good to centimetres."""
+    small = Coefficient.bounded(0.00346, "1", "indistinguishable")
+    one = NoiseScaleEstimate("position", 5.4, "m", small, small, ("gnss_noise_scale",), True, "")
+    sds = {
+        "sd": Coefficient.known(1.9, 1.0, 4.4, "m"),
+        "sd_vertical": Coefficient.known(16.0, 8.0, 39.0, "m"),
+    }
+    stays = Finding("correlated_gnss", ("gnss",), "a statistic", 9.0, 1e-9, sds, "errors stay")
+    (line,) = noise_lines([one], [stays])
+    assert "white part of R position × below 0.00346 beside errors that stay, sd 1.9" in line
+    assert "vertically 16" in line
+    assert "white part" not in noise_lines([one])[0]
+    assert any("white part" in str(line) for line in noise_scale_tables([one], [stays])[1:])
 
 
 def test_findings_that_do_harm_are_not_taken_over(tuned):
