@@ -306,6 +306,16 @@ def test_findings_that_do_harm_are_not_taken_over(tuned):
     assert any("harm" in str(line) for line in drive_tables(found))
 
 
+def test_harm_done_by_the_findings_names_its_trial():
+    """The page read "no configuration takes them over", and then "kept: with the findings", of another trial."""
+    gain = Gain("60/40", -1.0, -2.0, -50.0, user={"nis": (1.0, 9.0)})
+    (harm,) = [
+        str(line) for line in drive_tables(DriveDiagnosis((), None, None, gain=gain)) if "harm" in str(line)
+    ]
+    assert "trial of the findings alone" in harm
+    assert "no configuration" not in harm
+
+
 @dataclass(frozen=True)
 class _NoDrive:
     source: str = "none"

@@ -362,8 +362,9 @@ def _note(
     ratios = "; ".join(one.text for one in late)
     errors = ", ".join(_change_text(seconds, pair) for seconds, pair in pairs.items())
     return (
-        f"kept: {kept}; on the last 40 % of the drive position with fixes {before.tracking_rms:.3g} → "
-        f"{after.tracking_rms:.3g} m{alone}; without them for {ratios}; errors in outages of the whole drive {errors}"
+        f"trial of whole configurations, kept: {kept}; on the last 40 % of the drive position with fixes "
+        f"{before.tracking_rms:.3g} → {after.tracking_rms:.3g} m{alone}; without them for {ratios}; "
+        f"errors in outages of the whole drive {errors}"
     )
 
 
