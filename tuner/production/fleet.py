@@ -22,6 +22,7 @@ from tuner.production.spread import spread
 from tuner.production.unit import Outcome, Task, UnitOptions, attempt, store_measurement
 from tuner.production.workers import outcomes
 from tuner.readers import FORMATS
+from tuner.readers.block_means import BASE_BYTES
 from tuner.readers.log_format import file_of, log_folder
 from tuner.readers.source_kind import source_name
 from tuner.types.fleet import Fleet, FleetUnit, Limit, UnitMeasurement
@@ -62,7 +63,8 @@ def fleet(
     store : str or Path, optional
         Folder in which each finished unit is kept; a later call measures only what is not there.
     reading : mapping, optional
-        Arguments of `tuner.read` for every log.
+        Arguments of `tuner.read` for every log; `memory` is that of all processes of this machine together, or of
+        each worker of a cluster.
     terms, latitude
         As of `tuner.identify`.
     progress : callable, optional
@@ -71,7 +73,7 @@ def fleet(
     Returns
     -------
     Fleet
-        The same for any number of jobs.
+        The same for any number of jobs, but for logs larger than the share of `memory` that each of them has.
 
     Raises
     ------
@@ -83,6 +85,8 @@ def fleet(
     known = read_limits(limits) if isinstance(limits, str | Path) else tuple(limits or ())
     folder = None if store is None else str(Path(store).resolve())
     stated = {name: dict(value) if isinstance(value, Mapping) else value for name, value in reading.items()}
+    if scheduler is None:
+        stated, jobs = shared_memory(stated, min(jobs, len(files)))
     options = UnitOptions(stated, None if terms is None else tuple(terms), latitude)
     tasks = [Task(file, options, folder) for file in files]
     found: dict[int, Outcome] = {}
@@ -100,6 +104,15 @@ def fleet(
         for index, (name, file) in enumerate(zip(unit_names(files), files, strict=True))
     ]
     return replace(judged(fleet_name(logs), rows, known), measured=new)
+
+
+def shared_memory(reading: Mapping[str, Any], jobs: int) -> tuple[dict[str, Any], int]:
+    """Return the arguments of `tuner.read` for each of several processes that share its `memory`, and how many fit."""
+    memory = reading.get("memory")
+    if memory is None:
+        return dict(reading), jobs
+    jobs = max(min(jobs, int(memory // BASE_BYTES)), 1)
+    return {**reading, "memory": memory / jobs}, jobs
 
 
 def judged(name: str, rows: Sequence[FleetUnit], limits: tuple[Limit, ...]) -> Fleet:

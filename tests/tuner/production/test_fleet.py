@@ -16,7 +16,7 @@ from tuner.catalogue.datasheet_format import parse_sheet
 from tuner.cli import run
 from tuner.formats.logs import write_log
 from tuner.production import unit as unit_module
-from tuner.production.fleet import fleet, output_folder, unit_names
+from tuner.production.fleet import fleet, output_folder, shared_memory, unit_names
 from tuner.production.spread import grade_yaml
 from tuner.production.workers import outcomes
 from tuner.report.fleet_files import write_fleet
@@ -136,6 +136,15 @@ def test_the_grade_is_read_like_any_other(whole):
     assert grade.gyro.white.value == pytest.approx(DENSITY, rel=5 * RELATIVE_SD / math.sqrt(30))
     assert "unit to unit" in grade.gyro.white.reference
     assert any("SN04" in note for note in grade.notes)
+
+
+@pytest.mark.parametrize(("memory", "processes"), [(4e9, 4), (1.3e9, 3), (0.2e9, 1)])
+def test_processes_share_the_memory_they_are_given_together(memory, processes):
+    """Four were asked for; each needs 0.4 GB for the program."""
+    reading, jobs = shared_memory({"rate": 100.0, "memory": memory}, 4)
+    assert jobs == processes
+    assert reading == {"rate": 100.0, "memory": pytest.approx(memory / processes)}
+    assert shared_memory({"rate": 100.0}, 4) == ({"rate": 100.0}, 4)
 
 
 def test_a_process_that_dies_costs_only_its_own_log():
