@@ -2,8 +2,8 @@
 
 An extension is accepted where its test rejects and its penalised gain is the largest. A cause whose test rejected too
 and no longer does is a rival; rivals within `ALTERNATIVE_NATS` nats, near twins within `NEAR_TWIN_NATS`, are its
-alternatives. When no test rejects any
-more, each extension is taken out in turn and stays out unless its own test then rejects.
+alternatives. When no test rejects any more, each extension is taken out in turn and stays out unless its own test then
+rejects.
 """
 
 from __future__ import annotations
@@ -61,8 +61,6 @@ while independent effects of like size do not cost a pass each.
 """
 GROUPS: tuple[Group, ...] = ("fast spectrum", "distribution", "slow part")
 """Groups of which one cause each can be accepted in the same pass."""
-
-
 PASS_SHARE = 0.7
 """Share of a search that seems to be left after each pass, for those who watch: some three passes, then estimates."""
 
@@ -99,11 +97,48 @@ def search_causes(channel: Channel, threshold: float, given: tuple[Extension, ..
         P-value below which a family with one share of the budget rejects.
     given : tuple of Extension
         What is known beforehand, such as stretches of motion.
-
-    Returns
-    -------
-    SearchResult
     """
+    now, swept = _begun(channel, threshold, given)
+    for passed in range(MAX_PASSES):
+        stage("", 1.0 - PASS_SHARE ** (passed + 1))
+        now = _after_pass(now, threshold)
+        if now.done:
+            break
+    stage("", 1.0)
+    found, accepted = _prune(now.found, list(now.accepted), threshold)
+    found, accepted = without_lag(found, accepted)
+    found, accepted = with_curve(*with_one_lag(found, accepted))
+    found, accepted = with_steps(*without_line_of_resonance(found, accepted))
+    tested = (*now.results, *checks(found))  # before caches are lost
+    found = with_joint_estimates(found)
+    estimated = found.extensions[len(found.extensions) - len(accepted) :]
+    accepted = [replace(a, extension=x) for a, x in zip(accepted, estimated, strict=True)]
+    nameless = [a.result for a in accepted if not a.extension.named]
+    left = (*swept, *nameless, *(a for a in tested if significant(a, threshold) and a.propose is None))
+    return SearchResult(relabelled(now.base, now.base.extensions), found, tuple(accepted), left)
+
+
+@dataclass(frozen=True)
+class _Progress:
+    """What a search has after a pass; nothing else that was computed in it is kept.
+
+    The accepted are the last extensions of `found`, and not in `base`; `fresh` of them are new. The results of the pass
+    are without residuals; those in `quiet` need not be computed again. It is `done` where no test rejected.
+    """
+
+    base: Residual
+    found: Residual
+    accepted: tuple[Accepted, ...]
+    results: tuple[TestResult, ...] = ()
+    quiet: tuple[TestResult, ...] = ()
+    fresh: int = 0
+    done: bool = False
+
+
+def _begun(
+    channel: Channel, threshold: float, given: tuple[Extension, ...]
+) -> tuple[_Progress, tuple[TestResult, ...]]:
+    """Return the search before its first pass, gross spikes and steps accepted, and the tests that found a sweep."""
     gross = spikes.gross(channel)
     accepted = (
         [Accepted(x, gross.without_proposal) for x in gross.propose()] if gross and gross.propose else []
@@ -123,92 +158,65 @@ def search_causes(channel: Channel, threshold: float, given: tuple[Extension, ..
         given = (*given, *result.propose())
         base = residual(channel, given)
         found = residual(channel, (*given, *off)) if off else base
-    results: tuple[TestResult, ...] = ()
-    fresh = 0
-    quiet: tuple[TestResult, ...] = ()
-    for passed in range(MAX_PASSES):
-        stage("", 1.0 - PASS_SHARE ** (passed + 1))
-        before, results = results, hypothesis_tests(found, quiet)
-        if quiet and not any(_rejections(results, threshold)):
-            results = hypothesis_tests(found)
-        results = _settled(results, threshold)
-        if fresh:
-            known = [_with_rivals(one, before, results, threshold) for one in accepted[-fresh:]]
-            accepted = [*accepted[:-fresh], *known]
-        rejections = _rejections(results, threshold)
-        if not rejections:
-            masked = pair_test(found)
-            rejections = [masked] if masked and significant(masked, threshold) and masked.gain > 0 else []
-        better = None if rejections else replacing_pair(found, threshold)
-        if better is not None:
-            found = without(found, better[0])
-            del accepted[better[0] - len(given)]
-            rejections = [better[1]]
-        if not rejections:
+    return _Progress(base, found, tuple(accepted)), tuple(result.without_proposal for result in swept)
+
+
+def _after_pass(last: _Progress, threshold: float) -> _Progress:
+    """Return the search after one more pass: test, accept what gains most, fit again."""
+    base, found, accepted = last.base, last.found, list(last.accepted)
+    channel, given = found.channel, len(found.extensions) - len(accepted)
+    results = hypothesis_tests(found, last.quiet)
+    if last.quiet and not any(_rejections(results, threshold)):
+        results = hypothesis_tests(found)
+    results = _settled(results, threshold)
+    bare = tuple(result.without_residual for result in results)
+    if last.fresh:
+        known = [_with_rivals(one, last.results, results, threshold) for one in accepted[-last.fresh :]]
+        accepted = [*accepted[: -last.fresh], *known]
+    rejections = _rejections(results, threshold)
+    if not rejections:
+        masked = pair_test(found)
+        rejections = [masked] if masked and significant(masked, threshold) and masked.gain > 0 else []
+    better = None if rejections else replacing_pair(found, threshold)
+    if better is not None:
+        found = without(found, better[0])
+        del accepted[better[0] - given]
+        rejections = [better[1]]
+    if not rejections:
+        return _Progress(base, found, tuple(accepted), bare, done=True)
+    rejections = _eligible(rejections)
+    broad = [result for result in rejections if is_broad(result.cause)]
+    chosen = [measured_first(result, rejections) for result in _clearest(rejections)]
+    chosen = [warming_box(found, behind_thermometer(found, one, threshold), threshold) for one in chosen]
+    paths = any(result.cause == "telegraph" for result in chosen)
+    jumps = [result for result in rejections if result in chosen or (paths and result.cause == "step")]
+    wider = _wider(found, jumps, given)
+    if wider is not None:
+        found = residual(channel, wider, starts=found.starts, near=found)
+        base = residual(channel, wider[:given], starts=base.starts)
+        return _Progress(base, found, tuple(accepted), bare)
+    rival = MIN_GAIN_SHARE if group_of(chosen[0].cause) != "fast spectrum" else 1.0
+    if broad and max(result.gain for result in broad) >= rival * chosen[0].gain:
+        chosen = [max(broad, key=lambda result: result.gain)]
+    new: list[Extension] = []
+    for result in chosen:
+        assert result.propose is not None
+        proposed = result.propose()
+        accepted += [Accepted(extension, result.without_proposal) for extension in proposed]
+        new += proposed
+    quiet = tuple(result.without_residual for result in _still_quiet(results, threshold, new))
+    if found is base:
+        base = relabelled(base, base.extensions)  # without what was computed from it, ten times its size
+    starts = None if any(x.broad for x in new) else found.starts
+    found = residual(channel, (*found.extensions, *new), starts=starts, near=found)
+    for _ in range(MAX_REFITS if any(x.group == "fast spectrum" for x in new) else 1):
+        refits = tuple(x.refit(found, i) for i, x in enumerate(found.extensions))
+        if all(a is b for a, b in zip(refits, found.extensions, strict=True)):
             break
-        rejections = _eligible(rejections)
-        broad = [result for result in rejections if is_broad(result.cause)]
-        chosen = [
-            warming_box(
-                found, behind_thermometer(found, measured_first(result, rejections), threshold), threshold
-            )
-            for result in _clearest(rejections)
-        ]
-        paths = any(result.cause == "telegraph" for result in chosen)
-        jumps = [result for result in rejections if result in chosen or (paths and result.cause == "step")]
-        wider = _wider(found, jumps, len(given))
-        if wider is not None:
-            found = residual(channel, wider, starts=found.starts, near=found)
-            base = residual(channel, wider[: len(given)], starts=base.starts)
-            fresh, quiet = 0, ()
-            continue
-        rival = MIN_GAIN_SHARE if group_of(chosen[0].cause) != "fast spectrum" else 1.0
-        if broad and max(result.gain for result in broad) >= rival * chosen[0].gain:
-            chosen = [max(broad, key=lambda result: result.gain)]
-        new: list[Extension] = []
-        for result in chosen:
-            assert result.propose is not None
-            proposed = result.propose()
-            accepted += [Accepted(extension, result.without_proposal) for extension in proposed]
-            new += proposed
-        fresh = len(new)
-        quiet = _still_quiet(results, threshold, new)
-        if found is base:
-            base = relabelled(base, base.extensions)  # without what was computed from it, ten times its size
-        starts = None if any(x.broad for x in new) else found.starts
-        found = residual(channel, (*found.extensions, *new), starts=starts, near=found)
-        for _ in range(MAX_REFITS if any(x.group == "fast spectrum" for x in new) else 1):
-            refits = tuple(x.refit(found, i) for i, x in enumerate(found.extensions))
-            if all(a is b for a, b in zip(refits, found.extensions, strict=True)):
-                break
-            found = residual(channel, refits, starts=found.starts, near=found)
-        if any(x.cause == "temperature" for x in new):
-            found, accepted = with_lag(found, accepted)
-        results = tuple(result.without_residual for result in results)
-        quiet = tuple(result.without_residual for result in quiet)
-        del (
-            rejections,
-            broad,
-            chosen,
-            jumps,
-            result,
-        )  # they hold the residual before, with all that was computed of it
-    stage("", 1.0)
-    found, accepted = _prune(found, accepted, threshold)
-    found, accepted = without_lag(found, accepted)
-    found, accepted = with_curve(*with_one_lag(found, accepted))
-    found, accepted = with_steps(*without_line_of_resonance(found, accepted))
-    tested = (*results, *checks(found))  # before caches are lost
-    found = with_joint_estimates(found)
-    estimated = found.extensions[len(given) :]
-    accepted = [replace(a, extension=x) for a, x in zip(accepted, estimated, strict=True)]
-    nameless = [a.result for a in accepted if not a.extension.named]
-    left = (
-        *(result.without_proposal for result in swept),
-        *nameless,
-        *(a for a in tested if significant(a, threshold) and a.propose is None),
-    )
-    return SearchResult(relabelled(base, base.extensions), found, tuple(accepted), left)
+        found = residual(channel, refits, starts=found.starts, near=found)
+    if any(x.cause == "temperature" for x in new):
+        found, accepted = with_lag(found, accepted)
+    return _Progress(base, found, tuple(accepted), bare, quiet, len(new))
 
 
 def group_of(cause: str) -> Group | None:
