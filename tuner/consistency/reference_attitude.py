@@ -70,11 +70,7 @@ def without_wrong_attitude(
         Of the drive, filtered.
     """
     found = [_rests(reference, *pair) for pair in zip(stretches, solutions, strict=True)]
-    rests = np.concatenate(found) if found else np.zeros((0, 13))
-    for _ in range(SELECTION_ROUNDS if len(rests) else 0):
-        turning = np.abs(rests[:, 4:7] - np.median(rests[:, 4:7], axis=0))
-        usual = np.array([normal_sd(column) for column in turning.T])
-        rests = rests[(turning <= np.maximum(STANDING_SDS * usual, SWAY_TURN)).all(axis=1)]
+    rests = standing(np.concatenate(found) if found else np.zeros((0, 13)))
     if len(rests) < MIN_WINDOWS:
         return reference, ""
     begin, turn, by_gyros, sd, stated = rests[:, 0], *np.split(rests[:, 1:], 4, axis=1)
@@ -97,6 +93,17 @@ def without_wrong_attitude(
     if not wrong:
         return reference, ""
     return replace(reference, rpy=np.full_like(reference.rpy, np.nan)), wrong_attitude_text(wrong)
+
+
+def standing(rests: FloatArray) -> FloatArray:
+    """Return the windows, as of `_rests`, in which gyroscopes turn as in most of them; maybe none at all."""
+    for _ in range(SELECTION_ROUNDS):
+        if len(rests) < MIN_WINDOWS:
+            break
+        turning = np.abs(rests[:, 4:7] - np.median(rests[:, 4:7], axis=0))
+        usual = np.array([normal_sd(column) for column in turning.T])
+        rests = rests[(turning <= np.maximum(STANDING_SDS * usual, SWAY_TURN)).all(axis=1)]
+    return rests
 
 
 def _rests(reference: Reference, stretch: Stretch, solution: Solution) -> FloatArray:

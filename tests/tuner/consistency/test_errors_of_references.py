@@ -11,7 +11,7 @@ from models.trajectory.motion import Trajectory
 from models.trajectory.profiles import Profile, steps
 from tuner.catalogue.grades import load_gnss, load_grade
 from tuner.consistency.drive_scores import against_reference, settled
-from tuner.consistency.reference_attitude import without_wrong_attitude
+from tuner.consistency.reference_attitude import standing, without_wrong_attitude
 from tuner.consistency.score_drive import drive_filter
 from tuner.navigation.drive.run import navigate, prepare
 from tuner.simulation.drive import simulate_drive
@@ -73,6 +73,16 @@ def test_a_heading_that_drifts_at_rest_is_not_held_against_the_filter(flown):
     scores, _ = against_reference(kept, solutions, rows, timed=False)
     assert [one.name for one in scores] == ["position", "velocity"]
     assert all(one.consistent for one in scores)
+
+
+@pytest.mark.filterwarnings("error")
+def test_windows_that_all_turn_differently_are_none_at_rest():
+    """Six windows, two with a turn of 10° about each axis: none turns as most of them do about every axis."""
+    rests = np.zeros((6, 13))
+    rests[np.arange(6), 4 + np.arange(6) % 3] = np.radians(10.0)
+    assert len(standing(rests)) == 0
+    assert len(standing(rests[:0])) == 0
+    assert len(standing(np.zeros((6, 13)))) == 6
 
 
 def test_a_vehicle_that_turns_at_rest_is_not_the_fault_of_its_reference(flown):
