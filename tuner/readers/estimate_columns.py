@@ -26,7 +26,6 @@ from numpy.typing import NDArray
 
 from models import rotation
 from models.earth import llh_from_ecef, mat_en, metres_per_radian
-from models.units import unit_value
 from tuner.readers.axes_letters import BODY_LETTERS, WORLD_LETTERS, axes_rotation
 from tuner.readers.estimate_column_names import (
     QUATERNION,
@@ -34,11 +33,9 @@ from tuner.readers.estimate_column_names import (
     TRIPLES,
     UNITS,
     column_unit,
-    same_kind,
     si_factor,
-    stated_unit,
-    units_of_product,
 )
+from tuner.readers.estimate_spreads import Spread, stated_spread
 from tuner.types.filter_output import FilterOutput, TakenAxes, filter_output
 from tuner.types.records import DataError
 
@@ -46,9 +43,6 @@ FloatArray = NDArray[np.float64]
 
 ANGLE_ROUNDING = 1e-3
 """Relative excess of a pitch over 90° that rounding may leave."""
-LATITUDE_SD_IN_DEGREES = 1e-3
-"""Sds of latitude below it are in degrees where no unit is stated: in metres they would be below a millimetre."""
-
 MAX_DENSE_ROWS = 20_000
 """Rows with covariances that are all kept: 36 MB."""
 THINNED_INTERVAL = 0.1
@@ -61,19 +55,6 @@ class Frames:
 
     world: str | None = None
     body: str = "FRD"
-
-
-@dataclass(frozen=True)
-class _Spread:
-    """Covariance of named columns in SI, shape (n, m, m), NaN where the file states none."""
-
-    names: tuple[str, ...]
-    mat: FloatArray
-
-    def of(self, names: tuple[str, ...]) -> FloatArray:
-        """Return the covariance of some of the columns."""
-        at = [self.names.index(name) for name in names]
-        return np.asarray(self.mat[:, at][:, :, at])
 
 
 @dataclass(frozen=True)
@@ -126,7 +107,7 @@ def assemble(
     if "t" not in values:
         msg = f"{source}: expected a column t, s, found {', '.join(columns) or 'none that is known'}"
         raise DataError(msg)
-    spread = _spread(source, columns, units, values, messages)
+    spread = stated_spread(source, columns, units, values, messages)
     n = len(values["t"])
     triples = {key: _triple(source, values, key) for key in ("llh", "ned", "xyz", "vned", "vxyz", "rpy")}
     llh, local, xyz, vel_n, vel_w, rpy = triples.values()
@@ -270,67 +251,6 @@ def _thinned(
     return {name: (values[keep], unit) for name, (values, unit) in columns.items()}
 
 
-def _spread(
-    source: str,
-    columns: Mapping[str, tuple[FloatArray, str | None]],
-    units: Mapping[str, str],
-    values: Mapping[str, FloatArray],
-    notes: list[str],
-) -> _Spread | None:
-    """Return the covariance of all columns whose sds or covariances the file states, SI."""
-    stated = {name: SPREADS[name] for name in columns if name in SPREADS}
-    names = tuple(dict.fromkeys(x for pair in stated.values() for x in pair if x is not None))
-    if not names:
-        return None
-    degrees = _horizontal_in_degrees(columns, notes)
-
-    def factor(name: str, unit: str | None) -> float:
-        if unit is not None and name in ("lat", "lon") and same_kind(unit, "m"):
-            return unit_value(unit) / _metres(name, values)
-        if unit is None:
-            if name in ("lat", "lon") and not degrees:
-                return 1.0 / _metres(name, values)
-            return si_factor(units.get(name, UNITS[name]))
-        if not same_kind(unit, UNITS[name]):
-            msg = f"{source}: sd or covariance of {name} in {unit}: expected a unit such as {UNITS[name]}"
-            raise DataError(msg)
-        return si_factor(unit)
-
-    mat = np.full((len(values["t"]), len(names), len(names)), np.nan)
-    for column, (a, b) in stated.items():
-        data, bracket = columns[column]
-        if b is None:
-            i = names.index(a)
-            unit = None if bracket is None else stated_unit(source, column, bracket)
-            if np.nanmin(data) < 0.0:
-                msg = f"{source}: {column}: expected sds, found {np.nanmin(data):.3g}"
-                raise DataError(msg)
-            mat[:, i, i] = (factor(a, unit) * data) ** 2
-    for column, (a, b) in stated.items():
-        if b is not None:
-            data, bracket = columns[column]
-            ua, ub = (None, None) if bracket is None else units_of_product(source, column, bracket)
-            i, j = names.index(a), names.index(b)
-            mat[:, i, j] = mat[:, j, i] = factor(a, ua) * factor(b, ub) * data
-    return _Spread(names, mat)
-
-
-def _horizontal_in_degrees(columns: Mapping[str, tuple[FloatArray, str | None]], notes: list[str]) -> bool:
-    """Tell whether sds of latitude without a unit are in degrees: in metres they would be impossibly small."""
-    for name, power in (("sd_lat", 1.0), ("cov_lat_lat", 0.5)):
-        if name in columns and columns[name][1] is None:
-            small = float(np.nanmedian(columns[name][0])) ** power < LATITUDE_SD_IN_DEGREES
-            notes.append(f"{name} without a unit is taken as {'deg' if small else 'm'}, by its size")
-            return bool(small)
-    return False
-
-
-def _metres(name: str, values: Mapping[str, FloatArray]) -> float:
-    """Return metres per radian of latitude or longitude, at the middle of the record."""
-    llh = np.array([np.nanmedian(values[k]) for k in ("lat", "lon", "height")])
-    return float(metres_per_radian(llh)[0 if name == "lat" else 1])
-
-
 def rotvec_of_angles(rpy: FloatArray) -> FloatArray:
     """Return d(rotation vector about north, east, down)/d(roll, pitch, yaw), shape (n, 3, 3)."""
     _, pitch, yaw = rpy.T
@@ -354,7 +274,7 @@ def _rotvec_of_quaternion(q: FloatArray) -> FloatArray:
     )
 
 
-def _transform(cov: FloatArray, spread: _Spread, parts: list[_Part]) -> bool:
+def _transform(cov: FloatArray, spread: Spread, parts: list[_Part]) -> bool:
     """Fill the covariance of the states from that of the columns; return whether off-diagonal entries are known."""
     chosen: dict[int, _Part] = {}
     for part in parts:
@@ -376,7 +296,7 @@ def _transform(cov: FloatArray, spread: _Spread, parts: list[_Part]) -> bool:
 
 
 def _innovations(
-    n: int, position: FloatArray | None, velocity: FloatArray | None, spread: _Spread | None
+    n: int, position: FloatArray | None, velocity: FloatArray | None, spread: Spread | None
 ) -> tuple[FloatArray, FloatArray]:
     z, s = np.full((n, 6), np.nan), np.full((n, 6, 6), np.nan)
     names: tuple[str, ...] = ()
