@@ -18,7 +18,10 @@ def said_by(program: str) -> list[int]:
 
 
 def test_tables_of_a_long_transform_are_forgotten() -> None:
-    """A cosine transform of n samples leaves tables of 2 n numbers behind, and they go without another long one."""
+    """A cosine transform of n samples leaves tables of 2 n numbers behind, and they go without another long one.
+
+    SciPy 1.18 keeps none: what the transform itself leaves is no law, what is left in the end is.
+    """
     program = """
         import resource
         import numpy as np
@@ -34,12 +37,10 @@ def test_tables_of_a_long_transform_are_forgotten() -> None:
         without_tables(len(y))
         before = resident()
         dct(y)
-        kept = resident()
         without_tables(len(y))
-        print(kept - before, resident() - before)
+        print(resident() - before)
     """
-    kept, left = said_by(program)
-    assert kept > 12e6
+    (left,) = said_by(program)
     assert left < 2e6
 
 
