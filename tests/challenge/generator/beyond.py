@@ -393,12 +393,7 @@ def record(kind: str, seed: str, number: int) -> Made:
     from challenge.generator import outside, outside_last, outside_more, outside_named, quiet
 
     words = [ord(c) for c in f"{seed}/{kind}"]
-    kinds = {
-        **KINDS,
-        **quiet.KINDS,
-        **outside.KINDS,
-        **outside_more.KINDS,
-        **outside_last.KINDS,
-        **outside_named.KINDS,
-    }
+    kinds = (
+        KINDS | quiet.KINDS | outside.KINDS | outside_more.KINDS | outside_last.KINDS | outside_named.KINDS
+    )
     return kinds[kind](np.random.default_rng([*words, number]))

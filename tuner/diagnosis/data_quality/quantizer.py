@@ -71,8 +71,6 @@ MAX_FILLED = 20.0
 """Range of the codes with samples ÷ sd of the fast noise above which the level moves: its rests look like widths."""
 MIN_COUNT_RATIO = 0.5
 """Least counts of codes ±2 ÷ those of codes ±1 for which five codes lie on a parabola (step 0.7 σ)."""
-
-
 DIFFERENCE_WEIGHTS = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / 6.0
 """Weights of the fourth difference, of which the middle one is 1: they leave no cubic."""
 
@@ -92,7 +90,7 @@ class Codes:
     missing : int
         Codes that never come between codes that often do.
     p_value : float
-        P-value of the least likely hole, excess or scatter of widths, times the codes tested.
+        P-value of the least likely hole or excess, times the codes tested; else of the scatter of widths.
     unevenness : float
         Relative sd of the widths of the codes; 0 where they are alike.
     """

@@ -309,8 +309,9 @@ def lead_over_line(fitted: Residual, frequency: float, height: float) -> float:
 
     A resonance narrower than an ordinate is a line.
     """
-    span, n = len(fitted.e) * fitted.channel.interval, fitted.periodogram
-    gain, found = extension(fitted, np.ones_like(n), frequency, 8.0 / span, cap=np.inf)
+    span = len(fitted.e) * fitted.channel.interval
+    background = np.broadcast_to(1.0, fitted.periodogram.shape)
+    gain, found = extension(fitted, background, frequency, 8.0 / span, cap=np.inf)
     return gain - height if found.quality < frequency * span else -np.inf
 
 
