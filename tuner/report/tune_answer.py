@@ -24,6 +24,7 @@ from tuner.report.answer_layout import (
 )
 from tuner.report.comparison_tables import limit_text
 from tuner.report.drive_answer import choice_lines, drive_verdict, finding_lines
+from tuner.report.fast_state_note import fast_state_note
 from tuner.report.finding_groups import (
     SAMPLES_AT_FAULT,
     contradicted,
@@ -131,9 +132,15 @@ def _answer(result: TuneResult, directory: Path, short: Set[str], keys: Sequence
         texts += choice_lines(
             result.choice, shorter="numbers" in short, shortest=brief, intervals_alone=least
         )
+    head, note = _head(result, short, table), fast_state_note(result.config) if table else ""
+    beneath = [f"{note}; for N and K alone: --to DIALECT"] if note else []
+    joined = [*head[:-1], f"{head[-1].removesuffix('.')}; {note}"]
+    if note and "numbers" in short and len(wrapped(joined[-1], 2)) == len(wrapped(head[-1], 2)):
+        head, beneath = joined, []
     return [
-        *(line for text in _head(result, short, table) for line in wrapped(text, 2)),
+        *(line for text in head for line in wrapped(text, 2)),
         *table,
+        *beneath,
         *keys,
         *(line for text in texts for line in wrapped(text, 2)),
         *_page_lines(result, directory, shown, unsaid),

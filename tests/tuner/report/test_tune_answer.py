@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from models.noise import NoiseModel, RandomWalk, White
+from models.noise import GaussMarkov, NoiseModel, RandomWalk, White
 from tuner.diagnosis.drive.held_out_choice import HeldOutChoice
 from tuner.diagnosis.drive.outage_errors import OutageErrors
 from tuner.diagnosis.drive.predictive_score import PredictiveScore
@@ -121,6 +121,20 @@ def test_a_wrong_reference_is_said_beneath_the_verdict_of_the_drive(result, code
     assert lines[1] == "Reference wrong in 20 s: 121 s not judged by it"
     assert len(lines) <= 10
     assert max(map(len, lines)) <= 80
+
+
+@pytest.mark.parametrize(("time", "said"), [(3.0, True), (300.0, False)])
+def test_white_noise_that_a_fast_state_carries_is_said(result, time, said):
+    """N² + 2σ²T is the white noise of a filter without the state: 9 N² here, 3 times N."""
+    channels = {
+        axis: replace(one, markov=(GaussMarkov(2.0 * one.white_density / np.sqrt(time), time),))
+        for axis, one in result.config.channels.items()
+    }
+    fast = replace(result, config=replace(result.config, channels=channels))
+    lines = answer_lines(fast, Path("out"))
+    assert ("N counts with the 3 s state; for N and K alone: --to DIALECT" in lines) == said
+    assert "N counts" in "\n".join(lines) or not said
+    assert not any("N counts" in line for line in answer_lines(result, Path("out")))
 
 
 def test_a_filter_named_shows_its_own_keys(result):
