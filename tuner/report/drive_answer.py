@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -126,7 +127,13 @@ def choice_lines(
     blind = f"{', '.join(changes)} m"
     despite = [f"{choice.despite[:1].upper()}{choice.despite[1:]}"] if choice.despite else []
     if intervals_alone:
-        return [*despite, f"Error, last 40 %: {tracking}; whole drive, unaided {blind}", *least]
+        text = f"Error, last 40 %: {tracking}; whole drive, unaided {blind}"
+        if len(text) > LINE_WIDTH:
+            times = ",".join(f"{seconds:.0f}" for seconds in choice.outages)
+            moved = ", ".join(one.partition(" s ")[2] for one in changes)
+            text = _in_two_digits(f"Error [m], last 40 % {tracking}; all, unaided {times} s {moved}")
+            text = text.replace(" m;", ";")
+        return [*despite, text, *least]
     if shortest:
         ratios = ", ".join(
             f"{one.seconds:g} s {digits(one.ratio, 2)} ({interval_words(one.interval)} by {len(one.square)})"
@@ -145,6 +152,11 @@ def choice_lines(
         f"without them, whole drive, {blind}{of_change}",
         f"Without fixes, last 40 % (ratios at 95 %): {'; '.join(one.text for one in choice.late)}",
     ]
+
+
+def _in_two_digits(text: str) -> str:
+    """Return text whose changes, such as ``8.67→4.23``, have two digits."""
+    return re.sub(r"([\d.]+)→([\d.]+)", lambda x: "→".join(digits(float(y), 2) for y in x.groups()), text)
 
 
 def _signed(change: float) -> str:

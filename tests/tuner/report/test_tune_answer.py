@@ -249,6 +249,11 @@ def test_errors_before_and_after_name_the_part_of_the_drive_they_are_of(result):
         assert line.index("last 40 %") < line.index("1.00") < line.index("whole drive") < line.index("30 s")
         # Four windows of a right prediction, one component each: the roots of 4 over quantiles of χ² with 4 degrees.
         assert "0.60 … 2.9" in ratios
+    pairs = np.array([[8.67, 4.23]] * 3) ** 2  # two lines made eleven of an answer
+    long = replace(choice, outages=dict.fromkeys((10.0, 30.0, 60.0), pairs))
+    line = choice_lines(long, shorter=True, shortest=True, intervals_alone=True)[0]
+    assert len(line) <= 80
+    assert "1.0→1.0; all, unaided 10,30,60 s 8.7→4.2, 8.7→4.2, 8.7→4.2" in line
 
 
 @pytest.mark.parametrize(
