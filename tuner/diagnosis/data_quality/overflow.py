@@ -1,8 +1,9 @@
 """Overflow: a register too small for a sample wraps it around, to the other end of its range.
 
 Samples beyond a limit L come out one range W lower (or higher, at the low end), at the end of all others: L is the
-largest sample, L − W the smallest. The level beside a sample is the median of its block. Samples nearer to the level
-once W is added to them count as wrapped; without overflow they are glitches, and nothing keeps the others below L.
+largest sample, L − W the smallest. The level beside a sample is the median of its block, taken again once those that
+seem to have wrapped are put back: one in six of them moves it by 0.4 sds. Samples nearer to the level once W is added
+to them count as wrapped; without overflow they are glitches, and nothing keeps the others below L.
 The chance of both is ::
 
     p = exp(−ρ²E) · (r/W')^(k−1),    E = Σ_t Φ((level_t − L)/σ)
@@ -123,7 +124,7 @@ def find_overflow(pieces: Sequence[FloatArray], step: float) -> Overflow:
     width = high - low + step
     if sum(_far(piece, width) for piece in pieces) < MIN_WRAPPED:
         return Overflow(low, high, 0.0, 0, 1.0)
-    levels = [_levels(piece) for piece in pieces]
+    levels = [_levels(unwrapped(piece, width)) for piece in pieces]
     off = np.concatenate([piece - level for piece, level in zip(pieces, levels, strict=True)])
     tests: list[tuple[float, float, int]] = []
     for sign in (1.0, -1.0):

@@ -25,7 +25,7 @@ def wrap(y: np.ndarray, low: float, width: float) -> np.ndarray:
     return low + np.mod(y - low, width)
 
 
-@pytest.mark.parametrize(("top", "width"), [(3.3, 12.0), (3.0, 400.0)])
+@pytest.mark.parametrize(("top", "width"), [(3.3, 12.0), (3.0, 400.0), (1.35, 9.0)])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_the_range_of_a_register_is_found_and_samples_put_back(top, width, sign):
     """The interval holds both ends; every sample comes back to its place but for the gap to the outermost one."""
