@@ -137,6 +137,8 @@ def _answer(result: TuneResult, directory: Path, short: Set[str], keys: Sequence
     joined = [*head[:-1], f"{head[-1].removesuffix('.')}; {note}"]
     if note and "numbers" in short and len(wrapped(joined[-1], 2)) == len(wrapped(head[-1], 2)):
         head, beneath = joined, []
+    if "least of the drive" in short:
+        beneath = []
     return [
         *(line for text in head for line in wrapped(text, 2)),
         *table,
