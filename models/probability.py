@@ -67,9 +67,10 @@ def chi2_quantile(p: float, freedom: Numbers) -> Numbers:
     return found
 
 
-def student_quantile(p: float, freedom: float) -> float:
-    """Return what Student's t is below with the chance `p`."""
-    return float(stdtrit(freedom, p))
+def student_quantile(p: float, freedom: Numbers) -> Numbers:
+    """Return what Student's t is below with the chance `p`, for each number of degrees of freedom."""
+    found: Numbers = _as_given(stdtrit(freedom, p))
+    return found
 
 
 def student_beyond(x: Numbers, freedom: float) -> Numbers:

@@ -1,4 +1,4 @@
-"""Memory that was freed: kept where that was asked for, and returned before copies are made."""
+"""Freed memory stays with a process that keeps it, and goes back to the system before processes are forked."""
 
 from __future__ import annotations
 

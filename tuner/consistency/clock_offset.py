@@ -19,9 +19,9 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import stdtrit
 
 from models.earth import ned_between
+from models.probability import student_quantile
 from tuner.consistency.output_errors import OutputErrors
 from tuner.consistency.trajectory_alignment import MAX_GAP_INTERVALS, interpolation_variance
 from tuner.types.filter_output import FilterOutput
@@ -81,7 +81,7 @@ def clock_offset(runs: Sequence[OutputErrors], taken_out: Sequence[float]) -> Ti
         return None
     scatter = math.sqrt((len(left) - 1) / len(left) * float(np.sum((left - left.mean()) ** 2)))
     weights, unknown = np.array(opens).T
-    wide = scatter * float(stdtrit(len(left) - 1, 0.975)) + math.sqrt(
+    wide = scatter * student_quantile(0.975, len(left) - 1) + math.sqrt(
         float(np.average(unknown, weights=weights))
     )
     return TimeOffset(value, (value - wide, value + wide), removed=False)

@@ -16,9 +16,9 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import stdtrit
 
 from models import rotation
+from models.probability import student_quantile
 from models.robust import normal_sd
 from tuner.consistency.drive_scores import as_output, as_truth
 from tuner.consistency.output_errors import in_axes_of
@@ -75,7 +75,7 @@ def without_wrong_attitude(
         return reference, ""
     begin, turn, by_gyros, sd, stated = rests[:, 0], *np.split(rests[:, 1:], 4, axis=1)
     stand = np.concatenate([[0], np.cumsum(np.diff(begin) > 1.5 * WINDOW_LENGTH)])
-    wrong, surely = [], float(stdtrit(len(rests) - 2, 1.0 - FALSE_ALARM))
+    wrong, surely = [], student_quantile(1.0 - FALSE_ALARM, len(rests) - 2.0)
     for i, axis in enumerate(AXIS_NAMES):
         sums = np.bincount(stand, turn[:, i])
         longest = int(np.argmax(np.abs(sums)))

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtri
 
 from models.earth import ned_between
+from models.probability import chi2_quantile
 from tuner.consistency.trajectory_alignment import MAX_GAP_INTERVALS
 from tuner.formats.customary_units import digits
 from tuner.types.filter_output import FilterOutput
@@ -89,5 +89,7 @@ def _beyond_stated(truth: FilterOutput, between: FloatArray) -> FloatArray:
     own = np.nan_to_num(np.einsum("kii->ki", truth.covariance)[:, :6])
     ends = own[first, :3] + own[last, :3]
     stated = np.mean(own[first, 3:] + ends / length**2, axis=0) + between
-    beyond = square > max(chdtri(len(first), FALSE_ALARM) / len(first), MIN_RATIO**2) * stated
+    beyond = (
+        square > max(chi2_quantile(1.0 - FALSE_ALARM, float(len(first))) / len(first), MIN_RATIO**2) * stated
+    )
     return np.asarray(np.where(beyond, square - stated, 0.0))

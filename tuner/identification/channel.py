@@ -34,7 +34,7 @@ from tuner.identification.likelihood import (
 )
 from tuner.identification.limiting_quantizer import as_bounds, bounds_of
 from tuner.identification.mean_and_earth_rate import mean_of_noise
-from tuner.identification.periodogram import CosinePeriodogram, cosine_periodogram
+from tuner.identification.periodogram import MIN_SEGMENT_SAMPLES, CosinePeriodogram, cosine_periodogram
 from tuner.identification.selection import Bound, select_periodogram
 from tuner.identification.short_clusters import band_of_samples, down_to_samples
 from tuner.identification.slopes import read_segments
@@ -53,9 +53,6 @@ from tuner.types.records import DataError, Record
 FloatArray = NDArray[np.float64]
 
 METHODS = ("likelihood", "leastsquares", "slopes", "unweighted")
-
-_MIN_SEGMENT_SAMPLES = 16
-"""Fewest samples of a gap-free segment."""
 
 
 def identify_channel(
@@ -183,11 +180,11 @@ def single_axis(record: Record, axis: str) -> Record:
     segments = tuple(
         (start, stop)
         for start, stop in record.segments
-        if stop - start >= _MIN_SEGMENT_SAMPLES and np.ptp(column[start:stop]) > 0.0
+        if stop - start >= MIN_SEGMENT_SAMPLES and np.ptp(column[start:stop]) > 0.0
     )
     if not segments:
         where = f"{record.source or record.name}: {axis}"
-        msg = f"{where}: expected a gap-free stretch of {_MIN_SEGMENT_SAMPLES} samples that vary, found none: too short"
+        msg = f"{where}: expected a gap-free stretch of {MIN_SEGMENT_SAMPLES} samples that vary, found none: too short"
         raise DataError(msg)
     return replace(record, y=column[:, None], axes=(axis,), segments=segments, covariates={})
 

@@ -30,8 +30,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct
-from scipy.special import stdtrit
 
+from models.probability import student_quantile
 from tuner.curves.long_transforms import without_tables
 
 FloatArray = NDArray[np.float64]
@@ -220,7 +220,7 @@ def _take_out_lines(power: FloatArray, start: NDArray[np.intp]) -> FloatArray:
         number = _with_next(count - taken)
         total = _with_next(np.add.reduceat(power, start))
         largest = np.maximum.reduceat(power, start)
-        limit = stdtrit(np.maximum(number - 1.0, 1.0), 0.5 * chance) ** 2
+        limit = student_quantile(0.5 * chance, np.maximum(number - 1.0, 1.0)) ** 2
         lined = np.flatnonzero(largest * (number - 1.0) > limit * (total - largest))
         if not len(lined):
             break

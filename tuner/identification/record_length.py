@@ -23,11 +23,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.noise import NoiseModel, Ramp
+from tuner.identification.periodogram import MIN_SEGMENT_SAMPLES
 
 FloatArray = NDArray[np.float64]
 
-MIN_SAMPLES = 16
-"""Shortest test, samples: what is identified at least."""
 MAX_HOURS = 1e5
 """Longest test, h: more than eleven years."""
 MAX_RELATIVE_SD = 1.0 / 1.96
@@ -94,9 +93,10 @@ def plan(model: NoiseModel, *, interval: float, hours: float, accuracy: float) -
     Raises
     ------
     ValueError
-        If `hours` is less than `MIN_SAMPLES` samples or more than `MAX_HOURS`, or `accuracy` not between 0 and 1.
+        If `hours` is less than `MIN_SEGMENT_SAMPLES` samples or more than `MAX_HOURS`, or `accuracy` not between 0
+        and 1.
     """
-    least = MIN_SAMPLES * interval / 3600.0
+    least = MIN_SEGMENT_SAMPLES * interval / 3600.0
     if not least <= hours <= MAX_HOURS:
         msg = f"'hours' must lie between {least:.3g} and {MAX_HOURS:g}, got {hours:g}"
         raise ValueError(msg)

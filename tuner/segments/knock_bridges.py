@@ -12,8 +12,8 @@ from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import stdtrit
 
+from models.probability import student_quantile
 from tuner.readers.gap_bridges import bridged
 from tuner.types.records import Record
 
@@ -64,7 +64,7 @@ def same_level(records: Sequence[Record], moved: BoolArray, start: int, stop: in
     means = (sums[size:] - sums[:-size]) / size
     usual = means[places + apart] - means[places]
     off = np.abs(means[stop - begin] - means[start - size - begin] - usual.mean(axis=0))
-    quantile = float(-stdtrit(len(places) - 1, 0.5 * LEVEL_PROBABILITY / y.shape[1]))
+    quantile = -student_quantile(0.5 * LEVEL_PROBABILITY / y.shape[1], len(places) - 1)
     return bool(np.all(off <= quantile * usual.std(axis=0, ddof=1)))
 
 

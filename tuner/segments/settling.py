@@ -18,8 +18,8 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import stdtrit
 
+from models.probability import student_quantile
 from tuner.types.records import Record
 
 FloatArray = NDArray[np.float64]
@@ -98,7 +98,7 @@ def _differing(means: FloatArray, probability: float) -> int:
         others = change[width:]
         places = len(means) / width - FOLLOWING_RATIO - 1.0
         sd = others.std(axis=0) * np.sqrt(places / (places - 1.0)) + np.finfo(float).tiny
-        quantile = float(-stdtrit(places - 1.0, 0.5 * probability))
+        quantile = -student_quantile(0.5 * probability, places - 1.0)
         off = np.abs(change[0] - others.mean(axis=0)) / (sd * np.sqrt(1.0 + 1.0 / places))
         if np.any(off > quantile):
             return width

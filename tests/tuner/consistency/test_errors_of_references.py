@@ -1,4 +1,4 @@
-"""A reference that errs by laws of motion is told from a filter that does: what it says of itself while it stands."""
+"""Errors of a reference are not counted as errors of the filter: its turns at rest and its velocities show them."""
 
 from __future__ import annotations
 

@@ -140,7 +140,7 @@ def test_the_grade_is_read_like_any_other(whole):
 
 @pytest.mark.parametrize(("memory", "processes"), [(4e9, 4), (1.3e9, 3), (0.2e9, 1)])
 def test_processes_share_the_memory_they_are_given_together(memory, processes):
-    """Four were asked for; each needs 0.4 GB for the program."""
+    """Of four processes as many start as 0.4 GB each allow, and each gets an equal share of the memory."""
     reading, jobs = shared_memory({"rate": 100.0, "memory": memory}, 4)
     assert jobs == processes
     assert reading == {"rate": 100.0, "memory": pytest.approx(memory / processes)}
