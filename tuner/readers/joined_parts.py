@@ -1,0 +1,230 @@
+"""Parts of a log that is read once, joined to records of means of 2, 4, 8 … samples of it.
+
+Neighbouring parts without a gap continue one another. Of what happens within a mean, the Allan variances of shorter
+clusters are kept, from all samples.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tuner.readers.assemble import EvenRecords
+from tuner.readers.time_base import MIN_SEGMENT_SAMPLES
+from tuner.types.records import DataError, Record, ShortClusters
+
+FloatArray = NDArray[np.float64]
+
+MAX_RATE_CHANGE = 1e-3
+"""Relative difference of the rates of two parts of one record; clocks of sensors drift by less."""
+MIN_MEANS = 64
+"""Means that a record must have; fewer where gaps leave no stretch of several means."""
+
+
+class _Means:
+    """Columns that grow to about an expected number of rows, in one block of memory from the first row on."""
+
+    def __init__(self, width: int, expected: int) -> None:
+        self.width = width
+        self._rows = np.empty((expected + 1, width), order="F")
+        self._count = 0
+
+    def add(self, columns: Sequence[FloatArray]) -> None:
+        """Append rows, given as columns."""
+        end = self._count + len(columns[0])
+        if end > len(self._rows):
+            larger = np.empty((end + end // 4, self.width), order="F")
+            larger[: self._count] = self._rows[: self._count]
+            self._rows = larger
+        for j, column in enumerate(columns):
+            self._rows[self._count : end, j] = column
+        self._count = end
+
+    def finished(self) -> FloatArray:
+        """Return all rows, shape (n, width), Fortran order; columns are moved together where they are."""
+        flat, room, n = self._rows.reshape(-1, order="F"), len(self._rows), self._count
+        for j in range(1, self.width):
+            flat[j * n : (j + 1) * n] = flat[j * room : j * room + n]
+        return flat[: n * self.width].reshape((n, self.width), order="F")
+
+
+class JoinedParts:
+    """Means of the parts so far, and what carries over to the next."""
+
+    def __init__(self, source: str, size: int, first: Sequence[Record], expected: int) -> None:
+        self._source, self._size = source, size
+        self._first = tuple(replace(r, t=r.t[:2], y=r.y[:2], covariates={}, segments=()) for r in first)
+        self._covariates = tuple(first[0].covariates)
+        widths = [1, *(len(r.axes) for r in first), *(1 for _ in self._covariates)]
+        self._means = [_Means(width, expected) for width in widths]
+        self._count = 0
+        self._segments: list[tuple[int, int]] = []
+        self._rest = [np.empty(0) for width in widths for _ in range(width)]
+        self._differences = np.zeros(int(math.log2(size)), np.int64)
+        self._sums = np.zeros((len(self._rest), len(self._differences)))
+        self._last: float | None = None
+        self._samples = 0
+        self._interval = 0.0
+        self._gaps: list[int] = []
+        self._timing: list[Mapping[str, float]] = []
+        self._parts: list[tuple[int, EvenRecords]] = []
+
+    def add(self, row: int, found: EvenRecords) -> None:
+        """Take in the next part, whose first row is number `row`."""
+        record = found.records[0]
+        self._timing.append(record.timing)
+        self._parts.append((row, replace(found, records=())))
+        interval = self._interval / self._samples if self._samples else record.interval
+        if abs(record.interval / interval - 1.0) > MAX_RATE_CHANGE:
+            msg = (
+                f"{self._source}: expected one rate, found {1.0 / interval:.6g} Hz and from data row {row + 1} on "
+                f"{1.0 / record.interval:.6g} Hz: cut the log there"
+            )
+            raise DataError(msg)
+        columns = [record.t, *(y for r in found.records for y in r.y.T)]
+        nothing = np.full(len(record), np.nan)
+        columns += [record.covariates.get(name, nothing) for name in self._covariates]
+        for number, (start, stop) in enumerate(record.segments):
+            if number > 0 or not self._continues(row, record, interval):
+                self._rest = [np.empty(0) for _ in columns]
+                self._segments.append((self._count, self._count))
+            self._append([column[start:stop] for column in columns])
+            self._last = float(record.t[stop - 1])
+        used = sum(stop - start for start, stop in record.segments)
+        self._samples += used
+        self._interval += used * record.interval
+
+    def _continues(self, row: int, record: Record, interval: float) -> bool:
+        """Return whether a part goes on where the one before ended; a gap between the two is counted."""
+        if self._last is None:
+            return False
+        ahead = float(record.t[record.segments[0][0]]) - self._last
+        timing = record.timing
+        tolerance = 0.5 * interval + timing.get("rounding", 0.0) + 4.0 * timing.get("jitter_sd", 0.0)
+        if ahead < -tolerance:
+            msg = (
+                f"{self._source}: the stamps go back by {interval - ahead:.6g} s about data row {row + 1}, and the "
+                "log is larger than the memory it may take: sort it, cut it there, or allow more by --memory"
+            )
+            raise DataError(msg)
+        if ahead <= interval + tolerance:
+            return True
+        self._gaps.append(round(ahead / interval) - 1)
+        return False
+
+    def _append(self, columns: Sequence[FloatArray]) -> None:
+        """Take in the samples of a stretch without a gap, one array a column."""
+        beside = len(self._rest[0])
+        full = (beside + len(columns[0])) // self._size * self._size
+        means = []
+        for number, column in enumerate(columns):
+            whole = np.concatenate([self._rest[number], column])
+            self._rest[number] = whole[full:].copy()
+            level = whole[:full]
+            for k in range(len(self._differences)):
+                step = np.diff(level)
+                self._sums[number, k] += float(step @ step)
+                level = 0.5 * (level[0::2] + level[1::2])
+            means.append(level)
+        self._differences += np.maximum(full // 2 ** np.arange(len(self._differences)) - 1, 0)
+        if not full:
+            return
+        at = 0
+        for one in self._means:
+            one.add(means[at : at + one.width])
+            at += one.width
+        self._count += len(means[0])
+        self._segments[-1] = (self._segments[-1][0], self._count)
+
+    def finished(self) -> EvenRecords:
+        """Return the records of means, with what was said of the parts."""
+        long = [(a, b) for a, b in self._segments if b - a >= MIN_SEGMENT_SAMPLES]
+        kept = sum(b - a for a, b in long)
+        interval = self._interval / max(self._samples, 1)
+        if kept < MIN_MEANS:
+            msg = (
+                f"{self._source}: larger than the memory it may take, and its stretches without a gap are too "
+                f"short for means of {self._size} samples: allow more by --memory, or cut the log"
+            )
+            raise DataError(msg)
+        time, *others = (one.finished() for one in self._means)
+        records = []
+        axes = [axis for r in self._first for axis in r.axes]
+        short = {axis: self._short(1 + j) for j, axis in enumerate(axes)}
+        rest = others[len(self._first) :]
+        covariates = {name: column[:, 0] for name, column in zip(self._covariates, rest, strict=True)}
+        gone = [name for name, column in covariates.items() if np.isnan(column).any()]
+        for one, y in zip(self._first, others, strict=False):
+            records.append(
+                replace(
+                    one,
+                    t=time[:, 0],
+                    y=y,
+                    interval=self._size * interval,
+                    segments=tuple(long),
+                    covariates=MappingProxyType({n: c for n, c in covariates.items() if n not in gone}),
+                    timing=MappingProxyType(_merged(self._timing, self._gaps)),
+                    samples_a_mean=self._size,
+                    short_clusters=MappingProxyType({axis: short[axis] for axis in one.axes}),
+                )
+            )
+        said = (
+            f"the log is larger than the memory it may take: {self._samples} samples were read in parts, and each of "
+            f"the {kept} that are kept is the mean of {self._size}: what is faster than "
+            f"{0.5 / (self._size * interval):.4g} Hz shows only in the Allan variances of short clusters"
+        )
+        notes = [f"{name}: no numbers in some part of the log; left out" for name in gone]
+        if lost := self._samples - self._size * kept:
+            notes.append(
+                f"{lost} samples at the ends of stretches without a gap fill no mean and are left out"
+            )
+        return EvenRecords(
+            tuple(records),
+            (*_common([(row, found.notes) for row, found in self._parts]), *notes),
+            (said, *self._parts[0][1].assumptions),
+        )
+
+    def _short(self, column: int) -> ShortClusters:
+        return ShortClusters(
+            tuple(2**k for k in range(len(self._differences))),
+            tuple(float(0.5 * s / n) for s, n in zip(self._sums[column], self._differences, strict=True)),
+            tuple(int(n) for n in self._differences),
+        )
+
+
+def _merged(timing: Sequence[Mapping[str, float]], gaps: Sequence[int]) -> dict[str, float]:
+    """Return what the stamps of all parts said, and the missing samples between parts: counts add up."""
+    if not timing[0]:
+        return {}
+    names = ("gap_count", "missing", "bridged", "duplicates", "disordered")
+    merged = {name: float(sum(one[name] for one in timing)) for name in names}
+    merged["gap_count"] += len(gaps)
+    merged["missing"] += sum(gaps)
+    merged["jitter_sd"] = float(np.sqrt(np.mean([one["jitter_sd"] ** 2 for one in timing])))
+    merged["rounding"] = max(one["rounding"] for one in timing)
+    if "clock_ratio" in timing[0]:
+        merged["clock_ratio"] = float(np.mean([one["clock_ratio"] for one in timing]))
+    return merged
+
+
+def _common(parts: Sequence[tuple[int, Sequence[str]]]) -> list[str]:
+    """Return each kind of note once, with the part that it comes from where not all say it alike."""
+    found: dict[str, list[tuple[int, str]]] = {}
+    for row, notes in parts:
+        for note in notes:
+            found.setdefault(re.sub(r"[0-9][0-9.e+-]*", "#", note), []).append((row, note))
+    said = []
+    for alike in found.values():
+        row, note = alike[0]
+        if len(alike) == len(parts) and len({text for _, text in alike}) == 1:
+            said.append(note)
+            continue
+        others = f", and likewise in {len(alike) - 1} other parts of {len(parts)}" if len(alike) > 1 else ""
+        said.append(f"{note} (in the part from data row {row + 1} on{others})")
+    return said
