@@ -123,14 +123,12 @@ def commands(folder: Path, jobs: int, *, long: bool) -> list[Row]:
     if long:
         log = simulated(LONG, 6, folder)
         wanted = "25 s, 60 s of processor time, 1500 MB"
-        works.append(("`tune --memory 1.5`, 6 × 1.8e7 NPZ", ["tune", str(log), "--memory", "1.5"], wanted))
         works.append(("`tune`, 6 × 1.8e7 NPZ", ["tune", str(log)], wanted))
         table = as_text(log)
         size = table.stat().st_size / 1e9
         reading = read_by_pandas(table)
-        work = f"`tune --memory 1.5`, {size:.2g} GB of CSV"
-        words = ["tune", str(table), "--memory", "1.5"]
-        works.append((work, words, f"{1.5 * reading + 25.0:.0f} s, 1500 MB"))
+        work = f"`tune`, {size:.2g} GB of CSV"
+        works.append((work, ["tune", str(table)], f"{1.5 * reading + 25.0:.0f} s, 1500 MB"))
         peers[work] = reading
     rows = []
     for number, (work, words, wanted) in enumerate(works):

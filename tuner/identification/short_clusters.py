@@ -1,6 +1,6 @@
 """What the Allan variances of all samples add to a record of means: its curve down to single samples, and a judgement.
 
-A log larger than memory is identified from means (`tuner.readers.block_means`). Its terms predict the Allan variances
+A long log is identified from means (`tuner.readers.block_means`). Its terms predict the Allan variances
 of shorter clusters, which were taken from all samples; where these differ, a filter, a line or quantization is hidden
 within the means, and a warning says from which cluster time on.
 """

@@ -79,8 +79,8 @@ def read(
     assume : str, optional
         ``si``: units that neither the file nor an option states are SI, whatever the samples look like.
     memory : float, optional
-        Bytes that the program may take; by default half of what is free. A text, Parquet, HDF5 or NPZ log that needs
-        more becomes records of means of 2, 4, 8 … samples, and says so.
+        Bytes that the program may take; by default half of what is free, and no more than 4 million rows are kept. A
+        text, Parquet, HDF5 or NPZ log that needs more becomes records of means of 2, 4, 8 … samples, and says so.
     stamps : bool
         Whether the stamps as they are become a channel ``stamp``: samples of a drive may lie unevenly.
     begin, end : float, optional
@@ -144,7 +144,7 @@ def read(
         plan = plan_of(listing, options)
         how = reduction(listing, plan, memory)
         if how is not None:
-            return between(read_means(listing, plan, digest(path), options, how), begin, end)
+            return read_means(listing, plan, digest(path), options, how, begin, end)
         records = checked(listing, plan, even(listing, plan, digest(path), options), options)
         if unit_name:
             records = tuple(replace(record, source=printable(str(named))) for record in records)

@@ -1,4 +1,4 @@
-"""Logs larger than memory become records of means: of 2, 4, 8 … samples each, so that what is kept fits.
+"""Long logs become records of means: of 2, 4, 8 … samples each, so that what is kept fits memory and patience.
 
 The log is read once, in parts, each of which is put on its even grid as a whole log is (stamps, gaps, missing rows,
 broken readings). Neighbouring parts without a gap continue one another, and K = 2^k samples at a time become one. A
@@ -26,6 +26,7 @@ from tuner.readers.columns import Listing
 from tuner.readers.joined_parts import JoinedParts
 from tuner.readers.options import Options
 from tuner.readers.time_column import WRAP_STEPS, WRAPS
+from tuner.readers.time_range import between, expect_within
 from tuner.types.records import DataError, Record
 
 FloatArray = NDArray[np.float64]
@@ -45,55 +46,87 @@ SHARE_OF_FREE = 0.5
 """Part of the free memory that a log may take where nobody says how much."""
 AXES_AT_ONCE = 2
 """Axes that must then have room to be diagnosed side by side, so that little time is lost to save memory."""
+MOST_ROWS = 4_000_000
+"""Rows that are kept where nobody says how much memory: six axes then take about a minute of processor time.
+
+White noise is known to 1/√(2 × 4e6) = 0.04 % from them, far better than units are alike, and slower terms as well as
+from all samples.
+"""
 
 
 @dataclass(frozen=True)
 class Reduction:
-    """How a log is read: `size` samples in each mean, a power of two, and rows in a part."""
+    """How a log is read in parts: rows that may be kept, and rows in a part."""
 
-    size: int
+    fitting: float
     rows: int
+
+    def size(self, rows: float) -> int:
+        """Return how many of so many rows become one mean: the least power of two with which they fit."""
+        return 1 << max(math.ceil(math.log2(rows / self.fitting)), 0)
 
 
 def reduction(listing: Listing, plan: Plan, memory: float | None) -> Reduction | None:
     """Return how a log must be reduced to fit; None where all of it fits, or its format cannot be read in parts.
 
     `memory`, bytes, is what the whole program may take, on one processor if need be; None for half of what is free,
-    with `AXES_AT_ONCE`.
+    with `AXES_AT_ONCE`, and at most `MOST_ROWS`.
     """
     if listing.stream is None:
         return None
     allowed, at_once = (SHARE_OF_FREE * free_memory(), AXES_AT_ONCE) if memory is None else (memory, 1)
     columns = sum(map(len, plan.groups)) + (plan.layout.time is None)
     bytes_a_row = BYTES_A_NUMBER * columns + BYTES_A_ROW * at_once
-    fitting = max((allowed - BASE_BYTES) / bytes_a_row, float(MIN_ROWS))
+    most = MOST_ROWS if memory is None else math.inf
+    fitting = max(min((allowed - BASE_BYTES) / bytes_a_row, most), MIN_ROWS)
     if listing.rows <= fitting:
         return None
-    size = 1 << math.ceil(math.log2(listing.rows / fitting))
-    return Reduction(size, int(min(max(fitting / 2, MIN_ROWS), ROWS_IN_PART)))
+    return Reduction(fitting, int(min(max(fitting / 2, MIN_ROWS), ROWS_IN_PART)))
 
 
 def read_means(
-    listing: Listing, plan: Plan, digest: str, options: Options, how: Reduction
+    listing: Listing,
+    plan: Plan,
+    digest: str,
+    options: Options,
+    how: Reduction,
+    begin: float | None = None,
+    end: float | None = None,
 ) -> tuple[Record, ...]:
-    """Return records whose samples are means of `how.size` samples of a log.
+    """Return records of means of the samples from `begin` to before `end`, s; where these fit, each sample is kept.
 
     Raises
     ------
     DataError
-        What a whole log would be refused for, in any part; parts of different rates, or that go back in time.
+        What a whole log would be refused for, in any part; parts of different rates, or that go back in time; times
+        outside the log.
     """
     joined: JoinedParts | None = None
+    lower, upper = -math.inf if begin is None else begin, math.inf if end is None else end
     first: tuple[Record, ...] = ()
+    start, stop = math.inf, -math.inf
     for row, found in _parts(listing, plan, digest, options, how.rows):
+        record = found.records[0]
+        first = first or found.records
+        begun, stop = float(record.t[0]), float(record.t[-1]) + record.interval
+        start = min(start, begun)
+        if stop <= lower or begun >= upper:
+            continue
         if joined is None:
-            joined = JoinedParts(str(listing.path), how.size, found.records, listing.rows // how.size)
-            first = found.records
+            last = min(upper, begun + (listing.rows - row) * record.interval)
+            rows = max(math.ceil((last - max(lower, begun)) / record.interval), 1)
+            size = how.size(rows)
+            joined = JoinedParts(str(listing.path), size, found.records, rows // size)
         joined.add(row, found)
-    if joined is None:
+    if not first:
         msg = f"{listing.path}: no data rows"
         raise DataError(msg)
-    return checked(listing, plan, joined.finished(), options, part=first)
+    expect_within(first, (start, stop), begin, end)
+    if joined is None:
+        msg = f"{listing.path}: --begin and --end leave no samples: the log has a gap there"
+        raise DataError(msg)
+    means = checked(listing, plan, joined.finished(), options, part=first)
+    return between(means, begin, end, (start, stop))
 
 
 def _parts(

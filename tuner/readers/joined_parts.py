@@ -110,7 +110,7 @@ class JoinedParts:
         if ahead < -tolerance:
             msg = (
                 f"{self._source}: the stamps go back by {interval - ahead:.6g} s about data row {row + 1}, and the "
-                "log is larger than the memory it may take: sort it, cut it there, or allow more by --memory"
+                "log is too long to be sorted: sort it, cut it there, or allow more by --memory"
             )
             raise DataError(msg)
         if ahead <= interval + tolerance:
@@ -149,14 +149,14 @@ class JoinedParts:
         interval = self._interval / max(self._samples, 1)
         if kept < MIN_MEANS:
             msg = (
-                f"{self._source}: larger than the memory it may take, and its stretches without a gap are too "
+                f"{self._source}: too long to be kept whole, and its stretches without a gap are too "
                 f"short for means of {self._size} samples: allow more by --memory, or cut the log"
             )
             raise DataError(msg)
         time, *others = (one.finished() for one in self._means)
         records = []
         axes = [axis for r in self._first for axis in r.axes]
-        short = {axis: self._short(1 + j) for j, axis in enumerate(axes)}
+        short = {axis: self._short(1 + j) for j, axis in enumerate(axes)} if self._size > 1 else {}
         rest = others[len(self._first) :]
         covariates = {name: column[:, 0] for name, column in zip(self._covariates, rest, strict=True)}
         gone = [name for name, column in covariates.items() if np.isnan(column).any()]
@@ -171,13 +171,15 @@ class JoinedParts:
                     covariates=MappingProxyType({n: c for n, c in covariates.items() if n not in gone}),
                     timing=MappingProxyType(_merged(self._timing, self._gaps)),
                     samples_a_mean=self._size,
-                    short_clusters=MappingProxyType({axis: short[axis] for axis in one.axes}),
+                    short_clusters=MappingProxyType(
+                        {axis: short[axis] for axis in one.axes if axis in short}
+                    ),
                 )
             )
         said = (
-            f"the log is larger than the memory it may take: {self._samples} samples were read in parts, and each of "
-            f"the {kept} that are kept is the mean of {self._size}: what is faster than "
-            f"{0.5 / (self._size * interval):.4g} Hz shows only in the Allan variances of short clusters"
+            f"the log is long: means of {self._size} of its {self._samples} samples are kept, {kept}, and of what is "
+            f"faster than {0.5 / (self._size * interval):.4g} Hz the Allan variances alone; --begin and --end keep all "
+            "samples of a part, --memory GB more of the whole"
         )
         notes = [f"{name}: no numbers in some part of the log; left out" for name in gone]
         if lost := self._samples - self._size * kept:
@@ -187,7 +189,7 @@ class JoinedParts:
         return EvenRecords(
             tuple(records),
             (*_common([(row, found.notes) for row, found in self._parts]), *notes),
-            (said, *self._parts[0][1].assumptions),
+            (*([said] if self._size > 1 else []), *self._parts[0][1].assumptions),
         )
 
     def _short(self, column: int) -> ShortClusters:

@@ -13,8 +13,15 @@ MIN_SAMPLES = 64
 """Fewest samples of a part: an Allan curve of it has two points with eight differences and more."""
 
 
-def between(records: Sequence[Record], begin: float | None, end: float | None) -> tuple[Record, ...]:
+def between(
+    records: Sequence[Record],
+    begin: float | None,
+    end: float | None,
+    extent: tuple[float, float] | None = None,
+) -> tuple[Record, ...]:
     """Return records of the samples from `begin` to before `end`, s on the clock of the log: the times of answers.
+
+    `extent` is where the log begins and ends, s, if the records are a part of it already.
 
     Raises
     ------
@@ -23,9 +30,19 @@ def between(records: Sequence[Record], begin: float | None, end: float | None) -
     """
     if begin is None and end is None:
         return tuple(records)
+    first, last = extent or _extent(records)
+    expect_within(records, (first, last), begin, end)
+    lower, upper = (first if begin is None else begin), (last if end is None else end)
+    note = f"{stamp(lower)} to {stamp(upper)} s are used, as stated, of {stamp(first)} to {stamp(last)} s"
+    return tuple(_part(record, lower, upper, note) for record in records)
+
+
+def expect_within(
+    records: Sequence[Record], extent: tuple[float, float], begin: float | None, end: float | None
+) -> None:
+    """Raise DataError unless `begin` lies before `end`, and both in the extent of a log, s."""
+    first, last = extent
     name = records[0].source or records[0].name
-    first = min(float(record.t[0]) for record in records)
-    last = max(float(record.t[-1]) + record.interval for record in records)
     lower, upper = (first if begin is None else begin), (last if end is None else end)
     log = f"the clock of the log goes from {stamp(first)} to {stamp(last)} s"
     near = max(record.interval for record in records)
@@ -38,8 +55,12 @@ def between(records: Sequence[Record], begin: float | None, end: float | None) -
             f"{name}: --begin {stamp(lower)} --end {stamp(upper)}: expected an end after the beginning; {log}"
         )
         raise DataError(msg)
-    note = f"{stamp(lower)} to {stamp(upper)} s are used, as stated, of {stamp(first)} to {stamp(last)} s"
-    return tuple(_part(record, lower, upper, note) for record in records)
+
+
+def _extent(records: Sequence[Record]) -> tuple[float, float]:
+    """Return where the first record begins and the last one ends, s."""
+    first = min(float(record.t[0]) for record in records)
+    return first, max(float(record.t[-1]) + record.interval for record in records)
 
 
 def _part(record: Record, begin: float, end: float, note: str) -> Record:

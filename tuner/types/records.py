@@ -74,7 +74,7 @@ class Record:
     assumptions : tuple of str
         What nobody stated and was assumed of the log, such as the unit of a sensor; among the notes, too.
     samples_a_mean : int
-        Samples of the log in each sample of the record: 1, or a power of two where the log is larger than memory.
+        Samples of the log in each sample of the record: 1, or a power of two where the log is long.
     short_clusters : mapping of str to ShortClusters
         By axis, the Allan variances of clusters shorter than the interval, from all samples of such a log.
     limiting_steps : mapping of str to float

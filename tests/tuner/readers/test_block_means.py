@@ -1,4 +1,4 @@
-"""A log larger than memory becomes means of its samples, whose noise is that of the samples."""
+"""A long log becomes means of its samples, whose noise is that of the samples."""
 
 from __future__ import annotations
 
@@ -83,7 +83,41 @@ def test_samples_are_means_and_short_clusters_those_of_all_samples(tmp_path: Pat
         # the pairs across the four borders of parts are left out
         assert variance == pytest.approx(0.5 * np.mean(np.diff(clusters) ** 2), rel=40 * m / full)
     assert calls[-1][0] == calls[-1][1] > 0
-    assert "each of the 8317 that are kept is the mean of 8" in small.assumptions[0]
+    assert "means of 8 of its 66536 samples are kept, 8317" in small.assumptions[0]
+
+
+def test_a_long_log_becomes_means_unless_memory_is_stated(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tuner.readers.block_means.MOST_ROWS", ROWS // 3)
+    path = written(tmp_path / "log.npz", columns())
+    assert read(path)[0].samples_a_mean == 4  # a half is more than a third
+    assert read(path, memory=4e9)[0].samples_a_mean == 1
+
+
+def test_a_part_of_a_long_log_that_fits_keeps_its_samples(tmp_path: Path) -> None:
+    data = columns()
+    data["t [s]"] += 1000.0
+    path = written(tmp_path / "log.npz", data)
+    whole = read(path)[0]
+    for begin, end in ((1060.0, 1130.0), (1000.0, 1050.0), (1275.0, None), (None, 1070.0)):
+        (few, _), (all_of_it, _) = (read(path, begin=begin, end=end, memory=m) for m in (LITTLE, None))
+        assert few.samples_a_mean == 1
+        assert few.short_clusters == {}
+        assert not any("the log is long" in text for text in few.assumptions)
+        np.testing.assert_array_equal(few.y, all_of_it.y)
+        np.testing.assert_allclose(few.t, all_of_it.t, rtol=0.0, atol=1e-6)
+        assert any("s are used, as stated, of 1000 to 1332.68 s" in note for note in few.notes)
+    large = read(path, begin=1010.0, memory=LITTLE)[0]
+    assert large.samples_a_mean == 4
+    assert len(large) == pytest.approx((len(whole) - 2000) / 4, abs=2)
+    for begin, end in ((900.0, None), (None, 1400.0), (1100.0, 1100.0)):
+        said = []
+        for memory in (LITTLE, None):
+            with pytest.raises(DataError) as refused:
+                read(path, begin=begin, end=end, memory=memory)
+            said.append(str(refused.value))
+        assert said[0] == said[1]
 
 
 def test_archives_whose_arrays_lie_otherwise(tmp_path: Path) -> None:

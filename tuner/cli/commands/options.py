@@ -271,8 +271,8 @@ def reading(command: Command) -> Command:
         "--memory",
         type=POSITIVE,
         metavar="GB",
-        help="Memory that the program may take, by default half of what is free. A larger log is read as means of "
-        "neighbouring samples. As many processors are used as fit.",
+        help="Memory that the program may take, by default half of what is free and what 4 million rows need. A longer "
+        "log is read as means of neighbouring samples. As many processors are used as fit.",
     )
     @click.option(
         "--begin",
