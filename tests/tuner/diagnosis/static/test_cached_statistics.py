@@ -14,7 +14,8 @@ from tuner.diagnosis.static.model.null_distributions import minimum
 from tuner.diagnosis.static.model.residual import relabelled, residual
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.variance.local_variance import block_variance, local_variance
-from tuner.diagnosis.static.variance.quantized_noise import moments
+from tuner.diagnosis.static.variance.quantized_noise import hides_noise, moments
+from tuner.jobs import each, limited
 from tuner.simulation.static import Channel, simulate
 
 
@@ -26,6 +27,24 @@ def test_local_variance_is_computed_once_for_a_residual():
     assert local_variance(found) is local_variance(found)
     assert block_variance(found) is block_variance(found)
     assert local_variance(relabelled(found, (HeavyTails(6.0),))) is not local_variance(found)
+
+
+def test_a_residual_goes_from_one_process_to_another():
+    """Copies share the samples, and what was computed once stays behind: its functions have no name in a pickle."""
+    record = simulate({"gyro_x": Channel(NoiseModel((White(1e-3),)))}, duration=60.0, rate=100.0, seed=1)[0][
+        0
+    ]
+    samples = channel(record, "gyro_x")
+
+    def made(_: int):
+        found = residual(samples)
+        assert not hides_noise(found)
+        return found
+
+    with limited(2):
+        here, there = made(0), each(made, [0, 1], shared=[samples])[1]
+    assert there.channel is samples
+    np.testing.assert_array_equal(there.e, here.e)
 
 
 def test_moments_between_places_are_on_straight_lines():

@@ -66,8 +66,8 @@ class Residual:
         Cosine coefficients of the cleaned samples.
     shapes : dict
         Power of each extension at coefficients 1 … n-1, shape (n − 1,), where it is known.
-    known : dict
-        What functions that are computed `once` have made of it.
+    known_of_samples, known : dict
+        What functions that are computed `once` have made of its samples, and of it; copies begin without.
     """
 
     channel: Channel
@@ -79,6 +79,10 @@ class Residual:
     shapes: dict[Extension, FloatArray] = field(repr=False, compare=False, default_factory=dict)
     known_of_samples: dict[Callable[..., Any], Any] = field(repr=False, compare=False, default_factory=dict)
     known: dict[Callable[..., Any], Any] = field(init=False, repr=False, compare=False, default_factory=dict)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a copy for another process has: nothing that is computed `once`, whose keys are functions."""
+        return {**self.__dict__, "known_of_samples": {}, "known": {}}
 
     def beside_others(self, channel: Channel) -> Residual:
         """Return what is compared with other channels: the fit and the clipped residuals, but no other samples.
@@ -103,11 +107,6 @@ class Residual:
         return {fit.kinds: fit.theta for fit in self.fits}
 
     @property
-    def kinds(self) -> tuple[Kinds, ...]:
-        """Kinds of noise that compete."""
-        return tuple(fit.kinds for fit in self.fits)
-
-    @property
     def cleaners(self) -> tuple[Extension, ...]:
         """Extensions that change samples."""
         return _cleaners(self.extensions)
@@ -119,9 +118,7 @@ class Residual:
     def refit(self, columns: FloatArray) -> Fit:
         """Return the best fit with further templates, coefficients of shape (K,) or (K, q)."""
         track = self.track.with_columns(columns)
-        return max(
-            (track.fit(kinds, self.starts[kinds]) for kinds in self.kinds), key=lambda f: f.log_likelihood
-        )
+        return max((track.fit(f.kinds, f.theta) for f in self.fits), key=lambda f: f.log_likelihood)
 
     def reach(self, column: int) -> tuple[float, float]:
         """Return the 95 % interval of the size of a template.
@@ -269,7 +266,7 @@ class Residual:
     @cached_property
     def with_markov(self) -> tuple[Fit, ...]:
         """Fits of every kind of noise with a further Gauss–Markov process."""
-        return tuple(self.track.fit((*kinds, GaussMarkov)) for kinds in self.kinds)
+        return tuple(self.track.fit((*fit.kinds, GaussMarkov)) for fit in self.fits)
 
     @cached_property
     def periodogram(self) -> SingleArray:
