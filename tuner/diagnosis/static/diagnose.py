@@ -13,8 +13,7 @@ from tuner.diagnosis.data_quality.causes import Frozen
 from tuner.diagnosis.static import shared_shape
 from tuner.diagnosis.static.causes import attitude, cross_axis, motion, mount_tilt
 from tuner.diagnosis.static.causes.registry import CAUSES
-from tuner.diagnosis.static.causes.temperature import COVARIATE as TEMPERATURE
-from tuner.diagnosis.static.channel import MIN_SAMPLES, Channel, channel
+from tuner.diagnosis.static.channel import MIN_SAMPLES, Channel
 from tuner.diagnosis.static.channel_preparation import prepared, prepared_axis
 from tuner.diagnosis.static.findings import Single, findings, joins, singles, words
 from tuner.diagnosis.static.held_out_gain import with_gains
@@ -24,6 +23,7 @@ from tuner.diagnosis.static.position_drift import left_drifts, with_drifts
 from tuner.diagnosis.static.posterior_predictive import covered
 from tuner.diagnosis.static.reported_noise import noise_after, noise_before
 from tuner.diagnosis.static.search import SearchResult, search_causes
+from tuner.diagnosis.static.second_log import expect_comparable, second_channel
 from tuner.diagnosis.static.sidebands import with_sidebands
 from tuner.diagnosis.static.something_else import about, with_unknown
 from tuner.diagnosis.static.spectrum import aliasing as sampling
@@ -42,8 +42,6 @@ Chosen so that the stationary parts are the majority of what is analysed.
 """
 SEARCH_COLUMNS = 40
 """Columns of a record that the search in one axis takes: 10 where nothing is found, 41 with ten findings."""
-MAX_INTERVAL_DIFFERENCE = 0.01
-"""Relative difference of two sampling intervals up to which they are one; clocks differ by far less, rates by more."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +100,7 @@ def diagnose(
     sensors, resting = without_knocks([records] if isinstance(records, Record) else list(records))
     others = [holdout] if isinstance(holdout, Record) else list(holdout or ())
     if others:
-        _comparable(sensors, others)
+        expect_comparable(sensors, others)
     width = sum(len(record.axes) for record in sensors)
     limit = threshold(width)
     found: list[Finding] = []
@@ -142,7 +140,7 @@ def diagnose(
 
     def judged(part: Channel, outcome: SearchResult) -> _Diagnosed:
         found = outcome if shared_shape.smooth(outcome) else None
-        outcome = replace(outcome, accepted=with_gains(outcome, _second(others, part.axis, seed)))
+        outcome = replace(outcome, accepted=with_gains(outcome, second_channel(others, part.axis, seed)))
         if replicas:
             outcome = covered(outcome, replicas, seed)
         before = noise_before(record_of[part.axis], part.axis, identification)
@@ -225,33 +223,6 @@ def _nothing_left(
         f"the sensor moved: its longest stand-still, {stamp(begin)} to {stamp(end)} s, has "
         f"{longest} samples, expected {MIN_SAMPLES}: record one of {MIN_SAMPLES * record.interval:.3g} s or more"
     )
-
-
-def _comparable(sensors: Sequence[Record], others: Sequence[Record]) -> None:
-    """Raise `DataError` for a second log that lacks what the gain of the findings is measured on."""
-    pairs = [(one, other) for one in sensors for other in others if set(one.axes) & set(other.axes)]
-    if not pairs:
-        msg = (
-            f"second log: expected an axis of the first, {' '.join(a for r in sensors for a in r.axes)}, "
-            f"got {' '.join(a for r in others for a in r.axes)}"
-        )
-        raise DataError(msg)
-    for one, other in pairs:
-        if abs(other.interval - one.interval) > MAX_INTERVAL_DIFFERENCE * one.interval:
-            msg = (
-                f"second log: expected the rate of the first, {1.0 / one.interval:.6g} Hz, "
-                f"got {1.0 / other.interval:.6g} Hz"
-            )
-            raise DataError(msg)
-        if TEMPERATURE in one.covariates and TEMPERATURE not in other.covariates:
-            msg = f"second log: expected the column '{TEMPERATURE}' that the first one has, found none"
-            raise DataError(msg)
-
-
-def _second(records: Sequence[Record], axis: str, seed: int) -> Channel | None:
-    """Return the same axis of the second log, or None where it has none."""
-    record = next((r for r in records if axis in r.axes), None)
-    return None if record is None else channel(record, axis, seed=seed)
 
 
 def _common(finals: Mapping[str, Residual], limit: float) -> list[Finding]:
