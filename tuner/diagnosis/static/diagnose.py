@@ -23,7 +23,7 @@ from tuner.diagnosis.static.position_drift import left_drifts, with_drifts
 from tuner.diagnosis.static.posterior_predictive import covered
 from tuner.diagnosis.static.reported_noise import noise_after, noise_before
 from tuner.diagnosis.static.search import SearchResult, search_causes
-from tuner.diagnosis.static.second_log import expect_comparable, second_channel
+from tuner.diagnosis.static.second_log import as_coarse, expect_comparable, second_channel
 from tuner.diagnosis.static.sidebands import with_sidebands
 from tuner.diagnosis.static.something_else import about, with_unknown
 from tuner.diagnosis.static.spectrum import aliasing as sampling
@@ -79,7 +79,8 @@ def diagnose(
     records : Record or sequence of Record
         Sensors of one log; a covariate ``temperature`` is used where there is one.
     holdout : Record or sequence of Record, optional
-        A second log of the same unit, to measure gains on; without it they are measured on the last 40 %.
+        A second log of the same unit, to measure gains on; without it they are measured on the last 40 %. Where one
+        of the two is long and holds means of samples, the other is taken as such means, too.
     identification : Identification, optional
         Noise of the log as identified, which is what the findings are reported against; without it the log is
         identified here, by the same choice of terms.
@@ -97,14 +98,19 @@ def diagnose(
     DataError
         Where no channel can be analysed, or the second log lacks what the first one has.
     """
-    sensors, resting = without_knocks([records] if isinstance(records, Record) else list(records))
-    others = [holdout] if isinstance(holdout, Record) else list(holdout or ())
+    first = [records] if isinstance(records, Record) else list(records)
+    others = as_coarse([holdout] if isinstance(holdout, Record) else list(holdout or ()), first)
+    sensors, resting = without_knocks(as_coarse(first, others))
     if others:
         expect_comparable(sensors, others)
     width = sum(len(record.axes) for record in sensors)
     limit = threshold(width)
     found: list[Finding] = []
-    notes: list[str] = []
+    notes = [
+        f"{record.name}: means of {record.samples_a_mean} samples, as in the second log, which is long"
+        for record, whole in zip(sensors, first, strict=True)
+        if record.samples_a_mean > whole.samples_a_mean
+    ]
     refused: list[str] = []
     ready: list[Channel] = []
     tests_of: dict[str, Sequence[DataQualityTest]] = {}

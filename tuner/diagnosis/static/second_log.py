@@ -3,13 +3,49 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
 
 from tuner.diagnosis.static.causes.temperature import COVARIATE as TEMPERATURE
 from tuner.diagnosis.static.channel import Channel, channel
 from tuner.types.records import DataError, Record
 
+FloatArray = NDArray[np.float64]
+
 MAX_INTERVAL_DIFFERENCE = 0.01
 """Relative difference of two sampling intervals up to which they are one; clocks differ by far less, rates by more."""
+
+
+def as_coarse(records: Sequence[Record], others: Sequence[Record]) -> tuple[Record, ...]:
+    """Return records, as means where that of each sample of others, of long logs, holds more samples than theirs."""
+    coarsest = max((one.samples_a_mean for one in others), default=1)
+    return tuple(
+        _means(one, coarsest // one.samples_a_mean) if coarsest > one.samples_a_mean else one
+        for one in records
+    )
+
+
+def _means(record: Record, size: int) -> Record:
+    """Return a record of the means of `size` samples each; incomplete ones at ends of segments are left out."""
+    cuts = [(start, stop - (stop - start) % size) for start, stop in record.segments]
+    ends = np.cumsum([0, *((stop - start) // size for start, stop in cuts)])
+
+    def mean(x: FloatArray) -> FloatArray:
+        return np.concatenate([x[a:b].reshape(-1, size, *x.shape[1:]).mean(axis=1) for a, b in cuts])
+
+    return replace(
+        record,
+        t=mean(record.t),
+        y=mean(record.y),
+        interval=size * record.interval,
+        segments=tuple((int(a), int(b)) for a, b in pairwise(ends) if b > a),
+        covariates={name: mean(column) for name, column in record.covariates.items()},
+        samples_a_mean=size * record.samples_a_mean,
+        short_clusters={},
+    )
 
 
 def expect_comparable(sensors: Sequence[Record], others: Sequence[Record]) -> None:
