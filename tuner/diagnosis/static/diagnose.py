@@ -25,6 +25,7 @@ from tuner.diagnosis.static.reported_noise import noise_after, noise_before
 from tuner.diagnosis.static.search import SearchResult, search_causes
 from tuner.diagnosis.static.second_log import as_coarse, expect_comparable, second_channel
 from tuner.diagnosis.static.sidebands import with_sidebands
+from tuner.diagnosis.static.smooth_shapes import smooth as smooth_shapes
 from tuner.diagnosis.static.something_else import about, with_unknown
 from tuner.diagnosis.static.spectrum import aliasing as sampling
 from tuner.formats.customary_units import stamp
@@ -145,7 +146,7 @@ def diagnose(
         return judged(part, search_causes(replace(part, y=again.y[first : first + len(part)]), limit, moves))
 
     def judged(part: Channel, outcome: SearchResult) -> _Diagnosed:
-        found = outcome if shared_shape.smooth(outcome) else None
+        found = outcome if smooth_shapes(outcome.accepted) else None
         outcome = replace(outcome, accepted=with_gains(outcome, second_channel(others, part.axis, seed)))
         if replicas:
             outcome = covered(outcome, replicas, seed)

@@ -24,6 +24,7 @@ from tuner.diagnosis.static.causes.template import Template
 from tuner.diagnosis.static.causes.thermal_lag import ThermalLag, beside_temperature
 from tuner.diagnosis.static.causes.vibration import Vibration
 from tuner.diagnosis.static.causes.warmup import Warmup
+from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.hypothesis_tests import retest
 from tuner.diagnosis.static.model.dct import block_transform
 from tuner.diagnosis.static.model.null_distributions import SLOW_RATIO_FACTOR
@@ -112,13 +113,9 @@ def warming_box(fitted: Residual, result: TestResult, threshold: float) -> TestR
         return result
     if fitted.count(*(c.cause for c in THERMAL)):
         return result
-    constants = Warmup.time_constants(channel)
-    tried = np.geomspace(constants[0], 3.0 * constants[-1], TRIED_CONSTANTS)
-    rests = np.array([warming(channel, constant)[2] for constant in tried.tolist()])
-    likely = tried[rests <= MAX_REST_RATIO * rests.min()]
-    if warming(channel, float(tried[np.argmin(rests)]))[1] < MIN_WARMING * rests.min():
+    alike = warming_alike(channel)
+    if not alike:
         return result
-    alike = [Temperature(time_constant=constant) for constant in likely.tolist()]
     scores, templates = scan(fitted, np.stack([one.template(channel) for one in alike], axis=1))
     found = judge(fitted, templates[:, scores.best], scores.correlation, price=Warmup.price)
     if found.gain < result.gain - NEAR_TWIN_NATS or found.p_value > threshold:
@@ -127,6 +124,17 @@ def warming_box(fitted: Residual, result: TestResult, threshold: float) -> TestR
     return TestResult(
         Temperature.cause, found.p_value, found.gain, found.ratio, name, lambda: (alike[scores.best],)
     )
+
+
+def warming_alike(channel: Channel) -> list[Temperature]:
+    """Return the temperature as each exponential that its readings follow as closely as the best one; none for none."""
+    constants = Warmup.time_constants(channel)
+    tried = np.geomspace(constants[0], 3.0 * constants[-1], TRIED_CONSTANTS)
+    rests = np.array([warming(channel, constant)[2] for constant in tried.tolist()])
+    if warming(channel, float(tried[np.argmin(rests)]))[1] < MIN_WARMING * rests.min():
+        return []
+    likely = tried[rests <= MAX_REST_RATIO * rests.min()]
+    return [Temperature(time_constant=constant) for constant in likely.tolist()]
 
 
 def twins(one: str, other: str) -> bool:

@@ -10,6 +10,8 @@ import numpy as np
 from tuner.diagnosis.static.causes.base import Extension
 from tuner.types import Alternative, Gain
 
+UNKNOWN = "unknown"
+"""Code of what is none of the causes, in a list of alternatives."""
 NO_GAIN = -9.0
 """Gain, nats, of what was not worth a fit: below any that a fit could give by chance, so that it is never chosen."""
 LEAST_CHANCE = 1e-300

@@ -42,6 +42,7 @@ from tuner.diagnosis.static.near_twins import (
 )
 from tuner.diagnosis.static.outcome import Accepted, TestResult
 from tuner.diagnosis.static.residual_checks import checks
+from tuner.diagnosis.static.smooth_shapes import measured_first as measured_shapes
 from tuner.diagnosis.static.variance.quantized_noise import hides_noise
 from tuner.stages import stage, task
 from tuner.types import Alternative
@@ -109,6 +110,7 @@ def search_causes(channel: Channel, threshold: float, given: tuple[Extension, ..
     found, accepted = without_lag(found, accepted)
     found, accepted = with_curve(*with_one_lag(found, accepted))
     found, accepted = with_steps(*without_line_of_resonance(found, accepted))
+    found, accepted = measured_shapes(found, accepted, threshold)
     tested = (*now.results, *checks(found))  # before caches are lost
     found = with_joint_estimates(found)
     estimated = found.extensions[len(found.extensions) - len(accepted) :]

@@ -34,15 +34,13 @@ from tuner.diagnosis.static.model.residual import Residual, extended, residual, 
 from tuner.diagnosis.static.model.score_scan import scan
 from tuner.diagnosis.static.model.slow_likelihood import FLICKER
 from tuner.diagnosis.static.near_twins import NEAR_TWIN_NATS, THERMAL
-from tuner.diagnosis.static.outcome import Accepted
+from tuner.diagnosis.static.outcome import UNKNOWN, Accepted
 from tuner.diagnosis.static.search import SearchResult, group_of
 from tuner.identification.fisher_scoring import minimise
 from tuner.types import Alternative
 
 FloatArray = NDArray[np.float64]
 
-UNKNOWN = "unknown"
-"""Code of what is none of the causes, in a list of alternatives."""
 MIN_LEFT_SHARE = 0.05
 """Share of what a finding explains above which what it leaves makes it uncertain: a likelihood ratio of 20."""
 OF_GROUPS: Mapping[str, tuple[Group, ...]] = {
@@ -92,9 +90,11 @@ def with_unknown(outcome: SearchResult) -> tuple[Accepted, ...]:
             lead = other_transient_lead(outcome.final, index)
         if lead > -NEAR_TWIN_NATS:
             weight = max(weight, float(np.exp(min(lead, 0.0))))
+        weight = max(weight, *(a.score for a in accepted.alternatives if a.cause == UNKNOWN), 0.0)
+        known = tuple(a for a in accepted.alternatives if a.cause != UNKNOWN)
         unknown = (Alternative(UNKNOWN, weight),) if weight else ()
         twin = _transient_twin(outcome.final, index, accepted) + _line_twin(outcome.final, index, accepted)
-        found.append(replace(accepted, alternatives=(*accepted.alternatives, *twin, *unknown)))
+        found.append(replace(accepted, alternatives=(*known, *twin, *unknown)))
     return tuple(found)
 
 

@@ -64,6 +64,15 @@ def test_a_curve_of_the_temperature_has_its_name_and_size():
     assert abs(found["temperature_squared"].parameters["curvature"].value - 2e-4) < 1.5 * (high - low)  # 6 sd
 
 
+def test_a_curve_of_the_temperature_of_a_unit_that_warms_is_not_a_warm_up():
+    """Its square is an exponential of half the time constant: it was named one beside the temperature, without doubt."""
+    celsius = 25.0 - 10.0 * np.expm1(-TIME / 200.0)
+    away = celsius - celsius.mean()
+    found = diagnose(record(2e-3 * away + 2e-4 * away**2, celsius=celsius)).findings
+    assert {f.cause for f in found} == {"temperature", "temperature_squared"}
+    assert all("warmup" in {a.cause for a in f.alternatives} for f in found)
+
+
 def test_a_bias_behind_a_play_of_the_temperature_is_hysteresis():
     signal = 2e-3 * (behind_play(CELSIUS, 2.0) - CELSIUS[0])
     causes = [f.cause for f in diagnose(record(signal, celsius=CELSIUS)).findings]
