@@ -31,6 +31,7 @@ duplicates              fraction                                        sampling
 timing                  gap_count, jitter_sd, clock_ratio               sampling
 clipping                low, high                                       sampling
 lattice                 step, deadband                                  sampling
+overflow                low, high                                       sampling
 attitude                tilt                                            geometry
 ======================  ==============================================  ==========================
 
@@ -59,7 +60,7 @@ from models.effects.static.distribution import (
     VarianceDrift,
 )
 from models.effects.static.events import Motion, Recovery, Spikes, Step, Telegraph
-from models.effects.static.sampling import Clipping, Duplicates, Quantizer, Timing
+from models.effects.static.sampling import Clipping, Duplicates, Overflow, Quantizer, Timing
 from models.effects.static.spectral import Colour, Comb, CorrelatedDrift, Line, LowPass, Vibration
 from models.effects.static.thermal import (
     Hysteresis,
@@ -94,7 +95,7 @@ EFFECTS.extend(
         Line, Vibration, LowPass, Colour, TemperatureSlope, ThermalLag, Step, Warmup, Telegraph,
         CorrelatedDrift, Spikes, HeavyTails, Burst, VarianceDrift, Duplicates, Timing, Clipping, Quantizer,
         CrossAxis, Attitude, Motion, SkewedNoise, PeriodicVariance, TemperatureSquared, TemperatureRate, Hysteresis,
-        Comb, Recovery,
+        Comb, Recovery, Overflow,
     )
 )  # fmt: skip
 

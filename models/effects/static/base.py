@@ -5,9 +5,9 @@ A block y is the sum of a slow part and a fast part, its white noise w::
     y_k = slow_k + w_k
 
 An effect acts at one stage on the way from the sensing element to the file: on the noise itself (w), as a
-signal added to y, in the filter, as a glitch of the wire, at the rails, in the quantizer, when a
-reading is repeated, or in the time stamps. Every effect is a frozen set of SI parameters with the names a finding
-uses; all chance comes from the generator given to `apply`.
+signal added to y, in the filter, as a glitch of the wire, at the rails, in the quantizer, in the register of its
+codes, when a reading is repeated, or in the time stamps. Every effect is a frozen set of SI parameters with the names a
+finding uses; all chance comes from the generator given to `apply`.
 
 References
 ----------
@@ -30,7 +30,7 @@ from models.effects.parsing import Written
 
 FloatArray = NDArray[np.float64]
 
-NOISE, SIGNAL, FILTER, GLITCH, RAIL, QUANTIZER, HOLD, STAMP = range(8)
+NOISE, SIGNAL, FILTER, GLITCH, RAIL, QUANTIZER, REGISTER, HOLD, STAMP = range(9)
 """Stages in the order in which a sample passes them."""
 
 Joins = Literal["preprocessing", "noise model", "law of the noise"]

@@ -1,9 +1,10 @@
-"""Effects between the sensor and the file: rails, coarse codes, repeated readings, time stamps.
+"""Effects between the sensor and the file: rails, coarse codes, small registers, repeated readings, time stamps.
 
 ::
 
     clipping      min(max(y, low), high)
     lattice       step · round(y/step);  0 where |y| < deadband
+    overflow      low + (y − low) mod (high − low)
     duplicates    y_k = y_{k−1} with the chance `fraction`, in all channels at once, or always in one stretch
     timing        gap_count stretches of samples lost; stamps t_0 + clock_ratio (t − t_0) + jitter_sd · e,
                   rounded to whole multiples of `rounding`
@@ -21,6 +22,7 @@ from models.effects.static.base import (
     HOLD,
     QUANTIZER,
     RAIL,
+    REGISTER,
     STAMP,
     Effect,
     Samples,
@@ -103,6 +105,42 @@ class Quantizer(Effect):
         """Draw an effect of step 0.01 … 2 white sd; in a quarter of the cases a dead band of 1 … 3 steps."""
         step = scale.white_sd * log_uniform(rng, 0.01, 2.0)
         return cls(step, step * float(rng.integers(1, 4)) if rng.random() < 0.25 else 0.0)
+
+
+@dataclass(frozen=True)
+class Overflow(Effect):
+    """A register too small for a sample: what is beyond one end of its range comes out at the other end.
+
+    Attributes
+    ----------
+    low, high : float
+        Ends of the range, unit.
+    """
+
+    name: ClassVar[str] = "overflow"
+    stage: ClassVar[int] = REGISTER
+    absolute: ClassVar[bool] = True
+    low: float
+    high: float
+
+    def __post_init__(self) -> None:
+        require_finite(low=self.low, high=self.high)
+        if not self.low < self.high:
+            msg = f"'low' must be below 'high', {self.high}, got {self.low}"
+            raise ValueError(msg)
+
+    def apply(self, block: Samples, rng: np.random.Generator) -> Samples:
+        """Wrap every channel around; samples within the range stay as they are to the last digit."""
+        width = self.high - self.low
+        return replace(block, y=block.y - width * np.floor((block.y - self.low) / width))
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, scale: Scale) -> Self:
+        """Draw an effect of one end 1.5 … 3 white sd from the level and a range of 10 … 40 white sd."""
+        end, width = scale.white_sd * rng.uniform(1.5, 3.0), scale.white_sd * rng.uniform(10.0, 40.0)
+        if rng.random() < 0.5:
+            return cls(scale.level + end - width, scale.level + end)
+        return cls(scale.level - end, scale.level - end + width)
 
 
 @dataclass(frozen=True)

@@ -40,6 +40,7 @@ REPORTED = {
     "timing": {"gap_count", "jitter_sd", "clock_ratio"},
     "clipping": {"low", "high"},
     "lattice": {"step", "deadband"},
+    "overflow": {"low", "high"},
     "cross_axis": {"correlation"},
     "attitude": {"tilt"},
     "motion": {"start", "duration"},
@@ -70,6 +71,7 @@ NOTHING = (
     "duplicates:fraction=0",
     "timing:",
     "clipping:low=-1e9",
+    "overflow:low=-1e9,high=1e9",
     "cross_axis:correlation=0",
     "attitude:tilt=0",
     "motion:start=5,duration=10,sd=0",
@@ -155,6 +157,7 @@ def test_zero_amplitude_is_the_identity(text):
         ("duplicates:fraction=1", "'fraction' must be at least 0.0 and below 1.0, got 1.0"),
         ("clipping:", "'low' or 'high' must be given, got neither"),
         ("clipping:low=2,high=1", "'low' must be below 'high', 1.0, got 2.0"),
+        ("overflow:low=2,high=1", "'low' must be below 'high', 1.0, got 2.0"),
         ("cross_axis:correlation=-0.1", "'correlation' must be at least 0.0 and below 1.0, got -0.1"),
     ],
 )

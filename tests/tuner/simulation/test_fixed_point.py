@@ -68,6 +68,7 @@ def test_findings_become_effects_as_they_were_found():
         findings=(
             finding("colour", "gyro_x", ar_1=0.5, ar_2=-0.3),
             finding("clipping", "gyro_x", 0.5, low=0.48, high=0.53),
+            finding("overflow", "gyro_x", 0.5, low=0.45, high=0.52),
             finding("lattice", "gyro_y", step=STEP),
             finding("timing", "gyro_x", gap_count=3.0),
             finding("timing", "gyro_y", gap_count=3.0),
@@ -83,12 +84,14 @@ def test_findings_become_effects_as_they_were_found():
         "colour",
         "lattice",
         "motion",
+        "overflow",
         "thermal_lag",
         "timing",
     ]
     assert made["thermal_lag"].effect.time_constant == 5e3
     assert made["colour"].effect.ar == (0.5, -0.3)
     assert (made["clipping"].effect.low, made["clipping"].effect.high) == pytest.approx((-0.02, 0.03))
+    assert (made["overflow"].effect.low, made["overflow"].effect.high) == pytest.approx((-0.05, 0.02))
     assert (channels["gyro_x"].bias_sd, channels["gyro_y"].bias_sd) == (0.0, 0.02)
     assert set(made["timing"].axes) == {"gyro_x", "gyro_y"}
     assert isinstance(

@@ -304,7 +304,10 @@ def overflow(pieces: Sequence[FloatArray], step: float, *, axis: str, unit: str)
         f"{found.count} samples beyond one end of the range of {found.low:.6g} to {found.high:.6g} {unit} "
         "came out at the other end"
     )
-    return DataQualityTest("overflow", (axis,), high - low, found.p_value, parameters, text=text)
+    level = None
+    if found.p_value < DECISIVE_P_VALUE:
+        level = float(np.median(np.concatenate([unwrapped(piece, high - low) for piece in pieces])))
+    return DataQualityTest("overflow", (axis,), high - low, found.p_value, parameters, text=text, level=level)
 
 
 def clipping(pieces: Sequence[FloatArray], step: float, *, axis: str, unit: str) -> DataQualityTest:

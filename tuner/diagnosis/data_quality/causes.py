@@ -79,6 +79,7 @@ class Overflow(Cause):
     """Samples that wrap around the range of a register."""
 
     cause = "overflow"
+    effect = sampling.Overflow
     group = "samples"
     meaning = "a register is too small: samples beyond one end of its range come out at the other end"
     consequence = (

@@ -151,7 +151,12 @@ def diagnose(
         if replicas:
             outcome = covered(outcome, replicas, seed)
         before = noise_before(record_of[part.axis], part.axis, identification)
-        after = noise_after(outcome.final, before)
+        wrapped = any(
+            t.cause == "overflow" and t.p_value < limit
+            for t in tests_of[part.axis]
+            if part.axis in t.channels
+        )
+        after = noise_after(outcome.final, before, put_back=wrapped)
         outcome = replace(outcome, accepted=with_unknown(outcome))
         unexplained = tuple(
             Unexplained(

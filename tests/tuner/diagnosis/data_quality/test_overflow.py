@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from models.effects.static.base import Samples
+from models.effects.static.sampling import Overflow
 from tuner.diagnosis import diagnose
 from tuner.diagnosis.data_quality import data_quality_tests
 from tuner.diagnosis.data_quality.overflow import find_overflow, unwrapped
@@ -31,6 +35,11 @@ def test_the_range_of_a_register_is_found_and_samples_put_back(top, width, sign)
     """The interval holds both ends; every sample comes back to its place but for the gap to the outermost one."""
     y = sign * white(1)
     low = top - width if sign > 0.0 else -top
+    samples = Samples(np.arange(COUNT), wrap(y, low, width)[:, None], 1.0)
+    effect = Overflow(low, low + width)
+    np.testing.assert_array_equal(effect.apply(samples, np.random.default_rng(0)).y, samples.y)
+    again = effect.apply(replace(samples, y=y[:, None]), np.random.default_rng(0)).y
+    np.testing.assert_allclose(again, samples.y, atol=1e-12)
     found = find_overflow([wrap(y, low, width)], 0.0)
     assert found.p_value < ALIKE
     assert found.low - found.slack < low <= found.low
@@ -48,6 +57,8 @@ def test_a_sixteen_bit_register_is_named_and_leaves_nothing_else():
     assert [f.cause for f in diagnosis.findings] == ["overflow"]
     assert not diagnosis.unexplained
     assert diagnosis.findings[0].parameters["high"].value == pytest.approx(0.327675, abs=2e-5)
+    assert diagnosis.findings[0].extension["level"] == pytest.approx(0.32705, abs=5e-5)
+    assert diagnosis.models["gyro_x"].white_density() == pytest.approx(2e-5, rel=0.02)  # as put back
 
 
 def test_samples_are_put_back_between_gaps_whose_level_differs():
