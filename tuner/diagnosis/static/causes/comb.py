@@ -58,6 +58,11 @@ FEW_LINES, MAX_LINE_SHARE, CLEAR_LINE_SHARE = 3, 0.6, 0.8
 
 Beyond the second share they hold too much at any phase of the bins, which is then not sought.
 """
+EDGE_MARGIN, TINY_LAG = 1e-6, 1e-12
+"""Parts of a phase next to its edges in which samples are put by themselves, where rounding decides.
+
+And least part of one by which samples and phases run apart in a step, so that quotients stay finite.
+"""
 MIDDLE_PHASE = 0.5
 """Phase, samples, at which samples lie in the middle of their bin: at its edge, rounding would spread what repeats."""
 
@@ -203,14 +208,49 @@ def _fold(x: FloatArray, period: float, phase: float) -> FloatArray:
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[misc, unused-ignore]
 def _sums(x: FloatArray, first: float, period: float, number: int) -> tuple[FloatArray, FloatArray]:
-    """Return sum and count of samples at each of `number` phases, the first `first` samples into a period."""
-    total, count = np.zeros(number), np.zeros(number)
+    """Return sum and count of samples at each of `number` phases, the first `first` samples into a period.
+
+    `number` is that of whole samples in a period: a phase is as wide as a sample or slightly wider, so that within a
+    period samples and phases run side by side but for one place, where two samples share a phase. Only about that
+    place are phases computed sample by sample.
+    """
+    total, entered = np.zeros(number), np.zeros(number + 1)
+    start, lag = 0, max(1.0 - number / period, TINY_LAG)
+    while start < x.size:
+        turn = np.floor((first + start) / period)
+        stop = min(x.size, max(start + 1, int(np.ceil((turn + 1.0) * period - first))))
+        while stop < x.size and np.floor((first + stop) / period) <= turn:
+            stop += 1
+        while stop > start + 1 and np.floor((first + stop - 1) / period) > turn:
+            stop -= 1
+        place = ((first + start) / period - turn) * number
+        begin = min(int(place), number - 1)
+        into, longest = place - begin, float(stop - start)
+        near = 0.0 if into > 1.0 - EDGE_MARGIN else (into - EDGE_MARGIN) / lag - 2.0
+        low = start + int(min(max(near, 0.0), longest))
+        high = start + int(min((into + EDGE_MARGIN) / lag + 2.0, longest))
+        _add(total[begin:], x[start:low])
+        entered[begin] += 1.0
+        entered[begin + low - start] -= 1.0
+        for i in range(low, high):
+            at = min(int(((first + i) / period - turn) * number), number - 1)
+            total[at] += x[i]
+            entered[at] += 1.0
+            entered[at + 1] -= 1.0
+        if high < stop:
+            at = begin + high - start - 1
+            _add(total[at:], x[high:stop])
+            entered[at] += 1.0
+            entered[at + stop - high] -= 1.0
+        start = stop
+    return total, np.cumsum(entered)[:-1]
+
+
+@numba.njit(cache=True, nogil=True, inline="always")  # type: ignore[misc, unused-ignore]
+def _add(total: FloatArray, x: FloatArray) -> None:
+    """Add numbers, shape (n,), to the first of others."""
     for i in range(x.size):
-        turns = (first + i) / period
-        at = min(int((turns - np.floor(turns)) * number), number - 1)
-        total[at] += x[i]
-        count[at] += 1.0
-    return total, count
+        total[i] += x[i]
 
 
 def _refined(fitted: Residual, e: FloatArray, near: float) -> float:
