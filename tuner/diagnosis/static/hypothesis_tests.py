@@ -79,6 +79,14 @@ def hypothesis_tests(fitted: Residual, known: tuple[TestResult, ...] = ()) -> tu
     )
 
 
+def with_tests_anew(
+    fitted: Residual, results: tuple[TestResult, ...], causes: set[str]
+) -> tuple[TestResult, ...]:
+    """Return the results of a residual, those of these causes, each tested alone, from this residual as well."""
+    again = (CAUSES.extensions()[one.cause].test(fitted) if one.cause in causes else one for one in results)
+    return tuple(result for result in again if result is not None)
+
+
 def is_open(fitted: Residual, cause: str) -> bool:
     """Return whether a channel may have this cause (once more)."""
     declared = CAUSES.extensions()[cause]

@@ -21,7 +21,13 @@ from tuner.diagnosis.static.causes.motion import Motion
 from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.diagnosis.static.causes.step import Step
 from tuner.diagnosis.static.channel import Channel
-from tuner.diagnosis.static.hypothesis_tests import CERTAIN_GAIN, hypothesis_tests, retest, significant
+from tuner.diagnosis.static.hypothesis_tests import (
+    CERTAIN_GAIN,
+    hypothesis_tests,
+    retest,
+    significant,
+    with_tests_anew,
+)
 from tuner.diagnosis.static.masked_pairs import PAIR, replacing_pair
 from tuner.diagnosis.static.masked_pairs import test as pair_test
 from tuner.diagnosis.static.model.profile_likelihood import first_column
@@ -169,7 +175,7 @@ def _after_pass(last: _Progress, threshold: float) -> _Progress:
     channel, given = found.channel, len(found.extensions) - len(accepted)
     results = hypothesis_tests(found, last.quiet)
     if last.quiet and not any(_rejections(results, threshold)):
-        results = hypothesis_tests(found)
+        results = with_tests_anew(found, results, {result.cause for result in last.quiet})
     results = _settled(results, threshold)
     bare = tuple(result.without_residual for result in results)
     if last.fresh:
