@@ -16,6 +16,7 @@ from tuner.diagnosis.static.hypothesis_tests import spectrum
 from tuner.diagnosis.static.model.residual import residual
 from tuner.diagnosis.static.switching.kim_filter import paired
 from tuner.diagnosis.static.switching.models import STILL, Chain, Slow, likelihood
+from tuner.diagnosis.static.variance.normal_scores import NormalScores
 from tuner.identification.channel import identify_channel
 from tuner.jobs import each, on_disk
 from tuner.types.records import Record
@@ -47,6 +48,7 @@ def _one_level() -> None:
     slow = Slow.of((GaussMarkov(1.0, 10.0), RandomWalk(0.1)), 1.0)
     likelihood(np.arange(8.0), STILL, slow, 1.0)
     HeavyTails(5.0).whiten(np.arange(8.0))
+    NormalScores.of(np.arange(64.0))(np.arange(8.0))
 
 
 def _spectrum() -> None:

@@ -10,6 +10,7 @@ from tuner.diagnosis.static.causes import comb, periodic_variance
 from tuner.diagnosis.static.channel import channel
 from tuner.diagnosis.static.model.dct import between_middles
 from tuner.diagnosis.static.model.residual import Residual, residual
+from tuner.diagnosis.static.model.series_statistics import order_statistics, row_medians
 from tuner.types.records import Record
 
 N = 40_000
@@ -41,12 +42,25 @@ def test_weak_short_pulses_are_found_by_many_multiples_of_their_period():
     assert result.propose()[0].period == pytest.approx(61.0, abs=0.02)
 
 
-def test_folded_sums_are_those_of_the_phases():
-    e = np.random.default_rng(2).standard_normal(1000)
-    total, count = comb._sums(e[100:], 100.3, 23.7, 23)
-    place = comb.Comb(23.7, (0.0,) * 23, 0.3)._bins(1000)[100:]
-    np.testing.assert_allclose(total, np.bincount(place, e[100:], 23), atol=1e-12)
-    np.testing.assert_array_equal(count, np.bincount(place, minlength=23))
+@pytest.mark.parametrize("period", [23.7, 31.0, 12.0 + 1e-9, 20.0 - 1e-9, 99.999])
+@pytest.mark.parametrize("phase", [0.3, 0.5, 0.0, 0.999999999])
+def test_folded_sums_are_those_of_the_phases(period, phase):
+    e, number = np.random.default_rng(2).standard_normal(1000), int(period)
+    total, count = comb._sums(e[100:], 100.0 + phase, period, number)
+    place = comb.Comb(period, (0.0,) * number, phase)._bins(1000)[100:]
+    np.testing.assert_allclose(total, np.bincount(place, e[100:], number), atol=1e-12)
+    np.testing.assert_array_equal(count, np.bincount(place, minlength=number))
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float64])
+@pytest.mark.parametrize(
+    "values", [np.arange(7.0), np.tan(np.arange(300.0)), np.ones(9), np.arange(60.0) % 4]
+)
+def test_numbers_by_rank_are_those_of_a_sorted_series(kind, values):
+    x = values.astype(kind)
+    ranks = np.array([0, len(x) // 3, len(x) // 2, len(x) // 2, len(x) - 1])
+    np.testing.assert_array_equal(order_statistics(x, ranks), np.sort(x)[ranks])
+    assert row_medians(x.reshape(1, -1))[0] == np.median(x)
 
 
 def test_the_score_of_a_further_process_foretells_what_it_gains():

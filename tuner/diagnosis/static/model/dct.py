@@ -13,8 +13,6 @@ References
 
 from __future__ import annotations
 
-from typing import TypeVar
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct, dst, idct
@@ -23,10 +21,10 @@ from scipy.ndimage import maximum_filter1d
 from models.robust import MEDIAN_OF_CHI2
 from tuner.curves.long_transforms import without_tables
 from tuner.diagnosis.static.channel import Channel
+from tuner.diagnosis.static.model.series_statistics import Real, row_medians
 from tuner.identification.periodogram import CosinePeriodogram
 
 FloatArray = NDArray[np.float64]
-Real = TypeVar("Real", np.float32, np.float64)
 
 MAX_SQUARE = 30.0
 """Largest square of a coefficient that enters the noise fit, in units of its neighbours'; lines are larger.
@@ -135,7 +133,7 @@ def _level(power: FloatArray) -> FloatArray:
     n = len(power) // width * width
     if n == 0:
         return np.full(len(power), np.median(power) / MEDIAN_OF_CHI2)
-    median = np.median(power[:n].reshape(-1, width), axis=1) / MEDIAN_OF_CHI2
+    median = row_medians(power[:n].reshape(-1, width)) / MEDIAN_OF_CHI2
     level = between_middles(np.log(np.maximum(median, 1e-300)), width, len(power))
     return np.asarray(np.exp(level, out=level))
 

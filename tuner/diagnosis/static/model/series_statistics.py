@@ -1,6 +1,8 @@
-"""Moments, robust standard deviation and periodogram of long series, piece by piece without a copy of them."""
+"""Moments, quantiles, robust standard deviation and periodogram of long series, without a sorted or full copy."""
 
 from __future__ import annotations
+
+from typing import Any, TypeVar
 
 import numba
 import numpy as np
@@ -11,9 +13,14 @@ from tuner.curves.long_transforms import without_tables
 
 FloatArray = NDArray[np.float64]
 SingleArray = NDArray[np.float32]
+Real = TypeVar("Real", np.float32, np.float64)
 
 SAMPLES_AT_ONCE = 1 << 16
 """Numbers treated at a time, so that what is computed on the way stays in the cache of a processor."""
+MAX_RANK_CELLS = 1 << 14
+"""Cells of equal width among which numbers are counted to find some by rank: the table stays in the cache."""
+NUMBERS_PER_CELL = 2
+"""Numbers a cell of a short series: with more, sorting them costs more than the table, with fewer the table does."""
 RESIDUAL_CLIP = 5.0
 """Sds at which residuals are cut for tests of the spectrum and of the variance.
 
@@ -61,3 +68,68 @@ def _capped_square(e: FloatArray, cap: float) -> float:
     for i in range(e.size):
         total += min(e[i] * e[i], cap)
     return total
+
+
+def row_medians(rows: NDArray[Real]) -> NDArray[Real]:
+    """Return the median of each row, shape (r, w) to (r,), as `numpy.median` gives it."""
+    return np.asarray(_row_medians(rows))
+
+
+def order_statistics(x: FloatArray, ranks: NDArray[np.intp]) -> FloatArray:
+    """Return the numbers of these ranks, 0 for the least, rising, among x: of `numpy.sort` without the sorting."""
+    return np.asarray(_order_statistics(x, ranks))
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[misc, unused-ignore]
+def _row_medians(rows: NDArray[Any]) -> NDArray[Any]:
+    number, width = rows.shape
+    out = np.empty(number, rows.dtype)
+    ranks = np.array([(width - 1) // 2, width // 2])
+    half = out.dtype.type(0.5)
+    for row in range(number):
+        middle = _order_statistics(rows[row], ranks)
+        out[row] = half * (middle[0] + middle[1])
+    return out
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[misc, unused-ignore]
+def _order_statistics(x: NDArray[Any], ranks: NDArray[np.intp]) -> NDArray[Any]:
+    """Return numbers by rank: only those in the cells of the ranks are sorted, and all where one cell holds most."""
+    low, high = x[0], x[0]
+    for i in range(x.size):
+        low, high = min(low, x[i]), max(high, x[i])
+    cells = min(MAX_RANK_CELLS, 1 + x.size // NUMBERS_PER_CELL)
+    over = cells / (float(high) - float(low)) if high > low else 0.0
+    if not 0.0 < over < np.inf:
+        return np.sort(x)[ranks]
+    begin = np.zeros(cells + 2, np.intp)
+    for i in range(x.size):
+        begin[int((float(x[i]) - float(low)) * over) + 1] += 1
+    for cell in range(cells + 1):
+        begin[cell + 1] += begin[cell]
+    wanted, cell = np.zeros(cells + 1, np.bool_), 0
+    for rank in ranks:
+        while begin[cell + 1] <= rank:
+            cell += 1
+        wanted[cell] = True
+    place, size = np.zeros(cells + 1, np.intp), 0
+    for cell in range(cells + 1):
+        place[cell] = size
+        if wanted[cell]:
+            size += begin[cell + 1] - begin[cell]
+    first, some = place.copy(), np.empty(size, x.dtype)
+    for i in range(x.size):
+        cell = int((float(x[i]) - float(low)) * over)
+        if wanted[cell]:
+            some[place[cell]] = x[i]
+            place[cell] += 1
+    out = np.empty(ranks.size, x.dtype)
+    cell, ready = 0, -1
+    for k in range(ranks.size):
+        while begin[cell + 1] <= ranks[k]:
+            cell += 1
+        if cell != ready:
+            some[first[cell] : place[cell]].sort()
+            ready = cell
+        out[k] = some[first[cell] + ranks[k] - begin[cell]]
+    return out

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.diagnosis.static.model.dct import Real, between_middles
+from tuner.diagnosis.static.model.dct import between_middles
+from tuner.diagnosis.static.model.series_statistics import Real, row_medians
 
 FIRST_ORDINATE = 20
 """Lowest Fourier frequency that is searched for lines and resonances.
@@ -18,6 +19,6 @@ def local_level(power: NDArray[Real], width: int) -> NDArray[Real]:
     """Return the level of exponential ordinates by medians over `width` of them, shape and type of `power`."""
     width = min(width, len(power))
     number = len(power) // width
-    median = np.median(power[: number * width].reshape(number, width), axis=1) / float(np.log(2.0))
+    median = row_medians(power[: number * width].reshape(number, width)) / float(np.log(2.0))
     level = between_middles(median, width, len(power))
     return np.maximum(level, power.dtype.type(0.2), out=level)

@@ -24,6 +24,7 @@ from models.robust import MEDIAN_OF_CHI2
 from tuner.diagnosis.static.causes.base import Extension, gain_of, hidden_by, power_of
 from tuner.diagnosis.static.model.dct import MAX_SQUARE
 from tuner.diagnosis.static.model.residual import Residual, once, once_of_samples
+from tuner.diagnosis.static.model.series_statistics import row_medians
 from tuner.diagnosis.static.spectrum.fisher_scoring import sizes
 from tuner.diagnosis.static.variance.local_variance import course
 
@@ -153,7 +154,7 @@ def _measured(fitted: Residual) -> FloatArray:
     mean = np.empty(BIN_COUNT)
     for number, row in enumerate(inside):
         square = row * row
-        mean[number] = np.minimum(square, MAX_SQUARE * np.median(square) / MEDIAN_OF_CHI2).mean()
+        mean[number] = np.minimum(square, MAX_SQUARE * row_medians(square[None])[0] / MEDIAN_OF_CHI2).mean()
     return mean
 
 

@@ -18,6 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import log_ndtr, ndtr, ndtri
 
+from tuner.diagnosis.static.model.series_statistics import order_statistics
+
 FloatArray = NDArray[np.float64]
 
 KNOT_STEP = 0.2
@@ -54,9 +56,10 @@ class NormalScores:
         """Return the map that makes residuals normal."""
         last = float(-ndtri(min(TAIL_SAMPLES / len(e), 0.1)))
         z = KNOT_STEP * np.arange(-int(last / KNOT_STEP), int(last / KNOT_STEP) + 1)
-        rising, place = np.sort(e), ndtr(z) * (len(e) - 1)
+        place = ndtr(z) * (len(e) - 1)
         below = place.astype(np.intp)
-        quantile = rising[below] + (place - below) * (rising[below + 1] - rising[below])
+        lower, upper = order_statistics(e, below), order_statistics(e, below + 1)
+        quantile = lower + (place - below) * (upper - lower)
         value, first = np.unique(quantile, return_index=True)
         return cls(tuple(value.tolist()), tuple(z[first].tolist()))
 
