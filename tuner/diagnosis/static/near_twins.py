@@ -57,8 +57,12 @@ MAX_REST_RATIO = 1.1
 
 Errors that stay for minutes leave few independent readings, some ten in a record: their rms is known to no tenth.
 """
-MIN_WARMING = 5.0
-"""Size of the exponential ÷ that distance from which the temperature warms by it at all."""
+MIN_WARMING = 2.0
+"""Rms of the exponential about a line ÷ that distance from which the temperature warms by it at all.
+
+It then has 80 % of the power of what is no ramp in the readings, as of a box that warms by 7 K, read with errors of
+0.4 K for minutes. A chamber that warms and cools is nearer to a parabola, the longest of the exponentials.
+"""
 
 THERMAL = (Temperature, TemperatureRate, TemperatureSquared, ThermalLag, Hysteresis)
 """Causes that are functions of the temperature."""
@@ -131,7 +135,8 @@ def warming_alike(channel: Channel) -> list[Temperature]:
     constants = Warmup.time_constants(channel)
     tried = np.geomspace(constants[0], 3.0 * constants[-1], TRIED_CONSTANTS)
     rests = np.array([warming(channel, constant)[2] for constant in tried.tolist()])
-    if warming(channel, float(tried[np.argmin(rests)]))[1] < MIN_WARMING * rests.min():
+    best = int(np.argmin(rests))
+    if best == len(tried) - 1 or warming(channel, float(tried[best]))[1] < MIN_WARMING * rests[best]:
         return []
     likely = tried[rests <= MAX_REST_RATIO * rests.min()]
     return [Temperature(time_constant=constant) for constant in likely.tolist()]

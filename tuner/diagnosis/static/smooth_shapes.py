@@ -38,6 +38,8 @@ PLAIN = (Temperature, ThermalLag)
 """Those that are the temperature itself, late or not."""
 OF_TIME = (Warmup, Ageing)
 """Those that are functions of time."""
+FEWER_NATS = 3.0
+"""Lead of shapes up to which one of them alone is named: odds of 20."""
 Shapes = tuple[Extension, ...]
 Shape = TypeVar("Shape", bound=Template)
 
@@ -109,12 +111,16 @@ def measured_first(
     box = [(together(alike, [bare]),)] if alike else []
     tried = [plain, rate, lag, square, (TemperatureSquared(),), *box, warmup]
     fits = [(shapes, beside(bare, shapes)) for shapes in tried]
+    if len(own) > 1 and any(isinstance(x, Warmup) for x in own):
+        warmup = (warmup[0].refit(fits[-1][1], len(bare.extensions)),)
+        fits[-1] = (warmup, beside(bare, warmup))
     worth = value(fitted, own)
     near = [(s, fit) for s, fit in fits if value(fit, s) > worth - NEAR_TWIN_NATS]
     wanted = [
         (shapes, fit)
         for shapes, fit in near
-        if _goes_before(shapes, own) and judged(bare, fit, shapes, "").p_value < threshold
+        if (_goes_before(shapes, own) or (_fewer(shapes, own) and value(fit, shapes) > worth - FEWER_NATS))
+        and judged(bare, fit, shapes, "").p_value < threshold
     ]
     if wanted:
         itself = [one for one in wanted if one[0] == plain]
@@ -151,6 +157,11 @@ def _goes_before(shapes: Shapes, own: Shapes) -> bool:
     if any(isinstance(x, OF_TIME) for x in own):
         return len(shapes) <= len(own) and any(isinstance(x, PLAIN) for x in shapes)
     return [x.cause for x in shapes] == [Temperature.cause] and not any(isinstance(x, PLAIN) for x in own)
+
+
+def _fewer(shapes: Shapes, own: Shapes) -> bool:
+    """Return whether a set has some of the causes of another one, and no other."""
+    return {x.cause for x in shapes} < {x.cause for x in own}
 
 
 def _with(accepted: Accepted, more: dict[str, Alternative]) -> Accepted:

@@ -14,10 +14,12 @@ from tuner.diagnosis.static.causes.warmup import Warmup
 from tuner.diagnosis.static.channel import channel
 from tuner.diagnosis.static.model.covariate import smoothed, typical_repeats
 from tuner.diagnosis.static.model.residual import residual
+from tuner.diagnosis.static.near_twins import warming_alike
 from tuner.diagnosis.static.outcome import Accepted, TestResult
 from tuner.diagnosis.static.position_drift import found_signal
 from tuner.diagnosis.static.search import SearchResult
 from tuner.diagnosis.static.shared_shape import with_shared_shape
+from tuner.diagnosis.static.smooth_shapes import measured_first
 from tuner.simulation.static import Channel, simulate
 from tuner.types.records import Record
 
@@ -65,7 +67,7 @@ def test_a_curve_of_the_temperature_has_its_name_and_size():
 
 
 def test_a_curve_of_the_temperature_of_a_unit_that_warms_is_not_a_warm_up():
-    """Its square is an exponential of half the time constant: it was named one beside the temperature, without doubt."""
+    """Its square is an exponential of half the time constant: it was named one, without doubt."""
     celsius = 25.0 - 10.0 * np.expm1(-TIME / 200.0)
     away = celsius - celsius.mean()
     found = diagnose(record(2e-3 * away + 2e-4 * away**2, celsius=celsius)).findings
@@ -121,6 +123,29 @@ def test_one_temperature_in_several_axes_is_one_cause():
     assert [a.cause for a in found.alternatives] == ["warmup"]
     slope = found.extension.values["slope"]
     assert slope.lower < 3e-3 / outcomes["y"].base.channel.scale < slope.upper
+
+
+def test_one_shape_is_named_where_two_explain_no_more():
+    """A warm-up beside a thermometer that warms more quickly: the slope that explains most of it needs it besides."""
+    celsius = 25.0 - 8.0 * np.expm1(-TIME / 60.0)
+    one = channel(record(0.02 * np.exp(-TIME / 250.0), celsius=celsius), "gyro_x")
+    own = Temperature(), Warmup(245.0)
+    taken = [Accepted(x, TestResult(x.cause, 1e-20, 40.0, 80.0, "as found")) for x in own]
+    fitted, (found,) = measured_first(residual(one, own), taken, 1e-4)
+    assert found.extension.cause == "warmup"
+    assert found.extension.time_constant == pytest.approx(250.0, rel=0.5)
+    assert [a.cause for a in found.alternatives] == ["temperature"]
+    assert fitted.extensions == (found.extension,)
+
+
+@pytest.mark.parametrize(
+    "celsius",
+    [np.full(len(TIME), 25.0), np.interp(TIME, SPAN * np.array([0.2, 0.4, 0.6, 0.9]), [10, 30, 30, 10.0])],
+)
+def test_a_temperature_that_does_not_warm_is_no_exponential(celsius):
+    """A constant one and that of a chamber: what warms is then no temperature."""
+    noisy = celsius + 0.01 * np.random.default_rng(3).standard_normal(len(TIME))
+    assert warming_alike(channel(record(0.0 * TIME, celsius=noisy), "gyro_x")) == []
 
 
 def test_a_changing_slope_is_reported_without_a_name():

@@ -46,13 +46,17 @@ class Temperature(Template):
 
 
 def warming(channel: Channel, time_constant: float) -> tuple[NDArray[np.float64], float, float]:
-    """Return how the temperature warms by an exponential and a ramp: K about its mean, shape (M,), size, rms rest."""
+    """Return how the temperature warms by an exponential and a ramp: K about its mean, shape (M,), and two rms, K.
+
+    The first is that of the exponential about the line that is nearest to it, which no ramp stands for, the second that
+    of the readings about the course.
+    """
     time, read = channel.block_time, centred(channel)
     basis = np.stack((np.ones_like(time), time / channel.span, np.exp(-time / time_constant)), axis=1)
     share = np.linalg.lstsq(basis, read)[0]
     course = basis @ share
-    size = float(abs(share[2])) * -float(np.expm1(-channel.span / time_constant))
-    return course - course.mean(), size, float(np.sqrt(np.mean((read - course) ** 2)))
+    bend = course - basis[:, :2] @ np.linalg.lstsq(basis[:, :2], course)[0]
+    return course - course.mean(), float(np.std(bend)), float(np.sqrt(np.mean((read - course) ** 2)))
 
 
 def centred(channel: Channel) -> NDArray[np.float64]:
