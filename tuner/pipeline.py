@@ -49,6 +49,7 @@ from tuner.synthesis.rest_and_motion import in_motion, with_rest_and_motion
 from tuner.synthesis.worst_case import worst_case
 from tuner.tune_result import LogResult, TuneInputs, TuneResult
 from tuner.types import FilterConfig, Finding, GnssNoise, Identification
+from tuner.types.arguments import expect_count, expect_records
 from tuner.types.consistency import Check
 from tuner.types.prediction import PredictedBlock
 from tuner.types.progress import Progress, silent
@@ -62,6 +63,7 @@ CHECK_DURATION = 3600.0
 EXPORTED_DIALECTS = ("kalibr", "kf-gins")
 """Dialects that `tune` adds to the native configuration; `tuner.export` writes the others."""
 NO_SAMPLES = "the source holds no samples that could be compared with a simulation"
+LOG = "the path of a log, records, an Identification or nothing"
 NO_LOG = "without a static log; of the unit only the standing parts of the drive are known"
 
 
@@ -124,6 +126,7 @@ def tune(
     DataError
         Where log, drive, grade or receiver cannot be used: one line.
     """
+    expect_count(seed, "tune: seed", 0)
     wanted = [] if dialect is None else [dialect_named(dialect).name]
     completion = load_grade(complete) if isinstance(complete, str) else complete
     stated = None if datasheet is None else identify_source(datasheet)
@@ -207,7 +210,7 @@ def gather_inputs(
     progress: Progress,
 ) -> TuneInputs:
     """Read what is named by a path, choose name and receiver, and simulate where there is neither log nor drive."""
-    measured = read_drive(drive) if isinstance(drive, str | Path) else drive
+    measured = drive if drive is None or isinstance(drive, Drive) else read_drive(drive)
     key: Mapping[str, Any] | None = None
     records: tuple[Record, ...] = ()
     source: str | Path | Identification | None = None
@@ -216,7 +219,7 @@ def gather_inputs(
     elif isinstance(log, str | Path):
         records = read(log)
     elif log is not None:
-        records = tuple(log)
+        records = expect_records(log, "tune", LOG)
     if gnss is None and measured is not None:
         receiver: GnssNoise | None = receiver_of(measured)
     elif isinstance(gnss, GnssNoise):

@@ -23,7 +23,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -85,6 +85,7 @@ class MotionState:
         return NavigationState(self.llh[k], self.vel_n[k], rotation.quat_from_mat(self.mat_nb[k]))
 
 
+@runtime_checkable
 class Motion(Protocol):
     """A motion that can be evaluated at any time of its duration."""
 

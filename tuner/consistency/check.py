@@ -35,6 +35,7 @@ from tuner.simulation.monte_carlo import Runs, Scenario, resolution, scenario, s
 from tuner.stages import stage, task
 from tuner.synthesis.load_config import load_config
 from tuner.types import FilterConfig, GnssNoise
+from tuner.types.arguments import expect, expect_count, expect_number
 from tuner.types.consistency import Check, Consistency
 from tuner.types.records import DataError
 from tuner.types.verdict import Explanation, Severity, Verdict, VerdictCode
@@ -89,8 +90,17 @@ def check(
     DataError
         Where the configuration lacks an axis or the receiver.
     """
-    if isinstance(config, str | Path):
+    if not isinstance(config, FilterConfig):
         config = load_config(config, default_gnss=DEFAULT_RECEIVER)
+    expect_count(runs, "check: runs")
+    expect_count(seed, "check: seed", 0)
+    expect_number(duration, "check: duration", "a length in seconds, such as 3600")
+    expect(
+        trajectory,
+        (str, Motion),
+        "check: trajectory",
+        "the name of a trajectory, such as 'city', or a Motion",
+    )
     motion = load_trajectory(trajectory, duration) if isinstance(trajectory, str) else trajectory
     real = truth if truth is None or isinstance(truth, Truth) else load_truth(truth)
     receiver = receiver or (real.receiver if real is not None else None)

@@ -10,6 +10,7 @@ from tuner.consistency.outage_drift import outage_drift
 from tuner.stages import counted, stage, task
 from tuner.synthesis import synthesize
 from tuner.types import ChannelNoise, FilterConfig
+from tuner.types.arguments import expect, expect_number
 from tuner.types.records import DataError
 from tuner.types.shown import Shown
 
@@ -87,9 +88,12 @@ def choose(
     DataError
         For an unknown receiver, or an outage or error out of range.
     """
+    expect_number(outage, "choose: outage", "seconds without fixes, such as 60")
+    expect_number(error, "choose: error", "metres above 0, such as 2")
     if not error > 0.0:
         msg = f"--error: expected metres above 0, got {error:g}"
         raise DataError(msg)
+    expect(gnss, str, "choose: gnss", "the name of a built-in receiver, such as 'spp'")
     receiver = load_gnss(gnss)
 
     def drift(config: FilterConfig) -> float:

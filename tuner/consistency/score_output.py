@@ -31,6 +31,7 @@ from tuner.consistency.unscored_start import unscored_start
 from tuner.consistency.verdicts import verdicts
 from tuner.consistency.wrong_conventions import unit_of_sds
 from tuner.stages import stage, task
+from tuner.types.arguments import described
 from tuner.types.consistency import Consistency, Score
 from tuner.types.filter_output import FilterOutput
 from tuner.types.output_score import OutputCause, TimeOffset
@@ -224,13 +225,13 @@ def score_arrays(
     DataError
         Shapes that do not fit, or covariances that are not positive definite, in one line.
     """
-    e = np.atleast_2d(np.asarray(errors, dtype=float))
+    e = np.atleast_2d(_numbers(errors, "errors"))
     e = e[None] if e.ndim == 2 else e
     k = e.shape[-1]
-    p = np.asarray(covariances, dtype=float)
+    p = _numbers(covariances, "covariances")
     if p.shape == np.shape(errors) and p.ndim > 1:
         p = p[..., None] ** 2 * np.eye(k)
-    if e.ndim != 3 or p.shape[-2:] != (k, k) or p.ndim > 4:
+    if e.ndim != 3 or 0 in e.shape or p.shape[-2:] != (k, k) or p.ndim > 4:
         shapes = f"{np.shape(errors)} and {np.shape(covariances)}"
         msg = f"expected errors (m, n, k) and covariances (m, n, k, k), found shapes {shapes}"
         raise DataError(msg)
@@ -270,6 +271,15 @@ def score_arrays(
         nees is not None and nees.ratio > DIVERGED_RATIO,
     )
     return replace(found, verdicts=verdicts(found))
+
+
+def _numbers(values: ArrayLike, name: str) -> FloatArray:
+    """Return an argument as an array of numbers, or refuse it."""
+    try:
+        return np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        msg = f"score: {name}: expected an array of numbers, found {described(values)}"
+        raise DataError(msg) from None
 
 
 def _without_truth(output: FilterOutput) -> OutputErrors:

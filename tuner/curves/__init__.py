@@ -20,6 +20,7 @@ from tuner.curves.pooled_curve import ESTIMATORS, curve
 from tuner.curves.series import acf, pacf
 from tuner.curves.spectrum import psd
 from tuner.types import AllanCurve, Correlogram, Spectrum
+from tuner.types.arguments import expect
 from tuner.types.records import DataError, Record
 
 __all__ = ["ESTIMATORS", "acf", "curve", "dof", "empirical", "pacf", "psd"]
@@ -35,6 +36,7 @@ def empirical(
     DataError
         If cluster times are given for a spectrum, or the record cannot give them.
     """
+    expect(record, Record, "curve", "one record, such as tuner.read(log)[0]")
     if statistic == "psd":
         if tau is not None:
             msg = "psd has no cluster times: leave tau out"

@@ -50,6 +50,7 @@ from tuner.formats import noise_yaml
 from tuner.synthesis.equivalent_models import FILTER_MEMORY
 from tuner.synthesis.load_config import load_config
 from tuner.types import FilterConfig
+from tuner.types.arguments import expect, expect_number
 from tuner.types.records import DataError
 
 __all__ = ["DIALECTS", "Dialect", "Target", "export", "lacking"]
@@ -130,12 +131,15 @@ def export(
         For an unknown dialect, a sensor that the target cannot do without, an axis without white noise, and an
         interval, a step or a memory that is not positive.
     """
+    expect(dialect, str, "export: dialect", f"one of {' '.join(DIALECTS)}")
     declared = dialect_named(dialect)
     for name, value in (("interval", interval), ("step", step), ("memory", memory)):
+        if value is not None:
+            expect_number(value, f"export: {name}", "seconds above 0")
         if value is not None and not 0.0 < value < math.inf:
             msg = f"export: expected {name} above 0 s, got {value:g}"
             raise DataError(msg)
-    if isinstance(config, str | Path):
+    if not isinstance(config, FilterConfig):
         config = load_config(config)
     if missing := lacking(config, declared):
         msg = (

@@ -9,11 +9,12 @@ from typing import Literal
 from tuner.catalogue.grades import grade_names
 from tuner.identification.comparison import Comparison, compare_identifications
 from tuner.identification.identify import identify
-from tuner.identification.identify_source import identify_source, records_name
+from tuner.identification.identify_source import SOURCE, identify_source, records_name
 from tuner.readers import read
 from tuner.readers.source_kind import is_log, source_name
 from tuner.segments.conditions import still_parts, temperature_parts
 from tuner.types import Identification
+from tuner.types.arguments import expect_records
 from tuner.types.progress import Progress, silent
 from tuner.types.records import DataError, Record
 
@@ -64,7 +65,7 @@ def _compare_parts(
     if len(sources) == 1 and isinstance(source := sources[0], str | Path) and is_log(source):
         records: Sequence[Record] = read(source)
     elif len(sources) == 1 and not isinstance(sources[0], str | Path | Identification):
-        records = sources[0]
+        records = expect_records(sources[0], "compare")
     else:
         msg = f"compare --by {by}: expected one log, got {' '.join(map(_name, sources)) or 'none'}"
         raise DataError(msg)
@@ -81,4 +82,4 @@ def _name(source: Source) -> str:
         return source_name(source)
     if isinstance(source, Identification):
         return str(source.source.get("name", "unnamed"))
-    return records_name(source)
+    return records_name(expect_records(source, "compare", SOURCE))

@@ -19,6 +19,7 @@ from tuner.readers.stored_identification import is_stored, read_stored
 from tuner.segments.conditions import at_rest
 from tuner.segments.multi_position import calibrate
 from tuner.types import GnssNoise, Identification
+from tuner.types.arguments import RECORDS, expect, expect_records
 from tuner.types.progress import Progress, silent
 from tuner.types.records import DataError, Record
 
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
 
     from tuner.readers.logs_in_memory import Table
 
+SOURCE = f"the path of a log or datasheet, the name of a built-in grade, or {RECORDS}"
+"""What describes the noise of a sensor."""
 SEVERAL_POSES = "several poses: `tuner tune` also calibrates the sensors from them"
 
 
@@ -57,6 +60,7 @@ def identify_source(
         If the source is none of these, or cannot be identified.
     """
     if isinstance(source, str | Path):
+        expect(source, (str, Path), "noise", SOURCE)
         if not is_file(source):
             if source not in grade_names():
                 msg = f"{source}: expected a file or a built-in grade ({' '.join(grade_names())}), found neither"
@@ -70,6 +74,7 @@ def identify_source(
         if is_curve(path):
             return identify_curve(read_curve(path), source=source_name(path), terms=terms)
         source = read(path)
+    source = expect_records(source, "noise", SOURCE)
     records = at_rest(source, progress)
     if calibrate(source) is not None:
         progress(SEVERAL_POSES)

@@ -7,6 +7,7 @@ from pathlib import Path
 from tuner.identification.identify_source import identify_source
 from tuner.identification.record_length import Plan, plan
 from tuner.types import Identification
+from tuner.types.arguments import expect_number
 from tuner.types.records import DataError
 
 
@@ -29,6 +30,8 @@ def plan_test(
     DataError
         If `hours` or `accuracy` is out of its range, or the noise cannot be had from its source.
     """
+    expect_number(hours, "plan: hours", "hours, such as 1.0")
+    expect_number(accuracy, "plan: accuracy", "a relative standard deviation between 0 and 1, such as 0.1")
     known = noise if isinstance(noise, Identification) else identify_source(noise, arma=None)
     try:
         return {

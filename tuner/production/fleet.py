@@ -25,11 +25,14 @@ from tuner.readers import FORMATS
 from tuner.readers.block_means import BASE_BYTES
 from tuner.readers.log_format import file_of, log_folder
 from tuner.readers.source_kind import source_name
+from tuner.types.arguments import expect
 from tuner.types.fleet import Fleet, FleetUnit, Limit, UnitMeasurement
 from tuner.types.records import DataError
 
 RESULTS = "fleet.json"
 """File by which a folder with results of an earlier run is known; it is not searched for logs."""
+LOGS = "a folder with logs, a pattern such as logs/*.csv, the path of a log, or a list of these"
+"""What a fleet is measured from."""
 SHORT_SHARE = 0.5
 """Share of the usual length of the logs below which one ended early: one script makes logs of about one length."""
 Advance = Callable[[int, int], None]
@@ -82,6 +85,8 @@ def fleet(
         be used is a row with the reason.
     """
     files = find_logs(logs)
+    if limits is not None:
+        expect(limits, (str, Path, list, tuple), "fleet: limits", "the path of a YAML of limits")
     known = read_limits(limits) if isinstance(limits, str | Path) else tuple(limits or ())
     folder = None if store is None else str(Path(store).resolve())
     stated = {name: dict(value) if isinstance(value, Mapping) else value for name, value in reading.items()}
@@ -167,7 +172,9 @@ def find_logs(logs: str | Path | Sequence[str | Path]) -> list[str]:
     """
     suffixes = tuple(suffix for one in FORMATS.values() for suffix in one.suffixes)
     files: list[str] = []
+    expect(logs, (str, Path, list, tuple), "fleet", LOGS)
     for given in [logs] if isinstance(logs, str | Path) else logs:
+        expect(given, (str, Path), "fleet", LOGS)
         path = Path(given)
         if path.is_dir():
             found = _logs_in(path, suffixes)

@@ -27,6 +27,7 @@ from tuner.readers.messages import ardupilot, rosbag, ulog
 from tuner.readers.options import Options
 from tuner.readers.source_kind import unit_of_log
 from tuner.readers.time_range import between
+from tuner.types.arguments import expect
 from tuner.types.records import DataError, Record
 
 if TYPE_CHECKING:
@@ -106,6 +107,8 @@ def read(
     if assume not in (None, "si"):
         msg = f"--assume: expected si, got {assume}"
         raise DataError(msg)
+    if isinstance(path, str):
+        expect(path, str, "read", "the path of a log")
     options = Options(
         rate=rate,
         unit={"gyro": gyro_unit, "accel": accel_unit},

@@ -42,6 +42,7 @@ from tuner.readers.options import STAMP
 from tuner.readers.source_kind import drive_in_messages, is_drive_by_form
 from tuner.readers.steady_stamps import steady_stamps
 from tuner.readers.waypoint import read_waypoint
+from tuner.types.arguments import expect
 from tuner.types.number_ranges import LONGEST_LEVER_ARM
 from tuner.types.records import DataError, Drive, Gnss, Record, Reference
 
@@ -71,6 +72,12 @@ def read_drive(path: str | Path) -> Drive:
     DataError
         What cannot be used, in one line.
     """
+    expect(
+        path,
+        (str, Path),
+        "drive",
+        "the path of a drive: a folder, an NPZ, a log of messages or a YAML of KF-GINS",
+    )
     path = file_of(Path(path))
     if path.is_dir():
         with input_guard(path, "a drive: imu.csv, gnss.csv and perhaps truth.csv"):

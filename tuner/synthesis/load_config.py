@@ -12,7 +12,11 @@ from tuner.readers import kf_gins_settings
 from tuner.readers.source_kind import is_file
 from tuner.synthesis.synthesize import synthesize
 from tuner.types import FilterConfig, GnssNoise
+from tuner.types.arguments import expect
 from tuner.types.records import DataError
+
+CONFIG = "a FilterConfig, the path of a noise.yaml or the name of a built-in grade"
+"""What stands for the settings of a filter."""
 
 
 def load_config(
@@ -34,6 +38,7 @@ def load_config(
     DataError
         If the source is no configuration, or the receiver unknown.
     """
+    expect(source, (str, Path), "configuration", CONFIG)
     receiver = load_gnss(gnss) if isinstance(gnss, str) else gnss
     default = load_gnss(default_gnss) if isinstance(default_gnss, str) else default_gnss
     if is_file(source):

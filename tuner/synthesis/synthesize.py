@@ -20,6 +20,7 @@ from tuner.synthesis.channel_noise import channel_noise
 from tuner.synthesis.initial_covariance import initial_uncertainty, turn_on_sd
 from tuner.synthesis.prediction import hold_to_records
 from tuner.types import ChannelNoise, Enlargement, FilterConfig, GnssNoise, Identification, Inflation
+from tuner.types.arguments import expect, expect_number
 from tuner.types.records import DataError, Record
 
 AXES: Mapping[str, tuple[str, ...]] = {
@@ -82,6 +83,8 @@ def synthesize(
     DataError
         For an unknown rule, a horizon that is not positive, or no channels at all.
     """
+    expect(identification, Identification, "synthesize", "what tuner.identify returns")
+    expect_number(horizon, "synthesize: horizon", "a positive number of seconds")
     if rule not in {*RULES, BOUND}:
         msg = f"'rule' must be one of {', '.join([*RULES, BOUND])}, got {rule!r}"
         raise DataError(msg)

@@ -34,6 +34,7 @@ from tuner.segments.conditions import without_knocks
 from tuner.segments.stationary import Segments
 from tuner.stages import stage, task
 from tuner.types import Diagnosis, Finding, Identification, Unexplained
+from tuner.types.arguments import RECORDS, expect, expect_records
 from tuner.types.records import DataError, Record
 
 MAX_MOVING_SHARE = 0.4
@@ -60,6 +61,8 @@ class _Diagnosed:
     outcome: SearchResult | None
 
 
+WANTED = f"the path of a log or drive, a Drive, or {RECORDS}"
+"""What can be diagnosed."""
 WHOLE_RECORD = "the whole record"
 """Where a misfit shows that no part of the record shows more than another."""
 
@@ -99,8 +102,11 @@ def diagnose(
     DataError
         Where no channel can be analysed, or the second log lacks what the first one has.
     """
-    first = [records] if isinstance(records, Record) else list(records)
-    others = as_coarse([holdout] if isinstance(holdout, Record) else list(holdout or ()), first)
+    first = list(expect_records(records, "diagnose", WANTED))
+    second = [] if holdout is None else list(expect_records(holdout, "diagnose: holdout"))
+    if identification is not None:
+        expect(identification, Identification, "diagnose: identification", "what tuner.identify returns")
+    others = as_coarse(second, first)
     sensors, resting = without_knocks(as_coarse(first, others))
     if others:
         expect_comparable(sensors, others)

@@ -1,0 +1,63 @@
+"""What verbs are given by mistake: each is refused in one line that says what to pass, never by a raw exception."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import tuner
+from tuner.types.records import DataError
+
+MISTAKES = {
+    "None": None,
+    "empty text": "",
+    "no such file": "no/such/file.csv",
+    "empty frame": pd.DataFrame(),
+    "frame of text": pd.DataFrame({"gyro_x": ["a", "b"]}),
+    "empty dict": {},
+    "dict": {"a": 1},
+    "number": 5,
+    "list": [1, 2],
+    "array": np.zeros(3),
+    "object": object(),
+}
+ARGUMENTS = {
+    "read": tuner.read,
+    "identify": tuner.identify,
+    "diagnose": tuner.diagnose,
+    "synthesize": tuner.synthesize,
+    "check": tuner.check,
+    "check: trajectory": lambda x: tuner.check("mpu9250", x),
+    "navigate": lambda x: tuner.navigate(x, "mpu9250"),
+    "score": lambda x: tuner.score(x, x),
+    "compare": lambda x: tuner.compare("mpu9250", x),
+    "compare: gnss": lambda x: tuner.compare("mpu9250", "fog", gnss=x),
+    "choose: gnss": lambda x: tuner.choose(gnss=x),
+    "plan": tuner.plan,
+    "curve": lambda x: tuner.curve(x, "oadev"),
+    "export": lambda x: tuner.export(x, "kalibr"),
+    "export: dialect": lambda x: tuner.export("mpu9250", x),
+    "fleet": tuner.fleet,
+    "tune": lambda x: tuner.tune(x) if x is not None else tuner.tune(""),
+    "tune: drive": lambda x: tuner.tune("mpu9250", drive=x if x is not None else ""),
+}
+NUMBERS = {
+    "check: runs": lambda x: tuner.check("mpu9250", runs=x),
+    "check: seed": lambda x: tuner.check("mpu9250", seed=x),
+    "choose: outage": lambda x: tuner.choose(outage=x),
+    "choose: error": lambda x: tuner.choose(error=x),
+    "plan: hours": lambda x: tuner.plan("mpu9250", hours=x),
+    "plan: accuracy": lambda x: tuner.plan("mpu9250", accuracy=x),
+    "tune: seed": lambda x: tuner.tune("mpu9250", seed=x),
+}
+
+
+@pytest.mark.parametrize("verb", [*ARGUMENTS, *NUMBERS])
+def test_a_wrong_argument_is_refused_in_one_line(verb):
+    for name, value in MISTAKES.items():
+        if verb in NUMBERS and name == "number":
+            continue
+        with pytest.raises(DataError) as refused:
+            (ARGUMENTS | NUMBERS)[verb](value)
+        line = str(refused.value)
+        assert "\n" not in line, (name, line)
+        assert any(word in line for word in ("expected", "no such file", "unknown")), (name, line)
