@@ -22,10 +22,8 @@ from tuner.diagnosis.drive.explained_drive import examine_drive_of
 from tuner.jobs import usable
 from tuner.readers.drive import read_drive
 from tuner.readers.estimate import read_estimate
-from tuner.report.comparison_tables import plan_tables
 from tuner.report.fleet_files import write_fleet
 from tuner.report.output_score_page import write_output_score
-from tuner.report.plan_figure import plan_part
 from tuner.report.result_set import write_tune_result
 from tuner.report.result_views import page_of, pictures_of_drive, pictures_of_findings, pictures_of_solution
 from tuner.report.solution_set import write_solution
@@ -66,14 +64,7 @@ def works(data: Path, folder: Path) -> Iterator[tuple[str, Callable[[Path], obje
     yield "`compare`, adis16465 mpu9250", partial(page, {"": tuner.compare("adis16465", "mpu9250")})
     yield "`choose`", partial(page, {"": tuner.choose()})
     yield "`curve`, galaxy_s5_static", partial(page, {one.name: tuner.curve(one, "oadev") for one in records})
-    plans, units = (
-        tuner.plan(noise, hours=1.0, accuracy=0.1),
-        {axis: one.unit for axis, one in noise.channels.items()},
-    )
-    yield (
-        "`plan`, galaxy_s5_static",
-        partial(page, {"": plan_part(plans, units, plan_tables(plans, units, ""))}),
-    )
+    yield "`plan`, galaxy_s5_static", partial(page, {"": tuner.plan(noise, hours=1.0, accuracy=0.1)})
     units_of_fleet = tuner.fleet(sorted((data / "static").glob("adis16405_run*.npz")))
     yield "`fleet`, three logs of 2.8 h", lambda to: write_fleet(units_of_fleet, to)
     for name, inputs in (

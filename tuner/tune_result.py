@@ -58,7 +58,7 @@ class LogResult:
     still: tuple[Record, ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class TuneResult(Shown):
     """A filter configuration with everything it rests on.
 

@@ -29,7 +29,7 @@ class RankedGrade:
     error: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class GradeChoice(Shown):
     """The built-in grades by the error of the position after an outage, the best first.
 

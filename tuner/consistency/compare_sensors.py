@@ -15,7 +15,7 @@ from tuner.types.progress import Progress, silent
 from tuner.types.shown import Shown
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class SensorComparison(Shown):
     """Sensors side by side.
 

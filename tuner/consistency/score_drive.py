@@ -78,7 +78,7 @@ AS_REPORTED = (
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class DriveResult(Shown):
     """The outcome of filtering a measured drive.
 

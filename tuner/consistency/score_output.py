@@ -42,7 +42,7 @@ from tuner.types.verdict import Severity, Verdict, VerdictCode
 FloatArray = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class OutputScore(Shown):
     """The outcome of scoring a filter by its output.
 

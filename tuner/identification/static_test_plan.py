@@ -2,18 +2,50 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 
 from tuner.identification.identify_source import identify_source
 from tuner.identification.record_length import Plan, plan
 from tuner.types import Identification
 from tuner.types.arguments import expect_number
 from tuner.types.records import DataError
+from tuner.types.shown import Shown
+
+
+@dataclass(frozen=True, repr=False)
+class StaticTestPlan(Shown, Mapping[str, Plan]):
+    """The plan of a static test: a mapping of each axis to its `Plan`.
+
+    Attributes
+    ----------
+    name : str
+        Of the sensor, as far as its noise states one.
+    axes : mapping of str to Plan
+        Each axis.
+    units : mapping of str to str
+        Unit of the samples of each axis, SI.
+    """
+
+    name: str
+    axes: Mapping[str, Plan]
+    units: Mapping[str, str]
+
+    def __getitem__(self, axis: str) -> Plan:
+        return self.axes[axis]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.axes)
+
+    def __len__(self) -> int:
+        return len(self.axes)
 
 
 def plan_test(
     noise: Identification | str | Path, *, hours: float = 1.0, accuracy: float = 0.1
-) -> dict[str, Plan]:
+) -> StaticTestPlan:
     """Plan a static test of a sensor whose noise is known from elsewhere, channel by channel.
 
     Parameters
@@ -34,10 +66,13 @@ def plan_test(
     expect_number(accuracy, "plan: accuracy", "a relative standard deviation between 0 and 1, such as 0.1")
     known = noise if isinstance(noise, Identification) else identify_source(noise, arma=None)
     try:
-        return {
+        plans = {
             axis: plan(channel.model, interval=channel.interval, hours=hours, accuracy=accuracy)
             for axis, channel in known.channels.items()
         }
     except ValueError as error:
         msg = f"plan: {error}"
         raise DataError(msg) from error
+    units = {axis: channel.unit for axis, channel in known.channels.items()}
+    name = str(known.source.get("name", "static test"))
+    return StaticTestPlan(name, MappingProxyType(plans), MappingProxyType(units))

@@ -10,8 +10,9 @@ from typing import Any
 from rich.table import Table
 
 from tuner.formats.customary_units import digits, stamp
-from tuner.report.settings_rows import EXTRAPOLATED, SettingsRow, axes_text, units_of
+from tuner.report.settings_rows import EXTRAPOLATED, SettingsRow, axes_text, settings_rows, units_of
 from tuner.report.terminal import COLUMN_GAP, LINE_WIDTH
+from tuner.types import FilterConfig
 
 MAX_LINES = 10
 """Lines of an answer: what is read at a glance."""
@@ -82,6 +83,15 @@ def settings_lines(rows: Sequence[SettingsRow], *, tight: bool = False) -> list[
         (" " * gap).join(text.ljust(width) for text, width in zip(line, widths, strict=True)).rstrip()
         for line in lines
     ]
+
+
+def settings_answer(config: FilterConfig) -> list[str]:
+    """Return the settings of a filter in a few lines, with what the signs among them mean."""
+    table = settings_lines(settings_rows(config))
+    signs = "".join(table)
+    legend = [BOUNDED] if "*" in signs and BOUNDED not in table[0] else []
+    legend += [LONGER] if EXTRAPOLATED in signs else []
+    return [*wrapped("; ".join([f"{config.name}: settings of a filter", *legend]), 2), *table]
 
 
 def _numbers(row: SettingsRow) -> list[str]:

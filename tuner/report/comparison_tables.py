@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from rich.table import Table
 
@@ -17,7 +17,8 @@ from tuner.formats.customary_units import (
     symbol,
 )
 from tuner.identification.comparison import LimitCheck
-from tuner.identification.record_length import Plan, PlannedParameter
+from tuner.identification.record_length import PlannedParameter
+from tuner.identification.static_test_plan import StaticTestPlan
 from tuner.report.agreeing_rows import joined_rows
 from tuner.report.identification_answer import terms_table
 from tuner.report.settings_rows import axes_text
@@ -187,23 +188,23 @@ def grade_tables(grades: Sequence[SensorGrade]) -> list[Table | str]:
     return [table]
 
 
-def plan_tables(plans: Mapping[str, Plan], units: Mapping[str, str], title: str) -> list[Table | str]:
+def plan_tables(plans: StaticTestPlan) -> list[Table | str]:
     """Return what a planned test shows of each term of each sensor, the worst axis, and the cluster rule."""
     first = next(iter(plans.values()))
     table = Table(box=None, padding=(0, 2, 0, 0), width=LINE_WIDTH)
     wanted = f"{100 * first.accuracy:g} %"
     for head in (
-        f"{title}, {digits(first.hours)} h",
+        (title := f"{plans.name}, {digits(first.hours)} h"),
         "assumed",
         "best possible sd",
         "shown",
         f"hours for {wanted}",
     ):
-        table.add_column(head, justify="left" if head.startswith(title) else "right")
+        table.add_column(head, justify="left" if head == title else "right")
     groups: dict[tuple[str, str], list[tuple[str, PlannedParameter]]] = {}
     for axis, plan in plans.items():
         for p in plan.parameters:
-            groups.setdefault((units[axis], p.name), []).append((axis, p))
+            groups.setdefault((plans.units[axis], p.name), []).append((axis, p))
     for (unit, name), found in groups.items():
         values = [in_customary(p.value, name, unit) for _, p in found]
         ends = list(dict.fromkeys((digits(min(values)), digits(max(values)))))

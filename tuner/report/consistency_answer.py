@@ -52,6 +52,8 @@ def verdict_lines(found: Consistency, *, brief: bool = False) -> list[str]:
     """Return whether a filter is consistent, and the first reason with its likeliest explanation, of a few words."""
     if found.consistent:
         return ["Consistent: no score is shown to be 10 % off what the filter predicts"]
+    if not found.verdicts:
+        return ["NOT consistent"]
     first = found.verdicts[0]
     reason = verdict_text(replace(first, explanations=first.explanations[:1]))
     reason = reason.replace("what the filter predicts: ", "predicted, ")
@@ -104,10 +106,11 @@ def _error_lines(found: Consistency) -> list[str]:
     parts = []
     innovations = all(name.rpartition("_rms_")[0].endswith("_innovation") for name in found.errors)
     for name, values in found.errors.items():
-        what, _, unit = name.partition("_rms_")
+        what, _, unit = f"{name}_".partition("_rms_")
+        unit = unit.removesuffix("_")
         size, shown = (math.degrees(1.0), "deg") if unit == "rad" else (1.0, unit.replace("m_s", "m/s"))
         words = what.removesuffix("_innovation") if innovations else what
-        parts.append(f"{words.replace('_', ' ')} {digits(size * math.hypot(*values))} {shown}")
+        parts.append(f"{words.replace('_', ' ')} {digits(size * math.hypot(*values))} {shown}".rstrip())
     gated = [f"{100.0 * found.gated:.2g} % of fixes refused"] if found.gated else []
     errors = [f"{'Innovations' if innovations else 'Error'}, rms: {', '.join(parts)}"] if parts else []
     return wrapped("; ".join([*errors, *gated]), 2) if errors or gated else []

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
 from rich.table import Table
 
 from tuner.formats.customary_units import (
@@ -15,6 +18,9 @@ from tuner.types import (
     Correlogram,
     Spectrum,
 )
+
+ANSWER_ROWS = 8
+"""Rows of a curve in an answer: one for each half decade of four."""
 
 
 def statistic_tables(found: AllanCurve | Spectrum | Correlogram) -> list[Table | str]:
@@ -30,6 +36,16 @@ def statistic_tables(found: AllanCurve | Spectrum | Correlogram) -> list[Table |
     for lag, row in zip(found.lag, found.value, strict=True):
         table.add_row(digits(float(lag), 5), *(f"{value:+.4f}" for value in row))
     return [table]
+
+
+def curve_answer(found: AllanCurve | Spectrum | Correlogram) -> list[Table | str]:
+    """Return the table of some rows of a curve, evenly spread, and how many there are."""
+    grid = "tau" if isinstance(found, AllanCurve) else "frequency" if isinstance(found, Spectrum) else "lag"
+    count = len(getattr(found, grid))
+    rows = np.unique(np.linspace(0, count - 1, ANSWER_ROWS).astype(int))
+    fields = (grid, "value") if grid == "lag" else (grid, "variance" if grid == "tau" else "density", "dof")
+    few = replace(found, **{name: getattr(found, name)[rows] for name in fields})
+    return [*statistic_tables(few), f"{len(rows)} of {count} rows. All: --verbose"]
 
 
 def _deviation_table(curve: AllanCurve) -> Table:

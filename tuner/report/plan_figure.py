@@ -2,30 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-
 from matplotlib.figure import Figure
-from rich.table import Table
 
 from tuner.formats.customary_units import symbol
-from tuner.identification.record_length import LONGEST_HOURS, Plan
+from tuner.identification.record_length import LONGEST_HOURS
+from tuner.identification.static_test_plan import StaticTestPlan
 from tuner.report.figure_files import new_figure
 from tuner.report.result_figures import BAD_COLOUR, GOOD_COLOUR
-from tuner.report.result_views import Part, picture_of
 
 
-def plan_part(plans: Mapping[str, Plan], units: Mapping[str, str], tables: Sequence[Table | str]) -> Part:
-    """Return table and picture of a planned test for a page."""
-    caption = "Hours until each term reaches the wanted accuracy, worst axis of each sensor; the line: hours planned"
-    return Part(tables, [picture_of(plan_figure(plans, units), caption)])
-
-
-def plan_figure(plans: Mapping[str, Plan], units: Mapping[str, str]) -> Figure:
+def plan_figure(plans: StaticTestPlan) -> Figure:
     """Return the hours that each term takes, and those that are planned."""
     first = next(iter(plans.values()))
     hours: dict[str, float] = {}
     for axis, plan in plans.items():
-        sensor = "gyros" if units[axis].startswith("rad") else "accelerometers"
+        sensor = "gyros" if plans.units[axis].startswith("rad") else "accelerometers"
         for one in plan.parameters:
             name = f"{symbol(one.name)} of {sensor}"
             hours[name] = max(hours.get(name, 0.0), LONGEST_HOURS if one.hours is None else one.hours)

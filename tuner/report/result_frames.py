@@ -8,6 +8,7 @@ import pandas as pd
 
 from tuner.consistency.choose_grade import GradeChoice
 from tuner.consistency.compare_sensors import SensorComparison
+from tuner.identification.static_test_plan import StaticTestPlan
 from tuner.types import AllanCurve, Coefficient, Correlogram, FilterConfig, Identification, Spectrum
 from tuner.types.consistency import Consistency, Score
 from tuner.types.diagnosis import Finding
@@ -123,3 +124,21 @@ def choice_frame(found: GradeChoice) -> pd.DataFrame:
     """Return the error of each grade and whether it keeps the limit."""
     rows = [(one.name, one.error, one.error <= found.limit) for one in found.ranking]
     return pd.DataFrame(rows, columns=["grade", "error", "kept"])
+
+
+def plan_frame(found: StaticTestPlan) -> pd.DataFrame:
+    """Return what a planned test shows of every coefficient; hours are NaN beyond what can be waited for."""
+    return pd.DataFrame(
+        [
+            {
+                "axis": axis,
+                "coefficient": one.name,
+                "value": one.value,
+                "relative_sd": one.relative_sd,
+                "shown": one.shown,
+                "hours": float("nan") if one.hours is None else one.hours,
+            }
+            for axis, plan in found.items()
+            for one in plan.parameters
+        ]
+    )

@@ -21,22 +21,28 @@ from tuner.consistency.score_drive import DriveResult
 from tuner.consistency.score_output import OutputScore
 from tuner.diagnosis.drive import ExaminedDrive
 from tuner.formats.files import Put
+from tuner.identification.static_test_plan import StaticTestPlan
+from tuner.report import terminal
 from tuner.report.allan_figure import allan_figure
-from tuner.report.answer_layout import settings_table
-from tuner.report.comparison_tables import choice_tables, comparison_tables
+from tuner.report.answer_layout import settings_answer, settings_table
+from tuner.report.comparison_tables import choice_tables, comparison_tables, plan_tables
+from tuner.report.consistency_answer import consistency_answer
 from tuner.report.consistency_tables import check_tables, consistency_tables, consistency_verdict
-from tuner.report.curve_tables import statistic_tables
+from tuner.report.curve_tables import curve_answer, statistic_tables
+from tuner.report.diagnosis_answer import diagnosis_answer
 from tuner.report.drive_diagnosis_figures import drive_figures
-from tuner.report.drive_diagnosis_tables import drive_tables
+from tuner.report.drive_diagnosis_tables import drive_diagnosis_answer, drive_tables
 from tuner.report.figure_files import CHARTS, draw_all, figure_bytes
 from tuner.report.fleet_files import fleet_frame
 from tuner.report.fleet_tables import fleet_tables
 from tuner.report.html_page import tables_html, write_sections_page
+from tuner.report.identification_answer import identification_answer
 from tuner.report.identification_tables import identification_tables
 from tuner.report.interactive_figure import charts_of_figure
-from tuner.report.output_score_tables import output_score_tables
+from tuner.report.output_score_tables import output_score_answer, output_score_tables
 from tuner.report.overlaid_figure import overlaid_figure
 from tuner.report.page_parts import Picture, picture_size, titled_pictures
+from tuner.report.plan_figure import plan_figure
 from tuner.report.result_figures import (
     choice_figure,
     curve_figure,
@@ -53,12 +59,14 @@ from tuner.report.result_frames import (
     curve_frame,
     findings_frame,
     identification_frame,
+    plan_frame,
     settings_frame,
 )
 from tuner.report.settings_rows import settings_rows
 from tuner.report.solution_figures import solution_pictures
 from tuner.report.static_diagnosis_figures import finding_figures
 from tuner.report.static_diagnosis_tables import diagnosis_tables
+from tuner.report.tune_answer import answer_lines
 from tuner.tune_result import TuneResult
 from tuner.types import (
     AllanCurve,
@@ -93,6 +101,8 @@ class View:
         Returns its figure.
     caption : str
         What the figure shows.
+    answer : callable
+        Returns what `print` shows: the answer of the command.
     """
 
     frame: Callable[[Any], pd.DataFrame]
@@ -100,6 +110,7 @@ class View:
     tables: Callable[[Any], Sequence[Table | str]]
     figure: Callable[[Any], Figure]
     caption: str
+    answer: Callable[[Any], Sequence[Table | str]]
 
 
 def view_of(result: object) -> View:
@@ -120,6 +131,11 @@ def figure_of(result: object) -> Figure:
 def html_of(result: object) -> str:
     """Return the tables of a result for a notebook."""
     return tables_html(view_of(result).tables(result))
+
+
+def text_of(result: object) -> str:
+    """Return the answer of a result, for `print`: options of the command are methods here."""
+    return terminal.text_of(view_of(result).answer(result)).replace("--verbose", ".to_pandas()")
 
 
 def dataset_of(result: object) -> Any:
@@ -233,6 +249,7 @@ VIEWS: dict[type, View] = {
         lambda r: [settings_table(settings_rows(r.config)), *consistency_part(r)],
         lambda r: allan_figure(r.identification, predictions=r.predictions),
         "Allan deviation: measured, identified terms, and what the settings predict",
+        lambda r: answer_lines(r, None),
     ),
     Identification: View(
         identification_frame,
@@ -240,6 +257,7 @@ VIEWS: dict[type, View] = {
         identification_tables,
         allan_figure,
         "Allan deviation: measured with its 95 % interval, and the identified terms",
+        lambda i: identification_answer(str(i.source.get("name", "unnamed")), i),
     ),
     FilterConfig: View(
         settings_frame,
@@ -247,6 +265,7 @@ VIEWS: dict[type, View] = {
         lambda c: [settings_table(settings_rows(c))],
         settings_figure,
         "Allan deviation of the noise that the filter assumes of each axis",
+        settings_answer,
     ),
     Diagnosis: View(
         lambda d: findings_frame(d.findings),
@@ -254,6 +273,7 @@ VIEWS: dict[type, View] = {
         diagnosis_tables,
         lambda d: drift_figure(d.findings),
         "Position error of one sensor axis without fixes, with each finding in the samples and without it",
+        diagnosis_answer,
     ),
     DriveDiagnosis: View(
         lambda d: findings_frame(d.findings),
@@ -262,6 +282,7 @@ VIEWS: dict[type, View] = {
         lambda d: noise_scales_figure(d.noise_scales),
         "Size of each noise setting that the drive shows ÷ that stated, with 95 % intervals: with no cause named, and "
         "with all findings in the filter; 1 is right, arrows are limits",
+        drive_diagnosis_answer,
     ),
     Check: View(
         lambda c: consistency_frame(c.consistency),
@@ -269,6 +290,7 @@ VIEWS: dict[type, View] = {
         lambda c: check_tables(c, budget=c.budget is not None),
         lambda c: scores_figure(c.consistency.scores),
         SCORES_CAPTION,
+        lambda c: consistency_answer(c.consistency, c.notes),
     ),
     DriveResult: View(
         lambda r: consistency_frame(r.consistency),
@@ -276,6 +298,7 @@ VIEWS: dict[type, View] = {
         lambda r: consistency_tables(r.consistency, r.notes),
         lambda r: scores_figure(r.consistency.scores),
         SCORES_CAPTION,
+        lambda r: consistency_answer(r.consistency, r.notes),
     ),
     OutputScore: View(
         lambda s: consistency_frame(s.consistency, s.states),
@@ -283,9 +306,15 @@ VIEWS: dict[type, View] = {
         output_score_tables,
         lambda s: scores_figure([*s.consistency.scores, *s.states]),
         SCORES_CAPTION,
+        output_score_answer,
     ),
     Consistency: View(
-        consistency_frame, ("score",), consistency_tables, lambda c: scores_figure(c.scores), SCORES_CAPTION
+        consistency_frame,
+        ("score",),
+        consistency_tables,
+        lambda c: scores_figure(c.scores),
+        SCORES_CAPTION,
+        consistency_answer,
     ),
     SensorComparison: View(
         comparison_frame,
@@ -293,6 +322,7 @@ VIEWS: dict[type, View] = {
         comparison_tables,
         lambda c: overlaid_figure(c.noise),
         "Allan deviation of every axis: measured (points, 95 % band, fit), stated (dashed)",
+        comparison_tables,
     ),
     GradeChoice: View(
         choice_frame,
@@ -300,6 +330,15 @@ VIEWS: dict[type, View] = {
         choice_tables,
         choice_figure,
         "Predicted error after the outage, with the limit",
+        lambda c: choice_tables(c, every=False),
+    ),
+    StaticTestPlan: View(
+        plan_frame,
+        ("axis", "coefficient"),
+        plan_tables,
+        plan_figure,
+        "Hours until each term reaches the wanted accuracy, worst axis of each sensor; the line: hours planned",
+        plan_tables,
     ),
     Fleet: View(
         fleet_frame,
@@ -307,10 +346,17 @@ VIEWS: dict[type, View] = {
         fleet_tables,
         fleet_figure,
         "Each unit ÷ the median of the fleet, outlying ones named",
+        fleet_tables,
     ),
-    AllanCurve: View(curve_frame, ("axis", "tau"), statistic_tables, curve_figure, CURVE_CAPTION),
-    Spectrum: View(curve_frame, ("axis", "frequency"), statistic_tables, curve_figure, CURVE_CAPTION),
-    Correlogram: View(curve_frame, ("axis", "lag"), statistic_tables, curve_figure, CURVE_CAPTION),
+    AllanCurve: View(
+        curve_frame, ("axis", "tau"), statistic_tables, curve_figure, CURVE_CAPTION, curve_answer
+    ),
+    Spectrum: View(
+        curve_frame, ("axis", "frequency"), statistic_tables, curve_figure, CURVE_CAPTION, curve_answer
+    ),
+    Correlogram: View(
+        curve_frame, ("axis", "lag"), statistic_tables, curve_figure, CURVE_CAPTION, curve_answer
+    ),
 }
 """Every type of result, with how it is shown."""
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import sys
 from collections.abc import Iterable, Iterator, Sequence
+from io import StringIO
 from textwrap import wrap
 
 from rich.cells import cell_len
@@ -37,6 +38,22 @@ class _Console(Console):
             yield segment if segment.control else segment._replace(text=segment.text.translate(_CONTROLS))
 
 
+def text_of(tables: Iterable[Table | str]) -> str:
+    """Return tables and lines as `show` prints them into a file."""
+    written = StringIO()
+    plain = _Console(
+        file=written,
+        width=LINE_WIDTH,
+        highlight=False,
+        markup=False,
+        emoji=False,
+        color_system=None,
+        force_jupyter=False,
+    )
+    _print(plain, tables, LINE_WIDTH)
+    return "\n".join(line.rstrip() for line in written.getvalue().splitlines())
+
+
 def show(tables: Iterable[Table | str]) -> None:
     """Print tables and lines on standard output, as wide as the terminal or, where it is none, as one as it opens.
 
@@ -45,7 +62,11 @@ def show(tables: Iterable[Table | str]) -> None:
     """
     finished()
     width = shutil.get_terminal_size().columns if sys.stdout.isatty() else LINE_WIDTH
-    console = _Console(width=width, highlight=False, markup=False, emoji=False)
+    _print(_Console(width=width, highlight=False, markup=False, emoji=False), tables, width)
+
+
+def _print(console: Console, tables: Iterable[Table | str], width: int) -> None:
+    """Print tables and lines on a console of that width."""
     for table in tables:
         if isinstance(table, str):
             for line in table.split("\n"):

@@ -64,19 +64,19 @@ SAME = "the same on all axes"
 NO_INTERVAL = "no ±: fitted to the Allan curve, or set"
 
 
-def answer_lines(result: TuneResult, directory: Path, dialect: str | None = None) -> list[str]:
+def answer_lines(result: TuneResult, directory: Path | None, dialect: str | None = None) -> list[str]:
     """Return the answer, at most `MAX_LINES` lines of `LINE_WIDTH` for a log whose rows of settings take a line each.
 
     Parameters
     ----------
     result : TuneResult
         Of `tuner.tune`.
-    directory : Path
-        Where its files are.
+    directory : Path or None
+        Where its files are; None where none were written.
     dialect : str, optional
         The one whose keys and numbers are shown instead of the table, where they are few.
     """
-    keys = [] if dialect is None else settings_in_dialect(result, dialect, directory)
+    keys = [] if dialect is None or directory is None else settings_in_dialect(result, dialect, directory)
     for steps in range(len(SHORTER) + 1):
         lines = _answer(result, directory, frozenset(SHORTER[:steps]), keys)
         if len(lines) <= MAX_LINES:
@@ -113,7 +113,7 @@ def settings_in_dialect(result: TuneResult, dialect: str, directory: Path) -> li
     return [f"For {dialect}: {directory / name}"]
 
 
-def _answer(result: TuneResult, directory: Path, short: Set[str], keys: Sequence[str]) -> list[str]:
+def _answer(result: TuneResult, directory: Path | None, short: Set[str], keys: Sequence[str]) -> list[str]:
     """Return the answer with some of its parts in fewer words, those of `SHORTER`."""
     rows = settings_rows(result.config)
     table = settings_lines(rows, tight="numbers" in short) if rows and len(keys) < 2 else []
@@ -335,9 +335,9 @@ def _findings_of_log(result: TuneResult, *, short: bool, idle: bool) -> tuple[li
     return [text], len(matter)
 
 
-def _page_lines(result: TuneResult, directory: Path, shown: int, warnings: int) -> list[str]:
+def _page_lines(result: TuneResult, directory: Path | None, shown: int, warnings: int) -> list[str]:
     """Return where the page is and what it has beyond the answer, in one line where that has room."""
-    path = directory / "report.html"
+    path = "write_tune_result(result, FOLDER)" if directory is None else directory / "report.html"
     found = result.diagnosis
     of_log = () if found is None else [one for one in found.findings if not contradicted(one)]
     of_drive = () if result.drive is None else result.drive.diagnosis.findings

@@ -108,7 +108,7 @@ class InitialUncertainty:
     reasons: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class FilterConfig(Shown):
     """Settings of a navigation filter, with the reason of every choice.
 

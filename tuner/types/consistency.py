@@ -111,7 +111,7 @@ class MeanError:
     limit: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Consistency(Shown):
     """Scores of a filter and the verdicts on them.
 
@@ -240,7 +240,7 @@ class Observability:
     weak: tuple[WeakDirection, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Check(Shown):
     """The outcome of a Monte-Carlo check of a configuration.
 

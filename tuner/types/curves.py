@@ -14,7 +14,7 @@ from tuner.types.shown import Shown
 FloatArray = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class AllanCurve(Shown):
     """An empirical curve of the Allan family: one variance a cluster time and axis.
 
@@ -62,7 +62,7 @@ class AllanCurve(Shown):
         return replace(self, variance=self.variance[:, only], dof=self.dof[:, only], axes=(name,))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Spectrum(Shown):
     """An empirical two-sided power spectral density.
 
@@ -94,7 +94,7 @@ class Spectrum(Shown):
         return low, high
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Correlogram(Shown):
     """Sample autocorrelation or partial autocorrelation.
 

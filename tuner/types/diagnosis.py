@@ -146,7 +146,7 @@ class Unexplained:
     about: str = ""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Diagnosis(Shown):
     """What the simulation of the base model gets wrong.
 
@@ -227,7 +227,7 @@ class NoiseScaleEstimate:
     text: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class DriveDiagnosis(Shown):
     """What the navigation simulation gets wrong on a measured drive.
 

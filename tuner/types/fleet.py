@@ -108,7 +108,7 @@ class FleetUnit:
     advice: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Fleet(Shown):
     """All units, in the order of their files.
 

@@ -137,7 +137,7 @@ class ChannelIdentification:
         return next((t for t in self.terms if t.name == name), None)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Identification(Shown):
     """The noise of every channel of one or more logs, with where it came from."""
 

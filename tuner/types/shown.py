@@ -1,4 +1,4 @@
-"""What a notebook does with any result: a table on display, a figure, a data frame, a dataset.
+"""What a notebook does with any result: a table on display, an answer in print, a figure, a data frame, a dataset.
 
 How each type is shown is declared in `tuner.report.result_views`, above all rooms that make results. It is imported by
 its name when a result is first shown, so that no room depends on it and results stay cheap.
@@ -33,6 +33,11 @@ class Shown:
     def to_xarray(self) -> Any:
         """Return the same as an `xarray.Dataset` on its axes; needs the extra ``xarray``."""
         return _views().dataset_of(self)
+
+    def __repr__(self) -> str:
+        """Return the answer in the few lines that the command prints."""
+        text: str = _views().text_of(self)
+        return text
 
     def _repr_html_(self) -> str:
         """Return tables for a notebook."""

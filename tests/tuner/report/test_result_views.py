@@ -24,6 +24,7 @@ from tuner.synthesis.load_config import load_config
 from tuner.types import Diagnosis, Finding
 from tuner.types.consistency import Consistency, Score
 from tuner.types.records import DataError
+from tuner.types.shown import Shown
 from tuner.types.verdict import Severity, Verdict, VerdictCode
 
 RATE, COUNT = 50.0, 4000
@@ -95,12 +96,16 @@ def shown(kind, noise, frame):
             compare_identifications(["one", "other"], [noise, noise]), (), "rtk", (None, None)
         ),
         "GradeChoice": lambda: GradeChoice(60.0, 5.0, "rtk", False, (grade,), grade, 1.3),
+        "StaticTestPlan": lambda: tuner.plan(noise),
     }
     return made[kind]()
 
 
 STEP = Finding("step", ("gyro_x",), "a test", 9.0, 1e-9, {}, "step in gyro_x", drift={"60 s": (31.0, 12.0)})
-KINDS = "Identification FilterConfig AllanCurve Spectrum Correlogram Diagnosis Consistency SensorComparison GradeChoice"
+KINDS = (
+    "Identification FilterConfig AllanCurve Spectrum Correlogram Diagnosis Consistency SensorComparison GradeChoice "
+    "StaticTestPlan"
+)
 
 
 @pytest.mark.parametrize("kind", KINDS.split())
@@ -108,6 +113,10 @@ def test_each_result_has_tables_numbers_and_a_figure(kind, noise, frame):
     result = shown(kind, noise, frame)
     assert isinstance(result.to_pandas(), pd.DataFrame)
     assert result._repr_html_().lstrip().startswith("<")
+    answer = repr(result).split("\n")
+    assert 2 <= len(answer) <= 25, "print shows what the command does, not every array"
+    assert all(len(line) <= 80 for line in answer), answer
+    assert "--verbose" not in repr(result)
     page = page_of({"Part": result}, "A title", "tuner something")
     assert '<html lang="en">' in page
     assert "tuner something" in page
@@ -115,6 +124,15 @@ def test_each_result_has_tables_numbers_and_a_figure(kind, noise, frame):
     assert "default-src 'none'" in page
     assert "data-chart=" in page, "nothing to read values off"
     assert len(page.encode()) < 6_000_000
+
+
+def test_every_result_that_shows_itself_has_a_view():
+    assert set(Shown.__subclasses__()) <= set(VIEWS)
+
+
+def test_errors_without_a_unit_are_named_without_an_underscore():
+    score = tuner.score([[1.0, 2.0]] * 30, [[1.0, 1.0]] * 30, names=["heading", "speed"])
+    assert "Error, rms: heading 1.00, speed 2.00" in repr(score)
 
 
 def test_the_verdict_stands_first_on_a_page():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import click
 
@@ -54,16 +55,8 @@ def command(
     stage("identifying the noise", 0.8)
     identification = identify_source(loaded, arma=None, progress=messages.say)
     stage("planning", 1.0)
-    plans = plan_test(identification, hours=hours, accuracy=accuracy)
+    plans = replace(plan_test(identification, hours=hours, accuracy=accuracy), name=source_name(source))
     output.write(plan_json(plans))
-    units = {axis: channel.unit for axis, channel in identification.channels.items()}
-    tables = plan_tables(plans, units, source_name(source))
-
-    def drawn() -> object:
-        from tuner.report.plan_figure import plan_part
-
-        return plan_part(plans, units, tables)
-
-    page(f"Static test of {source}", {"How long must it last?": drawn})
+    page(f"Static test of {source}", {"How long must it last?": plans})
     if output.tables:
-        show(tables)
+        show(plan_tables(plans))
