@@ -136,7 +136,8 @@ def filled(lines: Sequence[str], more: Sequence[str] = (), *, also: str = "") ->
     lines : sequence of str
         What is said in any case, no line wider than `LINE_WIDTH`.
     more : sequence of str, optional
-        What is said, whole and in this order, until there is no room for the next.
+        What is said, whole and in this order, until there is no room for the next; of a first one that is too long
+        the beginning.
     also : str, optional
         What else `--verbose` shows.
     """
@@ -144,6 +145,9 @@ def filled(lines: Sequence[str], more: Sequence[str] = (), *, also: str = "") ->
     while left and len(answer) + len(text := wrapped(left[0], 2)) < MAX_LINES:
         answer += text
         del left[0]
+    if left and len(answer) == len(lines) and (room := MAX_LINES - 1 - len(lines)) > 0:
+        begin = wrapped(left.pop(0), 2)[:room]
+        answer += [*begin[:-1], f"{begin[-1][: LINE_WIDTH - 2]} …"]
     rest = f"{len(left)} more remark{'s' * (len(left) > 1)}" if left else ""
     said = " and ".join(part for part in (also, rest) if part) or "all tables"
     return [*answer, *wrapped(f"{said[:1].upper()}{said[1:]}: --verbose", 2)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from tuner.report.answer_layout import assumed_text, filled, wrapped
-from tuner.report.finding_groups import headlines
+from tuner.report.finding_groups import NOTE, headlines
 from tuner.report.static_diagnosis_tables import unexplained_lines
 from tuner.types import Diagnosis
 from tuner.types.records import Record
@@ -21,6 +21,8 @@ def diagnosis_answer(found: Diagnosis, records: Sequence[Record] = ()) -> list[s
     left = [f"Unexplained: {line}" for line in unexplained_lines(found.unexplained)]
     if found.quiet:
         head = "Nothing found: the log agrees with a simulation of its noise terms"
+    elif lines and all(line.startswith(NOTE) for line in lines):
+        head = "Nothing found that moves the position at rest; beside that:"
     elif lines:
         head = "Found, what moves the position most first (one axis, no fixes):"
     else:

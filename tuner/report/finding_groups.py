@@ -37,6 +37,8 @@ SIMULTANEOUS_WITHIN = 5.0
 """Seconds between events that are one: longer than the edges of an event are uncertain, shorter than most bursts."""
 SAMPLES_AT_FAULT = "no entry: the samples themselves are at fault"
 """What a cause changes that no setting can make up for: spikes, motion, rails, stamps."""
+NOTE = "note: "
+"""How a line begins on what moves no position, or is contradicted."""
 LASTING = ("thermal", "attitude")
 """Causes without one effect of their own that are compensated, as those whose effect is a signal are."""
 
@@ -270,7 +272,7 @@ def headlines(findings: Sequence[Finding], span: float | None = None) -> list[st
         for one in findings
         if contradicted(one)
     ]
-    return [*lines, *(f"note: {note}" for note in notes)]
+    return [*lines, *(f"{NOTE}{note}" for note in notes)]
 
 
 def _split(gain: Gain | None) -> str:

@@ -321,8 +321,10 @@ def _findings_of_log(result: TuneResult, *, short: bool, idle: bool) -> tuple[li
         return [], 0
     span = max((record.span for record in result.records), default=None)
     groups = finding_groups([one for one in result.diagnosis.findings if not contradicted(one)], span)
-    if not groups:
+    if not groups and result.diagnosis.quiet:
         return ["Found nothing that the noise terms do not explain"], 0
+    if not groups:
+        return ["No cause is named, but the noise terms do not explain all of the log"], 0
     matter = [group for group in groups if group.matters][:SHOWN_FINDINGS]
     if not idle and matter and all(group.changes == SAMPLES_AT_FAULT for group in matter):
         return [], 0

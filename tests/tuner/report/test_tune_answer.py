@@ -15,14 +15,15 @@ from tuner.exporters import export
 from tuner.formats.reference_words import wrong_times_text
 from tuner.identification import identify
 from tuner.identification.identify_source import identify_source
-from tuner.report.answer_layout import BOUNDED
+from tuner.report.answer_layout import BOUNDED, MAX_LINES, filled
+from tuner.report.diagnosis_answer import diagnosis_answer
 from tuner.report.drive_answer import choice_lines, finding_lines
 from tuner.report.settings_rows import Setting, axes_text, settings_rows
 from tuner.report.tune_answer import answer_lines, settings_in_dialect, verdict_line
 from tuner.simulation.static import simulate
 from tuner.synthesis import synthesize
 from tuner.tune_result import TuneResult
-from tuner.types import Coefficient, Diagnosis, Finding
+from tuner.types import Coefficient, Diagnosis, Finding, Unexplained
 from tuner.types.consistency import Consistency
 from tuner.types.verdict import Explanation, ExplanationKind, Severity, Verdict, VerdictCode
 
@@ -286,3 +287,20 @@ def test_settings_of_an_autopilot_keep_the_limit_that_they_rest_on():
     text = f"# EKF2_GYR_B_NOISE: {remark}\n1\t1\tEKF2_GYR_B_NOISE\t2.39343e-05\t9\n"
     (_, line) = settings_in_dialect(SimpleNamespace(exports={"px4.txt": text}), "px4", Path("out"))
     assert line == "1 1 EKF2_GYR_B_NOISE 2.39343e-05 9  # rad/s²; rests on a 95 % limit: x, y, z"
+
+
+def test_a_log_with_a_rest_is_not_called_explained(result):
+    rest = Unexplained("shape of the spectrum", ("gyro_x",), 1e-9, 40.0, "", {})
+    unnamed = replace(result, diagnosis=Diagnosis((), (rest,)))
+    assert not any("Found nothing" in line for line in answer_lines(unnamed, Path()))
+    assert any("No cause is named" in line for line in answer_lines(unnamed, Path()))
+
+
+def test_a_finding_longer_than_the_answer_shows_its_beginning(result):
+    idle = replace(result.diagnosis.findings[-1], drift={"60 s": (12.0, 12.0)})
+    words = "many " * 200
+    answer = filled(["Found:"], [words, "the next"])
+    assert len(answer) <= MAX_LINES
+    assert answer[1].startswith("many")
+    assert answer[-2].endswith("…")
+    assert diagnosis_answer(Diagnosis((idle,)))[0].startswith("Nothing found that moves the position")
