@@ -28,6 +28,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
+from scipy.optimize import brentq
 
 from models.probability import chi2_beyond, normal_beyond, normal_reach
 
@@ -273,15 +274,26 @@ def _gap(count: NDArray[np.int64], zero: int) -> float:
 
 
 def _deadband(count: NDArray[np.int64], zero: int) -> float:
-    """Return the half-width of the dead band, steps, the mean over both sides of zero; 0 where neither side shows it.
+    """Return the half-width of the dead band, steps: between it and the next code that is whole lies the rest of one.
 
-    On each side it ends within the first code that has samples: the fewer of these compared with the next code, the
-    more of that code belongs to the dead band.
+    Mean and sd are those of the normal law with as many samples beyond that code on either side as there are, and the
+    half-width b that with which it has as many zeros. Without samples there it is the band that leaves codes empty.
     """
-    halves = []
-    for side in (count[zero + 1 :], count[:zero][::-1]):
-        filled = np.flatnonzero(side)
-        if len(filled) and filled[0] + 1 < len(side) and side[filled[0] + 1] >= MIN_CODE_COUNT:
-            first = filled[0]
-            halves.append(first + 0.5 + max(0.0, 1.0 - side[first] / side[first + 1]))
-    return float(np.mean(halves)) if halves else 0.0
+    sides = (count[zero + 1 :], count[:zero][::-1])
+    first = [int(np.flatnonzero(side)[0]) for side in sides if side.any()]
+    if not first:
+        return 0.0
+    whole = max(first) + 1
+    beyond = [int(side[whole:].sum()) for side in sides]
+    if min(beyond) < MIN_CODE_COUNT:
+        return float(np.mean(first)) + 0.5
+    high, low = (normal_reach(1.0 - 2.0 * part / int(count.sum())) for part in beyond)
+    edge = whole + 0.5
+    sd = 2.0 * edge / (high + low)
+    mean = edge - sd * high
+    share = count[zero] / count.sum()
+    return float(
+        brentq(
+            lambda b: 1.0 - normal_beyond((b - mean) / sd) - normal_beyond((b + mean) / sd) - share, 0.0, edge
+        )
+    )
