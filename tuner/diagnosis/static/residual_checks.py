@@ -61,6 +61,11 @@ little but rounding at high frequencies, the law and the squares of that are see
 """
 MEAN_SIZES, MIN_MEANS = (8, 32, 128, 512), 500
 """Residuals in a mean, and least number of means: with fewer the statistic is no χ² in its tail."""
+MAX_ABSENT_SHARE = 0.02
+"""Share of a part of the record that was not measured, beyond that of the others, up to which its spectrum is tested.
+
+The noise that stands in the gaps has not the colour of the rest.
+"""
 MIN_CYCLES = 64
 """Cycles in the record below which changes of the variance are those of its parts, which have tests."""
 COLOUR_LAGS, MIN_CORRELATION_SDS = 256, 4.0
@@ -155,14 +160,21 @@ def _smooth_statistic(z: FloatArray, share: FloatArray) -> float:
 
 
 def _law_of_means(fitted: Residual) -> tuple[TestResult, ...]:
-    """Test the law of means of the residuals, which events and processes that are not normal bend."""
+    """Test the law of means of the residuals, which events and processes that are not normal bend.
+
+    A mean with gaps is that of the residuals in it, over its own sd; less than half of one is none.
+    """
     name, tests = "law of the means of residuals", []
-    e = fitted.clipped
-    means = (e if bool(fitted.valid.all()) else np.where(fitted.valid, e, np.float32(0.0))).astype(float)
+    e, valid = fitted.clipped, fitted.valid
+    sums, count = np.where(valid, e, np.float32(0.0)).astype(float), valid.astype(float)
     sizes = [size for size in MEAN_SIZES if len(e) >= MIN_MEANS * size]
     for size, before in zip(sizes, (1, *sizes), strict=False):
         ratio = size // before
-        means = means[: len(means) // ratio * ratio].reshape(-1, ratio) @ np.full(ratio, 1.0 / ratio)
+        sums, count = (
+            x[: len(x) // ratio * ratio].reshape(-1, ratio) @ np.ones(ratio) for x in (sums, count)
+        )
+        enough = 2.0 * count >= size
+        means = sums[enough] / np.sqrt(count[enough])
         z = (means - means.mean()) / float(means.std())
         bins = histogram(z)
         statistic = len(z) * _smooth_statistic(bins.value, bins.count / len(z))
@@ -229,9 +241,13 @@ def _cells(fitted: Residual, e: NDArray[np.float32], parts: int, bands: int) -> 
     count = np.diff(edges)
     if len(count) < 2 or count.min() < MIN_ORDINATES:
         return TestResult("spectrum in time", 1.0, 0.0, 0.0, name)
-    cell = np.empty((parts, len(count)))
+    absent = 1.0 - fitted.valid[: parts * size].reshape(parts, size).mean(axis=1)
+    measured = np.flatnonzero(absent <= np.median(absent) + MAX_ABSENT_SHARE)
+    cell = np.empty((len(measured), len(count)))
     rows = e[: parts * size].reshape(parts, size)
-    for first in range(0, parts, PARTS_AT_ONCE):
+    if len(measured) < parts:
+        rows = rows[measured]
+    for first in range(0, len(measured), PARTS_AT_ONCE):
         wave = rfft(rows[first : first + PARTS_AT_ONCE], axis=1)[:, : edges[-1]]
         power = wave.real**2 + wave.imag**2
         sums = np.add.reduceat(power, edges[:-1], axis=1, dtype=float)
@@ -241,13 +257,13 @@ def _cells(fitted: Residual, e: NDArray[np.float32], parts: int, bands: int) -> 
         cell = cell / cell.mean(axis=0)
     deviate = variance_deviate(cell, 2.0 * count)
     at, band = np.unravel_index(int(np.argmax(np.abs(deviate))), deviate.shape)
-    start = fitted.channel.start + float(at) * size * dt
+    start = fitted.channel.start + float(measured[at]) * size * dt
     low, high = edges[band : band + 2] / (size * dt)
     place = (
         f"{10.0 * np.log10(cell[at, band]):+.2g} dB at {low:.3g} … {high:.3g} Hz "
         f"between {start:.6g} and {start + size * dt:.6g} s"
     )
-    freedom = (parts - 1) * (len(count) - 1)
+    freedom = (len(measured) - 1) * (len(count) - 1)
     return _result(
         "spectrum in time", float(np.sum(deviate**2)), freedom, name, place, len(TIME_FREQUENCY_GRIDS)
     )

@@ -12,6 +12,7 @@ from models.probability import chi2_beyond
 from tuner.diagnosis import diagnose
 from tuner.diagnosis.static.causes.comb import Comb
 from tuner.diagnosis.static.causes.line import Line
+from tuner.diagnosis.static.causes.motion import Motion
 from tuner.diagnosis.static.causes.periodic_variance import PeriodicVariance
 from tuner.diagnosis.static.causes.spikes import Spikes
 from tuner.diagnosis.static.causes.temperature import Temperature
@@ -55,6 +56,14 @@ def other_half() -> np.ndarray:
     white = rng(5).standard_normal(COUNT + 1)
     mean = (white[1:] + white[:-1]) / np.sqrt(2.0)
     return np.where(np.arange(COUNT) < COUNT // 2, white[1:], mean)
+
+
+def test_a_gap_is_no_misfit():
+    """Where a fifth of the record moved, no means lie at zero and no spectrum changes."""
+    moved = Motion(8_000, 12_000, values={}).including(8_000, 12_000, COUNT)
+    fitted = residual(channel(record(rng(6).standard_normal(COUNT)), "gyro_x"), (moved,))
+    assert np.count_nonzero(~fitted.valid) >= 4_000
+    assert min(test.p_value for test in checks(fitted)) > CHANCE
 
 
 @pytest.mark.parametrize(
