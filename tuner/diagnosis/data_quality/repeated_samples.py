@@ -14,6 +14,9 @@ change of the noise along the record does no harm, and their scatter gives the t
 exact binomial where equalities are few. Where the step exceeds about 4 s₁ repetition
 and quantization cannot be separated.
 
+Where a channel has no quantizer and no two samples are equal but some neighbours, all n²/2 pairs estimate chance: each
+pair of neighbours is one of n/2 as likely, nearer to each other than any two by √2 s/s₁, s the sd of the samples.
+
 With a fine quantizer (s₁ of two steps and more) the counts n(j) of neighbours that differ by j steps give chance
 without the noise: their logarithm is a parabola in j near 0, and its value there, from j = ±1 … ±s₁/D (half as far
 where the noise is coloured), is what noise gives. What the codes themselves do to n(0) they do at the other lags as
@@ -146,7 +149,9 @@ def _by_lags(pieces: Sequence[FloatArray], steps: Sequence[float]) -> RepeatedSa
     scatter = math.sqrt(len(excess)) * float(np.std(excess, ddof=1)) if len(excess) > 1 else n
     sd = max(scatter, math.sqrt(first), 1.0)
     statistic = float(excess.sum()) / sd
-    if first + later < MIN_EQUALITIES:
+    if first > 1.0 and later == 0.0 and not any(steps) and _only_neighbours(pieces, first):
+        p_value = min(_chance_of_neighbours(pieces), 1.0) ** first
+    elif first + later < MIN_EQUALITIES:
         odds = float(np.sum(scaled * margin)) / later if later else float(np.mean(colour * margin))
         p_value = binomial_at_least(first, first + later, odds / (odds + len(lags)))
     else:
@@ -154,6 +159,19 @@ def _by_lags(pieces: Sequence[FloatArray], steps: Sequence[float]) -> RepeatedSa
     shares = np.concatenate(([1.0], equal.sum(axis=0) / n))
     scale = np.array([scaled[:, i].sum() / max(equal[:, k].sum(), 1.0) for i, k in enumerate(lags)])
     return _with_share(statistic, p_value, shares, np.where(scale > 0.0, scale, colour), lags, sd / n)
+
+
+def _only_neighbours(pieces: Sequence[FloatArray], equal: float) -> bool:
+    """Return whether no other samples of the first channel are equal than so many neighbours."""
+    values = np.concatenate([piece[:, 0] for piece in pieces])
+    return len(values) - len(np.unique(values)) == equal
+
+
+def _chance_of_neighbours(pieces: Sequence[FloatArray]) -> float:
+    """Return how likely neighbours are the two of all samples that are equal: by their number and distance."""
+    values = np.concatenate(list(pieces))
+    closer = np.std(values, axis=0) / np.std(np.concatenate([np.diff(p, axis=0) for p in pieces]), axis=0)
+    return float(np.prod(math.sqrt(2.0) * closer)) / (0.5 * len(values))
 
 
 def _fine(pieces: Sequence[FloatArray], steps: Sequence[float]) -> RepeatedSamples | None:
