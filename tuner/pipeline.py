@@ -18,6 +18,7 @@ from tuner.compile_ahead import compiled_ahead
 from tuner.consistency.check import check
 from tuner.consistency.score_drive import DriveResult, navigate_drive
 from tuner.diagnosis import diagnose
+from tuner.diagnosis.data_quality import without_codes
 from tuner.diagnosis.data_quality.overflow import without_overflow
 from tuner.diagnosis.static.position_drift import found_signals
 from tuner.exporters import DIALECTS, dialect_named, export, lacking
@@ -293,10 +294,12 @@ def identified_again(
 ) -> tuple[tuple[Record, ...], Identification]:
     """Return records and their noise without what the findings take out of them; as given where they take nothing.
 
-    Wrapped samples are put back and motion is left out, unless too little would be left.
+    Wrapped samples are put back, error codes and motion are left out, unless too little would be left.
     """
+    bad = any(one.cause == "error_code" for one in findings)
+    measured = tuple(without_codes(record)[0] for record in still) if bad else still
     widths = {axis: one.value for one in findings if one.cause == "overflow" for axis in one.channels}
-    whole = tuple(without_overflow(record, widths) for record in still)
+    whole = tuple(without_overflow(record, widths) for record in measured)
     resting = tuple(without_motion(record, findings) for record in whole)
 
     def noise(records: tuple[Record, ...]) -> Identification:

@@ -68,6 +68,7 @@ def dropouts(rng: Rng) -> Made:
     return made(
         np.where(rng.random(COUNT) < log_uniform(rng, 1e-3, 1e-2), 0.0, y),
         1e3,
+        "error_code",
         "spikes",
         "skewed_noise",
         "heavy_tails",

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from tuner.diagnosis.data_quality.copied_samples import Lines, Packets, find_lines, find_packets
 from tuner.diagnosis.data_quality.copied_stretches import find_copied_stretches
+from tuner.diagnosis.data_quality.error_codes import ErrorCodes, find_error_codes, without_error_codes
 from tuner.diagnosis.data_quality.frozen import Frozen, cut, frozen, together
 from tuner.diagnosis.data_quality.overflow import find_overflow, unwrapped
 from tuner.diagnosis.data_quality.quantizer import quantizer_step, read_codes
@@ -57,7 +58,7 @@ class DataQualityTest:
     Attributes
     ----------
     cause : str
-        ``duplicates timing overflow clipping lattice repeated_packets interpolated``.
+        ``duplicates timing overflow clipping lattice repeated_packets interpolated error_code``.
     channels : tuple of str
         Axes it concerns.
     statistic : float
@@ -124,6 +125,36 @@ def data_quality_tests(record: Record) -> tuple[DataQualityTest, ...]:
         found = find_lines(fresh, steps[axis])
         lines[axis] = found if found.p_value < DECISIVE_P_VALUE else find_resampled(fresh)
     return (*tests, *interpolated(lines))
+
+
+def without_codes(record: Record) -> tuple[Record, tuple[DataQualityTest, ...]]:
+    """Return a record with other rows in place of error codes, and the tests that found these."""
+    found = find_error_codes(record)
+    return without_error_codes(record, found), tuple(_error_code_test(record, one) for one in found)
+
+
+def _error_code_test(record: Record, found: ErrorCodes) -> DataQualityTest:
+    """Return the test of one constant, which share of the rows has it, and where they are."""
+    share, first = float(found.rows.mean()), float(record.t[found.begins[0]])
+    rows, values = float(np.count_nonzero(found.rows)), sorted(set(found.values.values()))
+    parameters = {
+        "fraction": Coefficient.known(share, share, share, "1"),
+        "count": Coefficient.known(rows, rows, rows, "1"),
+        "start": Coefficient.known(first, first, first, "s"),
+        "length": Coefficient.known(float(found.longest), float(found.longest), float(found.longest), "1"),
+    }
+    if len(values) == 1:
+        parameters["value"] = Coefficient.known(values[0], values[0], values[0], record.unit)
+    if found.period:
+        period = float(found.period)
+        parameters["period"] = Coefficient.known(period, period, period, "1")
+    often = f"every {found.period} rows" if found.period else f"{rows:.0f} rows"
+    lasting = f", up to {found.longest} in a row" if found.longest > 1 else ""
+    text = (
+        f"{often}{lasting}, {100.0 * share:.3g} % of all, read {' or '.join(f'{v:.6g}' for v in values)} "
+        f"{record.unit}, the first at {first:.6g} s"
+    )
+    return DataQualityTest("error_code", tuple(found.values), rows, found.p_value, parameters, text=text)
 
 
 def timing(record: Record) -> DataQualityTest:

@@ -64,6 +64,22 @@ class Timing(Cause):
     view = "time stamps"
 
 
+class ErrorCode(Cause):
+    """Rows that hold a constant in place of a measurement."""
+
+    cause = "error_code"
+    group = "samples"
+    shares = 0
+    meaning = (
+        "rows hold one constant in place of a measurement: samples were lost, or the number is an error code"
+    )
+    consequence = (
+        "leave these rows out, or mend the driver: a filter takes each of them for a measurement; tune identifies and "
+        "sets the noise without them, identify that of samples as they are"
+    )
+    view = "values"
+
+
 class Clipping(Cause):
     """Samples that end at rails."""
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from models.noise import NoiseModel
-from tuner.diagnosis.data_quality import DataQualityTest, data_quality_tests
+from tuner.diagnosis.data_quality import DataQualityTest, data_quality_tests, without_codes
 from tuner.diagnosis.data_quality.causes import Frozen
 from tuner.diagnosis.static import shared_shape
 from tuner.diagnosis.static.causes import attitude, cross_axis, motion, mount_tilt
@@ -102,17 +102,18 @@ def diagnose(
     DataError
         Where no channel can be analysed, or the second log lacks what the first one has.
     """
-    first = list(expect_records(records, "diagnose", WANTED))
-    second = [] if holdout is None else list(expect_records(holdout, "diagnose: holdout"))
+    given = expect_records(records, "diagnose", WANTED)
+    second = [] if holdout is None else expect_records(holdout, "diagnose: holdout")
     if identification is not None:
         expect(identification, Identification, "diagnose: identification", "what tuner.identify returns")
-    others = as_coarse(second, first)
+    first, codes = zip(*(without_codes(record) for record in given), strict=True)
+    others = as_coarse([without_codes(record)[0] for record in second], first)
     sensors, resting = without_knocks(as_coarse(first, others))
     if others:
         expect_comparable(sensors, others)
     width = sum(len(record.axes) for record in sensors)
     limit = threshold(width)
-    found: list[Finding] = []
+    found: list[Finding] = [_finding(test) for tests in codes for test in tests]
     notes = [
         f"{record.name}: means of {record.samples_a_mean} samples, as in the second log, which is long"
         for record, whole in zip(sensors, first, strict=True)

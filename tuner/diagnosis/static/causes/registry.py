@@ -11,6 +11,7 @@ from tuner.diagnosis.cause import Cause
 from tuner.diagnosis.data_quality.causes import (
     Clipping,
     Duplicates,
+    ErrorCode,
     Interpolated,
     Overflow,
     Quantizer,
@@ -80,5 +81,6 @@ CAUSES.extend(
         Burst, VarianceDrift, Vibration, LowPass, Colour, Sweep, Motion, CrossAxis, Thermal, Duplicates, Timing,
         Overflow, Clipping, Quantizer, RepeatedPackets, Interpolated, SkewedNoise, PeriodicVariance, TemperatureSquared,
         TemperatureRate, Hysteresis, Comb, Recovery, Transients,
+        ErrorCode,
     )
 )  # fmt: skip

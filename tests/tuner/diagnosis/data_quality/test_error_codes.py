@@ -1,0 +1,79 @@
+"""Error codes: rows that hold one constant are one finding, and leave the noise; what noise gives is none."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from models.noise import White
+from tuner.diagnosis import diagnose
+from tuner.diagnosis.data_quality.error_codes import find_error_codes
+from tuner.identification import identify
+from tuner.pipeline import identified_again
+from tuner.types.records import Record
+
+COUNT = 40_000
+MEANS = np.array([0.1, 0.003, 9.81])
+"""Zero is 5 sds from the noise of x, within that of y, and far from that of z."""
+
+
+def record(y: np.ndarray) -> Record:
+    axes = ("accel_x", "accel_y", "accel_z")[: y.shape[1]]
+    return Record("accel", 0.01 * np.arange(len(y)), y, axes, "m/s^2", 0.01)
+
+
+def samples(step: float = 0.0096) -> np.ndarray:
+    y = MEANS + 0.02 * np.random.default_rng(1).standard_normal((COUNT // 2, 3))
+    return step * np.round(y / step)
+
+
+def codes(y: np.ndarray) -> list[float]:
+    return [value for one in find_error_codes(record(y[:, None])) for value in one.values.values()]
+
+
+def test_a_row_of_zeros_in_seven_is_one_finding_and_no_noise():
+    y = samples()
+    y[::7] = 0.0
+    log = record(y)
+    found = identify((log,))
+    diagnosis = diagnose(log, identification=found)
+    (finding,) = diagnosis.findings
+    assert (finding.cause, finding.channels) == ("error_code", log.axes)
+    told = {name: one.value for name, one in finding.parameters.items()}
+    assert (told["period"], told["value"], told["start"]) == (7.0, 0.0, 0.0)
+    assert abs(told["fraction"] - 1.0 / 7.0) < 1e-4
+    again = identified_again((log,), found, diagnosis.findings, terms=None, latitude=None)[1]
+    for axis in log.axes:
+        (white,) = (one for one in again.channels[axis].model.terms if isinstance(one, White))
+        assert abs(white.density / 2e-3 - 1.0) < 0.02  # 3 sd, and the quantizer
+
+
+@pytest.mark.parametrize(("code", "share"), [(0.5, 0.001), (3.0, 0.003), (-6.0, 0.003), (50.0, 0.0005)])
+def test_a_code_of_any_value_in_irregular_rows_is_found(code, share):
+    rng = np.random.default_rng(2)
+    y = rng.standard_normal(COUNT)
+    y[rng.random(COUNT) < share] = code
+    assert codes(y) == [code]
+
+
+@pytest.mark.parametrize("step", [0.0, 0.05, 0.3, 0.9, 2.0, 4.0])
+def test_what_noise_gives_is_no_code(step):
+    rng = np.random.default_rng(3)
+    w = rng.standard_normal(COUNT)
+    rounded = step * np.round(w / step) if step else w
+    shake = rounded.copy()
+    shake[20_000:20_400] = np.clip(300.0 * np.sin(0.7 * np.arange(400.0)), -200.0, 200.0)
+    edges = np.cumsum(max(step, 0.1) * np.maximum(1.0 + 0.33 * rng.standard_normal(4000), 0.05))
+    uneven = max(step, 0.1) * np.searchsorted(edges, w + edges[2000])
+    dead = np.where(np.abs(rounded) < 3.5 * max(step, 0.1), 0.0, rounded)
+    rail = np.clip(rounded, -np.inf, step * np.round(2.0 / step) if step else 2.0)
+    twice = np.repeat(rounded[: COUNT // 2], 2)
+    for y in (rounded, shake, uneven, dead, rail, np.maximum(rounded, 0.0), twice):
+        assert codes(y) == []
+
+
+def test_codes_beneath_means_of_samples_are_none():
+    """Means of samples that a coarse converter gave are its codes where it does not move."""
+    rng = np.random.default_rng(4)
+    y = np.round(0.3 * rng.standard_normal(8 * COUNT) + np.linspace(0.0, 5.0, 8 * COUNT))
+    assert codes(y.reshape(-1, 8).mean(axis=1)) == []

@@ -1,0 +1,255 @@
+"""Error codes: one constant in place of a measurement, in rows that come now and then or at a period.
+
+A driver that has no sample writes a number nevertheless: zero, the end of the range, the last sample before the loss.
+One value v that comes m times is such a code where
+
+- it lies apart: no other sample comes near it (`APART_DISTANCE` sds, and as many quantizer steps), and samples before and after
+  are as usual. Glitches of any size would rather lie elsewhere in the distance g to the next sample: m of them take one
+  value, D wide, with the chance (D/g)^(m−1);
+- or it comes more often than the values on both sides of it allow: Poisson, `MAX_CODE_RATIO` times the geometric mean
+  of the most frequent on either side, as in a law without an edge, or of those on its one side. Nothing is said above
+  a quantizer step of one sd, where values next to v are missing, as in a dead band, or where the tail of the noise
+  beyond v may hold m samples: a rail.
+
+Axes of one sensor that have codes in the same rows have them together; in these rows an axis whose noise hides its code
+has one if it takes one value there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr
+
+from models.probability import poisson_at_least
+from tuner.types.records import Record
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+DRAWING_SEED = 79
+"""Seed of the samples that are looked at, and of those that take the place of a code."""
+TRIED_SAMPLES = 8192
+"""Samples, drawn anywhere, whose frequent values are looked at: a code of one sample in a thousand comes 8 times."""
+TRIED_VALUES = 6
+"""Values of these that are looked at, beside zero and both ends: those that most exceed their neighbours."""
+MAX_CODES = 1
+"""Values that may come so often; more are codes of a converter under the means, or the interpolation, of a program."""
+MIN_COUNT = 3
+"""Least number of rows: two samples may coincide."""
+APART_DISTANCE = 3.0
+"""Distance to the next other sample, sds and quantizer steps, from which a value lies apart."""
+SMALLER_SHARE, SMALLER_MEAN_SQUARE = 0.7, 0.31
+"""Share of the differences that tell the sd, the larger ones being of codes, and mean square of that share, normal."""
+NEAR_SDS = 0.25
+"""Reach on either side of a value within which others tell how often one comes by chance, sds."""
+NEAR_CODES = 2.5
+"""The same in distances to the next: two codes, as one of them may be narrow."""
+MAX_CODE_RATIO = 3.0
+"""Number of samples of one value ÷ the geometric mean of the most frequent on its sides, by chance.
+
+Normal noise on codes of one sd gives e^½, uneven widths and steeper laws more.
+"""
+MAX_TAIL_EXCESS = 10.0
+"""Factor by which tails may hold more than normal ones, as where saturation is tested."""
+MAX_GAPS = 1.5, 10.0
+"""Distance to the next other value ÷ that of others from each other, from which values lack beside it: a dead band.
+
+Of codes, and of values that come once, whose distances are exponential.
+"""
+MAX_P_VALUE = 1e-12
+"""Chance of a code that counts: the number of values in a log is a million at most."""
+MIN_VALUE_SHARE = 1e-6
+"""Share of a distance that one value takes at least: single precision has 1e-7 of the range."""
+MAX_SHARE = 0.5
+"""Largest share of rows that are codes: what the noise is, the others must show."""
+MAX_RUN = 128
+"""Longest run of codes, samples; in longer ones the readings are frozen, which is another test."""
+MAX_NEIGHBOUR_SDS = 8.0
+"""Distance of samples before and after a code from the level, sds: beyond, in most rows, the unit moves."""
+MIN_SAME_ROWS = 0.9
+"""Share of rows in common from which codes of two axes are one, and in which a hidden code takes one value."""
+MIN_PERIODIC = 0.95
+"""Share of distances between rows that are multiples of the shortest usual one, for a period."""
+REACH_SAMPLES = 16, 512
+"""Distance of the sample that takes the place of a code, samples: beyond the lags of tests of repetition, within the
+time in which a bias stays."""
+
+
+@dataclass(frozen=True)
+class ErrorCodes:
+    """Rows of one sensor in which axes hold a constant in place of a measurement.
+
+    Attributes
+    ----------
+    values : mapping of str to float
+        The constant of each axis, unit.
+    rows : ndarray of bool, shape (n,)
+        Rows in which they stand.
+    p_value : float
+        Chance of such samples in noise.
+    """
+
+    values: Mapping[str, float]
+    rows: BoolArray
+    p_value: float
+
+    @cached_property
+    def begins(self) -> NDArray[np.int64]:
+        """Return the first row of each run."""
+        return np.flatnonzero(self.rows & ~np.concatenate(([False], self.rows[:-1])))
+
+    @property
+    def longest(self) -> int:
+        """Rows of the longest run."""
+        ends = np.flatnonzero(self.rows & ~np.concatenate((self.rows[1:], [False])))
+        return int((ends - self.begins).max()) + 1
+
+    @cached_property
+    def period(self) -> int:
+        """Rows from one run to the next; 0 where they come at no period."""
+        apart = np.diff(self.begins)
+        if len(apart) < MIN_COUNT:
+            return 0
+        shortest = int(np.bincount(apart).argmax())
+        return shortest if float(np.mean(apart % shortest == 0)) >= MIN_PERIODIC else 0
+
+
+def find_error_codes(record: Record) -> tuple[ErrorCodes, ...]:
+    """Return the error codes of the axes of a record."""
+    single = {axis: found for axis in record.axes if (found := _code(record.column(axis)))}
+    groups: list[ErrorCodes] = []
+    for axis, (value, rows, chance) in single.items():
+        home = next((at for at, one in enumerate(groups) if _alike(one.rows, rows)), None)
+        if home is None:
+            groups.append(ErrorCodes({axis: value}, rows, chance))
+        else:
+            one = groups[home]
+            groups[home] = replace(
+                one,
+                values={**one.values, axis: value},
+                rows=one.rows & rows,
+                p_value=max(one.p_value, chance),
+            )
+    return tuple(_with_hidden(one, record, single) for one in groups)
+
+
+def without_error_codes(record: Record, found: Sequence[ErrorCodes]) -> Record:
+    """Return a record in which another row of the same axes, near by, stands in place of each code.
+
+    Level, law, quantizer and correlation of the axes stay; N loses nothing by it, as the rows are drawn at random.
+    """
+    if not found:
+        return record
+    y, noise = record.y.copy(order="F"), np.random.default_rng(DRAWING_SEED)
+    lost = np.any([one.rows for one in found], axis=0)
+    good = np.flatnonzero(~lost)
+    for one in found:
+        rows = np.flatnonzero(one.rows)
+        apart = noise.integers(*REACH_SAMPLES, len(rows)) * noise.choice((-1, 1), len(rows))
+        place = np.searchsorted(good, rows) + apart
+        outside = (place < 0) | (place >= len(good))
+        place = np.clip(np.where(outside, place - 2 * apart, place), 0, len(good) - 1)
+        for column in map(record.axes.index, one.values):
+            y[rows, column] = record.y[good[place], column]
+    return replace(record, y=y)
+
+
+def _code(y: FloatArray) -> tuple[float, BoolArray, float] | None:
+    """Return the error code of samples (n,), its rows and its chance; None where there is none."""
+    drawn = y[np.random.default_rng(DRAWING_SEED).integers(0, len(y), TRIED_SAMPLES)]
+    values, number = np.unique(drawn, return_counts=True)
+    if len(values) < MIN_COUNT:
+        return None
+    beside = np.maximum(np.append(number[1:], 0), np.append(0, number[:-1]))
+    most = np.argsort(-number / (beside + 1.0), kind="stable")[:TRIED_VALUES]
+    tried = [*values[most[number[most] >= MIN_COUNT]].tolist(), float(y.min()), float(y.max()), 0.0]
+    found = [one for value in dict.fromkeys(tried) if (one := _judged(y, value, drawn, values))]
+    if len(found) > MAX_CODES:
+        return None
+    return min(found, key=lambda one: (one[2], -int(one[1].sum())), default=None)
+
+
+def _judged(
+    y: FloatArray, value: float, drawn: FloatArray, values: FloatArray
+) -> tuple[float, BoolArray, float] | None:
+    """Return a value with its rows and its chance where it is an error code of samples (n,).
+
+    `drawn` are some of the samples, in any order, and `values` what they are.
+    """
+    rows = y == value
+    count = int(np.count_nonzero(rows))
+    if not MIN_COUNT <= count <= MAX_SHARE * len(y):
+        return None
+    found = ErrorCodes(MappingProxyType({}), rows, 0.0)
+    if len(found.begins) < MIN_COUNT or found.longest > MAX_RUN:
+        return None
+    level, step = float(np.median(drawn)), float(np.median(np.diff(values)))
+    sd = max(_difference_sd(y[:TRIED_SAMPLES]), 0.3 * step)
+    away = np.abs(y - value)
+    away[rows] = np.inf
+    nearest = float(away.min())
+    if nearest > APART_DISTANCE * max(sd, step):
+        chance = max(step / nearest, MIN_VALUE_SHARE) ** (len(found.begins) - 1)
+        usual = True
+    elif step <= sd:
+        near, number = np.unique(y[away <= max(NEAR_SDS * sd, NEAR_CODES * nearest)], return_counts=True)
+        below, above = (float(number[side].max(initial=0)) for side in (near < value, near > value))
+        if (below if value > level else above) == 0.0:
+            return None
+        most = float(np.sqrt(below * above)) if below and above else below + above
+        chance = poisson_at_least(len(found.begins), MAX_CODE_RATIO * (most + 1.0))
+        gap = MAX_GAPS[0] if float(number.mean()) > 1.5 else MAX_GAPS[1]
+        inside = min(below, above) > 0.0 and nearest <= gap * float(np.median(np.diff(near)))
+        usual = inside or _beyond(y, value, level) * MAX_TAIL_EXCESS < count
+    else:
+        return None
+    if not usual or chance > MAX_P_VALUE or not _neighbours(y, rows, level, sd):
+        return None
+    return value, rows, chance
+
+
+def _difference_sd(y: FloatArray) -> float:
+    """Return the sd of white samples by the smaller ones of their differences, as codes make the larger ones."""
+    square = np.sort(np.diff(y) ** 2)[: int(SMALLER_SHARE * (len(y) - 1))]
+    return float(np.sqrt(0.5 * np.mean(square) / SMALLER_MEAN_SQUARE))
+
+
+def _neighbours(y: FloatArray, rows: BoolArray, level: float, sd: float) -> bool:
+    """Return whether samples before and after a code are mostly near the level."""
+    beside = (np.append(rows[1:], False) | np.append(False, rows[:-1])) & ~rows
+    wide = max(
+        sd, float(np.subtract(*np.quantile(y[~rows][:: max(1, len(y) // TRIED_SAMPLES)], (0.75, 0.25))))
+    )
+    return bool(np.median(np.abs(y[beside] - level)) < MAX_NEIGHBOUR_SDS * wide)
+
+
+def _beyond(y: FloatArray, value: float, level: float) -> float:
+    """Return how many samples normal noise, slow parts and all codes in it, would have beyond a value."""
+    return float(len(y) * ndtr(-abs(value - level) / np.std(y)))
+
+
+def _alike(rows: BoolArray, others: BoolArray) -> bool:
+    """Return whether the codes of two axes stand in the same rows; noise of one may give a code of its own."""
+    both = float(np.count_nonzero(rows & others))
+    return bool(both >= MIN_SAME_ROWS * min(np.count_nonzero(rows), np.count_nonzero(others)))
+
+
+def _with_hidden(one: ErrorCodes, record: Record, single: Mapping[str, object]) -> ErrorCodes:
+    """Return codes with those of axes whose noise hides them: they take one value in the same rows."""
+    values = dict(one.values)
+    for axis in record.axes:
+        if axis in single:
+            continue
+        y = record.column(axis)
+        there, number = np.unique(y[one.rows], return_counts=True)
+        value, share = float(there[np.argmax(number)]), float(number.max()) / len(y[one.rows])
+        if share >= MIN_SAME_ROWS and float(np.mean(y[~one.rows] == value)) < MAX_SHARE * share:
+            values[axis] = value
+    ordered = {axis: values[axis] for axis in record.axes if axis in values}
+    return replace(one, values=ordered)
