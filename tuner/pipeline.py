@@ -272,7 +272,8 @@ def identify_and_diagnose(
         stage("identifying the noise beside the findings", 1.0)
         still, found = identified_again(still, found, diagnosis.findings, terms=terms, latitude=latitude)
         if terms is None:
-            found = with_notes_on_findings(with_terms_found(still, found, terms_found(diagnosis)), diagnosis)
+            found = with_terms_found(still, found, terms_found(diagnosis))
+            found = with_notes_on_findings(found, diagnosis, still)
         return LogResult(found, diagnosis, {}, still)
     if isinstance(inputs.source, Identification):
         return LogResult(inputs.source, None, {"diagnosis": NO_SAMPLES})

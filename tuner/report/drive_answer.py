@@ -10,6 +10,7 @@ import numpy as np
 
 from tuner.formats.customary_units import amount, digits
 from tuner.formats.outage_words import interval_words
+from tuner.formats.parameter_words import parameter_words
 from tuner.report.terminal import LINE_WIDTH
 from tuner.report.verdict_text import verdict_text
 from tuner.types.consistency import Consistency
@@ -69,8 +70,10 @@ def found_text(finding: Finding) -> str:
             words = words.replace(phrase, f" by {amount(figures.pop(name))}", 1)
             break
     text = words = f"Found: {words}"
-    for name, value in figures.items():
-        longer = f"{text}{', ' if '(' in text else ' ('}{name.replace('_', ' ')} {amount(value)}"
+    for name, said in parameter_words(finding.parameters).items():
+        if name not in figures:
+            continue
+        longer = f"{text}{', ' if '(' in text else ' ('}{said} {amount(figures[name])}"
         if len(longer) >= LINE_WIDTH and text != words:
             break
         text = longer

@@ -17,6 +17,7 @@ import numpy as np
 from models.effects import EFFECTS
 from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.formats.customary_units import amount, digits
+from tuner.formats.parameter_words import parameter_words
 from tuner.report.settings_rows import axes_text
 from tuner.types import Finding, Gain
 
@@ -142,8 +143,8 @@ def _group(findings: tuple[Finding, ...], span: float | None) -> FindingGroup:
     axes = list(dict.fromkeys(axis for finding in findings for axis in finding.channels))
     largest = max(findings, key=lambda one: max((a - b for a, b in one.drift.values()), default=0.0))
     names, count = " and ".join(causes), _count(findings, causes, span)
-    title = ": ".join([f"{names} in {', '.join(axes)}{_figures(findings)}", *count])
-    short = ": ".join([f"{names.replace('_', ' ')} in {axes_text(axes)}", *count])
+    what = f"{names.replace('_', ' ')} in {axes_text(axes)}"
+    title, short = ": ".join([f"{what}{_figures(findings)}", *count]), ": ".join([what, *count])
     return FindingGroup(title, short, findings, changed_entry(causes[0]), largest.drift)
 
 
@@ -151,7 +152,8 @@ def _figures(findings: tuple[Finding, ...]) -> str:
     """Return the parameters of a finding that stands alone."""
     if len(findings) > 1:
         return ""
-    figures = ", ".join(f"{name} {amount(value)}" for name, value in findings[0].parameters.items())
+    known = findings[0].parameters
+    figures = ", ".join(f"{said} {amount(known[name])}" for name, said in parameter_words(known).items())
     return f" ({figures})" if figures else ""
 
 
@@ -268,7 +270,8 @@ def headlines(findings: Sequence[Finding], span: float | None = None) -> list[st
         listed = "; ".join(f"{group.title}: changes {group.changes}" for group in idle)
         notes = [f"found, moves the position at rest by less than {share:.2g} %: {listed}"]
     notes += [
-        f"{one.cause} in {', '.join(one.channels)}: held-out data are less likely with it ({_split(one.gain)})"
+        f"{one.cause.replace('_', ' ')} in {axes_text(one.channels)}: held-out data are less likely with it "
+        f"({_split(one.gain)})"
         for one in findings
         if contradicted(one)
     ]

@@ -8,6 +8,7 @@ from typing import Any
 from rich.table import Table
 
 from tuner.formats.customary_units import amount
+from tuner.formats.parameter_words import parameter_words
 from tuner.report.finding_groups import MIN_DRIFT_CHANGE, contradicted, drift_text, headlines
 from tuner.report.settings_rows import axes_text
 from tuner.types import Coefficient, Diagnosis, Finding, Gain, Unexplained
@@ -197,7 +198,7 @@ def findings_table(findings: Sequence[Finding], title: str) -> Table:
         table.add_row(
             f.cause,
             ", ".join(f.channels),
-            "\n".join(line for name in f.parameters for line in _lines(f, name)),
+            "\n".join(line for pair in parameter_words(f.parameters).items() for line in _lines(f, *pair)),
             f"{f.p_value:.1e}" if f.p_value > 0.0 else "< 1e-300",
             _worth(f),
             ", ".join(f"{a.cause} ({a.score:.2f})" for a in f.alternatives) or "–",
@@ -205,10 +206,10 @@ def findings_table(findings: Sequence[Finding], title: str) -> Table:
     return table
 
 
-def _lines(f: Finding, name: str) -> list[str]:
+def _lines(f: Finding, name: str, said: str) -> list[str]:
     """Return a parameter with its interval, of each channel where they differ."""
-    return [f"{name} {amount(c)} in {axis}" for axis, c in f.of_each(name).items()] or [
-        f"{name} {amount(f.parameters[name])}"
+    return [f"{said} {amount(c)} in {axis}" for axis, c in f.of_each(name).items()] or [
+        f"{said} {amount(f.parameters[name])}"
     ]
 
 

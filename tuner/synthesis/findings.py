@@ -71,20 +71,38 @@ def without_motion(record: Record, findings: Sequence[Finding]) -> Record:
     return replace(record, segments=tuple(segments)) if changed else record
 
 
-def with_notes_on_findings(identification: Identification, diagnosis: Diagnosis) -> Identification:
+def with_notes_on_findings(
+    identification: Identification, diagnosis: Diagnosis, records: Sequence[Record]
+) -> Identification:
     """Return the identification with a note on each axis that was identified with other findings in it.
 
-    A filter that does not compensate them meets them, so they stay in its noise.
+    A filter that does not compensate them meets them, so they stay in its noise. Events outside of the segments of
+    `records`, those identified, are not in it.
     """
     notes = list(identification.notes)
     for axis, channel in identification.channels.items():
-        causes = dict.fromkeys(f.cause for f in diagnosis.findings if axis in f.channels)
+        causes = dict.fromkeys(
+            f.cause for f in diagnosis.findings if axis in f.channels and _in_segments(f, axis, records)
+        )
         left = [cause for cause in causes if cause not in TAKEN_OUT and not _is_identified(cause)]
         if left:
-            notes.append(
-                f"{axis} was identified with {', '.join(left)} in it{_without(diagnosis, axis, channel.unit)}"
-            )
+            named = ", ".join(cause.replace("_", " ") for cause in left)
+            notes.append(f"{axis} was identified with {named} in it{_without(diagnosis, axis, channel.unit)}")
     return replace(identification, notes=tuple(notes))
+
+
+def _in_segments(finding: Finding, axis: str, records: Sequence[Record]) -> bool:
+    """Return whether a finding is in the segments of the records of an axis; what does not begin and end is."""
+    start, duration = (finding.parameters.get(name) for name in ("start", "duration"))
+    if start is None or duration is None or start.value is None or duration.value is None:
+        return True
+    begin, end = start.value, start.value + duration.value
+    return any(
+        record.t[first] <= end and begin <= record.t[last - 1]
+        for record in records
+        if axis in record.axes
+        for first, last in record.segments
+    )
 
 
 def _is_identified(cause: str) -> bool:
@@ -102,7 +120,7 @@ def _without(diagnosis: Diagnosis, axis: str, unit: str) -> str:
     density = float(np.sqrt(white.psd(np.zeros(1))[0])) if white.terms else 0.0
     figures = [f"white density {density:.3g} {White(1.0).units(unit)[0]}"] if density else []
     figures += [
-        f"{term.name} {name} {getattr(term, name):.3g} {si}"
+        f"{term.name} {name} {getattr(term, name):.3g} {si}".replace("_", " ")
         for term in terms
         if not isinstance(term, White | Arma)
         for name, si in zip(term.PARAMETERS, term.units(unit), strict=True)

@@ -90,7 +90,7 @@ def test_words_for_the_terminal(tmp_path, capsys):
     path = str(log(tmp_path / "lined.npz", LINE, seed=3, duration=60.0))
     assert run(["diagnose", path, "--quiet"]) == 0
     out = capsys.readouterr().out
-    frequency = re.search(r"line in gyro_x \(frequency (\S+) ±", out)
+    frequency = re.search(r"line in gyro x \(frequency (\S+) ±", out)
     assert frequency is not None
     assert float(frequency[1]) == pytest.approx(12.5, abs=1e-3)
     assert "an oscillation leaves no error that grows" in out

@@ -11,6 +11,7 @@ from models.noise import NoiseModel, White
 from tuner.diagnosis.static.causes.lowpass import LowPass
 from tuner.diagnosis.static.position_drift import position_drift, with_drifts
 from tuner.diagnosis.static.spectrum.filters import MEAN_CUTOFFS
+from tuner.formats.parameter_words import parameter_words
 from tuner.report.finding_groups import MAX_HEADLINES, comb_spacing, finding_groups, headlines
 from tuner.report.static_diagnosis_tables import unexplained_lines
 from tuner.simulation.static import simulate
@@ -46,9 +47,9 @@ def test_findings_are_ranked_by_the_drift_that_they_cause():
     )
     assert [line.split()[0] for line in told[:3]] == ["warmup", "step", "clipping"]
     assert told[3].startswith(
-        "note: found, moves the position at rest by less than 1 %: lowpass in gyro_x: changes white noise"
+        "note: found, moves the position at rest by less than 1 %: lowpass in gyro x: changes white noise"
     )
-    assert "; heavy_tails in gyro_x: changes white noise, by its share of the time" in told[3]
+    assert "; heavy tails in gyro x: changes white noise, by its share of the time" in told[3]
     assert "drift after 60 s 5.0 → 1.0 m without it; changes bias states" in told[0]
 
 
@@ -62,9 +63,9 @@ def test_a_filter_that_takes_motion_away_comes_first():
         for axis in ("gyro_x", "accel_z")
     ]
     told = headlines([finding("telegraph", "gyro_y", drift=2.5), *slow])
-    assert told[0].startswith("lowpass in gyro_x, accel_z; motion faster than 0.22 Hz is lost")
+    assert told[0].startswith("lowpass in gyro x, accel z; motion faster than 0.22 Hz is lost")
     assert "does not move the position at rest" in told[0]
-    assert told[1].startswith("telegraph in gyro_y")
+    assert told[1].startswith("telegraph in gyro y")
 
 
 @pytest.mark.parametrize(
@@ -99,7 +100,7 @@ def test_events_are_counted_with_their_share_of_the_time():
 def test_one_event_in_several_axes_is_told_once():
     step = finding("step", "gyro_x", time=500.0)
     (line,) = headlines([step, finding("burst", "accel_y", start=501.0, duration=30.0)])
-    assert line.startswith("step and burst in gyro_x, accel_y: one event at 500")
+    assert line.startswith("step and burst in gyro x, accel y: one event at 500")
     assert len(headlines([step, finding("burst", "accel_y", start=900.0, duration=30.0)])) == 2
 
 
@@ -114,7 +115,7 @@ def test_what_held_out_data_contradict_is_a_note():
     harm = finding("heavy_tails", "gyro_x", drift=3.0, gain=Gain("60/40", 0.0, -0.1, -500.0))
     told = headlines([harm, finding("lowpass", "gyro_y", cutoff=12.0)])
     assert told[0].startswith("lowpass")
-    assert told[1].startswith("note: heavy_tails in gyro_x: held-out data are less likely with it")
+    assert told[1].startswith("note: heavy tails in gyro x: held-out data are less likely with it")
 
 
 def test_the_headline_is_short_and_counts_the_rest():
@@ -148,7 +149,7 @@ def test_a_single_finding_has_its_figures():
     rate = Coefficient.known(2e-4, 1.8e-4, 2.2e-4, "rad/s")
     one = replace(finding("line", "gyro_x"), parameters={"amplitude": rate})
     (line,) = headlines([one])
-    assert line.startswith("line in gyro_x (amplitude 41.3 ± 4.1 deg/h)")  # 2e-4 rad/s · 3600 · 180/π
+    assert line.startswith("line in gyro x (amplitude 41.3 ± 4.1 deg/h)")  # 2e-4 rad/s · 3600 · 180/π
 
 
 def test_a_step_that_was_found_is_worth_the_drift_it_causes():
@@ -203,4 +204,20 @@ def test_many_statistics_are_one_line_for_each_part_of_the_samples_and_their_sum
         "squares in gyro x y, most in gyro x: 70 nats (p = 1.0e-09); 2 more statistics of the law and the variance "
         "of the noise; position drifts 50 % more after 60 s than by the model in gyro x",
         "shape in gyro x: 40 nats (p = 1.0e-09)",
+    ]
+
+
+def test_parameters_are_named_in_words():
+    """Classes of fixes were position_vertical_class_0: nobody can know which fixes those are."""
+    one = Coefficient(1.0, None, None, "1")
+    by_solution = {"position_vertical_class_0": one, "position_solution_0": replace(one, value=4.0)}
+    assert parameter_words(by_solution) == {
+        "position_vertical_class_0": "position vertical of RTK fixed fixes"
+    }
+    names = ["velocity_horizontal_class_0", "velocity_horizontal_class_1", "time_constant"]
+    by_sd = dict.fromkeys(names, one) | {"velocity_edge_1": replace(one, value=0.2)}
+    assert list(parameter_words(by_sd).values()) == [
+        "velocity horizontal of fixes reported below 0.200 m/s",
+        "velocity horizontal of fixes reported to 0.200 m/s and more",
+        "time constant",
     ]

@@ -1,6 +1,7 @@
 """Identification and diagnosis of one log agree in the configuration; nothing is enlarged twice."""
 
 import json
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -50,7 +51,7 @@ def identified(model=MODEL, *hidden, seed=1):
 
 def with_findings(records, identification, diagnosis):
     found = with_terms_found(records, identification, terms_found(diagnosis), arma=None)
-    return with_notes_on_findings(found, diagnosis)
+    return with_notes_on_findings(found, diagnosis, records)
 
 
 def test_a_line_found_is_identified_and_reaches_the_yaml():
@@ -115,7 +116,17 @@ def test_what_a_filter_meets_stays_in_the_identification_and_is_said():
     after = with_findings(records, base, found)
     assert after.channels == base.channels
     assert "gyro_x was identified with temperature in it" in after.notes[-1]
-    assert "random_walk density 1e-06 rad/s^1.5" in after.notes[-1]
+    assert "random walk density 1e-06 rad/s^1.5" in after.notes[-1]
+
+
+def test_an_event_in_a_part_that_was_cut_is_not_in_the_identification():
+    records, base = identified()
+    begins = (replace(records[0], segments=((0, len(records[0]) // 2),)),)
+    middle = records[0].t[len(records[0]) // 2]
+    for start, said in ((middle - 50.0, True), (middle + 50.0, False)):
+        burst = Diagnosis((finding("burst", start=start, duration=20.0),))
+        notes = with_notes_on_findings(base, burst, begins).notes
+        assert any("with burst in it" in note for note in notes) == said
 
 
 def test_an_enlargement_is_relative_to_the_configuration():

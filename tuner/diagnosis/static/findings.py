@@ -18,6 +18,7 @@ from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.outcome import Accepted
 from tuner.diagnosis.static.search import SearchResult
 from tuner.formats.customary_units import amount
+from tuner.formats.parameter_words import parameter_words
 from tuner.types import Alternative, Coefficient, Enlargement, Finding, Quantity
 from tuner.types.diagnosis import of_each
 
@@ -252,9 +253,9 @@ def words(
 ) -> str:
     """Return a finding in one sentence; a parameter in which channels differ is given for each."""
     figures = ", ".join(
-        f"{name} {amount(value)}{where}"
-        for name, shown in parameters.items()
-        for where, value in _by_axis(of_each(name, shown, by_channel), shown)
+        f"{said} {amount(value)}{where}"
+        for name, said in parameter_words(parameters).items()
+        for where, value in _by_axis(of_each(name, parameters[name], by_channel), parameters[name])
     )
     return f"{cause} in {', '.join(channels)}: {meaning} ({figures})"
 
