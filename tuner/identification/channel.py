@@ -37,6 +37,7 @@ from tuner.identification.mean_and_earth_rate import mean_of_noise
 from tuner.identification.periodogram import MIN_SEGMENT_SAMPLES, CosinePeriodogram, cosine_periodogram
 from tuner.identification.selection import Bound, select_periodogram
 from tuner.identification.short_clusters import band_of_samples, down_to_samples
+from tuner.identification.sinusoids import about_lines
 from tuner.identification.slopes import read_segments
 from tuner.identification.valid_band import (
     CURVE_TOLERANCE,
@@ -106,8 +107,9 @@ def identify_channel(
         band, chosen, candidates = noise.band, noise.fit, noise.candidates
         bounds = tuple(_bounded(b, single.unit) for b in noise.bounds)
         whole = replace(whole, law_variance=noise.law_variance)
+        left_out = about_lines(noise.lines, single.unit)
     else:
-        band = Band(1, np.inf, 1.0)
+        band, left_out = Band(1, np.inf, 1.0), ()
         chosen, bounds, candidates = fit(pieces, single.interval, (*terms, *further)), (), ()
         whole = replace(whole, law_variance=variance_by_law(pieces, single.interval))
     octaves = curve_within(whole, band)
@@ -131,7 +133,11 @@ def identify_channel(
     full = down_to_samples(allan, single, estimates.model)
     samples = single.interval / single.samples_a_mean
     described = None if band.m == 1 else band.m * single.interval
-    warnings = (*about_band(band_of_samples(band, full, single, estimates.model), samples), *warnings)
+    warnings = (
+        *about_band(band_of_samples(band, full, single, estimates.model), samples),
+        *left_out,
+        *warnings,
+    )
     every = [
         _under_the_curve(_hidden(term, described), full, samples) for term in (*estimates.terms, *bounds)
     ]
@@ -276,6 +282,8 @@ class ChosenNoise:
         Sums that were compared, the best first.
     law_variance : float
         Variance of the white power that comes from the law of the samples, unit⁴/Hz².
+    lines : tuple of (float, float)
+        Frequency, Hz, and amplitude, unit, of lines within the band that were left out of the fit.
     """
 
     fit: LikelihoodFit
@@ -283,6 +291,7 @@ class ChosenNoise:
     bounds: tuple[Bound, ...]
     candidates: tuple[Candidate, ...]
     law_variance: float
+    lines: tuple[tuple[float, float], ...]
 
 
 def choose_terms(pieces: Sequence[FloatArray], interval: float, further: Sequence[str] = ()) -> ChosenNoise:
@@ -324,7 +333,7 @@ def choose_terms(pieces: Sequence[FloatArray], interval: float, further: Sequenc
         absent = (below, *(b for b in absent if b.name != Quantization.name))
     bounds = tuple(b for b in absent if b.name not in chosen.terms)
     noise = with_lines(chosen, lines, rest, interval)
-    return ChosenNoise(noise, band, bounds, selection.candidates, data.law_variance)
+    return ChosenNoise(noise, band, bounds, selection.candidates, data.law_variance, data.lines)
 
 
 def _of_band(whole: CosinePeriodogram, pieces: Sequence[FloatArray], band: Band) -> CosinePeriodogram:

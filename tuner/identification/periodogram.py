@@ -24,7 +24,7 @@ References
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -44,6 +44,8 @@ SINGLE_COEFFICIENTS = 64
 LINE_CHANCE, LINE_REACH = 1e-3, 3
 """Chance that noise alone loses a coefficient to a line, and how many it loses on either side of each: a sinusoid
 between two coefficients leaves a twentieth of its power farther away."""
+LINE_FLANK = 16
+"""Coefficients on either side of a line up to which what is left out counts as that line: a hundredth is beyond."""
 MAX_LINE_PASSES = 64
 """Lines that a cell may lose, one in each pass; chosen above what stands in two per cent of a spectrum."""
 
@@ -76,6 +78,8 @@ class CosinePeriodogram:
     law_variance : float
         Covariance of any two powers of white noise that comes from the law of the samples, unit⁴/Hz²
         (`tuner.identification.law_of_samples`); 0 for the normal law.
+    lines : tuple of (float, float)
+        Frequency, Hz, and amplitude, unit, of each line that was left out of the longest segment.
     """
 
     interval: float
@@ -87,6 +91,7 @@ class CosinePeriodogram:
     span: FloatArray
     line: FloatArray
     law_variance: float = 0.0
+    lines: tuple[tuple[float, float], ...] = ()
 
     @property
     def power(self) -> FloatArray:
@@ -139,7 +144,7 @@ def cosine_periodogram(
     most = min(SINGLE_COEFFICIENTS, max(16 * SINGLE_COEFFICIENTS // len(long_enough), 4))
     lowest = most / (2.0 * interval * max(len(p) for p in long_enough))
     edges = _edges(lowest, 0.5 / interval, resolution, widest)
-    singles = []
+    singles, left_out = [], {}
     cells = np.zeros((5, len(edges) - 1))  # sums of: one, frequency, power, order, 1/span
     for piece in long_enough:
         n, low = len(piece), min(most, len(piece) - 1)
@@ -151,12 +156,13 @@ def cosine_periodogram(
         singles.append(single)
         power = amplitude[low:]
         np.square(power, out=power)
-        _gather(cells, power, edges, span, low + 1)
+        left_out[n] = _gather(cells, power, edges, span, low + 1)
     count, frequency, powers, order_sum, inverse_span = cells[:, cells[0] > 0]
     nothing = np.zeros_like(count)
     grouped = np.stack((frequency / count, np.sqrt(powers / count), count, order_sum / count, nothing,
                         count / inverse_span, nothing))  # fmt: skip
-    return CosinePeriodogram(interval, *np.concatenate((*singles, grouped), axis=1))
+    together = np.concatenate((*singles, grouped), axis=1)
+    return replace(CosinePeriodogram(interval, *together), lines=left_out[max(left_out)])
 
 
 def _transform(piece: FloatArray, interval: float, low: int) -> tuple[FloatArray, FloatArray]:
@@ -194,28 +200,43 @@ def _edges(lowest: float, nyquist: float, resolution: float, widest: float) -> F
     return np.concatenate(([0.0], growing, even, [np.inf]))
 
 
-def _gather(cells: FloatArray, power: FloatArray, edges: FloatArray, span: float, first: int) -> None:
-    """Add squares of the coefficients number `first` and up of one segment to the sums of their cells."""
+def _gather(
+    cells: FloatArray, power: FloatArray, edges: FloatArray, span: float, first: int
+) -> tuple[tuple[float, float], ...]:
+    """Add squares of the coefficients number `first` and up of one segment to the sums of their cells.
+
+    Returns frequency, Hz, and amplitude, unit, of each line, which is left out.
+    """
     start = np.clip(np.ceil(2.0 * span * edges[:-1]) - first, 0, len(power)).astype(int)
     stop = np.append(start[1:], len(power))
     filled = stop > start
     if not np.any(filled):
-        return
-    n = (stop - start)[filled] - _take_out_lines(power, start[filled])
+        return ()
+    taken, lines = _take_out_lines(power, start[filled])
+    n = (stop - start)[filled] - taken
     order = first + 0.5 * (start + stop - 1)[filled]
     sums = np.add.reduceat(power, start[filled])
     cells[:, filled] += np.stack((n, n * order / (2.0 * span), sums, n * order, n / span))
+    apart: list[tuple[int, float]] = []
+    for peak, square in sorted(lines, key=lambda line: -line[1]):
+        if all(abs(peak - other) > LINE_FLANK for other, _ in apart):
+            apart.append((peak, square))
+    return tuple(
+        ((first + peak) / (2.0 * span), float(np.sqrt(2.0 * square / span))) for peak, square in apart
+    )
 
 
-def _take_out_lines(power: FloatArray, start: NDArray[np.intp]) -> FloatArray:
-    """Set coefficients that a line makes to zero, and those beside them; return their number in each cell, (m,).
+def _take_out_lines(power: FloatArray, start: NDArray[np.intp]) -> tuple[FloatArray, list[tuple[int, float]]]:
+    """Set coefficients that a line makes to zero, and those beside them.
+
+    Returns their number in each cell, (m,), and the place and the sum of the squares of each line.
 
     A squared coefficient of noise ÷ the mean of those around it, in its cell and the next on either side, is the square
     of Student's t.
     """
     count = np.diff(start, append=len(power)).astype(float)
     chance = LINE_CHANCE / len(power)
-    taken = np.zeros_like(count)
+    taken, lines = np.zeros_like(count), []
     for _ in range(MAX_LINE_PASSES):
         number = _with_next(count - taken)
         total = _with_next(np.add.reduceat(power, start))
@@ -229,9 +250,10 @@ def _take_out_lines(power: FloatArray, start: NDArray[np.intp]) -> FloatArray:
             peak = int(start[cell]) + int(np.argmax(power[inside]))
             near = np.arange(max(peak - LINE_REACH, 0), min(peak + LINE_REACH + 1, len(power)))
             near = near[power[near] > 0.0]
+            lines.append((peak, float(power[near].sum())))
             power[near] = 0.0
             np.add.at(taken, np.searchsorted(start, near, side="right") - 1, 1.0)
-    return taken
+    return taken, lines
 
 
 def _with_next(cells: FloatArray) -> FloatArray:

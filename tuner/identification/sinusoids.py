@@ -93,3 +93,15 @@ def _without(y: FloatArray, interval: float, frequency: float) -> tuple[FloatArr
     design = np.stack((np.cos(angle), np.sin(angle), np.ones(len(y)), np.linspace(-1.0, 1.0, len(y))))
     coefficients = np.linalg.lstsq(design @ design.T, design @ y, rcond=1e-10)[0]
     return np.asarray(y - coefficients[:2] @ design[:2]), float(coefficients[:2] @ coefficients[:2])
+
+
+def about_lines(lines: Sequence[tuple[float, float]], unit: str) -> tuple[str, ...]:
+    """Say which lines, of frequency (Hz) and amplitude, the noise leaves out."""
+    if not lines:
+        return ()
+    frequency, amplitude = max(lines, key=lambda line: line[1])
+    which = "one" if len(lines) == 1 else f"{len(lines)}, the largest"
+    return (
+        "lines in the spectrum are left out of the noise, tuner diagnose names what makes them "
+        f"({which} of {amplitude:.3g} {unit} at {frequency:.4g} Hz)",
+    )

@@ -122,9 +122,10 @@ def curve_within(curve: OctaveCurve, band: Band) -> OctaveCurve:
 def periodogram_within(data: CosinePeriodogram, band: Band) -> CosinePeriodogram:
     """Return the cells of the band."""
     inside = data.frequency <= band.highest
-    scalars = ("interval", "law_variance")
-    arrays = {f.name: getattr(data, f.name) for f in fields(data) if f.name not in scalars}
-    return replace(data, **{name: array[inside] for name, array in arrays.items()})
+    others = ("interval", "law_variance", "lines")
+    cells = {f.name: getattr(data, f.name)[inside] for f in fields(data) if f.name not in others}
+    lines = tuple(line for line in data.lines if line[0] <= band.highest)
+    return replace(data, **cells, lines=lines)
 
 
 def _plausible(curve: OctaveCurve, m: int, shortest: float) -> tuple[float, float, float]:

@@ -22,6 +22,7 @@ from tuner.identification.expected_periodogram import expected_power
 from tuner.identification.likelihood import fit, fit_periodogram
 from tuner.identification.objective import Objective
 from tuner.identification.periodogram import SINGLE_COEFFICIENTS, cosine_periodogram
+from tuner.identification.sinusoids import about_lines
 
 INTERVAL = 0.1
 N = 256
@@ -278,6 +279,13 @@ def test_lines_take_no_part_in_white_noise():
     comb = sum(0.09 * np.cos(2.0 * np.pi * k * 0.039 / INTERVAL * t + k) for k in range(1, 12))
     alone, beside = (fit([y], INTERVAL, ["white"]) for y in (white, white + comb))
     assert cosine_periodogram([white], INTERVAL).count.sum() == n - 1
+    assert cosine_periodogram([white], INTERVAL).lines == ()
+    told = sorted(cosine_periodogram([white + comb], INTERVAL).lines)
+    assert [f for f, _ in told] == pytest.approx(
+        [k * 0.039 / INTERVAL for k in range(1, 12)], abs=1.0 / (n * INTERVAL)
+    )
+    assert [a for _, a in told] == pytest.approx([0.09] * 11, abs=5.0 * (2.0 / n) ** 0.5)
+    assert "(11, the largest of " in about_lines(told, "1")[0]
     low, high = alone.interval("white.density")  # the comb has 4.5 % of the power, five half-widths
     assert beside.value("white.density") == pytest.approx(
         alone.value("white.density"), abs=0.2 * (high - low)
