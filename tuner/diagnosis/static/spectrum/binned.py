@@ -73,6 +73,11 @@ class Bins:
         """Power of the rounding and of the peaks, shape (b,)."""
         return np.asarray(self.rounding + self.peaks, dtype=float)
 
+    @cached_property
+    def beside(self) -> FloatArray:
+        """Shapes beside the white noise, shape (2, b): the slow noise, and quantization."""
+        return np.stack((self.rest, rise(self.cycles)))
+
     @property
     def rounding_sd(self) -> float:
         """Standard deviation of the rounding of a sample."""
@@ -170,9 +175,22 @@ def sized(data: Bins, shapes: FloatArray, more: FloatArray | float = 0.0) -> Siz
     The second shape is the slow noise, 1 as fitted: lower frequencies do not allow more of it here.
     """
     count, fixed = float(data.count[0]), data.fixed + more
-    found = Sizes(*sizes(data.power, count, np.ascontiguousarray(shapes), fixed))
-    if found.size[1] <= 1.0:
-        return found
+    found = sizes(data.power, count, np.ascontiguousarray(shapes), fixed)
+    if found[0][1] <= 1.0:
+        return Sizes(*found)
     rest = np.concatenate((shapes[:1], shapes[2:]))
     size, expected, cost = sizes(data.power, count, rest, fixed + shapes[1])
     return Sizes(np.concatenate((size[:1], [1.0], size[1:])), expected, cost)
+
+
+def costs(data: Bins, first: FloatArray, others: FloatArray) -> FloatArray:
+    """Return the costs, shape (g,), of `sized` for each of first shapes, (g, b), with the same others, (k − 1, b)."""
+    count, fixed = float(data.count[0]), data.fixed
+    shapes, rest, known = np.vstack((first[:1], others)), np.vstack((first[:1], others[1:])), fixed + others[0]
+    out = np.empty(len(first))
+    for at, shapes[0] in enumerate(first):
+        size, _, out[at] = sizes(data.power, count, shapes, fixed)
+        if size[1] > 1.0:
+            rest[0] = shapes[0]
+            out[at] = sizes(data.power, count, rest, known)[2]
+    return out

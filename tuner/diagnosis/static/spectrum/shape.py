@@ -28,7 +28,7 @@ from scipy.optimize import minimize_scalar
 from models.probability import chi2_beyond
 from tuner.diagnosis.static.model.null_distributions import maximum, minimum
 from tuner.diagnosis.static.model.residual import Residual
-from tuner.diagnosis.static.spectrum.binned import Bins, Sizes, bins, rise, sized
+from tuner.diagnosis.static.spectrum.binned import Bins, Sizes, bins, costs, sized
 from tuner.diagnosis.static.spectrum.falling_curve import CURVE, falling_curve
 from tuner.diagnosis.static.spectrum.filters import (
     COLOURS,
@@ -113,8 +113,9 @@ class ShapeFit:
 
 def _sized(data: Bins, shape: FloatArray | float, rises: bool = True) -> Sizes:
     """Return the best white noise of a shape, slow noise and, where it rises, quantization."""
-    rows = [data.white * shape, data.rest, *([rise(data.cycles)] if rises else [])]
-    return sized(data, np.stack(rows))
+    rows = np.empty((2 + rises, len(data.power)))
+    rows[0], rows[1:] = data.white * shape, data.beside[: 1 + rises]
+    return sized(data, rows)
 
 
 def fit_white(data: Bins) -> ShapeFit:
@@ -132,7 +133,7 @@ def fit_filter(data: Bins, name: str, rises: bool = True) -> ShapeFit:
     low, high = FILTERS[name]
     grid = np.log(_cutoffs_tried(name, low, high))
     powers = _powers_tried(name, data.cycles.tobytes(), data.width)
-    value = np.array([_sized(data, power, rises).cost for power in powers])
+    value = costs(data, data.white * powers, data.beside[: 1 + rises])
     edged = np.concatenate(([np.inf], value, [np.inf]))
     lowest = np.flatnonzero((value <= edged[:-2]) & (value <= edged[2:]))
     tried = []
