@@ -70,6 +70,19 @@ PREDICTION_HORIZON = 60.0
 
 
 @dataclass(frozen=True)
+class _Free:
+    """What is fitted to a test because no model foretells it, shape (n, p), and its coefficients, (p, n)."""
+
+    columns: FloatArray
+    coefficients: FloatArray
+
+    @classmethod
+    def of(cls, columns: FloatArray, interval: float) -> _Free:
+        """Return columns with their coefficients."""
+        return cls(columns, np.stack([transform(column, interval) for column in columns.T]))
+
+
+@dataclass(frozen=True)
 class _Test:
     """Samples to be scored: a stretch of a context, which carries time and temperature from its start."""
 
@@ -78,10 +91,10 @@ class _Test:
     first: int
 
     @cached_property
-    def ramp(self) -> FloatArray:
-        """An even slope, shape (n, 1)."""
+    def ramp(self) -> _Free:
+        """An even slope."""
         n = len(self.channel)
-        return (np.arange(n) / n - 0.5)[:, None]
+        return _Free.of((np.arange(n) / n - 0.5)[:, None], self.channel.interval)
 
 
 def with_gains(outcome: SearchResult, second: Channel | None) -> tuple[Accepted, ...]:
@@ -125,7 +138,7 @@ def with_gains(outcome: SearchResult, second: Channel | None) -> tuple[Accepted,
         proposed = (own,) if smooth else result.propose()
         extended = residual(train, (*found.extensions, *proposed), starts=found.starts)
         free = _free(extended, test)
-        if free.shape[1] > 1:
+        if free is not test.ramp:
             before = _score(found, test, free)
         after = _score(extended, test, free)
         user = _user(found, extended, test)
@@ -194,33 +207,31 @@ def _signal(fitted: Residual, test: _Test) -> FloatArray:
     return np.repeat(total, test.context.block)[test.first : test.first + len(test.channel)]
 
 
-def _free(fitted: Residual, test: _Test) -> FloatArray:
-    """Return what is fitted to a test because no model foretells it, shape (n, p).
-
-    A slope, and in another record how a lag begins.
-    """
-    columns = [test.ramp]
-    for extension in fitted.extensions if test.first == 0 and test.channel is test.context else ():
-        if isinstance(extension, ThermalLag):
-            columns.append(np.repeat(extension.start(test.context), test.context.block)[:, None])
-    return np.concatenate(columns, axis=1)
+def _free(fitted: Residual, test: _Test) -> _Free:
+    """Return what is fitted to a test: a slope, and in another record how a lag begins."""
+    same = test.first == 0 and test.channel is test.context
+    lags = [x for x in fitted.extensions if same and isinstance(x, ThermalLag)]
+    if not lags:
+        return test.ramp
+    starts = [np.repeat(lag.start(test.context), test.context.block)[:, None] for lag in lags]
+    return _Free.of(np.concatenate([test.ramp.columns, *starts], axis=1), test.channel.interval)
 
 
-def _without(free: FloatArray, y: FloatArray, power: FloatArray, interval: float) -> FloatArray:
-    """Return samples, shape (n,), less free columns, (n, p), as fitted to them in noise of this power."""
-    root = 1.0 / np.sqrt(power)
-    white = np.stack([transform(column, interval)[1:] * root for column in free.T])
-    size = np.linalg.lstsq(white @ white.T, white @ (transform(y, interval)[1:] * root))[0]
-    return np.asarray(y - free @ size)
+def _without(free: _Free, y: FloatArray, power: FloatArray, interval: float) -> tuple[FloatArray, FloatArray]:
+    """Return samples, shape (n,), less what is free, as fitted to them in noise of this power; and coefficients."""
+    root, a = 1.0 / np.sqrt(power), transform(y, interval)
+    white = free.coefficients[:, 1:] * root
+    size = np.linalg.lstsq(white @ white.T, white @ (a[1:] * root))[0]
+    return y - free.columns @ size, a - size @ free.coefficients
 
 
-def _score(fitted: Residual, test: _Test, free: FloatArray | None = None) -> float:
+def _score(fitted: Residual, test: _Test, free: _Free | None = None) -> float:
     """Return the log likelihood of a test under a model with frozen parameters, nats (up to a constant)."""
     dt, n = test.channel.interval, len(test.channel)
     y = test.channel.y * (test.channel.scale / fitted.channel.scale) - _signal(fitted, test)
     power = _power(fitted, n)
-    y = _without(test.ramp if free is None else free, y, power, dt)
-    charge = 0.0
+    y, whitened = _without(test.ramp if free is None else free, y, power, dt)
+    charge, bare = 0.0, y
     for extension in fitted.extensions:
         if isinstance(extension, Line):
             phase = 2.0 * np.pi * extension.frequency * dt * np.arange(n)
@@ -233,7 +244,9 @@ def _score(fitted: Residual, test: _Test, free: FloatArray | None = None) -> flo
         if isinstance(extension, Telegraph):
             step = test.channel.block * dt
             charge -= extension.lead(test.channel.block_mean(y), step, block_noise(fitted.fit.terms(), step))
-    whitened = np.concatenate(([0.0], transform(y, dt)[1:] / np.sqrt(power)))
+    whitened = whitened if y is bare else transform(y, dt)
+    whitened[0] = 0.0
+    whitened[1:] /= np.sqrt(power)
     spread = np.zeros(n)
     for extension in fitted.extensions:
         if isinstance(extension, VarianceDrift):

@@ -186,7 +186,11 @@ def sized(data: Bins, shapes: FloatArray, more: FloatArray | float = 0.0) -> Siz
 def costs(data: Bins, first: FloatArray, others: FloatArray) -> FloatArray:
     """Return the costs, shape (g,), of `sized` for each of first shapes, (g, b), with the same others, (k − 1, b)."""
     count, fixed = float(data.count[0]), data.fixed
-    shapes, rest, known = np.vstack((first[:1], others)), np.vstack((first[:1], others[1:])), fixed + others[0]
+    shapes, rest, known = (
+        np.vstack((first[:1], others)),
+        np.vstack((first[:1], others[1:])),
+        fixed + others[0],
+    )
     out = np.empty(len(first))
     for at, shapes[0] in enumerate(first):
         size, _, out[at] = sizes(data.power, count, shapes, fixed)
