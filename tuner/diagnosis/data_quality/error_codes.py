@@ -3,9 +3,9 @@
 A driver that has no sample writes a number nevertheless: zero, the end of the range, the last sample before the loss.
 One value v that comes m times is such a code where
 
-- it lies apart: no other sample comes near it (`APART_DISTANCE` sds, and as many quantizer steps), and samples before and after
-  are as usual. Glitches of any size would rather lie elsewhere in the distance g to the next sample: m of them take one
-  value, D wide, with the chance (D/g)^(m−1);
+- it lies apart: no other sample comes near it (`APART_DISTANCE` sds, and as many quantizer steps), and samples before
+  and after are as usual. Glitches of any size would rather lie elsewhere in the distance g to the next sample: m of
+  them take one value, D wide, with the chance (D/g)^(m−1);
 - or it comes more often than the values on both sides of it allow: Poisson, `MAX_CODE_RATIO` times the geometric mean
   of the most frequent on either side, as in a law without an edge, or of those on its one side. Nothing is said above
   a quantizer step of one sd, where values next to v are missing, as in a dead band, or where the tail of the noise
