@@ -245,23 +245,26 @@ def with_lag(fitted: Residual, accepted: list[Accepted]) -> tuple[Residual, list
 def with_steps(fitted: Residual, accepted: list[Accepted]) -> tuple[Residual, list[Accepted]]:
     """Return the model with steps in place of recoveries that explain no more: of all of them, or of one.
 
-    A first step beside a second one that is not in the model yet looks as if it decayed.
+    A first step beside a second one that is not in the model yet looks as if it decayed, and so does one on slow noise,
+    by time constants beyond those that are sought: that is a recovery where it explains `NEAR_TWIN_NATS` more.
     """
     given, channel = len(fitted.extensions) - len(accepted), fitted.channel
-    begins = {
-        at: one.extension.first for at, one in enumerate(accepted) if isinstance(one.extension, Recovery)
-    }
-    for chosen in dict.fromkeys((tuple(begins), *((at,) for at in begins))) if begins else ():
+    longest = float(Recovery.time_constants(channel)[-1])
+    decays = {at: one.extension for at, one in enumerate(accepted) if isinstance(one.extension, Recovery)}
+    for chosen in dict.fromkeys((tuple(decays), *((at,) for at in decays))) if decays else ():
         changed = list(fitted.extensions)
         for at in chosen:
-            time = channel.start + begins[at] * channel.interval
+            time = channel.start + decays[at].first * channel.interval
             reach = STEP_REACH * channel.block * channel.interval
             placed = {"time": Value(time, time - reach, time + reach, "s")}
-            changed[given + at] = Step(begins[at], values=placed)
+            changed[given + at] = Step(decays[at].first, values=placed)
         other = _refitted(residual(channel, tuple(changed), starts=fitted.starts, near=fitted))
         lead = fitted.fit.log_likelihood - other.fit.log_likelihood
-        if lead < ALTERNATIVE_NATS * len(chosen):
-            twin = Alternative(Recovery.cause, float(np.exp(min(lead - ALTERNATIVE_NATS * len(chosen), 0.0))))
+        price = sum(
+            NEAR_TWIN_NATS if decays[at].time_constant > longest else ALTERNATIVE_NATS for at in chosen
+        )
+        if lead < price:
+            twin = Alternative(Recovery.cause, float(np.exp(min(lead - price, 0.0))))
             found = [
                 replace(one, extension=other.extensions[given + at], alternatives=(twin,))
                 if at in chosen

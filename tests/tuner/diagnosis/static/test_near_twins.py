@@ -41,6 +41,19 @@ def test_recoveries_that_explain_no_more_than_steps_are_steps():
     assert after.fit.log_likelihood > before.fit.log_likelihood
 
 
+def test_a_step_on_slow_noise_is_no_recovery_that_hardly_decays():
+    """A time constant of a third of the record, beyond those that are sought, is worth some nats by chance."""
+    y, at = noise(8), int(250.0 * RATE)
+    y[at:] += 0.3 * np.exp(-(np.arange(at, COUNT) - at) / (0.33 * COUNT))
+    samples = channel(Record("gyro", T, 1e-3 * y[:, None], ("gyro_x",), "rad/s", 1.0 / RATE), "gyro_x")
+    decay = Recovery(0.33 * T[-1], at)
+    before = residual(samples, (decay,))
+    after, (one,) = with_steps(before, [Accepted(decay, TestResult("recovery", 1e-9, 40.0, 100.0, ""))])
+    assert 3.0 < before.fit.log_likelihood - after.fit.log_likelihood < 10.0
+    assert one.extension.cause == "step"
+    assert [a.cause for a in one.alternatives] == ["recovery"]
+
+
 def test_the_highest_ordinates_of_a_sharp_resonance_are_no_lines():
     """A peak as wide as seven ordinates."""
     r, turn = np.exp(-np.pi * 1.2 / 80.0 / RATE), 2.0 * np.pi * 1.2 / RATE
