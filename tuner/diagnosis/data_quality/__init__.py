@@ -27,6 +27,7 @@ from tuner.diagnosis.data_quality.quantizer import quantizer_step, read_codes
 from tuner.diagnosis.data_quality.repeated_samples import find_repeated_samples
 from tuner.diagnosis.data_quality.resampled import find_resampled
 from tuner.diagnosis.data_quality.saturation import rails
+from tuner.diagnosis.data_quality.slower_source import find_slower_source, new_readings
 from tuner.types import Coefficient
 from tuner.types.records import Record
 
@@ -75,6 +76,8 @@ class DataQualityTest:
         Samples that say nothing: frozen ones.
     level : float, optional
         Median of the samples that its readings lie about, where these are not about zero, unit.
+    copies : ndarray of bool, shape (n,), optional
+        Rows that are known to repeat the one before.
     """
 
     cause: str
@@ -86,6 +89,7 @@ class DataQualityTest:
     text: str = ""
     stretches: tuple[tuple[int, int], ...] = ()
     level: float | None = None
+    copies: NDArray[np.bool_] | None = None
 
 
 def data_quality_tests(record: Record) -> tuple[DataQualityTest, ...]:
@@ -110,10 +114,10 @@ def data_quality_tests(record: Record) -> tuple[DataQualityTest, ...]:
     if all(test.p_value > DECISIVE_P_VALUE for test in repeated):
         tests += packets(record)
     for axis, pieces in single.items():
-        if any(test.p_value < DECISIVE_P_VALUE and axis in test.channels for test in repeated):
-            fresh = tuple(piece[np.diff(piece, prepend=np.nan) != 0.0] for piece in pieces)
-        else:
-            fresh = pieces
+        fresh = pieces
+        for test in repeated:
+            if test.p_value < DECISIVE_P_VALUE and axis in test.channels:
+                fresh = new_readings(record, axis, pieces, test.copies)
         wrapped = overflow(fresh, steps[axis], axis=axis, unit=record.unit)
         if wrapped.p_value < DECISIVE_P_VALUE:
             fresh = tuple(unwrapped(piece, wrapped.statistic) for piece in fresh)
@@ -269,6 +273,14 @@ def duplicates(
 
 def _duplicates(record: Record, steps: Mapping[str, float]) -> DataQualityTest:
     pieces = [record.y[start:stop] for start, stop in record.segments if stop - start > 2]
+    slow = find_slower_source(record)
+    if slow is not None:
+        share, often = float(slow.copies.mean()), slow.period / slow.number
+        text = f"each reading stands for {often:.4g} rows: {1.0 / (often * record.interval):.6g} Hz"
+        known = {"fraction": Coefficient.known(share, share, share, "1")}
+        return DataQualityTest(
+            "duplicates", record.axes, often, slow.p_value, known, text=text, copies=slow.copies
+        )
     repeated = find_repeated_samples(pieces, [steps[axis] for axis in record.axes])
     fraction = Coefficient.known(repeated.fraction, *repeated.interval, "1")
     text = f"{100 * repeated.fraction:.3g} % of the samples repeat the one before"

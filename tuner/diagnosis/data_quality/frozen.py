@@ -3,7 +3,8 @@
 Noise through a quantizer of step D repeats a code with a chance q a sample, so that runs of equal values have a
 geometric tail. A run of ℓ samples is frozen where both of two bounds on its chance are below `FROZEN_P_VALUE`::
 
-    K exp(−(ℓ − u)/(2 s))       u the K-th longest of the runs that are not frozen, s their mean excess over it:
+    P(j | (j + K − 1) exp(−(ℓ − u)/(2 s)))   that j runs (Poisson) are as long as the j-th longest, u the K-th longest
+                                of those after it, s their mean excess over it; of more than K runs, for the longest:
                                 whatever the noise, its colour, its changes, a dead band or single repeated samples
     n q^(ℓ−1),  q = erf(w/(√8 σ))   the noise with its mean in the middle of the code all the time, w the distance
                                 between the edges of the code: where no other code comes, as in a dead band, it is wide
@@ -28,7 +29,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
-from scipy.special import erf, ndtr
+from scipy.special import erf, gammainc, ndtr
 
 from tuner.diagnosis.data_quality.quantizer import quantizer_step
 from tuner.types.records import Record
@@ -195,7 +196,10 @@ def _beyond_the_tail(length: IntArray) -> FloatArray:
     least = length[j + TAIL_RUN_COUNT]
     excess = (total[j + 1 + TAIL_RUN_COUNT] - total[j + 1]) - TAIL_RUN_COUNT * least
     repeat = (excess + 1.0) / (excess + 1.0 + TAIL_RUN_COUNT)
-    return np.asarray(TAIL_RUN_COUNT * np.exp(0.5 * (length[:number] - least) * np.log(repeat)))
+    odds = np.exp(0.5 * (length[:number] - least) * np.log(repeat))
+    few = j < TAIL_RUN_COUNT  # of more runs it is not known to a part of their number
+    joint = gammainc(j + 1.0, (j + TAIL_RUN_COUNT) * odds)
+    return np.asarray(np.where(few, joint, TAIL_RUN_COUNT * odds))
 
 
 def _in_one_code(values: FloatArray, rest: Sequence[FloatArray]) -> FloatArray:

@@ -234,7 +234,12 @@ def _nothing_left(
 ) -> str:
     """Return why no channel can be analysed, in one line."""
     if refused or not any(one.cause == "motion" for one in found):
-        return refused[0] if refused else "no channel to diagnose; give a record with at least one axis"
+        why = "".join(f" ({one.statistic})" for one in found if one.cause == "duplicates")
+        return (
+            f"{refused[0]}{why}"
+            if refused
+            else "no channel to diagnose; give a record with at least one axis"
+        )
     parts = [(b - a, float(record.t[a])) for a, b in resting.get(record.axes[0], ())]
     longest, begin = max(parts, default=(0, 0.0))
     end = begin + longest * record.interval
