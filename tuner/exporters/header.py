@@ -17,7 +17,7 @@ from tuner.synthesis.equivalent_models import (
     structure_function,
 )
 from tuner.synthesis.error_growth import fading_growth, modelled_growth
-from tuner.types import ChannelNoise, FilterConfig
+from tuner.types import ChannelNoise, Coefficient, FilterConfig
 
 FloatArray = NDArray[np.float64]
 
@@ -46,7 +46,7 @@ def provenance(config: FilterConfig, title: str, *, walk_memory: float | None = 
 
 def _provenance(config: FilterConfig, title: str, walk_memory: float | None) -> Iterator[str]:
     yield title
-    yield f"from {config.name}; densities are two-sided, SI; 95 % intervals in brackets"
+    yield f"from {config.name}; densities are two-sided; 95 % intervals in brackets"
     for axis, channel in config.channels.items():
         known = "; ".join(
             f"{term.name} {phrase(coefficient, f'{term.name}.{name}', channel.unit)}"
@@ -55,10 +55,12 @@ def _provenance(config: FilterConfig, title: str, walk_memory: float | None) -> 
         )
         why = channel.handling.get("white", "")
         fitted = why.removeprefix("not used") if why.startswith("not used") else ""
-        yield f"{axis}: N = {channel.white_density:.4g} {channel.unit}/√Hz{fitted}; identified: {known or 'nothing'}"
+        white = _figure(channel.white_density, "white.density", channel.unit)
+        yield f"{axis}: N = {white}{fitted}; identified: {known or 'nothing'}"
     if config.noise_in_motion:
         rest = ", ".join(
-            f"{axis} {value:.4g} {config.channels[axis].unit}/√Hz" for axis, value in config.noise.items()
+            f"{axis} {_figure(value, 'white.density', config.channels[axis].unit)}"
+            for axis, value in config.noise.items()
         )
         yield f"N is that in motion, for rest and motion alike; at rest N of {rest}"
     if walk_memory is not None and any(channel.markov for channel in config.channels.values()):
@@ -83,8 +85,14 @@ def _provenance(config: FilterConfig, title: str, walk_memory: float | None) -> 
 def _equivalence(axis: str, channel: ChannelNoise, memory: float) -> str:
     """Say what stands for the states of an axis, and how well."""
     found = equivalent_noise(channel, memory=memory)
-    unit = channel.unit
-    return f"{axis}: N = {found.white_density:.4g} {unit}/√Hz, K = {found.bias:.4g} {unit}/√s; {_mismatch(found)}"
+    white = _figure(found.white_density, "white.density", channel.unit)
+    walk = _figure(found.bias, "random_walk.density", channel.unit)
+    return f"{axis}: N = {white}, K = {walk}; {_mismatch(found)}"
+
+
+def _figure(value: float, quantity: str, unit: str) -> str:
+    """Return a number without an interval in its customary unit."""
+    return phrase(Coefficient(value, None, None, unit), quantity, unit)
 
 
 def _mismatch(found: EquivalentNoise) -> str:

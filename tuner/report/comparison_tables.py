@@ -20,7 +20,7 @@ from tuner.identification.comparison import LimitCheck
 from tuner.identification.record_length import PlannedParameter
 from tuner.identification.static_test_plan import StaticTestPlan
 from tuner.report.agreeing_rows import joined_rows
-from tuner.report.identification_answer import terms_table
+from tuner.report.identification_answer import terms_table, warning_lines
 from tuner.report.settings_rows import axes_text
 from tuner.report.terminal import LINE_WIDTH
 from tuner.report.terms_rows import channel_row
@@ -41,6 +41,11 @@ def comparison_tables(found: SensorComparison) -> list[Table | str]:
     ]
     answer: list[Table | str] = [terms_table(rows)]
     answer.append("± ( ) 95 %; < 95 % limit; without these: stated; – not stated")
+    answer += [
+        f"{name}: {warning[:1].lower()}{warning[1:]}"
+        for name, source in zip(names, found.noise.sources, strict=True)
+        for warning in warning_lines(source, short=True)
+    ]
     answer += [limit_text(one) for one in found.limits]
     answer += [text for text in (_differences(found),) if text]
     return [*answer, *_drift_table(found)]

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import pandas as pd
 
+from models.noise import RandomWalk
 from tuner.consistency.choose_grade import GradeChoice
 from tuner.consistency.compare_sensors import SensorComparison
 from tuner.identification.static_test_plan import StaticTestPlan
@@ -90,7 +91,7 @@ def settings_frame(config: FilterConfig) -> pd.DataFrame:
     for axis, noise in config.channels.items():
         rows += [
             (axis, "white_density", noise.white_density, f"{noise.unit}/√Hz"),
-            (axis, "random_walk_density", noise.random_walk_density, f"{noise.unit}/√s"),
+            (axis, "random_walk_density", noise.random_walk_density, RandomWalk(1.0).units(noise.unit)[0]),
             (axis, "constant_sd", noise.constant_sd, noise.unit),
         ]
         for state in noise.markov:

@@ -55,6 +55,8 @@ COMPARED_UP_TO = 10.0
 are not tested there."""
 WHAT_SIMULATES = "--gnss GRADE does"
 """What to add to the command, for the filter to be simulated."""
+ON_LIMIT, SHORT_ON_LIMIT = "rests on a 95 % limit", "95 % limit"
+"""How a remark on a setting begins that is half of a limit, and in a line without room for its axes."""
 SHOWN_FINDINGS = 2
 """Findings in the answer: what a reader acts on first."""
 OF_DRIVE_ALONE = "static diagnosis"
@@ -105,12 +107,25 @@ def settings_in_dialect(result: TuneResult, dialect: str, directory: Path) -> li
             unit, *rest = note
             whole, without_formula = (f"{shown}  # {'; '.join(parts)}" for parts in (note, [unit, *rest[1:]]))
             shown = whole if len(whole) <= LINE_WIDTH else without_formula
-        while len(shown) > LINE_WIDTH and "; " in shown:
-            shown = shown.rpartition("; ")[0]
-        lines.append(shown)
+        lines.append(_shortened_remarks(shown))
     if len(lines) <= MAX_KEYS and max(map(len, lines), default=0) <= LINE_WIDTH:
         return [f"{directory / name}:", *lines]
     return [f"For {dialect}: {directory / name}"]
+
+
+def _shortened_remarks(line: str) -> str:
+    """Return a line of settings without the last remarks that it has no room for; that on a limit stays longest."""
+    setting, *remarks = line.split("; ")
+    on_limit = [one for one in remarks if one.startswith(ON_LIMIT)]
+    limits = [*on_limit[:1], *(ON_LIMIT, SHORT_ON_LIMIT)] if on_limit else []
+    fitting = (
+        "; ".join([setting, *(limit if one in on_limit else one for one in remarks[:count])])
+        for limit in limits or [""]
+        for count in range(len(remarks), -1, -1)
+        if not on_limit or remarks[:count].count(on_limit[0])
+    )
+    whole = (one for one in (*fitting, setting) if len(one) <= LINE_WIDTH)
+    return next(whole, setting)
 
 
 def _answer(result: TuneResult, directory: Path | None, short: Set[str], keys: Sequence[str]) -> list[str]:

@@ -23,9 +23,11 @@ import numpy as np
 
 from models.effects import EFFECTS
 from models.noise import Arma, NoiseModel, White
+from tuner.formats.customary_units import phrase
 from tuner.formats.diagnosis import config_finding
 from tuner.formats.documents import plain
 from tuner.types import (
+    Coefficient,
     Diagnosis,
     Enlargement,
     FilterConfig,
@@ -118,14 +120,19 @@ def _without(diagnosis: Diagnosis, axis: str, unit: str) -> str:
     terms = diagnosis.models[axis].terms
     white = NoiseModel(term for term in terms if isinstance(term, White | Arma))
     density = float(np.sqrt(white.psd(np.zeros(1))[0])) if white.terms else 0.0
-    figures = [f"white density {density:.3g} {White(1.0).units(unit)[0]}"] if density else []
+    figures = [f"white density {_figure(density, 'white.density', unit)}"] if density else []
     figures += [
-        f"{term.name} {name} {getattr(term, name):.3g} {si}".replace("_", " ")
+        f"{term.name} {name} ".replace("_", " ") + _figure(getattr(term, name), f"{term.name}.{name}", unit)
         for term in terms
         if not isinstance(term, White | Arma)
-        for name, si in zip(term.PARAMETERS, term.units(unit), strict=True)
+        for name in term.PARAMETERS
     ]
     return f"; without: {', '.join(figures)}" if figures else ""
+
+
+def _figure(value: float, quantity: str, unit: str) -> str:
+    """Return a number without an interval in its customary unit."""
+    return phrase(Coefficient(value, None, None, unit), quantity, unit)
 
 
 def settled_inflations(diagnosis: Diagnosis, config: FilterConfig) -> tuple[Enlargement, ...]:

@@ -34,7 +34,7 @@ def test_every_dialect_says_its_source_and_its_inflation(dialect: str) -> None:
     text = written(dialect)
     assert "made by hand" in text
     assert "white.density × 1.5 (gyro_x): vibration" in text
-    assert "0.0002 rad/s/√Hz" in text
+    assert "N = 0.688 deg/√h" in text
 
 
 ALONE = [name for name in OTHERS if not DIALECTS[name].needs]
@@ -60,7 +60,7 @@ def test_a_missing_sensor_is_left_out_with_a_comment(dialect: str, sensor: str) 
 @pytest.mark.parametrize("dialect", ALONE)
 def test_one_axis_is_enough(dialect: str) -> None:
     one = {"gyro_z": CONFIG.channels["gyro_z"]}
-    assert "0.0002 rad/s/√Hz" in written(dialect, replace(CONFIG, channels=one))
+    assert "N = 0.688 deg/√h" in written(dialect, replace(CONFIG, channels=one))
 
 
 def test_axes_are_combined_as_rms_with_their_spread() -> None:
@@ -114,14 +114,14 @@ def test_fast_livo2_is_told_what_its_fixed_walk_predicts() -> None:
 def test_settings_that_are_fitted_to_the_curve_say_so_beside_the_identified_terms() -> None:
     one = replace(CONFIG.channels["gyro_x"], handling={"white": "not used: fitted to the Allan curve"})
     text = written("kalibr", replace(CONFIG, channels=dict(CONFIG.channels) | {"gyro_x": one}))
-    assert "gyro_x: N = 0.0002 rad/s/√Hz: fitted to the Allan curve; identified: nothing" in text
+    assert "gyro_x: N = 0.688 deg/√h: fitted to the Allan curve; identified: nothing" in text
 
 
 @pytest.mark.parametrize("config", [CONFIG, load_config("icm20602")], ids=["state", "flicker"])
 @pytest.mark.parametrize("dialect", [name for name in DIALECTS if name != "native"])
 def test_every_number_of_a_header_has_its_unit(dialect: str, config: FilterConfig) -> None:
     found = re.findall(
-        r"[NKBσT] = [\d.e+-]+(?![\d.e+-])(?! (?:rad|m|s)\b)[^\n]{0,20}", export(config, dialect)
+        r"[NKBσT] = [\d.e+-]+(?![\d.e+-])(?! (?:rad|m|s|deg|µg)\b)[^\n]{0,20}", export(config, dialect)
     )
     assert found == []
 

@@ -126,6 +126,13 @@ def test_each_result_has_tables_numbers_and_a_figure(kind, noise, frame):
     assert len(page.encode()) < 6_000_000
 
 
+def test_a_comparison_repeats_what_limits_the_terms_of_a_source(noise):
+    warned = {a: replace(one, warnings=("too few clusters (3)",)) for a, one in noise.channels.items()}
+    both = compare_identifications(["one", "other"], [replace(noise, channels=warned), noise])
+    said = repr(SensorComparison(both, (), "rtk", (None, None))).split("\n")
+    assert [line for line in said if "too few" in line] == ["one: warning: gyro x: too few clusters"]
+
+
 def test_every_result_that_shows_itself_has_a_view():
     assert set(Shown.__subclasses__()) <= set(VIEWS)
 

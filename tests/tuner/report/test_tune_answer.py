@@ -287,6 +287,10 @@ def test_settings_of_an_autopilot_keep_the_limit_that_they_rest_on():
     text = f"# EKF2_GYR_B_NOISE: {remark}\n1\t1\tEKF2_GYR_B_NOISE\t2.39343e-05\t9\n"
     (_, line) = settings_in_dialect(SimpleNamespace(exports={"px4.txt": text}), "px4", Path("out"))
     assert line == "1 1 EKF2_GYR_B_NOISE 2.39343e-05 9  # rad/s²; rests on a 95 % limit: x, y, z"
+    # The longest key of Kalibr has no room for the axes.
+    text = "accelerometer_random_walk: 0.000381866  # m/s³/√Hz, K; rests on a 95 % limit: x, y, z; rms of x 0.0001975"
+    (_, line) = settings_in_dialect(SimpleNamespace(exports={"kalibr.yaml": text}), "kalibr", Path("out"))
+    assert line == "accelerometer_random_walk: 0.000381866  # m/s³/√Hz, K; rests on a 95 % limit"
 
 
 def test_a_log_with_a_rest_is_not_called_explained(result):

@@ -116,7 +116,7 @@ def test_what_a_filter_meets_stays_in_the_identification_and_is_said():
     after = with_findings(records, base, found)
     assert after.channels == base.channels
     assert "gyro_x was identified with temperature in it" in after.notes[-1]
-    assert "random walk density 1e-06 rad/s^1.5" in after.notes[-1]
+    assert "random walk density 12.4 deg/h/√h" in after.notes[-1]
 
 
 def test_an_event_in_a_part_that_was_cut_is_not_in_the_identification():
