@@ -10,13 +10,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from models.sensors import SensorGrade
 from tuner.catalogue.grades import DEFAULT_RECEIVER, load_grade
 from tuner.compile_ahead import compiled_ahead
-from tuner.consistency.check import check
-from tuner.consistency.score_drive import DriveResult, navigate_drive
 from tuner.diagnosis import diagnose
 from tuner.diagnosis.data_quality import without_codes
 from tuner.diagnosis.data_quality.overflow import without_overflow
@@ -27,7 +25,6 @@ from tuner.formats.prediction import prediction_json
 from tuner.identification import identify
 from tuner.identification.identify import with_terms_found
 from tuner.identification.identify_source import identify_source, receiver_of_source, records_name
-from tuner.navigation.drive.clock import Clock
 from tuner.readers import read
 from tuner.readers.drive import read_drive
 from tuner.readers.source_kind import is_log, source_name
@@ -55,6 +52,10 @@ from tuner.types.consistency import Check
 from tuner.types.prediction import PredictedBlock
 from tuner.types.progress import Progress, silent
 from tuner.types.records import DataError, Drive, Record
+
+if TYPE_CHECKING:
+    from tuner.consistency.score_drive import DriveResult
+    from tuner.navigation.drive.clock import Clock
 
 CHECK_RUNS = 20
 """Simulated runs behind the verdict of `tune`: the position ratio is then known to 5 %, in half a minute."""
@@ -362,6 +363,8 @@ def measured_or_reason(
     DataError
         Where that filter diverged: what it shows of the drive is then no finding.
     """
+    from tuner.consistency.score_drive import navigate_drive  # with the filter, loaded where it runs
+
     progress("scoring the settings on the whole drive")
     try:
         measured = navigate_drive(drive, config, measured=clock)
@@ -391,6 +394,8 @@ def check_or_reason(
 
     After a drive the simulated unit has the noise that the drive showed, as configured, not that of the unit at rest.
     """
+    from tuner.consistency.check import check  # with the filter, loaded where it runs
+
     if config.gnss is not None:
         progress(f"checking the filter on {CHECK_RUNS} simulated hours")
     try:

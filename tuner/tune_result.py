@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tuner.consistency.score_drive import DriveResult
 from tuner.segments.multi_position import PoseCalibration
 from tuner.types import Diagnosis, FilterConfig, GnssNoise, Identification
 from tuner.types.consistency import Check
@@ -16,6 +15,7 @@ from tuner.types.records import Drive, Record
 from tuner.types.shown import Shown
 
 if TYPE_CHECKING:
+    from tuner.consistency.score_drive import DriveResult
     from tuner.diagnosis.drive import ExaminedDrive
     from tuner.diagnosis.drive.held_out_choice import HeldOutChoice
 

@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
-from scipy.stats import norm
 
+from models.probability import normal_density
 from tuner.diagnosis.drive.hypothesis import FilterRun
 from tuner.types import Parameter
 
@@ -144,7 +144,7 @@ def draw_distribution(panel: Axes, found: FilterRun, title: str) -> None:
         density, _ = np.histogram(np.clip(values, -6.0, 6.0), edges, density=True)
         panel.stairs(density, edges, color=AFTER_COLOUR, ls=style, lw=1.2, label=name)
     middle = 0.5 * (edges[:-1] + edges[1:])
-    panel.plot(middle, norm.pdf(middle), color=CAUSE_COLOUR, lw=1.0, label="predicted")
+    panel.plot(middle, normal_density(middle), color=CAUSE_COLOUR, lw=1.0, label="predicted")
     panel.set(xlabel="innovation ÷ predicted sd", ylabel="density", title=title)
 
 

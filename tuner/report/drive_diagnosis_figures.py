@@ -14,8 +14,8 @@ from textwrap import fill
 import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
+from models.probability import chi2_quantile
 from tuner.diagnosis.drive import ExaminedDrive
 from tuner.diagnosis.drive.causes.registry import DRIVE_CAUSES
 from tuner.diagnosis.drive.hypothesis import FilterRun
@@ -196,7 +196,7 @@ def _nis(passes: tuple[FilterRun, FilterRun], panel: Axes) -> None:
         middle = t[0] + NIS_WINDOW * (np.arange(len(count)) + 0.5)
         panel.plot(middle[full], total[full] / count[full], "-o", ms=2.5, lw=1.0, color=colour, label=title)
     usual = float(np.median(count[full]))
-    low, high = (float(chi2.ppf(q, usual)) / usual for q in (0.025, 0.975))
+    low, high = (chi2_quantile(q, usual) / usual for q in (0.025, 0.975))
     panel.axhspan(low, high, color="0.85", lw=0, zorder=0)
     panel.axhline(1.0, color="0.5", lw=0.8)
     panel.set(

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 from scipy.fft import rfft
 from scipy.ndimage import uniform_filter1d
-from scipy.stats import norm
+from scipy.special import ndtr
 
 from tuner.diagnosis import cause
 from tuner.diagnosis.static.causes.registry import CAUSES
@@ -188,7 +188,7 @@ def draw_histogram(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, flo
     count, _ = np.histogram(e, edges)
     middle = 0.5 * (edges[1:] + edges[:-1])
     panel.stairs(np.maximum(count, 0.3), edges, fill=True, color=DATA_COLOUR, alpha=0.5, label="residuals")
-    expected = len(e) * np.diff(norm.cdf(edges))
+    expected = len(e) * np.diff(ndtr(edges))
     panel.plot(middle, expected, color=MODEL_COLOUR, ls="--", lw=1.2, label="normal distribution")
     panel.set(xlabel="residual, standard deviations", ylabel="samples", title="distribution of the residuals")
     panel.set(yscale="log", ylim=(0.3, 3.0 * count.max()))

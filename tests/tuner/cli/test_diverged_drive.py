@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from tuner import pipeline
+from tuner.consistency import score_drive
 from tuner.types.progress import silent
 from tuner.types.records import DataError
 
@@ -21,7 +22,7 @@ def _measured(*, diverged):
 
 def test_a_drive_on_which_the_filter_diverges_is_refused_in_one_line(monkeypatch):
     config: Any = None
-    monkeypatch.setattr(pipeline, "navigate_drive", lambda *_, **__: _measured(diverged=True))
+    monkeypatch.setattr(score_drive, "navigate_drive", lambda *_, **__: _measured(diverged=True))
     with pytest.raises(DataError) as refused:
         pipeline.measured_or_reason(DRIVE, config, silent)
     text = str(refused.value)
@@ -34,5 +35,5 @@ def test_a_drive_on_which_the_filter_diverges_is_refused_in_one_line(monkeypatch
         "without --drive",
     ):
         assert said in text
-    monkeypatch.setattr(pipeline, "navigate_drive", lambda *_, **__: _measured(diverged=False))
+    monkeypatch.setattr(score_drive, "navigate_drive", lambda *_, **__: _measured(diverged=False))
     assert pipeline.measured_or_reason(DRIVE, config, silent)[1] == {}
