@@ -55,18 +55,11 @@ class Prepared:
     ----------
     y : ndarray, shape (n,)
         Samples without outliers, mean and trend.
-    outliers : int
-        Samples that were replaced.
-    mean, slope : float
-        What was taken away: unit, unit a sample.
     steps : tuple of str
         What was done and found, in words.
     """
 
     y: FloatArray
-    outliers: int
-    mean: float
-    slope: float
     steps: tuple[str, ...]
 
 
@@ -110,7 +103,7 @@ def prepare(y: FloatArray, *, rule: Literal["robust", "3sigma"] = "robust") -> P
         "that takes 17 % of a random walk's Allan variance at a tenth of the record: K is never read here",
         *stationarity_report(detrended),
     ]
-    return Prepared(detrended, int(marked.sum()), mean, slope, tuple(steps))
+    return Prepared(detrended, tuple(steps))
 
 
 def sigma_outliers(y: FloatArray) -> NDArray[np.bool_]:

@@ -1,5 +1,7 @@
 """Preparation of a record for ARMA: outliers, trends, seasonal parts, tests of stationarity."""
 
+import re
+
 import numpy as np
 import pytest
 from statsmodels.tsa.stattools import adfuller, kpss
@@ -116,9 +118,11 @@ def test_steps_say_what_was_done():
     y = 3.0 + 0.001 * np.arange(20_000) + white(8)
     y[77] += 30.0
     prepared = prepare(y)
-    assert prepared.outliers >= 1
-    assert prepared.mean == pytest.approx(13.0, abs=0.1)
-    assert prepared.slope == pytest.approx(0.001, abs=1e-5)
+    said = " ".join(prepared.steps)
+    assert int(re.search(r"outliers: (\d+) of", said)[1]) >= 1
+    assert float(re.search(r"mean: (\S+) removed", said)[1]) == pytest.approx(13.0, abs=0.1)
+    rise = float(re.search(r"trend: (\S+) over the record", said)[1])
+    assert rise == pytest.approx(0.001 * len(prepared.y), rel=0.01)
     assert np.mean(prepared.y) == pytest.approx(0.0, abs=1e-9)
     text = " ".join(prepared.steps)
     for word in ("outliers", "mean", "trend", "reverse arrangements", "ADF", "KPSS", "variance", "never"):
@@ -128,4 +132,6 @@ def test_steps_say_what_was_done():
 def test_rule_of_the_paper_can_be_chosen():
     y = white(9)
     paper = prepare(y, rule="3sigma")
-    assert paper.outliers == int(sigma_outliers(y).sum()) > prepare(y).outliers
+    by_paper, robust = int(sigma_outliers(y).sum()), int(robust_outliers(y).sum())
+    assert by_paper > robust
+    assert f"outliers: {by_paper} of" in paper.steps[0]
