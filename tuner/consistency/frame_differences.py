@@ -11,7 +11,7 @@ import numpy as np
 from tuner.consistency.clock_offset import MAX_TIME_OFFSET, clock_offset, find_time_offset
 from tuner.consistency.output_errors import OutputErrors, output_errors
 from tuner.consistency.output_scores import error_scores
-from tuner.consistency.trajectory_alignment import Alignment, half_way_variances
+from tuner.consistency.trajectory_alignment import Alignment, curves_of, half_way_variances
 from tuner.types.consistency import Consistency
 from tuner.types.filter_output import FilterOutput
 from tuner.types.output_score import OutputCause, TimeOffset
@@ -37,14 +37,22 @@ def errors_in_one_frame(
 ) -> tuple[TimeOffset | None, list[OutputErrors]]:
     """Return the offset of the clocks and the errors of each run, without the offset where that is wanted."""
     pairs = list(zip(outputs, truths, strict=True))
-    half_way = {
-        id(truth): half_way_variances(truth) for truth in {id(truth): truth for truth in truths}.values()
-    }
+    different = {id(truth): truth for truth in truths}
+    half_way = {key: half_way_variances(truth) for key, truth in different.items()}
+    curves = {key: curves_of(truth) for key, truth in different.items()}
 
     def errors(shifts: Sequence[float | None]) -> list[OutputErrors]:
         return [
-            output_errors(o, t, how=how, time_offset=shift, one_body=not align_body, half_way=half_way[id(t)])
-            for (o, t), shift in zip(pairs, shifts, strict=True)
+            output_errors(
+                output,
+                truth,
+                how=how,
+                time_offset=shift,
+                one_body=not align_body,
+                half_way=half_way[id(truth)],
+                curves=curves[id(truth)],
+            )
+            for (output, truth), shift in zip(pairs, shifts, strict=True)
         ]
 
     as_stamped, none = errors([None] * len(pairs)), [0.0] * len(pairs)

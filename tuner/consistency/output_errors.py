@@ -17,8 +17,10 @@ from numpy.typing import NDArray
 from models import rotation
 from tuner.consistency.trajectory_alignment import (
     Alignment,
+    Curves,
     aligned,
     at_times,
+    curves_of,
     difference,
     interpolation_variance,
     rate_of,
@@ -119,6 +121,7 @@ def output_errors(
     time_offset: float | None = None,
     one_body: bool = True,
     half_way: tuple[FloatArray, FloatArray] | None = None,
+    curves: Curves | None = None,
 ) -> OutputErrors:
     """Return the errors of an estimate.
 
@@ -134,6 +137,8 @@ def output_errors(
         Whether both state the attitude of the same axes; otherwise the rotation between them is fitted and taken out.
     half_way : pair of ndarray, optional
         `half_way_variances` of the truth, where they are known: they take most of the time.
+    curves : Curves, optional
+        Cubics through the truth, where they are known.
 
     Raises
     ------
@@ -155,11 +160,12 @@ def output_errors(
     dense = float(np.median(np.diff(moved.t))) < DENSER_TRUTH_RATIO * float(np.median(np.diff(truth.t)))
     if dense and not moved.has_innovations:
         own = (truth.t >= begin - 1e-9) & (truth.t <= end + 1e-9)
-        truth, half_way = truth.rows(own), None
+        truth, half_way, curves = truth.rows(own), None, None
         moved = replace(at_times(moved, truth.t), outages=moved.outages)
         notes.append("estimate interpolated at the times of the truth, which are fewer")
-    rate = rate_of(truth, moved.t)
-    there, between = at_times(truth, moved.t), interpolation_variance(truth, moved.t, half_way)
+    curves = curves or curves_of(truth)
+    rate = rate_of(truth, moved.t, curves)
+    there, between = at_times(truth, moved.t, curves), interpolation_variance(truth, moved.t, half_way)
     moved, there, done = _in_one_frame(moved, there, how)
     body = None
     if not one_body:

@@ -14,7 +14,7 @@ References
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
@@ -50,7 +50,37 @@ class Alignment(StrEnum):
         return {Alignment.NONE: 0, Alignment.YAW: 4, Alignment.SE3: 6}[self]
 
 
-def at_times(given: FilterOutput, t: FloatArray) -> FilterOutput:
+@dataclass(frozen=True)
+class Curves:
+    """Cubics through the rows of a trajectory, which take longer than to read them at other times.
+
+    Attributes
+    ----------
+    acceleration : ndarray, shape (n, 3)
+        Slopes of the velocities at the rows, m/s².
+    turns, turn_rate : ndarray, shapes (n − 1, 3) and (n, 3), or None
+        Turns from each row to the next, rad, and turn rates at the rows, rad/s; None without attitudes.
+    """
+
+    acceleration: FloatArray
+    turns: FloatArray | None
+    turn_rate: FloatArray | None
+
+
+def curves_of(given: FilterOutput) -> Curves:
+    """Return the cubics through the rows of a trajectory."""
+    acceleration = node_slopes(given.t, given.vel_n)
+    if not np.isfinite(given.quat_nb).any():
+        return Curves(acceleration, None, None)
+    quat = given.quat_nb
+    turns = rotation.rotvec_from_quat(rotation.quat_multiply(rotation.quat_conjugate(quat[:-1]), quat[1:]))
+    total = np.cumsum(np.where(np.isfinite(turns), turns, 0.0), axis=0)
+    return Curves(acceleration, turns, node_slopes(given.t, np.vstack([np.zeros(3), total])))
+
+
+def at_times(
+    given: FilterOutput, t: FloatArray, curves: Curves | None = None, *, covariances: bool = True
+) -> FilterOutput:
     """Return a trajectory at other times, NaN outside of it and in its gaps.
 
     Parameters
@@ -59,6 +89,10 @@ def at_times(given: FilterOutput, t: FloatArray) -> FilterOutput:
         The trajectory.
     t : ndarray, shape (k,)
         Rising, s.
+    curves : Curves, optional
+        Cubics through its rows, where they are known.
+    covariances : bool
+        Whether its covariances are wanted; else they are NaN between its rows.
     """
     after = np.clip(np.searchsorted(given.t, t), 1, len(given.t) - 1)
     nearer = np.where(np.abs(given.t[after - 1] - t) < np.abs(given.t[after] - t), after - 1, after)
@@ -79,31 +113,31 @@ def at_times(given: FilterOutput, t: FloatArray) -> FilterOutput:
         found[outside] = np.nan
         return np.asarray(found)
 
-    def curve(values: FloatArray, slope: FloatArray | None = None) -> FloatArray:
-        found = cubic(
-            values, node_slopes(given.t, values) if slope is None else slope, given.t, before, u, step
-        )
+    def curve(values: FloatArray, slope: FloatArray) -> FloatArray:
+        found = cubic(values, slope, given.t, before, u, step)
         found[outside] = np.nan
         return found
 
+    curves = curves or curves_of(given)
     llh = local = None
     if given.llh is not None:
         llh = curve(without_jumps(given.llh), given.vel_n / metres_per_radian(given.llh))
     elif given.local is not None:
         local = curve(given.local, given.vel_n)
     quat = np.full((len(t), 4), np.nan)
-    if np.isfinite(given.quat_nb).any():
-        quat = attitude_between(given.t, given.quat_nb, before, u)
+    if curves.turns is not None and curves.turn_rate is not None:
+        quat = _attitude_between(given.quat_nb, curves.turns, curves.turn_rate, before, u, step)
         quat[outside] = np.nan
+    covariance = linear(given.covariance) if covariances else np.broadcast_to(np.nan, (len(t), 15, 15))
     return replace(
         given,
         t=t,
         llh=llh,
         local=local,
-        vel_n=curve(given.vel_n),
+        vel_n=curve(given.vel_n, curves.acceleration),
         quat_nb=quat,
         bias=linear(given.bias),
-        covariance=linear(given.covariance),
+        covariance=covariance,
         innovation=np.broadcast_to(np.nan, (len(t), 6)),
         innovation_covariance=np.broadcast_to(np.nan, (len(t), 6, 6)),
     )
@@ -118,7 +152,8 @@ def cubic(
     step: FloatArray,
 ) -> FloatArray:
     """Return cubics through values and slopes; slopes that are not known are those of the neighbours."""
-    slope = np.where(np.isfinite(slope), slope, np.gradient(values, t, axis=0))
+    if not (known := np.isfinite(slope)).all():
+        slope = np.where(known, slope, np.gradient(values, t, axis=0))
     u, step = u[:, None], step[:, None]
     p, q = values[before], values[before + 1]
     m, k = step * slope[before], step * slope[before + 1]
@@ -147,27 +182,39 @@ def node_slopes(t: FloatArray, values: FloatArray) -> FloatArray:
     return slope
 
 
-def attitude_between(t: FloatArray, quat: FloatArray, before: NDArray[np.intp], u: FloatArray) -> FloatArray:
+def _attitude_between(
+    quat: FloatArray,
+    turns: FloatArray,
+    rate: FloatArray,
+    before: NDArray[np.intp],
+    u: FloatArray,
+    step: FloatArray,
+) -> FloatArray:
     """Return attitudes a share `u` of the way from the row `before` to the next; quaternions (n, 4) → (k, 4)."""
-    turns = rotation.rotvec_from_quat(rotation.quat_multiply(rotation.quat_conjugate(quat[:-1]), quat[1:]))
-    known = np.isfinite(turns)
-    rate = node_slopes(t, np.vstack([np.zeros(3), np.cumsum(np.where(known, turns, 0.0), axis=0)]))
-    step, turn, share = np.diff(t)[before][:, None], turns[before], u[:, None]
-    first = step * rate[before]
-    last = np.linalg.solve(rotation.left_jacobian(-turn), (step * rate[before + 1])[..., None])[..., 0]
+    interval, turn, share = step[:, None], turns[before], u[:, None]
+    first = interval * rate[before]
+    last = np.linalg.solve(rotation.left_jacobian(-turn), (interval * rate[before + 1])[..., None])[..., 0]
     part = share * (1.0 - share) ** 2 * first + share**2 * (3.0 - 2.0 * share) * turn
     part += share**2 * (share - 1.0) * last
     return np.asarray(rotation.quat_multiply(quat[before], rotation.quat_from_rotvec(part)))
 
 
-def rate_of(given: FilterOutput, t: FloatArray) -> FloatArray:
+def rate_of(given: FilterOutput, t: FloatArray, curves: Curves | None = None) -> FloatArray:
     """Return the derivatives by time of position, velocity, attitude and biases of a trajectory at times t; (n, 15).
 
     Differences over whole intervals to either side: noise of the rows is then uncorrelated with its derivative,
     whatever the place of t between them.
     """
     step = float(np.median(np.diff(given.t)))
-    far, near = (difference(at_times(given, t + k * step), at_times(given, t - k * step)) for k in (2, 1))
+    curves = curves or curves_of(given)
+
+    def across(interval: float) -> FloatArray:
+        late, early = (
+            at_times(given, t + shift, curves, covariances=False) for shift in (interval, -interval)
+        )
+        return difference(late, early)
+
+    far, near = across(2.0 * step), across(step)
     wide = np.where(np.isfinite(far), (8.0 * near - far) / (12.0 * step), near / (2.0 * step))
     return np.asarray(wide)
 
