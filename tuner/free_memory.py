@@ -1,4 +1,4 @@
-"""How much memory is free: of the machine, and of the container or the limit that the process runs in."""
+"""How much memory is free, of the machine or of the container that the process runs in, and how much it holds."""
 
 from __future__ import annotations
 
@@ -22,6 +22,15 @@ def free_memory() -> float:
         return min(free)
     limits = [resource.getrlimit(kind)[0] for kind in (resource.RLIMIT_AS, resource.RLIMIT_DATA)]
     return min(free + [float(limit) for limit in limits if limit != resource.RLIM_INFINITY])
+
+
+def used_memory() -> float:
+    """Return the bytes of the machine's memory that this process holds; not a number where the system does not tell."""
+    try:
+        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+    except (OSError, ValueError, IndexError):
+        return math.nan
+    return float(pages * os.sysconf("SC_PAGE_SIZE"))
 
 
 def _of_machine() -> float:

@@ -30,7 +30,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, BinaryIO, NoReturn, TypeVar
 
-from tuner.free_memory import free_memory
+from tuner.free_memory import free_memory, used_memory
 from tuner.heap import keep_freed_memory, return_freed_memory
 from tuner.stages import counted, is_watched, reached, watched
 
@@ -175,11 +175,9 @@ def beside(function: Callable[[], object]) -> Iterator[None]:
 
 def _affordable(memory: float) -> int:
     """Return how many copies of so many bytes each are allowed beside this process; 0 for as many as it has."""
-    try:
-        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
-    except (OSError, ValueError, IndexError):
+    mine = used_memory()
+    if math.isnan(mine):
         return sys.maxsize
-    mine = float(pages * os.sysconf("SC_PAGE_SIZE"))
     return int(min(max(min(free_memory(), _memory.get() - mine), 0.0) / (memory or mine), 1e6))
 
 

@@ -105,8 +105,10 @@ def test_no_copies_where_memory_is_scarce(monkeypatch):
         assert each(lambda _: os.getpid(), range(3)) == 3 * [os.getpid()]
 
 
-def test_copies_take_no_more_memory_than_is_allowed():
-    """This process has some 200 MB: beside it two copies of 1 GB fit into 2.9 GB, and none into 1.1 GB."""
+def test_copies_take_no_more_memory_than_is_allowed(monkeypatch):
+    """Beside a process that holds 200 MB two copies of 1 GB fit into 2.9 GB, and none into 1.1 GB."""
+    monkeypatch.setattr("tuner.jobs.used_memory", lambda: 2e8)
+    monkeypatch.setattr("tuner.jobs.free_memory", lambda: 1e10)
 
     def processes(memory: float) -> set[int]:
         with limited(4), within(memory):
