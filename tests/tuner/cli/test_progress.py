@@ -10,6 +10,7 @@ import sys
 import termios
 import time
 from contextlib import suppress
+from types import SimpleNamespace
 
 import pytest
 
@@ -19,14 +20,19 @@ from tuner.navigation.engine import compilation
 from tuner.stages import counted
 
 
-@pytest.mark.parametrize("quiet", [True, False])
-def test_compilation_is_reported_unless_quiet(quiet, caplog, monkeypatch):
+@pytest.mark.parametrize(
+    ("quiet", "in_memory", "said"), [(True, [], False), (False, [], True), (False, ["()"], False)]
+)
+def test_compilation_is_reported_unless_quiet_or_over(quiet, in_memory, said, caplog, monkeypatch):
+    """What takes its time once it is compiled, or loaded from disk, does not compile."""
     level = logging.getLogger("tuner").level
-    monkeypatch.setattr(compilation, "COMPILING_AFTER", 0.0)
-    compilation._announce.cache_clear()
-    with Messages(quiet).kept(), compilation.compiling():
+    monkeypatch.setattr(compilation, "COMPILING_AFTER", 0.05)
+    compilation._say.cache_clear()
+    function = SimpleNamespace(signatures=[])
+    with Messages(quiet).kept(), compilation.compiling(function):
+        function.signatures = in_memory
         time.sleep(0.2)
-    assert ("compiling the filter" in caplog.text) is not quiet
+    assert ("compiling the filter" in caplog.text) is said
     assert logging.getLogger("tuner").level == level
 
 

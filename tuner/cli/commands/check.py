@@ -79,7 +79,7 @@ def command(
     configured = load_config(config, gnss=gnss, default_gnss=DEFAULT_RECEIVER)
     simulated = None if truth is None else load_truth(truth)
     motion = load_trajectory(trajectory, duration)
-    messages.say(f"simulating {runs} × {duration:g} s (kernels are compiled on first use: about 20 s)")
+    messages.say(f"simulating {runs} × {duration:g} s")
     stage("simulating", 0.97)
     found = check(configured, motion, truth=simulated, runs=runs, seed=seed, budget=budget)
     stage("writing", 1.0)

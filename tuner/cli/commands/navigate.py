@@ -114,7 +114,7 @@ def command(
 
     stage("reading the drive", 0.1)
     measured = with_mounting(read_drive(drive), frame=imu_frame, rpy_deg=mounting_rpy, lever_arm=lever_arm)
-    messages.say("navigating (kernels are compiled on first use: about 20 s)")
+    messages.say("navigating")
     vehicle = Vehicle(non_holonomic, zero_velocity)
     stage("filtering the drive", 0.95)
     found = navigate(measured, config, gnss=gnss, states=states, vehicle=vehicle)

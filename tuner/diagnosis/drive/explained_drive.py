@@ -20,7 +20,7 @@ def examine_and_explain(
     drive: Drive, config: FilterConfig, *, wheels: bool = False, progress: Progress
 ) -> ExaminedDrive:
     """Diagnose a drive and explain the factor that each noise setting needs; see `examine_drive`."""
-    progress("diagnosing the drive (kernels are compiled on first use: some 20 s)")
+    progress("diagnosing the drive")
     stage("diagnosing the drive", 0.85)
     examined = examine_drive(drive, config, wheels=wheels, progress=progress)
     progress("estimating the scale of each noise setting")

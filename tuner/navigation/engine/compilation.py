@@ -30,7 +30,7 @@ FloatArray = NDArray[np.float64]
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 COMPILING_AFTER = 1.0
-"""Time after which a first call is reported to compile, s: twice what loading the compiled code from disk takes."""
+"""Time after which a function that is not in memory is said to compile, s: twice what loading it from disk takes."""
 
 WIDE_VECTORS = '"prefer-vector-width"="512"'
 """Attribute of a function in LLVM's language."""
@@ -107,21 +107,29 @@ def checksum(*sources: ModuleType) -> int:
     return total
 
 
+def _announce(function: Any) -> None:
+    """Say that the filter is being compiled, once in a process and only while this part of it is."""
+    if not function.signatures:
+        _say()
+
+
 @cache
-def _announce() -> None:
-    """Say, once in a process, that the filter is being compiled."""
+def _say() -> None:
     logging.getLogger("tuner").warning(
         "tuner: compiling the filter for this machine, once; it takes about 20 s"
     )
 
 
 @contextmanager
-def compiling() -> Iterator[None]:
-    """Around a first call: say that it compiles where it takes longer than loading from disk.
+def compiling(function: Any) -> Iterator[None]:
+    """Around a call of a compiled function: say that it compiles where it takes longer than loading from disk.
 
-    Meanwhile no garbage is collected: there is little, and looking for it takes an eighth of the time.
+    Until it is in memory no garbage is collected: there is little, and looking for it takes an eighth of the time.
     """
-    notice = threading.Timer(COMPILING_AFTER, _announce)
+    if function.signatures:
+        yield
+        return
+    notice = threading.Timer(COMPILING_AFTER, _announce, [function])
     notice.daemon = True
     collects = gc.isenabled()
     gc.disable()

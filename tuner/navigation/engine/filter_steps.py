@@ -8,7 +8,6 @@ through every loop side by side; at a fix each is updated by itself, or all with
 from __future__ import annotations
 
 import sys
-from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -221,5 +220,5 @@ def run_filters(
         sensed.slow, unsteady, sensed.drawn, sensed.every, float(m.states[RATE].max()), fixes, shared, output,
     )  # fmt: skip
     run = variant(lay, m)
-    with nullcontext() if run.signatures else compiling():  # what is in memory need not say that it compiles
+    with compiling(run):
         run(*arguments)

@@ -140,7 +140,7 @@ def _part(
     lay = layout_of(settings)
     m = new_state(lay, 1)
     m.rows[:10, 0], m.states[ESTIMATE, :n, 0] = start, x_start
-    with compiling():
+    with compiling(propagate):
         propagate(
             lay,
             own,
