@@ -108,7 +108,7 @@ def command(
     from tuner.readers.drive import read_drive, with_mounting
     from tuner.report.consistency_answer import consistency_answer
     from tuner.report.consistency_tables import consistency_tables
-    from tuner.report.json.consistency import navigation_json
+    from tuner.report.json.navigation import navigation_json
     from tuner.report.solution_set import attitude_text, write_solution
     from tuner.report.terminal import show
 

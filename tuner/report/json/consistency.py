@@ -1,4 +1,4 @@
-"""JSON of a check or a drive, in the form ``tuner.consistency/1``."""
+"""JSON of a check, in the form ``tuner.consistency/1``."""
 
 from __future__ import annotations
 
@@ -7,12 +7,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from tuner.consistency.error_budget import blind_spots, table
-from tuner.consistency.score_drive import DriveResult
 from tuner.formats.consistency import scores_json
-from tuner.navigation.drive.vehicle_constraints import constraint_counts
 from tuner.report.verdict_text import explanation_text, verdict_text
 from tuner.types.consistency import Check, Consistency, ErrorBudget, Observability
-from tuner.types.records import Drive
 from tuner.types.verdict import Explanation
 
 
@@ -59,24 +56,6 @@ def check_json(found: Check, *, source: Mapping[str, Any], budget: bool) -> dict
     if budget and found.budget is not None and found.observability is not None:
         content["budget"] = budget_json(found.budget, found.observability)
     return content
-
-
-def navigation_json(found: DriveResult, drive: Drive, *, notes: Sequence[str], seed: int) -> dict[str, Any]:
-    """Return scores of a filter on a measured drive, with its final estimates of constants and its constraints."""
-    source = {
-        "drive": drive.source,
-        "digest": drive.digest,
-        "config": found.config.name,
-        "states": found.settings.size,
-        "fixes": sum(len(stretch.fixes) for stretch in found.stretches),
-        "estimates": {
-            name: [{"value": value, "sd": sd} for value, sd in values]
-            for name, values in found.estimates.items()
-        },
-        "constraints": {name: vars(one) for name, one in constraint_counts(found.solutions).items()},
-        "seed": seed,
-    }
-    return consistency_json(found.consistency, source=source, notes=notes)
 
 
 def budget_json(budget: ErrorBudget, seen: Observability) -> dict[str, Any]:
