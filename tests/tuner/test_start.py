@@ -6,6 +6,12 @@ import subprocess
 import sys
 
 HEAVY = ("scipy.stats", "statsmodels", "filterpy", "pandas", "tuner.diagnosis.drive", "tuner.external")
+FOR_DRIVES = (
+    "scipy.interpolate",
+    "scipy.optimize",
+    "tuner.navigation.drive.run",
+    "tuner.consistency.score_drive",
+)
 FOR_FILTERS = ("tuner.consistency.check", "tuner.consistency.score_drive", "matplotlib")
 
 
@@ -17,3 +23,13 @@ def test_a_log_is_tuned_and_shown_without_what_only_drives_and_tables_need() -> 
     )
     found = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout
     assert found.splitlines() == ["[]", "[]"]
+
+
+def test_a_filter_is_checked_and_reported_without_what_only_drives_need() -> None:
+    code = (
+        "import sys, tuner.cli.commands.check, tuner.simulation.load_truth, tuner.consistency.check, "
+        "tuner.report.consistency_answer, tuner.report.json.consistency; "
+        f"print(sorted(set({FOR_DRIVES!r}) & set(sys.modules)))"
+    )
+    found = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout
+    assert found.strip() == "[]"

@@ -12,13 +12,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from models import rotation
 from models.earth import llh_displaced, metres_per_radian, transport_rate
+
+if TYPE_CHECKING:  # loaded where a drive is moved, as it takes 0.2 s
+    from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 FloatArray = NDArray[np.float64]
 
@@ -49,11 +52,18 @@ class Course:
 
     @cached_property
     def _position(self) -> CubicHermiteSpline:
+        from scipy.interpolate import CubicHermiteSpline
+
         return CubicHermiteSpline(self.t, self.llh, self.vel_n / metres_per_radian(self.llh))
 
     @cached_property
     def _velocity(self) -> CubicSpline:
-        return CubicSpline(self.t, self.vel_n)
+        return self._through(self.vel_n)
+
+    def _through(self, values: FloatArray) -> CubicSpline:
+        from scipy.interpolate import CubicSpline
+
+        return CubicSpline(self.t, values)
 
     def mat_nb(self, t: ArrayLike) -> FloatArray:
         """Return the attitude at times t, (k,), clipped to the course; shape (k, 3, 3)."""
@@ -76,7 +86,7 @@ class Course:
         if not arm.any():
             return llh, vel
         u = self.mat_nb(times) @ arm
-        swing = CubicSpline(self.t, rotation.mat_from_quat(self.quat_nb) @ arm)
+        swing = self._through(rotation.mat_from_quat(self.quat_nb) @ arm)
         columns = (vel[:, 0], vel[:, 1], vel[:, 2])
         of_frame = transport_rate(np.sin(llh[:, 0]), np.cos(llh[:, 0]), llh[:, 2], columns)
         vel = vel + swing(times, 1) + np.cross(np.stack(of_frame, axis=-1), u)
