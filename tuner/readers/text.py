@@ -43,8 +43,6 @@ MAX_LINE_BYTES = 1 << 16
 """Longest line of a log: some thousand columns."""
 _MAX_EXPANSION, _FREE_BYTES = 200, 1 << 30
 """Unpacked ÷ packed that a text of more than `_FREE_BYTES` may have: measured samples stay below 20."""
-_USUAL_EXPANSION = 4
-"""Unpacked ÷ packed of text with measured samples: digits of noise hardly shrink below 3.3 bits of 8."""
 _KF_GINS_COLUMNS = (
     "t",
     "dtheta_x [rad]",
@@ -100,13 +98,14 @@ def list_text(path: Path, progress: Progress | None = None) -> Listing:
 
 
 def _rows_about(path: Path, skip: int) -> int:
-    """Return about how many rows a text has, from the usual length of its first lines."""
-    with input_guard(path, "text"), open_bytes(path) as file:
-        lines = file.read(HEAD_BYTES).split(b"\n")[skip:]
+    """Return about how many rows a text has, from the usual length of its first lines, and how they are packed."""
+    with input_guard(path, "text"), path.open("rb") as raw, plain_text(path, raw) as file:
+        text = file.read(BYTES_AT_ONCE)
+        expansion = len(text) / max(raw.tell(), 1)
+    lines = text[:HEAD_BYTES].split(b"\n")[skip:]
     lengths = sorted(len(line) for line in lines[:-1] or lines if line.strip())
     usual = lengths[len(lengths) // 2] + 1 if lengths else 1
-    packed = _USUAL_EXPANSION if path.suffix.lower() == ".gz" else 1
-    return packed * path.stat().st_size // usual
+    return int(expansion * path.stat().st_size) // usual
 
 
 def named_columns(path: Path) -> tuple[str, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import re
 from pathlib import Path
 
@@ -234,3 +235,11 @@ def test_short_comments_do_not_make_a_text_seem_long(tmp_path: Path) -> None:
     lines = written(tmp_path / "log.csv", columns(rows)).read_text().splitlines()
     (tmp_path / "log.csv").write_text("\n".join([lines[0], *(f"{line}\n#" for line in lines[1:])]))
     assert 0.4 < FORMATS["text"].read(tmp_path / "log.csv", None).rows / rows < 2.1
+
+
+@pytest.mark.parametrize("packed", [True, False])
+def test_a_packed_or_wide_text_is_as_long_as_its_rows(tmp_path: Path, packed: bool) -> None:
+    text = written(tmp_path / "log.csv", columns(20_000)).read_text()
+    path = tmp_path / ("log.csv.gz" if packed else "wide.csv")
+    path.write_bytes(gzip.compress(text.encode(), 1) if packed else text.encode("utf-16"))
+    assert FORMATS["text"].read(path, None).rows == pytest.approx(20_000, rel=0.05)
