@@ -39,7 +39,7 @@ from tuner.types.records import Record
 
 MOTION = "motion"
 """The finding whose stretches tell nothing of the noise of the sensor."""
-TAKEN_OUT = (MOTION, "overflow")
+TAKEN_OUT = (MOTION, "overflow", "error_code")
 """Findings that are no longer in the samples when these are identified again."""
 WORTH_SAYING = 1.02
 """Factor up to which nothing is inflated."""

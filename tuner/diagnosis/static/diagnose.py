@@ -158,12 +158,12 @@ def diagnose(
         if replicas:
             outcome = covered(outcome, replicas, seed)
         before = noise_before(record_of[part.axis], part.axis, identification)
-        wrapped = any(
-            t.cause == "overflow" and t.p_value < limit
-            for t in tests_of[part.axis]
+        mended = any(
+            t.cause == "error_code" or (t.cause == "overflow" and t.p_value < limit)
+            for t in (*tests_of[part.axis], *(test for tests in codes for test in tests))
             if part.axis in t.channels
         )
-        after = noise_after(outcome.final, before, put_back=wrapped)
+        after = noise_after(outcome.final, before, mended=mended)
         outcome = replace(outcome, accepted=with_unknown(outcome))
         unexplained = tuple(
             Unexplained(

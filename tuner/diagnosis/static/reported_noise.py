@@ -37,13 +37,14 @@ def noise_before(record: Record, axis: str, identification: Identification | Non
     return choose_terms(single_axis(record, axis).pieces(axis), record.interval).fit.model
 
 
-def noise_after(fitted: Residual, before: NoiseModel, *, put_back: bool = False) -> NoiseModel:
+def noise_after(fitted: Residual, before: NoiseModel, *, mended: bool = False) -> NoiseModel:
     """Return the noise of a channel with everything that was found in it, SI; that before where nothing was.
 
-    `put_back` is whether samples that wrapped were put back, which those of `before` were not.
+    `mended` is whether samples that wrapped were put back or others stand in place of error codes, which those of
+    `before` may lack.
     """
     extensions, dt = fitted.extensions, fitted.channel.interval
-    if not (extensions or put_back):
+    if not (extensions or mended):
         return before
     if any(isinstance(x, LowPass | Colour | Vibration) for x in extensions):
         return noise_with_shape(fitted)

@@ -10,6 +10,7 @@ from tuner.diagnosis import diagnose
 from tuner.diagnosis.data_quality.error_codes import find_error_codes
 from tuner.identification import identify
 from tuner.pipeline import identified_again
+from tuner.synthesis.findings import with_notes_on_findings
 from tuner.types.records import Record
 
 COUNT = 40_000
@@ -43,9 +44,10 @@ def test_a_row_of_zeros_in_seven_is_one_finding_and_no_noise():
     assert (told["period"], told["value"], told["start"]) == (7.0, 0.0, 0.0)
     assert abs(told["fraction"] - 1.0 / 7.0) < 1e-4
     again = identified_again((log,), found, diagnosis.findings, terms=None, latitude=None)[1]
-    for axis in log.axes:
-        (white,) = (one for one in again.channels[axis].model.terms if isinstance(one, White))
+    for model in (m for axis in log.axes for m in (again.channels[axis].model, diagnosis.models[axis])):
+        (white,) = (one for one in model.terms if isinstance(one, White))
         assert abs(white.density / 2e-3 - 1.0) < 0.02  # 3 sd, and the quantizer
+    assert with_notes_on_findings(again, diagnosis, (log,)).notes == again.notes
 
 
 @pytest.mark.parametrize(("code", "share"), [(0.5, 0.001), (3.0, 0.003), (-6.0, 0.003), (50.0, 0.0005)])
