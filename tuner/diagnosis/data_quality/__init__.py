@@ -123,9 +123,10 @@ def data_quality_tests(record: Record) -> tuple[DataQualityTest, ...]:
             fresh = tuple(unwrapped(piece, wrapped.statistic) for piece in fresh)
         tests += [
             wrapped,
-            clipping(fresh, steps[axis], axis=axis, unit=record.unit),
-            quantizer_test(fresh, steps[axis], axis=axis, unit=record.unit),
+            quantizer_test(fresh, steps[axis], record.samples_a_mean, axis=axis, unit=record.unit),
         ]
+        if record.samples_a_mean == 1:  # no rail ends a mean of samples
+            tests.append(clipping(fresh, steps[axis], axis=axis, unit=record.unit))
         found = find_lines(fresh, steps[axis])
         lines[axis] = found if found.p_value < DECISIVE_P_VALUE else find_resampled(fresh)
     return (*tests, *interpolated(lines))
@@ -372,11 +373,17 @@ def clipping(pieces: Sequence[FloatArray], step: float, *, axis: str, unit: str)
     )
 
 
-def quantizer_test(pieces: Sequence[FloatArray], step: float, *, axis: str, unit: str) -> DataQualityTest:
-    """Test the quantizer of an axis: a note, or a finding where it is coarse, has a dead band or missing codes."""
-    if step == 0.0:
+def quantizer_test(
+    pieces: Sequence[FloatArray], spacing: float, samples_a_mean: int = 1, *, axis: str, unit: str
+) -> DataQualityTest:
+    """Test the quantizer of an axis: a note, or a finding where it is coarse, has a dead band or missing codes.
+
+    `spacing` is the distance of the values in `pieces`, each of which is the mean of so many samples.
+    """
+    if spacing == 0.0:
         return DataQualityTest("lattice", (axis,), 0.0, 1.0, text="no quantizer")
-    codes = read_codes(pieces, step)
+    step = samples_a_mean * spacing
+    codes = read_codes(pieces, step, samples_a_mean)
     p_value = 0.0 if codes.coarse else codes.p_value
     parameters = {"step": Coefficient.known(step, step, step, unit)}
     if codes.deadband > 0:

@@ -120,11 +120,24 @@ def quantizer_step(pieces: Sequence[FloatArray]) -> float:
     values = values[frequent] if np.count_nonzero(frequent) > 1 else values
     if len(values) < 2:
         return 0.0
-    grain = 8.0 * np.spacing(np.abs(values).max())
+    largest = np.abs(values).max()
+    found = (_step_of(values, 8.0 * float(np.spacing(kind(largest)))) for kind in (np.float64, np.float32))
+    return next((step for step in found if step), 0.0)
+
+
+def _step_of(values: FloatArray, grain: float) -> float:
+    """Return the step of sorted values that arithmetic has moved by no more than a grain; 0 where there is none.
+
+    Values of one code lie within it: sums of numbers in single precision do in its grain, not in that of doubles.
+    """
     gaps = np.diff(values)
-    gaps = gaps[gaps > grain]
-    if not len(gaps):
+    apart = np.flatnonzero(gaps > grain)
+    if not len(apart):
         return 0.0
+    firsts, lasts = values[np.append(0, apart + 1)], values[np.append(apart, len(values) - 1)]
+    if np.any(lasts - firsts > grain):
+        return 0.0
+    gaps = gaps[apart]
     least = float(gaps.min())
     for divisor in range(1, 7):
         step = least / divisor
@@ -147,15 +160,20 @@ def fast_part(piece: FloatArray) -> FloatArray:
     return noise
 
 
-def read_codes(pieces: Sequence[FloatArray], step: float) -> Codes:
+def read_codes(pieces: Sequence[FloatArray], step: float, samples_a_mean: int = 1) -> Codes:
     """Estimate noise, dead band and missing codes of the quantizer of one channel.
+
+    Means of several samples show the noise of these and how coarse their codes are, but no dead band and no missing
+    code: what a sample may not be, a mean is.
 
     Parameters
     ----------
     pieces : sequence of ndarray, shape (n,)
         Gap-free samples of the channel.
     step : float
-        Distance of its codes, unit.
+        Distance of the codes of a sample, unit.
+    samples_a_mean : int
+        Samples in each of the `pieces`' values.
 
     Returns
     -------
@@ -163,10 +181,10 @@ def read_codes(pieces: Sequence[FloatArray], step: float) -> Codes:
         Coarseness, dead band and holes.
     """
     y = np.concatenate(pieces)
-    variance = float(np.mean(np.concatenate([fast_part(p) for p in pieces]) ** 2))
+    variance = samples_a_mean * float(np.mean(np.concatenate([fast_part(p) for p in pieces]) ** 2))
     white_sd = float(np.sqrt(max(variance - step**2 / 12.0, MIN_NOISE_VARIANCE * step**2)))
     coarse = step > 2.0 * white_sd
-    if np.ptp(y) / step > MAX_CODES:
+    if np.ptp(y) / step > MAX_CODES or samples_a_mean > 1:
         return Codes(white_sd, coarse, 0.0, 0, 1.0)
     origin = float(np.partition(y, len(y) // 2)[len(y) // 2])
     place = (y - origin) / step

@@ -80,7 +80,7 @@ class Channel:
     quantizer_step, deadband : float
         Step of the codes and half-width of the dead band about zero, ÷ `scale`; 0 for none.
     interpolated : bool
-        Whether law and spectrum of the samples are those of an interpolation.
+        Whether law and spectrum of the samples are those of an interpolation, or of means of coarsely rounded samples.
     clipped, missing_codes : bool
         Whether rails, or codes of the converter that never come, make another law of the samples.
     """

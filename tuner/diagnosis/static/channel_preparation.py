@@ -70,6 +70,7 @@ def prepared_axis(
     mine = {t.cause: t for t in others if t.p_value < limit or t.note}
     codes = mine["lattice"].parameters if "lattice" in mine else {}
     step, dead = (float(codes[name].value or 0.0) if name in codes else 0.0 for name in ("step", "deadband"))
+    rounded_means = record.samples_a_mean > 1 and "lattice" in mine and not mine["lattice"].note
     source = without_frozen(record, (axis,), stuck)
     if "overflow" in mine:
         source = without_overflow(source, {axis: mine["overflow"].statistic})
@@ -79,9 +80,14 @@ def prepared_axis(
         repeated = _repeated(without_frozen(record, test.channels, stuck), test, seed)
     if repeated is not None and repeated.mean() > MAX_BRIDGED_SHARE:
         source, repeated = _thinned(source, ~repeated), None
-    even = channel(source, axis, quantizer_step=step, repeated=repeated, seed=seed)
+    even = channel(source, axis, quantizer_step=step / record.samples_a_mean, repeated=repeated, seed=seed)
     holes = "lattice" in mine and not mine["lattice"].note and not dead
-    even = replace(even, interpolated="interpolated" in mine, clipped="clipping" in mine, missing_codes=holes)
+    even = replace(
+        even,
+        interpolated="interpolated" in mine or rounded_means,
+        clipped="clipping" in mine,
+        missing_codes=holes,
+    )
     return replace(even, deadband=dead / even.scale)
 
 

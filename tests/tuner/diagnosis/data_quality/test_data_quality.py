@@ -388,3 +388,15 @@ def test_codes_of_uneven_width_are_reported_and_no_law_of_the_noise():
     humps = white + 2.0 * rng.choice([-1.0, 1.0], n)
     for y in (white, rng.standard_t(4, n), rng.uniform(-2.0, 2.0, n), rng.standard_gamma(3.0, n), humps):
         assert read_codes([0.4 * np.round(y / 0.4)], 0.4).unevenness == 0.0
+
+
+@pytest.mark.parametrize(("step", "found"), [(1.2, []), (2.5, ["lattice"])])
+def test_means_of_rounded_samples_in_single_precision_have_their_step_and_no_rails(step, found):
+    """Means of two codes lie half a step apart and end where two samples happened to; steps in sds of the samples."""
+    rng = np.random.default_rng(8)
+    codes = (1e-3 * step * np.round((rng.standard_normal((400_000, 1)) + 0.3) / step)).astype(np.float32)
+    means = record(0.5 * (codes[0::2].astype(float) + codes[1::2]), samples_a_mean=2)
+    tests = data_quality_tests(means)
+    assert rejected(tests) == found
+    (codes_test,) = (test for test in tests if test.cause == "lattice")
+    assert codes_test.parameters["step"].value == pytest.approx(1e-3 * step, rel=1e-4)
