@@ -121,8 +121,13 @@ class ErrorCodes:
 
 
 def find_error_codes(record: Record) -> tuple[ErrorCodes, ...]:
-    """Return the error codes of the axes of a record."""
+    """Return the error codes of the axes of a record; of means of samples, those that mostly last over two of them.
+
+    Single means repeat where samples have few values, as between two rails.
+    """
     single = {axis: found for axis in record.axes if (found := _code(record.column(axis)))}
+    if record.samples_a_mean > 1:
+        single = {axis: found for axis, found in single.items() if _mean_run(found[1]) >= 2.0}
     groups: list[ErrorCodes] = []
     for axis, (value, rows, chance) in single.items():
         home = next((at for at, one in enumerate(groups) if _alike(one.rows, rows)), None)
@@ -212,6 +217,11 @@ def _judged(
     if not usual or chance > MAX_P_VALUE or not _neighbours(y, rows, level, sd):
         return None
     return value, rows, chance
+
+
+def _mean_run(rows: BoolArray) -> float:
+    """Return how many rows in a row there are on average."""
+    return float(np.count_nonzero(rows)) / float(np.count_nonzero(np.diff(rows, prepend=False) & rows))
 
 
 def _difference_sd(y: FloatArray) -> float:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -79,3 +81,17 @@ def test_codes_beneath_means_of_samples_are_none():
     rng = np.random.default_rng(4)
     y = np.round(0.3 * rng.standard_normal(8 * COUNT) + np.linspace(0.0, 5.0, 8 * COUNT))
     assert codes(y.reshape(-1, 8).mean(axis=1)) == []
+
+
+def test_means_of_samples_at_two_rails_are_no_code_but_a_code_that_lasts_is():
+    """Rails at two sds: one mean of two in 500 is of a sample at either, in the middle between them."""
+    rng = np.random.default_rng(5)
+    clipped = np.clip(rng.standard_normal(400_000), -2.0, 2.0)
+    begins = np.arange(1000, 400_000, 4000)
+    stuck = rng.standard_normal(400_000)
+    stuck[(begins[:, None] + np.arange(12)).ravel()] = 25.0
+    found = []
+    for y in (clipped, stuck):
+        means = replace(record(y.reshape(-1, 2).mean(axis=1)[:, None]), samples_a_mean=2)
+        found.append([dict(one.values) for one in find_error_codes(means)])
+    assert found == [[], [{"accel_x": 25.0}]]
