@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from models.units import unit_value
 from tuner.formats.guard import printable
 from tuner.readers import column_names as names
+from tuner.readers.bad_rows import BadRows, LogRows, expect_few
 from tuner.readers.column_choice import Layout, choose
 from tuner.readers.columns import Listing, Part
 from tuner.readers.constant_axes import without_constant_axes
@@ -51,11 +52,15 @@ class Plan:
 
 @dataclass(frozen=True)
 class EvenRecords:
-    """Records on an even grid whose units and values were not judged yet, with notes and assumptions on them."""
+    """Records on an even grid whose units and values were not judged yet, with what is to be said of them.
+
+    These are notes, assumptions, and the rows that hold no measurement.
+    """
 
     records: tuple[Record, ...]
     notes: tuple[str, ...]
     assumptions: tuple[str, ...]
+    bad: tuple[BadRows, ...] = ()
 
 
 def plan_of(listing: Listing, options: Options) -> Plan:
@@ -66,18 +71,30 @@ def plan_of(listing: Listing, options: Options) -> Plan:
     return Plan(layout, units, tuple(notes))
 
 
-def even(listing: Listing, plan: Plan, digest: str, options: Options) -> EvenRecords:
-    """Read the columns and put them on an even grid, in SI units."""
+def even(
+    listing: Listing, plan: Plan, digest: str, options: Options, within: LogRows | None = None
+) -> EvenRecords:
+    """Read the columns and put them on an even grid, in SI units.
+
+    `within` says which rows of a log they are; None for all.
+
+    Raises
+    ------
+    DataError
+        Where they cannot be, or too many rows hold no measurement.
+    """
     layout, units = plan.layout, plan.units
     notes: list[str] = []
+    bad: list[BadRows] = []
     time, blocks, covariates = _load(listing, plan)
     rate = options.rate if options.rate is not None else stated_rate(listing.meta)
     groups = {s.name: block for s, block in zip(layout.sensors, blocks, strict=True)}
-    valid = _valid_rows(listing, groups if time is None else groups | {"t": time}, notes)
+    within = within or LogRows(0, len(blocks[0]))
     axes = tuple(axis for sensor in layout.sensors for axis in sensor.axes)
-    columns = Columns(groups, axes, valid, time, covariates.pop("week", None))
     try:
-        grid = sample_grid(listing, layout.time, columns, rate, options, notes)
+        valid = _valid_rows(groups if time is None else groups | {"t": time}, notes, bad, within)
+        columns = Columns(groups, axes, valid, time, covariates.pop("week", None), within)
+        grid = sample_grid(listing, layout.time, columns, rate, options, notes, bad)
     except DataError as error:
         msg = f"{listing.path}: {error}"
         raise DataError(msg) from None
@@ -121,7 +138,8 @@ def even(listing: Listing, plan: Plan, digest: str, options: Options) -> EvenRec
                 stamp_course=course,
             )
         )
-    return EvenRecords(tuple(records), tuple(notes), () if clock is None else tuple(clock.assumptions))
+    assumptions = () if clock is None else tuple(clock.assumptions)
+    return EvenRecords(tuple(records), tuple(notes), assumptions, tuple(bad))
 
 
 def checked(
@@ -193,7 +211,9 @@ def _load(
     return (loaded[-1][:, 0] if layout.time is not None else None), blocks, covariates
 
 
-def _valid_rows(listing: Listing, groups: Mapping[str, NDArray[Any]], notes: list[str]) -> BoolArray | None:
+def _valid_rows(
+    groups: Mapping[str, NDArray[Any]], notes: list[str], bad: list[BadRows], within: LogRows
+) -> BoolArray | None:
     """Return which rows hold a number in every group (None: all); trim streams to their common span."""
     masks = {}
     for name, group in groups.items():
@@ -206,6 +226,7 @@ def _valid_rows(listing: Listing, groups: Mapping[str, NDArray[Any]], notes: lis
         return None
     count = len(next(iter(groups.values())))
     first, last = 0, count
+    part = f" in data rows {within.first + 1} to {within.first + count}" if count < within.count else ""
     for name, mask in masks.items():
         if not mask.any():
             cure = (
@@ -213,32 +234,33 @@ def _valid_rows(listing: Listing, groups: Mapping[str, NDArray[Any]], notes: lis
                 if name == "t"
                 else "choose others with --columns"
             )
-            msg = f"{listing.path}: {name} holds no row without NaN: {cure}"
+            msg = f"{name} holds no row without NaN{part}: {cure}"
             raise DataError(msg)
-        first, last = max(first, int(mask.argmax())), min(last, count - int(mask[::-1].argmax()))
-    if first >= last:
-        msg = f"{listing.path}: gyro and accel do not overlap in time"
-        raise DataError(msg)
+        if within.first == 0:
+            first = max(first, int(mask.argmax()))
+        if within.first + count >= within.count:
+            last = min(last, count - int(mask[::-1].argmax()))
     valid: BoolArray = np.logical_and.reduce(list(masks.values()))
-    bad = int((~valid[first:last]).sum())
-    if bad > UNREADABLE_SHARE * (last - first):
-        row = first + int(np.argmin(valid[first:last])) + 1
+    number = int((~valid[first:last]).sum())
+    if number:
+        row = within.first + first + int(np.argmin(valid[first:last])) + 1
         cure = (
             "leave the time column out by --columns t=none --rate HZ"
             if "t" in masks
             else "choose other columns"
         )
-        msg = (
-            f"{listing.path}: {bad} of {last - first} rows hold NaN or infinity (first: data row {row}); "
-            f"more than {100 * UNREADABLE_SHARE:g} % cannot be repaired: cut them out, or {cure}"
-        )
+        place = f"first: data row {row}"
+        bad.append(BadRows(number, "NaN or infinity", place, UNREADABLE_SHARE, f"cut them out, or {cure}"))
+        expect_few(bad, within.count - (count - (last - first)))
+    if not valid.any():
+        msg = f"gyro and accel do not overlap in time{part}"
         raise DataError(msg)
     if count - (last - first):
         notes.append(
             f"{count - (last - first)} rows before or after the common span of the sensors were left out"
         )
-    if bad:
-        notes.append(f"{bad} rows with NaN or infinity count as missing samples")
+    if number:
+        notes.append(f"{number} rows with NaN or infinity count as missing samples")
     return valid
 
 

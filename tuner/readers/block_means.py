@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from tuner.free_memory import free_memory
 from tuner.readers.assemble import EvenRecords, Plan, checked, even
+from tuner.readers.bad_rows import BadRows, LogRows, expect_few
 from tuner.readers.column_names import TIME_UNITS
 from tuner.readers.columns import Listing
 from tuner.readers.joined_parts import JoinedParts
@@ -105,8 +106,10 @@ def read_means(
     lower, upper = -math.inf if begin is None else begin, math.inf if end is None else end
     first: tuple[Record, ...] = ()
     start, stop = math.inf, -math.inf
+    bad: list[BadRows] = []
     for row, found in _parts(listing, plan, digest, options, how.rows):
         record = found.records[0]
+        bad += found.bad
         first = first or found.records
         begun, stop = float(record.t[0]), float(record.t[-1]) + record.interval
         start = min(start, begun)
@@ -121,6 +124,11 @@ def read_means(
     if not first:
         msg = f"{listing.path}: no data rows"
         raise DataError(msg)
+    try:
+        expect_few(bad, listing.rows)
+    except DataError as error:
+        msg = f"{listing.path}: {error}"
+        raise DataError(msg) from None
     expect_within(first, (start, stop), begin, end)
     if joined is None:
         msg = f"{listing.path}: --begin and --end leave no samples: the log has a gap there"
@@ -137,7 +145,8 @@ def _parts(
     stated = plan.layout.time is not None
     row, turned, end = 0, 0.0, -math.inf
     for piece in _even_parts(listing.stream(plan.groups, rows), rows // 2):
-        found = even(replace(listing, load=partial(_given, piece)), plan, digest, options)
+        within = LogRows(row, max(listing.rows, row + len(piece[0])))
+        found = even(replace(listing, load=partial(_given, piece)), plan, digest, options, within)
         if not stated:
             shift = row * found.records[0].interval
             found = _later(found, shift)

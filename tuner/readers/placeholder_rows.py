@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.robust import normal_sd
-from tuner.types.records import DataError
+from tuner.readers.bad_rows import BadRows, LogRows, expect_few
 
 BoolArray = NDArray[np.bool_]
 
@@ -26,7 +26,12 @@ CHECKED_SAMPLES = 20_000
 
 
 def without_placeholders(
-    groups: Mapping[str, NDArray[Any]], valid: BoolArray | None, notes: list[str]
+    groups: Mapping[str, NDArray[Any]],
+    valid: BoolArray | None,
+    notes: list[str],
+    bad: list[BadRows],
+    *,
+    within: LogRows,
 ) -> BoolArray | None:
     """Return which rows are usable, without those in which a sensor reads exactly zero on all axes.
 
@@ -38,11 +43,15 @@ def without_placeholders(
         Rows that hold numbers; None where all do.
     notes : list of str
         Notes, to which this adds.
+    bad : list of BadRows
+        Rows without a measurement, to which this adds.
+    within : LogRows
+        Which rows of the log they are.
 
     Raises
     ------
     DataError
-        Where more than a quarter of the rows are such.
+        Where more than a quarter of the rows of the log are such.
     """
     count = len(next(iter(groups.values())))
     empty = np.zeros(count, bool)
@@ -53,13 +62,9 @@ def without_placeholders(
     number = int(empty.sum())
     if not number:
         return valid
-    place = f"first: data row {int(np.argmax(empty)) + 1}"
-    if number > MAX_SHARE * count:
-        msg = (
-            f"{number} of {count} rows hold zero on all axes of a sensor ({place}), in place of samples; more than "
-            f"{100 * MAX_SHARE:g} % cannot be repaired: record again"
-        )
-        raise DataError(msg)
+    place = f"first: data row {within.first + int(np.argmax(empty)) + 1}"
+    bad.append(BadRows(number, "zero on all axes of a sensor", place, MAX_SHARE, "record again"))
+    expect_few(bad, within.count)
     notes.append(f"{number} rows hold zero on all axes of a sensor ({place}): they count as missing samples")
     return ~empty if valid is None else valid & ~empty
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tuner.readers.bad_rows import BadRows, LogRows
 from tuner.readers.clock_unit import MAX_RATE, MIN_RATE
 from tuner.readers.column_choice import Channel
 from tuner.readers.column_mapping import offered
@@ -44,6 +45,8 @@ class Columns:
         Rows that hold numbers; None where all do.
     time, week : ndarray, shape (n,), or None
         Stamps, and the GPS week beside them.
+    within : LogRows
+        Which rows of the log they are.
     """
 
     groups: Mapping[str, NDArray[Any]]
@@ -51,6 +54,7 @@ class Columns:
     valid: BoolArray | None
     time: NDArray[Any] | None
     week: FloatArray | None
+    within: LogRows
 
 
 @dataclass(frozen=True)
@@ -69,15 +73,19 @@ def sample_grid(
     rate: float | None,
     options: Options,
     notes: list[str],
+    bad: list[BadRows],
 ) -> SampleGrid:
     """Return the grid of samples by their stamps, the column `channel`, or by the stated rate where they have none.
+
+    What is to be said of it is added to the notes, and rows without a measurement to the bad ones.
 
     Raises
     ------
     DataError
         Without stamps and rate, or where one contradicts the other or what a sensor can do.
     """
-    valid = without_placeholders(columns.groups, columns.valid, notes)
+    within = columns.within
+    valid = without_placeholders(columns.groups, columns.valid, notes, bad, within=within)
     if columns.time is None or channel is None:
         if rate is None:
             msg = f"no time column and no rate: pass --rate HZ, or --columns t=NAME, of {offered(listing)}"
@@ -85,7 +93,9 @@ def sample_grid(
         if options.rate is None and not MIN_RATE <= rate <= MAX_RATE:
             msg = f"the file states a rate of {rate:.4g} Hz, which no inertial sensor has: pass --rate HZ"
             raise DataError(msg)
-        valid = without_spikes(columns.groups, columns.axes, valid, notes, interval=1.0 / rate)
+        valid = without_spikes(
+            columns.groups, columns.axes, valid, notes, bad, within=within, interval=1.0 / rate
+        )
         count = len(next(iter(columns.groups.values())))
         return SampleGrid(even_timebase(count, 1.0 / rate, valid, moving=options.stamps))
 
@@ -96,7 +106,9 @@ def sample_grid(
     clock = _clock(listing, channel, columns.time, columns.week, rate, options)
     notes += [*clock.assumptions, *clock.notes]
     usable = valid if clock.on is None else clock.on if valid is None else valid & clock.on
-    usable = without_spikes(columns.groups, columns.axes, usable, notes, interval=clock.step)
+    usable = without_spikes(
+        columns.groups, columns.axes, usable, notes, bad, within=within, interval=clock.step
+    )
     base = _timebase(clock, usable, equal, options, notes)
     _check_rate(base.interval, rate, notes, explicit=options.rate is not None)
     return SampleGrid(base, clock.origin, clock)

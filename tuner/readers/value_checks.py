@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.robust import normal_sd
-from tuner.types.records import DataError
+from tuner.readers.bad_rows import BadRows, LogRows, expect_few
 
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
@@ -57,7 +57,9 @@ def without_spikes(
     axes: Sequence[str],
     valid: BoolArray | None,
     notes: list[str],
+    bad: list[BadRows],
     *,
+    within: LogRows,
     interval: float,
 ) -> BoolArray | None:
     """Return which rows are usable, without those of single readings that no sensor makes.
@@ -72,13 +74,17 @@ def without_spikes(
         Rows that hold numbers; None where all do.
     notes : list of str
         Notes, to which this adds.
+    bad : list of BadRows
+        Rows without a measurement, to which this adds.
+    within : LogRows
+        Which rows of the log they are.
     interval : float
         Of the samples, s: in slow logs a short motion is a single reading.
 
     Raises
     ------
     DataError
-        Where more than 1 % of the rows are such.
+        Where more than 1 % of the rows of the log are such.
     """
     count = len(next(iter(groups.values())))
     rows = np.arange(count) if valid is None else np.flatnonzero(valid)
@@ -89,17 +95,11 @@ def without_spikes(
     if not len(every):
         return valid
     axis, column, mine = next((a, c, f) for a, c, f in zip(axes, columns, found, strict=True) if len(f))
-    place = f"first: {axis} {column[mine[0]]:.4g} in data row {mine[0] + 1}"
-    if len(every) > MAX_SPIKE_SHARE * count:
-        msg = (
-            f"{len(every)} of {count} rows hold a reading more than {SPIKE_DISTANCE:g} noise sds from its "
-            f"neighbours ({place}); more than {100 * MAX_SPIKE_SHARE:g} % cannot be repaired: remove them"
-        )
-        raise DataError(msg)
-    notes.append(
-        f"{len(every)} rows hold a reading more than {SPIKE_DISTANCE:g} noise sds from its neighbours ({place}): "
-        "they count as missing samples"
-    )
+    place = f"first: {axis} {column[mine[0]]:.4g} in data row {within.first + mine[0] + 1}"
+    what = f"a reading more than {SPIKE_DISTANCE:g} noise sds from its neighbours"
+    bad.append(BadRows(len(every), what, place, MAX_SPIKE_SHARE, "remove them"))
+    expect_few(bad, within.count)
+    notes.append(f"{len(every)} rows hold {what} ({place}): they count as missing samples")
     usable = np.ones(count, bool) if valid is None else valid.copy()
     usable[every] = False
     return usable

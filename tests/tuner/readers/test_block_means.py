@@ -243,3 +243,22 @@ def test_a_packed_or_wide_text_is_as_long_as_its_rows(tmp_path: Path, packed: bo
     path = tmp_path / ("log.csv.gz" if packed else "wide.csv")
     path.write_bytes(gzip.compress(text.encode(), 1) if packed else text.encode("utf-16"))
     assert FORMATS["text"].read(path, None).rows == pytest.approx(20_000, rel=0.05)
+
+
+@pytest.mark.parametrize("share", [0.009, 0.02])
+def test_broken_rows_are_judged_by_their_share_of_the_whole_log(tmp_path: Path, share: float) -> None:
+    data = columns()
+    data["gyro_x [rad/s]"][MIN_ROWS : MIN_ROWS + int(share * ROWS)] = np.nan
+    path = written(tmp_path / "log.npz", data)
+    if share < 0.01:
+        whole, small = both(path)
+        assert abs(8 * len(small) - len(whole)) < 16
+        return
+    said = []
+    for memory in (LITTLE, None):
+        with pytest.raises(
+            DataError, match=rf"{MIN_ROWS + 1}\); more than 1 % cannot be repaired"
+        ) as refused:
+            read(path, memory=memory)
+        said.append(str(refused.value))
+    assert said[0] == said[1]

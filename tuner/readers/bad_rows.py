@@ -1,0 +1,64 @@
+"""Rows of a log that hold no measurement: how many count as missing, and from which share on a log is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from tuner.types.records import DataError
+
+
+@dataclass(frozen=True)
+class LogRows:
+    """Which rows of a log are at hand: the number of the first one, from 0 on, and how many the whole log has."""
+
+    first: int
+    count: int
+
+
+@dataclass(frozen=True)
+class BadRows:
+    """Rows that hold no measurement.
+
+    Attributes
+    ----------
+    number : int
+        How many.
+    holding : str
+        What they hold, in words.
+    place : str
+        The first one, in words.
+    max_share : float
+        Share of the log from which it is refused.
+    cure : str
+        What to do then.
+    """
+
+    number: int
+    holding: str
+    place: str
+    max_share: float
+    cure: str
+
+
+def expect_few(found: Sequence[BadRows], count: int) -> None:
+    """Refuse a log of so many rows with more bad ones of one kind, found in one part of it or several, than allowed.
+
+    Raises
+    ------
+    DataError
+        One line: how many, the first one, and what to do.
+    """
+    total: dict[str, int] = {}
+    first: dict[str, BadRows] = {}
+    for one in found:
+        total[one.holding] = total.get(one.holding, 0) + one.number
+        first.setdefault(one.holding, one)
+    for holding, number in total.items():
+        one = first[holding]
+        if number > one.max_share * count:
+            msg = (
+                f"{number} of {count} rows hold {holding} ({one.place}); more than {100.0 * one.max_share:g} % cannot "
+                f"be repaired: {one.cure}"
+            )
+            raise DataError(msg)
