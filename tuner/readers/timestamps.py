@@ -11,7 +11,8 @@ duplicates
     or written in batches, and the rows of a batch are spread at the usual interval.
 interval
     Pooled least-squares slope of t on k; it starts from the median difference. If one line explains
-    all stamps within their resolution (1 ms stamps of a 400 Hz log), nothing is missing.
+    all stamps within their resolution (1 ms stamps of a 400 Hz log), nothing is missing. Nor is it where samples were
+    stamped as they arrived, in bursts: uneven steps that are mostly far below the mean one, but stay near one line.
 gaps
     A step over 1.5 p, or over p by more than the stamping error explains, is a gap if it shifts the clock
     against the row number permanently: a late stamp that is followed by shorter steps is none.
@@ -19,6 +20,7 @@ gaps
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 
 import numpy as np
@@ -43,6 +45,20 @@ _CANDIDATES_AT_ONCE = 100_000
 """Candidates treated at a time, so that memory stays bounded: 50 MB."""
 _MIN_BATCHES = 32
 """Batches from which their length is known."""
+_MIN_ARRIVALS = 1000
+"""Stamps from which those of bursts, which stay near one line, differ from those of lost samples, which do not."""
+_MAX_BURST_STEP = 0.5
+"""Usual step ÷ mean step up to which the usual one may be that within bursts."""
+_MIN_BURST_SCATTER = 0.1
+"""Sd of the steps within bursts ÷ the usual one from which they are no intervals of a sensor that samples in bursts."""
+_LONGEST_SILENCE, _USUAL_SILENCES = 1.0, 0.999
+"""Time between bursts up to which a buffer fills, s, and the share of the steps that are shorter; sensors that sleep to
+save power do so for longer."""
+_MAX_WANDERING = 0.3
+"""Sd of the stamps about one line ÷ that of sums of as many independent steps, s √(n/15), up to which nothing is lost.
+
+The chance of less is below 1e-8: with losses the clock wanders off the row number as a random walk.
+"""
 _MIN_ODD_STEPS = 8
 """Steps of two units from which their even distances cannot be chance."""
 _ROWS_AT_ONCE = 1 << 20
@@ -103,6 +119,8 @@ def interval_and_gaps(t: FloatArray, batch: float) -> tuple[float, IntArray, Int
     """Return the interval, the rows after which samples are missing, and how many."""
     step = np.diff(t)
     usual = float(np.median(step))
+    if batch == 0.0 and _arrive_in_bursts(t, step, usual):
+        return _slope(t, np.zeros(0, np.int64), np.zeros(0, np.int64)), *2 * (np.zeros(0, np.int64),)
     resolution = max(batch, _resolution(t, step))
     breaks = np.flatnonzero(step > 2.5 * usual + 2.0 * resolution)
     interval, worst = _pooled_slope(t, breaks + 1)
@@ -123,6 +141,20 @@ def interval_and_gaps(t: FloatArray, batch: float) -> tuple[float, IntArray, Int
             break
         interval = refined
     return interval, at, size
+
+
+def _arrive_in_bursts(t: FloatArray, step: FloatArray, usual: float) -> bool:
+    """Return whether stamps are times of arrival in bursts, by steps whose median is given, and nothing is missing."""
+    if len(t) < _MIN_ARRIVALS or usual > _MAX_BURST_STEP * float(np.mean(step)):
+        return False
+    if float(step[step < 2.0 * usual].std()) < _MIN_BURST_SCATTER * usual:
+        return False
+    if float(np.quantile(step, _USUAL_SILENCES)) > _LONGEST_SILENCE:
+        return False
+    number = np.arange(len(t)) - 0.5 * (len(t) - 1)
+    late = t - t.mean() - number * (float(number @ t) / float(number @ number))
+    wandering = float(step.std()) * math.sqrt(len(t) / 15.0)
+    return float(late.std()) < _MAX_WANDERING * wandering
 
 
 def _present(at: IntArray, size: IntArray) -> tuple[IntArray, IntArray]:

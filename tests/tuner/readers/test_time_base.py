@@ -183,3 +183,30 @@ def test_the_course_of_the_stamps_shows_the_late_one_and_the_gap() -> None:
     assert np.abs(low).max() < 1e-5
     assert missing.sum() == 5
     assert t[np.argmax(missing)] == pytest.approx(120.0, abs=0.5)
+
+
+@pytest.mark.parametrize(
+    ("kind", "rate", "gaps"), [("buffered", 100.0, 0), ("lost", 500.0, 1000), ("asleep", 500.0, 40)]
+)
+def test_stamps_of_bursts_are_those_of_arrival_where_nothing_is_lost(kind, rate, gaps):
+    """A buffer of 100 Hz is emptied every 10 … 90 ms, 1 … 3 ms a sample; of 500 Hz four of five samples are lost.
+
+    At random, which leaves the line that buffered samples stay near, and in sleep of 8 s after every 2 s.
+    """
+    rng = np.random.default_rng(3)
+    if kind == "buffered":
+        emptied = np.cumsum(rng.uniform(0.01, 0.09, 4000))
+        made = 0.01 * np.arange(10_000)
+        stamps = emptied[np.searchsorted(emptied, made)]
+        turn = np.arange(len(made)) - np.searchsorted(stamps, stamps)
+        stamps = np.sort(stamps + np.cumsum(rng.uniform(0.001, 0.003, 40))[turn])
+    elif kind == "lost":
+        kept = np.repeat(rng.random(10_000) < 0.2, rng.integers(1, 9, 10_000))
+        stamps = 0.002 * np.flatnonzero(kept)
+    else:
+        stamps = (
+            10.0 * np.arange(50)[:, None] + 0.002 * np.arange(1000) + rng.normal(0.0, 1e-4, (50, 1000))
+        ).ravel()
+    found = stamped_timebase(stamps)
+    assert 1.0 / found.interval == pytest.approx(rate, rel=5e-3)
+    assert len(found.segments) > gaps if gaps else len(found.segments) == 1
