@@ -91,6 +91,8 @@ FORMATS: Registry[LogFormat] = Registry(
 
 OF_A_RECEIVER = re.compile(rb"\$?(G[ABILNPQ]|BD)[A-Z]{3},|\xb5b")
 """How logs of NMEA and UBX begin."""
+LFS_POINTER = b"version https://git-lfs.github.com/spec/"
+"""How a file begins that stands for one which Git LFS keeps elsewhere."""
 EUROC_FILES = ("imu0/data.csv", "mav0/imu0/data.csv")
 """Where data sets in the form of EuRoC keep the samples of the IMU."""
 
@@ -122,10 +124,16 @@ def format_of(path: Path) -> LogFormat:
     name = path.name.lower()
     fitting = [(len(s), one) for one in FORMATS.values() for s in one.suffixes if name.endswith(s)]
     declared = max(fitting, key=lambda pair: pair[0])[1] if fitting else None
-    if declared is not None and not declared.any_text:
-        return declared
+    by_name = declared if declared is not None and not declared.any_text else None
+    if by_name is not None and not path.is_file():  # what reads it says so
+        return by_name
     with path.open("rb") as file:
         head = file.read(HEAD_BYTES)
+    if head.startswith(LFS_POINTER):
+        msg = f"{path}: a pointer of Git LFS, not the log itself: fetch it with 'git lfs pull'"
+        raise DataError(msg)
+    if by_name is not None:
+        return by_name
     if OF_A_RECEIVER.match(head):
         msg = (
             f"{path}: sentences or messages of a receiver hold no inertial samples: put the file, named .nmea or .ubx, "

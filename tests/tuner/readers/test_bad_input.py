@@ -37,6 +37,14 @@ def test_damaged_binary(tmp_path: Path, name: str) -> None:
     refused(path, "cannot be read")
 
 
+@pytest.mark.parametrize("name", ["log.csv", "log.parquet", "log"])
+def test_a_pointer_of_git_lfs_is_told_as_such(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_text(
+        "version https://git-lfs.github.com/spec/v1\noid sha256:a7dd\nsize 8051162\n"
+    )
+    refused(tmp_path / name, "git lfs pull")
+
+
 @pytest.mark.parametrize("row", [0, 17, COUNT - 1])
 @pytest.mark.parametrize("piece", [None, 2000])
 def test_text_in_numbers_is_located(
