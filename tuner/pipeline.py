@@ -47,7 +47,7 @@ from tuner.synthesis.rest_and_motion import in_motion, with_rest_and_motion
 from tuner.synthesis.worst_case import worst_case
 from tuner.tune_result import LogResult, TuneInputs, TuneResult
 from tuner.types import FilterConfig, Finding, GnssNoise, Identification
-from tuner.types.arguments import expect_count, expect_records
+from tuner.types.arguments import expect, expect_count, expect_records
 from tuner.types.consistency import Check
 from tuner.types.prediction import PredictedBlock
 from tuner.types.progress import Progress, silent
@@ -130,6 +130,17 @@ def tune(
     """
     expect_count(seed, "tune: seed", 0)
     wanted = [] if dialect is None else [dialect_named(dialect).name]
+    if complete is not None:
+        expect(
+            complete, (str, SensorGrade), "tune: complete", "the name of a built-in grade, or a SensorGrade"
+        )
+    if gnss is not None:
+        expect(
+            gnss,
+            (str, Path, GnssNoise),
+            "tune: gnss",
+            "a built-in receiver, the path of a log, or a GnssNoise",
+        )
     completion = load_grade(complete) if isinstance(complete, str) else complete
     stated = None if datasheet is None else identify_source(datasheet)
     inputs = gather_inputs(log, drive, gnss, seed=seed, progress=progress)

@@ -61,3 +61,26 @@ def test_a_wrong_argument_is_refused_in_one_line(verb):
         line = str(refused.value)
         assert "\n" not in line, (name, line)
         assert any(word in line for word in ("expected", "no such file", "unknown")), (name, line)
+
+
+OTHERS = {
+    "rate": lambda log: tuner.read(log, rate="100"),
+    "scale": lambda log: tuner.read(log, gyro_scale=[2]),
+    "begin": lambda log: tuner.read(log, begin="5"),
+    "memory": lambda log: tuner.read(log, memory="4"),
+    "terms": lambda log: tuner.identify(tuner.read(log), terms="white"),
+    "latitude": lambda log: tuner.identify(tuner.read(log), latitude="48"),
+    "complete": lambda log: tuner.tune(log, complete=object()),
+    "receiver": lambda log: tuner.tune(log, gnss=5),
+    "receiver simulated": lambda log: tuner.check("mpu9250", receiver="rtk"),
+    "logs": lambda log: tuner.fleet([]),
+    "folder": lambda log: tuner.check(log.parent / "none.yaml"),
+}
+
+
+@pytest.mark.parametrize("case", OTHERS)
+def test_an_argument_beside_the_log_is_refused_in_one_line(case, tmp_path):
+    path = tmp_path / "log.npz"
+    np.savez(path, t=0.01 * np.arange(200), gyro=np.random.default_rng(1).normal(0.0, 1e-3, (200, 3)))
+    with pytest.raises(DataError, match=r"expected|: no such file$"):
+        OTHERS[case](path)

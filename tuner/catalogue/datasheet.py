@@ -9,6 +9,7 @@ from pathlib import Path
 
 from tuner.catalogue.datasheet_format import FORMAT, parse_sheet
 from tuner.catalogue.grades import grade_identification
+from tuner.formats.documents import read_text
 from tuner.types import Identification
 from tuner.types.records import DataError
 
@@ -31,11 +32,7 @@ def read_datasheet(path: Path) -> Identification:
     DataError
         One line: file, place, expected, found.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        msg = f"{path}: expected a readable YAML file of format {FORMAT}, got {error}"
-        raise DataError(msg) from None
+    text = read_text(path, expected=f"a readable YAML file of format {FORMAT}")
     sheet = parse_sheet(text, source=str(path))
     try:
         return grade_identification(sheet)

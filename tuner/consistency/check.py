@@ -101,6 +101,8 @@ def check(
         "check: trajectory",
         "the name of a trajectory, such as 'city', or a Motion",
     )
+    if receiver is not None:
+        expect(receiver, GnssNoise, "check: receiver", "the errors of a receiver, a GnssNoise")
     motion = load_trajectory(trajectory, duration) if isinstance(trajectory, str) else trajectory
     real = truth if truth is None or isinstance(truth, Truth) else load_truth(truth)
     receiver = receiver or (real.receiver if real is not None else None)

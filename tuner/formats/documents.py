@@ -124,7 +124,13 @@ def read_text(path: Path, *, expected: str) -> str:
             msg = f"{path}: expected {expected}, got {path.stat().st_size} bytes, more than {MAX_TEXT_BYTES}"
             raise DataError(msg)
         return path.read_text(encoding="utf-8")
-    except (OSError, ValueError) as error:
+    except FileNotFoundError:
+        msg = f"{path}: no such file"
+        raise DataError(msg) from None
+    except OSError as error:
+        msg = f"{path}: expected {expected}, found what cannot be read: {error.strerror or reason(error)}"
+        raise DataError(msg) from None
+    except ValueError as error:
         if isinstance(error, DataError):
             raise
         msg = f"{path}: expected {expected}, got {reason(error)}"

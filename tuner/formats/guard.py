@@ -48,6 +48,10 @@ def input_guard(source: object, expected: str) -> Iterator[None]:
         yield
     except (DataError, ImportError):
         raise
+    except FileNotFoundError as error:
+        missing = "no such file" if error.filename == str(source) else f"it lacks a file, {reason(error)}"
+        msg = f"{source}: {missing}"
+        raise DataError(msg) from None
     except MemoryError:
         found = "one that states more than the memory holds; split it, or convert it anew"
     except RecursionError:

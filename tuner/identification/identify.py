@@ -15,6 +15,7 @@ from tuner.identification.estimates import BASE
 from tuner.identification.mean_and_earth_rate import without_earth_rate
 from tuner.jobs import each
 from tuner.types import ChannelIdentification, Identification
+from tuner.types.arguments import expect_names, expect_number
 from tuner.types.records import DataError, Record
 
 FloatArray = NDArray[np.float64]
@@ -57,6 +58,10 @@ def identify(
     ValueError
         If the method, a term or `arma` is unknown.
     """
+    if terms is not None:
+        expect_names(terms, "identify: terms", 'names of noise terms, such as ["white", "random_walk"]')
+    if latitude is not None:
+        expect_number(latitude, "identify: latitude", "degrees")
     varying: dict[str, Record] = {}
     notes: list[str] = []
     for record in records:

@@ -187,6 +187,9 @@ def find_logs(logs: str | Path | Sequence[str | Path]) -> list[str]:
             msg = f"{given}: expected {what}, found none"
             raise DataError(msg)
         files += found
+    if not files:
+        msg = f"fleet: expected {LOGS}, found an empty list"
+        raise DataError(msg)
     return list(dict.fromkeys(files))
 
 

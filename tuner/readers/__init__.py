@@ -27,7 +27,7 @@ from tuner.readers.messages import ardupilot, rosbag, ulog
 from tuner.readers.options import Options
 from tuner.readers.source_kind import unit_of_log
 from tuner.readers.time_range import between
-from tuner.types.arguments import expect
+from tuner.types.arguments import expect, expect_number
 from tuner.types.records import DataError, Record
 
 if TYPE_CHECKING:
@@ -100,10 +100,20 @@ def read(
     DataError
         A file that cannot be used: one line with file, place, expected, found and what to do.
     """
-    for name, value in (("--rate", rate), ("--gyro-scale", gyro_scale), ("--accel-scale", accel_scale)):
-        if value is not None and not 0.0 < value < float("inf"):
-            msg = f"{name}: expected a positive number, got {value}"
-            raise DataError(msg)
+    for name, value in (
+        ("--rate", rate),
+        ("--gyro-scale", gyro_scale),
+        ("--accel-scale", accel_scale),
+        ("--memory", memory),
+    ):
+        if value is not None:
+            expect_number(value, name, "a positive number")
+            if not 0.0 < value < float("inf"):
+                msg = f"{name}: expected a positive number, got {value}"
+                raise DataError(msg)
+    for name, value in (("--begin", begin), ("--end", end)):
+        if value is not None:
+            expect_number(value, name, "seconds on the clock of the log")
     if assume not in (None, "si"):
         msg = f"--assume: expected si, got {assume}"
         raise DataError(msg)

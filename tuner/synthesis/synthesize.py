@@ -85,6 +85,15 @@ def synthesize(
     """
     expect(identification, Identification, "synthesize", "what tuner.identify returns")
     expect_number(horizon, "synthesize: horizon", "a positive number of seconds")
+    if complete is not None:
+        expect(
+            complete,
+            SensorGrade,
+            "synthesize: complete",
+            "a grade, such as tuner.catalogue.grades.load_grade gives",
+        )
+    if gnss is not None:
+        expect(gnss, GnssNoise, "synthesize: gnss", "the errors of a receiver, a GnssNoise")
     if rule not in {*RULES, BOUND}:
         msg = f"'rule' must be one of {', '.join([*RULES, BOUND])}, got {rule!r}"
         raise DataError(msg)

@@ -52,6 +52,15 @@ def expect_count(value: object, where: str, least: int = 1) -> None:
         raise DataError(msg)
 
 
+def expect_names(value: object, where: str, wanted: str) -> None:
+    """Refuse what is no list, tuple or set of texts."""
+    if not isinstance(value, list | tuple | set | frozenset) or not all(
+        isinstance(one, str) for one in value
+    ):
+        msg = f"{where}: expected {wanted}, found {described(value)}"
+        raise DataError(msg)
+
+
 def expect_records(value: object, where: str, wanted: str = RECORDS) -> tuple[Record, ...]:
     """Return a record, or several, as a tuple; refuse all else, and none at all."""
     if isinstance(value, Record):
