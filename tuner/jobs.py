@@ -9,7 +9,6 @@ Inside a copy every stage has one processor.
 
 from __future__ import annotations
 
-import copyreg
 import ctypes
 import math
 import os
@@ -27,12 +26,14 @@ from dataclasses import dataclass
 from io import BytesIO
 from multiprocessing import current_process
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, BinaryIO, NoReturn, TypeVar
 
 from tuner.free_memory import free_memory, used_memory
 from tuner.heap import keep_freed_memory, return_freed_memory
+from tuner.pickled_mappings import allow_pickled_mappings
 from tuner.stages import counted, is_watched, reached, watched
+
+allow_pickled_mappings()
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -296,17 +297,8 @@ def _bytes(value: object, shared: Sequence[object]) -> bytes:
     content = BytesIO()
     pickler = pickle.Pickler(content, protocol=pickle.HIGHEST_PROTOCOL)
     pickler.persistent_id = lambda one: known.get(id(one))  # type: ignore[method-assign]
-    pickler.dispatch_table = copyreg.dispatch_table | {MappingProxyType: _of_mapping}
     pickler.dump(value)
     return content.getvalue()
-
-
-def _of_mapping(mapping: MappingProxyType[Any, Any]) -> tuple[Any, ...]:
-    return _read_only, (dict(mapping),)
-
-
-def _read_only(content: dict[Any, Any]) -> MappingProxyType[Any, Any]:
-    return MappingProxyType(content)
 
 
 def _collected(receivers: Sequence[int], shared: Sequence[object], count: int) -> dict[int, tuple[bool, Any]]:

@@ -104,16 +104,19 @@ def read(
         ("--rate", rate),
         ("--gyro-scale", gyro_scale),
         ("--accel-scale", accel_scale),
-        ("--memory", memory),
     ):
         if value is not None:
             expect_number(value, name, "a positive number")
             if not 0.0 < value < float("inf"):
                 msg = f"{name}: expected a positive number, got {value}"
                 raise DataError(msg)
-    for name, value in (("--begin", begin), ("--end", end)):
+    for name, value, wanted in (
+        ("--memory", memory, "a number of bytes"),
+        ("--begin", begin, "seconds on the clock of the log"),
+        ("--end", end, "seconds on the clock of the log"),
+    ):
         if value is not None:
-            expect_number(value, name, "seconds on the clock of the log")
+            expect_number(value, name, wanted)
     if assume not in (None, "si"):
         msg = f"--assume: expected si, got {assume}"
         raise DataError(msg)

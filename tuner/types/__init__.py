@@ -6,6 +6,7 @@ with the reason why there is no more. Results import none of the code that makes
 
 from __future__ import annotations
 
+from tuner.pickled_mappings import allow_pickled_mappings
 from tuner.types.coefficient import LEVEL, Coefficient
 from tuner.types.compensation import Compensation, Parameter
 from tuner.types.config import (
@@ -36,6 +37,8 @@ from tuner.types.identification import (
 )
 from tuner.types.inflation import AppliedNoiseScale, BoundUsed, Enlargement, Inflation
 from tuner.types.quantity import Quantity
+
+allow_pickled_mappings()
 
 __all__ = [
     "LEVEL",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 import re
 from dataclasses import replace
 
@@ -54,6 +56,12 @@ def test_a_frame_is_read_in_its_units_on_its_clock(frame, noise):
     named.index = pd.Index(np.arange(COUNT) / RATE, name="t")
     assert "t" in arrays_of_frame(named)
     assert tuner.read(named)[0].interval == pytest.approx(1.0 / RATE)
+
+
+def test_results_can_be_pickled_and_copied(frame, noise):
+    for one in (tuner.read(frame), noise, tuner.synthesize(noise), tuner.plan(noise)):
+        for again in (pickle.loads(pickle.dumps(one)), copy.deepcopy(one)):
+            assert repr(again) == repr(one)
 
 
 def test_what_a_table_cannot_be_is_refused(frame):
