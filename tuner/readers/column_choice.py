@@ -116,7 +116,7 @@ def choose(listing: Listing, *, columns: Mapping[str, str] | None = None) -> Lay
 
 def _nothing_found(listing: Listing) -> str:
     wide = next((name for name, shape in listing.shapes.items() if len(shape) == 2 and shape[1] >= 6), None)
-    single = next(iter(listing.shapes), "NAME")
+    single = next(iter(listing.shapes)) if len(listing.shapes) == 1 else "NAME"  # the first is often the time
     example = f"gyro={wide}[3:6],accel={wide}[0:3]" if wide else f"gyro_x={single}"
     why = "; ".join([note for note in listing.notes if "left out" in note][:3])
     return (

@@ -231,3 +231,10 @@ def test_python_is_answered_in_python(log: object, options: dict[str, object], p
     with pytest.raises(ValueError, match=pattern) as refusal:
         identify_log(log, **options)  # type: ignore[arg-type]
     assert "--" not in str(refusal.value)
+
+
+def test_names_that_are_not_known_are_not_guessed(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("Zeit;Drehrate X;Drehrate Y\n0,00;0,001;0,002\n0,01;0,002;0,001\n")
+    with pytest.raises(DataError, match=r"found Zeit, Drehrate X, Drehrate Y; .* 'gyro_x=NAME'$"):
+        read(path)
