@@ -66,6 +66,8 @@ SMOOTH_SHARE = 1.0 / 8.0
 """Fourth difference of single codes ÷ that of pairs, up to which it is that of a law: half of 1/16 more than that."""
 MIN_UNEVENNESS = 0.1
 """Relative sd of the widths of codes that is a finding: it adds 1 % to the variance of rounding."""
+MAX_EVEN_CHANCE = 0.05
+"""Chance of such counts of even codes below which the widths may differ: one even converter in twenty."""
 MIN_UNEVEN_STEP, MAX_UNEVEN_STEP = 0.1, 0.8
 """Step ÷ sd of the fast noise: below, widths do no harm, as missing codes do none; above, no five codes are filled."""
 MAX_FILLED = 20.0
@@ -218,6 +220,25 @@ def read_codes(pieces: Sequence[FloatArray], step: float, samples_a_mean: int = 
         uneven, p_uneven = _unevenness(count)
         p_value, uneven = (p_uneven, uneven) if uneven > MIN_UNEVENNESS else (p_value, 0.0)
     return Codes(white_sd, coarse, deadband, len(holes), p_value, uneven)
+
+
+def may_be_uneven(y: FloatArray, step: float) -> bool:
+    """Return whether the codes of samples (n,) may differ in width by `MIN_UNEVENNESS`, which makes another law.
+
+    They seem to, or those with samples are too few to show it. Widths far below the noise, and those over which a level
+    moves, do no harm.
+    """
+    quiet = float(np.median(np.abs(fast_part(y)))) / normal_reach(0.5)
+    place = (y - np.median(y)) / step
+    code = np.round(place)
+    code = code[np.abs(place - code) < MAX_CODE_DISTANCE].astype(np.int64)
+    if step <= MIN_UNEVEN_STEP * quiet or not len(code) or np.ptp(code) > MAX_CODES:
+        return False
+    count = np.bincount(code - code.min())
+    if np.count_nonzero(count >= MIN_CODE_COUNT) * step >= MAX_FILLED * quiet:
+        return False
+    uneven, chance = _unevenness(count)
+    return chance == 1.0 or (uneven > MIN_UNEVENNESS and chance < MAX_EVEN_CHANCE)
 
 
 def _unevenness(count: NDArray[np.int64]) -> tuple[float, float]:

@@ -5,6 +5,7 @@ that the catalogue lacks. Its weight, a likelihood ratio as that of every altern
 
 - what is left unexplained of the kind that the cause is about ÷ what the cause explains, 1 where more is left of all
   kinds together than it explains, and
+- one for the law of samples whose codes may differ in width, which stands as ``lattice``, and
 - the likelihood of a shape that no cause has, in place of the named cause: three levels for two, a change of slope,
   powers and the logarithm of time for a transient, and for causes that bend the spectrum power-law noise f^α with an α
   that is none of 0, −1 and −2 (white, flicker, random walk)::
@@ -22,6 +23,7 @@ from numpy.typing import NDArray
 
 from models.noise import BiasInstability, RandomWalk
 from tuner.diagnosis.cause import Group
+from tuner.diagnosis.data_quality.quantizer import may_be_uneven
 from tuner.diagnosis.static.causes.base import Extension
 from tuner.diagnosis.static.causes.comb import Comb
 from tuner.diagnosis.static.causes.line import Line, resonance_lead
@@ -41,6 +43,8 @@ from tuner.types import Alternative
 
 FloatArray = NDArray[np.float64]
 
+LATTICE = "lattice"
+"""Cause of a quantizer that shows."""
 MIN_LEFT_SHARE = 0.05
 """Share of what a finding explains above which what it leaves makes it uncertain: a likelihood ratio of 20."""
 OF_GROUPS: Mapping[str, tuple[Group, ...]] = {
@@ -60,6 +64,8 @@ OF_GROUPS: Mapping[str, tuple[Group, ...]] = {
     Transients.cause: ("distribution", "slow part"),
 }
 """Groups of the causes that statistics without one are about."""
+OF_THE_LAW = ("skewed_noise", "heavy_tails")
+"""Causes that are a law of the samples."""
 CORRELATED = ("gauss_markov", "lowpass", "colour")
 """Causes that bend the spectrum over decades."""
 TRIED_EXPONENTS = (-0.25, -0.5, -0.75, -1.25, -1.5, -1.75)
@@ -93,7 +99,11 @@ def with_unknown(outcome: SearchResult) -> tuple[Accepted, ...]:
         weight = max(weight, *(a.score for a in accepted.alternatives if a.cause == UNKNOWN), 0.0)
         known = tuple(a for a in accepted.alternatives if a.cause != UNKNOWN)
         unknown = (Alternative(UNKNOWN, weight),) if weight else ()
-        twin = _transient_twin(outcome.final, index, accepted) + _line_twin(outcome.final, index, accepted)
+        twin = (
+            *_transient_twin(outcome.final, index, accepted),
+            *_line_twin(outcome.final, index, accepted),
+            *_code_twin(outcome.final.channel, accepted),
+        )
         found.append(replace(accepted, alternatives=(*known, *twin, *unknown)))
     return tuple(found)
 
@@ -123,6 +133,15 @@ def _transient_twin(fitted: Residual, index: int, accepted: Accepted) -> tuple[A
     likeliest = tried[scores.best].likeliest(bare)
     lead = extended(bare, likeliest).fit.log_likelihood - fitted.fit.log_likelihood
     return (Alternative(Warmup.cause, float(np.exp(min(lead, 0.0)))),) if lead > -NEAR_TWIN_NATS else ()
+
+
+def _code_twin(channel: Channel, accepted: Accepted) -> tuple[Alternative, ...]:
+    """Return the quantizer as the twin of a law of samples whose codes may differ in width."""
+    known = any(a.cause == LATTICE for a in accepted.alternatives)
+    if accepted.extension.cause not in OF_THE_LAW or known or channel.quantizer_step == 0.0:
+        return ()
+    uneven = may_be_uneven(channel.y[channel.valid], channel.quantizer_step)
+    return (Alternative(LATTICE, 1.0),) if uneven else ()
 
 
 def _line_twin(fitted: Residual, index: int, accepted: Accepted) -> tuple[Alternative, ...]:

@@ -14,7 +14,7 @@ from models.effects import Samples, hide
 from models.effects.static.sampling import Clipping, Duplicates, Quantizer
 from models.noise import BiasInstability, NoiseModel, RandomWalk, White
 from tuner.diagnosis.data_quality import DataQualityTest, data_quality_tests
-from tuner.diagnosis.data_quality.quantizer import quantizer_step, read_codes
+from tuner.diagnosis.data_quality.quantizer import may_be_uneven, quantizer_step, read_codes
 from tuner.diagnosis.data_quality.repeated_samples import chance_equality, find_repeated_samples
 from tuner.diagnosis.data_quality.saturation import rails
 from tuner.simulation.static import Channel, simulate
@@ -388,6 +388,24 @@ def test_codes_of_uneven_width_are_reported_and_no_law_of_the_noise():
     humps = white + 2.0 * rng.choice([-1.0, 1.0], n)
     for y in (white, rng.standard_t(4, n), rng.uniform(-2.0, 2.0, n), rng.standard_gamma(3.0, n), humps):
         assert read_codes([0.4 * np.round(y / 0.4)], 0.4).unevenness == 0.0
+
+
+def test_a_law_of_samples_is_doubted_where_their_codes_may_differ_in_width():
+    """Widths that scatter by a third, which 15 codes may not prove; codes of an sd, too few to show it.
+
+    Not widths that are alike.
+    """
+    rng = np.random.default_rng(23)
+    white = rng.standard_normal(60_000)
+    doubted = 0
+    for _ in range(10):
+        edges = np.cumsum(0.35 * np.maximum(1.0 + 0.33 * rng.standard_normal(200), 0.05))
+        doubted += may_be_uneven(0.35 * np.searchsorted(edges, white + edges[100]), 0.35)
+    assert doubted == 10
+    skewed = (rng.standard_gamma(6.0, 60_000) - 6.0) / np.sqrt(6.0)
+    for y in (white, skewed):
+        assert not any(may_be_uneven(step * np.round(y / step), step) for step in (0.05, 0.3, 0.5))
+    assert may_be_uneven(np.round(white), 1.0)
 
 
 @pytest.mark.parametrize(("step", "found"), [(1.2, []), (2.5, ["lattice"])])
