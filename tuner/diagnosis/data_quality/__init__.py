@@ -107,7 +107,7 @@ def data_quality_tests(record: Record) -> tuple[DataQualityTest, ...]:
     """
     stuck = frozen_stretches(record)
     single = {axis: without_frozen(record, (axis,), stuck).pieces(axis) for axis in record.axes}
-    steps = {axis: quantizer_step(pieces) for axis, pieces in single.items()}
+    steps = {axis: quantizer_step(pieces, record.samples_a_mean) for axis, pieces in single.items()}
     repeated = duplicates(record, steps, stuck)
     lines: dict[str, Lines] = {}
     tests = [timing(record), *stuck, *repeated]

@@ -106,7 +106,7 @@ class Codes:
     unevenness: float = 0.0
 
 
-def quantizer_step(pieces: Sequence[FloatArray]) -> float:
+def quantizer_step(pieces: Sequence[FloatArray], samples_a_mean: int = 1) -> float:
     """Return the quantizer step of which all values are multiples, unit; 0 where there is none.
 
     Parameters
@@ -114,6 +114,8 @@ def quantizer_step(pieces: Sequence[FloatArray]) -> float:
     pieces : sequence of ndarray, shape (n,)
         Samples; steps may carry the rounding of a decimal print-out (2 % of a step). The rarest 3 % of the
         samples may lie between codes, as interpolated ones do, where codes are so few that they repeat.
+    samples_a_mean : int
+        Samples of which each value is the mean: those of samples in single precision carry its rounding.
     """
     some = np.concatenate([piece[:MAX_VALUES] for piece in pieces])[:MAX_VALUES]
     values, count = np.unique(some, return_counts=True)
@@ -123,7 +125,8 @@ def quantizer_step(pieces: Sequence[FloatArray]) -> float:
     if len(values) < 2:
         return 0.0
     largest = np.abs(values).max()
-    found = (_step_of(values, 8.0 * float(np.spacing(kind(largest)))) for kind in (np.float64, np.float32))
+    kinds = (np.float64, np.float32) if samples_a_mean > 1 else (np.float64,)
+    found = (_step_of(values, 8.0 * float(np.spacing(kind(largest)))) for kind in kinds)
     return next((step for step in found if step), 0.0)
 
 
