@@ -6,10 +6,10 @@ samples exceed a rail r with ::
     p = exp(−ρ²E) for none at all,   E = Σ_t Φ(−(r − prediction_t)/σ_t)
 
 where ρ ≤ 1, the samples found beyond a level half a sd inside the rail ÷ those expected there, guards against
-noise whose tails are lighter than normal. At a rail all that should have exceeded it lies on one value: where
-the quantizer is fine enough to show it, the count there is also compared with the tail inside it, continued as a
-parabola in the logarithm. Both chances must be small. With a coarse quantizer noise with hard ends of its own,
-such as a uniform one, looks clipped.
+noise whose tails are lighter than normal. At a rail all that should have exceeded it lies on one value: ρ²E samples
+or nearly so must be there, as at the steep end of skewed noise they are not, and where the quantizer is fine enough to
+show it, the count there is also compared with the tail inside it, continued as a parabola in the logarithm. Both
+chances must be small. With a coarse quantizer noise with hard ends of its own, such as a uniform one, looks clipped.
 
 Where values are fine, equal values at the end are enough by themselves: the c outermost samples of a tail that falls
 by the rate λ lie within a step δ of each other with the chance [1]_ ::
@@ -50,6 +50,11 @@ MAX_PREDICTED_STEP = 1.2
 """Step ÷ σ above which prediction errors of rounded samples are too far from normal for E.
 
 Up to a step of one σ the variance is σ² + step²/12 within 1e-7 wherever the mean lies; at two σ it varies by 2 %.
+"""
+MIN_KEPT_SHARE = 0.7
+"""Least samples at a rail ÷ those that should have exceeded it, ρ²E: 1 and more where all of them stay there.
+
+With it 175 of 180 rails at 1.5 … 3.5 sds of normal, heavy-tailed and skewed noise are found, as many as without.
 """
 MAX_COUNTED_STEP = 0.15
 """Largest step ÷ sd at which samples that saturate show in the count at the rail.
@@ -142,6 +147,8 @@ def _upper_end(pieces: Sequence[FloatArray], step: float) -> Rail:
     inside = _crossings(pieces, errors, edges[1], step)
     lightness = min(1.0, beyond[1] / inside) if inside > 0.0 else 1.0
     p_value = math.exp(-crossings * lightness**2)
+    if count < MIN_KEPT_SHARE * crossings * lightness**2:  # what saturates stays at the rail
+        p_value = 1.0
     if step <= MAX_COUNTED_STEP * spread:
         p_value = max(p_value, _pile(count, beyond[1] - count, beyond[2] - beyond[1], step, width, spread))
         if _reachable(pieces, level, slack, count, crossings, spread):

@@ -418,3 +418,12 @@ def test_means_of_rounded_samples_in_single_precision_have_their_step_and_no_rai
     assert rejected(tests) == found
     (codes_test,) = (test for test in tests if test.cause == "lattice")
     assert codes_test.parameters["step"].value == pytest.approx(1e-3 * step, rel=1e-4)
+
+
+@pytest.mark.parametrize(("step", "seed"), [(0.15, 9), (0.188, 13), (0.515, 3)])
+def test_the_steep_end_of_skewed_noise_is_no_rail(step, seed):
+    """Gamma noise of skewness 0.8: some ten samples end it where a normal law has a thousand beyond."""
+    rng = np.random.default_rng((77, seed))
+    y = (rng.standard_gamma(6.0, 100_000) - 6.0) / np.sqrt(6.0) + rng.uniform()
+    low, high = rails([step * np.round(y / step)], step)
+    assert min(low.p_value, high.p_value) > 0.01
