@@ -33,7 +33,7 @@ from models.effects.drive.gnss import middle_of
 from tuner.navigation.fix_sd_model import GNSS_NOISE_SCALE, fix_sd_model
 from tuner.navigation.settings import FilterSettings
 from tuner.types import Compensation
-from tuner.types.records import Drive, Gnss
+from tuner.types.records import Drive
 
 FloatArray = NDArray[np.float64]
 
@@ -54,20 +54,9 @@ def correction(compensation: Compensation) -> Correction:
     return answer
 
 
-def corrected_stamps(t: FloatArray, change: Correction, stamps: FloatArray | None = None) -> FloatArray:
-    """Return the times of fixes on the clock of the inertial unit.
-
-    Parameters
-    ----------
-    t : ndarray, shape (k,)
-        Their stamps, s.
-    change : Correction
-        Of the drive.
-    stamps : ndarray, shape (n,), optional
-        All stamps between which a drifting clock is counted from the middle, s; those of the fixes where None.
-    """
-    middle = middle_of(t if stamps is None else stamps)
-    return np.asarray(t - change.fix_delay - change.fix_delay_rate * (t - middle))
+def corrected_stamps(t: FloatArray, change: Correction) -> FloatArray:
+    """Return the times of fixes on the clock of the inertial unit, from all their stamps t (k,)."""
+    return np.asarray(t - change.fix_delay - change.fix_delay_rate * (t - middle_of(t)))
 
 
 def compensate(drive: Drive, compensation: Compensation) -> Drive:
@@ -76,13 +65,12 @@ def compensate(drive: Drive, compensation: Compensation) -> Drive:
         return drive
     change = correction(compensation)
     rates = np.asarray(np.linalg.solve(change.sensor_matrix, drive.rates.T).T, dtype=float)
-
-    def corrected(fixes: Gnss) -> Gnss:
-        vel_n = (fixes.vel_n - change.velocity_offset) @ change.velocity_rotation
-        return replace(fixes, t=corrected_stamps(fixes.t, change, drive.gnss.t), vel_n=vel_n)
-
-    gnss, aligning = corrected(drive.gnss), drive.alignment_fixes
-    aligning = None if aligning is None else corrected(aligning)
+    gnss = drive.gnss
+    gnss = replace(
+        gnss,
+        t=corrected_stamps(gnss.t, change),
+        vel_n=(gnss.vel_n - change.velocity_offset) @ change.velocity_rotation,
+    )
     if drive.mounting is not None:
         drive = replace(drive, mounting=drive.mounting @ change.mounting)
     offset, arm = change.lever_arm, drive.lever_arm
@@ -91,7 +79,7 @@ def compensate(drive: Drive, compensation: Compensation) -> Drive:
             offset = drive.mounting.T @ offset
         x, y, z = (np.array(arm or (0.0, 0.0, 0.0)) + offset).tolist()
         arm = (x, y, z)
-    return replace(drive, rates=rates, gnss=gnss, alignment_fixes=aligning, lever_arm=arm)
+    return replace(drive, rates=rates, gnss=gnss, lever_arm=arm)
 
 
 def compensate_settings(settings: FilterSettings, compensation: Compensation) -> FilterSettings:

@@ -248,8 +248,6 @@ class Drive:
         Name of the file and SHA-256 of its content.
     notes : tuple of str
         Every repair that was made, with its count.
-    alignment_fixes : Gnss or None
-        The fixes that align the drive where `gnss` are only some of them, or have gross outliers; None: `gnss`.
     """
 
     name: str
@@ -263,4 +261,3 @@ class Drive:
     source: str = ""
     digest: str = ""
     notes: tuple[str, ...] = ()
-    alignment_fixes: Gnss | None = None

@@ -30,8 +30,7 @@ from tuner.diagnosis.drive.hypothesis import FilterRun, run_filter
 from tuner.diagnosis.drive.linear_model.likelihood import as_configured, evaluate
 from tuner.navigation.drive.run import reported_sds
 from tuner.navigation.settings import ACCELS, GYROS
-from tuner.types import GnssNoise
-from tuner.types.records import DataError, Drive, Gnss
+from tuner.types.records import DataError, Drive
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -84,24 +83,17 @@ def with_more_noise(drive: Drive, run: FilterRun, rng: np.random.Generator) -> D
             rates[:, i] += channel.random_walk_density * np.sqrt(step) * walk
         for state in channel.markov:
             rates[:, i] += state.sd * _markov((len(rates),), step / state.time_constant, rng)
-    gnss, aligning = drive.gnss, drive.alignment_fixes
+    gnss = drive.gnss
     sd = reported_sds(gnss, run.settings)
     sd[run.index] = run.linearized.sd
-    fixes = _noisier_fixes(gnss, sd, config.gnss, rng)
-    if aligning is not None:
-        aligning = _noisier_fixes(aligning, reported_sds(aligning, run.settings), config.gnss, rng)
-    return replace(drive, rates=rates, gnss=fixes, alignment_fixes=aligning)
-
-
-def _noisier_fixes(gnss: Gnss, sd: FloatArray, noise: GnssNoise | None, rng: np.random.Generator) -> Gnss:
-    """Return fixes with white errors of sds (k, 6) and the correlated errors of a receiver's noise added."""
     errors = sd * rng.standard_normal(sd.shape)
-    step = float(np.median(np.diff(gnss.t)))
-    if noise is not None:
-        for state in noise.correlated:
-            axes = state.sd * np.array([1.0, 1.0, noise.correlated_down])
+    if config.gnss is not None:
+        step = float(np.median(np.diff(gnss.t)))
+        for state in config.gnss.correlated:
+            axes = state.sd * np.array([1.0, 1.0, config.gnss.correlated_down])
             errors[:, :3] += axes * _markov((len(gnss), 3), step / state.time_constant, rng)
-    return replace(gnss, llh=llh_displaced(gnss.llh, errors[:, :3]), vel_n=gnss.vel_n + errors[:, 3:])
+    fixes = replace(gnss, llh=llh_displaced(gnss.llh, errors[:, :3]), vel_n=gnss.vel_n + errors[:, 3:])
+    return replace(drive, rates=rates, gnss=fixes)
 
 
 def _markov(shape: tuple[int, ...], rate: float, rng: np.random.Generator) -> FloatArray:

@@ -90,13 +90,8 @@ def fitted_before(drive: Drive, outcome: SearchResult, cut: float) -> Hypothesis
     final = outcome.final.hypothesis
     kept = drive.gnss.t < cut
     inertial = drive.imu_t < cut + 1.0
-    aligning = drive.alignment_fixes
     part = replace(
-        drive,
-        imu_t=drive.imu_t[inertial],
-        rates=drive.rates[inertial],
-        gnss=drive.gnss.rows(kept),
-        alignment_fixes=None if aligning is None else aligning.rows(aligning.t < cut),
+        drive, imu_t=drive.imu_t[inertial], rates=drive.rates[inertial], gnss=drive.gnss.rows(kept)
     )
     own = replace(
         final,

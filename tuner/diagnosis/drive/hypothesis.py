@@ -29,13 +29,12 @@ from tuner.navigation.compensation import (
     correction,
 )
 from tuner.navigation.data import Solution
-from tuner.navigation.drive.gross_outliers import without_gross_outliers
 from tuner.navigation.drive.run import Stretch, initial_estimates, navigate, prepare, reported_sds
 from tuner.navigation.drive.thinning import irregular_rows
 from tuner.navigation.fix_sd_model import GNSS_NOISE_SCALE, FixSdModel
 from tuner.navigation.settings import FilterSettings, filter_settings
 from tuner.types import ChannelNoise, Compensation, FilterConfig, Parameter
-from tuner.types.records import Drive, Gnss
+from tuner.types.records import Drive
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -222,15 +221,9 @@ def placed_in_sensor_axes(drive: Drive) -> Drive:
 
 
 def thin_fixes(drive: Drive) -> tuple[Drive, int]:
-    """Return the drive with at most `MAX_FIXES` fixes at irregular distances, and of how many one was kept.
-
-    It is aligned as `navigate` aligns it, by all fixes but gross outliers.
-    """
+    """Return the drive with at most `MAX_FIXES` fixes at irregular distances, and of how many one was kept."""
     rows = irregular_rows(len(drive.gnss), MAX_FIXES)
-    every, positions, velocities = without_gross_outliers(drive.gnss)
-    same = len(rows) == len(drive.gnss) and not positions and not velocities
-    thinned = replace(drive, gnss=drive.gnss.rows(rows), alignment_fixes=None if same else every)
-    return thinned, round(len(drive.gnss) / len(rows))
+    return replace(drive, gnss=drive.gnss.rows(rows)), round(len(drive.gnss) / len(rows))
 
 
 def filter_settings_of(drive: Drive, hypothesis: Hypothesis) -> FilterSettings:
@@ -246,26 +239,17 @@ def filter_settings_of(drive: Drive, hypothesis: Hypothesis) -> FilterSettings:
 def corrected_drive(drive: Drive, hypothesis: Hypothesis) -> Drive:
     """Return the drive as a hypothesis has it: compensated, without jumps, without the fixes left out."""
     drive = compensate(drive, hypothesis.compensation)
+    gnss = drive.gnss
     for jump in hypothesis.jumps:
         first = 0 if jump.sensor == "gyro" else 3
         rates = drive.rates.copy()
         rates[drive.imu_t > jump.time, first : first + 3] -= jump.size
         drive = replace(drive, rates=rates)
-    stamps, aligning = drive.gnss.t, drive.alignment_fixes
-    gnss = _without(drive.gnss, hypothesis.position_out, hypothesis.velocity_out)
-    if aligning is not None:
-        out = (
-            np.isin(aligning.t, stamps[rows]) for rows in (hypothesis.position_out, hypothesis.velocity_out)
-        )
-        aligning = _without(aligning, *out)
-    return replace(drive, gnss=gnss, alignment_fixes=aligning)
-
-
-def _without(gnss: Gnss, position_out: BoolArray, velocity_out: BoolArray) -> Gnss:
-    """Return fixes (k,) without those whose position, and the velocities whose velocity alone, is left out, (k,)."""
-    if velocity_out.any():
-        gnss = replace(gnss, vel_n=np.where(velocity_out[:, None], np.nan, gnss.vel_n))
-    return gnss.rows(~position_out) if position_out.any() else gnss
+    if hypothesis.velocity_out.any():
+        gnss = replace(gnss, vel_n=np.where(hypothesis.velocity_out[:, None], np.nan, gnss.vel_n))
+    if hypothesis.position_out.any():
+        gnss = gnss.rows(~hypothesis.position_out)
+    return replace(drive, gnss=gnss)
 
 
 def run_filter(drive: Drive, hypothesis: Hypothesis) -> FilterRun:

@@ -123,8 +123,6 @@ def prepare(
     gnss, axes = with_axes_found(drive.gnss, drive.source)
     if axes is not None:
         notes.append(f"velocities of the receiver are {axes}, not north-east-down: turned")
-    aligning = drive.alignment_fixes
-    aligning = gnss if aligning is None else with_axes_found(aligning, drive.source)[0]
     notes += refuse_wrong_units(drive, gnss)
     if clock.note:
         notes.append(clock.note)
@@ -150,7 +148,7 @@ def prepare(
             continue
         steps = Steps(float(t[0]), np.diff(t), rates[first + 1 : last] * np.diff(t)[:, None])
         try:
-            stretch = _aligned_stretch(steps, gnss, aligning, settings, clock)
+            stretch = _aligned_stretch(steps, gnss, settings, clock)
         except DataError as error:
             failure = str(error)
             notes.append(f"the stretch from {t[0]:.1f} to {t[-1]:.1f} s left out: {error}")
@@ -307,20 +305,19 @@ def _initial_covariance(
     return among @ p @ among.T
 
 
-def _aligned_stretch(
-    steps: Steps, gnss: Gnss, aligning: Gnss, settings: FilterSettings, clock: Clock
-) -> Stretch:
-    """Align a stretch by fixes `aligning`, the fixes that are filtered on the clock of the inertial unit."""
+def _aligned_stretch(steps: Steps, gnss: Gnss, settings: FilterSettings, clock: Clock) -> Stretch:
+    """Align a stretch, its fixes on the clock of the inertial unit."""
     ends = steps.ends()
-    own, together = (g.rows((g.t > ends[0]) & (g.t < ends[-1])) for g in (gnss, aligning))
-    if (few := min(len(own), len(together))) < 10:
-        msg = f"{few} fixes"
+    inside = (gnss.t > ends[0]) & (gnss.t < ends[-1])
+    own = gnss.rows(inside)
+    if len(own) < 10:
+        msg = f"{len(own)} fixes"
         raise DataError(msg)
     at = settings.model.layout
     bias_sd = np.concatenate([settings.initial_sd[at["gyro_bias"]], settings.initial_sd[at["accel_bias"]]])
-    if clock.lag and np.count_nonzero(np.isfinite(together.vel_n).all(axis=1)) > 1:
-        vel_n = velocities_at(together.t, together.vel_n, together.t + clock.lag)
-        together = replace(together, vel_n=vel_n)
+    together = own
+    if clock.lag and np.count_nonzero(np.isfinite(own.vel_n).all(axis=1)) > 1:
+        together = replace(own, vel_n=velocities_at(own.t, own.vel_n, own.t + clock.lag))
     a = align(steps, _shifted(together, clock.delay), offset=0.0, bias_sd=bias_sd)
     return _timed(steps, own, replace(a, delay=clock.delay), settings, clock.lag)
 

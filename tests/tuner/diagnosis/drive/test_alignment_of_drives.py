@@ -13,16 +13,10 @@ from tuner.catalogue.grades import load_gnss, load_grade
 from tuner.consistency.drive_scores import differences
 from tuner.consistency.score_drive import navigate_drive
 from tuner.diagnosis.drive import diagnose_drive
-from tuner.diagnosis.drive.hypothesis import thin_fixes
-from tuner.navigation.compensation import compensate
 from tuner.navigation.data import Steps
 from tuner.navigation.drive.alignment import align
-from tuner.navigation.drive.gross_outliers import without_gross_outliers
-from tuner.navigation.drive.run import prepare
-from tuner.navigation.settings import filter_settings
 from tuner.simulation.drive import simulate_drive
 from tuner.synthesis.load_config import load_config
-from tuner.types import Compensation
 
 AXES = tuple(f"{sensor}_{axis}" for sensor in ("gyro", "accel") for axis in "xyz")
 ARM = (1.0, 0.5, -1.2)
@@ -84,26 +78,6 @@ def test_after_a_gap_the_start_knows_the_clock(drive, configuration):
         position, attitude = _nees(drive, solution)
         assert position < 5.0
         assert attitude < 5.0
-
-
-def test_a_diagnosis_aligns_by_all_fixes_without_gross_outliers(configuration):
-    """As `navigate` does, whatever the clocks; by the thinned fixes, outliers among them, it began elsewhere."""
-    receiver = replace(load_gnss("rtk"), interval=0.1)
-    simulated, _ = simulate_drive(
-        load_grade("stim300"), TRAJECTORIES["city"](150.0), receiver, rate=50.0, seed=8
-    )
-    wrong = simulated.gnss.vel_n.copy()
-    wrong[3::9] += 10.0
-    simulated = replace(simulated, gnss=replace(simulated.gnss, vel_n=wrong))
-    thinned, every = thin_fixes(simulated)
-    assert every == 2
-    cleaned = replace(simulated, gnss=without_gross_outliers(simulated.gnss)[0])
-    settings = filter_settings(configuration)
-    navigated, diagnosed = (prepare(one, settings)[0][0].alignment for one in (cleaned, thinned))
-    np.testing.assert_array_equal(diagnosed.quat_nb, navigated.quat_nb)
-    assert diagnosed.heading_sd == navigated.heading_sd
-    moved = compensate(thinned, Compensation.parse({"time_offset.delay": 0.1, "clock_drift.rate": 1e-4}))
-    assert np.isin(moved.gnss.t, moved.alignment_fixes.t).all()
 
 
 @pytest.mark.parametrize("interval", [1.5, 3.0])
