@@ -136,13 +136,14 @@ def _step_of(values: FloatArray, grain: float) -> float:
     Values of one code lie within it: sums of numbers in single precision do in its grain, not in that of doubles.
     """
     gaps = np.diff(values)
-    apart = np.flatnonzero(gaps > grain)
-    if not len(apart):
+    apart = gaps > grain
+    if not apart.any():
         return 0.0
-    firsts, lasts = values[np.append(0, apart + 1)], values[np.append(apart, len(values) - 1)]
-    if np.any(lasts - firsts > grain):
-        return 0.0
-    gaps = gaps[apart]
+    if not apart.all():
+        ends = np.append(np.flatnonzero(apart), len(gaps))
+        if np.any(values[ends] - values[np.append(0, ends[:-1] + 1)] > grain):
+            return 0.0
+        gaps = gaps[apart]
     least = float(gaps.min())
     for divisor in range(1, 7):
         step = least / divisor
