@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 
 from tuner.diagnosis.data_quality.copied_samples import Lines, Packets, find_lines, find_packets
 from tuner.diagnosis.data_quality.copied_stretches import find_copied_stretches
-from tuner.diagnosis.data_quality.error_codes import ErrorCodes, find_error_codes, without_error_codes
 from tuner.diagnosis.data_quality.frozen import Frozen, cut, frozen, together
 from tuner.diagnosis.data_quality.overflow import find_overflow, unwrapped
 from tuner.diagnosis.data_quality.quantizer import quantizer_step, read_codes
@@ -28,6 +27,7 @@ from tuner.diagnosis.data_quality.repeated_samples import find_repeated_samples
 from tuner.diagnosis.data_quality.resampled import find_resampled
 from tuner.diagnosis.data_quality.saturation import rails
 from tuner.diagnosis.data_quality.slower_source import find_slower_source, new_readings
+from tuner.segments.error_codes import ErrorCodes, find_error_codes, without_error_codes
 from tuner.types import Coefficient
 from tuner.types.records import Record
 

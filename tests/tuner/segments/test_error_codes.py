@@ -9,9 +9,9 @@ import pytest
 
 from models.noise import White
 from tuner.diagnosis import diagnose
-from tuner.diagnosis.data_quality.error_codes import find_error_codes
 from tuner.identification import identify
 from tuner.pipeline import identified_again
+from tuner.segments.error_codes import find_error_codes
 from tuner.synthesis.findings import with_notes_on_findings
 from tuner.types.records import Record
 
