@@ -38,6 +38,8 @@ TRIED_SAMPLES = 8192
 """Samples, drawn anywhere, whose frequent values are looked at: a code of one sample in a thousand comes 8 times."""
 TRIED_VALUES = 6
 """Values of these that are looked at, beside zero and both ends: those that most exceed their neighbours."""
+MAX_DRAWN_SDS = 5.0
+"""Sds, of a Poisson number, by which a code may come less often among them than `MAX_CODE_RATIO` asks."""
 MAX_CODES = 1
 """Values that may come so often; more are codes of a converter under the means, or the interpolation, of a program."""
 MIN_COUNT = 3
@@ -171,9 +173,11 @@ def _code(y: FloatArray) -> tuple[float, BoolArray, float] | None:
     values, number = np.unique(drawn, return_counts=True)
     if len(values) < MIN_COUNT:
         return None
-    beside = np.maximum(np.append(number[1:], 0), np.append(0, number[:-1]))
-    most = np.argsort(-number / (beside + 1.0), kind="stable")[:TRIED_VALUES]
-    tried = [*values[most[number[most] >= MIN_COUNT]].tolist(), float(y.min()), float(y.max()), 0.0]
+    below, above = np.append(0, number[:-1]), np.append(number[1:], 0)
+    most = np.argsort(-number / (np.maximum(below, above) + 1.0), kind="stable")[:TRIED_VALUES]
+    often = number + MAX_DRAWN_SDS * np.sqrt(number) >= MAX_CODE_RATIO * np.sqrt(below * above)
+    likely = most[often[most] & (number[most] >= MIN_COUNT)]
+    tried = [*values[likely].tolist(), float(y.min()), float(y.max()), 0.0]
     found = [one for value in dict.fromkeys(tried) if (one := _judged(y, value, drawn, values))]
     if len(found) > MAX_CODES:
         return None
