@@ -16,7 +16,6 @@ from models.sensors import SensorGrade
 from tuner.catalogue.grades import DEFAULT_RECEIVER, load_grade
 from tuner.compile_ahead import compiled_ahead
 from tuner.diagnosis import diagnose
-from tuner.diagnosis.data_quality import without_codes
 from tuner.diagnosis.data_quality.overflow import without_overflow
 from tuner.diagnosis.static.position_drift import found_signals
 from tuner.exporters import DIALECTS, dialect_named, export, lacking
@@ -307,12 +306,10 @@ def identified_again(
 ) -> tuple[tuple[Record, ...], Identification]:
     """Return records and their noise without what the findings take out of them; as given where they take nothing.
 
-    Wrapped samples are put back, error codes and motion are left out, unless too little would be left.
+    Wrapped samples are put back, and motion is left out, unless too little would be left.
     """
-    bad = any(one.cause == "error_code" for one in findings)
-    measured = tuple(without_codes(record)[0] for record in still) if bad else still
     widths = {axis: one.value for one in findings if one.cause == "overflow" for axis in one.channels}
-    whole = tuple(without_overflow(record, widths) for record in measured)
+    whole = tuple(without_overflow(record, widths) for record in still)
     resting = tuple(without_motion(record, findings) for record in whole)
 
     def noise(records: tuple[Record, ...]) -> Identification:

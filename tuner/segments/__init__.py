@@ -1,1 +1,1 @@
-"""Parts of a log: at rest, at one temperature, in several positions; calibration from these."""
+"""Parts of a log: at rest, without error codes, at one temperature, in several positions; calibration from these."""

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
+from tuner.segments.error_codes import find_error_codes, without_error_codes
 from tuner.segments.stand_stills import MIN_PART_SECONDS, MIN_SECONDS
 from tuner.segments.stationary import Segments, cut_to_still, find_motion
 from tuner.types.records import DataError, Record
@@ -54,14 +55,14 @@ def clocks(records: Sequence[Record]) -> list[list[Record]]:
 
 
 def at_rest(records: Sequence[Record], say: Callable[[str], None] = lambda _: None) -> tuple[Record, ...]:
-    """Return the records cut to the parts in which the sensor stood still.
+    """Return the records without error codes, cut to the parts in which the sensor stood still.
 
     Parameters
     ----------
     records : sequence of Record
         Sensors of one log; those on one clock are judged together.
     say : callable, optional
-        Receives a line about any motion.
+        Receives a line about error codes and any motion.
 
     Raises
     ------
@@ -76,12 +77,17 @@ def at_rest(records: Sequence[Record], say: Callable[[str], None] = lambda _: No
             return group
         return cut_to_still(group, motion)
 
-    answer = _by_clock(records, cut)
+    answer = _by_clock(without_codes(records), cut)
     for line in dict.fromkeys(
         note for new, old in zip(answer, records, strict=True) for note in new.notes if note not in old.notes
     ):
         say(line)
     return answer
+
+
+def without_codes(records: Sequence[Record]) -> tuple[Record, ...]:
+    """Return the records with other rows in place of error codes, which are no motion; those without any as given."""
+    return tuple(without_error_codes(record, find_error_codes(record)) for record in records)
 
 
 def expect_rest(records: Sequence[Record]) -> None:
@@ -157,8 +163,9 @@ def still_parts(records: Sequence[Record]) -> tuple[Part, ...]:
         Fewer than two stretches of `MIN_PART_SAMPLES` samples.
     """
     first = _one_clock(records)
-    resting, _ = without_knocks(records)
-    still = [piece for piece in find_motion(records).still if piece[1] - piece[0] >= MIN_PART_SAMPLES]
+    measured = without_codes(records)
+    resting, _ = without_knocks(measured)
+    still = [piece for piece in find_motion(measured).still if piece[1] - piece[0] >= MIN_PART_SAMPLES]
     longest = sorted(sorted(still, key=lambda piece: piece[0] - piece[1])[:MAX_PARTS])
     if len(longest) < 2:
         msg = (

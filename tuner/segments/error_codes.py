@@ -3,13 +3,17 @@
 A driver that has no sample writes a number nevertheless: zero, the end of the range, the last sample before the loss.
 One value v that comes m times is such a code where
 
-- it lies apart: no other sample comes near it (`APART_DISTANCE` sds, and as many quantizer steps), and samples before
-  and after are as usual. Glitches of any size would rather lie elsewhere in the distance g to the next sample: m of
-  them take one value, D wide, with the chance (D/g)^(m−1);
+- it lies apart: no other sample comes near it (`APART_DISTANCE` sds, and as many quantizer steps) but in motion, and
+  samples before and after are as usual. Glitches of any size would rather lie elsewhere in the distance g to the next
+  sample: m of them take one value, D wide, with the chance (D/g)^(m−1);
 - or it comes more often than the values on both sides of it allow: Poisson, `MAX_CODE_RATIO` times the geometric mean
   of the most frequent on either side, as in a law without an edge, or of those on its one side. Nothing is said above
   a quantizer step of one sd, where values next to v are missing, as in a dead band, or where the tail of the noise
-  beyond v may hold m samples: a rail.
+  beyond v may hold m samples, by normal noise or by outliers as many as lie near v: a rail.
+
+More than one such value is the work of a converter, but for two that lie apart at both ends of all samples: the full
+scale of a register. Rows next to which samples change as noise does not are none: there the unit moves, and the value
+is a rail.
 
 Axes of one sensor that have codes in the same rows have them together; in these rows an axis whose noise hides its code
 has one if it takes one value there.
@@ -21,6 +25,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +35,7 @@ from models.probability import poisson_at_least
 from tuner.types.records import Record
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 DRAWING_SEED = 79
@@ -39,7 +45,7 @@ TRIED_SAMPLES = 8192
 TRIED_VALUES = 6
 """Values of these that are looked at, beside zero and both ends: those that most exceed their neighbours."""
 MAX_DRAWN_SDS = 5.0
-"""Sds, of a Poisson number, by which a code may come less often among them than `MAX_CODE_RATIO` asks."""
+"""Sds, of a Poisson number, by which a code may come less often among them than `MAX_CODE_RATIO` requires."""
 MAX_CODES = 1
 """Values that may come so often; more are codes of a converter under the means, or the interpolation, of a program."""
 MIN_COUNT = 3
@@ -57,6 +63,9 @@ MAX_CODE_RATIO = 3.0
 
 Normal noise on codes of one sd gives e^½, uneven widths and steeper laws more.
 """
+TAIL_SHARE, MIN_TAIL_COUNT = 0.25, 4
+"""Outer part of the distance from the level in which others lie, at rest, a quarter of m or more, where a tail of
+outliers is cut off at v: Cauchy noise has a third of what lies beyond, lighter tails more."""
 MAX_TAIL_EXCESS = 10.0
 """Factor by which tails may hold more than normal ones, as where saturation is tested."""
 MAX_GAPS = 1.5, 10.0
@@ -73,7 +82,7 @@ MAX_SHARE = 0.5
 MAX_RUN = 128
 """Longest run of codes, samples; in longer ones the readings are frozen, which is another test."""
 MAX_NEIGHBOUR_SDS = 8.0
-"""Distance of samples before and after a code from the level, sds: beyond, in most rows, the unit moves."""
+"""Distance of samples before and after a code from the level, and from each other, sds: beyond, the unit moves."""
 MIN_SAME_ROWS = 0.9
 """Share of rows in common from which codes of two axes are one, and in which a hidden code takes one value."""
 MIN_PERIODIC = 0.95
@@ -121,18 +130,31 @@ class ErrorCodes:
         shortest = int(np.bincount(apart).argmax())
         return shortest if float(np.mean(apart % shortest == 0)) >= MIN_PERIODIC else 0
 
+    def describe(self, record: Record) -> str:
+        """Return which rows of a record they are, and what these read."""
+        rows, values = int(np.count_nonzero(self.rows)), sorted(set(self.values.values()))
+        often = f"every {self.period} rows" if self.period else f"{rows} rows"
+        lasting = f", up to {self.longest} in a row" if self.longest > 1 else ""
+        return (
+            f"{often}{lasting}, {100.0 * rows / len(record):.3g} % of all, "
+            f"read {' or '.join(f'{v:.6g}' for v in values)} {record.unit}, "
+            f"the first at {float(record.t[self.begins[0]]):.6g} s"
+        )
+
 
 def find_error_codes(record: Record) -> tuple[ErrorCodes, ...]:
     """Return the error codes of the axes of a record; of means of samples, those that mostly last over two of them.
 
     Single means repeat where samples have few values, as between two rails.
     """
-    single = {axis: found for axis in record.axes if (found := _code(record.column(axis)))}
+    single = [(axis, one) for axis in record.axes for one in _codes(record.column(axis))]
     if record.samples_a_mean > 1:
-        single = {axis: found for axis, found in single.items() if _mean_run(found[1]) >= 2.0}
+        single = [(axis, one) for axis, one in single if _mean_run(one.rows) >= 2.0]
     groups: list[ErrorCodes] = []
-    for axis, (value, rows, chance) in single.items():
-        home = next((at for at, one in enumerate(groups) if _alike(one.rows, rows)), None)
+    for axis, (value, rows, chance, _) in single:
+        home = next(
+            (at for at, one in enumerate(groups) if axis not in one.values and _alike(one.rows, rows)), None
+        )
         if home is None:
             groups.append(ErrorCodes({axis: value}, rows, chance))
         else:
@@ -143,11 +165,12 @@ def find_error_codes(record: Record) -> tuple[ErrorCodes, ...]:
                 rows=one.rows & rows,
                 p_value=max(one.p_value, chance),
             )
-    return tuple(_with_hidden(one, record, single) for one in groups)
+    known = {axis for axis, _ in single}
+    return tuple(_with_hidden(one, record, known) for one in groups)
 
 
 def without_error_codes(record: Record, found: Sequence[ErrorCodes]) -> Record:
-    """Return a record in which another row of the same axes, near by, stands in place of each code.
+    """Return a record in which another row of the same axes, near by, stands in place of each code, and says so.
 
     Level, law, quantizer and correlation of the axes stay; N loses nothing by it, as the rows are drawn at random.
     """
@@ -164,63 +187,123 @@ def without_error_codes(record: Record, found: Sequence[ErrorCodes]) -> Record:
         place = np.clip(np.where(outside, place - 2 * apart, place), 0, len(good) - 1)
         for column in map(record.axes.index, one.values):
             y[rows, column] = record.y[good[place], column]
-    return replace(record, y=y)
+    notes = [
+        f"{', '.join(one.values)}: {one.describe(record)}: error codes, left out: other rows near by stand there"
+        for one in found
+    ]
+    gone = {axis for one in found for axis in one.values}
+    short = {axis: clusters for axis, clusters in record.short_clusters.items() if axis not in gone}
+    return replace(record, y=y, notes=(*record.notes, *notes), short_clusters=short)
 
 
-def _code(y: FloatArray) -> tuple[float, BoolArray, float] | None:
-    """Return the error code of samples (n,), its rows and its chance; None where there is none."""
+class _Code(NamedTuple):
+    """One value of one axis, its rows, the chance of it in noise, and whether it lies apart from all others."""
+
+    value: float
+    rows: BoolArray
+    p_value: float
+    apart: bool
+
+
+def _codes(y: FloatArray) -> list[_Code]:
+    """Return the error code of samples (n,), or those at both ends of all values; none where others come, too."""
     drawn = y[np.random.default_rng(DRAWING_SEED).integers(0, len(y), TRIED_SAMPLES)]
     values, number = np.unique(drawn, return_counts=True)
     if len(values) < MIN_COUNT:
-        return None
+        return []
     below, above = np.append(0, number[:-1]), np.append(number[1:], 0)
     most = np.argsort(-number / (np.maximum(below, above) + 1.0), kind="stable")[:TRIED_VALUES]
     often = number + MAX_DRAWN_SDS * np.sqrt(number) >= MAX_CODE_RATIO * np.sqrt(below * above)
     likely = most[often[most] & (number[most] >= MIN_COUNT)]
-    tried = [*values[likely].tolist(), float(y.min()), float(y.max()), 0.0]
-    found = [one for value in dict.fromkeys(tried) if (one := _judged(y, value, drawn, values))]
-    if len(found) > MAX_CODES:
-        return None
-    return min(found, key=lambda one: (one[2], -int(one[1].sum())), default=None)
+    ends = float(y.min()), float(y.max())
+    tried = dict.fromkeys([*values[likely].tolist(), *ends, 0.0])
+    step = _usual_step(values, number)
+    found = [one for value in tried if (one := _judged(y, value, ends, drawn, step))]
+    both = {one.value for one in found if one.apart} == set(ends) and len(found) == 2
+    return found if both or len(found) <= MAX_CODES else []
+
+
+def _usual_step(values: FloatArray, number: IntArray) -> float:
+    """Return how far most samples lie from the next other value; `values` in order, and how many samples have each."""
+    gaps = np.diff(values)
+    nearer = np.minimum(np.append(gaps, np.inf), np.append(np.inf, gaps))
+    return float(np.median(np.repeat(nearer, number)))
 
 
 def _judged(
-    y: FloatArray, value: float, drawn: FloatArray, values: FloatArray
-) -> tuple[float, BoolArray, float] | None:
+    y: FloatArray, value: float, ends: tuple[float, float], drawn: FloatArray, step: float
+) -> _Code | None:
     """Return a value with its rows and its chance where it is an error code of samples (n,).
 
-    `drawn` are some of the samples, in any order, and `values` what they are.
+    `ends` are the least and the largest of them, `drawn` are some, in any order, whose values lie `step` apart.
     """
     rows = y == value
     count = int(np.count_nonzero(rows))
     if not MIN_COUNT <= count <= MAX_SHARE * len(y):
         return None
-    found = ErrorCodes(MappingProxyType({}), rows, 0.0)
-    if len(found.begins) < MIN_COUNT or found.longest > MAX_RUN:
-        return None
-    level, step = float(np.median(drawn)), float(np.median(np.diff(values)))
+    level = float(np.median(drawn))
     sd = max(_difference_sd(y[:TRIED_SAMPLES]), 0.3 * step)
     away = np.abs(y - value)
     away[rows] = np.inf
     nearest = float(away.min())
-    if nearest > APART_DISTANCE * max(sd, step):
-        chance = max(step / nearest, MIN_VALUE_SHARE) ** (len(found.begins) - 1)
-        usual = True
-    elif step <= sd:
+    wide = max(sd, float(np.subtract(*np.quantile(drawn[drawn != value], (0.75, 0.25)))))
+    reach, largest = APART_DISTANCE * max(sd, step), MAX_NEIGHBOUR_SDS * wide
+    apart, far = nearest > reach, abs(value - level)
+    if far > largest + reach:
+        others = _at_rest(np.abs(y - level), np.flatnonzero(away <= TAIL_SHARE * far), largest)
+        if MIN_TAIL_COUNT * len(others) >= count:
+            return None
+        if not apart and (len(others) == 0 or away[others].min() > reach):
+            apart, nearest = True, reach
+    often = 0.0
+    if not apart:
+        if step > sd:
+            return None
         near, number = np.unique(y[away <= max(NEAR_SDS * sd, NEAR_CODES * nearest)], return_counts=True)
         below, above = (float(number[side].max(initial=0)) for side in (near < value, near > value))
         if (below if value > level else above) == 0.0:
             return None
-        most = float(np.sqrt(below * above)) if below and above else below + above
-        chance = poisson_at_least(len(found.begins), MAX_CODE_RATIO * (most + 1.0))
+        often = float(np.sqrt(below * above)) if below and above else below + above
         gap = MAX_GAPS[0] if float(number.mean()) > 1.5 else MAX_GAPS[1]
         inside = min(below, above) > 0.0 and nearest <= gap * float(np.median(np.diff(near)))
-        usual = inside or _beyond(y, value, level) * MAX_TAIL_EXCESS < count
-    else:
+        if not inside and _beyond(y, value, level) * MAX_TAIL_EXCESS >= count:
+            return None
+
+    def chance(times: int) -> float:
+        if apart:
+            return float(max(step / nearest, MIN_VALUE_SHARE) ** (times - 1))
+        return poisson_at_least(times, MAX_CODE_RATIO * (often + 1.0))
+
+    if chance(count) > MAX_P_VALUE:
         return None
-    if not usual or chance > MAX_P_VALUE or not _neighbours(y, rows, level, sd):
+    found = ErrorCodes(MappingProxyType({}), _in_rest(y, rows, ends, largest), 0.0)
+    times = len(found.begins)
+    if times < MIN_COUNT or found.longest > MAX_RUN or (p_value := chance(times)) > MAX_P_VALUE:
         return None
-    return value, rows, chance
+    return _Code(value, found.rows, p_value, apart) if _near(y, found.rows, level, wide) else None
+
+
+def _at_rest(distance: FloatArray, some: IntArray, largest: float) -> IntArray:
+    """Return those of some samples whose neighbours lie within the largest distance from the level: none in motion."""
+    beside = np.maximum(distance[np.maximum(some - 1, 0)], distance[np.minimum(some + 1, len(distance) - 1)])
+    return np.asarray(some[beside <= largest])
+
+
+def _in_rest(y: FloatArray, rows: BoolArray, ends: tuple[float, float], largest: float) -> BoolArray:
+    """Return the rows of a value without runs next to which samples change by more than `largest`: the unit moves.
+
+    Samples at one of the `ends` of all are none: they may be codes, and the rail of a motion.
+    """
+    good = np.flatnonzero(~rows & (y != ends[0]) & (y != ends[1]))
+    begins = np.flatnonzero(rows & ~np.append(False, rows[:-1]))
+    after = np.searchsorted(good, begins)
+    moved = np.zeros(len(begins), bool)
+    for first, second in ((after - 2, after - 1), (after, after + 1)):
+        known = (first >= 0) & (second < len(good))
+        moved[known] |= np.abs(y[good[second[known]]] - y[good[first[known]]]) > largest
+    run = np.cumsum(rows & ~np.append(False, rows[:-1])) - 1
+    kept: BoolArray = rows & ~moved[run]
+    return kept
 
 
 def _mean_run(rows: BoolArray) -> float:
@@ -234,12 +317,9 @@ def _difference_sd(y: FloatArray) -> float:
     return float(np.sqrt(0.5 * np.mean(square) / SMALLER_MEAN_SQUARE))
 
 
-def _neighbours(y: FloatArray, rows: BoolArray, level: float, sd: float) -> bool:
+def _near(y: FloatArray, rows: BoolArray, level: float, wide: float) -> bool:
     """Return whether samples before and after a code are mostly near the level."""
     beside = (np.append(rows[1:], False) | np.append(False, rows[:-1])) & ~rows
-    wide = max(
-        sd, float(np.subtract(*np.quantile(y[~rows][:: max(1, len(y) // TRIED_SAMPLES)], (0.75, 0.25))))
-    )
     return bool(np.median(np.abs(y[beside] - level)) < MAX_NEIGHBOUR_SDS * wide)
 
 
@@ -254,11 +334,11 @@ def _alike(rows: BoolArray, others: BoolArray) -> bool:
     return bool(both >= MIN_SAME_ROWS * min(np.count_nonzero(rows), np.count_nonzero(others)))
 
 
-def _with_hidden(one: ErrorCodes, record: Record, single: Mapping[str, object]) -> ErrorCodes:
+def _with_hidden(one: ErrorCodes, record: Record, known: set[str]) -> ErrorCodes:
     """Return codes with those of axes whose noise hides them: they take one value in the same rows."""
     values = dict(one.values)
     for axis in record.axes:
-        if axis in single:
+        if axis in known:
             continue
         y = record.column(axis)
         there, number = np.unique(y[one.rows], return_counts=True)

@@ -10,7 +10,7 @@ import pytest
 from models.noise import White
 from tuner.diagnosis import diagnose
 from tuner.identification import identify
-from tuner.pipeline import identified_again
+from tuner.segments.conditions import at_rest
 from tuner.segments.error_codes import find_error_codes
 from tuner.synthesis.findings import with_notes_on_findings
 from tuner.types.records import Record
@@ -45,7 +45,7 @@ def test_a_row_of_zeros_in_seven_is_one_finding_and_no_noise():
     told = {name: one.value for name, one in finding.parameters.items()}
     assert (told["period"], told["value"], told["start"]) == (7.0, 0.0, 0.0)
     assert abs(told["fraction"] - 1.0 / 7.0) < 1e-4
-    again = identified_again((log,), found, diagnosis.findings, terms=None, latitude=None)[1]
+    again = identify(at_rest((log,)))
     for model in (m for axis in log.axes for m in (again.channels[axis].model, diagnosis.models[axis])):
         (white,) = (one for one in model.terms if isinstance(one, White))
         assert abs(white.density / 2e-3 - 1.0) < 0.02  # 3 sd, and the quantizer
@@ -72,7 +72,8 @@ def test_what_noise_gives_is_no_code(step):
     dead = np.where(np.abs(rounded) < 3.5 * max(step, 0.1), 0.0, rounded)
     rail = np.clip(rounded, -np.inf, step * np.round(2.0 / step) if step else 2.0)
     twice = np.repeat(rounded[: COUNT // 2], 2)
-    for y in (rounded, shake, uneven, dead, rail, np.maximum(rounded, 0.0), twice):
+    outliers = np.minimum(rng.standard_t(2.0, COUNT), 20.0)
+    for y in (rounded, shake, uneven, dead, rail, np.maximum(rounded, 0.0), twice, outliers):
         assert codes(y) == []
 
 
@@ -95,3 +96,27 @@ def test_means_of_samples_at_two_rails_are_no_code_but_a_code_that_lasts_is():
         means = replace(record(y.reshape(-1, 2).mean(axis=1)[:, None]), samples_a_mean=2)
         found.append([dict(one.values) for one in find_error_codes(means)])
     assert found == [[], [{"accel_x": 25.0}]]
+
+
+def test_readings_of_full_scale_are_no_motion_but_a_shake_between_the_rails_is():
+    """Of an int16 register; a shake of three seconds stays at a rail for several samples beside large readings."""
+    rng = np.random.default_rng(6)
+    rails = np.array([-3.2768, 3.2767])
+    y = 1e-4 * np.round(20.0 * rng.standard_normal((COUNT, 3)))
+    rows = np.flatnonzero(rng.random(COUNT) < 0.003)
+    y[rows, 1] = rng.choice(rails, len(rows))
+    gyro = Record("gyro", 0.01 * np.arange(COUNT), y, ("gyro_x", "gyro_y", "gyro_z"), "rad/s", 0.01)
+    (kept,) = at_rest((gyro,))
+    assert kept.segments == gyro.segments
+    assert np.abs(kept.y).max() < 0.02
+    assert {note.split(" rows")[0] for note in kept.notes} == {
+        f"gyro_y: {np.count_nonzero(y[:, 1] == rail)}" for rail in rails
+    }
+    shake = slice(20_000, 20_300)
+    turning = 8.0 * np.hanning(300) * np.sin(0.3 * np.arange(300))
+    y[shake] = np.clip(y[shake] + turning[:, None], *rails)
+    shaken = replace(gyro, y=y)
+    assert not any(one.rows[shake].any() for one in find_error_codes(shaken))
+    (kept,) = at_rest((shaken,))
+    assert len(kept.segments) == 2
+    assert sum(stop - start for start, stop in kept.segments) >= 0.98 * COUNT

@@ -141,7 +141,7 @@ def without_codes(record: Record) -> tuple[Record, tuple[DataQualityTest, ...]]:
 def _error_code_test(record: Record, found: ErrorCodes) -> DataQualityTest:
     """Return the test of one constant, which share of the rows has it, and where they are."""
     share, first = float(found.rows.mean()), float(record.t[found.begins[0]])
-    rows, values = float(np.count_nonzero(found.rows)), sorted(set(found.values.values()))
+    rows, values = float(np.count_nonzero(found.rows)), set(found.values.values())
     parameters = {
         "fraction": Coefficient.known(share, share, share, "1"),
         "count": Coefficient.known(rows, rows, rows, "1"),
@@ -149,17 +149,14 @@ def _error_code_test(record: Record, found: ErrorCodes) -> DataQualityTest:
         "length": Coefficient.known(float(found.longest), float(found.longest), float(found.longest), "1"),
     }
     if len(values) == 1:
-        parameters["value"] = Coefficient.known(values[0], values[0], values[0], record.unit)
+        value = values.pop()
+        parameters["value"] = Coefficient.known(value, value, value, record.unit)
     if found.period:
         period = float(found.period)
         parameters["period"] = Coefficient.known(period, period, period, "1")
-    often = f"every {found.period} rows" if found.period else f"{rows:.0f} rows"
-    lasting = f", up to {found.longest} in a row" if found.longest > 1 else ""
-    text = (
-        f"{often}{lasting}, {100.0 * share:.3g} % of all, read {' or '.join(f'{v:.6g}' for v in values)} "
-        f"{record.unit}, the first at {first:.6g} s"
+    return DataQualityTest(
+        "error_code", tuple(found.values), rows, found.p_value, parameters, text=found.describe(record)
     )
-    return DataQualityTest("error_code", tuple(found.values), rows, found.p_value, parameters, text=text)
 
 
 def timing(record: Record) -> DataQualityTest:

@@ -74,8 +74,8 @@ class ErrorCode(Cause):
         "rows hold one constant in place of a measurement: samples were lost, or the number is an error code"
     )
     consequence = (
-        "leave these rows out, or mend the driver: a filter takes each of them for a measurement; tune identifies and "
-        "sets the noise without them, identify that of samples as they are"
+        "leave these rows out, or mend the driver: a filter takes each of them for a measurement; tune and identify do "
+        "without them"
     )
     view = "values"
 
