@@ -23,6 +23,8 @@ LABELLED_DECADES = 2.0
 """Decades of an axis beyond which ticks between them are without labels: two of their own are then on it."""
 CHARTS = ".json"
 """Suffix of a figure as charts for a page."""
+TITLE_PLACE = 1.0
+"""Height of the title of a panel, as a share of it: given, so that no ticks are measured to find it."""
 FILE_DPI = 130
 """Dots of a PNG on an inch: a panel of 4.6 inches fills a third of a common screen."""
 
@@ -72,7 +74,7 @@ def new_figure(
     Its panels are laid out once for all files: that takes as long as drawing them. With `margins`, those of
     `Figure.subplots_adjust`, nothing is measured; of a `coarse` figure, log axes have no ticks between decades.
     """
-    with mpl.rc_context({"font.size": 9, "axes.titlesize": 10}):
+    with mpl.rc_context({"font.size": 9, "axes.titlesize": 10, "axes.titley": TITLE_PLACE}):
         figure = ShownFigure(figsize=size, layout="constrained" if margins is None else None)
         if margins is not None:
             figure.subplots_adjust(**margins)
