@@ -33,6 +33,8 @@ TESTS_WITHOUT_CAUSE = 13
 
 And seven checks of the final residuals (`tuner.diagnosis.static.residual_checks`).
 """
+SHAPES = ("lowpass", "colour", "vibration")
+"""Causes that are shapes of the fast spectrum, tested against each other by `spectrum`."""
 CERTAIN_GAIN = 60.0
 """Gain beyond which an extension is not tested again, nats; chosen far beyond chance, e⁻⁶⁰."""
 
@@ -97,6 +99,11 @@ def is_open(fitted: Residual, cause: str) -> bool:
     return fitted.count(cause, *declared.excludes) < declared.repeats
 
 
+def is_tested_alone(cause: str) -> bool:
+    """Return whether a cause has a test of its own, apart from those that compare shapes of the fast spectrum."""
+    return cause in CAUSES.extensions() and cause not in SHAPES
+
+
 def spectrum(fitted: Residual, *, whole: bool = True) -> tuple[TestResult, ...]:
     """Test the fast spectrum for resonances and for its broad shape.
 
@@ -153,7 +160,7 @@ def retest(fitted: Residual, cause: str) -> TestResult | None:
     results = [CAUSES.extensions()[cause].test(fitted)]
     if cause == "lowpass" and not fitted.count("lowpass", "colour"):
         results.append(lowpass.test(few_shapes(fitted)))
-    elif cause in ("lowpass", "colour", "vibration"):
+    elif cause in SHAPES:
         results += [r for r in spectrum(fitted, whole=cause != "vibration") if r.cause == cause]
     known = [result.confirm() if result.confirm else result for result in results if result is not None]
     return max(known, key=lambda result: (result.gain > 0, -result.p_value)) if known else None

@@ -24,6 +24,7 @@ from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.hypothesis_tests import (
     CERTAIN_GAIN,
     hypothesis_tests,
+    is_tested_alone,
     retest,
     significant,
     with_tests_anew,
@@ -174,8 +175,9 @@ def _after_pass(last: _Progress, threshold: float) -> _Progress:
     base, found, accepted = last.base, last.found, list(last.accepted)
     channel, given = found.channel, len(found.extensions) - len(accepted)
     results = hypothesis_tests(found, last.quiet)
-    if last.quiet and not any(_rejections(results, threshold)):
-        results = with_tests_anew(found, results, {result.cause for result in last.quiet})
+    groups = {group_of(result.cause) for result in _rejections(results, threshold)}
+    anew = {result.cause for result in last.quiet if not groups or group_of(result.cause) in groups}
+    results = with_tests_anew(found, results, anew) if anew else results
     results = _settled(results, threshold)
     bare = tuple(result.without_residual for result in results)
     if last.fresh:
@@ -287,13 +289,14 @@ def _rejections(results: tuple[TestResult, ...], threshold: float) -> list[TestR
 def _still_quiet(
     results: tuple[TestResult, ...], threshold: float, new: list[Extension]
 ) -> tuple[TestResult, ...]:
-    """Return the results of the slow track where none rejects and nothing new touches it.
+    """Return the results of groups in which no test rejects and which nothing new touches.
 
-    They need not be computed again until nothing else is found.
+    They need not be computed again until another test of their group rejects, or nothing else is found.
     """
-    slow = tuple(result for result in results if group_of(result.cause) == "slow part")
-    touched = any(x.group == "slow part" or x.broad for x in new)
-    return () if touched or _rejections(slow, threshold) else slow
+    if any(x.broad for x in new):
+        return ()
+    heard = {group_of(result.cause) for result in _rejections(results, threshold)} | {x.group for x in new}
+    return tuple(r for r in results if group_of(r.cause) not in heard and is_tested_alone(r.cause))
 
 
 def _wider(fitted: Residual, rejections: list[TestResult], given: int) -> tuple[Extension, ...] | None:
