@@ -28,6 +28,7 @@ from itertools import combinations_with_replacement, groupby, product
 import numba
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import nnls
 
 from models.noise import TERMS, Ramp, Term
 from tuner.identification.expected_periodogram import expected_power
@@ -46,6 +47,11 @@ _DIAGONAL_RIDGE = 1e-10
 
 _GRID_POINTS = 8
 """Trial values of a time constant: half a decade apart in a record of four decades."""
+LEVEL_REACH = 1.3
+"""Factor of frequency, up and down, over which a level is averaged; chosen so that the spectrum of a random walk, the
+steepest, changes by less than threefold there."""
+LEAST_SHARE = 0.01
+"""Share of the level that a term starts with at least, where it is largest: a log cannot come back from zero."""
 _FITTED_STARTS = 12
 """Points of the grid, the best at rough amplitudes, at which the amplitudes are fitted.
 
@@ -217,17 +223,23 @@ class Objective:
         return minimise(self, start, lower=self.lower, upper=self.upper, fixed=kept, tolerance=tolerance)
 
     def starts(self) -> list[FloatArray]:
-        """Return promising logs: the best of a grid of time constants, each with its best amplitudes."""
+        """Return promising logs: the best of a grid of time constants, each with its best amplitudes.
+
+        Where there is no grid, amplitudes start from equal shares of the power: of a spectrum that no sum fits, such as
+        a filtered one, the likelihood has several maxima, and least squares lead to a low one.
+        """
         same = [list(group) for _, group in groupby(zip(self.kinds, self.grids, strict=True), lambda p: p[0])]
         choices = [combinations_with_replacement(group[0][1], len(group)) for group in same]
         amplitudes = [j for j in range(len(self.lower)) if self.is_amplitude(j)]
         lower, upper = self.lower[amplitudes], self.upper[amplitudes]
         tried, found = [], []
-        for choice in product(*choices):
+        every = list(product(*choices))
+        rough = self._shares if len(every) == 1 else self._nearest
+        for choice in every:
             scales, each = zip(*(trial for group in choice for trial in group), strict=True)
             shapes = np.stack(each)
-            start = np.clip(0.5 * np.log(self._shares(shapes)), lower, upper)
             function = partial(self._of_amplitudes, shapes)
+            start = np.clip(0.5 * np.log(rough(shapes)), lower, upper)
             tried.append((function(start)[0], start, function, scales))
         tried.sort(key=lambda entry: entry[0])
         for _, start, function, scales in tried[:_FITTED_STARTS]:
@@ -241,6 +253,24 @@ class Objective:
         """Return what a call returns, for logs of amplitudes of given shapes."""
         powers = np.exp(2.0 * theta)[:, None] * shapes
         return self._evaluate(powers.sum(axis=0) + self.fixed, 2.0 * powers)
+
+    @cached_property
+    def _levels(self) -> tuple[FloatArray, FloatArray]:
+        """Mean square of each cell less templates, (m,), and that of all cells within `LEVEL_REACH` of it."""
+        count, squares = self.data.count, self.excess(np.ones_like(self.data.count))[0]
+        sums = [np.concatenate(([0.0], np.cumsum(x))) for x in (squares, count)]
+        first = np.searchsorted(sums[1], sums[1][1:] / LEVEL_REACH)
+        last = np.searchsorted(sums[1], sums[1][1:] * LEVEL_REACH, side="right") - 1
+        total, number = (x[np.maximum(last, first + 1)] - x[first] for x in sums)
+        power = squares / count
+        return power, np.maximum(total / number, 1e-12 * power.max())
+
+    def _nearest(self, shapes: FloatArray) -> FloatArray:
+        """Return variances whose Σ v·shapes is nearest to the power, in units of its level, each of some effect."""
+        power, level = self._levels
+        weight = np.sqrt(self.data.count) / level
+        variances = nnls((shapes * weight).T, (power - self.fixed) * weight)[0]
+        return np.asarray(np.maximum(variances, LEAST_SHARE * np.min(level / shapes, axis=1)))
 
     def _shares(self, shapes: FloatArray) -> FloatArray:
         """Return variances that make Σ v·shapes resemble the power, from equal shares."""

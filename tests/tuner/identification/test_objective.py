@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from models.noise import BiasInstability, GaussMarkov, White
+from models.noise import BiasInstability, GaussMarkov, NoiseModel, RandomWalk, White
 from tuner.identification.objective import Objective
 from tuner.identification.periodogram import cosine_periodogram
 
@@ -81,3 +81,14 @@ def test_a_template_of_a_fixed_size_is_that_of_the_best_fit():
     size = one.sizes(one.expected(THETA)[0])[0]
     assert one.with_size(1, size[1])(THETA)[0] == pytest.approx(one(THETA)[0], abs=1e-6)
     assert one.with_size(1, size[1] + 1.0)(THETA)[0] > one(THETA)[0]
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_grid_of_starts_leads_to_the_maximum_next_to_the_truth(seed):
+    rng = np.random.default_rng((77, seed))
+    constant, walk = float(np.exp(rng.uniform(1.0, 6.0))), float(np.exp(rng.uniform(-9.0, -5.0)))
+    terms = (White(1.0), GaussMarkov(0.3, constant), RandomWalk(walk))
+    data = cosine_periodogram([NoiseModel(terms).sample(60_000, INTERVAL, rng)], INTERVAL)
+    one = Objective.of(data, ["white", "gauss_markov", "random_walk", "ramp"])
+    best = one(one.maximum())[0]
+    assert best < one.minimise(np.log([1.0, 0.3, constant, walk]))[1] + 0.01
