@@ -6,6 +6,7 @@ and no file is written: `tuner.report.result_set` does that.
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -16,6 +17,7 @@ from models.sensors import SensorGrade
 from tuner.catalogue.grades import DEFAULT_RECEIVER, load_grade
 from tuner.compile_ahead import compiled_ahead
 from tuner.diagnosis import diagnose
+from tuner.diagnosis.data_quality.frozen_left_out import without_long_frozen
 from tuner.diagnosis.data_quality.overflow import without_overflow
 from tuner.diagnosis.static.position_drift import found_signals
 from tuner.exporters import DIALECTS, dialect_named, export, lacking
@@ -306,14 +308,15 @@ def identified_again(
 ) -> tuple[tuple[Record, ...], Identification]:
     """Return records and their noise without what the findings take out of them; as given where they take nothing.
 
-    Wrapped samples are put back, and motion is left out, unless too little would be left.
+    Wrapped samples are put back; frozen readings, where long, and motion are left out, unless too little would be left.
     """
     widths = {axis: one.value for one in findings if one.cause == "overflow" for axis in one.channels}
-    whole = tuple(without_overflow(record, widths) for record in still)
+    back = (without_overflow(record, widths) for record in still)
+    whole = tuple(one for record in back for one in without_long_frozen(record, findings))
     resting = tuple(without_motion(record, findings) for record in whole)
 
     def noise(records: tuple[Record, ...]) -> Identification:
-        if all(one is before for one, before in zip(records, still, strict=True)):
+        if len(records) == len(still) and all(map(operator.is_, records, still)):
             return found
         return identify(records, terms=terms, latitude=latitude)
 

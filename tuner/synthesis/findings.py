@@ -94,13 +94,16 @@ def with_notes_on_findings(
 
 
 def _in_segments(finding: Finding, axis: str, records: Sequence[Record]) -> bool:
-    """Return whether a finding is in the segments of the records of an axis; what does not begin and end is."""
+    """Return whether a finding is in the segments of the records of an axis; what does not begin and end is.
+
+    What ends or begins within half a sample of a segment is beside it.
+    """
     start, duration = (finding.parameters.get(name) for name in ("start", "duration"))
     if start is None or duration is None or start.value is None or duration.value is None:
         return True
     begin, end = start.value, start.value + duration.value
     return any(
-        record.t[first] <= end and begin <= record.t[last - 1]
+        record.t[first] + 0.5 * record.interval < end and begin < record.t[last - 1] + 0.5 * record.interval
         for record in records
         if axis in record.axes
         for first, last in record.segments

@@ -241,3 +241,21 @@ def test_settings_are_those_of_samples_that_wrapped_put_back():
     assert white == pytest.approx(1e-4, rel=0.04)  # 4 sds; 2.8e-4 with the wrapped samples
     assert not any("overflow" in note for note in found.identification.notes)
     assert np.sum(found.still[0].y > 1e-3) > 900
+
+
+def test_one_axis_that_is_frozen_for_long_is_identified_without_it_and_the_others_with_all_samples():
+    """Zeros at both ends of y, 3 sds from its level: N of all samples is 0.7 times as large, and a bias moves."""
+    y = 1e-3 * (3.0 + np.random.default_rng(32).standard_normal((12_000, 3)))
+    y[:1200, 1] = y[-1200:, 1] = 0.0
+    axes = ("gyro_x", "gyro_y", "gyro_z")
+    record = Record("gyro", 0.01 * np.arange(12_000), y, axes, "rad/s", 0.01)
+    found = replace(finding("duplicates", start=0.0, duration=12.0), channels=("gyro_y",))
+    still, again = identified_again((record,), None, (found,), terms=("white",), latitude=None)
+    assert [one.segments for one in still] == [((0, 12_000),), ((1200, 10_800),), ((0, 12_000),)]
+    assert tuple(again.channels) == axes
+    for axis in axes:
+        white = again.channels[axis].term("white").coefficients["density"].value
+        assert white == pytest.approx(1e-4, rel=0.03)  # 4 sds of 9 600 samples
+    diagnosis = Diagnosis((found,), (), (), {}, {}, {})
+    assert with_notes_on_findings(again, diagnosis, still).notes == again.notes
+    assert identified_again((record,), again, (), terms=("white",), latitude=None) == ((record,), again)

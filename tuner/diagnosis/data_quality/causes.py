@@ -26,7 +26,8 @@ class Frozen(Duplicates):
 
     meaning = "one reading is given over and over: the register, or the link to it, was stuck"
     consequence = (
-        "leave these stretches out: a filter that takes them for measurements assumes a sensor without noise"
+        "leave these stretches out, as tune does with long ones: a filter that takes them for measurements assumes a "
+        "sensor without noise"
     )
 
 
