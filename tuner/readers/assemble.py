@@ -54,13 +54,15 @@ class Plan:
 class EvenRecords:
     """Records on an even grid whose units and values were not judged yet, with what is to be said of them.
 
-    These are notes, assumptions, and the rows that hold no measurement.
+    These are notes, assumptions, the rows that hold no measurement, and how many of these are at the beginning and at
+    the end.
     """
 
     records: tuple[Record, ...]
     notes: tuple[str, ...]
     assumptions: tuple[str, ...]
     bad: tuple[BadRows, ...] = ()
+    edges: tuple[int, int] = (0, 0)
 
 
 def plan_of(listing: Listing, options: Options) -> Plan:
@@ -139,7 +141,9 @@ def even(
             )
         )
     assumptions = () if clock is None else tuple(clock.assumptions)
-    return EvenRecords(tuple(records), tuple(notes), assumptions, tuple(bad))
+    kept = base.rows
+    edges = (0, 0) if kept is None else (int(kept.min()), len(blocks[0]) - 1 - int(kept.max()))
+    return EvenRecords(tuple(records), tuple(notes), assumptions, tuple(bad), edges)
 
 
 def checked(

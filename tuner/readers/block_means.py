@@ -143,7 +143,7 @@ def _parts(
     """Yield the number of the first row of each part, and its records; the last part is no shorter than half of one."""
     assert listing.stream is not None
     stated = plan.layout.time is not None
-    row, turned, end = 0, 0.0, -math.inf
+    row, turned, begun, end = 0, 0.0, math.inf, -math.inf
     for piece in _even_parts(listing.stream(plan.groups, rows), rows // 2):
         within = LogRows(row, max(listing.rows, row + len(piece[0])))
         found = even(replace(listing, load=partial(_given, piece)), plan, digest, options, within)
@@ -152,12 +152,12 @@ def _parts(
             found = _later(found, shift)
         else:
             ahead = float(found.records[0].t[0]) + turned - end
-            if (period := _clock_period(-ahead, found.records[0].interval)) > 0.0:
-                turned += period
+            if (period := _clock_period(-ahead, found.records[0].interval)) > max(end - begun, 0.0):
+                turned, begun = turned + period, end
                 note = f"the clock began anew {period:.10g} s later and was continued"
                 found = replace(found, notes=(*found.notes, note))
             found = _later(found, turned) if turned else found
-            end = float(found.records[0].t[-1])
+            begun, end = min(begun, float(found.records[0].t[0])), float(found.records[0].t[-1])
         yield row, found
         row += len(piece[0])
 

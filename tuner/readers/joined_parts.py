@@ -1,7 +1,7 @@
 """Parts of a log that is read once, joined to records of means of 2, 4, 8 … samples of it.
 
-Neighbouring parts without a gap continue one another. Of what happens within a mean, the Allan variances of shorter
-clusters are kept, from all samples.
+Neighbouring parts without a gap continue one another, and a short gap between them is bridged as in a part. Of what
+happens within a mean, the Allan variances of shorter clusters are kept, from all samples.
 """
 
 from __future__ import annotations
@@ -16,13 +16,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tuner.readers.assemble import EvenRecords
-from tuner.readers.time_base import MIN_SEGMENT_SAMPLES
+from tuner.readers.gap_bridges import bridged
+from tuner.readers.time_base import MAX_BRIDGED_GAP, MIN_SEGMENT_SAMPLES
 from tuner.types.records import DataError, Record, ShortClusters
 
 FloatArray = NDArray[np.float64]
 
 MAX_RATE_CHANGE = 1e-3
 """Relative difference of the rates of two parts of one record; clocks of sensors drift by less."""
+BESIDE_SAMPLES = 1024
+"""Samples on either side of a gap between two parts by which it is bridged: their correlations are known to 0.03."""
 MIN_MEANS = 64
 """Means that a record must have; fewer where gaps leave no stretch of several means."""
 
@@ -66,12 +69,13 @@ class JoinedParts:
         self._count = 0
         self._segments: list[tuple[int, int]] = []
         self._rest = [np.empty(0) for width in widths for _ in range(width)]
+        self._before = self._rest
         self._differences = np.zeros(int(math.log2(size)), np.int64)
         self._sums = np.zeros((len(self._rest), len(self._differences)))
         self._last: float | None = None
         self._samples = 0
         self._interval = 0.0
-        self._gaps: list[int] = []
+        self._gaps, self._unread, self._lost, self._bridged = 0, 0, 0, 0
         self._timing: list[Mapping[str, float]] = []
         self._parts: list[tuple[int, EvenRecords]] = []
 
@@ -90,20 +94,35 @@ class JoinedParts:
         columns = [record.t, *(y for r in found.records for y in r.y.T)]
         nothing = np.full(len(record), np.nan)
         columns += [record.covariates.get(name, nothing) for name in self._covariates]
+        unread = self._unread + found.edges[0]
         for number, (start, stop) in enumerate(record.segments):
-            if number > 0 or not self._continues(row, record, interval):
+            stretch = [column[start:stop] for column in columns]
+            lost = self._lost_before(row, record, interval, unread) if number == 0 else None
+            if lost is None or lost > MAX_BRIDGED_GAP:
                 self._rest = [np.empty(0) for _ in columns]
                 self._segments.append((self._count, self._count))
-            self._append([column[start:stop] for column in columns])
+                self._before = self._rest
+            elif lost:
+                self._append(_between(self._before, stretch, lost, len(columns) - 1 - len(self._covariates)))
+                self._bridged += lost
+            self._append(stretch)
             self._last = float(record.t[stop - 1])
+            self._before = [
+                np.concatenate([old, new])[-BESIDE_SAMPLES:]
+                for old, new in zip(self._before, (one[-BESIDE_SAMPLES:] for one in stretch), strict=True)
+            ]
+        self._unread = found.edges[1]
         used = sum(stop - start for start, stop in record.segments)
         self._samples += used
         self._interval += used * record.interval
 
-    def _continues(self, row: int, record: Record, interval: float) -> bool:
-        """Return whether a part goes on where the one before ended; a gap between the two is counted."""
+    def _lost_before(self, row: int, record: Record, interval: float, unread: int) -> int | None:
+        """Return how many samples are missing between the part before and this one; None where there is none before.
+
+        Of them, `unread` at most have stamps, which makes no gap of the clock.
+        """
         if self._last is None:
-            return False
+            return None
         ahead = float(record.t[record.segments[0][0]]) - self._last
         timing = record.timing
         tolerance = 0.5 * interval + timing.get("rounding", 0.0) + 4.0 * timing.get("jitter_sd", 0.0)
@@ -114,9 +133,12 @@ class JoinedParts:
             )
             raise DataError(msg)
         if ahead <= interval + tolerance:
-            return True
-        self._gaps.append(round(ahead / interval) - 1)
-        return False
+            return 0
+        lost = round(ahead / interval) - 1
+        self._lost += lost
+        if lost > unread:
+            self._gaps += 1
+        return lost
 
     def _append(self, columns: Sequence[FloatArray]) -> None:
         """Take in the samples of a stretch without a gap, one array a column."""
@@ -169,7 +191,7 @@ class JoinedParts:
                     interval=self._size * interval,
                     segments=tuple(long),
                     covariates=MappingProxyType({n: c for n, c in covariates.items() if n not in gone}),
-                    timing=MappingProxyType(_merged(self._timing, self._gaps)),
+                    timing=MappingProxyType(self._merged()),
                     samples_a_mean=self._size,
                     short_clusters=MappingProxyType(
                         {axis: short[axis] for axis in one.axes if axis in short}
@@ -182,7 +204,11 @@ class JoinedParts:
             "samples of a part, --memory GB more of the whole"
         )
         notes = [f"{name}: no numbers in some part of the log; left out" for name in gone]
-        if lost := self._samples - self._size * kept:
+        if self._bridged:
+            notes.append(
+                f"{self._bridged} missing samples between parts were simulated from those beside them"
+            )
+        if lost := self._samples + self._bridged - self._size * kept:
             notes.append(
                 f"{lost} samples at the ends of stretches without a gap fill no mean and are left out"
             )
@@ -192,6 +218,22 @@ class JoinedParts:
             (*([said] if self._size > 1 else []), *self._parts[0][1].assumptions),
         )
 
+    def _merged(self) -> dict[str, float]:
+        """Return what the stamps of all parts said, and the missing samples between parts: counts add up."""
+        timing = self._timing
+        if not timing[0]:
+            return {}
+        names = ("gap_count", "missing", "bridged", "duplicates", "disordered")
+        merged = {name: float(sum(one[name] for one in timing)) for name in names}
+        merged["gap_count"] += self._gaps
+        merged["missing"] += self._lost
+        merged["bridged"] += self._bridged
+        merged["jitter_sd"] = float(np.sqrt(np.mean([one["jitter_sd"] ** 2 for one in timing])))
+        merged["rounding"] = max(one["rounding"] for one in timing)
+        if "clock_ratio" in timing[0]:
+            merged["clock_ratio"] = float(np.mean([one["clock_ratio"] for one in timing]))
+        return merged
+
     def _short(self, column: int) -> ShortClusters:
         return ShortClusters(
             tuple(2**k for k in range(len(self._differences))),
@@ -200,19 +242,22 @@ class JoinedParts:
         )
 
 
-def _merged(timing: Sequence[Mapping[str, float]], gaps: Sequence[int]) -> dict[str, float]:
-    """Return what the stamps of all parts said, and the missing samples between parts: counts add up."""
-    if not timing[0]:
-        return {}
-    names = ("gap_count", "missing", "bridged", "duplicates", "disordered")
-    merged = {name: float(sum(one[name] for one in timing)) for name in names}
-    merged["gap_count"] += len(gaps)
-    merged["missing"] += sum(gaps)
-    merged["jitter_sd"] = float(np.sqrt(np.mean([one["jitter_sd"] ** 2 for one in timing])))
-    merged["rounding"] = max(one["rounding"] for one in timing)
-    if "clock_ratio" in timing[0]:
-        merged["clock_ratio"] = float(np.mean([one["clock_ratio"] for one in timing]))
-    return merged
+def _between(
+    before: Sequence[FloatArray], after: Sequence[FloatArray], lost: int, axes: int
+) -> list[FloatArray]:
+    """Return samples in place of those lost between two stretches, one array a column: the time, axes, covariates."""
+    first, last = len(before[0]), min(len(after[0]), BESIDE_SAMPLES)
+    places = np.concatenate([np.arange(first), first + lost + np.arange(last)])
+    grid = (0, first + lost + last)
+    found = []
+    for number, (left, right) in enumerate(zip(before, after, strict=True)):
+        samples = np.concatenate([left, right[:last]])
+        if 1 <= number <= axes:
+            whole = bridged(samples, places, (grid,), number)
+        else:
+            whole = np.interp(np.arange(*grid), places, samples)
+        found.append(whole[first : first + lost])
+    return found
 
 
 def _common(parts: Sequence[tuple[int, Sequence[str]]]) -> list[str]:

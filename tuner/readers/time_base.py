@@ -231,7 +231,7 @@ def stamped_timebase(
         rows = np.flatnonzero(usable)
     t = stamps if rows is None else stamps[rows]
     _require(len(t))
-    t, rows, disordered = in_order(t, rows)
+    t, rows, disordered, twice = in_order(t, rows)
     t, rows, duplicates, batch = without_duplicates(t, rows, equal)
     _require(len(t))
     if batch > 0.0 and (different := round((t[-1] - t[0]) / batch) + 1) < MIN_BATCHES:
@@ -251,7 +251,7 @@ def stamped_timebase(
     if max(batch, resolution) > base.rounding:
         base = replace(base, rounding=max(batch, resolution))
     unread = 0 if rows is None else _unread(np.diff(rows), at, size)
-    return replace(base, rows=rows, disordered=disordered, duplicates=duplicates, unread=unread)
+    return replace(base, rows=rows, disordered=disordered, duplicates=duplicates + twice, unread=unread)
 
 
 def _unread(ahead: IntArray, at: IntArray, size: IntArray) -> int:

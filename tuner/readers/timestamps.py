@@ -4,7 +4,8 @@ A stamp is modelled as t_i = a + p k_i + e_i: p is the interval, k_i the number 
 (it jumps where samples are missing) and e_i the stamping error (rounding, jitter).
 
 order
-    Stamps behind an earlier one are sorted; more than 10 % of them is a clock that was reset, not disorder.
+    Stamps behind an earlier one are sorted; more than 10 % of them is a clock that was reset, not disorder. A run of
+    rows whose time rows before it have, as of a clock that was set back a little, is dropped as duplicates are.
 duplicates
     Of rows with one stamp and equal values the first stays. Rows with one stamp and different values are
     dropped too where they are rare (1 %); where they are the rule, the stamps are coarser than the sampling
@@ -37,6 +38,10 @@ _MAX_EQUAL_SHARE = 0.01
 """Share of rows with the stamp of the row before above which stamps are coarse, not repeated by mistake."""
 _MAX_DISORDERED_SHARE = 0.10
 """Share of rows behind an earlier stamp above which the clock was reset; fewer are sorted."""
+_MIN_SET_BACK = 32
+"""Rows in a row behind an earlier stamp that may be of a clock set back: jitter puts few in a row in another order."""
+_MIN_COVERED = 0.5
+"""Rows that have the time of such a run ÷ its own, from which it is one: 1, and 0 of a packet that came late."""
 _SHIFT_ROWS = 32
 """Rows on either side whose lower quartiles measure a shift of the clock: chosen to average the jitter of stamps."""
 _DELAY_CANDIDATES = 8
@@ -65,10 +70,10 @@ _ROWS_AT_ONCE = 1 << 20
 """Rows treated at a time, so that memory stays bounded: 8 MB a column."""
 
 
-def in_order(t: FloatArray, rows: IntArray | None) -> tuple[FloatArray, IntArray | None, int]:
-    """Return stamps in order, their rows and how many were behind an earlier stamp."""
+def in_order(t: FloatArray, rows: IntArray | None) -> tuple[FloatArray, IntArray | None, int, int]:
+    """Return stamps in order, their rows, how many were behind an earlier stamp, and how many came twice: dropped."""
     if (t[1:] >= t[:-1]).all():
-        return t, rows, 0
+        return t, rows, 0, 0
     behind = np.flatnonzero(t < np.maximum.accumulate(t))
     if len(behind) > _MAX_DISORDERED_SHARE * len(t):
         msg = (
@@ -76,8 +81,26 @@ def in_order(t: FloatArray, rows: IntArray | None) -> tuple[FloatArray, IntArray
             "that was reset?): split the log there, or leave the time column out by --columns t=none --rate HZ"
         )
         raise DataError(msg)
+    twice = _twice(t, behind)
     order = np.argsort(t, kind="stable")
-    return t[order], order if rows is None else rows[order], len(behind)
+    if len(twice):
+        order = order[~np.isin(order, twice)]
+    return t[order], order if rows is None else rows[order], len(behind) - len(twice), len(twice)
+
+
+def _twice(t: FloatArray, behind: IntArray) -> IntArray:
+    """Return the rows of long runs behind an earlier stamp whose time others have, shape (m,)."""
+    ordered = np.delete(t, behind)
+    found = [np.zeros(0, np.int64)]
+    for run in np.split(behind, np.flatnonzero(np.diff(behind) > 1) + 1):
+        inside = (
+            np.searchsorted(ordered, t[run].max(), side="right") - np.searchsorted(ordered, t[run].min())
+            if len(run) >= _MIN_SET_BACK
+            else 0
+        )
+        if inside > _MIN_COVERED * len(run):
+            found.append(run)
+    return np.concatenate(found)
 
 
 def without_duplicates(
