@@ -48,7 +48,7 @@ from tuner.synthesis.rest_and_motion import in_motion, with_rest_and_motion
 from tuner.synthesis.worst_case import worst_case
 from tuner.tune_result import LogResult, TuneInputs, TuneResult
 from tuner.types import FilterConfig, Finding, GnssNoise, Identification
-from tuner.types.arguments import expect, expect_count, expect_records
+from tuner.types.arguments import expect, expect_callable, expect_count, expect_records
 from tuner.types.consistency import Check
 from tuner.types.prediction import PredictedBlock
 from tuner.types.progress import Progress, silent
@@ -130,6 +130,8 @@ def tune(
         Where log, drive, grade or receiver cannot be used: one line.
     """
     expect_count(seed, "tune: seed", 0)
+    expect_count(replicas, "tune: replicas", 0)
+    expect_callable(progress, "tune: progress")
     wanted = [] if dialect is None else [dialect_named(dialect).name]
     if complete is not None:
         expect(

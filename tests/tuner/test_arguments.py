@@ -5,8 +5,11 @@ import pandas as pd
 import pytest
 
 import tuner
-from tuner.types.records import DataError
+from tuner.catalogue.grades import grade_identification, load_grade
+from tuner.types.records import DataError, Record
 
+NOISE = grade_identification(load_grade("mpu9250"))
+RECORD = Record("gyro", np.arange(8.0), np.zeros((8, 1)), ("gyro_x",), "rad/s", 1.0)
 MISTAKES = {
     "None": None,
     "empty text": "",
@@ -48,16 +51,26 @@ NUMBERS = {
     "plan: hours": lambda x: tuner.plan("mpu9250", hours=x),
     "plan: accuracy": lambda x: tuner.plan("mpu9250", accuracy=x),
     "tune: seed": lambda x: tuner.tune("mpu9250", seed=x),
+    "tune: replicas": lambda x: tuner.tune("mpu9250", replicas=x),
+    "synthesize: turn_on": lambda x: tuner.synthesize(NOISE, turn_on={"gyro_x": x}),
+    "diagnose: seed": lambda x: tuner.diagnose(RECORD, seed=x),
+    "diagnose: replicas": lambda x: tuner.diagnose(RECORD, replicas=x),
+}
+ALWAYS_REFUSED = {
+    "tune: progress": lambda x: tuner.tune("mpu9250", progress=x),
+    "diagnose: progress": lambda x: tuner.diagnose(RECORD, progress=x),
+    "compare: progress": lambda x: tuner.compare("mpu9250", "fog", progress=x),
+    "read: progress": lambda x: tuner.read({"gyro_x": [1.0]}, progress=5 if x is None else x),
 }
 
 
-@pytest.mark.parametrize("verb", [*ARGUMENTS, *NUMBERS])
+@pytest.mark.parametrize("verb", [*ARGUMENTS, *NUMBERS, *ALWAYS_REFUSED])
 def test_a_wrong_argument_is_refused_in_one_line(verb):
     for name, value in MISTAKES.items():
         if verb in NUMBERS and name == "number":
             continue
         with pytest.raises(DataError) as refused:
-            (ARGUMENTS | NUMBERS)[verb](value)
+            (ARGUMENTS | NUMBERS | ALWAYS_REFUSED)[verb](value)
         line = str(refused.value)
         assert "\n" not in line, (name, line)
         assert any(word in line for word in ("expected", "no such file", "unknown")), (name, line)
@@ -73,6 +86,10 @@ OTHERS = {
     "complete": lambda log: tuner.tune(log, complete=object()),
     "receiver": lambda log: tuner.tune(log, gnss=5),
     "receiver simulated": lambda log: tuner.check("mpu9250", receiver="rtk"),
+    "turn_on": lambda _: tuner.synthesize(NOISE, turn_on=[1, 2]),
+    "inflations": lambda _: tuner.synthesize(NOISE, inflations=object()),
+    "findings": lambda _: tuner.synthesize(NOISE, findings=[1]),
+    "synthesized records": lambda _: tuner.synthesize(NOISE, records=5),
     "logs": lambda log: tuner.fleet([]),
     "folder": lambda log: tuner.check(log.parent / "none.yaml"),
 }

@@ -10,7 +10,7 @@ from tuner.consistency.outage_drift import OutageDrift, outage_drift
 from tuner.identification.compare_sources import Source, compare_sources
 from tuner.identification.comparison import Comparison, LimitCheck, limit_checks
 from tuner.synthesis import synthesize
-from tuner.types.arguments import expect
+from tuner.types.arguments import expect, expect_callable
 from tuner.types.progress import Progress, silent
 from tuner.types.shown import Shown
 
@@ -63,6 +63,7 @@ def compare(
         For fewer than two sources or parts, a source that cannot be identified, or an unknown receiver.
     """
     expect(gnss, str, "compare: gnss", "the name of a built-in receiver, such as 'spp'")
+    expect_callable(progress, "compare: progress")
     receiver = load_gnss(gnss)
     noise = compare_sources(*sources, by=by, progress=progress)
     configs = [synthesize(source, gnss=receiver) for source in noise.sources]

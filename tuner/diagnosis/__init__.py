@@ -14,6 +14,7 @@ from typing import overload
 from tuner.readers import read
 from tuner.readers.drive import read_if_drive
 from tuner.types import Diagnosis, DriveDiagnosis, FilterConfig, GnssNoise, Identification
+from tuner.types.arguments import expect_callable
 from tuner.types.progress import Progress, silent
 from tuner.types.records import DataError, Drive, Record
 
@@ -105,6 +106,7 @@ def diagnose(
     DataError
         Where the data cannot be analysed, or an option does not go with them.
     """
+    expect_callable(progress, "diagnose: progress")
     if isinstance(data, str | Path):
         drive = read_if_drive(data)
         data = read(data) if drive is None else drive

@@ -27,7 +27,7 @@ from tuner.readers.messages import ardupilot, rosbag, ulog
 from tuner.readers.options import Options
 from tuner.readers.source_kind import unit_of_log
 from tuner.readers.time_range import between
-from tuner.types.arguments import expect, expect_number
+from tuner.types.arguments import expect, expect_callable, expect_number
 from tuner.types.records import DataError, Record
 
 if TYPE_CHECKING:
@@ -100,6 +100,8 @@ def read(
     DataError
         A file that cannot be used: one line with file, place, expected, found and what to do.
     """
+    if progress is not None:
+        expect_callable(progress, "read: progress", "a function of what is done and of the total")
     for name, value in (
         ("--rate", rate),
         ("--gyro-scale", gyro_scale),

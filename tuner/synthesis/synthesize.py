@@ -7,9 +7,11 @@ figures of a configuration with a reason each.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, version
+from numbers import Real
 from typing import Any
 
 from models.noise import GaussMarkov
@@ -20,7 +22,7 @@ from tuner.synthesis.channel_noise import channel_noise
 from tuner.synthesis.initial_covariance import initial_uncertainty, turn_on_sd
 from tuner.synthesis.prediction import hold_to_records
 from tuner.types import ChannelNoise, Enlargement, FilterConfig, GnssNoise, Identification, Inflation
-from tuner.types.arguments import expect, expect_number
+from tuner.types.arguments import described, expect, expect_count, expect_each, expect_number
 from tuner.types.records import DataError, Record
 
 AXES: Mapping[str, tuple[str, ...]] = {
@@ -94,6 +96,12 @@ def synthesize(
         )
     if gnss is not None:
         expect(gnss, GnssNoise, "synthesize: gnss", "the errors of a receiver, a GnssNoise")
+    _expect_sds(turn_on)
+    expect_each(inflations, Enlargement, "synthesize: inflations", "a list of Enlargement, as findings have")
+    expect_each(findings, Mapping, "synthesize: findings", "a list of mappings")
+    expect_each(records, Record, "synthesize: records", "a list of records, such as tuner.read(log) returns")
+    if seed is not None:
+        expect_count(seed, "synthesize: seed", 0)
     if rule not in {*RULES, BOUND}:
         msg = f"'rule' must be one of {', '.join([*RULES, BOUND])}, got {rule!r}"
         raise DataError(msg)
@@ -128,6 +136,19 @@ def synthesize(
     )
     config, _ = hold_to_records(config, records)
     return inflate(config, inflations)
+
+
+def _expect_sds(turn_on: object) -> None:
+    """Refuse what is no mapping of axes to sds, nor None."""
+    if turn_on is None:
+        return
+    expect(turn_on, Mapping, "synthesize: turn_on", "sds by axis, such as {'gyro_x': 1e-3}")
+    assert isinstance(turn_on, Mapping)
+    for axis, sd in turn_on.items():
+        expect(axis, str, "synthesize: turn_on", "names of axes")
+        if not isinstance(sd, Real) or not 0.0 <= float(sd) < math.inf:
+            msg = f"synthesize: turn_on of {axis}: expected an sd, not negative, found {described(sd)}"
+            raise DataError(msg)
 
 
 def inflate(config: FilterConfig, inflations: Sequence[Enlargement]) -> FilterConfig:

@@ -61,6 +61,20 @@ def expect_names(value: object, where: str, wanted: str) -> None:
         raise DataError(msg)
 
 
+def expect_each(value: object, kinds: type | tuple[type, ...], where: str, wanted: str) -> None:
+    """Refuse what is no list or tuple of these types."""
+    if not isinstance(value, list | tuple) or not all(isinstance(one, kinds) for one in value):
+        msg = f"{where}: expected {wanted}, found {described(value)}"
+        raise DataError(msg)
+
+
+def expect_callable(value: object, where: str, wanted: str = "a function that takes a line of text") -> None:
+    """Refuse what cannot be called."""
+    if not callable(value):
+        msg = f"{where}: expected {wanted}, found {described(value)}"
+        raise DataError(msg)
+
+
 def expect_records(value: object, where: str, wanted: str = RECORDS) -> tuple[Record, ...]:
     """Return a record, or several, as a tuple; refuse all else, and none at all."""
     if isinstance(value, Record):
