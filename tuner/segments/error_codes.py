@@ -9,11 +9,11 @@ One value v that comes m times is such a code where
 - or it comes more often than the values on both sides of it allow: Poisson, `MAX_CODE_RATIO` times the geometric mean
   of the most frequent on either side, as in a law without an edge, or of those on its one side. Nothing is said above
   a quantizer step of one sd, where values next to v are missing, as in a dead band, or where the tail of the noise
-  beyond v may hold m samples, by normal noise or by outliers as many as lie near v: a rail.
+  beyond v may hold m samples: a rail.
 
-More than one such value is the work of a converter, but for two that lie apart at both ends of all samples: the full
-scale of a register. Rows next to which samples change as noise does not are none: there the unit moves, and the value
-is a rail.
+At the end of all samples it is a rail, too, where outliers as many as a quarter of m lie next to it. More than one
+such value is the work of a converter, but for two that lie apart at both ends of all samples: the full scale of a
+register. Rows next to which samples change as noise does not are none: there the unit moves, and the value is a rail.
 
 Axes of one sensor that have codes in the same rows have them together; in these rows an axis whose noise hides its code
 has one if it takes one value there.
@@ -64,8 +64,10 @@ MAX_CODE_RATIO = 3.0
 Normal noise on codes of one sd gives e^½, uneven widths and steeper laws more.
 """
 TAIL_SHARE, MIN_TAIL_COUNT = 0.25, 4
-"""Outer part of the distance from the level in which others lie, at rest, a quarter of m or more, where a tail of
-outliers is cut off at v: Cauchy noise has a third of what lies beyond, lighter tails more."""
+"""Outer part of the distance from the level in which others lie, at rest, more than a quarter of m, where a tail of
+outliers is cut off at v, the end of all: Cauchy noise has a third of what lies beyond, lighter tails more."""
+QUARTILE_DISTANCE = 1.349
+"""Distance of the quartiles of normal noise, sds."""
 MAX_TAIL_EXCESS = 10.0
 """Factor by which tails may hold more than normal ones, as where saturation is tested."""
 MAX_GAPS = 1.5, 10.0
@@ -83,6 +85,9 @@ MAX_RUN = 128
 """Longest run of codes, samples; in longer ones the readings are frozen, which is another test."""
 MAX_NEIGHBOUR_SDS = 8.0
 """Distance of samples before and after a code from the level, and from each other, sds: beyond, the unit moves."""
+MIN_ALONE = 0.7
+"""Share of codes without one of the other end beside them, as where these are a twelfth of the rows at most: of shocks
+that swing from rail to rail nearly all are beside one."""
 MIN_SAME_ROWS = 0.9
 """Share of rows in common from which codes of two axes are one, and in which a hidden code takes one value."""
 MIN_PERIODIC = 0.95
@@ -249,11 +254,12 @@ def _judged(
     wide = max(sd, float(np.subtract(*np.quantile(drawn[drawn != value], (0.75, 0.25)))))
     reach, largest = APART_DISTANCE * max(sd, step), MAX_NEIGHBOUR_SDS * wide
     apart, far = nearest > reach, abs(value - level)
-    if far > largest + reach:
+    if far > largest + reach or value in ends:
         others = _at_rest(np.abs(y - level), np.flatnonzero(away <= TAIL_SHARE * far), largest)
-        if MIN_TAIL_COUNT * len(others) >= count:
+        normal = len(y) * float(ndtr(-(1.0 - TAIL_SHARE) * far * QUARTILE_DISTANCE / wide))
+        if value in ends and len(others) > max(count / MIN_TAIL_COUNT, MAX_TAIL_EXCESS * normal):
             return None
-        if not apart and (len(others) == 0 or away[others].min() > reach):
+        if not apart and far > largest + reach and (len(others) == 0 or away[others].min() > reach):
             apart, nearest = True, reach
     often = 0.0
     if not apart:
@@ -276,7 +282,11 @@ def _judged(
 
     if chance(count) > MAX_P_VALUE:
         return None
-    found = ErrorCodes(MappingProxyType({}), _in_rest(y, rows, ends, largest), 0.0)
+    found, alone = (
+        ErrorCodes(MappingProxyType({}), _in_rest(y, rows, codes, largest), 0.0) for codes in (ends, (value,))
+    )
+    if len(alone.begins) < MIN_ALONE * len(found.begins):
+        return None
     times = len(found.begins)
     if times < MIN_COUNT or found.longest > MAX_RUN or (p_value := chance(times)) > MAX_P_VALUE:
         return None
@@ -289,12 +299,12 @@ def _at_rest(distance: FloatArray, some: IntArray, largest: float) -> IntArray:
     return np.asarray(some[beside <= largest])
 
 
-def _in_rest(y: FloatArray, rows: BoolArray, ends: tuple[float, float], largest: float) -> BoolArray:
+def _in_rest(y: FloatArray, rows: BoolArray, codes: Sequence[float], largest: float) -> BoolArray:
     """Return the rows of a value without runs next to which samples change by more than `largest`: the unit moves.
 
-    Samples at one of the `ends` of all are none: they may be codes, and the rail of a motion.
+    Samples on one of `codes` are no neighbours: they may be codes themselves, or the rail of a motion.
     """
-    good = np.flatnonzero(~rows & (y != ends[0]) & (y != ends[1]))
+    good = np.flatnonzero(~rows & np.all([y != code for code in codes], axis=0))
     begins = np.flatnonzero(rows & ~np.append(False, rows[:-1]))
     after = np.searchsorted(good, begins)
     moved = np.zeros(len(begins), bool)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from models.noise import White
 from tuner.diagnosis import diagnose
@@ -72,8 +73,10 @@ def test_what_noise_gives_is_no_code(step):
     dead = np.where(np.abs(rounded) < 3.5 * max(step, 0.1), 0.0, rounded)
     rail = np.clip(rounded, -np.inf, step * np.round(2.0 / step) if step else 2.0)
     twice = np.repeat(rounded[: COUNT // 2], 2)
-    outliers = np.minimum(rng.standard_t(2.0, COUNT), 20.0)
-    for y in (rounded, shake, uneven, dead, rail, np.maximum(rounded, 0.0), twice, outliers):
+    outliers = np.minimum(rng.standard_t(4.0, COUNT), 8.0)
+    hit = np.where(rng.random(COUNT) < 0.002, 70.0 * rng.standard_normal(COUNT), 0.0)
+    shocks = np.clip(rounded + lfilter([1.0], [1.0, -1.2, 0.7], hit), -20.0, 20.0)
+    for y in (rounded, shake, uneven, dead, rail, np.maximum(rounded, 0.0), twice, outliers, shocks):
         assert codes(y) == []
 
 
