@@ -136,7 +136,7 @@ def with_gains(outcome: SearchResult, second: Channel | None) -> tuple[Accepted,
         own = accepted.extension
         smooth = isinstance(own, Temperature) and own.time_constant > 0.0
         proposed = (own,) if smooth else result.propose()
-        extended = residual(train, (*found.extensions, *proposed), starts=found.starts)
+        extended = residual(train, (*found.extensions, *proposed), starts=found.starts, near=found)
         free = _free(extended, test)
         if free is not test.ramp:
             before = _score(found, test, free)
