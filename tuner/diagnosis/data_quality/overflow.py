@@ -11,7 +11,9 @@ The chance of both is ::
 E the samples that the noise should have beyond L, ρ ≤ 1 the samples found beyond a level half a sd inside it ÷ those
 expected there, which guards against light tails, and r the range of the k wrapped samples beside W', in which
 glitches of other sizes would lie. The number k of the wrapped ones must be that of those that are missing, they must
-lie at their end as a tail does, and farther from the level than the noise's own tail on that side.
+lie at their end as a tail does, and farther from the level than the noise's own tail on that side. Inside the other end
+samples must lie as close as those of noise do of which so many are cut off. Two neighbours must not both have wrapped
+more often than noise of the same correlation is beyond L twice: readings that are held come in runs.
 """
 
 from __future__ import annotations
@@ -56,6 +58,12 @@ MEAN_MARGIN = 1.3
 """Mean distance beyond an end ÷ that of normal noise: 1.29 at three sds for Student's t₃₀."""
 TIED_MARGIN = 1.3
 """Samples on the code next to an end ÷ those of normal noise: a code that is 0.3 steps too wide has as many."""
+OUTERMOST = 4
+"""Samples next to the outermost one whose distance from it tells how dense they lie: enough for a gamma law."""
+APART_P_VALUE = 1e-6
+"""Chance of so wide a distance where noise is cut off: one such record in a million is not named."""
+NEIGHBOUR_MARGIN = 2.0
+"""Pairs of neighbours beyond L ÷ those of normal noise of the same correlation, of noise that is not normal."""
 MIN_GRAIN = 1e-6
 """Distance at which two samples are one value, sds."""
 TIED_P_VALUE = 1e-6
@@ -173,8 +181,11 @@ def _end(
     last = (normal_beyond(edge - grain) - normal_beyond(edge)) / (
         normal_beyond(edge - 0.5 * grain - reach) - normal_beyond(edge)
     )
+    apart = max(float(np.partition(short[~wrapped], OUTERMOST)[OUTERMOST]) - grain, 0.0)
     if (
-        past.mean() > mean * (MEAN_MARGIN + COUNT_SDS / math.sqrt(count))
+        _in_runs(off / sigma, wrapped, edge, mean)
+        or gammaincc(OUTERMOST, count * apart / max(float(past.mean()), grain)) < APART_P_VALUE
+        or past.mean() > mean * (MEAN_MARGIN + COUNT_SDS / math.sqrt(count))
         or _tied(past, grain, first)
         or _tied(short[short < reach], grain, last)
     ):
@@ -185,6 +196,20 @@ def _end(
     own_tail = gammaincc(count, OWN_TAIL_RATE * 0.5 * width / sigma * float(farther.sum()))
     p_value = max(math.exp(-(lightness**2) * beyond) * alike, float(own_tail))
     return p_value, GAP_NATS * sigma / (end * count), count
+
+
+def _in_runs(off: FloatArray, wrapped: BoolArray, end: float, mean: float) -> bool:
+    """Return whether more neighbours wrapped than noise of this correlation has beyond its end at once.
+
+    All in sds: `end` that of the range, `mean` how far samples beyond it are from it on average.
+    """
+    kept = ~(wrapped[1:] | wrapped[:-1])
+    correlation = float(np.mean(off[1:][kept] * off[:-1][kept])) / float(np.mean(off[~wrapped] ** 2))
+    correlation = min(max(correlation, 0.0), 0.99)
+    again = normal_beyond((end - correlation * (end + mean)) / math.sqrt(1.0 - correlation**2))
+    pairs = int(np.count_nonzero(wrapped[1:] & wrapped[:-1]))
+    share = min(NEIGHBOUR_MARGIN * float(again), 1.0)
+    return binomial_at_least(pairs, int(np.count_nonzero(wrapped)), share) < TIED_P_VALUE
 
 
 def _tied(distance: FloatArray, grain: float, share: float) -> bool:

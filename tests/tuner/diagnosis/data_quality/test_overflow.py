@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -93,3 +95,31 @@ def test_rails_glitches_and_error_codes_are_no_overflow():
         record = Record("gyro", 0.01 * np.arange(COUNT), y[:, None], ("gyro_x",), "rad/s", 0.01)
         (test,) = (one for one in data_quality_tests(record) if one.cause == "overflow")
         assert test.p_value > ALIKE
+
+
+def held(seed: int, share: float, sd: float) -> np.ndarray:
+    """White noise in which for a share of the time readings of another sd are held for 8 to 19 samples."""
+    rng, count = np.random.default_rng(seed), 200_000
+    y, at = rng.standard_normal(count), 0
+    while True:
+        at += int(rng.exponential(14 * (1 - share) / share)) + 1
+        size = int(rng.integers(8, 20))
+        if at + size >= count:
+            return y
+        y[at : at + size] = sd * rng.standard_normal() + 0.02 * rng.standard_normal(size)
+        at += size
+
+
+@pytest.mark.parametrize(("seed", "share", "sd"), [(7, 0.1, 1.4), (7, 0.1, 1.6), (3, 0.2, 1.4)])
+def test_readings_that_are_held_are_no_overflow(seed, share, sd):
+    """They come in runs, and nothing is cut off at the other end."""
+    assert find_overflow([held(seed, share, sd)], 0.0).p_value > ALIKE
+
+
+def test_runs_of_a_phone_far_from_its_other_end_are_no_overflow():
+    """Held stretches at one end of a log, of whose other end samples lie far apart."""
+    name = Path(os.environ.get("TUNER_DATA", "nowhere")) / "static" / "galaxy_s5_static.npz"
+    if not name.is_file():
+        pytest.skip("TUNER_DATA does not name a folder with recordings")
+    with np.load(name) as arrays:
+        assert find_overflow([np.asarray(arrays["gyro_raw"][:, 0], dtype=float)], 0.0).p_value > ALIKE
