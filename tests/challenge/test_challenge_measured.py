@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from challenge.generator.sampling import Duplicates
-from challenge.measured import EFFECTS, RECORDINGS, folder, samples, told, with_effect
+from challenge.measured import RECORDINGS, folder, samples, told, with_effect
 
 pytestmark = [
     pytest.mark.slow,
@@ -19,7 +19,7 @@ def test_an_effect_of_sixty_nats_is_named_in_a_real_recording(recording):
     assert where is not None
     y = samples(recording, where)
     control, _ = told(y, recording)
-    for effect in (effect for effect in EFFECTS if effect is not Duplicates):
+    for effect in (effect for effect in recording.effects if effect is not Duplicates):
         found, _ = told(with_effect(y, recording, effect), recording)
         assert effect.cause in found, effect.cause
         assert len(set(found) - set(control) - {effect.cause}) <= 1, effect.cause
