@@ -13,7 +13,7 @@ expected there, which guards against light tails, and r the range of the k wrapp
 glitches of other sizes would lie. The number k of the wrapped ones must be that of those that are missing, they must
 lie at their end as a tail does, and farther from the level than the noise's own tail on that side. Inside the other end
 samples must lie as close as those of noise do of which so many are cut off. Two neighbours must not both have wrapped
-more often than noise of the same correlation is beyond L twice: readings that are held come in runs.
+more often than noise of the same correlation is beyond L twice: frozen readings come in runs.
 """
 
 from __future__ import annotations
