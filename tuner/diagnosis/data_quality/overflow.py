@@ -58,7 +58,7 @@ MEAN_MARGIN = 1.3
 """Mean distance beyond an end ÷ that of normal noise: 1.29 at three sds for Student's t₃₀."""
 TIED_MARGIN = 1.3
 """Samples on the code next to an end ÷ those of normal noise: a code that is 0.3 steps too wide has as many."""
-OUTERMOST = 4
+OUTERMOST_SAMPLES = 4
 """Samples next to the outermost one whose distance from it tells how dense they lie: enough for a gamma law."""
 APART_P_VALUE = 1e-6
 """Chance of so wide a distance where noise is cut off: one such record in a million is not named."""
@@ -181,10 +181,10 @@ def _end(
     last = (normal_beyond(edge - grain) - normal_beyond(edge)) / (
         normal_beyond(edge - 0.5 * grain - reach) - normal_beyond(edge)
     )
-    apart = max(float(np.partition(short[~wrapped], OUTERMOST)[OUTERMOST]) - grain, 0.0)
+    apart = max(float(np.partition(short[~wrapped], OUTERMOST_SAMPLES)[OUTERMOST_SAMPLES]) - grain, 0.0)
     if (
         _in_runs(off / sigma, wrapped, edge, mean)
-        or gammaincc(OUTERMOST, count * apart / max(float(past.mean()), grain)) < APART_P_VALUE
+        or gammaincc(OUTERMOST_SAMPLES, count * apart / max(float(past.mean()), grain)) < APART_P_VALUE
         or past.mean() > mean * (MEAN_MARGIN + COUNT_SDS / math.sqrt(count))
         or _tied(past, grain, first)
         or _tied(short[short < reach], grain, last)
