@@ -82,6 +82,12 @@ def test_normal_noise_passes_all_checks_rounded_or_not(step):
         assert ("law" in found) == (step < 0.5)
 
 
+def test_codes_bend_the_law_of_no_long_record():
+    """A bin of a histogram has other places in it than its middle where samples lie on codes."""
+    y, step = rng(6).standard_normal(300_000), 0.37
+    assert p_values(step * np.round(y / step), step=step)["law"] > CHANCE
+
+
 def test_spikes_at_a_period_are_told_from_those_at_random():
     """Every 500 samples, one sample early or late; anywhere, alone and three in a row; within a tenth of the record."""
     anywhere = rng(15).choice(COUNT - 3, 40, replace=False)

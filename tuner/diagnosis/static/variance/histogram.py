@@ -12,7 +12,7 @@ from models.probability import log_normal_density
 FloatArray = NDArray[np.float64]
 
 CELL_WIDTH = 0.02
-"""Width of a bin, sds: grouping adds width²/12 = 3e-5 to the variance."""
+"""Width of a bin, sds: grouping takes width²/12 = 3e-5 from the variance."""
 MAX_DEVIATION = 60.0
 """Residuals beyond are counted at this deviation, sds; chosen to bound the number of bins."""
 
@@ -22,7 +22,10 @@ SAMPLES_AT_ONCE = 1 << 16
 
 @dataclass(frozen=True)
 class Histogram:
-    """Filled bins: `value` at their middle and `count` in them, shapes (b,)."""
+    """Filled bins: `value` is the mean of what is in them and `count` its number, shapes (b,).
+
+    Not their middle: codes lie elsewhere in each bin, which bends the law of 1e5 samples on codes of 0.3 sd visibly.
+    """
 
     value: FloatArray
     count: FloatArray
@@ -35,9 +38,11 @@ class Histogram:
 
 def histogram(e: FloatArray, *, clip: float = MAX_DEVIATION, sd: float = 1.0) -> Histogram:
     """Return the bins of residuals in sds; what lies beyond `clip` is put there."""
-    count = np.zeros(round(2.0 * clip / CELL_WIDTH) + 1)
+    count, total = np.zeros((2, round(2.0 * clip / CELL_WIDTH) + 1))
     for first in range(0, len(e), SAMPLES_AT_ONCE):
         part = np.clip(e[first : first + SAMPLES_AT_ONCE] / sd, -clip, clip)
-        count += np.bincount(np.round((part + clip) / CELL_WIDTH).astype(int), minlength=len(count))
+        place = np.round((part + clip) / CELL_WIDTH).astype(int)
+        count += np.bincount(place, minlength=len(count))
+        total += np.bincount(place, part, len(count))
     filled = np.flatnonzero(count)
-    return Histogram(np.asarray(filled * CELL_WIDTH - clip, dtype=float), count[filled])
+    return Histogram(total[filled] / count[filled], count[filled])
