@@ -204,11 +204,17 @@ def _judged(
     besides: type[Term],
     null: float,
 ) -> TestResult:
-    """Return the result for two levels at these free numbers, whose path is compared with steps and more levels."""
+    """Return the result for two levels next to these free numbers, whose path is compared with steps and more levels.
+
+    Its lead is that of the maximum: the search that made `unsure` ends some tenths of a nat below it, by which rivals
+    may differ.
+    """
     extension, switches, x, two = _extension(y, step, span, r, x, besides)
+    price, lead = unsure.statistic - unsure.gain, max(two - null, unsure.statistic)
+    unsure = replace(unsure, p_value=chi2_beyond(2.0 * lead, 5), gain=lead - price, statistic=lead)
     many, three = _three_levels(y, step, span, r, x, besides, two + THIRD_LEVEL_LEAD)
     if many is not None:
-        lead, price = three - null, unsure.statistic - unsure.gain
+        lead = three - null
         known = replace(unsure, gain=lead - price, statistic=lead, name=ManyLevels.meaning)
         return replace(known, propose=lambda: (many,))
     size = extension.values["size"]
