@@ -209,7 +209,7 @@ def tune(
         choice,
         stated,
         measured,
-    )
+    ).written
 
 
 def file_of_dialect(name: str) -> str:

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from tuner.judgement import Settings, judge_settings
 from tuner.segments.multi_position import PoseCalibration
 from tuner.types import Diagnosis, FilterConfig, GnssNoise, Identification
 from tuner.types.consistency import Check
+from tuner.types.judgement import Judgement, Use
 from tuner.types.prediction import PredictedBlock
 from tuner.types.records import Drive, Record
 from tuner.types.shown import Shown
@@ -96,6 +100,8 @@ class TuneResult(Shown):
         What the data sheet states, to be shown beside what was measured.
     measured : DriveResult or None
         The filter with the settings as written on the whole drive, scored as `navigate` scores it.
+    withheld : mapping of str to str
+        Files of settings that are not written, each with the reason.
     """
 
     name: str
@@ -115,3 +121,28 @@ class TuneResult(Shown):
     choice: HeldOutChoice | None = None
     datasheet: Identification | None = None
     measured: DriveResult | None = None
+    withheld: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+
+    @cached_property
+    def verdict(self) -> Judgement:
+        """For what the settings can be used, from everything that is known of them."""
+        return judge_settings(
+            Settings(
+                self.identification,
+                self.config,
+                self.predictions,
+                self.diagnosis,
+                self.check,
+                None if self.drive is None else self.drive.diagnosis,
+                self.choice,
+                None if self.measured is None else self.measured.consistency,
+            )
+        )
+
+    @property
+    def written(self) -> TuneResult:
+        """The result without the files of settings that its verdict forbids to use."""
+        if self.verdict.use is not Use.DO_NOT_USE:
+            return self
+        reasons = dict.fromkeys(self.exports, self.verdict.text)
+        return replace(self, exports=MappingProxyType({}), withheld={**self.withheld, **reasons})

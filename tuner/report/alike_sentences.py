@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 
-from tuner.report.settings_rows import axes_text
+from tuner.formats.axis_words import axes_text
 
 NUMBER = re.compile(r"(?<![\w.])[-+\u2212]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 """A number that stands alone, as it is written in a sentence."""

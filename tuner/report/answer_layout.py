@@ -9,13 +9,13 @@ from typing import Any
 
 from rich.table import Table
 
+from tuner.formats.axis_words import axes_text
 from tuner.formats.customary_units import digits, stamp
-from tuner.report.settings_rows import EXTRAPOLATED, SettingsRow, axes_text, settings_rows, units_of
+from tuner.limits import SCREEN_LINES
+from tuner.report.settings_rows import EXTRAPOLATED, SettingsRow, settings_rows, units_of
 from tuner.report.terminal import COLUMN_GAP, LINE_WIDTH
 from tuner.types import FilterConfig
 
-MAX_LINES = 10
-"""Lines of an answer: what is read at a glance."""
 SHORT_SPAN = 600.0
 """Time up to which a reader counts seconds, s."""
 INTERVAL = "± ( ) 95 %"
@@ -44,25 +44,13 @@ def settings_table(rows: Sequence[SettingsRow]) -> Table:
     return table
 
 
-def settings_lines(rows: Sequence[SettingsRow], *, tight: bool = False) -> list[str]:
-    """Return the numbers of every group of axes in one table with one head, its units as those of ``gyro|accel``.
-
-    Parameters
-    ----------
-    rows : sequence of SettingsRow
-        Of all sensors.
-    tight : bool, optional
-        Whether to leave spaces out of numbers, so that fewer rows take two lines.
-    """
+def settings_lines(rows: Sequence[SettingsRow]) -> list[str]:
+    """Return the numbers of every group of axes in one table with one head, its units as those of ``gyro|accel``."""
     units = [units_of(unit) for unit in dict.fromkeys(row.unit for row in rows)]
     white, level, walk = ("|".join(names) for names in zip(*units, strict=True))
-    cells = [
-        [axes_text(row.axes), *(_tightened(text) if tight else text for text in _numbers(row))]
-        for row in rows
-    ]
-    gap = 1 if tight else COLUMN_GAP
-    marks = INTERVAL.replace(" ( )", "") if tight else INTERVAL
-    known = marks if any("±" in text or "(" in text for row in cells for text in row) else ""
+    cells = [[axes_text(row.axes), *_numbers(row)] for row in rows]
+    gap = COLUMN_GAP
+    known = INTERVAL if any("±" in text or "(" in text for row in cells for text in row) else ""
     head = [
         known,
         f"N, {white}",
@@ -98,10 +86,6 @@ def _numbers(row: SettingsRow) -> list[str]:
     """Return white noise, bias states and random walk of a row; the unit of time stands in the head."""
     white = f"{row.white.text} fitted" if row.fitted else row.white.text
     return [white, row.bias.replace(" s;", ";").removesuffix(" s"), row.walk.text]
-
-
-def _tightened(text: str) -> str:
-    return text.replace(" ± ", "±").replace(" to ", "–").replace(", ", ",").replace(" (", "(")
 
 
 def span_text(seconds: float) -> str:
@@ -142,10 +126,10 @@ def filled(lines: Sequence[str], more: Sequence[str] = (), *, also: str = "") ->
         What else `--verbose` shows.
     """
     answer, left = list(lines), list(more)
-    while left and len(answer) + len(text := wrapped(left[0], 2)) < MAX_LINES:
+    while left and len(answer) + len(text := wrapped(left[0], 2)) < SCREEN_LINES:
         answer += text
         del left[0]
-    if left and len(answer) == len(lines) and (room := MAX_LINES - 1 - len(lines)) > 0:
+    if left and len(answer) == len(lines) and (room := SCREEN_LINES - 1 - len(lines)) > 0:
         begin = wrapped(left.pop(0), 2)[:room]
         answer += [*begin[:-1], f"{begin[-1][: LINE_WIDTH - 2]} …"]
     rest = f"{len(left)} more remark{'s' * (len(left) > 1)}" if left else ""

@@ -9,6 +9,7 @@ from rich.table import Table
 from models.sensors import SensorGrade
 from tuner.consistency.choose_grade import GradeChoice
 from tuner.consistency.compare_sensors import SensorComparison
+from tuner.formats.axis_words import axes_text
 from tuner.formats.customary_units import (
     customary_unit,
     digits,
@@ -21,7 +22,6 @@ from tuner.identification.record_length import PlannedParameter
 from tuner.identification.static_test_plan import StaticTestPlan
 from tuner.report.agreeing_rows import joined_rows
 from tuner.report.identification_answer import terms_table, warning_lines
-from tuner.report.settings_rows import axes_text
 from tuner.report.terminal import LINE_WIDTH
 from tuner.report.terms_rows import channel_row
 from tuner.types import FilterConfig

@@ -1,4 +1,4 @@
-"""The answer of `check`, `navigate` and `score` in ten lines of 80 columns: verdict, scores, errors, what to do."""
+"""The answer of `check`, `navigate` and `score`: verdict, scores, errors, what to do."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from dataclasses import replace
 
 from tuner.formats.customary_units import digits
 from tuner.formats.reference_words import reference_line
-from tuner.report.answer_layout import MAX_LINES, filled, wrapped
-from tuner.report.verdict_text import shortened, verdict_text
+from tuner.report.answer_layout import filled, wrapped
+from tuner.report.verdict_text import verdict_text
 from tuner.types.consistency import Consistency, Score
+from tuner.types.verdict import Severity
 
 OFF = "*"
 """Mark behind a ratio that is shown to be off 1."""
@@ -38,32 +39,27 @@ def consistency_answer(found: Consistency, notes: Sequence[str] = (), to_do: Seq
         What explains the verdict and what to change, and where files are.
     """
     found = found.shown
-    done = [line for text in to_do for line in wrapped(text, 2)]
-    wrong = reference_line(notes)
-    for brief in (False, True):
-        verdict = verdict_lines(found, brief=bool(wrong))
-        lines = [*verdict, *wrong, *_score_lines(found, brief=brief), *_error_lines(found), *done]
-        if len(lines) < MAX_LINES:
-            break
+    texts = [f"Verdict: {found.honesty.text}", *reference_line(notes), *explanation_lines(found)]
+    lines = [line for text in texts for line in wrapped(text, 2)]
+    lines += [
+        *_score_lines(found),
+        *_error_lines(found),
+        *(line for text in to_do for line in wrapped(text, 2)),
+    ]
     return filled(lines, [f"Note: {note}" for note in notes], also="every score with its band")
 
 
-def verdict_lines(found: Consistency, *, brief: bool = False) -> list[str]:
-    """Return whether a filter is consistent, and the first reason with its likeliest explanation, of a few words."""
-    if found.consistent:
-        return ["Consistent: no score is shown to be 10 % off what the filter predicts"]
-    if not found.verdicts:
-        return ["NOT consistent"]
-    first = found.verdicts[0]
-    reason = verdict_text(replace(first, explanations=first.explanations[:1]))
-    reason = reason.replace("what the filter predicts: ", "predicted, ")
-    if brief:
-        reason = shortened(reason)
-    return wrapped(f"NOT consistent: {reason}", 2)
+def explanation_lines(found: Consistency) -> list[str]:
+    """Return why a filter diverged, or which setting explains its scores best; nothing where it is honest."""
+    if found.honesty.good:
+        return []
+    explained = [one for one in found.verdicts if one.severity in (Severity.EXPLANATION, Severity.DIVERGED)]
+    texts = [verdict_text(replace(one, explanations=one.explanations[:1])) for one in explained[:2]]
+    return [f"{text[:1].upper()}{text[1:]}" for text in texts]
 
 
-def _score_lines(found: Consistency, *, brief: bool) -> list[str]:
-    """Return true ÷ predicted of every score, and of the outages with their errors; in fewer words where `brief`."""
+def _score_lines(found: Consistency) -> list[str]:
+    """Return true ÷ predicted of every score, and of the outages with their errors."""
     elsewhere = {outage.score.name for outage in found.outages}
     if len(found.nis) > 1:  # the first is of all together
         elsewhere.add(found.nis[0].name)
@@ -78,22 +74,20 @@ def _score_lines(found: Consistency, *, brief: bool) -> list[str]:
     lines = []
     if parts:
         mark = f" ({OFF}: off)" if OFF in "".join(parts) else ""
-        if brief:
-            parts = [text.replace("innovations", "innov.") for text in parts]
-        lines += wrapped(f"True ÷ predicted error{mark}: {', '.join(parts)}", 2)
+        of = (
+            "True ÷ predicted error"
+            if found.has_truth
+            else "Innovations, and distance to the smoother, ÷ predicted"
+        )
+        lines += wrapped(f"{of}{mark}: {', '.join(parts)}", 2)
     if found.outages:
         each = (
             f"{one.score.name.removeprefix('outage ')} {digits(one.rms)} ({digits(one.predicted)}) m"
             f"{'' if one.score.consistent else OFF}"
             for one in found.outages
         )
-        text = ", ".join(each)
-        text = (
-            f"Unaided, m (predicted): {text.replace(' m', '')}"
-            if brief
-            else f"Without fixes, error (predicted): {text}"
-        )
-        lines += wrapped(text, 2)
+        of = "error" if found.has_truth else "distance to the withheld fixes"
+        lines += wrapped(f"Without fixes, {of} (predicted): {', '.join(each)}", 2)
     return lines
 
 
@@ -112,5 +106,7 @@ def _error_lines(found: Consistency) -> list[str]:
         words = what.removesuffix("_innovation") if innovations else what
         parts.append(f"{words.replace('_', ' ')} {digits(size * math.hypot(*values))} {shown}".rstrip())
     gated = [f"{100.0 * found.gated:.2g} % of fixes refused"] if found.gated else []
-    errors = [f"{'Innovations' if innovations else 'Error'}, rms: {', '.join(parts)}"] if parts else []
+    errors = (
+        [f"{'Distance to the fixes' if innovations else 'Error'}, rms: {', '.join(parts)}"] if parts else []
+    )
     return wrapped("; ".join([*errors, *gated]), 2) if errors or gated else []

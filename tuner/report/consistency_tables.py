@@ -72,7 +72,7 @@ def consistency_tables(found: Consistency, notes: Sequence[str] = ()) -> list[Ta
     if found.gated:
         answer.append(f"  fixes refused by the gate: {100.0 * found.gated:.2g} %")
     answer += [f"  note: {note}" for note in notes]
-    answer.append("consistent" if found.consistent else "NOT consistent")
+    answer.append(f"Verdict: {found.honesty.text}")
     answer += [f"  {verdict_text(verdict)}" for verdict in found.verdicts]
     return answer + [f"  {text}" for text in meanings(found.verdicts)]
 
@@ -88,10 +88,8 @@ def meanings(verdicts: Sequence[Verdict]) -> list[str]:
 
 
 def consistency_verdict(found: Consistency) -> tuple[bool, str]:
-    """Return whether a filter is consistent, and that with the first reason in words."""
-    reasons = [verdict_text(verdict) for verdict in found.shown.verdicts]
-    words = "Consistent" if found.consistent else "NOT consistent"
-    return found.consistent, f"{words}: {reasons[0]}." if reasons else f"{words}."
+    """Return whether the verdict on a filter is good, and its words."""
+    return found.honesty.good, f"Verdict: {found.honesty.text}."
 
 
 def check_tables(found: Check, *, budget: bool) -> list[Table | str]:

@@ -9,8 +9,9 @@ from rich.table import Table
 from tuner.diagnosis.drive.noise_scale_estimates import UNKNOWN_CAUSE, factor_text, listed, may_be_one
 from tuner.formats.customary_units import amount, customary_unit, digits, in_customary, pretty
 from tuner.formats.reference_words import reference_line
-from tuner.report.answer_layout import filled
-from tuner.report.diagnosis_answer import CLEAREST_FINDINGS
+from tuner.judgement import judge_drive
+from tuner.limits import SHOWN_FINDINGS
+from tuner.report.answer_layout import filled, wrapped
 from tuner.report.drive_answer import found_text
 from tuner.report.static_diagnosis_tables import findings_table
 from tuner.types import DriveDiagnosis, Finding, Gain, NoiseScaleEstimate
@@ -24,17 +25,19 @@ _STAYING_CAUSES = {"correlated_gnss": "position", "correlated_velocity": "veloci
 def drive_diagnosis_answer(found: DriveDiagnosis) -> list[str]:
     """Return what the filter gets wrong on a drive, the factors that its noise needs, and what is left."""
     lines = [f"{found_text(one)} → {one.consequence}" for one in found.findings]
-    if found.quiet:
-        lines = ["Nothing found: the drive agrees with a simulation of this filter"]
-    left = [f"Unexplained: {one.statistic}" for one in found.unexplained]
+    left = [f"Not explained: {one.statistic}" for one in found.unexplained]
     noise = noise_lines(found.noise_scales, found.findings)
     gain = [] if found.gain is None else [whole_gain_text(found.gain)]
     harm = [] if found.credited else [harm_text(found.gain)]
     rest = [f"Missing: {one}" for one in missing(found)] + [f"Note: {one}" for one in found.notes]
-    clear, others = lines[:CLEAREST_FINDINGS], lines[CLEAREST_FINDINGS:]
-    first = [*harm, *clear, *left[:1], *noise, *gain]
-    texts = [*first[:1], *reference_line(found.notes), *first[1:], *others, *left[1:], *rest]
-    return filled([], [f"{text[:1].upper()}{text[1:]}" for text in texts], also="every finding and test")
+    verdict = [f"Verdict: {judge_drive(found).text}", *reference_line(found.notes)]
+    first = [*verdict, *left, *harm, *lines[:SHOWN_FINDINGS], *noise, *gain]
+    texts = [f"{text[:1].upper()}{text[1:]}" for text in first]
+    return filled(
+        [line for text in texts for line in wrapped(text, 2)],
+        [f"{text[:1].upper()}{text[1:]}" for text in (*lines[SHOWN_FINDINGS:], *rest)],
+        also="every finding and test",
+    )
 
 
 def noise_lines(estimates: Sequence[NoiseScaleEstimate], findings: Sequence[Finding] = ()) -> list[str]:
@@ -90,8 +93,7 @@ def _staying(findings: Sequence[Finding]) -> dict[str, str]:
 def drive_tables(found: DriveDiagnosis) -> list[Table | str]:
     """Return findings with their words, the gain, the inflations with their causes, and what stays open."""
     answer: list[Table | str] = []
-    if found.quiet:
-        answer.append("  nothing found: the drive agrees with a simulation of this filter")
+    answer.append(f"  Verdict: {judge_drive(found).text}")
     if found.findings:
         answer.append(findings_table(found.findings, "What the navigation simulation gets wrong"))
     for finding in found.findings:

@@ -16,9 +16,9 @@ import numpy as np
 
 from models.effects import EFFECTS
 from tuner.diagnosis.static.causes.registry import CAUSES
+from tuner.formats.axis_words import axes_text
 from tuner.formats.customary_units import amount, digits
 from tuner.formats.parameter_words import parameter_words
-from tuner.report.settings_rows import axes_text
 from tuner.types import Finding, Gain
 
 MAX_HEADLINES = 7

@@ -20,6 +20,7 @@ from plotly.offline import get_plotlyjs
 from rich.table import Table
 
 from tuner.exporters import DIALECTS, export, lacking
+from tuner.formats.axis_words import axes_text
 from tuner.formats.customary_units import digits, in_customary, term_title
 from tuner.pipeline import EXPORTED_DIALECTS
 from tuner.report.alike_sentences import alike_sentences
@@ -31,16 +32,16 @@ from tuner.report.page_charts import charts
 from tuner.report.page_findings import findings_content
 from tuner.report.page_parts import Picture, blocks, shown
 from tuner.report.prediction_tables import prediction_tables
-from tuner.report.settings_rows import axes_text, settings_rows, units_of
+from tuner.report.settings_rows import settings_rows, units_of
 from tuner.report.tune_answer import (
     against_datasheet,
     assumptions,
     hidden_lines,
     legend,
     recording_line,
-    whole_verdict,
 )
 from tuner.tune_result import TuneResult
+from tuner.types.judgement import Use
 
 KINDS = {
     "allan": "Allan deviation: measured with its 95 % band, what the settings predict, and each identified term",
@@ -48,6 +49,8 @@ KINDS = {
     "course": "Time course: from the smallest to the largest sample of each piece of time; events are marked",
 }
 """Charts and their captions."""
+STANDING = {Use.USABLE: "good", Use.USABLE_EXCEPT: "open", Use.DO_NOT_USE: "bad"}
+"""How the page shows a verdict."""
 WARNING = "warning: "
 """How a warning begins among the lines below the tables of noise; the page lists them first of its limits."""
 TIMING = {
@@ -79,16 +82,17 @@ def write_page(
     panels: list[Chart] = []
     axes = list(dict.fromkeys(axis for by_axis in drawn.values() for axis in by_axis))
     noise = blocks(identification_tables(result.identification))
-    checked = result.check
     others = {
         name: export(result.config, name)
         for name, dialect in DIALECTS.items()
-        if name not in ("native", *EXPORTED_DIALECTS) and not lacking(result.config, dialect)
+        if result.exports
+        and name not in ("native", *EXPORTED_DIALECTS)
+        and not lacking(result.config, dialect)
     }
     content = {
         "name": result.name,
-        "verdict": whole_verdict(result),
-        "standing": "open" if checked is None else "good" if _stands(result) else "bad",
+        "verdict": f"Verdict: {result.verdict.text}.",
+        "standing": STANDING[result.verdict.use],
         "facts": _facts(result),
         "settings": _settings(result),
         "legend": legend(settings_rows(result.config)),
@@ -187,12 +191,6 @@ def _for_script(data: Mapping[str, Any]) -> Markup:
     return Markup(text.replace("<", "\\u003c").replace("&", "\\u0026"))
 
 
-def _stands(result: TuneResult) -> bool:
-    predicted = all(found.passes for found in result.predictions.values())
-    measured = result.measured is None or result.measured.consistency.consistent
-    return result.check is not None and result.check.consistency.consistent and predicted and measured
-
-
 def _facts(result: TuneResult) -> list[tuple[str, str]]:
     facts = [("Recording", recording_line(result))]
     wrong = alike_sentences(
@@ -277,6 +275,7 @@ def _sections(
 
 def _limits(result: TuneResult, noise: Sequence[Mapping[str, Any]]) -> list[str]:
     lines = [f"no {part}: {reason}" for part, reason in result.absent.items()]
+    lines += [f"not written: {name}: {reason}" for name, reason in result.withheld.items()]
     lines += [line for block in noise for line in block.get("lines", ())]
     lines += result.config.notes
     warnings = [f"Warning: {line.removeprefix(WARNING)}" for line in lines if line.startswith(WARNING)]

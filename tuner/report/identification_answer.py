@@ -1,21 +1,24 @@
-"""The answer of `identify` in ten to twenty lines of 80 columns: the noise of axes that agree."""
+"""The answer of `identify`: verdict, and the noise of axes that agree."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
 from rich.table import Table
 
+from tuner.formats.axis_words import axes_text
 from tuner.formats.customary_units import customary_unit, digits, pretty, symbol
 from tuner.identification.identify import BY_DIAGNOSIS
+from tuner.judgement import curve_axes, judge_noise
 from tuner.report.agreeing_rows import joined_rows
 from tuner.report.alike_sentences import alike_sentences
 from tuner.report.answer_layout import assumed_text, filled, span_text, used_part, wrapped
-from tuner.report.settings_rows import axes_text, settings_rows
 from tuner.report.terminal import LINE_WIDTH
 from tuner.report.terms_rows import MAIN_TERMS, TermsRow, channel_row, single_row
-from tuner.types import Coefficient, FilterConfig, Identification, PooledChannel
+from tuner.types import ChannelNoise, Coefficient, FilterConfig, Identification, PooledChannel
+from tuner.types.prediction import PredictedBlock
 
 UNEQUAL_BELOW = 0.05
 """Probability below which logs are said to differ."""
@@ -24,9 +27,12 @@ LEGEND = "± ( ) < 95 %"
 
 
 def identification_answer(
-    name: str, found: Identification, settings: FilterConfig | None = None
+    name: str,
+    found: Identification,
+    config: FilterConfig | None = None,
+    predictions: Mapping[str, PredictedBlock] = MappingProxyType({}),
 ) -> list[Table | str]:
-    """Return what was found in a log in ten lines, fewer where its axes agree; none is wider than a terminal.
+    """Return what was found in a log, axes that agree in one row; no line is wider than a terminal.
 
     Parameters
     ----------
@@ -34,22 +40,34 @@ def identification_answer(
         Of the log.
     found : Identification
         Its noise terms.
-    settings : FilterConfig, optional
-        Configuration that `tune` would write: shown where it is not made of the identified terms.
+    config, predictions : FilterConfig and mapping of str to PredictedBlock, optional
+        The settings that `tune` would write, and how they predict the log. Of an axis whose terms do not predict its
+        Allan curve the numbers are those of the curve.
     """
-    rows = joined_rows(channel_row(channel) for channel in found.channels.values())
-    recording = wrapped(f"{name}: {_recording(found)}", 2)
-    fitted = [] if settings is None else [row for row in settings_rows(settings) if row.fitted]
-    more = []
-    if fitted:
-        axes = axes_text([axis for row in fitted for axis in row.axes])
-        more.append(f"The terms do not predict the Allan curve of {axes}: set a filter by `tuner tune`")
-    more += warning_lines(found, short=True)
+    curve = {} if config is None else {a: config.channels[a] for a in curve_axes(predictions)}
+    rows = joined_rows(
+        _curve_row(curve[axis]) if axis in curve else channel_row(channel)
+        for axis, channel in found.channels.items()
+    )
+    judged = judge_noise(found, predictions)
+    recording = [*wrapped(f"{name}: {_recording(found)}", 2), *wrapped(f"Verdict: {judged.text}", 2)]
+    more = warning_lines(found, short=True)
     more += _too_short(found)
     more += [f"{axes_text(row.axes)}: {row.further}" for row in rows if row.further]
     room = ["" for _ in range(len(recording) + 1 + len(rows))]  # lines, the table counted as it is printed
     rest = filled(room, more, also="all terms, bounds with reasons, means, ARMA")[len(room) :]
     return [*recording, terms_table([("", row) for row in rows]), *rest]
+
+
+def _curve_row(channel: ChannelNoise) -> TermsRow:
+    """Return white noise and random walk of an axis as its Allan curve gives them, without intervals."""
+    density, walk = (
+        Coefficient(value, None, None, channel.unit)
+        for value in (channel.white_density, channel.random_walk_density)
+    )
+    return single_row(
+        f"{channel.axis} curve", channel.unit, [(MAIN_TERMS[0], density), (MAIN_TERMS[2], walk)]
+    )
 
 
 def warning_lines(found: Identification, *, short: bool = False) -> list[str]:

@@ -6,6 +6,7 @@ from collections.abc import Sequence, Set
 from dataclasses import dataclass
 from typing import Any
 
+from tuner.formats.axis_words import axes_text
 from tuner.report.finding_groups import (
     MIN_DRIFT_CHANGE,
     FindingGroup,
@@ -15,7 +16,6 @@ from tuner.report.finding_groups import (
 )
 from tuner.report.interactive_figure import Chart
 from tuner.report.page_parts import Picture, blocks, picture_size, shown
-from tuner.report.settings_rows import axes_text
 from tuner.report.static_diagnosis_tables import diagnosis_tables, gain_text, unexplained_lines
 from tuner.tune_result import TuneResult
 from tuner.types import Finding

@@ -8,6 +8,7 @@ from typing import Any
 
 from rich.table import Table
 
+from tuner.formats.codec import dump
 from tuner.formats.configuration import config_json
 from tuner.formats.customary_units import digits
 from tuner.formats.diagnosis import diagnosis_json
@@ -100,6 +101,7 @@ def tune_json(result: TuneResult) -> dict[str, Any]:
     """Return the result in the form ``tuner.result/1``; parts that were not run stand under ``absent``."""
     content: dict[str, Any] = {
         "schema": "tuner.result/1",
+        "verdict": dump(result.verdict),
         "identification": identification_json(result.identification),
     }
     if result.diagnosis is not None:
@@ -129,7 +131,9 @@ def tune_json(result: TuneResult) -> dict[str, Any]:
         )
     if result.predictions:
         content["prediction"] = predictions_json(result.predictions)
-    return {**content, "config": config_json(result.config), "absent": dict(result.absent)}
+    if result.exports:
+        content["config"] = config_json(result.config)
+    return {**content, "absent": dict(result.absent), "withheld": dict(result.withheld)}
 
 
 def tune_sections(result: TuneResult) -> list[Section]:
@@ -176,7 +180,9 @@ def _while(worst: Enlargement) -> str:
 
 def _summary(result: TuneResult, directory: Path) -> list[str]:
     config = result.config
-    lines = [f"  configuration: {directory / 'noise.yaml'} ({len(config.channels)} channels)"]
+    lines = [f"  Verdict: {result.verdict.text}"]
+    if result.exports:
+        lines.append(f"  configuration: {directory / 'noise.yaml'} ({len(config.channels)} channels)")
     bounded = [str(i.quantity) for i in config.inflations if isinstance(i, BoundUsed)]
     if bounded:
         lines.append(f"  only bounded, half of the 95 % limit is used: {', '.join(bounded)}")

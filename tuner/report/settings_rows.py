@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence, Set
+from collections.abc import Set
 from dataclasses import dataclass, replace
 from math import isclose
 from statistics import fmean
@@ -120,15 +120,6 @@ def settings_rows(config: FilterConfig) -> list[SettingsRow]:
     bounded = {str(one.quantity) for one in config.inflations if isinstance(one, BoundUsed)}
     span = float(config.provenance.get("span") or 0.0)
     return joined_rows(_row(channel, bounded, span) for channel in config.channels.values())
-
-
-def axes_text(axes: Sequence[str]) -> str:
-    """Return axes in few words: ``gyro x y``, ``gyro x, accel z``."""
-    sensors: dict[str, list[str]] = {}
-    for axis in axes:
-        sensor, _, letter = axis.rpartition("_")
-        sensors.setdefault(sensor or letter, []).append(letter if sensor else "")
-    return ", ".join(" ".join([sensor, *letters]).strip() for sensor, letters in sensors.items())
 
 
 def _seconds(time: float) -> str:

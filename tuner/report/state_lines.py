@@ -6,10 +6,10 @@ from typing import Any
 
 from models.units import unit_of_samples
 from tuner.diagnosis.static.compare_logs import MEAN, NOISE, Difference, StateComparison, apart
+from tuner.formats.axis_words import axes_text
 from tuner.formats.codec import dump
 from tuner.formats.customary_units import amount, digits, phrase
 from tuner.report.finding_groups import changed_entry
-from tuner.report.settings_rows import axes_text
 from tuner.types import Coefficient
 
 

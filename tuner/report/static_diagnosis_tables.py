@@ -7,10 +7,10 @@ from typing import Any
 
 from rich.table import Table
 
+from tuner.formats.axis_words import axes_text
 from tuner.formats.customary_units import amount
 from tuner.formats.parameter_words import parameter_words
 from tuner.report.finding_groups import MIN_DRIFT_CHANGE, contradicted, drift_text, headlines
-from tuner.report.settings_rows import axes_text
 from tuner.types import Coefficient, Diagnosis, Finding, Gain, Unexplained
 from tuner.types.records import Record
 
@@ -38,7 +38,7 @@ def headline_lines(diagnosis: Diagnosis, records: Sequence[Record] = ()) -> list
     span = max((record.span for record in records), default=None)
     answer: list[Table | str] = []
     if diagnosis.quiet:
-        answer.append("  nothing found: the log agrees with a simulation of its noise terms")
+        answer.append("  nothing contradicts a simulation of the noise terms")
     if lines := headlines(diagnosis.findings, span):
         answer.append(
             "What the simulation gets wrong, by what it does to the position (one sensor axis, no fixes)"
@@ -121,7 +121,7 @@ def diagnosis_tables(diagnosis: Diagnosis) -> list[Table | str]:
     """Return one table of findings, their words and gains, and the rejected tests without a cause."""
     answer: list[Table | str] = []
     if diagnosis.quiet:
-        answer.append("  nothing found: the log agrees with a simulation of its noise terms")
+        answer.append("  nothing contradicts a simulation of the noise terms")
     if diagnosis.findings:
         answer.append(findings_table(diagnosis.findings, "What the simulation gets wrong"))
     for finding in diagnosis.findings:

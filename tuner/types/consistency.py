@@ -9,6 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from models.probability import chi2_quantile
+from tuner.types.honesty import honesty
+from tuner.types.judgement import Judgement
 from tuner.types.shown import Shown
 from tuner.types.verdict import Explanation, Verdict
 
@@ -43,6 +46,14 @@ class Score:
     def ratio(self) -> float:
         """True rms ÷ predicted sd."""
         return math.sqrt(self.mean / self.dof)
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """95 % interval of the ratio."""
+        if not 0.0 < self.effective < math.inf:
+            return (0.0, math.inf) if self.effective <= 0.0 else (self.ratio, self.ratio)
+        low, high = (self.effective / chi2_quantile(p, self.effective) for p in (0.975, 0.025))
+        return self.ratio * math.sqrt(low), self.ratio * math.sqrt(high)
 
     @property
     def consistent(self) -> bool:
@@ -156,6 +167,16 @@ class Consistency(Shown):
         if not self.diverged:
             return self
         return Consistency(None, (), (), None, (), {}, self.gated, self.diverged, self.verdicts)
+
+    @property
+    def has_truth(self) -> bool:
+        """Whether errors are known; else the filter is only compared with the fixes, or with a smoother."""
+        return not self.errors or not all("_innovation_" in name for name in self.errors)
+
+    @property
+    def honesty(self) -> Judgement:
+        """The verdict: whether the filter is as uncertain as it says."""
+        return honesty(self)
 
     @property
     def scores(self) -> tuple[Score, ...]:

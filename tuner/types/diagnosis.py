@@ -114,6 +114,10 @@ def of_each(
     return each if len(each) > 1 and list(each.values()).count(shown) == 1 else {}
 
 
+START = "start"
+"""What an unexplained test is about where the start of a drive failed."""
+
+
 @dataclass(frozen=True)
 class Unexplained:
     """A rejected test that no cause explains.
@@ -134,7 +138,8 @@ class Unexplained:
         Position error, m, after so long without fixes (``60 s``), as the axis shows it, what was found taken out, and
         as its model has it; of a static log.
     about : str
-        What of the samples it is about: ``fast spectrum``, ``distribution`` or ``slow part``; empty on a drive.
+        What of the samples it is about: ``fast spectrum``, ``distribution`` or ``slow part``; of a drive `START` where
+        its start failed, else empty.
     """
 
     statistic: str

@@ -1,4 +1,4 @@
-"""What every command prints of a log: its answer in ten lines, and no line wider than a terminal as it opens."""
+"""What every command prints of a log: its answer on one screen, and no line wider than a terminal as it opens."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import pytest
 from models.noise import NoiseModel, White
 from tuner.cli import run
 from tuner.formats.logs import write_log
+from tuner.limits import SCREEN_LINES
 from tuner.simulation.static import simulate
 
 WHITE = ("--terms", "white", "--arma", "off")
@@ -29,7 +30,7 @@ COMMANDS = {
     "check --budget": ("check", "mpu9250", "--runs", "2", "--duration", "300", "--budget"),
 }
 LONGER = ("--verbose", "curve", "grades", "compare", "dialects", "--budget")
-"""Commands that print tables: no answer of ten lines."""
+"""Commands that print tables: no answer of one screen."""
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +55,7 @@ def logs(tmp_path_factory):
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_no_line_is_wider_than_a_terminal_and_an_answer_has_ten(name, logs, capsys, monkeypatch):
+def test_no_line_is_wider_than_a_terminal_and_an_answer_is_one_screen(name, logs, capsys, monkeypatch):
     monkeypatch.chdir(logs["folder"])  # a path is never broken: those of this test are short
     words = [word.format(**{**logs, "folder": "."}) for word in COMMANDS[name]]
     assert run([*(w.replace(f"{logs['folder']}/", "") for w in words), "--quiet"]) == 0
@@ -62,4 +63,4 @@ def test_no_line_is_wider_than_a_terminal_and_an_answer_has_ten(name, logs, caps
     assert told
     assert max(map(len, told)) <= 80
     if not any(part in name for part in LONGER):
-        assert len(told) <= 10, told
+        assert len(told) <= SCREEN_LINES, told

@@ -104,7 +104,7 @@ def test_what_stays_unexplained_is_a_status_only_if_strict(tmp_path, capsys, mon
     monkeypatch.setattr("tuner.diagnosis.diagnose", lambda *_, **__: odd)
     path = str(log(tmp_path / "odd.npz", seed=5))
     assert run(["diagnose", path, "--quiet"]) == 0
-    assert "Unexplained: kurtosis of the residuals in gyro x" in capsys.readouterr().out
+    assert "Not explained: kurtosis of the residuals in gyro x" in capsys.readouterr().out
     assert run(["diagnose", path, "--strict", "--quiet"]) == 1
 
 

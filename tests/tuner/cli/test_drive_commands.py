@@ -165,7 +165,7 @@ def test_tune_and_navigate_say_the_same_of_the_settings_written(tuned, file, cap
     assert here["consistent"] == there["consistent"]
     assert here["verdicts"] == there["verdicts"]
     told = capsys.readouterr().out
-    assert "NOT consistent" in told or "Consistent" in told
+    assert "Verdict: " in told
     assert len(told.splitlines()) <= 10
     assert max(map(len, told.splitlines())) <= 80
     stated = " ".join(json.loads(answer.read_text())["notes"])

@@ -137,7 +137,8 @@ def test_the_page_says_what_matters_and_escapes_what_comes_from_a_file(page, rea
     for said in (
         "a log <&>",
         "a: <&>",
-        "Filter not simulated",
+        "Verdict: usable",
+        "no filter was simulated",
         "no consistency: why not",
         "31 m",
         "12 m",

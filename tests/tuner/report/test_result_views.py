@@ -153,7 +153,7 @@ def test_errors_without_a_unit_are_named_without_an_underscore():
 def test_the_verdict_stands_first_on_a_page():
     good = Consistency(replace(SCORES[0], mean=15.0), (), (), None, (), {}, 0.0, diverged=False)
     bad = replace(good, diverged=True, verdicts=(Verdict(VerdictCode.NOT_FINITE, Severity.DIVERGED),))
-    for found, words in ((good, "Consistent."), (bad, "NOT consistent: the filter diverged")):
+    for found, words in ((good, "Verdict: honest: "), (bad, "Verdict: do not use: the filter diverged")):
         page = write_sections_page("A title", [], "", consistency_verdict(found))
         assert words in page.partition("</header>")[0]
 

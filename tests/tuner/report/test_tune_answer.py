@@ -1,4 +1,4 @@
-"""The answer of `tune`: its width, rows of axes that agree, marks with their legend, findings by what they change."""
+"""The answer of `tune`: verdict first, axes that agree in a row, marks with their legend, findings by their effect."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -12,20 +12,21 @@ from tuner.diagnosis.drive.held_out_choice import HeldOutChoice
 from tuner.diagnosis.drive.outage_errors import OutageErrors
 from tuner.diagnosis.drive.predictive_score import PredictiveScore
 from tuner.exporters import export
+from tuner.formats.axis_words import axes_text
 from tuner.formats.reference_words import wrong_times_text
 from tuner.identification import identify
 from tuner.identification.identify_source import identify_source
-from tuner.report.answer_layout import BOUNDED, MAX_LINES, filled
-from tuner.report.diagnosis_answer import diagnosis_answer
-from tuner.report.drive_answer import choice_lines, finding_lines
-from tuner.report.settings_rows import Setting, axes_text, settings_rows
-from tuner.report.tune_answer import answer_lines, settings_in_dialect, verdict_line
+from tuner.limits import SCREEN_LINES, SHOWN_FINDINGS
+from tuner.report.answer_layout import BOUNDED, filled
+from tuner.report.drive_answer import choice_lines, found_text
+from tuner.report.settings_rows import Setting, settings_rows
+from tuner.report.tune_answer import answer_lines, settings_in_dialect
 from tuner.simulation.static import simulate
 from tuner.synthesis import synthesize
 from tuner.tune_result import TuneResult
 from tuner.types import Coefficient, Diagnosis, Finding, Unexplained
 from tuner.types.consistency import Consistency
-from tuner.types.verdict import Explanation, ExplanationKind, Severity, Verdict, VerdictCode
+from tuner.types.verdict import Severity, Verdict, VerdictCode
 
 AXES = ("gyro_x", "gyro_y", "gyro_z")
 ALIKE = NoiseModel([White(1e-4), RandomWalk(1e-6)])
@@ -45,7 +46,9 @@ def result():
     config = synthesize(noise, name="unit")
     absent = {"consistency": "unit: expected GNSS figures, found none; name a receiver (--gnss GRADE)"}
     diagnosis = Diagnosis((*lines, step), base=models, models=models)
-    return TuneResult("unit", records, noise, diagnosis, None, None, config, None, {}, absent, {})
+    return TuneResult(
+        "unit", records, noise, diagnosis, None, None, config, None, {}, absent, {"noise.yaml": "a text"}
+    )
 
 
 def test_axes_whose_intervals_overlap_share_a_row(result):
@@ -61,53 +64,35 @@ def test_axes_whose_intervals_overlap_share_a_row(result):
 def test_the_answer_fits_a_terminal_and_leaves_nothing_out(result):
     lines = answer_lines(result, Path("out"))
     assert max(map(len, lines)) <= 80
-    assert len(lines) <= 10
+    assert len(lines) <= SCREEN_LINES
     assert "…" not in "".join(lines)
-    assert "ilter not simulated (--gnss GRADE does)" in lines[0]
-    for said in ("gyro x z", "gyro y", "deg/√h", "out/report.html"):
+    assert lines[1].startswith("Verdict: usable")
+    for said in ("gyro x z", "gyro y", "deg/√h", "report.html", "out (tables: --verbose)"):
         assert said in "\n".join(lines)
 
 
-def test_six_axes_that_differ_and_many_findings_take_ten_lines(result):
-    # One row an axis, two findings and more, bounds and fitted rows: what a real log of six different axes has.
-    axes = [f"{sensor}_{letter}" for sensor in ("gyro", "accel") for letter in "xyz"]
-    first = result.config.channels["gyro_x"]
-    channels = {
-        axis: replace(first, axis=axis, unit="rad/s" if axis < "b" else "m/s^2", white_density=1e-4 * 2.0**i,
-                      random_walk_density=1e-6 * 2.0**i, identified=())
-        for i, axis in enumerate(axes)
-    }  # fmt: skip
+def test_of_many_findings_the_five_of_most_effect_stand_on_the_screen(result):
     one = result.diagnosis.findings[-1]
+    causes = [(cause, axis) for cause in ("step", "recovery", "telegraph") for axis in ("gyro_x", "accel_y")]
     found = [
-        replace(one, cause=cause, channels=(a,), parameters={}) for cause in ("step", "line") for a in axes
+        replace(one, cause=cause, channels=(axis,), parameters={}, drift={"60 s": (10.0 + i, 1.0)})
+        for i, (cause, axis) in enumerate(causes)
     ]
-    found += [replace(one, cause="telegraph", drift={"1000 s": (2557.0, 684.0)}, parameters={})]
-    many = replace(result, config=replace(result.config, channels=channels),
-                   diagnosis=replace(result.diagnosis, findings=tuple(found)))  # fmt: skip
-    noise = result.identification
-    warned = {
-        axis: replace(
-            c, warnings=("clusters shorter than 2 s follow no sum of noise terms (so)", "another warning")
-        )
-        for axis, c in noise.channels.items()
-    }
-    many = replace(many, identification=replace(noise, channels=warned))
+    found += [replace(one, cause="burst", channels=("gyro_z",), parameters={}, drift={"60 s": (1.02, 1.0)})]
+    many = replace(result, diagnosis=replace(result.diagnosis, findings=tuple(found)))
     lines = answer_lines(many, Path("tuner-out/a_log_of_usual_name"))
-    assert len(lines) <= 10
-    assert "2 warnings" in lines[-1]
-    assert max(map(len, lines)) <= 80
-    assert all(any(line.startswith(axis.replace("_", " ")) for line in lines) for axis in axes)
-    assert "telegraph" in "\n".join(lines).lower()
-    assert "more" in lines[-1]
+    text = "\n".join(lines)
+    assert len(lines) <= SCREEN_LINES
+    assert text.count(" m without it") == SHOWN_FINDINGS
+    assert text.index("15 → 1.0 m") < text.index("14 → 1.0 m") < text.index("11 → 1.0 m")  # by their effect
+    assert "10 → 1.0 m" not in text
+    assert "1 more finding" in text
+    assert "1 finding on the page changes no setting by 5 % or more" in text
     lost = "motion faster than 0.22 Hz is lost, delay at least 0.7 s: record it unfiltered"
-    filters = [
-        replace(one, cause="lowpass", channels=(a,), parameters={}, extension={"in_motion": lost})
-        for a in axes
-    ]
-    filtered = replace(many, diagnosis=replace(result.diagnosis, findings=(*found, *filters)))
-    lines = answer_lines(filtered, Path("tuner-out/a_log_of_usual_name"))
-    assert len(lines) <= 10
-    assert "Motion faster than 0.22 Hz is lost" in "\n".join(lines)
+    low = replace(one, cause="lowpass", parameters={}, extension={"in_motion": lost})
+    filtered = replace(many, diagnosis=replace(result.diagnosis, findings=(*found, low)))
+    text = " ".join(" ".join(answer_lines(filtered, Path("out"))).split())
+    assert "otion faster than 0.22 Hz is lost" in text  # what takes motion away comes first
 
 
 @pytest.mark.parametrize("code", [VerdictCode.CORRELATED_INNOVATIONS, VerdictCode.OPTIMISTIC])
@@ -117,10 +102,10 @@ def test_a_wrong_reference_is_said_beneath_the_verdict_of_the_drive(result, code
     found = Consistency(None, (), (), None, (), {}, 0.0, False, (verdict,))
     wrong = wrong_times_text(20, 12.8, [(61.0, 121.0), (167.0, 228.0)], any_left=True)
     measured = SimpleNamespace(consistency=found, notes=("another", wrong))
-    drive = SimpleNamespace(diagnosis=SimpleNamespace(findings=(), unexplained=()))
+    drive = SimpleNamespace(diagnosis=SimpleNamespace(findings=(), unexplained=(), notes=()))
     lines = answer_lines(replace(result, measured=measured, drive=drive), Path("out"))
-    assert lines[1] == "Reference wrong in 20 s: 121 s not judged by it"
-    assert len(lines) <= 10
+    assert "Reference wrong in 20 s: 121 s not judged by it" in lines
+    assert len(lines) <= SCREEN_LINES
     assert max(map(len, lines)) <= 80
 
 
@@ -151,7 +136,8 @@ def test_a_filter_named_shows_its_own_keys(result):
 def test_the_finding_that_moves_the_position_most_stands_first(result):
     text = " ".join("\n".join(answer_lines(result, Path("out"))).split())
     assert "drift after 60 s 31 → 12 m without it" in text
-    assert text.index("Step in gyro x") < text.index("Line in gyro x y z")
+    assert "Line in gyro" not in text  # a line changes no setting: it is on the page
+    assert "1 finding on the page changes no setting" in text
 
 
 @pytest.mark.parametrize(
@@ -172,25 +158,6 @@ def test_a_star_is_explained_where_it_stands(result):
     assert ("*" in text.replace(BOUNDED, "")) == (BOUNDED in text)
 
 
-def test_a_verdict_names_one_explanation_and_counts_the_others(result):
-    missing = Explanation(ExplanationKind.MISSING_FASTER, "gyro bias noise", 1.0, (0.7, 1.2), 3.0, 3.0)
-    verdict = Verdict(VerdictCode.EXPLAINED, Severity.EXPLANATION, explanations=(missing,) * 4)
-    check = SimpleNamespace(consistency=SimpleNamespace(consistent=False, verdicts=(verdict,)))
-    text = verdict_line(replace(result, check=check))
-    assert text.count("is missing") == 1
-    assert "(3 more on the page explain them as well)" in text
-
-
-@pytest.mark.parametrize(
-    ("longest", "said"), [(0.906, "the 0.167 h up to τ = 0.91 s"), (20.0, "the log on every axis")]
-)
-def test_a_verdict_says_how_far_a_short_log_was_compared(result, longest, said):
-    curve = SimpleNamespace(tau=(0.2, longest))
-    short = replace(result, predictions=dict.fromkeys(AXES, SimpleNamespace(passes=True, curve=curve)))
-    assert f"Predicts {said}" in verdict_line(short)
-    assert ("too short to show" in verdict_line(short)) == (longest < 10.0)
-
-
 def test_axes_in_few_words():
     assert axes_text(["gyro_x", "gyro_z", "accel_y"]) == "gyro x z, accel y"
     assert axes_text(["gyro"]) == "gyro"
@@ -203,58 +170,39 @@ def test_what_a_drive_keeps_is_said(result):
     assert note in " ".join(text.split())
 
 
-@pytest.mark.parametrize(
-    "words", ["short", "stamps of positions and velocities are late by the delay, early where it is less"]
-)
-def test_a_finding_of_a_drive_has_its_size_and_interval(words):
+def test_a_finding_of_a_drive_has_its_subject_size_and_interval():
+    """It read "Found: stamps … are late by the delay", or "Found (time constant 853 …)", of nothing."""
     late = Finding(
         "time_offset", ("gnss",), "a statistic", 9.0, 1e-9, {"delay": Coefficient.known(-0.199, -0.219, -0.178, "s")},
-        f"time_offset in gnss: {words} (delay)",
+        "time_offset in gnss: stamps of positions and velocities are late by the delay (delay)",
     )  # fmt: skip
-    for shortest in (False, True):  # without room it read "late by the delay", and no number
-        (line,) = finding_lines([late], None, shortest=shortest)
-        assert line.startswith(f"Found: {words.partition(' by ')[0]}")
-        assert "-0.199 ± 0.021 s" in line
-
-
-def test_sds_of_fixes_that_are_wrong_have_their_factor_in_one_line():
-    """It read "errors of the fixes are not as large as reported: true ÷ reported", and no number."""
-    factors = {
-        f"{name}_{way}": Coefficient.known(2.46, 2.20, 2.76, "1")
-        for name in ("position", "velocity")
-        for way in ("horizontal", "vertical")
-    }
-    wrong = Finding(
-        "gnss_noise_scale", ("gnss",), "a statistic", 9.0, 1e-9, factors,
-        "gnss_noise_scale in gnss: errors of the fixes are not as large as reported: true ÷ reported (position 2.46)",
-    )  # fmt: skip
-    (line,) = finding_lines([wrong], None, shortest=True)
-    assert "position horizontal 2.46 ± 0.28" in line
-    assert len(line) <= 80
-
-
-def test_errors_before_and_after_name_the_part_of_the_drive_they_are_of(result):
-    square = np.ones(4)
-    score = PredictiveScore((OutageErrors(30.0, square, square, square),), 1.0, square)
-    choice = HeldOutChoice(
-        result.config,
-        "with the findings",
-        {},
-        score,
-        score,
-        {30.0: np.array([[4.0, 1.0], [9.0, 2.0], [4.0, 1.0]])},
-        score.outages,
+    assert found_text(late).startswith(
+        "Time offset in gnss: stamps of positions and velocities are late by -0.199 ± 0.021 s"
     )
-    for brief in (False, True):
-        line, ratios = choice_lines(choice, shorter=brief, shortest=brief)
-        assert line.index("last 40 %") < line.index("1.00") < line.index("whole drive") < line.index("30 s")
-        # Four windows of a right prediction, one component each: the roots of 4 over quantiles of χ² with 4 degrees.
-        assert "0.60 … 2.9" in ratios
-    pairs = np.array([[8.67, 4.23]] * 3) ** 2  # two lines made eleven of an answer
-    long = replace(choice, outages=dict.fromkeys((10.0, 30.0, 60.0), pairs))
-    line = choice_lines(long, shorter=True, shortest=True, intervals_alone=True)[0]
-    assert len(line) <= 80
-    assert "1.0→1.0; all, unaided 10,30,60 s 8.7→4.2, 8.7→4.2, 8.7→4.2" in line
+    time = {"time_constant": Coefficient.known(853.0, 389.0, 2910.0, "s")}
+    lasting = replace(
+        late, cause="correlated_gnss", parameters=time, text="correlated_gnss in gnss: (time constant)"
+    )
+    assert found_text(lasting).startswith("Correlated gnss in gnss")
+
+
+def test_errors_before_and_after_name_what_they_are_of(result):
+    square = np.ones(4)
+    score = PredictiveScore((OutageErrors(30.0, square, square, square),), 1.0, square, fixes_rms=1.5)
+    pairs = {30.0: np.array([[4.0, 1.0], [9.0, 2.0], [4.0, 1.0]])}
+    choice = HeldOutChoice(result.config, "with the findings", {}, score, score, pairs, score.outages)
+    tracking, unaided, ratios = choice_lines(choice)
+    assert (
+        "position error with fixes, rms, last 40 % of the drive: 1.00 → 1.00 m; of the fixes alone 1.50 m"
+        in tracking
+    )
+    assert "error, whole drive" in unaided
+    # Four windows of a right prediction, one component each: the roots of 4 over quantiles of χ² with 4 degrees.
+    assert "0.60 … 2.9" in ratios
+    alone = replace(score, fixes_rms=None)  # without a reference it was called an error all the same
+    text = " ".join(choice_lines(replace(choice, before=alone, after=alone)))
+    assert "distance to the fixes, rms" in text
+    assert "error" not in text.partition("Without fixes, last 40 %")[0]
 
 
 @pytest.mark.parametrize(
@@ -264,11 +212,8 @@ def test_settings_whose_innovations_contradict_them_give_the_reason(result, desp
     square = np.ones(4)
     score = PredictiveScore((OutageErrors(30.0, square, square, square),), 1.0, square)
     choice = HeldOutChoice(result.config, "with the findings", {}, score, score, despite=despite)
-    for brief in (False, True):
-        lines = choice_lines(choice, shorter=brief, shortest=brief)
-        assert [line for line in lines if line.startswith("Innovations are 0.30")] == lines[:1] * bool(
-            despite
-        )
+    lines = choice_lines(choice)
+    assert [line for line in lines if line.startswith("Innovations are 0.30")] == lines[:1] * bool(despite)
 
 
 def test_settings_of_an_autopilot_stand_with_unit_and_stock_value():
@@ -296,15 +241,16 @@ def test_settings_of_an_autopilot_keep_the_limit_that_they_rest_on():
 def test_a_log_with_a_rest_is_not_called_explained(result):
     rest = Unexplained("shape of the spectrum", ("gyro_x",), 1e-9, 40.0, "", {})
     unnamed = replace(result, diagnosis=Diagnosis((), (rest,)))
-    assert not any("Found nothing" in line for line in answer_lines(unnamed, Path()))
-    assert any("No cause is named" in line for line in answer_lines(unnamed, Path()))
+    assert not any("Nothing was found" in line for line in answer_lines(unnamed, Path()))
+    assert any(
+        line.startswith("Not explained: shape of the spectrum in gyro x")
+        for line in answer_lines(unnamed, Path())
+    )
 
 
-def test_a_finding_longer_than_the_answer_shows_its_beginning(result):
-    idle = replace(result.diagnosis.findings[-1], drift={"60 s": (12.0, 12.0)})
-    words = "many " * 200
+def test_a_finding_longer_than_the_answer_shows_its_beginning():
+    words = "many " * 500
     answer = filled(["Found:"], [words, "the next"])
-    assert len(answer) <= MAX_LINES
+    assert len(answer) <= SCREEN_LINES
     assert answer[1].startswith("many")
     assert answer[-2].endswith("…")
-    assert diagnosis_answer(Diagnosis((idle,)))[0].startswith("Nothing found that moves the position")

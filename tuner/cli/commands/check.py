@@ -41,7 +41,7 @@ from tuner.stages import stage
 )
 @click.option("--gnss", metavar="GRADE", help="Built-in receiver, instead of the configuration's.")
 @click.option("--budget", is_flag=True, help="Add the error budget: the share of every source in the errors.")
-@strict("the filter is not consistent")
+@strict("the filter is not shown to be honest")
 @verbose
 @jobs
 @common
@@ -99,4 +99,4 @@ def command(
             show(check_tables(found, budget=budget))
         else:
             show(consistency_answer(found.consistency, found.notes))
-    return 1 if strict and not found.consistency.consistent else 0
+    return 1 if strict and not found.consistency.honesty.good else 0

@@ -20,6 +20,7 @@ from tuner.cli.commands.options import (
     noise_terms,
     paged,
     reading,
+    strict,
     verbose,
 )
 from tuner.cli.progress import Messages
@@ -59,6 +60,7 @@ METHODS = ("likelihood", "leastsquares", "slopes", "unweighted")
     metavar="FILE",
     help="Draw the Allan figure into FILE (PNG or SVG).",
 )
+@strict("the noise is not usable without reservation")
 @verbose
 @reading
 @jobs
@@ -74,10 +76,11 @@ def command(
     verbose: bool,
     reading: Reading,
     seed: int,  # noqa: ARG001
+    strict: bool,
     page: Callable[[str, Mapping[str, object]], None],
     output: Output,
     messages: Messages,
-) -> None:
+) -> int:
     """Find the noise terms of each axis, with intervals: quantization, white, flicker, random walk, ramp and others.
 
     Prints N, B and K, axes that agree in one row; --verbose prints every term, bound and reason. Where the terms do not
@@ -86,10 +89,12 @@ def command(
     tau,deviation[,dof] is fitted as an Allan curve. A CSV of GNSS fixes of an antenna at rest (t,lat,lon,height,…)
     gives the errors of the receiver.
     """
+    from tuner.formats.codec import dump
     from tuner.formats.identification import identification_json
     from tuner.formats.prediction import settings_json
     from tuner.identification.identify_source import identify_fixes, identify_source
     from tuner.identification.several_logs import pool
+    from tuner.judgement import judge_noise
     from tuner.readers.gnss_log import is_fixes
     from tuner.readers.source_kind import source_name
     from tuner.report.identification_answer import identification_answer, pooled_answer
@@ -106,7 +111,7 @@ def command(
         output.write(receiver_json(receiver))
         if output.tables:
             show(receiver_lines(receiver))
-        return
+        return 0
     stage("reading", 0.2)
     loaded = load_sources(logs, reading, messages)
     stage("identifying the noise", 0.7)
@@ -128,6 +133,11 @@ def command(
         else None
         for source, one in zip(loaded, found, strict=True)
     ]
+    verdicts = [
+        judge_noise(one, {} if written is None else written[1])
+        for one, written in zip(found, settings, strict=True)
+    ]
+    exit_status = 1 if strict and not all(one.good for one in verdicts) else 0
     names = [source_name(log) for log in logs]
     page("Noise of " + ", ".join(names), dict(zip(names, found, strict=True)))
     if len(found) > 1:
@@ -135,7 +145,7 @@ def command(
     else:
         written = settings[0]
         added = {} if written is None else {"settings": settings_json(*written)}
-        output.write(identification_json(found[0]) | added)
+        output.write(identification_json(found[0]) | added | {"verdict": dump(verdicts[0])})
     if figure is not None:
         from tuner.report.allan_figure import allan_figure
 
@@ -144,17 +154,17 @@ def command(
             allan_figure(one, [path], title=name)
             messages.say(f"wrote {path}")
     if not output.tables:
-        return
+        return exit_status
     if not verbose:
         if len(found) > 1:
             show(pooled_answer(pool(found), names))
         else:
-            config = None if settings[0] is None else settings[0][0]
-            show(identification_answer(names[0], found[0], config))
-        return
+            show(identification_answer(names[0], found[0], *(settings[0] or ())))
+        return exit_status
     for name, one, written in zip(names, found, settings, strict=True):
         show([name, *identification_tables(one)])
         if written is not None:
             show(settings_tables(written[0], one))
     if len(found) > 1:
         show(pooled_tables(pool(found), names))
+    return exit_status

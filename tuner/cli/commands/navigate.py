@@ -76,7 +76,7 @@ from tuner.stages import stage
     metavar="DIR",
     help="Write solution.csv, track.kml, track.gpx and figures of track, innovations and errors there.",
 )
-@strict("the filter is not consistent")
+@strict("the filter is not shown to be honest")
 @verbose
 @common
 @paged
@@ -136,14 +136,14 @@ def command(
     else:
         advice = f"`tuner diagnose {drive} --config {config}` names the causes"
     notes = found.notes
-    stated = notes if found.consistency.consistent else (*notes, advice)
+    stated = notes if found.consistency.honesty.good else (*notes, advice)
     page(
         f"Filter of {Path(config).name} on {Path(drive).name}",
         {"Is it consistent?": found, "What it did": pictures},
     )
     output.write(navigation_json(found, measured, notes=stated, seed=seed))
     if output.tables:
-        to_do = [] if found.consistency.consistent else [f"What to do: {advice}"]
+        to_do = [] if found.consistency.honesty.good else [f"What to do: {advice}"]
         if directory is not None:
             to_do.append(f"Solution, tracks and figures: {directory}")
             notes = (attitude_text(measured), *found.notes)
@@ -151,4 +151,4 @@ def command(
             show([*consistency_tables(found.consistency, notes), *to_do])
         else:
             show(consistency_answer(found.consistency, notes, to_do))
-    return 1 if strict and not found.consistency.consistent else 0
+    return 1 if strict and not found.consistency.honesty.good else 0

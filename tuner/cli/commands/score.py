@@ -91,7 +91,7 @@ def _windows(
 @click.option(
     "-o", "--output-dir", type=DIRECTORY, metavar="DIR", help="Write report.html, score.svg, score.json."
 )
-@strict("the filter is not consistent")
+@strict("the filter is not shown to be honest")
 @verbose
 @common
 def command(
@@ -176,7 +176,7 @@ def command(
     output.write(content)
     if output.tables:
         show(output_score_tables(found) if verbose else output_score_answer(found))
-    return 1 if strict and not found.consistency.consistent else 0
+    return 1 if strict and not found.consistency.honesty.good else 0
 
 
 def _sensor_noise(source: str) -> tuple[float, float]:

@@ -21,6 +21,7 @@ from tuner.cli.commands.options import (
     reading,
     replicas,
     stated_command,
+    strict,
     verbose,
 )
 from tuner.cli.progress import Messages
@@ -46,6 +47,7 @@ from tuner.stages import stage
 @click.option("--conservative", is_flag=True, help="Use the noise of the worst stretch of LOG throughout.")
 @replicas
 @external_options
+@strict("the settings are not usable without reservation")
 @verbose
 @reading
 @jobs
@@ -53,6 +55,7 @@ from tuner.stages import stage
 def command(
     log: str | None,
     output_dir: Path | None,
+    strict: bool,
     verbose: bool,
     reading: Reading,
     output: Output,
@@ -61,10 +64,10 @@ def command(
     dialect: str | None,
     filter_timeout: float,
     **how: Any,
-) -> None:
+) -> int:
     """Turn a static log into a filter configuration, with the check of that filter and a report.
 
-    Prints the verdict, the numbers and what matters most in ten lines; --verbose prints every table. With --to,
+    Prints the verdict, the numbers and what matters most; --verbose prints every table. With --to,
     the numbers are those of another filter, under its keys. Writes noise.yaml, the same for other filters, figures,
     report.html and result.json. LOG may also be a datasheet.
     With --drive, what a measured drive shows to be wrong with the filter enters the configuration too; without LOG,
@@ -93,7 +96,7 @@ def command(
             output=output,
             messages=messages,
         )
-        return
+        return 0
     stage("reading the log", 0.1)
     loaded = load_source(log, reading, messages)
     stage("tuning", 0.8)
@@ -104,3 +107,4 @@ def command(
     output.write(tune_json(result))
     if output.tables:
         show(tune_tables(result, directory) if verbose else answer_lines(result, directory, dialect))
+    return 1 if strict and not result.verdict.good else 0

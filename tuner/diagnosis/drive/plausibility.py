@@ -27,6 +27,7 @@ from tuner.diagnosis.drive.hypothesis import FilterRun
 from tuner.diagnosis.drive.posterior_check import UNKNOWN
 from tuner.navigation.drive.run import SETTLING_TIME
 from tuner.types import Alternative, Coefficient, DriveDiagnosis, Finding, Unexplained
+from tuner.types.diagnosis import START
 
 MAX_START_CORRECTION = 6.0
 """Correction of the attitude while a filter settles, in sds of its start, above which the start failed.
@@ -66,7 +67,7 @@ def plausible(found: DriveDiagnosis, final: FilterRun) -> DriveDiagnosis:
     """
     failed = start_correction(final) or (heading_correction(final) if found.findings else "")
     if failed:
-        why = Unexplained(f"the start failed: {failed}", ("drive",), 0.0)
+        why = Unexplained(f"the start failed: {failed}", ("drive",), 0.0, about=START)
         return replace(
             found,
             findings=(),

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from tuner.consistency.error_budget import blind_spots, table
+from tuner.formats.codec import dump
 from tuner.formats.consistency import scores_json
 from tuner.report.verdict_text import explanation_text, verdict_text
 from tuner.types.consistency import Check, Consistency, ErrorBudget, Observability
@@ -31,6 +32,7 @@ def consistency_json(
     return {
         "schema": content.pop("schema"),
         "source": dict(source),
+        "verdict": dump(found.honesty),
         "verdicts": [verdict_text(verdict) for verdict in found.verdicts],
         **content,
         "notes": list(notes),

@@ -1,0 +1,310 @@
+"""The verdict on settings, noise and diagnoses, built from everything that is known of them.
+
+Screen, page, JSON, exit status and files read this one verdict. Each function below returns the reasons of one kind,
+each with the best use that it leaves; the gravest decides (`judged`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tuner.formats.axis_words import axes_text
+from tuner.formats.customary_units import digits
+from tuner.limits import HONEST_RATIO, LOST_SHARE, TOLERATED_RATIO, WRONG_FACTOR
+from tuner.synthesis.error_growth import modelled_growth
+from tuner.types import (
+    AppliedNoiseScale,
+    BoundUsed,
+    ChannelNoise,
+    Diagnosis,
+    DriveDiagnosis,
+    Enlargement,
+    FilterConfig,
+    Finding,
+    Identification,
+    Unexplained,
+)
+from tuner.types.consistency import Check, Consistency
+from tuner.types.diagnosis import START
+from tuner.types.judgement import Judgement, Reason, Use, judged
+from tuner.types.prediction import BlockSource, PredictedBlock
+
+if TYPE_CHECKING:
+    from tuner.diagnosis.drive.held_out_choice import HeldOutChoice
+
+UNAIDED_TIME = 60.0
+"""Time without aiding over which a term that is only limited is judged, s."""
+MEMORY = 100.0
+"""Time over which a filter renews its estimate of a bias, s."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What is known of settings: the parts of a result of `tune`, each as there, those not run None or empty."""
+
+    identification: Identification
+    config: FilterConfig
+    predictions: Mapping[str, PredictedBlock] = field(default_factory=lambda: MappingProxyType({}))
+    diagnosis: Diagnosis | None = None
+    check: Check | None = None
+    drive: DriveDiagnosis | None = None
+    choice: HeldOutChoice | None = None
+    measured: Consistency | None = None
+    lacking: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    borrowed: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+
+
+def judge_settings(known: Settings) -> Judgement:
+    """Return for what the settings of a filter can be used."""
+    reasons = [
+        *(Reason(Use.DO_NOT_USE, f"{sensor}: {why}") for sensor, why in known.lacking.items()),
+        *_of_drive(known),
+        *_of_simulation(known.check),
+        *_of_predictions(known.predictions),
+        *_of_losses(known.identification, () if known.diagnosis is None else known.diagnosis.findings),
+        *_of_unexplained(() if known.diagnosis is None else known.diagnosis.unexplained),
+        *_of_enlargements(known.config),
+        *_of_borrowed(known.borrowed),
+        *_of_limits(known.config),
+    ]
+    found = judged(Use.USABLE, reasons)
+    return found if found.reasons else Judgement(Use.USABLE, tuple(_grounds(known)))
+
+
+def _grounds(known: Settings) -> Iterator[str]:
+    """Yield what shows that settings can be used, and what was not looked at."""
+    if known.predictions:
+        ratios = [one.curve.ratio for one in known.predictions.values()]
+        most = math.exp(max(float(abs(np.log(one)).max()) for one in ratios)) - 1.0
+        begin = max(float(one.curve.tau[0]) for one in known.predictions.values())
+        end = min(float(one.curve.tau[-1]) for one in known.predictions.values())
+        yield (
+            f"they predict the Allan deviation of the log within {100.0 * most:.2g} %, {digits(begin, 2)} to "
+            f"{digits(end, 2)} s, on every axis"
+        )
+    if known.check is not None:
+        yield f"in simulation {known.check.consistency.honesty.text}"
+    else:
+        yield "no filter was simulated (--gnss names a receiver)"
+    if known.measured is not None:
+        yield f"on the drive {known.measured.honesty.text}"
+
+
+def judge_noise(
+    found: Identification, predictions: Mapping[str, PredictedBlock] = MappingProxyType({})
+) -> Judgement:
+    """Return for what the identified noise can be used; `predictions` are of the settings made from it."""
+    failed = curve_axes(predictions)
+    unfit = Reason(
+        Use.USABLE_EXCEPT,
+        f"{axes_text(failed)}, whose terms do not predict the Allan curve: its numbers are fitted to the curve",
+    )
+    return judged(Use.USABLE, [*([unfit] if failed else []), *_of_losses(found, ())])
+
+
+def curve_axes(predictions: Mapping[str, PredictedBlock]) -> list[str]:
+    """Return the axes whose settings are fitted to the Allan curve, as the identified terms do not predict it."""
+    return [axis for axis, one in predictions.items() if one.source is not BlockSource.LIKELIHOOD]
+
+
+def judge_log(found: Diagnosis) -> Judgement:
+    """Return whether anything in a log contradicts a simulation of its noise, and whether it has a cause."""
+    return _of_causes(found.findings, found.unexplained)
+
+
+def judge_drive(found: DriveDiagnosis) -> Judgement:
+    """Return whether anything in a drive contradicts its filter, and whether it has a cause."""
+    reasons = []
+    if not found.credited:
+        reasons = [
+            Reason(Use.NOT_EXPLAINED, "the last part of the drive is predicted worse with the findings")
+        ]
+    scales = [
+        f"{one.setting.replace('_', ' ')} is {digits(one.named.value or 0.0, 2)} × as stated"
+        for one in found.noise_scales
+        if one.identifiable and "unknown" in one.causes and _far(one.named.value)
+    ]
+    reasons += [Reason(Use.NOT_EXPLAINED, f"noise without a known cause: {', '.join(scales)}")] * bool(scales)
+    return _of_causes(found.findings, found.unexplained, reasons)
+
+
+def _of_causes(
+    findings: Sequence[Finding], unexplained: Sequence[Unexplained], more: Sequence[Reason] = ()
+) -> Judgement:
+    """Return the verdict on a diagnosis: its causes, and what has none first."""
+    left = [
+        Reason(Use.NOT_EXPLAINED, text) for text in dict.fromkeys(_unexplained_text(u) for u in unexplained)
+    ]
+    causes = list(dict.fromkeys(one.cause.replace("_", " ") for one in findings))
+    named = [Reason(Use.EXPLAINED, ", ".join(causes))] if causes else []
+    return judged(Use.NOTHING_CONTRADICTS, [*left, *more, *named])
+
+
+def _unexplained_text(one: Unexplained) -> str:
+    axes = "" if one.channels in (("drive",), ("gnss",), ("imu",)) else f" in {axes_text(one.channels)}"
+    return f"{one.statistic}{axes}"
+
+
+def _of_drive(known: Settings) -> Iterator[Reason]:
+    """Yield what a drive says against the settings that were made with it."""
+    if known.drive is not None:
+        for one in known.drive.unexplained:
+            if one.about == START:
+                yield Reason(Use.DO_NOT_USE, one.statistic)
+    if known.choice is not None and known.choice.after is not None:
+        after = known.choice.after
+        if after.fixes_rms is not None and not after.follows(WRONG_FACTOR):
+            text = f"worse than the fixes alone: {digits(after.tracking_rms)} m, the fixes {digits(after.fixes_rms)} m"
+            yield Reason(Use.DO_NOT_USE, f"with fixes the position is {text} (rms, last 40 % of the drive)")
+    if known.measured is not None:
+        yield from _of_scores(known.measured, "on the drive")
+        if known.measured.gated > LOST_SHARE:
+            yield Reason(
+                Use.USABLE_EXCEPT, f"the filter refused {100.0 * known.measured.gated:.2g} % of the fixes"
+            )
+
+
+def _of_simulation(check: Check | None) -> Iterator[Reason]:
+    if check is not None:
+        yield from _of_scores(check.consistency, "in simulation")
+
+
+def _of_scores(found: Consistency, where: str) -> Iterator[Reason]:
+    """Yield what the scores of a filter say against its settings: beyond twice its prediction they are not used."""
+    verdict = found.honesty
+    if verdict.use is Use.DO_NOT_USE:
+        yield Reason(Use.DO_NOT_USE, f"{where} {verdict.reasons[0]}")
+    elif verdict.use in (Use.OPTIMISTIC, Use.PESSIMISTIC):
+        ratios = [one.ratio for one in found.scores if not one.consistent]
+        far = any(_far(ratio, TOLERATED_RATIO) for ratio in _deciding(found))
+        use = Use.DO_NOT_USE if far and ratios else Use.USABLE_EXCEPT
+        yield Reason(use, f"{where} {verdict.reasons[0]}")
+    elif verdict.use is Use.TOO_SHORT:
+        yield Reason(Use.USABLE_EXCEPT, f"{where} the errors are {verdict.text}")
+
+
+def _deciding(found: Consistency) -> Iterator[float]:
+    """Yield the ratios of the scores that speak against a filter."""
+    from tuner.types.honesty import claims, is_off
+
+    yield from (one.ratio for one in claims(found) if is_off(one) and one.name != "attitude")
+
+
+def _of_predictions(predictions: Mapping[str, PredictedBlock]) -> Iterator[Reason]:
+    """Yield the axes whose settings do not predict their log."""
+    failed = {axis: one for axis, one in predictions.items() if not one.passes}
+    if failed:
+        worst = max(failed.values(), key=lambda one: abs(math.log(one.curve.worst)))
+        yield Reason(
+            Use.USABLE_EXCEPT,
+            f"{axes_text(list(failed))}: the settings predict {worst.curve.worst:.2f} × the Allan deviation of the log "
+            f"at {digits(worst.curve.worst_tau, 2)} s",
+        )
+
+
+def _of_losses(found: Identification, findings: Iterable[Finding]) -> Iterator[Reason]:
+    """Yield which samples of a log are left out, where more than `LOST_SHARE` of them are."""
+    for sensor in found.source.get("sensors", ()):
+        whole = sensor.get("used_s", (0.0,))[-1]
+        lost = 1.0 - sensor["span_s"] / whole if whole > 0.0 else 0.0
+        if lost > LOST_SHARE:
+            yield Reason(
+                Use.USABLE_EXCEPT,
+                f"{axes_text(sensor['axes'])} rest on {100.0 * (1.0 - lost):.2g} % of the log: the rest is no rest, or "
+                f"samples are missing",
+            )
+    for one in findings:
+        share = one.parameters.get("fraction")
+        if share is not None and share.value is not None and share.value > LOST_SHARE:
+            cause = one.cause.replace("_", " ")
+            yield Reason(
+                Use.USABLE_EXCEPT,
+                f"{axes_text(one.channels)}: {100.0 * share.value:.2g} % of the samples are {cause}",
+            )
+
+
+def _of_unexplained(unexplained: Sequence[Unexplained]) -> Iterator[Reason]:
+    """Yield the axes whose log drifts further than its model by more than `WRONG_FACTOR`."""
+    for one in unexplained:
+        ratios = {name: a / b for name, (a, b) in one.drift.items() if b > 0.0}
+        name = max(ratios, key=lambda key: ratios[key], default=None)
+        if name is not None and ratios[name] > WRONG_FACTOR:
+            yield Reason(
+                Use.USABLE_EXCEPT,
+                f"{axes_text(one.channels)}, which without a known cause drifts {digits(ratios[name], 2)} × as far as "
+                f"its noise after {name}",
+            )
+
+
+def _of_enlargements(config: FilterConfig) -> Iterator[Reason]:
+    """Yield the settings that differ from what was measured by more than `WRONG_FACTOR`, with the reason."""
+    for one in config.inflations:
+        if isinstance(one, Enlargement) and _far(one.factor):
+            yield Reason(
+                Use.USABLE_EXCEPT, f"{one.quantity} is {digits(one.factor, 2)} × as measured: {one.reason}"
+            )
+        elif isinstance(one, AppliedNoiseScale) and _far(one.factor):
+            cause = ", ".join(one.causes).replace("_", " ") or "no cause known"
+            yield Reason(
+                Use.USABLE_EXCEPT, f"{one.quantity} is {digits(one.factor, 2)} × as stated ({cause})"
+            )
+
+
+def _of_borrowed(borrowed: Mapping[str, str]) -> Iterator[Reason]:
+    """Yield which settings are those of another sensor."""
+    by_source: dict[str, list[str]] = {}
+    for what, source in borrowed.items():
+        by_source.setdefault(source, []).append(what)
+    for source, parts in by_source.items():
+        yield Reason(
+            Use.USABLE_EXCEPT, f"{', '.join(parts)} ASSUMED from {source}, not measured on this unit"
+        )
+
+
+def _of_limits(config: FilterConfig) -> Iterator[Reason]:
+    """Yield the axes whose drift depends on a term of which only a limit is known.
+
+    The predicted sd of angle or velocity after a minute without aiding, with the random walk at its limit, is then
+    `HONEST_RATIO` times that without it or more.
+    """
+    limited: dict[str, float] = {}
+    for one in config.inflations:
+        if isinstance(one, BoundUsed) and one.quantity.field == "random_walk.density" and one.factor > 0.0:
+            channel = config.channels.get(one.quantity.owner)
+            if channel is not None and (ratio := limit_ratio(channel, one.factor)) >= HONEST_RATIO:
+                limited[channel.axis] = ratio
+    if limited:
+        least, most = digits(min(limited.values()), 2), digits(max(limited.values()), 2)
+        times = least if least == most else f"{least} to {most}"
+        yield Reason(
+            Use.USABLE_EXCEPT,
+            f"the bias random walk of {axes_text(list(limited))}, ASSUMED half of its limit: the limit itself would "
+            f"enlarge the drift after {UNAIDED_TIME:g} s {times} times",
+        )
+
+
+def limit_ratio(channel: ChannelNoise, factor: float) -> float:
+    """Return the sd of the drift after `UNAIDED_TIME` with the random walk at its limit ÷ that without it.
+
+    Parameters
+    ----------
+    channel : ChannelNoise
+        Settings of an axis.
+    factor : float
+        Share of the limit that its random walk is.
+    """
+    limit = replace(channel, random_walk_density=channel.random_walk_density / factor)
+    without = replace(channel, random_walk_density=0.0)
+    most, least = (float(modelled_growth(one, UNAIDED_TIME, memory=MEMORY)) for one in (limit, without))
+    return math.sqrt(most / least) if least > 0.0 else math.inf
+
+
+def _far(ratio: float | None, factor: float = WRONG_FACTOR) -> bool:
+    """Return whether a ratio is further from 1 than a factor."""
+    return ratio is not None and not 1.0 / factor <= ratio <= factor

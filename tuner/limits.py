@@ -1,0 +1,24 @@
+"""The limits that decide what a user sees, in the user's units. Beside them only probabilities decide."""
+
+from __future__ import annotations
+
+SHOWN_CHANGE = 0.05
+"""Relative change of a quantity of the user, with and without a finding, from which the finding is on the screen."""
+WRONG_FACTOR = 1.4
+"""Factor beyond which a density, a setting or an sd that is written or shown counts as wrong."""
+HONEST_RATIO = 1.5
+"""True ÷ predicted error, or its inverse, up to which a filter is honest, however well the ratio is known."""
+TOLERATED_RATIO = 2.0
+"""True ÷ predicted error, or its inverse, beyond which settings are not written; attitudes are honest up to it."""
+LOST_SHARE = 0.02
+"""Share of the samples, or of the fixes, from which the first screen says that they are left out."""
+PRIOR_SHARE = 1.0 / 3.0
+"""Sd ÷ prior sd up to which data determine a constant of the installation."""
+WIDEST_INTERVAL = 5.0
+"""Ratio of the ends of a 95 % interval beyond which an estimate names nothing."""
+SHOWN_FINDINGS = 5
+"""Findings on a screen."""
+SCREEN_LINES = 30
+"""Lines of a screen."""
+POWER = 0.9
+"""Probability with which data must show an error of `HONEST_RATIO` before a filter is called honest."""

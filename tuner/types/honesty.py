@@ -1,0 +1,127 @@
+"""Is a filter as uncertain as it says? The verdict on its scores.
+
+A filter is honest where true ÷ predicted error of position, of velocity and of the position after 10, 30 and 60 s
+without fixes lies within the band that the number of windows allows about 1, or within `HONEST_RATIO` of 1 where that
+band is narrower; attitudes within `TOLERATED_RATIO`. A score counts only where it could have shown an error of
+`HONEST_RATIO` with the probability `POWER`: with ν degrees of freedom and the limits a … b of its χ² band,
+
+    P(χ²(ν)/ν > b/1.5²) ≥ 0.9    and    P(χ²(ν)/ν < 1.5² a) ≥ 0.9
+
+Others are too short to judge, and the verdict says how much more data would do.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from models.probability import chi2_beyond, chi2_quantile
+from tuner.limits import HONEST_RATIO, POWER, TOLERATED_RATIO
+from tuner.types.judgement import Judgement, Reason, Use, judged
+
+if TYPE_CHECKING:
+    from tuner.types.consistency import Consistency, Score
+
+LONGEST_CLAIM = 60.0
+"""Longest time without fixes that decides whether a filter is honest, s."""
+TAIL = 0.0005
+"""Chance on either side that one score of a right filter lies outside its band: 99.7 % for three scores together."""
+WITHOUT_TRUTH = {
+    "nis_position": "distance to the fixes",
+    "nis_velocity": "distance to the velocities of the receiver",
+    "nis": "innovations",
+}
+NAMES = {"nees": "all states", "outage": "position after {} without fixes", **WITHOUT_TRUTH}
+
+
+def honesty(found: Consistency) -> Judgement:
+    """Return whether a filter is honest, optimistic or pessimistic, or its scores are too short to judge it."""
+    if found.diverged:
+        return Judgement(Use.DO_NOT_USE, ("the filter diverged",))
+    scores = list(claims(found))
+    known = {one.score.name: one.interval for one in found.outages}
+    said = {
+        one.name: f"{claim_name(one, has_truth=found.has_truth)} "
+        f"{ratio_text(one.ratio, known.get(one.name, one.interval))}"
+        for one in scores
+    }
+    reasons = [
+        Reason(Use.OPTIMISTIC if one.ratio > 1.0 else Use.PESSIMISTIC, f"true ÷ predicted: {said[one.name]}")
+        for one in sorted(scores, key=lambda one: -abs(math.log(max(one.ratio, 1e-9))))
+        if is_off(one)
+    ]
+    reasons += [
+        Reason(Use.OPTIMISTIC, f"the {one.part} error has a constant part of {one.ratio:.2f} predicted sds")
+        for one in found.mean_errors
+    ]
+    if reasons:
+        return judged(Use.HONEST, reasons)
+    sure = [one for one in scores if shows_dishonesty(one)]
+    weak = [f"{said[one.name]}{need_text(one)}" for one in scores if one not in sure]
+    too_short = [f"too short to judge: {'; '.join(weak)}"] if weak else []
+    if not sure:
+        return Judgement(Use.TOO_SHORT, tuple(weak) or ("no error is known",))
+    right = f"true ÷ predicted: {', '.join(said[one.name] for one in sure)}"
+    return Judgement(Use.HONEST, (right, *too_short))
+
+
+def claims(found: Consistency) -> Iterator[Score]:
+    """Yield the scores that decide; innovations where there is no truth, all states where none has a known name."""
+    blocks = {one.name: one for one in found.blocks if found.has_truth}
+    innovations = {one.name: one for one in found.nis}
+    known = [blocks[name] for name in ("position", "velocity", "attitude") if name in blocks]
+    known += [
+        innovations[f"nis_{name}"]
+        for name in ("position", "velocity")
+        if name not in blocks and f"nis_{name}" in innovations
+    ]
+    whole = [found.nees] if found.nees is not None else list(innovations.values())[:1]
+    yield from known or [*blocks.values()] or whole
+    yield from (one.score for one in found.outages if one.seconds <= LONGEST_CLAIM)
+
+
+def is_off(score: Score) -> bool:
+    """Return whether a score speaks against the honesty of a filter."""
+    widest = TOLERATED_RATIO if score.name == "attitude" else HONEST_RATIO
+    return not score.consistent and not 1.0 / widest <= score.ratio <= widest
+
+
+def shows_dishonesty(score: Score, freedom: float | None = None) -> bool:
+    """Return whether a score, or one of so many degrees of freedom, would show an error of `HONEST_RATIO`."""
+    nu = score.effective if freedom is None else freedom
+    if not 0.0 < nu < math.inf:
+        return False
+    low, high = (chi2_quantile(p, nu) for p in (TAIL, 1.0 - TAIL))
+    optimistic = chi2_beyond(high / HONEST_RATIO**2, nu)
+    pessimistic = 1.0 - chi2_beyond(low * HONEST_RATIO**2, nu)
+    return min(optimistic, pessimistic) >= POWER
+
+
+def need_text(score: Score) -> str:
+    """Return how much more data would tell, in words; empty where that is not known."""
+    if not 0.0 < score.effective < math.inf:
+        return ""
+    needed = score.effective
+    while not shows_dishonesty(score, needed):
+        needed *= 1.05
+    return f" ({needed / score.effective:.2g} times as much data would do)"
+
+
+def ratio_text(ratio: float, interval: tuple[float, float]) -> str:
+    """Return a ratio with its 95 % interval, to two decimals."""
+    low, high = interval
+    return f"{digits(ratio)} ({digits(low)} to {'∞' if math.isinf(high) else digits(high)})"
+
+
+def digits(ratio: float) -> str:
+    """Return a ratio to two decimals, a large one to two digits."""
+    return f"{ratio:.2f}" if ratio < 10.0 else f"{ratio:.2g}"
+
+
+def claim_name(score: Score, *, has_truth: bool) -> str:
+    """Return what a score is of, in words: of a distance to fixes where there is no truth."""
+    if score.name.startswith("outage "):
+        text = NAMES["outage"].format(score.name.removeprefix("outage "))
+        return text if has_truth else f"distance to the withheld fix, {text.removeprefix('position ')}"
+    return NAMES.get(score.name, score.name.replace("_", " "))
