@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from tuner.segments.multi_position import PoseCalibration
@@ -96,6 +97,8 @@ class TuneResult(Shown):
         What the data sheet states, to be shown beside what was measured.
     measured : DriveResult or None
         The filter with the settings as written on the whole drive, scored as `navigate` scores it.
+    withheld : mapping of str to str
+        Configuration files that are not written, by their names, each with the reason.
     """
 
     name: str
@@ -115,3 +118,4 @@ class TuneResult(Shown):
     choice: HeldOutChoice | None = None
     datasheet: Identification | None = None
     measured: DriveResult | None = None
+    withheld: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))

@@ -95,6 +95,8 @@ def settings_in_dialect(result: TuneResult, dialect: str, directory: Path) -> li
     from tuner.pipeline import file_of_dialect  # loaded when used: it imports every room
 
     name = file_of_dialect(dialect)
+    if why := result.withheld.get(name):
+        return [f"Nothing is written for {dialect}: {why}"]
     written = [line.rstrip() for line in result.exports[name].splitlines() if line.strip()]
     remarks = (line[2:].split(": ", 1) for line in written if line.startswith("# ") and ": " in line)
     notes = {name: [part for part in remark.split("; ") if part != SAME] for name, remark in remarks}
