@@ -17,7 +17,9 @@ import numpy as np
 from tuner.formats.axis_words import axes_text
 from tuner.formats.customary_units import digits
 from tuner.limits import HONEST_RATIO, LOST_SHARE, TOLERATED_RATIO, WRONG_FACTOR
+from tuner.synthesis.borrowed import borrowed_words
 from tuner.synthesis.error_growth import modelled_growth
+from tuner.synthesis.sufficient import lacking_slow_bias
 from tuner.types import (
     AppliedNoiseScale,
     BoundUsed,
@@ -56,21 +58,19 @@ class Settings:
     drive: DriveDiagnosis | None = None
     choice: HeldOutChoice | None = None
     measured: Consistency | None = None
-    lacking: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
-    borrowed: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
 
 
 def judge_settings(known: Settings) -> Judgement:
     """Return for what the settings of a filter can be used."""
     reasons = [
-        *(Reason(Use.DO_NOT_USE, f"{sensor}: {why}") for sensor, why in known.lacking.items()),
+        *(Reason(Use.DO_NOT_USE, why) for why in lacking_slow_bias(known.config).values()),
         *_of_drive(known),
         *_of_simulation(known.check),
         *_of_predictions(known.predictions),
         *_of_losses(known.identification, () if known.diagnosis is None else known.diagnosis.findings),
         *_of_unexplained(() if known.diagnosis is None else known.diagnosis.unexplained),
         *_of_enlargements(known.config),
-        *_of_borrowed(known.borrowed),
+        *(Reason(Use.USABLE_EXCEPT, text) for text in borrowed_words(known.config)),
         *_of_limits(known.config),
     ]
     found = judged(Use.USABLE, reasons)
@@ -254,17 +254,6 @@ def _of_enlargements(config: FilterConfig) -> Iterator[Reason]:
             yield Reason(
                 Use.USABLE_EXCEPT, f"{one.quantity} is {digits(one.factor, 2)} × as stated ({cause})"
             )
-
-
-def _of_borrowed(borrowed: Mapping[str, str]) -> Iterator[Reason]:
-    """Yield which settings are those of another sensor."""
-    by_source: dict[str, list[str]] = {}
-    for what, source in borrowed.items():
-        by_source.setdefault(source, []).append(what)
-    for source, parts in by_source.items():
-        yield Reason(
-            Use.USABLE_EXCEPT, f"{', '.join(parts)} ASSUMED from {source}, not measured on this unit"
-        )
 
 
 def _of_limits(config: FilterConfig) -> Iterator[Reason]:

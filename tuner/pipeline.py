@@ -20,7 +20,7 @@ from tuner.diagnosis import diagnose
 from tuner.diagnosis.data_quality.frozen_left_out import without_long_frozen
 from tuner.diagnosis.data_quality.overflow import without_overflow
 from tuner.diagnosis.static.position_drift import found_signals
-from tuner.exporters import DIALECTS, dialect_named, export, lacking
+from tuner.exporters import DIALECTS, dialect_named, export, lacking, withheld
 from tuner.formats import noise_yaml
 from tuner.formats.prediction import prediction_json
 from tuner.identification import identify
@@ -180,13 +180,7 @@ def tune(
         config = replace(config, notes=(*config.notes, choice.note))
         stage("scoring the settings on the whole drive", 0.95)
         measured, unmeasured = measured_or_reason(inputs.drive, config, progress, examined.clock)
-    exports = {"noise.yaml": noise_yaml.dumps(config)}
-    exports |= {file_of_dialect(name): export(config, name) for name in wanted}
-    exports |= {
-        file_of_dialect(name): export(config, name)
-        for name in EXPORTED_DIALECTS
-        if not lacking(config, DIALECTS[name])
-    }
+    exports, kept_back = exports_of(config, wanted)
     stage("checking the filter on simulated drives", 1.0)
     checked, unchecked = check_or_reason(
         config, after_drive=examined is not None, seed=seed, progress=progress
@@ -202,14 +196,37 @@ def tune(
         checked,
         MappingProxyType(dict(predictions)),
         MappingProxyType({**noise.absent, **unmeasured, **unchecked}),
-        MappingProxyType(exports),
+        MappingProxyType(dict(exports)),
         inputs.key,
         replicas,
         seed,
         choice,
         stated,
         measured,
+        MappingProxyType(dict(kept_back)),
     ).written
+
+
+def exports_of(config: FilterConfig, wanted: Sequence[str]) -> tuple[Mapping[str, str], Mapping[str, str]]:
+    """Return the text of each configuration file by its name, and why others are not written.
+
+    Parameters
+    ----------
+    config : FilterConfig
+        Settings.
+    wanted : sequence of str
+        Dialects that were asked for, beside ``noise.yaml`` and `EXPORTED_DIALECTS` where they have their sensors.
+
+    Raises
+    ------
+    DataError
+        Where a dialect that was asked for lacks a sensor.
+    """
+    names = [*wanted, *(name for name in EXPORTED_DIALECTS if not lacking(config, DIALECTS[name]))]
+    if why := withheld(config):
+        return {}, dict.fromkeys(("noise.yaml", *map(file_of_dialect, names)), why)
+    texts = {file_of_dialect(name): export(config, name) for name in names}
+    return {"noise.yaml": noise_yaml.dumps(config), **texts}, {}
 
 
 def file_of_dialect(name: str) -> str:

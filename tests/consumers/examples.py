@@ -23,13 +23,19 @@ def walking() -> FilterConfig:
     accel = [ChannelNoise(f"accel_{a}", "m/s^2", 3e-3, (), 5e-5, 0.05) for a in "xyz"]
     channels = {channel.axis: channel for channel in (*gyro, *accel)}
     receiver = GnssNoise((1.0, 1.0, 2.0), None, 1.0, 5.0)
-    return FilterConfig("walking", STEP, channels, InitialUncertainty(1.0, 0.1, 0.005, 0.1), receiver)
+    return moved(FilterConfig("walking", STEP, channels, InitialUncertainty(1.0, 0.1, 0.005, 0.1), receiver))
 
 
 @functools.cache
 def laddered() -> FilterConfig:
     """Return a built-in MEMS grade, whose flicker is four states: no consumer has as many."""
-    return replace(load_config("icm20602"), interval=STEP)
+    return moved(replace(load_config("icm20602"), interval=STEP))
+
+
+def moved(config: FilterConfig) -> FilterConfig:
+    """Return a configuration whose white noise was measured in motion: autopilots load it."""
+    white = {axis: channel.white_density for axis, channel in config.channels.items()}
+    return replace(config, noise=white, noise_in_motion=white)
 
 
 EXAMPLES = {"walk": walking, "flicker": laddered}

@@ -9,6 +9,7 @@ from tuner.catalogue.grades import DEFAULT_RECEIVER, grade_identification, grade
 from tuner.consistency.outage_drift import outage_drift
 from tuner.stages import counted, stage, task
 from tuner.synthesis import synthesize
+from tuner.synthesis.sufficient import lacking_slow_bias
 from tuner.types import ChannelNoise, FilterConfig
 from tuner.types.arguments import expect, expect_number
 from tuner.types.records import DataError
@@ -44,7 +45,7 @@ class GradeChoice(Shown):
     wheels : bool
         Whether wheels that do not slip sideways are used.
     ranking : tuple of RankedGrade
-        Every grade.
+        Every grade that states the six axes with a slow bias.
     nearest : RankedGrade
         The noisiest grade that keeps the limit, or the best where none does.
     factor : float or None
@@ -104,7 +105,7 @@ def choose(
     stage("predicting the drift of every grade", 0.75)
     for name in counted(grade_names()):
         config = synthesize(grade_identification(load_grade(name)), gnss=receiver)
-        if len(config.channels) == 6:
+        if len(config.channels) == 6 and not lacking_slow_bias(config):
             ranking.append(RankedGrade(name, config, drift(config)))
     ranking.sort(key=lambda one: one.error)
     kept = [one for one in ranking if one.error <= error]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Literal
 
 from tuner.catalogue.grades import DEFAULT_RECEIVER, load_gnss
@@ -10,6 +12,7 @@ from tuner.consistency.outage_drift import OutageDrift, outage_drift
 from tuner.identification.compare_sources import Source, compare_sources
 from tuner.identification.comparison import Comparison, LimitCheck, limit_checks
 from tuner.synthesis import synthesize
+from tuner.synthesis.sufficient import why_insufficient
 from tuner.types.arguments import expect, expect_callable
 from tuner.types.progress import Progress, silent
 from tuner.types.shown import Shown
@@ -28,13 +31,16 @@ class SensorComparison(Shown):
     receiver : str
         Built-in receiver before the outages.
     drift : tuple of OutageDrift or None
-        One a source; None for those that lack an axis.
+        One a source; None for those that lack an axis or a slow bias.
+    unranked : mapping of str to str
+        Sources without a drift for want of a slow bias, each with the reason.
     """
 
     noise: Comparison
     limits: tuple[LimitCheck, ...]
     receiver: str
     drift: tuple[OutageDrift | None, ...]
+    unranked: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
 
 
 def compare(
@@ -67,5 +73,10 @@ def compare(
     receiver = load_gnss(gnss)
     noise = compare_sources(*sources, by=by, progress=progress)
     configs = [synthesize(source, gnss=receiver) for source in noise.sources]
-    drift = tuple(outage_drift(config) if len(config.channels) == 6 else None for config in configs)
-    return SensorComparison(noise, limit_checks(noise), gnss, drift)
+    lacking = [why_insufficient(source) for source in noise.sources]
+    drift = tuple(
+        outage_drift(config) if len(config.channels) == 6 and not why else None
+        for config, why in zip(configs, lacking, strict=True)
+    )
+    unranked = {name: why for name, why in zip(noise.names, lacking, strict=True) if why}
+    return SensorComparison(noise, limit_checks(noise), gnss, drift, MappingProxyType(unranked))

@@ -46,6 +46,7 @@ from tuner.exporters import (
 from tuner.exporters.dialect import DIALECTS, Dialect, Target
 from tuner.exporters.header import SENSORS
 from tuner.exporters.triad_values import triad
+from tuner.exporters.withheld import withheld
 from tuner.formats import noise_yaml
 from tuner.synthesis.equivalent_models import FILTER_MEMORY
 from tuner.synthesis.load_config import load_config
@@ -53,7 +54,7 @@ from tuner.types import FilterConfig
 from tuner.types.arguments import expect, expect_number
 from tuner.types.records import DataError
 
-__all__ = ["DIALECTS", "Dialect", "Target", "export", "lacking"]
+__all__ = ["DIALECTS", "Dialect", "Target", "export", "lacking", "withheld"]
 
 _NATIVE = Dialect(
     "native", "our own configuration", "SI", lambda config, _: noise_yaml.dumps(config), needs=()
@@ -128,8 +129,8 @@ def export(
     Raises
     ------
     DataError
-        For an unknown dialect, a sensor that the target cannot do without, an axis without white noise, and an
-        interval, a step or a memory that is not positive.
+        For an unknown dialect, a sensor that the target cannot do without, an axis without white noise, settings that
+        are `withheld`, and an interval, a step or a memory that is not positive.
     """
     expect(dialect, str, "export: dialect", f"one of {' '.join(DIALECTS)}")
     declared = dialect_named(dialect)
@@ -153,6 +154,9 @@ def export(
             f"{config.name}: {dialect}: expected white noise of {silent[0]} above 0, found 0, by which "
             "filters divide: set white_density in noise.yaml, at least to that of its data sheet"
         )
+        raise DataError(msg)
+    if why := withheld(config):
+        msg = f"{config.name}: nothing is written for {dialect}: {why}"
         raise DataError(msg)
     target = Target(interval or config.interval, step, memory, rate_named=interval is not None)
     return declared.write(config, target)

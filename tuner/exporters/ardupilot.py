@@ -12,18 +12,26 @@ from __future__ import annotations
 
 import math
 
+from tuner.exporters.autopilot import Parameter, loaded, parameter_lines
 from tuner.exporters.dialect import Dialect, Target
 from tuner.exporters.header import provenance
-from tuner.exporters.triad_values import Figure, Parameter, parameter_lines, triad, walk, white
+from tuner.exporters.triad_values import Figure, triad, walk, white
 from tuner.formats.yaml_text import comment
 from tuner.types import FilterConfig
 
 _PARAMETERS = {
-    "EK3_GYRO_P_NSE": Parameter(1e-4, 0.1, 0.015),
-    "EK3_ACC_P_NSE": Parameter(0.01, 1.0, 0.35),
-    "EK3_GBIAS_P_NSE": Parameter(1e-5, 1e-3, 1e-3),
-    "EK3_ABIAS_P_NSE": Parameter(1e-5, 0.02, 0.02),
+    "EK3_GYRO_P_NSE": Parameter("gyro", "white", 1e-4, 0.1, 0.015),
+    "EK3_ACC_P_NSE": Parameter("accel", "white", 0.01, 1.0, 0.35),
+    "EK3_GBIAS_P_NSE": Parameter("gyro", "walk", 1e-5, 1e-3, 1e-3),
+    "EK3_ABIAS_P_NSE": Parameter("accel", "walk", 1e-5, 0.02, 0.02),
 }
+
+_RELEASE = "ArduPilot 4.5.5, libraries/AP_NavEKF3/AP_NavEKF3.cpp (*_P_NSE_DEFAULT)"
+"""Release of the stock values: the file at commit 003d213519ec, where those of all vehicles agree.
+
+A vehicle of ArduCopter 4.5.5 has the same for the gyros: assets/speedybeef405_ardupilot.params of
+duckietown/duckiedrone-ardupilot-driver.
+"""
 
 _TARGET_STEP = 0.012
 """Step the filter aims at, s: EKF_TARGET_DT of AP_NavEKF3_core.h."""
@@ -35,7 +43,7 @@ def step_of_loop(interval: float) -> float:
 
 
 def write(config: FilterConfig, target: Target) -> str:
-    """Return a parameter file of lines ``NAME,VALUE``."""
+    """Return a parameter file of lines ``NAME,VALUE``; comments for what keeps its stock value."""
     if target.step is not None:
         step, reason = target.step, "as named"
     elif target.rate_named:
@@ -54,9 +62,9 @@ def write(config: FilterConfig, target: Target) -> str:
     lines = [
         *provenance(config, "ArduPilot EKF3 parameters", walk_memory=target.memory),
         f"dt = {step:g} s, the step of the filter {reason}",
-        *parameter_lines(figures, _PARAMETERS, config),
+        *parameter_lines(figures, _PARAMETERS, config, _RELEASE),
     ]
-    parameters = [f"{name},{figure.value:.9g}" for name, figure in figures.items()]
+    parameters = [f"{name},{value:.9g}" for name, value in loaded(figures, _PARAMETERS, config).items()]
     return "".join(f"{line}\n" for line in (*map(comment, lines), *parameters))
 
 

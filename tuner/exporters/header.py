@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from tuner.exporters.triad_values import triad
 from tuner.formats.customary_units import phrase
+from tuner.synthesis.borrowed import borrowed_words
 from tuner.synthesis.equivalent_models import (
     STILL_SHARE,
     EquivalentNoise,
@@ -47,6 +48,7 @@ def provenance(config: FilterConfig, title: str, *, walk_memory: float | None = 
 def _provenance(config: FilterConfig, title: str, walk_memory: float | None) -> Iterator[str]:
     yield title
     yield f"from {config.name}; densities are two-sided; 95 % intervals in brackets"
+    yield from borrowed_words(config)
     for axis, channel in config.channels.items():
         known = "; ".join(
             f"{term.name} {phrase(coefficient, f'{term.name}.{name}', channel.unit)}"

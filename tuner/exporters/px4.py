@@ -12,20 +12,27 @@ from __future__ import annotations
 
 import math
 
+from tuner.exporters.autopilot import Parameter, loaded, parameter_lines
 from tuner.exporters.dialect import Dialect, Target
 from tuner.exporters.header import provenance
-from tuner.exporters.triad_values import Figure, Parameter, parameter_lines, rms, triad, walk, white
+from tuner.exporters.triad_values import Figure, rms, triad, walk, white
 from tuner.formats.yaml_text import comment
 from tuner.types import FilterConfig
 
 _PARAMETERS = {
-    "EKF2_GYR_NOISE": Parameter(1e-4, 0.1, 0.015),
-    "EKF2_ACC_NOISE": Parameter(0.01, 1.0, 0.35),
-    "EKF2_GYR_B_NOISE": Parameter(0.0, 0.01, 0.001),
-    "EKF2_ACC_B_NOISE": Parameter(0.0, 0.01, 0.003),
-    "EKF2_GBIAS_INIT": Parameter(0.0, 0.2, 0.1),
-    "EKF2_ABIAS_INIT": Parameter(0.0, 0.5, 0.2),
+    "EKF2_GYR_NOISE": Parameter("gyro", "white", 1e-4, 0.1, 0.015),
+    "EKF2_ACC_NOISE": Parameter("accel", "white", 0.01, 1.0, 0.35),
+    "EKF2_GYR_B_NOISE": Parameter("gyro", "walk", 0.0, 0.01, 0.001),
+    "EKF2_ACC_B_NOISE": Parameter("accel", "walk", 0.0, 0.01, 0.003),
+    "EKF2_GBIAS_INIT": Parameter("gyro", "turn_on", 0.0, 0.2, 0.1),
+    "EKF2_ABIAS_INIT": Parameter("accel", "turn_on", 0.0, 0.5, 0.2),
 }
+
+_RELEASE = "PX4 v1.11.2, src/modules/ekf2/ekf2_params.c"
+"""Release of the stock values: read from the log of such a vehicle, test/sample_log_small.ulg of PX4/pyulog.
+
+Those of the gyro bias are the same in params_gyro_bias.yaml of commit 15c4f0887da9.
+"""
 
 _PREDICTION_STEP = 0.01
 """Step, s, of the stock EKF2_PREDICT_US."""
@@ -35,7 +42,7 @@ _REAL_TYPE_CODE = 9
 
 
 def write(config: FilterConfig, target: Target) -> str:
-    """Return a parameter file: vehicle, component, name, value, type, by tabs."""
+    """Return a parameter file: vehicle, component, name, value, type, by tabs; comments where stock is kept."""
     step = _PREDICTION_STEP if target.step is None else target.step
     factor = 1.0 / math.sqrt(step)
     figures: dict[str, Figure] = {}
@@ -50,9 +57,10 @@ def write(config: FilterConfig, target: Target) -> str:
     lines = [
         *provenance(config, "PX4 EKF2 parameters", walk_memory=target.memory),
         f"dt = {step:g} s, the prediction step: EKF2_PREDICT_US = {1e6 * step:g}, stock 10000",
-        *parameter_lines(figures, _PARAMETERS, config),
+        *parameter_lines(figures, _PARAMETERS, config, _RELEASE),
     ]
-    parameters = [f"1\t1\t{name}\t{figure.value:.9g}\t{_REAL_TYPE_CODE}" for name, figure in figures.items()]
+    values = loaded(figures, _PARAMETERS, config)
+    parameters = [f"1\t1\t{name}\t{value:.9g}\t{_REAL_TYPE_CODE}" for name, value in values.items()]
     return "".join(f"{line}\n" for line in (*map(comment, lines), *parameters))
 
 

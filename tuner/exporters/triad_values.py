@@ -9,7 +9,7 @@ own: they carry `tuner.formats.digits.DEFAULT_DIGITS`.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from models.noise import GaussMarkov
@@ -93,43 +93,6 @@ def longest_time(config: FilterConfig) -> float:
     """Return the longest time constant of the configuration, s, for targets with one; 1 h without any."""
     times = [state.time_constant for channel in config.channels.values() for state in channel.markov]
     return rounded(max(times, default=DEFAULT_TIME_CONSTANT))
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """A parameter of an autopilot: the range its ground stations show, and the stock value.
-
-    The firmware takes any value from 0 to 1 as it is; the range is advice.
-    """
-
-    low: float
-    high: float
-    stock: float
-
-    def remark(self, value: float) -> str:
-        """Return the remark on a value: the stock one, and a warning where it is outside the range."""
-        stock = f"stock {self.stock:g}"
-        if self.low <= value <= self.high:
-            return stock
-        return (
-            f"{stock}; WARNING outside {self.low:g} … {self.high:g}, which ground stations show as the range: "
-            "the firmware takes it as it is"
-        )
-
-
-def parameter_lines(
-    figures: Mapping[str, Figure], parameters: Mapping[str, Parameter], config: FilterConfig
-) -> Iterator[str]:
-    """Yield the comment lines of autopilot parameters, and whether vibration is in the numbers."""
-    for name, figure in figures.items():
-        yield f"{name}: {figure.note}; {parameters[name].remark(figure.value)}"
-    enlarged = any(inflation.quantity.field.startswith("white") for inflation in config.inflations)
-    yield (
-        "white noise is enlarged as listed above"
-        if enlarged
-        else "a static log is not a vehicle in the air: vibration, scale factors and coning are not in these numbers, "
-        "and the stock values leave room for them; `tuner tune LOG --drive DRIVE` measures what motion adds"
-    )
 
 
 def initial_bias_sd(channel: ChannelNoise) -> float:

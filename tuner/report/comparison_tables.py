@@ -94,8 +94,9 @@ def _differences(found: SensorComparison) -> str:
 
 def _drift_table(found: SensorComparison) -> list[Table | str]:
     known = [(name, one) for name, one in zip(found.noise.names, found.drift, strict=True) if one is not None]
+    unranked = [f"{name} has no rank: {why}" for name, why in found.unranked.items()]
     if not known:
-        return ["No drift is predicted: no source has six axes"]
+        return [*unranked, "No drift is predicted: no source has six axes with white noise and a slow bias"]
     times = list(known[0][1].free)
     table = Table(box=None, padding=(0, 2, 0, 0), width=LINE_WIDTH)
     table.add_column("predicted drift,\nm (rank)")
@@ -113,7 +114,7 @@ def _drift_table(found: SensorComparison) -> list[Table | str]:
         f"Horizontal, rms, after so long without fixes, of a filter tuned to each sensor and aided by {found.receiver} "
         "for 15 min of city before; wheels: no sideways slip. Scale factors and misalignments come on top."
     )
-    return [table, about]
+    return [table, about, *unranked]
 
 
 def choice_tables(found: GradeChoice, *, every: bool = True) -> list[Table | str]:

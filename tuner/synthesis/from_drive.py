@@ -27,6 +27,7 @@ from tuner.catalogue.grades import (
     load_gnss,
     load_grade,
 )
+from tuner.synthesis.borrowed import with_borrowed
 from tuner.synthesis.load_config import load_config
 from tuner.synthesis.synthesize import synthesize
 from tuner.types import Coefficient, FilterConfig, GnssNoise, Identification, TermEstimate
@@ -116,7 +117,8 @@ def identification_of_drive(drive: Drive, found: StationaryNoise) -> Identificat
         )
         grade = grade_identification(load_grade(UNKNOWN_UNIT_GRADE))
         at_its_rate = {axis: replace(channel, interval=interval) for axis, channel in grade.channels.items()}
-        return replace(grade, source={**grade.source, "name": drive.name}, channels=at_its_rate, notes=(why,))
+        source = with_borrowed({**grade.source, "name": drive.name}, at_its_rate, UNKNOWN_UNIT_GRADE)
+        return replace(grade, source=source, channels=at_its_rate, notes=(why,))
     name = nearest_grade(found.white)
     grade = grade_identification(load_grade(name))
     share = 1.96 / np.sqrt(2.0 * found.freedom)
@@ -133,7 +135,8 @@ def identification_of_drive(drive: Drive, found: StationaryNoise) -> Identificat
         f"white noise is that of {found.seconds:.0f} s at rest in this drive; bias terms are those of {name}, the "
         f"built-in grade with the nearest white noise, since a drive is too short to show them"
     )
-    return replace(grade, source={**grade.source, "name": drive.name}, channels=channels, notes=(why,))
+    source = with_borrowed({**grade.source, "name": drive.name}, channels, name)
+    return replace(grade, source=source, channels=channels, notes=(why,))
 
 
 def config_of_drive(drive: Drive, found: StationaryNoise, *, gnss: GnssNoise | None = None) -> FilterConfig:

@@ -18,6 +18,7 @@ from models.noise import GaussMarkov
 from models.sensors import SensorGrade
 from tuner.catalogue.grades import grade_identification
 from tuner.synthesis.bias_states import BOUND, RULES
+from tuner.synthesis.borrowed import with_borrowed
 from tuner.synthesis.channel_noise import channel_noise
 from tuner.synthesis.initial_covariance import initial_uncertainty, turn_on_sd
 from tuner.synthesis.prediction import hold_to_records
@@ -130,7 +131,7 @@ def synthesize(
         initial_uncertainty(channels, reasons, gnss),
         gnss,
         tuple(changes),
-        _provenance(identification, rule, horizon, complete, seed),
+        _provenance(whole, rule, horizon, complete, seed),
         (*identification.notes, *notes),
         tuple(findings),
     )
@@ -216,6 +217,7 @@ def _completed(identification: Identification, grade: SensorGrade | None) -> tup
     added = {axis: c for axes in missing.values() for axis in axes if (c := other.channels.get(axis))}
     sd = {axis: value for axis, value in other.source["turn_on_sd"].items() if axis in added}
     source = {**identification.source, "turn_on_sd": {**identification.source.get("turn_on_sd", {}), **sd}}
+    source = with_borrowed(source, added, grade.key)
     notes = [f"{words} completed from grade {grade.key}" for words in missing_axes]
     return replace(identification, source=source, channels={**identification.channels, **added}), notes
 

@@ -74,14 +74,28 @@ def test_axes_are_combined_as_rms_with_their_spread() -> None:
 
 
 def test_no_dialect_gets_a_zero_noise_from_a_still_bias() -> None:
-    still = {axis: replace(c, markov=()) for axis, c in CONFIG.channels.items()}
+    still = {
+        axis: replace(c, markov=() if axis.endswith("x") else c.markov) for axis, c in CONFIG.channels.items()
+    }
     found = entries("kalibr", replace(CONFIG, channels=still))
     assert all(found[key] > 0.0 for key in found if key.endswith(("density", "walk")))
     noise = entries("kf-gins", replace(CONFIG, channels=still))["imunoise"]
     assert min(noise["gbstd"] + noise["abstd"]) > 0.0
-    assert noise["corrtime"] == near(1.0)
+    assert noise["corrtime"] == near(TIME / 3600.0)
     assert "stands in, as no target may get 0" in written("kalibr", replace(CONFIG, channels=still))
     assert "stands in" not in written("kalibr")
+
+
+@pytest.mark.parametrize("dialect", list(DIALECTS))
+def test_no_dialect_is_written_without_a_slow_bias(dialect: str) -> None:
+    # A filter without one trusts its biases for ever: until now a sheet of white noise alone was written as K = 0.
+    still = {
+        a: replace(c, markov=() if a.startswith("gyro") else c.markov) for a, c in CONFIG.channels.items()
+    }
+    with pytest.raises(
+        DataError, match=r"nothing is written for .*gyroscopes: neither bias instability .* usual is"
+    ):
+        export(replace(CONFIG, channels=still), dialect)
 
 
 def test_an_unknown_dialect_is_refused() -> None:

@@ -218,10 +218,12 @@ def test_settings_whose_innovations_contradict_them_give_the_reason(result, desp
 
 def test_settings_of_an_autopilot_stand_with_unit_and_stock_value():
     config = synthesize(identify_source("mpu9250"))
-    exported = SimpleNamespace(exports={"px4.txt": export(config, "px4")})
+    white = {axis: channel.white_density for axis, channel in config.channels.items()}
+    config = replace(config, noise=white, noise_in_motion=white)
+    exported = SimpleNamespace(exports={"px4.txt": export(config, "px4")}, withheld={})
     where, *lines = settings_in_dialect(exported, "px4", Path("out"))
     assert where == f"{Path('out') / 'px4.txt'}:"
-    assert len(lines) == 6
+    assert len(lines) == 4
     assert all(len(line) <= 80 for line in lines)
     (gyro,) = (line for line in lines if "EKF2_GYR_NOISE" in line)
     assert gyro.endswith("# rad/s; N/√dt; stock 0.015")
@@ -230,11 +232,15 @@ def test_settings_of_an_autopilot_stand_with_unit_and_stock_value():
 def test_settings_of_an_autopilot_keep_the_limit_that_they_rest_on():
     remark = "rad/s²; K/√dt; rests on a 95 % limit: x, y, z; the same on all axes; stock 0.001"
     text = f"# EKF2_GYR_B_NOISE: {remark}\n1\t1\tEKF2_GYR_B_NOISE\t2.39343e-05\t9\n"
-    (_, line) = settings_in_dialect(SimpleNamespace(exports={"px4.txt": text}), "px4", Path("out"))
+    (_, line) = settings_in_dialect(
+        SimpleNamespace(exports={"px4.txt": text}, withheld={}), "px4", Path("out")
+    )
     assert line == "1 1 EKF2_GYR_B_NOISE 2.39343e-05 9  # rad/s²; rests on a 95 % limit: x, y, z"
     # The longest key of Kalibr has no room for the axes.
     text = "accelerometer_random_walk: 0.000381866  # m/s³/√Hz, K; rests on a 95 % limit: x, y, z; rms of x 0.0001975"
-    (_, line) = settings_in_dialect(SimpleNamespace(exports={"kalibr.yaml": text}), "kalibr", Path("out"))
+    (_, line) = settings_in_dialect(
+        SimpleNamespace(exports={"kalibr.yaml": text}, withheld={}), "kalibr", Path("out")
+    )
     assert line == "accelerometer_random_walk: 0.000381866  # m/s³/√Hz, K; rests on a 95 % limit"
 
 

@@ -93,6 +93,7 @@ def comparison_json(found: SensorComparison) -> dict[str, Any]:
             }
             for one in found.drift
         ],
+        "unranked": dict(found.unranked),
     }
 
 
