@@ -11,13 +11,12 @@ against a truth, 5 bounds name nothing, 6 losses are counted, 8 one quantity one
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
-from tuner.limits import LOST_SHARE, WIDEST_INTERVAL, WRONG_FACTOR
-from tuner.types import Coefficient, Finding
+from tuner.limits import LOST_SHARE, WRONG_FACTOR
+from tuner.types import Finding
 from tuner.types.consistency import Consistency
 from tuner.types.honesty import claims as scored_claims
 from tuner.types.honesty import is_off, shows_dishonesty
@@ -124,7 +123,9 @@ def _errors_against_a_truth(said: Claims) -> Iterator[str]:
 def _bounds_name_nothing(said: Claims) -> Iterator[str]:
     """5: an estimate at a bound, or one that is hardly determined, names nothing."""
     yield from (
-        f"{one.cause} is named by an estimate that is not determined" for one in said.names if not names(one)
+        f"{one.cause} is named by an estimate that is not determined"
+        for one in said.names
+        if not one.determined
     )
     for one in said.statements:
         if one.interval is not None and not one.interval[0] <= one.value <= one.interval[1]:
@@ -172,25 +173,3 @@ INVARIANTS: Mapping[int, Callable[[Claims], Iterator[str]]] = MappingProxyType(
         9: _not_worse_than_the_fixes,
     }
 )
-
-
-def determined(one: Coefficient) -> bool:
-    """Return whether an estimate is determined: its interval excludes zero and spans no more than a factor of 5."""
-    if one.value is None or one.interval is None:
-        return False
-    low, high = sorted(map(abs, one.interval))
-    same_sign = one.interval[0] * one.interval[1] > 0.0
-    return same_sign and math.isfinite(high) and high <= WIDEST_INTERVAL * low
-
-
-def names(one: Finding) -> bool:
-    """Return whether at least one of the figures of a finding is determined, so that it may name a cause.
-
-    A finding without figures, such as one of readings that are held, rests on its test alone.
-    """
-    return not one.parameters or any(determined(figure) for figure in one.parameters.values())
-
-
-def undetermined(found: Sequence[Finding]) -> tuple[Finding, ...]:
-    """Return the findings that must not be named."""
-    return tuple(one for one in found if not names(one))

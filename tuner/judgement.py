@@ -34,6 +34,7 @@ from tuner.types import (
 )
 from tuner.types.consistency import Check, Consistency
 from tuner.types.diagnosis import START
+from tuner.types.honesty import claims, is_off
 from tuner.types.judgement import Judgement, Reason, Use, judged
 from tuner.types.prediction import BlockSource, PredictedBlock
 
@@ -42,13 +43,18 @@ if TYPE_CHECKING:
 
 UNAIDED_TIME = 60.0
 """Time without aiding over which a term that is only limited is judged, s."""
+NOT_SHOWN_AT_REST = "a log at rest cannot show scale factors, misalignment, delays or vibration of a vehicle"
+"""What the verdict on a log that nothing contradicts says of its reach."""
 MEMORY = 100.0
 """Time over which a filter renews its estimate of a bias, s."""
 
 
 @dataclass(frozen=True)
 class Settings:
-    """What is known of settings: the parts of a result of `tune`, each as there, those not run None or empty."""
+    """What is known of settings: the parts of a result of `tune`, each as there, those not run None or empty.
+
+    `left_out` is the share of the fixes of a drive that contradict their neighbours.
+    """
 
     identification: Identification
     config: FilterConfig
@@ -58,6 +64,7 @@ class Settings:
     drive: DriveDiagnosis | None = None
     choice: HeldOutChoice | None = None
     measured: Consistency | None = None
+    left_out: float = 0.0
 
 
 def judge_settings(known: Settings) -> Judgement:
@@ -72,6 +79,7 @@ def judge_settings(known: Settings) -> Judgement:
         *_of_enlargements(known.config),
         *(Reason(Use.USABLE_EXCEPT, text) for text in borrowed_words(known.config)),
         *_of_limits(known.config),
+        *_of_ramps(known.config),
     ]
     found = judged(Use.USABLE, reasons)
     return found if found.reasons else Judgement(Use.USABLE, tuple(_grounds(known)))
@@ -85,15 +93,22 @@ def _grounds(known: Settings) -> Iterator[str]:
         begin = max(float(one.curve.tau[0]) for one in known.predictions.values())
         end = min(float(one.curve.tau[-1]) for one in known.predictions.values())
         yield (
-            f"they predict the Allan deviation of the log within {100.0 * most:.2g} %, {digits(begin, 2)} to "
+            f"the settings predict the Allan deviation of the log within {100.0 * most:.2g} %, {digits(begin, 2)} to "
             f"{digits(end, 2)} s, on every axis"
         )
     if known.check is not None:
-        yield f"in simulation {known.check.consistency.honesty.text}"
+        yield f"in simulation {_honest_text(known.check.consistency)}"
     else:
         yield "no filter was simulated (--gnss names a receiver)"
     if known.measured is not None:
-        yield f"on the drive {known.measured.honesty.text}"
+        yield f"on the drive {_honest_text(known.measured)}"
+
+
+def _honest_text(found: Consistency) -> str:
+    """Return what an honest filter shows, in few words."""
+    ratios = [one.ratio for one in claims(found)]
+    between = f"{min(ratios):.2f} to {max(ratios):.2f}"
+    return f"honest: it errs {between} × as much as predicted, up to a minute without fixes"
 
 
 def judge_noise(
@@ -115,7 +130,8 @@ def curve_axes(predictions: Mapping[str, PredictedBlock]) -> list[str]:
 
 def judge_log(found: Diagnosis) -> Judgement:
     """Return whether anything in a log contradicts a simulation of its noise, and whether it has a cause."""
-    return _of_causes(found.findings, found.unexplained)
+    found_here = _of_causes(found.findings, found.unexplained)
+    return found_here if found_here.reasons else replace(found_here, reasons=(NOT_SHOWN_AT_REST,))
 
 
 def judge_drive(found: DriveDiagnosis) -> Judgement:
@@ -164,6 +180,11 @@ def _of_drive(known: Settings) -> Iterator[Reason]:
             yield Reason(Use.DO_NOT_USE, f"with fixes the position is {text} (rms, last 40 % of the drive)")
     if known.measured is not None:
         yield from _of_scores(known.measured, "on the drive")
+        if known.left_out > LOST_SHARE:
+            text = (
+                f"{100.0 * known.left_out:.2g} % of the fixes are left out: they contradict their neighbours"
+            )
+            yield Reason(Use.USABLE_EXCEPT, text)
         if known.measured.gated > LOST_SHARE:
             yield Reason(
                 Use.USABLE_EXCEPT, f"the filter refused {100.0 * known.measured.gated:.2g} % of the fixes"
@@ -191,8 +212,6 @@ def _of_scores(found: Consistency, where: str) -> Iterator[Reason]:
 
 def _deciding(found: Consistency) -> Iterator[float]:
     """Yield the ratios of the scores that speak against a filter."""
-    from tuner.types.honesty import claims, is_off
-
     yield from (one.ratio for one in claims(found) if is_off(one) and one.name != "attitude")
 
 
@@ -268,6 +287,16 @@ def _of_limits(config: FilterConfig) -> Iterator[Reason]:
             channel = config.channels.get(one.quantity.owner)
             if channel is not None and (ratio := limit_ratio(channel, one.factor)) >= HONEST_RATIO:
                 limited[channel.axis] = ratio
+    hidden = [
+        one.quantity.owner
+        for one in config.inflations
+        if isinstance(one, BoundUsed) and one.quantity.field == "white.density"
+    ]
+    if hidden:
+        yield Reason(
+            Use.USABLE_EXCEPT,
+            f"the white noise of {axes_text(hidden)}, of which only a limit is known: it is written",
+        )
     if limited:
         least, most = digits(min(limited.values()), 2), digits(max(limited.values()), 2)
         times = least if least == most else f"{least} to {most}"
@@ -275,6 +304,25 @@ def _of_limits(config: FilterConfig) -> Iterator[Reason]:
             Use.USABLE_EXCEPT,
             f"the bias random walk of {axes_text(list(limited))}, ASSUMED half of its limit: the limit itself would "
             f"enlarge the drift after {UNAIDED_TIME:g} s {times} times",
+        )
+
+
+def _of_ramps(config: FilterConfig) -> Iterator[Reason]:
+    """Yield the axes whose measured bias rate moves angle or velocity as far as the noise: few filters have its state.
+
+    After a time t it makes r t²/2 beside the sd of the noise, which together are `HONEST_RATIO` times that sd or more.
+    """
+    felt = []
+    for channel in config.channels.values():
+        rates = [t.coefficients["rate"].value for t in channel.identified if t.name == "ramp"]
+        moved = sum(abs(rate or 0.0) for rate in rates) * 0.5 * UNAIDED_TIME**2
+        noise = float(modelled_growth(channel, UNAIDED_TIME, memory=MEMORY))
+        if moved**2 > (HONEST_RATIO**2 - 1.0) * noise:
+            felt.append(channel.axis)
+    if felt:
+        yield Reason(
+            Use.USABLE_EXCEPT,
+            f"the bias of {axes_text(felt)}, which drifted steadily while recorded: only noise.yaml has that rate",
         )
 
 

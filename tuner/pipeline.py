@@ -31,7 +31,6 @@ from tuner.readers.drive import read_drive
 from tuner.readers.source_kind import is_log, source_name
 from tuner.segments.conditions import at_rest, expect_rest
 from tuner.segments.multi_position import PoseCalibration, calibrate
-from tuner.simulation.imu import sensor_of_config
 from tuner.simulation.static import demo
 from tuner.stages import stage, task
 from tuner.synthesis import inflate, synthesize
@@ -44,7 +43,7 @@ from tuner.synthesis.findings import (
 )
 from tuner.synthesis.from_drive import identification_of_drive, receiver_of, stationary_noise
 from tuner.synthesis.prediction import hold_to_records
-from tuner.synthesis.rest_and_motion import in_motion, with_rest_and_motion
+from tuner.synthesis.rest_and_motion import with_rest_and_motion
 from tuner.synthesis.worst_case import worst_case
 from tuner.tune_result import LogResult, TuneInputs, TuneResult
 from tuner.types import FilterConfig, Finding, GnssNoise, Identification
@@ -182,9 +181,7 @@ def tune(
         measured, unmeasured = measured_or_reason(inputs.drive, config, progress, examined.clock)
     exports, kept_back = exports_of(config, wanted)
     stage("checking the filter on simulated drives", 1.0)
-    checked, unchecked = check_or_reason(
-        config, after_drive=examined is not None, seed=seed, progress=progress
-    )
+    checked, unchecked = check_or_reason(config, seed=seed, progress=progress)
     return TuneResult(
         inputs.name,
         inputs.records,
@@ -418,20 +415,14 @@ def diverged_on(drive: Drive, measured: DriveResult) -> str:
 
 
 def check_or_reason(
-    config: FilterConfig, *, after_drive: bool, seed: int, progress: Progress
+    config: FilterConfig, *, seed: int, progress: Progress
 ) -> tuple[Check | None, Mapping[str, str]]:
-    """Return the consistency check of a configuration, or None and the reason why it cannot be checked.
-
-    After a drive the simulated unit has the noise that the drive showed, as configured, not that of the unit at rest.
-    """
+    """Return the check of a configuration as `tuner check` makes it, or None and why it cannot be checked."""
     from tuner.consistency.check import check  # with the filter, loaded where it runs
 
     if config.gnss is not None:
         progress(f"checking the filter on {CHECK_RUNS} simulated hours")
     try:
-        truth = sensor_of_config(in_motion(config)) if after_drive else None
-        return check(
-            config, CHECK_TRAJECTORY, truth=truth, duration=CHECK_DURATION, runs=CHECK_RUNS, seed=seed
-        ), {}
+        return check(config, CHECK_TRAJECTORY, duration=CHECK_DURATION, runs=CHECK_RUNS, seed=seed), {}
     except DataError as error:
         return None, {"consistency": str(error)}

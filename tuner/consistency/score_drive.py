@@ -98,6 +98,8 @@ class DriveResult(Shown):
         Final estimates of lever arm, time offset and other constants, SI.
     notes : tuple of str
         What was repaired, found and done.
+    left_out : float
+        Share of the fixes that contradict their neighbours, of positions or of velocities.
     """
 
     consistency: Consistency
@@ -107,6 +109,7 @@ class DriveResult(Shown):
     solutions: tuple[Solution, ...]
     estimates: Mapping[str, tuple[tuple[float, float], ...]]
     notes: tuple[str, ...]
+    left_out: float = 0.0
 
 
 def drive_filter(
@@ -167,6 +170,7 @@ def navigate_drive(
     config = config_for_drive(drive, config, gnss=gnss)
     drive = compensate(drive, config.compensation)
     fixes, positions, velocities = without_gross_outliers(drive.gnss)
+    count = len(drive.gnss.t)
     left_out = f"{positions} fixes and {velocities} velocities left out: they contradict their neighbours"
     if positions or velocities:
         drive = replace(drive, gnss=fixes, notes=(*drive.notes, left_out))
@@ -253,6 +257,7 @@ def navigate_drive(
         solutions,
         _estimates(settings, solutions[-1]),
         (*drive.notes, *assumed, *notes),
+        max(positions, velocities) / count,
     )
 
 

@@ -20,6 +20,7 @@ from tuner.formats.prediction import predictions_json
 from tuner.pipeline import CHECK_RUNS, CHECK_TRAJECTORY
 from tuner.report.allan_figure import allan_figure
 from tuner.report.calibration_text import calibration_lines
+from tuner.report.claims import lawful
 from tuner.report.consistency_tables import consistency_tables
 from tuner.report.figure_files import CHARTS, draw_all
 from tuner.report.html_page import write_page
@@ -52,6 +53,7 @@ def write_tune_result(result: TuneResult, directory: Path, command: str = "") ->
     command : str, optional
         What was typed, for the page.
     """
+    lawful(result)
     write_set(directory, tune_files(result, command), last=LAST)
 
 

@@ -22,9 +22,11 @@ from tuner.consistency.score_output import OutputScore
 from tuner.diagnosis.drive import ExaminedDrive
 from tuner.formats.files import Put
 from tuner.identification.static_test_plan import StaticTestPlan
+from tuner.invariants import violations
 from tuner.report import terminal
 from tuner.report.allan_figure import allan_figure
 from tuner.report.answer_layout import settings_answer, settings_table
+from tuner.report.claims import Result, claims_of
 from tuner.report.comparison_tables import choice_tables, comparison_tables, plan_tables
 from tuner.report.consistency_answer import consistency_answer
 from tuner.report.consistency_tables import check_tables, consistency_tables, consistency_verdict
@@ -135,7 +137,9 @@ def html_of(result: object) -> str:
 
 def text_of(result: object) -> str:
     """Return the answer of a result, for `print`: options of the command are methods here."""
-    return terminal.text_of(view_of(result).answer(result)).replace("--verbose", ".to_pandas()")
+    found = violations(claims_of(result)) if isinstance(result, Result) else ()
+    answer = [f"Withdrawn: {text}" for text in found] or view_of(result).answer(result)
+    return terminal.text_of(answer).replace("--verbose", ".to_pandas()")
 
 
 def dataset_of(result: object) -> Any:

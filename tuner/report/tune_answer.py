@@ -80,11 +80,12 @@ def answer_lines(result: TuneResult, directory: Path | None, dialect: str | None
         *(found[:SHOWN_FINDINGS] or nothing * (examined and not idle)),
         *([_idle_text(idle)] if idle else []),
         *([] if result.choice is None else choice_lines(result.choice)),
+        *_done_before(result),
         *against_datasheet(result),
         *warning_lines(result.identification, short=True),
         *hidden_lines(result),
         *_absent_lines(result),
-        *(f"Not written: {name}: {why}" for name, why in result.withheld.items()),
+        *withheld_lines(result),
     ]
     return [
         *wrapped(recording_line(result), 2),
@@ -103,6 +104,26 @@ def _idle_text(count: int) -> str:
     return (
         f"{count} finding{'s' * (count > 1)} on the page change{'s' * (count == 1)} no setting by 5 % or more"
     )
+
+
+def _done_before(result: TuneResult) -> list[str]:
+    """Return what was done to a drive before it was filtered, and what was assumed of it."""
+    if result.measured is None:
+        return []
+    notes = [note for note in result.measured.notes if "the reference" not in note]
+    return [f"Before the drive was filtered: {'; '.join(notes)}"] if notes else []
+
+
+def withheld_lines(result: TuneResult) -> list[str]:
+    """Return which files of settings are not written, with the reason where the verdict does not say it."""
+    names: dict[str, list[str]] = {}
+    for name, why in result.withheld.items():
+        names.setdefault(why, []).append(name)
+    return [
+        f"Not written: {', '.join(files)}"
+        + ("" if any(one in why for one in result.verdict.reasons) else f": {why}")
+        for why, files in names.items()
+    ]
 
 
 def _legend_of(table: Sequence[str], rows: Sequence[SettingsRow]) -> list[str]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -38,8 +37,6 @@ _UNITS = (
     ("accelerometer bias", 1.0, "m/s²"),
 )
 """How names of states begin, factor from SI and customary unit."""
-_PARTS = ("", "position ", "velocity ")
-"""Parts of innovations, as sentences name them."""
 MAX_RIVALS = 3
 """Rival explanations that a sentence names beside the likeliest: more make it unreadable."""
 
@@ -83,14 +80,6 @@ def verdict_text(verdict: Verdict) -> str:
             )
         case VerdictCode.CONSISTENT:
             return "no score contradicts the filter: none is shown to be 10 % from its prediction"
-
-
-def shortened(sentence: str) -> str:
-    """Return a verdict without the limits of white innovations, so that it has one line of an answer."""
-    words = re.sub(r", where white ones stay within ±[\d.]*\d", "", sentence)
-    for part in _PARTS:
-        words = words.replace(f"the {part}innovations are correlated: ", f"{part}innovations correlated, ")
-    return words
 
 
 def explanation_text(explanation: Explanation) -> str:

@@ -21,6 +21,11 @@ def with_rest_and_motion(rest: FilterConfig, drive: FilterConfig) -> FilterConfi
     )
 
 
+def simulated_unit(config: FilterConfig) -> FilterConfig:
+    """Return the configuration with the noise that its unit has in the vehicle: after a drive as configured."""
+    return in_motion(config) if config.provenance.get("drive") else config
+
+
 def in_motion(config: FilterConfig) -> FilterConfig:
     """Return a configuration without the terms identified at rest: what is simulated is what is configured."""
     channels = {axis: replace(channel, identified=()) for axis, channel in config.channels.items()}

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+
+from tuner.limits import WIDEST_INTERVAL
 
 LEVEL = 0.95
 """Level of every interval and limit that does not say otherwise."""
@@ -32,6 +35,18 @@ class Coefficient:
     upper: float | None
     unit: str
     reason: str | None = None
+
+    @property
+    def determined(self) -> bool:
+        """Whether its interval excludes zero and its ends differ by less than `WIDEST_INTERVAL`: only then it names."""
+        if self.value is None or self.interval is None:
+            return False
+        low, high = sorted(map(abs, self.interval))
+        return (
+            self.interval[0] * self.interval[1] > 0.0
+            and math.isfinite(high)
+            and high <= WIDEST_INTERVAL * low
+        )
 
     @classmethod
     def known(

@@ -101,6 +101,11 @@ class Finding:
     by_channel: Mapping[str, Mapping[str, Coefficient]] = field(default_factory=lambda: MappingProxyType({}))
     drift: Mapping[str, tuple[float, float]] = field(default_factory=lambda: MappingProxyType({}))
 
+    @property
+    def determined(self) -> bool:
+        """Whether one of its figures is determined, so that it may name a cause; without figures its test decides."""
+        return not self.parameters or any(one.determined for one in self.parameters.values())
+
     def of_each(self, name: str) -> Mapping[str, Coefficient]:
         """Return a parameter of every channel where it is not the same in all; empty where one value serves."""
         return of_each(name, self.parameters[name], self.by_channel)
@@ -149,6 +154,17 @@ class Unexplained:
     place: str = ""
     drift: Mapping[str, tuple[float, float]] = field(default_factory=lambda: MappingProxyType({}))
     about: str = ""
+
+
+def only_determined(
+    findings: tuple[Finding, ...], unexplained: tuple[Unexplained, ...]
+) -> tuple[tuple[Finding, ...], tuple[Unexplained, ...]]:
+    """Return findings and what is unexplained, causes without a determined figure among the latter."""
+    left = [one for one in findings if not one.determined]
+    return tuple(one for one in findings if one.determined), (
+        *(Unexplained(one.statistic, one.channels, one.p_value) for one in left),
+        *unexplained,
+    )
 
 
 @dataclass(frozen=True, repr=False)

@@ -101,7 +101,7 @@ def test_a_wrong_reference_is_said_beneath_the_verdict_of_the_drive(result, code
     verdict = Verdict(code, Severity.INCONSISTENT, "position", numbers)
     found = Consistency(None, (), (), None, (), {}, 0.0, False, (verdict,))
     wrong = wrong_times_text(20, 12.8, [(61.0, 121.0), (167.0, 228.0)], any_left=True)
-    measured = SimpleNamespace(consistency=found, notes=("another", wrong))
+    measured = SimpleNamespace(consistency=found, notes=("another", wrong), left_out=0.0)
     drive = SimpleNamespace(diagnosis=SimpleNamespace(findings=(), unexplained=(), notes=()))
     lines = answer_lines(replace(result, measured=measured, drive=drive), Path("out"))
     assert "Reference wrong in 20 s: 121 s not judged by it" in lines

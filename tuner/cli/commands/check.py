@@ -34,7 +34,7 @@ from tuner.stages import stage
 @click.option(
     "--runs",
     type=click.IntRange(min=2),
-    default=40,
+    default=20,
     show_default=True,
     metavar="N",
     help="Number of simulated runs, each with new turn-on biases.",
@@ -69,6 +69,7 @@ def command(
     from tuner import check
     from tuner.catalogue.grades import DEFAULT_RECEIVER
     from tuner.catalogue.trajectories import load_trajectory
+    from tuner.report.claims import lawful
     from tuner.report.consistency_answer import consistency_answer
     from tuner.report.consistency_tables import check_tables
     from tuner.report.json.consistency import check_json
@@ -82,6 +83,7 @@ def command(
     messages.say(f"simulating {runs} × {duration:g} s")
     stage("simulating", 0.97)
     found = check(configured, motion, truth=simulated, runs=runs, seed=seed, budget=budget)
+    lawful(found)
     stage("writing", 1.0)
     source = {
         "config": configured.name,

@@ -79,6 +79,7 @@ def command(
     """
     from tuner import diagnose
     from tuner.formats.diagnosis import diagnosis_json
+    from tuner.report.claims import lawful
     from tuner.report.static_diagnosis_tables import diagnosis_tables, headline_lines
     from tuner.report.terminal import show
     from tuner.types import Diagnosis, DriveDiagnosis
@@ -111,6 +112,7 @@ def command(
         )
         assert isinstance(static, Diagnosis)
         found, parts = static, _parts(static, data)
+    lawful(found)
     stage("writing", 1.0)
     output.write(diagnosis_json(found))
     page(f"Diagnosis of {Path(log).name}", parts)

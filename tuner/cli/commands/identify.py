@@ -97,6 +97,7 @@ def command(
     from tuner.judgement import judge_noise
     from tuner.readers.gnss_log import is_fixes
     from tuner.readers.source_kind import source_name
+    from tuner.report.claims import lawful
     from tuner.report.identification_answer import identification_answer, pooled_answer
     from tuner.report.identification_tables import identification_tables, pooled_tables, receiver_lines
     from tuner.report.json.views import pooled_json, receiver_json
@@ -138,6 +139,8 @@ def command(
         for one, written in zip(found, settings, strict=True)
     ]
     exit_status = 1 if strict and not all(one.good for one in verdicts) else 0
+    for one in found:
+        lawful(one)
     names = [source_name(log) for log in logs]
     page("Noise of " + ", ".join(names), dict(zip(names, found, strict=True)))
     if len(found) > 1:

@@ -106,6 +106,7 @@ def command(
     from tuner import navigate
     from tuner.navigation.drive.vehicle_constraints import Vehicle
     from tuner.readers.drive import read_drive, with_mounting
+    from tuner.report.claims import lawful
     from tuner.report.consistency_answer import consistency_answer
     from tuner.report.consistency_tables import consistency_tables
     from tuner.report.json.navigation import navigation_json
@@ -118,6 +119,7 @@ def command(
     vehicle = Vehicle(non_holonomic, zero_velocity)
     stage("filtering the drive", 0.95)
     found = navigate(measured, config, gnss=gnss, states=states, vehicle=vehicle)
+    lawful(found)
     stage("writing", 1.0)
     if directory is not None:
         write_solution(found, measured, directory)

@@ -126,6 +126,7 @@ def command(
     from tuner.consistency.score_output import score_outputs
     from tuner.consistency.trajectory_alignment import Alignment
     from tuner.readers.estimate import read_estimate
+    from tuner.report.claims import lawful
     from tuner.report.json.output_score import output_score_json
     from tuner.report.output_score_tables import output_score_answer, output_score_tables
     from tuner.report.terminal import show
@@ -166,6 +167,7 @@ def command(
         "runs": len(outputs),
         "seed": seed,
     }
+    lawful(found)
     stage("writing", 1.0)
     content = output_score_json(found, source=source)
     if output_dir is not None:

@@ -8,7 +8,8 @@ biases and noise of sensors that no sensor has. So causes are withdrawn where
 - a heading that was hardly known was corrected by more than a linear filter can (`MAX_LINEAR_CORRECTION`);
 - a bias is beyond `MAX_BIAS` prior sds, and no scale factor of the vertical accelerometer either, noise is more than
   `MAX_RATIO` times as large as stated (of fixes in classes: that of every class), or errors of the fixes last longer
-  than the drive and than any of a receiver, so that they cannot be distinguished from a constant.
+  than the drive and than any of a receiver, so that they cannot be distinguished from a constant;
+- none of its figures is determined: an estimate at its bound names nothing.
 """
 
 from __future__ import annotations
@@ -157,6 +158,8 @@ def _ratios(parameters: Mapping[str, Coefficient]) -> dict[str, float]:
 
 def reasons(one: Finding, span: float) -> Iterator[str]:
     """Yield why a finding cannot be true on a drive of a length, s."""
+    if not one.determined:
+        yield "none of its figures is determined within a factor of five"
     scaled = any(other.cause == "accel_scale" for other in one.alternatives)
     if one.cause == SENSOR_BIAS and one.value > MAX_BIAS and not scaled:
         yield f"a bias of {one.value:.0f} prior sds"

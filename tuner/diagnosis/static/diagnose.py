@@ -35,6 +35,7 @@ from tuner.segments.stationary import Segments
 from tuner.stages import stage, task
 from tuner.types import Diagnosis, Finding, Identification, Unexplained
 from tuner.types.arguments import RECORDS, expect, expect_count, expect_records
+from tuner.types.diagnosis import only_determined
 from tuner.types.records import DataError, Record
 
 MAX_MOVING_SHARE = 0.4
@@ -213,9 +214,10 @@ def diagnose(
     if unexplained:
         drifts = left_drifts(found, sensors, models)
         unexplained = tuple(replace(left, drift=drifts.get(left.channels[0], {})) for left in unexplained)
+    named, left = only_determined(with_drifts(found, sensors), (*unexplained, *stretched))
     return Diagnosis(
-        with_drifts(found, sensors),
-        (*unexplained, *stretched),
+        named,
+        left,
         (*notes, *refused, *sampling.notes(finals)),
         models,
         {axis: one.before for axis, one in zip(axes, every, strict=True)},

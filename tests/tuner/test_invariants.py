@@ -1,0 +1,144 @@
+"""What no answer may say: 2 000 made results of all kinds, each invariant broken once on purpose, simulated results."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from models.noise import NoiseModel, RandomWalk, White
+from tuner import check, diagnose, identify, tune
+from tuner.invariants import INVARIANTS, Claims, Statement, violations
+from tuner.judgement import judge_log
+from tuner.report.claims import claims_of, lawful
+from tuner.simulation.static import simulate
+from tuner.types import Coefficient, Diagnosis, Finding, Unexplained
+from tuner.types.consistency import Consistency, Outage, Score
+from tuner.types.judgement import Judgement, Use
+from tuner.types.records import DataError
+
+KNOWN = Coefficient.known(2.0, 1.5, 2.5, "1")
+WIDE = Coefficient.known(2.0, 0.1, 40.0, "1")
+BOUND = Coefficient.bounded(6e-4, "1", "at its bound")
+
+
+def made_score(rng, name, dof, ratio=None, freedom=None):
+    """A score of any size and certainty; its band as `mean_band` has it."""
+    from tuner.consistency.scores import mean_band
+
+    ratio = float(np.exp(rng.normal(0.0, 0.6))) if ratio is None else ratio
+    freedom = float(np.exp(rng.uniform(0.0, 8.0))) if freedom is None else freedom
+    return Score(name, dof * ratio**2, dof, freedom, mean_band(dof, freedom))
+
+
+def made_scores(rng, **how):
+    blocks = [made_score(rng, name, 3, **how) for name in ("position", "velocity", "attitude")]
+    nis = [made_score(rng, name, 3, **how) for name in ("nis_position", "nis_velocity")]
+    outages = [
+        Outage(s, 2.0, 1.0, made_score(rng, f"outage {s:g} s", 1, **how), 5)
+        for s in (10.0, 30.0, 60.0, 300.0)
+    ]
+    truth = bool(rng.integers(2))
+    errors = {"position_rms_m": (1.0,)} if truth else {"position_innovation_rms_m": (1.0,)}
+    return Consistency(None, tuple(blocks[: rng.integers(4)]), tuple(nis), None, tuple(outages[: rng.integers(5)]),
+                       errors, 0.0, diverged=bool(rng.random() < 0.05))  # fmt: skip
+
+
+def made_diagnosis(rng):
+    figures = [KNOWN, WIDE, BOUND]
+    found = [
+        Finding(
+            "step",
+            ("gyro_x",),
+            "a statistic",
+            1.0,
+            1e-9,
+            {"size": figures[rng.integers(3)]},
+            "step in gyro_x",
+        )
+        for _ in range(rng.integers(3))
+    ]
+    left = [Unexplained("shape of the spectrum", ("gyro_x",), 1e-9) for _ in range(rng.integers(3))]
+    return Diagnosis(tuple(one for one in found if one.determined), tuple(left))
+
+
+def test_no_made_result_contradicts_itself():
+    """Scores of every size, certainty and combination; diagnoses with and without names and rests."""
+    rng = np.random.default_rng(20261127)
+    uses = set()
+    for _ in range(1000):
+        for result in (made_scores(rng), made_diagnosis(rng)):
+            said = claims_of(result)
+            uses.add(said.verdict.use)
+            assert violations(said) == ()
+    assert uses == {Use.HONEST, Use.TOO_SHORT, Use.OPTIMISTIC, Use.PESSIMISTIC, Use.DO_NOT_USE,
+                    Use.NOTHING_CONTRADICTS, Use.EXPLAINED, Use.NOT_EXPLAINED}  # fmt: skip
+
+
+RNG = np.random.default_rng(1)
+OFF = made_scores(RNG, ratio=3.0, freedom=1e4)
+WEAK = made_scores(RNG, ratio=1.0, freedom=3.0)
+FINDING = Finding("step", ("gyro_x",), "a statistic", 1.0, 1e-9, {"size": BOUND}, "step in gyro_x")
+GOOD = Judgement(Use.USABLE)
+BROKEN = {
+    1: Claims(Judgement(Use.NOTHING_CONTRADICTS), unexplained=("shape of the spectrum",)),
+    2: Claims(Judgement(Use.HONEST), (replace(WEAK, diverged=False),)),
+    3: Claims(GOOD, (replace(OFF, diverged=True),)),
+    4: Claims(GOOD, errors={"position_rms_m": False}),
+    5: Claims(GOOD, names=(FINDING,)),
+    6: Claims(GOOD, lost={"gyro_x": 0.48}),
+    8: Claims(
+        GOOD, statements=(Statement("gyro_x.white", "here", 1.0), Statement("gyro_x.white", "there", 1.1))
+    ),
+    9: Claims(GOOD, files=("noise.yaml",), beside_fixes=(3.8, 1.0)),
+}
+
+
+@pytest.mark.parametrize("number", INVARIANTS)
+def test_each_invariant_is_told_where_it_is_broken(number):
+    told = {text.partition(":")[0] for text in violations(BROKEN[number])}
+    assert told == {str(number)}
+
+
+@pytest.mark.parametrize(
+    "one",
+    [
+        Statement("gyro_z.walk", "identified", 7.37, (51.6, 59.8)),
+        Statement("gyro_z.walk", "in the configuration", 65.0, None, 59.8),
+    ],
+)
+def test_a_number_beyond_its_own_interval_or_limit_is_told(one):
+    assert violations(Claims(GOOD, statements=(one,)))
+
+
+def test_a_result_that_contradicts_itself_is_refused_in_one_line():
+    unlawful = Diagnosis((FINDING,))
+    with pytest.raises(DataError, match="contradict itself: 5: step is named") as refusal:
+        lawful(unlawful)
+    assert "\n" not in str(refusal.value)
+
+
+def test_what_is_unexplained_is_in_the_verdict_of_a_diagnosis():
+    rest = Unexplained("shape of the spectrum", ("gyro_x",), 1e-9)
+    named = replace(FINDING, parameters={"size": KNOWN})
+    assert judge_log(Diagnosis((), (rest,))).text == "not explained: shape of the spectrum in gyro x"
+    assert judge_log(Diagnosis((named,), (rest,))).use is Use.NOT_EXPLAINED
+    assert judge_log(Diagnosis((named,))).text == "causes found: step"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(50))
+def test_no_simulated_result_contradicts_itself(seed):
+    """Logs with and without an effect, of one minute to one hour; identified, diagnosed, tuned and checked."""
+    rng = np.random.default_rng(seed)
+    noise = NoiseModel(
+        [White(float(10 ** rng.uniform(-5, -3))), RandomWalk(float(10 ** rng.uniform(-8, -6)))]
+    )
+    axes = [f"{sensor}_{axis}" for sensor in ("gyro", "accel") for axis in "xyz"]
+    records, _ = simulate(
+        dict.fromkeys(axes, noise), duration=float(rng.uniform(60.0, 1200.0)), rate=50.0, seed=seed
+    )
+    found = identify(records)
+    results = [found, diagnose(records, identification=found), tune(records, gnss="spp", seed=seed)]
+    results.append(check("mpu9250", runs=4, duration=600.0, seed=seed))
+    for result in results:
+        assert violations(claims_of(result)) == ()

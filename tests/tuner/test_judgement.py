@@ -1,0 +1,201 @@
+"""Verdicts: what is honest, what can be judged at all, and what settings may be used for."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from models.noise import NoiseModel, RandomWalk, White
+from models.probability import chi2_quantile
+from tuner.consistency.scores import mean_band, score
+from tuner.diagnosis.drive.held_out_choice import HeldOutChoice
+from tuner.diagnosis.drive.predictive_score import PredictiveScore
+from tuner.identification import identify
+from tuner.judgement import Settings, judge_settings, limit_ratio
+from tuner.limits import HONEST_RATIO, POWER
+from tuner.simulation.static import simulate
+from tuner.synthesis import synthesize
+from tuner.types import (
+    AppliedNoiseScale,
+    ChannelNoise,
+    Diagnosis,
+    DriveDiagnosis,
+    Enlargement,
+    Quantity,
+    Unexplained,
+)
+from tuner.types.consistency import Consistency, MeanError, Outage, Score
+from tuner.types.diagnosis import START
+from tuner.types.honesty import shows_dishonesty
+from tuner.types.judgement import Use
+
+MANY = 1e5
+
+
+def scored(name, ratio, freedom=MANY, dof=3):
+    return Score(name, dof * ratio**2, dof, freedom, mean_band(dof, freedom))
+
+
+def scores(*blocks, outages=(), truth=True, **more):
+    errors = {"position_rms_m": (1.0,)} if truth else {"position_innovation_rms_m": (1.0,)}
+    nis = [one for one in blocks if one.name.startswith("nis")]
+    rest = [one for one in blocks if one not in nis]
+    found = Consistency(None, tuple(rest), tuple(nis), None, tuple(outages), errors, 0.0, diverged=False)
+    return replace(found, **more)
+
+
+def outage(seconds, ratio, windows):
+    one = scored(f"outage {seconds:g} s", ratio, 2.0 * windows, dof=1)
+    return Outage(seconds, 10.0 * ratio, 10.0, one, windows, one.interval)
+
+
+@pytest.mark.parametrize(
+    ("ratio", "use"), [(1.0, Use.HONEST), (1.4, Use.HONEST), (1.6, Use.OPTIMISTIC), (0.6, Use.PESSIMISTIC)]
+)
+def test_a_filter_is_honest_within_a_factor_of_one_and_a_half(ratio, use):
+    assert scores(scored("position", ratio), scored("velocity", 1.0)).honesty.use is use
+
+
+def test_attitudes_are_honest_within_a_factor_of_two():
+    assert scores(scored("position", 1.0), scored("attitude", 1.9)).honesty.use is Use.HONEST
+    assert scores(scored("position", 1.0), scored("attitude", 2.1)).honesty.use is Use.OPTIMISTIC
+
+
+def test_a_ratio_that_few_windows_allow_does_not_speak_against_a_filter():
+    few = scores(scored("position", 1.0), outages=[outage(60.0, 1.9, 2)]).honesty
+    assert few.use is Use.HONEST
+    assert "too short to judge: position after 60 s without fixes 1.90" in few.text
+    assert scores(scored("position", 1.0), outages=[outage(60.0, 1.9, 400)]).honesty.use is Use.OPTIMISTIC
+
+
+def test_one_window_is_too_short_to_judge():
+    """One outage with 0.11 × the predicted error was "consistent"."""
+    verdict = scores(outages=[outage(60.0, 0.11, 1)]).honesty
+    assert verdict.use is Use.TOO_SHORT
+    assert not verdict.good
+    assert "times as much data would do" in verdict.text
+
+
+def test_a_power_of_nine_tenths_is_what_draws_show():
+    """Of draws with an error of 1.5 × the prediction, 90 % fall outside the band of the smallest sample that counts."""
+    nu = next(n for n in range(2, 1000) if shows_dishonesty(scored("position", 1.0), float(n)))
+    rng = np.random.default_rng(5)
+    high = chi2_quantile(1.0 - 0.0005, float(nu)) / nu
+    drawn = HONEST_RATIO**2 * rng.chisquare(nu, 20000) / nu
+    # five standard deviations of a share of 20 000 draws: 5 √(0.9 · 0.1/20 000) = 0.011
+    assert np.mean(drawn > high) >= POWER - 0.011
+    assert not shows_dishonesty(scored("position", 1.0), float(nu - 1))
+
+
+def test_of_right_filters_three_in_a_thousand_are_called_wrong():
+    """Null distribution of the verdict: 3000 filters with 40 windows of three components in each of two scores."""
+    rng = np.random.default_rng(6)
+    wrong = 0
+    for _ in range(3000):
+        blocks = [score(name, list(rng.chisquare(3, (40, 1))), 3) for name in ("position", "velocity")]
+        wrong += scores(*blocks).honesty.use in (Use.OPTIMISTIC, Use.PESSIMISTIC)
+    # 0.3 % for all together, and five standard deviations of a Poisson number of 9
+    assert wrong <= 9 + 15
+
+
+def test_without_a_truth_distances_to_fixes_are_no_errors():
+    blocks = scored("position", 5.0), scored("nis_position", 1.0), scored("nis_velocity", 1.0)
+    verdict = scores(*blocks, outages=[outage(10.0, 1.0, 400)], truth=False).honesty
+    assert verdict.use is Use.HONEST  # the smoother decides nothing
+    assert "distance to the fixes 1.00" in verdict.text
+    assert "distance to the withheld fix, after 10 s without fixes" in verdict.text
+    assert "error" not in verdict.text
+
+
+def test_a_constant_error_is_not_honest():
+    found = scores(scored("position", 1.2), mean_errors=(MeanError("position", 1.3, 0.4),))
+    assert "constant part of 1.30 predicted sds" in found.honesty.text
+
+
+@pytest.fixture(scope="module")
+def known():
+    axes = [f"{sensor}_{axis}" for sensor in ("gyro", "accel") for axis in "xyz"]
+    noise = NoiseModel([White(1e-4), RandomWalk(1e-5)])
+    records, _ = simulate(dict.fromkeys(axes, noise), duration=1200.0, rate=20.0, seed=3)
+    found = identify(records, arma=None)
+    return Settings(found, synthesize(found, name="unit"))
+
+
+def test_settings_that_nothing_speaks_against_are_usable(known):
+    assert judge_settings(known).use is Use.USABLE
+
+
+def with_config(known, **what):
+    return replace(known, config=replace(known.config, **what))
+
+
+@pytest.mark.parametrize(
+    ("one", "said"),
+    [
+        (
+            Enlargement(Quantity("gyro_x", "white_density"), 3.1, "vibration"),
+            "gyro_x.white_density is 3.1 × as measured",
+        ),
+        (
+            AppliedNoiseScale(Quantity("gyro", "white_density"), 190.0, "", causes=("unknown",)),
+            "190 × as stated (unknown)",
+        ),
+    ],
+)
+def test_a_factor_on_a_setting_is_in_the_verdict(known, one, said):
+    verdict = judge_settings(with_config(known, inflations=(one,)))
+    assert verdict.use is Use.USABLE_EXCEPT
+    assert said in verdict.text
+    small = replace(one, factor=1.3)
+    assert judge_settings(with_config(known, inflations=(small,))).use is Use.USABLE
+
+
+def test_samples_that_are_left_out_are_in_the_verdict(known):
+    sensors = [{**one, "span_s": 0.52 * one["used_s"][2]} for one in known.identification.source["sensors"]]
+    source = {**known.identification.source, "sensors": sensors}
+    verdict = judge_settings(replace(known, identification=replace(known.identification, source=source)))
+    assert "gyro x y z rest on 52 % of the log" in verdict.text
+
+
+def test_what_drifts_further_than_its_noise_is_in_the_verdict(known):
+    rest = Unexplained("shape of the spectrum", ("gyro_x",), 1e-9, drift={"60 s": (30.0, 10.0)})
+    assert "drifts 3.0 × as far" in judge_settings(replace(known, diagnosis=Diagnosis((), (rest,)))).text
+    harmless = replace(rest, drift={"60 s": (10.1, 10.0)})
+    assert judge_settings(replace(known, diagnosis=Diagnosis((), (harmless,)))).use is Use.USABLE
+
+
+def test_a_start_that_failed_forbids_the_settings_of_a_drive(known):
+    """An alignment that was corrected by 278° stood in a note beside "nothing found"."""
+    failed = Unexplained(
+        "the start failed: its attitude was corrected by 278.0°", ("drive",), 0.0, about=START
+    )
+    drive = DriveDiagnosis((), known.config, known.config, (failed,))
+    verdict = judge_settings(replace(known, drive=drive))
+    assert verdict.use is Use.DO_NOT_USE
+    assert verdict.text.startswith("do not use: the start failed: its attitude was corrected by 278.0°")
+
+
+def test_settings_that_err_more_than_the_fixes_alone_are_not_used(known):
+    square = np.ones(4)
+    late = PredictiveScore((), 3.8, square, fixes_rms=1.0)
+    worse = HeldOutChoice(known.config, "with the findings", {}, late, late)
+    assert judge_settings(replace(known, choice=worse)).use is Use.DO_NOT_USE
+    alike = replace(worse, after=replace(late, tracking_rms=1.1))
+    assert judge_settings(replace(known, choice=alike)).use is Use.USABLE
+
+
+@pytest.mark.parametrize(
+    ("ratio", "use"), [(1.7, Use.USABLE_EXCEPT), (2.3, Use.DO_NOT_USE), (0.4, Use.DO_NOT_USE)]
+)
+def test_beyond_twice_their_prediction_settings_are_not_used(known, ratio, use):
+    off = scores(scored("position", ratio), scored("velocity", 1.0))
+    assert judge_settings(replace(known, measured=off)).use is use
+    assert judge_settings(replace(known, check=SimpleNamespace(consistency=off))).use is use
+
+
+def test_a_limit_that_matters_is_assumed_and_said():
+    """N²t + K²t³/3 after a minute: K at its limit triples the sd where K²·60²/3 = 8 N²."""
+    walk = np.sqrt(8.0 * 3.0 / 60.0**2)
+    channel = ChannelNoise("gyro_x", "rad/s", 1.0, (), 0.5 * walk, 0.0)
+    assert limit_ratio(channel, 0.5) == pytest.approx(3.0)

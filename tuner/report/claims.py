@@ -1,0 +1,117 @@
+"""What a result claims, for the invariants: asked of every result before it is printed, drawn or written."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from tuner.consistency.score_drive import DriveResult
+from tuner.consistency.score_output import OutputScore
+from tuner.invariants import Claims, Statement, violations
+from tuner.judgement import curve_axes, judge_drive, judge_log, judge_noise
+from tuner.report.settings_rows import SettingsRow, settings_rows
+from tuner.tune_result import TuneResult
+from tuner.types import Coefficient, Diagnosis, DriveDiagnosis, Identification
+from tuner.types.consistency import Check, Consistency
+from tuner.types.records import DataError
+
+Result = (
+    TuneResult | Identification | Diagnosis | DriveDiagnosis | Check | DriveResult | OutputScore | Consistency
+)
+"""What is shown or written."""
+
+
+def lawful(result: Result) -> None:
+    """Refuse a result that violates an invariant.
+
+    Raises
+    ------
+    DataError
+        Its first violation, in one line.
+    """
+    if found := violations(claims_of(result)):
+        msg = f"withdrawn, as the answer would contradict itself: {found[0]}; please report the command and its input"
+        raise DataError(msg)
+
+
+def claims_of(result: Result) -> Claims:
+    """Return what a result claims."""
+    if isinstance(result, TuneResult):
+        return _of_tune(result)
+    if isinstance(result, Identification):
+        return Claims(judge_noise(result), lost=_lost(result), statements=tuple(_identified(result)))
+    if isinstance(result, Diagnosis | DriveDiagnosis):
+        verdict = judge_drive(result) if isinstance(result, DriveDiagnosis) else judge_log(result)
+        left = tuple(one.statistic for one in result.unexplained)
+        return Claims(verdict, unexplained=left, names=result.findings)
+    found = result if isinstance(result, Consistency) else result.consistency
+    return Claims(found.honesty, (found,), errors=_errors(found))
+
+
+def _of_tune(result: TuneResult) -> Claims:
+    scores = [] if result.check is None else [result.check.consistency]
+    scores += [] if result.measured is None else [result.measured.consistency]
+    diagnoses = [one for one in (result.diagnosis, result.drive and result.drive.diagnosis) if one]
+    late = None if result.choice is None else result.choice.after
+    return Claims(
+        result.verdict,
+        tuple(scores),
+        tuple(u.statistic for one in diagnoses for u in one.unexplained),
+        tuple(finding for one in diagnoses for finding in one.findings),
+        {name: known for found in scores for name, known in _errors(found).items()},
+        _lost(result.identification),
+        (*_identified(result.identification, curve_axes(result.predictions)), *_written(result)),
+        tuple(result.exports),
+        None if late is None or late.fixes_rms is None else (late.tracking_rms, late.fixes_rms),
+    )
+
+
+def _errors(found: Consistency) -> dict[str, bool]:
+    """Return the figures that an answer calls errors, and whether they are distances to a truth."""
+    return {name: found.has_truth for name in found.errors if "_innovation_" not in name}
+
+
+def _lost(found: Identification) -> dict[str, float]:
+    """Return the share of a log that each of its axes does not rest on."""
+    lost: dict[str, float] = {}
+    for sensor in found.source.get("sensors", ()):
+        whole = sensor.get("used_s", (0.0,))[-1]
+        if whole > 0.0:
+            lost |= dict.fromkeys(sensor["axes"], 1.0 - sensor["span_s"] / whole)
+    return lost
+
+
+def _identified(found: Identification, elsewhere: list[str] | None = None) -> Iterator[Statement]:
+    """Yield the coefficients of the terms, but for those of axes whose numbers are the curve's."""
+    for axis, channel in found.channels.items():
+        if axis in (elsewhere or ()):
+            continue
+        for term in channel.terms:
+            for name, one in term.coefficients.items():
+                if one.value is not None:
+                    yield _statement(f"{axis}.identified.{term.name}.{name}", "identified", one)
+
+
+def _statement(quantity: str, place: str, one: Coefficient) -> Statement:
+    assert one.value is not None
+    return Statement(quantity, place, one.value, one.interval, one.upper)
+
+
+def _written(result: TuneResult) -> Iterator[Statement]:
+    """Yield the settings as the configuration and the table of the answer have them."""
+    for axis, channel in result.config.channels.items():
+        yield Statement(f"{axis}.white", "in the configuration", channel.white_density)
+        yield Statement(f"{axis}.walk", "in the configuration", channel.random_walk_density)
+    if result.exports:
+        for row in settings_rows(result.config):
+            yield from _shown(row)
+
+
+def _shown(row: SettingsRow) -> Iterator[Statement]:
+    """Yield the settings of a row of the table, in SI."""
+    from tuner.formats.customary_units import in_customary
+
+    for name, setting in (("white", row.white), ("walk", row.walk)):
+        quantity = "white.density" if name == "white" else "random_walk.density"
+        unit = in_customary(1.0, quantity, row.unit)
+        for axis, used in zip(row.axes, setting.used, strict=True):
+            yield Statement(f"{axis}.{name}", "on the screen", used / unit)
