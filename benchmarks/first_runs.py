@@ -15,7 +15,6 @@ from __future__ import annotations
 import argparse
 import hashlib
 import os
-import resource
 import shlex
 import subprocess
 import time
@@ -24,6 +23,7 @@ from pathlib import Path
 from typing import Any
 
 import allantools
+import h5py
 import numpy as np
 import yaml
 from numpy.typing import NDArray
@@ -94,9 +94,8 @@ def run(entry: dict[str, Any], argument: Path, tuner: str, kept: Path) -> None:
     with (kept / "screen.txt").open("w") as screen, (kept / "progress.txt").open("w") as progress:
         wide = {**os.environ, "COLUMNS": "120"}
         child = subprocess.Popen(command, stdout=screen, stderr=progress, env=wide)
-        status = waited(child)
+        status, memory = waited(child)
     seconds = time.monotonic() - begun
-    memory = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024  # MiB; the largest child until now
     shown = (kept / "screen.txt").read_text().split("\n")
     shown += (kept / "progress.txt").read_text().split("\n")[::-1]
     first = next((line for line in shown if line.strip()), "")
@@ -109,14 +108,16 @@ def run(entry: dict[str, Any], argument: Path, tuner: str, kept: Path) -> None:
         print(f"    {name:8} written {ours:10.4g}  independent {other:10.4g}  ratio {ours / other:7.3g}")
 
 
-def waited(child: subprocess.Popen[bytes]) -> int | str:
-    """Return the exit status of a run, or that it passed the limit."""
-    try:
-        return child.wait(timeout=LIMIT)
-    except subprocess.TimeoutExpired:
-        child.kill()
-        child.wait()
-        return "none within the limit"
+def waited(child: subprocess.Popen[bytes]) -> tuple[int, float]:
+    """Return the exit status of a run (-9: it passed the limit) and its peak memory, MiB."""
+    begun, pid = time.monotonic(), 0
+    while not pid:
+        time.sleep(0.1)
+        pid, status, used = os.wait4(child.pid, os.WNOHANG)
+        if not pid and time.monotonic() - begun > LIMIT:
+            child.kill()
+    child.returncode = os.waitstatus_to_exitcode(status)
+    return child.returncode, used.ru_maxrss / 1024
 
 
 def written_noise(path: Path) -> dict[str, float]:
@@ -159,12 +160,12 @@ def own_reading(entry: dict[str, Any], folder: Path) -> dict[str, tuple[float, F
 
 
 def own_table(path: Path, how: dict[str, Any]) -> FloatArray:
-    """Return the numbers of a file: text with a separator, a MAT or NPZ array, or the IMU messages of a ROS bag."""
+    """Return the numbers of a file: text, arrays (MAT, HDF5, NPZ) or the IMU messages of a ROS bag."""
     held: Any
-    if how.get("format") in ("mat", "npz"):
-        held = loadmat(path) if how["format"] == "mat" else np.load(path)
+    if how.get("format") in ("mat", "h5", "npz"):
+        held = {"mat": loadmat, "h5": h5py.File, "npz": np.load}[how["format"]](path)
         arrays = [np.asarray(held[name], float) for name in how["arrays"]]
-        return np.column_stack([array.reshape(max(array.shape), -1) for array in arrays])
+        return np.column_stack([array.T if array.shape[0] < array.shape[-1] else array for array in arrays])
     if how.get("format") == "bag":
         with AnyReader([path]) as bag:
             links = [link for link in bag.connections if link.topic == how["topic"]]
