@@ -51,7 +51,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("first-runs"))
     parser.add_argument("--noise", action="store_true")
     parser.add_argument("codes", nargs="*")
-    asked = parser.parse_args()
+    asked = parser.parse_intermixed_args()
     for entry in yaml.safe_load(LIST.read_text()):
         if entry.get("sealed") or (asked.codes and entry["code"] not in asked.codes):
             continue
