@@ -102,7 +102,7 @@ def run(entry: dict[str, Any], argument: Path, tuner: str, kept: Path) -> None:
     print(f"{entry['code']}: status {status}, {seconds:.0f} s, {memory:.0f} MiB: {first}", flush=True)
     written = kept / "tuned" / "noise.yaml"
     densities = written_noise(written) if written.exists() else {}
-    independent = {name: own[0] for name, own in own_noise(entry, kept / "recording", None).items()}
+    independent = {name: own[0, 1] for name, own in own_noise(entry, kept / "recording").items()}
     for name in sorted({*densities, *independent}, reverse=True):
         ours, other = densities.get(name, np.nan), independent.get(name, np.nan)
         print(f"    {name:8} written {ours:10.4g}  independent {other:10.4g}  ratio {ours / other:7.3g}")
@@ -127,11 +127,10 @@ def written_noise(path: Path) -> dict[str, float]:
     return {name: float(axis["filter"]["white_density"]) for name, axis in axes.items() if "filter" in axis}
 
 
-def own_noise(entry: dict[str, Any], folder: Path, taus: tuple[float, ...] | None) -> dict[str, list[float]]:
-    """Return √τ times the overlapping Allan deviation of the longest quiet part, by axis."""
-    found: dict[str, list[float]] = {}
-    for sensor, axes in own_reading(entry, folder).items():
-        rate, samples = axes
+def own_noise(entry: dict[str, Any], folder: Path, taus: tuple[float, ...] = ()) -> dict[str, FloatArray]:
+    """Return τ and √τ times the overlapping Allan deviation of the longest quiet part, (k, 2), by axis."""
+    found: dict[str, FloatArray] = {}
+    for sensor, (rate, samples) in own_reading(entry, folder).items():
         begin, end = quiet_part(samples, rate)
         for axis, series in zip("xyz", samples[begin:end].T, strict=False):
             wanted = taus or (max(SHORT_TAU, SHORT_COUNT / rate),)
@@ -140,7 +139,7 @@ def own_noise(entry: dict[str, Any], folder: Path, taus: tuple[float, ...] | Non
                 tau, deviation, _, _ = allantools.oadev(
                     series, rate=rate, data_type="freq", taus=list(wanted)
                 )
-            found[f"{sensor}_{axis}"] = list(np.sqrt(tau) * deviation)
+            found[f"{sensor}_{axis}"] = np.column_stack((tau, np.sqrt(tau) * deviation))
     return found
 
 
@@ -194,7 +193,7 @@ def quiet_part(samples: FloatArray, rate: float) -> tuple[int, int]:
 def curves(entry: dict[str, Any], folder: Path) -> None:
     """Print the independent values at several cluster times."""
     for name, values in own_noise(entry, folder, TAUS).items():
-        print(f"{entry['code']} {name:8}", *(f"{value:10.4g}" for value in values), flush=True)
+        print(f"{entry['code']} {name:8}", *(f"{value:10.4g} ({tau:.2g} s)" for tau, value in values))
 
 
 if __name__ == "__main__":
