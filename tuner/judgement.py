@@ -295,7 +295,7 @@ def _of_limits(config: FilterConfig) -> Iterator[Reason]:
     if hidden:
         yield Reason(
             Use.USABLE_EXCEPT,
-            f"the white noise of {axes_text(hidden)}, of which only a limit is known: it is written",
+            f"the white noise of {axes_text(hidden)}: a limit, which is written",
         )
     if limited:
         least, most = digits(min(limited.values()), 2), digits(max(limited.values()), 2)

@@ -82,7 +82,7 @@ GOOD = Judgement(Use.USABLE)
 BROKEN = {
     1: Claims(Judgement(Use.NOTHING_CONTRADICTS), unexplained=("shape of the spectrum",)),
     2: Claims(Judgement(Use.HONEST), (replace(WEAK, diverged=False),)),
-    3: Claims(GOOD, (replace(OFF, diverged=True),)),
+    3: Claims(GOOD, (replace(OFF, blocks=(), nis=(), outages=(), diverged=True),)),
     4: Claims(GOOD, errors={"position_rms_m": False}),
     5: Claims(GOOD, names=(FINDING,)),
     6: Claims(GOOD, lost={"gyro_x": 0.48}),

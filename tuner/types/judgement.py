@@ -60,8 +60,7 @@ class Judgement:
         """The verdict with all its reasons, in one sentence."""
         if not self.reasons:
             return f"{self.use}"
-        between = " " if self.use is Use.USABLE_EXCEPT else ": "
-        return f"{self.use}{between}{'; '.join(self.reasons)}"
+        return f"{self.use}: {'; '.join(self.reasons)}"
 
 
 def judged(best: Use, reasons: Iterable[Reason]) -> Judgement:

@@ -138,7 +138,6 @@ def test_the_page_says_what_matters_and_escapes_what_comes_from_a_file(page, rea
         "a log <&>",
         "a: <&>",
         "Verdict: usable",
-        "no filter was simulated",
         "no consistency: why not",
         "31 m",
         "12 m",

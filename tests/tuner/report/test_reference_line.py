@@ -59,7 +59,7 @@ def test_the_answer_of_navigate_says_it_beneath_its_verdict():
     ]
     lines = consistency_answer(FOUND, [TIMES, TURNS], to_do)
     assert BOTH in lines
-    assert lines[0].startswith("Verdict: pessimistic")
+    assert lines[0].startswith("Verdict: optimistic")
     assert len(lines) <= SCREEN_LINES
     assert max(map(len, lines)) <= 80
 
