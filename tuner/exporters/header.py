@@ -135,9 +135,14 @@ def mismatch_words(
 
 
 def _inflations(config: FilterConfig) -> Iterator[str]:
-    """Yield every inflation, those of like axes in one line."""
+    """Yield every inflation of the sensors, those of like axes in one line.
+
+    Factors on the sds of fixes hold only beside the further states of our filter: no other program is told them.
+    """
     groups: dict[tuple[str, str, str], list[str]] = {}
     for inflation in config.inflations:
+        if inflation.quantity.owner == "gnss":
+            continue
         key = inflation.quantity.field, f"{inflation.factor:.4g}", inflation.reason
         groups.setdefault(key, []).append(inflation.quantity.owner)
     for (quantity, factor, reason), axes in groups.items():

@@ -10,8 +10,10 @@ NAME.yaml       paths, rate, start, and the configuration
 
 KF-GINS neither aligns itself nor estimates clocks and lever arm, it knows no gap, and of the receiver it takes
 positions only. So our filter takes the positions of the drive; what is written begins where it has settled, with its
-estimates and sds; the delay of the fixes and an unknown lever arm are what it makes of the whole drive. Of several
-stretches the longest is written, and gaps within it are filled with the last rates.
+estimates and sds. The sds of the fixes are the receiver's own: factors on them hold only beside states that KF-GINS has
+not. The rest of a delay and an unknown lever arm are what our filter makes of the whole drive where that determines
+them (`tuner.navigation.determined`); else they are 0, and the arm is to be measured. Of several stretches the longest
+is written, and gaps within it are filled with the last rates.
 
 Source: README.md, sections 2.1 to 2.3, of https://github.com/i2Nav-WHU/KF-GINS.
 """
@@ -19,7 +21,7 @@ Source: README.md, sections 2.1 to 2.3, of https://github.com/i2Nav-WHU/KF-GINS.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -35,11 +37,13 @@ from tuner.formats.files import whole_file, write_text
 from tuner.formats.yaml_text import Inline, Noted, yaml_text
 from tuner.navigation.compensation import compensate
 from tuner.navigation.data import Solution
-from tuner.navigation.drive.clock import clock_of_drive
+from tuner.navigation.determined import determined_state
+from tuner.navigation.drive.clock import Clock, clock_of_drive
 from tuner.navigation.drive.gross_outliers import without_gross_outliers
 from tuner.navigation.drive.run import Stretch, navigate, prepare
+from tuner.navigation.fix_sd_model import GNSS_NOISE_SCALE
 from tuner.navigation.settings import FilterSettings, total_bias
-from tuner.types import FilterConfig
+from tuner.types import FilterConfig, GnssNoise
 from tuner.types.records import Drive, Reference
 
 FloatArray = NDArray[np.float64]
@@ -51,6 +55,9 @@ MIN_GAP = 0.1
 EQUAL_STAMPS = 1e-6
 """Stamps nearer than this are one, s."""
 NO_WINDOWS = np.zeros((0, 2))
+CONSTANTS = ("lever_arm", "time_offset", "gyro_scale", "accel_scale")
+"""States of our filter that KF-GINS is given as numbers, where the drive determines them."""
+ARM = ("forward", "right", "down")
 
 
 def write_drive(drive: Drive, config: FilterConfig, path: Path) -> tuple[str, ...]:
@@ -70,15 +77,20 @@ def write_drive(drive: Drive, config: FilterConfig, path: Path) -> tuple[str, ..
     DataError
         Where the drive cannot be aligned.
     """
+    dropped = GNSS_NOISE_SCALE in config.compensation.causes
+    config = replace(config, compensation=config.compensation.without((GNSS_NOISE_SCALE,)))
     drive = compensate(drive, config.compensation)
     gnss, wrong, _ = without_gross_outliers(drive.gnss)
     clock = clock_of_drive(drive)
     drive = replace(drive, gnss=replace(gnss, vel_n=np.full_like(gnss.vel_n, np.nan)))
-    settings, assumed = drive_filter(drive, config, clock=clock)
-    if np.isfinite(gnss.position_sd).any() and settings.fix_sd_models is None:
-        settings = replace(settings, position_sd=None)  # KF-GINS uses the reported sds
-    stretches, found = prepare(drive, settings, clock=replace(clock, lag=0.0))
-    notes = [*drive.notes, *assumed, *found]
+    run = _run(drive, config, clock)
+    run, undetermined = _with_what_is_shown(run, drive, config, clock)
+    settings, stretches = run.settings, run.stretches
+    notes = [*drive.notes, *run.notes, *undetermined]
+    if dropped:
+        notes.append(
+            "sds of the fixes are the receiver's own: factors on them hold only beside further states"
+        )
     if wrong:
         notes.append(f"{wrong} fixes left out: they contradict their neighbours")
     if "gnss_position" in settings.model.layout:
@@ -88,7 +100,7 @@ def write_drive(drive: Drive, config: FilterConfig, path: Path) -> tuple[str, ..
     k = max(range(len(stretches)), key=lambda i: len(stretches[i].fixes))
     if len(stretches) > 1:
         notes.append(f"stretch {k + 1} of {len(stretches)} written: KF-GINS knows no gap")
-    solution, stretch = navigate(stretches[: k + 1], settings, NO_WINDOWS)[k], stretches[k]
+    solution, stretch = run.solutions[k], stretches[k]
     first = _settled(stretch, solution)
     notes.append(f"written from {solution.t[first]:.1f} s on, where our filter has settled")
     begin = _seconds_of_week(drive, stretch)
@@ -103,6 +115,10 @@ def write_drive(drive: Drive, config: FilterConfig, path: Path) -> tuple[str, ..
     _table(files["imu.txt"], _inertial(drive, ends, begin, rate), ("%.9f", *["%.12e"] * 6))
     left = float(last[at["time_offset"]][0]) if "time_offset" in at else 0.0
     fixes = _fixes(stretch, first, begin - left)
+    if config.gnss is not None and not np.isfinite(gnss.position_sd).any():
+        fixes[:, 4:] = np.hypot(
+            fixes[:, 4:], _staying_sds(config.gnss)
+        )  # KF-GINS has no state for what stays
     _table(files["gnss.txt"], fixes, ("%.9f", *["%.12f"] * 2, *["%.6f"] * 4))
     if drive.reference is not None:
         rows = _truth(drive.reference, begin)
@@ -122,6 +138,57 @@ def write_drive(drive: Drive, config: FilterConfig, path: Path) -> tuple[str, ..
     }
     write_text(path, yaml_text(tree, header=(*header(config, target), *notes)))
     return tuple(notes)
+
+
+@dataclass(frozen=True)
+class _Run:
+    """Our filter on a drive as KF-GINS takes it: positions alone, with the receiver's own sds."""
+
+    settings: FilterSettings
+    stretches: tuple[Stretch, ...]
+    solutions: tuple[Solution, ...]
+    notes: tuple[str, ...]
+
+
+def _run(
+    drive: Drive, config: FilterConfig, clock: Clock, arm: tuple[float, float, float] | None = None
+) -> _Run:
+    """Filter a drive; with a lever arm, m, in place of an unknown one."""
+    if arm is not None:
+        drive = replace(drive, lever_arm=(0.0, 0.0, 0.0))
+    settings, assumed = drive_filter(drive, config, clock=clock)
+    settings = settings if arm is None else replace(settings, lever_arm=arm)
+    if np.isfinite(drive.gnss.position_sd).any():
+        settings = replace(settings, position_sd=None)  # KF-GINS uses the reported sds
+    stretches, found = prepare(drive, settings, clock=replace(clock, lag=0.0))
+    return _Run(settings, stretches, navigate(stretches, settings, NO_WINDOWS), (*assumed, *found))
+
+
+def _with_what_is_shown(
+    run: _Run, drive: Drive, config: FilterConfig, clock: Clock
+) -> tuple[_Run, tuple[str, ...]]:
+    """Return a run without the constants that the longest stretch does not determine, and what is left out in words.
+
+    The filter runs again: the start that is written is consistent only with the constants that are written.
+    """
+    longest = max(range(len(run.stretches)), key=lambda i: len(run.stretches[i].fixes))
+    solution, at = run.solutions[longest], run.settings.model.layout
+    shown = {name: determined_state(solution, run.settings, name) for name in CONSTANTS if name in at}
+    if all(one.all() for one in shown.values()):
+        return run, ()
+    kept = {name for name in CONSTANTS if name not in shown or shown[name].all()}
+    arm, notes = None, []
+    if "lever_arm" not in kept:
+        arm = np.where(shown["lever_arm"], solution.final_parameters[at["lever_arm"]], 0.0).tolist()
+        lost = ", ".join(name for name, one in zip(ARM, shown["lever_arm"], strict=True) if not one)
+        notes.append(
+            f"antlever {lost}: 0, as this drive does not determine it; measure it from the IMU to the antenna"
+        )
+    constants = {name: sd for name, sd in config.constants.items() if name not in shown or name in kept}
+    if "time_offset" not in kept:
+        clock = replace(clock, delay_sd=0.0)
+        notes.append("no further delay of the fixes is taken out: this drive does not determine it")
+    return _run(drive, replace(config, constants=constants), clock, arm), tuple(notes)
 
 
 def _settled(stretch: Stretch, solution: Solution) -> int:
@@ -159,6 +226,12 @@ def _fixes(stretch: Stretch, first: int, begin: float) -> FloatArray:
     """Return t, latitude, longitude, height and sds, shape (k, 7), of the fixes behind the one of the start."""
     fixes, after = stretch.fixes, slice(first + 1, None)
     return np.column_stack([fixes.t[after] + begin, _degrees(fixes.llh[after]), fixes.sd[after, :3]])
+
+
+def _staying_sds(gnss: GnssNoise) -> FloatArray:
+    """Return the sds north, east, down of the errors of a receiver that stay, m."""
+    sd = float(np.sqrt(sum(state.sd**2 for state in gnss.correlated)))
+    return sd * np.array([1.0, 1.0, gnss.correlated_down])
 
 
 def _truth(reference: Reference, begin: float) -> FloatArray:

@@ -22,6 +22,7 @@ from tuner.consistency.score_drive import navigate_drive
 from tuner.exporters.kf_gins_drive import MIN_GAP, SECONDS_PER_WEEK, write_drive
 from tuner.readers import kf_gins_settings
 from tuner.readers.drive import read_drive
+from tuner.types import Compensation
 from tuner.types.records import DataError
 
 REQUIRED = (
@@ -260,3 +261,51 @@ def test_gaps_are_filled_with_constant_rates(data, saved, configuration, tmp_pat
 def test_a_drive_needs_this_dialect_and_a_file(file, capsys, args):
     assert run(["export", "mpu9250", "--drive", str(file), *args]) == 2
     assert "--drive: expected --to kf-gins and -o FILE" in capsys.readouterr().err
+
+
+def test_sds_of_the_fixes_are_those_of_the_receiver(configuration, file, tmp_path):
+    # Seen: a factor of 0.067, which holds beside a state for correlated errors alone, made 1.8 m into 0.13 m.
+    factors = Compensation.parse(
+        {"gnss_noise_scale.position_horizontal": 0.067, "gnss_noise_scale.position_vertical": 0.02}
+    )
+    notes = write_drive(read_drive(file), replace(configuration(), compensation=factors), tmp_path / "k.yaml")
+    fixes = np.loadtxt(tmp_path / "k-gnss.txt")
+    np.testing.assert_allclose(fixes[:, 4:], np.tile([0.4, 0.4, 0.8], (len(fixes), 1)))
+    assert any("receiver's own" in note for note in notes)
+
+
+def test_of_errors_that_stay_the_sds_are_in_the_file_where_no_fix_reports_its_own(
+    configuration, data, saved, tmp_path
+):
+    silent = {name: value for name, value in data.items() if name != "gnss_pstd"}
+    file = saved(tmp_path / "silent.npz", silent, lever_arm_frd_m=(0.5, -0.3, -1.2))
+    config = configuration()
+    stays = replace(config.gnss, correlated=(GaussMarkov(0.3, 100.0),), correlated_down=2.0)
+    write_drive(read_drive(file), replace(config, gnss=stays), tmp_path / "k.yaml")
+    fixes = np.loadtxt(tmp_path / "k-gnss.txt")
+    np.testing.assert_allclose(fixes[:, 4:], np.tile([0.5, 0.5, 1.0], (len(fixes), 1)))
+
+
+def test_a_lever_arm_that_the_drive_does_not_determine_is_to_be_measured(
+    configuration, data, saved, tmp_path
+):
+    # A car of 400 s with fixes of 10 m: seen on a real one as an arm of 7.5 m.
+    rng = np.random.default_rng(3)
+    llh = data["gnss_llh"] + rng.standard_normal(data["gnss_llh"].shape) * [1e-4, 1e-4, 20.0]
+    poor = {**data, "gnss_llh": llh, "gnss_pstd": np.tile([10.0, 10.0, 20.0], (len(llh), 1))}
+    file = saved(tmp_path / "poor.npz", poor, mounting_rpy_deg=(180.0, 3.0, 100.0))
+    notes = write_drive(read_drive(file), configuration(), tmp_path / "k.yaml")
+    assert yaml.safe_load((tmp_path / "k.yaml").read_text())["antlever"] == [0.0, 0.0, 0.0]
+    assert any(note.startswith("antlever forward, right, down: 0, as this drive") for note in notes)
+
+
+def test_components_of_a_lever_arm_that_the_drive_determines_are_written(
+    configuration, data, saved, tmp_path
+):
+    # Level curves show where the antenna is forward; how high it is they cannot tell from the height of the road.
+    file = saved(tmp_path / "good.npz", data, mounting_rpy_deg=(180.0, 3.0, 100.0))
+    notes = write_drive(read_drive(file), configuration(), tmp_path / "k.yaml")
+    arm = yaml.safe_load((tmp_path / "k.yaml").read_text())["antlever"]
+    assert arm[0] == pytest.approx(0.5, abs=0.3)
+    assert arm[2] == 0.0
+    assert any(note.startswith("antlever ") and " down: 0" in note for note in notes)
