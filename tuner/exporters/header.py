@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from tuner.exporters.triad_values import triad
 from tuner.formats.customary_units import phrase
-from tuner.synthesis.borrowed import borrowed_words
 from tuner.synthesis.equivalent_models import (
     STILL_SHARE,
     EquivalentNoise,
@@ -19,6 +18,7 @@ from tuner.synthesis.equivalent_models import (
 )
 from tuner.synthesis.error_growth import fading_growth, modelled_growth
 from tuner.types import ChannelNoise, Coefficient, FilterConfig
+from tuner.types.borrowed import borrowed_words
 
 FloatArray = NDArray[np.float64]
 

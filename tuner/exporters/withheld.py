@@ -8,9 +8,9 @@ from __future__ import annotations
 from typing import Literal
 
 from tuner.exporters.triad_values import triad
-from tuner.synthesis.borrowed import borrowed, white_is_measured
 from tuner.synthesis.sufficient import why_insufficient
 from tuner.types import FilterConfig
+from tuner.types.borrowed import borrowed, white_is_measured
 
 AutopilotSetting = Literal["white", "walk", "turn_on"]
 """What a parameter of an autopilot is made from: white noise, wander of the bias, its sd at switch-on."""

@@ -29,6 +29,7 @@ from tuner.types import (
     InitialUncertainty,
     TermEstimate,
 )
+from tuner.types.borrowed import borrowed, white_is_measured
 
 __all__ = ["FORMAT", "dump", "dumps", "load", "loads"]
 
@@ -40,6 +41,8 @@ _HEADER = (
 
 ON_LIMIT = "; rests on a 95 % limit, not measured"
 """Behind a number that the log did not show."""
+NOT_STATED = "not stated: left out"
+"""Behind the 0 of a term that neither log nor sheet speaks of: it is no measured zero."""
 
 
 def dumps(config: FilterConfig) -> str:
@@ -57,9 +60,12 @@ def dumps(config: FilterConfig) -> str:
     """
     config = load_config(_rounded(config_json(config)), source=config.name)
     span = float(config.provenance.get("span") or 0.0)
+    lent = borrowed(config)
     sensors: dict[str, dict[str, Any]] = {}
     for axis, channel in config.channels.items():
-        sensors.setdefault(axis.rpartition("_")[0] or axis, {})[axis] = _channel(channel, span)
+        sensors.setdefault(axis.rpartition("_")[0] or axis, {})[axis] = _channel(
+            channel, span, lent.get(axis, ""), measured=white_is_measured(config, axis)
+        )
     tree = {
         "format": FORMAT,
         "name": config.name,
@@ -118,14 +124,23 @@ def _rounded(content: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _channel(channel: ChannelNoise, span: float) -> dict[str, Any]:
-    """Return the entries of an axis; `span`, s, is that of the log, 0 where none is known."""
+def _channel(channel: ChannelNoise, span: float, lent: str = "", *, measured: bool = True) -> dict[str, Any]:
+    """Return the entries of an axis; `span`, s, is that of the log, 0 where none is known.
+
+    `lent` is the built-in sensor whose terms stand in, of white noise too unless that is measured.
+    """
+    identified = {term.name for term in channel.identified}
+    assumed = f"; ASSUMED from {lent}, not yours" if lent else ""
 
     def noted(value: float, quantity: str, per: str, *, limit: bool = False) -> Noted:
-        shown = _in_words(value, quantity, channel.unit) if value else "none"
-        return Noted(value, f"{channel.unit}{per}; {shown}{ON_LIMIT if limit and value else ''}")
+        unstated = NOT_STATED if quantity.partition(".")[0] not in identified else "no state"
+        shown = _in_words(value, quantity, channel.unit) if value else unstated
+        borrowed_value = assumed if value and not (measured and quantity == "white.density") else ""
+        return Noted(
+            value, f"{channel.unit}{per}; {shown}{ON_LIMIT if limit and value else ''}{borrowed_value}"
+        )
 
-    on_limit = ON_LIMIT if channel.states_rest_on_limit else ""
+    on_limit = ON_LIMIT if channel.states_rest_on_limit else assumed
 
     def state(markov: GaussMarkov) -> Noted:
         slow = (

@@ -41,7 +41,12 @@ class Setting:
 
     @property
     def text(self) -> str:
-        """The number with its interval, both ends where it is not symmetric; a star where it is only bounded."""
+        """The number with its interval, both ends where it is not symmetric; a star where it is only bounded.
+
+        A dash where the filter has no such term: neither log nor sheet speaks of it, which is no measured zero.
+        """
+        if not any(self.used):
+            return "–"
         lowest, highest = digits(min(self.used)), digits(max(self.used))
         if self.low is None or self.high is None or self.bounded:
             return (lowest if lowest == highest else f"{lowest} to {highest}") + "*" * self.bounded

@@ -27,10 +27,10 @@ from tuner.catalogue.grades import (
     load_gnss,
     load_grade,
 )
-from tuner.synthesis.borrowed import with_borrowed
 from tuner.synthesis.load_config import load_config
 from tuner.synthesis.synthesize import synthesize
 from tuner.types import Coefficient, FilterConfig, GnssNoise, Identification, TermEstimate
+from tuner.types.borrowed import with_borrowed
 from tuner.types.records import Drive
 
 FloatArray = NDArray[np.float64]

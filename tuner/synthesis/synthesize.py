@@ -18,12 +18,12 @@ from models.noise import GaussMarkov
 from models.sensors import SensorGrade
 from tuner.catalogue.grades import grade_identification
 from tuner.synthesis.bias_states import BOUND, RULES
-from tuner.synthesis.borrowed import with_borrowed
 from tuner.synthesis.channel_noise import channel_noise
 from tuner.synthesis.initial_covariance import initial_uncertainty, turn_on_sd
 from tuner.synthesis.prediction import hold_to_records
 from tuner.types import ChannelNoise, Enlargement, FilterConfig, GnssNoise, Identification, Inflation
 from tuner.types.arguments import described, expect, expect_count, expect_each, expect_number
+from tuner.types.borrowed import with_borrowed
 from tuner.types.records import DataError, Record
 
 AXES: Mapping[str, tuple[str, ...]] = {

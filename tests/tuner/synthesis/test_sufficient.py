@@ -10,9 +10,9 @@ from tuner.exporters import export, withheld
 from tuner.identification.identify_source import identify_source
 from tuner.report.comparison_tables import comparison_tables
 from tuner.synthesis import synthesize
-from tuner.synthesis.borrowed import borrowed, borrowed_words
 from tuner.synthesis.sufficient import lacking_slow_bias
 from tuner.types import Identification
+from tuner.types.borrowed import borrowed, borrowed_words
 
 SHEET = """format: tuner-datasheet/1
 name: whiteonly
@@ -85,3 +85,17 @@ def test_terms_of_a_built_in_sensor_are_named_by_axis():
     assert words.startswith("noise of accel_x, accel_y, accel_z is ASSUMED from the built-in sensor mpu9250")
     assert f"# {words}" in export(config, "kalibr")
     assert borrowed(synthesize(noise)) == {}
+
+
+def test_noise_yaml_marks_what_is_not_stated_and_what_is_assumed():
+    # Until now a term that a sheet does not state was a "none" behind its 0, like a measured one.
+    noise = identify_source("icm20602")  # states B, not K
+    text = export(synthesize(noise), "native")
+    assert text.count("random_walk_density: 0.0  # rad/s/√s; not stated: left out") == 3
+    assert "ASSUMED" not in text
+    gyros = Identification(
+        noise.source, {a: c for a, c in noise.channels.items() if a.startswith("gyro")}, ()
+    )
+    text = export(synthesize(gyros, complete=load_grade("mpu9250")), "native")
+    lines = [line for line in text.splitlines() if "white_density" in line]
+    assert ["ASSUMED from mpu9250, not yours" in line for line in lines] == [False] * 3 + [True] * 3

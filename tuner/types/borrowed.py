@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import Any
 
 from models.noise import White
-from tuner.types import FilterConfig
+from tuner.types.config import FilterConfig
 
 BORROWED = "borrowed"
 """Key in the source of an identification, and of the provenance of a configuration: grade by axis."""
