@@ -19,7 +19,7 @@ def determined_by_halves(
     first: tuple[FloatArray, FloatArray],
     second: tuple[FloatArray, FloatArray],
     whole_sd: FloatArray,
-    prior_sd: float,
+    prior_sd: float | FloatArray,
 ) -> NDArray[np.bool_]:
     """Return of which components both halves of a drive agree, and the whole knows more than the prior; shape (p,).
 
@@ -29,7 +29,7 @@ def determined_by_halves(
         Components by each half, and their sds, SI.
     whole_sd : ndarray, shape (p,)
         Sds by the whole drive.
-    prior_sd : float
+    prior_sd : float or ndarray, shape (p,)
         Sd of each component before the drive.
     """
     known = whole_sd <= DETERMINED_SHARE_OF_PRIOR * prior_sd

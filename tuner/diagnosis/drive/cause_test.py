@@ -52,7 +52,7 @@ def not_significant(
 
 
 MIN_FACTOR = 0.02
-"""Least factor on a reported sd that is put into a filter.
+"""Least factor on a reported sd that is put into a filter; no setting takes it: an estimate at a bound decides nothing.
 
 Beside correlated errors the white part of smoothed fixes may be nothing, and a filter configured for none rejects every
 fix once its estimate is off. Chosen far below any factor of a real receiver.

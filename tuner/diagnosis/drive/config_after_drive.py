@@ -10,8 +10,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
+import numpy as np
+
 from tuner.diagnosis.drive import ExaminedDrive
 from tuner.diagnosis.drive.noise_scale_estimates import assumed_over_stated, stated_value
+from tuner.navigation.fix_sd_model import BLOCKS, GNSS_NOISE_SCALE, fix_sd_model
 from tuner.types import AppliedNoiseScale, FilterConfig, NoiseScaleEstimate, Quantity
 
 QUANTITIES: Mapping[str, Quantity] = {
@@ -56,9 +59,22 @@ def config_after_drive(examined: ExaminedDrive, *, kept: bool) -> FilterConfig:
 def applied_factor(examined: ExaminedDrive, one: NoiseScaleEstimate) -> float:
     """Return the factor that the configuration after the drive has on a noise setting."""
     if one.setting in ("position", "velocity"):
-        return assumed_over_stated(examined.search.final, one.setting)
+        found = examined.search.final.hypothesis.compensation
+        written = examined.search.determined(found).of(GNSS_NOISE_SCALE)
+        if written == found.of(GNSS_NOISE_SCALE):
+            return assumed_over_stated(examined.search.final, one.setting)
+        return _written_over_reported(examined, one.setting, written)
     before, after = (
         stated_value(config, examined.search.base, one.setting)
         for config in (examined.diagnosis.before, examined.diagnosis.after)
     )
     return after / before if before and after else 1.0
+
+
+def _written_over_reported(examined: ExaminedDrive, block: str, written: Mapping[str, float]) -> float:
+    """Return the sds of a block of fixes as a model of them has it ÷ the reported ones, rms."""
+    linearized, columns = examined.search.final.linearized, BLOCKS[block]
+    reported = linearized.reported_sd[:, columns]
+    rows = linearized.counted[:, columns] & np.isfinite(reported)
+    sds = fix_sd_model(written, block).sds(reported, linearized.solution)
+    return float(np.sqrt(np.sum(sds[rows] ** 2) / np.sum(reported[rows] ** 2))) if rows.any() else 1.0

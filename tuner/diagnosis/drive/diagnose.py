@@ -188,7 +188,8 @@ def _diagnosis(
         axis: replace(noise, constant_sd=max(noise.constant_sd, wider.get(axis, 0.0)))
         for axis, noise in final.config.channels.items()
     }
-    taken_out = Compensation({p: value for p, value in final.compensation.items() if value != 0.0})
+    determined = outcome.determined(final.compensation)
+    taken_out = Compensation({p: value for p, value in determined.items() if value != 0.0})
     if turned is not None:
         angles = {Parameter(turned.cause, name): c.value or 0.0 for name, c in turned.parameters.items()}
         taken_out = taken_out.with_values({p: taken_out.get(p, 0.0) + value for p, value in angles.items()})

@@ -228,7 +228,7 @@ def _refitted(examined: ExaminedDrive, after: FilterConfig) -> FilterConfig:
         found = fitted_before(examined.drive, examined.search, np.inf)
     except DataError:
         return after
-    return replace(after, compensation=found.compensation)
+    return replace(after, compensation=examined.search.determined(found.compensation))
 
 
 def _as_written(
@@ -266,7 +266,8 @@ def _fitted(
         part = fitted_before(examined.drive, examined.search, cut)
     except DataError:
         return fitted
-    found = fitted["with the findings"] = replace(part.config, compensation=part.compensation)
+    compensation = examined.search.determined(part.compensation)
+    found = fitted["with the findings"] = replace(part.config, compensation=compensation)
     if SDS_FOUND in written:
         fitted[SDS_FOUND] = with_sds_of(written[BEGINNING], found)
     return fitted

@@ -28,6 +28,7 @@ from scipy.stats import chi2
 
 from tuner.diagnosis.drive.causes.base import constant_causes, prior_sds
 from tuner.diagnosis.drive.linear_model.whitened_innovations import WhitenedInnovations
+from tuner.navigation.determined import determined_by_halves
 from tuner.types import Parameter
 
 FloatArray = NDArray[np.float64]
@@ -81,12 +82,16 @@ class ConstantsFit:
         Estimate without and with the prior.
     covariance : ndarray, shape (a, a)
         Of the estimate.
+    posterior, posterior_sd : ndarray, shape (a,)
+        Estimate with the prior, errors of neighbouring rows taken for alike as they are, and its sds.
     """
 
     columns: tuple[int, ...]
     value: FloatArray
     shrunk: FloatArray
     covariance: FloatArray
+    posterior: FloatArray
+    posterior_sd: FloatArray
 
 
 def columns_of(cause: str, parameters: Sequence[Parameter]) -> tuple[int, ...]:
@@ -177,7 +182,39 @@ def fit_constants(
     covariance = inverse * np.sqrt(np.outer(c, c))
     total = np.asarray(at[own] + step, dtype=float)
     shrunk = np.asarray(np.linalg.solve(information + np.diag(prior**-2), information @ total), dtype=float)
-    return ConstantsFit(fitted, total, shrunk, np.asarray(covariance, dtype=float))
+    known = information / np.sqrt(np.outer(c, c))
+    spread = np.linalg.inv(known + np.diag(prior**-2))
+    posterior, posterior_sd = spread @ (known @ total), np.sqrt(np.diag(spread))
+    return ConstantsFit(fitted, total, shrunk, np.asarray(covariance, dtype=float), posterior, posterior_sd)
+
+
+def undetermined(
+    w: WhitenedInnovations, parameters: Sequence[Parameter], accepted: Sequence[str], at: FloatArray
+) -> tuple[Parameter, ...]:
+    """Return the constants of accepted causes that a drive does not determine (`tuner.navigation.determined`).
+
+    Parameters
+    ----------
+    w, parameters, accepted, at
+        As of `fit_constants`.
+    """
+    if not accepted:
+        return ()
+    early = w.t < 0.5 * (w.t[0] + w.t[-1])
+    whole, first, second = (
+        fit_constants(
+            WhitenedInnovations(w.t[rows], w.residual[rows], w.slope[rows]), parameters, accepted, at
+        )
+        for rows in (np.ones(len(w.t), dtype=bool), early, ~early)
+    )
+    own = tuple(parameters[i] for i in whole.columns)
+    shown = determined_by_halves(
+        (first.posterior, first.posterior_sd),
+        (second.posterior, second.posterior_sd),
+        whole.posterior_sd,
+        prior_sds(own),
+    )
+    return tuple(one for one, is_shown in zip(own, shown.tolist(), strict=True) if not is_shown)
 
 
 def inseparable(

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tuner.diagnosis.drive.cause_test import MIN_FACTOR
 from tuner.diagnosis.drive.causes.base import is_noise_scale, is_of_single_fixes, noise_causes
 from tuner.diagnosis.drive.causes.bias_jump import BIAS_JUMP
 from tuner.diagnosis.drive.causes.registry import significance_threshold
@@ -28,6 +29,7 @@ from tuner.diagnosis.drive.hypothesis_tests import (
     score_candidate,
 )
 from tuner.diagnosis.drive.linear_model.likelihood import as_configured, evaluate
+from tuner.diagnosis.drive.linear_model.noise_parameters import ROW_GROUPS
 from tuner.diagnosis.drive.residue_of_strong_causes import (
     causes_stronger_than_jump,
     explained_by_stronger,
@@ -41,11 +43,12 @@ from tuner.diagnosis.drive.score_tests import (
     inseparable,
     late_gain,
     retest,
+    undetermined,
 )
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.navigation.fix_sd_model import GNSS_NOISE_SCALE
 from tuner.stages import stage, task
-from tuner.types import Alternative, Coefficient, Parameter
+from tuner.types import Alternative, Coefficient, Compensation, Parameter
 from tuner.types.records import DataError, Drive
 
 MAX_ITERATIONS = 12
@@ -108,6 +111,8 @@ class SearchResult:
         Accepted constant causes, fitted in every run.
     notes : tuple of str
         Causes that were rejected again, and why.
+    undetermined : tuple of Parameter
+        Fitted constants that the drive does not determine: findings name them, no setting takes them.
     """
 
     base: FilterRun
@@ -116,6 +121,21 @@ class SearchResult:
     unexplained: tuple[Candidate, ...]
     shifts: tuple[str, ...]
     notes: tuple[str, ...] = ()
+    undetermined: tuple[Parameter, ...] = ()
+
+    def determined(self, compensation: Compensation) -> Compensation:
+        """Return a compensation without the constants that the drive does not determine, and factors at their bound."""
+        return Compensation(
+            {
+                p: value
+                for p, value in compensation.items()
+                if p not in self.undetermined and not (_is_factor_of_sds(p) and value <= MIN_FACTOR)
+            }
+        )
+
+
+def _is_factor_of_sds(parameter: Parameter) -> bool:
+    return parameter.cause == GNSS_NOISE_SCALE and parameter.name.partition("_class_")[0] in ROW_GROUPS
 
 
 @task()
@@ -211,7 +231,9 @@ def search_causes(
     accepted = _with_noise_scales(_with_estimates(run, accepted, fitted), base, run, fitted)
     accepted = [a for a in accepted if any(c.value is not None for c in a.parameters.values())]
     left = tuple(a for a in tests if a.is_significant(significance_threshold()))
-    return SearchResult(base, run, tuple(accepted), left, fitted, (*notes, *more))
+    names = run.linearized.parameters
+    unclear = undetermined(run.whitened, names, fitted, run.hypothesis.compensation.vector(names))
+    return SearchResult(base, run, tuple(accepted), left, fitted, (*notes, *more), unclear)
 
 
 def _best(significant: Sequence[Candidate]) -> Candidate:
