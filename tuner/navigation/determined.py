@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.limits import DETERMINED_SHARE_OF_PRIOR
+from tuner.limits import PRIOR_SHARE
 from tuner.navigation.data import Solution
 from tuner.navigation.settings import FilterSettings, further_states
 
@@ -32,7 +32,7 @@ def determined_by_halves(
     prior_sd : float or ndarray, shape (p,)
         Sd of each component before the drive.
     """
-    known = whole_sd <= DETERMINED_SHARE_OF_PRIOR * prior_sd
+    known = whole_sd <= PRIOR_SHARE * prior_sd
     agree = np.abs(first[0] - second[0]) <= HALF_INTERVAL * (first[1] + second[1])
     return np.asarray(known & agree)
 
