@@ -17,7 +17,6 @@ import numpy as np
 from tuner.formats.axis_words import axes_text
 from tuner.formats.customary_units import digits
 from tuner.limits import HONEST_RATIO, LOST_SHARE, TOLERATED_RATIO, WRONG_FACTOR
-from tuner.synthesis.borrowed import borrowed_words
 from tuner.synthesis.error_growth import modelled_growth
 from tuner.synthesis.sufficient import lacking_slow_bias
 from tuner.types import (
@@ -32,6 +31,7 @@ from tuner.types import (
     Identification,
     Unexplained,
 )
+from tuner.types.borrowed import borrowed_words
 from tuner.types.consistency import Check, Consistency
 from tuner.types.diagnosis import START
 from tuner.types.honesty import claims, is_off
