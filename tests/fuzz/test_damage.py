@@ -17,8 +17,8 @@ import pytest
 from fuzz.damage import damaged
 from fuzz.seeds import Seed, seeds
 
-from tuner.formats.guard import printable
 from tuner.readers import child_process
+from tuner.types.one_line import printable
 from tuner.types.records import DataError
 
 QUICK = 12

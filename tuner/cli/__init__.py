@@ -26,8 +26,9 @@ from models.registry import RegistryError
 from tuner.cli.examples import EXAMPLES
 from tuner.cli.package_check import foreign_models
 from tuner.cli.process import ANSWERS, Terminated, answer, kernel_cache, robust_streams, termination
-from tuner.formats.guard import printable, reason
+from tuner.formats.guard import reason
 from tuner.heap import keep_freed_memory
+from tuner.types.one_line import printable
 from tuner.types.records import DataError
 
 COMMANDS: Mapping[str, str] = MappingProxyType(

@@ -16,8 +16,8 @@ from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn
 from rich.table import Column
 from rich.text import Text
 
-from tuner.formats.guard import printable
 from tuner.stages import Advance, reached, watched
+from tuner.types.one_line import printable
 
 LINE_INTERVAL = 10.0
 """Time between lines on progress, s: a minute of a log file holds six."""

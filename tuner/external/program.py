@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tuner.formats.guard import printable
+from tuner.types.one_line import printable
 from tuner.types.records import DataError
 
 PATH_PLACEHOLDERS = ("config", "drive", "imu", "gnss", "output")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NoReturn, Self
 
-from tuner.formats.guard import printable
+from tuner.types.one_line import printable
 
 MAX_SHOWN = 80
 """Characters of a value in a message."""

@@ -6,30 +6,14 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import ParamSpec, TypeVar
 
+from tuner.types.one_line import printable
 from tuner.types.records import DataError
 
 P = ParamSpec("P")
 R = TypeVar("R")
 
-LONGEST_LINE = 1000
-"""Characters of a message: a terminal's screen is some 4000."""
 LONGEST_REASON = 200
 """Characters that the words of a library may take in a message."""
-
-
-def printable(text: str, *, longest: int = LONGEST_LINE) -> str:
-    """Return text as one line without control characters, escape sequences and halves of characters.
-
-    White space becomes single blanks; the middle of what is longer than `longest` is left out.
-    """
-    clean = "".join(
-        c if c.isprintable() else " " if c.isspace() else "\N{REPLACEMENT CHARACTER}" for c in text
-    )
-    line = " ".join(clean.split())
-    if len(line) <= longest:
-        return line
-    head = longest * 2 // 3
-    return f"{line[:head]} … {line[len(line) - (longest - head) :]}"
 
 
 def reason(error: BaseException) -> str:

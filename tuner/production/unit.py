@@ -17,7 +17,7 @@ from typing import Any
 from tuner.formats.codec import dump, load
 from tuner.formats.documents import json_text, parse_json, read_text
 from tuner.formats.files import write_text
-from tuner.formats.guard import printable, reason
+from tuner.formats.guard import reason
 from tuner.identification import identify
 from tuner.jobs import limited
 from tuner.production.quantities import further_terms, quantities_of
@@ -26,6 +26,7 @@ from tuner.readers.columns import digest
 from tuner.readers.log_format import file_of
 from tuner.segments.conditions import at_rest
 from tuner.types.fleet import UnitMeasurement
+from tuner.types.one_line import printable
 from tuner.types.records import DataError
 
 

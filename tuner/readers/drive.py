@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models import rotation
-from tuner.formats.guard import input_guard, printable
+from tuner.formats.guard import input_guard
 from tuner.readers import read
 from tuner.readers.columns import digest
 from tuner.readers.drive_checks import check_drive
@@ -44,6 +44,7 @@ from tuner.readers.steady_stamps import steady_stamps
 from tuner.readers.waypoint import read_waypoint
 from tuner.types.arguments import expect
 from tuner.types.number_ranges import LONGEST_LEVER_ARM
+from tuner.types.one_line import printable
 from tuner.types.records import DataError, Drive, Gnss, Record, Reference
 
 FloatArray = NDArray[np.float64]

@@ -23,11 +23,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.formats.guard import printable
 from tuner.readers.estimate_column_names import canonical_name, is_known
 from tuner.readers.estimate_columns import Frames, assemble
 from tuner.readers.npz_members import stored_arrays
 from tuner.types.filter_output import FilterOutput
+from tuner.types.one_line import printable
 from tuner.types.records import DataError
 
 FloatArray = NDArray[np.float64]

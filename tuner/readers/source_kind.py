@@ -7,7 +7,8 @@ import zipfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tuner.formats.guard import input_guard, printable
+from tuner.formats.guard import input_guard
+from tuner.types.one_line import printable
 from tuner.types.records import DataError
 
 if TYPE_CHECKING:

@@ -17,9 +17,10 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import IO
 
-from tuner.formats.guard import input_guard, printable
+from tuner.formats.guard import input_guard
 from tuner.readers.column_names import known_unit
 from tuner.readers.text_stamps import STAMP
+from tuner.types.one_line import printable
 from tuner.types.records import DataError
 
 HEAD_BYTES = 1 << 16

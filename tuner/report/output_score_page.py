@@ -19,7 +19,6 @@ from tuner.consistency.output_scores import normalized
 from tuner.consistency.score_output import OutputScore
 from tuner.formats.documents import json_text
 from tuner.formats.file_set import MANIFEST, digests, write_set
-from tuner.formats.guard import printable
 from tuner.report.consistency_tables import consistency_tables, consistency_verdict
 from tuner.report.figure_files import figure_bytes, lay_out
 from tuner.report.html_page import write_sections_page
@@ -28,6 +27,7 @@ from tuner.report.output_cause_text import cause_text, change_text
 from tuner.report.output_score_tables import states_table
 from tuner.report.page_parts import Picture
 from tuner.types.filter_output import BLOCKS
+from tuner.types.one_line import printable
 
 FloatArray = NDArray[np.float64]
 

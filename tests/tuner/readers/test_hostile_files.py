@@ -17,9 +17,9 @@ import scipy.io
 from pyarrow import parquet
 
 from tuner.formats.documents import parse_json, parse_yaml
-from tuner.formats.guard import LONGEST_LINE, printable
 from tuner.readers import child_process, kf_gins_settings, mat5, npz_members, read, text
 from tuner.readers.child_process import array_from_child, check_in_child
+from tuner.types.one_line import LONGEST_LINE, printable
 from tuner.types.records import DataError
 
 COUNT = 400

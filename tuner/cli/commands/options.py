@@ -17,9 +17,9 @@ import click
 from tuner.cli.progress import Messages
 from tuner.formats.documents import json_text
 from tuner.formats.files import write_text
-from tuner.formats.guard import printable
 from tuner.jobs import limited, within
 from tuner.stages import finished
+from tuner.types.one_line import printable
 
 Command = Callable[..., Any]
 

@@ -9,8 +9,8 @@ import click
 
 from tuner.cli.commands.options import DIRECTORY, Output, common, stated_command, strict, verbose
 from tuner.cli.progress import Messages
-from tuner.formats.guard import printable
 from tuner.stages import counted, stage
+from tuner.types.one_line import printable
 
 
 def _columns(_context: click.Context, parameter: click.Parameter, value: str | None) -> dict[str, str] | None:
