@@ -40,7 +40,8 @@ def write_set(directory: Path, files: Mapping[str, bytes], *, last: str) -> None
     Parameters
     ----------
     directory : Path
-        Made where it does not exist; a link to a folder stays one. Other files in it are kept.
+        Made where it does not exist; a link to a folder stays one. Other files in it are kept. A link in the place of
+        a file of the set is replaced itself.
     files : mapping of str to bytes
         Content of each file by its name.
     last : str
@@ -63,8 +64,7 @@ def write_set(directory: Path, files: Mapping[str, bytes], *, last: str) -> None
     others = (
         [p for p in target.iterdir() if p.name not in files and p.name not in gone] if target.is_dir() else []
     )
-    linked = [name for name in files if (target / name).is_symlink()]
-    plain = all(p.is_file() and not p.is_symlink() for p in others) and not linked
+    plain = all(p.is_file() and not p.is_symlink() for p in others)
     whole = not target.exists() or (plain and target.is_dir() and not _is_within(Path.cwd(), target))
     with WRITING, _uninterrupted(), named(target):
         if not whole or not _exchanged(target, files, others):
@@ -161,8 +161,7 @@ def _one_by_one(target: Path, files: Mapping[str, bytes], last: str, gone: set[s
                 temporary.write_bytes(files[name])
             (Path(folder) / name).chmod(mode_for(target / name))
         for name in order:
-            place = target / name
-            (Path(folder) / name).replace(place.resolve() if place.is_symlink() else place)
+            (Path(folder) / name).replace(target / name)
     for name in gone:
         (target / name).unlink(missing_ok=True)
     to_disk(target)

@@ -10,8 +10,12 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from tuner.types.records import DataError
+
 STAGE = ".tuner-"
 """Begin of the names of temporary files and folders beside a result; the number of the process follows."""
+DEVICES = Path("/dev")
+"""Where links such as ``/dev/stdout`` lead to what a process has open."""
 WRITING = threading.Lock()
 """Locked while files that belong together are replaced: nothing may end the process then."""
 _unfinished: set[Path] = set()
@@ -25,21 +29,28 @@ Put = Callable[[Path, bytes], None]
 def whole_file(path: Path) -> Iterator[Path]:
     """Yield a temporary path beside `path`; rename it to `path` on success, remove it on any failure.
 
-    The temporary name keeps the suffix, so that libraries that choose the format by it work unchanged. A link stays a
-    link: what it leads to is replaced. Permissions of a file that exists are kept.
+    The temporary name keeps the suffix, so that libraries that choose the format by it work unchanged. A link is
+    replaced itself, and what it leads to stays as it is. Permissions of a file that exists are kept.
+
+    Raises
+    ------
+    DataError
+        If a device, a pipe or a folder has that name.
     """
-    target = path.resolve() if path.is_symlink() else path
-    target.parent.mkdir(parents=True, exist_ok=True)
-    remove_abandoned(target.parent)
-    prefix = f"{STAGE}{os.getpid()}-{target.stem[:40]}-"
-    handle, name = tempfile.mkstemp(prefix=prefix, suffix=target.suffix, dir=target.parent)
+    if (path.exists() and not path.is_file()) or (path.is_symlink() and path.parent == DEVICES):
+        msg = f"{path}: expected the name of a file to write, found a device, a pipe or a folder"
+        raise DataError(msg)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    remove_abandoned(path.parent)
+    prefix = f"{STAGE}{os.getpid()}-{path.stem[:40]}-"
+    handle, name = tempfile.mkstemp(prefix=prefix, suffix=path.suffix, dir=path.parent)
     os.close(handle)
-    with temporary_place(Path(name)) as temporary, named(target):
+    with temporary_place(Path(name)) as temporary, named(path):
         yield temporary
-        temporary.chmod(mode_for(target))
+        temporary.chmod(mode_for(path))
         to_disk(temporary)
-        temporary.replace(target)
-        to_disk(target.parent)
+        temporary.replace(path)
+        to_disk(path.parent)
 
 
 @contextmanager
@@ -107,8 +118,9 @@ def write_bytes(path: Path, content: bytes) -> None:
 
 
 def mode_for(target: Path) -> int:
-    """Return the permissions that a file will have: those it has, else those of a new one."""
-    return target.stat().st_mode & 0o7777 if target.exists() else 0o666 & ~umask()
+    """Return the permissions that a file will have: those it has, else those of a new one, also in place of a link."""
+    kept = target.exists() and not target.is_symlink()
+    return target.stat().st_mode & 0o7777 if kept else 0o666 & ~umask()
 
 
 def to_disk(path: Path) -> None:

@@ -16,6 +16,7 @@ import pytest
 from tuner.formats import file_set
 from tuner.formats.file_set import MANIFEST, digests, stale_files, write_set
 from tuner.formats.files import write_text
+from tuner.types.records import DataError
 
 LAST = "result.json"
 
@@ -54,18 +55,21 @@ def test_a_set_replaces_another(tmp_path: Path, way: str) -> None:
     assert leftovers(folder) == []
 
 
-def test_permissions_and_links_are_kept(tmp_path: Path, way: str) -> None:
+def test_permissions_and_links_to_folders_are_kept_and_other_files_are_not_written(
+    tmp_path: Path, way: str
+) -> None:
     folder, link = tmp_path / "real", tmp_path / "link"
     write_set(folder, made("old"), last=LAST)
     link.symlink_to(folder)
     (folder / "a.yaml").chmod(0o640)
     folder.chmod(0o750)
     (folder / "b.svg").unlink()
-    (tmp_path / "elsewhere.svg").write_text("old")
+    (tmp_path / "elsewhere.svg").write_text("mine")
     (folder / "b.svg").symlink_to(tmp_path / "elsewhere.svg")
     write_set(link, made("new"), last=LAST)
     assert link.is_symlink()
-    assert (folder / "b.svg").is_symlink()
+    assert not (folder / "b.svg").is_symlink()
+    assert (tmp_path / "elsewhere.svg").read_text() == "mine"
     assert tags(folder) == {"new"}
     assert [(folder / "a.yaml").stat().st_mode & 0o777, folder.stat().st_mode & 0o777] == [0o640, 0o750]
 
@@ -115,14 +119,23 @@ def test_folders_of_killed_processes_are_removed(tmp_path: Path) -> None:
     assert leftovers(tmp_path / "out") == [living.name]
 
 
-def test_a_single_file_keeps_link_and_permissions(tmp_path: Path) -> None:
+def test_a_single_file_keeps_permissions_and_a_link_is_replaced_itself(tmp_path: Path) -> None:
     real, link = tmp_path / "real.json", tmp_path / "link.json"
     real.write_text("old")
     real.chmod(0o600)
+    write_text(real, "mine")
     link.symlink_to(real)
     write_text(link, "new")
-    assert link.is_symlink()
-    assert (real.read_text(), real.stat().st_mode & 0o777) == ("new", 0o600)
+    assert not link.is_symlink()
+    assert link.read_text() == "new"
+    assert (real.read_text(), real.stat().st_mode & 0o777) == ("mine", 0o600)
+
+
+def test_no_pipe_and_no_link_of_the_system_is_replaced(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    for place in (tmp_path / "pipe", Path("/dev/stdout")):
+        with pytest.raises(DataError, match="expected the name of a file"):
+            write_text(place, "new")
 
 
 WRITER = """
