@@ -10,6 +10,7 @@ import pandas as pd
 from rich.table import Table
 
 from tuner.formats.codec import dump
+from tuner.formats.csv_text import no_formula
 from tuner.formats.customary_units import digits, phrase
 from tuner.formats.documents import json_text
 from tuner.formats.file_set import MANIFEST, digests, write_set
@@ -173,4 +174,7 @@ def judged_how(fleet: Fleet) -> str:
 
 
 def _csv(frame: pd.DataFrame) -> bytes:
-    return str(frame.to_csv(index=False, float_format="%.6g", lineterminator="\n")).encode()
+    """Return a table as CSV in which no text, nor the name of a column, is a formula to a spreadsheet."""
+    text = frame.select_dtypes(exclude="number").columns
+    safe = frame.assign(**{name: frame[name].map(no_formula) for name in text}).rename(columns=no_formula)
+    return str(safe.to_csv(index=False, float_format="%.6g", lineterminator="\n")).encode()

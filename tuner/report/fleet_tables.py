@@ -92,8 +92,8 @@ def _range(values: Sequence[float]) -> str:
 def fleet_tables(fleet: Fleet) -> list[Table | str]:
     """Return the summary and the units to look at: those that stand apart, cannot be used, fail, are open."""
     table = Table(title="Units to look at", show_lines=True)
-    for head in ("unit", "verdict", "why"):
-        table.add_column(head, overflow="fold")
+    for head, least in (("unit", 16), ("verdict", None), ("why", 40)):
+        table.add_column(head, overflow="fold", min_width=least)
     odd = [u for u in fleet.units if u.error or u.outliers or u.broken or u.advice]
     rank = {"FAIL": 2, "OPEN": 3}
     odd.sort(key=lambda u: 0 if u.outliers or u.advice else 1 if u.error else rank.get(u.verdict or "", 4))

@@ -93,9 +93,16 @@ def _folded(line: str, width: int) -> list[str]:
 
 
 def _parts(table: Table, width: int) -> list[Table]:
-    """Return a table without lines between its cells, in parts that are no wider than stated."""
+    """Return a table without lines between its cells, in parts that are no wider than stated.
+
+    A column that states its least width is folded down to it where the table has no room for its longest line.
+    """
     cells = [[str(column.header), *map(str, column.cells)] for column in table.columns]
-    widths = [max(cell_len(line) for cell in own for line in cell.split("\n")) + COLUMN_GAP for own in cells]
+    needed = [max(cell_len(line) for cell in own for line in cell.split("\n")) for own in cells]
+    widths = [
+        min(longest, column.min_width or longest) + COLUMN_GAP
+        for longest, column in zip(needed, table.columns, strict=True)
+    ]
     groups = [[0]]
     for i in range(1, len(cells)):
         if len(groups[-1]) > 1 and sum(widths[k] for k in groups[-1]) + widths[i] > width + COLUMN_GAP:

@@ -1,5 +1,6 @@
 """A fleet of twelve simulated units: taken up after a kill, a bad log, a mistaken unit, the spread, the same bytes."""
 
+import csv
 import math
 import os
 import signal
@@ -14,13 +15,17 @@ from models.noise import NoiseModel, White
 from models.units import to_si
 from tuner.catalogue.datasheet_format import parse_sheet
 from tuner.cli import run
+from tuner.formats.csv_text import no_formula
 from tuner.formats.logs import write_log
 from tuner.production import unit as unit_module
 from tuner.production.fleet import fleet, output_folder, shared_memory, unit_names
 from tuner.production.spread import grade_yaml
 from tuner.production.workers import outcomes
 from tuner.report.fleet_files import write_fleet
+from tuner.report.fleet_tables import fleet_tables
+from tuner.report.terminal import text_of
 from tuner.simulation.static import Channel, simulate
+from tuner.types.fleet import Fleet, FleetUnit
 
 DENSITY = to_si(0.2, "deg/sqrt(h)")
 RELATIVE_SD = 0.1
@@ -232,3 +237,40 @@ def test_a_file_name_that_is_no_text_is_shown_with_marks(tmp_path):
     (folder / os.fsdecode(b"caf\xe9.csv")).write_text("no log\n")
     assert run(["fleet", str(folder), "-o", str(tmp_path / "out"), "--jobs", "1", "--quiet"]) == 0
     assert "caf\ufffd.csv" in (tmp_path / "out" / "fleet.csv").read_text()
+
+
+@pytest.mark.parametrize("begin", ["=", "+", "-", "@", "\t", "\r="])
+def test_no_text_of_the_table_is_a_formula_in_a_spreadsheet(begin, tmp_path):
+    name = f'{begin}HYPERLINK("http://x.org")'
+    unit = FleetUnit(name, f"{begin}1+1.csv", None, f"{begin}2: no such file")
+    write_fleet(Fleet("lot", (unit, FleetUnit("SN1", "a-b=c.csv", None, "bad")), ()), tmp_path)
+    with (tmp_path / "fleet.csv").open(newline="") as file:
+        head, first, second = csv.reader(file)
+    shown = begin.replace("\r", " ")
+    assert first[head.index("unit")] == f"'{shown}{name.removeprefix(begin)}"
+    assert not any(cell.lstrip().startswith(("=", "+", "-", "@", "\t")) for cell in (*head, *first, *second))
+    assert second[head.index("file")] == "a-b=c.csv"
+
+
+def test_negative_numbers_are_no_formulas():
+    assert [no_formula(one) for one in ("-0.5", "+1e-3", -0.5, "-0.5 ± 1")] == [
+        "-0.5",
+        "+1e-3",
+        -0.5,
+        "'-0.5 ± 1",
+    ]
+
+
+def test_the_units_to_look_at_are_one_table_of_eighty_columns():
+    why = "its stamps go back 12 times; the clock of the logger is set by the network: " * 3
+    units = [
+        FleetUnit("SN1", "1.csv", None, why),
+        FleetUnit("long-name-of-a-unit-" * 3, "2.csv", None, "short"),
+    ]
+    lines = text_of(fleet_tables(Fleet("lot", tuple(units), ()))).splitlines()
+    (head,) = [line for line in lines if line.split() == ["unit", "verdict", "why"]]
+    assert max(map(len, lines)) <= 80
+    assert (
+        " ".join(" ".join(line[head.index("why") :] for line in lines[2:]).split()).count(why.split()[-1])
+        == 3
+    )
