@@ -97,6 +97,11 @@ def stamp(time: float) -> str:
     return f"{time:.3f}".rstrip("0").removesuffix(".")
 
 
+def since(begin: float, unit: str = "s") -> str:
+    """Return the label of an axis of time that counts from `begin`, s on the clock of the log."""
+    return f"time, {unit}" if begin == 0.0 else f"time since {stamp(begin)} s, {unit}"
+
+
 def digits_to(value: float, half_width: float) -> str:
     """Format a value as finely as two digits of its half width call for; with many zeros, one digit of it."""
     if not (math.isfinite(half_width) and half_width > 0 and math.isfinite(value)):

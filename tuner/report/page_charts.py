@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tuner.curves.spectrum import psd
-from tuner.formats.customary_units import customary_unit, in_customary, pretty
+from tuner.formats.customary_units import customary_unit, in_customary, pretty, since, stamp
 from tuner.jobs import each
 from tuner.report.allan_figure import term_label
 from tuner.report.interactive_figure import DRAWN_DIGITS, Chart
@@ -134,25 +134,26 @@ def spectrum_charts(record: Record, channels: Mapping[str, ChannelIdentification
 
 
 def course_chart(record: Record, axis: str, findings: Iterable[Finding]) -> Chart:
-    """Return the samples of an axis over time, smallest and largest of each piece, with events marked."""
+    """Return the samples of an axis from their begin on, smallest and largest of each piece, with events marked."""
+    begin = float(record.t[0])
     unit = pretty(customary_unit("level", record.unit))
-    t, y = _smallest_and_largest(record.t, record.column(axis))
+    t, y = _smallest_and_largest(record.t - begin, record.column(axis))
     y = in_customary(1.0, "level", record.unit) * (y - np.median(y))
     traces = [_line(t, y, "measured", "samples less their median", f"%{{x:.6~g}} s: %{{y:.4~g}} {unit}", 0.8)]
     events = sorted(_events(findings))
     if events:
         top = float(np.nanmax(y))
         marks = _points(
-            np.array([start for start, _, _ in events]),
+            np.array([start - begin for start, _, _ in events]),
             np.full(len(events), top),
             "event",
             "events",
             "%{text}",
         )
-        traces.append(marks | {"text": [f"{name} at {start:.6g} s" for start, _, name in events]})
+        traces.append(marks | {"text": [f"{name} at {stamp(start)} s" for start, _, name in events]})
         traces[-1]["marker"] |= {"symbol": "triangle-down", "size": 10}
-    spans = [[_short(start), _short(start + duration)] for start, duration, _ in events]
-    return _chart(traces, "time, s", f"samples less their median, {unit}", "linear") | {"spans": spans}
+    spans = [[_short(start - begin), _short(start - begin + duration)] for start, duration, _ in events]
+    return _chart(traces, since(begin), f"samples less their median, {unit}", "linear") | {"spans": spans}
 
 
 def _events(findings: Iterable[Finding]) -> Iterable[tuple[float, float, str]]:

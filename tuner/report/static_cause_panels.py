@@ -13,7 +13,7 @@ from scipy.special import ndtr
 
 from tuner.diagnosis import cause
 from tuner.diagnosis.static.causes.registry import CAUSES
-from tuner.formats.customary_units import customary_unit, in_customary, pretty
+from tuner.formats.customary_units import customary_unit, in_customary, pretty, since
 from tuner.report.diagnosed_axis import DiagnosedAxis
 from tuner.report.two_level_path import two_level_path
 
@@ -39,9 +39,11 @@ def unit_of(subject: DiagnosedAxis) -> str:
     return pretty(customary_unit("level", subject.unit))
 
 
-def _clock(subject: DiagnosedAxis) -> tuple[float, str]:
-    """Return the unit of time that suits a log, s, and the label of its axis."""
-    return (3600.0, "time, h") if np.ptp(subject.t) > LONG_COURSE else (1.0, "time, s")
+def _clock(subject: DiagnosedAxis) -> tuple[float, float, str]:
+    """Return the begin of a log and the unit of time that suits it, s, and the label of its axis."""
+    begin = float(subject.t[0])
+    one, unit = (3600.0, "h") if np.ptp(subject.t) > LONG_COURSE else (1.0, "s")
+    return begin, one, since(begin, unit)
 
 
 def blocks(x: FloatArray, count: int = COURSE_BLOCKS) -> FloatArray:
@@ -97,8 +99,8 @@ def draw_temperature(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, f
     bias, signal = (
         shown(subject, blocks(x).mean(axis=1)) for x in (subject.without_others(code), subject.signals[code])
     )
-    one, label = _clock(subject)
-    celsius, when = blocks(subject.temperature).mean(axis=1), blocks(subject.t).mean(axis=1) / one
+    begin, one, label = _clock(subject)
+    celsius, when = blocks(subject.temperature).mean(axis=1), (blocks(subject.t).mean(axis=1) - begin) / one
     bias = bias - bias.mean()
     dots = panel.scatter(celsius, bias, c=when, s=6, cmap="viridis", lw=0, label="means of the samples")
     panel.plot(celsius, signal, color=CAUSE_COLOUR, lw=1.2, label="found")
@@ -116,8 +118,8 @@ def draw_course(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float]
     else:
         part = slice(0, len(subject.y))
     middle = blocks(subject.t[part]).mean(axis=1)
-    one, label = _clock(subject)
-    when = middle / one
+    begin, one, label = _clock(subject)
+    when = (middle - begin) / one
     bias = shown(subject, blocks(subject.without_others(cause)[part]).mean(axis=1))
     panel.plot(when, bias - bias.mean(), color=DATA_COLOUR, lw=0.8, label="means of the samples")
     if "dwell_low" in values and "size" in values and len(middle) > 1:
@@ -129,7 +131,8 @@ def draw_course(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float]
         signal = shown(subject, blocks(subject.signals[cause][part]).mean(axis=1))
         panel.plot(when, signal - signal.mean(), color=CAUSE_COLOUR, lw=1.4, label="found")
     for event in subject.values("motion") if cause == "motion" else ():
-        first, last = event["start"] / one, (event["start"] + event["duration"]) / one
+        first = (event["start"] - begin) / one
+        last = first + event["duration"] / one
         panel.axvspan(first, last, color=CAUSE_COLOUR, alpha=0.2, lw=1.5)
     panel.set(xlabel=label, ylabel=f"bias, {unit_of(subject)}", title="time course")
 
@@ -140,14 +143,15 @@ def draw_variance(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, floa
     if "period" in values:
         draw_swell(panel, square, subject.t, values)
         return
-    one, label = _clock(subject)
-    when = blocks(subject.t, 300).mean(axis=1) / one
+    begin, one, label = _clock(subject)
+    when = (blocks(subject.t, 300).mean(axis=1) - begin) / one
     rows = blocks(square, 300)
     panel.plot(when, rows.mean(axis=1), ".", ms=3, color=DATA_COLOUR, label="residuals")
     half = 1.96 * np.sqrt(2.0 / rows.shape[1])
     panel.axhspan(1.0 - half, 1.0 + half, color="0.85", lw=0, label="95 % of the model's")
     if "variance_ratio" in values:
-        first, last = values["start"] / one, (values["start"] + values["duration"]) / one
+        first = (values["start"] - begin) / one
+        last = first + values["duration"] / one
         panel.axvspan(
             first,
             last,
@@ -227,17 +231,18 @@ def draw_pairs(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float])
 
 def draw_stamps(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float]) -> None:  # noqa: ARG001
     """Draw how far the stamps lie from an even clock over time, and where samples are missing."""
-    one, label = _clock(subject)
+    begin, one, label = _clock(subject)
     panel.set(title="time stamps", xlabel=label, ylabel="stamp less even clock, ms")
     if subject.stamps is None:
         return
-    t, low, high, missing = subject.stamps.T
-    panel.fill_between(t / one, 1e3 * low, 1e3 * high, color=DATA_COLOUR, alpha=0.3, lw=0.5)
-    panel.plot(t / one, 5e2 * (low + high), color=DATA_COLOUR, lw=0.8, label="stamps")
+    stamps, low, high, missing = subject.stamps.T
+    t = (stamps - begin) / one
+    panel.fill_between(t, 1e3 * low, 1e3 * high, color=DATA_COLOUR, alpha=0.3, lw=0.5)
+    panel.plot(t, 5e2 * (low + high), color=DATA_COLOUR, lw=0.8, label="stamps")
     gaps = missing > 0
     if gaps.any():
         words = f"{missing.sum():.0f} samples missing"
-        panel.plot(t[gaps] / one, 1e3 * high[gaps], "v", ms=6, color=CAUSE_COLOUR, label=words)
+        panel.plot(t[gaps], 1e3 * high[gaps], "v", ms=6, color=CAUSE_COLOUR, label=words)
 
 
 VIEWS: Mapping[cause.View, View] = {

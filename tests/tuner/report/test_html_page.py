@@ -13,7 +13,7 @@ from models.noise import NoiseModel, RandomWalk, White
 from tuner.cli.commands.options import stated_command
 from tuner.identification import identify
 from tuner.report.html_page import write_page
-from tuner.report.page_charts import part_analysed
+from tuner.report.page_charts import course_chart, part_analysed
 from tuner.report.page_findings import PICTURE_BYTES
 from tuner.report.page_parts import Picture
 from tuner.simulation.static import simulate
@@ -27,6 +27,23 @@ LARGEST_PAGE = 6_000_000
 SVG = b'<svg xmlns="http://www.w3.org/2000/svg"><path d="M 0.123456 1"/><text>0.123456</text></svg>'
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 VOID = {"meta", "img", "input", "link", "br", "hr"}
+
+
+def test_the_course_of_stamps_since_1970_counts_from_its_begin():
+    records, _ = simulate({"gyro_x": MODEL}, duration=300.0, rate=50.0, seed=5)
+    begin = 1.7e9 + 0.25
+    when = {
+        name: Coefficient.known(value, value, value, "s")
+        for name, value in (("time", begin + 150.0), ("duration", 2.0))
+    }
+    step = Finding("step", ("gyro_x",), "a", 9.0, 1e-9, when, "step in gyro_x")
+    late = course_chart(replace(records[0], t=records[0].t + begin), "gyro_x", [step])
+    early = course_chart(records[0], "gyro_x", [])
+    assert late["traces"][0]["x"] == early["traces"][0]["x"]
+    assert max(late["traces"][0]["x"]) > 299.0
+    assert (late["x"], early["x"]) == ("time since 1700000000.25 s, s", "time, s")
+    assert (late["spans"], late["traces"][1]["x"]) == ([[150.0, 152.0]], [150.0])
+    assert late["traces"][1]["text"] == ["step at 1700000150.25 s"]
 
 
 def made(pictures=1, size=0):
