@@ -47,10 +47,12 @@ from tuner.synthesis.rest_and_motion import with_rest_and_motion
 from tuner.synthesis.worst_case import worst_case
 from tuner.tune_result import LogResult, TuneInputs, TuneResult
 from tuner.types import FilterConfig, Finding, GnssNoise, Identification
-from tuner.types.arguments import expect, expect_callable, expect_count, expect_records
+from tuner.types.arguments import expect_records
 from tuner.types.consistency import Check
+from tuner.types.number_ranges import Latitude, Positive, Whole
 from tuner.types.prediction import PredictedBlock
 from tuner.types.progress import Progress, silent
+from tuner.types.public import public
 from tuner.types.records import DataError, Drive, Record
 
 if TYPE_CHECKING:
@@ -69,20 +71,21 @@ LOG = "the path of a log, records, an Identification or nothing"
 NO_LOG = "without a static log; of the unit only the standing parts of the drive are known"
 
 
+@public("tune")
 @task()
 def tune(
     log: str | Path | Sequence[Record] | Identification | None = None,
     *,
     drive: str | Path | Drive | None = None,
-    horizon: float = 1000.0,
+    horizon: Positive = 1000.0,
     complete: str | SensorGrade | None = None,
     datasheet: str | Path | None = None,
     gnss: str | Path | GnssNoise | None = None,
     terms: Sequence[str] | None = None,
-    latitude: float | None = None,
+    latitude: Latitude | None = None,
     conservative: bool = False,
-    replicas: int = 0,
-    seed: int = 0,
+    replicas: Whole = 0,
+    seed: Whole = 0,
     dialect: str | None = None,
     progress: Progress = silent,
 ) -> TuneResult:
@@ -128,21 +131,7 @@ def tune(
     DataError
         Where log, drive, grade or receiver cannot be used: one line.
     """
-    expect_count(seed, "tune: seed", 0)
-    expect_count(replicas, "tune: replicas", 0)
-    expect_callable(progress, "tune: progress")
     wanted = [] if dialect is None else [dialect_named(dialect).name]
-    if complete is not None:
-        expect(
-            complete, (str, SensorGrade), "tune: complete", "the name of a built-in grade, or a SensorGrade"
-        )
-    if gnss is not None:
-        expect(
-            gnss,
-            (str, Path, GnssNoise),
-            "tune: gnss",
-            "a built-in receiver, the path of a log, or a GnssNoise",
-        )
     completion = load_grade(complete) if isinstance(complete, str) else complete
     stated = None if datasheet is None else identify_source(datasheet)
     inputs = gather_inputs(log, drive, gnss, seed=seed, progress=progress)

@@ -25,6 +25,7 @@ from tuner.types import (
     TermEstimate,
 )
 from tuner.types.number_ranges import Positive
+from tuner.types.public import public
 from tuner.types.records import DataError
 
 GNSS_FORMAT = "tuner-gnss/1"
@@ -67,6 +68,7 @@ def grade_names() -> tuple[str, ...]:
     return _names("sensors")
 
 
+@public("load_grade")
 @cache
 def load_grade(name: str) -> SensorGrade:
     """Return a built-in sensor.
@@ -80,6 +82,7 @@ def load_grade(name: str) -> SensorGrade:
     return parse_sheet(path.read_text(encoding="utf-8"), source=str(path))
 
 
+@public("load_gnss")
 @cache
 def load_gnss(name: str) -> GnssNoise:
     """Return the errors of a built-in GNSS receiver.

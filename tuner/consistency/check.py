@@ -36,8 +36,9 @@ from tuner.stages import stage, task
 from tuner.synthesis.load_config import load_config
 from tuner.synthesis.rest_and_motion import simulated_unit
 from tuner.types import FilterConfig, GnssNoise
-from tuner.types.arguments import expect, expect_count, expect_number
 from tuner.types.consistency import Check, Consistency
+from tuner.types.number_ranges import Count, Positive, Whole
+from tuner.types.public import public
 from tuner.types.records import DataError
 from tuner.types.verdict import Explanation, Severity, Verdict, VerdictCode
 
@@ -51,16 +52,17 @@ MIN_FIX_INTERVAL = 1.0
 """Shortest interval of fixes that is simulated, s; smaller sds stand for the fixes in between, whose errors average."""
 
 
+@public("check")
 @task()
 def check(
     config: FilterConfig | str | Path,
     trajectory: Motion | str = "city",
     *,
-    duration: float = DEFAULT_DURATION,
+    duration: Positive = DEFAULT_DURATION,
     truth: Truth | FilterConfig | Sensor | str | Path | None = None,
     receiver: GnssNoise | None = None,
-    runs: int = DEFAULT_RUNS,
-    seed: int = 0,
+    runs: Count = DEFAULT_RUNS,
+    seed: Whole = 0,
     budget: bool = False,
 ) -> Check:
     """Run a configured filter on many simulated switch-ons and score its errors against its covariances.
@@ -93,17 +95,6 @@ def check(
     """
     if not isinstance(config, FilterConfig):
         config = load_config(config, default_gnss=DEFAULT_RECEIVER)
-    expect_count(runs, "check: runs")
-    expect_count(seed, "check: seed", 0)
-    expect_number(duration, "check: duration", "a length in seconds, such as 3600")
-    expect(
-        trajectory,
-        (str, Motion),
-        "check: trajectory",
-        "the name of a trajectory, such as 'city', or a Motion",
-    )
-    if receiver is not None:
-        expect(receiver, GnssNoise, "check: receiver", "the errors of a receiver, a GnssNoise")
     motion = load_trajectory(trajectory, duration) if isinstance(trajectory, str) else trajectory
     real = truth if truth is None or isinstance(truth, Truth) else load_truth(truth)
     receiver = receiver or (real.receiver if real is not None else None)

@@ -11,7 +11,7 @@ from tuner.stages import counted, stage, task
 from tuner.synthesis import synthesize
 from tuner.synthesis.sufficient import lacking_slow_bias
 from tuner.types import ChannelNoise, FilterConfig
-from tuner.types.arguments import expect, expect_number
+from tuner.types.public import public
 from tuner.types.records import DataError
 from tuner.types.shown import Shown
 
@@ -67,6 +67,7 @@ class GradeChoice(Shown):
         return tuple(one.name for one in self.ranking if one.error <= self.limit)
 
 
+@public("choose")
 @task()
 def choose(
     outage: float = 60.0, error: float = 2.0, *, gnss: str = DEFAULT_RECEIVER, wheels: bool = False
@@ -89,12 +90,9 @@ def choose(
     DataError
         For an unknown receiver, or an outage or error out of range.
     """
-    expect_number(outage, "choose: outage", "seconds without fixes, such as 60")
-    expect_number(error, "choose: error", "metres above 0, such as 2")
     if not error > 0.0:
         msg = f"--error: expected metres above 0, got {error:g}"
         raise DataError(msg)
-    expect(gnss, str, "choose: gnss", "the name of a built-in receiver, such as 'spp'")
     receiver = load_gnss(gnss)
 
     def drift(config: FilterConfig) -> float:

@@ -13,8 +13,8 @@ from tuner.identification.compare_sources import Source, compare_sources
 from tuner.identification.comparison import Comparison, LimitCheck, limit_checks
 from tuner.synthesis import synthesize
 from tuner.synthesis.sufficient import why_insufficient
-from tuner.types.arguments import expect, expect_callable
 from tuner.types.progress import Progress, silent
+from tuner.types.public import public
 from tuner.types.shown import Shown
 
 
@@ -43,6 +43,7 @@ class SensorComparison(Shown):
     unranked: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
 
 
+@public("compare")
 def compare(
     *sources: Source,
     by: Literal["still", "temperature"] | None = None,
@@ -68,8 +69,6 @@ def compare(
     DataError
         For fewer than two sources or parts, a source that cannot be identified, or an unknown receiver.
     """
-    expect(gnss, str, "compare: gnss", "the name of a built-in receiver, such as 'spp'")
-    expect_callable(progress, "compare: progress")
     receiver = load_gnss(gnss)
     noise = compare_sources(*sources, by=by, progress=progress)
     configs = [synthesize(source, gnss=receiver) for source in noise.sources]

@@ -57,6 +57,8 @@ from tuner.stages import counted, stage, task
 from tuner.synthesis.from_drive import config_for_drive, receiver_of
 from tuner.types import FilterConfig, GnssNoise
 from tuner.types.consistency import Consistency, Outage, Whiteness
+from tuner.types.number_ranges import Positive
+from tuner.types.public import public
 from tuner.types.records import DataError, Drive, Reference
 from tuner.types.shown import Shown
 
@@ -133,13 +135,14 @@ def drive_filter(
     return compensate_settings(settings, config.compensation), tuple(notes)
 
 
+@public("navigate")
 @task()
 def navigate_drive(
     drive: Drive | str | Path,
     config: FilterConfig | str | Path,
     *,
     gnss: GnssNoise | str | None = None,
-    states: Mapping[str, float] | None = None,
+    states: Mapping[str, Positive] | None = None,
     vehicle: Vehicle = UNCONSTRAINED,
     measured: Clock | None = None,
 ) -> DriveResult:

@@ -31,10 +31,10 @@ from tuner.consistency.unscored_start import unscored_start
 from tuner.consistency.verdicts import verdicts
 from tuner.consistency.wrong_conventions import unit_of_sds
 from tuner.stages import stage, task
-from tuner.types.arguments import described
 from tuner.types.consistency import Consistency, Score
 from tuner.types.filter_output import FilterOutput
 from tuner.types.output_score import OutputCause, TimeOffset
+from tuner.types.public import public
 from tuner.types.records import DataError
 from tuner.types.shown import Shown
 from tuner.types.verdict import Severity, Verdict, VerdictCode
@@ -206,6 +206,7 @@ def _verdicts(found: Consistency, *, lost: bool, named: bool) -> tuple[Verdict, 
     return (Verdict(VerdictCode.NOT_EXPLAINED, Severity.EXPLANATION), *said)
 
 
+@public("score")
 def score_arrays(
     errors: ArrayLike, covariances: ArrayLike, *, names: Sequence[str] | None = None
 ) -> Consistency:
@@ -225,10 +226,10 @@ def score_arrays(
     DataError
         Shapes that do not fit, or covariances that are not positive definite, in one line.
     """
-    e = np.atleast_2d(_numbers(errors, "errors"))
+    e = np.atleast_2d(np.asarray(errors, dtype=float))
     e = e[None] if e.ndim == 2 else e
     k = e.shape[-1]
-    p = _numbers(covariances, "covariances")
+    p = np.asarray(covariances, dtype=float)
     if p.shape == np.shape(errors) and p.ndim > 1:
         p = p[..., None] ** 2 * np.eye(k)
     if e.ndim != 3 or 0 in e.shape or p.shape[-2:] != (k, k) or p.ndim > 4:
@@ -271,15 +272,6 @@ def score_arrays(
         nees is not None and nees.ratio > DIVERGED_RATIO,
     )
     return replace(found, verdicts=verdicts(found))
-
-
-def _numbers(values: ArrayLike, name: str) -> FloatArray:
-    """Return an argument as an array of numbers, or refuse it."""
-    try:
-        return np.asarray(values, dtype=float)
-    except (TypeError, ValueError):
-        msg = f"score: {name}: expected an array of numbers, found {described(values)}"
-        raise DataError(msg) from None
 
 
 def _without_truth(output: FilterOutput) -> OutputErrors:

@@ -20,12 +20,13 @@ from tuner.curves.pooled_curve import ESTIMATORS, curve
 from tuner.curves.series import acf, pacf
 from tuner.curves.spectrum import psd
 from tuner.types import AllanCurve, Correlogram, Spectrum
-from tuner.types.arguments import expect
+from tuner.types.public import public
 from tuner.types.records import DataError, Record
 
 __all__ = ["ESTIMATORS", "acf", "curve", "dof", "empirical", "pacf", "psd"]
 
 
+@public("curve")
 def empirical(
     record: Record, statistic: str, *, tau: Sequence[float] | None = None
 ) -> AllanCurve | Spectrum | Correlogram:
@@ -36,7 +37,9 @@ def empirical(
     DataError
         If cluster times are given for a spectrum, or the record cannot give them.
     """
-    expect(record, Record, "curve", "one record, such as tuner.read(log)[0]")
+    if tau is not None and not len(tau):
+        msg = "curve: tau: expected cluster times or lags, s, found none"
+        raise DataError(msg)
     if statistic == "psd":
         if tau is not None:
             msg = "psd has no cluster times: leave tau out"

@@ -14,8 +14,9 @@ from typing import overload
 from tuner.readers import read
 from tuner.readers.drive import read_if_drive
 from tuner.types import Diagnosis, DriveDiagnosis, FilterConfig, GnssNoise, Identification
-from tuner.types.arguments import expect_callable
+from tuner.types.number_ranges import Whole
 from tuner.types.progress import Progress, silent
+from tuner.types.public import public
 from tuner.types.records import DataError, Drive, Record
 
 __all__ = ["diagnose"]
@@ -59,13 +60,14 @@ def diagnose(
 ) -> Diagnosis | DriveDiagnosis: ...
 
 
+@public("diagnose")
 def diagnose(
     data: Record | Sequence[Record] | Drive | str | Path,
     *,
     holdout: Record | Sequence[Record] | None = None,
     identification: Identification | None = None,
-    replicas: int = 0,
-    seed: int = 0,
+    replicas: Whole = 0,
+    seed: Whole = 0,
     config: FilterConfig | str | Path | None = None,
     gnss: GnssNoise | str | None = None,
     wheels: bool = False,
@@ -106,7 +108,6 @@ def diagnose(
     DataError
         Where the data cannot be analysed, or an option does not go with them.
     """
-    expect_callable(progress, "diagnose: progress")
     if isinstance(data, str | Path):
         drive = read_if_drive(data)
         data = read(data) if drive is None else drive

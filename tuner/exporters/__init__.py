@@ -7,7 +7,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 from models.registry import RegistryError
@@ -51,7 +50,8 @@ from tuner.formats import noise_yaml
 from tuner.synthesis.equivalent_models import FILTER_MEMORY
 from tuner.synthesis.load_config import load_config
 from tuner.types import FilterConfig
-from tuner.types.arguments import expect, expect_number
+from tuner.types.number_ranges import Positive
+from tuner.types.public import public
 from tuner.types.records import DataError
 
 __all__ = ["DIALECTS", "Dialect", "Target", "export", "lacking", "withheld"]
@@ -101,13 +101,14 @@ DIALECTS.extend(
 )
 
 
+@public("export")
 def export(
     config: FilterConfig | str | Path,
     dialect: str,
     *,
-    interval: float | None = None,
-    step: float | None = None,
-    memory: float = FILTER_MEMORY,
+    interval: Positive | None = None,
+    step: Positive | None = None,
+    memory: Positive = FILTER_MEMORY,
 ) -> str:
     """Return a configuration as text of a dialect.
 
@@ -132,14 +133,7 @@ def export(
         For an unknown dialect, a sensor that the target cannot do without, an axis without white noise, settings that
         are `withheld`, and an interval, a step or a memory that is not positive.
     """
-    expect(dialect, str, "export: dialect", f"one of {' '.join(DIALECTS)}")
     declared = dialect_named(dialect)
-    for name, value in (("interval", interval), ("step", step), ("memory", memory)):
-        if value is not None:
-            expect_number(value, f"export: {name}", "seconds above 0")
-        if value is not None and not 0.0 < value < math.inf:
-            msg = f"export: expected {name} above 0 s, got {value:g}"
-            raise DataError(msg)
     if not isinstance(config, FilterConfig):
         config = load_config(config)
     if missing := lacking(config, declared):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import PurePath
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +14,10 @@ from tuner.identification.channel import identify_channel
 from tuner.identification.estimates import BASE
 from tuner.identification.mean_and_earth_rate import without_earth_rate
 from tuner.jobs import each
+from tuner.readers.source_kind import with_name
 from tuner.types import ChannelIdentification, Identification
-from tuner.types.arguments import expect_names, expect_number
+from tuner.types.number_ranges import Latitude
+from tuner.types.public import public
 from tuner.types.records import DataError, Record
 
 FloatArray = NDArray[np.float64]
@@ -24,13 +26,14 @@ IDENTIFICATION_COLUMNS = 8
 """Columns of a record that the identification of one axis takes; six were measured."""
 
 
+@public("identify")
 def identify(
     records: Sequence[Record],
     *,
     terms: Sequence[str] | None = None,
     method: str = "likelihood",
     arma: Likelihood | None = "fast",
-    latitude: float | None = None,
+    latitude: Latitude | None = None,
 ) -> Identification:
     """Identify the noise of every channel of a log.
 
@@ -58,10 +61,6 @@ def identify(
     ValueError
         If the method, a term or `arma` is unknown.
     """
-    if terms is not None:
-        expect_names(terms, "identify: terms", 'names of noise terms, such as ["white", "random_walk"]')
-    if latitude is not None:
-        expect_number(latitude, "identify: latitude", "degrees")
     varying: dict[str, Record] = {}
     notes: list[str] = []
     for record in records:
@@ -194,7 +193,7 @@ def _source(records: Sequence[Record]) -> dict[str, object]:
     """Return where the channels came from."""
     first = records[0]
     return {
-        "name": PurePath(first.source).name.split(".")[0] or first.name,
+        "name": (first.source and with_name(Path(first.source)).name.split(".")[0]) or first.name,
         "files": list(dict.fromkeys(record.source for record in records if record.source)),
         "digests": list(dict.fromkeys(record.digest for record in records if record.digest)),
         "sensors": [

@@ -20,7 +20,9 @@ from tuner.segments.conditions import at_rest
 from tuner.segments.multi_position import calibrate
 from tuner.types import GnssNoise, Identification
 from tuner.types.arguments import RECORDS, expect, expect_records
+from tuner.types.number_ranges import Latitude
 from tuner.types.progress import Progress, silent
+from tuner.types.public import public
 from tuner.types.records import DataError, Record
 
 if TYPE_CHECKING:
@@ -33,13 +35,14 @@ SOURCE = f"the path of a log or datasheet, the name of a built-in grade, or {REC
 SEVERAL_POSES = "several poses: `tuner tune` also calibrates the sensors from them"
 
 
+@public("identify")
 def identify_source(
     source: str | Path | Sequence[Record],
     *,
     terms: Sequence[str] | None = None,
     method: str = "likelihood",
     arma: Likelihood | None = "fast",
-    latitude: float | None = None,
+    latitude: Latitude | None = None,
     progress: Progress = silent,
 ) -> Identification:
     """Return the noise of a sensor, whatever describes it.
@@ -82,13 +85,14 @@ def identify_source(
     return identify(records, terms=terms, method=method, arma=arma, latitude=latitude)
 
 
+@public("identify")
 def identify_log(
     log: str | Path | Sequence[Record] | Table | pd.DataFrame,
     *,
     terms: Sequence[str] | None = None,
     method: str = "likelihood",
     arma: Likelihood | None = "fast",
-    latitude: float | None = None,
+    latitude: Latitude | None = None,
     **reading: Any,
 ) -> Identification:
     """Return the noise of a log in its parts at rest, or the noise that another description of the sensor states.

@@ -10,7 +10,7 @@ from types import MappingProxyType
 from tuner.identification.identify_source import identify_source
 from tuner.identification.record_length import Plan, plan
 from tuner.types import Identification
-from tuner.types.arguments import expect_number
+from tuner.types.public import public
 from tuner.types.records import DataError
 from tuner.types.shown import Shown
 
@@ -43,6 +43,7 @@ class StaticTestPlan(Shown, Mapping[str, Plan]):
         return len(self.axes)
 
 
+@public("plan")
 def plan_test(
     noise: Identification | str | Path, *, hours: float = 1.0, accuracy: float = 0.1
 ) -> StaticTestPlan:
@@ -62,8 +63,6 @@ def plan_test(
     DataError
         If `hours` or `accuracy` is out of its range, or the noise cannot be had from its source.
     """
-    expect_number(hours, "plan: hours", "hours, such as 1.0")
-    expect_number(accuracy, "plan: accuracy", "a relative standard deviation between 0 and 1, such as 0.1")
     known = noise if isinstance(noise, Identification) else identify_source(noise, arma=None)
     try:
         plans = {

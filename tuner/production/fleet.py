@@ -7,6 +7,7 @@ its row.
 from __future__ import annotations
 
 import glob
+import inspect
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -15,18 +16,20 @@ from statistics import median
 from types import MappingProxyType
 from typing import Any
 
-from tuner.formats.guard import printable
 from tuner.production.limits import judge, read_limits
 from tuner.production.outliers import LEAST_UNITS, units_apart
 from tuner.production.spread import spread
 from tuner.production.unit import Outcome, Task, UnitOptions, attempt, store_measurement
 from tuner.production.workers import outcomes
-from tuner.readers import FORMATS
+from tuner.readers import FORMATS, read
 from tuner.readers.block_means import BASE_BYTES
 from tuner.readers.log_format import file_of, log_folder
 from tuner.readers.source_kind import source_name
 from tuner.types.arguments import expect
 from tuner.types.fleet import Fleet, FleetUnit, Limit, UnitMeasurement
+from tuner.types.number_ranges import Count, Latitude
+from tuner.types.one_line import printable
+from tuner.types.public import public
 from tuner.types.records import DataError
 
 RESULTS = "fleet.json"
@@ -39,16 +42,17 @@ Advance = Callable[[int, int], None]
 """Called with (units done, units in total)."""
 
 
+@public("fleet")
 def fleet(
     logs: str | Path | Sequence[str | Path],
     *,
     limits: str | Path | Sequence[Limit] | None = None,
-    jobs: int = 1,
+    jobs: Count = 1,
     scheduler: str | None = None,
     store: str | Path | None = None,
     reading: Mapping[str, Any] = MappingProxyType({}),
     terms: Sequence[str] | None = None,
-    latitude: float | None = None,
+    latitude: Latitude | None = None,
     progress: Advance | None = None,
 ) -> Fleet:
     """Measure many units of one sensor, judge each by limits, name the outlying ones, and say how far they differ.
@@ -85,10 +89,13 @@ def fleet(
         be used is a row with the reason.
     """
     files = find_logs(logs)
-    if limits is not None:
-        expect(limits, (str, Path, list, tuple), "fleet: limits", "the path of a YAML of limits")
     known = read_limits(limits) if isinstance(limits, str | Path) else tuple(limits or ())
     folder = None if store is None else str(Path(store).resolve())
+    try:
+        inspect.signature(read).bind(None, **reading)
+    except TypeError as error:
+        msg = f"fleet: reading: expected arguments of tuner.read, but it {error}"
+        raise DataError(msg) from None
     stated = {name: dict(value) if isinstance(value, Mapping) else value for name, value in reading.items()}
     if scheduler is None:
         stated, jobs = shared_memory(stated, min(jobs, len(files)))

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tuner.formats.guard import input_guard, printable
+from tuner.formats.guard import input_guard
 from tuner.readers import hdf5, kitti, mat, npz, parquet, phone_folders, text
 from tuner.readers.allan_curve import is_curve, read_curve
 from tuner.readers.assemble import checked, even, plan_of
@@ -27,7 +27,9 @@ from tuner.readers.messages import ardupilot, rosbag, ulog
 from tuner.readers.options import Options
 from tuner.readers.source_kind import unit_of_log
 from tuner.readers.time_range import between
-from tuner.types.arguments import expect, expect_callable, expect_number
+from tuner.types.arguments import expect
+from tuner.types.one_line import printable
+from tuner.types.public import public
 from tuner.types.records import DataError, Record
 
 if TYPE_CHECKING:
@@ -40,6 +42,7 @@ FORMATS.extend((ulog.FORMAT, rosbag.FORMAT, ardupilot.FORMAT))
 FORMATS.extend((phone_folders.FORMAT, kitti.FORMAT, text.FORMAT))
 
 
+@public("read")
 def read(
     path: str | Path | Table | pd.DataFrame,
     *,
@@ -100,25 +103,15 @@ def read(
     DataError
         A file that cannot be used: one line with file, place, expected, found and what to do.
     """
-    if progress is not None:
-        expect_callable(progress, "read: progress", "a function of what is done and of the total")
     for name, value in (
         ("--rate", rate),
         ("--gyro-scale", gyro_scale),
         ("--accel-scale", accel_scale),
+        ("--memory", memory),
     ):
-        if value is not None:
-            expect_number(value, name, "a positive number")
-            if not 0.0 < value < float("inf"):
-                msg = f"{name}: expected a positive number, got {value}"
-                raise DataError(msg)
-    for name, value, wanted in (
-        ("--memory", memory, "a number of bytes"),
-        ("--begin", begin, "seconds on the clock of the log"),
-        ("--end", end, "seconds on the clock of the log"),
-    ):
-        if value is not None:
-            expect_number(value, name, wanted)
+        if value is not None and not value > 0.0:
+            msg = f"{name}: expected a positive number, got {value}"
+            raise DataError(msg)
     if assume not in (None, "si"):
         msg = f"--assume: expected si, got {assume}"
         raise DataError(msg)

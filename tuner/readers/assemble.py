@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.units import unit_value
-from tuner.formats.guard import printable
 from tuner.readers import column_names as names
 from tuner.readers.bad_rows import BadRows, LogRows, expect_few
 from tuner.readers.column_choice import Layout, choose
@@ -22,6 +21,7 @@ from tuner.readers.sample_grid import Columns, sample_grid
 from tuner.readers.time_base import Timebase
 from tuner.readers.unit_checks import check_units
 from tuner.readers.value_checks import about_limiting_step, limiting_step
+from tuner.types.one_line import printable
 from tuner.types.records import DataError, Record
 
 FloatArray = NDArray[np.float64]
@@ -66,7 +66,10 @@ class EvenRecords:
 
 
 def plan_of(listing: Listing, options: Options) -> Plan:
-    """Choose the columns of a file and their units."""
+    """Choose the columns of a file and their units; refuse a unit that is none, of a sensor that is not there, too."""
+    for sensor, unit in options.unit.items():
+        if unit is not None:
+            names.unit_of(unit, names.UNITS[sensor], what=f"--{sensor}-unit")
     layout = choose(listing, columns=options.columns)
     notes = [*listing.notes, *layout.notes]
     units = {s.name: sensor_unit(listing, s, options, notes) for s in layout.sensors}

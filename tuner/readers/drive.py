@@ -17,7 +17,7 @@ counted; the scatter of stamps about an even clock is taken out (`tuner.readers.
 
 from __future__ import annotations
 
-import math
+import sys
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -39,7 +39,7 @@ from tuner.readers.fixes.gps_time import GpsFixes, on_clock_of
 from tuner.readers.kf_gins import read_kf_gins
 from tuner.readers.log_format import file_of, format_of, library_of
 from tuner.readers.options import STAMP
-from tuner.readers.source_kind import drive_in_messages, is_drive_by_form
+from tuner.readers.source_kind import drive_in_messages, is_drive_by_form, with_name
 from tuner.readers.steady_stamps import steady_stamps
 from tuner.readers.waypoint import read_waypoint
 from tuner.types.arguments import expect
@@ -192,7 +192,7 @@ def _of_arrays(path: Path, found: DriveArrays) -> Drive:
 
 def _folder(path: Path) -> Drive:
     inertial = read(
-        _existing(path / "imu.csv"), constant_axes=True, assume="si", memory=math.inf, stamps=True
+        _existing(path / "imu.csv"), constant_axes=True, assume="si", memory=sys.float_info.max, stamps=True
     )
     records = {r.name: r for r in inertial}
     found = [axis for record in records.values() for axis in record.axes]
@@ -322,7 +322,7 @@ def _drive(
         fixes[:, 0] - begin, llh, fixes[:, 4:7], fixes[:, 7:10], fixes[:, 10:13], fixes[:, 13:].ravel()
     )
     return Drive(
-        printable(path.stem),
+        printable(with_name(path).stem),
         imu[:, 0] - begin,
         imu[:, 1:],
         gnss,
@@ -330,7 +330,7 @@ def _drive(
         float(begin),
         lever_arm,
         mounting,
-        printable(path.name),
+        printable(with_name(path).name),
         digest(path if path.is_file() else path / "imu.csv"),
         tuple(map(printable, messages)),
     )

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tuner.readers.columns import Listing, listing_of_arrays
+from tuner.types.arguments import described
 from tuner.types.records import DataError, Record
 
 if TYPE_CHECKING:
@@ -47,14 +48,18 @@ def list_table(source: Table | pd.DataFrame) -> tuple[Listing, str]:
     units: dict[str, str] = {}
     content = hashlib.sha256()
     for column, values in table.items():
-        array = np.asarray(values)
+        try:
+            array = np.asarray(values)
+            content.update(column.encode())
+        except (AttributeError, ValueError):
+            msg = f"{name}: column {column!r}: expected a text as its name and an array, found {described(values)}"
+            raise DataError(msg) from None
         if array.dtype.kind in "mM":
             array, units[column] = (array - array.reshape(-1)[0]) / np.timedelta64(1, "s"), "s"
         if array.dtype.kind not in "iuf":
             msg = f"{name}: column '{column}': expected numbers or times, got {array.dtype}: leave it out"
             raise DataError(msg)
         arrays[column] = array
-        content.update(column.encode())
         content.update(np.ascontiguousarray(array).tobytes())
     return listing_of_arrays(Path(name), arrays, units=units, meta={}), content.hexdigest()
 

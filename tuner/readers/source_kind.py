@@ -22,8 +22,13 @@ UNIT = re.compile(r"\w+\.\d+")
 def source_name(source: str | Path) -> str:
     """Return the short name of a source: its file name without suffixes, or the name of the grade."""
     path, unit = unit_of_log(source)
-    name = printable(path.name)
+    name = printable(with_name(path).name)
     return "-".join([name.split(".")[0] or name, *([unit] if unit else [])])
+
+
+def with_name(path: Path) -> Path:
+    """Return a path that ends in a name: of a folder given as ``.`` or ``..`` the whole path."""
+    return path if path.name.strip(".") else path.resolve()
 
 
 def unit_of_log(source: str | Path) -> tuple[Path, str]:

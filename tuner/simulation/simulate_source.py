@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,8 @@ from tuner.simulation.effect_spec import PlacedEffect, within_record
 from tuner.simulation.from_config import channels_of_config, drive_effects_of_config
 from tuner.simulation.static import simulate
 from tuner.types import FilterConfig
+from tuner.types.number_ranges import Positive, Whole
+from tuner.types.public import public
 from tuner.types.records import DataError, Drive, Record
 
 MIDDLE_TEMPERATURE, TEMPERATURE_SWING, TEMPERATURE_CYCLES = 25.0, 8.0, 1.5
@@ -36,15 +39,16 @@ class Simulated:
     notes: tuple[str, ...] = ()
 
 
+@public("simulate")
 def simulate_source(
     source: str,
     *,
     trajectory: str | None = None,
     gnss: str | None = None,
-    duration: float = 3600.0,
-    rate: float | None = None,
-    effects: tuple[str, ...] = (),
-    seed: int = 0,
+    duration: Positive = 3600.0,
+    rate: Positive | None = None,
+    effects: Sequence[str] = (),
+    seed: Whole = 0,
 ) -> Simulated:
     """Simulate a static log, or a drive along a trajectory with a receiver.
 
@@ -60,7 +64,7 @@ def simulate_source(
         s.
     rate : float, optional
         Hz; default that of the source.
-    effects : tuple of str
+    effects : sequence of str
         Effects, as of `tuner.simulation.effect_spec`.
     seed : int
         Seed of everything random.
@@ -81,7 +85,7 @@ def simulate_source(
         motion = load_trajectory(trajectory, duration)
         if not grade:
             return _drive_of_config(
-                noise_yaml.load(Path(source)), trajectory, gnss, duration, rate, effects, seed
+                noise_yaml.load(Path(source)), trajectory, gnss, duration, rate, tuple(effects), seed
             )
         receiver = load_gnss(gnss or DEFAULT_RECEIVER)
         drive, key = simulate_drive(

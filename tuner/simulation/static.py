@@ -31,6 +31,8 @@ from models.noise import NoiseModel, White
 from models.sensors import KINDS, SensorGrade
 from tuner.readers.time_base import stamped_timebase
 from tuner.simulation.effect_spec import PlacedEffect, noise_scale, resolve, sensor_of, within_record
+from tuner.types.number_ranges import Positive, Whole
+from tuner.types.public import public
 from tuner.types.records import DataError, Record
 
 FloatArray = NDArray[np.float64]
@@ -65,12 +67,13 @@ def grade_channels(grade: SensorGrade) -> dict[str, Channel]:
     return channels
 
 
+@public("simulate")
 def simulate(
     sensor: SensorGrade | Mapping[str, Channel] | Mapping[str, NoiseModel],
     *,
-    duration: float,
-    rate: float | None = None,
-    seed: int,
+    duration: Positive,
+    rate: Positive | None = None,
+    seed: Whole,
     effects: Sequence[str | PlacedEffect] = (),
     temperature: Profile | None = None,
 ) -> tuple[tuple[Record, ...], dict[str, Any]]:

@@ -7,11 +7,9 @@ figures of a configuration with a reason each.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, version
-from numbers import Real
 from typing import Any
 
 from models.noise import GaussMarkov
@@ -22,8 +20,9 @@ from tuner.synthesis.channel_noise import channel_noise
 from tuner.synthesis.initial_covariance import initial_uncertainty, turn_on_sd
 from tuner.synthesis.prediction import hold_to_records
 from tuner.types import ChannelNoise, Enlargement, FilterConfig, GnssNoise, Identification, Inflation
-from tuner.types.arguments import described, expect, expect_count, expect_each, expect_number
 from tuner.types.borrowed import with_borrowed
+from tuner.types.number_ranges import NonNegative, Positive, Whole
+from tuner.types.public import public
 from tuner.types.records import DataError, Record
 
 AXES: Mapping[str, tuple[str, ...]] = {
@@ -33,19 +32,20 @@ AXES: Mapping[str, tuple[str, ...]] = {
 """The axes a navigation filter needs."""
 
 
+@public("synthesize")
 def synthesize(
     identification: Identification,
     *,
-    horizon: float = 1000.0,
+    horizon: Positive = 1000.0,
     rule: str = "ladder",
     complete: SensorGrade | None = None,
     gnss: GnssNoise | None = None,
-    turn_on: Mapping[str, float] | None = None,
+    turn_on: Mapping[str, NonNegative] | None = None,
     inflations: Sequence[Enlargement] = (),
     findings: Sequence[Mapping[str, Any]] = (),
     records: Sequence[Record] = (),
     name: str = "",
-    seed: int | None = None,
+    seed: Whole | None = None,
 ) -> FilterConfig:
     """Choose the settings of a navigation filter.
 
@@ -86,28 +86,8 @@ def synthesize(
     DataError
         For an unknown rule, a horizon that is not positive, or no channels at all.
     """
-    expect(identification, Identification, "synthesize", "what tuner.identify returns")
-    expect_number(horizon, "synthesize: horizon", "a positive number of seconds")
-    if complete is not None:
-        expect(
-            complete,
-            SensorGrade,
-            "synthesize: complete",
-            "a grade, such as tuner.catalogue.grades.load_grade gives",
-        )
-    if gnss is not None:
-        expect(gnss, GnssNoise, "synthesize: gnss", "the errors of a receiver, a GnssNoise")
-    _expect_sds(turn_on)
-    expect_each(inflations, Enlargement, "synthesize: inflations", "a list of Enlargement, as findings have")
-    expect_each(findings, Mapping, "synthesize: findings", "a list of mappings")
-    expect_each(records, Record, "synthesize: records", "a list of records, such as tuner.read(log) returns")
-    if seed is not None:
-        expect_count(seed, "synthesize: seed", 0)
     if rule not in {*RULES, BOUND}:
         msg = f"'rule' must be one of {', '.join([*RULES, BOUND])}, got {rule!r}"
-        raise DataError(msg)
-    if not 0.0 < horizon < float("inf"):
-        msg = f"'horizon' must be a positive number of seconds, got {horizon}"
         raise DataError(msg)
     if not identification.channels:
         msg = "the identification holds no channel: nothing to configure"
@@ -137,19 +117,6 @@ def synthesize(
     )
     config, _ = hold_to_records(config, records)
     return inflate(config, inflations)
-
-
-def _expect_sds(turn_on: object) -> None:
-    """Refuse what is no mapping of axes to sds, nor None."""
-    if turn_on is None:
-        return
-    expect(turn_on, Mapping, "synthesize: turn_on", "sds by axis, such as {'gyro_x': 1e-3}")
-    assert isinstance(turn_on, Mapping)
-    for axis, sd in turn_on.items():
-        expect(axis, str, "synthesize: turn_on", "names of axes")
-        if not isinstance(sd, Real) or not 0.0 <= float(sd) < math.inf:
-            msg = f"synthesize: turn_on of {axis}: expected an sd, not negative, found {described(sd)}"
-            raise DataError(msg)
 
 
 def inflate(config: FilterConfig, inflations: Sequence[Enlargement]) -> FilterConfig:

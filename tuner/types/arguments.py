@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from numbers import Integral, Real
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -38,43 +38,6 @@ def expect(value: object, kinds: type | tuple[type, ...], where: str, wanted: st
         raise DataError(msg)
 
 
-def expect_number(value: object, where: str, wanted: str) -> None:
-    """Refuse what is no real number."""
-    expect(value, Real, where, wanted)
-
-
-def expect_count(value: object, where: str, least: int = 1) -> None:
-    """Refuse what is no whole number from `least` on."""
-    wanted = f"a whole number from {least} on"
-    expect(value, Integral, where, wanted)
-    if not value >= least:  # type: ignore[operator]
-        msg = f"{where}: expected {wanted}, found {value}"
-        raise DataError(msg)
-
-
-def expect_names(value: object, where: str, wanted: str) -> None:
-    """Refuse what is no list, tuple or set of texts."""
-    if not isinstance(value, list | tuple | set | frozenset) or not all(
-        isinstance(one, str) for one in value
-    ):
-        msg = f"{where}: expected {wanted}, found {described(value)}"
-        raise DataError(msg)
-
-
-def expect_each(value: object, kinds: type | tuple[type, ...], where: str, wanted: str) -> None:
-    """Refuse what is no list or tuple of these types."""
-    if not isinstance(value, list | tuple) or not all(isinstance(one, kinds) for one in value):
-        msg = f"{where}: expected {wanted}, found {described(value)}"
-        raise DataError(msg)
-
-
-def expect_callable(value: object, where: str, wanted: str = "a function that takes a line of text") -> None:
-    """Refuse what cannot be called."""
-    if not callable(value):
-        msg = f"{where}: expected {wanted}, found {described(value)}"
-        raise DataError(msg)
-
-
 def expect_records(value: object, where: str, wanted: str = RECORDS) -> tuple[Record, ...]:
     """Return a record, or several, as a tuple; refuse all else, and none at all."""
     if isinstance(value, Record):
@@ -88,11 +51,21 @@ def expect_records(value: object, where: str, wanted: str = RECORDS) -> tuple[Re
     return records
 
 
+def fault(value: object) -> str:
+    """Return why no function can use a result, such as a record without samples, in words; empty where one can."""
+    said = getattr(value, "unusable", "")
+    return said if isinstance(said, str) else ""
+
+
 def described(value: object) -> str:
     """Return what a value is, in a few words: a number or short text itself, else its type and size."""
-    if value is None or (isinstance(value, str | bytes | Real | np.bool_) and len(repr(value)) <= 40):
+    vast = isinstance(value, int) and value.bit_length() > 128  # Python writes no number of 4300 digits
+    plain = value is None or (isinstance(value, str | bytes | Real | np.bool_) and not vast)
+    if plain and len(repr(value)) <= 40:
         return repr(value)
     kind = f"{type(value).__module__.partition('.')[0]}.{type(value).__name__}".removeprefix("builtins.")
+    if said := fault(value):
+        return f"{kind} {said}"
     if shape := getattr(value, "shape", ()):
         return f"{kind} of shape {shape}"
     if isinstance(value, list | tuple | set | dict):

@@ -40,3 +40,6 @@ Share = Annotated[float, Limits("a number from 0 to 1", 0.0, 1.0)]
 Vector3 = Annotated[tuple[float, float, float], VectorLimits()]
 LeverArm = Annotated[tuple[float, float, float], VectorLimits(LONGEST_LEVER_ARM)]
 """m."""
+Whole = Annotated[int, Limits("a whole number from 0 on", 0)]
+Count = Annotated[int, Limits("a whole number from 1 on", 1)]
+Latitude = Annotated[float, Limits("degrees from -90 to 90", -90.0, 90.0)]

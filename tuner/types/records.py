@@ -14,12 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.earth import without_jumps
+from tuner.types.one_line import printable
 
 FloatArray = NDArray[np.float64]
 
 
 class DataError(ValueError):
     """Input that cannot be used: one line that says file, place, expected, found and what to do."""
+
+    def __init__(self, message: str = "") -> None:
+        super().__init__(printable(message))
 
 
 @dataclass(frozen=True)
@@ -122,6 +126,13 @@ class Record:
         return len(self.t)
 
     @property
+    def unusable(self) -> str:
+        """Why no function can use it, in words; empty where one can."""
+        if not self.y.size:
+            return "without samples"
+        return _about_samples(self.t, self.y)
+
+    @property
     def rate(self) -> float:
         """Sampling rate, Hz."""
         return 1.0 / self.interval
@@ -139,6 +150,13 @@ class Record:
         """Return the samples of one axis as one contiguous array a segment."""
         column = self.column(axis)
         return tuple(column[start:stop] for start, stop in self.segments)
+
+
+def _about_samples(t: FloatArray, y: FloatArray) -> str:
+    """Say what is wrong with samples, if anything."""
+    if not np.isfinite(np.sum(y)):
+        return "with samples that are not finite"
+    return "" if np.all(np.diff(t) > 0.0) else "whose stamps do not increase"
 
 
 SOLUTIONS: Mapping[int, str] = MappingProxyType(
@@ -261,3 +279,12 @@ class Drive:
     source: str = ""
     digest: str = ""
     notes: tuple[str, ...] = ()
+
+    @property
+    def unusable(self) -> str:
+        """Why no function can use it, in words; empty where one can."""
+        if len(self.imu_t) < 2 or self.rates.shape != (len(self.imu_t), 6):
+            return f"with {len(self.imu_t)} inertial samples of shape {self.rates.shape}"
+        if not len(self.gnss):
+            return "without fixes"
+        return _about_samples(self.imu_t, self.rates)

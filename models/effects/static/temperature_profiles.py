@@ -11,7 +11,7 @@ A profile is what the sensor feels; `thermometer` is what its thermometer writes
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from models.effects.static.base import (
 )
 
 
+@runtime_checkable
 class Profile(Protocol):
     """A temperature as a function of time since power-on."""
 

@@ -12,10 +12,12 @@ from tuner.consistency.score_drive import navigate_drive
 from tuner.exporters import export
 from tuner.formats import noise_yaml
 from tuner.formats.digits import DEFAULT_DIGITS
+from tuner.identification import identify
 from tuner.readers.drive import read_drive
+from tuner.readers.source_kind import source_name
 from tuner.synthesis.equivalent_models import equivalent_noise
 from tuner.synthesis.load_config import load_config
-from tuner.types.records import DataError
+from tuner.types.records import DataError, Record
 
 LEVER = (0.5, -0.3, -1.2)
 MOUNTING_RPY = (180.0, 3.0, 100.0)
@@ -45,6 +47,19 @@ def test_folder_and_npz_are_one(data, file, tmp_path):
     np.testing.assert_allclose(a.gnss.llh, b.gnss.llh, atol=1e-11)
     np.testing.assert_allclose(a.gnss.t, b.gnss.t, atol=1e-6)
     np.testing.assert_allclose(a.reference.rpy, b.reference.rpy, atol=1e-9)
+
+
+def test_a_folder_given_as_a_dot_has_its_name(data, tmp_path, monkeypatch):
+    folder = write_folder(tmp_path / "round-trip", data)
+    (folder / "inside").mkdir()
+    for here, given in ((folder, "."), (folder, "./"), (folder / "inside", "..")):
+        monkeypatch.chdir(here)
+        assert (read_drive(given).name, source_name(given)) == ("round-trip", "round-trip")
+    gyro = Record(
+        "gyro", np.arange(400.0), np.random.default_rng(1).normal(size=400), ("gyro_x",), "rad/s", 1.0
+    )
+    assert identify([replace(gyro, source="..")], arma=None).source["name"] == "round-trip"
+    assert identify([gyro], arma=None).source["name"] == "gyro"
 
 
 def test_stated_solutions_and_rounded_sds(saved, data, tmp_path):

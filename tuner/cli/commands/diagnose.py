@@ -79,6 +79,7 @@ def command(
     """
     from tuner import diagnose
     from tuner.formats.diagnosis import diagnosis_json
+    from tuner.readers.source_kind import with_name
     from tuner.report.claims import lawful
     from tuner.report.static_diagnosis_tables import diagnosis_tables, headline_lines
     from tuner.report.terminal import show
@@ -115,7 +116,7 @@ def command(
     lawful(found)
     stage("writing", 1.0)
     output.write(diagnosis_json(found))
-    page(f"Diagnosis of {Path(log).name}", parts)
+    page(f"Diagnosis of {with_name(Path(log)).name}", parts)
     if output.tables:
         if not verbose:
             if isinstance(found, DriveDiagnosis):

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 def load_records(log: str, reading: Reading, messages: Messages) -> tuple[Record, ...]:
     """Read a static log, or one inertial unit of several in it, such as ``log.bin:IMU.1``."""
     from tuner.readers import read
+    from tuner.readers.source_kind import with_name
 
     records = read(
         log,
@@ -34,7 +35,7 @@ def load_records(log: str, reading: Reading, messages: Messages) -> tuple[Record
         progress=reached,
     )
     for note in dict.fromkeys(note for record in records for note in record.notes):
-        messages.say(f"{Path(log).name}: {note}")
+        messages.say(f"{with_name(Path(log)).name}: {note}")
     return records
 
 

@@ -106,6 +106,7 @@ def command(
     from tuner import navigate
     from tuner.navigation.drive.vehicle_constraints import Vehicle
     from tuner.readers.drive import read_drive, with_mounting
+    from tuner.readers.source_kind import with_name
     from tuner.report.claims import lawful
     from tuner.report.consistency_answer import consistency_answer
     from tuner.report.consistency_tables import consistency_tables
@@ -140,7 +141,7 @@ def command(
     notes = found.notes
     stated = notes if found.consistency.honesty.good else (*notes, advice)
     page(
-        f"Filter of {Path(config).name} on {Path(drive).name}",
+        f"Filter of {Path(config).name} on {with_name(Path(drive)).name}",
         {"Is it consistent?": found, "What it did": pictures},
     )
     output.write(navigation_json(found, measured, notes=stated, seed=seed))

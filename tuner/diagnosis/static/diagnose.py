@@ -34,7 +34,7 @@ from tuner.segments.conditions import without_knocks
 from tuner.segments.stationary import Segments
 from tuner.stages import stage, task
 from tuner.types import Diagnosis, Finding, Identification, Unexplained
-from tuner.types.arguments import RECORDS, expect, expect_count, expect_records
+from tuner.types.arguments import RECORDS, expect_records
 from tuner.types.diagnosis import only_determined
 from tuner.types.records import DataError, Record
 
@@ -105,10 +105,6 @@ def diagnose(
     """
     given = expect_records(records, "diagnose", WANTED)
     second = [] if holdout is None else expect_records(holdout, "diagnose: holdout")
-    if identification is not None:
-        expect(identification, Identification, "diagnose: identification", "what tuner.identify returns")
-    expect_count(replicas, "diagnose: replicas", 0)
-    expect_count(seed, "diagnose: seed", 0)
     first, codes = zip(*(without_codes(record) for record in given), strict=True)
     others = as_coarse([without_codes(record)[0] for record in second], first)
     sensors, resting = without_knocks(as_coarse(first, others))
