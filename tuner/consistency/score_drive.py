@@ -39,7 +39,7 @@ from tuner.navigation.data import GATED, WITHHELD, Solution
 from tuner.navigation.drive.axis_checks import inertial_axes
 from tuner.navigation.drive.clock import AGREEING, Clock, clock_left, remaining_clock
 from tuner.navigation.drive.gross_outliers import without_gross_outliers
-from tuner.navigation.drive.run import SETTLING_TIME, Stretch, navigate, outage_windows, prepare
+from tuner.navigation.drive.run import Stretch, expect_settled, navigate, outage_windows, prepare
 from tuner.navigation.drive.unit_checks import suspected_unit
 from tuner.navigation.drive.vehicle_constraints import (
     MOUNTING_SD,
@@ -59,7 +59,7 @@ from tuner.types import FilterConfig, GnssNoise
 from tuner.types.consistency import Consistency, Outage, Whiteness
 from tuner.types.number_ranges import Positive
 from tuner.types.public import public
-from tuner.types.records import DataError, Drive, Reference
+from tuner.types.records import Drive, Reference
 from tuner.types.shown import Shown
 
 FloatArray = NDArray[np.float64]
@@ -196,13 +196,8 @@ def navigate_drive(
         solutions = navigate(stretches, settings, np.zeros((0, 2)))
         notes = (*notes, *more, *constraint_notes(constraint_counts(solutions), vehicle))
     scored = [settled(stretch, solution) for stretch, solution in zip(stretches, solutions, strict=True)]
-    if not any(map(len, scored)):
-        span = max(float(s.fixes.t[-1] - s.fixes.t[0]) for s in stretches)
-        msg = (
-            f"{drive.source}: expected fixes beyond {SETTLING_TIME:g} s after the start or the stand, in which the "
-            f"filter settles, found {span:.0f} s of them: nothing is left to judge it by"
-        )
-        raise DataError(msg)
+    spans = [float(s.fixes.t[-1] - s.fixes.t[0]) for s in stretches]
+    expect_settled(any(map(len, scored)), drive.source, spans)
     groups = [
         block for stretch, rows in zip(solutions, scored, strict=True) for block in blocks(stretch, rows)
     ]

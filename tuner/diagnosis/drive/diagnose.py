@@ -37,6 +37,7 @@ from tuner.diagnosis.drive.search import SearchResult, search_causes
 from tuner.formats.diagnosis import config_finding
 from tuner.navigation.drive.axis_checks import refuse_wrong_axes
 from tuner.navigation.drive.clock import Clock
+from tuner.navigation.drive.run import expect_settled
 from tuner.navigation.drive.vehicle_constraints import turned_from
 from tuner.stages import stage, task
 from tuner.types import Compensation, DriveDiagnosis, FilterConfig, Gain, Parameter, Unexplained
@@ -107,6 +108,8 @@ def _examine(
     stage("filtering the drive", 0.1)
     sensor, every = thin_fixes(in_sensor_axes(drive))
     base = run_filter(sensor, Hypothesis.first(sensor, config, config.compensation))
+    spans = [float(np.ptp(solution.t)) for solution in base.solutions]
+    expect_settled(bool(base.linearized.counted.any()), drive.source or drive.name, spans)
     suspicious_clocks = clocks_are_suspicious(base)
     if suspicious_clocks:
         refuse_wrong_axes(drive)

@@ -13,6 +13,7 @@ clock and correlated error of the receiver included: with H of the fix, H_pv = I
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -202,6 +203,16 @@ def at_stamps(stretch: Stretch, settings: FilterSettings, before: Solution | Non
     rough = filtered(replace(stretch, fixes=interpolated(stretch.fixes, lag)), settings, before)
     fixes = advanced(stretch.fixes, stretch.steps, rough, lag)
     return replace(stretch, fixes=fixes, lag=-settings.velocity_lag)
+
+
+def expect_settled(any_fix: bool, source: str, spans: Sequence[float]) -> None:
+    """Raise unless a fix is left to judge a filter by after it has settled; `spans` are those of the fixes, s."""
+    if not any_fix:
+        msg = (
+            f"{source}: expected fixes beyond {SETTLING_TIME:g} s after the start or the stand, in which the filter "
+            f"settles, found {max(spans, default=0.0):.0f} s of them: nothing is left to judge it by"
+        )
+        raise DataError(msg)
 
 
 def outage_windows(

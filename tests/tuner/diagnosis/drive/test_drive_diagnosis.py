@@ -17,6 +17,7 @@ from tuner.diagnosis.drive.score_tests import fit_constants, late_gain, score_te
 from tuner.formats.configuration import config_json, load_config
 from tuner.navigation.compensation import compensate, sensor_matrix
 from tuner.types import Compensation, Parameter
+from tuner.types.records import DataError
 
 DELAY = Parameter("time_offset", "delay")
 DURATION = 500.0
@@ -182,3 +183,13 @@ def test_fit_adds_to_what_is_compensated(simulated, drive_config):
         estimates = fit_constants(whiten(as_configured(run.linearized)), names, ("time_offset",), at)
         totals.append((estimates.value[0], np.sqrt(estimates.covariance[0, 0])))
     assert abs(totals[0][0] - totals[1][0]) < 0.7 * totals[0][1]
+
+
+def test_a_clock_ten_times_too_fast_leaves_nothing_to_judge_by(simulated, drive_config):
+    """Stamps of the samples × 0.1: the fixes of their time end before the filter has settled."""
+    drive = simulated(1, duration=DURATION)
+    imu_t = 0.1 * drive.imu_t
+    inside = drive.gnss.t <= imu_t[-1]
+    short = replace(drive, imu_t=imu_t, rates=drive.rates, gnss=drive.gnss.rows(inside))
+    with pytest.raises(DataError, match="expected fixes beyond 60 s after the start"):
+        diagnose_drive(short, drive_config)
