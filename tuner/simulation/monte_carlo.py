@@ -29,6 +29,7 @@ from tuner.simulation.imu import Sensor
 from tuner.simulation.receiver import draw_fix_errors
 from tuner.stages import reached
 from tuner.types import GnssNoise
+from tuner.types.records import DataError
 
 FloatArray = NDArray[np.float64]
 
@@ -134,7 +135,18 @@ def scenario(motion: Motion, receiver: GnssNoise, interval: float) -> Scenario:
         Errors of the receiver; its interval is rounded to samples.
     interval : float
         Sampling interval of the inertial unit, s.
+
+    Raises
+    ------
+    DataError
+        Where the motion ends before the second fix.
     """
+    if motion.duration < 2.0 * receiver.interval:
+        msg = (
+            f"receiver: expected two fixes or more in the {motion.duration:g} s of {motion.name}, found one every "
+            f"{receiver.interval:g} s: is the clock of its log right?"
+        )
+        raise DataError(msg)
     motion.evaluate([0.0])  # solves for the positions, once and not in every process
     chunks = increment_chunks(motion, interval)
     increments = np.concatenate(each(lambda chunk: np.hstack(increments_of(motion, interval, chunk)), chunks))

@@ -15,7 +15,7 @@ from models.earth import ned_between
 from models.measurements import perfect_fixes
 from models.noise import GaussMarkov
 from models.trajectory.catalogue import city
-from tuner.catalogue.grades import grade_identification, load_grade
+from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
 from tuner.consistency.check import check
 from tuner.navigation.settings import filter_settings
 from tuner.simulation.drive import simulate_drive
@@ -24,6 +24,7 @@ from tuner.simulation.monte_carlo import scenario, simulate
 from tuner.simulation.receiver import draw_fix_errors, reported_sd
 from tuner.synthesis import synthesize
 from tuner.types import GnssNoise
+from tuner.types.records import DataError
 
 DOWN = 2.0
 SHORT = GaussMarkov(3.0, 4.0)
@@ -96,3 +97,10 @@ def test_check_of_a_receiver_that_errs_more_down_is_honest():
     config = configuration(RECEIVER)
     found = check(config, city(1500.0), runs=8, seed=6).consistency
     assert found.consistent, found.verdicts
+
+
+def test_a_receiver_without_a_second_fix_is_refused():
+    """Such as one identified from a log whose stamps are 10 000 times too large."""
+    rare = replace(load_gnss("spp"), interval=1e4)
+    with pytest.raises(DataError, match=r"expected two fixes or more in the 3600 s of city"):
+        scenario(city(3600.0), rare, 0.01)
