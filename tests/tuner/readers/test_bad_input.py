@@ -125,7 +125,8 @@ def test_no_header(tmp_path: Path) -> None:
         ({"accel_unit": "deg/s"}, "--accel-unit: unknown unit 'deg/s': expected one of m/s"),
         ({"rate": 200.0}, "the stamps give 100 Hz, --rate says 200 Hz"),
         ({"rate": -1.0}, "--rate: expected a positive number"),
-        ({"gyro_scale": float("nan")}, "--gyro-scale: expected a positive number"),
+        ({"gyro_scale": float("nan")}, "read: gyro_scale: expected a number or None, found nan"),
+        ({"gyro_scale": 0.0}, "--gyro-scale: expected a positive number"),
         ({"columns": {"gyro": "nothing"}}, "no column 'nothing': found t, gyro_x"),
         ({"columns": {"gyro_x": "gyro_x", "pressure": "nothing"}}, "no column 'nothing'"),
         ({"columns": {"gyro": "gyro_x[0:3]"}}, "has one column and cannot be sliced"),
@@ -223,7 +224,7 @@ def test_mapping_that_is_none() -> None:
         (
             {"gyro": GYRO},
             {"rate": 100.0, "gyro_unit": "rad/s", "arma": "off"},
-            "'arma' must be 'fast', 'exact' or None",
+            "identify: arma: expected 'fast' or 'exact' or None, found 'off'",
         ),
     ],
 )
