@@ -392,14 +392,13 @@ def measured_or_reason(
 
 
 def diverged_on(drive: Drive, measured: DriveResult) -> str:
-    """Return why nothing is concluded from a drive on which the filter diverged, and what to do, in one line."""
+    """Return in one line why nothing is concluded from a drive on which the filter diverged: what was measured."""
     found = measured.consistency
     worst = "".join(f", innovations {one.ratio:.3g} × predicted" for one in found.nis[:1])
     return (
         f"{drive.source or drive.name}: expected a filter that follows the drive, found one that diverged with the "
         f"settings as tuned: {100.0 * found.gated:.0f} % of the fixes refused{worst}; nothing is "
-        "concluded from this drive: check axes, units and clocks of its unit and receiver, give a drive that begins "
-        "at rest, or run tune on a static log without --drive"
+        "concluded from this drive"
     )
 
 

@@ -55,7 +55,7 @@ def cured(message: str, truth: Truth) -> dict[str, object]:
     if "--rate" in message:
         options["rate"] = truth.rate
     elif "--columns 't=" in message:
-        options["columns"] = {"t": f"t [{CLOCK_UNITS[truth.clock.split(' ')[0]]}]"}
+        options["columns"] = {"t": f"t [{({**CLOCK_UNITS, 'ticks': '0.1 ms'})[truth.clock.split(' ')[0]]}]"}
     for sensor, unit, sizes in (("gyro", truth.gyro, GYRO_UNITS), ("accel", truth.accel, ACCEL_UNITS)):
         counts = unit == "counts"
         if f"--{sensor}-scale" in message:

@@ -27,7 +27,9 @@ from tuner.cli.examples import EXAMPLES
 from tuner.cli.package_check import foreign_models
 from tuner.cli.process import ANSWERS, Terminated, answer, kernel_cache, robust_streams, termination
 from tuner.formats.guard import reason
+from tuner.formats.packages import python
 from tuner.heap import keep_freed_memory
+from tuner.readers.refusal import without_options
 from tuner.types.one_line import printable
 from tuner.types.records import DataError
 
@@ -118,7 +120,7 @@ def run(arguments: Sequence[str]) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except (DataError, RegistryError, OSError) as error:
-        return _refuse(str(error))
+        return _refuse(without_options(str(error), _options_of(arguments)))
     except ImportError as error:
         return _refuse(_missing(arguments[0], error))
     except MemoryError as error:
@@ -134,6 +136,12 @@ def run(arguments: Sequence[str]) -> int:
     return status if isinstance(status, int) else 0
 
 
+def _options_of(arguments: Sequence[str]) -> frozenset[str]:
+    """Return the options of the command that is run."""
+    command = tuner.commands.get(arguments[0]) if arguments else None
+    return frozenset(option for p in (command.params if command is not None else ()) for option in p.opts)
+
+
 def _missing(command: str, error: ImportError) -> str:
     """Say which package a command lacks, and what to install; every kernel needs numba, whatever the options are."""
     last = error.__traceback__
@@ -143,7 +151,8 @@ def _missing(command: str, error: ImportError) -> str:
     if "numba" in {(error.name or "").partition(".")[0], raised_in.partition(".")[0]}:
         return (
             f"'tuner {command}' needs numba, which cannot be loaded ({error}); install one that fits the installed "
-            "numpy: pip install --upgrade numba numpy; no option and no smaller number of runs does without it"
+            f"numpy: {python()} -m pip install --upgrade numba numpy; no option and no smaller number of runs does "
+            "without it"
         )
     return f"a package that 'tuner {command}' needs cannot be loaded ({error}); install it anew"
 

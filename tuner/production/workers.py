@@ -20,6 +20,7 @@ from contextlib import suppress
 from typing import Any
 
 from tuner.formats.guard import reason
+from tuner.formats.packages import install
 from tuner.jobs import THREAD_LIMITS
 from tuner.production.unit import Outcome, Task
 from tuner.types.records import DataError
@@ -134,7 +135,7 @@ def _on_cluster(attempt: Attempt, tasks: Sequence[Task], scheduler: str) -> Iter
     try:
         distributed: Any = importlib.import_module("distributed")
     except ImportError:
-        msg = "--scheduler needs Dask, which is not installed: pip install 'ins-noise-tuner[dask]'"
+        msg = f"--scheduler needs Dask, which is not installed: {install('dask', 'distributed')}"
         raise DataError(msg) from None
     try:
         client = distributed.Client(scheduler, timeout=SCHEDULER_PATIENCE, set_as_default=False)

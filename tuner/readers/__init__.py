@@ -25,6 +25,8 @@ from tuner.readers.log_format import FORMATS, LogFormat, columns_of, file_of, lo
 from tuner.readers.logs_in_memory import Table, in_python, list_table
 from tuner.readers.messages import ardupilot, rosbag, ulog
 from tuner.readers.options import Options
+from tuner.readers.readings import advised
+from tuner.readers.refusal import Refusal
 from tuner.readers.source_kind import unit_of_log
 from tuner.readers.time_range import between
 from tuner.types.arguments import expect
@@ -129,10 +131,13 @@ def read(
     if not isinstance(path, str | Path):
         try:
             listing, identity = list_table(path)
-            plan = plan_of(listing, options)
-            return between(
-                checked(listing, plan, even(listing, plan, identity, options), options), begin, end
-            )
+            try:
+                plan = plan_of(listing, options)
+                return between(
+                    checked(listing, plan, even(listing, plan, identity, options), options), begin, end
+                )
+            except Refusal as refusal:
+                raise DataError(advised(refusal, listing, options)) from None
         except DataError as error:
             raise DataError(in_python(str(error))) from None
     named = path
@@ -152,11 +157,14 @@ def read(
         raise DataError(msg)
     listing = columns_of(path, progress, unit_name)
     with input_guard(path, "a log"), np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        plan = plan_of(listing, options)
-        how = reduction(listing, plan, memory)
-        if how is not None:
-            return read_means(listing, plan, digest(path), options, how, begin, end)
-        records = checked(listing, plan, even(listing, plan, digest(path), options), options)
+        try:
+            plan = plan_of(listing, options)
+            how = reduction(listing, plan, memory)
+            if how is not None:
+                return read_means(listing, plan, digest(path), options, how, begin, end)
+            records = checked(listing, plan, even(listing, plan, digest(path), options), options)
+        except Refusal as refusal:
+            raise DataError(advised(refusal, listing, options)) from None
         if unit_name:
             records = tuple(replace(record, source=printable(str(named))) for record in records)
         return between(records, begin, end)

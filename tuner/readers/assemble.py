@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from models.units import unit_value
 from tuner.readers import column_names as names
 from tuner.readers.bad_rows import BadRows, LogRows, expect_few
-from tuner.readers.column_choice import Layout, choose
+from tuner.readers.column_choice import NO_COLUMN, Layout, choose, exchanged
 from tuner.readers.columns import Listing, Part
 from tuner.readers.constant_axes import without_constant_axes
 from tuner.readers.options import STAMP, Options, UnitChoice, sensor_unit, stated_rate
+from tuner.readers.refusal import Change, Refusal
 from tuner.readers.sample_grid import Columns, sample_grid
 from tuner.readers.time_base import Timebase
 from tuner.readers.unit_checks import check_units
@@ -54,8 +55,8 @@ class Plan:
 class EvenRecords:
     """Records on an even grid whose units and values were not judged yet, with what is to be said of them.
 
-    These are notes, assumptions, the rows that hold no measurement, and how many of these are at the beginning and at
-    the end.
+    These are notes, assumptions, the rows that hold no measurement, how many of these are at the beginning and at the
+    end, and readings of an unusual clock.
     """
 
     records: tuple[Record, ...]
@@ -63,6 +64,7 @@ class EvenRecords:
     assumptions: tuple[str, ...]
     bad: tuple[BadRows, ...] = ()
     edges: tuple[int, int] = (0, 0)
+    changes: tuple[Change, ...] = ()
 
 
 def plan_of(listing: Listing, options: Options) -> Plan:
@@ -91,7 +93,7 @@ def even(
     layout, units = plan.layout, plan.units
     notes: list[str] = []
     bad: list[BadRows] = []
-    time, blocks, covariates = _load(listing, plan)
+    time, blocks, covariates = _load(listing, plan, options)
     rate = options.rate if options.rate is not None else stated_rate(listing.meta)
     groups = {s.name: block for s, block in zip(layout.sensors, blocks, strict=True)}
     within = within or LogRows(0, len(blocks[0]))
@@ -100,6 +102,9 @@ def even(
         valid = _valid_rows(groups if time is None else groups | {"t": time}, notes, bad, within)
         columns = Columns(groups, axes, valid, time, covariates.pop("week", None), within)
         grid = sample_grid(listing, layout.time, columns, rate, options, notes, bad)
+    except Refusal as error:
+        msg = f"{listing.path}: {error}"
+        raise Refusal(msg, error.changes) from None
     except DataError as error:
         msg = f"{listing.path}: {error}"
         raise DataError(msg) from None
@@ -146,7 +151,9 @@ def even(
     assumptions = () if clock is None else tuple(clock.assumptions)
     kept = base.rows
     edges = (0, 0) if kept is None else (int(kept.min()), len(blocks[0]) - 1 - int(kept.max()))
-    return EvenRecords(tuple(records), tuple(notes), assumptions, tuple(bad), edges)
+    return EvenRecords(
+        tuple(records), tuple(notes), assumptions, tuple(bad), edges, () if clock is None else clock.changes
+    )
 
 
 def checked(
@@ -164,7 +171,15 @@ def checked(
             "choose others with --columns"
         )
         raise DataError(msg)
-    remarks, assumed = check_units(str(listing.path), single, plan.units, assume_si=options.assume_si)
+    remarks, said_first = check_units(
+        str(listing.path),
+        single,
+        plan.units,
+        assume_si=options.assume_si,
+        tried=options.tried,
+        kinds=options.asked != "sums",
+        others=(*found.changes, *exchanged(plan.layout)),
+    )
     notes += remarks
     live = without_constant_axes(records, notes, keep=options.constant_axes)
     steps = {}
@@ -172,7 +187,7 @@ def checked(
         if any(axis in record.axes for record in live) and (step := limiting_step(y)) is not None:
             steps[axis] = step
             notes.append(about_limiting_step(axis, step, one.interval, one.unit))
-    assumptions = [*(assumed[record.name] for record in live if record.name in assumed), *assumptions]
+    assumptions = [*(said_first[record.name] for record in live if record.name in said_first), *assumptions]
     said = tuple(dict.fromkeys(printable(note) for note in [*assumptions, *notes]))
     return tuple(
         replace(
@@ -186,7 +201,7 @@ def checked(
 
 
 def _load(
-    listing: Listing, plan: Plan
+    listing: Listing, plan: Plan, options: Options
 ) -> tuple[NDArray[Any] | None, list[NDArray[Any]], dict[str, FloatArray]]:
     """Return the time column, one block a sensor, and the covariates."""
     layout = plan.layout
@@ -203,6 +218,12 @@ def _load(
     if not len(blocks[0]):
         msg = f"{listing.path}: no data rows"
         raise DataError(msg)
+    if NO_COLUMN in (options.columns or {}).values() and len(blocks) == 1 and blocks[0].dtype.kind == "f":
+        own = (
+            np.isfinite(blocks[0]).any(axis=1).reshape(-1)
+        )  # rows of the sensor that is left out are none of this one's
+        loaded = tuple(group[own] if len(group) == len(own) else group for group in loaded)
+        blocks = [np.asfortranarray(loaded[0])]
     covariates = {
         name: np.asarray(column[:, 0], float)
         for name, column in zip(layout.covariates, loaded[count:], strict=False)
@@ -248,6 +269,13 @@ def _valid_rows(
         if within.first + count >= within.count:
             last = min(last, count - int(mask[::-1].argmax()))
     valid: BoolArray = np.logical_and.reduce(list(masks.values()))
+    if {"gyro", "accel"} <= masks.keys() and 2 * np.count_nonzero(masks["gyro"] ^ masks["accel"]) > count:
+        sizes = ", ".join(f"{name} in {np.count_nonzero(masks[name])}" for name in ("gyro", "accel"))
+        msg = (
+            f"gyro and accel stand in different rows ({sizes} of {count}), as two topics in one table do: they cannot "
+            "be read together"
+        )
+        raise Refusal(msg, [Change(columns={name: NO_COLUMN}) for name in ("accel", "gyro")])
     number = int((~valid[first:last]).sum())
     if number:
         row = within.first + first + int(np.argmin(valid[first:last])) + 1

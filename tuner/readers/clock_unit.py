@@ -2,17 +2,19 @@
 
 A step of 10000 is 100 Hz in microseconds and nothing an inertial sensor does in seconds; a stamp of 1.7e15 beside it is
 the present in microseconds since 1970. Where two units give a usual rate, the log is refused: a step of 1 is 1 Hz in
-seconds and 1 kHz in milliseconds.
+seconds and 1 kHz in milliseconds. Which of them is left, the samples may tell (`tuner.readers.readings`).
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.types.records import DataError
+from tuner.readers.column_names import TIME_UNITS, UNITS_BY_NAME, parse_name, without_unit
+from tuner.readers.refusal import Change, Refusal
 
 MIN_RATE, MAX_RATE = 0.01, 1e6
 """Rates of inertial logs, Hz, that are possible at all."""
@@ -50,8 +52,8 @@ def unit_of_stamps(
 
     Raises
     ------
-    DataError
-        Where two units are possible: with the rate in each and what to pass.
+    Refusal
+        Where two units are possible: with the rate in each.
     """
     middle = float(np.median(time))
     if step <= 0.0:
@@ -64,7 +66,18 @@ def unit_of_stamps(
             unit, factor = next(iter(fitting.items()))
             note = f"time in {unit}, in which the stamps have the stated rate of {rate:.6g} Hz"
             return TimeUnit(factor, () if unit == "s" else (note,))
+        if _counts(time, step):
+            return TimeUnit(
+                1.0 / rate, (f"time column '{name}' counts samples: taken as {rate:.6g} Hz, as stated",)
+            )
         return TimeUnit(1.0)  # the caller compares the rates
+    if makers := UNITS_BY_NAME.get(parse_name(name).plain):
+        fitting = {u: TIME_UNITS[u] for u in makers if _usual(step * TIME_UNITS[u])}
+        if len(fitting) == 1:
+            ((unit, factor),) = fitting.items()
+            return TimeUnit(
+                factor, (), (f"time in {unit}, as its maker counts: {1.0 / (step * factor):.6g} Hz",)
+            )
     for program, (low, high) in DAY_NUMBERS.items():
         if low < middle < high and _usual(86400.0 * step):
             return TimeUnit(86400.0, (f"time in days, as {program} numbers them",))
@@ -88,16 +101,31 @@ def unit_of_stamps(
     longer = [u for u in ("min", "h") if _usual(step * STATED_BY_RATE[u])]
     rates = {u: 1.0 / (step * STATED_BY_RATE[u]) for u in dict.fromkeys([*usual, *longer, *possible])}
     shown = ", ".join(f"{hz:.4g} Hz in {u}" for u, hz in rates.items()) or f"a mean step of {step:.4g}"
-    examples = " or --rate ".join(f"{hz:.6g}" for hz in [*rates.values()][:2]) or "100"
-    written = next((u for u in rates if u in usual + longer and not u.startswith("ticks")), "us")
-    msg = (
-        f"time column '{name}': nothing states its unit, and it stays open: {shown}; pass the rate, such as "
-        f"--rate {examples}, or the unit, such as --columns 't={name} [{written}]'"
-    )
-    raise DataError(msg)
+    counted = _counts(time, step)
+    asked = [Change(asked="rate")] if counted else []
+    counts = "it counts by one, as a counter of samples does; " if counted else ""
+    msg = f"time column '{name}': nothing states its unit, and it stays open: {counts}{shown}"
+    raise Refusal(msg, [*asked, *other_units(name, step, middle, rates)])
 
 
-def unusual_rate(unit: str, step: float, *, name: str) -> str | None:
+def other_units(name: str, step: float, middle: float, among: Iterable[str] = CANDIDATES) -> list[Change]:
+    """Return the readings of stamps, of a mean step and a median, in units in which sensors and the calendar go on."""
+    fitting = [
+        unit
+        for unit in among
+        if RATES_WITHOUT_REMARK[0] <= 1.0 / (step * STATED_BY_RATE.get(unit, 1e-4)) <= RATES_WITHOUT_REMARK[1]
+        and abs(middle) * STATED_BY_RATE.get(unit, 1e-4) < SINCE_1970[1]
+    ]
+    usual = [unit for unit in fitting if _usual(step * STATED_BY_RATE.get(unit, 1e-4))]
+    return [time_in(unit, name) for unit in usual or fitting]
+
+
+def time_in(unit: str, name: str) -> Change:
+    """Return the reading of a time column in a unit."""
+    return Change(columns={"t": f"{without_unit(name)} [{unit.removeprefix('ticks of ')}]"})
+
+
+def unusual_rate(unit: str, step: float) -> str | None:
     """Return what to say of a stated unit that gives a rate few inertial logs have, where another gives a usual one."""
     rate = 1.0 / (step * STATED_BY_RATE.get(unit, CANDIDATES["ticks of 0.1 ms"])) if step > 0.0 else 1.0
     usual = [(u, 1.0 / (step * f)) for u, f in CANDIDATES.items() if step > 0.0 and _usual(step * f)]
@@ -106,8 +134,13 @@ def unusual_rate(unit: str, step: float, *, name: str) -> str | None:
     other, hz = usual[0]
     return (
         f"time in {unit}, as the file states: {rate:.6g} Hz; were the stamps in {other}, it would be {hz:.6g} Hz, and "
-        f"every time and coefficient another: --columns 't={name} [{other}]' says so"
+        "every time and coefficient another"
     )
+
+
+def _counts(time: NDArray[np.float64] | NDArray[np.int64], step: float) -> bool:
+    """Return whether stamps count samples: whole numbers, one after the other but for lost ones."""
+    return float(np.median(np.diff(time))) == 1.0 and step < 1.1 and bool(np.all(np.mod(time, 1) == 0))
 
 
 def _usual(step: float) -> bool:

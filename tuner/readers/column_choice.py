@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from tuner.readers import column_names as names
 from tuner.readers.column_mapping import AXES, Mapped, offered, resolve, stated_unit
 from tuner.readers.columns import Listing, Part
+from tuner.readers.refusal import Change
 from tuner.types.records import DataError
 
 Parsed = Mapping[str, names.ColumnName]
@@ -65,7 +66,7 @@ def choose(listing: Listing, *, columns: Mapping[str, str] | None = None) -> Lay
     columns = dict(columns or {})
     absent = {
         role
-        for role in ("t", "temperature")
+        for role in ("t", "temperature", *names.SENSORS)
         if columns.get(role) == NO_COLUMN and NO_COLUMN not in listing.shapes
     }
     columns = {role: name for role, name in columns.items() if role not in absent}
@@ -73,7 +74,7 @@ def choose(listing: Listing, *, columns: Mapping[str, str] | None = None) -> Lay
     by_name = _by_name(parsed, {part.array for chosen in mapped.values() for part in chosen.parts})
     notes: list[str] = []
     sensors: list[Sensor] = []
-    for name in names.SENSORS:
+    for name in (sensor for sensor in names.SENSORS if sensor not in absent):
         sensor = (
             _as_mapped(listing, name, mapped)
             or _by_alias(listing, name, by_name, parsed)
@@ -102,7 +103,7 @@ def choose(listing: Listing, *, columns: Mapping[str, str] | None = None) -> Lay
     used = {part.array for sensor in sensors for part in sensor.parts}
     used |= {channel.part.array for channel in channels.values()}
     if unused := [array for array in listing.shapes if array not in used]:
-        for name in set(names.SENSORS) - {sensor.name for sensor in sensors}:
+        for name in set(names.SENSORS) - absent - {sensor.name for sensor in sensors}:
             like = [array for array in unused if names.sensor_of(parsed[array].plain) == name]
             if len(like) >= len("xyz"):
                 notes.append(
@@ -114,10 +115,27 @@ def choose(listing: Listing, *, columns: Mapping[str, str] | None = None) -> Lay
     return Layout(channels.pop("t", None), tuple(sensors), channels, tuple(notes))
 
 
+def exchanged(layout: Layout) -> tuple[Change, ...]:
+    """Return the columns that read gyro as accel and accel as gyro, each in the unit of its name; none without both."""
+    if len(layout.sensors) != 2:
+        return ()
+    gyro, accel = layout.sensors
+    if len(gyro.parts) != len(accel.parts):
+        return ()
+    columns: dict[str, str] = {}
+    for one, other in ((gyro, accel), (accel, gyro)):
+        unit = f" [{one.unit}]" if one.unit is not None else ""
+        columns |= {
+            axis: f"{names.without_unit(str(part))}{unit}"
+            for axis, part in zip(one.axes, other.parts, strict=True)
+        }
+    return (Change(columns=columns),)
+
+
 def _nothing_found(listing: Listing) -> str:
     wide = next((name for name, shape in listing.shapes.items() if len(shape) == 2 and shape[1] >= 6), None)
     single = next(iter(listing.shapes)) if len(listing.shapes) == 1 else "NAME"  # the first is often the time
-    example = f"gyro={wide}[3:6],accel={wide}[0:3]" if wide else f"gyro_x={single}"
+    example = f"gyro={wide}[FIRST:LAST]" if wide else f"gyro_x={single}"
     why = "; ".join([note for note in listing.notes if "left out" in note][:3])
     return (
         f"{listing.path}: no gyro or accel column: expected names such as gyro_x or an (n, 3) array gyro, "
@@ -141,7 +159,7 @@ def _only(listing: Listing, role: str, arrays: list[tuple[int, str]]) -> str:
     if len(best) > 1:
         msg = (
             f"{listing.path}: several columns could be {role}: {', '.join(best)}; "
-            f"choose one with --columns '{role}={best[0]}'"
+            f"choose one with --columns '{role}=NAME'"
         )
         raise DataError(msg)
     return best[0]

@@ -98,6 +98,8 @@ def _resolve(listing: Listing, parsed: Mapping[str, names.ColumnName], role: str
             name = sliced["name"]
         elif stated is not None:
             name, unit = stated["name"], stated["unit"]
+            if name not in listing.shapes and (sliced := _SLICE.match(name)) is not None:
+                name = sliced["name"]
     array = _find(listing, parsed, role, name)
     sensor = role.split("_")[0] if role.split("_")[0] in names.SENSORS else None
     unit = unit or stated_unit(listing, parsed[array], sensor)

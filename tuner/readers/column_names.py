@@ -119,6 +119,11 @@ UNITS: Mapping[str, tuple[str, ...]] = {
 
 INCREMENT_UNITS = frozenset(("rad", "deg", "arcsec", "m/s", "cm/s", "ft/s"))
 
+INCREMENT_OF: Mapping[str, str] = {
+    "rad/s": "rad", "deg/s": "deg", "m/s^2": "m/s", "cm/s^2": "cm/s", "ft/s^2": "ft/s",
+}  # fmt: skip
+"""Increments of a rate: what is meant where a file calls them by the rate."""
+
 _SPELLINGS: Mapping[str, tuple[str, ...]] = {
     "rad/s": ("rad/s", "rad/sec", "rad/second", "rads/s", "radian/s", "radian/sec", "radian/second", "radians/s",
               "radians/sec", "radians/second", "rad s^-1", "rad*s^-1", "rad.s^-1", "rad s-1", "rad.s-1", "radps",
@@ -164,8 +169,8 @@ _INDEX = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<index>\d{1,4})[\])]\s*$")
 """A bracket that holds a whole number is an index: ``gyro_rad[0]`` of PX4 is its x axis."""
 _RATE_OF = {"rad": "rad/s", "deg": "deg/s"}
 """What ``gyro_rad`` means: a gyroscope gives rates, unless its name is that of an increment."""
-_UNIT_BY_NAME = {"sample_time_fine": "0.1 ms"}
-"""Columns whose unit is that of their maker: Xsens counts 10 kHz ticks."""
+UNITS_BY_NAME: Mapping[str, tuple[str, ...]] = {"sample_time_fine": ("0.1 ms", "us")}
+"""Clocks whose unit is one of their maker's: Xsens counts ticks of 0.1 ms (MTi) or microseconds (DOT)."""
 _BRACKET = re.compile(r"^(?P<name>.*?)\s*[\[({](?P<unit>[^\])}]*)[\])}]\s*$")
 _AXIS = re.compile(r"^(?P<stem>.+?)_?(?P<axis>[xyz])$")
 
@@ -233,7 +238,13 @@ def parse_name(written: str) -> ColumnName:
                 rate = not increments(parts[0]) and (_role_of(parts[0]) or ("",))[0].startswith("gyro")
                 angle = rate and found in _RATE_OF
                 return ColumnName(written, parts[0], _RATE_OF[found] if angle else found, angle)
-    return ColumnName(written, plain, unit or _UNIT_BY_NAME.get(plain))
+    return ColumnName(written, plain, unit)
+
+
+def without_unit(written: str) -> str:
+    """Return a column name without the unit in brackets behind it."""
+    match = _BRACKET.match(written) if _INDEX.match(written) is None else None
+    return match["name"] if match and match["name"] else written
 
 
 def role_of(name: ColumnName) -> tuple[str, int] | None:
@@ -261,6 +272,8 @@ def _role_of(plain: str) -> tuple[str, int] | None:
         return None if found is None else (found[0], 1)
     match = _AXIS.match(plain)
     stem, suffix = (match["stem"], f"_{match['axis']}") if match else (plain, "")
+    if stem == "alpha" and suffix:  # Kalibr's name of the specific force, elsewhere the angular acceleration
+        return "accel" + suffix, 1
     for sensor in SENSORS:
         stems = [s for s in STEMS[sensor] if suffix or len(s) > 1]
         if stem in stems:

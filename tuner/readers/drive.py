@@ -17,6 +17,7 @@ counted; the scatter of stamps about an even clock is taken out (`tuner.readers.
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Mapping
 from dataclasses import replace
@@ -39,6 +40,7 @@ from tuner.readers.fixes.gps_time import GpsFixes, on_clock_of
 from tuner.readers.kf_gins import read_kf_gins
 from tuner.readers.log_format import file_of, format_of, library_of
 from tuner.readers.options import STAMP
+from tuner.readers.refusal import without_options
 from tuner.readers.source_kind import drive_in_messages, is_drive_by_form, with_name
 from tuner.readers.steady_stamps import steady_stamps
 from tuner.readers.waypoint import read_waypoint
@@ -191,9 +193,17 @@ def _of_arrays(path: Path, found: DriveArrays) -> Drive:
 
 
 def _folder(path: Path) -> Drive:
-    inertial = read(
-        _existing(path / "imu.csv"), constant_axes=True, assume="si", memory=sys.float_info.max, stamps=True
-    )
+    try:
+        inertial = read(
+            _existing(path / "imu.csv"),
+            constant_axes=True,
+            assume="si",
+            memory=sys.float_info.max,
+            stamps=True,
+        )
+    except DataError as error:  # the options of a log are none of a drive: its header says the same
+        said = re.sub(r"pass --columns 't=([^']*)'(?! --)", r"write '\1' into the header", str(error))
+        raise DataError(without_options(said)) from None
     records = {r.name: r for r in inertial}
     found = [axis for record in records.values() for axis in record.axes]
     if len(found) != 6:

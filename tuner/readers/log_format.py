@@ -20,6 +20,7 @@ from pathlib import Path
 
 from models.registry import Registry
 from tuner.formats.guard import guarded, input_guard
+from tuner.formats.packages import install
 from tuner.readers.columns import Listing, Progress
 from tuner.readers.drive_npz import DriveArrays
 from tuner.types.records import DataError
@@ -45,7 +46,7 @@ class LogFormat:
     recognizes : callable, optional
         Tells from the first `HEAD_BYTES` bytes whether a file of another ending is of this format.
     extra : str, optional
-        Extra of this package (``pip install 'ins-noise-tuner[EXTRA]'``) with the library that `read` imports.
+        Extra of this package with the library that `read` imports.
     drive : callable, optional
         Returns the arrays of a drive, of a format that can hold fixes beside inertial samples.
     folder : callable, optional
@@ -172,14 +173,14 @@ def columns_of(path: Path, progress: Progress | None, unit: str = "") -> Listing
 
 @contextmanager
 def library_of(declared: LogFormat, path: Path) -> Iterator[None]:
-    """Say in one line which extra to install where the library of a format is missing."""
+    """Say in one line what to install where the library of a format is missing."""
     try:
         yield
     except ImportError as error:
         if declared.extra is None:
             raise
         msg = (
-            f"{path}: {declared.title} needs {error.name}: install the extra '{declared.extra}' "
-            f"(pip install 'ins-noise-tuner[{declared.extra}]')"
+            f"{path}: {declared.title} needs {error.name}, which is not installed: "
+            f"{install(declared.extra, str(error.name))}"
         )
         raise DataError(msg) from None

@@ -98,7 +98,7 @@ def in_python(message: str) -> str:
     text = re.sub(r"--columns (\w+)=([^\s,;:]+)", r'columns={"\1": "\2"}', text)
     text = re.sub(r"--(rate|gyro-scale|accel-scale|memory) ([A-Z\d][\w.+]*)", r"--\1=\2", text)
     text = re.sub(r"--(gyro-unit|accel-unit|assume) ([\w/^]+)", r'--\1="\2"', text)
-    text = text.replace("} --", "}, --")
+    text = re.sub(r'(?<=[}"\d]) (?=--)', ", ", text)
     return re.sub(
         r"--(rate|(?:gyro|accel)-(?:unit|scale)|assume|columns|memory|begin|end)\b",
         lambda found: found[1].replace("-", "_"),

@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tuner.readers.bad_rows import BadRows, LogRows
-from tuner.readers.clock_unit import MAX_RATE, MIN_RATE
+from tuner.readers.clock_unit import MAX_RATE, MIN_RATE, STATED_BY_RATE, time_in
 from tuner.readers.column_choice import Channel
 from tuner.readers.column_mapping import offered
 from tuner.readers.columns import Listing
 from tuner.readers.options import Options
 from tuner.readers.placeholder_rows import without_placeholders
+from tuner.readers.refusal import Refusal
 from tuner.readers.time_base import COARSE_CLOCK, Timebase, even_timebase, stamped_timebase
 from tuner.readers.time_column import Clock, read_clock
 from tuner.readers.value_checks import without_spikes
@@ -110,7 +111,7 @@ def sample_grid(
         columns.groups, columns.axes, usable, notes, bad, within=within, interval=clock.step
     )
     base = _timebase(clock, usable, equal, options, notes)
-    _check_rate(base.interval, rate, notes, explicit=options.rate is not None)
+    _check_rate(clock, base.interval, str(channel.part), rate, notes, explicit=options.rate is not None)
     return SampleGrid(base, clock.origin, clock)
 
 
@@ -159,17 +160,18 @@ def _timebase(
         return even_timebase(len(clock.stamps), 1.0 / rate, usable, moving=options.stamps)
 
 
-def _check_rate(interval: float, rate: float | None, notes: list[str], *, explicit: bool) -> None:
+def _check_rate(
+    clock: Clock, interval: float, name: str, rate: float | None, notes: list[str], *, explicit: bool
+) -> None:
     """Refuse stamps whose rate is far from the stated one; note a small difference."""
     if rate is None:
         return
     measured = 1.0 / interval
     if abs(measured / rate - 1.0) > RATE_TOLERANCE:
         whose = "--rate says" if explicit else "the file's meta says"
-        msg = (
-            f"the stamps give {measured:.6g} Hz, {whose} {rate:.6g} Hz: correct the rate, or state the unit "
-            "of the time column, such as --columns 't=NAME [ms]'"
-        )
-        raise DataError(msg)
+        one = interval / clock.factor
+        fitting = [u for u, f in STATED_BY_RATE.items() if abs(1.0 / (one * f * rate) - 1.0) < RATE_TOLERANCE]
+        msg = f"the stamps give {measured:.6g} Hz, {whose} {rate:.6g} Hz"
+        raise Refusal(msg, [time_in(unit, name) for unit in fitting])
     if abs(measured / rate - 1.0) > 1e-3:
         notes.append(f"the stamps give {measured:.9g} Hz, stated were {rate:.9g} Hz: the stamps are used")

@@ -84,12 +84,21 @@ def list_text(path: Path, progress: Progress | None = None) -> Listing:
     for j, day in dialect.dates.items():
         since = f"since {day} 00:00 UTC" if day else "of the day"
         notes += (f"'{names[j]}' holds {'dates' if day else 'clock times'}: read as seconds {since}",)
+    meta: dict[str, float] = {} if dialect.rate is None else {"rate_hz": dialect.rate}
+    for role, key, lsb in (("gyro", "gscale", "rad/s"), ("accel", "ascale", "g")):
+        if key in dialect.scales:
+            meta[f"{role}_lsb_{lsb}"] = dialect.scales[key]
+            units |= {
+                n: "count" for n in names if (found := role_of(parse_name(n))) and found[0].startswith(role)
+            }
+    if "tscale" in dialect.scales:
+        units |= {n: f"{dialect.scales['tscale']} s" for n in names if _is_time(parse_name(n))}
     return Listing(
         path=path,
         units=units,
         shapes=dict.fromkeys(names, (0,)),
         load=load,
-        meta={} if dialect.rate is None else {"rate_hz": dialect.rate},
+        meta=meta,
         notes=notes,
         guessed=guessed,
         stream=stream,

@@ -37,6 +37,13 @@ _STATED_RATE = re.compile(
 )
 """A sampling rate stated above the header, such as ``// Update Rate: 100.0Hz``."""
 
+_SCALE = re.compile(r"(?P<key>[tga]scale),(?P<value>\d*\.?\d+(?:[eE][+-]?\d+)?)$")
+"""A scale above the header of a GCSV (Gyroflow)."""
+_YAML = re.compile(r"\s*[A-Za-z_]\w*:(\s|$)")
+"""A line of YAML with a key."""
+YAML_LINES = 40
+"""Lines by which a print of messages is known: two of them."""
+
 
 @dataclass(frozen=True)
 class Dialect:
@@ -58,6 +65,8 @@ class Dialect:
         Point or comma before fractions.
     rate : float or None
         Sampling rate that is stated above the header, Hz.
+    scales : mapping of str to float
+        ``tscale``, ``gscale`` and ``ascale`` above the header of a GCSV: s, rad/s and g in one count.
     """
 
     names: tuple[str, ...]
@@ -67,6 +76,7 @@ class Dialect:
     dates: Mapping[int, str] = field(default_factory=lambda: MappingProxyType({}))
     decimal: str = "."
     rate: float | None = None
+    scales: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
 
 
 @contextmanager
@@ -104,6 +114,13 @@ def find_dialect(path: Path) -> Dialect:
     if b"\r" in (body := even_lines(head)).rstrip(b"\r"):
         raise DataError(lone_return(path, 1 + body[: body.index(b"\r")].count(b"\n")))
     lines = re.split("\r{0,2}\n|\r", _decoded(head))
+    keys = sum(_YAML.match(line) is not None for line in lines[:YAML_LINES])
+    if 2 * keys > min(YAML_LINES, len(lines)):
+        msg = (
+            f"{path}: messages printed as YAML, such as by rostopic echo ('{lines[0].strip()[:40]}'): expected "
+            "a header and rows of numbers; give the bag itself, or print rows (rostopic echo -p)"
+        )
+        raise DataError(msg)
     at = next((i for i, line in enumerate(lines) if _is_data(line)), None)
     if at is None:
         found = lines[0].strip()[:40]
@@ -120,6 +137,7 @@ def find_dialect(path: Path) -> Dialect:
         if any(_has_decimal_comma(line, dialect.separator) for line in lines[at:-1] or lines[at:])
         else ".",
         rate=None if rate is None else float(rate.replace(",", ".")),
+        scales={m["key"]: float(m["value"]) for line in lines[:skip] if (m := _SCALE.match(line.strip()))},
     )
 
 

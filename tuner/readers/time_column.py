@@ -7,13 +7,24 @@ it, follows from the median stamp and the mean step together (`tuner.readers.clo
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tuner.readers import column_names as names
-from tuner.readers.clock_unit import LONGEST_SPAN, MAX_RATE, MIN_RATE, unit_of_stamps, unusual_rate
+from tuner.readers.clock_unit import (
+    CANDIDATES,
+    LONGEST_SPAN,
+    MAX_RATE,
+    MIN_RATE,
+    RATES_WITHOUT_REMARK,
+    other_units,
+    unit_of_stamps,
+    unusual_rate,
+)
+from tuner.readers.refusal import Change, Refusal
 from tuner.types.records import DataError
 
 FloatArray = NDArray[np.float64]
@@ -63,6 +74,10 @@ class Clock:
         To which stamps of single precision are rounded, s; 0 where that does not show.
     notes, assumptions : tuple of str
         What was done, and what nobody states.
+    factor : float
+        Seconds in one unit of the stamps in the file.
+    changes : tuple of Change
+        Readings in another unit, where the rate in the one stated is unusual.
     """
 
     origin: float
@@ -72,6 +87,8 @@ class Clock:
     resolution: float
     notes: tuple[str, ...]
     assumptions: tuple[str, ...]
+    factor: float = 1.0
+    changes: tuple[Change, ...] = ()
 
 
 def read_clock(
@@ -111,6 +128,7 @@ def read_clock(
         raise DataError(msg)
     notes: list[str] = []
     assumptions: list[str] = []
+    changes: tuple[Change, ...] = ()
     on = finite & _set(time, finite)
     if (unset := int(np.count_nonzero(finite & ~on))) > 0:
         notes.append(
@@ -135,7 +153,12 @@ def read_clock(
         assumptions += found.assumptions
     elif unit is not None and rate is None and not (by_user or by_type):
         stated = names.unit_of(unit, names.TIME_UNITS, what=name)
-        if (remark := unusual_rate(stated, step, name=name)) is not None:
+        if (remark := unusual_rate(stated, step)) is not None:
+            changes = tuple(other_units(name, step, float(np.median(clock))))
+            if 1.0 / (step * factor) > RATES_WITHOUT_REMARK[1] and changes:
+                hz = f"{1.0 / (step * factor):.4g} Hz in {stated}, as the file states"
+                msg = f"time column '{name}': {hz}, is no rate of an inertial sensor"
+                raise Refusal(msg, changes)
             assumptions.append(remark)
     first = clock[0]
     resolution = factor * _single_precision(clock, step, name, notes, factor)
@@ -152,9 +175,17 @@ def read_clock(
     clock = _only(relative, on)
     step = _mean_step(clock)
     if not by_user:
-        _check(clock, step, name)
+        _check(clock, step, name, factor, origin)
     return Clock(
-        origin, relative, None if on.all() else on, step, resolution, tuple(notes), tuple(assumptions)
+        origin,
+        relative,
+        None if on.all() else on,
+        step,
+        resolution,
+        tuple(notes),
+        tuple(assumptions),
+        factor,
+        changes,
     )
 
 
@@ -166,6 +197,10 @@ def _only(time: Stamps, on: BoolArray) -> Stamps:
 def _stated_factor(unit: str | None, name: str) -> float | None:
     if unit is None:
         return None
+    number, _, of = unit.partition(" ")
+    if of in names.TIME_UNITS and names.known_unit(unit) is None:  # the size of a tick: 0.0018 s
+        with suppress(ValueError):
+            return float(number) * names.TIME_UNITS[of]
     return names.TIME_UNITS[names.unit_of(unit, names.TIME_UNITS, what=f"time column '{name}'")]
 
 
@@ -291,13 +326,15 @@ def _without_strays(relative: FloatArray, on: BoolArray, notes: list[str]) -> Bo
     return on & ~off
 
 
-def _check(relative: Stamps, step: float, name: str) -> None:
+def _check(relative: Stamps, step: float, name: str, factor: float, origin: float) -> None:
     """Refuse a rate and a span that no log of an inertial sensor has."""
-    cure = f"state the unit of time, such as --columns 't={name} [ms]', or the rate: --rate HZ"
+    others = [u for u in CANDIDATES if CANDIDATES[u] != factor]
+    changes = other_units(name, step / factor, origin / factor, others) if step > 0.0 else []
     if step > 0.0 and not MIN_RATE <= 1.0 / step <= MAX_RATE:
-        msg = f"time column '{name}': {1.0 / step:.4g} Hz is no rate of an inertial sensor: {cure}"
-        raise DataError(msg)
+        msg = f"time column '{name}': {1.0 / step:.4g} Hz is no rate of an inertial sensor"
+        raise Refusal(msg, changes)
     span = float(relative.max() - relative.min())
     if span > LONGEST_SPAN:
-        msg = f"time column '{name}': the log spans {span / LONGEST_SPAN:.3g} years: split it at the jump, or {cure}"
-        raise DataError(msg)
+        years = f"{span / LONGEST_SPAN:.3g} years"
+        msg = f"time column '{name}': the log spans {years}: a jump of the clock, or another unit"
+        raise Refusal(msg, changes)

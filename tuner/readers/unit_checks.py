@@ -5,34 +5,41 @@ stated by      what happens where the samples of a sensor at rest speak against 
 =============  ===================================================================================================
 nobody         refused, unless gravity confirms the accelerometers; a gyroscope whose unit its noise, bias and step
                leave open is read in SI, and the result says by how much another unit would be off
-file           refused where another unit gives gravity, or where it is off by more than `MAX_UNIT_FACTOR`
-user           refused where it is off by more than `MAX_UNIT_FACTOR`
+file           refused where gravity is off by more than `MISLEADING`, or where no gyroscope at rest has such noise or
+               bias; said first where gravity is off by less
+user           refused where it is off by more than `MAX_UNIT_FACTOR`, else said first
 =============  ===================================================================================================
 
-``--assume si`` takes what is not stated as SI. The evidence: `tuner.readers.unit_evidence`. A single reading beyond
-`MAX_READING` is a broken row of the file, no spike of a sensor.
+A refusal carries the readings that may be meant; `tuner.readers.readings` tries them, and then every judgement here
+counts, whoever states a unit. ``--assume si`` takes what is not stated as SI. The evidence:
+`tuner.readers.unit_evidence`. A single reading beyond `MAX_READING` is a broken row of the file, no spike of a sensor.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
 
 from models.earth import EARTH_RATE
 from models.units import STANDARD_GRAVITY
-from tuner.readers.column_names import INCREMENT_UNITS, UNITS
+from tuner.readers.column_names import INCREMENT_OF, INCREMENT_UNITS, UNITS
 from tuner.readers.options import UnitChoice
+from tuner.readers.refusal import Change, Refusal
 from tuner.readers.unit_evidence import (
     CHECKED_SAMPLES,
     GRAVITY_TOLERANCE,
+    MAX_BIAS,
     MAX_STEADY_RATE,
+    MAX_SUMMED,
     USUAL_RATES,
     Sizes,
     possible_rate,
     rate_in_motion,
+    same_kind,
     si_value,
     sizes_of,
     step_of,
@@ -44,6 +51,8 @@ from tuner.types.records import DataError, Record
 
 MAX_UNIT_FACTOR = 100.0
 """Factor by which a stated unit may be wrong before it is refused: logs in motion and without gravity exist."""
+MISLEADING = 1.4
+"""Factor from which a number misleads."""
 MAX_READING: Mapping[str, float] = MappingProxyType({"gyro": 1e5, "accel": 1e6})
 """Readings that no sensor has, rad/s and m/s²."""
 MIN_RANGE = 1e-15
@@ -53,40 +62,282 @@ MAX_MEDIAN_RATE = 35.0
 EARTH_TOLERANCE = 0.02
 """Relative distance of a mean rate from the Earth's up to which it is taken for it."""
 ANSWER = "--assume si"
+STEADY = 20.0
+"""Mean ÷ noise of accelerometers from which they show gravity of a unit at rest."""
+MIN_ALIGNED = 0.95
+"""Norm of the mean ÷ mean of the norm from which a unit keeps its attitude, within 18°."""
 
 
 def check_units(
-    source: str, records: Sequence[Record], choices: Mapping[str, UnitChoice], *, assume_si: bool = False
+    source: str,
+    records: Sequence[Record],
+    choices: Mapping[str, UnitChoice],
+    *,
+    assume_si: bool = False,
+    tried: bool = False,
+    kinds: bool = True,
+    others: Sequence[Change] = (),
 ) -> tuple[list[str], dict[str, str]]:
-    """Return notes on units that may be wrong, and by sensor what was assumed where nobody states the unit.
+    """Return notes on units that may be wrong, and by sensor what is to be said first of its unit.
+
+    Parameters
+    ----------
+    source : str
+        Name of the log.
+    records : sequence of Record
+        Its sensors as they are read.
+    choices : mapping of str to UnitChoice
+        Their units.
+    assume_si : bool, optional
+        Whether units that nobody states are SI.
+    tried : bool, optional
+        Whether this is a reading that is tried: then a unit must fit whoever states it.
+    kinds : bool, optional
+        Whether both sensors must have rates, or both increments.
+    others : sequence of Change, optional
+        Readings that are no matter of units: in which the clock has another one, or gyro and accel are exchanged.
 
     Raises
     ------
+    Refusal
+        A unit that the samples contradict.
     DataError
-        A unit that the samples contradict, with the option that states the right one; a reading no sensor has.
+        A reading no sensor has.
     """
     notes: list[str] = []
-    assumed: dict[str, str] = {}
+    said: dict[str, str] = {}
+    sizes = {record.name: sizes_of(record) for record in records}
     for record in records:
-        choice = choices[record.name]
         _check_range(source, record)
-        found = sizes_of(record)
-        open_question = choice.basis == "assumed" and not assume_si
-        if open_question and whole_numbers(record.y, si_value(choice.unit, record.interval)):
-            raise DataError(f"{source}: {_counts(record, found, choice)}")  # noqa: EM102
+    if (text := _exchanged(records, sizes)) and not assume_si:
+        msg = f"{source}: {text}"
+        raise Refusal(msg, others)
+    asked = [n for n, choice in choices.items() if choice.basis == "asked"]
+    judged = sorted((r for r in records if r.name not in asked), key=lambda r: r.name)
+    accel = next((r for r in judged if r.name == "accel"), None)
+    at_rest = None if accel is None else _at_rest(sizes["accel"], accel)
+    for record in judged:
+        choice, found = choices[record.name], sizes[record.name]
+        if choice.basis == "assumed" and assume_si and not tried:
+            said[record.name] = f"{record.name}: {choice.unit} assumed, as {ANSWER} says"
+            continue
+        judge = _Judge(source, record, found, choice, tried, tuple(others))
+        unsure = choice.basis == "assumed" or (
+            tried and choice.basis == "file" and choice.unit in _OF_FRACTIONS
+        )
+        if unsure and whole_numbers(record.y, si_value(choice.unit, record.interval)):
+            stated = f"in {choice.unit} is stated" if choice.basis == "file" else "nothing states their size"
+            msg = f"{source}: {_COUNTS.format(record.name)}, and {stated}"
+            raise Refusal(msg, judge.counts())
         if record.name == "accel":
-            if open_question:
-                assumed["accel"] = _confirmed_by_gravity(source, record, found, choice)
-            elif not assume_si:
-                notes += _not_against_gravity(source, record, found, choice)
+            if (first := judge.accel(choices.get("gyro"))) is not None:
+                said["accel"] = first
+            elif found.norm < STANDARD_GRAVITY / MAX_UNIT_FACTOR and len(record.axes) == 3:
+                notes.append("accel: no gravity in the log, so its unit could not be checked")
         else:
-            if open_question:
-                assumed["gyro"] = _open_rate(source, record, found, choice, choices.get("accel"))
-            if not assume_si:
-                _check_rate(source, record, found, choice)
-        if choice.basis == "assumed" and assume_si:
-            assumed[record.name] = f"{record.name}: {choice.unit} assumed, as {ANSWER} says"
-    return notes, assumed
+            beside = None if accel is None or not kinds else choices["accel"]
+            if (first := judge.gyro(beside, at_rest)) is not None:
+                said["gyro"] = first
+    return notes, said
+
+
+_COUNTS = "{} holds whole numbers, as counts do"
+_OF_FRACTIONS = ("rad/s", "deg/s", "m/s^2", "g")
+"""Units in which samples of a sensor are no whole numbers."""
+
+
+def _exchanged(records: Sequence[Record], sizes: Mapping[str, Sizes]) -> str:
+    """Return what shows that gyroscopes stand where accelerometers should; "" where nothing does."""
+    full = {r.name: r for r in records if len(r.axes) == 3}
+    if full.keys() != {"gyro", "accel"}:
+        return ""
+    gyro, accel = sizes["gyro"], sizes["accel"]
+    if accel.norm > STANDARD_GRAVITY / MAX_UNIT_FACTOR or gyro.mean < MAX_BIAS:
+        return ""
+    if not _at_rest(gyro, full["gyro"]) or _at_rest(accel, full["accel"]):
+        return ""
+    return (
+        f"accel reads {accel.norm:.3g} m/s^2 where gravity is 9.81, and gyro as steady as gravity "
+        f"{np.rad2deg(gyro.mean):.3g} deg/s: the columns of gyro and accel may be exchanged"
+    )
+
+
+def _at_rest(found: Sizes, accel: Record) -> bool:
+    """Return whether what is read as accelerometers shows a unit that keeps still: one direction, little noise."""
+    aligned = found.mean > MIN_ALIGNED * found.norm
+    return len(accel.axes) == 3 and found.mean > STEADY * found.noise and aligned
+
+
+@dataclass(frozen=True)
+class _Judge:
+    """A sensor in the unit it is read in."""
+
+    source: str
+    record: Record
+    found: Sizes
+    choice: UnitChoice
+    tried: bool
+    others: tuple[Change, ...]
+
+    def refusal(self, measured: str, changes: Sequence[Change]) -> Refusal:
+        """Return the refusal of this reading, with what is no matter of units as the last changes."""
+        return Refusal(f"{self.source}: {measured}", (*changes, *self.others))
+
+    @property
+    def raw(self) -> float:
+        """The median norm of the accelerometers as the log has it."""
+        return self.found.norm / si_value(self.choice.unit, self.record.interval)
+
+    def counts(self) -> list[Change]:
+        """Return the readings of whole numbers without a unit, all of which but gravity's their owner must state."""
+        if self.record.name == "gyro":
+            return [Change({"gyro": "deg/s"}, asked="gyro")]
+        return [*self.by_gravity(), self.scaled()]
+
+    def scaled(self) -> Change:
+        """Return the size of a count by gravity: a power of two, if one fits."""
+        power = round(math.log2(self.raw)) if self.raw > 1.0 else 0
+        of_two = abs(self.raw / 2.0**power - 1.0) < GRAVITY_TOLERANCE
+        return Change({"accel": "g"}, {"accel": 2.0**-power if of_two else 1.0 / self.raw})
+
+    def by_gravity(self) -> list[Change]:
+        """Return the units in which the mean is gravity."""
+        return [Change({"accel": unit}) for unit in units_with_gravity(self.raw, self.record.interval)]
+
+    def accel(self, gyro: UnitChoice | None) -> str | None:
+        """Return what is to be said first of the unit of accelerometers; None for nothing.
+
+        Raises
+        ------
+        Refusal
+            Where it is not the one in which the mean is gravity.
+        """
+        record, found, choice = self.record, self.found, self.choice
+        ratio = found.norm / STANDARD_GRAVITY
+        axes = "" if len(record.axes) == 3 else f" on {len(record.axes)} axes"
+        reads = f"accel reads {found.norm:.4g} m/s^2{axes}"
+        if abs(ratio - 1.0) < GRAVITY_TOLERANCE:
+            confirmed = f"accel: {choice.unit} assumed, as its mean is gravity ({found.norm:.4g} m/s^2)"
+            return confirmed if choice.basis == "assumed" else None
+        if choice.basis == "assumed":
+            msg = f"{reads} where gravity is 9.81, and nothing states its unit"
+            raise self.refusal(msg, self.by_gravity())
+        if len(record.axes) != 3 and not self.tried:
+            return None
+        still = _at_rest(found, record)
+        far = max(ratio, 1.0 / ratio) if ratio > 0.0 else math.inf
+        lenient = choice.basis == "user" and not self.tried
+        absurd = ratio > MAX_UNIT_FACTOR or (far > MAX_UNIT_FACTOR and still and not lenient)
+        if absurd or (self.tried and ratio > 0.0) or (still and not lenient and far > MISLEADING):
+            changes = [c for c in self.by_gravity() if same_kind(c.unit["accel"], choice.unit)]
+            if (increment := INCREMENT_OF.get(choice.unit)) is not None and gyro is not None:
+                both = {"accel": increment, "gyro": INCREMENT_OF.get(gyro.unit, "")}
+                changes += [Change(both)] if both["gyro"] else []
+            if whole_numbers(record.y, si_value(choice.unit, record.interval)):
+                changes.append(self.scaled())
+            msg = f"{reads} at rest, {ratio:.3g} × gravity: the unit {choice.unit} is wrong by {far:.3g}x"
+            raise self.refusal(
+                msg,
+                changes,
+            )
+        if still:
+            return f"{reads} at rest in {choice.unit}, {ratio:.3g} × gravity: its unit or its scale is wrong"
+        return None
+
+    def gyro(self, accel: UnitChoice | None, at_rest: bool | None) -> str | None:
+        """Return what is to be said first of the unit of gyroscopes; None for nothing.
+
+        `at_rest` says whether the accelerometers show a unit at rest; None where there are none.
+
+        Raises
+        ------
+        Refusal
+            Where noise, bias, step or the other sensor speak against it.
+        """
+        record, found, choice = self.record, self.found, self.choice
+        interval, read_in = record.interval, choice.unit
+        factor = si_value(read_in, interval)
+        shown = f"{found.mean / factor:.3g} ± {found.noise / factor:.2g} {read_in}"
+        units = [*USUAL_RATES, *(u for u in UNITS["gyro"] if u not in USUAL_RATES)]
+        if accel is not None:
+            units = [u for u in units if same_kind(u, accel.unit)]
+        by_step = {unit_of_step(step_of(y, factor)) for y in record.y.T} - {None}
+        summed = self.tried and found.summed > MAX_SUMMED
+        assumed = choice.basis == "assumed" and not self.tried
+        possible = [
+            u for u in units if not summed and possible_rate(u, found, interval, read_in, assumed=assumed)
+        ]
+        stepped = [u for u in possible if by_step == {u}]
+        turning = _as_the_earth(record, found, possible, read_in)
+        left = stepped or ([turning] if turning else possible)
+        others = [Change({"gyro": unit}) for unit in left if unit != read_in]
+        if not at_rest and "deg/s" in units and rate_in_motion(found, interval, read_in):
+            when = "if the sensor moved" if at_rest is None and others else ""
+            others.insert(0, Change({"gyro": "deg/s"}, when=when))
+        if (
+            accel is not None
+            and not same_kind(read_in, accel.unit)
+            and (self.tried or choice.basis == "assumed")
+        ):
+            kind = "an increment" if accel.unit in INCREMENT_UNITS else "a rate"
+            stated = choice.basis == "file"
+            msg = f"accel is in {accel.unit}, {kind}, and gyro in {read_in}"
+            raise self.refusal(msg, [] if stated else others)
+        fits = read_in in left or self._moves(at_rest)
+        if choice.basis == "assumed" or self.tried:
+            why = "" if fits else f"reads {shown}, which bias and noise at rest cannot be"
+            if stepped and read_in not in stepped:
+                why = f"has samples at multiples of a step that gyroscopes have in {stepped[0]}"
+            elif turning and turning != read_in:
+                why = f"turns as the Earth does in {turning}"
+            if why:
+                who = "nothing states its unit" if choice.basis == "assumed" else f"{read_in} is stated"
+                msg = f"gyro {why}, and {who}"
+                raise self.refusal(msg, others)
+        elif self._absurd(lenient=choice.basis == "user" or not at_rest or read_in in possible):
+            msg = (
+                f"gyro reads {shown} ({np.rad2deg(found.norm):.3g} deg/s in the median), which bias and noise at rest "
+                f"cannot be: the unit {read_in} is wrong"
+            )
+            raise self.refusal(msg, others)
+        doubted = self.tried and choice.basis == "file" and accel is not None and accel.basis == "user"
+        if choice.basis != "assumed" and not doubted:
+            return None
+        foreign = accel is not None and accel.basis != "assumed" and accel.unit not in ("m/s^2", "m/s")
+        if (foreign or doubted) and accel is not None and others and by_step != {read_in}:
+            own = Change({"gyro": read_in})
+            msg = f"accel is in {accel.unit}, and nothing states the unit of gyro"
+            raise self.refusal(
+                msg,
+                [own, *others] if doubted else [*others, own],
+            )
+        if by_step == {read_in}:
+            return f"gyro: {read_in} assumed, as the step of its samples is that of gyroscopes in {read_in}"
+        usual = [u for u in possible if u in USUAL_RATES and u != read_in]
+        sizes = ", ".join(f"in {u} {factor / si_value(u, interval):.3g} times too large" for u in usual[:3])
+        if not sizes:
+            return f"gyro: {read_in} assumed, as no other unit fits its noise and bias"
+        return (
+            f"gyro: {read_in} assumed, as nothing states the unit ({shown}); every gyro number is, if the samples are "
+            f"{sizes}: --gyro-unit {usual[0]} states another"
+        )
+
+    def _moves(self, at_rest: bool | None) -> bool:
+        """Return whether rates that nothing at rest has can be those of a motion, which only a trial supposes."""
+        return (
+            at_rest is not True
+            and self.tried
+            and self.found.norm < MAX_MEDIAN_RATE
+            and self.found.mean < MAX_STEADY_RATE
+        )
+
+    def _absurd(self, *, lenient: bool) -> bool:
+        """Return whether no unit turns so: where nothing shows that it is at rest, only what nothing at all does."""
+        found = self.found
+        if found.white == 0.0:
+            return False
+        fast = found.norm > MAX_MEDIAN_RATE or (found.mean > MAX_STEADY_RATE and found.noise < found.mean)
+        return (fast and len(self.record.axes) == 3) or not lenient
 
 
 def _check_range(source: str, record: Record) -> None:
@@ -107,126 +358,6 @@ def _check_range(source: str, record: Record) -> None:
         raise DataError(msg)
 
 
-def _counts(record: Record, found: Sizes, choice: UnitChoice) -> str:
-    """Return what to do about whole numbers without a unit."""
-    begin = f"{record.name} holds whole numbers, as counts do, and nothing states their size: pass "
-    if record.name == "gyro":
-        return (
-            f"{begin}--gyro-unit deg/s --gyro-scale X with the deg/s in one count of its data sheet, "
-            f"such as 0.0076294 (250 / 2^15), or {ANSWER} if these are {choice.unit}"
-        )
-    raw = found.norm / si_value(choice.unit, record.interval)
-    if units := [u for u in units_with_gravity(raw, record.interval) if u not in INCREMENT_UNITS]:
-        return f"{begin}--accel-unit {units[0]}, in which the mean is gravity, or {ANSWER} if these are {choice.unit}"
-    power = round(math.log2(raw)) if raw > 1.0 else 0
-    scale = 2.0**-power if abs(raw / 2.0**power - 1.0) < GRAVITY_TOLERANCE else 1.0 / raw
-    whence = (
-        f"1 / {2**power}"
-        if scale == 2.0**-power
-        else "gravity divided by the mean; the data sheet knows better"
-    )
-    return (
-        f"{begin}--accel-unit g --accel-scale {scale:.6g} ({whence}), or {ANSWER} if these are {choice.unit}"
-    )
-
-
-def _confirmed_by_gravity(source: str, record: Record, found: Sizes, choice: UnitChoice) -> str:
-    """Return the assumption that gravity confirms, or refuse it."""
-    if abs(found.norm / STANDARD_GRAVITY - 1.0) < GRAVITY_TOLERANCE:
-        return f"accel: {choice.unit} assumed, as its mean is gravity ({found.norm:.4g} m/s^2)"
-    raw = found.norm / si_value(choice.unit, record.interval)
-    units = units_with_gravity(raw, record.interval)
-    axes = "" if len(record.axes) == 3 else f" on {len(record.axes)} axes"
-    option = f"--accel-unit {units[0]}" if units else f"--accel-unit UNIT ({' '.join(UNITS['accel'])})"
-    msg = (
-        f"{source}: accel reads {found.norm:.4g} m/s^2{axes} where gravity is 9.81, and nothing states its unit: "
-        f"pass {option}, or {ANSWER} if these are {choice.unit}"
-    )
-    raise DataError(msg)
-
-
-def _not_against_gravity(source: str, record: Record, found: Sizes, choice: UnitChoice) -> list[str]:
-    """Return a note on a stated unit that could not be checked, or refuse it where it cannot be."""
-    if len(record.axes) != 3:
-        return []
-    tiny = found.norm < STANDARD_GRAVITY / MAX_UNIT_FACTOR
-    steady = found.mean > 20.0 * found.noise
-    units = units_with_gravity(found.norm / si_value(choice.unit, record.interval), record.interval)
-    absurd = found.norm > MAX_UNIT_FACTOR * STANDARD_GRAVITY or (tiny and steady and choice.basis != "user")
-    if absurd or (units and choice.unit not in units and steady and choice.basis == "file"):
-        off = max(found.norm / STANDARD_GRAVITY, STANDARD_GRAVITY / found.norm) if found.norm else math.inf
-        msg = (
-            f"{source}: accel reads {found.norm:.4g} m/s^2 where gravity is 9.81: the unit {choice.unit} is wrong by "
-            f"{off:.3g}x; pass --accel-unit {units[0] if units else 'UNIT'}, or --accel-unit {choice.unit} {ANSWER} "
-            "if it is right"
-        )
-        raise DataError(msg)
-    if tiny:
-        return ["accel: no gravity in the log, so its unit could not be checked"]
-    if units and choice.unit not in units and steady:
-        return [
-            f"accel reads {found.norm:.4g} m/s^2 at rest, as if in {units[0]}: if so pass --accel-unit {units[0]}"
-        ]
-    return []
-
-
-def _open_rate(
-    source: str, record: Record, found: Sizes, choice: UnitChoice, accel: UnitChoice | None
-) -> str:
-    """Return what is assumed of a gyroscope whose unit nobody states, or refuse what noise and bias speak against."""
-    interval, read_in = record.interval, choice.unit
-    factor = si_value(read_in, interval)
-    rates = [u for u in USUAL_RATES if u != read_in]
-    if accel is not None and accel.basis != "assumed":
-        matching = accel.unit in INCREMENT_UNITS
-        rates = [u for u in rates if (u in INCREMENT_UNITS) == matching]
-        if (read_in in INCREMENT_UNITS) != matching:
-            msg = (
-                f"{source}: accel is in {accel.unit}, {'an increment' if matching else 'a rate'}, and nothing states "
-                f"the unit of gyro: pass --gyro-unit {'rad' if matching else 'rad/s'} or "
-                f"{'deg' if matching else 'deg/s'}"
-            )
-            raise DataError(msg)
-    possible = [u for u in rates if possible_rate(u, found, interval, read_in)]
-    by_step = {unit_of_step(step_of(y, factor)) for y in record.y.T} - {None}
-    shown = f"{found.mean / factor:.3g} ± {found.noise / factor:.2g}"
-    why = ""
-    stepped = [u for u in possible if by_step == {u}]
-    if stepped:
-        why, possible = f"has samples at multiples of a step that gyroscopes have in {stepped[0]}", stepped
-    elif not possible_rate(read_in, found, interval, read_in):
-        why = f"reads {shown}, which bias and noise at rest cannot be in {read_in}"
-    elif (turning := _as_the_earth(record, found, possible, read_in)) is not None:
-        why, possible = f"turns as the Earth does in {turning}", [turning]
-    if why:
-        option = f"--gyro-unit {possible[0]}" if possible else f"--gyro-unit UNIT ({' '.join(UNITS['gyro'])})"
-        if why.startswith("reads") and possible and possible[0] != "deg/s":
-            kind = read_in in INCREMENT_UNITS if accel is None or accel.basis == "assumed" else matching
-            alike = [u for u in UNITS["gyro"] if u not in possible and (u in INCREMENT_UNITS) == kind]
-            fitting = [*possible[1:], *(u for u in alike if possible_rate(u, found, interval, read_in))]
-            option += f" ({', '.join(fitting)} would fit, too)" if fitting else ""
-            if "deg/s" in rates and rate_in_motion(found, interval, read_in):
-                option = f"--gyro-unit deg/s if the sensor moved; if it was at rest, {option}"
-        msg = f"{source}: gyro {why}, and nothing states its unit: pass {option}, or {ANSWER} if it is {read_in}"
-        raise DataError(msg)
-    foreign = accel is not None and accel.basis != "assumed" and accel.unit not in ("m/s^2", "m/s")
-    if foreign and accel is not None and possible and by_step != {read_in}:
-        msg = (
-            f"{source}: accel is in {accel.unit}, and nothing states the unit of gyro: pass "
-            f"--gyro-unit {possible[0]}, or --gyro-unit {read_in}"
-        )
-        raise DataError(msg)
-    if by_step == {read_in}:
-        return f"gyro: {read_in} assumed, as the step of its samples is that of gyroscopes in {read_in}"
-    others = ", ".join(f"in {u} {factor / si_value(u, interval):.3g} times too large" for u in possible[:3])
-    if not others:
-        return f"gyro: {read_in} assumed, as no other unit fits its noise and bias"
-    return (
-        f"gyro: {read_in} assumed, as nothing states the unit ({shown}); every gyro number is, if the samples are "
-        f"{others}: --gyro-unit {possible[0]} states another"
-    )
-
-
 def _as_the_earth(record: Record, found: Sizes, possible: Sequence[str], read_in: str) -> str | None:
     """Return the unit in which a triad turns as fast as the Earth, where its noise lets that be seen."""
     if len(record.axes) != 3:
@@ -237,19 +368,3 @@ def _as_the_earth(record: Record, found: Sizes, possible: Sequence[str], read_in
         if seen and abs(found.mean * factor / EARTH_RATE - 1.0) < EARTH_TOLERANCE:
             return unit
     return None
-
-
-def _check_rate(source: str, record: Record, found: Sizes, choice: UnitChoice) -> None:
-    """Refuse a gyroscope that turns as nothing does."""
-    if len(record.axes) != 3:
-        return
-    if found.norm > MAX_MEDIAN_RATE or (found.mean > MAX_STEADY_RATE and found.noise < found.mean):
-        factor = si_value(choice.unit, record.interval)
-        slower = [u for u in UNITS["gyro"] if u not in INCREMENT_UNITS and u != choice.unit]
-        fitting = [u for u in slower if found.norm / factor * si_value(u, record.interval) < 1.0]
-        msg = (
-            f"{source}: gyro reads {found.norm:.3g} rad/s ({np.rad2deg(found.norm):.3g} deg/s) in the median: the "
-            f"unit {choice.unit} is wrong; pass --gyro-unit {fitting[0] if fitting else 'UNIT'}"
-            f"{' (probably)' if fitting else ''}, or --gyro-unit {choice.unit} {ANSWER} if it is right"
-        )
-        raise DataError(msg)

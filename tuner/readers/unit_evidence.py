@@ -45,6 +45,8 @@ STEP_TOLERANCE = 1e-3
 """Relative error of a step that was found: steps of the lists are further apart from one another in either unit."""
 DECIMAL_TOLERANCE = 1e-6
 """Relative distance of a step from a power of ten that comes from the digits of a text, not from the sensor."""
+MAX_SUMMED = 0.5
+"""`Sizes.summed` of sums: they have 1 or more, noise below a low-pass filter of n samples n²/8 over the record."""
 CHECKED_SAMPLES = 20_000
 """Samples from which sizes are taken: medians are then known to 1 %."""
 STEP_SAMPLES = 4096
@@ -67,12 +69,16 @@ class Sizes:
         Norm of the robust sd of each axis, from differences of neighbours.
     white : float
         White density of the noisiest axis, unit/√Hz: an upper bound where the noise is not white.
+    summed : float
+        Variance of samples an eighth of the record apart ÷ that of neighbours ÷ the number of steps between them,
+        least of the axes: 1 or more where samples are sums, next to 0 where they are noise.
     """
 
     norm: float
     mean: float
     noise: float
     white: float
+    summed: float
 
 
 def sizes_of(record: Record) -> Sizes:
@@ -88,12 +94,24 @@ def sizes_of(record: Record) -> Sizes:
         float(np.linalg.norm(np.median(y, axis=0))),
         float(np.linalg.norm(robust)),
         float(quantized.max()) * math.sqrt(record.interval),
+        min(_summed(y) for y in record.y.T),
     )
+
+
+def _summed(y: FloatArray) -> float:
+    lag = len(y) // 8
+    near = float(np.mean(np.diff(y) ** 2))
+    return float(np.mean((y[lag:] - y[: len(y) - lag]) ** 2)) / near / lag if lag and near > 0.0 else 0.0
 
 
 def si_value(unit: str, interval: float) -> float:
     """Return the SI value of one unit; of an increment, as a rate over the interval."""
     return unit_value(unit) / (interval if unit in INCREMENT_UNITS else 1.0)
+
+
+def same_kind(one: str, other: str) -> bool:
+    """Return whether two units are both of rates, or both of increments."""
+    return (one in INCREMENT_UNITS) == (other in INCREMENT_UNITS)
 
 
 def units_with_gravity(raw: float, interval: float) -> list[str]:
@@ -106,14 +124,14 @@ def units_with_gravity(raw: float, interval: float) -> list[str]:
     return [unit for _, _, unit in sorted(fitting)]
 
 
-def possible_rate(unit: str, found: Sizes, interval: float, read_in: str) -> bool:
+def possible_rate(unit: str, found: Sizes, interval: float, read_in: str, *, assumed: bool = True) -> bool:
     """Return whether a gyroscope at rest can have these sizes, had they been written in `unit`.
 
-    For another unit than that read in, samples rarer than `OPEN_BANDWIDTH` may hold noise of higher
+    For another unit than one that is assumed, samples rarer than `OPEN_BANDWIDTH` may hold noise of higher
     frequencies, too.
     """
     factor = si_value(unit, interval) / si_value(read_in, interval)
-    alias = 1.0 if unit == read_in else max(1.0, math.sqrt(OPEN_BANDWIDTH * interval))
+    alias = 1.0 if assumed and unit == read_in else max(1.0, math.sqrt(OPEN_BANDWIDTH * interval))
     return found.mean * factor <= MAX_BIAS and MIN_WHITE <= found.white * factor <= MAX_WHITE * alias
 
 

@@ -21,6 +21,7 @@ from tuner.consistency.score_drive import DriveResult
 from tuner.consistency.score_output import OutputScore
 from tuner.diagnosis.drive import ExaminedDrive
 from tuner.formats.files import Put
+from tuner.formats.packages import install
 from tuner.identification.static_test_plan import StaticTestPlan
 from tuner.invariants import violations
 from tuner.report import terminal
@@ -153,7 +154,7 @@ def dataset_of(result: object) -> Any:
     try:
         import xarray
     except ImportError as error:
-        msg = "to_xarray: xarray is not installed: pip install 'ins-noise-tuner[xarray]'"
+        msg = f"to_xarray: xarray is not installed: {install('xarray', 'xarray')}"
         raise DataError(msg) from error
     view = view_of(result)
     frame, index = view.frame(result), list(view.index)

@@ -87,7 +87,7 @@ def test_more_than_one_percent_unreadable(tmp_path: Path) -> None:
     [
         ("accel", 1 / 9.80665e-3, "accel-unit mg"),
         ("accel", 0.005, "accel-unit m/s"),
-        ("accel", 1e-3, "accel-unit"),
+        ("accel", 1e-3, "no reading fits"),
         ("gyro", 648000 / np.pi, "gyro-unit deg/h"),
     ],
 )
@@ -220,7 +220,7 @@ def test_mapping_that_is_none() -> None:
             r"expected one log, found a list of 2: .* import pool; pool\(",
         ),
         ({"gyro": GYRO}, {}, 'no rate: pass rate=HZ, or columns={"t": "NAME"}, of'),
-        ({"gyro": GYRO, "accel": 0.1 * ACCEL}, {"rate": 100.0}, 'pass accel_unit="g", or assume="si"'),
+        ({"gyro": GYRO, "accel": 0.1 * ACCEL}, {"rate": 100.0}, 'pass accel_unit="g", gyro_unit="deg/s", or'),
         (
             {"gyro": GYRO},
             {"rate": 100.0, "gyro_unit": "rad/s", "arma": "off"},

@@ -10,7 +10,7 @@ import pyarrow as pa
 import pytest
 from pyarrow import parquet
 
-from tuner.readers import read
+from tuner.readers import parse_columns, read
 from tuner.types.records import DataError, Record
 
 COUNT = 9000
@@ -81,9 +81,9 @@ def test_a_clock_that_two_units_fit_is_refused_with_the_rate(
 ) -> None:
     with pytest.raises(DataError, match="nothing states its unit, and it stays open: 100 Hz in") as caught:
         log(tmp_path, stamps)
-    rate = re.search(r"--rate (\S+?),? or", str(caught.value))
-    assert rate is not None
-    record = log(tmp_path, stamps, rate=float(rate[1]))
+    unit = re.search(r"pass --columns '(t=t \[[^]]*\])'", str(caught.value))
+    assert unit is not None
+    record = log(tmp_path, stamps, columns=parse_columns(unit[1]))
     assert record.rate == pytest.approx(truth, rel=1e-9)
     assert record.segments == ((0, COUNT),)
 
@@ -131,7 +131,9 @@ def test_rates_that_no_log_has(tmp_path: Path, step: float, unit: str) -> None:
 
 
 def test_a_span_of_years(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match=r"the log spans 3[0-9.]* years: split it at the jump"):
+    with pytest.raises(
+        DataError, match=r"the log spans 3[0-9.]* years: a jump of the clock, or another unit"
+    ):
         log(tmp_path, np.where(np.arange(COUNT) < COUNT // 2, 1.6e9 + S, 1.7e9 + S))
 
 
@@ -194,12 +196,15 @@ def test_a_stated_unit_that_gives_an_unusual_rate_is_told(
     tmp_path: Path, name: str, size: float, right: str
 ) -> None:
     path = write(tmp_path / "log.csv", np.rint(size * S).tolist(), header=name)
-    (record,) = read(path)
-    (remark,) = (text for text in record.assumptions if text.startswith("time in"))
-    assert (
-        f"it would be 100 Hz, and every time and coefficient another: --columns 't={name} [{right}]'"
-        in remark
-    )
+    if name == "t_us":  # 100 kHz
+        with pytest.raises(
+            DataError, match=r"is no rate of an inertial sensor: pass --columns 't=t_us \[ms\]', or"
+        ):
+            read(path)
+    else:
+        (record,) = read(path)
+        (remark,) = (text for text in record.assumptions if text.startswith("time in"))
+        assert "it would be 100 Hz, and every time and coefficient another" in remark
     (record,) = read(path, columns={"t": f"{name} [{right}]"})
     assert record.rate == pytest.approx(100.0)
     assert not any(text.startswith("time in") for text in record.assumptions)

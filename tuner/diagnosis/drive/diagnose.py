@@ -96,7 +96,7 @@ def examine_drive(
     except np.linalg.LinAlgError as error:
         msg = (
             f"{drive.source or drive.name}: the covariances of the filter are lost in rounding ({error}), expected "
-            "noise of the size of the sensor's and the receiver's; give a configuration nearer to them (--config)"
+            "a configuration whose noise is of the size of the sensor's and the receiver's"
         )
         raise DataError(msg) from error
 

@@ -51,9 +51,7 @@ START_HELP = (
     "begin with a minute at rest, then accelerate and brake on a straight line before turning, with fixes at 1 Hz or "
     "more often"
 )
-UNKNOWN_HELP = (
-    "check units, axes and mounting; a reference solution, or a static log of the unit, would show more"
-)
+UNKNOWN_HELP = "a reference solution, or a static log of the unit, would show more"
 
 
 def plausible(found: DriveDiagnosis, final: FilterRun) -> DriveDiagnosis:

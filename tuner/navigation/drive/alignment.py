@@ -144,7 +144,7 @@ def align(
     Raises
     ------
     DataError
-        Where the vehicle does not change its speed: there is no heading.
+        Where motion does not determine the heading: with its sd and the speeds of the fixes.
     """
     moving, length = FIRST_MOTION, float(gnss.t[-1] - gnss.t[0])
     while True:
@@ -153,7 +153,17 @@ def align(
         if found is not None and found.heading_sd < enough:
             return found
         if moving >= length:
-            msg = "the vehicle hardly changes its speed: its heading cannot be found from its motion"
+            speed = np.hypot(*velocities(gnss)[:, :2].T)
+            low, high = np.percentile(speed, [2.5, 97.5])
+            known = (
+                "no part of the drive determines the heading"
+                if found is None
+                else f"specific force and fixes together determine the heading to {np.degrees(found.heading_sd):.3g}°"
+            )
+            msg = (
+                f"the heading cannot be found from the motion: {known}, {np.degrees(enough):.3g}° are needed; the "
+                f"speed of the fixes is {low:.3g} to {high:.3g} m/s"
+            )
             raise DataError(msg)
         moving *= 2.0
 

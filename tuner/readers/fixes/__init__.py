@@ -7,6 +7,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from tuner.formats.guard import input_guard
+from tuner.formats.packages import install
 from tuner.readers.fixes.gps_time import GpsFixes
 from tuner.readers.fixes.nmea import read_nmea
 from tuner.readers.fixes.rtklib import read_rtklib
@@ -62,7 +63,8 @@ def read_fix_file(path: Path) -> GpsFixes:
         try:
             return _of_waypoint(path) if kind == "waypoint" else READERS[kind](path)
         except ImportError as error:
-            msg = f"{path}: needs {error.name}: pip install 'ins-noise-tuner[{EXTRAS[kind]}]'"
+            how = install(EXTRAS[kind], str(error.name))
+            msg = f"{path}: needs {error.name}, which is not installed: {how}"
             raise DataError(msg) from None
     raise AssertionError
 

@@ -1,0 +1,99 @@
+"""What a judgement says that refuses a log: what it measured, and the readings that might be meant instead.
+
+The reader tries each of them (`tuner.readers.readings`) and names those that pass every judgement.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import TypeVar
+
+from tuner.types.records import DataError
+
+V = TypeVar("V", str, float)
+
+
+def _nothing() -> Mapping[str, V]:
+    return MappingProxyType({})
+
+
+@dataclass(frozen=True)
+class Change:
+    """Options of another reading.
+
+    Attributes
+    ----------
+    unit, scale : mapping of str
+        Unit, and units in one count, by sensor.
+    columns : mapping of str to str
+        Columns by role.
+    asked : str
+        What only its owner knows: the sensor whose count it is (``--gyro-scale X``), or the ``rate`` (``--rate HZ``);
+        ``sums`` where increments of gyroscopes were made beside rates of accelerometers.
+    when : str
+        Under which condition it holds, in words.
+    """
+
+    unit: Mapping[str, str] = field(default_factory=_nothing)
+    scale: Mapping[str, float] = field(default_factory=_nothing)
+    columns: Mapping[str, str] = field(default_factory=_nothing)
+    asked: str = ""
+    when: str = ""
+
+    def clashes(self, other: Change) -> bool:
+        """Return whether both state the same thing."""
+        pairs = ((self.unit, other.unit), (self.columns, other.columns))
+        return any(not a.keys().isdisjoint(b) for a, b in pairs)
+
+    def with_(self, other: Change) -> Change:
+        """Return both changes at once."""
+        return Change(
+            {**self.unit, **other.unit},
+            {**self.scale, **other.scale},
+            {**self.columns, **other.columns},
+            self.asked or other.asked,
+            " and ".join(text for text in (self.when, other.when) if text),
+        )
+
+    def __str__(self) -> str:
+        if self.asked == "rate":
+            return f"--rate HZ, the rate the sensor was set to{self.when}"
+        mapped = ",".join(f"{role}={name}" for role, name in self.columns.items())
+        words = [f"--columns '{mapped}'"] if mapped else []
+        for sensor, unit in self.unit.items():
+            words.append(f"--{sensor}-unit {unit}")
+            if sensor in self.scale:
+                words.append(f"--{sensor}-scale {self.scale[sensor]:.6g}")
+            if sensor == self.asked:
+                words.append(f"--{sensor}-scale X with the {unit} in one count of its data sheet")
+        return " ".join(words) + (f" {self.when}" if self.when else "")
+
+
+def without_options(message: str, known: frozenset[str] = frozenset()) -> str:
+    """Return a line without the clauses that recommend an option which is not known; commands in quotes stay."""
+    parts = re.split(r"(; |: (?=[a-z])|, or )", message)
+    kept = parts[:1]
+    for mark, clause in zip(parts[1::2], parts[2::2], strict=True):
+        options = re.findall(r"(?<![\w`-])--[a-z][\w-]*", re.sub(r"`[^`]*`", "", clause))
+        if known.issuperset(options):
+            kept += [mark, clause]
+    return "".join(kept)
+
+
+class Refusal(DataError):
+    """A reading that the samples contradict.
+
+    Parameters
+    ----------
+    measured : str
+        One line: place, what was measured and what is expected.
+    changes : sequence of Change
+        Readings that may be meant, none of which was tried.
+    """
+
+    def __init__(self, measured: str, changes: Sequence[Change] = ()) -> None:
+        super().__init__(measured)
+        self.changes = tuple(changes)
