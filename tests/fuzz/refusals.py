@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 import shlex
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -82,8 +82,14 @@ def spoilt(count: int, seed: int) -> Iterator[Spoilt]:
         samples, clock, form = kinds[number % len(kinds)]
         if rng.random() < 0.2:
             clock = str(rng.choice(CLOCKS))
+        grades = (
+            ["phone", "industrial"] if samples == "counts" else list(GRADES)
+        )  # counts that show the noise
         yield Spoilt(
-            samples, clock, form, str(rng.choice(list(GRADES))),
+            samples,
+            clock,
+            form,
+            str(rng.choice(grades)),
             float(rng.choice([50.0, 100.0, 200.0, 400.0, 1000.0])), number,
         )  # fmt: skip
 
@@ -123,7 +129,7 @@ def write(case: Spoilt, folder: Path) -> Written:
         named["gyro"] = "deg/s" if degrees else "rad/s"
         named = dict.fromkeys(named, "") if rng.random() < 0.5 else named
     elif kind == "counts":
-        scale = 1.0 / rng.choice([16.4, 65.5, 131.0])
+        scale = 1.0 / rng.choice([131.0, 262.4])
         sizes = {"gyro": np.radians(scale), "accel": 9.80665 / float(rng.choice([4096, 8192, 16384]))}
         named = dict.fromkeys(named, "") if rng.random() < 0.5 else named
     values = {"gyro": gyro / sizes["gyro"], "accel": accel / sizes["accel"]}
@@ -238,6 +244,12 @@ def judge(case: Spoilt, folder: Path) -> tuple[str, str]:
     ends = [_end(case, written, options) for options in readings(said)]
     if not ends:
         return "no advice", said
+    if (
+        "right" not in ends
+        and case.clock != "fine"
+        and judge(replace(case, clock="fine"), folder)[0] == "read wrong"
+    ):
+        return "read wrong", said  # what else is wrong shows in no refusal
     best = "right" if "right" in ends else "refused again" if set(ends) <= {"refused again"} else "wrong"
     return best, f"{' | '.join(ends)}: {said}"
 

@@ -269,7 +269,9 @@ def _valid_rows(
         if within.first + count >= within.count:
             last = min(last, count - int(mask[::-1].argmax()))
     valid: BoolArray = np.logical_and.reduce(list(masks.values()))
-    if {"gyro", "accel"} <= masks.keys() and 2 * np.count_nonzero(masks["gyro"] ^ masks["accel"]) > count:
+    if {"gyro", "accel"} <= masks.keys() and 2 * np.count_nonzero(
+        (masks["gyro"] ^ masks["accel"])[first:last]
+    ) > count:
         sizes = ", ".join(f"{name} in {np.count_nonzero(masks[name])}" for name in ("gyro", "accel"))
         msg = (
             f"gyro and accel stand in different rows ({sizes} of {count}), as two topics in one table do: they cannot "

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from tuner.readers import column_names as names
 from tuner.readers.column_mapping import AXES, Mapped, offered, resolve, stated_unit
 from tuner.readers.columns import Listing, Part
-from tuner.readers.refusal import Change
+from tuner.readers.refusal import Change, Refusal
 from tuner.types.records import DataError
 
 Parsed = Mapping[str, names.ColumnName]
@@ -83,7 +83,7 @@ def choose(listing: Listing, *, columns: Mapping[str, str] | None = None) -> Lay
         if sensor is not None:
             sensors.append(sensor)
     if not sensors:
-        raise DataError(_nothing_found(listing))
+        raise _nothing_found(listing)
     others = [role for role in mapped if role != "t" and role.split("_")[0] not in names.SENSORS]
     channels = {
         role: channel
@@ -132,15 +132,23 @@ def exchanged(layout: Layout) -> tuple[Change, ...]:
     return (Change(columns=columns),)
 
 
-def _nothing_found(listing: Listing) -> str:
+def _nothing_found(listing: Listing) -> DataError:
+    """Return the refusal of a file without a sensor, with the columns of a wide array as readings."""
     wide = next((name for name, shape in listing.shapes.items() if len(shape) == 2 and shape[1] >= 6), None)
     single = next(iter(listing.shapes)) if len(listing.shapes) == 1 else "NAME"  # the first is often the time
-    example = f"gyro={wide}[FIRST:LAST]" if wide else f"gyro_x={single}"
+    changes = [
+        Change(columns={"gyro": f"{wide}[{gyro}]", "accel": f"{wide}[{accel}]"})
+        for gyro, accel in (("3:6", "0:3"), ("0:3", "3:6"))
+        if wide is not None
+    ]
     why = "; ".join([note for note in listing.notes if "left out" in note][:3])
-    return (
+    found = (
         f"{listing.path}: no gyro or accel column: expected names such as gyro_x or an (n, 3) array gyro, "
-        f"found {offered(listing)}{why and f' ({why})'}; map them with --columns, such as --columns '{example}'"
+        f"found {offered(listing)}{why and f' ({why})'}"
     )
+    if changes:
+        return Refusal(found, changes)
+    return DataError(f"{found}; map them with --columns, such as --columns 'gyro_x={single}'")
 
 
 def _by_name(parsed: Parsed, taken: set[str]) -> dict[str, list[tuple[int, str]]]:

@@ -44,7 +44,9 @@ class Change:
     when: str = ""
 
     def clashes(self, other: Change) -> bool:
-        """Return whether both state the same thing."""
+        """Return whether both state the same thing, or one sizes counts by gravity in columns that are exchanged."""
+        if self.scale and other.columns.keys() - {"t"}:
+            return True
         pairs = ((self.unit, other.unit), (self.columns, other.columns))
         return any(not a.keys().isdisjoint(b) for a, b in pairs)
 

@@ -28,6 +28,8 @@ BoolArray = NDArray[np.bool_]
 
 RATE_TOLERANCE = 0.05
 """Largest relative difference between the stated rate and that of the stamps."""
+TRIED_RATE = 100.0
+"""Rate, Hz, at which columns are tried while nothing states one: gravity does not depend on it, noise but little."""
 SECONDS_OF_WEEK = 604800.0
 """Where the seconds of the GPS week begin anew."""
 
@@ -88,6 +90,8 @@ def sample_grid(
     within = columns.within
     valid = without_placeholders(columns.groups, columns.valid, notes, bad, within=within)
     if columns.time is None or channel is None:
+        if rate is None and options.tried:
+            rate = TRIED_RATE
         if rate is None:
             msg = f"no time column and no rate: pass --rate HZ, or --columns t=NAME, of {offered(listing)}"
             raise DataError(msg)

@@ -35,6 +35,7 @@ from tuner.readers.unit_evidence import (
     MAX_BIAS,
     MAX_STEADY_RATE,
     MAX_SUMMED,
+    SURELY_SUMMED,
     USUAL_RATES,
     Sizes,
     possible_rate,
@@ -216,7 +217,8 @@ class _Judge:
         ratio = found.norm / STANDARD_GRAVITY
         axes = "" if len(record.axes) == 3 else f" on {len(record.axes)} axes"
         reads = f"accel reads {found.norm:.4g} m/s^2{axes}"
-        if abs(ratio - 1.0) < GRAVITY_TOLERANCE:
+        drifts = self.tried and found.summed > MAX_SUMMED
+        if abs(ratio - 1.0) < GRAVITY_TOLERANCE and not drifts:
             confirmed = f"accel: {choice.unit} assumed, as its mean is gravity ({found.norm:.4g} m/s^2)"
             return confirmed if choice.basis == "assumed" else None
         if choice.basis == "assumed":
@@ -258,6 +260,15 @@ class _Judge:
         interval, read_in = record.interval, choice.unit
         factor = si_value(read_in, interval)
         shown = f"{found.mean / factor:.3g} ± {found.noise / factor:.2g} {read_in}"
+        if at_rest and found.summed > SURELY_SUMMED and (self.tried or choice.basis != "user"):
+            first, last = (
+                np.linalg.norm(record.y[part].mean(axis=0)) for part in (slice(99), slice(-99, None))
+            )
+            msg = (
+                f"gyro goes from {first / factor:.3g} to {last / factor:.3g} {read_in} while accel keeps still: no "
+                "rate of a unit at rest does"
+            )
+            raise self.refusal(msg, [])
         units = [*USUAL_RATES, *(u for u in UNITS["gyro"] if u not in USUAL_RATES)]
         if accel is not None:
             units = [u for u in units if same_kind(u, accel.unit)]

@@ -47,6 +47,8 @@ DECIMAL_TOLERANCE = 1e-6
 """Relative distance of a step from a power of ten that comes from the digits of a text, not from the sensor."""
 MAX_SUMMED = 0.5
 """`Sizes.summed` of sums: they have 1 or more, noise below a low-pass filter of n samples n²/8 over the record."""
+SURELY_SUMMED = 10.0
+"""`Sizes.summed` that only sums of a bias have, hundreds and more: a drift of 1 deg/s in an hour has less than 1."""
 CHECKED_SAMPLES = 20_000
 """Samples from which sizes are taken: medians are then known to 1 %."""
 STEP_SAMPLES = 4096
