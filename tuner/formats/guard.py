@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import ParamSpec, TypeVar
 
 from tuner.types.one_line import printable
@@ -21,31 +21,36 @@ def reason(error: BaseException) -> str:
     return printable(str(error), longest=LONGEST_REASON) or type(error).__name__
 
 
-@contextmanager
-def input_guard(source: object, expected: str) -> Iterator[None]:
+@dataclass(frozen=True)
+class input_guard:
     """Turn every error of reading an input into a `DataError` that names it and what was expected.
 
     Libraries raise errors of any kind for damaged files, and a file may state sizes that no memory holds. A missing
     package and an interruption pass unchanged.
     """
-    try:
-        yield
-    except (DataError, ImportError):
-        raise
-    except FileNotFoundError as error:
-        missing = "no such file" if error.filename == str(source) else f"it lacks a file, {reason(error)}"
-        msg = f"{source}: {missing}"
+
+    source: object
+    expected: str
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, _kind: object, error: BaseException | None, _trace: object) -> None:
+        if not isinstance(error, Exception) or isinstance(error, DataError | ImportError):
+            return
+        if isinstance(error, FileNotFoundError):
+            whole = error.filename == str(self.source)
+            missing = "no such file" if whole else f"it lacks a file, {reason(error)}"
+            msg = f"{self.source}: {missing}"
+            raise DataError(msg) from None
+        if isinstance(error, MemoryError):
+            found = "one that states more than the memory holds; split it, or convert it anew"
+        elif isinstance(error, RecursionError):
+            found = "one nested too deeply"
+        else:  # whatever a library raises for a damaged file
+            found = f"{type(error).__name__}: {reason(error)}; is it damaged? save or export it anew"
+        msg = f"{self.source}: cannot be read as {self.expected}: {found}"
         raise DataError(msg) from None
-    except MemoryError:
-        found = "one that states more than the memory holds; split it, or convert it anew"
-    except RecursionError:
-        found = "one nested too deeply"
-    except Exception as error:  # whatever a library raises for a damaged file
-        found = f"{type(error).__name__}: {reason(error)}; is it damaged? save or export it anew"
-    else:
-        return
-    msg = f"{source}: cannot be read as {expected}: {found}"
-    raise DataError(msg) from None
 
 
 def guarded(source: object, expected: str, read: Callable[P, R]) -> Callable[P, R]:
@@ -54,6 +59,5 @@ def guarded(source: object, expected: str, read: Callable[P, R]) -> Callable[P, 
     def inner(*args: P.args, **kwargs: P.kwargs) -> R:
         with input_guard(source, expected):
             return read(*args, **kwargs)
-        raise AssertionError
 
     return inner

@@ -168,4 +168,3 @@ def read(
         if unit_name:
             records = tuple(replace(record, source=printable(str(named))) for record in records)
         return between(records, begin, end)
-    raise AssertionError

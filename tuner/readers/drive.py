@@ -91,7 +91,6 @@ def read_drive(path: str | Path) -> Drive:
     readers = {".npz": _npz, ".yaml": _kf_gins, ".yml": _kf_gins}
     with input_guard(path, CONTENT):
         return readers.get(path.suffix.lower(), _messages)(path)
-    raise AssertionError
 
 
 def read_if_drive(source: str | Path) -> Drive | None:
@@ -108,7 +107,6 @@ def read_if_drive(source: str | Path) -> Drive | None:
         return None
     with input_guard(path, CONTENT):
         return _of_arrays(path, found)
-    raise AssertionError
 
 
 def mounting_of(frame: str | None, rpy_deg: Any) -> FloatArray | None:

@@ -78,7 +78,6 @@ def read_estimate(
         if solution is not None:
             return in_order(of_gps_solution(path, solution, beside))
         return in_order(_read(path, frames, body is not None, columns))
-    raise AssertionError
 
 
 def _read(path: Path, frames: Frames, body_stated: bool, columns: Mapping[str, str] | None) -> FilterOutput:

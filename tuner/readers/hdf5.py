@@ -115,7 +115,6 @@ def _read(path: Path, name: str, field: str | None, *, turned: bool) -> NDArray[
         with h5py.File(path, "r") as file:
             found = np.asarray(file[name][()] if field is None else file[name][field])
         return found.T if turned else found
-    raise AssertionError
 
 
 def _pieces(
@@ -148,7 +147,6 @@ def _read_some(path: Path, name: str, field: str | None, where: Any, along_first
         with h5py.File(path, "r") as file:
             found = np.asarray(file[name][where] if field is None else file[name][where][field])
         return found if along_first else found.T
-    raise AssertionError
 
 
 def _plain(value: Any) -> Any:

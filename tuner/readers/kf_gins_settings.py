@@ -77,7 +77,6 @@ def load(path: Path) -> FilterConfig:
     stated = load_content(content, _Settings, source=str(path))
     with input_guard(path, f"{_EXPECTED} with numbers of sensors"):
         return _configuration(path.stem, stated)
-    raise AssertionError
 
 
 def _configuration(name: str, stated: _Settings) -> FilterConfig:

@@ -168,7 +168,6 @@ def columns_of(path: Path, progress: Progress | None, unit: str = "") -> Listing
         if unit and listing.of_unit is not None:
             listing = listing.of_unit(unit)
         return replace(listing, load=guarded(path, declared.title, listing.load))
-    raise AssertionError
 
 
 @contextmanager

@@ -71,7 +71,6 @@ def _stored(path: Path, archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> St
                 file.read(begin)
                 flat = np.frombuffer(file.read(size), dtype)
             return flat.reshape(shape, order="F" if turned else "C")
-        raise AssertionError
 
     def pieces(count: int, last: bool) -> Iterator[NDArray[Any]]:
         """Yield entries along an axis; the file is open as often as runs of them lie apart in it."""

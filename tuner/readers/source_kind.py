@@ -95,4 +95,3 @@ def drive_in_messages(path: Path) -> DriveArrays | None:
             return declared.drive(path)
     except DataError:
         return None
-    raise AssertionError

@@ -66,7 +66,6 @@ def read_fix_file(path: Path) -> GpsFixes:
             how = install(EXTRAS[kind], str(error.name))
             msg = f"{path}: needs {error.name}, which is not installed: {how}"
             raise DataError(msg) from None
-    raise AssertionError
 
 
 def _of_waypoint(path: Path) -> GpsFixes:
