@@ -165,7 +165,6 @@ def _results() -> list[Any]:
         [record(), None],
         [record(), record()],
         ["white", "no such term"],
-        ["white", "white"],
         [""],
         ["no such effect"],
         "white",

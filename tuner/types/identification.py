@@ -145,6 +145,11 @@ class Identification(Shown):
     channels: Mapping[str, ChannelIdentification]
     notes: tuple[str, ...] = ()
 
+    @property
+    def unusable(self) -> str:
+        """Why no function can use it, in words; empty where one can."""
+        return "" if self.channels else "with no channel"
+
 
 @dataclass(frozen=True)
 class PooledCoefficient:

@@ -33,6 +33,7 @@ WORDS: Mapping[Any, tuple[str, str]] = {
     NoneType: ("None", "None"),
     ArrayLike: ("an array of real numbers", "arrays of real numbers"),
     Any: ("anything", "anything"),
+    object: ("a table or the name of a file", "tables or names of files"),
 }
 """What a value of a type is, in words: one, and several."""
 MADE_BY: Mapping[str, str] = {
@@ -51,7 +52,7 @@ def public(verb: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
 
     Numbers must be finite, within the `Limits` of their annotation, and no booleans; texts not blank; names of files
     possible. Defaults are not judged. A parameter whose annotation is imported for type checks alone is left to the
-    function.
+    function, but for names of files.
 
     Parameters
     ----------
@@ -92,10 +93,11 @@ def public(verb: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
 
 
 def _hints(function: Callable[..., Any]) -> dict[str, Any]:
-    """Return the annotations of a function that can be evaluated, but for keywords that it passes on."""
-    found = {}
+    """Return the annotations of a function, but for keywords that it passes on; `object` for those of type checks."""
+    found: dict[str, Any] = {}
     for name, parameter in inspect.signature(function).parameters.items():
         if parameter.kind is not inspect.Parameter.VAR_KEYWORD:
+            found[name] = object
             with suppress(NameError):
                 found[name] = eval(parameter.annotation, function.__globals__)
     return found
@@ -106,6 +108,8 @@ def fits(value: object, hint: Any) -> bool:
     kind, inside = get_origin(hint) or hint, get_args(hint)
     if hint is Any:
         return True
+    if hint is object:
+        return not isinstance(value, str | Path) or _is_possible(str(value))
     if hint == ArrayLike:
         return _is_array(value)
     if kind in (Union, UnionType):
