@@ -9,6 +9,7 @@ from tuner.catalogue.grades import grade_identification, load_grade
 from tuner.exporters import export, withheld
 from tuner.identification.identify_source import identify_source
 from tuner.report.comparison_tables import comparison_tables
+from tuner.report.result_set import tune_files
 from tuner.synthesis import synthesize
 from tuner.synthesis.sufficient import lacking_slow_bias
 from tuner.types import Identification
@@ -63,6 +64,7 @@ def test_tune_writes_no_file_from_such_a_sheet_and_says_why(sheet):
     assert result.exports == {}
     assert set(result.withheld) == {"noise.yaml", "kalibr.yaml", "kf-gins.yaml"}
     assert all("record 3 h at rest" in why for why in result.withheld.values())
+    assert not any(name.endswith(".yaml") for name in tune_files(result))
 
 
 def test_compare_and_choose_give_such_a_sheet_no_rank(sheet):
