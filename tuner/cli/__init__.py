@@ -120,7 +120,7 @@ def run(arguments: Sequence[str]) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except (DataError, RegistryError, OSError) as error:
-        return _refuse(without_options(str(error), _options_of(arguments)))
+        return _refuse(_possible(str(error), arguments))
     except ImportError as error:
         return _refuse(_missing(arguments[0], error))
     except MemoryError as error:
@@ -136,10 +136,12 @@ def run(arguments: Sequence[str]) -> int:
     return status if isinstance(status, int) else 0
 
 
-def _options_of(arguments: Sequence[str]) -> frozenset[str]:
-    """Return the options of the command that is run."""
-    command = tuner.commands.get(arguments[0]) if arguments else None
-    return frozenset(option for p in (command.params if command is not None else ()) for option in p.opts)
+def _possible(message: str, arguments: Sequence[str]) -> str:
+    """Return a refusal without the advice of options that the command which is run does not have."""
+    command = tuner.get_command(click.Context(tuner), arguments[0]) if arguments else None
+    if command is None:
+        return message
+    return without_options(message, frozenset(option for param in command.params for option in param.opts))
 
 
 def _missing(command: str, error: ImportError) -> str:

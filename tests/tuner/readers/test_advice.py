@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from tests.tuner.readers.plain_logs import ACCEL, COUNT, HEADER, T, notes, refused, rows, write
+from tuner.cli import run
 from tuner.formats import packages
 from tuner.readers import parse_columns, read
 from tuner.readers.drive import read_drive
@@ -166,3 +167,9 @@ def test_columns_of_a_wide_array_are_those_in_which_gravity_is_seen(tmp_path: Pa
     message = refused(tmp_path / "log.npz", "pass --columns 'gyro=imu0.0:3.,accel=imu0.3:6.'$")
     _, accel = read(tmp_path / "log.npz", rate=100.0, **advice(message))  # type: ignore[arg-type]
     np.testing.assert_array_equal(accel.y, ACCEL)
+
+
+def test_a_command_prints_the_advice_it_can_take(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = write(tmp_path / "log.csv", rows(T + 302400.0, GYRO), SI.replace("t [s]", "tow(msec)"))
+    assert run(["identify", str(path)]) == 2
+    assert "pass --columns 't=tow [s]'" in capsys.readouterr().err

@@ -1,0 +1,27 @@
+"""A drive without a heading is refused with what was measured: the sd of the heading, and the speeds of the fixes."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tuner.navigation.drive import alignment
+from tuner.types.records import DataError
+
+
+def test_the_refusal_quotes_speeds_and_heading(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Speeds of 0 … 15 m/s were called hardly any change."""
+    t = np.arange(0.0, 60.0)
+    north = np.linspace(0.0, 15.0, len(t))
+    vel = np.column_stack([north, 0.0 * t, 0.0 * t])
+    gnss: Any = SimpleNamespace(t=t, vel_n=vel, llh=np.zeros((len(t), 3)))
+    found = SimpleNamespace(heading_sd=np.radians(75.0))
+    monkeypatch.setattr(alignment, "align_once", lambda *_: found)
+    with pytest.raises(DataError, match=r"heading to 75°, .*speed of the fixes is 0.375 to 14.6 m/s"):
+        alignment.align(None, gnss)  # type: ignore[arg-type]
+    monkeypatch.setattr(alignment, "align_once", lambda *_: None)
+    with pytest.raises(DataError, match="no part of the drive determines the heading"):
+        alignment.align(None, gnss)  # type: ignore[arg-type]
