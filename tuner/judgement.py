@@ -18,6 +18,7 @@ from tuner.formats.axis_words import axes_text
 from tuner.formats.customary_units import digits
 from tuner.limits import HONEST_RATIO, LOST_SHARE, TOLERATED_RATIO, WRONG_FACTOR
 from tuner.synthesis.error_growth import modelled_growth
+from tuner.synthesis.from_drive import FROM_FIXES
 from tuner.synthesis.sufficient import lacking_slow_bias
 from tuner.types import (
     AppliedNoiseScale,
@@ -178,6 +179,14 @@ def _of_drive(known: Settings) -> Iterator[Reason]:
         if after.fixes_rms is not None and not after.follows(WRONG_FACTOR):
             text = f"worse than the fixes alone: {digits(after.tracking_rms)} m, the fixes {digits(after.fixes_rms)} m"
             yield Reason(Use.DO_NOT_USE, f"with fixes the position is {text} (rms, last 40 % of the drive)")
+    if known.choice is not None:
+        yield from _worse_than_before(known.choice)
+    if (
+        known.drive is not None
+        and known.config.gnss is not None
+        and known.config.gnss.reference != FROM_FIXES
+    ):
+        yield Reason(Use.USABLE_EXCEPT, "the sds of the fixes, which are ASSUMED: the receiver states none")
     if known.measured is not None:
         yield from _of_scores(known.measured, "on the drive")
         if known.left_out > LOST_SHARE:
@@ -189,6 +198,24 @@ def _of_drive(known: Settings) -> Iterator[Reason]:
             yield Reason(
                 Use.USABLE_EXCEPT, f"the filter refused {100.0 * known.measured.gated:.2g} % of the fixes"
             )
+
+
+def _worse_than_before(choice: HeldOutChoice) -> Iterator[Reason]:
+    """Yield where settings err more than those they began from: with fixes, and in outages beyond their scatter."""
+    from tuner.diagnosis.drive.held_out_gain import change_interval  # loads the diagnosis of drives
+
+    before, after = choice.before, choice.after
+    if before is not None and after is not None and after.tracking_rms > WRONG_FACTOR * before.tracking_rms:
+        change = f"{digits(before.tracking_rms)} → {digits(after.tracking_rms)} m"
+        yield Reason(
+            Use.DO_NOT_USE,
+            f"worse than the settings it began from: {change} with fixes, last 40 % of the drive",
+        )
+    for seconds, pairs in choice.outages.items():
+        if len(pairs) > 1 and change_interval(pairs)[0] > 0.0:
+            old, new = np.sqrt(pairs.mean(axis=0)).tolist()
+            change = f"{digits(old)} → {digits(new)} m after {seconds:g} s without fixes"
+            yield Reason(Use.DO_NOT_USE, f"worse than the settings it began from: {change}")
 
 
 def _of_simulation(check: Check | None) -> Iterator[Reason]:

@@ -51,6 +51,8 @@ MIN_VIBRATION_FREQUENCY = 5.0
 UNKNOWN_UNIT_GRADE = "mpu9250"
 """Grade of a unit of which nothing is known: the noisiest built-in consumer unit."""
 SENSOR_NAMES = ("gyro", "accel")
+FROM_FIXES = "medians of the sds that the fixes report"
+"""Reference of a receiver whose noise is what its fixes report."""
 
 
 @dataclass(frozen=True)
@@ -180,7 +182,7 @@ def receiver_of(drive: Drive) -> GnssNoise:
         velocity_sd=velocity or single.velocity_sd,
         interval=float(np.median(np.diff(fixes.t))),
         correlated=(),
-        reference="medians of the sds that the fixes report",
+        reference=FROM_FIXES,
     )
 
 
