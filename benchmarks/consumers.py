@@ -67,7 +67,8 @@ Read in the sources above, against what tables and forums state:
   initial sd, no σ; what it squares into Q is `gb_psd` = σ√(2/T). Its simulator multiplies a rate random walk by dt,
   not by √dt (simulation/noise_rrw.m).
 - *PX4, ArduPilot*: the ranges of ground stations are advice; the firmware constrains to 0 … 1. ArduPilot's step
-  aims at 12 ms. Here the noise counts as measured in motion: of a log on the bench, numbers below stock are not written.
+  aims at 12 ms. Here the noise counts as measured in motion: of a log on the bench, none below
+  stock is written.
 - *robot_localization*: the last six entries of `initial_estimate_covariance` are rates and accelerations of the
   vehicle.
 - *ORB-SLAM3*: `IMU.Frequency` is an integer in files without `File.version`, and real in those of version 1.0.

@@ -10,10 +10,10 @@ NAME.yaml       paths, rate, start, and the configuration
 
 KF-GINS neither aligns itself nor estimates clocks and lever arm, it knows no gap, and of the receiver it takes
 positions only. So our filter takes the positions of the drive; what is written begins where it has settled, with its
-estimates and sds. The sds of the fixes are the receiver's own: factors on them hold only beside states that KF-GINS has
-not. The rest of a delay and an unknown lever arm are what our filter makes of the whole drive where that determines
-them (`tuner.navigation.determined`); else they are 0, and the arm is to be measured. Of several stretches the longest
-is written, and gaps within it are filled with the last rates.
+estimates and sds. The sds of the fixes are the receiver's own, larger only where fixes of a class are wrong by more:
+factors below 1 hold only beside states that KF-GINS has not. The rest of a delay and an unknown lever arm are what our
+filter makes of the whole drive where that determines them (`tuner.navigation.determined`); else they are 0, and the arm
+is to be measured. Of several stretches the longest is written, and gaps within it are filled with the last rates.
 
 Source: README.md, sections 2.1 to 2.3, of https://github.com/i2Nav-WHU/KF-GINS.
 """
@@ -41,7 +41,7 @@ from tuner.navigation.determined import determined_state
 from tuner.navigation.drive.clock import Clock, clock_of_drive
 from tuner.navigation.drive.gross_outliers import without_gross_outliers
 from tuner.navigation.drive.run import Stretch, navigate, prepare
-from tuner.navigation.fix_sd_model import GNSS_NOISE_SCALE
+from tuner.navigation.fix_sd_model import GNSS_NOISE_SCALE, FixSdModel
 from tuner.navigation.settings import FilterSettings, total_bias
 from tuner.types import FilterConfig, GnssNoise
 from tuner.types.records import Drive, Reference
@@ -77,8 +77,6 @@ def write_drive(drive: Drive, config: FilterConfig, path: Path) -> tuple[str, ..
     DataError
         Where the drive cannot be aligned.
     """
-    dropped = GNSS_NOISE_SCALE in config.compensation.causes
-    config = replace(config, compensation=config.compensation.without((GNSS_NOISE_SCALE,)))
     drive = compensate(drive, config.compensation)
     gnss, wrong, _ = without_gross_outliers(drive.gnss)
     clock = clock_of_drive(drive)
@@ -87,9 +85,9 @@ def write_drive(drive: Drive, config: FilterConfig, path: Path) -> tuple[str, ..
     run, undetermined = _with_what_is_shown(run, drive, config, clock)
     settings, stretches = run.settings, run.stretches
     notes = [*drive.notes, *run.notes, *undetermined]
-    if dropped:
+    if GNSS_NOISE_SCALE in config.compensation.causes:
         notes.append(
-            "sds of the fixes are the receiver's own: factors on them hold only beside further states"
+            "sds of the fixes are not below the receiver's own: smaller ones need states that KF-GINS lacks"
         )
     if wrong:
         notes.append(f"{wrong} fixes left out: they contradict their neighbours")
@@ -158,10 +156,20 @@ def _run(
         drive = replace(drive, lever_arm=(0.0, 0.0, 0.0))
     settings, assumed = drive_filter(drive, config, clock=clock)
     settings = settings if arm is None else replace(settings, lever_arm=arm)
-    if np.isfinite(drive.gnss.position_sd).any():
+    if settings.fix_sd_models is not None:
+        position, velocity = map(_not_below_own, settings.fix_sd_models)
+        settings = replace(settings, fix_sd_models=(position, velocity))
+    elif np.isfinite(drive.gnss.position_sd).any():
         settings = replace(settings, position_sd=None)  # KF-GINS uses the reported sds
     stretches, found = prepare(drive, settings, clock=replace(clock, lag=0.0))
     return _Run(settings, stretches, navigate(stretches, settings, NO_WINDOWS), (*assumed, *found))
+
+
+def _not_below_own(model: FixSdModel) -> FixSdModel:
+    """Return a model of sds without what makes those that the receiver reports smaller."""
+    larger = (tuple(max(1.0, factor) for factor in axis) for axis in (model.horizontal, model.vertical))
+    horizontal, vertical = larger
+    return replace(model, horizontal=horizontal, vertical=vertical, exponent=1.0)
 
 
 def _with_what_is_shown(

@@ -271,7 +271,12 @@ def test_sds_of_the_fixes_are_those_of_the_receiver(configuration, file, tmp_pat
     notes = write_drive(read_drive(file), replace(configuration(), compensation=factors), tmp_path / "k.yaml")
     fixes = np.loadtxt(tmp_path / "k-gnss.txt")
     np.testing.assert_allclose(fixes[:, 4:], np.tile([0.4, 0.4, 0.8], (len(fixes), 1)))
-    assert any("receiver's own" in note for note in notes)
+    assert any("not below the receiver's own" in note for note in notes)
+    # Fixes that are wrong by far more than they report keep what was found.
+    larger = Compensation.parse({"gnss_noise_scale.position_horizontal": 20.0})
+    write_drive(read_drive(file), replace(configuration(), compensation=larger), tmp_path / "k.yaml")
+    fixes = np.loadtxt(tmp_path / "k-gnss.txt")
+    np.testing.assert_allclose(fixes[:, 4:], np.tile([8.0, 8.0, 0.8], (len(fixes), 1)))
 
 
 def test_of_errors_that_stay_the_sds_are_in_the_file_where_no_fix_reports_its_own(
