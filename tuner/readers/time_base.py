@@ -150,7 +150,7 @@ class Timebase:
         if self.disordered:
             notes.append(f"{self.disordered} rows were out of order and were sorted by time")
         if self.duplicates:
-            notes.append(f"{self.duplicates} rows with the stamp of a row before them were dropped")
+            notes.append(f"{self.duplicates} rows with a duplicate stamp were dropped")
         if self.gaps:
             notes.append(f"{self.gaps} gaps with {self.missing} missing samples ({self.missing * p:.6g} s)")
         if self.bridged:

@@ -157,6 +157,9 @@ def settings_in_dialect(result: TuneResult, dialect: str, directory: Path) -> li
             whole, without_formula = (f"{shown}  # {'; '.join(parts)}" for parts in (note, [unit, *rest[1:]]))
             shown = whole if len(whole) <= LINE_WIDTH else without_formula
         lines.append(_shortened_remarks(shown))
+    if not lines:  # parameters of an autopilot that keep their stock values
+        kept = [line.lstrip("# ") for line in written if "keep stock" in line]
+        return [f"{directory / name}:", *(part for line in kept for part in wrapped(line, 2))]
     if len(lines) <= MAX_KEYS and max(map(len, lines), default=0) <= LINE_WIDTH:
         return [f"{directory / name}:", *lines]
     return [f"For {dialect}: {directory / name}"]

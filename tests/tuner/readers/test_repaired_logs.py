@@ -22,7 +22,7 @@ def test_order_duplicates_and_gaps_are_repaired_and_counted(tmp_path: Path) -> N
     gyro, _ = read(path)
     said = "; ".join(gyro.notes)
     assert "1 rows were out of order" in said
-    assert "1 rows with the stamp of a row before them were dropped" in said
+    assert "1 rows with a duplicate stamp were dropped" in said
     assert "1 gaps with 110 missing samples" in said
     assert gyro.segments == ((0, 700), (700, 890))
     np.testing.assert_array_equal(gyro.y, np.delete(GYRO, np.s_[700:810], axis=0))
