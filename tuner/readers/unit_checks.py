@@ -127,9 +127,10 @@ def check_units(
             tried and choice.basis == "file" and choice.unit in _OF_FRACTIONS
         )
         if unsure and whole_numbers(record.y, si_value(choice.unit, record.interval)):
+            clocks = [change for change in others if "t" in change.columns]
             stated = f"in {choice.unit} is stated" if choice.basis == "file" else "nothing states their size"
             msg = f"{source}: {_COUNTS.format(record.name)}, and {stated}"
-            raise Refusal(msg, judge.counts())
+            raise Refusal(msg, (*judge.counts(), *clocks))
         if record.name == "accel":
             if (first := judge.accel(choices.get("gyro"))) is not None:
                 said["accel"] = first
