@@ -11,8 +11,9 @@ from typing import NoReturn
 
 def leave(number: int, _frame: FrameType | None) -> NoReturn:
     """End the process at once, without temporary files: nothing is at work that could end by itself."""
-    if (files := sys.modules.get("tuner.formats.files")) is not None:
-        files.remove_unfinished()
+    remove = getattr(sys.modules.get("tuner.formats.files"), "remove_unfinished", None)
+    if remove is not None:  # loaded whole: before, nothing was written
+        remove()
     interrupted = number == signal.SIGINT
     os.write(2, b"\ntuner: interrupted\n" if interrupted else b"\ntuner: terminated\n")
     os._exit(130 if interrupted else 143)
