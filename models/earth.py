@@ -23,11 +23,10 @@ References
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from models.arrays import FloatArray
 from models.vector3 import Scalar, Vec
-
-FloatArray = NDArray[np.float64]
 
 SEMI_MAJOR_AXIS = 6378137.0
 """a, m [1]_."""

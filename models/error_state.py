@@ -47,9 +47,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from models import rotation
+from models.arrays import FloatArray
 from models.earth import (
     EARTH_RATE,
     earth_rate,
@@ -65,8 +66,6 @@ from models.state_layout import ErrorModel
 from models.strapdown import NavigationState, mean_attitude
 from models.taylor import sine_cosine
 from models.vector3 import Mat, Vec, add
-
-FloatArray = NDArray[np.float64]
 
 
 def coupling(pos: Vec, vel: Vec) -> tuple[Mat, Mat, Mat, Mat, Mat, Vec]:

@@ -15,11 +15,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from models.arrays import FloatArray
 from models.state_layout import ErrorModel
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

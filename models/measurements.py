@@ -26,17 +26,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from models import rotation
+from models.arrays import FloatArray
 from models.earth import earth_rate, llh_displaced, ned_between
 from models.error_state import Linearization, down_acceleration, dynamics
 from models.imu_errors import sensor_jacobian
 from models.state_layout import ErrorModel
 from models.strapdown import rates
 from models.trajectory.motion import Motion, MotionState
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

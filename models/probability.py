@@ -16,10 +16,10 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import betainc, fdtrc, gammainc, gammaincc, gammaincinv, ndtr, ndtri, stdtr, stdtrit
 
-FloatArray = NDArray[np.float64]
+from models.arrays import FloatArray
+
 Numbers = TypeVar("Numbers", float, FloatArray)
 
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.linalg.blas import dtbsv
 
-FloatArray = NDArray[np.float64]
+from models.arrays import FloatArray
 
 SOLVED_AT_ONCE = 1 << 16
 """Samples of one triangular system: their two bands stay in the cache of a processor."""

@@ -72,17 +72,16 @@ class Registry(Mapping[str, T]):
         try:
             name = self._name_of(declaration)
         except AttributeError:
-            msg = f"{self.kind}: a declaration must state its name, got {declaration!r}"
-            raise RegistryError(msg) from None
+            raise RegistryError(
+                f"{self.kind}: a declaration must state its name, got {declaration!r}"
+            ) from None
         if self._declared.get(name, declaration) is not declaration:
-            msg = f"{self.kind} '{name}' is declared twice; give one of the two another name"
-            raise RegistryError(msg)
+            raise RegistryError(f"{self.kind} '{name}' is declared twice; give one of the two another name")
         if self._check is not None:
             try:
                 self._check(declaration)
             except (TypeError, ValueError) as error:
-                msg = f"{self.kind} '{name}': {error}"
-                raise RegistryError(msg) from error
+                raise RegistryError(f"{self.kind} '{name}': {error}") from error
         self._declared[name] = declaration
         return declaration
 
@@ -149,9 +148,8 @@ class Registry(Mapping[str, T]):
             named: Any = point.load()
             declaration: T | None = named if self._declared_by is None else self._declared_by(named)
         except Exception as error:
-            msg = (
+            raise RegistryError(
                 f"{self.kind} '{point.name}' of package '{package}' cannot be loaded "
                 f"({type(error).__name__}: {error}); mend or uninstall that package"
-            )
-            raise RegistryError(msg) from error
+            ) from error
         return declaration

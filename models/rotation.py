@@ -19,11 +19,10 @@ References
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from models import vector3 as triples
-
-FloatArray = NDArray[np.float64]
+from models.arrays import FloatArray
 
 
 def _components(a: ArrayLike) -> tuple[FloatArray, ...]:

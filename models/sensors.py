@@ -36,8 +36,7 @@ class Sourced(Generic[V]):
 
     def __post_init__(self) -> None:
         if not self.reference.strip():
-            msg = f"'reference' must name the source of {self.value}"
-            raise ValueError(msg)
+            raise ValueError(f"'reference' must name the source of {self.value}")
 
 
 @dataclass(frozen=True)
@@ -90,8 +89,7 @@ class TriadGrade:
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
-            msg = f"'kind' must be one of {', '.join(KINDS)}, got '{self.kind}'"
-            raise ValueError(msg)
+            raise ValueError(f"'kind' must be one of {', '.join(KINDS)}, got '{self.kind}'")
 
     @property
     def unit(self) -> str:
@@ -138,12 +136,10 @@ class SensorGrade:
 
     def __post_init__(self) -> None:
         if not (self.key.isascii() and self.key.isalnum() and self.key == self.key.lower()):
-            msg = f"'key' must be lower-case letters and digits, got '{self.key}'"
-            raise ValueError(msg)
+            raise ValueError(f"'key' must be lower-case letters and digits, got '{self.key}'")
         for kind in KINDS:
             if self.triad(kind).kind != kind:
-                msg = f"'{kind}' must hold a triad of that kind, got '{self.triad(kind).kind}'"
-                raise ValueError(msg)
+                raise ValueError(f"'{kind}' must hold a triad of that kind, got '{self.triad(kind).kind}'")
 
     def triad(self, kind: str) -> TriadGrade:
         """Return the triad ``gyro`` or ``accel``."""

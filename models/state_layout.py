@@ -15,15 +15,12 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray, IntArray
 from models.filter_states import FILTER_STATES, Process, named_state
 from models.filter_states.built_in import BUILT_IN
 from models.filter_states.declaration import DOWN_TARGET, FIX_TARGET, RATES, TARGETS
 from models.noise.gauss_markov import GaussMarkov
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 NAVIGATION_BLOCKS = ("position", "velocity", "attitude")
 """Blocks of three that come first, and whose dynamics are those of `models.error_state`."""
@@ -55,11 +52,9 @@ class AxisNoise:
     def __post_init__(self) -> None:
         for name in ("white_density", "walk_density"):
             if not getattr(self, name) >= 0.0:
-                msg = f"'{name}' must not be negative, got {getattr(self, name)}"
-                raise ValueError(msg)
+                raise ValueError(f"'{name}' must not be negative, got {getattr(self, name)}")
         if not self.bias_time_constant > 0.0:
-            msg = f"'bias_time_constant' must be positive, got {self.bias_time_constant}"
-            raise ValueError(msg)
+            raise ValueError(f"'bias_time_constant' must be positive, got {self.bias_time_constant}")
 
 
 @dataclass(frozen=True)
@@ -223,8 +218,7 @@ def error_model(
         that has another number of components, or that the filter does not have.
     """
     if len(gyro) != 3 or len(accel) != 3:
-        msg = f"'gyro' and 'accel' must have 3 axes, got {len(gyro)} and {len(accel)}"
-        raise ValueError(msg)
+        raise ValueError(f"'gyro' and 'accel' must have 3 axes, got {len(gyro)} and {len(accel)}")
     further = {named_state(name).name: processes.get(name, Process()) for name in (*constants, *processes)}
     groups: dict[str, list[tuple[int, Process]]] = {}
     for name, axes in (("gyro_bias", gyro), ("accel_bias", accel)):
@@ -267,8 +261,7 @@ def _check_slopes(groups: Mapping[str, Sequence[object]]) -> None:
     for name, own in groups.items():
         of = FILTER_STATES[name].slope_of
         if of and len(groups.get(of, ())) != len(own):
-            msg = (
+            raise ValueError(
                 f"filter state '{name}' is the slope of '{of}': expected {len(own)} of these in the filter, "
                 f"found {len(groups.get(of, ()))}"
             )
-            raise ValueError(msg)

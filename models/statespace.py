@@ -24,10 +24,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.linalg import block_diag, expm, matrix_balance, solve_continuous_lyapunov
 
-FloatArray = NDArray[np.float64]
+from models.arrays import FloatArray
 
 _MAX_PLAIN_STEP = 0.25
 """Largest ‖F‖·step for which the single matrix exponential is used."""
@@ -65,8 +65,7 @@ class StateSpace:
         for name, expected in shapes.items():
             got = getattr(self, name).shape
             if got != expected:
-                msg = f"'{name}' must have shape {expected}, got {got}"
-                raise ValueError(msg)
+                raise ValueError(f"'{name}' must have shape {expected}, got {got}")
 
     @property
     def size(self) -> int:
@@ -87,8 +86,7 @@ def stationary_system(F: ArrayLike, G: ArrayLike, H: ArrayLike, Q: ArrayLike) ->
     """
     f, g, h, q = (np.atleast_2d(np.asarray(a, dtype=float)) for a in (F, G, H, Q))
     if not np.max(np.linalg.eigvals(f).real) < 0.0:
-        msg = "a stationary system has all its poles in the left half plane"
-        raise ValueError(msg)
+        raise ValueError("a stationary system has all its poles in the left half plane")
     balanced, (scale, _) = matrix_balance(f, permute=False, separate=True)
     g, h = g / scale[:, None], h * scale
     covariance = solve_continuous_lyapunov(balanced, -(g @ q @ g.T))
@@ -116,8 +114,7 @@ def discretize(system: StateSpace, step: float) -> tuple[FloatArray, FloatArray]
         Where the step is negative or not finite.
     """
     if not 0.0 <= step < np.inf:
-        msg = f"'step' must be zero or positive, got {step}"
-        raise ValueError(msg)
+        raise ValueError(f"'step' must be zero or positive, got {step}")
     n = system.size
     drive = system.G @ system.Q @ system.G.T
     norm = float(np.abs(system.F).sum(axis=0).max(initial=0.0)) * step
@@ -146,8 +143,7 @@ def block_sum(*systems: StateSpace) -> StateSpace:
         Block-diagonal F, G, Q, P0; concatenated H.
     """
     if not systems:
-        msg = "'systems' must hold at least one system"
-        raise ValueError(msg)
+        raise ValueError("'systems' must hold at least one system")
     F, G, Q, P0 = (block_diag(*(getattr(s, name) for s in systems)) for name in ("F", "G", "Q", "P0"))
     return StateSpace(F, G, np.hstack([s.H for s in systems]), Q, P0)
 

@@ -35,9 +35,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from models import rotation
+from models.arrays import FloatArray
 from models.earth import SEMI_MAJOR_AXIS, earth_rate, gravity, radii, transport_rate
 from models.taylor import exponential, sine_cosine
 from models.vector3 import (
@@ -53,8 +54,6 @@ from models.vector3 import (
     transform,
     turned,
 )
-
-FloatArray = NDArray[np.float64]
 
 
 def correct_increments(dtheta: Vec, dvel: Vec, dtheta_before: Vec, dvel_before: Vec) -> tuple[Vec, Vec]:

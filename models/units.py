@@ -177,8 +177,7 @@ def canonical_unit(unit: str) -> str:
     for pattern, replacement in _SPELLINGS:
         key = pattern.sub(replacement, key)
     if key not in _UNITS:
-        msg = f"unknown unit '{unit}'; known are {', '.join(known_units())}"
-        raise ValueError(msg)
+        raise ValueError(f"unknown unit '{unit}'; known are {', '.join(known_units())}")
     return key
 
 

@@ -85,8 +85,7 @@ _HOMES = {
 def __getattr__(name: str) -> Any:
     """Return a function of the package, imported when first used."""
     if name not in _HOMES:
-        msg = f"module 'tuner' has no attribute {name!r}"
-        raise AttributeError(msg)
+        raise AttributeError(f"module 'tuner' has no attribute {name!r}")
     module, attribute = _HOMES[name]
     return getattr(importlib.import_module(module), attribute)
 

@@ -130,8 +130,7 @@ def each(
             os.kill(child, signal.SIGKILL)
             os.waitpid(child, 0)
     if len(found) < len(items):
-        msg = "the system ended a process that did a part of the work; try fewer --jobs"
-        raise MemoryError(msg)
+        raise MemoryError("the system ended a process that did a part of the work; try fewer --jobs")
     results = []
     for index in range(len(items)):
         failed, value = found[index]

@@ -32,8 +32,7 @@ class Written:
 def kind(code: str, kinds: Mapping[str, type[Kind]]) -> type[Kind]:
     """Return the class of a cause; ValueError names the codes there are."""
     if code not in kinds:
-        msg = f"an effect must be one of {', '.join(kinds)}; got '{code}'"
-        raise ValueError(msg)
+        raise ValueError(f"an effect must be one of {', '.join(kinds)}; got '{code}'")
     return kinds[code]
 
 
@@ -59,13 +58,11 @@ def parse(text: str, kinds: Mapping[str, type[Kind]]) -> Kind:
     for part in filter(None, (p.strip() for p in rest.split(","))):
         name, equals, value = (p.strip() for p in part.partition("="))
         if not equals or name not in known:
-            msg = f"'{code}' takes {', '.join(f'{k}=VALUE' for k in known)}; got '{part}'"
-            raise ValueError(msg)
+            raise ValueError(f"'{code}' takes {', '.join(f'{k}=VALUE' for k in known)}; got '{part}'")
         values[name] = _value(code, known[name], value)
     missing = [k for k, f in known.items() if f.default is MISSING and k not in values]
     if missing:
-        msg = f"'{code}' needs {', '.join(f'{k}=VALUE' for k in missing)}; got '{text.strip()}'"
-        raise ValueError(msg)
+        raise ValueError(f"'{code}' needs {', '.join(f'{k}=VALUE' for k in missing)}; got '{text.strip()}'")
     return effect(**values)
 
 
@@ -88,5 +85,4 @@ def _value(code: str, parameter: Field[Any], text: str) -> Parameter:
         return int(number) if declared == "int" else number
     except ValueError:
         wanted = {"int": "an integer", "tuple[float, ...]": "numbers parted by '/'"}.get(declared, "a number")
-        msg = f"'{parameter.name}' of '{code}' must be {wanted}, got '{text}'"
-        raise ValueError(msg) from None
+        raise ValueError(f"'{parameter.name}' of '{code}' must be {wanted}, got '{text}'") from None

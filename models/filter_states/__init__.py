@@ -49,6 +49,5 @@ def named_state(name: str) -> FilterState:
     """
     state = FILTER_STATES[name]
     if state.origin not in NAMED_ORIGINS:
-        msg = f"filter state '{name}' cannot be named: it follows from {state.origin.value}"
-        raise RegistryError(msg)
+        raise RegistryError(f"filter state '{name}' cannot be named: it follows from {state.origin.value}")
     return state

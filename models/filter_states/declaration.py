@@ -142,8 +142,9 @@ def process(state: FilterState, sd: float, time_constant: float | None = None) -
     """
     constant = state.time_constant if time_constant is None else time_constant
     if not constant > 0.0:
-        msg = f"the time constant of the filter state '{state.name}' must be positive, got {constant}"
-        raise ValueError(msg)
+        raise ValueError(
+            f"the time constant of the filter state '{state.name}' must be positive, got {constant}"
+        )
     if math.isinf(constant):
         return Process(constant, state.walk_density)
     return Process(constant, sd * math.sqrt(2.0 / constant))
@@ -158,43 +159,37 @@ def check_declaration(state: object) -> None:
         One line.
     """
     if not isinstance(state, FilterState):
-        msg = f"expected a FilterState, got {type(state).__name__}"
-        raise TypeError(msg)
+        raise TypeError(f"expected a FilterState, got {type(state).__name__}")
     if not re.fullmatch(r"[a-z][a-z0-9_]*", state.name):
-        msg = "expected a name of lower-case letters, digits and underscores"
-        raise ValueError(msg)
+        raise ValueError("expected a name of lower-case letters, digits and underscores")
     if not state.components or len(set(state.components)) != state.size:
-        msg = f"components must be names that differ, got {state.components}"
-        raise ValueError(msg)
+        raise ValueError(f"components must be names that differ, got {state.components}")
     if not state.unit or not state.meaning:
-        msg = "unit and meaning must not be empty"
-        raise ValueError(msg)
+        raise ValueError("unit and meaning must not be empty")
     if state.customary_unit and state.customary_unit not in known_units():
-        msg = f"customary_unit '{state.customary_unit}' is none of {', '.join(known_units())}"
-        raise ValueError(msg)
+        raise ValueError(f"customary_unit '{state.customary_unit}' is none of {', '.join(known_units())}")
     if not state.time_constant > 0.0 or not state.walk_density >= 0.0:
-        msg = "time_constant must be positive and walk_density not negative"
-        raise ValueError(msg)
+        raise ValueError("time_constant must be positive and walk_density not negative")
     if math.isfinite(state.time_constant) and state.walk_density > 0.0:
-        msg = "walk_density is that of a state without a time constant: its prior sd makes the noise of another one"
-        raise ValueError(msg)
+        raise ValueError(
+            "walk_density is that of a state without a time constant: its prior sd makes the noise of another one"
+        )
     if not state.couplings and not state.slope_of and not state.not_linear:
-        msg = "couplings must say what it adds to, or slope_of whose slope it is"
-        raise ValueError(msg)
+        raise ValueError("couplings must say what it adds to, or slope_of whose slope it is")
     for one in state.couplings:
         _check_coupling(state, one)
 
 
 def _check_coupling(state: FilterState, one: Coupling) -> None:
     if one.component not in state.components:
-        msg = f"a coupling names the component '{one.component}', known are {', '.join(state.components)}"
-        raise ValueError(msg)
+        raise ValueError(
+            f"a coupling names the component '{one.component}', known are {', '.join(state.components)}"
+        )
     if one.into not in TARGETS:
-        msg = f"a coupling goes into '{one.into}', known are {', '.join(TARGETS)}"
-        raise ValueError(msg)
+        raise ValueError(f"a coupling goes into '{one.into}', known are {', '.join(TARGETS)}")
     if one.times and (one.times not in RATES or one.into not in SENSORS):
-        msg = f"a coupling into '{one.into}' is times '{one.times}': only sensors may have one of {', '.join(RATES)}"
-        raise ValueError(msg)
+        raise ValueError(
+            f"a coupling into '{one.into}' is times '{one.times}': only sensors may have one of {', '.join(RATES)}"
+        )
     if not math.isfinite(one.factor) or one.factor == 0.0:
-        msg = f"the factor of a coupling must be finite and not 0, got {one.factor}"
-        raise ValueError(msg)
+        raise ValueError(f"the factor of a coupling must be finite and not 0, got {one.factor}")

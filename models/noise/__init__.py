@@ -20,8 +20,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from models.arrays import FloatArray
 from models.noise.arma import Arma
-from models.noise.base import FloatArray, Term
+from models.noise.base import Term
 from models.noise.bias_instability import BiasInstability
 from models.noise.gauss_markov import GaussMarkov, LowPassWhite
 from models.noise.power_law import Quantization, Ramp, RandomWalk, White
@@ -52,29 +53,23 @@ POWER_LAW = (Quantization, White, BiasInstability, RandomWalk, Ramp)
 def _complete(kind: Any) -> None:
     """Raise unless a class states all that `Term` needs."""
     if not (isinstance(kind, type) and issubclass(kind, Term)):
-        msg = f"expected a subclass of models.noise.Term, got {kind!r}"
-        raise TypeError(msg)
+        raise TypeError(f"expected a subclass of models.noise.Term, got {kind!r}")
     if missing := [name for name in ("name", "PARAMETERS", "UNITS") if not hasattr(kind, name)]:
-        msg = f"the class needs {', '.join(missing)}"
-        raise TypeError(msg)
+        raise TypeError(f"the class needs {', '.join(missing)}")
     if not re.fullmatch(r"[a-z][a-z0-9_]*", kind.name) or re.search(r"_[0-9]+$", kind.name):
         msg = "expected a name of lower-case letters, digits and underscores that does not end in a number, as that of "
         msg += "the second term of a kind does"
         raise ValueError(msg)
     if not kind.PARAMETERS:
-        msg = "PARAMETERS must name at least the amplitude"
-        raise ValueError(msg)
+        raise ValueError("PARAMETERS must name at least the amplitude")
     if len(kind.UNITS) != len(kind.PARAMETERS) and kind.units is Term.units:
-        msg = f"UNITS must hold one entry for each of PARAMETERS {', '.join(kind.PARAMETERS)}"
-        raise ValueError(msg)
+        raise ValueError(f"UNITS must hold one entry for each of PARAMETERS {', '.join(kind.PARAMETERS)}")
     if strange := [name for name in kind.PARAMETERS if name not in {field.name for field in fields(kind)}]:
-        msg = f"PARAMETERS must name fields of the dataclass, '{strange[0]}' is none"
-        raise ValueError(msg)
+        raise ValueError(f"PARAMETERS must name fields of the dataclass, '{strange[0]}' is none")
     if kind.state_space is Term.state_space:
         lacking = [name for name in _BY_ITSELF if getattr(kind, name) is getattr(Term, name)]
         if lacking:
-            msg = f"it must give state_space, or {', '.join(lacking)}"
-            raise ValueError(msg)
+            raise ValueError(f"it must give state_space, or {', '.join(lacking)}")
 
 
 _BY_ITSELF = ("psd", "allan_variance", "hadamard_variance", "autocovariance", "sample")
@@ -108,8 +103,7 @@ class NoiseModel:
         flat = (item.terms if isinstance(item, NoiseModel) else (item,) for item in terms)
         terms = tuple(term for group in flat for term in group)
         if strangers := [type(term).__name__ for term in terms if not isinstance(term, Term)]:
-            msg = f"'terms' must be noise terms, got {', '.join(strangers)}"
-            raise ValueError(msg)
+            raise ValueError(f"'terms' must be noise terms, got {', '.join(strangers)}")
         object.__setattr__(self, "terms", terms)
 
     def __add__(self, other: Term | NoiseModel) -> NoiseModel:
@@ -198,8 +192,7 @@ class NoiseModel:
         """Return the model with other values of `parameters`, shape (p,)."""
         values = np.asarray(values, dtype=float)
         if values.shape != (len(self.parameters),):
-            msg = f"'values' must have shape ({len(self.parameters)},), got {values.shape}"
-            raise ValueError(msg)
+            raise ValueError(f"'values' must have shape ({len(self.parameters)},), got {values.shape}")
         rest = iter(values.tolist())
         return NoiseModel(
             replace(term, **{parameter: next(rest) for parameter in term.PARAMETERS}) for term in self.terms
@@ -232,8 +225,7 @@ class NoiseModel:
                 try:
                     terms.append(kind(**values))
                 except TypeError as error:
-                    msg = f"noise term '{name}': {error}"
-                    raise ValueError(msg) from error
+                    raise ValueError(f"noise term '{name}': {error}") from error
         return cls(terms)
 
     def _sum(self, argument: ArrayLike, part: Callable[[Term], FloatArray]) -> FloatArray:

@@ -26,12 +26,11 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, NoReturn
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.linalg import solve_discrete_lyapunov
 
-from models.noise.base import FloatArray, Term, as_array, require_positive
-
-IntArray = NDArray[np.int64]
+from models.arrays import FloatArray, IntArray
+from models.noise.base import Term, as_array, require_positive
 
 _MIN_CORRELATION = 1e-18
 """Correlation below which the past is forgotten."""
@@ -69,8 +68,9 @@ class Arma(Term):
             root = _largest_root(coefficients)
             if not root < 1.0:
                 values = getattr(self, field)
-                msg = f"'{field}' must be {fault}: largest root below 1, got {root:.6g} from {values}"
-                raise ValueError(msg)
+                raise ValueError(
+                    f"'{field}' must be {fault}: largest root below 1, got {root:.6g} from {values}"
+                )
 
     def scaled(self, factor: float) -> Arma:
         """Return the term of a sequence multiplied by a factor."""
@@ -110,8 +110,7 @@ class Arma(Term):
 
     def state_space(self) -> NoReturn:
         """Raise ValueError: the sequence has discrete states only, see `transition`."""
-        msg = "an ARMA sequence has no continuous state space: use Arma.transition()"
-        raise ValueError(msg)
+        raise ValueError("an ARMA sequence has no continuous state space: use Arma.transition()")
 
     def transition(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return Phi, Qd and stationary P0 of the discrete states, shapes (r, r); y is the first state."""
@@ -137,16 +136,16 @@ class Arma(Term):
 
     def _check(self, interval: float | None) -> None:
         if interval is not None and not np.isclose(interval, self.interval, rtol=1e-6, atol=0.0):
-            msg = f"'interval' must be that of the ARMA sequence, {self.interval} s, got {interval}"
-            raise ValueError(msg)
+            raise ValueError(
+                f"'interval' must be that of the ARMA sequence, {self.interval} s, got {interval}"
+            )
 
     def _cluster_size(self, tau: ArrayLike, interval: float | None) -> IntArray:
         self._check(interval)
         ratio = as_array(tau) / self.interval
         m = np.rint(ratio)
         if np.any(m < 1) or not np.allclose(ratio, m, rtol=1e-5, atol=0.0):
-            msg = f"'tau' must be whole multiples of the interval {self.interval} s"
-            raise ValueError(msg)
+            raise ValueError(f"'tau' must be whole multiples of the interval {self.interval} s")
         return m.astype(np.int64)
 
     def _first_autocovariances(self) -> FloatArray:

@@ -18,8 +18,9 @@ from itertools import product
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from models.arrays import ComplexArray, FloatArray
 from models.noise import from_state_space
 from models.units import time_derivative
 
@@ -27,8 +28,6 @@ if TYPE_CHECKING:
     from models.noise import NoiseModel
     from models.statespace import StateSpace
 
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 _LOG_STEP = 1e-3
 """Step of the logarithm of a parameter: truncation (1e-12) and rounding (1e-13) are then about equal."""
@@ -42,8 +41,7 @@ def as_array(values: ArrayLike) -> FloatArray:
 def require_positive(name: str, value: float) -> None:
     """Raise ValueError unless the value is positive and finite."""
     if not 0.0 < value < np.inf:
-        msg = f"'{name}' must be positive, got {value}"
-        raise ValueError(msg)
+        raise ValueError(f"'{name}' must be positive, got {value}")
 
 
 @dataclass(frozen=True)
@@ -83,8 +81,7 @@ class Term:
         ValueError
             Where the process has no finite state space.
         """
-        msg = f"noise term '{self.name}' gives no state space"
-        raise ValueError(msg)
+        raise ValueError(f"noise term '{self.name}' gives no state space")
 
     def psd(self, f: ArrayLike, *, interval: float | None = None) -> FloatArray:
         """Return the two-sided spectral density at frequencies f, Hz; shape of f, unit²/Hz."""
@@ -121,8 +118,7 @@ class Term:
         """Return the autocovariance at lags, s; shape of lag, unit²; ValueError where it does not exist."""
         system = self._system("autocovariance")
         if not from_state_space.is_stationary(system):
-            msg = f"noise term '{self.name}' has no autocovariance: it is not stationary"
-            raise ValueError(msg)
+            raise ValueError(f"noise term '{self.name}' has no autocovariance: it is not stationary")
         return from_state_space.autocovariance(system, as_array(lag))
 
     def sample(self, n: int, interval: float, rng: np.random.Generator) -> FloatArray:
@@ -148,8 +144,9 @@ class Term:
         trials: list[list[float]] = []
         for parameter, unit in zip(cls.PARAMETERS[1:], cls.UNITS[1:], strict=True):
             if unit not in ("s", "Hz"):
-                msg = f"noise term '{cls.name}' cannot be fitted: it gives no trial_shapes for '{parameter}'"
-                raise ValueError(msg)
+                raise ValueError(
+                    f"noise term '{cls.name}' cannot be fitted: it gives no trial_shapes for '{parameter}'"
+                )
             trials.append(times.tolist() if unit == "s" else (0.5 / times[::-1]).tolist())
         return tuple(product(*trials))
 
@@ -207,8 +204,7 @@ class Term:
     def _system(self, wanted: str) -> StateSpace:
         system = self.state_space()
         if system is None:
-            msg = f"noise term '{self.name}' has no state space: it must give its own {wanted}"
-            raise ValueError(msg)
+            raise ValueError(f"noise term '{self.name}' has no state space: it must give its own {wanted}")
         return system
 
     def _moved(self, parameter: str, log_step: float) -> Self:

@@ -27,7 +27,8 @@ from numpy.typing import ArrayLike
 from scipy import fft
 from scipy.special import digamma
 
-from models.noise.base import FloatArray, Term, as_array
+from models.arrays import FloatArray
+from models.noise.base import Term, as_array
 from models.noise.gauss_markov import GaussMarkov
 
 ALLAN_FLOOR: Final = float(np.sqrt(2.0 * np.log(2.0) / np.pi))
@@ -77,13 +78,13 @@ class BiasInstability(Term):
 
     def autocovariance(self, lag: ArrayLike, *, interval: float | None = None) -> FloatArray:  # noqa: ARG002
         """Raise ValueError: the variance of flicker noise grows with the record."""
-        msg = "flicker noise has no autocovariance: it is not stationary"
-        raise ValueError(msg)
+        raise ValueError("flicker noise has no autocovariance: it is not stationary")
 
     def state_space(self) -> NoReturn:
         """Raise ValueError: only a ladder of Gauss–Markov states comes close."""
-        msg = "flicker noise has no finite state space: replace it by models.noise.bias_instability.flicker_ladder"
-        raise ValueError(msg)
+        raise ValueError(
+            "flicker noise has no finite state space: replace it by models.noise.bias_instability.flicker_ladder"
+        )
 
     def sample(self, n: int, interval: float, rng: np.random.Generator) -> FloatArray:  # noqa: ARG002
         """Return n samples that start at 0, exact over the whole record.
@@ -153,11 +154,9 @@ def flicker_ladder(
         In the order of rising time constant.
     """
     if not 0.0 < shortest <= longest < np.inf:
-        msg = f"time constants must satisfy 0 < shortest <= longest, got {shortest} and {longest}"
-        raise ValueError(msg)
+        raise ValueError(f"time constants must satisfy 0 < shortest <= longest, got {shortest} and {longest}")
     if not per_decade > 0.0:
-        msg = f"'per_decade' must be positive, got {per_decade}"
-        raise ValueError(msg)
+        raise ValueError(f"'per_decade' must be positive, got {per_decade}")
     decades = np.log10(longest / shortest)
     steps = int(np.ceil(decades * per_decade - 1e-9))
     log_ratio = np.log(10.0) * (decades / steps if steps > 0 else 1.0 / per_decade)

@@ -22,7 +22,8 @@ from math import factorial
 import numpy as np
 from numpy.typing import NDArray
 
-from models.noise.base import FloatArray, as_array
+from models.arrays import FloatArray
+from models.noise.base import as_array
 
 ComplexArray = NDArray[np.complexfloating]
 

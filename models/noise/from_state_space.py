@@ -21,13 +21,11 @@ References
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import expm, schur
 
+from models.arrays import ComplexArray, FloatArray
 from models.statespace import StateSpace, discretize, spectrum
 
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 Step = tuple[FloatArray, FloatArray]
 
 CLUSTER_WEIGHTS = {2: (-1.0, 1.0), 3: (1.0, -2.0, 1.0)}

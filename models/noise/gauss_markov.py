@@ -23,8 +23,9 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from models.arrays import FloatArray
 from models.noise import exponential
-from models.noise.base import FloatArray, Term, as_array
+from models.noise.base import Term, as_array
 from models.recursion import decaying_sum
 from models.statespace import StateSpace, discretize
 
@@ -105,8 +106,7 @@ class LowPassWhite(Term):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.order not in (1, 2):
-            msg = f"'order' must be 1 or 2, got {self.order}"
-            raise ValueError(msg)
+            raise ValueError(f"'order' must be 1 or 2, got {self.order}")
 
     @property
     def variance(self) -> float:

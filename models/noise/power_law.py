@@ -23,7 +23,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from models.noise.base import FloatArray, Term, as_array
+from models.arrays import FloatArray
+from models.noise.base import Term, as_array
 from models.statespace import StateSpace
 
 
@@ -156,8 +157,7 @@ class RandomWalk(Term):
 
     def autocovariance(self, lag: ArrayLike, *, interval: float | None = None) -> FloatArray:  # noqa: ARG002
         """Raise ValueError: the variance of a random walk grows for ever."""
-        msg = "a random walk has no autocovariance: it is not stationary"
-        raise ValueError(msg)
+        raise ValueError("a random walk has no autocovariance: it is not stationary")
 
     def state_space(self) -> StateSpace:
         """Return the integrator db/dt = w that starts at 0."""
@@ -208,8 +208,7 @@ class Ramp(Term):
 
     def autocovariance(self, lag: ArrayLike, *, interval: float | None = None) -> FloatArray:  # noqa: ARG002
         """Raise ValueError: a ramp is not stationary."""
-        msg = "a ramp has no autocovariance: it is not stationary"
-        raise ValueError(msg)
+        raise ValueError("a ramp has no autocovariance: it is not stationary")
 
     def state_space(self) -> StateSpace:
         """Return value and slope; the slope has the prior variance R² and no noise."""
@@ -228,6 +227,5 @@ class Ramp(Term):
 
 def _need_interval(interval: float | None, message: str) -> float:
     if interval is None:
-        msg = f"{message} without the sampling interval: give 'interval'"
-        raise ValueError(msg)
+        raise ValueError(f"{message} without the sampling interval: give 'interval'")
     return interval

@@ -20,7 +20,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from models.noise.base import FloatArray, Term, as_array
+from models.arrays import FloatArray
+from models.noise.base import Term, as_array
 from models.statespace import StateSpace
 
 

@@ -27,15 +27,14 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.polynomial import legendre
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from models import rotation
 from models import vector3 as triples
+from models.arrays import FloatArray
 from models.earth import earth_rate, gravity, radii, transport_rate
 from models.strapdown import NavigationState
 from models.trajectory.profiles import Profile
-
-FloatArray = NDArray[np.float64]
 
 POSITION_NODES = 10
 """Quadrature nodes of a cell of the position integral."""
@@ -105,8 +104,7 @@ def times_within(t: ArrayLike, duration: float) -> FloatArray:
     """Return the times as an array, or refuse those outside 0 … `duration` (a nanosecond is let pass)."""
     t = np.atleast_1d(np.asarray(t, dtype=float))
     if t.size and not (t.min() >= -1e-9 and t.max() <= duration + 1e-9):
-        msg = f"'t' must lie in 0 … {duration} s, got {t.min()} … {t.max()}"
-        raise ValueError(msg)
+        raise ValueError(f"'t' must lie in 0 … {duration} s, got {t.min()} … {t.max()}")
     return t
 
 
@@ -153,8 +151,7 @@ class Trajectory:
 
     def __post_init__(self) -> None:
         if not self.duration > 0.0:
-            msg = f"'duration' must be positive, got {self.duration}"
-            raise ValueError(msg)
+            raise ValueError(f"'duration' must be positive, got {self.duration}")
 
     def velocity(self, t: FloatArray) -> FloatArray:
         """Return the velocity north, east, down, m/s; (...,) → (..., 3)."""
@@ -247,8 +244,9 @@ def imu_increments(motion: Motion, interval: float) -> tuple[FloatArray, FloatAr
 def increment_chunks(motion: Motion, interval: float) -> list[range]:
     """Return the numbers of the increments of a motion in chunks, whose `increments_of` may be had in any order."""
     if not 0.0 < interval <= motion.duration:
-        msg = f"'interval' must be positive and at most the duration {motion.duration}, got {interval}"
-        raise ValueError(msg)
+        raise ValueError(
+            f"'interval' must be positive and at most the duration {motion.duration}, got {interval}"
+        )
     n = int(np.floor(motion.duration / interval * (1.0 + 1e-12)))
     return [range(first, min(first + CHUNK_INTERVALS, n)) for first in range(0, n, CHUNK_INTERVALS)]
 

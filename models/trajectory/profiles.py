@@ -14,9 +14,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-FloatArray = NDArray[np.float64]
+from models.arrays import FloatArray
 
 
 @dataclass(frozen=True)
@@ -29,8 +29,7 @@ class Step:
 
     def __post_init__(self) -> None:
         if not self.duration > 0.0:
-            msg = f"'duration' must be positive, got {self.duration}"
-            raise ValueError(msg)
+            raise ValueError(f"'duration' must be positive, got {self.duration}")
 
 
 @dataclass(frozen=True)
@@ -43,8 +42,7 @@ class Wave:
 
     def __post_init__(self) -> None:
         if not self.frequency > 0.0:
-            msg = f"'frequency' must be positive, got {self.frequency}"
-            raise ValueError(msg)
+            raise ValueError(f"'frequency' must be positive, got {self.frequency}")
 
 
 @dataclass(frozen=True)
@@ -70,8 +68,7 @@ class Profile:
     def __post_init__(self) -> None:
         for a, b in pairwise(self.steps):
             if b.begin < a.begin + a.duration:
-                msg = f"'steps' must be in order and not overlap, got {a} and {b}"
-                raise ValueError(msg)
+                raise ValueError(f"'steps' must be in order and not overlap, got {a} and {b}")
 
     @property
     def knots(self) -> tuple[float, ...]:

@@ -19,12 +19,13 @@ import numpy as np
 import pandas as pd
 
 import tuner
+from models.arrays import FloatArray
 from models.trajectory.catalogue import TRAJECTORIES
 from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
 from tuner.simulation.drive import simulate_drive
 from tuner.simulation.simulate_source import simulate_source
 from tuner.simulation.static import simulate
-from tuner.types.records import FloatArray, Record
+from tuner.types.records import Record
 
 HUGE = 10**5000
 """A whole number beyond every float."""

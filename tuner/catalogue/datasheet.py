@@ -37,5 +37,6 @@ def read_datasheet(path: Path) -> Identification:
     try:
         return grade_identification(sheet)
     except OverflowError:
-        msg = f"{path}: expected figures of a sensor, found one whose square no number holds: check its unit"
-        raise DataError(msg) from None
+        raise DataError(
+            f"{path}: expected figures of a sensor, found one whose square no number holds: check its unit"
+        ) from None

@@ -59,8 +59,7 @@ def config_directory() -> Path:
     for candidate in (package / "configs", package.parent / "configs"):
         if (candidate / "sensors").is_dir():
             return candidate
-    msg = f"{package}: expected a folder 'configs' in or beside the package; reinstall it"
-    raise DataError(msg)
+    raise DataError(f"{package}: expected a folder 'configs' in or beside the package; reinstall it")
 
 
 def grade_names() -> tuple[str, ...]:
@@ -140,8 +139,7 @@ def _names(folder: str) -> tuple[str, ...]:
 
 def _path(folder: str, name: str) -> Path:
     if name not in _names(folder):
-        msg = f"{name}: expected a built-in grade ({' '.join(_names(folder))})"
-        raise DataError(msg)
+        raise DataError(f"{name}: expected a built-in grade ({' '.join(_names(folder))})")
     return config_directory() / folder / f"{name}.yaml"
 
 

@@ -100,8 +100,7 @@ def check(
     receiver = receiver or (real.receiver if real is not None else None)
     settings = filter_settings(config, constants=config.constants)
     if config.gnss is None:
-        msg = f"{config.name}: expected GNSS figures, found none; name a receiver (--gnss GRADE)"
-        raise DataError(msg)
+        raise DataError(f"{config.name}: expected GNSS figures, found none; name a receiver (--gnss GRADE)")
     receiver = receiver or config.gnss
     often = receiver.interval / MIN_FIX_INTERVAL
     if often < 0.999:

@@ -91,8 +91,7 @@ def choose(
         For an unknown receiver, or an outage or error out of range.
     """
     if not error > 0.0:
-        msg = f"--error: expected metres above 0, got {error:g}"
-        raise DataError(msg)
+        raise DataError(f"--error: expected metres above 0, got {error:g}")
     receiver = load_gnss(gnss)
 
     def drift(config: FilterConfig) -> float:

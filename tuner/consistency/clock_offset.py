@@ -20,14 +20,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.earth import ned_between
 from models.probability import student_quantile
 from tuner.consistency.output_errors import OutputErrors
 from tuner.consistency.trajectory_alignment import MAX_GAP_INTERVALS, interpolation_variance
 from tuner.types.filter_output import FilterOutput
 from tuner.types.output_score import TimeOffset
-
-FloatArray = NDArray[np.float64]
 
 OFFSET_BLOCKS = 10
 """Parts of a record whose time offsets give the interval of their mean."""

@@ -25,12 +25,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from tuner.consistency.scores import TEST_COUNT, mean_band
 from tuner.types.consistency import Score
-
-FloatArray = NDArray[np.float64]
 
 CORRELATION_CUT = 0.2
 """Autocorrelation at which its sum ends: what follows adds 4 % of the sum, and less than the noise of its estimate."""

@@ -10,8 +10,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from models.arrays import FloatArray
 from models.noise import BiasInstability, NoiseModel
 from models.noise.bias_instability import flicker_ladder
 from tuner.consistency.scores import SETTLING_TIME, STRAYED_RATIO, run_ratios, some_strayed
@@ -19,8 +20,6 @@ from tuner.navigation.settings import FilterSettings
 from tuner.simulation.imu import Sensor
 from tuner.simulation.monte_carlo import Runs, Scenario
 from tuner.types.verdict import Severity, Verdict, VerdictCode
-
-FloatArray = NDArray[np.float64]
 
 ATTITUDE_ROWS = slice(6, 9)
 """Rows of the attitude in the errors of a run."""

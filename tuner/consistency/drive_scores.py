@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models import rotation
+from models.arrays import FloatArray
 from models.earth import metres_per_radian
 from tuner.consistency.frame_differences import errors_in_one_frame, matters
 from tuner.consistency.output_errors import in_axes_of, output_errors
@@ -28,8 +29,6 @@ from tuner.navigation.smoother import separation, smooth
 from tuner.types.consistency import Score
 from tuner.types.filter_output import FilterOutput, filter_output
 from tuner.types.records import DataError, Reference
-
-FloatArray = NDArray[np.float64]
 
 BLOCK_LENGTH = 30.0
 """Length of the blocks of a drive that count as independent, s."""

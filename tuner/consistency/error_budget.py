@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.filter_states import FILTER_STATES, Origin
 from tuner.consistency.scores import EQUIVALENCE_MARGIN, OUTAGE_LENGTHS, scored_epochs
 from tuner.jobs import usable
@@ -24,8 +25,6 @@ from tuner.navigation.engine.linear_covariance import Nominal, trace_sources
 from tuner.navigation.settings import FilterSettings
 from tuner.simulation.monte_carlo import Scenario, assumed_fix_sd, scenario_fixes
 from tuner.types.consistency import ErrorBudget
-
-FloatArray = NDArray[np.float64]
 
 TABLE_LENGTHS = (10.0, 60.0, 300.0)
 """Lengths of outage whose budget is shown, s."""

@@ -13,13 +13,11 @@ and what the fixes see is only another sum of them.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.filter_states import FILTER_STATES
 from tuner.navigation.settings import FilterSettings, further_states, total_bias
 from tuner.types.consistency import Observability, WeakDirection
-
-FloatArray = NDArray[np.float64]
 
 MIN_EIGENVALUE = 1.7
 """Eigenvalue from which states count as not distinguished: 1 + ρ of two states with correlation ρ = 0.7."""

@@ -70,11 +70,11 @@ def outage_drift(config: FilterConfig, horizons: Sequence[float] = HORIZONS) -> 
         Where the configuration lacks an axis or the receiver, or a time is too long.
     """
     if config.gnss is None:
-        msg = f"{config.name}: expected GNSS figures, found none; name a receiver (--gnss GRADE)"
-        raise DataError(msg)
+        raise DataError(f"{config.name}: expected GNSS figures, found none; name a receiver (--gnss GRADE)")
     if not all(0.0 < h <= OUTAGE_DURATION for h in horizons):
-        msg = f"expected times without fixes in 0 … {OUTAGE_DURATION:g} s, got {', '.join(f'{h:g}' for h in horizons)}"
-        raise DataError(msg)
+        raise DataError(
+            f"expected times without fixes in 0 … {OUTAGE_DURATION:g} s, got {', '.join(f'{h:g}' for h in horizons)}"
+        )
     settings = filter_settings(config, constants=config.constants)
     plan = _city_drive(config.gnss)
     fixes = scenario_fixes(settings, plan)

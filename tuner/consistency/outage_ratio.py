@@ -20,11 +20,10 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from models.arrays import FloatArray
 from models.probability import chi2_quantile, normal_reach, student_quantile
-
-FloatArray = NDArray[np.float64]
 
 LEVEL = 0.95
 """Chance that the interval holds the ratio."""

@@ -12,9 +12,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from models import rotation
+from models.arrays import FloatArray
 from tuner.consistency.trajectory_alignment import (
     Alignment,
     Curves,
@@ -30,8 +30,6 @@ from tuner.consistency.velocity_of_positions import velocity_contradiction
 from tuner.consistency.wrong_conventions import refuse_wrong_conventions
 from tuner.types.filter_output import FilterOutput
 from tuner.types.records import DataError
-
-FloatArray = NDArray[np.float64]
 
 DENSER_TRUTH_RATIO = 0.5
 """Interval of an estimate ÷ that of its truth below which the estimate is taken to the times of the truth."""
@@ -150,11 +148,10 @@ def output_errors(
     begin, end = max(moved.t[0], truth.t[0]), min(moved.t[-1], truth.t[-1])
     inside = (moved.t >= begin - 1e-9) & (moved.t <= end + 1e-9)
     if np.count_nonzero(inside) < 2:
-        msg = (
+        raise DataError(
             f"{estimate.name}: expected times within those of {truth.name}, {truth.t[0]:.3f} … {truth.t[-1]:.3f} s, "
             f"found {estimate.t[0]:.3f} … {estimate.t[-1]:.3f} s: put both on one clock"
         )
-        raise DataError(msg)
     notes: list[str] = []
     moved = moved.rows(inside)
     dense = float(np.median(np.diff(moved.t))) < DENSER_TRUTH_RATIO * float(np.median(np.diff(truth.t)))
@@ -273,16 +270,16 @@ def _in_one_frame(
     )
     placed = all(one.llh is not None or one.local is not None for one in (estimate, truth))
     if mixed and placed and how is Alignment.NONE:
-        msg = (
+        raise DataError(
             f"{estimate.name}: expected positions in the frame of {truth.name}, found metres in one and latitude, "
             "longitude in the other: add --align yaw or --align se3"
         )
-        raise DataError(msg)
     if how is Alignment.NONE:
         return estimate, truth, ()
     if not placed:
-        msg = f"{estimate.name}: --align {how.value}: expected positions in estimate and truth, found none"
-        raise DataError(msg)
+        raise DataError(
+            f"{estimate.name}: --align {how.value}: expected positions in estimate and truth, found none"
+        )
     source = truth if truth.llh is not None else estimate
     if source.llh is not None:
         good = np.flatnonzero(np.isfinite(source.llh).all(axis=1))

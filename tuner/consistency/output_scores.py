@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from tuner.consistency.correlated_errors import time_score, whitened
 from tuner.consistency.output_errors import OutputErrors
 from tuner.consistency.scores import (
@@ -27,8 +28,6 @@ from tuner.navigation.data import ABSENT, USED
 from tuner.types.consistency import Outage, Score, Whiteness
 from tuner.types.filter_output import BLOCKS, FilterOutput
 from tuner.types.records import DataError
-
-FloatArray = NDArray[np.float64]
 
 MIN_INDEPENDENT_RUNS = 10
 """Runs from which their scatter tells the degrees of freedom to a quarter; fewer are scored by correlation in time."""
@@ -91,11 +90,10 @@ def _error_scores(runs: Sequence[OutputErrors]) -> tuple[Score | None, tuple[Sco
     many = len(runs) >= MIN_INDEPENDENT_RUNS
     known = [i for i in range(len(BLOCKS)) if all(known_epochs(run, i).any() for run in runs)]
     if not known:
-        msg = (
+        raise DataError(
             "expected an estimate and a truth of the same position, velocity or attitude, and sds of its errors, found "
             "none: name their columns by --columns and --truth-columns"
         )
-        raise DataError(msg)
     chosen = [_scored_rows(run, known, thin=many) for run in runs]
     parts: dict[str, list[FloatArray]] = {"nees": [], **{BLOCKS[i]: [] for i in known}}
     fitted: dict[str, list[FloatArray]] = {name: [] for name in parts}
@@ -137,11 +135,10 @@ def _of_unit_variance(
         return whitened(error, covariance)
     except np.linalg.LinAlgError:
         worst = int(np.argmin(np.linalg.eigvalsh(covariance)[:, 0]))
-        msg = (
+        raise DataError(
             f"{run.name}: expected covariances that are positive definite, found one that is not at "
             f"{run.t[rows][worst]:.3f} s: mend the filter's update (Joseph form), or give its sds alone"
-        )
-        raise DataError(msg) from None
+        ) from None
 
 
 def state_scores(runs: Sequence[OutputErrors]) -> tuple[Score, ...]:

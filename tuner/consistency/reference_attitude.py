@@ -15,9 +15,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from models import rotation
+from models.arrays import FloatArray
 from models.probability import student_quantile
 from models.robust import normal_sd
 from tuner.consistency.drive_scores import as_output, as_truth
@@ -28,8 +28,6 @@ from tuner.formats.reference_words import wrong_attitude_text
 from tuner.navigation.data import Solution
 from tuner.navigation.drive.run import Stretch
 from tuner.types.records import Reference
-
-FloatArray = NDArray[np.float64]
 
 WINDOW_LENGTH = 5.0
 """Length of a window, s: short against stands, long against the stamps and the noise of attitudes."""

@@ -15,16 +15,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.robust import normal_sd
 from tuner.formats.reference_words import wrong_times_text
 from tuner.navigation.data import WITHHELD
 from tuner.navigation.drive.run import RECOVERY_TIME, Stretch, navigate
 from tuner.navigation.settings import FilterSettings
 from tuner.types.records import Reference
-
-FloatArray = NDArray[np.float64]
 
 WITHHELD_TIME = 2.0
 """Time in which fixes are withheld by turns, s: the attitude of a filter with every other two seconds is as good."""

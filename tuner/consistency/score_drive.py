@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.earth import ned_between
 from models.filter_states import FILTER_STATES, Origin
 from tuner.consistency.drive_scores import (
@@ -61,8 +62,6 @@ from tuner.types.number_ranges import Positive
 from tuner.types.public import public
 from tuner.types.records import Drive, Reference
 from tuner.types.shown import Shown
-
-FloatArray = NDArray[np.float64]
 
 OUTAGE_LENGTHS = (10.0, 30.0, 60.0)
 """Lengths of outage that are scored on a measured drive, s."""

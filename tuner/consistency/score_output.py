@@ -9,8 +9,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from models.arrays import FloatArray
 from tuner.consistency.correlated_errors import time_score, whitened
 from tuner.consistency.frame_differences import differences_of_frames, errors_in_one_frame, matters
 from tuner.consistency.one_factor import one_factor
@@ -38,8 +39,6 @@ from tuner.types.public import public
 from tuner.types.records import DataError
 from tuner.types.shown import Shown
 from tuner.types.verdict import Severity, Verdict, VerdictCode
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, repr=False)
@@ -112,8 +111,9 @@ def score_outputs(
     outputs = [replace(o, outages=np.concatenate([o.outages, windows])) for o in outputs]
     stage("comparing with the truth", 0.2)
     if len(truths) not in (0, 1, len(outputs)):
-        msg = f"expected one truth, or one for each of {len(outputs)} estimates, found {len(truths)}"
-        raise DataError(msg)
+        raise DataError(
+            f"expected one truth, or one for each of {len(outputs)} estimates, found {len(truths)}"
+        )
     notes = [note for output in (*outputs, *truths) for note in output.notes]
     every = list(truths) if len(truths) == len(outputs) else [*truths] * len(outputs)
     offset: TimeOffset | None = None
@@ -126,11 +126,10 @@ def score_outputs(
     stage("scoring", 0.35)
     innovative = [output for output in outputs if output.has_innovations]
     if not runs and not innovative:
-        msg = (
+        raise DataError(
             f"{outputs[0].name}: expected a truth (--truth) or innovations with their sds (z_n, …, sd_z_n, …), found "
             "neither: there is nothing to score by"
         )
-        raise DataError(msg)
     found = _scores(runs, innovative)
     notes += [
         note for s in found.blocks if s.name == "attitude" and (note := unit_of_sds(s.ratio)) is not None
@@ -234,18 +233,17 @@ def score_arrays(
         p = p[..., None] ** 2 * np.eye(k)
     if e.ndim != 3 or 0 in e.shape or p.shape[-2:] != (k, k) or p.ndim > 4:
         shapes = f"{np.shape(errors)} and {np.shape(covariances)}"
-        msg = f"expected errors (m, n, k) and covariances (m, n, k, k), found shapes {shapes}"
-        raise DataError(msg)
+        raise DataError(f"expected errors (m, n, k) and covariances (m, n, k, k), found shapes {shapes}")
     try:
         p = np.broadcast_to(p, (*e.shape, k))
         w = whitened(e[..., None], p)[..., 0]
     except (ValueError, np.linalg.LinAlgError) as error:
-        msg = f"expected positive definite covariances of shape {(*e.shape, k)}, found {p.shape}: {error}"
-        raise DataError(msg) from None
+        raise DataError(
+            f"expected positive definite covariances of shape {(*e.shape, k)}, found {p.shape}: {error}"
+        ) from None
     states = tuple(names) if names is not None else tuple(f"state {j + 1}" for j in range(k))
     if len(states) != k:
-        msg = f"expected {k} names of states, found {len(states)}"
-        raise DataError(msg)
+        raise DataError(f"expected {k} names of states, found {len(states)}")
     if not np.isfinite(w).all():
         lost = (Verdict(VerdictCode.NOT_FINITE, Severity.DIVERGED),)
         return Consistency(None, (), (), None, (), {}, 0.0, True, lost)

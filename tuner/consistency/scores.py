@@ -38,6 +38,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import ndtri
 
+from models.arrays import FloatArray
 from models.probability import chi2_quantile, student_quantile
 from tuner.consistency.outage_ratio import components, means_and_weights, ratio_interval, scatter_freedom
 from tuner.navigation.data import USED
@@ -45,7 +46,6 @@ from tuner.simulation.monte_carlo import Runs
 from tuner.types.consistency import Consistency, Outage, Score, Whiteness
 from tuner.types.verdict import Severity, Verdict, VerdictCode
 
-FloatArray = NDArray[np.float64]
 Floats = NDArray[np.floating[Any]]
 
 FALSE_ALARM_RATE = 0.01

@@ -21,11 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models import rotation
+from models.arrays import FloatArray
 from models.earth import in_tangent_plane, metres_per_radian, ned_between, without_jumps
 from tuner.types.filter_output import FilterOutput
 from tuner.types.records import DataError
-
-FloatArray = NDArray[np.float64]
 
 SAME_INSTANT = 1e-6
 """Stamps this close, s, are one instant: nothing is interpolated."""
@@ -338,8 +337,9 @@ def aligned(
     else:
         u, size, vt = np.linalg.svd(product)
         if size[1] < 1e-6 * size[0]:
-            msg = f"{estimate.name}: expected positions off a line for --align se3, found them on one: use --align yaw"
-            raise DataError(msg)
+            raise DataError(
+                f"{estimate.name}: expected positions off a line for --align se3, found them on one: use --align yaw"
+            )
         mat = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
     shift = middle_b - mat @ middle_a
     moved = replace(turned(estimate, mat), local=estimate.local @ mat.T + shift)

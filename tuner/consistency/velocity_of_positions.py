@@ -7,15 +7,13 @@ explains a mean square of σ_v² + 2 σ_p²/T² at most, as where its velocities
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.earth import ned_between
 from models.probability import chi2_quantile
 from tuner.consistency.trajectory_alignment import MAX_GAP_INTERVALS
 from tuner.formats.customary_units import digits
 from tuner.types.filter_output import FilterOutput
-
-FloatArray = NDArray[np.float64]
 
 WINDOW_LENGTH = 10.0
 """Length of a window, s: centimetres of a position are millimetres a second."""

@@ -11,16 +11,14 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from models import rotation
+from models.arrays import FloatArray
 from models.earth import ned_between
 from models.units import unit_value
 from tuner.readers.axes_letters import BODY_LETTERS, WORLD_LETTERS, axes_rotation
 from tuner.types.filter_output import FilterOutput, TakenAxes
 from tuner.types.records import DataError
-
-FloatArray = NDArray[np.float64]
 
 MIN_IMPROVEMENT = 5.0
 """Rms error as taken ÷ in another convention, from which that is refused: of wrong ones it is tens to thousands, and of
@@ -97,11 +95,10 @@ def _tell(
     after, words, cure = best
     times = min(before / after, 1e6) if after > 0.0 else 1e6
     unit = {"positions": "m", "velocities": "m/s", "attitudes": "rad"}[what]
-    msg = (
+    raise DataError(
         f"{one.name}: {what} fit {beside} {times:.3g} times better {words} than as they were taken (rms error "
         f"{before:.3g} and {after:.3g} {unit}): {cure}"
     )
-    raise DataError(msg)
 
 
 def _place(one: FilterOutput, origin: FilterOutput) -> FloatArray | None:

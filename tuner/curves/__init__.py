@@ -38,12 +38,10 @@ def empirical(
         If cluster times are given for a spectrum, or the record cannot give them.
     """
     if tau is not None and not len(tau):
-        msg = "curve: tau: expected cluster times or lags, s, found none"
-        raise DataError(msg)
+        raise DataError("curve: tau: expected cluster times or lags, s, found none")
     if statistic == "psd":
         if tau is not None:
-            msg = "psd has no cluster times: leave tau out"
-            raise DataError(msg)
+            raise DataError("psd has no cluster times: leave tau out")
         return psd(record)
     if statistic in ("acf", "pacf"):
         return (acf if statistic == "acf" else pacf)(record, lag=tau)

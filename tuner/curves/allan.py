@@ -22,13 +22,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from models.arrays import FloatArray, IntArray
 from tuner.curves import allan_kernels as kernels
 from tuner.types.records import DataError
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 def sizes(m: ArrayLike, *, least: int, most: int, samples: int) -> IntArray:
@@ -44,8 +42,7 @@ def sizes(m: ArrayLike, *, least: int, most: int, samples: int) -> IntArray:
     wrong = given[(whole < least) | (whole > most) | (whole != given)]
     if wrong.size:
         bounds = f"whole numbers from {least} to {most}" if most >= least else "a longer record: none fits"
-        msg = f"cluster size {wrong[0]:g} of {samples} samples: expected {bounds}"
-        raise DataError(msg)
+        raise DataError(f"cluster size {wrong[0]:g} of {samples} samples: expected {bounds}")
     return whole
 
 

@@ -16,12 +16,9 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray, IntArray
 from tuner.jobs import usable
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 BLOCK_POSITIONS = 8192
 """Positions of differences summed for every cluster size before moving on: 64 KiB of x."""

@@ -30,9 +30,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.noise import NoiseModel, White
-
-FloatArray = NDArray[np.float64]
 
 MAX_SUMMED_LAGS = 2048
 """Largest number of lags that are summed one by one; beyond, the autocovariance is a smooth function of the lag."""

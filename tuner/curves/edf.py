@@ -21,8 +21,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from models.arrays import FloatArray
 from models.noise import (
     BiasInstability,
     NoiseModel,
@@ -32,8 +33,6 @@ from models.noise import (
 )
 from tuner.curves import difference_dof as differences
 from tuner.curves.difference_dof import Difference
-
-FloatArray = NDArray[np.float64]
 
 PURE_NOISES = {
     "quantization": NoiseModel((Quantization(1.0),)),
@@ -79,8 +78,7 @@ def dof(
     """
     clusters = np.atleast_1d(np.asarray(m, dtype=np.int64)).tolist()
     if estimator not in _RULES:
-        msg = f"'estimator' must be one of {', '.join(_RULES)}, got {estimator!r}"
-        raise ValueError(msg)
+        raise ValueError(f"'estimator' must be one of {', '.join(_RULES)}, got {estimator!r}")
     types = [noise] * len(clusters) if isinstance(noise, (str, NoiseModel)) else list(noise)
     models = [each if isinstance(each, NoiseModel) else _named(each) for each in types]
     rule = _RULES[estimator]
@@ -90,8 +88,7 @@ def dof(
 
 def _named(name: str) -> NoiseModel:
     if name not in PURE_NOISES:
-        msg = f"'noise' must be one of {', '.join(PURE_NOISES)}, got {name!r}"
-        raise ValueError(msg)
+        raise ValueError(f"'noise' must be one of {', '.join(PURE_NOISES)}, got {name!r}")
     return PURE_NOISES[name]
 
 

@@ -10,8 +10,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray, IntArray
 from models.noise import NoiseModel
 from tuner.curves import allan, theo
 from tuner.curves.edf import dof
@@ -20,8 +20,6 @@ from tuner.curves.total import total
 from tuner.types import AllanCurve
 from tuner.types.records import DataError, Record
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 Noise = str | Sequence[str] | NoiseModel
 
 DEFAULT_POINTS = 60
@@ -114,8 +112,7 @@ def curve(
     if estimator == "theoh":
         return _hybrid(record, longest, tau=tau, noise=noise, switch=switch)
     if estimator not in ESTIMATORS:
-        msg = f"'estimator' must be one of {', '.join([*ESTIMATORS, 'theoh'])}, got {estimator!r}"
-        raise ValueError(msg)
+        raise ValueError(f"'estimator' must be one of {', '.join([*ESTIMATORS, 'theoh'])}, got {estimator!r}")
     statistic = ESTIMATORS[estimator]
     if tau is None:
         m = default_sizes(estimator, longest)
@@ -160,8 +157,7 @@ def default_sizes(estimator: str, n: int) -> IntArray:
     statistic = ESTIMATORS[estimator]
     most = max(int(n / statistic.useful), statistic.least)
     if not statistic.count(n, np.array([statistic.least]))[0]:
-        msg = f"{estimator} of {n} samples without a gap: expected a longer record"
-        raise DataError(msg)
+        raise DataError(f"{estimator} of {n} samples without a gap: expected a longer record")
     if estimator == "adev":
         m = 2 ** np.arange(int(np.log2(most)) + 1)
     else:
@@ -183,8 +179,7 @@ def _given_clusters(estimator: str, n: int, tau: FloatArray, interval: float) ->
         every = np.arange(statistic.least, n + 1)
         feasible = every[statistic.count(n, every) > 0] * statistic.factor * interval
         bounds = f"{feasible[0]:g} to {feasible[-1]:g} s" if feasible.size else "a longer record"
-        msg = f"{estimator} at tau {wrong[0]:g} s: expected {bounds}"
-        raise DataError(msg)
+        raise DataError(f"{estimator} at tau {wrong[0]:g} s: expected {bounds}")
     return m
 
 

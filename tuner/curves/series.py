@@ -16,16 +16,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.fft import irfft, next_fast_len, rfft
 
+from models.arrays import FloatArray, IntArray
 from tuner.curves.allan import by_column, sizes
 from tuner.curves.edf import PURE_NOISES
 from tuner.types import Correlogram
 from tuner.types.records import DataError, Record
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 _MIN_AVERAGES = 32
 """Averages below which the lag-1 autocorrelation says too little."""
@@ -151,8 +149,7 @@ def pacf(record: Record, *, lag: Sequence[float] | None = None) -> Correlogram:
     steps = _steps(record, lag)
     most = int(steps.max())
     if most > _MAX_PARTIAL_LAGS:
-        msg = f"partial autocorrelation at {most} samples: expected at most {_MAX_PARTIAL_LAGS}"
-        raise DataError(msg)
+        raise DataError(f"partial autocorrelation at {most} samples: expected at most {_MAX_PARTIAL_LAGS}")
     columns = []
     for axis in record.axes:
         correlation = _autocorrelation(record, axis, most)
@@ -182,8 +179,7 @@ def _steps(record: Record, lag: Sequence[float] | None) -> IntArray:
     steps = np.rint(seconds / record.interval)
     wrong = seconds[~((steps >= 0) & (steps < longest))]
     if wrong.size:
-        msg = f"lag {wrong[0]:g} s: expected 0 to {(longest - 1) * record.interval:g} s"
-        raise DataError(msg)
+        raise DataError(f"lag {wrong[0]:g} s: expected 0 to {(longest - 1) * record.interval:g} s")
     return steps.astype(np.int64)
 
 

@@ -24,15 +24,12 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import next_fast_len, rfft
 
+from models.arrays import FloatArray, IntArray
 from tuner.curves.long_transforms import without_tables
 from tuner.types import Spectrum
 from tuner.types.records import DataError, Record
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 _MIN_TRIMMED_SAMPLES = 10_000
 """Above so many samples the last few are left out where that makes the transform fast (below 1 %)."""
@@ -66,8 +63,9 @@ def psd(record: Record, *, tapers: int = 5, per_octave: int = 24) -> Spectrum:
     pieces = [(start, _usable(stop - start)) for start, stop in record.segments if stop - start >= least]
     if not pieces:
         longest = max(stop - start for start, stop in record.segments)
-        msg = f"spectrum with {tapers} tapers: expected a segment of at least {least} samples, got {longest}"
-        raise DataError(msg)
+        raise DataError(
+            f"spectrum with {tapers} tapers: expected a segment of at least {least} samples, got {longest}"
+        )
     finest = max(n for _, n in pieces) + 1
     edges = _edges(finest // 2, tapers, per_octave) / (finest * record.interval)
     weight = np.zeros(edges.size - 1)

@@ -35,15 +35,13 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.fft import irfft, next_fast_len, rfft
 
+from models.arrays import FloatArray, IntArray
 from tuner.curves import allan_kernels as kernels
 from tuner.curves.allan import by_column, overlapping_allan, sizes
 from tuner.types.records import DataError
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 MAX_EXACT_SAMPLES = 100_000
 """Longest record, samples, that Thêo1 and the ratio of ThêoBR use as it is."""
@@ -136,8 +134,7 @@ def _theo1(y: ArrayLike, m: ArrayLike, clusters: Callable[[int, IntArray], IntAr
     wrong = whole[whole % (2 * step) != 0]
     if wrong.size:
         near = nearest_theo1_size(n, wrong)[0]
-        msg = f"Thêo1 cannot take size {wrong[0]} of {n} samples; the nearest it takes is {near}"
-        raise DataError(msg)
+        raise DataError(f"Thêo1 cannot take size {wrong[0]} of {n} samples; the nearest it takes is {near}")
     return by_column(y, lambda column: _theo1_of_phase(kernels.integrate(column), whole, step))
 
 
@@ -190,8 +187,9 @@ def bias_ratio(y: ArrayLike, *, reach: float = 0.1) -> float:
         samples = samples[: samples.size // width * width].reshape(-1, width).mean(axis=1)
     count = int(np.floor(reach * (samples.size + 1) / 3.0 - 3.0)) + 1
     if count < 1:
-        msg = f"ThêoBR of {samples.size} samples: expected at least {int(np.ceil(9.0 / reach)) - 1}"
-        raise DataError(msg)
+        raise DataError(
+            f"ThêoBR of {samples.size} samples: expected at least {int(np.ceil(9.0 / reach)) - 1}"
+        )
     steps = np.arange(count)
     reference = overlapping_allan(samples, 9 + 3 * steps)
     every = theo1_all(samples, 12 + 4 * (count - 1))

@@ -17,12 +17,11 @@ References
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from models.arrays import FloatArray
 from tuner.curves import allan_kernels as kernels
 from tuner.curves.allan import by_column, sizes
-
-FloatArray = NDArray[np.float64]
 
 
 def total(y: ArrayLike, m: ArrayLike) -> FloatArray:

@@ -122,8 +122,7 @@ def diagnose(
     given = {"--config": config is not None, "--gnss": gnss is not None, "--wheels": wheels}
     if any(given.values()):
         option = next(name for name, value in given.items() if value)
-        msg = f"{option}: expected with a drive, but a static log has no fixes"
-        raise DataError(msg)
+        raise DataError(f"{option}: expected with a drive, but a static log has no fixes")
     progress("diagnosing")
     return diagnose_records(
         data, holdout=holdout, identification=identification, replicas=replicas, seed=seed

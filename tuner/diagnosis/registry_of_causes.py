@@ -38,15 +38,14 @@ class RegistryOfCauses(Registry[C]):
     ) -> None:
         def check(declared: Any) -> None:
             if not (isclass(declared) and issubclass(declared, base)):
-                msg = f"expected a subclass of {base.__module__}.{base.__qualname__}, got {declared!r}"
-                raise TypeError(msg)
+                raise TypeError(
+                    f"expected a subclass of {base.__module__}.{base.__qualname__}, got {declared!r}"
+                )
             if missing := lacking(declared):
-                msg = f"the class needs {', '.join(missing)}"
-                raise TypeError(msg)
+                raise TypeError(f"the class needs {', '.join(missing)}")
             effect: Any = getattr(declared, "effect", None)
             if effect is not None and effect.name != getattr(declared, "cause", None):
-                msg = f"its effect has the code '{effect.name}'; give both the same"
-                raise ValueError(msg)
+                raise ValueError(f"its effect has the code '{effect.name}'; give both the same")
 
         super().__init__(kind, group, name_of=lambda cause: cause.cause, check=check)
         self._effects = effects

@@ -137,21 +137,18 @@ def export(
     if not isinstance(config, FilterConfig):
         config = load_config(config)
     if missing := lacking(config, declared):
-        msg = (
+        raise DataError(
             f"{config.name}: {dialect} needs gyroscopes and accelerometers, found no {missing[0]}; "
             "`tuner tune LOG --complete GRADE` fills them in from a built-in grade"
         )
-        raise DataError(msg)
     silent = [axis for axis, channel in config.channels.items() if not channel.white_density > 0.0]
     if silent and dialect != "native":
-        msg = (
+        raise DataError(
             f"{config.name}: {dialect}: expected white noise of {silent[0]} above 0, found 0, by which "
             "filters divide: set white_density in noise.yaml, at least to that of its data sheet"
         )
-        raise DataError(msg)
     if why := withheld(config):
-        msg = f"{config.name}: nothing is written for {dialect}: {why}"
-        raise DataError(msg)
+        raise DataError(f"{config.name}: nothing is written for {dialect}: {why}")
     target = Target(interval or config.interval, step, memory, rate_named=interval is not None)
     return declared.write(config, target)
 

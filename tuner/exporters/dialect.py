@@ -77,14 +77,11 @@ class Dialect:
 
 def _check(dialect: object) -> None:
     if not isinstance(dialect, Dialect):
-        msg = f"expected a Dialect, got {type(dialect).__name__}"
-        raise TypeError(msg)
+        raise TypeError(f"expected a Dialect, got {type(dialect).__name__}")
     if not re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", dialect.name):
-        msg = "expected a name of lower-case letters, digits and hyphens"
-        raise ValueError(msg)
+        raise ValueError("expected a name of lower-case letters, digits and hyphens")
     if not (dialect.title and dialect.units and callable(dialect.write)):
-        msg = "expected a title, units and a function 'write'"
-        raise ValueError(msg)
+        raise ValueError("expected a title, units and a function 'write'")
 
 
 DIALECTS: Registry[Dialect] = Registry(

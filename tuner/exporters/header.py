@@ -5,9 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 
-import numpy as np
-from numpy.typing import NDArray
-
+from models.arrays import FloatArray
 from tuner.exporters.triad_values import triad
 from tuner.formats.customary_units import phrase
 from tuner.synthesis.equivalent_models import (
@@ -19,8 +17,6 @@ from tuner.synthesis.equivalent_models import (
 from tuner.synthesis.error_growth import fading_growth, modelled_growth
 from tuner.types import ChannelNoise, Coefficient, FilterConfig
 from tuner.types.borrowed import borrowed_words
-
-FloatArray = NDArray[np.float64]
 
 SENSORS = {"gyro": "gyroscopes", "accel": "accelerometers"}
 """Prefix of the axes of the two triads, and their name."""

@@ -25,9 +25,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from models import rotation
+from models.arrays import FloatArray
 from models.earth import in_degrees
 from models.units import from_si
 from tuner.consistency.score_drive import drive_filter
@@ -45,8 +45,6 @@ from tuner.navigation.fix_sd_model import GNSS_NOISE_SCALE, FixSdModel
 from tuner.navigation.settings import FilterSettings, total_bias
 from tuner.types import FilterConfig, GnssNoise
 from tuner.types.records import Drive, Reference
-
-FloatArray = NDArray[np.float64]
 
 SECONDS_PER_WEEK = 604800.0
 """s: KF-GINS refuses later stamps."""

@@ -15,15 +15,13 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.noise import GaussMarkov
 from models.units import unit_of_samples
 from tuner.formats.digits import rounded
 from tuner.synthesis.equivalent_models import equivalent_random_walk
 from tuner.types import ChannelNoise
-
-FloatArray = NDArray[np.float64]
 
 SIMULATED_HORIZON = 300.0
 """Lag, s, up to which a simulator's one state is fitted: outages of a filter that one tries in it are shorter."""

@@ -11,15 +11,12 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from models.noise import BiasInstability
 from models.units import unit_of_samples
 from tuner.exporters.one_state import allan_variances, cluster_times
 from tuner.formats.digits import rounded
 from tuner.types import ChannelNoise
-
-FloatArray = NDArray[np.float64]
 
 _GRID_PASSES, _GRID_SIZE = 4, 61
 """Grid search: each pass has so many B and K beside zero, and a range ten times narrower than the one before."""

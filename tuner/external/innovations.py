@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models import rotation
+from models.arrays import FloatArray
 from models.earth import ned_between
 from models.robust import normal_sd
 from tuner.consistency.output_errors import output_errors
@@ -26,8 +27,6 @@ from tuner.consistency.output_scores import settling_time
 from tuner.external.inputs import Fixes
 from tuner.types.filter_output import FilterOutput
 from tuner.types.records import DataError
-
-FloatArray = NDArray[np.float64]
 
 SAME_INSTANT = 1e-3
 """Stamps nearer than this are one, s: an epoch at a fix is taken as one after it."""
@@ -101,11 +100,10 @@ def deviations_of(
     found = _stated(output) or _predictions(output, fixes, fix_factor) or errors_of(output, truth)
     if found is None or len(found.t) < MIN_EPOCHS:
         count = 0 if found is None else len(found.t)
-        msg = (
+        raise DataError(
             f"{output.name}: expected {MIN_EPOCHS} innovations, or positions with sds (sd_n, sd_e, sd_d) at epochs "
             f"between the fixes, or a reference in the drive, found {count}"
         )
-        raise DataError(msg)
     return found.rows(found.t > found.t[0] + settling_time(found.t))
 
 

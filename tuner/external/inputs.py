@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from tuner.exporters import export
 from tuner.exporters.dialect import Target
 from tuner.exporters.kf_gins import entries
@@ -25,8 +25,6 @@ from tuner.formats.files import write_text
 from tuner.formats.yaml_text import yaml_text
 from tuner.types import FilterConfig
 from tuner.types.records import DataError, Drive
-
-FloatArray = NDArray[np.float64]
 
 NO_LEVER_ARM = (0.0, 0.0, 0.0)
 
@@ -106,8 +104,9 @@ def inputs_of(drive: Drive, config: FilterConfig, dialect: str, folder: Path) ->
     gnss = drive.gnss
     stated = np.isfinite(gnss.position_sd) & (gnss.position_sd > 0.0)
     if not stated.all() and config.gnss is None:
-        msg = f"{drive.name}: expected sds of the fixes, or a receiver in the configuration, found neither: --gnss"
-        raise DataError(msg)
+        raise DataError(
+            f"{drive.name}: expected sds of the fixes, or a receiver in the configuration, found neither: --gnss"
+        )
     assumed = np.array(config.gnss.position_sd if config.gnss is not None else (np.nan,) * 3)
     sd = np.where(stated, gnss.position_sd, assumed)
     arm = np.array(drive.lever_arm if drive.lever_arm is not None else NO_LEVER_ARM)

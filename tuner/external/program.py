@@ -66,24 +66,25 @@ class Program:
                     start_new_session=True,
                 )
             except OSError as error:
-                msg = f"--filter: {words[0]}: expected a program, found none that starts: {error.strerror}"
-                raise DataError(msg) from None
+                raise DataError(
+                    f"--filter: {words[0]}: expected a program, found none that starts: {error.strerror}"
+                ) from None
             try:
                 status = process.wait(self.time_limit)
             except subprocess.TimeoutExpired:
                 _end(process)
-                msg = (
+                raise DataError(
                     f"--filter: {words[0]}: expected an end within {self.time_limit:g} s, found none: "
                     "--filter-timeout SECONDS allows more"
-                )
-                raise DataError(msg) from None
+                ) from None
             except BaseException:
                 _end(process)
                 raise
         if status != 0:
             how = f"exit status {status}" if status > 0 else f"signal {-status}"
-            msg = f"--filter: {words[0]}: {how}: {_last_line(err) or _last_line(out) or 'it printed nothing'}"
-            raise DataError(msg)
+            raise DataError(
+                f"--filter: {words[0]}: {how}: {_last_line(err) or _last_line(out) or 'it printed nothing'}"
+            )
 
 
 def program_of(command: str, *, time_limit: float) -> Program:
@@ -97,15 +98,16 @@ def program_of(command: str, *, time_limit: float) -> Program:
     try:
         words = shlex.split(command)
     except ValueError as error:
-        msg = f"--filter: expected a command line, found {command!r}: {error}"
-        raise DataError(msg) from None
+        raise DataError(f"--filter: expected a command line, found {command!r}: {error}") from None
     named = {name for word in words for name in re.findall(r"\{(\w+)\}", word)}
     if unknown := sorted(named - set(PATH_PLACEHOLDERS)):
-        msg = f"--filter: expected {', '.join(f'{{{name}}}' for name in PATH_PLACEHOLDERS)}, found {{{unknown[0]}}}"
-        raise DataError(msg)
+        raise DataError(
+            f"--filter: expected {', '.join(f'{{{name}}}' for name in PATH_PLACEHOLDERS)}, found {{{unknown[0]}}}"
+        )
     if "config" not in named:
-        msg = "--filter: expected {config}, where the program gets the path of its settings, found none"
-        raise DataError(msg)
+        raise DataError(
+            "--filter: expected {config}, where the program gets the path of its settings, found none"
+        )
     return Program(tuple(_absolute(word) for word in words), time_limit)
 
 

@@ -22,13 +22,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from tuner.external.innovations import Deviations, common
 from tuner.external.noise_factors import NOISE_FACTORS
 from tuner.types.records import DataError
 
-FloatArray = NDArray[np.float64]
 Run = Callable[[Mapping[str, float]], Deviations]
 """Runs the program with factors by name."""
 
@@ -183,8 +182,7 @@ def _derivatives(
         z_by[i, rows] = (other.z[same] - now.z[rows]) / LOG_DIFFERENCE
         s_by[i, rows] = (other.s[same] - now.s[rows]) / LOG_DIFFERENCE
     if np.count_nonzero(good) < GRADIENT_BLOCKS:
-        msg = "--filter: expected outputs of all runs at the same fixes, found too few that agree"
-        raise DataError(msg)
+        raise DataError("--filter: expected outputs of all runs at the same fixes, found too few that agree")
     inverse = np.linalg.inv(now.s[good])
     z = now.z[good]
     whitened = np.einsum("nij,nj->ni", inverse, z)

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from tuner.consistency.score_output import OutputScore, score_outputs
 from tuner.exporters import DIALECTS, export
 from tuner.external.innovations import Deviations, common, deviations_of, errors_of, without_outliers
@@ -27,8 +27,6 @@ from tuner.synthesis.equivalent_models import FILTER_MEMORY
 from tuner.types import FilterConfig
 from tuner.types.filter_output import FilterOutput
 from tuner.types.records import DataError, Drive
-
-FloatArray = NDArray[np.float64]
 
 FITTED_SHARE = 0.6
 """Share of the drive that is fitted; the rest judges, as for our own filter."""
@@ -114,11 +112,11 @@ def tune_external(
         Where the program fails, takes too long or writes nothing that can be scored, in one line.
     """
     if dialect not in DIALECTS:
-        msg = f"--to: {DIALECTS.unknown(dialect)}"
-        raise DataError(msg)
+        raise DataError(f"--to: {DIALECTS.unknown(dialect)}")
     if dialect not in OUTPUT_FOLDERS and not program.names("output"):
-        msg = "--filter: expected {output}, the path of what the program writes, without ending, found none"
-        raise DataError(msg)
+        raise DataError(
+            "--filter: expected {output}, the path of what the program writes, without ending, found none"
+        )
     begin = config if dialect == "native" else with_two_numbers(config, memory=FILTER_MEMORY)
     with tempfile.TemporaryDirectory(prefix="tuner-filter-") as name:
         scratch = Path(name)
@@ -222,8 +220,7 @@ def _output(program: Program, folder: Path) -> FilterOutput:
         return read_estimate(folder)
     written = sorted(folder.glob("output*"))
     if len(written) != 1:
-        msg = f"--filter: expected one file at {{output}}, with any ending, found {len(written)}"
-        raise DataError(msg)
+        raise DataError(f"--filter: expected one file at {{output}}, with any ending, found {len(written)}")
     return read_estimate(written[0])
 
 

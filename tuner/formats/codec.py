@@ -309,8 +309,7 @@ def _tuple_factory(kind: Any) -> Callable[[object, Any], Any]:
                 error.add_note(cattrs.IterableValidationNote(f"member {index}", index, of))
                 errors.append(error)
         if errors:
-            msg = "members of a list"
-            raise cattrs.errors.IterableValidationError(msg, errors, kind)
+            raise cattrs.errors.IterableValidationError("members of a list", errors, kind)
         return tuple(members)
 
     return load

@@ -10,13 +10,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias
 
-import numpy as np
-from numpy.typing import NDArray
-
+from models.arrays import FloatArray
 from tuner.formats.codec import dump, load, store, structured
 from tuner.types import AllanCurve, Correlogram, Spectrum
 
-FloatArray = NDArray[np.float64]
 Curve: TypeAlias = AllanCurve | Spectrum | Correlogram
 
 

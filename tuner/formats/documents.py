@@ -48,12 +48,12 @@ def parse_json(text: str, *, source: str) -> Any:
         return json.loads(text)
     except json.JSONDecodeError as error:
         begin = f"{text[:40]!r}: " if "\n" not in text else ""
-        msg = f"{source}: expected JSON, got {begin}{error.msg} in line {error.lineno}, column {error.colno}"
-        raise DataError(msg) from None
+        raise DataError(
+            f"{source}: expected JSON, got {begin}{error.msg} in line {error.lineno}, column {error.colno}"
+        ) from None
     except (ValueError, RecursionError) as error:
         found = "lists or mappings nested too deeply" if isinstance(error, RecursionError) else reason(error)
-        msg = f"{source}: expected JSON, got {found}"
-        raise DataError(msg) from None
+        raise DataError(f"{source}: expected JSON, got {found}") from None
 
 
 def parse_yaml(text: str, *, source: str, expected: str) -> Any:
@@ -68,8 +68,7 @@ def parse_yaml(text: str, *, source: str, expected: str) -> Any:
         found = "lists or mappings nested too deeply"
     except Exception as error:  # PyYAML's constructors raise many kinds
         found = reason(error)
-    msg = f"{source}: expected {expected}, got {found}"
-    raise DataError(msg)
+    raise DataError(f"{source}: expected {expected}, got {found}")
 
 
 class _Loader(yaml.SafeLoader):
@@ -100,8 +99,7 @@ def _count_nodes(node: yaml.Node, known: dict[int, int], above: set[int]) -> int
     if id(node) in known:
         return known[id(node)]
     if id(node) in above:
-        msg = "an entry that contains itself"
-        raise ValueError(msg)
+        raise ValueError("an entry that contains itself")
     if len(above) > MAX_YAML_DEPTH:
         raise RecursionError
     members: list[yaml.Node] = []
@@ -111,8 +109,7 @@ def _count_nodes(node: yaml.Node, known: dict[int, int], above: set[int]) -> int
         members = [part for pair in node.value for part in pair]
     count = 1 + sum(_count_nodes(member, known, above | {id(node)}) for member in members)
     if count > MAX_YAML_NODES:
-        msg = f"more than {MAX_YAML_NODES} entries, references counted"
-        raise ValueError(msg)
+        raise ValueError(f"more than {MAX_YAML_NODES} entries, references counted")
     known[id(node)] = count
     return count
 
@@ -121,20 +118,20 @@ def read_text(path: Path, *, expected: str) -> str:
     """Return the text of a file, or refuse what is no readable UTF-8."""
     try:
         if path.stat().st_size > MAX_TEXT_BYTES:
-            msg = f"{path}: expected {expected}, got {path.stat().st_size} bytes, more than {MAX_TEXT_BYTES}"
-            raise DataError(msg)
+            raise DataError(
+                f"{path}: expected {expected}, got {path.stat().st_size} bytes, more than {MAX_TEXT_BYTES}"
+            )
         return path.read_text(encoding="utf-8")
     except FileNotFoundError:
-        msg = f"{path}: no such file"
-        raise DataError(msg) from None
+        raise DataError(f"{path}: no such file") from None
     except OSError as error:
-        msg = f"{path}: expected {expected}, found what cannot be read: {error.strerror or reason(error)}"
-        raise DataError(msg) from None
+        raise DataError(
+            f"{path}: expected {expected}, found what cannot be read: {error.strerror or reason(error)}"
+        ) from None
     except ValueError as error:
         if isinstance(error, DataError):
             raise
-        msg = f"{path}: expected {expected}, got {reason(error)}"
-        raise DataError(msg) from None
+        raise DataError(f"{path}: expected {expected}, got {reason(error)}") from None
 
 
 def parse_format(text: str, *, source: str, expected_format: str) -> Any:
@@ -143,6 +140,5 @@ def parse_format(text: str, *, source: str, expected_format: str) -> Any:
     stated = content.get("format") if isinstance(content, dict) else None
     if stated != expected_format:
         found = "none" if stated is None else repr(stated)
-        msg = f"{source}: expected a line 'format: {expected_format}', got {found}"
-        raise DataError(msg)
+        raise DataError(f"{source}: expected a line 'format: {expected_format}', got {found}")
     return content

@@ -38,8 +38,7 @@ def whole_file(path: Path) -> Iterator[Path]:
         If a device, a pipe or a folder has that name.
     """
     if (path.exists() and not path.is_file()) or (path.is_symlink() and path.parent == DEVICES):
-        msg = f"{path}: expected the name of a file to write, found a device, a pipe or a folder"
-        raise DataError(msg)
+        raise DataError(f"{path}: expected the name of a file to write, found a device, a pipe or a folder")
     path.parent.mkdir(parents=True, exist_ok=True)
     remove_abandoned(path.parent)
     prefix = f"{STAGE}{os.getpid()}-{path.stem[:40]}-"

@@ -41,16 +41,14 @@ class input_guard:
         if isinstance(error, FileNotFoundError):
             whole = error.filename == str(self.source)
             missing = "no such file" if whole else f"it lacks a file, {reason(error)}"
-            msg = f"{self.source}: {missing}"
-            raise DataError(msg) from None
+            raise DataError(f"{self.source}: {missing}") from None
         if isinstance(error, MemoryError):
             found = "one that states more than the memory holds; split it, or convert it anew"
         elif isinstance(error, RecursionError):
             found = "one nested too deeply"
         else:  # whatever a library raises for a damaged file
             found = f"{type(error).__name__}: {reason(error)}; is it damaged? save or export it anew"
-        msg = f"{self.source}: cannot be read as {self.expected}: {found}"
-        raise DataError(msg) from None
+        raise DataError(f"{self.source}: cannot be read as {self.expected}: {found}") from None
 
 
 def guarded(source: object, expected: str, read: Callable[P, R]) -> Callable[P, R]:

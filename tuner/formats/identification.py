@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.noise import POWER_LAW, TERMS, NoiseModel
 from tuner.formats.codec import dump, load, store, stored_form, structured
 from tuner.formats.document_errors import Mismatch, refuse
@@ -29,8 +29,6 @@ from tuner.types import (
     TermEstimate,
 )
 from tuner.types.number_ranges import Positive
-
-FloatArray = NDArray[np.float64]
 
 BASE_TERMS = tuple(kind.name for kind in POWER_LAW)
 """Terms that are one mapping each and always there."""

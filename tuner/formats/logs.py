@@ -13,14 +13,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from models import rotation
+from models.arrays import FloatArray
 from models.earth import in_degrees
 from tuner.formats.files import whole_file
 from tuner.types.records import DataError, Drive, Record
-
-FloatArray = NDArray[np.float64]
 
 COVARIATE_UNITS = {"temperature": "degC"}
 TRIADS = ("gyro", "accel")
@@ -34,8 +32,7 @@ def write_log(records: Sequence[Record], path: Path) -> None:
     elif name.endswith((".csv", ".csv.gz")):
         write_csv(records, path)
     else:
-        msg = f"{path}: expected a name that ends in .csv, .csv.gz or .npz, got '{path.name}'"
-        raise DataError(msg)
+        raise DataError(f"{path}: expected a name that ends in .csv, .csv.gz or .npz, got '{path.name}'")
 
 
 def write_csv(records: Sequence[Record], path: Path) -> None:
@@ -78,8 +75,7 @@ def write_npz(records: Sequence[Record], path: Path) -> None:
 def write_drive(drive: Drive, path: Path) -> None:
     """Write a drive with a known mounting as one NPZ: the arrays of `tuner.readers.drive`."""
     if path.suffix.lower() != ".npz":
-        msg = f"{path}: expected a name that ends in .npz, got '{path.name}'"
-        raise DataError(msg)
+        raise DataError(f"{path}: expected a name that ends in .npz, got '{path.name}'")
     gnss, begin = drive.gnss, drive.origin
     meta: dict[str, object] = {"name": drive.name, "lever_arm_frd_m": drive.lever_arm}
     if drive.mounting is not None:
@@ -109,12 +105,10 @@ def write_drive(drive: Drive, path: Path) -> None:
 
 def _clock(records: Sequence[Record]) -> FloatArray:
     if not records:
-        msg = "'records' must hold one record or more, got none"
-        raise ValueError(msg)
+        raise ValueError("'records' must hold one record or more, got none")
     t = records[0].t
     if not all(np.array_equal(t, record.t) for record in records):
-        msg = "'records' must share one clock to be written to one file"
-        raise ValueError(msg)
+        raise ValueError("'records' must share one clock to be written to one file")
     return t
 
 

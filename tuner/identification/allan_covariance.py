@@ -29,13 +29,10 @@ from collections.abc import Callable, Sequence
 from functools import lru_cache, partial
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import xlogy
 
+from models.arrays import FloatArray, IntArray
 from models.noise import BiasInstability, GaussMarkov, Quantization, Ramp, RandomWalk, Term
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 _DIFFERENCE_WEIGHTS = np.outer((1.0, -2.0, 1.0), (1.0, -2.0, 1.0)).ravel()
 _DIFFERENCE_STEPS = np.array([(a, b) for a in (-1, 0, 1) for b in (-1, 0, 1)])

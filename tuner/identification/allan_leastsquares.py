@@ -24,17 +24,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import digamma, polygamma
 
+from models.arrays import FloatArray
 from models.noise import NoiseModel
 from models.probability import chi2_beyond, chi2_quantile, normal_reach
 from tuner.identification.allan_covariance import allan_covariance
 from tuner.identification.allan_octaves import CurveProblem, OctaveCurve
 from tuner.identification.estimates import BASE
 from tuner.types import LEVEL
-
-FloatArray = NDArray[np.float64]
 
 _POWERS_OF_TAU = range(-2, 3)
 """Power of τ in the Allan variance of each of the five base terms."""
@@ -107,8 +105,7 @@ def fit(curve: OctaveCurve, start: NoiseModel, *, generalised: bool = False) -> 
     theta = problem.start()
     freedom = len(curve.m) - len(theta)
     if freedom < 0:
-        msg = f"{len(theta)} parameters need as many points of the curve, got {len(curve.m)}"
-        raise ValueError(msg)
+        raise ValueError(f"{len(theta)} parameters need as many points of the curve, got {len(curve.m)}")
     for _ in range(3):
         dof, sigma = log_covariance(problem.model(theta), curve)
         target = np.log(curve.variance) - log_bias(dof)

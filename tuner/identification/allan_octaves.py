@@ -15,15 +15,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq, nnls
 
+from models.arrays import FloatArray, IntArray
 from models.noise import NoiseModel, Term
 from tuner.curves.allan import overlapping_allan
 from tuner.types.records import DataError
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 _NEGLIGIBLE_SHARE = 1e-8
 """Share of the Allan variance, at every τ, below which an amplitude counts as zero."""
@@ -71,8 +68,9 @@ class OctaveCurve:
         lengths = tuple(len(piece) for piece in pieces)
         longest = max(lengths, default=0)
         if longest < 8:
-            msg = f"an Allan curve needs a gap-free segment of at least 8 samples, the longest has {longest}"
-            raise DataError(msg)
+            raise DataError(
+                f"an Allan curve needs a gap-free segment of at least 8 samples, the longest has {longest}"
+            )
         m = 2 ** np.arange(int(np.log2(longest // 4)) + 1, dtype=np.int64)
         total, number = np.zeros(len(m)), np.zeros(len(m))
         for piece in pieces:
@@ -81,8 +79,7 @@ class OctaveCurve:
             total[fits] += count * overlapping_allan(piece, m[fits])
             number[fits] += count
         if not np.all(total > 0.0):
-            msg = "a constant channel has no Allan variance"
-            raise DataError(msg)
+            raise DataError("a constant channel has no Allan variance")
         return cls(m, total / number, lengths, interval)
 
 

@@ -28,9 +28,9 @@ from typing import Literal
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
 
+from models.arrays import FloatArray
 from models.probability import chi2_beyond, normal_reach, normality
 from tuner.curves import acf
 from tuner.identification.arma_preprocess import prepare
@@ -38,7 +38,6 @@ from tuner.identification.arma_whittle import WhittleArma, fit_orders
 from tuner.types import LEVEL, ArmaFit, Coefficient
 from tuner.types.records import Record
 
-FloatArray = NDArray[np.float64]
 Order = tuple[int, int]
 Likelihood = Literal["fast", "exact"]
 
@@ -150,8 +149,7 @@ def fit_arma(
         With fewer than `MIN_SAMPLES` samples.
     """
     if len(y) < MIN_SAMPLES:
-        msg = f"an ARMA model needs at least {MIN_SAMPLES} samples, got {len(y)}"
-        raise ValueError(msg)
+        raise ValueError(f"an ARMA model needs at least {MIN_SAMPLES} samples, got {len(y)}")
     looked_at = y[: WHITTLE_SAMPLES if likelihood == "fast" else EXACT_SAMPLES]
     prepared = prepare(looked_at)
     n = len(looked_at)

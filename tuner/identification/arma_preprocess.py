@@ -27,11 +27,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.probability import normal_beyond, same_mean
 from models.robust import normal_sd
 from tuner.identification.unit_root import dickey_fuller, steady_level
-
-FloatArray = NDArray[np.float64]
 
 ROBUST_SIGMAS = 4.5
 PAPER_SIGMAS = 3.0
@@ -221,8 +220,7 @@ def _groups(y: FloatArray, number: int) -> FloatArray:
     """Return y cut into equal groups, shape (number, n // number)."""
     size = len(y) // number
     if size < 1:
-        msg = f"{number} groups need as many samples, got {len(y)}"
-        raise ValueError(msg)
+        raise ValueError(f"{number} groups need as many samples, got {len(y)}")
     return np.asarray(y[: number * size].reshape(number, size))
 
 

@@ -26,13 +26,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import ComplexArray, FloatArray
 from tuner.identification.fisher_scoring import minimise
 from tuner.identification.periodogram import CosinePeriodogram, cosine_periodogram
 
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 Order = tuple[int, int]
 
 MAX_CELLS = 512

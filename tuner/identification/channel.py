@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.noise import TERMS, GaussMarkov, NoiseModel, Quantization, Sinusoid
 from models.noise.bias_instability import ALLAN_FLOOR
 from tuner.curves import curve as empirical_curve
@@ -50,8 +50,6 @@ from tuner.identification.valid_band import (
 from tuner.readers.value_checks import about_limiting_step
 from tuner.types import AllanCurve, Candidate, ChannelIdentification, Coefficient, TermEstimate
 from tuner.types.records import DataError, Record
-
-FloatArray = NDArray[np.float64]
 
 METHODS = ("likelihood", "leastsquares", "slopes", "unweighted")
 
@@ -94,11 +92,9 @@ def identify_channel(
         If the method, a term or `arma` is unknown.
     """
     if method not in METHODS:
-        msg = f"'method' must be one of {', '.join(METHODS)}, got {method!r}"
-        raise ValueError(msg)
+        raise ValueError(f"'method' must be one of {', '.join(METHODS)}, got {method!r}")
     if arma not in ("fast", "exact", None):
-        msg = f"'arma' must be 'fast', 'exact' or None for no ARMA model, got {arma!r}"
-        raise ValueError(msg)
+        raise ValueError(f"'arma' must be 'fast', 'exact' or None for no ARMA model, got {arma!r}")
     single = single_axis(record, axis)
     pieces = single.pieces(axis)
     whole = OctaveCurve.of(pieces, single.interval)
@@ -190,8 +186,9 @@ def single_axis(record: Record, axis: str) -> Record:
     )
     if not segments:
         where = f"{record.source or record.name}: {axis}"
-        msg = f"{where}: expected a gap-free stretch of {MIN_SEGMENT_SAMPLES} samples that vary, found none: too short"
-        raise DataError(msg)
+        raise DataError(
+            f"{where}: expected a gap-free stretch of {MIN_SEGMENT_SAMPLES} samples that vary, found none: too short"
+        )
     return replace(record, y=column[:, None], axes=(axis,), segments=segments, covariates={})
 
 

@@ -46,11 +46,10 @@ def compare_sources(
     if by is not None:
         return _compare_parts(sources, by, progress)
     if len(sources) < 2:
-        msg = (
+        raise DataError(
             f"compare: expected two sources or more, got {' '.join(map(_name, sources)) or 'none'}; add a log or a "
             f"grade ({' '.join(grade_names())}), or take one log apart with --by"
         )
-        raise DataError(msg)
     found = [
         one if isinstance(one, Identification) else identify_source(one, arma=None, progress=progress)
         for one in sources
@@ -67,8 +66,7 @@ def _compare_parts(
     elif len(sources) == 1 and not isinstance(sources[0], str | Path | Identification):
         records = expect_records(sources[0], "compare")
     else:
-        msg = f"compare --by {by}: expected one log, got {' '.join(map(_name, sources)) or 'none'}"
-        raise DataError(msg)
+        raise DataError(f"compare --by {by}: expected one log, got {' '.join(map(_name, sources)) or 'none'}")
     parts = still_parts(records) if by == "still" else temperature_parts(records)
     progress(f"identifying {len(parts)} parts")
     return compare_identifications(

@@ -14,14 +14,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from models.noise import NoiseModel, Term
 from models.probability import chi2_quantile
 from tuner.identification.estimates import Estimates
 from tuner.types import LEVEL, AllanCurve, TermEstimate
-
-FloatArray = NDArray[np.float64]
 
 FALSE_ALARMS = 1e-3
 """Probability that any term of a right model is lowered."""

@@ -10,14 +10,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.noise import POWER_LAW, NoiseModel, Term
 from models.probability import normal_reach
 from tuner.identification.slopes import Segment
 from tuner.types import LEVEL, Coefficient, TermEstimate
 
-FloatArray = NDArray[np.float64]
 Interval = tuple[float, float]
 
 BASE: dict[str, Term] = {kind.name: kind(**{kind.PARAMETERS[0]: 1.0}) for kind in POWER_LAW}

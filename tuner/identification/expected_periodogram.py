@@ -25,14 +25,12 @@ from typing import Any
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import expm
 from scipy.special import sici
 
+from models.arrays import FloatArray
 from models.noise import BiasInstability, GaussMarkov, Quantization, Term
 from tuner.identification.periodogram import CosinePeriodogram
-
-FloatArray = NDArray[np.float64]
 
 LOG_STEP = 1e-4
 """Step of the logarithm of a parameter in central differences: relative error 1e-8."""

@@ -15,9 +15,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from models.arrays import FloatArray
+
 Function = Callable[[FloatArray], tuple[float, FloatArray, FloatArray]]
 
 MOST_STEPS = 100

@@ -22,8 +22,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.noise import (
     POWER_LAW,
     TERMS,
@@ -47,8 +47,6 @@ from tuner.types import (
     TermEstimate,
 )
 from tuner.types.records import DataError
-
-FloatArray = NDArray[np.float64]
 
 FALSE_TERM = 0.05
 """Probability of a term too many at one step of the selection."""
@@ -184,8 +182,9 @@ def _octaves(curve: AllanCurve) -> OctaveCurve:
     )
     picked = np.array(sorted(nearest), dtype=np.int64)
     if picked.size < 3:
-        msg = f"the curve: expected three octaves of τ or more, found {picked.size}; give a longer curve"
-        raise DataError(msg)
+        raise DataError(
+            f"the curve: expected three octaves of τ or more, found {picked.size}; give a longer curve"
+        )
     m = np.round(curve.tau[picked] / interval).astype(np.int64)
     return OctaveCurve(m, curve.variance[picked, 0], (int(span / interval),), interval)
 

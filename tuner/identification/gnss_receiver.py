@@ -15,15 +15,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.earth import ned_between
 from models.noise import GaussMarkov
 from tuner.identification.likelihood import LikelihoodFit, fit
 from tuner.types import Coefficient, GnssNoise
 from tuner.types.records import DataError, Gnss
-
-FloatArray = NDArray[np.float64]
 
 AXES = ("north", "east", "down")
 DEFAULT_GATE = 5.0
@@ -67,8 +65,7 @@ def identify_receiver(gnss: Gnss, *, name: str = "log at rest") -> ReceiverError
         Too few fixes, or an antenna that moves.
     """
     if len(gnss) < MIN_FIXES:
-        msg = f"{name}: expected at least {MIN_FIXES} fixes of an antenna at rest, got {len(gnss)}"
-        raise DataError(msg)
+        raise DataError(f"{name}: expected at least {MIN_FIXES} fixes of an antenna at rest, got {len(gnss)}")
     interval = float(np.median(np.diff(gnss.t)))
     ned = ned_between(gnss.llh, gnss.llh.mean(axis=0))
     _at_rest(gnss.t, ned, name)
@@ -101,8 +98,9 @@ def _at_rest(t: FloatArray, ned: FloatArray, name: str) -> None:
     time = np.array([t[part].mean() for part in parts])
     speed = float(np.max(np.linalg.norm(np.diff(place, axis=0), axis=1) / np.diff(time)))
     if speed > MIN_MOVING_SPEED:
-        msg = f"{name}: expected an antenna at rest, it moves at {speed:.3g} m/s; leave the moving part out"
-        raise DataError(msg)
+        raise DataError(
+            f"{name}: expected an antenna at rest, it moves at {speed:.3g} m/s; leave the moving part out"
+        )
 
 
 def _fit(pieces: list[FloatArray], interval: float) -> LikelihoodFit:

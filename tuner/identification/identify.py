@@ -7,7 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tuner.identification.arma import Likelihood
 from tuner.identification.channel import identify_channel
@@ -19,8 +18,6 @@ from tuner.types import ChannelIdentification, Identification
 from tuner.types.number_ranges import Latitude
 from tuner.types.public import public
 from tuner.types.records import DataError, Record
-
-FloatArray = NDArray[np.float64]
 
 IDENTIFICATION_COLUMNS = 8
 """Columns of a record that the identification of one axis takes; six were measured."""
@@ -67,16 +64,14 @@ def identify(
         for axis in record.axes:
             if axis in varying:
                 where = record.source or record.name
-                msg = f"{where}: channel '{axis}' comes twice: identify each sensor on its own"
-                raise DataError(msg)
+                raise DataError(f"{where}: channel '{axis}' comes twice: identify each sensor on its own")
             if np.ptp(record.column(axis)) == 0.0:
                 notes.append(f"{axis} is constant and was left out")
                 continue
             varying[axis] = record
     if not varying:
         where = ", ".join(dict.fromkeys(record.source or record.name for record in records)) or "no record"
-        msg = f"{where}: expected a channel that varies, all are constant: nothing to identify"
-        raise DataError(msg)
+        raise DataError(f"{where}: expected a channel that varies, all are constant: nothing to identify")
 
     def identified(axis: str) -> ChannelIdentification:
         return identify_channel(varying[axis], axis, terms=terms, method=method, arma=arma)

@@ -66,8 +66,9 @@ def identify_source(
         expect(source, (str, Path), "noise", SOURCE)
         if not is_file(source):
             if source not in grade_names():
-                msg = f"{source}: expected a file or a built-in grade ({' '.join(grade_names())}), found neither"
-                raise DataError(msg)
+                raise DataError(
+                    f"{source}: expected a file or a built-in grade ({' '.join(grade_names())}), found neither"
+                )
             return grade_identification(load_grade(str(source)))
         path = Path(source)
         if is_datasheet(path):

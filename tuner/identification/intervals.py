@@ -26,12 +26,10 @@ References
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
+from models.arrays import FloatArray
 from tuner.identification.objective import Objective
-
-FloatArray = NDArray[np.float64]
 
 _MAX_NORMAL_DEVIATE = 1000.0
 """Normal deviate beyond which none is computed: samples of far heavier tails than normal ones widen tens of times."""

@@ -16,11 +16,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from tuner.identification.periodogram import SAMPLES_AT_ONCE
-
-FloatArray = NDArray[np.float64]
 
 CLEAR_KURTOSIS = 2.0
 """Standard errors above which tails are heavier than normal ones: below, a normal law keeps the intervals it has."""

@@ -12,8 +12,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.noise import NoiseModel, Ramp, Sinusoid, Term
 from tuner.identification.intervals import interval as score_interval
 from tuner.identification.law_of_samples import variance_by_law
@@ -21,7 +21,6 @@ from tuner.identification.objective import Objective
 from tuner.identification.periodogram import CosinePeriodogram, cosine_periodogram
 from tuner.identification.sinusoids import Line, line_sd, take_out_line
 
-FloatArray = NDArray[np.float64]
 Interval = tuple[float, float]
 
 CHI2_1_QUANTILE_95 = 3.841

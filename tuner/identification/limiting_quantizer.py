@@ -14,14 +14,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.noise import NoiseModel, Term, White
 from tuner.identification.estimates import BASE, Estimates
 from tuner.readers.value_checks import WELL_DITHERED
 from tuner.types import Coefficient, TermEstimate
-
-FloatArray = NDArray[np.float64]
 
 MAX_ERROR_DEVIATION = float(np.sqrt(0.5))
 """Largest Allan deviation of the error of a quantizer, steps."""

@@ -20,14 +20,12 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.earth import EARTH_RATE
 from models.noise import NoiseModel, Ramp
 from models.probability import normal_reach
 from tuner.types import LEVEL, Coefficient
-
-FloatArray = NDArray[np.float64]
 
 _GRAVITY_RANGE = (8.0, 11.5)
 """Length of a specific force that can be gravity alone, m/s²."""

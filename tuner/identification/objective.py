@@ -27,16 +27,15 @@ from itertools import combinations_with_replacement, groupby, product
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import nnls
 
+from models.arrays import FloatArray
 from models.noise import TERMS, Ramp, Term
 from tuner.identification.expected_periodogram import expected_power
 from tuner.identification.fisher_scoring import minimise
 from tuner.identification.periodogram import CosinePeriodogram
 from tuner.types.records import DataError
 
-FloatArray = NDArray[np.float64]
 Trial = tuple[tuple[float, ...], FloatArray]
 
 NEGLIGIBLE_SHARE = 1e-7
@@ -99,8 +98,9 @@ class Objective:
         random = random_terms()
         kinds = tuple(kind for name, kind in random.items() for given in terms if given == name)
         if not kinds or not set(terms) <= {*random, Ramp.name}:
-            msg = f"'terms' must hold some of {', '.join(random)} (and ramp), got {', '.join(terms)}"
-            raise ValueError(msg)
+            raise ValueError(
+                f"'terms' must hold some of {', '.join(random)} (and ramp), got {', '.join(terms)}"
+            )
         least, most = data.power[data.count > 1].min(initial=data.power.max()), data.power.max()
         power = np.maximum(data.power, max(1e-3 * least, 1e-15 * most))
         grids = tuple(_trials(kind, data) for kind in kinds)

@@ -31,10 +31,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct
 
+from models.arrays import FloatArray
 from models.probability import student_quantile
 from tuner.curves.long_transforms import without_tables
-
-FloatArray = NDArray[np.float64]
 
 SAMPLES_AT_ONCE = 1 << 16
 """Samples treated at a time, so that what is computed from them stays in the cache of a processor."""
@@ -136,11 +135,9 @@ def cosine_periodogram(
     """
     long_enough = [np.asarray(p, dtype=float) for p in pieces if len(p) >= MIN_SEGMENT_SAMPLES]
     if not long_enough:
-        msg = f"'pieces' must hold a segment of at least {MIN_SEGMENT_SAMPLES} samples"
-        raise ValueError(msg)
+        raise ValueError(f"'pieces' must hold a segment of at least {MIN_SEGMENT_SAMPLES} samples")
     if not all(np.isfinite(p).all() for p in long_enough) or not any(np.ptp(p) > 0.0 for p in long_enough):
-        msg = "'pieces' must hold finite samples that are not all equal"
-        raise ValueError(msg)
+        raise ValueError("'pieces' must hold finite samples that are not all equal")
     most = min(SINGLE_COEFFICIENTS, max(16 * SINGLE_COEFFICIENTS // len(long_enough), 4))
     lowest = most / (2.0 * interval * max(len(p) for p in long_enough))
     edges = _edges(lowest, 0.5 / interval, resolution, widest)

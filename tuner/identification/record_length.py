@@ -20,12 +20,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.noise import NoiseModel, Ramp
 from tuner.identification.periodogram import MIN_SEGMENT_SAMPLES
-
-FloatArray = NDArray[np.float64]
 
 MAX_HOURS = 1e5
 """Longest test, h: more than eleven years."""
@@ -98,11 +96,9 @@ def plan(model: NoiseModel, *, interval: float, hours: float, accuracy: float) -
     """
     least = MIN_SEGMENT_SAMPLES * interval / 3600.0
     if not least <= hours <= MAX_HOURS:
-        msg = f"'hours' must lie between {least:.3g} and {MAX_HOURS:g}, got {hours:g}"
-        raise ValueError(msg)
+        raise ValueError(f"'hours' must lie between {least:.3g} and {MAX_HOURS:g}, got {hours:g}")
     if not 0 < accuracy < 1:
-        msg = f"'accuracy' must lie between 0 and 1, got {accuracy}"
-        raise ValueError(msg)
+        raise ValueError(f"'accuracy' must lie between 0 and 1, got {accuracy}")
     names, values = _parameters(model)
     sd = relative_sd(model, interval=interval, span=3600.0 * hours)
     needed = _hours_needed(model, interval, accuracy)

@@ -32,9 +32,9 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtri
 
+from models.arrays import FloatArray
 from models.noise import TERMS, NoiseModel, Ramp, RandomWalk, Term
 from tuner.identification.intervals import end
 from tuner.identification.likelihood import LikelihoodFit, describe, magnitude, slope_interval
@@ -42,8 +42,6 @@ from tuner.identification.objective import Objective
 from tuner.identification.periodogram import CosinePeriodogram, cosine_periodogram
 from tuner.identification.record_length import relative_sd
 from tuner.types import Candidate
-
-FloatArray = NDArray[np.float64]
 
 TERM_PRICE = {
     "quantization": 6.6,

@@ -24,14 +24,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import brentq, minimize_scalar
 
+from models.arrays import FloatArray
 from models.probability import chi2_beyond, chi2_quantile, normal_reach, student_quantile
 from tuner.types import LEVEL, Coefficient, Identification, PooledChannel, PooledCoefficient
 from tuner.types.records import DataError
-
-FloatArray = NDArray[np.float64]
 
 TWO_DIFFER = "two logs that differ give no interval, only their range; a third log does"
 """Said of two estimates that are not one: Student's t on one degree of freedom is ± 12.7 sds, and every narrower
@@ -69,11 +68,9 @@ def random_effects(estimate: ArrayLike, sd: ArrayLike) -> RandomEffects:
     """
     y, s = np.asarray(estimate, float), np.asarray(sd, float)
     if y.size < 2 or y.shape != s.shape:
-        msg = f"'estimate' and 'sd' must hold at least two values each, got {y.size} and {s.size}"
-        raise ValueError(msg)
+        raise ValueError(f"'estimate' and 'sd' must hold at least two values each, got {y.size} and {s.size}")
     if not np.all(s > 0):
-        msg = f"'sd' must be positive, got {s.min()}"
-        raise ValueError(msg)
+        raise ValueError(f"'sd' must be positive, got {s.min()}")
     n = y.size
     cochran = _weighted_squares(y, s, 0.0)
     p_value = chi2_beyond(cochran, n - 1)
@@ -127,8 +124,9 @@ def _refuse_repeated(identifications: Sequence[Identification]) -> None:
         figures = tuple((axis, c.mean.value, c.sigma_10s.value) for axis, c in one.channels.items())
         name = one.source.get("name", "unnamed")
         if figures in known and figures:
-            msg = f"{known[figures]}, {name}: expected two recordings, found the same samples twice: give each once"
-            raise DataError(msg)
+            raise DataError(
+                f"{known[figures]}, {name}: expected two recordings, found the same samples twice: give each once"
+            )
         known[figures] = name
 
 

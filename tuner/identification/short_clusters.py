@@ -10,15 +10,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from models.noise import NoiseModel
 from tuner.curves import dof
 from tuner.identification.valid_band import CURVE_TOLERANCE, Band
 from tuner.types import AllanCurve
 from tuner.types.records import Record
-
-FloatArray = NDArray[np.float64]
 
 AGREEING_SDS = 5.0
 """Sds of an Allan variance within which it agrees with the terms."""

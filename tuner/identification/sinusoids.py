@@ -20,12 +20,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import rfft
 from scipy.ndimage import median_filter
 from scipy.optimize import minimize_scalar
 
-FloatArray = NDArray[np.float64]
+from models.arrays import FloatArray
 
 _MEDIAN_WIDTH = 101
 """Fourier frequencies whose median is the level from which a peak rises."""

@@ -25,11 +25,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.noise.bias_instability import ALLAN_FLOOR
 from models.probability import chi2_quantile
 from tuner.types import LEVEL
-
-FloatArray = NDArray[np.float64]
 
 _SLOPE_LINES = (
     ("quantization", -1.0, np.sqrt(3.0)),

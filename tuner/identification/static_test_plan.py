@@ -70,8 +70,7 @@ def plan_test(
             for axis, channel in known.channels.items()
         }
     except ValueError as error:
-        msg = f"plan: {error}"
-        raise DataError(msg) from error
+        raise DataError(f"plan: {error}") from error
     units = {axis: channel.unit for axis, channel in known.channels.items()}
     name = str(known.source.get("name", "static test"))
     return StaticTestPlan(name, MappingProxyType(plans), MappingProxyType(units))

@@ -18,11 +18,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.polynomial.polynomial import polyval
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.probability import normal_below
-
-FloatArray = NDArray[np.float64]
 
 LEAST_STATISTIC, TURN_STATISTIC, MOST_STATISTIC = -18.83, -1.61, 2.74
 """Statistics between which the polynomials hold, and where the second follows the first."""

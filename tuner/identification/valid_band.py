@@ -22,17 +22,15 @@ from __future__ import annotations
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import polygamma
 
+from models.arrays import FloatArray
 from models.noise import BiasInstability, GaussMarkov, NoiseModel, Quantization, Ramp, RandomWalk, Term, White
 from models.probability import chi2_beyond
 from tuner.curves import dof as dof_of
 from tuner.identification.allan_leastsquares import log_bias
 from tuner.identification.allan_octaves import OctaveCurve, nonnegative
 from tuner.identification.periodogram import CosinePeriodogram
-
-FloatArray = NDArray[np.float64]
 
 CURVE_TOLERANCE = 0.01
 """Relative deviation from a sum of terms that is tolerated of every sensor."""

@@ -25,8 +25,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.effects.drive import EFFECTS
 from models.effects.drive.base import Correction
 from models.effects.drive.gnss import middle_of
@@ -34,8 +34,6 @@ from tuner.navigation.fix_sd_model import GNSS_NOISE_SCALE, fix_sd_model
 from tuner.navigation.settings import FilterSettings
 from tuner.types import Compensation
 from tuner.types.records import Drive
-
-FloatArray = NDArray[np.float64]
 
 
 def correction(compensation: Compensation) -> Correction:

@@ -11,10 +11,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from models.arrays import FloatArray, IntArray
 from models.strapdown import NavigationState
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 TIME_TOLERANCE = 1e-6
 """A fix this close to the end of a step, s, counts as there."""
@@ -220,8 +218,7 @@ def split_at(steps: Steps, times: ArrayLike) -> tuple[Steps, IntArray]:
     """
     times, ends = np.asarray(times, dtype=float), steps.ends()
     if len(times) and not (times[0] >= ends[0] - TIME_TOLERANCE and times[-1] <= ends[-1] + TIME_TOLERANCE):
-        msg = f"'times' must lie within {ends[0]} … {ends[-1]} s, got {times[0]} … {times[-1]}"
-        raise ValueError(msg)
+        raise ValueError(f"'times' must lie within {ends[0]} … {ends[-1]} s, got {times[0]} … {times[-1]}")
     nearest = np.clip(np.searchsorted(ends, times), 0, len(ends) - 1)
     before = np.maximum(nearest - 1, 0)
     nearest = np.where(np.abs(ends[before] - times) < np.abs(ends[nearest] - times), before, nearest)

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from tuner.limits import PRIOR_SHARE
 from tuner.navigation.data import Solution
 from tuner.navigation.settings import FilterSettings, further_states
-
-FloatArray = NDArray[np.float64]
 
 HALF_INTERVAL = 1.96
 """Half of a 95 % interval, in sds."""

@@ -26,7 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from models.arrays import FloatArray
 
 GNSS_NOISE_SCALE = "gnss_noise_scale"
 AXES = ("horizontal", "vertical")

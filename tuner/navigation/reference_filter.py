@@ -26,9 +26,9 @@ from typing import Any
 
 import numpy as np
 from filterpy.kalman import KalmanFilter
-from numpy.typing import NDArray
 
 from models import rotation
+from models.arrays import FloatArray
 from models.error_state import Linearization, corrected, down_acceleration, middle, process_noise, transition
 from models.imu_errors import Calibration, calibration
 from models.measurements import (
@@ -54,8 +54,6 @@ from tuner.navigation.data import (
     Steps,
 )
 from tuner.navigation.settings import FilterSettings, chi2_gate, error_rows, total_bias
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

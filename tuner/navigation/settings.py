@@ -16,13 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
+from models.arrays import FloatArray
 from models.filter_states import FILTER_STATES, Origin, named_state, process
 from models.state_layout import AxisNoise, ErrorModel, error_model
 from tuner.navigation.fix_sd_model import FixSdModel
 from tuner.types import FilterConfig
 from tuner.types.records import DataError
-
-FloatArray = NDArray[np.float64]
 
 GYROS, ACCELS = ("gyro_x", "gyro_y", "gyro_z"), ("accel_x", "accel_y", "accel_z")
 COVARIANCE_STEP = 0.1
@@ -113,10 +112,9 @@ def filter_settings(
     """
     missing = [axis for axis in GYROS + ACCELS if axis not in config.channels]
     if missing:
-        msg = (
+        raise DataError(
             f"{config.name}: expected six axes, {', '.join(missing)} missing; complete it (--complete GRADE)"
         )
-        raise DataError(msg)
     wanted = {named_state(name).name: sd for name, sd in constants.items()}
     for sensor, axes in (("gyro", GYROS), ("accel", ACCELS)):
         if any(config.channels[axis].ramp_sd > 0.0 for axis in axes):

@@ -23,16 +23,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.error_state import corrected
 from models.strapdown import NavigationState
 from tuner.navigation.data import Solution
 
 if TYPE_CHECKING:
     from tuner.navigation.reference_filter import SmootherStep
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -50,8 +50,7 @@ def chosen(names: Sequence[str]) -> tuple[str, ...]:
         If there is no item of a name.
     """
     if unknown := [name for name in names if name not in ITEMS and name != "all"]:
-        msg = f"{unknown[0]}: expected an item of the papers ({' '.join(ITEMS)}) or all"
-        raise DataError(msg)
+        raise DataError(f"{unknown[0]}: expected an item of the papers ({' '.join(ITEMS)}) or all")
     return tuple(name for name in ITEMS if name in names or "all" in names)
 
 

@@ -11,8 +11,8 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.noise import Term
 from tuner.curves.theo import theo1
 from tuner.curves.total import total
@@ -22,8 +22,6 @@ from tuner.papers.sampling import Settings, estimate, realisations, scaled
 from tuner.papers.subjects import FIBRE_OPTIC_PAPER, NOISE_NAMES, UNIT_NOISES
 from tuner.papers.theo import less_one
 from tuner.types import Coefficient
-
-FloatArray = NDArray[np.float64]
 
 PRINTED_FOR: Mapping[str, str] = MappingProxyType(
     {

@@ -26,9 +26,9 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-FloatArray = NDArray[np.float64]
+from models.arrays import FloatArray
 
 PRINTED_TOTAL: Mapping[str, float] = MappingProxyType(
     {"quantization": 0.75, "white": 0.48, "bias_instability": 0.0, "random_walk": 0.0, "ramp": 0.0}

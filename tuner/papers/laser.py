@@ -16,8 +16,8 @@ from itertools import pairwise
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.noise import NoiseModel, Quantization, White
 from models.units import ARCSEC, DEG, DEG_PER_HOUR, DEG_PER_SQRT_HOUR
 from tuner.catalogue.grades import load_grade
@@ -29,8 +29,6 @@ from tuner.papers.sampling import Settings, mean_of, record_from, record_of, sca
 from tuner.papers.subjects import RING_LASER_PAPER
 from tuner.types import AllanCurve, ChannelIdentification, Coefficient
 from tuner.types.records import Record
-
-FloatArray = NDArray[np.float64]
 
 Q, N = 0.29, 0.09
 """Table 3: arcsec and, as it must be read, (deg/h)√s."""

@@ -11,8 +11,8 @@ At f_c τ = 1, 3, 10 the deviation is 0.873, 0.959, 0.988 of N/√τ: read beyon
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.noise import GaussMarkov, NoiseModel
 from models.units import DEG_PER_HOUR
 from tuner.catalogue.grades import load_grade
@@ -26,8 +26,6 @@ from tuner.papers.subjects import RING_LASER_PAPER
 from tuner.simulation.static import Channel, simulate
 from tuner.types import AllanCurve, ChannelIdentification, Coefficient
 from tuner.types.records import Record
-
-FloatArray = NDArray[np.float64]
 
 CUTOFF_FREQUENCY, SAMPLE_RATE, RECORD_PIECES = 5.0, 100.0, 50
 """Hz, Hz; parts of the record by whose scatter ratios are judged."""

@@ -17,10 +17,10 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import curve_fit, least_squares
 from scipy.stats import norm
 
+from models.arrays import FloatArray
 from models.noise import (
     BiasInstability,
     GaussMarkov,
@@ -42,7 +42,6 @@ from tuner.papers.results import Claim, Item, Picture, Table, judge
 from tuner.papers.sampling import Settings, estimate, record_from
 from tuner.papers.subjects import RING_LASER_PAPER
 
-FloatArray = NDArray[np.float64]
 Method = Callable[[FloatArray], float]
 
 SAMPLING_INTERVAL, RECORD_SPAN, LINE_FREQUENCY, MARKOV_TIME = 0.1, 3600.0, 0.05, 60.0

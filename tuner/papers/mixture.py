@@ -7,8 +7,8 @@ Thêo1 has another bias there, and the factor does not remove it.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.noise import NoiseModel, Quantization, Ramp, White
 from models.units import DEG_PER_HOUR
 from tuner.curves import curve
@@ -19,8 +19,6 @@ from tuner.papers.sampling import Settings, estimate, record_from
 from tuner.papers.subjects import FIBRE_OPTIC_PAPER
 from tuner.papers.theo import LABELS, less_one, spread, variances
 from tuner.types.records import Record
-
-FloatArray = NDArray[np.float64]
 
 
 def fog_record(settings: Settings) -> Item:

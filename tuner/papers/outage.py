@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 
+from models.arrays import FloatArray
 from models.noise import BiasInstability, GaussMarkov, NoiseModel, RandomWalk, White
 from models.noise.arma import Arma
 from models.noise.bias_instability import flicker_ladder
@@ -34,8 +34,6 @@ from tuner.synthesis import RULES, synthesize
 from tuner.synthesis.bias_states import FlickerView
 from tuner.synthesis.mismatched_filter import AIDED_MEASUREMENTS, Linear, axis, outage_errors, shaped
 from tuner.types import ChannelNoise
-
-FloatArray = NDArray[np.float64]
 
 ANGLE_SD, JUDGED_OUTAGE = 0.3 * DEG, 60.0
 """Sd of a measured angle, rad; outage that is judged, s."""

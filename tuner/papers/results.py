@@ -20,11 +20,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from tuner.types import Coefficient
 
-FloatArray = NDArray[np.float64]
 Range = tuple[float, float]
 Verdict = Literal["reproduced", "corrected", "untestable", "not reproduced"]
 Style = Literal["line", "dashed", "dotted", "points", "crosses", "faint"]
@@ -139,8 +138,7 @@ def judge(
         If `ours` has no interval.
     """
     if ours.value is None or ours.interval is None:
-        msg = f"'ours' must have a value and an interval to be judged, got {ours}"
-        raise ValueError(msg)
+        raise ValueError(f"'ours' must have a value and an interval to be judged, got {ours}")
     to_paper, to_derived = (_distance(ours.value, ours.interval, wanted) for wanted in (claimed, derived))
     verdict: Verdict = "not reproduced"
     if min(to_paper, to_derived) <= AGREEMENT_WIDTHS:

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 from scipy.stats import t as student
 
+from models.arrays import FloatArray
 from models.noise import NoiseModel, Term
 from tuner.stages import counted
 from tuner.types import LEVEL, Coefficient
 from tuner.types.records import Record
 
-FloatArray = NDArray[np.float64]
 Advance = Callable[[int, int], None]
 """Called with (done, total)."""
 
@@ -141,8 +141,7 @@ def mean_of(found: Sequence[Coefficient]) -> Coefficient:
     values = [c.value for c in found if c.value is not None and c.interval is not None]
     half = [0.5 * (c.interval[1] - c.interval[0]) for c in found if c.interval is not None]
     if not found or len(values) < len(found):
-        msg = f"'found' must all have values with intervals, got {list(found)}"
-        raise ValueError(msg)
+        raise ValueError(f"'found' must all have values with intervals, got {list(found)}")
     value, reach = float(np.mean(values)), float(np.linalg.norm(half)) / len(found)
     return Coefficient.known(value, value - reach, value + reach, found[0].unit)
 

@@ -11,9 +11,9 @@ relative standard deviation √(ν/2) Γ(ν/2)/Γ((ν+1)/2) …, near 1/√(2ν)
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import gammaln
 
+from models.arrays import FloatArray
 from models.noise import (
     BiasInstability,
     GaussMarkov,
@@ -34,8 +34,6 @@ from tuner.papers.results import Claim, Curve, Item, Panel, Picture, exact, judg
 from tuner.papers.sampling import Settings, estimate, realisations, record_of, relative_sd, scaled
 from tuner.papers.subjects import RING_LASER_PAPER
 from tuner.types import Coefficient
-
-FloatArray = NDArray[np.float64]
 
 READ_AT = {
     "quantization": ("Q", "τ = √3"),

@@ -10,8 +10,8 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray, IntArray
 from tuner.curves import curve, dof
 from tuner.curves.allan import overlapping_allan
 from tuner.curves.theo import bias_ratio, theo1
@@ -20,9 +20,6 @@ from tuner.papers.expected_variances import PRINTED_TOTAL, theo1_ratio, total_ra
 from tuner.papers.results import Claim, Curve, Item, Panel, Picture, Range, judge
 from tuner.papers.sampling import Settings, estimate, ratio_of_means, record_from, relative_sd, scatter
 from tuner.papers.subjects import FIBRE_OPTIC_PAPER, UNIT_NOISES
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 LABELS: Mapping[str, str] = MappingProxyType(
     {"oadev": "Allan", "totdev": "total", "theo1": "Thêo1", "theobr": "ThêoBR"}

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import ncx2
 
+from models.arrays import FloatArray
 from models.noise.arma import Arma
 from tuner.curves import acf, pacf
 from tuner.identification.arma import coefficient_covariance, fit_arma, one_step
@@ -26,8 +27,6 @@ from tuner.papers.results import Claim, Curve, Item, Panel, Picture, exact, judg
 from tuner.papers.sampling import Settings, estimate, record_from, share_of
 from tuner.papers.subjects import MEMS_PAPER
 from tuner.papers.two_group_allan import PRINTED_MEAN, PRINTED_VARIANCE
-
-FloatArray = NDArray[np.float64]
 
 PHI, THETA = 0.476425, -0.455909
 """Equation 16."""

@@ -9,9 +9,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import find_peaks
 
+from models.arrays import FloatArray
 from models.units import DEG, DEG_PER_HOUR
 from tuner.curves import curve
 from tuner.identification import identify_channel
@@ -21,8 +21,6 @@ from tuner.papers.sampling import Settings, record_from, record_of, scaled
 from tuner.papers.subjects import RING_LASER_PAPER
 from tuner.segments.stationary import cut_to_still, find_motion
 from tuner.types import ChannelIdentification, Coefficient
-
-FloatArray = NDArray[np.float64]
 
 
 def rlg_dynamic(settings: Settings) -> Item:

@@ -7,8 +7,8 @@ classic Allan variance; only the scatter shrinks, and by how much depends on the
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.noise import BiasInstability, NoiseModel, Ramp, RandomWalk, Term, White
 from tuner.curves import curve
 from tuner.curves import difference_dof as differences
@@ -17,8 +17,6 @@ from tuner.identification.allan_leastsquares import unweighted
 from tuner.papers.results import Claim, Curve, Item, Panel, Picture, judge, untestable
 from tuner.papers.sampling import Settings, estimate, realisations, record_from
 from tuner.papers.subjects import MEMS_PAPER, NOISE_NAMES, UNIT_NOISES
-
-FloatArray = NDArray[np.float64]
 
 PRINTED_VARIANCE, PRINTED_MEAN = 0.0063, 3.0478
 """Equation 16, (deg/s)²; figure 2, deg/s."""

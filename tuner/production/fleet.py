@@ -94,8 +94,7 @@ def fleet(
     try:
         inspect.signature(read).bind(None, **reading)
     except TypeError as error:
-        msg = f"fleet: reading: expected arguments of tuner.read, but it {error}"
-        raise DataError(msg) from None
+        raise DataError(f"fleet: reading: expected arguments of tuner.read, but it {error}") from None
     stated = {name: dict(value) if isinstance(value, Mapping) else value for name, value in reading.items()}
     if scheduler is None:
         stated, jobs = shared_memory(stated, min(jobs, len(files)))
@@ -191,12 +190,10 @@ def find_logs(logs: str | Path | Sequence[str | Path]) -> list[str]:
             found = sorted(glob.glob(str(given), recursive=True))  # noqa: PTH207 - absolute patterns, too
         if not found:
             what = f"a log, a folder with logs ({' '.join(suffixes)}) or a pattern that fits some"
-            msg = f"{given}: expected {what}, found none"
-            raise DataError(msg)
+            raise DataError(f"{given}: expected {what}, found none")
         files += found
     if not files:
-        msg = f"fleet: expected {LOGS}, found an empty list"
-        raise DataError(msg)
+        raise DataError(f"fleet: expected {LOGS}, found an empty list")
     return list(dict.fromkeys(files))
 
 
@@ -244,8 +241,9 @@ def output_folder(logs: Sequence[str | Path], chosen: Path | None) -> Path:
     folder = Path("tuner-fleet") / fleet_name(logs) if chosen is None else chosen
     taken = {Path(given).resolve() for given in logs} | {Path(given).resolve().parent for given in logs}
     if folder.resolve() in taken:
-        msg = f"{folder}: expected an output folder other than that of the logs; choose one with -o"
-        raise DataError(msg)
+        raise DataError(
+            f"{folder}: expected an output folder other than that of the logs; choose one with -o"
+        )
     return folder
 
 

@@ -135,13 +135,15 @@ def _on_cluster(attempt: Attempt, tasks: Sequence[Task], scheduler: str) -> Iter
     try:
         distributed: Any = importlib.import_module("distributed")
     except ImportError:
-        msg = f"--scheduler needs Dask, which is not installed: {install('dask', 'distributed')}"
-        raise DataError(msg) from None
+        raise DataError(
+            f"--scheduler needs Dask, which is not installed: {install('dask', 'distributed')}"
+        ) from None
     try:
         client = distributed.Client(scheduler, timeout=SCHEDULER_PATIENCE, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:
-        msg = f"{scheduler}: expected the address of a Dask scheduler, such as tcp://host:8786, got {reason(error)}"
-        raise DataError(msg) from None
+        raise DataError(
+            f"{scheduler}: expected the address of a Dask scheduler, such as tcp://host:8786, got {reason(error)}"
+        ) from None
     with client:
         futures = {client.submit(attempt, task, pure=False): index for index, task in enumerate(tasks)}
         try:

@@ -112,11 +112,9 @@ def read(
         ("--memory", memory),
     ):
         if value is not None and not value > 0.0:
-            msg = f"{name}: expected a positive number, got {value}"
-            raise DataError(msg)
+            raise DataError(f"{name}: expected a positive number, got {value}")
     if assume not in (None, "si"):
-        msg = f"--assume: expected si, got {assume}"
-        raise DataError(msg)
+        raise DataError(f"--assume: expected si, got {assume}")
     if isinstance(path, str):
         expect(path, str, "read", "the path of a log")
     options = Options(
@@ -144,8 +142,7 @@ def read(
     whole, unit_name = unit_of_log(path)
     path = file_of(whole)
     if not path.exists():
-        msg = f"{path}: no such file"
-        raise DataError(msg)
+        raise DataError(f"{path}: no such file")
     if not path.is_file() and log_folder(path) is None:
         found = (
             "a folder without their files; name the file in it"
@@ -153,8 +150,7 @@ def read(
             else "neither; copy it to a file"
         )
         kinds = "EuRoC, KITTI, phyphox, Sensor Logger or a ROS 2 bag"
-        msg = f"{path}: expected a file, or a folder of {kinds}, found {found}"
-        raise DataError(msg)
+        raise DataError(f"{path}: expected a file, or a folder of {kinds}, found {found}")
     listing = columns_of(path, progress, unit_name)
     with input_guard(path, "a log"), np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         try:

@@ -49,38 +49,34 @@ def read_curve(path: str | Path) -> AllanCurve:
     """
     path = Path(path)
     if not path.is_file():
-        msg = f"{path}: no such file"
-        raise DataError(msg)
+        raise DataError(f"{path}: no such file")
     dialect = find_dialect(path)
     parsed = [names.parse_name(name) for name in dialect.names]
     found = []
     for wanted, aliases in (("tau", _TAU), ("deviation", _DEVIATION), ("dof", _DOF)):
         column = next((j for j, name in enumerate(parsed) if name.plain in aliases), None)
         if column is None and wanted != "dof":
-            msg = (
+            raise DataError(
                 f"{path}: no column '{wanted}': expected tau,deviation[,dof], found "
                 f"{', '.join(dialect.names)}"
             )
-            raise DataError(msg)
         found.append(column)
     columns = [j for j in found if j is not None]
     (table,) = read_numbers(path, dialect, [columns])
     for row, values in enumerate(table):
         bad = next((j for j, value in enumerate(values) if not 0.0 < value < np.inf), None)
         if bad is not None:
-            msg = (
+            raise DataError(
                 f"{path}: data row {row + 1}: expected a positive {dialect.names[columns[bad]]}, found "
                 f"{values[bad]:g}: "
                 "repair or remove the line"
             )
-            raise DataError(msg)
     table = table[np.argsort(table[:, 0], kind="stable")]
     if len(table) < 2 or (np.diff(table[:, 0]) == 0.0).any():
-        msg = (
+        raise DataError(
             f"{path}: expected at least two different tau, found {len(np.unique(table[:, 0]))} in "
             f"{len(table)} rows"
         )
-        raise DataError(msg)
     tau_unit = names.unit_of(parsed[columns[0]].unit or "s", names.TIME_UNITS, what=f"{path}: tau")
     rates = [u for sensor in names.SENSORS for u in names.UNITS[sensor] if u not in names.INCREMENT_UNITS]
     named = names.unit_of(parsed[columns[1]].unit or "rad/s", rates, what=f"{path}: deviation")

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from models.arrays import BoolArray, FloatArray
 from models.units import unit_value
 from tuner.readers import column_names as names
 from tuner.readers.bad_rows import BadRows, LogRows, expect_few
@@ -24,10 +25,6 @@ from tuner.readers.unit_checks import check_units
 from tuner.readers.value_checks import about_limiting_step, limiting_step
 from tuner.types.one_line import printable
 from tuner.types.records import DataError, Record
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 UNREADABLE_SHARE = 0.01
 """Largest share of rows with NaN or infinity that is repaired."""
@@ -103,11 +100,9 @@ def even(
         columns = Columns(groups, axes, valid, time, covariates.pop("week", None), within)
         grid = sample_grid(listing, layout.time, columns, rate, options, notes, bad)
     except Refusal as error:
-        msg = f"{listing.path}: {error}"
-        raise Refusal(msg, error.changes) from None
+        raise Refusal(f"{listing.path}: {error}", error.changes) from None
     except DataError as error:
-        msg = f"{listing.path}: {error}"
-        raise DataError(msg) from None
+        raise DataError(f"{listing.path}: {error}") from None
     base, origin, clock = grid.base, grid.origin, grid.clock
     notes += base.notes(even=not options.stamps)
     t = base.t + origin if origin else base.t
@@ -166,11 +161,10 @@ def checked(
     records, notes, assumptions = found.records, [*plan.notes, *found.notes], list(found.assumptions)
     single = records if part is None else part
     if not any(np.ptp(record.y[:, j]) > 0.0 for record in records for j in range(len(record.axes))):
-        msg = (
+        raise DataError(
             f"{listing.path}: every axis is constant: a sensor that was off, or the wrong columns; "
             "choose others with --columns"
         )
-        raise DataError(msg)
     remarks, said_first = check_units(
         str(listing.path),
         single,
@@ -213,11 +207,11 @@ def _load(
         lengths["t"] = len(loaded[-1])
     if len(set(lengths.values())) > 1:
         sizes = ", ".join(f"{name} has {n}" for name, n in lengths.items())
-        msg = f"{listing.path}: columns must have one length: {sizes} rows; choose others with --columns"
-        raise DataError(msg)
+        raise DataError(
+            f"{listing.path}: columns must have one length: {sizes} rows; choose others with --columns"
+        )
     if not len(blocks[0]):
-        msg = f"{listing.path}: no data rows"
-        raise DataError(msg)
+        raise DataError(f"{listing.path}: no data rows")
     if NO_COLUMN in (options.columns or {}).values() and len(blocks) == 1 and blocks[0].dtype.kind == "f":
         own = (
             np.isfinite(blocks[0]).any(axis=1).reshape(-1)
@@ -231,11 +225,10 @@ def _load(
     for name, column in covariates.items():
         if len(column) != len(blocks[0]):
             leave = ", or none by --columns temperature=none" if name == "temperature" else ""
-            msg = (
+            raise DataError(
                 f"{listing.path}: {name}: expected a value for each of {len(blocks[0])} samples, got {len(column)}; "
                 f"give it at every sample, choose another with --columns {name}=NAME{leave}"
             )
-            raise DataError(msg)
     return (loaded[-1][:, 0] if layout.time is not None else None), blocks, covariates
 
 
@@ -262,8 +255,7 @@ def _valid_rows(
                 if name == "t"
                 else "choose others with --columns"
             )
-            msg = f"{name} holds no row without NaN{part}: {cure}"
-            raise DataError(msg)
+            raise DataError(f"{name} holds no row without NaN{part}: {cure}")
         if within.first == 0:
             first = max(first, int(mask.argmax()))
         if within.first + count >= within.count:
@@ -273,11 +265,11 @@ def _valid_rows(
         (masks["gyro"] ^ masks["accel"])[first:last]
     ) > count:
         sizes = ", ".join(f"{name} in {np.count_nonzero(masks[name])}" for name in ("gyro", "accel"))
-        msg = (
+        raise Refusal(
             f"gyro and accel stand in different rows ({sizes} of {count}), as two topics in one table do: they cannot "
-            "be read together"
+            "be read together",
+            [Change(columns={name: NO_COLUMN}) for name in ("accel", "gyro")],
         )
-        raise Refusal(msg, [Change(columns={name: NO_COLUMN}) for name in ("accel", "gyro")])
     number = int((~valid[first:last]).sum())
     if number:
         row = within.first + first + int(np.argmin(valid[first:last])) + 1
@@ -290,8 +282,7 @@ def _valid_rows(
         bad.append(BadRows(number, "NaN or infinity", place, UNREADABLE_SHARE, f"cut them out, or {cure}"))
         expect_few(bad, within.count - (count - (last - first)))
     if not valid.any():
-        msg = f"gyro and accel do not overlap in time{part}"
-        raise DataError(msg)
+        raise DataError(f"gyro and accel do not overlap in time{part}")
     if count - (last - first):
         notes.append(
             f"{count - (last - first)} rows before or after the common span of the sensors were left out"

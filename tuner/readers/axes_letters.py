@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from tuner.types.records import DataError
-
-FloatArray = NDArray[np.float64]
 
 WORLD_LETTERS = {
     "N": (1, 0, 0),
@@ -41,9 +39,8 @@ def axes_rotation(letters: str, known: dict[str, tuple[int, int, int]], *, optio
     columns = [known.get(letter) for letter in word]
     mat = np.array([column for column in columns if column is not None], dtype=float).T
     if len(word) != 3 or mat.shape != (3, 3) or not np.isclose(np.linalg.det(mat), 1.0):
-        msg = (
+        raise DataError(
             f"{option} {letters}: expected three letters out of {' '.join(known)} that name the directions of right-"
             f"handed axes, such as {'ENU or NWU' if 'N' in known else 'FLU or RFU'}"
         )
-        raise DataError(msg)
     return mat

@@ -57,8 +57,7 @@ def expect_few(found: Sequence[BadRows], count: int) -> None:
     for holding, number in total.items():
         one = first[holding]
         if number > one.max_share * count:
-            msg = (
+            raise DataError(
                 f"{number} of {count} rows hold {holding} ({one.place}); more than {100.0 * one.max_share:g} % cannot "
                 f"be repaired: {one.cure}"
             )
-            raise DataError(msg)

@@ -30,8 +30,6 @@ from tuner.readers.time_column import WRAP_STEPS, WRAPS
 from tuner.readers.time_range import between, expect_within
 from tuner.types.records import DataError, Record
 
-FloatArray = NDArray[np.float64]
-
 ROWS_IN_PART = 1 << 18
 """Rows read at a time: with the work of putting them on a grid some 100 MB."""
 MIN_ROWS = 1 << 14
@@ -122,17 +120,14 @@ def read_means(
             joined = JoinedParts(str(listing.path), size, found.records, rows // size)
         joined.add(row, found)
     if not first:
-        msg = f"{listing.path}: no data rows"
-        raise DataError(msg)
+        raise DataError(f"{listing.path}: no data rows")
     try:
         expect_few(bad, listing.rows)
     except DataError as error:
-        msg = f"{listing.path}: {error}"
-        raise DataError(msg) from None
+        raise DataError(f"{listing.path}: {error}") from None
     expect_within(first, (start, stop), begin, end)
     if joined is None:
-        msg = f"{listing.path}: --begin and --end leave no samples: the log has a gap there"
-        raise DataError(msg)
+        raise DataError(f"{listing.path}: --begin and --end leave no samples: the log has a gap there")
     means = checked(listing, plan, joined.finished(), options, part=first)
     return between(means, begin, end, (start, stop))
 

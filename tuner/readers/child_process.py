@@ -47,8 +47,7 @@ def array_from_child(
     def work() -> None:
         found = read()
         if found.shape != shape:
-            msg = f"an array of shape {found.shape} where {shape} was stated"
-            raise ValueError(msg)
+            raise ValueError(f"an array of shape {found.shape} where {shape} was stated")
         shared[...] = found
 
     check_in_child(source, work, seconds=LONGEST_LISTING + size / BYTES_A_SECOND)
@@ -86,12 +85,12 @@ def check_in_child(source: str, work: Callable[[], object], *, seconds: float | 
         os.kill(child, signal.SIGKILL)
     _, status = os.waitpid(child, 0)
     if said is None:
-        msg = f"{source}: reading it does not end (waited {seconds:.0f} s); is it damaged? save or export it anew"
-        raise DataError(msg)
+        raise DataError(
+            f"{source}: reading it does not end (waited {seconds:.0f} s); is it damaged? save or export it anew"
+        )
     if status:
         found = said.decode("utf-8", errors="replace") or "the library ended the process"
-        msg = f"{source}: cannot be read: {found}; is it damaged? save or export it anew"
-        raise DataError(msg)
+        raise DataError(f"{source}: cannot be read: {found}; is it damaged? save or export it anew")
 
 
 def _work_and_leave(work: Callable[[], object], sender: int) -> None:

@@ -104,8 +104,10 @@ def unit_of_stamps(
     counted = _counts(time, step)
     asked = [Change(asked="rate")] if counted else []
     counts = "it counts by one, as a counter of samples does; " if counted else ""
-    msg = f"time column '{name}': nothing states its unit, and it stays open: {counts}{shown}"
-    raise Refusal(msg, [*asked, *other_units(name, step, middle, rates)])
+    raise Refusal(
+        f"time column '{name}': nothing states its unit, and it stays open: {counts}{shown}",
+        [*asked, *other_units(name, step, middle, rates)],
+    )
 
 
 def other_units(name: str, step: float, middle: float, among: Iterable[str] = CANDIDATES) -> list[Change]:

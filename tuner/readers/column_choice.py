@@ -165,11 +165,10 @@ def _only(listing: Listing, role: str, arrays: list[tuple[int, str]]) -> str:
     """Return the one array of the best rank."""
     best = [array for rank, array in arrays if rank == arrays[0][0]]
     if len(best) > 1:
-        msg = (
+        raise DataError(
             f"{listing.path}: several columns could be {role}: {', '.join(best)}; "
             f"choose one with --columns '{role}=NAME'"
         )
-        raise DataError(msg)
     return best[0]
 
 
@@ -238,8 +237,9 @@ def _is_triad(listing: Listing, array: str) -> bool:
 def _one_unit(listing: Listing, sensor: str, units: set[str | None]) -> str | None:
     if len(units) > 1:
         shown = ", ".join(sorted(str(u) for u in units))
-        msg = f"{listing.path}: the axes of {sensor} have different units ({shown}): write them in one unit"
-        raise DataError(msg)
+        raise DataError(
+            f"{listing.path}: the axes of {sensor} have different units ({shown}): write them in one unit"
+        )
     return units.pop()
 
 

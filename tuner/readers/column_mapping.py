@@ -29,8 +29,7 @@ def parse_columns(text: str) -> dict[str, str]:
     for entry in text.split(","):
         name, equals, column = entry.partition("=")
         if not equals or not name.strip() or not column.strip():
-            msg = f"--columns: expected NAME=COLUMN, found '{entry.strip()}'"
-            raise DataError(msg)
+            raise DataError(f"--columns: expected NAME=COLUMN, found '{entry.strip()}'")
         mapped[name.strip()] = column.strip()
     return mapped
 
@@ -52,12 +51,11 @@ def resolve(listing: Listing, columns: Mapping[str, str]) -> dict[str, Mapped]:
         most = 3 if role in names.SENSORS else 1
         if len(found.parts) > most:
             array = found.parts[0].array
-            msg = (
+            raise DataError(
                 f"{listing.path}: --columns {name}={value}: expected "
                 f"{'1 column' if most == 1 else 'up to 3'}, found {len(found.parts)}; slice it, such as "
                 f"{name}={array}[0{':3' if most == 3 else ''}]"
             )
-            raise DataError(msg)
         resolved[role] = found
     return resolved
 
@@ -68,11 +66,10 @@ def stated_unit(listing: Listing, name: names.ColumnName, sensor: str | None = N
     if typed is not None:
         known = names.known_unit(typed), None if unit is None else names.known_unit(unit)
         if None not in known and known[0] != known[1]:
-            msg = (
+            raise DataError(
                 f"{listing.path}: column '{name.written}' says {unit}, the file states {typed}: rename it, or choose "
                 f"the unit, such as --columns 'NAME={name.written} [{typed}]'"
             )
-            raise DataError(msg)
         unit = typed
     if unit is not None or sensor is None:
         return unit
@@ -106,16 +103,18 @@ def _resolve(listing: Listing, parsed: Mapping[str, names.ColumnName], role: str
     shape = listing.shapes[array]
     if len(shape) == 1:
         if sliced is not None:
-            msg = f"{listing.path}: --columns {role}={value}: '{array}' has one column and cannot be sliced"
-            raise DataError(msg)
+            raise DataError(
+                f"{listing.path}: --columns {role}={value}: '{array}' has one column and cannot be sliced"
+            )
         return Mapped((Part(array),), unit)
     start, stop = 0, shape[1]
     if sliced is not None:
         start = int(sliced["start"])
         stop = int(sliced["stop"]) if sliced["stop"] else start + 1
     if not start < stop <= shape[1]:
-        msg = f"{listing.path}: --columns {role}={value}: '{array}' has columns 0 to {shape[1] - 1}"
-        raise DataError(msg)
+        raise DataError(
+            f"{listing.path}: --columns {role}={value}: '{array}' has columns 0 to {shape[1] - 1}"
+        )
     return Mapped(tuple(Part(array, j) for j in range(start, stop)), unit)
 
 
@@ -127,6 +126,5 @@ def _find(listing: Listing, parsed: Mapping[str, names.ColumnName], role: str, n
     same = [array for array in listing.shapes if parsed[array].plain == plain]
     if len(same) != 1:
         found = f"{len(same)} columns of that name" if same else f"found {offered(listing)}"
-        msg = f"{listing.path}: --columns {role}={name}: no column '{name}': {found}"
-        raise DataError(msg)
+        raise DataError(f"{listing.path}: --columns {role}={name}: no column '{name}': {found}")
     return same[0]

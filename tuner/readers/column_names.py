@@ -202,8 +202,7 @@ def unit_of(text: str, allowed: Iterable[str], *, what: str) -> str:
     allowed = tuple(allowed)
     unit = known_unit(text)
     if unit is None or unit not in allowed:
-        msg = f"{what}: unknown unit '{text}': expected one of {', '.join(allowed)}"
-        raise DataError(msg)
+        raise DataError(f"{what}: unknown unit '{text}': expected one of {', '.join(allowed)}")
     return unit
 
 

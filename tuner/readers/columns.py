@@ -194,10 +194,9 @@ class _Arrays:
         one = self.numbers[name]
         found = one.array.read() if isinstance(one.array, StoredArray) else one.array
         if math.prod(found.shape) != math.prod(one.shape):
-            msg = (
+            raise DataError(
                 f"{self.path}: array '{name}': expected shape {one.shape}, found {found.shape}: save it anew"
             )
-            raise DataError(msg)
         return found.T if one.turned else found.reshape(one.shape)
 
     def _grouped(
@@ -209,8 +208,7 @@ class _Arrays:
             lengths = {len(p) for p in parts}
             if len(lengths) > 1:
                 sizes = ", ".join(f"{part} has {len(p)}" for part, p in zip(group, parts, strict=True))
-                msg = f"{self.path}: columns of one sensor must have one length: {sizes} rows"
-                raise DataError(msg)
+                raise DataError(f"{self.path}: columns of one sensor must have one length: {sizes} rows")
             exact = all(p.dtype.kind == "i" or (p.dtype.kind == "u" and p.dtype.itemsize < 8) for p in parts)
             block = np.empty((lengths.pop(), len(parts)), np.int64 if exact else np.float64, order="F")
             with np.errstate(over="ignore", invalid="ignore"):
@@ -235,8 +233,7 @@ def _pieces(path: Path, name: str, numbers: _Numbers, rows: int) -> Iterator[NDA
         found += len(piece)
         yield piece.reshape(-1, *shape[1:])
     if found != shape[0]:
-        msg = f"{path}: array '{name}': expected {shape[0]} rows, found {found}: save it anew"
-        raise DataError(msg)
+        raise DataError(f"{path}: array '{name}': expected {shape[0]} rows, found {found}: save it anew")
 
 
 def digest(path: Path) -> str:

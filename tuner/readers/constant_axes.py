@@ -6,11 +6,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from tuner.types.records import Record
-
-FloatArray = NDArray[np.float64]
 
 MIN_CHANGES = 16
 """Changes of value below which an axis is a constant that slipped, not noise: no variance is known from fewer."""

@@ -25,9 +25,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from models import rotation
+from models.arrays import FloatArray
 from tuner.formats.guard import input_guard
 from tuner.readers import read
 from tuner.readers.columns import digest
@@ -48,8 +48,6 @@ from tuner.types.arguments import expect
 from tuner.types.number_ranges import LONGEST_LEVER_ARM
 from tuner.types.one_line import printable
 from tuner.types.records import DataError, Drive, Gnss, Record, Reference
-
-FloatArray = NDArray[np.float64]
 
 CONTENT = "a drive: arrays and settings, one row a sample or fix"
 """What is expected of a file, for messages."""
@@ -86,8 +84,9 @@ def read_drive(path: str | Path) -> Drive:
         with input_guard(path, "a drive: imu.csv, gnss.csv and perhaps truth.csv"):
             return _folder(path)
     if not path.is_file():
-        msg = f"{path}: expected a drive (folder with imu.csv and gnss.csv, NPZ, or YAML of KF-GINS), found nothing"
-        raise DataError(msg)
+        raise DataError(
+            f"{path}: expected a drive (folder with imu.csv and gnss.csv, NPZ, or YAML of KF-GINS), found nothing"
+        )
     readers = {".npz": _npz, ".yaml": _kf_gins, ".yml": _kf_gins}
     with input_guard(path, CONTENT):
         return readers.get(path.suffix.lower(), _messages)(path)
@@ -146,11 +145,11 @@ def with_mounting(
         For an unknown frame, or a lever arm longer than `LONGEST_LEVER_ARM`.
     """
     if frame is not None and frame.upper() not in FRAMES:
-        msg = f"--imu-frame {frame}: expected one of {' '.join(FRAMES)}"
-        raise DataError(msg)
+        raise DataError(f"--imu-frame {frame}: expected one of {' '.join(FRAMES)}")
     if lever_arm is not None and max(map(abs, lever_arm)) > LONGEST_LEVER_ARM:
-        msg = f"--lever-arm {','.join(f'{x:g}' for x in lever_arm)}: expected {LONGEST_LEVER_ARM:g} m at most"
-        raise DataError(msg)
+        raise DataError(
+            f"--lever-arm {','.join(f'{x:g}' for x in lever_arm)}: expected {LONGEST_LEVER_ARM:g} m at most"
+        )
     mounting = mounting_of(frame, rpy_deg)
     return replace(
         drive,
@@ -162,11 +161,10 @@ def with_mounting(
 def _messages(path: Path) -> Drive:
     declared = format_of(path)
     if declared.drive is None:
-        msg = (
+        raise DataError(
             f"{path}: expected a drive (folder, .npz, .yaml of KF-GINS, or a log of messages: .ulg .bag .mcap .bin), "
             f"got {declared.title}; make a folder with imu.csv and gnss.csv of it"
         )
-        raise DataError(msg)
     with library_of(declared, path):
         return _of_arrays(path, declared.drive(path))
 
@@ -205,10 +203,9 @@ def _folder(path: Path) -> Drive:
     records = {r.name: r for r in inertial}
     found = [axis for record in records.values() for axis in record.axes]
     if len(found) != 6:
-        msg = (
+        raise DataError(
             f"{path / 'imu.csv'}: expected three axes of gyroscope and accelerometer, found {' '.join(found)}"
         )
-        raise DataError(msg)
     gyro, accel = records["gyro"], records["accel"]
     imu = np.column_stack([_stamps(gyro), gyro.y, accel.y])
     fixes, notes = _fixes_beside(path, imu)
@@ -245,11 +242,10 @@ def _fixes_beside(path: Path, imu: FloatArray) -> tuple[FloatArray, tuple[str, .
             if integrated
             else ""
         )
-        msg = (
+        raise DataError(
             f"{path}: expected gnss.csv or one file {' '.join(FIX_READERS)} or text of Waypoint beside imu.csv, found "
             f"{names}{hint}"
         )
-        raise DataError(msg)
     (file,) = found
     fixes = read_fix_file(file)
     rows, note = on_clock_of(file, fixes, float(imu[0, 0]), float(imu[-1, 0]))
@@ -264,8 +260,9 @@ def _truth_beside(path: Path, imu: FloatArray) -> tuple[FloatArray | None, tuple
     if not found:
         return None, ()
     if len(found) > 1:
-        msg = f"{path}: expected one reference, found {', '.join(file.name for file in found)}; leave one"
-        raise DataError(msg)
+        raise DataError(
+            f"{path}: expected one reference, found {', '.join(file.name for file in found)}; leave one"
+        )
     solution = read_waypoint(found[0])
     stamped = GpsFixes(solution.t, solution.rows, dated=solution.dated)
     rows, note = on_clock_of(found[0], stamped, float(imu[0, 0]), float(imu[-1, 0]))
@@ -310,12 +307,11 @@ def _drive(
     begin, end = imu[0, 0], imu[-1, 0]
     inside = (fixes[:, 0] >= begin) & (fixes[:, 0] <= end)
     if np.count_nonzero(inside) < 2:
-        msg = (
+        raise DataError(
             f"{path}: expected two fixes or more of the time of the IMU, {begin:.3f} … {end:.3f} s, got "
             f"{np.count_nonzero(inside)} of {len(fixes)}, {fixes[0, 0]:.3f} … {fixes[-1, 0]:.3f} s; "
             "put both on one clock"
         )
-        raise DataError(msg)
     if not inside.all():
         messages.append(f"{np.count_nonzero(~inside)} fixes outside the inertial record removed")
     fixes = fixes[inside]
@@ -362,6 +358,5 @@ def _reference(path: Path, rows: FloatArray, begin: float, notes: list[str]) -> 
 
 def _existing(path: Path) -> Path:
     if not path.is_file():
-        msg = f"{path}: expected this file in the folder of a drive, found nothing"
-        raise DataError(msg)
+        raise DataError(f"{path}: expected this file in the folder of a drive, found nothing")
     return path

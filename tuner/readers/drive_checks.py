@@ -10,13 +10,11 @@ import math
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.earth import ned_between
 from models.units import FOOT, MILLI_G, STANDARD_GRAVITY
 from tuner.types.records import DataError
-
-FloatArray = NDArray[np.float64]
 
 MAX_SAMPLE_INTERVAL = 0.5
 """Longest interval of inertial samples that can be navigated with, s."""
@@ -59,18 +57,16 @@ def check_drive(path: Path, imu: FloatArray, fixes: FloatArray, notes: list[str]
     _positions(path, fixes, notes)
     _velocities(path, fixes, notes)
     if np.nanmin(fixes[:, 7:13], initial=0.0) < 0.0:
-        msg = (
+        raise DataError(
             f"{path}: expected standard deviations that are not negative, got {np.nanmin(fixes[:, 7:13]):.4g}; "
             "leave those empty that are not known"
         )
-        raise DataError(msg)
     endless = np.isinf(fixes[:, 7:13]).any(axis=1)
     if endless.any():
-        msg = (
+        raise DataError(
             f"{path}: expected standard deviations that are finite, got inf in {np.count_nonzero(endless)} of "
             f"{len(fixes)} fixes, first at {fixes[np.argmax(endless), 0]:.6g} s; leave such fixes out"
         )
-        raise DataError(msg)
     for name, columns in (("position", slice(7, 10)), ("velocity", slice(10, 13))):
         zero = int(np.count_nonzero(np.any(fixes[:, columns] == 0.0, axis=1)))
         if zero:
@@ -82,41 +78,38 @@ def check_drive(path: Path, imu: FloatArray, fixes: FloatArray, notes: list[str]
 def _inertial(path: Path, imu: FloatArray, notes: list[str]) -> None:
     interval = float(np.median(np.diff(imu[:, 0]))) if len(imu) > 1 else math.inf
     if not interval <= MAX_SAMPLE_INTERVAL:
-        msg = (
+        raise DataError(
             f"{path}: expected stamps of inertial samples in seconds, {MAX_SAMPLE_INTERVAL:g} s apart at most, "
             f"got {interval:.4g} in the median; check the unit of time"
         )
-        raise DataError(msg)
     silent = np.all(imu[:, 4:7] == 0.0, axis=1)
     count, first = int(np.count_nonzero(silent)), int(np.argmax(silent))
     if count > MAX_OUTLIER_SHARE * len(imu):
-        msg = (
+        raise DataError(
             f"{path}: expected a specific force of about 9.8 m/s², got 0 on all axes in {count} of {len(imu)} samples, "
             f"first at {imu[first, 0]:.6g} s; leave lost samples out"
         )
-        raise DataError(msg)
     if count:
         notes.append(
             f"{count} inertial samples have no specific force at all, first at {imu[first, 0]:.6g} s"
         )
     force = float(np.median(np.linalg.norm(imu[:, 4:7], axis=1)))
     if not 5.0 < force < 20.0:
-        msg = (
+        raise DataError(
             f"{path}: expected a specific force of about 9.8 m/s², got {force:.4g} in the median; "
             f"{_force_unit(force, interval)}"
         )
-        raise DataError(msg)
     for name, columns in (("angular rate", slice(1, 4)), ("specific force", slice(4, 7))):
         if np.all(np.ptp(imu[:, columns], axis=0) == 0.0):
-            msg = (
+            raise DataError(
                 f"{path}: expected {name}s that change, got the same on all axes in all {len(imu)} samples: a sensor "
                 "that was off? record it"
             )
-            raise DataError(msg)
     turn = float(np.percentile(np.abs(imu[:, 1:4]), 99.0))
     if turn > MAX_ANGULAR_RATE:
-        msg = f"{path}: expected angular rates in rad/s, got {turn:.4g} (99 % of samples are below); check the unit"
-        raise DataError(msg)
+        raise DataError(
+            f"{path}: expected angular rates in rad/s, got {turn:.4g} (99 % of samples are below); check the unit"
+        )
 
 
 def _force_unit(force: float, interval: float) -> str:
@@ -132,14 +125,14 @@ def _force_unit(force: float, interval: float) -> str:
 
 def _positions(path: Path, fixes: FloatArray, notes: list[str]) -> None:
     if np.max(np.abs(fixes[:, 1])) > 90.0 or np.max(np.abs(fixes[:, 2])) > 360.0:
-        msg = (
+        raise DataError(
             f"{path}: expected latitude and longitude in degrees, got up to {np.max(np.abs(fixes[:, 1:3])):.5g}; "
             "check unit and order"
         )
-        raise DataError(msg)
     if np.median(np.abs(fixes[:, 3])) > MAX_HEIGHT:
-        msg = f"{path}: expected heights in m, got {np.median(np.abs(fixes[:, 3])):.5g} in the median; check the unit"
-        raise DataError(msg)
+        raise DataError(
+            f"{path}: expected heights in m, got {np.median(np.abs(fixes[:, 3])):.5g} in the median; check the unit"
+        )
     apart = np.linalg.norm(_steps(fixes), axis=1)
     speed = np.where(apart > MIN_CHECKED_DISTANCE, apart / np.diff(fixes[:, 0]), 0.0)
     # A fix that is far off makes two such steps.
@@ -163,8 +156,9 @@ def _possible(
         return
     speeds = f"{what} up to {float(speed.max()):.4g} m/s in {count} of {len(speed)} fixes, first at {t[first]:.6g} s"
     if count > share * len(speed):
-        msg = f"{path}: expected a vehicle slower than {MAX_SPEED:g} m/s, got {speeds}; check the units ({unit})"
-        raise DataError(msg)
+        raise DataError(
+            f"{path}: expected a vehicle slower than {MAX_SPEED:g} m/s, got {speeds}; check the units ({unit})"
+        )
     notes.append(f"{speeds}: no vehicle does that, they are outliers")
 
 

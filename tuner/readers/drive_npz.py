@@ -23,14 +23,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from tuner.formats.codec import load
 from tuner.formats.documents import parse_json
 from tuner.readers.npz_members import stored_arrays
 from tuner.readers.solutions import OF_RTKLIB, solutions
 from tuner.types.number_ranges import LeverArm, Vector3
 from tuner.types.records import DataError
-
-FloatArray = NDArray[np.float64]
 
 REQUIRED_ARRAYS = ("imu_t", "gyro", "accel", "gnss_t", "gnss_llh")
 FIX_ARRAYS = ("gnss_llh", "gnss_vned", "gnss_pstd", "gnss_vstd")
@@ -87,8 +86,7 @@ def read_drive_npz(path: Path) -> DriveArrays:
     data = _arrays(path)
     missing = [name for name in REQUIRED_ARRAYS if name not in data]
     if missing:
-        msg = f"{path}: expected the arrays of a drive, {', '.join(missing)} missing"
-        raise DataError(msg)
+        raise DataError(f"{path}: expected the arrays of a drive, {', '.join(missing)} missing")
     meta = _meta(path, data)
     given = "ref_t" in data and "ref_llh" in data
     return DriveArrays(
@@ -115,8 +113,9 @@ def _arrays(path: Path) -> Mapping[str, NDArray[np.generic]]:
         *SOLUTION_ARRAYS,
     }
     if bad := [name for name in unread if name in wanted]:
-        msg = f"{path}: {bad[0]}: expected an array of numbers or a text, got {unread[bad[0]]}; save it anew"
-        raise DataError(msg)
+        raise DataError(
+            f"{path}: {bad[0]}: expected an array of numbers or a text, got {unread[bad[0]]}; save it anew"
+        )
     return {name: array.read() for name, array in stored.items() if name in wanted}
 
 
@@ -129,8 +128,7 @@ def _meta(path: Path, data: Mapping[str, NDArray[np.generic]]) -> _Installation:
     if isinstance(stated, bytes):
         stated = stated.decode(errors="replace")
     if not isinstance(stated, str):
-        msg = f"{source}: expected one text of JSON, got an array of shape {data['meta'].shape}"
-        raise DataError(msg)
+        raise DataError(f"{source}: expected one text of JSON, got an array of shape {data['meta'].shape}")
     return load(parse_json(stated, source=source), _Installation, source=source)
 
 
@@ -140,8 +138,9 @@ def _solutions(path: Path, data: Mapping[str, NDArray[np.generic]]) -> FloatArra
     for name in SOLUTION_ARRAYS:
         if (found := data.get(name)) is not None:
             if found.shape != (count,) or found.dtype.kind not in "fiu":
-                msg = f"{path}: expected numbers of shape {(count,)} in {name}, got shape {found.shape}, {_kind(found)}"
-                raise DataError(msg)
+                raise DataError(
+                    f"{path}: expected numbers of shape {(count,)} in {name}, got shape {found.shape}, {_kind(found)}"
+                )
             numbers = found.astype(float)
             return solutions(numbers, OF_RTKLIB) if name == "gnss_q" else numbers
     return np.full(count, np.nan)
@@ -153,17 +152,17 @@ def _table(
     """Return a clock and the triples along it, NaN for absent ones; (n, 1 + 3 per name)."""
     t = data[clock]
     if t.dtype.kind not in "fiu" or t.size != len(np.atleast_1d(t)):
-        msg = f"{path}: expected stamps, s, of shape (n,) in {clock}, got shape {t.shape}, {_kind(t)}"
-        raise DataError(msg)
+        raise DataError(
+            f"{path}: expected stamps, s, of shape (n,) in {clock}, got shape {t.shape}, {_kind(t)}"
+        )
     columns = [np.asarray(t, dtype=float).reshape(-1, 1)]
     for name in names:
         found = data.get(name, np.full((t.size, 3), np.nan))
         if found.shape != (t.size, 3) or found.dtype.kind not in "fiu":
-            msg = (
+            raise DataError(
                 f"{path}: expected numbers of shape {(t.size, 3)} in {name}, three a stamp of {clock}, "
                 f"got shape {found.shape}, {_kind(found)}"
             )
-            raise DataError(msg)
         columns.append(np.asarray(found, dtype=float))
     return np.hstack(columns)
 

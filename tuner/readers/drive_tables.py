@@ -7,14 +7,12 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.units import canonical_unit, unit_value
 from tuner.readers.text import read_numbers
 from tuner.readers.text_dialect import find_dialect
 from tuner.types.records import DataError
-
-FloatArray = NDArray[np.float64]
 
 MAX_UNREADABLE_SHARE = 0.01
 """Share of unreadable rows above which a stream is refused."""
@@ -53,23 +51,20 @@ UNITS: Mapping[tuple[str, ...], tuple[str, ...]] = {
 def ordered(path: Path, name: str, rows: FloatArray, needed: FloatArray, notes: list[str]) -> FloatArray:
     """Return rows in order of time, without doubled stamps and without those that lack a needed number."""
     if not len(rows):
-        msg = f"{path}: {name}: no rows"
-        raise DataError(msg)
+        raise DataError(f"{path}: {name}: no rows")
     good = np.isfinite(needed).all(axis=1)
     bad = int(np.count_nonzero(~good))
     if bad > MAX_UNREADABLE_SHARE * len(rows) or bad == len(rows):
-        msg = f"{path}: {name}: {bad} of {len(rows)} rows are not numbers; at most 1 % may be"
-        raise DataError(msg)
+        raise DataError(f"{path}: {name}: {bad} of {len(rows)} rows are not numbers; at most 1 % may be")
     if bad:
         notes.append(f"{bad} unreadable {name} rows removed")
     rows = rows[good]
     behind = np.flatnonzero(rows[:, 0] < np.maximum.accumulate(rows[:, 0]))
     if len(behind) > MAX_DISORDERED_SHARE * len(rows):
-        msg = (
+        raise DataError(
             f"{path}: {name}: time runs backwards at row {behind[0] + 1} and stays behind for {len(behind)} of "
             f"{len(rows)} rows (a clock that was reset?): split the drive there"
         )
-        raise DataError(msg)
     if len(behind):
         notes.append(f"{len(behind)} {name} rows out of order sorted")
         rows = rows[np.argsort(rows[:, 0], kind="stable")]
@@ -86,8 +81,7 @@ def table(path: Path, names: tuple[str, ...], needed: int) -> FloatArray:
     have = [OTHER_NAMES.get(name, name) for name in have]
     missing = [name for name in names[:needed] if name not in have]
     if missing:
-        msg = f"{path}: expected columns {', '.join(names)}, {', '.join(missing)} missing"
-        raise DataError(msg)
+        raise DataError(f"{path}: expected columns {', '.join(names)}, {', '.join(missing)} missing")
     present = [name for name in names if name in have]
     factors = {name: _unit(path, name, dialect.names[have.index(name)]) for name in present}
     (numbers,) = read_numbers(path, dialect, [[have.index(name) for name in present]])
@@ -108,6 +102,5 @@ def _unit(path: Path, name: str, header: str) -> float:
     except ValueError:
         unit = ""
     if unit not in usual:
-        msg = f"{path}: column '{header.strip()}': expected one of the units {', '.join(usual)}"
-        raise DataError(msg)
+        raise DataError(f"{path}: column '{header.strip()}': expected one of the units {', '.join(usual)}")
     return unit_value(unit) / unit_value(usual[0])

@@ -71,8 +71,7 @@ def read_estimate(
         with library_of(BAG_FORMAT, path), input_guard(path, "a ROS bag or MCAP file"):
             return in_order(read_estimate_bag(path, frames, body_stated=body is not None, topic=topic))
     if topic is not None:
-        msg = f"{path}: --topic {topic}: expected a ROS bag or MCAP file, found another file"
-        raise DataError(msg)
+        raise DataError(f"{path}: --topic {topic}: expected a ROS bag or MCAP file, found another file")
     with input_guard(path, "the output of a filter"):
         solution = None if columns or not path.is_file() else gps_solution(path)
         if solution is not None:
@@ -84,12 +83,12 @@ def _read(path: Path, frames: Frames, body_stated: bool, columns: Mapping[str, s
     if path.is_dir():
         results = sorted(path.glob("*Navresult*.nav")) or sorted(path.glob("*.nav"))
         if len(results) != 1:
-            msg = f"{path}: expected a folder with one .nav of KF-GINS, found {len(results)}; name the file"
-            raise DataError(msg)
+            raise DataError(
+                f"{path}: expected a folder with one .nav of KF-GINS, found {len(results)}; name the file"
+            )
         return read_kf_gins_output(results[0])
     if not path.is_file():
-        msg = f"{path}: expected the output of a filter ({KNOWN_FORMS}), found nothing"
-        raise DataError(msg)
+        raise DataError(f"{path}: expected the output of a filter ({KNOWN_FORMS}), found nothing")
     suffix = path.suffix.lower()
     if suffix == ".npz" or (suffix != ".csv" and zipfile.is_zipfile(path)):
         return read_estimate_npz(path, frames)
@@ -106,11 +105,10 @@ def _read(path: Path, frames: Frames, body_stated: bool, columns: Mapping[str, s
         return read_tum(path, dialect, frames)
     if len(dialect.names) == 12 and not dialect.header:
         return read_kitti(path, dialect, frames, body_stated=body_stated)
-    msg = (
+    raise DataError(
         f"{path}: expected the output of a filter ({KNOWN_FORMS}), found {len(dialect.names)} columns: "
         f"{', '.join(dialect.names[:6])}, …; name them in a header or with --columns"
     )
-    raise DataError(msg)
 
 
 def _is_tum(names: tuple[str, ...]) -> bool:
@@ -131,11 +129,10 @@ def in_order(found: FilterOutput) -> FilterOutput:
     behind = int(np.count_nonzero(t[finite] < np.maximum.accumulate(t[finite]))) if finite.any() else 0
     unusable = int(np.count_nonzero(~finite)) + behind
     if unusable > MAX_UNUSABLE_SHARE * len(t):
-        msg = (
+        raise DataError(
             f"{found.name}: expected times that rise, found {unusable} of {len(t)} rows without a time or behind an "
             "earlier one"
         )
-        raise DataError(msg)
     order = np.flatnonzero(finite)[np.argsort(t[finite], kind="stable")]
     fresh = np.concatenate([[True], np.diff(t[order]) > 0.0]) if len(order) else np.zeros(0, dtype=bool)
     if unusable:
@@ -143,6 +140,5 @@ def in_order(found: FilterOutput) -> FilterOutput:
     if not fresh.all():
         notes.append(f"{np.count_nonzero(~fresh)} rows with a doubled time removed")
     if np.count_nonzero(fresh) < 2:
-        msg = f"{found.name}: expected two epochs or more, found {np.count_nonzero(fresh)}"
-        raise DataError(msg)
+        raise DataError(f"{found.name}: expected two epochs or more, found {np.count_nonzero(fresh)}")
     return replace(found.rows(order[fresh]), notes=tuple(notes))

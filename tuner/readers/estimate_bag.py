@@ -21,16 +21,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from models import rotation
+from models.arrays import FloatArray
 from tuner.readers.axes_letters import WORLD_LETTERS, axes_rotation
 from tuner.readers.estimate_columns import Frames, assemble, rotvec_of_angles
 from tuner.readers.messages.rosbag import METADATA, SIGNATURES, clock_of_stamps, opened_bag
 from tuner.types.filter_output import FilterOutput
 from tuner.types.records import DataError
-
-FloatArray = NDArray[np.float64]
 
 ODOMETRY_KIND, PATH_KIND = "nav_msgs/msg/Odometry", "nav_msgs/msg/Path"
 POSE_KINDS = (
@@ -88,8 +86,7 @@ def read_estimate_bag(path: Path, frames: Frames, *, body_stated: bool, topic: s
                 stamps.append((stamp.sec * 1_000_000_000 + stamp.nanosec, recorded))
                 rows.append(_numbers(one, kind))
     if len(rows) < 2:
-        msg = f"{path}: topic {chosen}: expected two poses or more, found {len(rows)}"
-        raise DataError(msg)
+        raise DataError(f"{path}: topic {chosen}: expected two poses or more, found {len(rows)}")
     t = 1e-9 * clock_of_stamps(np.array(stamps, dtype=np.int64)).astype(float)
     return _assembled(f"{path}:{chosen}", t, np.array(rows), kind, frames, body_stated=body_stated)
 
@@ -98,12 +95,14 @@ def _topic(path: Path, found: dict[str, str], wanted: str | None) -> str:
     listed = ", ".join(f"{name} ({kind})" for name, kind in found.items()) or "none"
     if wanted is not None:
         if wanted not in found:
-            msg = f"{path}: --topic {wanted}: expected a topic of odometry, poses or a path, found {listed}"
-            raise DataError(msg)
+            raise DataError(
+                f"{path}: --topic {wanted}: expected a topic of odometry, poses or a path, found {listed}"
+            )
         return wanted
     if len(found) != 1:
-        msg = f"{path}: expected one topic of odometry, poses or a path, found {listed}: name it with --topic"
-        raise DataError(msg)
+        raise DataError(
+            f"{path}: expected one topic of odometry, poses or a path, found {listed}: name it with --topic"
+        )
     return next(iter(found))
 
 

@@ -104,8 +104,7 @@ def column_unit(source: str, name: str, stated: str | None) -> str:
     except ValueError:
         unit = ""
     if not unit or not same_kind(unit, usual):
-        msg = f"{source}: column '{name} [{stated}]': expected a unit such as {usual}"
-        raise DataError(msg)
+        raise DataError(f"{source}: column '{name} [{stated}]': expected a unit such as {usual}")
     return unit
 
 
@@ -130,8 +129,7 @@ def stated_unit(source: str, column: str, unit: str) -> str:
     try:
         return canonical_unit(unit)
     except ValueError:
-        msg = f"{source}: column '{column} [{unit}]': unknown unit"
-        raise DataError(msg) from None
+        raise DataError(f"{source}: column '{column} [{unit}]': unknown unit") from None
 
 
 def units_of_product(source: str, column: str, text: str) -> tuple[str, str]:
@@ -142,6 +140,7 @@ def units_of_product(source: str, column: str, text: str) -> tuple[str, str]:
         return stated_unit(source, column, inner), stated_unit(source, column, inner)
     parts = [part.strip(" ()") for part in bare.split("*")]
     if len(parts) != 2:
-        msg = f"{source}: column '{column} [{text}]': expected a square or a product of two units, such as m^2 or m*deg"
-        raise DataError(msg)
+        raise DataError(
+            f"{source}: column '{column} [{text}]': expected a square or a product of two units, such as m^2 or m*deg"
+        )
     return stated_unit(source, column, parts[0]), stated_unit(source, column, parts[1])

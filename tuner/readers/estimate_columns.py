@@ -22,9 +22,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from models import rotation
+from models.arrays import FloatArray
 from models.earth import llh_from_ecef, mat_en, metres_per_radian
 from tuner.readers.axes_letters import BODY_LETTERS, WORLD_LETTERS, axes_rotation
 from tuner.readers.estimate_column_names import (
@@ -38,8 +38,6 @@ from tuner.readers.estimate_column_names import (
 from tuner.readers.estimate_spreads import Spread, stated_spread
 from tuner.types.filter_output import FilterOutput, TakenAxes, filter_output
 from tuner.types.records import DataError
-
-FloatArray = NDArray[np.float64]
 
 ANGLE_ROUNDING = 1e-3
 """Relative excess of a pitch over 90° that rounding may leave."""
@@ -105,15 +103,17 @@ def assemble(
     }
     values = {name: si_factor(units[name]) * columns[name][0] for name in units}
     if "t" not in values:
-        msg = f"{source}: expected a column t, s, found {', '.join(columns) or 'none that is known'}"
-        raise DataError(msg)
+        raise DataError(
+            f"{source}: expected a column t, s, found {', '.join(columns) or 'none that is known'}"
+        )
     spread = stated_spread(source, columns, units, values, messages)
     n = len(values["t"])
     triples = {key: _triple(source, values, key) for key in ("llh", "ned", "xyz", "vned", "vxyz", "rpy")}
     llh, local, xyz, vel_n, vel_w, rpy = triples.values()
     if llh is not None and not (np.nanmax(np.abs(llh[:, 0])) < 1.6):
-        msg = f"{source}: expected latitudes within ±90 deg, found {np.degrees(np.nanmax(np.abs(llh[:, 0]))):.5g} deg"
-        raise DataError(msg)
+        raise DataError(
+            f"{source}: expected latitudes within ±90 deg, found {np.degrees(np.nanmax(np.abs(llh[:, 0]))):.5g} deg"
+        )
     mat_bf = axes_rotation(frames.body, BODY_LETTERS, option="--body")
     world = _world(source, frames, xyz, vel_w, quaternions="qw" in values, n=n)
     if world.llh is not None:
@@ -173,8 +173,9 @@ def _triple(source: str, values: Mapping[str, FloatArray], key: str) -> FloatArr
     if len(missing) == len(names):
         return None
     if missing:
-        msg = f"{source}: expected the columns {', '.join(names)} together, {', '.join(missing)} missing"
-        raise DataError(msg)
+        raise DataError(
+            f"{source}: expected the columns {', '.join(names)} together, {', '.join(missing)} missing"
+        )
     return np.column_stack([values[name] for name in names])
 
 
@@ -192,15 +193,13 @@ def _world(
         return _World("NED", np.asarray(np.broadcast_to(np.eye(3), (n, 3, 3))))
     if frames.world is None:
         which = "x, y, z" if xyz is not None else "vx, vy, vz"
-        msg = f"{source}: the columns {which} need their axes: --frame ENU, NED, ECEF or others"
-        raise DataError(msg)
+        raise DataError(f"{source}: the columns {which} need their axes: --frame ENU, NED, ECEF or others")
     letters = frames.world.strip().upper()
     if letters != "ECEF":
         mat = axes_rotation(frames.world, WORLD_LETTERS, option="--frame")
         return _World(letters, np.asarray(np.broadcast_to(mat, (n, 3, 3))))
     if xyz is None:
-        msg = f"{source}: --frame ECEF: expected the columns x, y, z, found none"
-        raise DataError(msg)
+        raise DataError(f"{source}: --frame ECEF: expected the columns x, y, z, found none")
     llh = llh_from_ecef(xyz)
     return _World("NED", np.swapaxes(mat_en(llh[:, 0], llh[:, 1]), -1, -2), llh)
 
@@ -216,8 +215,9 @@ def _attitude(
     if rpy is not None:
         if np.nanmax(np.abs(rpy[:, 1])) > 0.5 * np.pi * (1.0 + ANGLE_ROUNDING):
             worst = math.degrees(float(np.nanmax(np.abs(rpy[:, 1]))))
-            msg = f"{source}: expected a pitch within ±90 deg, found {worst:.4g} deg: state the unit of its column"
-            raise DataError(msg)
+            raise DataError(
+                f"{source}: expected a pitch within ±90 deg, found {worst:.4g} deg: state the unit of its column"
+            )
         quat = rotation.quat_from_mat(rotation.mat_from_rpy(rpy) @ mat_bf.T)
         return quat, _Part(6, rotvec_of_angles(rpy), ("roll", "pitch", "yaw"))
     if any(name not in values for name in QUATERNION):
@@ -225,8 +225,9 @@ def _attitude(
     q = np.column_stack([values[name] for name in QUATERNION])
     length = np.linalg.norm(q, axis=1, keepdims=True)
     if not np.nanmax(np.abs(length - 1.0)) < 0.05:
-        msg = f"{source}: expected unit quaternions in qw, qx, qy, qz, found lengths up to {np.nanmax(length):.3g}"
-        raise DataError(msg)
+        raise DataError(
+            f"{source}: expected unit quaternions in qw, qx, qy, qz, found lengths up to {np.nanmax(length):.3g}"
+        )
     q = q / length
     quat = rotation.quat_from_mat(mat_nw @ rotation.mat_from_quat(q) @ mat_bf.T)
     return quat, _Part(6, mat_nw @ _rotvec_of_quaternion(q), QUATERNION)

@@ -60,11 +60,13 @@ def chosen_columns(
     for wanted, written in mapped.items():
         name, unit = canonical_name(wanted)
         if not is_known(name):
-            msg = f"{source}: --columns {wanted}={written}: expected a name such as lat, vn, roll or sd_vn"
-            raise DataError(msg)
+            raise DataError(
+                f"{source}: --columns {wanted}={written}: expected a name such as lat, vn, roll or sd_vn"
+            )
         if written not in names:
-            msg = f"{source}: --columns {wanted}={written}: expected one of the columns {', '.join(names)}"
-            raise DataError(msg)
+            raise DataError(
+                f"{source}: --columns {wanted}={written}: expected one of the columns {', '.join(names)}"
+            )
         found[name] = (written, unit or canonical_name(written)[1])
     for written in names:
         name, unit = canonical_name(written)
@@ -73,14 +75,14 @@ def chosen_columns(
         if name in found:
             if name not in {canonical_name(wanted)[0] for wanted in mapped}:
                 both = f"'{found[name][0]}' and '{written}'"
-                msg = f"{source}: columns {both} both name {name}: choose by --columns {name}=COLUMN"
-                raise DataError(msg)
+                raise DataError(
+                    f"{source}: columns {both} both name {name}: choose by --columns {name}=COLUMN"
+                )
             continue
         found[name] = (written, unit)
     if set(found) <= {"t"}:
-        msg = (
+        raise DataError(
             f"{source}: expected columns such as t, lat, lon, height, vn, ve, vd, roll, pitch, yaw, sd_n, … found "
             f"{', '.join(names)}; name them with --columns"
         )
-        raise DataError(msg)
     return found

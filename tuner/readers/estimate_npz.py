@@ -21,16 +21,14 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from tuner.readers.estimate_column_names import canonical_name, is_known
 from tuner.readers.estimate_columns import Frames, assemble
 from tuner.readers.npz_members import stored_arrays
 from tuner.types.filter_output import FilterOutput
 from tuner.types.one_line import printable
 from tuner.types.records import DataError
-
-FloatArray = NDArray[np.float64]
 
 _VECTORS: Mapping[str, tuple[str, ...]] = {
     "llh": ("lat", "lon", "height"),
@@ -69,12 +67,12 @@ def read_estimate_npz(path: Path, frames: Frames) -> FilterOutput:
         data = {new: data[old] for old, new in _REFERENCE.items() if old in data}
     if "t" not in data or data["t"].ndim != 1 or not data["t"].size:
         if any(name.startswith("imu_") for name in data):
-            msg = (
+            raise DataError(
                 f"{path}: this drive has no reference (ref_t, ref_llh, …): score it against a better solution"
             )
-            raise DataError(msg)
-        msg = f"{path}: expected an array t of times, s, found {', '.join(data) or 'no arrays of numbers'}"
-        raise DataError(msg)
+        raise DataError(
+            f"{path}: expected an array t of times, s, found {', '.join(data) or 'no arrays of numbers'}"
+        )
     n = len(data["t"])
     columns: dict[str, tuple[FloatArray, str | None]] = {}
     for name, array in data.items():
@@ -99,10 +97,9 @@ def _arrays(path: Path) -> dict[str, FloatArray]:
     stored, unread = stored_arrays(path)
     if unread:
         name, why = next(iter(unread.items()))
-        msg = (
+        raise DataError(
             f"{path}: {printable(name)}: expected an array of numbers, got {why}; is it damaged? save it anew"
         )
-        raise DataError(msg)
     return {
         name: np.asarray(array.read(), dtype=float)
         for name, array in stored.items()
@@ -112,16 +109,16 @@ def _arrays(path: Path) -> dict[str, FloatArray]:
 
 def _shaped(path: Path, name: str, array: FloatArray, shape: tuple[int, ...]) -> FloatArray:
     if array.shape != shape:
-        msg = f"{path}: {name}: expected shape {shape}, found {array.shape}"
-        raise DataError(msg)
+        raise DataError(f"{path}: {name}: expected shape {shape}, found {array.shape}")
     return array
 
 
 def _covariance(path: Path, array: FloatArray, n: int) -> FloatArray:
     k = array.shape[-1]
     if array.shape != (n, k, k) or k not in (3, 6, 9, 15):
-        msg = f"{path}: covariance: expected shape ({n}, k, k) with k = 3, 6, 9 or 15, found {array.shape}"
-        raise DataError(msg)
+        raise DataError(
+            f"{path}: covariance: expected shape ({n}, k, k) with k = 3, 6, 9 or 15, found {array.shape}"
+        )
     whole = np.full((n, 15, 15), np.nan)
     whole[:, :k, :k] = array
     return whole
@@ -130,8 +127,9 @@ def _covariance(path: Path, array: FloatArray, n: int) -> FloatArray:
 def _innovations(path: Path, data: Mapping[str, FloatArray], n: int) -> tuple[FloatArray, FloatArray]:
     k = data["innovation"].shape[-1]
     if k not in (3, 6) or "innovation_covariance" not in data:
-        msg = f"{path}: innovation: expected shape ({n}, 3 or 6) and innovation_covariance beside it"
-        raise DataError(msg)
+        raise DataError(
+            f"{path}: innovation: expected shape ({n}, 3 or 6) and innovation_covariance beside it"
+        )
     z, s = np.full((n, 6), np.nan), np.full((n, 6, 6), np.nan)
     z[:, :k] = _shaped(path, "innovation", data["innovation"], (n, k))
     s[:, :k, :k] = _shaped(path, "innovation_covariance", data["innovation_covariance"], (n, k, k))

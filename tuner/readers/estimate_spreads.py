@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.earth import metres_per_radian
 from models.units import unit_value
 from tuner.readers.estimate_column_names import (
@@ -19,8 +19,6 @@ from tuner.readers.estimate_column_names import (
     units_of_product,
 )
 from tuner.types.records import DataError
-
-FloatArray = NDArray[np.float64]
 
 LATITUDE_SD_IN_DEGREES = 1e-3
 """Sds of latitude below it are in degrees where no unit is stated: in metres they would be below a millimetre."""
@@ -61,8 +59,9 @@ def stated_spread(
                 return 1.0 / _metres(name, values)
             return si_factor(units.get(name, UNITS[name]))
         if not same_kind(unit, UNITS[name]):
-            msg = f"{source}: sd or covariance of {name} in {unit}: expected a unit such as {UNITS[name]}"
-            raise DataError(msg)
+            raise DataError(
+                f"{source}: sd or covariance of {name} in {unit}: expected a unit such as {UNITS[name]}"
+            )
         return si_factor(unit)
 
     mat = np.full((len(values["t"]), len(names), len(names)), np.nan)
@@ -72,8 +71,7 @@ def stated_spread(
             i = names.index(a)
             unit = None if bracket is None else stated_unit(source, column, bracket)
             if np.nanmin(data) < 0.0:
-                msg = f"{source}: {column}: expected sds, found {np.nanmin(data):.3g}"
-                raise DataError(msg)
+                raise DataError(f"{source}: {column}: expected sds, found {np.nanmin(data):.3g}")
             mat[:, i, i] = (factor(a, unit) * data) ** 2
     for column, (a, b) in stated.items():
         if b is not None:

@@ -16,10 +16,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from models.arrays import FloatArray, IntArray
 
 SHORTEST_LEVEL = 128
 """Fewest samples whose mean is the level at a gap."""

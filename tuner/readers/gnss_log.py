@@ -29,9 +29,8 @@ def read_fixes(path: str | Path) -> Gnss:
     rows = table(path, GNSS_COLUMNS, 4)
     rows = ordered(path, "GNSS", rows, rows[:, :4], [])
     if np.abs(rows[:, 1]).max() > 90.0 or np.abs(rows[:, 2]).max() > 360.0:
-        msg = (
+        raise DataError(
             f"{path}: expected latitude and longitude in degrees, got up to {np.abs(rows[:, 1:3]).max():.5g}"
         )
-        raise DataError(msg)
     llh = np.column_stack([np.radians(rows[:, 1:3]), rows[:, 3]])
     return Gnss(rows[:, 0] - rows[0, 0], llh, rows[:, 4:7], rows[:, 7:10], rows[:, 10:13], rows[:, 13])

@@ -79,12 +79,10 @@ def _list_dataset(
     if node.dtype.kind not in "iufV" or node.shape is None:
         return
     if node.external or node.is_virtual:
-        msg = "its samples lie in other files, which are not opened"
-        raise ValueError(msg)
+        raise ValueError("its samples lie in other files, which are not opened")
     size = node.size * node.dtype.itemsize
     if size > max(FREE_BYTES, MAX_EXPANSION * node.id.get_storage_size()):
-        msg = f"{size} bytes packed into {node.id.get_storage_size()}"
-        raise ValueError(msg)
+        raise ValueError(f"{size} bytes packed into {node.id.get_storage_size()}")
     unit = _plain(node.attrs.get("unit", node.attrs.get("units")))
     for field in node.dtype.names or (None,):
         dtype = node.dtype if field is None else node.dtype[field]

@@ -13,14 +13,12 @@ from dataclasses import replace
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from tuner.readers.assemble import EvenRecords
 from tuner.readers.gap_bridges import bridged
 from tuner.readers.time_base import MAX_BRIDGED_GAP, MIN_SEGMENT_SAMPLES
 from tuner.types.records import DataError, Record, ShortClusters
-
-FloatArray = NDArray[np.float64]
 
 MAX_RATE_CHANGE = 1e-3
 """Relative difference of the rates of two parts of one record; clocks of sensors drift by less."""
@@ -86,11 +84,10 @@ class JoinedParts:
         self._parts.append((row, replace(found, records=())))
         interval = self._interval / self._samples if self._samples else record.interval
         if abs(record.interval / interval - 1.0) > MAX_RATE_CHANGE:
-            msg = (
+            raise DataError(
                 f"{self._source}: expected one rate, found {1.0 / interval:.6g} Hz and from data row {row + 1} on "
                 f"{1.0 / record.interval:.6g} Hz: cut the log there"
             )
-            raise DataError(msg)
         columns = [record.t, *(y for r in found.records for y in r.y.T)]
         nothing = np.full(len(record), np.nan)
         columns += [record.covariates.get(name, nothing) for name in self._covariates]
@@ -127,11 +124,10 @@ class JoinedParts:
         timing = record.timing
         tolerance = 0.5 * interval + timing.get("rounding", 0.0) + 4.0 * timing.get("jitter_sd", 0.0)
         if ahead < -tolerance:
-            msg = (
+            raise DataError(
                 f"{self._source}: the stamps go back by {interval - ahead:.6g} s about data row {row + 1}, and the "
                 "log is too long to be sorted: sort it, cut it there, or allow more by --memory"
             )
-            raise DataError(msg)
         if ahead <= interval + tolerance:
             return 0
         lost = round(ahead / interval) - 1
@@ -170,11 +166,10 @@ class JoinedParts:
         kept = sum(b - a for a, b in long)
         interval = self._interval / max(self._samples, 1)
         if kept < MIN_MEANS:
-            msg = (
+            raise DataError(
                 f"{self._source}: too long to be kept whole, and its stretches without a gap are too "
                 f"short for means of {self._size} samples: allow more by --memory, or cut the log"
             )
-            raise DataError(msg)
         time, *others = (one.finished() for one in self._means)
         records = []
         axes = [axis for r in self._first for axis in r.axes]

@@ -28,8 +28,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.units import unit_value
 from tuner.formats.codec import load
 from tuner.formats.documents import parse_yaml
@@ -37,8 +37,6 @@ from tuner.readers.text import read_numbers
 from tuner.readers.text_dialect import find_dialect
 from tuner.types.number_ranges import Finite, LeverArm, Positive, Vector3
 from tuner.types.records import DataError
-
-FloatArray = NDArray[np.float64]
 
 MIN_GAP = 0.1
 """Distance of stamps from which an increment is taken for one of 1/imudatarate, s."""
@@ -84,11 +82,10 @@ def read_kf_gins(path: Path) -> KfGins:
     settings = _settings(path)
     imu, fixes = (_numbers(_beside(path, name)) for name in (settings.imupath, settings.gnsspath))
     if imu.shape[1] < 7 or fixes.shape[1] not in (7, 13):
-        msg = (
+        raise DataError(
             f"{path}: expected 7 columns or more in the IMU file and 7 or 13 in the GNSS file, got {imu.shape[1]} "
             f"and {fixes.shape[1]}"
         )
-        raise DataError(msg)
     notes: list[str] = []
     bias, scale = _six(settings, BIAS_ENTRIES), _six(settings, SCALE_ENTRIES)
     if bias.any() or scale.any():
@@ -134,12 +131,12 @@ def _settings(path: Path) -> _Settings:
     try:
         text = path.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
-        msg = f"{path}: expected a YAML of KF-GINS, got no text from byte {error.start + 1} on"
-        raise DataError(msg) from None
+        raise DataError(
+            f"{path}: expected a YAML of KF-GINS, got no text from byte {error.start + 1} on"
+        ) from None
     found = parse_yaml(text, source=str(path), expected="a YAML of KF-GINS")
     if not isinstance(found, dict) or not {"imupath", "gnsspath"} <= found.keys():
-        msg = f"{path}: expected a YAML of KF-GINS with imupath and gnsspath"
-        raise DataError(msg)
+        raise DataError(f"{path}: expected a YAML of KF-GINS with imupath and gnsspath")
     return load(found, _Settings, source=str(path))
 
 
@@ -158,8 +155,9 @@ def _truth(path: Path) -> FloatArray | None:
         return None
     rows = _numbers(file)
     if rows.shape[1] != 11:
-        msg = f"{file}: expected 11 columns, week, t, position, velocity and angles, got {rows.shape[1]}"
-        raise DataError(msg)
+        raise DataError(
+            f"{file}: expected 11 columns, week, t, position, velocity and angles, got {rows.shape[1]}"
+        )
     return rows[:, 1:]
 
 
@@ -167,8 +165,7 @@ def _beside(path: Path, name: str) -> Path:
     """Return the file a YAML names, relative to it; else the file of that name beside it."""
     found = next((f for f in (path.parent / name, path.parent / Path(name).name) if f.is_file()), None)
     if found is None:
-        msg = f"{path.parent / name}: expected this file, which {path.name} names, found nothing"
-        raise DataError(msg)
+        raise DataError(f"{path.parent / name}: expected this file, which {path.name} names, found nothing")
     return found
 
 

@@ -14,15 +14,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from tuner.readers.estimate_columns import Frames, assemble
 from tuner.readers.text import read_numbers
 from tuner.readers.text_dialect import find_dialect
 from tuner.types.filter_output import FilterOutput
 from tuner.types.records import DataError
-
-FloatArray = NDArray[np.float64]
 
 _NAV = (("lat", "deg"), ("lon", "deg"), ("height", "m"), ("vn", "m/s"), ("ve", "m/s"), ("vd", "m/s"),
         ("roll", "deg"), ("pitch", "deg"), ("yaw", "deg"))  # fmt: skip
@@ -56,8 +54,9 @@ def read_kf_gins_output(path: Path) -> FilterOutput:
             continue
         rows = _table(file, 1 + len(layout))
         if len(rows) != len(nav) or not np.abs(rows[:, 0] - nav[:, 1]).max() < SAME_INSTANT:
-            msg = f"{file}: expected the {len(nav)} epochs of {path.name}, found others: were they written by one run?"
-            raise DataError(msg)
+            raise DataError(
+                f"{file}: expected the {len(nav)} epochs of {path.name}, found others: were they written by one run?"
+            )
         columns |= {name: (rows[:, j + 1], unit) for j, (name, unit) in enumerate(layout)}
     return assemble(str(path), columns, Frames(), notes=tuple(notes))
 
@@ -66,8 +65,7 @@ def _table(path: Path, width: int) -> FloatArray:
     """Return the first columns of a file of numbers, shape (n, width)."""
     dialect = find_dialect(path)
     if len(dialect.names) < width:
-        msg = f"{path}: expected {width} columns of KF-GINS or more, found {len(dialect.names)}"
-        raise DataError(msg)
+        raise DataError(f"{path}: expected {width} columns of KF-GINS or more, found {len(dialect.names)}")
     (rows,) = read_numbers(path, dialect, [range(width)])
     return rows
 

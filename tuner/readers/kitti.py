@@ -43,15 +43,13 @@ def list_kitti(path: Path) -> Listing:
         stamps = pd.to_datetime((folder / "timestamps.txt").read_text().split("\n"), format="mixed").dropna()
         rows = np.array([file.read_text().split() for file in files], dtype=float)
     except (OSError, ValueError, OverflowError) as error:
-        msg = (
+        raise DataError(
             f"{path}: expected stamps and {FIELDS_A_SAMPLE} numbers a sample as in KITTI's raw data: {error}"
-        )
-        raise DataError(msg) from None
+        ) from None
     if rows.ndim != 2 or rows.shape[1] != FIELDS_A_SAMPLE or len(rows) != len(stamps):
-        msg = (
+        raise DataError(
             f"{path}: expected {FIELDS_A_SAMPLE} numbers for each of {len(stamps)} stamps, found {rows.shape}"
         )
-        raise DataError(msg)
     t = stamps.as_unit("ns").astype(np.int64).to_numpy()
     arrays = {"t": t, "gyro": rows[:, GYRO_FIELDS], "accel": rows[:, ACCEL_FIELDS]}
     return listing_of_arrays(path, arrays, units={"t": "ns", "gyro": "rad/s", "accel": "m/s^2"}, meta={})

@@ -68,17 +68,13 @@ class LogFormat:
 
 def _check(declared: object) -> None:
     if not isinstance(declared, LogFormat):
-        msg = f"expected a LogFormat, got {type(declared).__name__}"
-        raise TypeError(msg)
+        raise TypeError(f"expected a LogFormat, got {type(declared).__name__}")
     if not re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", declared.name):
-        msg = "expected a name of lower-case letters, digits and hyphens"
-        raise ValueError(msg)
+        raise ValueError("expected a name of lower-case letters, digits and hyphens")
     if not declared.suffixes or any(not re.fullmatch(r"(\.[a-z0-9]+)+", s) for s in declared.suffixes):
-        msg = "expected endings of file names such as .csv, in lower case"
-        raise ValueError(msg)
+        raise ValueError("expected endings of file names such as .csv, in lower case")
     if not (declared.title and callable(declared.read)):
-        msg = "expected a title and a function 'read'"
-        raise ValueError(msg)
+        raise ValueError("expected a title and a function 'read'")
 
 
 FORMATS: Registry[LogFormat] = Registry(
@@ -131,23 +127,20 @@ def format_of(path: Path) -> LogFormat:
     with path.open("rb") as file:
         head = file.read(HEAD_BYTES)
     if head.startswith(LFS_POINTER):
-        msg = f"{path}: a pointer of Git LFS, not the log itself: fetch it with 'git lfs pull'"
-        raise DataError(msg)
+        raise DataError(f"{path}: a pointer of Git LFS, not the log itself: fetch it with 'git lfs pull'")
     if by_name is not None:
         return by_name
     if OF_A_RECEIVER.match(head):
-        msg = (
+        raise DataError(
             f"{path}: sentences or messages of a receiver hold no inertial samples: put the file, named .nmea or .ubx, "
             "into a folder with imu.csv, and give the folder as the drive"
         )
-        raise DataError(msg)
     found = next((one for one in FORMATS.values() if not one.any_text and one.recognizes(head)), declared)
     if found is None:
         found = next((one for one in FORMATS.values() if one.any_text and one.recognizes(head)), None)
     if found is None:
         known = ", ".join(f"{one.title} ({' '.join(one.suffixes)})" for one in FORMATS.values())
-        msg = f"{path}: expected a log as {known}, got none of these; convert it to one of them"
-        raise DataError(msg)
+        raise DataError(f"{path}: expected a log as {known}, got none of these; convert it to one of them")
     return found
 
 
@@ -163,8 +156,7 @@ def columns_of(path: Path, progress: Progress | None, unit: str = "") -> Listing
     with library_of(declared, path), input_guard(path, declared.title):
         listing = declared.read(path, progress)
         if unit and listing.of_unit is None:
-            msg = f"{path}:{unit}: {declared.title} names no inertial units: leave ':{unit}' out"
-            raise DataError(msg)
+            raise DataError(f"{path}:{unit}: {declared.title} names no inertial units: leave ':{unit}' out")
         if unit and listing.of_unit is not None:
             listing = listing.of_unit(unit)
         return replace(listing, load=guarded(path, declared.title, listing.load))
@@ -178,8 +170,7 @@ def library_of(declared: LogFormat, path: Path) -> Iterator[None]:
     except ImportError as error:
         if declared.extra is None:
             raise
-        msg = (
+        raise DataError(
             f"{path}: {declared.title} needs {error.name}, which is not installed: "
             f"{install(declared.extra, str(error.name))}"
-        )
-        raise DataError(msg) from None
+        ) from None

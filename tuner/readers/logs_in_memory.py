@@ -52,13 +52,15 @@ def list_table(source: Table | pd.DataFrame) -> tuple[Listing, str]:
             array = np.asarray(values)
             content.update(column.encode())
         except (AttributeError, ValueError):
-            msg = f"{name}: column {column!r}: expected a text as its name and an array, found {described(values)}"
-            raise DataError(msg) from None
+            raise DataError(
+                f"{name}: column {column!r}: expected a text as its name and an array, found {described(values)}"
+            ) from None
         if array.dtype.kind in "mM":
             array, units[column] = (array - array.reshape(-1)[0]) / np.timedelta64(1, "s"), "s"
         if array.dtype.kind not in "iuf":
-            msg = f"{name}: column '{column}': expected numbers or times, got {array.dtype}: leave it out"
-            raise DataError(msg)
+            raise DataError(
+                f"{name}: column '{column}': expected numbers or times, got {array.dtype}: leave it out"
+            )
         arrays[column] = array
         content.update(np.ascontiguousarray(array).tobytes())
     return listing_of_arrays(Path(name), arrays, units=units, meta={}), content.hexdigest()
@@ -70,20 +72,18 @@ def _refuse_other(source: object) -> None:
         return
     kind = f"{type(source).__module__.partition('.')[0]}.{type(source).__name__}".removeprefix("builtins.")
     if isinstance(source, list | tuple) and any(_is_log(one) for one in source):
-        msg = (
+        raise DataError(
             f"expected one log, found a {kind} of {len(source)}: for logs of one sensor, "
             "from tuner.identification.several_logs import pool; pool([tuner.identify(log) for log in logs])"
         )
-        raise DataError(msg)
     shape = getattr(source, "shape", ())
     found = f"{kind} of shape {shape}" if shape else kind
     six = "'gyro': array[:, :3], 'accel': array[:, 3:]"
     cure = six if shape[1:] == (6,) else "'gyro_x': array" if len(shape) == 1 else "'gyro': array"
-    msg = (
+    raise DataError(
         f"expected the path of a log, a pandas DataFrame or a dict of arrays, found {found}: "
         f"name the sensor of an array, such as {{{cure}}}"
     )
-    raise DataError(msg)
 
 
 def _is_log(one: object) -> bool:

@@ -65,18 +65,18 @@ def read_mat5(data: bytes, *, source: str) -> Iterator[tuple[str, NDArray[np.gen
         A header that is none, or a file that breaks off in the middle of a variable.
     """
     if len(data) < HEADER_BYTES or data[126:128] not in (b"IM", b"MI"):
-        msg = f"{source}: cannot be read as a MAT file: expected a header of 128 bytes that ends in IM or MI"
-        raise DataError(msg)
+        raise DataError(
+            f"{source}: cannot be read as a MAT file: expected a header of 128 bytes that ends in IM or MI"
+        )
     walk = _Walk("<" if data[126:128] == b"IM" else ">")
     place = HEADER_BYTES
     while place + 8 <= len(data):
         kind, size = (int(n) for n in np.frombuffer(data, walk.order + "u4", 2, place))
         if kind not in (_MATRIX_TYPE, _COMPRESSED_TYPE) or place + 8 + size > len(data):
-            msg = (
+            raise DataError(
                 f"{source}: cannot be read as a MAT file: expected a variable of {size} bytes at byte {place}, got "
                 f"kind {kind} and {len(data) - place - 8} bytes; was the file cut off? save it anew"
             )
-            raise DataError(msg)
         body = data[place + 8 : place + 8 + size]
         place += 8 + size
         try:

@@ -14,11 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models import rotation
+from models.arrays import FloatArray
 from models.earth import metres_per_radian
 from tuner.types.filter_output import FilterOutput, filter_output
 from tuner.types.records import DataError
-
-FloatArray = NDArray[np.float64]
 
 _NEEDED = ("t", "tg", "roll", "pitch", "yaw", "vel", "lat", "lon", "h", "Pp")
 _ORDER = np.array([6, 7, 8, 3, 4, 5, 0, 1, 2, 9, 10, 11, 12, 13, 14])
@@ -35,17 +34,18 @@ def read_navego_output(path: Path) -> FilterOutput:
     """
     nav = _struct(path)
     if missing := [name for name in _NEEDED if name not in nav]:
-        msg = f"{path}: expected nav_e of NaveGo with {', '.join(_NEEDED)}, {', '.join(missing)} missing"
-        raise DataError(msg)
+        raise DataError(
+            f"{path}: expected nav_e of NaveGo with {', '.join(_NEEDED)}, {', '.join(missing)} missing"
+        )
     t, tg = nav["t"].ravel(), nav["tg"].ravel()
     if nav["Pp"].size != 225 * len(tg):
-        msg = f"{path}: nav_e.Pp: expected {len(tg)} rows of 225 numbers, found shape {nav['Pp'].shape}"
-        raise DataError(msg)
+        raise DataError(
+            f"{path}: nav_e.Pp: expected {len(tg)} rows of 225 numbers, found shape {nav['Pp'].shape}"
+        )
     p = nav["Pp"].reshape(-1, 15, 15)
     used = np.flatnonzero((np.einsum("kii->ki", p) > 0.0).all(axis=1) & (tg >= t[0]) & (tg <= t[-1]))
     if len(used) < 2:
-        msg = f"{path}: nav_e: expected fixes that were used, with P, found {len(used)}"
-        raise DataError(msg)
+        raise DataError(f"{path}: nav_e: expected fixes that were used, with P, found {len(used)}")
     at = np.clip(np.searchsorted(t, tg[used] - 1e-3), 0, len(t) - 1)
     llh = np.column_stack([nav[name].ravel()[at] for name in ("lat", "lon", "h")])
     rpy = np.column_stack([nav[name].ravel()[at] for name in ("roll", "pitch", "yaw")])
@@ -92,11 +92,11 @@ def _struct(path: Path) -> dict[str, FloatArray]:
     try:
         content: dict[str, Any] = scipy.io.loadmat(path, struct_as_record=True, squeeze_me=True)
     except NotImplementedError:
-        msg = f"{path}: expected a MAT file of v7.2 or older, got v7.3: save('nav.mat', 'nav_e', '-v7')"
-        raise DataError(msg) from None
+        raise DataError(
+            f"{path}: expected a MAT file of v7.2 or older, got v7.3: save('nav.mat', 'nav_e', '-v7')"
+        ) from None
     except Exception as error:  # scipy raises many kinds for a damaged file
-        msg = f"{path}: cannot be read as a MAT file: {error}"
-        raise DataError(msg) from None
+        raise DataError(f"{path}: cannot be read as a MAT file: {error}") from None
     structs = {
         name: np.asarray(value)
         for name, value in content.items()
@@ -104,7 +104,8 @@ def _struct(path: Path) -> dict[str, FloatArray]:
     }
     found = structs.get("nav_e", next((v for v in structs.values() if "Pp" in (v.dtype.names or ())), None))
     if found is None:
-        msg = f"{path}: expected the struct nav_e of NaveGo, found {', '.join(structs) or 'no struct'}"
-        raise DataError(msg)
+        raise DataError(
+            f"{path}: expected the struct nav_e of NaveGo, found {', '.join(structs) or 'no struct'}"
+        )
     fields = {name: np.asarray(found[name][()]) for name in found.dtype.names or ()}
     return {name: np.asarray(v, dtype=float) for name, v in fields.items() if v.dtype.kind in "iuf"}

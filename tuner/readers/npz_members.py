@@ -35,8 +35,9 @@ def stored_arrays(path: Path) -> tuple[Mapping[str, StoredArray], Mapping[str, s
     arrays: dict[str, StoredArray] = {}
     unread: dict[str, str] = {}
     if not zipfile.is_zipfile(path):
-        msg = f"{path}: cannot be read as NPZ: expected an archive of arrays, got something else or a part of one"
-        raise DataError(msg)
+        raise DataError(
+            f"{path}: cannot be read as NPZ: expected an archive of arrays, got something else or a part of one"
+        )
     with input_guard(path, "NPZ, an archive of arrays"), zipfile.ZipFile(path) as archive:
         for member in archive.infolist()[:MAX_MEMBERS]:
             name = member.filename.removesuffix(".npy")
@@ -55,15 +56,12 @@ def _stored(path: Path, archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> St
     with archive.open(member) as file:
         shape, turned, dtype, begin = _header(file)
     if dtype.hasobject:
-        msg = "objects, not numbers"
-        raise ValueError(msg)
+        raise ValueError("objects, not numbers")
     size = math.prod(shape) * dtype.itemsize
     if begin + size != member.file_size:
-        msg = f"its header states {size} bytes, the archive {member.file_size - begin}"
-        raise ValueError(msg)
+        raise ValueError(f"its header states {size} bytes, the archive {member.file_size - begin}")
     if size > max(FREE_BYTES, MAX_EXPANSION * member.compress_size):
-        msg = f"{size} bytes packed into {member.compress_size}"
-        raise ValueError(msg)
+        raise ValueError(f"{size} bytes packed into {member.compress_size}")
 
     def read() -> NDArray[Any]:
         with input_guard(f"{path}: {member.filename}", "an array"):
@@ -90,8 +88,7 @@ def _stored(path: Path, archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> St
                 n = min(count, whole - start)
                 flat = [np.frombuffer(f.read(n * across * dtype.itemsize), dtype) for f in files]
                 if any(len(part) != n * across for part in flat):
-                    msg = f"ends after {start} of {whole} entries"
-                    raise ValueError(msg)
+                    raise ValueError(f"ends after {start} of {whole} entries")
                 yield flat[0].reshape(n, across) if along_file else np.column_stack(flat)
 
     return StoredArray(shape, dtype, read, pieces)
@@ -105,6 +102,5 @@ def _header(file: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any], int]
     else:
         shape, turned, dtype = np.lib.format.read_array_header_2_0(file)
     if any(n < 0 for n in shape):
-        msg = f"a shape of {shape}"
-        raise ValueError(msg)
+        raise ValueError(f"a shape of {shape}")
     return shape, turned, dtype, file.tell()

@@ -79,10 +79,9 @@ def sensor_unit(listing: Listing, sensor: Sensor, options: Options, notes: list[
     if counts or (stated is None and array in listing.integer and _lsb(listing.meta, name) is not None):
         lsb = _lsb(listing.meta, name)
         if lsb is None:
-            msg = (
+            raise DataError(
                 f"{what}: '{array}' holds counts: pass --{name}-scale, the {unit or allowed[0]} in one count"
             )
-            raise DataError(msg)
         notes.append(f"{name}: counts times {lsb[0]:.9g} {lsb[1]} (as the file states)")
         return UnitChoice(lsb[1], offset, lsb[0], "file")
     if unit is not None:
@@ -90,11 +89,10 @@ def sensor_unit(listing: Listing, sensor: Sensor, options: Options, notes: list[
     if stated is not None:
         basis: Literal["file", "assumed"] = "assumed" if _only_named(listing, array) else "file"
         if names.known_unit(stated) not in allowed:
-            msg = (
+            raise DataError(
                 f"{what}: unknown unit '{stated}': expected one of {', '.join(allowed)}; for another one pass "
                 f"--{name}-unit {allowed[0]} --{name}-scale X with the {allowed[0]} in one '{stated}'"
             )
-            raise DataError(msg)
         return UnitChoice(names.unit_of(stated, allowed, what=what), offset, 1.0, basis)
     found = _unit_in_meta(listing.meta, name, notes)
     return UnitChoice(allowed[0], offset) if found is None else UnitChoice(found, offset, 1.0, "file")

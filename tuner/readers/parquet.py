@@ -54,8 +54,9 @@ class _Table:
             nonlocal done
             values = self.file.read(columns=[name]).column(0)
             if len(values) != self.rows:
-                msg = f"{self.path}: column '{name}': expected {self.rows} rows, got {len(values)}: damaged?"
-                raise DataError(msg)
+                raise DataError(
+                    f"{self.path}: column '{name}': expected {self.rows} rows, got {len(values)}: damaged?"
+                )
             done += 1
             if self.progress is not None:
                 self.progress(done, count)
@@ -106,8 +107,9 @@ def list_parquet(path: Path, progress: Progress | None = None) -> Listing:
         schema = file.schema_arrow
         rows = file.metadata.num_rows
         if rows > MAX_ROWS_PER_BYTE * path.stat().st_size:
-            msg = f"{path}: expected a row or so a byte, got {rows} rows in {path.stat().st_size} bytes: damaged?"
-            raise DataError(msg)
+            raise DataError(
+                f"{path}: expected a row or so a byte, got {rows} rows in {path.stat().st_size} bytes: damaged?"
+            )
     columns = _numeric_columns(path, schema)
     table = _Table(path, file, rows, columns.integer, progress)
     meta = {
@@ -148,8 +150,9 @@ def _numeric_columns(path: Path, schema: Any) -> _Columns:
         if stated:
             unit = stated.decode("utf-8", errors="replace")
             if known_unit(units.get(column.name, unit)) != known_unit(unit):
-                msg = f"{path}: column '{column.name}' is of type {kind}, its metadata say {unit}: take one of them out"
-                raise DataError(msg)
+                raise DataError(
+                    f"{path}: column '{column.name}' is of type {kind}, its metadata say {unit}: take one of them out"
+                )
             units[column.name] = unit
     return _Columns(tuple(names), units, frozenset(integer))
 

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray, IntArray
 from tuner.formats.files import temporary_place
 from tuner.readers.column_names import known_unit
 from tuner.readers.columns import Listing, listing_of_arrays
@@ -24,9 +24,6 @@ from tuner.readers.log_format import LogFormat
 from tuner.readers.text import read_numbers
 from tuner.readers.text_dialect import find_dialect
 from tuner.types.records import DataError
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 MAX_UNPACKED = 1 << 32
 """Largest size of a member of a ZIP that is unpacked, bytes: days of a phone's samples."""
@@ -113,10 +110,9 @@ def list_phone(path: Path) -> Listing:
                         MAX_UNPACKED, max(FREE_BYTES, MAX_EXPANSION * member.compress_size)
                     ):
                         size = member.file_size
-                        msg = (
+                        raise DataError(
                             f"{path}: {name} unpacks to {size} bytes: unpack it yourself and name the folder"
                         )
-                        raise DataError(msg)
                     with archive.open(member) as packed, (folder / name).open("wb") as unpacked:
                         shutil.copyfileobj(packed, unpacked)
         except (
@@ -127,8 +123,9 @@ def list_phone(path: Path) -> Listing:
             EOFError,
             ValueError,
         ) as error:
-            msg = f"{path}: cannot be unpacked: {error}; unpack it yourself and name the folder"
-            raise DataError(msg) from None
+            raise DataError(
+                f"{path}: cannot be unpacked: {error}; unpack it yourself and name the folder"
+            ) from None
         return _list(path, folder)
 
 
@@ -162,11 +159,10 @@ def _list(path: Path, folder: Path) -> Listing:
                 )
         listing = listing_of_arrays(path, arrays, units=units, meta={})
         return Listing(path, listing.shapes, listing.load, listing.units, listing.integer, notes=notes)
-    msg = (
+    raise DataError(
         f"{path}: expected Gyroscope.csv as phyphox or Sensor Logger export it; of another application name one CSV "
         "with its --columns"
     )
-    raise DataError(msg)
 
 
 @dataclass(frozen=True)
@@ -220,12 +216,11 @@ def _paired(path: Path, gyro: FloatArray, accel: FloatArray) -> tuple[FloatArray
         if len(rows) >= LEAST_PAIRED * count:
             return first[rows], second[at]
     rates = [1.0 / float(np.median(np.diff(x[:, 0]))) if len(x) > 1 else 0.0 for x in (gyro, accel)]
-    msg = (
+    raise DataError(
         f"{path}: gyroscope ({len(gyro)} samples, {rates[0]:.4g} Hz) and accelerometer ({len(accel)}, "
         f"{rates[1]:.4g} Hz) are not sampled together: unpack it and read Gyroscope.csv and the accelerometer's "
         "file one at a time"
     )
-    raise DataError(msg)
 
 
 def _nearest(t: FloatArray, others: FloatArray, step: float) -> tuple[IntArray, IntArray]:

@@ -12,10 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from models.arrays import BoolArray
 from models.robust import normal_sd
 from tuner.readers.bad_rows import BadRows, LogRows, expect_few
-
-BoolArray = NDArray[np.bool_]
 
 FAR_FROM_ZERO = 20.0
 """Median of an axis in sds of its noise, or steps of its quantizer, from which zero is no reading of it."""

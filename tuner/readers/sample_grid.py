@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from models.arrays import BoolArray, FloatArray, IntArray
 from tuner.readers.bad_rows import BadRows, LogRows
 from tuner.readers.clock_unit import MAX_RATE, MIN_RATE, STATED_BY_RATE, time_in
 from tuner.readers.column_choice import Channel
@@ -21,10 +22,6 @@ from tuner.readers.time_base import COARSE_CLOCK, Timebase, even_timebase, stamp
 from tuner.readers.time_column import Clock, read_clock
 from tuner.readers.value_checks import without_spikes
 from tuner.types.records import DataError
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 RATE_TOLERANCE = 0.05
 """Largest relative difference between the stated rate and that of the stamps."""
@@ -93,11 +90,13 @@ def sample_grid(
         if rate is None and options.tried:
             rate = TRIED_RATE
         if rate is None:
-            msg = f"no time column and no rate: pass --rate HZ, or --columns t=NAME, of {offered(listing)}"
-            raise DataError(msg)
+            raise DataError(
+                f"no time column and no rate: pass --rate HZ, or --columns t=NAME, of {offered(listing)}"
+            )
         if options.rate is None and not MIN_RATE <= rate <= MAX_RATE:
-            msg = f"the file states a rate of {rate:.4g} Hz, which no inertial sensor has: pass --rate HZ"
-            raise DataError(msg)
+            raise DataError(
+                f"the file states a rate of {rate:.4g} Hz, which no inertial sensor has: pass --rate HZ"
+            )
         valid = without_spikes(
             columns.groups, columns.axes, valid, notes, bad, within=within, interval=1.0 / rate
         )
@@ -175,7 +174,9 @@ def _check_rate(
         whose = "--rate says" if explicit else "the file's meta says"
         one = interval / clock.factor
         fitting = [u for u, f in STATED_BY_RATE.items() if abs(1.0 / (one * f * rate) - 1.0) < RATE_TOLERANCE]
-        msg = f"the stamps give {measured:.6g} Hz, {whose} {rate:.6g} Hz"
-        raise Refusal(msg, [time_in(unit, name) for unit in fitting])
+        raise Refusal(
+            f"the stamps give {measured:.6g} Hz, {whose} {rate:.6g} Hz",
+            [time_in(unit, name) for unit in fitting],
+        )
     if abs(measured / rate - 1.0) > 1e-3:
         notes.append(f"the stamps give {measured:.9g} Hz, stated were {rate:.9g} Hz: the stamps are used")

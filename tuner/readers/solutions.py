@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-FloatArray = NDArray[np.float64]
+from models.arrays import FloatArray
 
 OF_RTKLIB: Mapping[int, int] = MappingProxyType({1: 4, 2: 5, 3: 2, 4: 2, 5: 1, 6: 3, 7: 6})
 """Q of RTKLIB (manual 2.4.2, appendix B.1): fixed, float, SBAS, differential, single, precise point, dead reckoning."""

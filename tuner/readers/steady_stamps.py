@@ -19,9 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 
+from models.arrays import FloatArray
 from models.robust import normal_sd
-
-FloatArray = NDArray[np.float64]
 
 MIN_STAMPS = 100
 """Stamps from which both variances are known to some 20 %."""

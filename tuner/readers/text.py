@@ -69,8 +69,9 @@ def list_text(path: Path, progress: Progress | None = None) -> Listing:
         )
     duplicates = sorted({n for n in names if names.count(n) > 1})
     if duplicates:
-        msg = f"{path}:{dialect.skip}: column name '{duplicates[0]}' appears twice: rename one of them"
-        raise DataError(msg)
+        raise DataError(
+            f"{path}:{dialect.skip}: column name '{duplicates[0]}' appears twice: rename one of them"
+        )
 
     def load(groups: Sequence[Sequence[Part]]) -> tuple[NDArray[Any], ...]:
         columns = [[names.index(part.array) for part in group] for group in groups]
@@ -223,8 +224,9 @@ def _count_lines(path: Path) -> int:
             last = piece[-1:]
             size += len(piece)
             if size > max(_FREE_BYTES, _MAX_EXPANSION * path.stat().st_size):
-                msg = f"{path}: expands to more than {_MAX_EXPANSION} times its size: no log does; unpack it yourself"
-                raise DataError(msg)
+                raise DataError(
+                    f"{path}: expands to more than {_MAX_EXPANSION} times its size: no log does; unpack it yourself"
+                )
     return lines + (last != b"\n")
 
 
@@ -239,8 +241,9 @@ def _pieces(path: Path, file: IO[bytes], skip: int) -> Iterator[tuple[int, bytes
             at = line + piece[: piece.index(b"\r")].count(b"\n")
             raise DataError(lone_return(path, at))
         if piece[-1:] != b"\n" and len(piece) > MAX_LINE_BYTES and b"\n" not in piece[-MAX_LINE_BYTES:]:
-            msg = f"{path}:{line + piece.count(chr(10).encode())}: expected lines of up to {MAX_LINE_BYTES} bytes"
-            raise DataError(msg)
+            raise DataError(
+                f"{path}:{line + piece.count(chr(10).encode())}: expected lines of up to {MAX_LINE_BYTES} bytes"
+            )
         yield line, piece
         line += piece.count(b"\n")
 

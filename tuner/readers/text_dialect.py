@@ -106,26 +106,22 @@ def find_dialect(path: Path) -> Dialect:
     with input_guard(path, "text"), open_bytes(path) as file:
         head = file.read(HEAD_BYTES)
     if not head.strip():
-        msg = f"{path}: the file is empty: expected a header and rows of numbers"
-        raise DataError(msg)
+        raise DataError(f"{path}: the file is empty: expected a header and rows of numbers")
     if b"\0" in head:
-        msg = f"{path}: not a text file: expected a header and rows of numbers"
-        raise DataError(msg)
+        raise DataError(f"{path}: not a text file: expected a header and rows of numbers")
     if b"\r" in (body := even_lines(head)).rstrip(b"\r"):
         raise DataError(lone_return(path, 1 + body[: body.index(b"\r")].count(b"\n")))
     lines = re.split("\r{0,2}\n|\r", _decoded(head))
     keys = sum(_YAML.match(line) is not None for line in lines[:YAML_LINES])
     if 2 * keys > min(YAML_LINES, len(lines)):
-        msg = (
+        raise DataError(
             f"{path}: messages printed as YAML, such as by rostopic echo ('{lines[0].strip()[:40]}'): expected "
             "a header and rows of numbers; give the bag itself, or print rows (rostopic echo -p)"
         )
-        raise DataError(msg)
     at = next((i for i, line in enumerate(lines) if _is_data(line)), None)
     if at is None:
         found = lines[0].strip()[:40]
-        msg = f"{path}: no row of numbers: expected a header and rows of numbers, found '{found}'"
-        raise DataError(msg)
+        raise DataError(f"{path}: no row of numbers: expected a header and rows of numbers, found '{found}'")
     skip = next((i + 1 for i in range(at - 1, -1, -1) if lines[i].strip()), 0)
     dialect = _dialect(path, lines[skip - 1] if skip else None, lines[at].strip(), skip)
     if skip > 1:
@@ -169,11 +165,10 @@ def _dialect(path: Path, above: str | None, data: str, skip: int) -> Dialect:
             return Dialect(named, separator, skip, True, dates)
     if above.lstrip().startswith(("#", "%")):
         return Dialect(unnamed, separator, skip, False, dates)
-    msg = (
+    raise DataError(
         f"{path}:{skip}: the header names {len(split_line(bare, _separator(bare)))} columns, "
         f"the row below it has {len(cells)} (separated by {_shown(separator)})"
     )
-    raise DataError(msg)
 
 
 def _with_units_below(dialect: Dialect, above: str) -> Dialect:

@@ -38,8 +38,7 @@ def seconds_of_stamps(stamps: Any, first: str) -> Any:
         return (found - pd.Timestamp(first, tz="UTC")).dt.total_seconds()
     parts = stamps.str.strip(' "').str.extract(STAMP)
     if (parts["clock"].isna() & stamps.notna()).any():
-        msg = "no date with time"
-        raise ValueError(msg)
+        raise ValueError("no date with time")
     whole = parts["clock"].where(parts["clock"].str.count(":") > 1, "0:" + parts["clock"])
     clock = whole + parts["part"].fillna("").str.replace("[,:]", ".", regex=True)
     seconds = pd.to_timedelta(clock).dt.total_seconds()
@@ -65,8 +64,7 @@ def days_after(first: str, day: str) -> int:
         if one and other
     ]
     if not differences:
-        msg = f"no date: {day}"
-        raise ValueError(msg)
+        raise ValueError(f"no date: {day}")
     return min(differences, key=abs)
 
 

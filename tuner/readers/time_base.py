@@ -15,16 +15,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import BoolArray, FloatArray, IntArray
 from models.robust import normal_sd
 from tuner.readers.gap_bridges import bridged
 from tuner.readers.timestamps import in_order, interval_and_gaps, without_duplicates
 from tuner.types.records import DataError
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 MAX_BRIDGED_GAP = 100
 """Longest gap of a log at rest that is bridged, samples: a second without radio at 100 Hz."""
@@ -235,8 +231,9 @@ def stamped_timebase(
     t, rows, duplicates, batch = without_duplicates(t, rows, equal)
     _require(len(t))
     if batch > 0.0 and (different := round((t[-1] - t[0]) / batch) + 1) < MIN_BATCHES:
-        msg = f"{COARSE_CLOCK}: {different} different stamps in {len(t)} rows give no rate: pass --rate HZ"
-        raise DataError(msg)
+        raise DataError(
+            f"{COARSE_CLOCK}: {different} different stamps in {len(t)} rows give no rate: pass --rate HZ"
+        )
     interval, at, size = interval_and_gaps(t, max(batch, resolution))
     if valid is not None and not (kept := valid if rows is None else valid[rows]).all():
         steps = np.ones(len(t), np.int64)
@@ -262,8 +259,9 @@ def _unread(ahead: IntArray, at: IntArray, size: IntArray) -> int:
 
 def _require(count: int) -> None:
     if count < MIN_SEGMENT_SAMPLES:
-        msg = f"only {count} usable samples: one Allan point needs {MIN_SEGMENT_SAMPLES}; record longer"
-        raise DataError(msg)
+        raise DataError(
+            f"only {count} usable samples: one Allan point needs {MIN_SEGMENT_SAMPLES}; record longer"
+        )
 
 
 def _on_grid(t: FloatArray, interval: float, at: IntArray, size: IntArray, *, moving: bool) -> Timebase:
@@ -305,8 +303,9 @@ def _on_grid(t: FloatArray, interval: float, at: IntArray, size: IntArray, *, mo
             left_out += count
         filled += count
     if not segments:
-        msg = f"no piece of the log without a gap holds {MIN_SEGMENT_SAMPLES} samples: one Allan point needs them"
-        raise DataError(msg)
+        raise DataError(
+            f"no piece of the log without a gap holds {MIN_SEGMENT_SAMPLES} samples: one Allan point needs them"
+        )
     positions = None
     if bridged:
         inserted = np.zeros(len(t), np.int64)

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from models.arrays import BoolArray, FloatArray
 from tuner.readers import column_names as names
 from tuner.readers.clock_unit import (
     CANDIDATES,
@@ -27,8 +28,6 @@ from tuner.readers.clock_unit import (
 from tuner.readers.refusal import Change, Refusal
 from tuner.types.records import DataError
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 Stamps = NDArray[np.float64] | NDArray[np.int64]
 
 UNSET = (0.0, -1.0, float(2**31 - 1), float(2**32 - 1), float(2**63), -float(2**63), float(2**64))
@@ -124,8 +123,7 @@ def read_clock(
     """
     finite = np.isfinite(time)
     if not finite.any():
-        msg = f"time column '{name}' holds no number"
-        raise DataError(msg)
+        raise DataError(f"time column '{name}' holds no number")
     notes: list[str] = []
     assumptions: list[str] = []
     changes: tuple[Change, ...] = ()
@@ -157,8 +155,7 @@ def read_clock(
             changes = tuple(other_units(name, step, float(np.median(clock))))
             if 1.0 / (step * factor) > RATES_WITHOUT_REMARK[1] and changes:
                 hz = f"{1.0 / (step * factor):.4g} Hz in {stated}, as the file states"
-                msg = f"time column '{name}': {hz}, is no rate of an inertial sensor"
-                raise Refusal(msg, changes)
+                raise Refusal(f"time column '{name}': {hz}, is no rate of an inertial sensor", changes)
             assumptions.append(remark)
     first = clock[0]
     resolution = factor * _single_precision(clock, step, name, notes, factor)
@@ -331,10 +328,10 @@ def _check(relative: Stamps, step: float, name: str, factor: float, origin: floa
     others = [u for u in CANDIDATES if CANDIDATES[u] != factor]
     changes = other_units(name, step / factor, origin / factor, others) if step > 0.0 else []
     if step > 0.0 and not MIN_RATE <= 1.0 / step <= MAX_RATE:
-        msg = f"time column '{name}': {1.0 / step:.4g} Hz is no rate of an inertial sensor"
-        raise Refusal(msg, changes)
+        raise Refusal(f"time column '{name}': {1.0 / step:.4g} Hz is no rate of an inertial sensor", changes)
     span = float(relative.max() - relative.min())
     if span > LONGEST_SPAN:
         years = f"{span / LONGEST_SPAN:.3g} years"
-        msg = f"time column '{name}': the log spans {years}: a jump of the clock, or another unit"
-        raise Refusal(msg, changes)
+        raise Refusal(
+            f"time column '{name}': the log spans {years}: a jump of the clock, or another unit", changes
+        )

@@ -48,13 +48,11 @@ def expect_within(
     near = max(record.interval for record in records)
     for option, value in (("--begin", lower), ("--end", upper)):
         if not first - near <= value <= last + near:
-            msg = f"{name}: {option} {stamp(value)}: {log}; leave it out to use all"
-            raise DataError(msg)
+            raise DataError(f"{name}: {option} {stamp(value)}: {log}; leave it out to use all")
     if lower >= upper:
-        msg = (
+        raise DataError(
             f"{name}: --begin {stamp(lower)} --end {stamp(upper)}: expected an end after the beginning; {log}"
         )
-        raise DataError(msg)
 
 
 def _extent(records: Sequence[Record]) -> tuple[float, float]:
@@ -71,11 +69,10 @@ def _part(record: Record, begin: float, end: float, note: str) -> Record:
     segments = [(a, b) for a, b in segments if b > a]
     count = sum(b - a for a, b in segments)
     if count < MIN_SAMPLES:
-        msg = (
+        raise DataError(
             f"{record.source or record.name}: --begin and --end leave {count} samples of {record.name}, "
             f"expected {MIN_SAMPLES} or more: {MIN_SAMPLES * record.interval:.3g} s"
         )
-        raise DataError(msg)
     return replace(
         record,
         t=record.t[start:stop],

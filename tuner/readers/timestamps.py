@@ -25,14 +25,10 @@ import math
 from collections.abc import Callable, Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import BoolArray, FloatArray, IntArray
 from models.robust import normal_sd
 from tuner.types.records import DataError
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 _MAX_EQUAL_SHARE = 0.01
 """Share of rows with the stamp of the row before above which stamps are coarse, not repeated by mistake."""
@@ -76,11 +72,10 @@ def in_order(t: FloatArray, rows: IntArray | None) -> tuple[FloatArray, IntArray
         return t, rows, 0, 0
     behind = np.flatnonzero(t < np.maximum.accumulate(t))
     if len(behind) > _MAX_DISORDERED_SHARE * len(t):
-        msg = (
+        raise DataError(
             f"time runs backwards at row {behind[0] + 1} and stays behind for {len(behind)} of {len(t)} rows (a clock "
             "that was reset?): split the log there, or leave the time column out by --columns t=none --rate HZ"
         )
-        raise DataError(msg)
     twice = _twice(t, behind)
     order = np.argsort(t, kind="stable")
     if len(twice):
@@ -111,8 +106,9 @@ def without_duplicates(
     if not len(later):
         return t, rows, 0, 0.0
     if len(later) == len(t) - 1:
-        msg = "the time column is constant: choose one with --columns t=NAME, or none by --columns t=none --rate HZ"
-        raise DataError(msg)
+        raise DataError(
+            "the time column is constant: choose one with --columns t=NAME, or none by --columns t=none --rate HZ"
+        )
     drop = later
     if len(later) > _MAX_EQUAL_SHARE * len(t):
         at = later if rows is None else rows[later]

@@ -15,16 +15,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from models import rotation
+from models.arrays import FloatArray
 from tuner.readers.estimate_columns import Frames, assemble
 from tuner.readers.text import read_numbers
 from tuner.readers.text_dialect import Dialect
 from tuner.types.filter_output import FilterOutput
 from tuner.types.records import DataError
-
-FloatArray = NDArray[np.float64]
 
 KITTI_INTERVAL = 0.1
 """s: the cameras of KITTI take ten pictures a second."""
@@ -68,8 +66,9 @@ def read_kitti(path: Path, dialect: Dialect, frames: Frames, *, body_stated: boo
     (numbers,) = read_numbers(path, dialect, [range(12)])
     pose = numbers.reshape(-1, 3, 4)
     if not np.abs(np.linalg.det(pose[:, :, :3]) - 1.0).max() < 0.01:
-        msg = f"{path}: expected poses of KITTI, rows of a rotation matrix and a position, found no rotations"
-        raise DataError(msg)
+        raise DataError(
+            f"{path}: expected poses of KITTI, rows of a rotation matrix and a position, found no rotations"
+        )
     t, note = _kitti_times(path, len(pose))
     quat = rotation.quat_from_mat(pose[:, :, :3])
     columns: dict[str, tuple[FloatArray, str | None]] = {"t": (t, None)}
@@ -87,9 +86,9 @@ def _kitti_times(path: Path, count: int) -> tuple[FloatArray, tuple[str, ...]]:
     try:
         t = np.loadtxt(file, ndmin=1)
     except ValueError as error:
-        msg = f"{file}: expected one time, s, a line: {error}"
-        raise DataError(msg) from None
+        raise DataError(f"{file}: expected one time, s, a line: {error}") from None
     if t.shape != (count,):
-        msg = f"{file}: expected {count} times, one a pose of {path.name}, found an array of shape {t.shape}"
-        raise DataError(msg)
+        raise DataError(
+            f"{file}: expected {count} times, one a pose of {path.name}, found an array of shape {t.shape}"
+        )
     return np.asarray(t, dtype=float), ()

@@ -111,8 +111,7 @@ def check_units(
     for record in records:
         _check_range(source, record)
     if (text := _exchanged(records, sizes)) and not assume_si:
-        msg = f"{source}: {text}"
-        raise Refusal(msg, others)
+        raise Refusal(f"{source}: {text}", others)
     asked = [n for n, choice in choices.items() if choice.basis == "asked"]
     judged = sorted((r for r in records if r.name not in asked), key=lambda r: r.name)
     accel = next((r for r in judged if r.name == "accel"), None)
@@ -129,8 +128,9 @@ def check_units(
         if unsure and whole_numbers(record.y, si_value(choice.unit, record.interval)):
             clocks = [change for change in others if "t" in change.columns]
             stated = f"in {choice.unit} is stated" if choice.basis == "file" else "nothing states their size"
-            msg = f"{source}: {_COUNTS.format(record.name)}, and {stated}"
-            raise Refusal(msg, (*judge.counts(), *clocks))
+            raise Refusal(
+                f"{source}: {_COUNTS.format(record.name)}, and {stated}", (*judge.counts(), *clocks)
+            )
         if record.name == "accel":
             if (first := judge.accel(choices.get("gyro"))) is not None:
                 said["accel"] = first
@@ -223,8 +223,9 @@ class _Judge:
             confirmed = f"accel: {choice.unit} assumed, as its mean is gravity ({found.norm:.4g} m/s^2)"
             return confirmed if choice.basis == "assumed" else None
         if choice.basis == "assumed":
-            msg = f"{reads} where gravity is 9.81, and nothing states its unit"
-            raise self.refusal(msg, self.by_gravity())
+            raise self.refusal(
+                f"{reads} where gravity is 9.81, and nothing states its unit", self.by_gravity()
+            )
         if len(record.axes) != 3 and not self.tried:
             return None
         still = _at_rest(found, record)
@@ -238,9 +239,8 @@ class _Judge:
                 changes += [Change(both)] if both["gyro"] else []
             if whole_numbers(record.y, si_value(choice.unit, record.interval)):
                 changes.append(self.scaled())
-            msg = f"{reads} at rest, {ratio:.3g} × gravity: the unit {choice.unit} is wrong by {far:.3g}x"
             raise self.refusal(
-                msg,
+                f"{reads} at rest, {ratio:.3g} × gravity: the unit {choice.unit} is wrong by {far:.3g}x",
                 changes,
             )
         if still:
@@ -265,11 +265,11 @@ class _Judge:
             first, last = (
                 np.linalg.norm(record.y[part].mean(axis=0)) for part in (slice(99), slice(-99, None))
             )
-            msg = (
+            raise self.refusal(
                 f"gyro goes from {first / factor:.3g} to {last / factor:.3g} {read_in} while accel keeps still: no "
-                "rate of a unit at rest does"
+                "rate of a unit at rest does",
+                [],
             )
-            raise self.refusal(msg, [])
         units = [*USUAL_RATES, *(u for u in UNITS["gyro"] if u not in USUAL_RATES)]
         if accel is not None:
             units = [u for u in units if same_kind(u, accel.unit)]
@@ -293,8 +293,9 @@ class _Judge:
         ):
             kind = "an increment" if accel.unit in INCREMENT_UNITS else "a rate"
             stated = choice.basis == "file"
-            msg = f"accel is in {accel.unit}, {kind}, and gyro in {read_in}"
-            raise self.refusal(msg, [] if stated else others)
+            raise self.refusal(
+                f"accel is in {accel.unit}, {kind}, and gyro in {read_in}", [] if stated else others
+            )
         fits = read_in in left or self._moves(at_rest)
         if choice.basis == "assumed" or self.tried:
             why = "" if fits else f"reads {shown}, which bias and noise at rest cannot be"
@@ -304,23 +305,21 @@ class _Judge:
                 why = f"turns as the Earth does in {turning}"
             if why:
                 who = "nothing states its unit" if choice.basis == "assumed" else f"{read_in} is stated"
-                msg = f"gyro {why}, and {who}"
-                raise self.refusal(msg, others)
+                raise self.refusal(f"gyro {why}, and {who}", others)
         elif self._absurd(lenient=choice.basis == "user" or not at_rest or read_in in possible):
-            msg = (
+            raise self.refusal(
                 f"gyro reads {shown} ({np.rad2deg(found.norm):.3g} deg/s in the median), which bias and noise at rest "
-                f"cannot be: the unit {read_in} is wrong"
+                f"cannot be: the unit {read_in} is wrong",
+                others,
             )
-            raise self.refusal(msg, others)
         doubted = self.tried and choice.basis == "file" and accel is not None and accel.basis == "user"
         if choice.basis != "assumed" and not doubted:
             return None
         foreign = accel is not None and accel.basis != "assumed" and accel.unit not in ("m/s^2", "m/s")
         if (foreign or doubted) and accel is not None and others and by_step != {read_in}:
             own = Change({"gyro": read_in})
-            msg = f"accel is in {accel.unit}, and nothing states the unit of gyro"
             raise self.refusal(
-                msg,
+                f"accel is in {accel.unit}, and nothing states the unit of gyro",
                 [own, *others] if doubted else [*others, own],
             )
         if by_step == {read_in}:
@@ -355,19 +354,17 @@ class _Judge:
 def _check_range(source: str, record: Record) -> None:
     """Refuse a record with readings that no sensor has: too large in places, or too small everywhere."""
     if 0.0 < float(np.ptp(record.y, axis=0).max()) < MIN_RANGE:
-        msg = (
+        raise DataError(
             f"{source}: {record.name} varies by {np.ptp(record.y, axis=0).max():.3g} {record.unit} in all, which no "
             f"sensor resolves: pass --{record.name}-unit or --{record.name}-scale, or choose other columns"
         )
-        raise DataError(msg)
     limit = MAX_READING.get(record.name, np.inf)
     if max(record.y.max(), -record.y.min()) > limit > np.median(np.abs(record.y[:CHECKED_SAMPLES])):
         first = int(np.argmax(np.abs(record.y).max(axis=1)))
-        msg = (
+        raise DataError(
             f"{source}: {record.name} reads {np.abs(record.y[first]).max():.3g} {record.unit} in sample {first + 1}, "
             "which no sensor does: a broken row; take it out or write NaN"
         )
-        raise DataError(msg)
 
 
 def _as_the_earth(record: Record, found: Sizes, possible: Sequence[str], read_in: str) -> str | None:

@@ -11,14 +11,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.robust import normal_sd
 from models.units import DEG, STANDARD_GRAVITY, unit_value
 from tuner.readers.column_names import INCREMENT_UNITS, UNITS
 from tuner.types.records import Record
-
-FloatArray = NDArray[np.float64]
 
 GRAVITY_TOLERANCE = 0.1
 """Relative distance of the mean specific force from gravity: consumer accelerometers are within 60 mg and 3 %."""

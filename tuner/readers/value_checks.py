@@ -12,11 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from models.arrays import BoolArray, IntArray
 from models.robust import normal_sd
 from tuner.readers.bad_rows import BadRows, LogRows, expect_few
-
-BoolArray = NDArray[np.bool_]
-IntArray = NDArray[np.int64]
 
 SPIKE_DISTANCE = 200.0
 """Distance from the neighbours, in noise sds and in spreads of the neighbours, that no reading has: normal noise ends

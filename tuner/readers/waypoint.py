@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models import rotation
+from models.arrays import FloatArray
 from models.earth import llh_from_ecef, mat_en
 from models.units import canonical_unit, unit_value
 from tuner.readers.fixes.gps_time import (
@@ -28,8 +29,6 @@ from tuner.readers.fixes.gps_time import (
     leap_seconds,
 )
 from tuner.types.records import DataError
-
-FloatArray = NDArray[np.float64]
 
 HEAD_LINES = 80
 """Lines in which the names must stand: settings with many masters take some forty."""
@@ -165,11 +164,10 @@ def read_waypoint(path: Path) -> WaypointSolution:
     """
     header = waypoint_header(path)
     if header is None:
-        msg = (
+        raise DataError(
             f"{path}: expected an export of Inertial Explorer or GrafNav with a line of names (GPSTime, Latitude, …) "
             f"and one of units below it, found none in the first {HEAD_LINES} lines; let its profile write both"
         )
-        raise DataError(msg)
     cells = _Cells(path, header)
     notes: list[str] = []
     if cells.left_out:
@@ -196,11 +194,10 @@ class _Cells:
             count = 1 + sum(1 for _ in rows)
         found = len(first.split(header.separator)) if header.separator else len(first.split())
         if found != sum(widths):
-            msg = (
+            raise DataError(
                 f"{path}:{header.first + 1}: expected {sum(widths)} numbers a row below {len(widths)} names, found "
                 f"{found}: leave columns that can be empty out of the export profile"
             )
-            raise DataError(msg)
         begins = np.concatenate([[0], np.cumsum(widths)])
         self.at: dict[str, slice] = {}
         self.unit: dict[str, str] = {}
@@ -215,8 +212,9 @@ class _Cells:
         # Rows with more cells than names are left out by the library, footers such as these have few.
         self.left_out = count - len(self.table)
         if self.left_out > MAX_LEFT_OUT_SHARE * count:
-            msg = f"{path}: expected {sum(widths)} numbers a row, found {self.left_out} of {count} with more; mend them"
-            raise DataError(msg)
+            raise DataError(
+                f"{path}: expected {sum(widths)} numbers a row, found {self.left_out} of {count} with more; mend them"
+            )
 
     def text(self, key: str) -> list[NDArray[np.str_]]:
         """Return the cells of a column as text."""
@@ -247,16 +245,18 @@ def _time(path: Path, cells: _Cells) -> tuple[FloatArray, bool]:
     """Return GPS time, s, and whether it counts from 1980."""
     key = next((k for k in TIME_NAMES if k in cells.at and (k != "utctime" or _usable_utc(cells))), None)
     if key is None:
-        msg = f"{path}: expected a column GPSTime, s of the week, found {' '.join(cells.header.names)[:80]}"
-        raise DataError(msg)
+        raise DataError(
+            f"{path}: expected a column GPSTime, s of the week, found {' '.join(cells.header.names)[:80]}"
+        )
     clock = "H" in cells.unit[key].upper() and "M" in cells.unit[key].upper()
     seconds = 3600.0 * cells.numbers(key) if clock else cells.numbers(key)
     day = next((k for k in ("date", "gpsdate", "utcdate") if k in cells.at), None)
     dates = None if day is None else _days(path, cells, day)
     if clock:
         if dates is None:
-            msg = f"{path}: expected a column Date beside {key} in hours, minutes, seconds; add it to the profile"
-            raise DataError(msg)
+            raise DataError(
+                f"{path}: expected a column Date beside {key} in hours, minutes, seconds; add it to the profile"
+            )
         t = dates * SECONDS_A_DAY + seconds
         return (t + _leap(t) if key == "utctime" else t), True
     if key == "utctime":
@@ -298,8 +298,7 @@ def _days(path: Path, cells: _Cells, key: str) -> FloatArray:
         else:
             days[one] = (when - GPS_EPOCH).days
     if np.isnan(list(days.values())).all():
-        msg = f"{path}: expected dates as ({order or 'MDY'}) in column {key}, found '{written[0]}'"
-        raise DataError(msg)
+        raise DataError(f"{path}: expected dates as ({order or 'MDY'}) in column {key}, found '{written[0]}'")
     return np.array([days[one] for one in written])
 
 
@@ -317,8 +316,9 @@ def _rows(path: Path, cells: _Cells, notes: list[str]) -> FloatArray:
         found |= {"lat": np.degrees(llh[:, 0]), "lon": np.degrees(llh[:, 1]), "height": llh[:, 2]}
     if not {"lat", "lon", "height"} <= found.keys():
         names = " ".join(cells.header.names)[:80]
-        msg = f"{path}: expected Latitude, Longitude, H-Ell, found {names}; add them to the profile"
-        raise DataError(msg)
+        raise DataError(
+            f"{path}: expected Latitude, Longitude, H-Ell, found {names}; add them to the profile"
+        )
     found.setdefault("yaw", found.get("azimuth", np.full(len(cells.table), np.nan)))
     _velocity(found)
     if "sd_horizontal" in found and "sd_n" not in found:
@@ -358,6 +358,7 @@ def _factor(path: Path, name: str, unit: str) -> float:
     try:
         size = unit_value(canonical_unit(plain))
     except ValueError:
-        msg = f"{path}: column {name}: unknown unit '({unit})'; export it in deg, m or m/s"
-        raise DataError(msg) from None
+        raise DataError(
+            f"{path}: column {name}: unknown unit '({unit})'; export it in deg, m or m/s"
+        ) from None
     return float(np.degrees(size)) if angle else size

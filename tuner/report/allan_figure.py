@@ -13,15 +13,13 @@ from types import MappingProxyType
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from tuner.formats.customary_units import customary_unit, digits, in_customary, pretty, symbol, with_interval
 from tuner.formats.files import Put, write_bytes
 from tuner.report.figure_files import new_figure
 from tuner.types import ChannelIdentification, Identification
 from tuner.types.prediction import PredictedBlock
-
-FloatArray = NDArray[np.float64]
 
 MEASURED_COLOUR = "#1f5fa8"
 MODEL_COLOUR = "#c2410c"

@@ -29,8 +29,9 @@ def lawful(result: Result) -> None:
         Its first violation, in one line.
     """
     if found := violations(claims_of(result)):
-        msg = f"withdrawn, as the answer would contradict itself: {found[0]}; please report the command and its input"
-        raise DataError(msg)
+        raise DataError(
+            f"withdrawn, as the answer would contradict itself: {found[0]}; please report the command and its input"
+        )
 
 
 def claims_of(result: Result) -> Claims:

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.effects import EFFECTS, Samples
 from models.noise import NoiseModel
 from tuner.diagnosis.static.causes.motion import Motion
@@ -24,8 +24,6 @@ from tuner.diagnosis.static.model.residual import Residual, residual
 from tuner.diagnosis.static.model.series_statistics import robust_sd
 from tuner.types import Coefficient, Diagnosis, Finding
 from tuner.types.records import DataError, Record
-
-FloatArray = NDArray[np.float64]
 
 TEMPERATURE_COVARIATE = "temperature"
 PEAK_WIDTHS, KNOTS_IN_A_PEAK = 100.0, 1 << 13

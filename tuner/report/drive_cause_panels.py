@@ -6,13 +6,12 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.probability import normal_density
 from tuner.diagnosis.drive.hypothesis import FilterRun
 from tuner.types import Parameter
 
-FloatArray = NDArray[np.float64]
 View = Callable[[Axes, FilterRun, str], None]
 
 BEFORE_COLOUR, AFTER_COLOUR, CAUSE_COLOUR = "0.55", "#1f5fa8", "#c2410c"

@@ -13,8 +13,8 @@ from textwrap import fill
 
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.probability import chi2_quantile
 from tuner.diagnosis.drive import ExaminedDrive
 from tuner.diagnosis.drive.causes.registry import DRIVE_CAUSES
@@ -35,7 +35,6 @@ from tuner.report.drive_cause_panels import (
 from tuner.report.figure_files import new_figure
 from tuner.types import Parameter
 
-FloatArray = NDArray[np.float64]
 Panels = Sequence[Callable[[Axes], None]]
 
 OUTAGE_LENGTHS = (30.0, 60.0)

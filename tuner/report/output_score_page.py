@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from rich.table import Table
 
+from models.arrays import FloatArray
 from tuner.consistency.correlated_errors import autocorrelation
 from tuner.consistency.output_errors import OutputErrors
 from tuner.consistency.output_scores import normalized
@@ -28,8 +28,6 @@ from tuner.report.output_score_tables import states_table
 from tuner.report.page_parts import Picture
 from tuner.types.filter_output import BLOCKS
 from tuner.types.one_line import printable
-
-FloatArray = NDArray[np.float64]
 
 MAX_DRAWN_EPOCHS = 1500
 """Points of a line: three a pixel of the page; fifteen panels with their bands keep it below 6 MB."""

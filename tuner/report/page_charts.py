@@ -10,8 +10,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from tuner.curves.spectrum import psd
 from tuner.formats.customary_units import customary_unit, in_customary, pretty, since, stamp
 from tuner.jobs import each
@@ -22,7 +22,6 @@ from tuner.types import ChannelIdentification, Finding
 from tuner.types.prediction import PredictedBlock
 from tuner.types.records import DataError, Record
 
-FloatArray = NDArray[np.float64]
 COURSE_PIECES = 1000
 """Pieces of a time course, each drawn from its smallest to its largest sample: more than a screen has columns."""
 TERM_DASHES = ("dash", "dot", "dashdot", "longdash", "longdashdot")

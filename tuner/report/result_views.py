@@ -154,8 +154,7 @@ def dataset_of(result: object) -> Any:
     try:
         import xarray
     except ImportError as error:
-        msg = f"to_xarray: xarray is not installed: {install('xarray', 'xarray')}"
-        raise DataError(msg) from error
+        raise DataError(f"to_xarray: xarray is not installed: {install('xarray', 'xarray')}") from error
     view = view_of(result)
     frame, index = view.frame(result), list(view.index)
     if frame.duplicated(index).any():

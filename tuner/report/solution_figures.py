@@ -9,14 +9,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from tuner.consistency.drive_scores import differences, stated
 from tuner.consistency.score_drive import DriveResult
 from tuner.navigation.data import GATED, USED
 from tuner.report.figure_files import figure_bytes, lay_out
 from tuner.report.solution_files import local_track, tracks
 from tuner.types.records import Drive, Reference
-
-FloatArray = NDArray[np.float64]
 
 LINES = {"fixes": ("#c2410c", 0.9), "reference": ("#15803d", 1.6), "filter": ("#1f5fa8", 1.1)}
 """Colour and width of each track, from the lowest to the topmost."""

@@ -9,8 +9,8 @@ import re
 import xml.etree.ElementTree as ET
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.earth import in_degrees, in_tangent_plane
 from models.rotation import rpy_from_quat
 from tuner.consistency.drive_scores import reference_at
@@ -18,8 +18,6 @@ from tuner.consistency.score_drive import DriveResult
 from tuner.navigation.data import Fixes, Solution
 from tuner.navigation.settings import FilterSettings, total_bias
 from tuner.types.records import Reference
-
-FloatArray = NDArray[np.float64]
 
 COLUMNS = {
     "t [s]": "%.6f",

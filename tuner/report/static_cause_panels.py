@@ -6,18 +6,17 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 from scipy.fft import rfft
 from scipy.ndimage import uniform_filter1d
 from scipy.special import ndtr
 
+from models.arrays import FloatArray
 from tuner.diagnosis import cause
 from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.formats.customary_units import customary_unit, in_customary, pretty, since
 from tuner.report.diagnosed_axis import DiagnosedAxis
 from tuner.report.two_level_path import two_level_path
 
-FloatArray = NDArray[np.float64]
 View = Callable[[Axes, DiagnosedAxis, Mapping[str, float]], None]
 
 DATA_COLOUR, CAUSE_COLOUR, MODEL_COLOUR = "#1f5fa8", "#c2410c", "0.45"

@@ -15,9 +15,9 @@ from textwrap import fill
 
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 from scipy.fft import rfft
 
+from models.arrays import FloatArray
 from models.noise import NoiseModel
 from tuner.curves.allan import overlapping_allan
 from tuner.diagnosis.static.causes.motion import Motion
@@ -39,8 +39,6 @@ from tuner.report.static_cause_panels import (
 from tuner.report.static_diagnosis_tables import unexplained_parts
 from tuner.types import Diagnosis, Finding
 from tuner.types.records import Record
-
-FloatArray = NDArray[np.float64]
 
 MOST_REPLICAS = 39
 """Simulated records of a band: the range of 39 holds 95 % of further ones."""

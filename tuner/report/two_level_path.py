@@ -5,11 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.robust import normal_sd
-
-FloatArray = NDArray[np.float64]
 
 LEVEL_PASSES = 3
 """Times the level is found again from what the path leaves: it moves by less than a tenth of the noise after two."""

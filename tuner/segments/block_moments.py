@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from models.arrays import FloatArray, IntArray
 
 
 def block_moments(column: FloatArray, starts: IntArray, stops: IntArray) -> tuple[FloatArray, FloatArray]:

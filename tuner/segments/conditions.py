@@ -112,12 +112,11 @@ def expect_rest(records: Sequence[Record]) -> None:
         long = [length for length in lengths if length > MIN_SECONDS - 0.5 * record.interval]
         if sum(long) + 0.5 * record.interval < MIN_PART_SECONDS:
             parts = f" in {len(lengths)} parts, the longest {max(lengths):.2g} s" if len(lengths) > 1 else ""
-            msg = (
+            raise DataError(
                 f"{record.source}: {sum(lengths):.3g} s at rest{parts}: settings of a filter need parts of "
                 f"{MIN_SECONDS:g} s or more that make up {MIN_PART_SECONDS:g} s: record longer, at rest and without "
                 "losing samples"
             )
-            raise DataError(msg)
 
 
 def without_knocks(records: Sequence[Record]) -> tuple[tuple[Record, ...], Mapping[str, Segments]]:
@@ -168,11 +167,10 @@ def still_parts(records: Sequence[Record]) -> tuple[Part, ...]:
     still = [piece for piece in find_motion(measured).still if piece[1] - piece[0] >= MIN_PART_SAMPLES]
     longest = sorted(sorted(still, key=lambda piece: piece[0] - piece[1])[:MAX_PARTS])
     if len(longest) < 2:
-        msg = (
+        raise DataError(
             f"{first.source}: expected two or more stretches at rest of {MIN_PART_SAMPLES} samples, parted by motion, "
             f"found {len(longest)}; compare two logs instead"
         )
-        raise DataError(msg)
     return tuple(
         Part(f"{first.t[start]:.0f}–{first.t[stop - 1]:.0f} s", _cut(resting, ((start, stop),)))
         for start, stop in longest
@@ -194,15 +192,15 @@ def temperature_parts(records: Sequence[Record]) -> tuple[Part, ...]:
     """
     first = _one_clock(records)
     if "temperature" not in first.covariates:
-        msg = f"{first.source}: expected a column 'temperature', found none; --columns temperature=COLUMN names it"
-        raise DataError(msg)
+        raise DataError(
+            f"{first.source}: expected a column 'temperature', found none; --columns temperature=COLUMN names it"
+        )
     celsius = uniform_filter1d(first.covariates["temperature"], max(1, round(SMOOTHING_TIME * first.rate)))
     if not np.ptp(celsius) >= MIN_TEMPERATURE_RANGE:
-        msg = (
+        raise DataError(
             f"{first.source}: the temperature stays within {np.ptp(celsius):.2g} K, "
             f"expected {MIN_TEMPERATURE_RANGE:g} K or more"
         )
-        raise DataError(msg)
     edges = np.quantile(celsius, np.linspace(0.0, 1.0, TEMPERATURE_BINS + 1))
     chosen = np.clip(np.searchsorted(edges, celsius, side="right") - 1, 0, TEMPERATURE_BINS - 1)
     resting = at_rest(records)
@@ -213,19 +211,17 @@ def temperature_parts(records: Sequence[Record]) -> tuple[Part, ...]:
             name = f"{edges[k]:.1f}–{edges[k + 1]:.1f} °C"
             parts.append(Part(name, _cut(resting, segments)))
     if len(parts) < 2:
-        msg = (
+        raise DataError(
             f"{first.source}: expected two bins of temperature with {MIN_PART_SAMPLES} samples; record longer"
         )
-        raise DataError(msg)
     return tuple(parts)
 
 
 def _one_clock(records: Sequence[Record]) -> Record:
     if len(clocks(records)) > 1:
-        msg = (
+        raise DataError(
             f"{records[0].source}: expected sensors on one clock, found several; compare one sensor at a time"
         )
-        raise DataError(msg)
     return records[0]
 
 

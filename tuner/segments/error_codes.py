@@ -31,12 +31,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
+from models.arrays import BoolArray, FloatArray, IntArray
 from models.probability import poisson_at_least
 from tuner.types.records import Record
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 DRAWING_SEED = 79
 """Seed of the samples that are looked at, and of those that take the place of a code."""

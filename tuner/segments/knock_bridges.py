@@ -11,14 +11,11 @@ from dataclasses import replace
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import BoolArray
 from models.probability import student_quantile
 from tuner.readers.gap_bridges import bridged
 from tuner.types.records import Record
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 MAX_SECONDS, MAX_SAMPLES = 4.0, 1024
 """Longest knock that is bridged: a second and its neighbours; the work grows as the cube of the samples."""

@@ -21,17 +21,13 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, label
 from scipy.special import ndtri
 
+from models.arrays import BoolArray, FloatArray, IntArray
 from tuner.segments.block_moments import block_moments
 from tuner.segments.knock_bridges import MAX_SECONDS
 from tuner.types.records import Record
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 BLOCK_SECONDS = 0.25
 """Length of a block, s: a knock on a table rings for a tenth to half a second."""

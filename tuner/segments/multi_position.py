@@ -23,17 +23,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from models.arrays import FloatArray
 from models.earth import EARTH_RATE
 from models.probability import student_quantile
 from models.units import STANDARD_GRAVITY
 from tuner.segments.stationary import find_motion
 from tuner.types import Coefficient
 from tuner.types.records import DataError, Record
-
-FloatArray = NDArray[np.float64]
 
 MIN_POSE_DURATION = 1.0
 """Duration from which standing still counts as a pose, s."""

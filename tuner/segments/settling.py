@@ -17,13 +17,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import BoolArray, FloatArray
 from models.probability import student_quantile
 from tuner.types.records import Record
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 MAX_SETTLING = 30.0
 """Longest time that counts as settling, s: mounts, hands and anti-aliasing filters are done by then; heat is not."""

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import BoolArray
 from tuner.segments.knock_bridges import MAX_BRIDGED_SHARE, MAX_SAMPLES, MAX_SECONDS, same_level
 from tuner.segments.settling import settled_from
 from tuner.types.records import Record
 
-BoolArray = NDArray[np.bool_]
 Segments = tuple[tuple[int, int], ...]
 
 

@@ -27,8 +27,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import BoolArray, FloatArray, IntArray
 from models.robust import normal_sd
 from tuner.formats.customary_units import stamp
 from tuner.segments.block_moments import block_moments
@@ -36,10 +36,6 @@ from tuner.segments.knock_bridges import bridge_knocks
 from tuner.segments.knocks import knocked
 from tuner.segments.stand_stills import MIN_PART_SECONDS, alike, inside, runs, stand_stills
 from tuner.types.records import DataError, Record
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 Segments = tuple[tuple[int, int], ...]
 
@@ -120,8 +116,9 @@ def find_motion(records: Record | Sequence[Record]) -> Motion:
     first = together[0]
     bounds = _blocks(first)
     if len(bounds) < _MIN_BLOCKS:
-        msg = f"{first.source}: {first.span:.3g} s are too short to tell motion from noise: record longer"
-        raise DataError(msg)
+        raise DataError(
+            f"{first.source}: {first.span:.3g} s are too short to tell motion from noise: record longer"
+        )
     moments = [_moments(record, bounds) for record in together]
     rounding = [_rounding_variance(record) for record in together]
     usual = [
@@ -190,8 +187,9 @@ def cut_to_still(records: Sequence[Record], motion: Motion) -> tuple[Record, ...
     """
     description = motion.describe()
     if not motion.still:
-        msg = f"{records[0].source}: {description}: no part stands still; record the sensor at rest"
-        raise DataError(msg)
+        raise DataError(
+            f"{records[0].source}: {description}: no part stands still; record the sensor at rest"
+        )
     still = alike(records, motion.still) if description is not None else motion.still
     for record in records:
         if (moving := _steady_motion(record, still)) is not None:
@@ -200,11 +198,10 @@ def cut_to_still(records: Sequence[Record], motion: Motion) -> tuple[Record, ...
         return tuple(records)
     used = sum(b - a for a, b in still) * records[0].interval
     if used < MIN_PART_SECONDS:
-        msg = (
+        raise DataError(
             f"{records[0].source}: {description}: only {used:.3g} s at rest are alike, expected "
             f"{MIN_PART_SECONDS:g} s or more: record the sensor at rest"
         )
-        raise DataError(msg)
     knocks = [(a, b) for a, b in motion.knocks if any(c <= a < d for c, d in still)]
     bridges = f"; knocks inside, {len(knocks)}, are replaced by simulated samples" if knocks else ""
     note = f"{description}; {_described_parts(records[0], still)}{bridges}"

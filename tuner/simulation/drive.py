@@ -12,9 +12,9 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from models import rotation
+from models.arrays import FloatArray
 from models.effects import Samples
 from models.effects import hide as hide_at_rest
 from models.effects.drive import Course, draw, hide, parse
@@ -28,8 +28,6 @@ from tuner.simulation.receiver import draw_fix_errors, reported_sd
 from tuner.simulation.static import Channel, grade_channels, sample_noise
 from tuner.types import GnssNoise
 from tuner.types.records import DataError, Drive, Gnss, Reference
-
-FloatArray = NDArray[np.float64]
 
 REFERENCE_INTERVAL = 0.1
 """Spacing of the reference of a simulated drive, s."""
@@ -89,16 +87,14 @@ def simulate_drive(
     name = sensor.key if isinstance(sensor, SensorGrade) else name
     rate = sensor.rate.value if rate is None and isinstance(sensor, SensorGrade) else rate
     if not rate or not motion.duration * rate >= 2.0:
-        msg = f"'rate' must give two samples or more in {motion.duration} s, got {rate} Hz"
-        raise DataError(msg)
+        raise DataError(f"'rate' must give two samples or more in {motion.duration} s, got {rate} Hz")
     noise, biases, fixes, applied, unit = np.random.default_rng(seed).spawn(5)
     increments = np.hstack(imu_increments(motion, 1.0 / rate))
     first = motion.evaluate(np.zeros(1))
     perfect = np.vstack([np.hstack([first.omega_ib_b, first.f_b]), increments * rate])
     given = grade_channels(sensor) if isinstance(sensor, SensorGrade) else sensor
     if missing := [axis for axis in AXES if axis not in given]:
-        msg = f"{name}: expected the noise of six axes for a drive, {', '.join(missing)} missing"
-        raise DataError(msg)
+        raise DataError(f"{name}: expected the noise of six axes for a drive, {', '.join(missing)} missing")
     channels = {axis: given[axis] for axis in AXES}
     constant = {axis: c.bias_sd * float(biases.standard_normal()) for axis, c in channels.items()}
     errors, white = sample_noise(channels, constant, len(perfect), 1.0 / rate, noise)
@@ -198,8 +194,7 @@ def _with_effects(
     except DataError:
         raise
     except ValueError as error:
-        msg = f"effect: {error}"
-        raise DataError(msg) from error
+        raise DataError(f"effect: {error}") from error
     return changed, [{"cause": e.name, "channels": ["drive"], "parameters": e.parameters()} for e in effects]
 
 

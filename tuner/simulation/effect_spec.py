@@ -59,8 +59,7 @@ def read_effect(text: str, axes: Sequence[str]) -> tuple[str, tuple[str, ...]]:
     effect = EFFECTS.get(code)
     wanted = where.split("+") if at else [(effect and effect.home) or sensor_of(axes[0])]
     if unknown := [w for w in wanted if w not in groups]:
-        msg = f"effect '{text}': expected channels out of {' '.join(groups)}, got '{unknown[0]}'"
-        raise DataError(msg)
+        raise DataError(f"effect '{text}': expected channels out of {' '.join(groups)}, got '{unknown[0]}'")
     meant = {axis for w in wanted for axis in groups[w]}
     return code + colon + parameters, tuple(axis for axis in axes if axis in meant)
 
@@ -89,11 +88,10 @@ def within_record(effect: Written, begin: float, end: float) -> None:
     name = next((name for name in ("time", "start") if name in values), None)
     if name is None or (begin <= values[name] + values.get("duration", 0.0) and values[name] < end):
         return
-    msg = (
+    raise DataError(
         f"effect '{effect.name}': expected '{name}' within the record, {begin:g} … {end:g} s, got {values[name]:g} s; "
         "give an earlier time or a longer record"
     )
-    raise DataError(msg)
 
 
 def noise_scale(model: NoiseModel, interval: float, span: float) -> tuple[float, float]:
@@ -142,5 +140,4 @@ def resolve(
             parse(text) if ":" in text else draw(text, rng, **scale, level=constant[axes[0]]), axes
         )
     except ValueError as error:
-        msg = f"effect '{item}': {error}"
-        raise DataError(msg) from error
+        raise DataError(f"effect '{item}': {error}") from error

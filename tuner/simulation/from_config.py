@@ -100,8 +100,7 @@ def channels_of_config(
                 else:
                     effects.append(PlacedEffect(effect, axes))
     except (KeyError, TypeError, ValueError, AttributeError) as error:
-        msg = f"{config.name}: expected findings as tune writes them, got {error}"
-        raise DataError(msg) from None
+        raise DataError(f"{config.name}: expected findings as tune writes them, got {error}") from None
     channels = {
         axis: Channel(noise[axis], 0.0 if axis in fixed else c.constant_sd)
         for axis, c in config.channels.items()
@@ -171,8 +170,9 @@ def drive_effects_of_config(
         except ValueError as error:
             notes.append(f"{cause} of the drive is left out: {error}")
         except (KeyError, TypeError, AttributeError) as error:
-            msg = f"{config.name}: expected findings as tune writes them, got {cause} without {error}"
-            raise DataError(msg) from None
+            raise DataError(
+                f"{config.name}: expected findings as tune writes them, got {cause} without {error}"
+            ) from None
     return tuple(effects), tuple(notes)
 
 
@@ -250,6 +250,5 @@ def _made(
         if value is not None
     ]
     if values and not parts:
-        msg = f"no effect has {', '.join(values)}"
-        raise ValueError(msg)
+        raise ValueError(f"no effect has {', '.join(values)}")
     return text.parse(f"{cause}:{','.join((*parts, *(f'{k}={v}' for k, v in more.items())))}", kinds)

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.earth import llh_displaced
 from models.filter_states import FILTER_STATES, Origin
 from models.measurements import perfect_fixes
@@ -25,8 +26,6 @@ from tuner.navigation.settings import FilterSettings, error_rows
 if TYPE_CHECKING:
     from tuner.navigation.engine import SensorErrors
     from tuner.simulation.monte_carlo import Scenario
-
-FloatArray = NDArray[np.float64]
 
 
 FELT_INTERVAL = 0.02

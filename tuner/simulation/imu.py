@@ -14,6 +14,7 @@ from itertools import chain
 import numpy as np
 from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.noise import (
     TERMS,
     BiasInstability,
@@ -29,8 +30,6 @@ from tuner.navigation.engine import SensorErrors
 from tuner.navigation.settings import ACCELS, GYROS
 from tuner.types import ChannelNoise, FilterConfig, TermEstimate
 from tuner.types.records import DataError
-
-FloatArray = NDArray[np.float64]
 
 SLOW_INTERVAL = 0.1
 """Sampling interval of slow errors, s: flicker above 5 Hz is far below white noise."""
@@ -139,8 +138,7 @@ def sensor_of_config(config: FilterConfig) -> Sensor:
     """
     missing = [axis for axis in GYROS + ACCELS if axis not in config.channels]
     if missing:
-        msg = f"{config.name}: expected six axes to simulate, {', '.join(missing)} missing"
-        raise DataError(msg)
+        raise DataError(f"{config.name}: expected six axes to simulate, {', '.join(missing)} missing")
     channels = [config.channels[axis] for axis in GYROS + ACCELS]
     bare = [c.axis for c in channels if not c.identified]
     notes = (

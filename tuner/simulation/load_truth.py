@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from tuner.catalogue.grades import DEFAULT_RECEIVER, grade_names, load_grade
 from tuner.navigation.settings import filter_settings
 from tuner.readers.source_kind import is_file
@@ -15,8 +15,6 @@ from tuner.simulation.imu import Sensor, sensor_of_config, sensor_of_grade
 from tuner.synthesis.load_config import load_config
 from tuner.types import Compensation, FilterConfig, GnssNoise
 from tuner.types.compensation import Parameter
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models import rotation
+from models.arrays import FloatArray
 from models.earth import llh_displaced, ned_between
 from models.error_state import corrected, navigation_error
 from models.measurements import perfect_fixes
@@ -30,8 +31,6 @@ from tuner.simulation.receiver import draw_fix_errors
 from tuner.stages import reached
 from tuner.types import GnssNoise
 from tuner.types.records import DataError
-
-FloatArray = NDArray[np.float64]
 
 OUTAGE_DURATION = 300.0
 """Length of every outage of a simulated run, s: the longest that is scored."""
@@ -142,11 +141,10 @@ def scenario(motion: Motion, receiver: GnssNoise, interval: float) -> Scenario:
         Where the motion ends before the second fix.
     """
     if motion.duration < 2.0 * receiver.interval:
-        msg = (
+        raise DataError(
             f"receiver: expected two fixes or more in the {motion.duration:g} s of {motion.name}, found one every "
             f"{receiver.interval:g} s: is the clock of its log right?"
         )
-        raise DataError(msg)
     motion.evaluate([0.0])  # solves for the positions, once and not in every process
     chunks = increment_chunks(motion, interval)
     increments = np.concatenate(each(lambda chunk: np.hstack(increments_of(motion, interval, chunk)), chunks))

@@ -13,12 +13,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.noise import GaussMarkov
 from tuner.types import GnssNoise
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -76,11 +76,9 @@ def simulate_source(
     """
     grade = source in grade_names()
     if not grade and not is_file(source):
-        msg = f"{source}: expected a built-in grade ({' '.join(grade_names())}) or a noise.yaml"
-        raise DataError(msg)
+        raise DataError(f"{source}: expected a built-in grade ({' '.join(grade_names())}) or a noise.yaml")
     if gnss is not None and trajectory is None:
-        msg = f"--gnss {gnss}: expected --trajectory with it; a static log has no receiver"
-        raise DataError(msg)
+        raise DataError(f"--gnss {gnss}: expected --trajectory with it; a static log has no receiver")
     if trajectory is not None:
         motion = load_trajectory(trajectory, duration)
         if not grade:

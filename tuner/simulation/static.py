@@ -17,8 +17,8 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.effects import Effect, Samples, hide
 from models.effects.static.base import log_uniform, sign
 from models.effects.static.distribution import Burst, HeavyTails
@@ -34,8 +34,6 @@ from tuner.simulation.effect_spec import PlacedEffect, noise_scale, resolve, sen
 from tuner.types.number_ranges import Positive, Whole
 from tuner.types.public import public
 from tuner.types.records import DataError, Record
-
-FloatArray = NDArray[np.float64]
 
 GRAVITY = 9.80665
 """Standard gravity, m/s²."""
@@ -113,8 +111,7 @@ def simulate(
     given = grade_channels(sensor) if isinstance(sensor, SensorGrade) else sensor
     channels = {axis: c if isinstance(c, Channel) else Channel(c) for axis, c in given.items()}
     if not (rate and rate > 0 and duration * rate >= 2):
-        msg = f"'duration' and 'rate' must give two samples or more, got {duration} s at {rate} Hz"
-        raise DataError(msg)
+        raise DataError(f"'duration' and 'rate' must give two samples or more, got {duration} s at {rate} Hz")
     noise, biases, draws, applied, reading = np.random.default_rng(seed).spawn(5)
     constant = {a: gravity_of(a) + c.bias_sd * float(biases.standard_normal()) for a, c in channels.items()}
     t = np.arange(round(duration * rate)) / rate

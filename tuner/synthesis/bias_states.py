@@ -167,8 +167,7 @@ def bounding_state(sd: tuple[float, float], time_constant: tuple[float, float]) 
     """
     low, high = time_constant
     if not 0.0 < low <= high < math.inf:
-        msg = f"'time_constant' must be an interval of positive numbers, got {time_constant}"
-        raise ValueError(msg)
+        raise ValueError(f"'time_constant' must be an interval of positive numbers, got {time_constant}")
     return GaussMarkov(sd[1] * (high / low) ** 0.25, math.sqrt(low * high))
 
 
@@ -186,8 +185,9 @@ def spectrum_bound(term: Term) -> GaussMarkov:
     variance = float(term.autocovariance(0.0))
     found = term.exponentials()
     if found is None:
-        msg = f"noise term '{term.name}' has no state space, so that no Gauss–Markov state can stand for it"
-        raise ValueError(msg)
+        raise ValueError(
+            f"noise term '{term.name}' has no state space, so that no Gauss–Markov state can stand for it"
+        )
     rates = np.abs(found[1])
     time = np.geomspace(0.1 / rates.max(), 10.0 / rates.min(), BOUND_GRID)
     f = np.geomspace(1e-3 * rates.min(), 1e3 * rates.max(), 10 * BOUND_GRID) / (2.0 * np.pi)
@@ -196,8 +196,9 @@ def spectrum_bound(term: Term) -> GaussMarkov:
     best = int(np.argmin(needed))
     if needed[best] > MAX_BOUND_VARIANCE * variance:
         ratio = needed[best] / variance
-        msg = f"noise term '{term.name}': one Gauss–Markov state would need {ratio:.3g} times its variance"
-        raise ValueError(msg)
+        raise ValueError(
+            f"noise term '{term.name}': one Gauss–Markov state would need {ratio:.3g} times its variance"
+        )
     return GaussMarkov(math.sqrt(float(needed[best])), float(time[best]))
 
 

@@ -20,13 +20,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.noise import GaussMarkov
 from tuner.synthesis.error_growth import estimated_share, fading_growth, modelled_growth, walk_growth
 from tuner.types import ChannelNoise
-
-FloatArray = NDArray[np.float64]
 
 FILTER_MEMORY = 100.0
 """Memory of the target filter assumed by exporters, s: about as long as GNSS aiding takes to renew a bias."""

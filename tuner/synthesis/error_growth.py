@@ -19,11 +19,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from models.arrays import FloatArray
 from tuner.types import ChannelNoise
-
-FloatArray = NDArray[np.float64]
 
 _SERIES_BELOW = 1e-3
 """Below this x = τ/T the closed forms lose digits to cancellation; two terms of their series are then exact to 1e-6."""

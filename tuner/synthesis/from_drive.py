@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import rfft, rfftfreq
 
+from models.arrays import BoolArray, FloatArray
 from models.earth import distance_along
 from models.noise import White
 from models.robust import normal_sd
@@ -32,9 +32,6 @@ from tuner.synthesis.synthesize import synthesize
 from tuner.types import Coefficient, FilterConfig, GnssNoise, Identification, TermEstimate
 from tuner.types.borrowed import with_borrowed
 from tuner.types.records import Drive
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 ALLAN_TAU = 0.25
 """Cluster time at which the white noise is read, s."""

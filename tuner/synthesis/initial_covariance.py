@@ -48,8 +48,7 @@ def turn_on_spread(runs: Sequence[Identification]) -> dict[str, float]:
         With fewer than two runs.
     """
     if len(runs) < 2:
-        msg = f"'runs' must hold two or more identifications, got {len(runs)}"
-        raise ValueError(msg)
+        raise ValueError(f"'runs' must hold two or more identifications, got {len(runs)}")
     spread = {}
     for axis in runs[0].channels:
         means = [run.channels[axis].mean.value for run in runs if axis in run.channels]

@@ -48,8 +48,7 @@ def load_config(
         config = kf_gins_settings.load(path) if kf_gins_settings.is_settings(path) else noise_yaml.load(path)
         return config if receiver is None else replace(config, gnss=receiver)
     if source not in grade_names():
-        msg = (
+        raise DataError(
             f"{source}: expected a noise.yaml or a built-in grade ({' '.join(grade_names())}), found neither"
         )
-        raise DataError(msg)
     return synthesize(grade_identification(load_grade(str(source))), gnss=receiver or default)

@@ -24,15 +24,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
+from models.arrays import FloatArray
 from models.noise.arma import Arma
 from models.statespace import StateSpace, discretize
 from tuner.synthesis.process_noise import axis_states, axis_system
 from tuner.types import ChannelNoise
-
-FloatArray = NDArray[np.float64]
 
 AIDED_MEASUREMENTS = 3600
 """Measurements before the outage, one a second."""

@@ -15,15 +15,13 @@ from dataclasses import replace
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
+from models.arrays import FloatArray
 from tuner.jobs import each
 from tuner.types import BoundUsed, ChannelNoise, FilterConfig, Quantity, TermEstimate
 from tuner.types.prediction import BlockSource, NoiseBlock, PredictedBlock
 from tuner.types.records import Record
-
-FloatArray = NDArray[np.float64]
 
 TEMPERATURE_MEAN = 60.0
 """Length of the mean over which the temperature is taken, s: its own noise and codes must not enter the samples."""

@@ -18,13 +18,11 @@ References
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.noise.arma import Arma
 from models.statespace import StateSpace
 from tuner.types import ArmaFit, ChannelNoise
-
-FloatArray = NDArray[np.float64]
 
 
 def axis_states(channel: ChannelNoise) -> tuple[str, ...]:
@@ -79,8 +77,9 @@ def shaping_states(fit: ArmaFit) -> tuple[FloatArray, FloatArray, FloatArray]:
     """
     coefficients = [c.value for c in (*fit.ar, *fit.ma)]
     if fit.white or any(value is None for value in coefficients):
-        msg = f"'fit' must be an ARMA model other than white noise, got order {fit.order}, white={fit.white}"
-        raise ValueError(msg)
+        raise ValueError(
+            f"'fit' must be an ARMA model other than white noise, got order {fit.order}, white={fit.white}"
+        )
     p, _ = fit.order
     values = tuple(float(value) for value in coefficients if value is not None)
     return Arma(values[:p], values[p:], fit.variance, fit.interval).transition()

@@ -87,11 +87,9 @@ def synthesize(
         For an unknown rule, a horizon that is not positive, or no channels at all.
     """
     if rule not in {*RULES, BOUND}:
-        msg = f"'rule' must be one of {', '.join([*RULES, BOUND])}, got {rule!r}"
-        raise DataError(msg)
+        raise DataError(f"'rule' must be one of {', '.join([*RULES, BOUND])}, got {rule!r}")
     if not identification.channels:
-        msg = "the identification holds no channel: nothing to configure"
-        raise DataError(msg)
+        raise DataError("the identification holds no channel: nothing to configure")
     whole, notes = _completed(identification, complete)
     spread = dict(whole.source.get("turn_on_sd", {})) | dict(turn_on or {})
     channels: dict[str, ChannelNoise] = {}
@@ -144,8 +142,9 @@ def inflate(config: FilterConfig, inflations: Sequence[Enlargement]) -> FilterCo
         axes = inflation.quantity.axes(config.channels)
         if not axes or field not in ENLARGEABLE_SETTINGS:
             allowed = ", ".join(ENLARGEABLE_SETTINGS)
-            msg = f"inflation of '{inflation.quantity}': expected an axis or sensor and one of {allowed}"
-            raise DataError(msg)
+            raise DataError(
+                f"inflation of '{inflation.quantity}': expected an axis or sensor and one of {allowed}"
+            )
         enlarged = {axis: _enlarged(config.channels[axis], field, inflation.factor) for axis in axes}
         config = replace(config, channels={**config.channels, **enlarged})
     return replace(config, inflations=(*config.inflations, *inflations))

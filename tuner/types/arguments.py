@@ -34,8 +34,7 @@ def expect(value: object, kinds: type | tuple[type, ...], where: str, wanted: st
         One line: where, expected, found.
     """
     if not isinstance(value, kinds) or (isinstance(value, str) and not value.strip()):
-        msg = f"{where}: expected {wanted}, found {described(value)}"
-        raise DataError(msg)
+        raise DataError(f"{where}: expected {wanted}, found {described(value)}")
 
 
 def expect_records(value: object, where: str, wanted: str = RECORDS) -> tuple[Record, ...]:
@@ -46,8 +45,7 @@ def expect_records(value: object, where: str, wanted: str = RECORDS) -> tuple[Re
     records: tuple[Any, ...] = tuple(value) if known and isinstance(value, Iterable) else ()
     if not records or not all(isinstance(one, Record) for one in records):
         cure = "; tuner.read makes records of it" if isinstance(value, dict) or _is_table(value) else ""
-        msg = f"{where}: expected {wanted}, found {described(value)}{cure}"
-        raise DataError(msg)
+        raise DataError(f"{where}: expected {wanted}, found {described(value)}{cure}")
     return records
 
 

@@ -8,11 +8,9 @@ from types import MappingProxyType
 from typing import ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from tuner.types.dotted_name import DottedName
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, order=True)

@@ -9,13 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.probability import chi2_quantile
 from tuner.types.honesty import honesty
 from tuner.types.judgement import Judgement
 from tuner.types.shown import Shown
 from tuner.types.verdict import Explanation, Verdict
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

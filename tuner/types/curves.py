@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.probability import chi2_quantile
 from tuner.types.coefficient import LEVEL
 from tuner.types.shown import Shown
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, repr=False)

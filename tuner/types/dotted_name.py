@@ -21,8 +21,7 @@ class DottedName:
     def __post_init__(self) -> None:
         first, second = _parts(self)
         if not first or not second or "." in first:
-            msg = f"{self.kind}, got '{self}'"
-            raise ValueError(msg)
+            raise ValueError(f"{self.kind}, got '{self}'")
 
     @classmethod
     def parse(cls, text: str) -> Self:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from models.arrays import FloatArray
 
 BLOCKS = ("position", "velocity", "attitude", "gyro_bias", "accel_bias")
 """Parts of the error, three components each, in the order of a covariance."""

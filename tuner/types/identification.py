@@ -6,15 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from models.arrays import FloatArray
 from models.noise import NoiseModel
 from tuner.types.coefficient import Coefficient
 from tuner.types.curves import AllanCurve
 from tuner.types.shown import Shown
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

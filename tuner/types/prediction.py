@@ -14,9 +14,8 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.noise import GaussMarkov, NoiseModel, Quantization, RandomWalk, White
-
-FloatArray = NDArray[np.float64]
 
 FASTEST_STATE = 1.0
 """Time constant up to which a state is written as white noise, s: a filter with a fix a second cannot follow it."""

@@ -76,15 +76,15 @@ def public(verb: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
             try:
                 given = signature.bind(*args, **kwargs).arguments
             except TypeError as error:
-                msg = f"{verb}: {error}"
-                raise TypeError(msg) from None
+                raise TypeError(f"{verb}: {error}") from None
             for name in given.keys() & hints().keys():
                 parameter, hint = signature.parameters[name], hints()[name]
                 several = parameter.kind is inspect.Parameter.VAR_POSITIONAL
                 for value in given[name] if several else (given[name],):
                     if value is not parameter.default and not fits(value, hint):
-                        msg = f"{verb}: {name}: expected {in_words(hint)}, found {described(value)}"
-                        raise DataError(msg)
+                        raise DataError(
+                            f"{verb}: {name}: expected {in_words(hint)}, found {described(value)}"
+                        )
             return function(*args, **kwargs)
 
         return inner

@@ -13,10 +13,9 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.earth import without_jumps
 from tuner.types.one_line import printable
-
-FloatArray = NDArray[np.float64]
 
 
 class DataError(ValueError):
@@ -110,14 +109,11 @@ class Record:
         y = np.asfortranarray(np.atleast_2d(np.asarray(self.y, dtype=float).T).T)
         t = np.asarray(self.t, dtype=float)
         if y.ndim != 2 or t.shape != (y.shape[0],):
-            msg = f"'t' and 'y' must have shapes (n,) and (n, k), got {t.shape} and {y.shape}"
-            raise ValueError(msg)
+            raise ValueError(f"'t' and 'y' must have shapes (n,) and (n, k), got {t.shape} and {y.shape}")
         if len(self.axes) != y.shape[1]:
-            msg = f"'axes' must name each of the {y.shape[1]} columns, got {self.axes}"
-            raise ValueError(msg)
+            raise ValueError(f"'axes' must name each of the {y.shape[1]} columns, got {self.axes}")
         if not self.interval > 0:
-            msg = f"'interval' must be positive, got {self.interval}"
-            raise ValueError(msg)
+            raise ValueError(f"'interval' must be positive, got {self.interval}")
         object.__setattr__(self, "y", y)
         object.__setattr__(self, "t", t)
         object.__setattr__(self, "segments", tuple(self.segments) or ((0, len(t)),))

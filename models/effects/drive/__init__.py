@@ -78,8 +78,9 @@ def _effect_of(declared: Any) -> type[DriveEffect] | None:
 def _complete(effect: type[DriveEffect]) -> None:
     """Refuse what is not an effect that can be applied and drawn."""
     if not (isinstance(effect, type) and issubclass(effect, DriveEffect)) or isabstract(effect):
-        msg = f"expected a class of effects (models.effects.drive.base.DriveEffect) with apply and draw, got {effect!r}"
-        raise TypeError(msg)
+        raise TypeError(
+            f"expected a class of effects (models.effects.drive.base.DriveEffect) with apply and draw, got {effect!r}"
+        )
 
 
 EFFECTS: Registry[type[DriveEffect]] = Registry(

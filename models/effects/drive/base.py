@@ -15,13 +15,11 @@ from dataclasses import dataclass, field, fields, replace
 from typing import ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.earth import llh_displaced
 from models.effects.drive.true_trajectory import Course
 from models.effects.parsing import Written
-
-FloatArray = NDArray[np.float64]
 
 (
     FORCE_STAGE,
@@ -93,8 +91,7 @@ class DriveSamples:
         for name, shape in shapes.items():
             value = getattr(self, name)
             if value is not None and value.shape != shape:
-                msg = f"'{name}' must have shape {shape}, got {value.shape}"
-                raise ValueError(msg)
+                raise ValueError(f"'{name}' must have shape {shape}, got {value.shape}")
 
     @property
     def truth(self) -> FloatArray:

@@ -19,6 +19,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
+from models.arrays import FloatArray
 from models.earth import ned_between
 from models.effects.drive.base import (
     ANTENNA_STAGE,
@@ -28,7 +29,6 @@ from models.effects.drive.base import (
     Correction,
     DriveEffect,
     DriveSamples,
-    FloatArray,
     direction,
 )
 from models.effects.static.base import (
@@ -209,8 +209,7 @@ class GnssOutliers(DriveEffect):
     def apply(self, drive: DriveSamples, rng: np.random.Generator) -> DriveSamples:
         """Displace runs of fixes, each run in a direction of its own."""
         if not np.isfinite(drive.position_sd).all():
-            msg = "'size' is in reported sds; the receiver reports none"
-            raise ValueError(msg)
+            raise ValueError("'size' is in reported sds; the receiver reports none")
         k = len(drive.fix_t)
         hit = rng.random(-(-k // self.run)) < self.fraction
         ways = np.array([direction(rng) for _ in hit]).reshape(-1, 3)
@@ -299,8 +298,9 @@ def _stamped(drive: DriveSamples, t: FloatArray, name: str, value: float) -> Dri
     """Return a drive with other stamps of its fixes, without those outside the inertial record."""
     kept = (t >= drive.t[0]) & (t <= drive.t[-1])
     if not kept.any():
-        msg = f"'{name}' must leave fixes within the record, {drive.t[-1] - drive.t[0]:.6g} s, got {value}"
-        raise ValueError(msg)
+        raise ValueError(
+            f"'{name}' must leave fixes within the record, {drive.t[-1] - drive.t[0]:.6g} s, got {value}"
+        )
     columns = {name: getattr(drive, name)[kept] for name in ("llh", "vel_n", "position_sd", "velocity_sd")}
     white = None if drive.fix_white is None else drive.fix_white[kept]
     return replace(drive, fix_t=t[kept], fix_white=white, **columns)

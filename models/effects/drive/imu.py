@@ -22,6 +22,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from models import rotation
+from models.arrays import FloatArray
 from models.effects.drive.base import (
     AXES_STAGE,
     BIAS_STAGE,
@@ -31,7 +32,6 @@ from models.effects.drive.base import (
     Correction,
     DriveEffect,
     DriveSamples,
-    FloatArray,
     direction,
 )
 from models.effects.static.base import log_uniform, require_finite, require_positive, sign
@@ -292,8 +292,7 @@ class ImuNoiseScale(DriveEffect):
             change = (ratio - 1.0) * drive.white
             return drive.erring(change, white=drive.white + change)
         if np.any(ratio < 1.0):
-            msg = "'gyro' and 'accel' must be 1 or more where the noise is not known apart"
-            raise ValueError(msg)
+            raise ValueError("'gyro' and 'accel' must be 1 or more where the noise is not known apart")
         second = np.diff(drive.rates, 2, axis=0)
         sd = normal_sd(second, axis=0) / np.sqrt(6.0)
         return drive.erring(np.sqrt(ratio**2 - 1.0) * sd * rng.standard_normal(drive.rates.shape))
@@ -329,8 +328,7 @@ class BiasJump(DriveEffect):
     def __post_init__(self) -> None:
         require_finite(time=self.time, x=self.x, y=self.y, z=self.z)
         if self.sensor not in SENSOR_NAMES:
-            msg = f"'sensor' must be one of {', '.join(SENSOR_NAMES)}; got '{self.sensor}'"
-            raise ValueError(msg)
+            raise ValueError(f"'sensor' must be one of {', '.join(SENSOR_NAMES)}; got '{self.sensor}'")
 
     def apply(self, drive: DriveSamples, rng: np.random.Generator) -> DriveSamples:
         """Add the jump to the samples whose interval lies after it."""

@@ -15,15 +15,15 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from models import rotation
+from models.arrays import FloatArray
 from models.earth import llh_displaced, metres_per_radian, transport_rate
 
 if TYPE_CHECKING:  # loaded where a drive is moved, as it takes 0.2 s
     from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
-FloatArray = NDArray[np.float64]
 
 MIN_SPEED = 0.5
 """Speed below which the direction of travel is that of the last motion, m/s."""

@@ -82,8 +82,9 @@ def _effect_of(declared: Any) -> type[Effect] | None:
 def _complete(effect: type[Effect]) -> None:
     """Refuse what is not an effect that can be applied and drawn."""
     if not (isinstance(effect, type) and issubclass(effect, Effect)) or isabstract(effect):
-        msg = f"expected a class of effects (models.effects.static.base.Effect) with apply and draw, got {effect!r}"
-        raise TypeError(msg)
+        raise TypeError(
+            f"expected a class of effects (models.effects.static.base.Effect) with apply and draw, got {effect!r}"
+        )
 
 
 EFFECTS: Registry[type[Effect]] = Registry(
@@ -172,19 +173,16 @@ def hide(
     width = block.y.shape[1]
     for effect, _ in effects:
         if effect.needs_temperature and block.temperature is None:
-            msg = f"'{effect.name}' needs a block with a temperature, got one without"
-            raise ValueError(msg)
+            raise ValueError(f"'{effect.name}' needs a block with a temperature, got one without")
     streams = rng.spawn(len(effects))
     for (effect, columns), stream in sorted(zip(effects, streams, strict=True), key=lambda e: e[0][0].stage):
         chosen = sorted(set(columns))
         if not chosen or not set(chosen) <= set(range(width)):
-            msg = f"'columns' must be some of 0 … {width - 1}, got {list(columns)}"
-            raise ValueError(msg)
+            raise ValueError(f"'columns' must be some of 0 … {width - 1}, got {list(columns)}")
         if len(chosen) == width:
             block = effect.apply(block, stream)
         elif effect.stage == STAMP:
-            msg = f"'{effect.name}' acts on all {width} channels at once, got {list(columns)}"
-            raise ValueError(msg)
+            raise ValueError(f"'{effect.name}' acts on all {width} channels at once, got {list(columns)}")
         else:
             block = _hide_in(block, effect, chosen, stream)
     return block

@@ -18,7 +18,8 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from models.effects.static.base import Effect, FloatArray, Samples, Scale, log_uniform, require_finite, sign
+from models.arrays import FloatArray
+from models.effects.static.base import Effect, Samples, Scale, log_uniform, require_finite, sign
 
 
 @dataclass(frozen=True)
@@ -51,8 +52,7 @@ class Attitude(Effect):
     def apply(self, block: Samples, rng: np.random.Generator) -> Samples:
         """Turn the mean vector of a triad (three channels)."""
         if block.y.shape[1] != 3:
-            msg = f"'{self.name}' needs the three channels of a triad, got {block.y.shape[1]}"
-            raise ValueError(msg)
+            raise ValueError(f"'{self.name}' needs the three channels of a triad, got {block.y.shape[1]}")
         return block.add(self.signal(block.t, block.y.mean(axis=0)))
 
     @classmethod

@@ -23,12 +23,10 @@ from dataclasses import dataclass, fields, replace
 from typing import ClassVar, Literal, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
+from models.arrays import FloatArray
 from models.effects.parsing import Written
-
-FloatArray = NDArray[np.float64]
 
 NOISE, SIGNAL, FILTER, GLITCH, RAIL, QUANTIZER, REGISTER, HOLD, STAMP = range(9)
 """Stages in the order in which a sample passes them."""
@@ -70,14 +68,13 @@ class Samples:
     def __post_init__(self) -> None:
         n = len(self.t)
         if self.y.ndim != 2 or self.t.shape != (self.y.shape[0],):
-            msg = f"'t' and 'y' must have shapes (n,) and (n, k), got {self.t.shape} and {self.y.shape}"
-            raise ValueError(msg)
+            raise ValueError(
+                f"'t' and 'y' must have shapes (n,) and (n, k), got {self.t.shape} and {self.y.shape}"
+            )
         if self.temperature is not None and self.temperature.shape != (n,):
-            msg = f"'temperature' must have shape ({n},), got {self.temperature.shape}"
-            raise ValueError(msg)
+            raise ValueError(f"'temperature' must have shape ({n},), got {self.temperature.shape}")
         if self.white is not None and self.white.shape != self.y.shape:
-            msg = f"'white' must have the shape {self.y.shape} of 'y', got {self.white.shape}"
-            raise ValueError(msg)
+            raise ValueError(f"'white' must have the shape {self.y.shape} of 'y', got {self.white.shape}")
         require_positive(interval=self.interval)
 
     def fast(self) -> FloatArray:
@@ -184,32 +181,28 @@ def require_finite(**values: float) -> None:
     """Raise ValueError for a parameter that is not a finite number."""
     for name, value in values.items():
         if not math.isfinite(value):
-            msg = f"'{name}' must be finite, got {value}"
-            raise ValueError(msg)
+            raise ValueError(f"'{name}' must be finite, got {value}")
 
 
 def require_positive(**values: float) -> None:
     """Raise ValueError for a parameter that is not positive and finite."""
     for name, value in values.items():
         if not (value > 0 and math.isfinite(value)):
-            msg = f"'{name}' must be positive, got {value}"
-            raise ValueError(msg)
+            raise ValueError(f"'{name}' must be positive, got {value}")
 
 
 def require_not_negative(**values: float) -> None:
     """Raise ValueError for a parameter that is negative or not finite."""
     for name, value in values.items():
         if not (value >= 0 and math.isfinite(value)):
-            msg = f"'{name}' must not be negative, got {value}"
-            raise ValueError(msg)
+            raise ValueError(f"'{name}' must not be negative, got {value}")
 
 
 def require_between(low: float, high: float, **values: float) -> None:
     """Raise ValueError for a parameter outside low ≤ x < high."""
     for name, value in values.items():
         if not low <= value < high:
-            msg = f"'{name}' must be at least {low} and below {high}, got {value}"
-            raise ValueError(msg)
+            raise ValueError(f"'{name}' must be at least {low} and below {high}, got {value}")
 
 
 def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:

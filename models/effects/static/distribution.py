@@ -227,8 +227,7 @@ class CrossAxis(Effect):
     def apply(self, block: Samples, rng: np.random.Generator) -> Samples:
         """Mix one common noise into every channel."""
         if block.y.shape[1] < 2:
-            msg = f"'{self.name}' needs two channels or more, got {block.y.shape[1]}"
-            raise ValueError(msg)
+            raise ValueError(f"'{self.name}' needs two channels or more, got {block.y.shape[1]}")
         w = block.fast()
         common = rng.standard_normal(len(block.t))[:, np.newaxis] * w.std(axis=0)
         return block.reshaped(w, np.sqrt(1.0 - self.correlation) * w + np.sqrt(self.correlation) * common)

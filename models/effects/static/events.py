@@ -23,10 +23,10 @@ from typing import ClassVar, Self
 
 import numpy as np
 
+from models.arrays import FloatArray
 from models.effects.static.base import (
     GLITCH,
     Effect,
-    FloatArray,
     Samples,
     Scale,
     log_uniform,
@@ -201,8 +201,9 @@ class Spikes(Effect):
         """Add the spikes to every channel."""
         chance = self.rate * block.interval
         if chance > 1.0:
-            msg = f"'rate' must not exceed the sampling rate, {1.0 / block.interval} Hz, got {self.rate}"
-            raise ValueError(msg)
+            raise ValueError(
+                f"'rate' must not exceed the sampling rate, {1.0 / block.interval} Hz, got {self.rate}"
+            )
         hit = rng.random(block.y.shape) < chance
         return block.add(np.where(hit, self.size * rng.choice((-1.0, 1.0), block.y.shape), 0.0))
 

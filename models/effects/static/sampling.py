@@ -54,12 +54,10 @@ class Clipping(Effect):
 
     def __post_init__(self) -> None:
         if self.low is None and self.high is None:
-            msg = "'low' or 'high' must be given, got neither"
-            raise ValueError(msg)
+            raise ValueError("'low' or 'high' must be given, got neither")
         require_finite(low=self.low or 0.0, high=self.high or 0.0)
         if self.low is not None and self.high is not None and not self.low < self.high:
-            msg = f"'low' must be below 'high', {self.high}, got {self.low}"
-            raise ValueError(msg)
+            raise ValueError(f"'low' must be below 'high', {self.high}, got {self.low}")
 
     def apply(self, block: Samples, rng: np.random.Generator) -> Samples:
         """Clip every channel."""
@@ -126,8 +124,7 @@ class Overflow(Effect):
     def __post_init__(self) -> None:
         require_finite(low=self.low, high=self.high)
         if not self.low < self.high:
-            msg = f"'low' must be below 'high', {self.high}, got {self.low}"
-            raise ValueError(msg)
+            raise ValueError(f"'low' must be below 'high', {self.high}, got {self.low}")
 
     def apply(self, block: Samples, rng: np.random.Generator) -> Samples:
         """Wrap every channel around; samples within the range stay as they are to the last digit."""
@@ -166,8 +163,7 @@ class Duplicates(Effect):
     def __post_init__(self) -> None:
         require_between(0.0, 1.0, fraction=self.fraction)
         if (self.start is None) is not (self.duration is None):
-            msg = "'start' and 'duration' must be given together"
-            raise ValueError(msg)
+            raise ValueError("'start' and 'duration' must be given together")
         if self.start is not None and self.duration is not None:
             require_finite(start=self.start)
             require_positive(duration=self.duration)
@@ -242,8 +238,9 @@ class Timing(Effect):
         period = self.gap_samples + 1
         slots = (n - 1) // period
         if self.gap_count > slots:
-            msg = f"'gap_count' must leave room in {n} samples, at most {slots}, got {self.gap_count}"
-            raise ValueError(msg)
+            raise ValueError(
+                f"'gap_count' must leave room in {n} samples, at most {slots}, got {self.gap_count}"
+            )
         starts = 1 + period * rng.choice(slots, self.gap_count, replace=False)
         keep = np.ones(n, dtype=bool)
         keep[(starts[:, np.newaxis] + np.arange(self.gap_samples)).ravel()] = False

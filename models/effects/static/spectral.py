@@ -24,11 +24,11 @@ from typing import ClassVar, Self
 
 import numpy as np
 
+from models.arrays import FloatArray
 from models.effects.static.base import (
     FILTER,
     NOISE,
     Effect,
-    FloatArray,
     Joins,
     Samples,
     Scale,
@@ -165,8 +165,9 @@ class Vibration(Effect):
     def recursion(self, interval: float) -> tuple[float, float]:
         """Return φ₁, φ₂ of x_k = φ₁ x_{k−1} + φ₂ x_{k−2} + e_k."""
         if not self.frequency < 0.5 / interval:
-            msg = f"'frequency' must be below half the rate, {0.5 / interval} Hz, got {self.frequency}"
-            raise ValueError(msg)
+            raise ValueError(
+                f"'frequency' must be below half the rate, {0.5 / interval} Hz, got {self.frequency}"
+            )
         r = math.exp(-math.pi * self.frequency * interval / self.quality)
         return 2.0 * r * math.cos(2.0 * math.pi * self.frequency * interval), -r * r
 
@@ -276,8 +277,7 @@ class Colour(Effect):
                 require_finite(**{key: value})
         roots = np.roots([1.0, *(-a for a in self.ar)])
         if np.any(np.abs(roots) >= 1.0):
-            msg = f"'ar' must be stationary (poles inside the unit circle), got {self.ar}"
-            raise ValueError(msg)
+            raise ValueError(f"'ar' must be stationary (poles inside the unit circle), got {self.ar}")
 
     def gain(self, f: FloatArray, interval: float) -> FloatArray:
         """Return the factor on the spectrum of the white noise at frequencies `f`, Hz, shape of `f`."""

@@ -15,12 +15,8 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from models.effects.static.base import (
-    FloatArray,
-    require_finite,
-    require_not_negative,
-    require_positive,
-)
+from models.arrays import FloatArray
+from models.effects.static.base import require_finite, require_not_negative, require_positive
 
 
 @runtime_checkable

@@ -21,9 +21,9 @@ from typing import ClassVar, Self
 
 import numpy as np
 
+from models.arrays import FloatArray
 from models.effects.static.base import (
     Effect,
-    FloatArray,
     Samples,
     Scale,
     log_uniform,
@@ -36,8 +36,7 @@ from models.recursion import decaying_sum
 
 def _temperature(block: Samples, cause: str) -> FloatArray:
     if block.temperature is None:
-        msg = f"'{cause}' needs a block with a temperature, got one without"
-        raise ValueError(msg)
+        raise ValueError(f"'{cause}' needs a block with a temperature, got one without")
     return block.temperature
 
 

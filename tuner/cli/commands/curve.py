@@ -62,7 +62,7 @@ def command(
     try:
         found = [empirical(record, estimator, tau=wanted) for record in counted(records)]
     except ValueError as error:
-        raise DataError(f"{log}: {error}") from error  # noqa: EM102
+        raise DataError(f"{log}: {error}") from error
     output.write(curves_json(found))
     page(f"{estimator} of {log}", {r.name: one for r, one in zip(records, found, strict=True)})
     if output.tables:
@@ -75,5 +75,6 @@ def _seconds(text: str) -> list[float]:
     try:
         return [float(part) for part in text.split(",")]
     except ValueError:
-        msg = f"--tau: expected seconds separated by commas, such as 1,10,100, got {text!r}"
-        raise click.UsageError(msg) from None
+        raise click.UsageError(
+            f"--tau: expected seconds separated by commas, such as 1,10,100, got {text!r}"
+        ) from None

@@ -178,8 +178,7 @@ def _compare(
     from tuner.types.records import DataError, Drive
 
     if isinstance(data, Drive):
-        msg = f"--against {against}: expected with a static log, got the drive {log}"
-        raise DataError(msg)
+        raise DataError(f"--against {against}: expected with a static log, got the drive {log}")
     stage("comparing the two logs", 1.0)
     comparison = compare_states(data, load_records(against, reading, messages), seed=seed)
     output.write(states_json(comparison))

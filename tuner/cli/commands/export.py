@@ -71,18 +71,16 @@ def command(
             show(dialect_tables(DIALECTS))
         return
     if config is None or dialect is None:
-        msg = "export: expected CONFIG and --to DIALECT; --list shows the dialects"
-        raise click.UsageError(msg)
+        raise click.UsageError("export: expected CONFIG and --to DIALECT; --list shows the dialects")
     if dialect not in DIALECTS:
-        msg = f"--to: {DIALECTS.unknown(dialect)}"
-        raise click.UsageError(msg)
+        raise click.UsageError(f"--to: {DIALECTS.unknown(dialect)}")
     if drive is not None:
         if dialect != "kf-gins" or output_file is None:
-            msg = "--drive: expected --to kf-gins and -o FILE with it"
-            raise click.UsageError(msg)
+            raise click.UsageError("--drive: expected --to kf-gins and -o FILE with it")
         if (rate, step, memory) != (None, None, None):
-            msg = "--rate, --step, --memory: expected without --drive, which states its own rate"
-            raise click.UsageError(msg)
+            raise click.UsageError(
+                "--rate, --step, --memory: expected without --drive, which states its own rate"
+            )
         _write_with_drive(config, drive, output_file, messages)
         text = output_file.read_text("utf-8")
     else:

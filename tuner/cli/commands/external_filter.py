@@ -72,8 +72,7 @@ def tune_filter(
     from tuner.synthesis.from_drive import config_for_drive, config_of_drive, stationary_noise
 
     if drive is None or dialect is None:
-        msg = "--filter: expected --drive DRIVE and --to DIALECT with it"
-        raise click.UsageError(msg)
+        raise click.UsageError("--filter: expected --drive DRIVE and --to DIALECT with it")
     program = program_of(filter_command, time_limit=time_limit)
     measured = read_drive(drive)
     if log is None:

@@ -83,5 +83,4 @@ def load_data(source: str, reading: Reading, messages: Messages) -> tuple[Record
 def _refuse_part(reading: Reading, found: str) -> None:
     """Refuse --begin and --end where there is no static log for them."""
     if reading.begin is not None or reading.end is not None:
-        msg = f"--begin and --end: expected a static log, {found}; leave them out"
-        raise DataError(msg)
+        raise DataError(f"--begin and --end: expected a static log, {found}; leave them out")

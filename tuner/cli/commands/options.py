@@ -123,8 +123,7 @@ def common(command: Command) -> Command:
 def drawable(_ctx: click.Context, _parameter: click.Parameter, path: Path | None) -> Path | None:
     """Refuse a figure in a format that is not drawn, before anything is computed."""
     if path is not None and path.suffix.lower() not in ("", *FIGURE_SUFFIXES):
-        msg = f"expected a file that ends in {', '.join(FIGURE_SUFFIXES)}, got '{path}'"
-        raise click.BadParameter(msg)
+        raise click.BadParameter(f"expected a file that ends in {', '.join(FIGURE_SUFFIXES)}, got '{path}'")
     return path
 
 
@@ -334,8 +333,7 @@ def term_list(
     fitted = [name for name, kind in TERMS.items() if kind.fitted]
     names = tuple(part.strip() for part in value.split(","))
     if unknown := [name for name in names if name not in fitted]:
-        msg = f"expected terms out of {' '.join(fitted)}, got {unknown[0]!r}"
-        raise click.BadParameter(msg)
+        raise click.BadParameter(f"expected terms out of {' '.join(fitted)}, got {unknown[0]!r}")
     return names
 
 
@@ -350,8 +348,7 @@ def three_numbers(
     except ValueError:
         x = y = z = math.nan
     if not math.isfinite(x + y + z):
-        msg = f"{parameter.opts[0]} {value}: expected three numbers with commas between"
-        raise click.UsageError(msg)
+        raise click.UsageError(f"{parameter.opts[0]} {value}: expected three numbers with commas between")
     return x, y, z
 
 
@@ -367,14 +364,16 @@ def state(_context: click.Context, _parameter: click.Parameter, values: tuple[st
         except ValueError:
             sd = -1.0
         if name not in named_states() or not 0.0 < sd < math.inf:
-            msg = f"--state {text}: expected NAME=SD with NAME one of {' '.join(named_states())} and a positive SD"
-            raise click.UsageError(msg)
+            raise click.UsageError(
+                f"--state {text}: expected NAME=SD with NAME one of {' '.join(named_states())} and a positive SD"
+            )
         states[name] = sd
     return states
 
 
 def _json_file(_context: click.Context, _parameter: click.Parameter, value: str | None) -> str | None:
     if value is not None and value != "-" and not value.endswith(".json"):
-        msg = f"expected a file that ends in .json, or - for standard output, got {value!r}"
-        raise click.BadParameter(msg)
+        raise click.BadParameter(
+            f"expected a file that ends in .json, or - for standard output, got {value!r}"
+        )
     return value

@@ -19,8 +19,7 @@ def _columns(_context: click.Context, parameter: click.Parameter, value: str | N
         return None
     pairs = [part.partition("=") for part in value.split(",")]
     if any(not equals or not name.strip() or not column.strip() for name, equals, column in pairs):
-        msg = f"{parameter.opts[0]} {value}: expected NAME=COLUMN with commas between"
-        raise click.UsageError(msg)
+        raise click.UsageError(f"{parameter.opts[0]} {value}: expected NAME=COLUMN with commas between")
     return {name.strip(): column.strip() for name, _, column in pairs}
 
 
@@ -35,8 +34,7 @@ def _windows(
         except ValueError:
             begin = end = math.nan
         if not begin < end < math.inf:
-            msg = f"{parameter.opts[0]} {text}: expected BEGIN,END, s, the second larger"
-            raise click.UsageError(msg)
+            raise click.UsageError(f"{parameter.opts[0]} {text}: expected BEGIN,END, s, the second larger")
         windows.append((begin, end))
     return windows
 
@@ -197,7 +195,6 @@ def _sensor_noise(source: str) -> tuple[float, float]:
     for sensor in ("gyro", "accel"):
         squares = [c.white_density**2 for axis, c in config.channels.items() if axis.startswith(sensor)]
         if not squares:
-            msg = f"--imu {source}: expected gyroscopes and accelerometers, found no {sensor}"
-            raise DataError(msg)
+            raise DataError(f"--imu {source}: expected gyroscopes and accelerometers, found no {sensor}")
         found.append(math.sqrt(sum(squares) / len(squares)))
     return found[0], found[1]

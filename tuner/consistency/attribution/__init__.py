@@ -30,8 +30,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from tuner.consistency.attribution.hypotheses import Hypothesis, hypotheses, missing_correlated
 from tuner.consistency.attribution.likelihood import (
     WhitenedProducts,
@@ -49,8 +49,6 @@ from tuner.consistency.scores import BLOCKS
 from tuner.simulation.monte_carlo import Runs
 from tuner.types.consistency import Consistency, Score
 from tuner.types.verdict import Explanation
-
-FloatArray = NDArray[np.float64]
 
 Loss = Callable[[FloatArray], FloatArray]
 """Of expectations, shape (t, k): what they lose, by run; (t, m)."""

@@ -19,12 +19,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from tuner.consistency.attribution.sensitivity import TIME_CONSTANT_FACTORS, UnmodelledNoise
 from tuner.types.verdict import ExplanationKind, explanation_source
-
-FloatArray = NDArray[np.float64]
 
 LOG_MAX_RATIO = math.log(100.0)
 """Largest ratio of true to configured sd that is considered, as a logarithm: beyond it a filter diverges."""

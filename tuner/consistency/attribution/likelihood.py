@@ -24,12 +24,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from tuner.consistency.scores import score
 from tuner.navigation.data import USED
 from tuner.simulation.monte_carlo import Runs
 from tuner.types.consistency import ErrorBudget
-
-FloatArray = NDArray[np.float64]
 
 MIN_VARIANCE = 1e-3
 """Least whitened variance that an expectation may have: a difference of parts may be negative."""

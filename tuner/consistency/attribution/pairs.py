@@ -10,13 +10,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
-
 from tuner.consistency.attribution.hypotheses import Hypothesis
 from tuner.types.verdict import ExplanationKind
-
-FloatArray = NDArray[np.float64]
 
 SENSOR_NOISE = (
     "all sensor noise", "gyro white noise", "accelerometer white noise", "gyro bias noise", "accelerometer bias noise",

@@ -16,8 +16,9 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from models.arrays import FloatArray
 from models.noise import GaussMarkov
 from tuner.consistency.error_budget import Source, known_sources, trace
 from tuner.consistency.scores import BLOCKS
@@ -26,8 +27,6 @@ from tuner.simulation.monte_carlo import AVERAGING_RATIO, Scenario
 from tuner.types import FilterConfig
 from tuner.types.consistency import Consistency, ErrorBudget
 from tuner.types.verdict import ExplanationKind
-
-FloatArray = NDArray[np.float64]
 
 TIME_CONSTANT_FACTORS = (10.0**-1.5, 0.1, 10.0**-0.5, 10.0**0.5, 10.0, 10.0**1.5)
 """Factors in the time constants at which scores are computed; between them, half a decade, they are interpolated."""

@@ -13,8 +13,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from tuner.consistency.output_causes.course import course_of
 from tuner.consistency.output_causes.error_model import (
     MODEL_ERROR,
@@ -30,8 +30,6 @@ from tuner.consistency.scores import EQUIVALENCE_MARGIN
 from tuner.stages import counted
 from tuner.types.consistency import MeanError
 from tuner.types.output_score import OutputCause
-
-FloatArray = NDArray[np.float64]
 
 MIN_GAIN = 15.0
 """Nats from which a fault is named. By chance three constants gain 8 nats in one of a thousand runs; what the linear

@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models import rotation
+from models.arrays import FloatArray
 from tuner.consistency.output_errors import OutputErrors
-
-FloatArray = NDArray[np.float64]
 
 GRAVITY = np.array([0.0, 0.0, 9.80665])
 """m/s²: its change from place to place is far below the noise of the errors."""

@@ -21,13 +21,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models import rotation
+from models.arrays import FloatArray
 from tuner.consistency.output_causes.course import Course
 from tuner.consistency.output_causes.filter_model import FilterModel, filter_matrices, start_covariance
 from tuner.consistency.output_causes.kernels import covariance_recursion, error_likelihood
 from tuner.consistency.output_causes.true_noise import ExtraProcess, TrueNoise
 from tuner.consistency.output_errors import OutputErrors
-
-FloatArray = NDArray[np.float64]
 
 MODEL_ERROR = 0.03
 """White error of what is seen, in sds of the filter: its sds are met to some per cent, and turns bend within a step."""

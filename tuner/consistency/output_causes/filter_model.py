@@ -17,15 +17,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from models import rotation
+from models.arrays import FloatArray
 from tuner.consistency.output_causes.course import GRAVITY, Course, head
 from tuner.consistency.output_causes.kernels import covariance_recursion
 from tuner.consistency.output_causes.scale_factor_states import with_scale_factors
 from tuner.consistency.output_errors import OutputErrors
-
-FloatArray = NDArray[np.float64]
 
 SOURCES = ("gyro white noise", "accelerometer white noise", "gyro bias noise", "accelerometer bias noise")
 """Process noise, in the order of the sources of a model."""

@@ -8,11 +8,9 @@ with one time constant for all; the sds are sought.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from tuner.consistency.output_causes.course import Course
-
-FloatArray = NDArray[np.float64]
 
 
 def with_scale_factors(

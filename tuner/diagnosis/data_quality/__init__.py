@@ -18,6 +18,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from tuner.diagnosis.data_quality.copied_samples import Lines, Packets, find_lines, find_packets
 from tuner.diagnosis.data_quality.copied_stretches import find_copied_stretches
 from tuner.diagnosis.data_quality.frozen import Frozen, cut, frozen, together
@@ -30,8 +31,6 @@ from tuner.diagnosis.data_quality.slower_source import find_slower_source, new_r
 from tuner.segments.error_codes import ErrorCodes, find_error_codes, without_error_codes
 from tuner.types import Coefficient
 from tuner.types.records import Record
-
-FloatArray = NDArray[np.float64]
 
 MIN_JITTER = 1e-3
 """Jitter of the time stamps that is a finding, share of the interval.

@@ -15,11 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from models.arrays import BoolArray, FloatArray
 from models.probability import binomial_at_least, poisson_at_least
 from models.robust import normal_sd
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 MAX_PACKET = 64
 """Longest packet that is sought, samples; packets of inertial units and of links are shorter."""

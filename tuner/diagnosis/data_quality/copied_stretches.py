@@ -11,9 +11,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from tuner.diagnosis.data_quality.copied_samples import Packets
-
-FloatArray = NDArray[np.float64]
 
 WINDOW_DOUBLINGS = 5
 """Doublings of a window: 2⁵ rows."""

@@ -31,11 +31,10 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.special import erf, gammainc, ndtr
 
+from models.arrays import FloatArray, IntArray
 from tuner.diagnosis.data_quality.quantizer import quantizer_step
 from tuner.types.records import Record
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 Range = tuple[int, int]
 
 FROZEN_P_VALUE = 1e-9

@@ -23,14 +23,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import gammaincc
 
+from models.arrays import BoolArray, FloatArray
 from models.probability import binomial_at_least, normal_beyond, normal_density
 from tuner.types.records import Record
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 LEVEL_SAMPLES = 64
 """Samples whose median is their level: its sd is then 0.16 of theirs, and wrapped ones up to a third change little."""

@@ -30,9 +30,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from scipy.optimize import brentq
 
+from models.arrays import FloatArray
 from models.probability import chi2_beyond, normal_beyond, normal_reach
-
-FloatArray = NDArray[np.float64]
 
 MAX_VALUES = 200_000
 """Samples from which the step is found; chosen to bound the time: they meet every frequent code."""

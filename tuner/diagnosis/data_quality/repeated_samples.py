@@ -35,13 +35,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import erf
 
+from models.arrays import FloatArray, IntArray
 from models.probability import binomial_at_least, normal_reach, student_beyond
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 BLOCK_COUNT = 200
 """Blocks that a record is cut into: enough degrees of freedom for a t law close to the normal one."""

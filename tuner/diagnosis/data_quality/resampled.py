@@ -12,13 +12,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import rfft
 
+from models.arrays import FloatArray
 from models.probability import chi2_below
 from tuner.diagnosis.data_quality.copied_samples import Lines
-
-FloatArray = NDArray[np.float64]
 
 MAX_SEARCHED_SAMPLES = 65_536
 """Samples whose squares are searched for the beat: enough for a phase that is known over a window."""

@@ -31,14 +31,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
 from scipy.special import ndtr
 
+from models.arrays import FloatArray
 from models.probability import negative_binomial_at_least, poisson_at_least
 from tuner.diagnosis.data_quality.quantizer import MIN_NOISE_VARIANCE, fast_part
-
-FloatArray = NDArray[np.float64]
 
 PREDICTION_ORDER = 32
 """Order of the autoregression that predicts a sample; chosen to whiten the filtered noise of digital sensors."""

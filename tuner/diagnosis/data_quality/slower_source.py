@@ -15,13 +15,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import gammaln
 
+from models.arrays import BoolArray, FloatArray
 from tuner.types.records import Record
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 MAX_SMALL_PERIOD = 16
 """Longest period with several new rows, samples: ratios of rates such as 5 : 2 and 16 : 5."""

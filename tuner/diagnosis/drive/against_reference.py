@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
+from models.arrays import FloatArray
 from models.earth import ned_between
 from models.robust import normal_sd
 from tuner.consistency.drive_scores import differences, reference_at
@@ -22,8 +23,6 @@ from tuner.consistency.reference_check import trusted_reference
 from tuner.diagnosis.drive.hypothesis import FilterRun
 from tuner.types import GnssNoise, Unexplained
 from tuner.types.records import SOLUTIONS, Drive, Reference
-
-FloatArray = NDArray[np.float64]
 
 MIN_FIXES = 30
 """Fixes with a reference from which their errors are known to 13 %."""

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models import rotation
+from models.arrays import FloatArray
 from models.earth import ned_between
 from tuner.consistency.drive_scores import reference_positions
 from tuner.consistency.score_drive import drive_filter
@@ -25,8 +26,6 @@ from tuner.navigation.drive.run import (
 from tuner.navigation.settings import FilterSettings
 from tuner.types import FilterConfig
 from tuner.types.records import Drive, Reference
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -94,11 +94,10 @@ def examine_drive(
     try:
         return _examine(drive, config, wheels, progress)
     except np.linalg.LinAlgError as error:
-        msg = (
+        raise DataError(
             f"{drive.source or drive.name}: the covariances of the filter are lost in rounding ({error}), expected "
             "a configuration whose noise is of the size of the sensor's and the receiver's"
-        )
-        raise DataError(msg) from error
+        ) from error
 
 
 @task()

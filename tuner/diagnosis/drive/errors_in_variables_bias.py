@@ -22,8 +22,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import BoolArray, FloatArray
 from models.earth import llh_displaced
 from tuner.diagnosis.drive.causes.base import prior_sds
 from tuner.diagnosis.drive.hypothesis import FilterRun, run_filter
@@ -31,9 +31,6 @@ from tuner.diagnosis.drive.linear_model.likelihood import as_configured, evaluat
 from tuner.navigation.drive.run import reported_sds
 from tuner.navigation.settings import ACCELS, GYROS
 from tuner.types.records import DataError, Drive
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 ADDED_NOISE_SEED = 0
 """Seed of the noise that is added: the same drive gives the same diagnosis."""

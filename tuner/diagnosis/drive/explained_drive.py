@@ -43,8 +43,7 @@ def examine_drive_of(
     The parameters are those of `tuner.diagnose`; a second drive to measure gains on is refused.
     """
     if holdout is not None:
-        msg = "--holdout: expected with a static log; of a drive the last 40 % are held out"
-        raise DataError(msg)
+        raise DataError("--holdout: expected with a static log; of a drive the last 40 % are held out")
     receiver = receiver_of_source(gnss, progress) if isinstance(gnss, str) else gnss
     if config is not None:
         chosen = config_for_drive(drive, config, gnss=receiver)

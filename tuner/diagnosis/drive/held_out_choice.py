@@ -25,8 +25,8 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from tuner.consistency.reference_check import trusted_reference
 from tuner.diagnosis.drive.candidates import (
     BEGINNING,
@@ -60,8 +60,6 @@ from tuner.stages import stage, task
 from tuner.types import FilterConfig
 from tuner.types.progress import Progress
 from tuner.types.records import DataError, Drive
-
-FloatArray = NDArray[np.float64]
 
 WORSE_PROBABILITY = 0.9
 """Probability from which errors in outages count as larger: a user loses more by them than by a change not made."""

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
+from models.arrays import FloatArray
 from models.earth import ned_between
 from models.effects.drive.gnss import ClockDrift, TimeOffset, middle_of
 from tuner.consistency.drive_scores import reference_positions
@@ -37,8 +38,6 @@ from tuner.navigation.drive.run import RECOVERY_TIME, navigate
 from tuner.navigation.fix_sd_model import GNSS_NOISE_SCALE
 from tuner.types import Compensation, Gain, Parameter
 from tuner.types.records import DataError, Drive
-
-FloatArray = NDArray[np.float64]
 
 OUTAGE_DURATIONS = (30.0, 60.0)
 """Durations of the outages, s: those that data sheets of GNSS/INS state."""

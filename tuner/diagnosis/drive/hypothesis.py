@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from models.arrays import BoolArray, FloatArray
 from models.effects.drive.gnss import middle_of
 from models.filter_states.built_in import CORRELATED_VELOCITY
 from models.noise import GaussMarkov
@@ -35,9 +36,6 @@ from tuner.navigation.fix_sd_model import GNSS_NOISE_SCALE, FixSdModel
 from tuner.navigation.settings import FilterSettings, filter_settings
 from tuner.types import ChannelNoise, Compensation, FilterConfig, Parameter
 from tuner.types.records import Drive
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 MAX_FIXES = 1000
 """Fixes that a diagnosis uses, of more of them: its cost grows with them, while constants are known well

@@ -11,8 +11,8 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from tuner.diagnosis.drive.cause_test import MIN_GAIN, CauseTest
 from tuner.diagnosis.drive.causes.base import constant_causes, noise_causes
 from tuner.diagnosis.drive.hypothesis import FilterRun
@@ -21,8 +21,6 @@ from tuner.diagnosis.drive.linear_model.whitened_innovations import WhitenedInno
 from tuner.diagnosis.drive.score_tests import ScoreTest, score_tests
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.types import Coefficient, Parameter
-
-FloatArray = NDArray[np.float64]
 
 STRONG_P_VALUE = 1e-9
 """p value below which a constant cause is significant whatever the noise: wrong noise does not halve a χ² of 40."""

@@ -25,8 +25,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from tuner.diagnosis.drive.causes.base import is_noise_scale
 from tuner.diagnosis.drive.causes.bias_jump import BIAS_JUMP, SENSORS
 from tuner.diagnosis.drive.causes.correlated_gnss import CORRELATED_GNSS
@@ -41,8 +41,6 @@ from tuner.diagnosis.drive.score_tests import colour_factor, columns_of
 from tuner.diagnosis.drive.search import SearchResult
 from tuner.navigation.settings import ACCELS, GYROS
 from tuner.types import ChannelNoise, Parameter
-
-FloatArray = NDArray[np.float64]
 
 SPREAD_COST = 2.0
 """Cost, nats, of choosing the spread of the prior: sizes known to four decades, of which the best takes about e."""

@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaln, logsumexp
 
+from models.arrays import FloatArray, IndexArray
 from tuner.diagnosis.drive.hypothesis import FilterRun
 from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, evaluate
-from tuner.diagnosis.drive.parts_of_innovations import Check, FloatArray, IntArray, mixed
+from tuner.diagnosis.drive.parts_of_innovations import Check, mixed
 
 NOTHING_FURTHER: Mapping[str, float] = MappingProxyType({})
 """No further divisions."""
@@ -26,7 +27,7 @@ def densities_by_parts(
     noise: NoiseHypothesis,
     groups: tuple[str, ...],
     tau: float,
-    parts: Mapping[str, IntArray],
+    parts: Mapping[str, IndexArray],
     further: Mapping[str, float] = NOTHING_FURTHER,
 ) -> Check:
     """Check the density of process noise: its factor between two fixes, part by part.
@@ -101,7 +102,7 @@ def evidence_of_axes(noise: NoiseHypothesis, states: slice, forward: FloatArray)
     return either(forward / length) - max(0.0, either(north))
 
 
-def variances_by_parts(noise: NoiseHypothesis, tau: float, parts: Mapping[str, IntArray]) -> Check:
+def variances_by_parts(noise: NoiseHypothesis, tau: float, parts: Mapping[str, IndexArray]) -> Check:
     """Check sds of fixes: the mean square of their whitened innovations, of positions and velocities, part by part."""
     white = np.where(noise.counted, evaluate(noise).white, 0.0)
     evidence = {}
@@ -143,7 +144,7 @@ def integrated(gain: Callable[[float], float], tau: float) -> float:
     return peak - 0.5 * math.log(-2.0 * a)
 
 
-def shares_by_parts(run: FilterRun, cause: str, parts: Mapping[str, IntArray]) -> Check:
+def shares_by_parts(run: FilterRun, cause: str, parts: Mapping[str, IndexArray]) -> Check:
     """Check single fixes that are left out: the share of their runs, part by part."""
     h, t = run.hypothesis, run.linearized.t
     out = h.position_out if cause == "gnss_outliers" else h.velocity_out & ~h.position_out
@@ -161,7 +162,7 @@ def shares_by_parts(run: FilterRun, cause: str, parts: Mapping[str, IntArray]) -
     return mixed(evidence)
 
 
-def dirichlet_evidence(count: IntArray, weight: FloatArray) -> float:
+def dirichlet_evidence(count: IndexArray, weight: FloatArray) -> float:
     """Return the log Bayes factor of shares that are unknown, Dirichlet, against known ones."""
     prior = weight * len(weight)
     total = gammaln(prior.sum()) - gammaln(prior.sum() + count.sum())

@@ -17,7 +17,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tuner.diagnosis.drive.causes.base import DRIVE_CAUSES, is_noise_scale
 from tuner.diagnosis.drive.diagnose import ExaminedDrive
@@ -27,8 +26,6 @@ from tuner.diagnosis.drive.linear_model.noise_fit import NoiseFit, maximize_like
 from tuner.diagnosis.drive.linear_model.noise_parameters import BLOCKS, noise_parameters, present
 from tuner.types import ChannelNoise, Coefficient, FilterConfig, NoiseScaleEstimate
 from tuner.types.records import DataError, Drive
-
-FloatArray = NDArray[np.float64]
 
 SETTINGS: Mapping[str, tuple[str, str]] = {
     "gyro_white": ("white noise of the gyros", "rad/s/√Hz"),

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.earth import ned_between
 from models.strapdown import NavigationState
 from tuner.consistency.correlated_errors import independent_share
@@ -30,7 +31,6 @@ from tuner.navigation.drive.run import (
 )
 from tuner.navigation.settings import FilterSettings
 
-FloatArray = NDArray[np.float64]
 Window = tuple[float, float]
 """Begin and end of an outage, s."""
 

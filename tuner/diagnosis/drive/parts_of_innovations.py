@@ -10,11 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
+from models.arrays import FloatArray, IndexArray
 from tuner.diagnosis.drive.causes.time_offset import OFFSET_DELAY
 from tuner.diagnosis.drive.linear_model.linearized_run import LinearizedRun
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.intp]
 
 TIME_PARTS, MOTION_PARTS = 4, 3
 """Parts of the drive in time, and of the fixes by what the vehicle does."""
@@ -44,7 +42,7 @@ class Check:
     between: str
 
 
-def divisions(linearized: LinearizedRun) -> dict[str, IntArray]:
+def divisions(linearized: LinearizedRun) -> dict[str, IndexArray]:
     """Return the part of every row of k fixes, by division; (k, 6) each, −1 where the row is in none."""
     k, t = len(linearized.t), linearized.t
     delay = linearized.parameters.index(OFFSET_DELAY)
@@ -69,7 +67,7 @@ def divisions(linearized: LinearizedRun) -> dict[str, IntArray]:
     return {"rows": rows, **{name: np.repeat(part[:, None], 6, axis=1) for name, part in by_fix.items()}}
 
 
-def thirds_by_size(size: FloatArray) -> IntArray | None:
+def thirds_by_size(size: FloatArray) -> IndexArray | None:
     """Return parts of k fixes, each with a third of the information of an effect; None where its sizes are alike.
 
     What is in proportion to its cause is so in all three; a square, or what saturates, is not.
@@ -86,7 +84,7 @@ def thirds_by_size(size: FloatArray) -> IntArray | None:
     return part
 
 
-def _thirds(values: FloatArray, among: NDArray[np.bool_]) -> IntArray:
+def _thirds(values: FloatArray, among: NDArray[np.bool_]) -> IndexArray:
     if not among.any():
         return np.zeros(len(values), dtype=np.intp)
     edges = np.quantile(values[among], np.arange(1, MOTION_PARTS) / MOTION_PARTS)

@@ -20,8 +20,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray, IndexArray
 from models.units import STANDARD_GRAVITY
 from tuner.diagnosis.drive.causes.base import is_noise_scale, is_of_single_fixes
 from tuner.diagnosis.drive.causes.bias_jump import BIAS_JUMP, SENSORS
@@ -41,21 +41,12 @@ from tuner.diagnosis.drive.noise_by_parts import (
     shares_by_parts,
     variances_by_parts,
 )
-from tuner.diagnosis.drive.parts_of_innovations import (
-    BETWEEN,
-    Check,
-    IntArray,
-    divisions,
-    mixed,
-    thirds_by_size,
-)
+from tuner.diagnosis.drive.parts_of_innovations import BETWEEN, Check, divisions, mixed, thirds_by_size
 from tuner.diagnosis.drive.rivals_of_biases import rivals_of_bias
 from tuner.diagnosis.drive.score_tests import colour_factor, columns_of
 from tuner.diagnosis.drive.search import Accepted, SearchResult
 from tuner.navigation.settings import ACCELS, GYROS
 from tuner.types import Alternative, Finding, Parameter
-
-FloatArray = NDArray[np.float64]
 
 UNKNOWN = "unknown"
 """Code of what is none of the catalogue, among alternatives."""
@@ -176,7 +167,7 @@ def checks(findings: tuple[Finding, ...], outcome: SearchResult) -> dict[str, Ch
 
 
 def _amplitudes(
-    run: FilterRun, effects: Mapping[str, tuple[FloatArray, FloatArray]], parts: Mapping[str, IntArray]
+    run: FilterRun, effects: Mapping[str, tuple[FloatArray, FloatArray]], parts: Mapping[str, IndexArray]
 ) -> dict[str, Check]:
     """Check what shifts the innovations: its amplitude, part by part.
 
@@ -192,7 +183,7 @@ def _amplitudes(
     linearized = run.linearized
     counted = as_configured(linearized).counted
     columns: dict[tuple[str, str, int], tuple[FloatArray, FloatArray]] = {}
-    by_size: dict[str, IntArray] = {}
+    by_size: dict[str, IndexArray] = {}
     for cause, (push, shift) in effects.items():
         columns[cause, "", 0] = push, shift
         for name, part in parts.items():

@@ -18,8 +18,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.earth import ned_between
 from tuner.consistency.drive_scores import blocks, reference_positions
 from tuner.consistency.score_drive import OUTAGE_LENGTHS
@@ -39,7 +39,6 @@ from tuner.navigation.drive.run import (
     outage_windows,
 )
 
-FloatArray = NDArray[np.float64]
 INNOVATION_RATIOS = (0.8, 1.25)
 """Innovations ÷ predicted sds that `navigate` finds consistent on a drive of ten minutes."""
 

@@ -16,8 +16,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from tuner.diagnosis.drive.causes.bias_jump import bias_jump
 from tuner.diagnosis.drive.hypothesis import FilterRun
 from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, as_configured
@@ -25,8 +25,6 @@ from tuner.diagnosis.drive.linear_model.linearized_run import LinearizedRun
 from tuner.diagnosis.drive.linear_model.whitened_innovations import whiten
 from tuner.diagnosis.drive.score_tests import ScoreTest, columns_of, retest
 from tuner.diagnosis.static.outcome import TestResult
-
-FloatArray = NDArray[np.float64]
 
 N_PARTS = 5
 """Parts of a drive between which a strong cause may differ; chosen to follow slow changes with few parameters."""

@@ -23,15 +23,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from models.arrays import FloatArray
 from tuner.diagnosis.drive.causes.base import constant_causes, prior_sds
 from tuner.diagnosis.drive.linear_model.whitened_innovations import WhitenedInnovations
 from tuner.navigation.determined import determined_by_halves
 from tuner.types import Parameter
-
-FloatArray = NDArray[np.float64]
 
 BLOCK_DURATION = 30.0
 """Length of the blocks whose sums are compared, s: beyond the correlation time of most receiver errors."""

@@ -16,11 +16,9 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from models.arrays import BoolArray, FloatArray
 from tuner.diagnosis.static.model.covariate import code_step, smoothed, typical_repeats
 from tuner.types.records import DataError, Record
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 BLOCK_COUNT = 4096
 """Blocks that a record is cut into, within 5 %, where it has that many samples.
@@ -193,8 +191,9 @@ def channel(
     chosen = _without_long_gaps(record)
     first, n = chosen[0][0], int(_index(record, chosen[-1])[-1] - _index(record, chosen[0])[0]) + 1
     if n < MIN_SAMPLES:
-        msg = f"{record.source or record.name}: {axis} has {n} samples, expected {MIN_SAMPLES} or more; record longer"
-        raise DataError(msg)
+        raise DataError(
+            f"{record.source or record.name}: {axis} has {n} samples, expected {MIN_SAMPLES} or more; record longer"
+        )
     block, n = _cut(n)
     place: slice | NDArray[np.int64] = slice(0, n)
     source: slice | NDArray[np.int64] = slice(first, first + n)
@@ -211,13 +210,13 @@ def channel(
     measured = column[source]
     level, scale = float(np.median(measured)), difference_sd(measured)
     if not scale > 0:
-        msg = f"{record.source or record.name}: {axis} is constant, expected noise; leave it out"
-        raise DataError(msg)
+        raise DataError(f"{record.source or record.name}: {axis} is constant, expected noise; leave it out")
     cycles = computed(measured)
     if cycles is not None:
         what = f"a sinusoid of {cycles / record.interval:.6g} Hz" if cycles > 0.0 else "a straight line"
-        msg = f"{record.source or record.name}: {axis} is {what} without any noise, expected noise; leave it out"
-        raise DataError(msg)
+        raise DataError(
+            f"{record.source or record.name}: {axis} is {what} without any noise, expected noise; leave it out"
+        )
     noise = np.random.default_rng((seed, 77))
     if _sd_of_eighth_differences(measured) < DEEP_STOP_BAND * scale * float(np.sqrt(12870.0)):  # Σ C(8, k)²
         quantizer_step = max(quantizer_step, FLOOR_STEP * scale)

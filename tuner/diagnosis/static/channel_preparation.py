@@ -11,14 +11,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import BoolArray
 from tuner.diagnosis.data_quality import DataQualityTest, without_frozen
 from tuner.diagnosis.data_quality.overflow import without_overflow
 from tuner.diagnosis.static.channel import Channel, channel
 from tuner.types.records import DataError, Record
-
-BoolArray = NDArray[np.bool_]
 
 MAX_BRIDGED_SHARE = 0.3
 """Share of repeated samples up to which they are bridged; beyond, they are dropped and the rate is corrected.

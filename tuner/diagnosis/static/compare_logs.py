@@ -97,8 +97,9 @@ def compare_states(running: Sequence[Record], at_rest: Sequence[Record], *, seed
     axes = [a for record in running for a in record.axes if any(a in other.axes for other in at_rest)]
     if not axes:
         theirs, mine = (" ".join(a for r in log for a in r.axes) for log in (running, at_rest))
-        msg = f"--against: expected an axis of the log, {theirs}, got {mine}; give two logs of one unit"
-        raise DataError(msg)
+        raise DataError(
+            f"--against: expected an axis of the log, {theirs}, got {mine}; give two logs of one unit"
+        )
     found, before = diagnose(running, seed=seed), diagnose(at_rest, seed=seed)
     rows = compare_identifications(
         ["at rest", "running"], [identify(at_rest, arma=None), identify(running, arma=None)]

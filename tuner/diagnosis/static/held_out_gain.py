@@ -20,8 +20,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.probability import log_normal_density
 from tuner.diagnosis.static.causes.base import Extension, gain_of, power_of
 from tuner.diagnosis.static.causes.burst import Burst
@@ -50,8 +50,6 @@ from tuner.diagnosis.static.search import SearchResult
 from tuner.diagnosis.static.switching.models import block_noise
 from tuner.diagnosis.static.variance.quantized_noise import slow_track
 from tuner.types import Gain
-
-FloatArray = NDArray[np.float64]
 
 FITTED_SHARE = 0.6
 """Part of a single record that the parameters are taken from; chosen so that both parts are long."""

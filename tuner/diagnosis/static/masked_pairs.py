@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.probability import chi2_beyond
 from tuner.diagnosis.static.causes.base import Extension
 from tuner.diagnosis.static.causes.registry import CAUSES
@@ -23,8 +24,6 @@ from tuner.diagnosis.static.model.dct import block_transform
 from tuner.diagnosis.static.model.null_distributions import SLOW_RATIO_FACTOR
 from tuner.diagnosis.static.model.residual import Residual, extended, without
 from tuner.diagnosis.static.outcome import TestResult
-
-FloatArray = NDArray[np.float64]
 
 PAIR = "pair"
 """Name of the test in results."""

@@ -21,8 +21,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.earth import SEMI_MAJOR_AXIS
 from models.effects import EFFECTS, Samples
 from models.noise import GaussMarkov, NoiseModel
@@ -35,8 +35,6 @@ from tuner.diagnosis.static.model.covariate import code_step, smoothed, typical_
 from tuner.synthesis.findings import without_motion
 from tuner.types import Finding
 from tuner.types.records import Record
-
-FloatArray = NDArray[np.float64]
 
 OUTAGES = (60.0, 1000.0)
 """Durations without fixes, s: a tunnel, and a sixth of a Schuler period."""

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from tuner.curves.allan import overlapping_allan
 from tuner.diagnosis.static.causes.base import Extension
 from tuner.diagnosis.static.causes.heavy_tails import HeavyTails
@@ -19,8 +20,6 @@ from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.dct import inverse, transform
 from tuner.diagnosis.static.model.residual import Residual, residual
 from tuner.diagnosis.static.search import SearchResult
-
-FloatArray = NDArray[np.float64]
 
 BAND_COUNT = 96
 """Bands of the spectrum, evenly spaced in the logarithm of the frequency; chosen as about twenty a decade."""

@@ -11,8 +11,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.noise import GaussMarkov, NoiseModel, Term, White
 from tuner.diagnosis.static.causes.colour import Colour
 from tuner.diagnosis.static.causes.gauss_markov import MoreMarkov
@@ -23,8 +23,6 @@ from tuner.diagnosis.static.model.residual import Residual
 from tuner.identification.channel import choose_terms, single_axis
 from tuner.types import Identification
 from tuner.types.records import Record
-
-FloatArray = NDArray[np.float64]
 
 BRIEF_SHARE = 1e-3
 """Time constant ÷ span below which a process is white to what is chosen: its corner lies above 160 ÷ span."""

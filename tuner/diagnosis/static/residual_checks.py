@@ -33,6 +33,7 @@ from numpy.typing import NDArray
 from scipy.fft import next_fast_len, rfft
 from scipy.special import ndtr
 
+from models.arrays import FloatArray
 from models.probability import chi2_beyond
 from tuner.curves.long_transforms import without_tables
 from tuner.diagnosis.static.causes.line import Line
@@ -48,8 +49,6 @@ from tuner.diagnosis.static.spectrum.background import local_level
 from tuner.diagnosis.static.variance.histogram import histogram
 from tuner.diagnosis.static.variance.local_variance import local_variance
 from tuner.diagnosis.static.variance.quantized_noise import hides_noise
-
-FloatArray = NDArray[np.float64]
 
 LAW_DEGREES = range(3, 9)
 """Degrees of the polynomials: 3 is skewness, 4 the tails, the higher ones see several peaks and gaps."""

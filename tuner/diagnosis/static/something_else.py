@@ -19,8 +19,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.noise import BiasInstability, RandomWalk
 from tuner.diagnosis.cause import Group
 from tuner.diagnosis.data_quality.quantizer import may_be_uneven
@@ -40,8 +40,6 @@ from tuner.diagnosis.static.outcome import UNKNOWN, Accepted
 from tuner.diagnosis.static.search import SearchResult, group_of
 from tuner.identification.fisher_scoring import minimise
 from tuner.types import Alternative
-
-FloatArray = NDArray[np.float64]
 
 LATTICE = "lattice"
 """Cause of a quantizer that shows."""

@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
-from numpy.typing import NDArray
-
+from models.arrays import FloatArray
 from models.noise.bounded_white_noise import bounded_white_density
 from tuner.identification.predictive.criteria import follows_curve
 from tuner.identification.predictive.curve_fit import fit_curve, raise_random_walk, with_bounded_parts
@@ -22,8 +20,6 @@ from tuner.types.prediction import (
     PredictedBlock,
     SpectralExcess,
 )
-
-FloatArray = NDArray[np.float64]
 
 WHITE_FROM = 10.0
 """Cluster time ÷ time constant from which a fast state that became white noise is judged as such."""

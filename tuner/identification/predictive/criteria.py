@@ -11,11 +11,9 @@ has the block. With n windows in the record the ratio has a relative sd of 1/√
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from tuner.types.prediction import INNER_LIMIT, CurveComparison, ForecastComparison, MeasuredAllan
-
-FloatArray = NDArray[np.float64]
 
 
 def follows_curve(

@@ -21,14 +21,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import lsq_linear, nnls
 
+from models.arrays import FloatArray
 from models.noise import GaussMarkov, Quantization, RandomWalk, Term, White
 from tuner.identification.predictive.criteria import follows_curve
 from tuner.types.prediction import INNER_LIMIT, MeasuredAllan, NoiseBlock, SpectralExcess
-
-FloatArray = NDArray[np.float64]
 
 MODEL_ERROR = 2.0 * np.log(INNER_LIMIT) / 1.96
 """Granted sd of the misfit of ln V: puts 95 % of the deviations within the inner limit of the comparison."""

@@ -12,12 +12,10 @@ from collections.abc import Sequence
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from tuner.identification.predictive.criteria import forecast_comparison
 from tuner.types.prediction import ForecastComparison, NoiseBlock
-
-FloatArray = NDArray[np.float64]
 
 HORIZONS = (10.0, 60.0, 300.0)
 """Durations ahead, s."""

@@ -11,14 +11,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray, IntArray
 from tuner.curves import dof
 from tuner.curves.allan import overlapping_allan
 from tuner.types.prediction import MeasuredAllan
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 MIN_CLUSTER = 10
 """Samples of the shortest cluster: a shorter one shows the sensor's own low-pass filter, which no filter model has."""

@@ -16,12 +16,10 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import rfft
 
+from models.arrays import FloatArray
 from tuner.types.prediction import SpectralExcess
-
-FloatArray = NDArray[np.float64]
 
 EXCESS_OVER_MEDIAN = 4.0
 """Power ÷ local median from which a frequency counts: 15 or more windows of white noise do not come near it."""

@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from models import rotation
+from models.arrays import FloatArray
 from models.earth import distance_along, earth_rate, gravity
 from tuner.navigation.data import Steps
 from tuner.navigation.drive.alignment_in_motion import (
@@ -42,8 +43,6 @@ from tuner.navigation.drive.alignment_in_motion import (
 from tuner.navigation.drive.free_of_gravity import free_of_gravity
 from tuner.navigation.drive.steady_rest import steady_steps
 from tuner.types.records import DataError, Gnss
-
-FloatArray = NDArray[np.float64]
 
 STATIONARY_SPEED = 0.3
 """Speed below which a vehicle is stationary, m/s, if the receiver is no noisier."""
@@ -160,11 +159,10 @@ def align(
                 if found is None
                 else f"specific force and fixes together determine the heading to {np.degrees(found.heading_sd):.3g}°"
             )
-            msg = (
+            raise DataError(
                 f"the heading cannot be found from the motion: {known}, {np.degrees(enough):.3g}° are needed; the "
                 f"speed of the fixes is {low:.3g} to {high:.3g} m/s"
             )
-            raise DataError(msg)
         moving *= 2.0
 
 

@@ -16,12 +16,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from models import rotation
+from models.arrays import FloatArray
 from tuner.navigation.data import Steps
-
-FloatArray = NDArray[np.float64]
 
 MAX_GAUSS_NEWTON_STEPS = 10
 """Steps of Gauss–Newton over one time, at most."""

@@ -12,14 +12,12 @@ from dataclasses import replace
 from itertools import permutations, product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from tuner.navigation.data import Steps
 from tuner.navigation.drive.alignment import FIRST_MOTION, Alignment, align_once
 from tuner.navigation.drive.mean_velocities import mean_velocities
 from tuner.types.records import DataError, Drive, Gnss
-
-FloatArray = NDArray[np.float64]
 
 AXES = {
     "north-east-up": ((0, 1, 2), (1.0, 1.0, -1.0)),
@@ -71,12 +69,11 @@ def with_axes_found(gnss: Gnss, source: str = "drive") -> tuple[Gnss, str | None
         other = mean_velocities(replace(gnss, llh=gnss.llh[:, [1, 0, 2]])).by_position
         rotated = min(misfit(vel, by=other) for vel in (mean, *order.values()))
         if rotated < MAX_MISFIT_SHARE * least:
-            msg = (
+            raise DataError(
                 f"{source}: expected positions as latitude, longitude, height, got latitude and longitude exchanged: "
                 f"only so do differences of positions agree with the velocities (to {rotated:.2g} instead of "
                 f"{least:.2g} m/s); exchange the two columns"
             )
-            raise DataError(msg)
     if misfit(order[name]) > MAX_MISFIT_SHARE * misfit(mean):
         name, down = "north-east-up", slice(2, 3)
         if misfit(order[name], down) > 0.5 * misfit(mean, down):
@@ -120,8 +117,7 @@ def refuse_wrong_axes(drive: Drive) -> None:
     """
     wrong = inertial_axes(drive)
     if wrong is not None:
-        msg = f"{drive.source or drive.name}: {wrong}"
-        raise DataError(msg)
+        raise DataError(f"{drive.source or drive.name}: {wrong}")
 
 
 def _readings() -> list[tuple[FloatArray, FloatArray]]:

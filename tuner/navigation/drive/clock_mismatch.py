@@ -9,10 +9,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from tuner.navigation.drive.clock_offset import MAX_CLOCK_OFFSET
 from tuner.types.records import DataError, Drive
-
-FloatArray = NDArray[np.float64]
 
 MAX_OFFSET, OFFSET_STEP = 60.0, 0.2
 """Largest offset that is looked at, and spacing, s: leap seconds, or a logger that is switched on later."""
@@ -63,12 +62,11 @@ def refuse_distant_clocks(drive: Drive) -> None:
     ahead = np.diff(np.arctanh(np.clip([usual, found[best]], 0.0, 1.0 - 1e-9)))
     if ahead < MIN_ADVANTAGE * sd:
         return
-    msg = (
+    raise DataError(
         f"{drive.source or drive.name}: fixes and inertial samples turn alike where fixes are {offsets[best]:+.1f} s "
         f"late (correlation {found[best]:.2f}; {max(usual, 0.0):.2f} within {MAX_CLOCK_OFFSET:g} s): put both on one "
         "clock (GPS time is 18 s ahead of UTC)"
     )
-    raise DataError(msg)
 
 
 def _turn_rate(drive: Drive, at: FloatArray) -> FloatArray:

@@ -24,6 +24,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.probability import fisher_beyond, student_quantile
 from tuner.navigation.data import Steps
 from tuner.navigation.drive.alignment import (
@@ -51,8 +52,6 @@ from tuner.navigation.drive.steady_rest import steady_steps
 from tuner.navigation.drive.thinning import irregular_rows
 from tuner.stages import counted, stage, task
 from tuner.types.records import Gnss
-
-FloatArray = NDArray[np.float64]
 
 MAX_CLOCK_OFFSET = 3.0
 """Largest offset that is searched, to both sides, s."""

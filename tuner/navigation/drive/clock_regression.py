@@ -20,15 +20,13 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from models import rotation
+from models.arrays import FloatArray
 from models.robust import normal_sd
 from tuner.navigation.drive.free_of_gravity import free_of_gravity
 from tuner.navigation.drive.integrated_increments import IntegratedIncrements
 from tuner.types.records import Gnss
-
-FloatArray = NDArray[np.float64]
 
 SEGMENT_DURATION = 20.0
 """Length of a segment, s: long enough for a turn of a boat, short enough that free gyros lose less than a degree."""

@@ -11,12 +11,10 @@ Unlike north and east, these axes do not turn with the vehicle, which near a pol
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.earth import earth_rate, gravity, in_tangent_plane
 from models.rotation import mat_from_rotvec
-
-FloatArray = NDArray[np.float64]
 
 
 def free_of_gravity(

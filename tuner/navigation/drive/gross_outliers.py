@@ -16,10 +16,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.earth import distance_along
 from tuner.types.records import Gnss
-
-FloatArray = NDArray[np.float64]
 
 NEIGHBOUR_TIME = 1.0
 """Time within which fixes are neighbours, s."""

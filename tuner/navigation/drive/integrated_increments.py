@@ -12,13 +12,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from models import rotation
+from models.arrays import FloatArray
 from tuner.navigation.data import Steps
 from tuner.navigation.drive.alignment_in_motion import attitudes
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -14,10 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.earth import distance_along
 from tuner.types.records import Gnss
-
-FloatArray = NDArray[np.float64]
 
 WINDOW_DURATION = 10.0
 """Length of a window, s."""

@@ -18,9 +18,9 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from models import rotation
+from models.arrays import FloatArray
 from models.earth import llh_displaced
 from models.error_state import Linearization
 from models.imu_errors import calibration
@@ -36,8 +36,6 @@ from tuner.navigation.drive.unit_checks import refuse_wrong_units, suspected_uni
 from tuner.navigation.drive.velocity_latency import advanced, interpolated, velocities_at
 from tuner.navigation.settings import FilterSettings
 from tuner.types.records import DataError, Drive, Gnss
-
-FloatArray = NDArray[np.float64]
 
 MAX_BRIDGED_GAP = 0.5
 """Longest gap of the inertial samples that is bridged, s."""
@@ -163,8 +161,9 @@ def prepare(
         wrong = (suspected_unit(drive, gnss) or inertial_axes(drive)) if failure else None
         longest = max(float(drive.imu_t[b - 1] - drive.imu_t[a]) for a, b in pairwise(edges.tolist()))
         short = f"expected {MIN_STRETCH:g} s or more without a gap, found {longest:.1f} s at most; give a longer drive"
-        msg = f"{drive.source}: no stretch of the drive could be aligned: {wrong or failure or short}"
-        raise DataError(msg)
+        raise DataError(
+            f"{drive.source}: no stretch of the drive could be aligned: {wrong or failure or short}"
+        )
     return tuple(stretches), tuple(notes)
 
 
@@ -208,11 +207,10 @@ def at_stamps(stretch: Stretch, settings: FilterSettings, before: Solution | Non
 def expect_settled(any_fix: bool, source: str, spans: Sequence[float]) -> None:
     """Raise unless a fix is left to judge a filter by after it has settled; `spans` are those of the fixes, s."""
     if not any_fix:
-        msg = (
+        raise DataError(
             f"{source}: expected fixes beyond {SETTLING_TIME:g} s after the start or the stand, in which the filter "
             f"settles, found {max(spans, default=0.0):.0f} s of them: nothing is left to judge it by"
         )
-        raise DataError(msg)
 
 
 def outage_windows(
@@ -322,8 +320,7 @@ def _aligned_stretch(steps: Steps, gnss: Gnss, settings: FilterSettings, clock: 
     inside = (gnss.t > ends[0]) & (gnss.t < ends[-1])
     own = gnss.rows(inside)
     if len(own) < 10:
-        msg = f"{len(own)} fixes"
-        raise DataError(msg)
+        raise DataError(f"{len(own)} fixes")
     at = settings.model.layout
     bias_sd = np.concatenate([settings.initial_sd[at["gyro_bias"]], settings.initial_sd[at["accel_bias"]]])
     together = own

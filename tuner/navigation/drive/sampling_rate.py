@@ -8,13 +8,11 @@ of the step at least, so that the samples as they are err by up to a third of th
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from models import rotation
+from models.arrays import FloatArray
 from models.strapdown import correct_increments
 from tuner.navigation.data import Steps
-
-FloatArray = NDArray[np.float64]
 
 DRIVE_PARTS = 20
 """Parts of a drive whose scatter tells a mean change from chance."""

@@ -24,15 +24,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.probability import student_quantile
 from models.units import DEG, unit_value
 from tuner.navigation.drive.alignment import STATIONARY_SPEED, velocities
 from tuner.navigation.drive.mean_velocities import WINDOW_DURATION, MeanVelocities, mean_velocities, windows
 from tuner.types.records import DataError, Drive, Gnss
-
-FloatArray = NDArray[np.float64]
 
 TURN_DURATION = 4.0
 """Time over which turns are compared, s."""
@@ -218,18 +216,15 @@ def refuse_wrong_units(drive: Drive, gnss: Gnss) -> tuple[str, ...]:
         if not found.other:
             continue
         if series is VELOCITY_UNITS and _are_positions_in_radians(gnss):
-            msg = (
+            raise DataError(
                 f"{drive.source}: latitude and longitude look to be in rad: only so do they agree with the "
                 "velocities; write them in degrees"
             )
-            raise DataError(msg)
         named, message = series.named(found), f"{series.name} are {found} {series.by}: check their unit"
         if named:
-            msg = f"{drive.source}: {named}"
-            raise DataError(msg)
+            raise DataError(f"{drive.source}: {named}")
         if not 1.0 / MAX_FACTOR < found.value < MAX_FACTOR:
-            msg = f"{drive.source}: {message}, expected {series.unit}"
-            raise DataError(msg)
+            raise DataError(f"{drive.source}: {message}, expected {series.unit}")
         warnings.append(message)
     return tuple(warnings)
 

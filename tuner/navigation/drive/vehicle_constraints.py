@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models import rotation
+from models.arrays import FloatArray
 from tuner.navigation.data import (
     GATED,
     NON_HOLONOMIC,
@@ -31,8 +32,6 @@ from tuner.navigation.data import (
 from tuner.navigation.drive.alignment import Alignment
 from tuner.navigation.drive.run import Stretch
 from tuner.navigation.settings import FilterSettings
-
-FloatArray = NDArray[np.float64]
 
 WINDOW_DURATION = 1.0
 """Length of the windows, s."""

@@ -12,13 +12,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from models import rotation
+from models.arrays import FloatArray
 from models.earth import earth_rate, gravity, transport_rate
 from tuner.navigation.data import Fixes, Solution, Steps
-
-FloatArray = NDArray[np.float64]
 
 
 def interpolated(fixes: Fixes, lag: float) -> Fixes:

@@ -15,15 +15,13 @@ from importlib import import_module
 from types import ModuleType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.strapdown import NavigationState
 from tuner.navigation.data import Constraints, Fixes, Solution, Steps
 from tuner.navigation.engine.layout import BATCH_SIZE
 from tuner.navigation.engine.measurement_rows import measurements, parted
 from tuner.navigation.settings import FilterSettings
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -19,14 +19,11 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, TypeVar, cast
 
-import numpy as np
 from numba import njit, types
 from numba.extending import intrinsic, register_jitable
-from numpy.typing import NDArray
 
 from models import earth, error_state, strapdown, taylor, vector3
 
-FloatArray = NDArray[np.float64]
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 COMPILING_AFTER = 1.0

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.strapdown import NavigationState
 from tuner.navigation.data import Solution, Steps
 from tuner.navigation.engine.filter_steps import SensorInput, run_filters
@@ -20,8 +20,6 @@ from tuner.navigation.settings import FilterSettings
 
 if TYPE_CHECKING:
     from tuner.navigation.engine import SensorErrors
-
-FloatArray = NDArray[np.float64]
 
 
 def filter_together(
@@ -44,8 +42,7 @@ def filter_together(
     every = len(steps.dt) if errors is None else errors[0].every
     if errors is not None:
         if len(errors[0].slow) * every < len(steps.dt):
-            msg = f"'slow' must cover {len(steps.dt)} steps, got {len(errors[0].slow) * every}"
-            raise ValueError(msg)
+            raise ValueError(f"'slow' must cover {len(steps.dt)} steps, got {len(errors[0].slow) * every}")
         slow = np.ascontiguousarray(np.stack([e.slow for e in errors], axis=-1))
         m.rows[TRUE_DENSITY_ROW : TRUE_DENSITY_ROW + 6] = np.stack([e.white for e in errors], axis=-1)
         m.stream[:] = np.stack([stream(e.rng) for e in errors], axis=-1)

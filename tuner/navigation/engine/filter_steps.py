@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models import earth, error_state, strapdown, taylor, vector3
+from models.arrays import FloatArray
 from models.filter_states import declaration
 from tuner.navigation.engine import (
     compilation,
@@ -51,8 +52,6 @@ from tuner.navigation.engine.mechanisation import (
 from tuner.navigation.engine.propagation import LONGEST_DECAY, advance, gather, scatter, set_decay
 from tuner.navigation.engine.record_numbers import NUMBERS_CHECKSUM
 from tuner.navigation.engine.state import CALIBRATED_ROW, RATE, SAMPLE_ROW, State
-
-FloatArray = NDArray[np.float64]
 
 
 @cache

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray, IntArray
 from tuner.navigation.engine.compilation import (
     block,
     merged,
@@ -46,10 +46,6 @@ from tuner.navigation.engine.state import (
     VELOCITY_ROW,
 )
 from tuner.navigation.engine.update import apply_gain, gain, predict_innovation, update
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-
 
 AFTER, AVAILABLE, WITHHELD, TRUSTED, SLOT = range(5)
 """Columns of `FixBatch.flags`."""

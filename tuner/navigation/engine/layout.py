@@ -5,13 +5,10 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray, IntArray
 from models.filter_states.declaration import DOWN_TARGET
 from tuner.navigation.settings import FilterSettings, chi2_gate, error_rows
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 def indices(*numbers: int) -> tuple[Any, ...]:

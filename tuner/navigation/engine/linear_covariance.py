@@ -16,13 +16,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from models.arrays import FloatArray, IntArray
 from tuner.navigation.engine.filter_steps import SensorInput, run_filters
 from tuner.navigation.engine.fixes import AFTER, AVAILABLE, SLOT, WITHHELD, FixBatch, new_output
 from tuner.navigation.engine.layout import BATCH_SIZE, Layout
 from tuner.navigation.engine.state import DRIVING_DENSITY, RATE, WHITE_ROW, new_state
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 class Nominal(NamedTuple):

@@ -11,8 +11,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.earth import earth_rate, radii
 from models.error_state import coupling
 from models.strapdown import rates
@@ -49,8 +49,6 @@ from tuner.navigation.engine.state import (
     SENSOR_INVERSE_ROWS,
     SENSOR_ROWS,
 )
-
-FloatArray = NDArray[np.float64]
 
 
 @inlined

@@ -8,6 +8,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from models.arrays import FloatArray, IntArray
 from models.strapdown import NavigationState
 from tuner.navigation.data import Constrained, Constraints, Fixes, Solution
 from tuner.navigation.engine.layout import (
@@ -22,8 +23,6 @@ from tuner.navigation.engine.layout import (
 )
 from tuner.navigation.settings import FilterSettings, chi2_gate
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 Scalar = TypeVar("Scalar", np.float64, np.int64, np.bool_)
 
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.strapdown import correct_increments, step
 from models.vector3 import add, dot, scale
 from tuner.navigation.engine.compilation import (
@@ -42,8 +42,6 @@ from tuner.navigation.engine.state import (
     VELOCITY_ROW,
     VELOCITY_SUM_ROW,
 )
-
-FloatArray = NDArray[np.float64]
 
 
 @block

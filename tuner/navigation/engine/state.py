@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from tuner.navigation.engine.layout import (
     CONSTANT_COUNT,
     CONSTRAINT_LENGTH,
@@ -24,7 +25,6 @@ from tuner.navigation.engine.layout import (
 )
 from tuner.navigation.engine.random_normal import RANDOM_ROWS
 
-FloatArray = NDArray[np.float64]
 Field = tuple[str, str, tuple[int, ...]]  # name, type and shape of a field of a record
 
 MAX_STATES = 96
@@ -159,11 +159,11 @@ def new_state(lay: Layout, filters: int) -> State:
     """
     n, further = lay.size, len(lay.further)
     if n > MAX_STATES:
-        msg = f"at most {MAX_STATES} states can be compiled, got {n}"
-        raise ValueError(msg)
+        raise ValueError(f"at most {MAX_STATES} states can be compiled, got {n}")
     if further > 2 * MAX_STATES:
-        msg = f"at most {2 * MAX_STATES} couplings of declared states can be compiled, got {further}"
-        raise ValueError(msg)
+        raise ValueError(
+            f"at most {2 * MAX_STATES} couplings of declared states can be compiled, got {further}"
+        )
     kind, *kinds = record_types(filters)
     memory, covariance, inputs = (_zeros(own.itemsize).view(own) for own in (kind, *kinds[:2]))
     shared = filters == 1  # its covariance needs no copy

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from tuner.navigation.engine.compilation import block, inlined, merged
 from tuner.navigation.engine.layout import CONSTRAINT_CODE, indices
 from tuner.navigation.engine.state import (
@@ -21,8 +21,6 @@ from tuner.navigation.engine.state import (
     SENSOR_ROWS,
     WHITENED,
 )
-
-FloatArray = NDArray[np.float64]
 
 AXES, FIRST_FILTER = indices(3, 0)
 

@@ -64,8 +64,7 @@ def read_fix_file(path: Path) -> GpsFixes:
             return _of_waypoint(path) if kind == "waypoint" else READERS[kind](path)
         except ImportError as error:
             how = install(EXTRAS[kind], str(error.name))
-            msg = f"{path}: needs {error.name}, which is not installed: {how}"
-            raise DataError(msg) from None
+            raise DataError(f"{path}: needs {error.name}, which is not installed: {how}") from None
 
 
 def _of_waypoint(path: Path) -> GpsFixes:

@@ -12,11 +12,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from tuner.types.records import DataError
-
-FloatArray = NDArray[np.float64]
 
 SECONDS_A_WEEK, SECONDS_A_DAY = 604800.0, 86400.0
 GPS_EPOCH = datetime(1980, 1, 6, tzinfo=UTC)
@@ -113,8 +111,7 @@ def on_clock_of(path: Path, fixes: GpsFixes, begin: float, end: float) -> tuple[
             f"{path.name}: the inertial record counts {best}{alternative}"
         )
     spans = "; ".join(f"{t[0]:.1f} … {t[-1]:.1f} in {name}" for name, t in clocks.items())
-    msg = (
+    raise DataError(
         f"{path}: expected fixes of the time of the inertial record, {begin:.1f} … {end:.1f} s, found {spans}; stamp "
         "the inertial record on one of these clocks"
     )
-    raise DataError(msg)

@@ -61,8 +61,7 @@ def read_nmea(path: Path) -> GpsFixes:
                 _complete(found[day, clock], message, kind)
     if not found:
         lacking = "no date" if pending else "none"
-        msg = f"{path}: expected GGA sentences with a fix and RMC with the date, found {lacking}"
-        raise DataError(msg)
+        raise DataError(f"{path}: expected GGA sentences with a fix and RMC with the date, found {lacking}")
     keys = sorted(found)
     t = [gps_seconds(datetime.combine(day, clock, tzinfo=UTC)) for day, clock in keys]
     return GpsFixes(np.array(t), np.array([found[key] for key in keys]))

@@ -29,11 +29,10 @@ def read_rtklib(path: Path) -> GpsFixes:
     header = next((line for line in reversed(lines) if line.startswith("%") and "(" in line), "")
     if "latitude(deg)" not in header:
         found = header.strip("% ")[:60] or (lines[0][:60] if lines else "an empty file")
-        msg = (
+        raise DataError(
             f"{path}: expected a solution of RTKLIB with latitude(deg) and longitude(deg), found '{found}'; set the "
             "solution format to Lat/Lon/Height, degrees"
         )
-        raise DataError(msg)
     utc = " UTC " in f" {header[1:]} "
     t, rows = [], []
     for number, line in enumerate(lines, start=1):
@@ -46,12 +45,12 @@ def read_rtklib(path: Path) -> GpsFixes:
             if len(values) < 3:
                 raise ValueError
         except (ValueError, IndexError):
-            msg = f"{path}:{number}: expected time, latitude, longitude, height, found '{line[:60]}': remove the line"
-            raise DataError(msg) from None
+            raise DataError(
+                f"{path}:{number}: expected time, latitude, longitude, height, found '{line[:60]}': remove the line"
+            ) from None
         rows.append(_row(values))
     if not rows:
-        msg = f"{path}: expected fixes below the header, found none"
-        raise DataError(msg)
+        raise DataError(f"{path}: expected fixes below the header, found none")
     table = np.array(rows)
     table[:, -1] = solutions(table[:, -1], OF_RTKLIB)
     return GpsFixes(np.array(t), table)

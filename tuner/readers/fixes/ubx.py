@@ -58,6 +58,7 @@ def read_ubx(path: Path) -> GpsFixes:
             place = message.lat, message.lon, 1e-3 * message.height
             rows.append([*place, *velocity, *sds, _solution(message)])
     if not rows:
-        msg = f"{path}: expected NAV-PVT messages with a fix, found none; log UBX-NAV-PVT at the receiver"
-        raise DataError(msg)
+        raise DataError(
+            f"{path}: expected NAV-PVT messages with a fix, found none; log UBX-NAV-PVT at the receiver"
+        )
     return GpsFixes(np.array(t), np.array(rows))

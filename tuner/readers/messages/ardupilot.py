@@ -51,11 +51,10 @@ def read_dataflash(path: Path) -> MessageLog:
     """
     with path.open("rb") as file:
         if (first := file.read(len(MESSAGE_HEAD))) != MESSAGE_HEAD:
-            msg = (
+            raise DataError(
                 f"{path}: expected a dataflash log of ArduPilot, whose first bytes are {MESSAGE_HEAD.hex(' ')}, found "
                 f"{first.hex(' ') or 'nothing'}: export another sensor's binary output as CSV by its maker's program"
             )
-            raise DataError(msg)
     imu: dict[int, list[tuple[float, ...]]] = {}
     gps: dict[int, list[tuple[float, ...]]] = {}
     accuracy: dict[tuple[int, int], tuple[float, float, float]] = {}
@@ -80,8 +79,9 @@ def read_dataflash(path: Path) -> MessageLog:
         ArithmeticError,
         struct.error,
     ) as error:
-        msg = f"{path}: cannot be read as a dataflash log: {error}; download the log again"
-        raise DataError(msg) from None
+        raise DataError(
+            f"{path}: cannot be read as a dataflash log: {error}; download the log again"
+        ) from None
     inertial = []
     for instance, values in sorted(imu.items()):
         table = np.array(values)

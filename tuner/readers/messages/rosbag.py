@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from tuner.readers.log_format import LogFormat
 from tuner.readers.messages.streams import (
     FixStream,
@@ -31,7 +32,6 @@ from tuner.types.records import DataError
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
-FloatArray = NDArray[np.float64]
 
 IMU, FIX = "sensor_msgs/msg/Imu", "sensor_msgs/msg/NavSatFix"
 VELOCITIES = ("geometry_msgs/msg/TwistStamped", "geometry_msgs/msg/TwistWithCovarianceStamped")
@@ -72,8 +72,9 @@ def opened_bag(path: Path) -> Iterator[Any]:
         AssertionError,
     ) as error:
         reason = " ".join(str(error).split())
-        msg = f"{path}: cannot be read as a ROS bag: {reason}; `ros2 bag info` or `rosbag check` tell more"
-        raise DataError(msg) from None
+        raise DataError(
+            f"{path}: cannot be read as a ROS bag: {reason}; `ros2 bag info` or `rosbag check` tell more"
+        ) from None
 
 
 def read_bag(path: Path) -> MessageLog:

@@ -15,12 +15,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from tuner.readers.columns import Listing, listing_of_arrays
 from tuner.readers.drive_npz import DriveArrays
 from tuner.readers.source_kind import UNIT
 from tuner.types.records import DataError
-
-FloatArray = NDArray[np.float64]
 
 SECONDS = {"s": 1.0, "us": 1e-6, "ns": 1e-9}
 """Seconds in one unit of a clock."""
@@ -184,15 +183,15 @@ def drive_of_log(path: Path, log: MessageLog) -> DriveArrays:
     """
     chosen = _preferred(path, log)
     if not chosen.complete:
-        msg = f"{path}: expected gyroscope and accelerometer in one stream, found {', '.join(chosen.arrays)}"
-        raise DataError(msg)
+        raise DataError(
+            f"{path}: expected gyroscope and accelerometer in one stream, found {', '.join(chosen.arrays)}"
+        )
     if not log.is_drive:
         counts = ", ".join(f"{s.name} with {len(s.rows)}" for s in log.fixes) or "none"
-        msg = (
+        raise DataError(
             f"{path}: expected a receiver with {MIN_FIXES} fixes or more, found {counts} among {_some(log.topics)}; "
             "without fixes it is a static log: `tuner tune FILE`"
         )
-        raise DataError(msg)
     fixes = max(log.fixes, key=lambda stream: len(stream.rows))
     imu = np.column_stack([chosen.seconds(), chosen.arrays["gyro"], chosen.arrays["accel"]])
     others = [stream for stream in log.inertial if stream is not chosen]
@@ -205,15 +204,13 @@ def _named(path: Path, log: MessageLog, unit: str) -> InertialStream:
     found = next((stream for stream in log.inertial if stream.name == unit), None)
     if found is None:
         present = _sizes(log.inertial) or f"none among {_some(log.topics)}{log.cure}"
-        msg = f"{path}:{unit}: the log has no inertial unit '{unit}': it has {present}"
-        raise DataError(msg)
+        raise DataError(f"{path}:{unit}: the log has no inertial unit '{unit}': it has {present}")
     return found
 
 
 def _preferred(path: Path, log: MessageLog) -> InertialStream:
     if not log.inertial:
-        msg = f"{path}: expected messages of an inertial unit, found {_some(log.topics)}{log.cure}"
-        raise DataError(msg)
+        raise DataError(f"{path}: expected messages of an inertial unit, found {_some(log.topics)}{log.cure}")
     return min(log.inertial, key=lambda s: (not s.complete, s.rank, -len(s.t)))
 
 

@@ -50,8 +50,7 @@ def read_ulog(path: Path) -> MessageLog:
         with path.open("rb") as file, contextlib.redirect_stdout(io.StringIO()):
             log = ULog(file, disable_str_exceptions=True)
     except (OSError, TypeError, ValueError, LookupError, AttributeError, ArithmeticError) as error:
-        msg = f"{path}: cannot be read as ULog: {error}; download the log again"
-        raise DataError(msg) from None
+        raise DataError(f"{path}: cannot be read as ULog: {error}; download the log again") from None
     data = {(one.name, one.multi_id): one.data for one in log.data_list if len(one.data["timestamp"])}
     inertial: list[InertialStream] = []
     fixes: list[FixStream] = []

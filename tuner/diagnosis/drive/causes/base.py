@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.effects.drive import EFFECTS
 from models.effects.drive.base import DriveEffect
 from tuner.diagnosis.registry_of_causes import RegistryOfCauses
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from tuner.diagnosis.drive.hypothesis import FilterRun, Hypothesis
     from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis
 
-FloatArray = NDArray[np.float64]
 
 Joins = Literal["preprocessing", "noise model", "measurement noise", "states"]
 """Part of a filter that a cause changes."""
@@ -159,12 +158,12 @@ FINAL_CAUSES = ("sensor_bias", "mounting")
 def _lacking(cause: type[DriveCause]) -> list[str]:
     """Return the attributes that a declaration lacks; raise TypeError where no stage would test the cause."""
     if not issubclass(cause, ConstantCause | NoiseCause | FinalCause):
-        msg = "expected a subclass of ConstantCause or NoiseCause: no stage tests any other"
-        raise TypeError(msg)
+        raise TypeError("expected a subclass of ConstantCause or NoiseCause: no stage tests any other")
     if issubclass(cause, FinalCause) and cause.cause not in FINAL_CAUSES:
         only = " and ".join(FINAL_CAUSES)
-        msg = f"expected a subclass of ConstantCause or NoiseCause: of FinalCause there are {only} only"
-        raise TypeError(msg)
+        raise TypeError(
+            f"expected a subclass of ConstantCause or NoiseCause: of FinalCause there are {only} only"
+        )
     needed = ["cause", "channels", "meaning", "consequence"]
     if issubclass(cause, ConstantCause):
         needed += ["effect", "units", "prior_sd", "largest"]

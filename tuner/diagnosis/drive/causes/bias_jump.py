@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from scipy.special import gamma
 from scipy.stats import chi2
 
+from models.arrays import FloatArray
 from models.effects.drive.imu import BiasJump as Effect
 from tuner.diagnosis.drive.cause_test import CauseTest, not_significant
 from tuner.diagnosis.drive.causes.base import NoiseCause
@@ -36,8 +37,6 @@ from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, evalu
 from tuner.diagnosis.drive.linear_model.linearized_run import LinearizedRun
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.types import Coefficient, Parameter
-
-FloatArray = NDArray[np.float64]
 
 BIAS_JUMP = "bias_jump"
 """Code of the cause."""

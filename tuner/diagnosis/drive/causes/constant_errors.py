@@ -7,13 +7,11 @@ model describes or any product shows.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from models import rotation
+from models.arrays import FloatArray
 from models.effects.drive import gnss, gnss_velocity, imu
 from tuner.diagnosis.drive.causes.base import ConstantCause, FixGeometry
-
-FloatArray = NDArray[np.float64]
 
 AXIS_NAMES, ANGLE_NAMES = ("x", "y", "z"), ("roll", "pitch", "yaw")
 

@@ -14,9 +14,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
+from models.arrays import FloatArray
 from models.effects.drive.gnss import CorrelatedGnss as Effect
 from tuner.diagnosis.drive.cause_test import CauseTest, not_significant
 from tuner.diagnosis.drive.causes.base import NoiseCause
@@ -31,8 +31,6 @@ from tuner.diagnosis.drive.linear_model.noise_fit import NoiseFit, maximize_like
 from tuner.diagnosis.drive.linear_model.noise_parameters import MARKOV_TIME, noise_parameters, present
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.types import Coefficient
-
-FloatArray = NDArray[np.float64]
 
 CORRELATED_GNSS = "correlated_gnss"
 """Code of the cause."""

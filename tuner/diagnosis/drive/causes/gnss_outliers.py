@@ -22,10 +22,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter1d
 from scipy.stats import beta, chi2, poisson
 
+from models.arrays import BoolArray, FloatArray
 from models.effects.drive.gnss import GnssOutliers as OutlierEffect
 from models.effects.drive.gnss_velocity import GnssVelocity as VelocityEffect
 from tuner.diagnosis.drive.cause_test import CauseTest, not_significant
@@ -35,9 +35,6 @@ from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, evalu
 from tuner.diagnosis.drive.linear_model.linearized_run import LinearizedRun
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.types import Coefficient
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 ROWS_OF_CAUSE = {"gnss_outliers": slice(0, 3), "gnss_velocity": slice(3, 6)}
 """Rows of a block, by the cause that its outliers have."""

@@ -13,10 +13,10 @@ so that attitude errors are not mistaken for a mounting error. Pitch and yaw are
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from models import rotation
+from models.arrays import FloatArray
 from models.effects.drive.imu import Mounting as Effect
 from models.units import STANDARD_GRAVITY
 from tuner.diagnosis.drive.causes.base import FinalCause, constant_causes
@@ -25,8 +25,6 @@ from tuner.diagnosis.drive.score_tests import columns_of
 from tuner.diagnosis.static.findings import words
 from tuner.navigation.drive.vehicle_constraints import MAX_TURN_RATE, MIN_SPEED
 from tuner.types import Coefficient, Finding, Inseparable
-
-FloatArray = NDArray[np.float64]
 
 CAUSE_CODE = "mounting"
 """Code of the cause."""

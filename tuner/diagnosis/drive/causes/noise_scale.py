@@ -21,9 +21,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from models.arrays import FloatArray
 from models.effects.drive import gnss as effects
 from models.effects.drive.imu import ImuNoiseScale as ImuEffect
 from tuner.diagnosis.drive.cause_test import CauseTest, not_significant
@@ -42,8 +42,6 @@ from tuner.diagnosis.drive.linear_model.noise_parameters import BLOCKS, ROW_GROU
 from tuner.diagnosis.drive.linear_model.noise_prior import static_prior
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.types import Coefficient
-
-FloatArray = NDArray[np.float64]
 
 MIN_SCORE_STATISTIC = 6.0
 """Score statistic from which a fit is worth its time: χ²₁ exceeds 6 by chance in 1.4 %."""

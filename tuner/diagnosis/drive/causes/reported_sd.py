@@ -19,9 +19,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from models.arrays import FloatArray, IntArray
 from tuner.diagnosis.drive.cause_test import CauseTest, scaled_factor
 from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, evaluate, evaluate_with_gradient
 from tuner.diagnosis.drive.linear_model.linearized_run import LinearizedRun
@@ -47,9 +47,6 @@ from tuner.navigation.fix_sd_model import (
 )
 from tuner.types import Coefficient
 from tuner.types.records import SOLUTIONS
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 CLASS_KINDS = ("classes", "solutions")
 """Kinds of models with factors by class: by level, and by stated solution."""

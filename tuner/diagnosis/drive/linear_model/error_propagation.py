@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from models import array_copies, earth, error_state, strapdown, taylor, vector3
 from models.array_copies import copy_matrix, copy_row
+from models.arrays import FloatArray, IntArray
 from models.filter_states import declaration
 from tuner.diagnosis.drive.linear_model import propagation_kernels
 from tuner.diagnosis.drive.linear_model.propagation_kernels import (
@@ -50,9 +51,6 @@ from tuner.navigation.engine.propagation import set_decay
 from tuner.navigation.engine.record_numbers import NUMBERS_CHECKSUM
 from tuner.navigation.engine.state import CALIBRATED_ROW, ESTIMATE, VELOCITY_SUM_ROW
 from tuner.navigation.engine.transition import linearise, set_sensitivity
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 class PropagatedErrors(NamedTuple):

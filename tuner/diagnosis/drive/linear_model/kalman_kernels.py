@@ -30,13 +30,10 @@ from __future__ import annotations
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
 from models.array_copies import copy_matrix, copy_row
+from models.arrays import BoolArray, FloatArray, IntArray
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
-IntArray = NDArray[np.int64]
 Places = tuple[IntArray, IntArray, FloatArray]
 """Rows, columns and values (k, m) of the lower half of symmetric matrices."""
 

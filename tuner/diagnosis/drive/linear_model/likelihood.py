@@ -15,13 +15,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import BoolArray, FloatArray
 from tuner.diagnosis.drive.linear_model.kalman_kernels import Places, backward, forward, unaided
 from tuner.diagnosis.drive.linear_model.linearized_run import NOISE_GROUPS, LinearizedRun
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 N_IMPULSE_STATES = 6
 """States after the first nine whose impulses are scored: the biases of gyroscopes and accelerometers."""

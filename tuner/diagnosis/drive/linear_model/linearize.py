@@ -16,9 +16,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from models import rotation
+from models.arrays import FloatArray
 from models.earth import earth_rate, gravity, transport_rate
 from models.error_state import navigation_error
 from models.strapdown import NavigationState
@@ -38,8 +38,6 @@ from tuner.navigation.engine.layout import layout_of
 from tuner.navigation.engine.state import ESTIMATE, new_state
 from tuner.navigation.settings import FilterSettings
 from tuner.types import Parameter
-
-FloatArray = NDArray[np.float64]
 
 
 def columns(parameters: tuple[Parameter, ...]) -> Columns:

@@ -13,13 +13,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import BoolArray, FloatArray, IntArray
 from tuner.types import Parameter
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 NOISE_GROUPS = ("gyro_white", "accel_white", "gyro_bias", "accel_bias")
 """Groups of process noise: white noise of the sensors, and the noise that drives all their bias states."""

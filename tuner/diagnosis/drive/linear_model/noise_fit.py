@@ -19,9 +19,9 @@ from functools import cached_property, lru_cache
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult, minimize
 
+from models.arrays import FloatArray
 from tuner.diagnosis.drive.linear_model.likelihood import (
     NoiseHypothesis,
     evaluate_with_gradient,
@@ -30,7 +30,6 @@ from tuner.diagnosis.drive.linear_model.likelihood import (
 from tuner.diagnosis.drive.linear_model.noise_parameters import NoiseParameters
 from tuner.types import Coefficient
 
-FloatArray = NDArray[np.float64]
 Cost = Callable[[FloatArray], tuple[float, FloatArray]]
 """(parameters (q,)) → cost and its gradient."""
 

@@ -13,10 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from tuner.diagnosis.drive.linear_model.likelihood import Gradient, NoiseHypothesis, evaluate
 from tuner.diagnosis.drive.linear_model.linearized_run import NOISE_GROUPS
-
-FloatArray = NDArray[np.float64]
 
 ROW_GROUPS: dict[str, tuple[int, ...]] = {
     "position_horizontal": (0, 1),

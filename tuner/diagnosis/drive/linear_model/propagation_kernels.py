@@ -18,17 +18,14 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from models.array_copies import copy_matrix
+from models.arrays import FloatArray, IntArray
 from tuner.navigation.engine.compilation import block
 from tuner.navigation.engine.layout import Layout
 from tuner.navigation.engine.sensor_inputs import calibrate_inputs
 from tuner.navigation.engine.state import CALIBRATED_ROW, DECAY, ESTIMATE, PROCESS_VARIANCE, WHITE_ROW
 from tuner.navigation.engine.transition import columns_through_step
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 class Columns(NamedTuple):

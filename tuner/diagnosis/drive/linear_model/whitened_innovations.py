@@ -16,11 +16,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, evaluate
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,8 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import BoolArray, FloatArray
 from models.noise import Term
 from tuner.diagnosis.cause import Cause
 from tuner.diagnosis.static.channel import Channel
@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from tuner.diagnosis.static.model.residual import Residual
     from tuner.diagnosis.static.outcome import TestResult
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 MAX_LOG_FACTOR = 20.0
 """Logarithm of the largest factor that an interval reaches to: beyond, products would overflow."""

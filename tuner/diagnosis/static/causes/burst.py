@@ -16,11 +16,10 @@ noise itself (`tuner.diagnosis.static.variance.white_share`), and edges by the l
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import BoolArray, FloatArray, SignedArray
 from models.effects.static.distribution import Burst as Effect
 from models.probability import normal_beyond
 from tuner.diagnosis.static.causes.base import Extension, Value
@@ -31,10 +30,6 @@ from tuner.diagnosis.static.model.series_statistics import RESIDUAL_CLIP, robust
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.variance.local_variance import LocalVariance, local_variance
 from tuner.diagnosis.static.variance.white_share import dilution
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.signedinteger[Any]]
-BoolArray = NDArray[np.bool_]
 
 MIN_WINDOW = 64
 """Samples in the narrowest window: with 64 degrees of freedom the cube root of χ² is close to normal."""
@@ -213,7 +208,7 @@ def _gain(square: FloatArray, measured: BoolArray, stretches: list[tuple[int, in
     return gain * 2.0 / max(kappa, 1e-9) - float(np.sum(np.log(cells) + 0.5 * np.log(n)))
 
 
-def two_variances(total: FloatArray, first: IntArray, last: IntArray) -> FloatArray:
+def two_variances(total: FloatArray, first: SignedArray, last: SignedArray) -> FloatArray:
     """Return the log likelihood gained by another variance in samples first … last − 1, same shapes."""
     n = len(total) - 1
     inside = np.asarray(last - first, dtype=float)

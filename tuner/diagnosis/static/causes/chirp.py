@@ -26,14 +26,12 @@ from numpy.typing import NDArray
 from scipy.fft import prev_fast_len, rfft
 from scipy.ndimage import uniform_filter1d
 
+from models.arrays import SingleArray
 from models.probability import chi2_beyond
 from tuner.diagnosis.static.causes.base import Extension
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.outcome import TestResult
-
-FloatArray = NDArray[np.float64]
-SingleArray = NDArray[np.float32]
 
 PARTS = (512, 256, 128, 64)
 """Numbers of parts that a record is cut into, in octaves: many parts for fast sweeps, few for slow ones."""

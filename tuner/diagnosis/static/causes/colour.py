@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from models.effects.static.spectral import Colour as Effect
 from models.noise.arma import Arma
@@ -19,8 +18,6 @@ from tuner.diagnosis.static.outcome import NO_GAIN, TestResult
 from tuner.diagnosis.static.spectrum.binned import Bins
 from tuner.diagnosis.static.spectrum.filters import MAX_FREE_NUMBER, Coefficients, colour_arma
 from tuner.diagnosis.static.spectrum.shape import ShapeFit, ShapeTest, fit_colour, refit_colour
-
-FloatArray = NDArray[np.float64]
 
 MAX_INTERVAL_WIDTH = 2.0
 """Width of the interval of a coefficient from which it is not estimable: stationary ones lie between −1 and 1.

@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
 
+from models.arrays import FloatArray, IndexArray, SingleArray
 from models.effects.static.spectral import Comb as Effect
 from models.probability import chi2_beyond
 from tuner.diagnosis.static.causes.base import Extension, Value
@@ -26,10 +26,6 @@ from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.model.series_statistics import RESIDUAL_CLIP
 from tuner.diagnosis.static.outcome import NO_GAIN, TestResult
 from tuner.diagnosis.static.variance.quantized_noise import slow_track
-
-FloatArray = NDArray[np.float64]
-SingleArray = NDArray[np.float32]
-IntArray = NDArray[np.intp]
 
 MIN_PERIOD, MAX_PERIOD = 12.0, 2000.0
 """Periods, samples: below there are too few lines for a comb, above few periods for their multiples."""
@@ -127,7 +123,7 @@ class Comb(Extension):
             best = np.maximum(best, better)
         return course, int(np.count_nonzero(off))
 
-    def _bins(self, n: int) -> IntArray:
+    def _bins(self, n: int) -> IndexArray:
         """Return which of the even phases each of n samples has, shape (n,)."""
         number = len(self.profile)
         at = ((np.arange(n) + self.phase) / self.period % 1.0 * number).astype(np.intp)

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit, gammaln, ndtr, ndtri
 
+from models.arrays import FloatArray
 from models.effects.static.distribution import HeavyTails as Effect
 from models.probability import normal_beyond, student_beyond
 from tuner.diagnosis.static.causes.base import Extension, Value
@@ -30,8 +31,6 @@ from tuner.diagnosis.static.model.series_statistics import moment
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.variance.histogram import Histogram, histogram
 from tuner.diagnosis.static.variance.white_share import dilution
-
-FloatArray = NDArray[np.float64]
 
 CLIPPED_KURTOSIS = -0.00125
 """Excess kurtosis of normal numbers cut at five sds, by integration."""

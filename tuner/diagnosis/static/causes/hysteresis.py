@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.effects.static.thermal import Hysteresis as Effect
 from models.effects.static.thermal import behind_play
 from tuner.diagnosis.static.causes.base import Value
@@ -20,8 +20,6 @@ from tuner.diagnosis.static.causes.temperature import COVARIATE
 from tuner.diagnosis.static.causes.template import Template
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.residual import Residual
-
-FloatArray = NDArray[np.float64]
 
 WIDTHS = (0.02, 0.04, 0.08, 0.16, 0.32)
 """Widths of the play that are tried, in ranges of the temperature: factors of two, half of which is its error."""

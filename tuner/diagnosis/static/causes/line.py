@@ -19,9 +19,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
+from models.arrays import FloatArray
 from models.effects.static.spectral import Line as Effect
 from tuner.diagnosis.static.causes import vibration
 from tuner.diagnosis.static.causes.base import Extension, Value
@@ -29,8 +29,6 @@ from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.spectrum.background import FIRST_ORDINATE, local_level
-
-FloatArray = NDArray[np.float64]
 
 NEIGHBOUR_COUNT = 1024
 """Ordinates from whose median the level is taken; their number enters the chance of a peak."""

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import BoolArray, FloatArray
 from models.effects.static.spectral import LowPass as Effect
 from models.noise.arma import Arma
 from tuner.diagnosis.static.causes.base import Value
@@ -39,8 +39,6 @@ from tuner.formats.customary_units import digits
 if TYPE_CHECKING:
     from tuner.diagnosis.static.model.residual import Residual
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 MIN_INTERVAL_CHANGE = 0.05
 """Share of its length by which an interval must move for the model to be fitted again: 0.2 sd of the cutoff."""

@@ -18,16 +18,13 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray, IndexArray
 from models.effects.static.events import SWAY_FREQUENCY
 from models.effects.static.events import Motion as Effect
 from models.robust import normal_sd
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.channel import GAP_NEIGHBOURS, Channel
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.intp]
 
 SAMPLES_AT_ONCE = 1 << 16
 """Samples treated at a time, so that what is computed from them stays in the cache of a processor."""
@@ -291,7 +288,7 @@ def _turned(channels: list[Channel]) -> list[Stretch]:
     return found
 
 
-def _jumps(y: FloatArray) -> IntArray:
+def _jumps(y: FloatArray) -> IndexArray:
     """Return the samples, shape (m,), from which a channel (n,) jumps to the next one."""
     return np.concatenate(
         [

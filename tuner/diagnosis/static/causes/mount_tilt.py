@@ -21,6 +21,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.effects.static.attitude import Attitude
 from models.probability import chi2_beyond
 from tuner.diagnosis.static.causes.base import Extension, Value
@@ -32,8 +33,6 @@ from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.model.score_scan import MIN_SQUARE_SCORE
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.types import Unexplained
-
-FloatArray = NDArray[np.float64]
 
 STANDARD_GRAVITY = 9.80665
 """Gravity, m/s²."""

@@ -11,10 +11,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import next_fast_len, rfft
 from scipy.special import ive
 
+from models.arrays import FloatArray, SingleArray
 from models.effects.static.distribution import PeriodicVariance as Effect
 from tuner.curves.long_transforms import without_tables
 from tuner.diagnosis.static.causes.base import Extension, Value
@@ -25,9 +25,6 @@ from tuner.diagnosis.static.outcome import NO_GAIN, TestResult
 from tuner.diagnosis.static.spectrum.background import local_level
 from tuner.diagnosis.static.variance.local_variance import local_variance
 from tuner.diagnosis.static.variance.white_share import dilution
-
-FloatArray = NDArray[np.float64]
-SingleArray = NDArray[np.float32]
 
 MIN_CYCLES = 64
 """Least number of periods in a record: slower changes are seen in the variance of its parts."""

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.effects.static.events import Recovery as Effect
 from models.recursion import decaying_sum
 from tuner.diagnosis.static.causes.base import Value
@@ -27,8 +27,6 @@ from tuner.diagnosis.static.model.residual import Residual, without
 from tuner.diagnosis.static.model.score_scan import Scan, judge, project, rest, scan, weights
 from tuner.diagnosis.static.outcome import NO_GAIN, TestResult
 from tuner.diagnosis.static.variance.quantized_noise import hides_noise
-
-FloatArray = NDArray[np.float64]
 
 MIN_BLOCKS, MAX_SHARE = 2.0, 1.0 / 12.0
 """Shortest time constant, blocks, and longest, as a share of the record: beyond, a step or a walk looks like it."""

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.noise import Term, White
 from models.noise.arma import Arma
 from tuner.diagnosis.static.causes.base import Extension
@@ -16,7 +16,6 @@ from tuner.diagnosis.static.causes.base import Extension
 if TYPE_CHECKING:
     from tuner.diagnosis.static.model.residual import Residual
 
-FloatArray = NDArray[np.float64]
 
 MIN_ENLARGEMENT = 1.02
 """Ratio of densities up to which nothing is said: what a record tells of a density is no better."""

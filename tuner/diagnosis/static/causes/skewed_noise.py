@@ -23,8 +23,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.effects.static.distribution import SkewedNoise as Effect
 from models.probability import normal_beyond
 from tuner.diagnosis.static.causes.base import Extension, Value
@@ -34,8 +34,6 @@ from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.variance.local_variance import local_variance
 from tuner.diagnosis.static.variance.normal_scores import NormalScores
 from tuner.diagnosis.static.variance.white_share import dilution
-
-FloatArray = NDArray[np.float64]
 
 MIN_PLACE = 1e-3
 """Least of 1 + γ e/2, the sample on the scale of the gamma law: what lies beyond its end is put there."""

@@ -9,12 +9,11 @@ deviations from the samples beside them, go before any noise is fitted: one of t
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import expit
 
+from models.arrays import FloatArray, SignedArray
 from models.effects.static.events import Spikes as Effect
 from models.probability import chi2_quantile, normal_beyond, normal_density, poisson_at_least
 from tuner.diagnosis.static.causes.base import Extension, Value
@@ -23,9 +22,6 @@ from tuner.diagnosis.static.model.null_distributions import any_of, maximum
 from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.variance.histogram import Histogram, histogram
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.signedinteger[Any]]
 
 SPIKE_THRESHOLD = 5.0
 """Sds beyond which residuals are counted by the test: normal ones exceed it with a chance of 6e-7."""
@@ -119,7 +115,7 @@ def extension(fitted: Residual) -> Spikes:
     return _taken_out(places, sizes, len(e) * dt, white, by_chance)
 
 
-def _taken_out(places: IntArray, sizes: FloatArray, span: float, white: float, by_chance: float) -> Spikes:
+def _taken_out(places: SignedArray, sizes: FloatArray, span: float, white: float, by_chance: float) -> Spikes:
     """Return spikes at these places, of these sizes in noise of a white sd; so many are there by chance."""
     count = len(places)
     low, high = (float(0.5 * chi2_quantile(p, 2.0 * n)) for p, n in ((0.025, count), (0.975, count + 1)))

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.effects.static.events import Step as Effect
 from models.robust import normal_sd
 from tuner.diagnosis.static.causes.base import Value
@@ -24,8 +24,6 @@ from tuner.diagnosis.static.model.profile_likelihood import MIN_LOG_CHANGE, firs
 from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.model.score_scan import judge, scan_steps
 from tuner.diagnosis.static.outcome import NO_GAIN, TestResult
-
-FloatArray = NDArray[np.float64]
 
 GROSS_WINDOW = 64
 """Samples on either side of a gross step whose means are compared: their difference is known to 0.2 white sds."""

@@ -22,9 +22,9 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 
+from models.arrays import FloatArray
 from models.effects.static.events import Telegraph as Effect
 from models.noise import BiasInstability, GaussMarkov, RandomWalk, Term
 from models.probability import chi2_beyond
@@ -48,8 +48,6 @@ from tuner.diagnosis.static.switching.models import (
 )
 from tuner.diagnosis.static.variance.local_variance import course
 from tuner.diagnosis.static.variance.normal_blocks import law_in_blocks
-
-FloatArray = NDArray[np.float64]
 
 MIN_MARKOV_GAIN = 5.0
 """Nats that a further Gauss–Markov process must gain on flicker before two levels beside flicker are fitted.

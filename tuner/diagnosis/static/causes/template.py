@@ -13,16 +13,14 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.profile_likelihood import MIN_LOG_CHANGE, best_constant, profile
 from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.model.score_scan import judge, likeliest, scan
 from tuner.diagnosis.static.outcome import NO_GAIN, TestResult
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,8 @@ from types import MappingProxyType
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.effects.static.thermal import ThermalLag as Effect
 from tuner.diagnosis.cause import Cause
 from tuner.diagnosis.static.causes.base import Value
@@ -29,8 +29,6 @@ from tuner.diagnosis.static.model.null_distributions import SLOW_RATIO_FACTOR
 from tuner.diagnosis.static.model.profile_likelihood import MIN_LOG_CHANGE, best_constant, first_column
 from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.model.score_scan import scan
-
-FloatArray = NDArray[np.float64]
 
 MAX_LAG_RATIO = 100.0
 """Ratio of the ends of the interval of a lag up to which the lag is estimable: a factor of ten either way.

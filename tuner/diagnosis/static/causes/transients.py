@@ -16,8 +16,8 @@ from dataclasses import dataclass, replace
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray, IntArray, SingleArray
 from models.probability import normal_density, poisson_at_least
 from models.recursion import decaying_sum
 from tuner.diagnosis.static.causes.base import Extension
@@ -25,10 +25,6 @@ from tuner.diagnosis.static.causes.recovery import MIN_BLOCKS
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.outcome import NO_GAIN, TestResult
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-SingleArray = NDArray[np.float32]
 
 SHORTEST_TIME, TIME_RATIO = 4.0, 2.5
 """Shortest time constant, samples, and from one to the next: one between two has 0.95 of the product with either."""

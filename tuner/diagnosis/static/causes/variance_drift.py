@@ -16,8 +16,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.effects.static.distribution import VarianceDrift as Effect
 from models.probability import chi2_beyond
 from tuner.diagnosis.static.causes.base import Extension, Value
@@ -27,8 +27,6 @@ from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.variance.local_variance import LEVEL_BLOCKS, block_variance
 from tuner.diagnosis.static.variance.white_share import dilution
-
-FloatArray = NDArray[np.float64]
 
 SCORING_STEPS = 8
 """Steps of Fisher scoring from no change to the likeliest; enough for quadratic convergence."""

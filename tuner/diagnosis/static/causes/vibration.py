@@ -12,13 +12,12 @@ level that may slope.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import betainc, betaln
 
+from models.arrays import BoolArray, FloatArray, SignedArray
 from models.effects.static.spectral import Vibration as Effect
 from models.noise import Term
 from models.noise.arma import Arma
@@ -30,10 +29,6 @@ from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.spectrum.background import FIRST_ORDINATE, local_level
 from tuner.diagnosis.static.spectrum.fisher_scoring import sizes
 from tuner.diagnosis.static.spectrum.shape import ShapeTest
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
-IntArray = NDArray[np.signedinteger[Any]]
 
 WINDOWS = tuple(8 * 2**k for k in range(12))
 """Widths of the windows, ordinates, in octaves: a resonance of any width fills half of one of them."""
@@ -232,7 +227,7 @@ def taken(fitted: Residual, frequency: FloatArray) -> BoolArray:
     return inside
 
 
-def _over_neighbours(total: FloatArray, start: IntArray, width: int) -> tuple[FloatArray, FloatArray]:
+def _over_neighbours(total: FloatArray, start: SignedArray, width: int) -> tuple[FloatArray, FloatArray]:
     """Return the means of windows over those of the ordinates beside them, and how many these are, shape of `start`.
 
     `total` holds the running sums of the ordinates.
@@ -240,7 +235,7 @@ def _over_neighbours(total: FloatArray, start: IntArray, width: int) -> tuple[Fl
     last = len(total) - 1
     gap = width // 2
 
-    def sums(first: IntArray, stop: IntArray) -> tuple[FloatArray, FloatArray]:
+    def sums(first: SignedArray, stop: SignedArray) -> tuple[FloatArray, FloatArray]:
         stop = np.maximum(first, stop)
         return total[stop] - total[first], (stop - first).astype(float)
 
@@ -253,7 +248,7 @@ def _over_neighbours(total: FloatArray, start: IntArray, width: int) -> tuple[Fl
     return inside * number / (below + above), number
 
 
-def _largest(values: FloatArray, number: int) -> IntArray:
+def _largest(values: FloatArray, number: int) -> SignedArray:
     """Return the places of the largest values, these last."""
     some = np.argpartition(values, -min(number, len(values)))[-number:]
     return some[np.argsort(values[some])]

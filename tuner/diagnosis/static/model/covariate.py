@@ -16,12 +16,10 @@ References
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 
+from models.arrays import FloatArray
 from models.robust import normal_sd
-
-FloatArray = NDArray[np.float64]
 
 PART_COUNT = 64
 """Parts of a record in each of which the curve must follow the readings: over the whole record a

@@ -18,13 +18,12 @@ from numpy.typing import NDArray
 from scipy.fft import dct, dst, idct
 from scipy.ndimage import maximum_filter1d
 
+from models.arrays import FloatArray
 from models.robust import MEDIAN_OF_CHI2
 from tuner.curves.long_transforms import without_tables
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.series_statistics import Real, row_medians
 from tuner.identification.periodogram import CosinePeriodogram
-
-FloatArray = NDArray[np.float64]
 
 MAX_SQUARE = 30.0
 """Largest square of a coefficient that enters the noise fit, in units of its neighbours'; lines are larger.

@@ -10,7 +10,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from models.arrays import FloatArray
 
 COEFFICIENTS_AT_ONCE = 1 << 16
 """Coefficients treated at a time, so that what is computed on the way stays in the cache of a processor."""

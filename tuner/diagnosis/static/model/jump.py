@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from tuner.diagnosis.static.causes.base import Value
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.dct import inverse, transform
 from tuner.diagnosis.static.model.null_distributions import EDGE_NATS, SLOW_RATIO_FACTOR
 from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.model.score_scan import Scan
-
-FloatArray = NDArray[np.float64]
 
 CLEAR_BLOCKS = 16
 """Blocks within which a jump must lie for its place to be estimated to the sample.

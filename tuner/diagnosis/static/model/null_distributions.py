@@ -12,11 +12,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.probability import chi2_beyond
-
-FloatArray = NDArray[np.float64]
 
 SLOW_RATIO_FACTOR = 0.8
 """Factor on likelihood ratios of slow templates, for tests and intervals.

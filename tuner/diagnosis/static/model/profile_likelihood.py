@@ -12,16 +12,15 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
+from models.arrays import FloatArray
 from tuner.diagnosis.static.causes.base import Value
 from tuner.diagnosis.static.model.dct import block_transform
 from tuner.diagnosis.static.model.null_distributions import SLOW_RATIO_FACTOR
 from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.model.slow_likelihood import Track
 
-FloatArray = NDArray[np.float64]
 Template = Callable[[float], FloatArray]
 """Columns on the blocks, shape (M, p), for a time constant, s."""
 

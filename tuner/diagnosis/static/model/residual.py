@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import next_fast_len
 
+from models.arrays import FloatArray, SingleArray
 from models.noise import BiasInstability, GaussMarkov, NoiseModel, RandomWalk, Term, White
 from tuner.diagnosis.static.causes.base import Extension, gain_of, hidden_by, power_of
 from tuner.diagnosis.static.channel import Channel
@@ -35,8 +36,6 @@ from tuner.diagnosis.static.model.series_statistics import (
 )
 from tuner.diagnosis.static.model.slow_likelihood import BASES, Fit, Kinds, Track
 
-FloatArray = NDArray[np.float64]
-SingleArray = NDArray[np.float32]
 T = TypeVar("T")
 
 MIN_PROMISED_RATIO = 4.0

@@ -15,15 +15,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import rfft
 from scipy.optimize import minimize_scalar
 
+from models.arrays import FloatArray
 from tuner.diagnosis.static.model.dct import block_transform, step_scale, step_sums
 from tuner.diagnosis.static.model.null_distributions import SLOW_RATIO_FACTOR, davies
 from tuner.diagnosis.static.model.residual import Residual
-
-FloatArray = NDArray[np.float64]
 
 MIN_SQUARE_SCORE = 6.0
 """Square of a score below which a template is not refitted.

@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import rfft
 
+from models.arrays import FloatArray, SingleArray
 from tuner.curves.long_transforms import without_tables
 
-FloatArray = NDArray[np.float64]
-SingleArray = NDArray[np.float32]
 Real = TypeVar("Real", np.float32, np.float64)
 
 SAMPLES_AT_ONCE = 1 << 16

@@ -13,14 +13,13 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.noise import BiasInstability, GaussMarkov, Quantization, RandomWalk, Term, White
 from tuner.identification.expected_periodogram import expected_power
 from tuner.identification.objective import Objective
 from tuner.identification.periodogram import CosinePeriodogram
 
-FloatArray = NDArray[np.float64]
 Kinds = tuple[type[Term], ...]
 
 FLICKER: Kinds = (Quantization, White, RandomWalk, BiasInstability)

@@ -17,8 +17,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.noise import Quantization, White
 from models.robust import MEDIAN_OF_CHI2
 from tuner.diagnosis.static.causes.base import Extension, gain_of, hidden_by, power_of
@@ -27,8 +27,6 @@ from tuner.diagnosis.static.model.residual import Residual, once, once_of_sample
 from tuner.diagnosis.static.model.series_statistics import row_medians
 from tuner.diagnosis.static.spectrum.fisher_scoring import sizes
 from tuner.diagnosis.static.variance.local_variance import course
-
-FloatArray = NDArray[np.float64]
 
 BIN_COUNT = 128
 """Bins of the fast spectrum; chosen so that each averages hundreds of ordinates of a record of 10⁵ samples."""

@@ -16,14 +16,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
 from scipy.optimize import isotonic_regression
 
+from models.arrays import FloatArray
 from models.probability import chi2_beyond
 from tuner.diagnosis.static.spectrum.binned import BIN_COUNT, MIN_RELATIVE_FREQUENCY, Bins
-
-FloatArray = NDArray[np.float64]
 
 CURVE = "curve"
 """Name of such a filter."""

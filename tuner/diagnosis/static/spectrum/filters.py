@@ -28,11 +28,10 @@ from math import comb
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.effects.static.spectral import LowPass
 
-FloatArray = NDArray[np.float64]
 Coefficients = tuple[tuple[float, ...], tuple[float, ...]]
 
 FILTERS: dict[str, tuple[float, float]] = {

@@ -16,9 +16,8 @@ from __future__ import annotations
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from models.arrays import FloatArray
 
 MAX_STEPS = 40
 """Largest number of steps of Fisher scoring, which converges in a few; it bounds the time where it does not."""

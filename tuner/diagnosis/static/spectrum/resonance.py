@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.effects.static.spectral import Vibration
 from models.probability import normal_beyond
 from tuner.diagnosis.static.model.null_distributions import curvature, minimum, variance_deviate
 from tuner.diagnosis.static.spectrum.binned import Bins, Sizes, rise, sized
 from tuner.diagnosis.static.spectrum.filters import arma_power
-
-FloatArray = NDArray[np.float64]
 
 WIDTHS = (1, 2, 4, 8, 16)
 """Bins of a window, in octaves up to an eighth of the spectrum."""

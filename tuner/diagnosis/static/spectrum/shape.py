@@ -22,9 +22,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
+from models.arrays import FloatArray
 from models.probability import chi2_beyond
 from tuner.diagnosis.static.model.null_distributions import maximum, minimum
 from tuner.diagnosis.static.model.residual import Residual
@@ -41,8 +41,6 @@ from tuner.diagnosis.static.spectrum.filters import (
     is_mean,
 )
 from tuner.diagnosis.static.spectrum.resonance import ResonanceFit, fit_resonance, scan_resonances
-
-FloatArray = NDArray[np.float64]
 
 SIMPLER_NATS = 5.0
 """Nats within which the simpler shape is taken: it must be less likely by a factor of 150 to be rejected."""

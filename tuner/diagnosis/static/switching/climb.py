@@ -7,12 +7,11 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 
+from models.arrays import FloatArray
 from tuner.diagnosis.static.switching.models import Chain, Slow, likelihood_from
 
-FloatArray = NDArray[np.float64]
 Parts = Callable[[FloatArray], tuple[Chain, Slow] | None]
 """Gives the chain and the slow states of free numbers, (p,); None where these are not allowed."""
 

@@ -19,10 +19,8 @@ from __future__ import annotations
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-
+from models.arrays import FloatArray
 
 MAX_STATES = 7
 """Most slow states that `switching` holds: a random walk beside one rung a decade of six."""

@@ -6,13 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.noise import BiasInstability, GaussMarkov, Quantization, RandomWalk, Term, White
 from tuner.diagnosis.static.switching.kim_filter import MAX_STATES, paired, still, switching
 from tuner.types.records import DataError
-
-FloatArray = NDArray[np.float64]
 
 KNOWN_TERMS = (White, Quantization, GaussMarkov, RandomWalk)
 """Noise whose block means have states or a white part here; flicker noise is a ladder of the third."""
@@ -85,11 +83,10 @@ def _refuse_others(terms: Sequence[Term]) -> None:
     """Refuse terms that neither the states nor the white part of a block mean would contain."""
     for term in terms:
         if not isinstance(term, KNOWN_TERMS):
-            msg = (
+            raise DataError(
                 f"noise term '{term.name}' cannot be searched for switching levels: expected "
                 f"{', '.join(known.name for known in KNOWN_TERMS)}; leave it out of the model of the diagnosis"
             )
-            raise DataError(msg)
 
 
 def ladder(level: float, shortest: float, longest: float, per_decade: int = 3) -> tuple[GaussMarkov, ...]:
@@ -131,8 +128,9 @@ def likelihood(
     """
     levels, alone = len(chain.levels), len(chain.levels) == 1
     if not 1 <= levels <= 3 or (not alone and len(slow.phi) > MAX_STATES):
-        msg = f"{levels} levels beside {len(slow.phi)} slow states, expected 1 to 3 and {MAX_STATES} at most"
-        raise ValueError(msg)
+        raise ValueError(
+            f"{levels} levels beside {len(slow.phi)} slow states, expected 1 to 3 and {MAX_STATES} at most"
+        )
     r = np.full(len(y), r)
     if alone:
         value = still(y - chain.levels[0], slow.phi, slow.q, slow.initial, r)

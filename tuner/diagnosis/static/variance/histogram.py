@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from models.probability import log_normal_density
-
-FloatArray = NDArray[np.float64]
 
 CELL_WIDTH = 0.02
 """Width of a bin, sds: grouping takes width²/12 = 3e-5 from the variance."""

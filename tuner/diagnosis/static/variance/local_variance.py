@@ -11,14 +11,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from tuner.diagnosis.static.model.null_distributions import variance_deviate
 from tuner.diagnosis.static.model.residual import Residual, once
 from tuner.diagnosis.static.model.series_statistics import RESIDUAL_CLIP
 from tuner.diagnosis.static.variance.quantized_noise import cell_moments
-
-FloatArray = NDArray[np.float64]
 
 LEVEL_BLOCKS = 256
 """Parts of the record whose local variance is compared; chosen to resolve 64 cycles a record with four parts each."""

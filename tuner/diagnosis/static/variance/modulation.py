@@ -23,9 +23,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import idct
 
+from models.arrays import FloatArray
 from models.noise import NoiseModel, Quantization, White
 from models.probability import chi2_beyond
 from tuner.diagnosis.static.causes.temperature import COVARIATE
@@ -37,8 +37,6 @@ from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.variance.local_variance import LEVEL_BLOCKS, block_variance
 from tuner.diagnosis.static.variance.normal_blocks import law_in_blocks
 from tuner.diagnosis.static.variance.quantized_noise import is_coarse
-
-FloatArray = NDArray[np.float64]
 
 CYCLES = 0.5 * np.arange(2, LEVEL_BLOCKS // 2 + 1)
 """Cycles in the record that are tried, in steps of half a cycle: the resolution of a finite record."""

@@ -8,14 +8,12 @@ of the samples is replaced by its normal deviates; slow noise and events, which 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from models.arrays import FloatArray
 from tuner.diagnosis.static.causes.heavy_tails import HeavyTails
 from tuner.diagnosis.static.causes.skewed_noise import SkewedNoise
 from tuner.diagnosis.static.model.residual import Residual, once
 from tuner.diagnosis.static.variance.local_variance import course
-
-FloatArray = NDArray[np.float64]
 
 
 @once

@@ -15,12 +15,10 @@ from dataclasses import dataclass
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import log_ndtr, ndtr, ndtri
 
+from models.arrays import FloatArray
 from tuner.diagnosis.static.model.series_statistics import order_statistics
-
-FloatArray = NDArray[np.float64]
 
 KNOT_STEP = 0.2
 """Step of the deviate between knots: a normal law is bent by less than 0.005 between two."""

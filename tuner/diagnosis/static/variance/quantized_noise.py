@@ -19,16 +19,14 @@ from dataclasses import dataclass
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 from scipy.special import ndtr
 
+from models.arrays import FloatArray
 from models.noise import NoiseModel, Quantization, White
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.dct import inverse
 from tuner.diagnosis.static.model.residual import Residual, once_of_samples
-
-FloatArray = NDArray[np.float64]
 
 MAX_FINE_STEP = 1.0
 """Step ÷ sd up to which the place in a cell does not matter: the variance is constant within 1e-7."""
