@@ -256,15 +256,14 @@ def _of_predictions(predictions: Mapping[str, PredictedBlock]) -> Iterator[Reaso
 
 def _of_losses(found: Identification, findings: Iterable[Finding]) -> Iterator[Reason]:
     """Yield which samples of a log are left out, where more than `LOST_SHARE` of them are."""
+    kept: dict[str, list[str]] = {}
     for sensor in found.source.get("sensors", ()):
         whole = sensor.get("used_s", (0.0,))[-1]
-        lost = 1.0 - sensor["span_s"] / whole if whole > 0.0 else 0.0
-        if lost > LOST_SHARE:
-            yield Reason(
-                Use.USABLE_EXCEPT,
-                f"{axes_text(sensor['axes'])} rest on {100.0 * (1.0 - lost):.2g} % of the log: the rest is no rest, or "
-                f"samples are missing",
-            )
+        if whole > 0.0 and 1.0 - sensor["span_s"] / whole > LOST_SHARE:
+            kept.setdefault(f"{100.0 * sensor['span_s'] / whole:.2g}", []).extend(sensor["axes"])
+    for percent, axes in kept.items():
+        text = f"{axes_text(axes)} rest on {percent} % of the log; in the rest the sensor moved, or samples are missing"
+        yield Reason(Use.USABLE_EXCEPT, text)
     for one in findings:
         share = one.parameters.get("fraction")
         if share is not None and share.value is not None and share.value > LOST_SHARE:

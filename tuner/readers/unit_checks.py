@@ -5,7 +5,7 @@ stated by      what happens where the samples of a sensor at rest speak against 
 =============  ===================================================================================================
 nobody         refused, unless gravity confirms the accelerometers; a gyroscope whose unit its noise, bias and step
                leave open is read in SI, and the result says by how much another unit would be off
-file           refused where gravity is off by more than `MISLEADING`, or where no gyroscope at rest has such noise or
+file           refused where gravity is off by more than `WRONG_FACTOR`, or where no gyroscope at rest has such noise or
                bias; said first where gravity is off by less
 user           refused where it is off by more than `MAX_UNIT_FACTOR`, else said first
 =============  ===================================================================================================
@@ -26,6 +26,7 @@ import numpy as np
 
 from models.earth import EARTH_RATE
 from models.units import STANDARD_GRAVITY
+from tuner.limits import WRONG_FACTOR
 from tuner.readers.column_names import INCREMENT_OF, INCREMENT_UNITS, UNITS
 from tuner.readers.options import UnitChoice
 from tuner.readers.refusal import Change, Refusal
@@ -52,8 +53,6 @@ from tuner.types.records import DataError, Record
 
 MAX_UNIT_FACTOR = 100.0
 """Factor by which a stated unit may be wrong before it is refused: logs in motion and without gravity exist."""
-MISLEADING = 1.4
-"""Factor from which a number misleads."""
 MAX_READING: Mapping[str, float] = MappingProxyType({"gyro": 1e5, "accel": 1e6})
 """Readings that no sensor has, rad/s and m/s²."""
 MIN_RANGE = 1e-15
@@ -219,7 +218,9 @@ class _Judge:
         axes = "" if len(record.axes) == 3 else f" on {len(record.axes)} axes"
         reads = f"accel reads {found.norm:.4g} m/s^2{axes}"
         drifts = self.tried and found.summed > MAX_SUMMED
-        if abs(ratio - 1.0) < GRAVITY_TOLERANCE and not drifts:
+        fits = abs(ratio - 1.0) < GRAVITY_TOLERANCE
+        fits |= self.tried and choice.unit in units_with_gravity(self.raw, record.interval)
+        if fits and not drifts:
             confirmed = f"accel: {choice.unit} assumed, as its mean is gravity ({found.norm:.4g} m/s^2)"
             return confirmed if choice.basis == "assumed" else None
         if choice.basis == "assumed":
@@ -232,7 +233,7 @@ class _Judge:
         far = max(ratio, 1.0 / ratio) if ratio > 0.0 else math.inf
         lenient = choice.basis == "user" and not self.tried
         absurd = ratio > MAX_UNIT_FACTOR or (far > MAX_UNIT_FACTOR and still and not lenient)
-        if absurd or (self.tried and ratio > 0.0) or (still and not lenient and far > MISLEADING):
+        if absurd or (self.tried and ratio > 0.0) or (still and not lenient and far > WRONG_FACTOR):
             changes = [c for c in self.by_gravity() if same_kind(c.unit["accel"], choice.unit)]
             if (increment := INCREMENT_OF.get(choice.unit)) is not None and gyro is not None:
                 both = {"accel": increment, "gyro": INCREMENT_OF.get(gyro.unit, "")}

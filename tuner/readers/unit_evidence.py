@@ -15,6 +15,7 @@ import numpy as np
 from models.arrays import FloatArray
 from models.robust import normal_sd
 from models.units import DEG, STANDARD_GRAVITY, unit_value
+from tuner.limits import WRONG_FACTOR
 from tuner.readers.column_names import INCREMENT_UNITS, UNITS
 from tuner.types.records import Record
 
@@ -115,13 +116,18 @@ def same_kind(one: str, other: str) -> bool:
 
 
 def units_with_gravity(raw: float, interval: float) -> list[str]:
-    """Return the units in which a raw mean specific force is gravity, best first; increments last."""
-    fitting = [
-        (unit in INCREMENT_UNITS, off, unit)
-        for unit in UNITS["accel"]
-        if (off := abs(raw * si_value(unit, interval) / STANDARD_GRAVITY - 1.0)) < GRAVITY_TOLERANCE
-    ]
-    return [unit for _, _, unit in sorted(fitting)]
+    """Return the units in which a raw mean specific force is gravity, best first; increments last.
+
+    Where none is within `GRAVITY_TOLERANCE`, those within `WRONG_FACTOR`: consumer units without a calibration err by
+    a tenth, and their noise is right all the same.
+    """
+    ratios = {unit: raw * si_value(unit, interval) / STANDARD_GRAVITY for unit in UNITS["accel"]}
+    near = {unit: abs(ratio - 1.0) for unit, ratio in ratios.items() if abs(ratio - 1.0) < GRAVITY_TOLERANCE}
+    far = {
+        unit: abs(ratio - 1.0) for unit, ratio in ratios.items() if 1.0 / WRONG_FACTOR < ratio < WRONG_FACTOR
+    }
+    fitting = near or far
+    return sorted(fitting, key=lambda unit: (unit in INCREMENT_UNITS, fitting[unit], unit))
 
 
 def possible_rate(unit: str, found: Sizes, interval: float, read_in: str, *, assumed: bool = True) -> bool:

@@ -12,7 +12,7 @@ from tuner.formats.axis_words import axes_text
 from tuner.formats.customary_units import digits
 from tuner.formats.reference_words import reference_line
 from tuner.identification.comparison import compare_identifications, limit_checks
-from tuner.limits import SHOWN_CHANGE, SHOWN_FINDINGS
+from tuner.limits import LOST_SHARE, SHOWN_CHANGE, SHOWN_FINDINGS
 from tuner.report.answer_layout import (
     BOUNDED,
     INTERVAL,
@@ -41,6 +41,7 @@ from tuner.synthesis.findings import judge_hidden
 
 if TYPE_CHECKING:
     from tuner.tune_result import TuneResult
+    from tuner.types import Unexplained
 
 WITHOUT_RECEIVER = "name a receiver (--gnss GRADE)"
 """Words of the reason where a check lacks only the receiver."""
@@ -235,20 +236,38 @@ def found_lines(result: TuneResult) -> tuple[list[str], int]:
     A finding whose effect is below `SHOWN_CHANGE` stands on the page alone; one whose effect is not known comes last.
     """
     groups: tuple[FindingGroup, ...] = ()
-    first, last = [], []
+    first: list[str] = []
+    idle = 0
     if result.diagnosis is not None:
         span = max((record.span for record in result.records), default=None)
         groups = finding_groups([one for one in result.diagnosis.findings if not contradicted(one)], span)
-        first += [f"Not explained: {text}" for text in unexplained_lines(result.diagnosis.unexplained)]
+        rest = [one for one in result.diagnosis.unexplained if _is_felt(one)]
+        idle += len(rest) < len(result.diagnosis.unexplained)
+        first += [f"Not explained: {text}" for text in unexplained_lines(rest)[:1]]
     felt = [one for one in groups if one.in_motion or one.worth >= log(1.0 + SHOWN_CHANGE)]
-    faults = [one for one in groups if one not in felt and one.changes == SAMPLES_AT_FAULT]
+    faults = [one for one in groups if one not in felt and _is_fault(one)]
     first += [group_in_words(one) for one in felt]
     if result.drive is not None:
         found = result.drive.diagnosis
         first += [f"Not explained on the drive: {one.statistic}" for one in found.unexplained]
         first += [found_text(one) for one in found.findings]
-    last += [group_in_words(one) for one in faults]
-    return [*first, *last], len(groups) - len(felt) - len(faults)
+    last = [group_in_words(one) for one in faults]
+    return [*first, *last], idle + len(groups) - len(felt) - len(faults)
+
+
+def _is_felt(one: Unexplained) -> bool:
+    """Return whether an axis drifts further than its model by `SHOWN_CHANGE`, or nobody knows."""
+    return not one.drift or any(a > (1.0 + SHOWN_CHANGE) * b for a, b in one.drift.values())
+
+
+def _is_fault(group: FindingGroup) -> bool:
+    """Return whether samples are at fault to an effect that is not known, or more than `LOST_SHARE` of them."""
+    if group.changes != SAMPLES_AT_FAULT:
+        return False
+    shares = [
+        one.parameters["fraction"].value or 0.0 for one in group.findings if "fraction" in one.parameters
+    ]
+    return not group.drift or max(shares, default=0.0) > LOST_SHARE
 
 
 def _page_lines(result: TuneResult, directory: Path | None, more: int) -> list[str]:
