@@ -1,6 +1,7 @@
 """What no answer may say: 2 000 made results of all kinds, each invariant broken once on purpose, simulated results."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,9 +10,13 @@ from models.noise import NoiseModel, RandomWalk, White
 from tuner import check, diagnose, identify, tune
 from tuner.invariants import INVARIANTS, Claims, Statement, violations
 from tuner.judgement import judge_log
+from tuner.limits import SCREEN_LINES
 from tuner.report.claims import claims_of, lawful
+from tuner.report.tune_answer import answer_lines
 from tuner.simulation.static import simulate
-from tuner.types import Coefficient, Diagnosis, Finding, Unexplained
+from tuner.synthesis import synthesize
+from tuner.tune_result import TuneResult
+from tuner.types import Coefficient, Diagnosis, Enlargement, Finding, Quantity, Unexplained
 from tuner.types.consistency import Consistency, Outage, Score
 from tuner.types.judgement import Judgement, Use
 from tuner.types.records import DataError
@@ -72,6 +77,39 @@ def test_no_made_result_contradicts_itself():
             assert violations(said) == ()
     assert uses == {Use.HONEST, Use.TOO_SHORT, Use.OPTIMISTIC, Use.PESSIMISTIC, Use.DO_NOT_USE,
                     Use.NOTHING_CONTRADICTS, Use.EXPLAINED, Use.NOT_EXPLAINED}  # fmt: skip
+
+
+def test_no_made_settings_contradict_their_verdict():
+    """Settings with any scores, rests, enlargements, borrowed terms and losses: what may not be used is not written."""
+    rng = np.random.default_rng(7)
+    axes = [f"{sensor}_{axis}" for sensor in ("gyro", "accel") for axis in "xyz"]
+    noise = NoiseModel([White(1e-4), RandomWalk(1e-5)])
+    records, _ = simulate(dict.fromkeys(axes, noise), duration=120.0, rate=20.0, seed=7)
+    found = identify(records, arma=None)
+    config = synthesize(found, name="unit")
+    uses = set()
+    for _ in range(200):
+        sensors = [
+            {
+                **one,
+                "span_s": one["used_s"][2] * float(rng.uniform(0.4, 1.0))
+                if rng.random() < 0.3
+                else one["span_s"],
+            }
+            for one in found.source["sensors"]
+        ]
+        scores = replace(made_scores(rng), errors={"position_rms_m": (1.0,)})
+        larger = Enlargement(Quantity("gyro_x", "white_density"), float(np.exp(rng.normal())), "vibration")
+        result = TuneResult(
+            "unit", records, replace(found, source={"sensors": sensors}), made_diagnosis(rng), None, None,
+            replace(config, inflations=(larger,) if rng.random() < 0.5 else ()),
+            SimpleNamespace(consistency=scores) if rng.random() < 0.7 else None, {}, {}, {"noise.yaml": "a text"},
+        ).written  # fmt: skip
+        uses.add(result.verdict.use)
+        assert violations(claims_of(result)) == ()
+        assert bool(result.exports) == (result.verdict.use is not Use.DO_NOT_USE)
+        assert len(answer_lines(result, None)) <= SCREEN_LINES
+    assert uses == {Use.USABLE, Use.USABLE_EXCEPT, Use.DO_NOT_USE}
 
 
 RNG = np.random.default_rng(1)
