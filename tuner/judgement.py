@@ -82,7 +82,8 @@ def judge_settings(known: Settings) -> Judgement:
         *_of_limits(known.config),
         *_of_ramps(known.config),
     ]
-    found = judged(Use.USABLE, reasons)
+    forbidding = [one for one in reasons if one.use is Use.DO_NOT_USE]
+    found = judged(Use.USABLE, forbidding or reasons)
     return found if found.reasons else Judgement(Use.USABLE, tuple(_grounds(known)))
 
 
@@ -288,17 +289,19 @@ def _of_unexplained(unexplained: Sequence[Unexplained]) -> Iterator[Reason]:
 
 
 def _of_enlargements(config: FilterConfig) -> Iterator[Reason]:
-    """Yield the settings that differ from what was measured by more than `WRONG_FACTOR`, with the reason."""
-    for one in config.inflations:
-        if isinstance(one, Enlargement) and _far(one.factor):
-            yield Reason(
-                Use.USABLE_EXCEPT, f"{one.quantity} is {digits(one.factor, 2)} × as measured: {one.reason}"
-            )
-        elif isinstance(one, AppliedNoiseScale) and _far(one.factor):
-            cause = ", ".join(one.causes).replace("_", " ") or "no cause known"
-            yield Reason(
-                Use.USABLE_EXCEPT, f"{one.quantity} is {digits(one.factor, 2)} × as stated ({cause})"
-            )
+    """Yield the settings that differ from what was measured or stated by more than `WRONG_FACTOR`, with the causes."""
+    changed = [
+        f"{one.quantity} × {digits(one.factor, 2)}{_causes_text(one.causes)}"
+        for one in config.inflations
+        if isinstance(one, Enlargement | AppliedNoiseScale) and _far(one.factor)
+    ]
+    if changed:
+        text = f"settings that are not as measured or stated (reasons in the files): {', '.join(changed)}"
+        yield Reason(Use.USABLE_EXCEPT, text)
+
+
+def _causes_text(causes: Sequence[str]) -> str:
+    return f" ({', '.join(causes).replace('_', ' ')})" if causes else ""
 
 
 def _of_limits(config: FilterConfig) -> Iterator[Reason]:

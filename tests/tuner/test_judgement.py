@@ -135,11 +135,11 @@ def with_config(known, **what):
     [
         (
             Enlargement(Quantity("gyro_x", "white_density"), 3.1, "vibration"),
-            "gyro_x.white_density is 3.1 × as measured",
+            "gyro_x.white_density × 3.1",
         ),
         (
             AppliedNoiseScale(Quantity("gyro", "white_density"), 190.0, "", causes=("unknown",)),
-            "190 × as stated (unknown)",
+            "gyro.white_density × 190 (unknown)",
         ),
     ],
 )
