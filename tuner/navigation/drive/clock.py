@@ -132,7 +132,9 @@ def chosen_clock(found: ClockOffset) -> Clock:
             f"{DELAYS[i]} stamps {_interval_text(found.delay[i], found.quantile() * found.sd[i])}"
             for i in which
         ]
-        return Clock(note=f"clocks agree as far as the motion shows: {', '.join(parts)} late")
+        return Clock(
+            note=f"no offset of the clocks is taken out, as chance may make it: {', '.join(parts)} late"
+        )
     common, late_velocities = [[1.0, 1.0]], [[0.0, 1.0]]
     models = [common, late_velocities, common + late_velocities] if len(which) == 2 else [[[1.0]]]
     for rows in models:
