@@ -135,10 +135,10 @@ def _bounds_name_nothing(said: Claims) -> Iterator[str]:
 
 
 def _losses_are_said(said: Claims) -> Iterator[str]:
-    """6: what is left out beyond `LOST_SHARE` stands on the first screen, in the verdict."""
+    """6: of what may be used, what is left out beyond `LOST_SHARE` stands on the first screen, in the verdict."""
     text = said.verdict.text
     for axis, share in said.lost.items():
-        if share > LOST_SHARE and "%" not in text:
+        if share > LOST_SHARE and "%" not in text and said.verdict.use is not Use.DO_NOT_USE:
             yield f"{100.0 * share:.2g} % of {axis} are left out and not in the verdict"
 
 

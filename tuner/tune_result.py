@@ -6,9 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
+from textwrap import wrap
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from tuner.formats.yaml_text import comment
 from tuner.judgement import Settings, judge_settings
 from tuner.segments.multi_position import PoseCalibration
 from tuner.types import Diagnosis, FilterConfig, GnssNoise, Identification
@@ -22,6 +24,12 @@ if TYPE_CHECKING:
     from tuner.consistency.score_drive import DriveResult
     from tuner.diagnosis.drive import ExaminedDrive
     from tuner.diagnosis.drive.held_out_choice import HeldOutChoice
+
+
+NATIVE = "noise.yaml"
+"""File of the native configuration."""
+COMMENT_WIDTH = 110
+"""Longest line of the verdict atop it."""
 
 
 @dataclass(frozen=True)
@@ -142,8 +150,12 @@ class TuneResult(Shown):
 
     @property
     def written(self) -> TuneResult:
-        """The result without the files of settings that its verdict forbids to use."""
+        """The result without the files of settings that its verdict forbids to use; else with it atop noise.yaml."""
         if self.verdict.use is not Use.DO_NOT_USE:
-            return self
+            said = wrap(f"Verdict: {self.verdict.text}", COMMENT_WIDTH)
+            head = "".join(f"{comment(line)}\n" for line in said)
+            return replace(
+                self, exports={name: head * (name == NATIVE) + text for name, text in self.exports.items()}
+            )
         reasons = dict.fromkeys(self.exports, self.verdict.text)
         return replace(self, exports=MappingProxyType({}), withheld={**self.withheld, **reasons})

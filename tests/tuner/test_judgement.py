@@ -16,6 +16,7 @@ from tuner.judgement import Settings, judge_settings, limit_ratio
 from tuner.limits import HONEST_RATIO, POWER
 from tuner.simulation.static import simulate
 from tuner.synthesis import synthesize
+from tuner.tune_result import TuneResult
 from tuner.types import (
     AppliedNoiseScale,
     ChannelNoise,
@@ -199,3 +200,26 @@ def test_a_limit_that_matters_is_assumed_and_said():
     walk = np.sqrt(8.0 * 3.0 / 60.0**2)
     channel = ChannelNoise("gyro_x", "rad/s", 1.0, (), 0.5 * walk, 0.0)
     assert limit_ratio(channel, 0.5) == pytest.approx(3.0)
+
+
+def test_the_verdict_stands_atop_the_settings_and_nothing_is_written_that_must_not_be_used(known):
+    made = TuneResult(
+        "unit",
+        (),
+        known.identification,
+        None,
+        None,
+        None,
+        known.config,
+        None,
+        {},
+        {},
+        {"noise.yaml": "a: 1\n"},
+    )
+    text = made.written.exports["noise.yaml"]
+    assert text.startswith("# Verdict: usable")
+    assert text.endswith("\na: 1\n")
+    off = SimpleNamespace(consistency=scores(scored("position", 2.3)))
+    withheld = replace(made, check=off).written
+    assert not withheld.exports
+    assert "position 2.30" in withheld.withheld["noise.yaml"]
