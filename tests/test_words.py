@@ -30,7 +30,7 @@ PRIVATE = {
     r"ow(ed|ing|es)": "widened",
     r"doubts?|doubtful": "uncertainty, warning",
     r"passages?": "filter run",
-    r"fly|flies|flown|flying|flights?": "run, simulate",
+    r"fly|flies|flown|flying": "run, simulate",
     r"belief|beliefs|believe|believes|believed": "configuration, hypothesis, as configured",
     r"polished?|polishing": "refit",
     r"hygiene": "data quality",
@@ -43,7 +43,6 @@ PRIVATE = {
     r"remade": "from configuration",
     r"yielding": "mount tilt",
     r"stillness": "stationary",
-    r"honest|honestly": "consistent",
     r"swallow(s|ed)?": "absorb",
     r"demands?": "noise-scale estimate",
 }

@@ -17,6 +17,7 @@ import numpy as np
 from tuner.formats.axis_words import axes_text
 from tuner.formats.customary_units import digits
 from tuner.limits import HONEST_RATIO, LOST_SHARE, TOLERATED_RATIO, WRONG_FACTOR
+from tuner.synthesis.equivalent_models import FILTER_MEMORY
 from tuner.synthesis.error_growth import modelled_growth
 from tuner.synthesis.from_drive import FROM_FIXES
 from tuner.synthesis.sufficient import lacking_slow_bias
@@ -46,8 +47,6 @@ UNAIDED_TIME = 60.0
 """Time without aiding over which a term that is only limited is judged, s."""
 NOT_SHOWN_AT_REST = "a log at rest cannot show scale factors, misalignment, delays or vibration of a vehicle"
 """What the verdict on a log that nothing contradicts says of its reach."""
-MEMORY = 100.0
-"""Time over which a filter renews its estimate of a bias, s."""
 
 
 @dataclass(frozen=True)
@@ -263,7 +262,7 @@ def _of_losses(found: Identification, findings: Iterable[Finding]) -> Iterator[R
         if whole > 0.0 and 1.0 - sensor["span_s"] / whole > LOST_SHARE:
             kept.setdefault(f"{100.0 * sensor['span_s'] / whole:.2g}", []).extend(sensor["axes"])
     for percent, axes in kept.items():
-        text = f"{axes_text(axes)} rest on {percent} % of the log; in the rest the sensor moved, or samples are missing"
+        text = f"{axes_text(axes)}: only {percent} % of the log is used, as the sensor moved or samples are missing"
         yield Reason(Use.USABLE_EXCEPT, text)
     for one in findings:
         share = one.parameters.get("fraction")
@@ -283,8 +282,8 @@ def _of_unexplained(unexplained: Sequence[Unexplained]) -> Iterator[Reason]:
         if name is not None and ratios[name] > WRONG_FACTOR:
             yield Reason(
                 Use.USABLE_EXCEPT,
-                f"{axes_text(one.channels)}, which without a known cause drifts {digits(ratios[name], 2)} × as far as "
-                f"its noise after {name}",
+                f"{axes_text(one.channels)}: after {name} its drift is {digits(ratios[name], 2)} × that of its noise, "
+                "cause unknown",
             )
 
 
@@ -305,34 +304,33 @@ def _causes_text(causes: Sequence[str]) -> str:
 
 
 def _of_limits(config: FilterConfig) -> Iterator[Reason]:
-    """Yield the axes whose drift depends on a term of which only a limit is known.
+    """Yield the axes whose settings depend on a term of which only a limit is known.
 
-    The predicted sd of angle or velocity after a minute without aiding, with the random walk at its limit, is then
-    `HONEST_RATIO` times that without it or more.
+    White noise is then the limit. Of slow terms half of it is written: they are named where the predicted sd of angle
+    or velocity after a minute without aiding, with the term at its limit, is at least `HONEST_RATIO` × that without it.
     """
+    hidden: list[str] = []
     limited: dict[str, float] = {}
     for one in config.inflations:
-        if isinstance(one, BoundUsed) and one.quantity.field == "random_walk.density" and one.factor > 0.0:
-            channel = config.channels.get(one.quantity.owner)
-            if channel is not None and (ratio := limit_ratio(channel, one.factor)) >= HONEST_RATIO:
-                limited[channel.axis] = ratio
-    hidden = [
-        one.quantity.owner
-        for one in config.inflations
-        if isinstance(one, BoundUsed) and one.quantity.field == "white.density"
-    ]
+        channel = config.channels.get(one.quantity.owner)
+        if not isinstance(one, BoundUsed) or channel is None or one.factor <= 0.0:
+            continue
+        if one.quantity.field == "white.density":
+            hidden.append(channel.axis)
+        elif (ratio := limit_ratio(channel, one.quantity.field, one.factor)) >= HONEST_RATIO:
+            limited[channel.axis] = max(ratio, limited.get(channel.axis, 0.0))
     if hidden:
         yield Reason(
             Use.USABLE_EXCEPT,
-            f"the white noise of {axes_text(hidden)}: a limit, which is written",
+            f"the white noise of {axes_text(hidden)}: only a limit is known, which is written",
         )
     if limited:
         least, most = digits(min(limited.values()), 2), digits(max(limited.values()), 2)
         times = least if least == most else f"{least} to {most}"
         yield Reason(
             Use.USABLE_EXCEPT,
-            f"the bias random walk of {axes_text(list(limited))}, ASSUMED half of its limit: the limit itself would "
-            f"enlarge the drift after {UNAIDED_TIME:g} s {times} times",
+            f"the slow bias of {axes_text(list(limited))}, ASSUMED half of a limit: at the limit the drift after "
+            f"{UNAIDED_TIME:g} s would be {times} times that without it",
         )
 
 
@@ -345,7 +343,7 @@ def _of_ramps(config: FilterConfig) -> Iterator[Reason]:
     for channel in config.channels.values():
         rates = [t.coefficients["rate"].value for t in channel.identified if t.name == "ramp"]
         moved = sum(abs(rate or 0.0) for rate in rates) * 0.5 * UNAIDED_TIME**2
-        noise = float(modelled_growth(channel, UNAIDED_TIME, memory=MEMORY))
+        noise = float(modelled_growth(channel, UNAIDED_TIME, memory=FILTER_MEMORY))
         if moved**2 > (HONEST_RATIO**2 - 1.0) * noise:
             felt.append(channel.axis)
     if felt:
@@ -355,20 +353,28 @@ def _of_ramps(config: FilterConfig) -> Iterator[Reason]:
         )
 
 
-def limit_ratio(channel: ChannelNoise, factor: float) -> float:
-    """Return the sd of the drift after `UNAIDED_TIME` with the random walk at its limit ÷ that without it.
+def limit_ratio(channel: ChannelNoise, term: str, factor: float) -> float:
+    """Return the sd of the drift after `UNAIDED_TIME` with a slow term at its limit ÷ that without it; 0 for others.
 
     Parameters
     ----------
     channel : ChannelNoise
         Settings of an axis.
+    term : str
+        ``random_walk.density`` or ``bias_instability.level``.
     factor : float
-        Share of the limit that its random walk is.
+        Share of the limit that the setting is.
     """
-    limit = replace(channel, random_walk_density=channel.random_walk_density / factor)
-    without = replace(channel, random_walk_density=0.0)
-    most, least = (float(modelled_growth(one, UNAIDED_TIME, memory=MEMORY)) for one in (limit, without))
-    return math.sqrt(most / least) if least > 0.0 else math.inf
+    if term == "random_walk.density":
+        most = replace(channel, random_walk_density=channel.random_walk_density / factor)
+        least = replace(channel, random_walk_density=0.0)
+    elif term == "bias_instability.level":
+        most = replace(channel, markov=tuple(replace(one, sd=one.sd / factor) for one in channel.markov))
+        least = replace(channel, markov=())
+    else:
+        return 0.0
+    high, low = (float(modelled_growth(one, UNAIDED_TIME, memory=FILTER_MEMORY)) for one in (most, least))
+    return math.sqrt(high / low) if low > 0.0 else math.inf
 
 
 def _far(ratio: float | None, factor: float = WRONG_FACTOR) -> bool:

@@ -20,5 +20,5 @@ SHOWN_FINDINGS = 5
 """Findings on a screen."""
 SCREEN_LINES = 30
 """Lines of a screen."""
-POWER = 0.9
+TEST_POWER = 0.9
 """Probability with which data must show an error of `HONEST_RATIO` before a filter is called honest."""

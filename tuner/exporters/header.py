@@ -133,7 +133,7 @@ def mismatch_words(
 def _inflations(config: FilterConfig) -> Iterator[str]:
     """Yield every inflation of the sensors, those of like axes in one line.
 
-    Factors on the sds of fixes hold only beside the further states of our filter: no other program is told them.
+    Factors on the sds of fixes hold only beside the further states of our filter: no other program gets them.
     """
     groups: dict[tuple[str, str, str], list[str]] = {}
     for inflation in config.inflations:

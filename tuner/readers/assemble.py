@@ -171,7 +171,7 @@ def checked(
         plan.units,
         assume_si=options.assume_si,
         tried=options.tried,
-        kinds=options.asked != "sums",
+        kinds=options.requested != "sums",
         others=(*found.changes, *exchanged(plan.layout)),
     )
     notes += remarks

@@ -102,11 +102,11 @@ def unit_of_stamps(
     rates = {u: 1.0 / (step * STATED_BY_RATE[u]) for u in dict.fromkeys([*usual, *longer, *possible])}
     shown = ", ".join(f"{hz:.4g} Hz in {u}" for u, hz in rates.items()) or f"a mean step of {step:.4g}"
     counted = _counts(time, step)
-    asked = [Change(asked="rate")] if counted else []
+    requested = [Change(requested="rate")] if counted else []
     counts = "it counts by one, as a counter of samples does; " if counted else ""
     raise Refusal(
         f"time column '{name}': nothing states its unit, and it stays open: {counts}{shown}",
-        [*asked, *other_units(name, step, middle, rates)],
+        [*requested, *other_units(name, step, middle, rates)],
     )
 
 

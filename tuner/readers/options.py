@@ -19,9 +19,9 @@ _RATE_KEYS = ("rate_hz", "rate", "fs", "sample_rate", "sample_rate_hz", "samplin
 
 @dataclass(frozen=True)
 class Options:
-    """What the user states beside the file; `tried` and `asked` are of a reading that is tried before it is advised.
+    """What the user states beside the file; `tried` and `requested` are of a reading tried before it is advised.
 
-    `asked` names a sensor whose size of a count only its owner knows.
+    `requested` names a sensor whose size of a count only its owner knows.
     """
 
     rate: float | None
@@ -32,7 +32,7 @@ class Options:
     assume_si: bool = False
     stamps: bool = False
     tried: bool = False
-    asked: str = ""
+    requested: str = ""
 
 
 @dataclass(frozen=True)
@@ -46,13 +46,13 @@ class UnitChoice:
     offset, scale : float
         Count taken as zero, and units in one count.
     basis : str
-        Who says so: the ``user``, the ``file``, nobody (``assumed``), or the owner will (``asked``).
+        Who says so: the ``user``, the ``file``, nobody (``assumed``), or the owner will (``requested``).
     """
 
     unit: str
     offset: float = 0.0
     scale: float = 1.0
-    basis: Literal["user", "file", "assumed", "asked"] = "assumed"
+    basis: Literal["user", "file", "assumed", "requested"] = "assumed"
 
 
 def sensor_unit(listing: Listing, sensor: Sensor, options: Options, notes: list[str]) -> UnitChoice:
@@ -69,8 +69,8 @@ def sensor_unit(listing: Listing, sensor: Sensor, options: Options, notes: list[
     if array in listing.unsigned and (counts or scale is not None):
         offset = 2.0 ** (listing.unsigned[array] - 1)
         notes.append(f"{name}: unsigned counts: {offset:.0f} was taken as zero")
-    if options.asked == name:
-        return UnitChoice(unit or allowed[0], offset, 1.0, "asked")
+    if options.requested == name:
+        return UnitChoice(unit or allowed[0], offset, 1.0, "requested")
     if scale is not None:
         if unit is None:
             unit = allowed[0] if counts or stated is None else names.unit_of(stated, allowed, what=what)

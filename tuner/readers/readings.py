@@ -55,7 +55,7 @@ OTHERS = (
         "gyro may hold sums, the angle turned since the start: its differences, divided by the interval, are rates of "
         "a unit at rest",
         _sums_of("gyro"),
-        tuple(Change({"gyro": unit}, asked="sums") for unit in ("rad", "deg", "arcsec")),
+        tuple(Change({"gyro": unit}, requested="sums") for unit in ("rad", "deg", "arcsec")),
     ),
     Other("the samples may be half of what was measured: twice as large they fit", _sized(2.0)),
     Other("the samples may be twice what was measured: half as large they fit", _sized(0.5)),
@@ -86,7 +86,7 @@ def with_change(options: Options, change: Change) -> Options:
         scale={**options.scale, **change.scale},
         columns={**(options.columns or {}), **change.columns} or None,
         tried=True,
-        asked=change.asked,
+        requested=change.requested,
     )
 
 
@@ -97,7 +97,7 @@ def _left(refusal: Refusal, attempt: Callable[[Change], None], base: Change, joi
         if change.clashes(base):
             continue
         whole = base.with_(change)
-        if change.asked == "rate":
+        if change.requested == "rate":
             left.append(whole)
             continue
         try:

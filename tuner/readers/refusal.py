@@ -30,7 +30,7 @@ class Change:
         Unit, and units in one count, by sensor.
     columns : mapping of str to str
         Columns by role.
-    asked : str
+    requested : str
         What only its owner knows: the sensor whose count it is (``--gyro-scale X``), or the ``rate`` (``--rate HZ``);
         ``sums`` where increments of gyroscopes were made beside rates of accelerometers.
     when : str
@@ -40,7 +40,7 @@ class Change:
     unit: Mapping[str, str] = field(default_factory=_nothing)
     scale: Mapping[str, float] = field(default_factory=_nothing)
     columns: Mapping[str, str] = field(default_factory=_nothing)
-    asked: str = ""
+    requested: str = ""
     when: str = ""
 
     def clashes(self, other: Change) -> bool:
@@ -56,12 +56,12 @@ class Change:
             {**self.unit, **other.unit},
             {**self.scale, **other.scale},
             {**self.columns, **other.columns},
-            self.asked or other.asked,
+            self.requested or other.requested,
             " and ".join(text for text in (self.when, other.when) if text),
         )
 
     def __str__(self) -> str:
-        if self.asked == "rate":
+        if self.requested == "rate":
             return f"--rate HZ, the rate the sensor was set to{self.when}"
         mapped = ",".join(f"{role}={name}" for role, name in self.columns.items())
         words = [f"--columns '{mapped}'"] if mapped else []
@@ -69,7 +69,7 @@ class Change:
             words.append(f"--{sensor}-unit {unit}")
             if sensor in self.scale:
                 words.append(f"--{sensor}-scale {self.scale[sensor]:.6g}")
-            if sensor == self.asked:
+            if sensor == self.requested:
                 words.append(f"--{sensor}-scale X with the {unit} in one count of its data sheet")
         return " ".join(words) + (f" {self.when}" if self.when else "")
 

@@ -62,7 +62,7 @@ MAX_MEDIAN_RATE = 35.0
 EARTH_TOLERANCE = 0.02
 """Relative distance of a mean rate from the Earth's up to which it is taken for it."""
 ANSWER = "--assume si"
-STEADY = 20.0
+STEADY_RATIO = 20.0
 """Mean ÷ noise of accelerometers from which they show gravity of a unit at rest."""
 MIN_ALIGNED = 0.95
 """Norm of the mean ÷ mean of the norm from which a unit keeps its attitude, within 18°."""
@@ -111,8 +111,8 @@ def check_units(
         _check_range(source, record)
     if (text := _exchanged(records, sizes)) and not assume_si:
         raise Refusal(f"{source}: {text}", others)
-    asked = [n for n, choice in choices.items() if choice.basis == "asked"]
-    judged = sorted((r for r in records if r.name not in asked), key=lambda r: r.name)
+    requested = [n for n, choice in choices.items() if choice.basis == "requested"]
+    judged = sorted((r for r in records if r.name not in requested), key=lambda r: r.name)
     accel = next((r for r in judged if r.name == "accel"), None)
     at_rest = None if accel is None else _at_rest(sizes["accel"], accel)
     for record in judged:
@@ -166,7 +166,7 @@ def _exchanged(records: Sequence[Record], sizes: Mapping[str, Sizes]) -> str:
 def _at_rest(found: Sizes, accel: Record) -> bool:
     """Return whether what is read as accelerometers shows a unit that keeps still: one direction, little noise."""
     aligned = found.mean > MIN_ALIGNED * found.norm
-    return len(accel.axes) == 3 and found.mean > STEADY * found.noise and aligned
+    return len(accel.axes) == 3 and found.mean > STEADY_RATIO * found.noise and aligned
 
 
 @dataclass(frozen=True)
@@ -192,7 +192,7 @@ class _Judge:
     def counts(self) -> list[Change]:
         """Return the readings of whole numbers without a unit, all of which but gravity's their owner must state."""
         if self.record.name == "gyro":
-            return [Change({"gyro": "deg/s"}, asked="gyro")]
+            return [Change({"gyro": "deg/s"}, requested="gyro")]
         return [*self.by_gravity(), self.scaled()]
 
     def scaled(self) -> Change:

@@ -1,4 +1,4 @@
-"""What a result claims, for the invariants: asked of every result before it is printed, drawn or written."""
+"""What a result claims, for the invariants: requested of every result before it is printed, drawn or written."""
 
 from __future__ import annotations
 

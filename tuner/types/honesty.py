@@ -3,7 +3,7 @@
 A filter is honest where true ÷ predicted error of position, of velocity and of the position after 10, 30 and 60 s
 without fixes lies within the band that the number of windows allows about 1, or within `HONEST_RATIO` of 1 where that
 band is narrower; attitudes within `TOLERATED_RATIO`. A score counts only where it could have shown an error of
-`HONEST_RATIO` with the probability `POWER`: with ν degrees of freedom and the limits a … b of its χ² band,
+`HONEST_RATIO` with the probability `TEST_POWER`: with ν degrees of freedom and the limits a … b of its χ² band,
 
     P(χ²(ν)/ν > b/1.5²) ≥ 0.9    and    P(χ²(ν)/ν < 1.5² a) ≥ 0.9
 
@@ -17,7 +17,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from models.probability import chi2_beyond, chi2_quantile
-from tuner.limits import HONEST_RATIO, POWER, TOLERATED_RATIO
+from tuner.limits import HONEST_RATIO, TEST_POWER, TOLERATED_RATIO
 from tuner.types.judgement import Judgement, Reason, Use, judged
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 LONGEST_CLAIM = 60.0
 """Longest time without fixes that decides whether a filter is honest, s."""
-TAIL = 0.0005
+TAIL_PROBABILITY = 0.0005
 """Chance on either side that one score of a right filter lies outside its band: 99.7 % for three scores together."""
 WITHOUT_TRUTH = {
     "nis_position": "distance to the fixes",
@@ -92,10 +92,10 @@ def shows_dishonesty(score: Score, freedom: float | None = None) -> bool:
     nu = score.effective if freedom is None else freedom
     if not 0.0 < nu < math.inf:
         return False
-    low, high = (chi2_quantile(p, nu) for p in (TAIL, 1.0 - TAIL))
+    low, high = (chi2_quantile(p, nu) for p in (TAIL_PROBABILITY, 1.0 - TAIL_PROBABILITY))
     optimistic = chi2_beyond(high / HONEST_RATIO**2, nu)
     pessimistic = 1.0 - chi2_beyond(low * HONEST_RATIO**2, nu)
-    return min(optimistic, pessimistic) >= POWER
+    return min(optimistic, pessimistic) >= TEST_POWER
 
 
 def need_text(score: Score) -> str:

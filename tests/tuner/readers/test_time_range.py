@@ -43,7 +43,7 @@ def test_gaps_stay_where_they_are(tmp_path: Path) -> None:
         ({"begin": 5.0, "end": 2.0}, "--begin 5 --end 2: expected an end after the beginning"),
         ({"end": 11.0}, "--end 11: the clock of the log goes from 0 to 10 s"),
         ({"begin": -1.0}, "--begin -1: the clock of the log goes from 0 to 10 s"),
-        ({"end": float("nan")}, "--end nan: the clock of the log goes from 0"),
+        ({"end": float("nan")}, "read: end: expected a number or None, found nan"),
         ({"begin": 5.0, "end": 5.1}, "leave 10 samples of gyro, expected 64 or more: 0.64 s"),
     ],
 )

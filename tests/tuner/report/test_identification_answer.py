@@ -195,7 +195,9 @@ def test_times_of_an_answer_are_those_of_the_log_and_cut_it_to_the_same_part(tmp
     part = answer("--begin", found[1], "--end", found[2])
     table = whole.out.index("± ( )")
     assert part.out[part.out.index("± ( )") :] == whole.out[table:]
-    assert "rest on 80 % of the log" in " ".join(whole.out.split())  # what is left out stands in the verdict
+    assert "only 80 % of the log is used" in " ".join(
+        whole.out.split()
+    )  # what is left out stands in the verdict
     # What is found in a part that is cut elsewhere has the same times.
     later = answer("--begin", "72480")
     assert re.search(r", (\S+) to (\S+) s of its clock", later.out).groups() == (found[1], found[2])

@@ -40,4 +40,4 @@ class AccelCrossCoupling(ConstantCause):
     meaning = "an accelerometer feels the force along another axis"
     consequence = "calibrate the axes of the accelerometers"
     units = dict.fromkeys(("xy",), "1")
-    prior_sd, largest = 5e-3, 0.1
+    prior_sd, largest = 1e-2, 0.1
