@@ -181,7 +181,7 @@ def test_everything_public_has_a_first_line() -> None:
     ("text", "words"),
     [
         ("what the filter is told", ["told"]),
-        ("MarkovFlight", ["flight"]),
+        ("MarkovFate", ["fate"]),
         ("_asked_for", ["asked"]),
         ("a held-out part, driven by white noise, without a false alarm", []),
     ],

@@ -131,7 +131,10 @@ def test_tuned_yaml_is_the_configuration_of_the_result(tuned):
     text = (tuned / "noise.yaml").read_text()
     assert yaml.safe_load(text)["format"] == "tuner-noise/1"
     config = json.loads((tuned / "result.json").read_text())["config"]
-    assert noise_yaml.dumps(load_config(config, source="result.json")) == text
+    verdict, settings = text[: text.index("# Noise of")], text[text.index("# Noise of") :]
+    assert noise_yaml.dumps(load_config(config, source="result.json")) == settings
+    said = json.loads((tuned / "result.json").read_text())["verdict"]["use"]
+    assert verdict.startswith(f"# Verdict: {said}")
 
 
 def test_identification_follows_the_contract(tuned):
