@@ -22,7 +22,7 @@ INTERVAL = "± ( ) 95 %"
 """What ± and brackets behind a setting mean."""
 MIN_LEFT_OUT = 1.0
 """Time that a log is longer than what is used of it, s, from which its reader is to know."""
-BOUNDED = "*: ASSUMED from a 95 % limit"
+BOUNDED = "*: ASSUMED, half a 95 % limit (white noise: all of it)"
 """What a star behind a setting means."""
 
 LONGER = f"{EXTRAPOLATED}: beyond the log"

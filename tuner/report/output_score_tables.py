@@ -12,7 +12,7 @@ from tuner.types.consistency import Score
 
 
 def output_score_answer(found: OutputScore) -> list[str]:
-    """Return verdict, scores and errors, and of each cause what to change, in ten lines."""
+    """Return verdict, scores and errors, and of each cause what to change."""
     causes = [f"{cause_text(cause)}: {change_text(cause)}" for cause in found.causes]
     return consistency_answer(found.consistency, found.notes, causes)
 
