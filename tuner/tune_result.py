@@ -154,8 +154,8 @@ class TuneResult(Shown):
         if self.verdict.use is not Use.DO_NOT_USE:
             said = wrap(f"Verdict: {self.verdict.text}", COMMENT_WIDTH)
             head = "".join(f"{comment(line)}\n" for line in said)
-            return replace(
-                self, exports={name: head * (name == NATIVE) + text for name, text in self.exports.items()}
-            )
+            texts = {name: head * (name == NATIVE) + text for name, text in self.exports.items()}
+            return replace(self, exports=MappingProxyType(texts))
         reasons = dict.fromkeys(self.exports, self.verdict.text)
-        return replace(self, exports=MappingProxyType({}), withheld={**self.withheld, **reasons})
+        withheld = MappingProxyType({**self.withheld, **reasons})
+        return replace(self, exports=MappingProxyType({}), withheld=withheld)
