@@ -61,8 +61,6 @@ class Claims:
         Settings that are written.
     beside_fixes : (float, float) or None
         Errors with fixes of the filter and of the fixes alone, m, on data not used for it; None without a truth.
-    screen : str
-        The first screen.
     """
 
     verdict: Judgement
@@ -74,7 +72,6 @@ class Claims:
     statements: tuple[Statement, ...] = ()
     files: tuple[str, ...] = ()
     beside_fixes: tuple[float, float] | None = None
-    screen: str = ""
 
 
 def violations(said: Claims) -> tuple[str, ...]:

@@ -229,17 +229,12 @@ def _of_scores(found: Consistency, where: str) -> Iterator[Reason]:
     if verdict.use is Use.DO_NOT_USE:
         yield Reason(Use.DO_NOT_USE, f"{where} {verdict.reasons[0]}")
     elif verdict.use in (Use.OPTIMISTIC, Use.PESSIMISTIC):
-        ratios = [one.ratio for one in found.scores if not one.consistent]
-        far = any(_far(ratio, TOLERATED_RATIO) for ratio in _deciding(found))
-        use = Use.DO_NOT_USE if far and ratios else Use.USABLE_EXCEPT
+        off = [one for one in claims(found) if is_off(one) and one.name != "attitude"]
+        far = any(_far(one.ratio, TOLERATED_RATIO) for one in off)
+        use = Use.DO_NOT_USE if far else Use.USABLE_EXCEPT
         yield Reason(use, f"{where} {verdict.reasons[0]}")
     elif verdict.use is Use.TOO_SHORT:
         yield Reason(Use.USABLE_EXCEPT, f"{where} the errors are {verdict.text}")
-
-
-def _deciding(found: Consistency) -> Iterator[float]:
-    """Yield the ratios of the scores that speak against a filter."""
-    yield from (one.ratio for one in claims(found) if is_off(one) and one.name != "attitude")
 
 
 def _of_predictions(predictions: Mapping[str, PredictedBlock]) -> Iterator[Reason]:
@@ -254,13 +249,22 @@ def _of_predictions(predictions: Mapping[str, PredictedBlock]) -> Iterator[Reaso
         )
 
 
+def lost_shares(found: Identification) -> dict[str, float]:
+    """Return the share of a log that each of its axes is not identified from."""
+    lost: dict[str, float] = {}
+    for sensor in found.source.get("sensors", ()):
+        whole = sensor.get("used_s", (0.0,))[-1]
+        if whole > 0.0:
+            lost |= dict.fromkeys(sensor["axes"], 1.0 - sensor["span_s"] / whole)
+    return lost
+
+
 def _of_losses(found: Identification, findings: Iterable[Finding]) -> Iterator[Reason]:
     """Yield which samples of a log are left out, where more than `LOST_SHARE` of them are."""
     kept: dict[str, list[str]] = {}
-    for sensor in found.source.get("sensors", ()):
-        whole = sensor.get("used_s", (0.0,))[-1]
-        if whole > 0.0 and 1.0 - sensor["span_s"] / whole > LOST_SHARE:
-            kept.setdefault(f"{100.0 * sensor['span_s'] / whole:.2g}", []).extend(sensor["axes"])
+    for axis, lost in lost_shares(found).items():
+        if lost > LOST_SHARE:
+            kept.setdefault(f"{100.0 * (1.0 - lost):.2g}", []).append(axis)
     for percent, axes in kept.items():
         text = f"{axes_text(axes)}: only {percent} % of the log is used, as the sensor moved or samples are missing"
         yield Reason(Use.USABLE_EXCEPT, text)

@@ -201,12 +201,12 @@ def exports_of(config: FilterConfig, wanted: Sequence[str]) -> tuple[Mapping[str
     config : FilterConfig
         Settings.
     wanted : sequence of str
-        Dialects that were requested for, beside ``noise.yaml`` and `EXPORTED_DIALECTS` where they have their sensors.
+        Dialects wanted beside ``noise.yaml`` and `EXPORTED_DIALECTS` where they have their sensors.
 
     Raises
     ------
     DataError
-        Where a dialect that was requested for lacks a sensor.
+        Where a wanted dialect lacks a sensor.
     """
     names = [*wanted, *(name for name in EXPORTED_DIALECTS if not lacking(config, DIALECTS[name]))]
     if why := withheld(config):

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from models.arrays import FloatArray
+from models.arrays import BoolArray, FloatArray
 from tuner.limits import PRIOR_SHARE
 from tuner.navigation.data import Solution
 from tuner.navigation.settings import FilterSettings, further_states
@@ -19,7 +18,7 @@ def determined_by_halves(
     second: tuple[FloatArray, FloatArray],
     whole_sd: FloatArray,
     prior_sd: float | FloatArray,
-) -> NDArray[np.bool_]:
+) -> BoolArray:
     """Return of which components both halves of a drive agree, and the whole knows more than the prior; shape (p,).
 
     Parameters
@@ -36,7 +35,7 @@ def determined_by_halves(
     return np.asarray(known & agree)
 
 
-def determined_state(solution: Solution, settings: FilterSettings, name: str) -> NDArray[np.bool_]:
+def determined_state(solution: Solution, settings: FilterSettings, name: str) -> BoolArray:
     """Return which components of one of its constant states a filter's run determines, shape (p,).
 
     Its estimate in the middle of the run is that of the first half; what the second half adds in information is the

@@ -1,4 +1,4 @@
-"""What a result claims, for the invariants: requested of every result before it is printed, drawn or written."""
+"""What a result claims, for the invariants: they are checked before it is printed, drawn or written."""
 
 from __future__ import annotations
 
@@ -6,11 +6,12 @@ from collections.abc import Iterator
 
 from tuner.consistency.score_drive import DriveResult
 from tuner.consistency.score_output import OutputScore
+from tuner.formats.customary_units import in_customary
 from tuner.invariants import Claims, Statement, violations
-from tuner.judgement import curve_axes, judge_drive, judge_log, judge_noise
+from tuner.judgement import curve_axes, judge_drive, judge_log, judge_noise, lost_shares
 from tuner.report.settings_rows import SettingsRow, settings_rows
 from tuner.tune_result import TuneResult
-from tuner.types import Coefficient, Diagnosis, DriveDiagnosis, Identification
+from tuner.types import Diagnosis, DriveDiagnosis, Identification
 from tuner.types.consistency import Check, Consistency
 from tuner.types.records import DataError
 
@@ -39,7 +40,7 @@ def claims_of(result: Result) -> Claims:
     if isinstance(result, TuneResult):
         return _of_tune(result)
     if isinstance(result, Identification):
-        return Claims(judge_noise(result), lost=_lost(result), statements=tuple(_identified(result)))
+        return Claims(judge_noise(result), lost=lost_shares(result), statements=tuple(_identified(result)))
     if isinstance(result, Diagnosis | DriveDiagnosis):
         verdict = judge_drive(result) if isinstance(result, DriveDiagnosis) else judge_log(result)
         left = tuple(one.statistic for one in result.unexplained)
@@ -59,7 +60,7 @@ def _of_tune(result: TuneResult) -> Claims:
         tuple(u.statistic for one in diagnoses for u in one.unexplained),
         tuple(finding for one in diagnoses for finding in one.findings),
         {name: known for found in scores for name, known in _errors(found).items()},
-        _lost(result.identification),
+        lost_shares(result.identification),
         (*_identified(result.identification, curve_axes(result.predictions)), *_written(result)),
         tuple(result.exports),
         None if late is None or late.fixes_rms is None else (late.tracking_rms, late.fixes_rms),
@@ -71,16 +72,6 @@ def _errors(found: Consistency) -> dict[str, bool]:
     return {name: found.has_truth for name in found.errors if "_innovation_" not in name}
 
 
-def _lost(found: Identification) -> dict[str, float]:
-    """Return the share of a log that each of its axes does not rest on."""
-    lost: dict[str, float] = {}
-    for sensor in found.source.get("sensors", ()):
-        whole = sensor.get("used_s", (0.0,))[-1]
-        if whole > 0.0:
-            lost |= dict.fromkeys(sensor["axes"], 1.0 - sensor["span_s"] / whole)
-    return lost
-
-
 def _identified(found: Identification, elsewhere: list[str] | None = None) -> Iterator[Statement]:
     """Yield the coefficients of the terms, but for those of axes whose numbers are the curve's."""
     for axis, channel in found.channels.items():
@@ -89,12 +80,8 @@ def _identified(found: Identification, elsewhere: list[str] | None = None) -> It
         for term in channel.terms:
             for name, one in term.coefficients.items():
                 if one.value is not None:
-                    yield _statement(f"{axis}.identified.{term.name}.{name}", "identified", one)
-
-
-def _statement(quantity: str, place: str, one: Coefficient) -> Statement:
-    assert one.value is not None
-    return Statement(quantity, place, one.value, one.interval, one.upper)
+                    quantity = f"{axis}.identified.{term.name}.{name}"
+                    yield Statement(quantity, "identified", one.value, one.interval, one.upper)
 
 
 def _written(result: TuneResult) -> Iterator[Statement]:
@@ -109,8 +96,6 @@ def _written(result: TuneResult) -> Iterator[Statement]:
 
 def _shown(row: SettingsRow) -> Iterator[Statement]:
     """Yield the settings of a row of the table, in SI."""
-    from tuner.formats.customary_units import in_customary
-
     for name, setting in (("white", row.white), ("walk", row.walk)):
         quantity = "white.density" if name == "white" else "random_walk.density"
         unit = in_customary(1.0, quantity, row.unit)

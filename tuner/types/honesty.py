@@ -27,12 +27,14 @@ LONGEST_CLAIM = 60.0
 """Longest time without fixes that decides whether a filter is honest, s."""
 TAIL_PROBABILITY = 0.0005
 """Chance on either side that one score of a right filter lies outside its band: 99.7 % for three scores together."""
-WITHOUT_TRUTH = {
+NAMES = {
+    "nees": "all states",
+    "outage": "position after {} without fixes",
     "nis_position": "distance to the fixes",
     "nis_velocity": "distance to the velocities of the receiver",
     "nis": "innovations",
 }
-NAMES = {"nees": "all states", "outage": "position after {} without fixes", **WITHOUT_TRUTH}
+"""What scores are of, where their names do not say it."""
 
 
 def honesty(found: Consistency) -> Judgement:
