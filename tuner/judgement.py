@@ -158,8 +158,9 @@ def _of_causes(
     left = [
         Reason(Use.NOT_EXPLAINED, text) for text in dict.fromkeys(_unexplained_text(u) for u in unexplained)
     ]
-    causes = list(dict.fromkeys(one.cause.replace("_", " ") for one in findings))
-    named = [Reason(Use.EXPLAINED, ", ".join(causes))] if causes else []
+    causes = ", ".join(dict.fromkeys(one.cause.replace("_", " ") for one in findings))
+    text = f"with a cause: {causes}" if left or more else causes
+    named = [Reason(Use.EXPLAINED, text)] if causes else []
     return judged(Use.NOTHING_CONTRADICTS, [*left, *more, *named])
 
 

@@ -159,7 +159,9 @@ def test_what_is_unexplained_is_in_the_verdict_of_a_diagnosis():
     rest = Unexplained("shape of the spectrum", ("gyro_x",), 1e-9)
     named = replace(FINDING, parameters={"size": KNOWN})
     assert judge_log(Diagnosis((), (rest,))).text == "not explained: shape of the spectrum in gyro x"
-    assert judge_log(Diagnosis((named,), (rest,))).use is Use.NOT_EXPLAINED
+    both = judge_log(Diagnosis((named,), (rest,)))
+    assert both.use is Use.NOT_EXPLAINED
+    assert both.text == "not explained: shape of the spectrum in gyro x; with a cause: step"
     assert judge_log(Diagnosis((named,))).text == "causes found: step"
 
 

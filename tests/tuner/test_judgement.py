@@ -8,6 +8,9 @@ import pytest
 
 from models.noise import NoiseModel, RandomWalk, White
 from models.probability import chi2_quantile
+from tuner import pipeline
+from tuner.cli.commands.check import command
+from tuner.consistency.check import DEFAULT_DURATION, DEFAULT_RUNS
 from tuner.consistency.scores import mean_band, score
 from tuner.diagnosis.drive.held_out_choice import HeldOutChoice
 from tuner.diagnosis.drive.predictive_score import PredictiveScore
@@ -226,3 +229,11 @@ def test_the_verdict_stands_atop_the_settings_and_nothing_is_written_that_must_n
     withheld = replace(made, check=off).written
     assert not withheld.exports
     assert "position 2.30" in withheld.withheld["noise.yaml"]
+
+
+def test_tune_and_check_simulate_the_same_runs():
+    """One file, one verdict: number, length and trajectory of the runs stand in three places."""
+    options = {one.name: one.default for one in command.params}
+    stated = pipeline.CHECK_RUNS, pipeline.CHECK_DURATION, pipeline.CHECK_TRAJECTORY
+    assert (options["runs"], options["duration"], options["trajectory"]) == stated
+    assert stated[:2] == (DEFAULT_RUNS, DEFAULT_DURATION)
