@@ -18,6 +18,7 @@ from tuner.synthesis import synthesize
 from tuner.tune_result import TuneResult
 from tuner.types import Coefficient, Diagnosis, Enlargement, Finding, Quantity, Unexplained
 from tuner.types.consistency import Consistency, Outage, Score
+from tuner.types.identification import TermEstimate
 from tuner.types.judgement import Judgement, Use
 from tuner.types.records import DataError
 
@@ -163,6 +164,16 @@ def test_what_is_unexplained_is_in_the_verdict_of_a_diagnosis():
     assert both.use is Use.NOT_EXPLAINED
     assert both.text == "not explained: shape of the spectrum in gyro x; with a cause: step"
     assert judge_log(Diagnosis((named,))).text == "causes found: step"
+
+
+def test_two_terms_of_one_kind_are_two_quantities():
+    """Two lines of one axis have two amplitudes: the invariant of one number a quantity does not mix them."""
+    noise = dict.fromkeys(("gyro_x", "gyro_y", "gyro_z"), NoiseModel([White(1e-4)]))
+    records, _ = simulate(noise, duration=20.0, rate=50.0, seed=3)
+    found = identify(records)
+    lines = [TermEstimate("sinusoid", {"amplitude": replace(KNOWN, value=size)}) for size in (1.6, 2.4)]
+    of_axis = replace(found.channels["gyro_x"], terms=(*found.channels["gyro_x"].terms, *lines))
+    lawful(replace(found, channels={**found.channels, "gyro_x": of_axis}))
 
 
 @pytest.mark.slow

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,7 @@ from tuner.readers.placeholder_rows import without_placeholders
 from tuner.readers.refusal import Refusal
 from tuner.readers.time_base import COARSE_CLOCK, Timebase, even_timebase, stamped_timebase
 from tuner.readers.time_column import Clock, read_clock
+from tuner.readers.timestamps import without_wrong_stamps
 from tuner.readers.value_checks import without_spikes
 from tuner.types.records import DataError
 
@@ -109,6 +110,14 @@ def sample_grid(
 
     clock = _clock(listing, channel, columns.time, columns.week, rate, options)
     notes += [*clock.assumptions, *clock.notes]
+    stamps, wrong = without_wrong_stamps(
+        clock.stamps if clock.on is None else np.where(clock.on, clock.stamps, np.nan)
+    )
+    if wrong:
+        clock = replace(clock, stamps=stamps)
+        notes.append(
+            f"{wrong} stamps did not fit between those of their neighbours: replaced by the mean of these"
+        )
     usable = valid if clock.on is None else clock.on if valid is None else valid & clock.on
     usable = without_spikes(
         columns.groups, columns.axes, usable, notes, bad, within=within, interval=clock.step

@@ -3,13 +3,17 @@
 A stamp is modelled as t_i = a + p k_i + e_i: p is the interval, k_i the number of the sample since the start
 (it jumps where samples are missing) and e_i the stamping error (rounding, jitter).
 
+wrong stamps
+    A row whose neighbours leave the time of one sample between them, and whose stamp lies elsewhere, is where it
+    belongs: its stamp is replaced by the mean of theirs.
 order
-    Stamps behind an earlier one are sorted; more than 10 % of them is a clock that was reset, not disorder. A run of
-    rows whose time rows before it have, as of a clock that was set back a little, is dropped as duplicates are.
+    Other stamps behind an earlier one are sorted; more than 10 % of them is a clock that was reset, not disorder. A run
+    of rows whose time rows before it have, as of a clock that was set back a little, is dropped as duplicates are.
 duplicates
     Of rows with one stamp and equal values the first stays. Rows with one stamp and different values are
     dropped too where they are rare (1 %); where they are the rule, the stamps are coarser than the sampling
-    or written in batches, and the rows of a batch are spread at the usual interval.
+    or written in batches, and the rows of a batch are spread at the usual interval. Equal values are copies there if
+    they are more common than among neighbours with two stamps, which are two samples for certain.
 interval
     Pooled least-squares slope of t on k; it starts from the median difference. If one line explains
     all stamps within their resolution (1 ms stamps of a 400 Hz log), nothing is missing. Nor is it where samples were
@@ -66,6 +70,27 @@ _ROWS_AT_ONCE = 1 << 20
 """Rows treated at a time, so that memory stays bounded: 8 MB a column."""
 
 
+def without_wrong_stamps(t: FloatArray) -> tuple[FloatArray, int]:
+    """Return stamps with those replaced that do not fit where they stand, and how many these were.
+
+    Parameters
+    ----------
+    t : ndarray, shape (n,)
+        Stamps in the order of the rows, s.
+    """
+    step = np.diff(t)
+    if len(t) < 3 or not np.any(step < 0.0):
+        return t, 0
+    low, high = t[:-2], t[2:]
+    elsewhere = (t[1:-1] < low) | (t[1:-1] > high)
+    wrong = 1 + np.flatnonzero(elsewhere & (high - low > 1.5 * float(np.nanmedian(step))))
+    if len(wrong) > _MAX_DISORDERED_SHARE * len(t):
+        return t, 0
+    mended = t.copy()
+    mended[wrong] = 0.5 * (t[wrong - 1] + t[wrong + 1])
+    return mended, len(wrong)
+
+
 def in_order(t: FloatArray, rows: IntArray | None) -> tuple[FloatArray, IntArray | None, int, int]:
     """Return stamps in order, their rows, how many were behind an earlier stamp, and how many came twice: dropped."""
     if (t[1:] >= t[:-1]).all():
@@ -114,6 +139,14 @@ def without_duplicates(
         at = later if rows is None else rows[later]
         before = later - 1 if rows is None else rows[later - 1]
         drop = later[equal(at, before)] if equal is not None else later[:0]
+        if equal is not None and len(drop):
+            new = np.flatnonzero(t[1:] > t[:-1]) + 1
+            by_chance = float(
+                np.mean(equal(*((new, new - 1) if rows is None else (rows[new], rows[new - 1]))))
+            )
+            copied = len(drop) - by_chance * len(later)
+            if copied < 0.5 * (1.0 - by_chance) * len(drop):
+                drop = later[:0]
     if len(drop):
         kept = np.ones(len(t), bool)
         kept[drop] = False

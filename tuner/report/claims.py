@@ -77,10 +77,10 @@ def _identified(found: Identification, elsewhere: list[str] | None = None) -> It
     for axis, channel in found.channels.items():
         if axis in (elsewhere or ()):
             continue
-        for term in channel.terms:
+        for number, term in enumerate(channel.terms):
             for name, one in term.coefficients.items():
                 if one.value is not None:
-                    quantity = f"{axis}.identified.{term.name}.{name}"
+                    quantity = f"{axis}.identified.{number}.{term.name}.{name}"
                     yield Statement(quantity, "identified", one.value, one.interval, one.upper)
 
 

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tuner.readers.time_base import MAX_BRIDGED_GAP, even_timebase, stamped_timebase
+from tuner.readers.timestamps import without_wrong_stamps
 from tuner.types.records import DataError
 
 COUNT = 20_000
@@ -62,6 +63,42 @@ def test_duplicates_are_dropped_only_where_values_are_equal() -> None:
     assert base.interval == pytest.approx(0.01, rel=1e-9)
     assert base.rows is not None
     np.testing.assert_array_equal(twice[base.rows], t)
+
+
+@pytest.mark.parametrize(("codes", "copied"), [(3.0, 0.0), (30.0, 0.0), (30.0, 0.3), (30.0, 1.0)])
+def test_equal_readings_of_one_second_are_copies_only_if_chance_does_not_explain_them(
+    codes: float, copied: float
+) -> None:
+    rng = np.random.default_rng(21)
+    values = np.rint(codes / 10.0 * rng.normal(size=COUNT))
+    t = np.floor(0.2 * np.arange(COUNT))
+    rows = np.repeat(np.arange(COUNT), 1 + (rng.random(COUNT) < copied))
+    values, t = values[rows], t[rows]
+    base = stamped_timebase(t, equal=lambda i, j: values[i] == values[j])
+    if copied == 0.0:
+        assert (base.duplicates, base.interval) == (0, pytest.approx(0.2, rel=1e-4))
+    else:
+        by_chance = np.mean(values[1:] == values[:-1])
+        assert base.duplicates >= len(rows) - COUNT
+        assert base.duplicates <= (len(rows) - COUNT) + 1.3 * by_chance * COUNT
+
+
+def test_a_row_whose_stamp_alone_is_wrong_is_where_it_stands() -> None:
+    t = 0.013 * np.arange(COUNT)
+    stamps = t.copy()
+    stamps[[300, 9000, 15000]] += [-900.0, 900.0, 1.0]
+    mended, wrong = without_wrong_stamps(stamps)
+    assert wrong == 3
+    np.testing.assert_allclose(mended, t, atol=1e-9)
+
+
+def test_a_row_that_came_late_has_no_wrong_stamp() -> None:
+    t = 0.01 * np.arange(COUNT)
+    late = np.concatenate([t[:500], t[501:510], t[500:501], t[510:]])
+    swapped = t.copy()
+    swapped[[700, 701]] = swapped[[701, 700]]
+    for stamps in (t, late, swapped):
+        assert without_wrong_stamps(stamps)[1] == 0
 
 
 @settings(max_examples=60, deadline=None)

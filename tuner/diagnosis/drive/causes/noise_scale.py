@@ -253,13 +253,13 @@ def _coefficients(
 
 
 class GnssNoiseScale(NoiseCause):
-    """Errors of the fixes that are not as large as reported."""
+    """Errors of the fixes that are not as large as assumed: as reported, or configured where nothing is reported."""
 
     cause = "gnss_noise_scale"
     effect = effects.GnssNoiseScale
     channels = ("gnss",)
-    meaning = "errors of the fixes are not as large as reported: true ÷ reported"
-    consequence = "scale the reported standard deviations"
+    meaning = "errors of the fixes are not as large as assumed: true ÷ assumed"
+    consequence = "scale the standard deviations of the fixes"
     joins = "measurement noise"
     is_noise_scale = True
 
