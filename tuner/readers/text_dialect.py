@@ -33,9 +33,10 @@ _MISSING_NUMBERS = frozenset(
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?")
 """A number with a comma before its fraction, as spreadsheets of many countries write between semicolons or tabs."""
 _STATED_RATE = re.compile(
-    r"(?:update|output|sample|sampling)[ _]?rate\D{0,5}(?P<hz>\d+(?:[.,]\d+)?)\s*hz", re.IGNORECASE
+    r"(?:(?:update|output|sample|sampling)[ _]?(?:rate|frequency)|\bfs)\W{0,5}(?P<hz>\d+(?:[.,]\d+)?)\s*(?:hz|$)",
+    re.IGNORECASE,
 )
-"""A sampling rate stated above the header, such as ``// Update Rate: 100.0Hz``."""
+"""A sampling rate stated above the header, such as ``// Update Rate: 100.0Hz`` or ``Fs,100``."""
 
 _SCALE = re.compile(r"(?P<key>[tga]scale),(?P<value>\d*\.?\d+(?:[eE][+-]?\d+)?)$")
 """A scale above the header of a GCSV (Gyroflow)."""

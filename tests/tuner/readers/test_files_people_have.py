@@ -39,6 +39,13 @@ def xsens(folder):
     return table(folder / "MT.txt", header, rows, "\t", above)
 
 
+def settings_above(folder):
+    """Settings of a logger as pairs, the sampling frequency by its symbol."""
+    rows = [(*ACCEL[i], *GYRO[i]) for i in range(N)]
+    header = "ax [m/s^2],ay [m/s^2],az [m/s^2],gx [rad/s],gy [rad/s],gz [rad/s]"
+    return table(folder / "log.csv", header, rows, ",", "Fs,100\nLogging Type,1\nWaiting time,-1\n")
+
+
 def xsens_ticks(folder):
     """Nothing but the maker's name says that the stamps are ticks of 10 kHz."""
     header = "SampleTimeFine\tAcc_X\tAcc_Y\tAcc_Z\tGyr_X\tGyr_Y\tGyr_Z"
@@ -119,6 +126,7 @@ def kitti(folder):
 WRITERS = (
     spreadsheet,
     xsens,
+    settings_above,
     xsens_ticks,
     vectornav,
     sbg,
