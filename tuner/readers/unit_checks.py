@@ -282,7 +282,7 @@ class _Judge:
         ]
         stepped = [u for u in possible if by_step == {u}]
         turning = _as_the_earth(record, found, possible, read_in)
-        left = stepped or ([turning] if turning else possible)
+        left = stepped or sorted(possible, key=lambda unit: unit != turning)
         others = [Change({"gyro": unit}) for unit in left if unit != read_in]
         if not at_rest and "deg/s" in units and rate_in_motion(found, interval, read_in):
             when = "if the sensor moved" if at_rest is None and others else ""
@@ -302,7 +302,7 @@ class _Judge:
             why = "" if fits else f"reads {shown}, which bias and noise at rest cannot be"
             if stepped and read_in not in stepped:
                 why = f"has samples at multiples of a step that gyroscopes have in {stepped[0]}"
-            elif turning and turning != read_in:
+            elif choice.basis == "assumed" and turning and turning != read_in:
                 why = f"turns as the Earth does in {turning}"
             if why:
                 who = "nothing states its unit" if choice.basis == "assumed" else f"{read_in} is stated"

@@ -45,7 +45,8 @@ STEP_TOLERANCE = 1e-3
 DECIMAL_TOLERANCE = 1e-6
 """Relative distance of a step from a power of ten that comes from the digits of a text, not from the sensor."""
 MAX_SUMMED = 0.5
-"""`Sizes.summed` of sums: they have 1 or more, noise below a low-pass filter of n samples n²/8 over the record."""
+"""`Sizes.summed` of sums: they have about 1 or more (χ² of some 8 degrees of freedom an axis), noise below a low-pass
+filter of n samples n²/8 over the record."""
 SURELY_SUMMED = 10.0
 """`Sizes.summed` that only sums of a bias have, hundreds and more: a drift of 1 deg/s in an hour has less than 1."""
 CHECKED_SAMPLES = 20_000
@@ -72,7 +73,7 @@ class Sizes:
         White density of the noisiest axis, unit/√Hz: an upper bound where the noise is not white.
     summed : float
         Variance of samples an eighth of the record apart ÷ that of neighbours ÷ the number of steps between them,
-        least of the axes: 1 or more where samples are sums, next to 0 where they are noise.
+        median of the axes: about 1 or more where samples are sums, next to 0 where they are noise.
     """
 
     norm: float
@@ -95,7 +96,7 @@ def sizes_of(record: Record) -> Sizes:
         float(np.linalg.norm(np.median(y, axis=0))),
         float(np.linalg.norm(robust)),
         float(quantized.max()) * math.sqrt(record.interval),
-        min(_summed(y) for y in record.y.T),
+        float(np.median([_summed(y) for y in record.y.T])),
     )
 
 
