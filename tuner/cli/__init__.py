@@ -47,7 +47,6 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "choose": "Which built-in grade keeps the position without fixes within a limit.",
         "fleet": "Many logs, one row a unit: limits, outlying units, spread.",
         "export": "Write a configuration in the dialect of another filter.",
-        "papers": "The three papers, reproduced and judged.",
         "simulate": "A log or a drive of a sensor, with effects on request.",
     }
 )

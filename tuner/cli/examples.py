@@ -55,10 +55,6 @@ EXAMPLES: Mapping[str, tuple[str, ...]] = MappingProxyType(
             "tuner export noise.yaml --to kalibr -o imu.yaml",
             "tuner export --list",
         ),
-        "papers": (
-            "tuner papers all",
-            "tuner papers mems-allan",
-        ),
         "simulate": (
             "tuner simulate icm20602 --hours 2 --hide line@gyro_x:frequency=12,amplitude=1e-4 -o static.npz",
             "tuner simulate stim300 --trajectory city --gnss rtk -o drive.npz",

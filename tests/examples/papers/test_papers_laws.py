@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from examples.papers.degrees_of_freedom import printed_allan, printed_theo1, printed_theoh, printed_total
+from examples.papers.expected_variances import theo1_ratio, total_ratio
+from examples.papers.results import absent, exact, judge, rounded, untestable
+from examples.papers.sampling import estimate, mean_of, ratio_of_means, share_of
+from examples.papers.segments import relative_sd_of_sigma
+from examples.papers.timeseries import MODEL, stays_white
 from models.noise import Quantization, Ramp
 from tuner.curves.theo import theo1
 from tuner.curves.total import total
-from tuner.papers.degrees_of_freedom import printed_allan, printed_theo1, printed_theoh, printed_total
-from tuner.papers.expected_variances import theo1_ratio, total_ratio
-from tuner.papers.results import absent, exact, judge, rounded, untestable
-from tuner.papers.sampling import estimate, mean_of, ratio_of_means, share_of
-from tuner.papers.segments import relative_sd_of_sigma
-from tuner.papers.timeseries import MODEL, stays_white
 from tuner.types import Coefficient
 
 OURS = Coefficient.known(1.0, 0.9, 1.1, "1")

@@ -12,6 +12,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from examples.papers.results import Claim, Curve, Item, Panel, Picture, exact, judge
+from examples.papers.sampling import Settings, estimate, scaled
+from examples.papers.subjects import RING_LASER_PAPER
 from models.arrays import FloatArray
 from models.noise import GaussMarkov, NoiseModel
 from models.units import DEG_PER_HOUR
@@ -20,9 +23,6 @@ from tuner.curves import curve
 from tuner.curves.allan import overlapping_allan
 from tuner.diagnosis import diagnose
 from tuner.identification import identify_channel
-from tuner.papers.results import Claim, Curve, Item, Panel, Picture, exact, judge
-from tuner.papers.sampling import Settings, estimate, scaled
-from tuner.papers.subjects import RING_LASER_PAPER
 from tuner.simulation.static import Channel, simulate
 from tuner.types import AllanCurve, ChannelIdentification, Coefficient
 from tuner.types.records import Record

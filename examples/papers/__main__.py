@@ -1,18 +1,25 @@
-"""`tuner papers`: the figures, tables and claims of the three papers, reproduced and judged."""
+"""`python -m examples.papers`: the figures, tables and claims of the three papers, reproduced and judged."""
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import click
 
+from examples.papers import ITEMS, Settings, chosen, run
+from examples.papers.figures import draw_item
+from examples.papers.pages import item_table, papers_json, papers_markdown
 from tuner.cli.commands.options import DIRECTORY, Output, common
 from tuner.cli.progress import Messages
+from tuner.formats.documents import json_text
+from tuner.formats.files import write_text
+from tuner.report.terminal import show
 from tuner.stages import counted
 
 
-@click.command("papers", short_help="The three papers, reproduced and judged.")
-@click.argument("names", nargs=-1, metavar="[NAME…|all]")
+@click.command()
+@click.argument("names", nargs=-1, type=click.Choice([*ITEMS, "all"]), metavar="[NAME…|all]")
 @click.option(
     "-o",
     "--output-directory",
@@ -34,34 +41,21 @@ def command(
 ) -> None:
     """Reproduce figures, tables and claims of the three papers; without NAME, list the items.
 
-    Each item simulates data with the paper's settings, runs the functions of the other commands, draws the paper's
-    figure and judges every claim: reproduced, corrected or untestable. The page is written after each item, so that an
-    interrupted run keeps what is finished.
+    Each item simulates data with the paper's settings, runs the functions of the package, draws the paper's figure and
+    judges every claim: reproduced, corrected or untestable. The page is written after each item, so that an interrupted
+    run keeps what is finished.
     """
-    import time
-
-    from tuner.formats.documents import json_text
-    from tuner.formats.files import write_text
-    from tuner.papers import ITEMS, Settings, chosen, run
-    from tuner.papers.pages import item_table, papers_json, papers_markdown
-    from tuner.report.terminal import show
-
     if not names:
-        output.write({"schema": "tuner.papers/1", "names": list(ITEMS)})
-        if output.tables:
-            click.echo("\n".join(ITEMS))
+        click.echo("\n".join(ITEMS))
         return
     items = []
-    wanted = chosen(names)
     if output_directory is not None:
         (output_directory / "papers").mkdir(parents=True, exist_ok=True)
-    for name in counted(wanted):
+    for name in counted(chosen(names)):
         messages.say(f"{name} …")
         begin = time.perf_counter()
         items.append(run(name, Settings(seed, small)))
         if output_directory is not None:
-            from tuner.papers.figures import draw_item
-
             draw_item(items[-1], output_directory / "papers" / f"{name}.png")
             write_text(output_directory / "papers.md", papers_markdown(items, "papers/"))
             write_text(output_directory / "papers" / "papers.json", json_text(papers_json(items)))
@@ -71,3 +65,7 @@ def command(
     if output_directory is not None:
         messages.say(f"wrote {output_directory / 'papers.md'}")
     output.write(papers_json(items))
+
+
+if __name__ == "__main__":
+    command(prog_name="python -m examples.papers")

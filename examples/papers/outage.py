@@ -17,6 +17,9 @@ from types import MappingProxyType
 import numpy as np
 from scipy.optimize import minimize
 
+from examples.papers.results import Claim, Curve, Item, Panel, Picture, Table, exact, judge
+from examples.papers.sampling import Settings, estimate
+from examples.papers.subjects import RING_LASER_PAPER
 from models.arrays import FloatArray
 from models.noise import BiasInstability, GaussMarkov, NoiseModel, RandomWalk, White
 from models.noise.arma import Arma
@@ -25,9 +28,6 @@ from models.trajectory.catalogue import figure_eight
 from models.units import DEG
 from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
 from tuner.navigation.settings import filter_settings
-from tuner.papers.results import Claim, Curve, Item, Panel, Picture, Table, exact, judge
-from tuner.papers.sampling import Settings, estimate
-from tuner.papers.subjects import RING_LASER_PAPER
 from tuner.simulation.imu import sensor_of_grade
 from tuner.simulation.monte_carlo import scenario, simulate
 from tuner.synthesis import RULES, synthesize

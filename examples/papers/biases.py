@@ -2,7 +2,7 @@
 
 The paper lays the list of clock noises over the gyro noises in reverse, so that each gets the number of another. The
 bias of a statistic is its mean over many records ÷ the Allan variance of the noise; expected values are those of
-`tuner.papers.expected_variances`.
+`examples.papers.expected_variances`.
 """
 
 from __future__ import annotations
@@ -12,15 +12,15 @@ from types import MappingProxyType
 
 import numpy as np
 
+from examples.papers.expected_variances import PRINTED_THEO1, PRINTED_TOTAL, theo1_ratio, total_ratio
+from examples.papers.results import Claim, Curve, Item, Panel, Picture, exact, judge
+from examples.papers.sampling import Settings, estimate, realisations, scaled
+from examples.papers.subjects import FIBRE_OPTIC_PAPER, NOISE_NAMES, UNIT_NOISES
+from examples.papers.theo import less_one
 from models.arrays import FloatArray
 from models.noise import Term
 from tuner.curves.theo import theo1
 from tuner.curves.total import total
-from tuner.papers.expected_variances import PRINTED_THEO1, PRINTED_TOTAL, theo1_ratio, total_ratio
-from tuner.papers.results import Claim, Curve, Item, Panel, Picture, exact, judge
-from tuner.papers.sampling import Settings, estimate, realisations, scaled
-from tuner.papers.subjects import FIBRE_OPTIC_PAPER, NOISE_NAMES, UNIT_NOISES
-from tuner.papers.theo import less_one
 from tuner.types import Coefficient
 
 PRINTED_FOR: Mapping[str, str] = MappingProxyType(

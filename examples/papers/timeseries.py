@@ -18,15 +18,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import ncx2
 
+from examples.papers.results import Claim, Curve, Item, Panel, Picture, exact, judge, rounded
+from examples.papers.sampling import Settings, estimate, record_from, share_of
+from examples.papers.subjects import MEMS_PAPER
+from examples.papers.two_group_allan import PRINTED_MEAN, PRINTED_VARIANCE
 from models.arrays import FloatArray
 from models.noise.arma import Arma
 from tuner.curves import acf, pacf
 from tuner.identification.arma import coefficient_covariance, fit_arma, one_step
 from tuner.identification.arma_preprocess import prepare, remove_trend, reverse_arrangements, sigma_outliers
-from tuner.papers.results import Claim, Curve, Item, Panel, Picture, exact, judge, rounded
-from tuner.papers.sampling import Settings, estimate, record_from, share_of
-from tuner.papers.subjects import MEMS_PAPER
-from tuner.papers.two_group_allan import PRINTED_MEAN, PRINTED_VARIANCE
 
 PHI, THETA = 0.476425, -0.455909
 """Equation 16."""

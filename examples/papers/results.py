@@ -11,7 +11,7 @@ thousand::
 
 Where both values agree, as in small samples, the nearer one counts.
 
-A picture names what is drawn, not how: `tuner.papers.figures` draws it.
+A picture names what is drawn, not how: `examples.papers.figures` draws it.
 """
 
 from __future__ import annotations

@@ -11,8 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from PIL import Image
 
+from examples.papers.results import Curve, Item, Panel, Picture, Table
 from tuner.formats.files import whole_file
-from tuner.papers.results import Curve, Item, Panel, Picture, Table
 
 COLOURS = ("#1f5fa8", "#c2410c", "#0f766e", "#7c3aed", "#a16207", "#475569", "#be185d", "#111827")
 """Colours of the groups of curves, in order."""

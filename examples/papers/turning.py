@@ -11,14 +11,14 @@ from dataclasses import replace
 import numpy as np
 from scipy.signal import find_peaks
 
+from examples.papers.laser import AXES, LASER_NOISE, SAMPLING_INTERVAL, N, in_degrees_per_hour
+from examples.papers.results import Curve, Item, Panel, Picture, exact, judge
+from examples.papers.sampling import Settings, record_from, record_of, scaled
+from examples.papers.subjects import RING_LASER_PAPER
 from models.arrays import FloatArray
 from models.units import DEG, DEG_PER_HOUR
 from tuner.curves import curve
 from tuner.identification import identify_channel
-from tuner.papers.laser import AXES, LASER_NOISE, SAMPLING_INTERVAL, N, in_degrees_per_hour
-from tuner.papers.results import Curve, Item, Panel, Picture, exact, judge
-from tuner.papers.sampling import Settings, record_from, record_of, scaled
-from tuner.papers.subjects import RING_LASER_PAPER
 from tuner.segments.stationary import cut_to_still, find_motion
 from tuner.types import ChannelIdentification, Coefficient
 

@@ -32,15 +32,15 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from examples.papers.results import Claim, Curve, Item, Panel, Picture, exact, judge
+from examples.papers.sampling import Settings, estimate, realisations
+from examples.papers.subjects import FIBRE_OPTIC_PAPER, UNIT_NOISES
 from models.arrays import FloatArray
 from models.noise import Ramp
 from tuner.curves import dof
 from tuner.curves.allan import overlapping_allan
 from tuner.curves.theo import bias_ratio, theo1
 from tuner.curves.total import total
-from tuner.papers.results import Claim, Curve, Item, Panel, Picture, exact, judge
-from tuner.papers.sampling import Settings, estimate, realisations
-from tuner.papers.subjects import FIBRE_OPTIC_PAPER, UNIT_NOISES
 
 SAMPLE_COUNT, T0 = 1000, 0.01
 PRINTED_CLOCK_NOISE: Mapping[str, str] = MappingProxyType(

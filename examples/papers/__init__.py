@@ -11,12 +11,14 @@ and compares: `Item.claims` with verdicts that follow from intervals, `Item.figu
 from __future__ import annotations
 
 import importlib
+import os
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
-from tuner.papers.results import Claim, Item
-from tuner.papers.sampling import Settings
-from tuner.types.records import DataError
+os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")  # as `tuner`: before numpy is imported
+
+from examples.papers.results import Claim, Item
+from examples.papers.sampling import Settings
 
 __all__ = ["ITEMS", "Claim", "Item", "Settings", "chosen", "run"]
 
@@ -42,21 +44,13 @@ ITEMS: Mapping[str, str] = MappingProxyType(
 
 
 def chosen(names: Sequence[str]) -> tuple[str, ...]:
-    """Return the items of these names in their order, each once; ``all`` stands for every item.
-
-    Raises
-    ------
-    DataError
-        If there is no item of a name.
-    """
-    if unknown := [name for name in names if name not in ITEMS and name != "all"]:
-        raise DataError(f"{unknown[0]}: expected an item of the papers ({' '.join(ITEMS)}) or all")
+    """Return the items of these names in their order, each once; ``all`` stands for every item."""
     return tuple(name for name in ITEMS if name in names or "all" in names)
 
 
 def run(name: str, settings: Settings) -> Item:
     """Reproduce one item of `ITEMS`."""
-    module = importlib.import_module(f"tuner.papers.{ITEMS[name]}")
+    module = importlib.import_module(f"examples.papers.{ITEMS[name]}")
     item = getattr(module, name.replace("-", "_"))(settings)
     assert isinstance(item, Item)
     return item

@@ -17,6 +17,9 @@ from types import MappingProxyType
 
 import numpy as np
 
+from examples.papers.results import Curve, Item, Panel, Picture, Style, absent, exact, judge, rounded
+from examples.papers.sampling import Settings, mean_of, record_from, record_of, scaled
+from examples.papers.subjects import RING_LASER_PAPER
 from models.arrays import FloatArray
 from models.noise import NoiseModel, Quantization, White
 from models.units import ARCSEC, DEG, DEG_PER_HOUR, DEG_PER_SQRT_HOUR
@@ -24,9 +27,6 @@ from tuner.catalogue.grades import load_grade
 from tuner.curves import curve
 from tuner.curves.series import averages
 from tuner.identification import identify_channel
-from tuner.papers.results import Curve, Item, Panel, Picture, Style, absent, exact, judge, rounded
-from tuner.papers.sampling import Settings, mean_of, record_from, record_of, scaled
-from tuner.papers.subjects import RING_LASER_PAPER
 from tuner.types import AllanCurve, ChannelIdentification, Coefficient
 from tuner.types.records import Record
 

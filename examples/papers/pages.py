@@ -8,9 +8,9 @@ from typing import Any
 
 from rich.table import Table
 
+from examples.papers.results import Claim, Item
 from tuner.formats.customary_units import digits, digits_to
 from tuner.formats.noise_terms import coefficient_json
-from tuner.papers.results import Claim, Item
 from tuner.types import Coefficient
 
 VERDICT_ORDER = ("reproduced", "corrected", "untestable", "not reproduced")
@@ -18,7 +18,8 @@ VERDICT_ORDER = ("reproduced", "corrected", "untestable", "not reproduced")
 INTRODUCTION = """# The three papers, reproduced and judged
 
 The papers behind this project published no logs. Every item below simulates data to a paper's settings and runs the
-functions that `tuner` offers: run it yourself with `tuner papers NAME`, or all of it with `tuner papers all -o DIR`.
+functions that `tuner` offers. From a checkout of the project run it yourself with `python -m examples.papers NAME`, or
+all of it with `python -m examples.papers all -o DIR`.
 
 1. Li Qi et al.: *Performance evaluation of the Allan variance method for ring laser gyroscope noise
    analyses* (in Chinese)

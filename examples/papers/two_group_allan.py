@@ -8,15 +8,15 @@ from __future__ import annotations
 
 import numpy as np
 
+from examples.papers.results import Claim, Curve, Item, Panel, Picture, judge, untestable
+from examples.papers.sampling import Settings, estimate, realisations, record_from
+from examples.papers.subjects import MEMS_PAPER, NOISE_NAMES, UNIT_NOISES
 from models.arrays import FloatArray
 from models.noise import BiasInstability, NoiseModel, Ramp, RandomWalk, Term, White
 from tuner.curves import curve
 from tuner.curves import difference_dof as differences
 from tuner.curves.allan import allan, overlapping_allan, two_group_allan
 from tuner.identification.allan_leastsquares import unweighted
-from tuner.papers.results import Claim, Curve, Item, Panel, Picture, judge, untestable
-from tuner.papers.sampling import Settings, estimate, realisations, record_from
-from tuner.papers.subjects import MEMS_PAPER, NOISE_NAMES, UNIT_NOISES
 
 PRINTED_VARIANCE, PRINTED_MEAN = 0.0063, 3.0478
 """Equation 16, (deg/s)²; figure 2, deg/s."""

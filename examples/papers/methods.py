@@ -20,6 +20,9 @@ import numpy as np
 from scipy.optimize import curve_fit, least_squares
 from scipy.stats import norm
 
+from examples.papers.results import Claim, Item, Picture, Table, judge
+from examples.papers.sampling import Settings, estimate, record_from
+from examples.papers.subjects import RING_LASER_PAPER
 from models.arrays import FloatArray
 from models.noise import (
     BiasInstability,
@@ -38,9 +41,6 @@ from tuner.curves.series import averages, nsec
 from tuner.identification.allan_leastsquares import fit
 from tuner.identification.allan_octaves import OctaveCurve
 from tuner.identification.arma_preprocess import remove_trend
-from tuner.papers.results import Claim, Item, Picture, Table, judge
-from tuner.papers.sampling import Settings, estimate, record_from
-from tuner.papers.subjects import RING_LASER_PAPER
 
 Method = Callable[[FloatArray], float]
 

@@ -13,6 +13,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import gammaln
 
+from examples.papers.results import Claim, Curve, Item, Panel, Picture, exact, judge
+from examples.papers.sampling import Settings, estimate, realisations, record_of, relative_sd, scaled
+from examples.papers.subjects import RING_LASER_PAPER
 from models.arrays import FloatArray
 from models.noise import (
     BiasInstability,
@@ -30,9 +33,6 @@ from tuner.curves import curve, dof
 from tuner.curves.allan import allan, overlapping_allan
 from tuner.identification.record_length import plan
 from tuner.identification.slopes import Segment, read_segments
-from tuner.papers.results import Claim, Curve, Item, Panel, Picture, exact, judge
-from tuner.papers.sampling import Settings, estimate, realisations, record_of, relative_sd, scaled
-from tuner.papers.subjects import RING_LASER_PAPER
 from tuner.types import Coefficient
 
 READ_AT = {

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
-from tuner.cli import run as command
-from tuner.papers import ITEMS, Item, Settings, chosen, run
-from tuner.papers.figures import draw_item
-from tuner.papers.pages import papers_json, papers_markdown
+from examples.papers import ITEMS, Item, Settings, chosen, run
+from examples.papers.__main__ import command
+from examples.papers.figures import draw_item
+from examples.papers.pages import papers_json, papers_markdown
 from tuner.stages import watched
-from tuner.types.records import DataError
 
 CORRECTED = {
     "rlg-static": ("σ(10 s) if N were 0.09 deg/√h as printed", "σ(10 s), the accuracy in use"),
@@ -100,51 +100,52 @@ def test_page_and_json_hold_every_claim() -> None:
 def test_names_are_taken_once_in_order() -> None:
     assert chosen(("mems-arma", "rlg-static", "mems-arma")) == ("rlg-static", "mems-arma")
     assert chosen(("all",)) == tuple(ITEMS)
-    with pytest.raises(DataError, match="expected an item of the papers"):
-        chosen(("rlg",))
 
 
-def test_command_writes_page_figure_and_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert command(["papers", "test-design", "--small", "-o", str(tmp_path), "--json", "-"]) == 0
-    told = capsys.readouterr()
-    content = json.loads(told.out)
+def test_command_writes_page_figure_and_json(tmp_path: Path) -> None:
+    told = CliRunner().invoke(command, ["test-design", "--small", "-o", str(tmp_path), "--json", "-"])
+    assert told.exit_code == 0
+    content = json.loads(told.stdout)
     assert content["schema"] == "tuner.papers/1"
     assert content == json.loads((tmp_path / "papers" / "papers.json").read_text(encoding="utf-8"))
     assert (tmp_path / "papers" / "test-design.png").exists()
     assert "test-design" in (tmp_path / "papers.md").read_text(encoding="utf-8")
-    assert "test-design: " in told.err
+    assert "test-design: " in told.stderr
 
 
-def test_command_lists_items_and_refuses_others(capsys: pytest.CaptureFixture[str]) -> None:
-    assert command(["papers"]) == 0
-    assert capsys.readouterr().out.split() == list(ITEMS)
-    assert command(["papers", "rlg"]) == 2
-    assert "rlg: expected an item of the papers" in capsys.readouterr().err
+def test_command_lists_items_and_refuses_others() -> None:
+    told = CliRunner().invoke(command, [])
+    assert (told.exit_code, told.stdout.split()) == (0, list(ITEMS))
+    told = CliRunner().invoke(command, ["rlg"])
+    assert told.exit_code == 2
+    assert "'rlg' is not one of 'rlg-static'" in told.stderr
 
 
 def test_a_directory_that_cannot_be_made_is_refused_before_the_work(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "papers").write_text("a file", encoding="utf-8")
-    monkeypatch.setattr("tuner.papers.run", lambda name, settings: pytest.fail("work before the directory"))
-    assert command(["papers", "test-design", "-o", str(tmp_path)]) != 0
-    assert str(tmp_path / "papers") in capsys.readouterr().err
+    monkeypatch.setattr(
+        "examples.papers.__main__.run", lambda name, settings: pytest.fail("work before the directory")
+    )
+    told = CliRunner().invoke(command, ["test-design", "-o", str(tmp_path)])
+    assert told.exit_code != 0
+    assert str(tmp_path / "papers") in str(told.exception)
 
 
-def test_an_interrupted_run_keeps_what_is_done(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_interrupted_run_keeps_what_is_done(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupted(name: str, settings: Settings) -> Item:
         if name == "fog-bias":
             raise KeyboardInterrupt
         return run(name, settings)
 
-    monkeypatch.setattr("tuner.papers.run", interrupted)
-    assert command(["papers", "test-design", "fog-bias", "--small", "-o", str(tmp_path)]) == 130
+    monkeypatch.setattr("examples.papers.__main__.run", interrupted)
+    told = CliRunner().invoke(command, ["test-design", "fog-bias", "--small", "-o", str(tmp_path)])
+    assert told.exit_code != 0
     content = json.loads((tmp_path / "papers" / "papers.json").read_text(encoding="utf-8"))
     assert list(content["items"]) == ["test-design"]
     assert "## test-design" in (tmp_path / "papers.md").read_text(encoding="utf-8")
-    assert "fog-bias …" in capsys.readouterr().err
+    assert "fog-bias …" in told.stderr
 
 
 def test_long_items_tell_of_their_progress() -> None:

@@ -8,16 +8,16 @@ from __future__ import annotations
 
 import numpy as np
 
+from examples.papers.expected_variances import theo1_ratio
+from examples.papers.results import Curve, Item, Panel, Picture, judge, untestable
+from examples.papers.sampling import Settings, estimate, record_from
+from examples.papers.subjects import FIBRE_OPTIC_PAPER
+from examples.papers.theo import LABELS, less_one, spread, variances
 from models.arrays import FloatArray
 from models.noise import NoiseModel, Quantization, Ramp, White
 from models.units import DEG_PER_HOUR
 from tuner.curves import curve
 from tuner.identification.allan_leastsquares import unweighted
-from tuner.papers.expected_variances import theo1_ratio
-from tuner.papers.results import Curve, Item, Panel, Picture, judge, untestable
-from tuner.papers.sampling import Settings, estimate, record_from
-from tuner.papers.subjects import FIBRE_OPTIC_PAPER
-from tuner.papers.theo import LABELS, less_one, spread, variances
 from tuner.types.records import Record
 
 

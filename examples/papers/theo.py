@@ -11,15 +11,15 @@ from types import MappingProxyType
 
 import numpy as np
 
+from examples.papers.expected_variances import PRINTED_TOTAL, theo1_ratio, total_ratio
+from examples.papers.results import Claim, Curve, Item, Panel, Picture, Range, judge
+from examples.papers.sampling import Settings, estimate, ratio_of_means, record_from, relative_sd, scatter
+from examples.papers.subjects import FIBRE_OPTIC_PAPER, UNIT_NOISES
 from models.arrays import FloatArray, IntArray
 from tuner.curves import curve, dof
 from tuner.curves.allan import overlapping_allan
 from tuner.curves.theo import bias_ratio, theo1
 from tuner.curves.total import total
-from tuner.papers.expected_variances import PRINTED_TOTAL, theo1_ratio, total_ratio
-from tuner.papers.results import Claim, Curve, Item, Panel, Picture, Range, judge
-from tuner.papers.sampling import Settings, estimate, ratio_of_means, record_from, relative_sd, scatter
-from tuner.papers.subjects import FIBRE_OPTIC_PAPER, UNIT_NOISES
 
 LABELS: Mapping[str, str] = MappingProxyType(
     {"oadev": "Allan", "totdev": "total", "theo1": "Thêo1", "theobr": "ThêoBR"}
