@@ -2,7 +2,7 @@
 
 One axis of an MPU-9250 sees its angle to 0.3° once a second for an hour and then predicts. Truth is white noise,
 flicker (a fine ladder from 0.3 s to 10⁷ s) and rate random walk. Five filters differ in their bias states; the
-covariance of the true error is exact (`tuner.synthesis.mismatched_filter`). The ARMA sequence is the one that an hour
+covariance of the true error is exact (`examples.papers.mismatched_filter`). The ARMA sequence is the one that an hour
 at 1 Hz tends to by likelihood: the least of Σ ln S' + S/S' over the frequencies of the record, S the true spectrum,
 with two real poles and zeros each. Run times are measured on simulated runs of the whole navigation filter.
 """
@@ -17,6 +17,7 @@ from types import MappingProxyType
 import numpy as np
 from scipy.optimize import minimize
 
+from examples.papers.mismatched_filter import AIDED_MEASUREMENTS, Linear, axis, outage_errors, shaped
 from examples.papers.results import Claim, Curve, Item, Panel, Picture, Table, exact, judge
 from examples.papers.sampling import Settings, estimate
 from examples.papers.subjects import RING_LASER_PAPER
@@ -32,7 +33,6 @@ from tuner.simulation.imu import sensor_of_grade
 from tuner.simulation.monte_carlo import scenario, simulate
 from tuner.synthesis import RULES, synthesize
 from tuner.synthesis.bias_states import FlickerView
-from tuner.synthesis.mismatched_filter import AIDED_MEASUREMENTS, Linear, axis, outage_errors, shaped
 from tuner.types import ChannelNoise
 
 ANGLE_SD, JUDGED_OUTAGE = 0.3 * DEG, 60.0

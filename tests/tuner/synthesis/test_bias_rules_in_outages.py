@@ -16,13 +16,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from examples.papers.mismatched_filter import axis, outage_errors, shaped
 from models.noise import GaussMarkov
 from models.noise.arma import Arma
 from models.noise.bias_instability import flicker_ladder
 from models.units import DEG, DEG_PER_HOUR, DEG_PER_SQRT_HOUR, MICRO_G
 from tuner.synthesis import RULES
 from tuner.synthesis.bias_states import FlickerView
-from tuner.synthesis.mismatched_filter import axis, outage_errors, shaped
 from tuner.types import ChannelNoise
 
 MINIMUM_TAU = 600.0
