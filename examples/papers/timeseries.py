@@ -26,7 +26,12 @@ from models.arrays import FloatArray
 from models.noise.arma import Arma
 from tuner.curves import acf, pacf
 from tuner.identification.arma import coefficient_covariance, fit_arma, one_step
-from tuner.identification.arma_preprocess import prepare, remove_trend, reverse_arrangements, sigma_outliers
+from tuner.identification.arma_preprocess import (
+    remove_trend,
+    replace_outliers,
+    reverse_arrangements,
+    sigma_outliers,
+)
 
 PHI, THETA = 0.476425, -0.455909
 """Equation 16."""
@@ -45,8 +50,9 @@ def mems_arma(settings: Settings) -> Item:
     }
     series = MODEL.sample(2000, 0.01, rng)
     raw = _raw(series, rng)
-    prepared = prepare(raw, rule="3sigma")
-    record = record_from(prepared.y, 0.01)
+    clean = replace_outliers(raw, sigma_outliers(raw))
+    prepared = remove_trend(clean - clean.mean())[1]
+    record = record_from(prepared, 0.01)
     lags = (0.01 * np.arange(31)).tolist()
     correlation, partial = acf(record, lag=lags), pacf(record, lag=lags)
     claims = (
@@ -56,7 +62,7 @@ def mems_arma(settings: Settings) -> Item:
         *_of_model(settings, rng),
     )
     time, part = record.t[:100], slice(0, 100)
-    predicted = one_step(prepared.y, (PHI,), (THETA,))
+    predicted = one_step(prepared, (PHI,), (THETA,))
     panels = (
         Panel(
             "figure 3: raw and prepared",
@@ -64,7 +70,7 @@ def mems_arma(settings: Settings) -> Item:
             "deg/s",
             (
                 Curve(record.t, raw - PRINTED_MEAN, "raw − 3.0478", "faint", group=1),
-                Curve(record.t, prepared.y, "prepared", "faint", group=0),
+                Curve(record.t, prepared, "prepared", "faint", group=0),
             ),
             "linear",
         ),
@@ -87,7 +93,7 @@ def mems_arma(settings: Settings) -> Item:
             "time, s",
             "deg/s",
             (
-                Curve(time, prepared.y[part], "data", group=0),
+                Curve(time, prepared[part], "data", group=0),
                 Curve(time, predicted[part], "prediction from the past", group=1),
                 Curve(time, MODEL.sample(100, 0.01, rng), "another sample of the model", "dotted", group=2),
             ),

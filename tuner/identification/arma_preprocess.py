@@ -22,7 +22,6 @@ References
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,33 +69,28 @@ class StationarityTest:
     p_value: float
 
 
-def prepare(y: FloatArray, *, rule: Literal["robust", "3sigma"] = "robust") -> Prepared:
+def prepare(y: FloatArray) -> Prepared:
     """Remove outliers, mean and trend, and test what is left.
 
     Parameters
     ----------
     y : ndarray, shape (n,)
         Samples without gaps, n ≥ 20.
-    rule : str
-        How outliers are found.
 
     Returns
     -------
     Prepared
     """
-    marked = robust_outliers(y) if rule == "robust" else sigma_outliers(y)
-    other = sigma_outliers(y) if rule == "robust" else robust_outliers(y)
+    marked = robust_outliers(y)
     clean = replace_outliers(y, marked)
     mean = float(np.mean(clean))
     centred = clean - mean
     slope, detrended = remove_trend(centred)
-    names = {"robust": "4.5 robust standard deviations", "3sigma": "3 standard deviations"}
-    other_name = names["3sigma" if rule == "robust" else "robust"]
     before, after = float(np.std(clean)), float(np.std(detrended))
-    taken, spared = int(marked.sum()), int(other.sum())
     steps = [
-        f"outliers: {taken} of {len(y)} samples beyond {names[rule]} replaced by interpolation "
-        f"({other_name} would take {spared}); standard deviation {_change(float(np.std(y)), before)}",
+        f"outliers: {int(marked.sum())} of {len(y)} samples beyond 4.5 robust standard deviations replaced by "
+        f"interpolation (3 standard deviations would take {int(sigma_outliers(y).sum())}); "
+        f"standard deviation {_change(float(np.std(y)), before)}",
         f"mean: {mean:.4g} removed",
         f"trend: {slope * len(y):+.3g} over the record removed; standard deviation {_change(before, after)}; "
         "that takes 17 % of a random walk's Allan variance at a tenth of the record: K is never read here",

@@ -127,11 +127,3 @@ def test_steps_say_what_was_done():
     text = " ".join(prepared.steps)
     for word in ("outliers", "mean", "trend", "reverse arrangements", "ADF", "KPSS", "variance", "never"):
         assert word in text
-
-
-def test_rule_of_the_paper_can_be_chosen():
-    y = white(9)
-    paper = prepare(y, rule="3sigma")
-    by_paper, robust = int(sigma_outliers(y).sum()), int(robust_outliers(y).sum())
-    assert by_paper > robust
-    assert f"outliers: {by_paper} of" in paper.steps[0]
