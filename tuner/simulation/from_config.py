@@ -22,6 +22,7 @@ from models.effects import drive as navigation
 from models.effects import parsing as text
 from models.effects.drive.base import DriveEffect
 from models.effects.parsing import Kind
+from models.effects.static.attitude import Attitude
 from models.effects.static.base import STAMP
 from models.effects.static.sampling import Quantizer
 from models.noise import GaussMarkov, NoiseModel, White
@@ -90,7 +91,8 @@ def channels_of_config(
                     noise[axes[0]] = rest
                 if cause == Quantizer.name and "step" in values:
                     noise |= {a: _unrounded(noise[a], values["step"]["value"], config.interval) for a in axes}
-                effect = _effect(cause, values, _about(level, axes[0])) if set(axes) <= noise.keys() else None
+                simulated = set(axes) <= noise.keys() and (cause != Attitude.name or len(axes) == 3)
+                effect = _effect(cause, values, _about(level, axes[0])) if simulated else None
                 if effect is not None and effect.absolute:
                     fixed |= set(axes)
                 if effect is None or (drive and effect.stage == STAMP):

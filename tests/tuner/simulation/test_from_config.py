@@ -107,12 +107,13 @@ def test_what_cannot_be_simulated_is_left_out_and_reported(config):
     more = [
         {"cause": "cross_axis", "channels": ["gyro_x", "gyro_y"], "parameters": {"correlation": told}},
         {"cause": "clipping", "channels": ["gyro_x"], "parameters": {"low": told}},
+        {"cause": "attitude", "channels": ["gyro_x"], "parameters": {"tilt": told}},
     ]
     found = tuple({**finding, "extension": {}} for finding in more)
     found += ({"cause": "time_offset", "joins": "preprocessing", "parameters": {"delay": 0.1}},)  # of a drive
     _, hidden, notes = channels_of_config(replace(config, findings=found))
     assert hidden == ()
-    assert [note.split()[0] for note in notes] == ["time_offset", "cross_axis", "clipping"]
+    assert [note.split()[0] for note in notes] == ["time_offset", "cross_axis", "clipping", "attitude"]
 
 
 @pytest.mark.parametrize(
