@@ -29,7 +29,7 @@ from tuner.identification.intervals import interval
 from tuner.identification.likelihood import LikelihoodFit
 from tuner.identification.objective import Objective
 from tuner.identification.periodogram import cosine_periodogram
-from tuner.identification.selection import select
+from tuner.identification.selection import select_periodogram
 
 FloatArray = NDArray[np.float64]
 
@@ -111,7 +111,7 @@ def selected(runs: int, seed: int) -> None:
         for _ in range(runs):
             y = NoiseModel(terms).sample(N, INTERVAL, rng)
             start = time.process_time()
-            choice = select([y], INTERVAL)
+            choice = select_periodogram(cosine_periodogram([y], INTERVAL))
             cpu += time.process_time() - start
             sums["+".join(choice.fit.terms)] += 1
             for name, value in zip(names, truth, strict=True):
@@ -148,7 +148,8 @@ def inventions(runs: int, seed: int) -> None:
         extra: Counter[str] = Counter()
         invented = 0
         for _ in range(runs):
-            fitted: LikelihoodFit = select([NoiseModel(terms).sample(36_000, 0.1, rng)], 0.1).fit
+            y = NoiseModel(terms).sample(36_000, 0.1, rng)
+            fitted: LikelihoodFit = select_periodogram(cosine_periodogram([y], 0.1)).fit
             more = [name for name in fitted.terms if name not in label.split("+")]
             extra.update(more)
             invented += bool(more)

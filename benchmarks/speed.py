@@ -36,7 +36,7 @@ from models.noise import BiasInstability, NoiseModel, RandomWalk, White
 from models.trajectory.catalogue import TRAJECTORIES
 from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
 from tuner.curves.allan import overlapping_allan
-from tuner.curves.theo import nearest_theo1_size, theo1, theo_h
+from tuner.curves.theo import nearest_theo1_size, theo1, theo_br
 from tuner.identification.arma_whittle import fit_orders
 from tuner.jobs import usable
 from tuner.navigation.settings import filter_settings
@@ -214,13 +214,13 @@ def kernels(*, long: bool) -> list[Row]:
             for n, wanted in ((100_000, "1.3 s"), *(((LONG, "2 s"),) if long else ()))
         ),
         (
-            "ThêoH, 30 sizes, 1e5",
-            lambda: theo_h(
-                long_series[:100_000], nearest_theo1_size(100_000, np.geomspace(20_000, 70_000, 30)) * 0.75
+            "ThêoH, 30 sizes, 1e5",  # beyond a tenth of the record, where it is ThêoBR
+            lambda: theo_br(
+                long_series[:100_000], nearest_theo1_size(100_000, np.geomspace(20_000, 70_000, 30))
             ),
             "1e6",
-            lambda: theo_h(
-                long_series[:SHORT], nearest_theo1_size(SHORT, np.geomspace(200_000, 700_000, 30)) * 0.75
+            lambda: theo_br(
+                long_series[:SHORT], nearest_theo1_size(SHORT, np.geomspace(200_000, 700_000, 30))
             ),
             "≤ 1e6",
         ),

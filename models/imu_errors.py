@@ -40,10 +40,6 @@ class Calibration:
         """Return angular rate and specific force behind measured ones; shape (..., 6)."""
         return np.asarray(np.linalg.solve(self.matrix, (np.asarray(measured) - self.bias)[..., None])[..., 0])
 
-    def measured_rates(self, true: ArrayLike) -> FloatArray:
-        """Return what the sensors would measure; shape (..., 6)."""
-        return np.asarray((self.matrix @ np.asarray(true)[..., None])[..., 0] + self.bias)
-
 
 IDEAL_SENSORS = Calibration(np.zeros(6), np.eye(6))
 """Sensors without errors."""

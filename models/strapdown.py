@@ -35,9 +35,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from models import rotation
 from models.arrays import FloatArray
 from models.earth import SEMI_MAJOR_AXIS, earth_rate, gravity, radii, transport_rate
 from models.taylor import exponential, sine_cosine
@@ -185,50 +183,3 @@ class NavigationState:
     llh: FloatArray
     vel_n: FloatArray
     quat_nb: FloatArray
-
-
-def mechanize(start: NavigationState, dtheta: ArrayLike, dvel: ArrayLike, dt: float) -> NavigationState:
-    """Integrate increments from a starting state.
-
-    Parameters
-    ----------
-    start : NavigationState
-        State at the beginning, arrays of shapes (3,), (3,), (4,).
-    dtheta, dvel : array_like, shape (n, 3)
-        Increments of angle, rad, and velocity, m/s, in b; not yet corrected for coning and sculling.
-    dt : float
-        Interval, s.
-
-    Returns
-    -------
-    NavigationState
-        States at the n + 1 ends of the intervals, the first being `start`.
-    """
-    angles = np.asarray(dtheta, dtype=float).tolist()
-    velocities = np.asarray(dvel, dtype=float).tolist()
-    pos, vel, quat = (tuple(a.tolist()) for a in (start.llh, start.vel_n, start.quat_nb))
-    states = np.empty((len(angles) + 1, 10))
-    states[0] = pos + vel + quat
-    for k, (angle, velocity) in enumerate(zip(angles, velocities, strict=True)):
-        before = max(k - 1, 0)
-        rotvec, force = correct_increments(angle, velocity, angles[before], velocities[before])
-        pos, vel, quat, _ = step(pos, vel, quat, rotvec, force, dt)
-        states[k + 1] = pos + vel + quat
-    return NavigationState(states[:, :3], states[:, 3:6], states[:, 6:])
-
-
-def align(force_b: ArrayLike, yaw: float) -> FloatArray:
-    """Return the attitude quaternion of a still unit from its mean specific force and a heading.
-
-    Roll and pitch follow from gravity: f_b = −C_nbᵀ γ e_D. Tilt error: accelerometer bias ÷ γ.
-
-    Parameters
-    ----------
-    force_b : array_like, shape (3,)
-        Mean specific force, m/s².
-    yaw : float
-        Heading, rad.
-    """
-    fx, fy, fz = np.asarray(force_b, dtype=float)
-    roll, pitch = np.arctan2(-fy, -fz), np.arctan2(fx, np.hypot(fy, fz))
-    return rotation.quat_from_rpy([roll, pitch, yaw])

@@ -21,7 +21,8 @@ from challenge.seal import opened
 
 from models import rotation
 from models.earth import ned_between
-from models.strapdown import NavigationState, mechanize
+from models.strapdown import NavigationState
+from tests.mechanisation import mechanize
 from tuner.readers.drive import read_drive
 
 HERE = Path(__file__).resolve().parent

@@ -34,7 +34,7 @@ from tuner.readers.drive import read_drive
 from tuner.readers.estimate import read_estimate
 from tuner.readers.fixes import read_fix_file
 from tuner.readers.gnss_log import is_fixes, read_fixes
-from tuner.readers.source_kind import is_drive, is_log
+from tuner.readers.source_kind import drive_in_messages, is_drive_by_form, is_log
 from tuner.readers.stored_identification import is_stored, read_stored
 from tuner.synthesis import synthesize
 from tuner.types.records import DataError
@@ -66,7 +66,15 @@ def _text(rows: np.ndarray, header: str = "", separator: str = ",") -> bytes:
 
 def _classified(path: Path) -> Any:
     """Every question that the commands ask of a path, then the reader of logs."""
-    for question in (is_log, is_drive, is_stored, is_datasheet, is_curve, is_fixes):
+    for question in (
+        is_log,
+        is_drive_by_form,
+        drive_in_messages,
+        is_stored,
+        is_datasheet,
+        is_curve,
+        is_fixes,
+    ):
         question(path)
     return read(path)
 

@@ -11,9 +11,10 @@ from numba.extending import register_jitable
 
 from models import earth, rotation, strapdown, taylor
 from models import vector3 as triples
-from models.strapdown import NavigationState, correct_increments, mechanize, step
+from models.strapdown import NavigationState, correct_increments, step
 from models.trajectory.catalogue import TRAJECTORIES
 from models.trajectory.motion import imu_increments
+from tests.mechanisation import mechanize
 
 for kernel in (*triples.KERNELS, *taylor.KERNELS, *earth.KERNELS, *strapdown.KERNELS):
     register_jitable(kernel)
@@ -158,12 +159,6 @@ def test_sculling_and_rotation_against_the_integral():
     coarse, fine = error(0.04), error(0.02)
     assert fine < 1e-6
     assert coarse / fine > 12.0
-
-
-def test_alignment_finds_tilt():
-    state = TRAJECTORIES["static"](1.0).evaluate([0.0])
-    quat = strapdown.align(state.f_b[0], state.rpy[0, 2])
-    np.testing.assert_allclose(rotation.rpy_from_quat(quat), state.rpy[0], atol=1e-12)
 
 
 def test_mean_attitude_is_half_way():

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tuner.curves.allan import allan, hadamard, modified_allan, overlapping_allan, overlapping_hadamard
-from tuner.curves.theo import bias_ratio, theo1, theo_br, theo_h
+from tuner.curves.theo import bias_ratio, theo1, theo_br
 from tuner.curves.total import total
 
 NINE = np.array([892.0, 809.0, 823.0, 798.0, 671.0, 644.0, 883.0, 903.0, 677.0])
@@ -114,13 +114,6 @@ def test_phase_dat(thousand, statistic, m, printed, digits):
 
 def test_ratio_of_theo_br(thousand):
     assert bias_ratio(thousand) == pytest.approx(1.085666384, rel=5e-10)
-
-
-def test_theo_h_joins_the_two(thousand):
-    tau = np.array([1.0, 10.0, 99.0, 150.0, 300.0])
-    joined = theo_h(thousand, tau)
-    np.testing.assert_allclose(joined[:3], overlapping_allan(thousand, [1, 10, 99]))
-    np.testing.assert_allclose(joined[3:], theo_br(thousand, [200, 400]))
 
 
 @pytest.mark.parametrize("reach", [0.1, 0.5])

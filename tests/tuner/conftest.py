@@ -50,7 +50,7 @@ def simulated():
     """
     from models.earth import llh_displaced
     from models.measurements import perfect_fixes
-    from tuner.navigation.compensation import sensor_matrix
+    from tuner.navigation.compensation import correction
     from tuner.types import Compensation
     from tuner.types.records import Drive, Gnss
 
@@ -61,7 +61,7 @@ def simulated():
         rng = np.random.default_rng(seed)
         motion, moving = course(duration)
         rates = np.vstack([np.tile(moving[0], (round(STILL / INTERVAL), 1)), moving])
-        rates = rates @ sensor_matrix(Compensation.parse(values or {})).T
+        rates = rates @ correction(Compensation.parse(values or {})).sensor_matrix.T
         rates = rates + CONSTANT * rng.standard_normal(6)
         rates = rates + rng.standard_normal(rates.shape) * unit * WHITE / np.sqrt(INTERVAL)
         t = INTERVAL * np.arange(1, len(rates) + 1)

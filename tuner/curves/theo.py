@@ -94,7 +94,7 @@ def averaged(n: int) -> int:
 
 
 def nearest_theo1_size(n: int, m: ArrayLike) -> IntArray:
-    """Return the sizes nearest to m, shape (q,), up to n, that `theo1` takes, and `theo_h` quickly, of n samples."""
+    """Return the sizes nearest to m, shape (q,), up to n, that `theo1` takes, and `theo_br` quickly, of n samples."""
     wanted = np.atleast_1d(np.asarray(m, dtype=float))
     whole = np.rint(wanted).astype(np.int64)
     hybrid = MAX_EXACT_HYBRID < n <= MAX_EXACT_SAMPLES
@@ -204,31 +204,3 @@ def theo_br(y: ArrayLike, m: ArrayLike, *, reach: float = 0.1) -> FloatArray:
 
 def _ratios(y: ArrayLike, reach: float) -> FloatArray:
     return by_column(y, lambda column: np.array([bias_ratio(column, reach=reach)]))
-
-
-def theo_h(y: ArrayLike, tau: ArrayLike, *, switch: float = 0.1, reach: float = 0.1) -> FloatArray:
-    """Return ThêoH: the overlapping Allan variance at τ < switch · n, ThêoBR from there on.
-
-    Parameters
-    ----------
-    y : array_like, shape (n,) or (n, k)
-        Samples.
-    tau : array_like, shape (q,)
-        Cluster times in samples: whole numbers below the switch, 0.75 m with m as in `theo1` from there on.
-    switch, reach : float
-        Switch point and longest τ of the bias ratio, both as a part of the record.
-
-    Returns
-    -------
-    ndarray, shape (q,) or (q, k)
-        Variance, squared unit of y.
-    """
-    samples = np.asarray(y, dtype=float)
-    times = np.atleast_1d(np.asarray(tau, dtype=float))
-    short = times < switch * len(samples)
-    variance = np.empty((times.size, *samples.shape[1:]))
-    if short.any():
-        variance[short] = overlapping_allan(samples, times[short])
-    if not short.all():
-        variance[~short] = theo_br(samples, times[~short] / 0.75, reach=reach)
-    return variance

@@ -39,7 +39,7 @@ from models.noise import TERMS, NoiseModel, Ramp, RandomWalk, Term
 from tuner.identification.intervals import end
 from tuner.identification.likelihood import LikelihoodFit, describe, magnitude, slope_interval
 from tuner.identification.objective import Objective
-from tuner.identification.periodogram import CosinePeriodogram, cosine_periodogram
+from tuner.identification.periodogram import CosinePeriodogram
 from tuner.identification.record_length import relative_sd
 from tuner.types import Candidate
 
@@ -84,30 +84,8 @@ class Selection:
     bounded: tuple[Bound, ...]
 
 
-def select(pieces: Sequence[FloatArray], interval: float) -> Selection:
-    """Choose the terms that gap-free segments of one channel contain, and fit them.
-
-    Parameters
-    ----------
-    pieces : sequence of ndarray
-        Samples of each segment, unit.
-    interval : float
-        Sampling interval, s.
-
-    Returns
-    -------
-    Selection
-
-    Raises
-    ------
-    ValueError
-        If all pieces are too short or constant.
-    """
-    return select_periodogram(cosine_periodogram(pieces, interval))
-
-
 def select_periodogram(data: CosinePeriodogram, further: Sequence[str] = ()) -> Selection:
-    """Choose the terms that a cosine periodogram contains, and fit them; see `select`.
+    """Choose the terms that a cosine periodogram contains, and fit them.
 
     Parameters
     ----------

@@ -90,8 +90,3 @@ def compensate_settings(settings: FilterSettings, compensation: Compensation) ->
     return replace(
         settings, fix_sd_models=(fix_sd_model(values, "position"), fix_sd_model(values, "velocity"))
     )
-
-
-def sensor_matrix(compensation: Compensation) -> FloatArray:
-    """Return A (6, 6) with measured (ω, f) = A true."""
-    return correction(compensation).sensor_matrix

@@ -53,18 +53,6 @@ def is_log(source: str | Path) -> bool:
     return is_file(source) and not (is_datasheet(path) or is_stored(path) or is_curve(path))
 
 
-def is_drive(source: str | Path) -> bool:
-    """Tell a drive from a log of the inertial unit alone.
-
-    A drive is a folder, an NPZ or message log (ULog, bag, …) with fixes, or a YAML of KF-GINS.
-    """
-    from tuner.readers.log_format import file_of
-
-    path = file_of(Path(source))
-    by_form = is_drive_by_form(path)
-    return drive_in_messages(path) is not None if by_form is None else by_form
-
-
 def is_drive_by_form(path: Path) -> bool | None:
     """Tell a drive from a log by the form of a folder, NPZ or YAML; None where only reading the messages tells."""
     from tuner.readers.log_format import log_folder

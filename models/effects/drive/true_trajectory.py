@@ -25,10 +25,6 @@ if TYPE_CHECKING:  # loaded where a drive is moved, as it takes 0.2 s
     from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 
-MIN_SPEED = 0.5
-"""Speed below which the direction of travel is that of the last motion, m/s."""
-
-
 @dataclass(frozen=True)
 class Course:
     """Motion of the inertial unit at m instants, increasing.

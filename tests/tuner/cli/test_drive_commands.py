@@ -21,7 +21,7 @@ from tuner.diagnosis.drive.noise_scale_estimates import may_be_one, words
 from tuner.formats import noise_yaml
 from tuner.formats.logs import write_drive
 from tuner.limits import SCREEN_LINES
-from tuner.readers.source_kind import is_drive
+from tuner.readers.source_kind import is_drive_by_form
 from tuner.report.drive_diagnosis_tables import drive_tables, noise_lines, noise_scale_tables
 from tuner.simulation.drive import simulate_drive
 from tuner.synthesis.from_drive import UNKNOWN_UNIT_GRADE, config_of_drive, nearest_grade, stationary_noise
@@ -198,12 +198,12 @@ def test_a_drive_is_distinguished_from_a_log(tmp_path, file):
     np.savez(tmp_path / "log.npz", gyro=np.zeros((3, 3)))
     (tmp_path / "kf.yaml").write_text("imupath: a\ngnsspath: b\n")
     (tmp_path / "noise.yaml").write_text("format: tuner-noise/1\n")
-    assert is_drive(str(file))
-    assert is_drive(str(tmp_path))
-    assert is_drive(str(tmp_path / "kf.yaml"))
-    assert not is_drive(str(tmp_path / "log.npz"))
-    assert not is_drive(str(tmp_path / "noise.yaml"))
-    assert not is_drive("mpu9250")
+    assert is_drive_by_form(file)
+    assert is_drive_by_form(tmp_path)
+    assert is_drive_by_form(tmp_path / "kf.yaml")
+    assert not is_drive_by_form(tmp_path / "log.npz")
+    assert not is_drive_by_form(tmp_path / "noise.yaml")
+    assert not is_drive_by_form(Path("mpu9250"))
 
 
 def test_white_noise_is_read_where_the_vehicle_stands(drive):

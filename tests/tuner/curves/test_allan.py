@@ -16,7 +16,7 @@ from tuner.curves.allan import (
     overlapping_hadamard,
     two_group_allan,
 )
-from tuner.curves.theo import theo1, theo_br, theo_h
+from tuner.curves.theo import theo1, theo_br
 from tuner.curves.total import total
 from tuner.types.records import DataError
 
@@ -209,8 +209,3 @@ def test_equals_allantools(statistic, name):
 def test_sizes_out_of_range_are_named(statistic, m):
     with pytest.raises(DataError, match=r"size .*samples"):
         statistic(np.zeros(100) + np.arange(100) % 3, m)
-
-
-def test_theo_h_names_what_it_cannot_take():
-    with pytest.raises(DataError):
-        theo_h(np.arange(200.0) % 7, [170.0])

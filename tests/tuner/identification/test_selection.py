@@ -4,14 +4,19 @@ import numpy as np
 import pytest
 
 from models.noise import BiasInstability, GaussMarkov, NoiseModel, Quantization, Ramp, RandomWalk, White
-from tuner.identification.selection import TERM_PRICE, select
+from tuner.identification.periodogram import cosine_periodogram
+from tuner.identification.selection import TERM_PRICE, select_periodogram
 
 INTERVAL = 0.1
 N = 36_000
 
 
+def select(y):
+    return select_periodogram(cosine_periodogram([y], INTERVAL))
+
+
 def chosen(terms, seed, n=N):
-    return select([NoiseModel(terms).sample(n, INTERVAL, np.random.default_rng(seed))], INTERVAL)
+    return select(NoiseModel(terms).sample(n, INTERVAL, np.random.default_rng(seed)))
 
 
 CLEAR = [
@@ -76,12 +81,12 @@ def test_hours_needed_are_longer_than_the_record_and_enough():
     assert hours > 1000.0 / 3600.0
     long = NoiseModel((White(0.3), RandomWalk(0.5 * bound.upper)))
     y = long.sample(int(hours * 36_000), INTERVAL, np.random.default_rng(6))
-    assert "random_walk" in select([y], INTERVAL).fit.terms
+    assert "random_walk" in select(y).fit.terms
 
 
 def test_selection_does_not_depend_on_units():
     y = NoiseModel((White(0.3), BiasInstability(0.3))).sample(N, INTERVAL, np.random.default_rng(7))
-    one, small = select([y], INTERVAL), select([1e-7 * y], INTERVAL)
+    one, small = select(y), select(1e-7 * y)
     assert one.fit.terms == small.fit.terms
     for a, b in zip(one.bounded, small.bounded, strict=True):
         assert b.upper == pytest.approx(1e-7 * a.upper, rel=0.02)

@@ -12,7 +12,7 @@ from models import rotation
 from models.effects.drive import EFFECTS
 from models.registry import RegistryError
 from tuner.formats import noise_yaml
-from tuner.navigation.compensation import correction, sensor_matrix
+from tuner.navigation.compensation import correction
 from tuner.types import Compensation, Parameter
 from tuner.types.records import DataError
 
@@ -39,7 +39,9 @@ def test_sensor_error_is_the_derivative_of_the_sensor_matrix(cause):
     names = [f.name for f in fields(EFFECTS[cause])]
     for name in names:
         step = 1e-4
-        up, down = (sensor_matrix(Compensation({Parameter(cause, name): s * step})) for s in (1.0, -1.0))
+        up, down = (
+            correction(Compensation({Parameter(cause, name): s * step})).sensor_matrix for s in (1.0, -1.0)
+        )
         np.testing.assert_allclose((up - down) / (2.0 * step), EFFECTS[cause].sensor_error(name), atol=1e-8)
 
 
@@ -51,7 +53,7 @@ def test_sensor_errors_are_composed_in_one_order_whatever_that_of_the_file():
     expected[2, 4], expected[5, 5] = 2e-4, 0.98
     backwards = dict(reversed(texts.items()))
     for given in (texts, backwards):
-        np.testing.assert_array_equal(sensor_matrix(Compensation.parse(given)), expected)
+        np.testing.assert_array_equal(correction(Compensation.parse(given)).sensor_matrix, expected)
 
 
 def test_an_unknown_cause_is_refused_in_one_line():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tuner.readers import read
-from tuner.readers.source_kind import is_drive
+from tuner.readers.drive import read_if_drive
 from tuner.types.records import DataError
 
 RATE, N = 100.0, 600
@@ -142,7 +142,7 @@ WRITERS = (
 @pytest.mark.parametrize("write", WRITERS)
 def test_the_samples_come_back(write, tmp_path):
     path = write(tmp_path)
-    assert not is_drive(path)
+    assert read_if_drive(path) is None
     gyro, accel = read(path)
     np.testing.assert_allclose(gyro.y, GYRO, rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(accel.y, ACCEL, rtol=1e-9, atol=1e-12)

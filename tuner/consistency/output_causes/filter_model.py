@@ -25,8 +25,6 @@ from tuner.consistency.output_causes.kernels import covariance_recursion
 from tuner.consistency.output_causes.scale_factor_states import with_scale_factors
 from tuner.consistency.output_errors import OutputErrors
 
-SOURCES = ("gyro white noise", "accelerometer white noise", "gyro bias noise", "accelerometer bias noise")
-"""Process noise, in the order of the sources of a model."""
 DEFAULT_SD = np.repeat([3.0, 0.3, 0.03, 1e-3, 0.03], 3)
 """Sds at the start of states for which none are stated, SI: after a coarse alignment of a consumer unit."""
 FIRST_GUESS = np.log([1e-4, 3e-3, 3e-5, 3e-4])
@@ -56,7 +54,7 @@ class FilterModel:
     Attributes
     ----------
     density : ndarray, shape (4,)
-        Of `SOURCES`.
+        Of gyro white noise, accelerometer white noise, gyro bias noise and accelerometer bias noise.
     time_constant : ndarray, shape (2,)
         Of gyro and accelerometer biases, s.
     fix_variance : ndarray, shape (6,)

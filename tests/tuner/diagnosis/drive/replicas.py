@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tuner.diagnosis.drive.linear_model.kalman_kernels import NAVIGATION_STATES
-from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, as_configured, kalman_gains
+from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, _forward, as_configured
 from tuner.diagnosis.drive.linear_model.linearized_run import NOISE_GROUPS, LinearizedRun
 
 FloatArray = NDArray[np.float64]
@@ -54,7 +54,7 @@ class Source:
         for factor, group in zip(factors, NOISE_GROUPS, strict=True):
             total = total + factor * linearized.noise[group]
         return cls(
-            noise, _root(total), _root(linearized.initial[None])[0], kalman_gains(as_configured(linearized))
+            noise, _root(total), _root(linearized.initial[None])[0], _forward(as_configured(linearized))[1]
         )
 
     def draw(self, rng: np.random.Generator, theta: FloatArray | None = None) -> LinearizedRun:

@@ -15,7 +15,7 @@ from tuner.diagnosis.drive.linear_model.likelihood import as_configured
 from tuner.diagnosis.drive.linear_model.whitened_innovations import WhitenedInnovations, whiten
 from tuner.diagnosis.drive.score_tests import fit_constants, late_gain, score_tests
 from tuner.formats.configuration import config_json, load_config
-from tuner.navigation.compensation import compensate, sensor_matrix
+from tuner.navigation.compensation import compensate, correction
 from tuner.types import Compensation, Parameter
 from tuner.types.records import DataError
 
@@ -160,7 +160,7 @@ def test_compensation_is_undone(simulated):
         {"gyro_scale.x": 0.01, "accel_scale.z": -0.02, "misalignment.yaw": 0.03, "g_sensitivity.xy": 1e-4}
     )
     drive = simulated(1, duration=DURATION)
-    spoiled = replace(drive, rates=drive.rates @ sensor_matrix(values).T)
+    spoiled = replace(drive, rates=drive.rates @ correction(values).sensor_matrix.T)
     np.testing.assert_allclose(compensate(spoiled, values).rates, drive.rates, rtol=1e-9, atol=1e-12)
     turn = rotation.mat_from_rpy((0.01, -0.02, 0.03))
     gnss = replace(drive.gnss, t=drive.gnss.t + 0.3, vel_n=drive.gnss.vel_n @ turn.T)

@@ -14,7 +14,6 @@ from tuner.cli.progress import Messages
 from tuner.identification.identify_source import records_name
 from tuner.readers import log_format, read
 from tuner.readers.drive import read_drive, read_if_drive
-from tuner.readers.source_kind import is_drive
 from tuner.types.records import DataError
 
 RATE, FIX_RATE, SECONDS = 100, 5, 30
@@ -253,8 +252,8 @@ def test_types_that_a_file_does_not_define_are_named_with_the_cure(tmp_path):
 def test_a_drive_holds_its_fixes(kind, tmp_path):
     pytest.importorskip(LIBRARY[kind])
     path = MAKERS[kind](tmp_path)
-    assert is_drive(path)
-    drive = read_drive(path)
+    drive = read_if_drive(path)
+    assert drive is not None
     # ULog and dataflash keep degrees · 10⁷: half a unit is 9e-10 rad.
     np.testing.assert_allclose(drive.gnss.llh[:, :2], np.radians(LLH[:, :2]), atol=1e-9)
     np.testing.assert_allclose(drive.gnss.llh[:, 2], LLH[:, 2], atol=6e-4)
@@ -300,7 +299,7 @@ def test_a_second_unit_is_named_and_can_be_chosen(kind, tmp_path):
 def test_a_drive_without_fixes_is_one_line(kind, tmp_path):
     pytest.importorskip(LIBRARY[kind])
     path = MAKERS[kind](tmp_path, fixes=False)
-    assert not is_drive(path)
+    assert read_if_drive(path) is None
     with pytest.raises(DataError, match="expected a receiver with 10 fixes or more"):
         read_drive(path)
 

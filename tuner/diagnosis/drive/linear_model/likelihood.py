@@ -79,7 +79,7 @@ class Likelihood:
     ----------
     value : float
         ln L.
-    theta, theta_covariance : ndarray, shapes (p,), (p, p)
+    theta : ndarray, shape (p,)
         Free constants.
     innovation, variance : ndarray, shape (k, 6)
         z − s θ and f, of one row after the other of a fix; NaN where it has none.
@@ -89,7 +89,6 @@ class Likelihood:
 
     value: float
     theta: FloatArray
-    theta_covariance: FloatArray
     innovation: FloatArray
     variance: FloatArray
     sensitivity: FloatArray
@@ -206,11 +205,6 @@ def with_constants_fixed(noise: NoiseHypothesis) -> NoiseHypothesis:
     )
 
 
-def kalman_gains(noise: NoiseHypothesis) -> FloatArray:
-    """Return the gains of every row, one after the other of a fix; shape (k, 6, n)."""
-    return _forward(noise)[1]
-
-
 def _packed(linearized: LinearizedRun) -> tuple[Places, Places, Places, Places, Places]:
     """Return the transition and the noise of `NOISE_GROUPS` as the kernels take them."""
     phi = linearized.sparse("transition")
@@ -262,7 +256,7 @@ def _forward(noise: NoiseHypothesis) -> tuple[Likelihood, FloatArray]:
         gains,
     )
     rows = noise.counted
-    theta, covariance = np.zeros(p), np.zeros((p, p))
+    theta = np.zeros(p)
     if p:
         root = np.sqrt(f[rows])
         design = s[rows] / root[:, None]
@@ -271,7 +265,6 @@ def _forward(noise: NoiseHypothesis) -> tuple[Likelihood, FloatArray]:
         design = design / scale
         inverse = np.linalg.pinv(design.T @ design, rcond=1e-12, hermitian=True)
         theta = inverse @ (design.T @ (z[rows] / root)) / scale
-        covariance = inverse / np.outer(scale, scale)
         z = z - s @ theta
     value = -0.5 * float(np.sum(z[rows] ** 2 / f[rows] + np.log(2.0 * np.pi * f[rows])))
-    return Likelihood(value, theta, covariance, z, f, s), gains
+    return Likelihood(value, theta, z, f, s), gains
