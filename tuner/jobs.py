@@ -28,9 +28,13 @@ from multiprocessing import current_process
 from pathlib import Path
 from typing import Any, BinaryIO, NoReturn, TypeVar
 
-from tuner.free_memory import free_memory, used_memory
-from tuner.heap import keep_freed_memory, return_freed_memory
-from tuner.pickled_mappings import allow_pickled_mappings
+from tuner.process import (
+    allow_pickled_mappings,
+    free_memory,
+    keep_freed_memory,
+    return_freed_memory,
+    used_memory,
+)
 from tuner.stages import counted, is_watched, reached, watched
 
 allow_pickled_mappings()

@@ -28,7 +28,7 @@ from tuner.cli.package_check import foreign_models
 from tuner.cli.process import ANSWERS, Terminated, answer, kernel_cache, robust_streams, termination
 from tuner.formats.guard import reason
 from tuner.formats.packages import python
-from tuner.heap import keep_freed_memory
+from tuner.process import keep_freed_memory
 from tuner.readers.refusal import without_options
 from tuner.types.one_line import printable
 from tuner.types.records import DataError

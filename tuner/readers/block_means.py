@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.free_memory import free_memory
+from tuner.process import free_memory
 from tuner.readers.assemble import EvenRecords, Plan, checked, even
 from tuner.readers.bad_rows import BadRows, LogRows, expect_few
 from tuner.readers.column_names import TIME_UNITS

@@ -6,7 +6,7 @@ with the reason why there is no more. Results import none of the code that makes
 
 from __future__ import annotations
 
-from tuner.pickled_mappings import allow_pickled_mappings
+from tuner.process import allow_pickled_mappings
 from tuner.types.coefficient import LEVEL, Coefficient
 from tuner.types.compensation import Compensation, Parameter
 from tuner.types.config import (

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any
 
 from models.sensors import SensorGrade
 from tuner.catalogue.grades import DEFAULT_RECEIVER, load_grade
-from tuner.compile_ahead import compiled_ahead
 from tuner.diagnosis import diagnose
 from tuner.diagnosis.data_quality.frozen_left_out import without_long_frozen
 from tuner.diagnosis.data_quality.overflow import without_overflow
@@ -26,6 +25,7 @@ from tuner.formats.prediction import prediction_json
 from tuner.identification import identify
 from tuner.identification.identify import with_terms_found
 from tuner.identification.identify_source import identify_source, receiver_of_source, records_name
+from tuner.pipeline.compile_ahead import compiled_ahead
 from tuner.readers import read
 from tuner.readers.drive import read_drive
 from tuner.readers.source_kind import is_log, source_name

@@ -26,7 +26,7 @@ def test_tables_of_a_long_transform_are_forgotten() -> None:
         import resource
         import numpy as np
         from tuner.curves.long_transforms import without_tables
-        from tuner.heap import return_freed_memory
+        from tuner.process import return_freed_memory
         from scipy.fft import dct
 
         def resident():
@@ -49,7 +49,7 @@ def test_arrays_take_the_memory_of_those_before_them() -> None:
     program = """
         import resource
         import numpy as np
-        from tuner.heap import keep_freed_memory, return_freed_memory
+        from tuner.process import keep_freed_memory, return_freed_memory
 
         def resident():
             return int(open("/proc/self/statm").read().split()[1]) * resource.getpagesize()
