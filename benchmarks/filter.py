@@ -25,7 +25,8 @@ from tuner.navigation import reference_filter as reference
 from tuner.navigation.data import Fixes
 from tuner.navigation.settings import filter_settings
 from tuner.simulation.imu import sensor_of_config
-from tuner.simulation.monte_carlo import scenario, simulate
+from tuner.simulation.monte_carlo import simulate
+from tuner.simulation.scenario import scenario
 from tuner.synthesis import synthesize
 from tuner.types import FilterConfig
 

@@ -41,8 +41,8 @@ from tuner.identification.arma_whittle import fit_orders
 from tuner.jobs import usable
 from tuner.navigation.settings import filter_settings
 from tuner.simulation.imu import sensor_of_config
-from tuner.simulation.monte_carlo import scenario
 from tuner.simulation.monte_carlo import simulate as simulate_runs
+from tuner.simulation.scenario import scenario
 from tuner.simulation.static import simulate
 from tuner.synthesis import synthesize
 

@@ -30,7 +30,8 @@ from models.units import DEG
 from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
 from tuner.navigation.settings import filter_settings
 from tuner.simulation.imu import sensor_of_grade
-from tuner.simulation.monte_carlo import scenario, simulate
+from tuner.simulation.monte_carlo import simulate
+from tuner.simulation.scenario import scenario
 from tuner.synthesis import RULES, synthesize
 from tuner.synthesis.bias_states import FlickerView
 from tuner.types import ChannelNoise

@@ -45,6 +45,7 @@ class BiasInstability(Term):
     PARAMETERS: ClassVar[tuple[str, ...]] = ("level",)
     UNITS: ClassVar[tuple[float | str, ...]] = (0.0,)
     SYMBOLS: ClassVar[tuple[str, ...]] = ("B",)
+    is_power_law: ClassVar[bool] = True
     title: ClassVar[str] = "bias instability"
 
     def psd(self, f: ArrayLike, *, interval: float | None = None) -> FloatArray:

@@ -41,6 +41,7 @@ class Quantization(Term):
     PARAMETERS: ClassVar[tuple[str, ...]] = ("increment_sd",)
     UNITS: ClassVar[tuple[float | str, ...]] = (-1.0,)
     SYMBOLS: ClassVar[tuple[str, ...]] = ("Q",)
+    is_power_law: ClassVar[bool] = True
     title: ClassVar[str] = "quantization"
     is_bias: ClassVar[bool] = False
 
@@ -89,6 +90,7 @@ class White(Term):
     PARAMETERS: ClassVar[tuple[str, ...]] = ("density",)
     UNITS: ClassVar[tuple[float | str, ...]] = (-0.5,)
     SYMBOLS: ClassVar[tuple[str, ...]] = ("N",)
+    is_power_law: ClassVar[bool] = True
     title: ClassVar[str] = "white (random walk of the integral)"
     is_bias: ClassVar[bool] = False
 
@@ -121,6 +123,9 @@ class White(Term):
         """Return independent normal samples of variance N²/dt."""
         return rng.standard_normal(n) * float(self.density / np.sqrt(interval))
 
+    def _white_density(self) -> float:
+        return self.density
+
 
 @dataclass(frozen=True)
 class RandomWalk(Term):
@@ -132,6 +137,7 @@ class RandomWalk(Term):
     PARAMETERS: ClassVar[tuple[str, ...]] = ("density",)
     UNITS: ClassVar[tuple[float | str, ...]] = (0.5,)
     SYMBOLS: ClassVar[tuple[str, ...]] = ("K",)
+    is_power_law: ClassVar[bool] = True
     title: ClassVar[str] = "rate random walk"
 
     def psd(self, f: ArrayLike, *, interval: float | None = None) -> FloatArray:
@@ -187,6 +193,7 @@ class Ramp(Term):
     PARAMETERS: ClassVar[tuple[str, ...]] = ("rate",)
     UNITS: ClassVar[tuple[float | str, ...]] = (1.0,)
     SYMBOLS: ClassVar[tuple[str, ...]] = ("R",)
+    is_power_law: ClassVar[bool] = True
     title: ClassVar[str] = "ramp"
     deterministic: ClassVar[bool] = True
 

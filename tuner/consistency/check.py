@@ -31,7 +31,8 @@ from tuner.consistency.verdicts import verdicts, with_explanations
 from tuner.navigation.settings import FilterSettings, filter_settings, further_states
 from tuner.simulation.imu import Sensor, sensor_of_config
 from tuner.simulation.load_truth import Truth, installation, load_truth
-from tuner.simulation.monte_carlo import Runs, Scenario, resolution, scenario, simulate
+from tuner.simulation.monte_carlo import Runs, resolution, simulate
+from tuner.simulation.scenario import Scenario, scenario
 from tuner.stages import stage, task
 from tuner.synthesis.load_config import load_config
 from tuner.synthesis.rest_and_motion import simulated_unit
@@ -72,7 +73,7 @@ def check(
     config : FilterConfig, str or Path
         The filter: a configuration, its file, or the name of a built-in grade.
     trajectory : Motion or str
-        Trajectory, or the name of a built-in one; outages are those of `simulation.monte_carlo`.
+        Trajectory, or the name of a built-in one; outages are those of `simulation.scenario`.
     duration : float
         Length of a run on a built-in trajectory, s.
     truth : FilterConfig, Sensor, str or Path, optional

@@ -18,7 +18,8 @@ from models.noise.bias_instability import flicker_ladder
 from tuner.consistency.scores import SETTLING_TIME, STRAYED_RATIO, run_ratios, some_strayed
 from tuner.navigation.settings import FilterSettings
 from tuner.simulation.imu import Sensor
-from tuner.simulation.monte_carlo import Runs, Scenario
+from tuner.simulation.monte_carlo import Runs
+from tuner.simulation.scenario import Scenario
 from tuner.types.verdict import Severity, Verdict, VerdictCode
 
 ATTITUDE_ROWS = slice(6, 9)

@@ -23,7 +23,8 @@ from tuner.jobs import usable
 from tuner.navigation.engine.layout import layout_of, with_sensor_states
 from tuner.navigation.engine.linear_covariance import Nominal, trace_sources
 from tuner.navigation.settings import FilterSettings
-from tuner.simulation.monte_carlo import Scenario, assumed_fix_sd, scenario_fixes
+from tuner.simulation.monte_carlo import assumed_fix_sd, scenario_fixes
+from tuner.simulation.scenario import Scenario
 from tuner.types.consistency import ErrorBudget
 
 TABLE_LENGTHS = (10.0, 60.0, 300.0)

@@ -18,13 +18,8 @@ from tuner.catalogue.trajectories import load_trajectory
 from tuner.navigation import engine
 from tuner.navigation.data import NON_HOLONOMIC, Constraints, Fixes, Solution, Steps
 from tuner.navigation.settings import filter_settings
-from tuner.simulation.monte_carlo import (
-    FIRST_OUTAGE_TIME,
-    OUTAGE_DURATION,
-    Scenario,
-    scenario,
-    scenario_fixes,
-)
+from tuner.simulation.monte_carlo import scenario_fixes
+from tuner.simulation.scenario import FIRST_OUTAGE_TIME, OUTAGE_DURATION, Scenario, scenario
 from tuner.types import FilterConfig, GnssNoise
 from tuner.types.records import DataError
 

@@ -22,10 +22,10 @@ from models.measurements import perfect_fixes
 from models.recursion import decaying_sum
 from models.state_layout import ErrorModel
 from tuner.navigation.settings import FilterSettings, error_rows
+from tuner.simulation.scenario import Scenario
 
 if TYPE_CHECKING:
     from tuner.navigation.engine import SensorErrors
-    from tuner.simulation.monte_carlo import Scenario
 
 
 FELT_INTERVAL = 0.02

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from models.noise import (
+    POWER_LAW,
     TERMS,
     Arma,
     BiasInstability,
@@ -237,6 +238,10 @@ def test_empty_model_is_silence():
     assert np.array_equal(silence.sample(3, 1.0, np.random.default_rng(0)), np.zeros(3))
     assert silence.state_space() is None
     assert silence == sum([], NoiseModel())
+
+
+def test_the_power_laws_are_those_that_say_so():
+    assert {kind for kind in TERMS.values() if kind.is_power_law} == set(POWER_LAW)
 
 
 def test_dictionary_survives_json():

@@ -26,7 +26,8 @@ from tuner.consistency.scores import evaluate, score
 from tuner.consistency.verdicts import with_explanations
 from tuner.navigation.settings import filter_settings
 from tuner.simulation.imu import sensor_of_config
-from tuner.simulation.monte_carlo import Runs, resolution, scenario, simulate
+from tuner.simulation.monte_carlo import Runs, resolution, simulate
+from tuner.simulation.scenario import scenario
 from tuner.synthesis import synthesize
 from tuner.types.verdict import ExplanationKind, VerdictCode
 

@@ -19,7 +19,8 @@ from tuner.navigation.data import Fixes
 from tuner.navigation.settings import filter_settings
 from tuner.report.verdict_text import observability_text
 from tuner.simulation.imu import sensor_of_config
-from tuner.simulation.monte_carlo import scenario, simulate
+from tuner.simulation.monte_carlo import simulate
+from tuner.simulation.scenario import scenario
 from tuner.synthesis import synthesize
 
 

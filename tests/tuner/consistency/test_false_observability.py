@@ -14,7 +14,8 @@ from tuner.consistency.error_budget import error_budget
 from tuner.consistency.false_observability import spurious_information
 from tuner.navigation.settings import filter_settings
 from tuner.simulation.imu import sensor_of_config
-from tuner.simulation.monte_carlo import scenario, simulate
+from tuner.simulation.monte_carlo import simulate
+from tuner.simulation.scenario import scenario
 from tuner.synthesis import synthesize
 from tuner.types.verdict import VerdictCode
 

@@ -17,7 +17,8 @@ from tuner.consistency.error_budget import error_budget
 from tuner.consistency.scores import evaluate
 from tuner.navigation.settings import filter_settings
 from tuner.simulation.imu import sensor_of_config
-from tuner.simulation.monte_carlo import resolution, scenario, simulate
+from tuner.simulation.monte_carlo import resolution, simulate
+from tuner.simulation.scenario import scenario
 from tuner.synthesis import synthesize
 from tuner.types import FilterConfig
 

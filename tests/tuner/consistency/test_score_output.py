@@ -20,7 +20,8 @@ from tuner.consistency.scores import evaluate
 from tuner.navigation.data import USED
 from tuner.navigation.settings import filter_settings
 from tuner.simulation.imu import sensor_of_config
-from tuner.simulation.monte_carlo import scenario, simulate
+from tuner.simulation.monte_carlo import simulate
+from tuner.simulation.scenario import scenario
 from tuner.synthesis import synthesize
 from tuner.types.consistency import Score
 from tuner.types.filter_output import filter_output

@@ -19,7 +19,8 @@ from tuner.consistency.check import check
 from tuner.consistency.scores import evaluate, innovation_scores, score
 from tuner.navigation.settings import filter_settings
 from tuner.simulation.imu import sensor_of_config, sensor_of_grade
-from tuner.simulation.monte_carlo import outage_windows, scenario, simulate
+from tuner.simulation.monte_carlo import simulate
+from tuner.simulation.scenario import outage_windows, scenario
 from tuner.synthesis import synthesize
 from tuner.synthesis.load_config import load_config
 

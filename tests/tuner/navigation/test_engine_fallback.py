@@ -11,7 +11,7 @@ from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
 from tuner.navigation import engine, reference_filter
 from tuner.navigation.data import Fixes
 from tuner.navigation.settings import filter_settings
-from tuner.simulation.monte_carlo import scenario
+from tuner.simulation.scenario import scenario
 from tuner.synthesis import synthesize
 
 

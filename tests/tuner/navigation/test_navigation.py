@@ -20,7 +20,8 @@ from tuner.navigation import reference_filter as reference
 from tuner.navigation.data import GATED, USED, WITHHELD, Constraints, Fixes, Steps, split_at
 from tuner.navigation.settings import chi2_gate, filter_settings, total_bias
 from tuner.simulation.imu import sensor_of_config
-from tuner.simulation.monte_carlo import scenario, simulate
+from tuner.simulation.monte_carlo import simulate
+from tuner.simulation.scenario import scenario
 from tuner.synthesis import synthesize
 from tuner.types.records import DataError
 

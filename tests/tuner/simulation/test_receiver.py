@@ -20,8 +20,9 @@ from tuner.consistency.check import check
 from tuner.navigation.settings import filter_settings
 from tuner.simulation.drive import simulate_drive
 from tuner.simulation.imu import sensor_of_config
-from tuner.simulation.monte_carlo import scenario, simulate
+from tuner.simulation.monte_carlo import simulate
 from tuner.simulation.receiver import draw_fix_errors, reported_sd
+from tuner.simulation.scenario import scenario
 from tuner.synthesis import synthesize
 from tuner.types import GnssNoise
 from tuner.types.records import DataError

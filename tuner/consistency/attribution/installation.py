@@ -12,7 +12,8 @@ import numpy as np
 
 from models.probability import fisher_beyond
 from tuner.consistency.scores import FALSE_ALARM_RATE, scored_epochs
-from tuner.simulation.monte_carlo import Runs, Scenario
+from tuner.simulation.monte_carlo import Runs
+from tuner.simulation.scenario import Scenario
 from tuner.types.verdict import Explanation, ExplanationKind
 
 CLOCK = "delay of the fixes"

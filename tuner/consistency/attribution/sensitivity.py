@@ -23,7 +23,8 @@ from models.noise import GaussMarkov
 from tuner.consistency.error_budget import Source, known_sources, trace
 from tuner.consistency.scores import BLOCKS
 from tuner.navigation.settings import FilterSettings, filter_settings
-from tuner.simulation.monte_carlo import AVERAGING_RATIO, Scenario
+from tuner.simulation.monte_carlo import AVERAGING_RATIO
+from tuner.simulation.scenario import Scenario
 from tuner.types import FilterConfig
 from tuner.types.consistency import Consistency, ErrorBudget
 from tuner.types.verdict import ExplanationKind
