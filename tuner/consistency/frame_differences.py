@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from tuner.consistency.clock_offset import MAX_TIME_OFFSET, clock_offset, find_time_offset
 from tuner.consistency.output_errors import OutputErrors, output_errors
 from tuner.consistency.output_scores import error_scores
+from tuner.consistency.time_alignment import MAX_TIME_OFFSET, clock_offset, find_time_offset
 from tuner.consistency.trajectory_alignment import Alignment, curves_of, half_way_variances
 from tuner.types.consistency import Consistency
 from tuner.types.filter_output import FilterOutput

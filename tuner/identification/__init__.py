@@ -7,7 +7,7 @@ and `slopes` give coefficients; `selection` chooses the terms; `arma_preprocess`
 
 from __future__ import annotations
 
-from tuner.identification.channel import METHODS, identify_channel
 from tuner.identification.identify import identify
+from tuner.identification.identify_channel import METHODS, identify_channel
 
 __all__ = ["METHODS", "identify", "identify_channel"]

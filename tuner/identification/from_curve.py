@@ -35,8 +35,8 @@ from models.noise.bias_instability import ALLAN_FLOOR
 from models.probability import chi2_quantile
 from tuner.identification.allan_leastsquares import CurveFit, fit, log_covariance
 from tuner.identification.allan_octaves import OctaveCurve
-from tuner.identification.channel import about_band, contradiction, disagreement
 from tuner.identification.estimates import Estimates, from_fit
+from tuner.identification.identify_channel import about_band, contradiction, disagreement
 from tuner.identification.valid_band import Band, curve_within, find_band
 from tuner.types import (
     AllanCurve,

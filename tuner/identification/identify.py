@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from tuner.identification.arma import Likelihood
-from tuner.identification.channel import identify_channel
 from tuner.identification.estimates import BASE
+from tuner.identification.identify_channel import identify_channel
 from tuner.identification.mean_and_earth_rate import without_earth_rate
 from tuner.jobs import each
 from tuner.readers.source_kind import with_name

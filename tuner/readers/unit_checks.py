@@ -28,7 +28,7 @@ from models.earth import EARTH_RATE
 from models.units import STANDARD_GRAVITY
 from tuner.limits import WRONG_FACTOR
 from tuner.readers.column_names import INCREMENT_OF, INCREMENT_UNITS, UNITS
-from tuner.readers.options import UnitChoice
+from tuner.readers.column_units import UnitChoice
 from tuner.readers.refusal import Change, Refusal
 from tuner.readers.unit_evidence import (
     CHECKED_SAMPLES,

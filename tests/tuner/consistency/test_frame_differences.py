@@ -12,10 +12,10 @@ from models import rotation
 from models.earth import llh_displaced
 from models.trajectory.motion import Trajectory
 from models.trajectory.profiles import Profile, Wave
-from tuner.consistency.clock_offset import find_time_offset
 from tuner.consistency.correlated_errors import absorbed_shares
 from tuner.consistency.frame_differences import differences_of_frames, errors_in_one_frame
 from tuner.consistency.output_scores import error_scores
+from tuner.consistency.time_alignment import find_time_offset
 from tuner.consistency.trajectory_alignment import Alignment, at_times, difference, interpolation_variance
 from tuner.types.consistency import Consistency
 from tuner.types.filter_output import filter_output

@@ -8,7 +8,7 @@ from scipy.signal import lfilter, welch
 
 from models.noise import BiasInstability, NoiseModel, RandomWalk, White
 from tuner.identification import identify
-from tuner.identification.channel import choose_terms, identify_channel
+from tuner.identification.identify_channel import choose_terms, identify_channel
 from tuner.synthesis import synthesize
 from tuner.synthesis.prediction import hold_to_records
 from tuner.types.records import Record

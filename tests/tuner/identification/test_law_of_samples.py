@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from tuner.identification.channel import identify_channel
+from tuner.identification.identify_channel import identify_channel
 from tuner.identification.law_of_samples import variance_by_law
 from tuner.identification.likelihood import fit
 from tuner.types.records import Record

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from tuner.identification.channel import choose_terms
+from tuner.identification.identify_channel import choose_terms
 
 INTERVAL = 0.01
 SAMPLES = 60_000

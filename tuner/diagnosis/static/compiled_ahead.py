@@ -17,7 +17,7 @@ from tuner.diagnosis.static.model.residual import residual
 from tuner.diagnosis.static.switching.kim_filter import paired
 from tuner.diagnosis.static.switching.models import STILL, Chain, Slow, likelihood
 from tuner.diagnosis.static.variance.normal_scores import NormalScores
-from tuner.identification.channel import identify_channel
+from tuner.identification.identify_channel import identify_channel
 from tuner.jobs import each, on_disk
 from tuner.types.records import Record
 

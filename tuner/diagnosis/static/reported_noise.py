@@ -1,7 +1,7 @@
 """The noise model that is reported of a channel, before and after what was found in it.
 
-It is that of the identification: terms chosen and fitted by `tuner.identification.channel.choose_terms`, before to the
-samples as they are, after to what the findings leave of them. The sum of terms that the tests work with
+It is that of the identification: terms chosen and fitted by `tuner.identification.identify_channel.choose_terms`,
+before to the samples as they are, after to what the findings leave of them. The sum of terms that the tests work with
 (`tuner.diagnosis.static.model.slow_likelihood`) is saturated, so that no finding is significant only because of a
 missing term. What it says of the fast spectrum is reported where a finding shapes that; its slow terms never are.
 """
@@ -20,7 +20,7 @@ from tuner.diagnosis.static.causes.lowpass import LowPass
 from tuner.diagnosis.static.causes.vibration import Vibration
 from tuner.diagnosis.static.model.dct import inverse, transform
 from tuner.diagnosis.static.model.residual import Residual
-from tuner.identification.channel import choose_terms, single_axis
+from tuner.identification.identify_channel import choose_terms, single_axis
 from tuner.types import Identification
 from tuner.types.records import Record
 
