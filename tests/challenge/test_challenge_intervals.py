@@ -19,7 +19,7 @@ from tuner.diagnosis.data_quality import data_quality_tests
 from tuner.diagnosis.static.causes import burst, heavy_tails, motion, variance_drift
 from tuner.diagnosis.static.causes.base import Value
 from tuner.diagnosis.static.channel import Channel, channel
-from tuner.diagnosis.static.model.residual import residual
+from tuner.diagnosis.static.model.fitted_channel import fit_channel
 from tuner.readers import read
 
 LAWS = {
@@ -60,7 +60,7 @@ def told(effect: type[Effect], one: Channel) -> dict[str, Value]:
         return dict(motion.extension(one, stretch).values)
     one = Channel(one.axis, one.unit, one.y, one.valid, one.scale, one.level, one.interval, one.start, one.block,
                   quantizer_step=one.quantizer_step)  # fmt: skip
-    return dict(LAWS[effect](residual(one)).propose()[0].values)
+    return dict(LAWS[effect](fit_channel(one)).propose()[0].values)
 
 
 def outside(effect: type[Effect], seeds: range, samples: int, folder) -> tuple[int, int]:

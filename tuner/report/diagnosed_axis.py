@@ -20,7 +20,7 @@ from tuner.diagnosis.static.causes.vibration import Vibration
 from tuner.diagnosis.static.channel import Channel, channel
 from tuner.diagnosis.static.model.dct import inverse, transform
 from tuner.diagnosis.static.model.expected_power import spectrum_knots
-from tuner.diagnosis.static.model.residual import Residual, residual
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel, fit_channel
 from tuner.diagnosis.static.model.series_statistics import robust_sd
 from tuner.types import Coefficient, Diagnosis, Finding
 from tuner.types.records import DataError, Record
@@ -68,7 +68,7 @@ class DiagnosedAxis:
     interval: float
     t: FloatArray
     y: FloatArray
-    fitted: Callable[[], Residual]
+    fitted: Callable[[], FittedChannel]
     whitened: Callable[[], FloatArray]
     scale: float
     temperature: FloatArray | None
@@ -140,7 +140,7 @@ def diagnosed_axis(
             signals[finding.cause] = signals.get(finding.cause, np.zeros_like(y)) + (made - made.mean())
     empty = NoiseModel()
     before, after = diagnosis.base.get(axis, empty), diagnosis.models.get(axis, empty)
-    fitted = cache(lambda: residual(ready))
+    fitted = cache(lambda: fit_channel(ready))
     one = DiagnosedAxis(
         axis,
         ready.unit,

@@ -91,8 +91,8 @@ def jump_remains(run: FilterRun, fitted: Sequence[str], strong: Sequence[str], t
     return bias_jump(noise).result.p_value < threshold
 
 
-def rejection_note(cause: str, gain: float, strong: Sequence[str]) -> str:
-    """Return the note that a cause is rejected, and why."""
+def model_error_note(cause: str, gain: float, strong: Sequence[str]) -> str:
+    """Return the note that a cause is not distinguished from model error, and why."""
     return (
         f"{cause} of {gain:.1f} nats is too small to be distinguished from model error: it is not significant where "
         f"{', '.join(strong)} may differ between {N_PARTS} parts of the drive"

@@ -34,7 +34,7 @@ from tuner.diagnosis.drive.residue_of_strong_causes import (
     causes_stronger_than_jump,
     explained_by_stronger,
     jump_remains,
-    rejection_note,
+    model_error_note,
 )
 from tuner.diagnosis.drive.score_tests import (
     ConstantsFit,
@@ -361,7 +361,7 @@ def _without_unsupported_causes(
         ):
             if not (strong := explained_by_stronger(run, fitted, test, significance_threshold())):
                 continue
-            notes.append(rejection_note(cause, test.gain, strong))
+            notes.append(model_error_note(cause, test.gain, strong))
         fitted = tuple(other for other in fitted if other != cause)
         accepted = [a for a in accepted if a.cause != cause]
         without = replace(run.hypothesis, compensation=run.hypothesis.compensation.without((cause,)))
@@ -379,7 +379,7 @@ def _without_weak_jumps(
     less = run_filter(drive, replace(run.hypothesis, jumps=()))
     if jump_remains(less, fitted, strong, significance_threshold()):
         return run, accepted, ()
-    note = rejection_note(BIAS_JUMP, jumps[0].gain, strong)
+    note = model_error_note(BIAS_JUMP, jumps[0].gain, strong)
     return refit_constants(drive, less, fitted), [a for a in accepted if a.cause != BIAS_JUMP], (note,)
 
 

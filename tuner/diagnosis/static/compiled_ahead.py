@@ -13,7 +13,7 @@ from models.noise import GaussMarkov, RandomWalk
 from tuner.diagnosis.static.causes.heavy_tails import HeavyTails
 from tuner.diagnosis.static.channel import MIN_SAMPLES, channel
 from tuner.diagnosis.static.hypothesis_tests import spectrum
-from tuner.diagnosis.static.model.residual import residual
+from tuner.diagnosis.static.model.fitted_channel import fit_channel
 from tuner.diagnosis.static.switching.kim_filter import paired
 from tuner.diagnosis.static.switching.models import STILL, Chain, Slow, likelihood
 from tuner.diagnosis.static.variance.normal_scores import NormalScores
@@ -52,7 +52,7 @@ def _one_level() -> None:
 
 
 def _spectrum() -> None:
-    spectrum(residual(channel(_record(), "gyro_x")))
+    spectrum(fit_channel(channel(_record(), "gyro_x")))
 
 
 def _identification() -> None:

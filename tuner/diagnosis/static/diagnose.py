@@ -18,7 +18,7 @@ from tuner.diagnosis.static.channel_preparation import prepared, prepared_axis
 from tuner.diagnosis.static.findings import Single, findings, joins, singles, words
 from tuner.diagnosis.static.held_out_gain import with_gains
 from tuner.diagnosis.static.hypothesis_tests import threshold
-from tuner.diagnosis.static.model.residual import Residual
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel
 from tuner.diagnosis.static.position_drift import left_drifts, with_drifts
 from tuner.diagnosis.static.posterior_predictive import covered
 from tuner.diagnosis.static.reported_noise import noise_after, noise_before
@@ -49,14 +49,14 @@ SEARCH_COLUMNS = 40
 
 @dataclass(frozen=True)
 class _Diagnosed:
-    """What the search of one channel found, what no cause explains, its last residual, its noise before and after.
+    """What the search of one channel found, what no cause explains, its last fit, its noise before and after.
 
     `outcome` is None where nothing smooth was found, which other channels may share.
     """
 
     singles: tuple[Single, ...]
     unexplained: tuple[Unexplained, ...]
-    final: Residual
+    final: FittedChannel
     before: NoiseModel
     after: NoiseModel
     outcome: SearchResult | None
@@ -249,7 +249,7 @@ def _nothing_left(
     )
 
 
-def _common(finals: Mapping[str, Residual], limit: float) -> list[Finding]:
+def _common(finals: Mapping[str, FittedChannel], limit: float) -> list[Finding]:
     """Return what channels share: noise, and a tilt of the triad."""
     found = []
     for shared in cross_axis.test(finals, limit):

@@ -13,8 +13,8 @@ from tuner.diagnosis.cause import Cause
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.diagnosis.static.held_out_gain import summed
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel
 from tuner.diagnosis.static.model.profile_likelihood import first_column
-from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.outcome import Accepted
 from tuner.diagnosis.static.search import SearchResult
 from tuner.formats.customary_units import amount
@@ -82,7 +82,7 @@ def singles(axis: str, outcome: SearchResult, base: NoiseModel) -> tuple[Single,
     return tuple(found)
 
 
-def _explained_sd(fitted: Residual, index: int) -> Value:
+def _explained_sd(fitted: FittedChannel, index: int) -> Value:
     """Return the standard deviation of the bias that the templates of an extension explain, scales."""
     columns = fitted.extensions[index].columns(fitted.channel)
     columns = columns - columns.mean(axis=0)

@@ -42,8 +42,8 @@ from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.hypothesis_tests import retest
 from tuner.diagnosis.static.model.dct import inverse, transform
 from tuner.diagnosis.static.model.expected_power import spectrum_knots
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel, fit_channel, once
 from tuner.diagnosis.static.model.profile_likelihood import first_column
-from tuner.diagnosis.static.model.residual import Residual, once, residual
 from tuner.diagnosis.static.model.series_statistics import RESIDUAL_CLIP
 from tuner.diagnosis.static.outcome import Accepted
 from tuner.diagnosis.static.search import SearchResult
@@ -120,7 +120,7 @@ def with_gains(outcome: SearchResult, second: Channel | None) -> tuple[Accepted,
             train, test = part, _Test(rest, whole, cut)
     if test is None:
         return tuple(replace(a, gain=_in_sample(outcome, a)) for a in outcome.accepted)
-    found = residual(train)
+    found = fit_channel(train)
     before = _score(found, test)
     n = len(test.channel)
     done = []
@@ -134,7 +134,7 @@ def with_gains(outcome: SearchResult, second: Channel | None) -> tuple[Accepted,
         own = accepted.extension
         smooth = isinstance(own, Temperature) and own.time_constant > 0.0
         proposed = (own,) if smooth else result.propose()
-        extended = residual(train, (*found.extensions, *proposed), starts=found.starts, near=found)
+        extended = fit_channel(train, (*found.extensions, *proposed), starts=found.starts, near=found)
         free = _free(extended, test)
         if free is not test.ramp:
             before = _score(found, test, free)
@@ -183,7 +183,7 @@ def _still(outcome: SearchResult, late: tuple[Extension, ...]) -> Channel:
 
 
 @once
-def _own(fitted: Residual) -> float:
+def _own(fitted: FittedChannel) -> float:
     """Return the score of a model on its own samples."""
     return _score(fitted, _Test(fitted.cleaned, fitted.channel, 0))
 
@@ -194,7 +194,7 @@ def _in_sample(outcome: SearchResult, accepted: Accepted) -> Gain:
     return Gain("in sample", before, before + accepted.result.gain / n, accepted.result.gain)
 
 
-def _signal(fitted: Residual, test: _Test) -> FloatArray:
+def _signal(fitted: FittedChannel, test: _Test) -> FloatArray:
     """Return what the templates of the model foretell, shape (n,), in scales of the model."""
     beta, at = fitted.fit.beta, 1
     total = np.zeros(test.context.blocks)
@@ -205,7 +205,7 @@ def _signal(fitted: Residual, test: _Test) -> FloatArray:
     return np.repeat(total, test.context.block)[test.first : test.first + len(test.channel)]
 
 
-def _free(fitted: Residual, test: _Test) -> _Free:
+def _free(fitted: FittedChannel, test: _Test) -> _Free:
     """Return what is fitted to a test: a slope, and in another record how a lag begins."""
     same = test.first == 0 and test.channel is test.context
     lags = [x for x in fitted.extensions if same and isinstance(x, ThermalLag)]
@@ -223,7 +223,7 @@ def _without(free: _Free, y: FloatArray, power: FloatArray, interval: float) -> 
     return y - free.columns @ size, a - size @ free.coefficients
 
 
-def _score(fitted: Residual, test: _Test, free: _Free | None = None) -> float:
+def _score(fitted: FittedChannel, test: _Test, free: _Free | None = None) -> float:
     """Return the log likelihood of a test under a model with frozen parameters, nats (up to a constant)."""
     dt, n = test.channel.interval, len(test.channel)
     y = test.channel.y * (test.channel.scale / fitted.channel.scale) - _signal(fitted, test)
@@ -262,7 +262,7 @@ def _score(fitted: Residual, test: _Test, free: _Free | None = None) -> float:
     return float(_law(fitted)(e).sum() - 0.5 * spread.sum() - 0.5 * np.log(power).sum() * len(e) / n - charge)
 
 
-def _power(fitted: Residual, n: int) -> FloatArray:
+def _power(fitted: FittedChannel, n: int) -> FloatArray:
     """Return the spectrum of the model at the n − 1 frequencies of another record."""
     dt = fitted.channel.interval
     order = np.arange(1.0, n)
@@ -272,7 +272,7 @@ def _power(fitted: Residual, n: int) -> FloatArray:
     return np.asarray(np.interp(order, knots, smooth) + power_of(fitted.extensions, order * hertz, dt))
 
 
-def _law(fitted: Residual) -> Callable[[FloatArray], FloatArray]:
+def _law(fitted: FittedChannel) -> Callable[[FloatArray], FloatArray]:
     """Return the log density of the residuals as fitted."""
     tails = next((x for x in fitted.extensions if isinstance(x, HeavyTails)), None)
     spikes = next((x for x in fitted.extensions if isinstance(x, Spikes)), None)
@@ -292,7 +292,7 @@ def _law(fitted: Residual) -> Callable[[FloatArray], FloatArray]:
     return lambda e: -0.5 * (e / sd) ** 2 - float(np.log(sd) + 0.5 * np.log(2.0 * np.pi))
 
 
-def _user(before: Residual, after: Residual, test: _Test) -> dict[str, tuple[float, float]]:
+def _user(before: FittedChannel, after: FittedChannel, test: _Test) -> dict[str, tuple[float, float]]:
     """Return how far the mean of a minute changes to the next one, and the white density, before and after."""
     unit, scale = before.channel.unit, before.channel.scale
     figures = {}
@@ -308,7 +308,7 @@ def _user(before: Residual, after: Residual, test: _Test) -> dict[str, tuple[flo
     return figures
 
 
-def _change(fitted: Residual, test: _Test, size: int) -> float:
+def _change(fitted: FittedChannel, test: _Test, size: int) -> float:
     """Return the rms difference of adjacent means of `size` samples, what the model foretells taken out."""
     y = test.channel.y * (test.channel.scale / fitted.channel.scale) - _signal(fitted, test)
     means = y[: len(y) // size * size].reshape(-1, size).mean(axis=1)

@@ -1,4 +1,4 @@
-"""Every hypothesis test on one residual, and the budget of false alarms that they share.
+"""Every hypothesis test on one fitted channel, and the budget of false alarms that they share.
 
 The tests of one channel share `FALSE_ALARM_BUDGET`, that of a whole data set: each cause gets
 budget ÷ (all shares × channels), and those that search hundreds of thousands of
@@ -17,7 +17,7 @@ from models.probability import chi2_beyond
 from tuner.diagnosis.static.causes import colour, lowpass, vibration
 from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.diagnosis.static.causes.template import Template
-from tuner.diagnosis.static.model.residual import Residual
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.spectrum.falling_curve import CURVE
 from tuner.diagnosis.static.spectrum.filters import is_mean
@@ -55,8 +55,8 @@ def significant(result: TestResult, threshold: float) -> bool:
     return result.p_value < (1 if cause is None else cause.shares) * threshold
 
 
-def hypothesis_tests(fitted: Residual, known: tuple[TestResult, ...] = ()) -> tuple[TestResult, ...]:
-    """Run every test that is still open on a residual, but for those of single causes whose result is known.
+def hypothesis_tests(fitted: FittedChannel, known: tuple[TestResult, ...] = ()) -> tuple[TestResult, ...]:
+    """Run every test that is still open on a fitted channel, but for those of single causes whose result is known.
 
     Where a quantizer hides the noise, only templates on the slow part are tested.
     """
@@ -82,14 +82,14 @@ def hypothesis_tests(fitted: Residual, known: tuple[TestResult, ...] = ()) -> tu
 
 
 def with_tests_anew(
-    fitted: Residual, results: tuple[TestResult, ...], causes: set[str]
+    fitted: FittedChannel, results: tuple[TestResult, ...], causes: set[str]
 ) -> tuple[TestResult, ...]:
-    """Return the results of a residual, those of these causes, each tested alone, from this residual as well."""
+    """Return the results of a fitted channel, those of these causes, each tested alone, from this fit as well."""
     again = (CAUSES.extensions()[one.cause].test(fitted) if one.cause in causes else one for one in results)
     return tuple(result for result in again if result is not None)
 
 
-def is_open(fitted: Residual, cause: str) -> bool:
+def is_open(fitted: FittedChannel, cause: str) -> bool:
     """Return whether a channel may have this cause (once more)."""
     declared = CAUSES.extensions()[cause]
     if declared.needs_fine_quantizer and fitted.channel.deadband > 0.0:
@@ -104,7 +104,7 @@ def is_tested_alone(cause: str) -> bool:
     return cause in CAUSES.extensions() and cause not in SHAPES
 
 
-def spectrum(fitted: Residual, *, whole: bool = True) -> tuple[TestResult, ...]:
+def spectrum(fitted: FittedChannel, *, whole: bool = True) -> tuple[TestResult, ...]:
     """Test the fast spectrum for resonances and for its broad shape.
 
     Beside a clear narrow resonance (`CERTAIN_GAIN`) broad shapes are tested only with `whole`: the resonance goes
@@ -135,7 +135,7 @@ def spectrum(fitted: Residual, *, whole: bool = True) -> tuple[TestResult, ...]:
     return (*resonances, lowpass.test(tested), colour.test(tested), *wide, unnamed)
 
 
-def slow_spectrum_misfit(fitted: Residual) -> tuple[TestResult, ...]:
+def slow_spectrum_misfit(fitted: FittedChannel) -> tuple[TestResult, ...]:
     """Test the slow spectrum as a whole: bins of the squared residual coefficients against χ²."""
     singles = fitted.track.singles
     square = fitted.track.grid.amplitude[:singles] - fitted.track.columns @ fitted.fit.beta
@@ -155,7 +155,7 @@ def slow_spectrum_misfit(fitted: Residual) -> tuple[TestResult, ...]:
     return (TestResult("slow spectrum", p_value, 0.0, deviance, name, misfit=left, place=place),)
 
 
-def retest(fitted: Residual, cause: str) -> TestResult | None:
+def retest(fitted: FittedChannel, cause: str) -> TestResult | None:
     """Run the test of one cause."""
     results = [CAUSES.extensions()[cause].test(fitted)]
     if cause == "lowpass" and not fitted.count("lowpass", "colour"):

@@ -21,8 +21,8 @@ from tuner.diagnosis.static.causes.step import Step
 from tuner.diagnosis.static.causes.template import Template
 from tuner.diagnosis.static.hypothesis_tests import is_open
 from tuner.diagnosis.static.model.dct import block_transform
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel, extended, without
 from tuner.diagnosis.static.model.null_distributions import SLOW_RATIO_FACTOR
-from tuner.diagnosis.static.model.residual import Residual, extended, without
 from tuner.diagnosis.static.outcome import TestResult
 
 PAIR = "pair"
@@ -31,7 +31,7 @@ OMNIBUS_LEVEL = 0.02
 """Chance below which a saturated mean is worth a search for pairs: one record in fifty costs that time in vain."""
 
 
-def test(fitted: Residual) -> TestResult | None:
+def test(fitted: FittedChannel) -> TestResult | None:
     """Search for a masked pair; None where there is no room for one."""
     candidates = [] if fitted.count("telegraph") else _candidates(fitted)
     if len(candidates) < 2:
@@ -63,7 +63,7 @@ def test(fitted: Residual) -> TestResult | None:
     )
 
 
-def replacing_pair(fitted: Residual, threshold: float) -> tuple[int, TestResult] | None:
+def replacing_pair(fitted: FittedChannel, threshold: float) -> tuple[int, TestResult] | None:
     """Return the one slow extension that a pair should replace, and the result of that pair; None where none should.
 
     One of two effects that hide each other may have been accepted alone, in the shape of both.
@@ -101,7 +101,7 @@ def _number(candidate: Template) -> float:
     return 1.0 if candidate.different_in_pairs is None else candidate.different_in_pairs
 
 
-def _candidates(fitted: Residual) -> list[Template]:
+def _candidates(fitted: FittedChannel) -> list[Template]:
     """Return what is tried of every cause that is still open."""
     out: list[Template] = []
     for code, cause in _causes().items():
@@ -117,7 +117,7 @@ def _saturating(candidates: list[Template]) -> list[int]:
 
 
 def _best_pairs(
-    fitted: Residual, candidates: list[Template], columns: FloatArray, expected: FloatArray
+    fitted: FittedChannel, candidates: list[Template], columns: FloatArray, expected: FloatArray
 ) -> list[tuple[int, int]]:
     """Return the pairs of greatest score at a given noise, the best first; of two steps and of other kinds."""
     singles = fitted.track.singles
@@ -153,7 +153,7 @@ def _exclusive(candidates: list[Template]) -> NDArray[np.bool_]:
     )
 
 
-def _extensions(fitted: Residual, chosen: list[Template]) -> tuple[Extension, ...]:
+def _extensions(fitted: FittedChannel, chosen: list[Template]) -> tuple[Extension, ...]:
     """Return the extensions of a pair, each placed with the other one in the model."""
     one = chosen[0].likeliest(extended(fitted, chosen[1]))
     other = chosen[1].likeliest(extended(fitted, one))

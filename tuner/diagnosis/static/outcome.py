@@ -20,14 +20,14 @@ LEAST_CHANCE = 1e-300
 
 @dataclass(frozen=True)
 class TestResult:
-    """Outcome of one family of tests on one residual.
+    """Outcome of one family of tests on one fitted channel.
 
     Attributes
     ----------
     cause : str
         Name of the family; a cause code, or the name of a statistic that no cause owns.
     p_value : float
-        Probability of such a residual where the model is right, the scan paid for.
+        Probability of such residuals where the model is right, the scan paid for.
     gain : float
         Log likelihood gained by the extension, less a price for its parameters and its scan, nats.
     statistic : float
@@ -67,12 +67,12 @@ class TestResult:
 
     @property
     def without_proposal(self) -> TestResult:
-        """The result without `propose`, which would keep the whole residual in memory."""
+        """The result without `propose`, which would keep the whole fitted channel in memory."""
         return replace(self, propose=None, confirm=None)
 
     @property
-    def without_residual(self) -> TestResult:
-        """The result with whether it proposes something, but not what: that would keep the whole residual in memory."""
+    def without_fit(self) -> TestResult:
+        """The result with whether it proposes something, but not what: that would keep the whole fit in memory."""
         return replace(self, propose=None if self.propose is None else tuple, confirm=None)
 
 

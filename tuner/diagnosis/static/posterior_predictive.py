@@ -18,7 +18,7 @@ from tuner.diagnosis.static.causes.base import Extension
 from tuner.diagnosis.static.causes.heavy_tails import HeavyTails
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.dct import inverse, transform
-from tuner.diagnosis.static.model.residual import Residual, residual
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel, fit_channel
 from tuner.diagnosis.static.search import SearchResult
 
 BAND_COUNT = 96
@@ -38,12 +38,12 @@ def covered(outcome: SearchResult, replicas: int, seed: int) -> SearchResult:
     return replace(outcome, accepted=accepted)
 
 
-def coverage(fitted: Residual, replicas: int, seed: int) -> dict[str, float]:
+def coverage(fitted: FittedChannel, replicas: int, seed: int) -> dict[str, float]:
     """Return the share of the Allan curve (``allan``) and of the spectrum (``psd``) within the range of replicas.
 
     Parameters
     ----------
-    fitted : Residual
+    fitted : FittedChannel
         Channel and model.
     replicas : int
         Number of simulated records, at least two.
@@ -58,7 +58,7 @@ def coverage(fitted: Residual, replicas: int, seed: int) -> dict[str, float]:
     kept = tuple(x for x in fitted.extensions if type(x).clean_samples is Extension.clean_samples)
     rng = np.random.default_rng((seed, 39))
     for _ in range(max(2, replicas)):
-        again = residual(_replica(fitted, rng), kept, starts=fitted.starts)
+        again = fit_channel(_replica(fitted, rng), kept, starts=fitted.starts)
         for name, (curve, model) in _curves(again, clusters, edges).items():
             ratios[name].append(np.log(curve / model))
     out = {}
@@ -70,7 +70,7 @@ def coverage(fitted: Residual, replicas: int, seed: int) -> dict[str, float]:
 
 
 def _curves(
-    fitted: Residual, clusters: NDArray[np.int64], edges: NDArray[np.int64]
+    fitted: FittedChannel, clusters: NDArray[np.int64], edges: NDArray[np.int64]
 ) -> dict[str, tuple[FloatArray, FloatArray]]:
     """Return the measured curve and that of the model, Allan variance and spectrum, in scales²."""
     square = fitted.coefficients[1:] ** 2
@@ -82,13 +82,13 @@ def _curves(
     return {"allan": (variance, np.maximum(smooth, 1e-300)), "psd": (power, expected)}
 
 
-def _template_path(fitted: Residual) -> FloatArray:
+def _template_path(fitted: FittedChannel) -> FloatArray:
     """Return what the templates make of the samples, shape (n,)."""
     centre = (np.arange(fitted.channel.blocks) + 0.5) * fitted.channel.block
     return np.interp(np.arange(len(fitted.channel)), centre, fitted.path)
 
 
-def _model_allan(fitted: Residual, clusters: NDArray[np.int64]) -> FloatArray:
+def _model_allan(fitted: FittedChannel, clusters: NDArray[np.int64]) -> FloatArray:
     """Return the Allan variance of the noise from its spectrum, 4 Σ E sin⁴(xm)/(m² sin² x) Δf."""
     n, dt = len(fitted.channel), fitted.channel.interval
     edges = np.unique(np.geomspace(1, n, 2000).astype(int))
@@ -105,7 +105,7 @@ def _model_allan(fitted: Residual, clusters: NDArray[np.int64]) -> FloatArray:
     return out
 
 
-def _replica(fitted: Residual, rng: np.random.Generator) -> Channel:
+def _replica(fitted: FittedChannel, rng: np.random.Generator) -> Channel:
     """Return a simulated channel: noise of the model, its templates and its law."""
     n = len(fitted.channel)
     law = next((x for x in fitted.extensions if isinstance(x, HeavyTails)), None)

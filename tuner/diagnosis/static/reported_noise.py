@@ -19,7 +19,7 @@ from tuner.diagnosis.static.causes.gauss_markov import MoreMarkov
 from tuner.diagnosis.static.causes.lowpass import LowPass
 from tuner.diagnosis.static.causes.vibration import Vibration
 from tuner.diagnosis.static.model.dct import inverse, transform
-from tuner.diagnosis.static.model.residual import Residual
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel
 from tuner.identification.identify_channel import choose_terms, single_axis
 from tuner.types import Identification
 from tuner.types.records import Record
@@ -35,7 +35,7 @@ def noise_before(record: Record, axis: str, identification: Identification | Non
     return choose_terms(single_axis(record, axis).pieces(axis), record.interval).fit.model
 
 
-def noise_after(fitted: Residual, before: NoiseModel, *, mended: bool = False) -> NoiseModel:
+def noise_after(fitted: FittedChannel, before: NoiseModel, *, mended: bool = False) -> NoiseModel:
     """Return the noise of a channel with everything that was found in it, SI; that before where nothing was.
 
     `mended` is whether samples that wrapped were put back or others stand in place of error codes, which those of
@@ -50,7 +50,7 @@ def noise_after(fitted: Residual, before: NoiseModel, *, mended: bool = False) -
     return NoiseModel((*chosen.terms, *_named_terms(fitted))).scaled(fitted.channel.scale)
 
 
-def noise_with_shape(fitted: Residual) -> NoiseModel:
+def noise_with_shape(fitted: FittedChannel) -> NoiseModel:
     """Return the noise of a channel, SI, with the shape of the fast spectrum in place of its white noise.
 
     The slow terms are chosen as for any record, on samples whose spectrum has been made flat where the findings shape
@@ -76,13 +76,15 @@ def noise_with_shape(fitted: Residual) -> NoiseModel:
     return NoiseModel([white, *slow, *_named_terms(fitted)]).scaled(fitted.channel.scale)
 
 
-def _brief(fitted: Residual) -> list[GaussMarkov]:
+def _brief(fitted: FittedChannel) -> list[GaussMarkov]:
     """Return the Gauss–Markov processes of the tests that are white to all slow terms."""
     longest = BRIEF_SHARE * fitted.channel.span
     return [t for t in fitted.fit.terms() if isinstance(t, GaussMarkov) and t.time_constant < longest]
 
 
-def unshaped_samples(fitted: Residual, plateau: float = 1.0, brief: Sequence[GaussMarkov] = ()) -> FloatArray:
+def unshaped_samples(
+    fitted: FittedChannel, plateau: float = 1.0, brief: Sequence[GaussMarkov] = ()
+) -> FloatArray:
     """Return the samples without what the findings make of them, shape (n,), scales.
 
     Peaks and the shape of the fast spectrum are divided out of the cosine coefficients. `plateau` is the root of the
@@ -98,7 +100,7 @@ def unshaped_samples(fitted: Residual, plateau: float = 1.0, brief: Sequence[Gau
     return inverse(a, dt)
 
 
-def unexplained_samples(fitted: Residual) -> FloatArray:
+def unexplained_samples(fitted: FittedChannel) -> FloatArray:
     """Return the samples without what named findings take out or explain by templates, shape (n,), scales.
 
     Slow noise that has no name, as a path between more than two levels, stays in them: the reported noise describes it.
@@ -118,11 +120,11 @@ def unexplained_samples(fitted: Residual) -> FloatArray:
     return np.asarray(fitted.cleaned.y - explained + unnamed, dtype=float)
 
 
-def _named_terms(fitted: Residual) -> list[Term]:
+def _named_terms(fitted: FittedChannel) -> list[Term]:
     """Return the noise terms that the named findings add, scales."""
     return [term for x in fitted.extensions if x.named for term in x.terms(fitted.channel.interval)]
 
 
-def _processes(fitted: Residual) -> list[str]:
+def _processes(fitted: FittedChannel) -> list[str]:
     """Return the terms that were found beside those that are chosen."""
     return ["gauss_markov" for x in fitted.extensions if isinstance(x, MoreMarkov)]

@@ -41,8 +41,8 @@ from tuner.diagnosis.static.causes.spikes import Spikes
 from tuner.diagnosis.static.causes.temperature import COVARIATE
 from tuner.diagnosis.static.causes.template import Template, TimeConstantTemplate
 from tuner.diagnosis.static.model.dct import block_transform
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel
 from tuner.diagnosis.static.model.null_distributions import SLOW_RATIO_FACTOR, variance_deviate
-from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.model.series_statistics import RESIDUAL_CLIP, moment
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.spectrum.background import local_level
@@ -95,8 +95,8 @@ EARLY_SHARE = 0.01
 """Share of the record from which on the logarithm of time is one: what decays faster is an event."""
 
 
-def checks(fitted: Residual) -> tuple[TestResult, ...]:
-    """Return the results of all checks that apply to a residual."""
+def checks(fitted: FittedChannel) -> tuple[TestResult, ...]:
+    """Return the results of all checks that apply to a fitted channel."""
     slow = _course(fitted)
     if hides_noise(fitted):
         return slow
@@ -108,7 +108,7 @@ def checks(fitted: Residual) -> tuple[TestResult, ...]:
     return (*law, _spectrum_in_time(fitted), *_beside_lines(fitted), *_spike_times(fitted), *slow)
 
 
-def _rounding_share(fitted: Residual) -> float:
+def _rounding_share(fitted: FittedChannel) -> float:
     """Return the share of the variance of the residuals that the rounding of the samples makes."""
     rounding = fitted.channel.quantizer_step**2 / 12.0 * fitted.channel.interval
     return rounding * float(np.mean(1.0 / fitted.power)) if rounding else 0.0
@@ -134,7 +134,7 @@ def _smooth_functions() -> tuple[FloatArray, FloatArray]:
     return shares, rest.T @ (rest * weight[:, None])
 
 
-def _law(fitted: Residual) -> tuple[TestResult, ...]:
+def _law(fitted: FittedChannel) -> tuple[TestResult, ...]:
     """Test the law of the residuals; nothing where codes or rails make another one."""
     channel = fitted.channel
     if channel.clipped or channel.missing_codes or channel.deadband > 0.0:
@@ -158,7 +158,7 @@ def _smooth_statistic(z: FloatArray, share: FloatArray) -> float:
     return float(mean @ np.linalg.solve(gram, mean))
 
 
-def _law_of_means(fitted: Residual) -> tuple[TestResult, ...]:
+def _law_of_means(fitted: FittedChannel) -> tuple[TestResult, ...]:
     """Test the law of means of the residuals, which events and processes that are not normal bend.
 
     A mean with gaps is that of the residuals in it, over its own sd; less than half of one is none.
@@ -184,7 +184,7 @@ def _law_of_means(fitted: Residual) -> tuple[TestResult, ...]:
     return tuple(sorted(tests, key=lambda test: test.p_value)[:1])
 
 
-def _squares(fitted: Residual) -> tuple[TestResult, ...]:
+def _squares(fitted: FittedChannel) -> tuple[TestResult, ...]:
     """Test whether the squares of the residuals are independent; nothing where codes make them depend on the bias."""
     local = local_variance(fitted)
     measured = local.scatter > 0.0
@@ -213,7 +213,7 @@ def _squares(fitted: Residual) -> tuple[TestResult, ...]:
     return (_result("squares", float(deviate @ deviate), len(deviate) - 1, name, place),)
 
 
-def _squares_of_colour(fitted: Residual, cycles: FloatArray) -> FloatArray:
+def _squares_of_colour(fitted: FittedChannel, cycles: FloatArray) -> FloatArray:
     """Return the spectrum of the squares of normal numbers as coloured as the residuals, 1 if not; cycles a sample."""
     power = fitted.periodogram
     edges = np.linspace(0, len(power), min(COLOUR_LAGS * 4, len(power)) + 1).astype(int)
@@ -225,13 +225,13 @@ def _squares_of_colour(fitted: Residual, cycles: FloatArray) -> FloatArray:
     return np.asarray(1.0 + 2.0 * np.cos(2.0 * np.pi * np.outer(cycles, lag)) @ r**2)
 
 
-def _spectrum_in_time(fitted: Residual) -> TestResult:
+def _spectrum_in_time(fitted: FittedChannel) -> TestResult:
     """Test whether the shape of the fast spectrum stays the same through the record."""
     tests = [_cells(fitted, fitted.clipped, parts, bands) for parts, bands in TIME_FREQUENCY_GRIDS]
     return min(tests, key=lambda test: test.p_value)
 
 
-def _cells(fitted: Residual, e: NDArray[np.float32], parts: int, bands: int) -> TestResult:
+def _cells(fitted: FittedChannel, e: NDArray[np.float32], parts: int, bands: int) -> TestResult:
     """Test the power in cells of parts of the time and bands of the frequency."""
     name = "the spectrum of the white noise changes with time"
     size, dt = len(e) // parts, fitted.channel.interval
@@ -268,7 +268,7 @@ def _cells(fitted: Residual, e: NDArray[np.float32], parts: int, bands: int) -> 
     )
 
 
-def _beside_lines(fitted: Residual) -> tuple[TestResult, ...]:
+def _beside_lines(fitted: FittedChannel) -> tuple[TestResult, ...]:
     """Test the power next to each line that was accepted; nothing where there are none."""
     frequencies = [x.frequency for x in fitted.extensions if isinstance(x, Line)]
     span, power = fitted.spectrum
@@ -286,7 +286,7 @@ def _beside_lines(fitted: Residual) -> tuple[TestResult, ...]:
     return tuple(sorted(tests, key=lambda test: test.p_value)[:1])
 
 
-def _spike_times(fitted: Residual) -> tuple[TestResult, ...]:
+def _spike_times(fitted: FittedChannel) -> tuple[TestResult, ...]:
     """Test whether the spikes that were accepted come at a period; nothing where there are none."""
     every = sorted({place for x in fitted.extensions if isinstance(x, Spikes) for place in x.places})
     places = np.array(every)[np.diff(every, prepend=-9) > 1]
@@ -311,12 +311,12 @@ def _spike_times(fitted: Residual) -> tuple[TestResult, ...]:
     return (TestResult("times of spikes", p_value, 0.0, height, name, misfit=left, place=place),)
 
 
-def _coefficients(fitted: Residual, columns: FloatArray) -> FloatArray:
+def _coefficients(fitted: FittedChannel, columns: FloatArray) -> FloatArray:
     """Return the coefficients (K, p) of functions on the blocks, shape (M, p)."""
     return block_transform(columns, fitted.cleaned, fitted.track.singles)
 
 
-def _course(fitted: Residual) -> tuple[TestResult, ...]:
+def _course(fitted: FittedChannel) -> tuple[TestResult, ...]:
     """Test the course of the bias beside the slow causes that were accepted; nothing where there are none."""
     channel = fitted.channel
     if not any(isinstance(x, Template) for x in fitted.extensions):

@@ -13,6 +13,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tuner.diagnosis.cause import Group
+from tuner.diagnosis.static.ambiguous_causes import (
+    ALTERNATIVE_NATS,
+    NEAR_TWIN_NATS,
+    behind_thermometer,
+    measured_first,
+    twins,
+    warming_box,
+    with_curve,
+    with_lag,
+    with_one_lag,
+    with_steps,
+    without_lag,
+    without_line_of_resonance,
+)
 from tuner.diagnosis.static.causes import spikes, step
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.causes.burst import Burst
@@ -31,22 +45,8 @@ from tuner.diagnosis.static.hypothesis_tests import (
 )
 from tuner.diagnosis.static.masked_pairs import PAIR, replacing_pair
 from tuner.diagnosis.static.masked_pairs import test as pair_test
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel, fit_channel, relabelled, without
 from tuner.diagnosis.static.model.profile_likelihood import first_column
-from tuner.diagnosis.static.model.residual import Residual, relabelled, residual, without
-from tuner.diagnosis.static.near_twins import (
-    ALTERNATIVE_NATS,
-    NEAR_TWIN_NATS,
-    behind_thermometer,
-    measured_first,
-    twins,
-    warming_box,
-    with_curve,
-    with_lag,
-    with_one_lag,
-    with_steps,
-    without_lag,
-    without_line_of_resonance,
-)
 from tuner.diagnosis.static.outcome import Accepted, TestResult
 from tuner.diagnosis.static.residual_checks import checks
 from tuner.diagnosis.static.smooth_shapes import measured_first as measured_shapes
@@ -62,7 +62,7 @@ MAX_REFITS = 2
 A refit that changes nothing ends them earlier.
 """
 MIN_GAIN_SHARE = 0.2
-"""Share of the largest gain from which the rejection of another group is accepted in the same pass.
+"""Share of the largest gain from which the candidate of another group is accepted in the same pass.
 
 Chosen so that what a strong effect adds to the statistics of other groups is tested anew after it has been removed,
 while independent effects of like size do not cost a pass each.
@@ -79,7 +79,7 @@ class SearchResult:
 
     Attributes
     ----------
-    base, final : Residual
+    base, final : FittedChannel
         Before and after all extensions.
     accepted : tuple of Accepted
         In the order of `final.extensions`.
@@ -87,8 +87,8 @@ class SearchResult:
         Tests that still reject and have no cause.
     """
 
-    base: Residual
-    final: Residual
+    base: FittedChannel
+    final: FittedChannel
     accepted: tuple[Accepted, ...]
     unexplained: tuple[TestResult, ...]
 
@@ -135,8 +135,8 @@ class _Progress:
     are without residuals; those in `quiet` need not be computed again. It is `done` where no test rejected.
     """
 
-    base: Residual
-    found: Residual
+    base: FittedChannel
+    found: FittedChannel
     accepted: tuple[Accepted, ...]
     results: tuple[TestResult, ...] = ()
     quiet: tuple[TestResult, ...] = ()
@@ -153,20 +153,20 @@ def _begun(
         [Accepted(x, gross.without_proposal) for x in gross.propose()] if gross and gross.propose else []
     )
     off = tuple(one.extension for one in accepted)
-    base = residual(channel, given)
-    found = residual(channel, (*given, *off)) if off else base
+    base = fit_channel(channel, given)
+    found = fit_channel(channel, (*given, *off)) if off else base
     jumped = step.gross(found.cleaned, [(x.first, x.last) for x in given if isinstance(x, Motion)])
     if jumped and jumped.propose:
         accepted += [Accepted(x, jumped.without_proposal) for x in jumped.propose()]
         off = tuple(one.extension for one in accepted)
-        found = residual(channel, (*given, *off))
+        found = fit_channel(channel, (*given, *off))
     sweeps = () if hides_noise(found) else (Sweep.test(found),)
     swept = [result for result in sweeps if significant(result, threshold)]
     for result in swept:
         assert result.propose is not None
         given = (*given, *result.propose())
-        base = residual(channel, given)
-        found = residual(channel, (*given, *off)) if off else base
+        base = fit_channel(channel, given)
+        found = fit_channel(channel, (*given, *off)) if off else base
     return _Progress(base, found, tuple(accepted)), tuple(result.without_proposal for result in swept)
 
 
@@ -175,35 +175,35 @@ def _after_pass(last: _Progress, threshold: float) -> _Progress:
     base, found, accepted = last.base, last.found, list(last.accepted)
     channel, given = found.channel, len(found.extensions) - len(accepted)
     results = hypothesis_tests(found, last.quiet)
-    groups = {group_of(result.cause) for result in _rejections(results, threshold)}
+    groups = {group_of(result.cause) for result in _candidates(results, threshold)}
     anew = {result.cause for result in last.quiet if not groups or group_of(result.cause) in groups}
     results = with_tests_anew(found, results, anew) if anew else results
     results = _settled(results, threshold)
-    bare = tuple(result.without_residual for result in results)
+    bare = tuple(result.without_fit for result in results)
     if last.fresh:
         known = [_with_rivals(one, last.results, results, threshold) for one in accepted[-last.fresh :]]
         accepted = [*accepted[: -last.fresh], *known]
-    rejections = _rejections(results, threshold)
-    if not rejections:
+    candidates = _candidates(results, threshold)
+    if not candidates:
         masked = pair_test(found)
-        rejections = [masked] if masked and significant(masked, threshold) and masked.gain > 0 else []
-    better = None if rejections else replacing_pair(found, threshold)
+        candidates = [masked] if masked and significant(masked, threshold) and masked.gain > 0 else []
+    better = None if candidates else replacing_pair(found, threshold)
     if better is not None:
         found = without(found, better[0])
         del accepted[better[0] - given]
-        rejections = [better[1]]
-    if not rejections:
+        candidates = [better[1]]
+    if not candidates:
         return _Progress(base, found, tuple(accepted), bare, done=True)
-    rejections = _eligible(rejections)
-    broad = [result for result in rejections if is_broad(result.cause)]
-    chosen = [measured_first(result, rejections) for result in _clearest(rejections)]
+    candidates = _eligible(candidates)
+    broad = [result for result in candidates if is_broad(result.cause)]
+    chosen = [measured_first(result, candidates) for result in _clearest(candidates)]
     chosen = [warming_box(found, behind_thermometer(found, one, threshold), threshold) for one in chosen]
     paths = any(result.cause == "telegraph" for result in chosen)
-    jumps = [result for result in rejections if result in chosen or (paths and result.cause == "step")]
+    jumps = [result for result in candidates if result in chosen or (paths and result.cause == "step")]
     wider = _wider(found, jumps, given)
     if wider is not None:
-        found = residual(channel, wider, starts=found.starts, near=found)
-        base = residual(channel, wider[:given], starts=base.starts)
+        found = fit_channel(channel, wider, starts=found.starts, near=found)
+        base = fit_channel(channel, wider[:given], starts=base.starts)
         return _Progress(base, found, tuple(accepted), bare)
     rival = MIN_GAIN_SHARE if group_of(chosen[0].cause) != "fast spectrum" else 1.0
     if broad and max(result.gain for result in broad) >= rival * chosen[0].gain:
@@ -214,16 +214,16 @@ def _after_pass(last: _Progress, threshold: float) -> _Progress:
         proposed = result.propose()
         accepted += [Accepted(extension, result.without_proposal) for extension in proposed]
         new += proposed
-    quiet = tuple(result.without_residual for result in _still_quiet(results, threshold, new))
+    quiet = tuple(result.without_fit for result in _still_quiet(results, threshold, new))
     if found is base:
         base = relabelled(base, base.extensions)  # without what was computed from it, ten times its size
     starts = None if any(x.broad for x in new) else found.starts
-    found = residual(channel, (*found.extensions, *new), starts=starts, near=found)
+    found = fit_channel(channel, (*found.extensions, *new), starts=starts, near=found)
     for _ in range(MAX_REFITS if any(x.group == "fast spectrum" for x in new) else 1):
         refits = tuple(x.refit(found, i) for i, x in enumerate(found.extensions))
         if all(a is b for a, b in zip(refits, found.extensions, strict=True)):
             break
-        found = residual(channel, refits, starts=found.starts, near=found)
+        found = fit_channel(channel, refits, starts=found.starts, near=found)
     if any(x.cause == "temperature" for x in new):
         found, accepted = with_lag(found, accepted)
     return _Progress(base, found, tuple(accepted), bare, quiet, len(new))
@@ -243,15 +243,15 @@ def is_broad(cause: str) -> bool:
     return declared is not None and declared.broad
 
 
-def _eligible(rejections: list[TestResult]) -> list[TestResult]:
-    """Return the rejections of which one may be accepted now: not those that clearer ones of their kind explain."""
-    local = [result.gain for result in rejections if result.local]
-    filtered = [result.gain for result in rejections if result.cause == "lowpass"]
+def _eligible(candidates: list[TestResult]) -> list[TestResult]:
+    """Return the candidates of which one may be accepted now: not those that clearer ones of their kind explain."""
+    local = [result.gain for result in candidates if result.local]
+    filtered = [result.gain for result in candidates if result.cause == "lowpass"]
     if local and not (filtered and filtered[0] > max(local) + CERTAIN_GAIN):
-        rejections = [
-            result for result in rejections if result.local or group_of(result.cause) != "fast spectrum"
+        candidates = [
+            result for result in candidates if result.local or group_of(result.cause) != "fast spectrum"
         ]
-    return _not_superseded(rejections)
+    return _not_superseded(candidates)
 
 
 def _settled(results: tuple[TestResult, ...], threshold: float) -> tuple[TestResult, ...]:
@@ -260,11 +260,11 @@ def _settled(results: tuple[TestResult, ...], threshold: float) -> tuple[TestRes
     What waits for clearer causes is judged when these are known.
     """
     while True:
-        rejections = _rejections(results, threshold)
-        clearest = _clearest(_eligible(rejections)) if rejections else []
+        candidates = _candidates(results, threshold)
+        clearest = _clearest(_eligible(candidates)) if candidates else []
         unsure = []
-        for one in rejections:
-            mine = [other for other in rejections if group_of(other.cause) == group_of(one.cause)]
+        for one in candidates:
+            mine = [other for other in candidates if group_of(other.cause) == group_of(one.cause)]
             beside = any(other in clearest and one.gain > other.gain - NEAR_TWIN_NATS for other in mine)
             if one.confirm is not None and (beside or all(other.confirm for other in mine)):
                 unsure.append(id(one))
@@ -273,16 +273,16 @@ def _settled(results: tuple[TestResult, ...], threshold: float) -> tuple[TestRes
         results = tuple(one.confirm() if one.confirm and id(one) in unsure else one for one in results)
 
 
-def _not_superseded(rejections: list[TestResult]) -> list[TestResult]:
+def _not_superseded(candidates: list[TestResult]) -> list[TestResult]:
     """Return the results without those of causes that wait for another pass; one that waits itself keeps none back."""
     for code, cause in CAUSES.extensions().items():
-        if any(result.cause == code for result in rejections):
-            rejections = [result for result in rejections if result.cause not in cause.supersedes]
-    return rejections
+        if any(result.cause == code for result in candidates):
+            candidates = [result for result in candidates if result.cause not in cause.supersedes]
+    return candidates
 
 
-def _rejections(results: tuple[TestResult, ...], threshold: float) -> list[TestResult]:
-    """Return the results that reject and propose an extension with a gain."""
+def _candidates(results: tuple[TestResult, ...], threshold: float) -> list[TestResult]:
+    """Return the significant results that propose an extension with a gain."""
     return [a for a in results if significant(a, threshold) and a.gain > 0 and a.propose is not None]
 
 
@@ -295,16 +295,16 @@ def _still_quiet(
     """
     if any(x.broad for x in new):
         return ()
-    heard = {group_of(result.cause) for result in _rejections(results, threshold)} | {x.group for x in new}
+    heard = {group_of(result.cause) for result in _candidates(results, threshold)} | {x.group for x in new}
     return tuple(r for r in results if group_of(r.cause) not in heard and is_tested_alone(r.cause))
 
 
-def _wider(fitted: Residual, rejections: list[TestResult], given: int) -> tuple[Extension, ...] | None:
+def _wider(fitted: FittedChannel, candidates: list[TestResult], given: int) -> tuple[Extension, ...] | None:
     """Return the extensions with a stretch of motion widened by an event at its edge; None where there is none.
 
     Motion has no sharp end: a jump or a burst close by belongs to it.
     """
-    for result in rejections if given else []:
+    for result in candidates if given else []:
         if result.cause not in ("step", "burst") or result.propose is None:
             continue
         for event in result.propose():
@@ -317,15 +317,15 @@ def _wider(fitted: Residual, rejections: list[TestResult], given: int) -> tuple[
     return None
 
 
-def _clearest(rejections: list[TestResult]) -> list[TestResult]:
-    """Return the rejection of largest gain, and those of other groups with a gain above `MIN_GAIN_SHARE` of it."""
-    best = max(rejections, key=lambda result: result.gain)
+def _clearest(candidates: list[TestResult]) -> list[TestResult]:
+    """Return the candidate of largest gain, and those of other groups with a gain above `MIN_GAIN_SHARE` of it."""
+    best = max(candidates, key=lambda result: result.gain)
     chosen = [best]
     causes = CAUSES.extensions()
     for group in GROUPS:
         mine = [
             result
-            for result in rejections
+            for result in candidates
             if group_of(result.cause) == group
             and not (result.cause in causes and causes[result.cause].only_if_clearest)
         ]
@@ -377,7 +377,9 @@ def _twin(result: TestResult) -> Alternative:
     return Alternative(result.cause, float(np.exp(min(result.statistic, 0.0))))
 
 
-def _prune(fitted: Residual, accepted: list[Accepted], threshold: float) -> tuple[Residual, list[Accepted]]:
+def _prune(
+    fitted: FittedChannel, accepted: list[Accepted], threshold: float
+) -> tuple[FittedChannel, list[Accepted]]:
     """Return the model without the extensions whose own test does not reject once they are taken out."""
     at = 0
     given = len(fitted.extensions) - len(accepted)
@@ -395,8 +397,8 @@ def _prune(fitted: Residual, accepted: list[Accepted], threshold: float) -> tupl
     return fitted, accepted
 
 
-def with_joint_estimates(fitted: Residual) -> Residual:
-    """Return the residual whose extensions carry the parameters of the joint fit."""
+def with_joint_estimates(fitted: FittedChannel) -> FittedChannel:
+    """Return the fitted channel whose extensions carry the parameters of the joint fit."""
     estimated = []
     for index, extension in enumerate(fitted.extensions):
         at = first_column(fitted, index)

@@ -12,11 +12,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from tuner.diagnosis.static.ambiguous_causes import NEAR_TWIN_NATS
 from tuner.diagnosis.static.causes.temperature import COVARIATE
 from tuner.diagnosis.static.causes.temperature_times_time import UNNAMED
 from tuner.diagnosis.static.causes.warmup import Warmup
-from tuner.diagnosis.static.model.residual import Residual, residual
-from tuner.diagnosis.static.near_twins import NEAR_TWIN_NATS
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel, fit_channel
 from tuner.diagnosis.static.outcome import Accepted
 from tuner.diagnosis.static.search import SearchResult, with_joint_estimates
 from tuner.diagnosis.static.smooth_shapes import (
@@ -54,7 +54,7 @@ def with_shared_shape(outcomes: Mapping[str, SearchResult]) -> dict[str, SearchR
         return {}
     bare = {axis: without_smooth(one.final) for axis, one in concerned.items()}
     own = {axis: value(one.final, smooth(one.accepted)) for axis, one in concerned.items()}
-    best: tuple[int, Shapes, dict[str, Residual]] = (1, (), {})
+    best: tuple[int, Shapes, dict[str, FittedChannel]] = (1, (), {})
     for shapes in sets(list(bare.values())):
         fits = {axis: beside(b, shapes) for axis, b in bare.items()}
         agree = {axis: fit for axis, fit in fits.items() if value(fit, shapes) > own[axis] - NEAR_TWIN_NATS}
@@ -69,7 +69,7 @@ def with_shared_shape(outcomes: Mapping[str, SearchResult]) -> dict[str, SearchR
 
 
 def _changed(
-    outcome: SearchResult, bare: Residual, fit: Residual, shapes: Shapes, own: float
+    outcome: SearchResult, bare: FittedChannel, fit: FittedChannel, shapes: Shapes, own: float
 ) -> SearchResult:
     """Return an outcome with the shared shapes in place of its own, which stay among the alternatives."""
     given = len(outcome.final.extensions) - len(outcome.accepted)
@@ -81,7 +81,7 @@ def _changed(
     )
     refits = fit
     if len(shapes) == 1:
-        refits = residual(
+        refits = fit_channel(
             fit.channel,
             (*bare.extensions, shapes[0].refit(fit, len(bare.extensions))),
             starts=fit.starts,

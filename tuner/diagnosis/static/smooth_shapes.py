@@ -16,6 +16,7 @@ from typing import TypeVar
 import numpy as np
 
 from models.probability import chi2_beyond
+from tuner.diagnosis.static.ambiguous_causes import NEAR_TWIN_NATS, warming_alike
 from tuner.diagnosis.static.causes.base import Extension
 from tuner.diagnosis.static.causes.hysteresis import Hysteresis
 from tuner.diagnosis.static.causes.temperature import COVARIATE, Temperature
@@ -25,10 +26,9 @@ from tuner.diagnosis.static.causes.temperature_times_time import Ageing
 from tuner.diagnosis.static.causes.template import Template
 from tuner.diagnosis.static.causes.thermal_lag import ThermalLag
 from tuner.diagnosis.static.causes.warmup import Warmup
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel, fit_channel
 from tuner.diagnosis.static.model.null_distributions import SLOW_RATIO_FACTOR
-from tuner.diagnosis.static.model.residual import Residual, residual
 from tuner.diagnosis.static.model.score_scan import scan
-from tuner.diagnosis.static.near_twins import NEAR_TWIN_NATS, warming_alike
 from tuner.diagnosis.static.outcome import UNKNOWN, Accepted, TestResult
 from tuner.types import Alternative
 
@@ -49,25 +49,25 @@ def smooth(accepted: Iterable[Accepted]) -> Shapes:
     return tuple(a.extension for a in accepted if isinstance(a.extension, SMOOTH))
 
 
-def without_smooth(fitted: Residual) -> Residual:
+def without_smooth(fitted: FittedChannel) -> FittedChannel:
     """Return a model without its smooth shapes."""
     kept = tuple(x for x in fitted.extensions if not isinstance(x, SMOOTH))
-    return residual(fitted.channel, kept, starts=fitted.starts, near=fitted)
+    return fit_channel(fitted.channel, kept, starts=fitted.starts, near=fitted)
 
 
-def beside(bare: Residual, shapes: Shapes) -> Residual:
+def beside(bare: FittedChannel, shapes: Shapes) -> FittedChannel:
     """Return a model with further shapes."""
-    return residual(bare.channel, (*bare.extensions, *shapes), starts=bare.starts, near=bare)
+    return fit_channel(bare.channel, (*bare.extensions, *shapes), starts=bare.starts, near=bare)
 
 
-def sets(bare: Sequence[Residual]) -> list[Shapes]:
+def sets(bare: Sequence[FittedChannel]) -> list[Shapes]:
     """Return the sets to try, what was measured first; time constants as all axes together show them."""
     lag, warmup = (together(cause.candidates(bare[0].channel), bare) for cause in (ThermalLag, Warmup))
     rate, square = (Temperature(), TemperatureRate()), (Temperature(), TemperatureSquared())
     return [(Temperature(),), rate, (lag,), square, (warmup,)]
 
 
-def together(tried: Sequence[Shape], bare: Sequence[Residual]) -> Shape:
+def together(tried: Sequence[Shape], bare: Sequence[FittedChannel]) -> Shape:
     """Return the candidate that scores most in all axes together."""
     total = np.zeros(len(tried))
     for one in bare:
@@ -82,12 +82,12 @@ def price(shapes: Shapes, blocks: int) -> float:
     return 0.5 * free * float(np.log(blocks))
 
 
-def value(fitted: Residual, shapes: Shapes) -> float:
+def value(fitted: FittedChannel, shapes: Shapes) -> float:
     """Return the log likelihood of a fit less the price of its smooth shapes."""
     return fitted.fit.log_likelihood - price(shapes, fitted.channel.blocks)
 
 
-def judged(bare: Residual, fit: Residual, shapes: Shapes, name: str) -> TestResult:
+def judged(bare: FittedChannel, fit: FittedChannel, shapes: Shapes, name: str) -> TestResult:
     """Return the result of a test of shapes, all of them against none, for the first of them."""
     ratio = 2.0 * max(fit.fit.log_likelihood - bare.fit.log_likelihood, 0.0)
     p_value = chi2_beyond(SLOW_RATIO_FACTOR * ratio, len(shapes))
@@ -95,8 +95,8 @@ def judged(bare: Residual, fit: Residual, shapes: Shapes, name: str) -> TestResu
 
 
 def measured_first(
-    fitted: Residual, accepted: list[Accepted], threshold: float
-) -> tuple[Residual, list[Accepted]]:
+    fitted: FittedChannel, accepted: list[Accepted], threshold: float
+) -> tuple[FittedChannel, list[Accepted]]:
     """Return the model with functions of the temperature in place of shapes of time that explain as much as they do.
 
     A square alone gives way to the temperature itself, which goes before other functions of it; the likeliest of these
@@ -135,7 +135,7 @@ def measured_first(
         kept = [a for a in accepted if not isinstance(a.extension, SMOOTH)]
         accepted = [*kept, *(Accepted(x, replace(result, cause=x.cause), lost) for x in shapes)]
         refits = tuple(x.refit(fit, i) for i, x in enumerate(fit.extensions))
-        fitted = residual(fit.channel, refits, starts=fit.starts, near=fit)
+        fitted = fit_channel(fit.channel, refits, starts=fit.starts, near=fit)
         own, worth = shapes, value(fit, shapes)
         accepted = [
             replace(a, extension=x)

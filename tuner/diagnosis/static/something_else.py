@@ -24,6 +24,7 @@ from models.arrays import FloatArray
 from models.noise import BiasInstability, RandomWalk
 from tuner.diagnosis.cause import Group
 from tuner.diagnosis.data_quality.quantizer import may_be_uneven
+from tuner.diagnosis.static.ambiguous_causes import NEAR_TWIN_NATS, THERMAL
 from tuner.diagnosis.static.causes.base import Extension
 from tuner.diagnosis.static.causes.comb import Comb
 from tuner.diagnosis.static.causes.line import Line, resonance_lead
@@ -32,10 +33,9 @@ from tuner.diagnosis.static.causes.transients import Transients
 from tuner.diagnosis.static.causes.vibration import Vibration
 from tuner.diagnosis.static.causes.warmup import Warmup
 from tuner.diagnosis.static.channel import Channel
-from tuner.diagnosis.static.model.residual import Residual, extended, residual, without
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel, extended, fit_channel, without
 from tuner.diagnosis.static.model.score_scan import scan
 from tuner.diagnosis.static.model.slow_likelihood import FLICKER
-from tuner.diagnosis.static.near_twins import NEAR_TWIN_NATS, THERMAL
 from tuner.diagnosis.static.outcome import UNKNOWN, Accepted
 from tuner.diagnosis.static.search import SearchResult, group_of
 from tuner.identification.fisher_scoring import minimise
@@ -121,7 +121,7 @@ def about(cause: str) -> tuple[Group | None, ...]:
     return OF_GROUPS.get(cause, (group_of(cause),))
 
 
-def _transient_twin(fitted: Residual, index: int, accepted: Accepted) -> tuple[Alternative, ...]:
+def _transient_twin(fitted: FittedChannel, index: int, accepted: Accepted) -> tuple[Alternative, ...]:
     """Return a warm-up as the twin of a function of the temperature that explains no more than it does."""
     known = {a.cause for a in accepted.alternatives} | {x.cause for x in fitted.extensions}
     if not isinstance(accepted.extension, THERMAL) or Warmup.cause in known:
@@ -142,7 +142,7 @@ def _code_twin(channel: Channel, accepted: Accepted) -> tuple[Alternative, ...]:
     return (Alternative(LATTICE, 1.0),) if uneven else ()
 
 
-def _line_twin(fitted: Residual, index: int, accepted: Accepted) -> tuple[Alternative, ...]:
+def _line_twin(fitted: FittedChannel, index: int, accepted: Accepted) -> tuple[Alternative, ...]:
     """Return a resonance as the twin of a line that explains as much as it does: one whose phase wanders."""
     line = accepted.extension
     if not isinstance(line, Line) or any(a.cause == Vibration.cause for a in accepted.alternatives):
@@ -151,10 +151,10 @@ def _line_twin(fitted: Residual, index: int, accepted: Accepted) -> tuple[Altern
     return (Alternative(Vibration.cause, float(np.exp(min(lead, 0.0)))),) if lead > -NEAR_TWIN_NATS else ()
 
 
-def power_law_lead(fitted: Residual) -> float:
+def power_law_lead(fitted: FittedChannel) -> float:
     """Return the log likelihood that power-law noise gains in place of all correlated causes of a model, nats."""
     kept = tuple(x for x in fitted.extensions if x.cause not in CORRELATED)
-    bare = residual(fitted.channel, kept, near=fitted)
+    bare = fit_channel(fitted.channel, kept, near=fitted)
     fit = next(one for one in bare.fits if one.kinds == FLICKER)
     problem, f = bare.track.objective(FLICKER), bare.track.grid.frequency
     weak = fit.theta.copy()
@@ -176,7 +176,7 @@ def power_law_lead(fitted: Residual) -> float:
     return best - fitted.fit.log_likelihood
 
 
-def other_transient_lead(fitted: Residual, index: int) -> float:
+def other_transient_lead(fitted: FittedChannel, index: int) -> float:
     """Return the log likelihood that another course gains in place of the transient of this index, nats."""
     bare = without(fitted, index)
     scores, templates = scan(bare, _courses(fitted.channel))

@@ -21,7 +21,7 @@ from tuner.diagnosis.drive.residue_of_strong_causes import (
     causes_stronger_than_jump,
     explained_by_stronger,
     jump_remains,
-    rejection_note,
+    model_error_note,
     with_piecewise_constants,
 )
 from tuner.diagnosis.drive.score_tests import ScoreTest, retest
@@ -103,7 +103,7 @@ def test_what_a_wandering_delay_leaves_is_reported_as_uncertain(city_drive: Line
     test = weak(run)
     assert explained_by_stronger(run, KNOWN, replace(test, statistic=10.0), THRESHOLD) == ("time_offset",)
     assert explained_by_stronger(run, KNOWN, replace(test, gain=2.0 * MAX_WEAK_GAIN), THRESHOLD) == ()
-    assert "time_offset" in rejection_note("lever_arm", test.gain, ("time_offset",))
+    assert "time_offset" in model_error_note("lever_arm", test.gain, ("time_offset",))
 
 
 @pytest.mark.parametrize(("size", "still"), [(0.0, False), (0.02, True)])

@@ -11,7 +11,7 @@ from models.noise import BiasInstability, NoiseModel, RandomWalk, White
 from tuner.diagnosis import diagnose
 from tuner.diagnosis.static.causes import attitude, mount_tilt
 from tuner.diagnosis.static.channel import channel
-from tuner.diagnosis.static.model.residual import residual
+from tuner.diagnosis.static.model.fitted_channel import fit_channel
 from tuner.simulation.static import Channel, simulate
 from tuner.types.records import Record
 
@@ -60,7 +60,7 @@ def test_a_force_that_grows_is_no_tilt():
 
 def test_a_gyro_has_no_tilt():
     clean = simulate({"gyro_x": Channel(NOISE)}, duration=SPAN, rate=RATE, seed=5)[0][0]
-    assert mount_tilt.MountTilt.test(residual(channel(clean, "gyro_x"))) is None
+    assert mount_tilt.MountTilt.test(fit_channel(channel(clean, "gyro_x"))) is None
 
 
 @pytest.mark.parametrize("walk", [0.0, 2e-5])
@@ -70,7 +70,7 @@ def test_chance_of_a_tilt_in_clean_records(walk):
     low = 0
     for seed in range(24):
         clean = simulate({"accel_x": Channel(noise)}, duration=600.0, rate=RATE, seed=seed)[0][0]
-        result = mount_tilt.MountTilt.test(residual(channel(clean, "accel_x")))
+        result = mount_tilt.MountTilt.test(fit_channel(channel(clean, "accel_x")))
         low += result is not None and result.p_value < 1e-3
     assert low < 4
 
@@ -84,7 +84,7 @@ def test_the_angle_of_an_even_tilt_is_as_well_known_as_its_ramps():
     across = place[:, None] * changes
     along = np.sqrt(9.8**2 - np.sum(across**2, axis=1))
     tilted = replace(clean, y=clean.y - clean.y.mean(axis=0) + np.column_stack((across, along)))
-    found = attitude.test({axis: residual(channel(tilted, axis)) for axis in AXES}, 1e-3)
+    found = attitude.test({axis: fit_channel(channel(tilted, axis)) for axis in AXES}, 1e-3)
     low, high = found.tilt.interval
     assert abs(found.tilt.value - 0.5 / 9.8) < 1e-3 * 0.5 / 9.8 + high - low
     least = 2.0 * 1.96 * np.sqrt(2.0 * 12.0 / SPAN) * density / 9.8

@@ -10,8 +10,8 @@ from models.noise import NoiseModel, White
 from tuner.diagnosis.static.causes.heavy_tails import HeavyTails
 from tuner.diagnosis.static.causes.vibration import Vibration, _largest
 from tuner.diagnosis.static.channel import channel
+from tuner.diagnosis.static.model.fitted_channel import fit_channel, relabelled
 from tuner.diagnosis.static.model.null_distributions import minimum
-from tuner.diagnosis.static.model.residual import relabelled, residual
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.variance.local_variance import block_variance, local_variance
 from tuner.diagnosis.static.variance.quantized_noise import hides_noise, moments
@@ -23,7 +23,7 @@ def test_local_variance_is_computed_once_for_a_residual():
     record = simulate({"gyro_x": Channel(NoiseModel((White(1e-3),)))}, duration=60.0, rate=100.0, seed=1)[0][
         0
     ]
-    found = residual(channel(record, "gyro_x"))
+    found = fit_channel(channel(record, "gyro_x"))
     assert local_variance(found) is local_variance(found)
     assert block_variance(found) is block_variance(found)
     assert local_variance(relabelled(found, (HeavyTails(6.0),))) is not local_variance(found)
@@ -37,7 +37,7 @@ def test_a_residual_goes_from_one_process_to_another():
     samples = channel(record, "gyro_x")
 
     def made(_: int):
-        found = residual(samples)
+        found = fit_channel(samples)
         assert not hides_noise(found)
         return found
 
@@ -74,11 +74,11 @@ def test_shapes_are_kept_from_step_to_step():
         0
     ]
     resonance, other = Vibration(20.0, 30.0, 0.3), Vibration(30.0, 10.0, 0.1)
-    first = residual(channel(record, "gyro_x"), (resonance,))
+    first = fit_channel(channel(record, "gyro_x"), (resonance,))
     assert first.peaks is not None
-    second = residual(first.channel, (resonance, other), near=first)
+    second = fit_channel(first.channel, (resonance, other), near=first)
     assert second.shapes[resonance] is first.shapes[resonance]
-    np.testing.assert_allclose(second.peaks, residual(first.channel, (resonance, other)).peaks)
+    np.testing.assert_allclose(second.peaks, fit_channel(first.channel, (resonance, other)).peaks)
     f = np.arange(1.0, len(first.coefficients)) / (2.0 * first.channel.span)
     np.testing.assert_allclose(second.peaks, resonance.power(f, 0.01) + other.power(f, 0.01))
     np.testing.assert_allclose(second.power_at(f), second.power)
@@ -89,7 +89,7 @@ def test_the_periodogram_is_every_second_ordinate_of_the_finer_spectrum():
     record = simulate({"gyro_x": Channel(NoiseModel((White(1e-3),)))}, duration=60.0, rate=100.0, seed=1)[0][
         0
     ]
-    found = residual(channel(record, "gyro_x"))
+    found = fit_channel(channel(record, "gyro_x"))
     e = np.clip(found.e, -5.0, 5.0)
     np.testing.assert_allclose(found.periodogram, np.abs(np.fft.rfft(e)[1:]) ** 2 / np.sum(e * e), atol=1e-5)
 

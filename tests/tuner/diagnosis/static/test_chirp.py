@@ -8,7 +8,7 @@ import pytest
 from tuner.diagnosis import diagnose
 from tuner.diagnosis.static.causes.chirp import Sweep, _sums
 from tuner.diagnosis.static.channel import channel
-from tuner.diagnosis.static.model.residual import residual
+from tuner.diagnosis.static.model.fitted_channel import fit_channel
 from tuner.types.records import Record
 
 N, RATE = 65536, 50.0
@@ -42,7 +42,7 @@ def test_chance_is_a_bound_on_white_noise():
     low = 0
     for _ in range(30):
         e = rng.standard_normal(N // 4).astype(np.float32)
-        low += Sweep.test(residual(channel(record(e.astype(float)), "gyro_x"))).p_value < 0.01
+        low += Sweep.test(fit_channel(channel(record(e.astype(float)), "gyro_x"))).p_value < 0.01
     assert low <= 5
 
 
@@ -51,7 +51,7 @@ def test_line_and_burst_are_no_sweep():
     rng = np.random.default_rng(3)
     y = rng.standard_normal(N) * np.where(np.arange(N) // 4096 == 5, 3.0, 1.0)
     y += 0.1 * np.cos(2.0 * np.pi * 0.123 * np.arange(N))
-    assert Sweep.test(residual(channel(record(y), "gyro_x"))).p_value > 1e-4
+    assert Sweep.test(fit_channel(channel(record(y), "gyro_x"))).p_value > 1e-4
 
 
 @pytest.mark.parametrize(("quality", "drift"), [(20.0, 0.0), (20.0, 0.04), (100.0, 0.04)])
@@ -66,7 +66,7 @@ def test_a_resonance_is_no_tone_nor_where_it_drifts(quality, drift):
         state = turn * state + drive[i]
         pole[i] = state.real
     y = rng.standard_normal(N) + np.sqrt(2.0) * (1.0 - decay) * pole
-    result = Sweep.test(residual(channel(record(y), "gyro_x")))
+    result = Sweep.test(fit_channel(channel(record(y), "gyro_x")))
     assert result.p_value > 1e-4
 
 

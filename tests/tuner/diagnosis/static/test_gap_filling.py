@@ -12,7 +12,7 @@ from tuner.diagnosis.static.causes.motion import Motion
 from tuner.diagnosis.static.causes.warmup import Warmup
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.channel import channel as ready
-from tuner.diagnosis.static.model.residual import residual
+from tuner.diagnosis.static.model.fitted_channel import fit_channel
 from tuner.types.records import Record
 
 RATE, BLOCKS = 1.0, 4096
@@ -32,7 +32,7 @@ def test_a_transient_that_starts_in_a_motion_leaves_nothing_there():
     n = 45 * BLOCKS
     t = np.arange(n) / RATE
     even = channel(noise(n, 5) + 3.0 * np.exp((600.0 - t) / 100.0))
-    found = residual(even, (Motion(0, 600), Warmup(100.0)))
+    found = fit_channel(even, (Motion(0, 600), Warmup(100.0)))
     rest = even.block_mean(found.cleaned.y) - found.path
     assert np.max(np.abs(rest - rest.mean())) * np.sqrt(even.block) < 6.0
     assert telegraph.Telegraph.test(found).gain < 0.0
@@ -43,7 +43,7 @@ def test_a_change_of_pose_leaves_no_trace_beside_it():
     n, first, last = 45 * BLOCKS, 60007, 61130
     y = noise(n, 6) + 300.0 * (np.arange(n) > 60500)
     y[first:last] += 40.0 * noise(last - first, 7)
-    found = residual(channel(y), (Motion(first, last),))
+    found = fit_channel(channel(y), (Motion(first, last),))
     beside = np.concatenate((found.e[first - 450 : first], found.e[last : last + 450]))
     assert abs(np.mean(beside**2) - 1.0) < 4.0 * np.sqrt(2.0 / 900.0)
     assert np.all(np.abs(found.path - found.path.mean()) < 0.3)

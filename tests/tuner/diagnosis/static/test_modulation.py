@@ -10,7 +10,7 @@ import pytest
 from models.noise import BiasInstability, NoiseModel, RandomWalk, White
 from tuner.diagnosis import diagnose
 from tuner.diagnosis.static.channel import channel
-from tuner.diagnosis.static.model.residual import residual
+from tuner.diagnosis.static.model.fitted_channel import fit_channel
 from tuner.diagnosis.static.variance.modulation import bias_track
 from tuner.diagnosis.static.variance.modulation import test as modulation
 from tuner.simulation.static import Channel, simulate
@@ -50,7 +50,7 @@ def test_variance_along_the_bias_is_reported():
     wander = np.cumsum(np.random.default_rng(5).standard_normal(60_000))
     wander = 0.3 * (wander - wander.mean()) / wander.std()
     _, by_bias, _ = modulation(
-        residual(channel(without_temperature(with_log_variance(wander, slow=2.0)), "gyro_x"))
+        fit_channel(channel(without_temperature(with_log_variance(wander, slow=2.0)), "gyro_x"))
     )
     assert by_bias.p_value < 1e-12
 
@@ -62,7 +62,7 @@ def test_the_track_of_the_bias_is_that_of_the_walk_behind_it():
     walk = np.cumsum(2e-5 * rng.standard_normal(len(base)))
     y = walk + 1e-3 * np.sqrt(RATE) * rng.standard_normal(len(base))
     made = Record("gyro", base.t, y[:, None], base.axes, base.unit, base.interval)
-    track = bias_track(residual(channel(made, "gyro_x")))
+    track = bias_track(fit_channel(channel(made, "gyro_x")))
     truth = np.array([part.mean() for part in np.array_split(walk, len(track))])
     assert np.corrcoef(track, truth)[0, 1] > 0.97
 
@@ -82,7 +82,7 @@ def test_variance_by_temperature_is_named():
 @cache
 def p_values(seed: int) -> tuple[float, ...]:
     """Of the three families, in one clean record."""
-    return tuple(one.p_value for one in modulation(residual(channel(record(seed), "gyro_x"))))
+    return tuple(one.p_value for one in modulation(fit_channel(channel(record(seed), "gyro_x"))))
 
 
 @pytest.mark.parametrize("family", range(3), ids=NAMES)

@@ -11,7 +11,7 @@ from tuner.diagnosis.static.causes.line import Line, _chance
 from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.diagnosis.static.causes.vibration import Vibration
 from tuner.diagnosis.static.channel import channel
-from tuner.diagnosis.static.model.residual import residual
+from tuner.diagnosis.static.model.fitted_channel import fit_channel
 from tuner.diagnosis.static.spectrum.binned import Bins, rise, sized
 from tuner.diagnosis.static.spectrum.filters import arma_power
 from tuner.types.records import Record
@@ -22,7 +22,7 @@ def height(cycles: float, n: int) -> float:
     rng, phase = np.random.default_rng(4), 2.0 * np.pi * cycles * np.arange(n) / n
     y = rng.standard_normal((n, 1)) + 2.0 * np.cos(phase)[:, None]
     record = Record("gyro", 0.01 * np.arange(n), y, ("gyro_x",), "rad/s", 0.01)
-    return Line.test(residual(channel(record, "gyro_x"))).statistic
+    return Line.test(fit_channel(channel(record, "gyro_x"))).statistic
 
 
 def test_a_line_between_half_bins_is_as_high_as_one_on_them():
@@ -76,7 +76,7 @@ def test_all_tests_share_the_budget() -> None:
     )
     y = np.random.default_rng(4).standard_normal((20_000, 1))
     white = Record("gyro", 0.01 * np.arange(len(y)), y, ("gyro_x",), "rad/s", 0.01)
-    fitted = residual(channel(white, "gyro_x"))
+    fitted = fit_channel(channel(white, "gyro_x"))
     results = (*hypothesis_tests.hypothesis_tests(fitted), *residual_checks.checks(fitted))
     without = {result.cause for result in results if result.cause not in CAUSES}
     assert len(without) + len(("pair", *OF_ACCEPTED)) == hypothesis_tests.TESTS_WITHOUT_CAUSE

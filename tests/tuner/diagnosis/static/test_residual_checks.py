@@ -18,7 +18,7 @@ from tuner.diagnosis.static.causes.spikes import Spikes
 from tuner.diagnosis.static.causes.temperature import Temperature
 from tuner.diagnosis.static.causes.warmup import Warmup
 from tuner.diagnosis.static.channel import channel
-from tuner.diagnosis.static.model.residual import residual
+from tuner.diagnosis.static.model.fitted_channel import fit_channel
 from tuner.diagnosis.static.residual_checks import checks
 from tuner.diagnosis.static.something_else import groups, other_transient_lead
 from tuner.types.records import Record
@@ -37,7 +37,7 @@ def record(y: np.ndarray) -> Record:
 
 
 def p_values(y: np.ndarray, *extensions: Line, step: float = 0.0) -> dict[str, float]:
-    fitted = residual(channel(record(y), "gyro_x", quantizer_step=1e-3 * step), extensions)
+    fitted = fit_channel(channel(record(y), "gyro_x", quantizer_step=1e-3 * step), extensions)
     return {test.cause: test.p_value for test in checks(fitted)}
 
 
@@ -61,7 +61,7 @@ def other_half() -> np.ndarray:
 def test_a_gap_is_no_misfit():
     """Where a fifth of the record moved, no means lie at zero and no spectrum changes."""
     moved = Motion(8_000, 12_000, values={}).including(8_000, 12_000, COUNT)
-    fitted = residual(channel(record(rng(6).standard_normal(COUNT)), "gyro_x"), (moved,))
+    fitted = fit_channel(channel(record(rng(6).standard_normal(COUNT)), "gyro_x"), (moved,))
     assert np.count_nonzero(~fitted.valid) >= 4_000
     assert min(test.p_value for test in checks(fitted)) > CHANCE
 
@@ -100,7 +100,7 @@ def test_spikes_at_a_period_are_told_from_those_at_random():
     ):
         y = rng(16).standard_normal(COUNT)
         y[places] += 12.0
-        fitted = residual(channel(record(y), "gyro_x"), (Spikes(tuple(places.tolist())),))
+        fitted = fit_channel(channel(record(y), "gyro_x"), (Spikes(tuple(places.tolist())),))
         (p,) = (test.p_value for test in checks(fitted) if test.cause == "times of spikes")
         assert (p < 1e-8) == clear
         assert clear or p > CHANCE
@@ -118,7 +118,7 @@ def test_two_converters_in_turn_are_one_cause():
 def test_the_variance_of_every_second_sample_has_one_degree_of_freedom():
     """The ordinate is the likelihood ratio of two sds, not twice that; its chance is at least that of χ²₁."""
     y = rng(22).standard_normal(COUNT) * np.exp(0.05 * (-1.0) ** np.arange(COUNT))
-    found = PeriodicVariance.test(residual(channel(record(y), "gyro_x")))
+    found = PeriodicVariance.test(fit_channel(channel(record(y), "gyro_x")))
     halves = np.log(y.var()) - 0.5 * np.log(y[::2].var()) - 0.5 * np.log(y[1::2].var())
     ratio = 0.5 * COUNT * halves
     assert found.statistic == pytest.approx(ratio, rel=0.1)
@@ -142,7 +142,7 @@ def test_a_bias_with_a_kink_in_temperature_is_more_than_a_slope(kinked, clear):
     read = felt + 0.02 * rng(13).standard_normal(COUNT)
     bias = 0.2 * np.maximum(felt - 27.0, 0.0) if kinked else 0.1 * felt
     made = replace(record(rng(9).standard_normal(COUNT) + bias), covariates={"temperature": read})
-    found = checks(residual(channel(made, "gyro_x"), (Temperature(),)))
+    found = checks(fit_channel(channel(made, "gyro_x"), (Temperature(),)))
     (p,) = (test.p_value for test in found if test.cause == "course")
     assert (p < 1e-8) == clear
     assert clear or p > CHANCE
@@ -183,10 +183,10 @@ def test_power_law_noise_is_no_certain_filter():
 def test_a_change_of_slope_is_likelier_than_a_transient_where_it_is_one(exponential, expected):
     time = np.arange(COUNT) / COUNT
     course = 8.0 * np.exp(-time / 0.05) if exponential else 20.0 * np.maximum(0.4 - time, 0.0)
-    fitted = residual(channel(record(rng(14).standard_normal(COUNT) + course), "gyro_x"))
+    fitted = fit_channel(channel(record(rng(14).standard_normal(COUNT) + course), "gyro_x"))
     found = Warmup.test(fitted)
     assert found is not None
-    lead = other_transient_lead(residual(fitted.channel, found.propose()), 0)
+    lead = other_transient_lead(fit_channel(fitted.channel, found.propose()), 0)
     assert lead < expected if exponential else lead > expected
 
 

@@ -9,7 +9,7 @@ from models.noise import BiasInstability, NoiseModel, RandomWalk, White
 from tuner.diagnosis.data_quality import data_quality_tests
 from tuner.diagnosis.static.channel_preparation import prepared
 from tuner.diagnosis.static.hypothesis_tests import hypothesis_tests, threshold
-from tuner.diagnosis.static.model.residual import residual
+from tuner.diagnosis.static.model.fitted_channel import fit_channel
 from tuner.diagnosis.static.variance.local_variance import block_variance
 from tuner.diagnosis.static.variance.quantized_noise import cell_moments, moments
 from tuner.simulation.static import Channel, simulate
@@ -26,7 +26,7 @@ def fitted(step: float, deadband: float = 0.0, seed: int = 1, ramp: float = 3.0)
     y = size * np.round(y / size)
     y[np.abs(y) < deadband * size] = 0.0
     object.__setattr__(record, "y", y)
-    return residual(prepared(record, data_quality_tests(record), threshold(1), 0, [])[0])
+    return fit_channel(prepared(record, data_quality_tests(record), threshold(1), 0, [])[0])
 
 
 @pytest.mark.parametrize(("sd", "deadband"), [(0.3, 0.0), (0.5, 0.0), (1.0, 0.0), (0.6, 1.0), (1.2, 2.5)])
@@ -70,7 +70,7 @@ def test_a_burst_on_a_coarse_quantizer_is_still_found():  # 30 % of the record, 
                       effects=("burst:start=600,duration=700,variance_ratio=2",))[0][0]  # fmt: skip
     size = 2.5 * WHITE
     object.__setattr__(record, "y", size * np.round(record.y / size))
-    found = residual(prepared(record, data_quality_tests(record), threshold(1), 0, [])[0])
+    found = fit_channel(prepared(record, data_quality_tests(record), threshold(1), 0, [])[0])
     result = next(result for result in hypothesis_tests(found) if result.cause == "burst")
     assert result.p_value < 1e-12
     (burst,) = result.propose()

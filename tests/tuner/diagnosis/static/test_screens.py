@@ -9,15 +9,17 @@ from models.noise import GaussMarkov, NoiseModel, White
 from tuner.diagnosis.static.causes import comb, periodic_variance
 from tuner.diagnosis.static.channel import channel
 from tuner.diagnosis.static.model.dct import between_middles
-from tuner.diagnosis.static.model.residual import Residual, residual
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel, fit_channel
 from tuner.diagnosis.static.model.series_statistics import order_statistics, row_medians
 from tuner.types.records import Record
 
 N = 40_000
 
 
-def fitted(y: np.ndarray) -> Residual:
-    return residual(channel(Record("log", np.arange(len(y)) / 100.0, y[:, None], ("x",), "rad/s", 0.01), "x"))
+def fitted(y: np.ndarray) -> FittedChannel:
+    return fit_channel(
+        channel(Record("log", np.arange(len(y)) / 100.0, y[:, None], ("x",), "rad/s", 0.01), "x")
+    )
 
 
 @pytest.mark.parametrize("period", [37.313, 211.77])

@@ -16,8 +16,8 @@ from tuner.diagnosis import diagnose
 from tuner.diagnosis.static.causes.base import Value
 from tuner.diagnosis.static.channel import computed
 from tuner.diagnosis.static.findings import pooled
+from tuner.diagnosis.static.model.fitted_channel import _crossing
 from tuner.diagnosis.static.model.null_distributions import SLOW_RATIO_FACTOR
-from tuner.diagnosis.static.model.residual import _crossing
 from tuner.types import Coefficient
 from tuner.types.records import DataError, Record
 

@@ -9,12 +9,12 @@ from scipy.signal import butter, lfilter, sosfilt
 from models.effects.static.thermal import behind_play
 from models.noise import BiasInstability, NoiseModel, RandomWalk, White
 from tuner.diagnosis import diagnose
+from tuner.diagnosis.static.ambiguous_causes import warming_alike
 from tuner.diagnosis.static.causes.temperature import Temperature
 from tuner.diagnosis.static.causes.warmup import Warmup
 from tuner.diagnosis.static.channel import channel
 from tuner.diagnosis.static.model.covariate import smoothed, typical_repeats
-from tuner.diagnosis.static.model.residual import residual
-from tuner.diagnosis.static.near_twins import warming_alike
+from tuner.diagnosis.static.model.fitted_channel import fit_channel
 from tuner.diagnosis.static.outcome import Accepted, TestResult
 from tuner.diagnosis.static.position_drift import found_signal
 from tuner.diagnosis.static.search import SearchResult
@@ -113,7 +113,7 @@ def test_one_temperature_in_several_axes_is_one_cause():
     outcomes = {}
     for axis, (shape, added) in own.items():
         one = channel(record(added, celsius=warm), "gyro_x")
-        base, final = residual(one), residual(one, (shape,))
+        base, final = fit_channel(one), fit_channel(one, (shape,))
         found = Accepted(shape, TestResult(shape.cause, 1e-20, 40.0, 80.0, "as found"))
         outcomes[axis] = SearchResult(base, final, (found,), ())
     changed = with_shared_shape(outcomes)
@@ -131,7 +131,7 @@ def test_one_shape_is_named_where_two_explain_no_more():
     one = channel(record(0.02 * np.exp(-TIME / 250.0), celsius=celsius), "gyro_x")
     own = Temperature(), Warmup(245.0)
     taken = [Accepted(x, TestResult(x.cause, 1e-20, 40.0, 80.0, "as found")) for x in own]
-    fitted, (found,) = measured_first(residual(one, own), taken, 1e-4)
+    fitted, (found,) = measured_first(fit_channel(one, own), taken, 1e-4)
     assert found.extension.cause == "warmup"
     assert found.extension.time_constant == pytest.approx(250.0, rel=0.5)
     assert [a.cause for a in found.alternatives] == ["temperature"]

@@ -18,7 +18,7 @@ from tuner.diagnosis.static.causes import vibration
 from tuner.diagnosis.static.causes.burst import Burst
 from tuner.diagnosis.static.channel import channel
 from tuner.diagnosis.static.hypothesis_tests import threshold
-from tuner.diagnosis.static.model.residual import Residual, residual
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel, fit_channel
 from tuner.diagnosis.static.spectrum.binned import bins, sized
 from tuner.diagnosis.static.spectrum.filters import (
     COLOURS,
@@ -41,8 +41,8 @@ def record(y: np.ndarray) -> Record:
     return Record("gyro", np.arange(len(y)) / RATE, 1e-3 * y[:, None], ("gyro_x",), "rad/s", 1.0 / RATE)
 
 
-def fitted(y: np.ndarray) -> Residual:
-    return residual(channel(record(y), "gyro_x"))
+def fitted(y: np.ndarray) -> FittedChannel:
+    return fit_channel(channel(record(y), "gyro_x"))
 
 
 def filtered(order: int, cutoff: float, rng: np.random.Generator, times: int = 8) -> np.ndarray:

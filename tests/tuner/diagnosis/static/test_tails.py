@@ -20,7 +20,7 @@ from tuner.diagnosis.static.causes.heavy_tails import (
 )
 from tuner.diagnosis.static.causes.skewed_noise import SkewedNoise
 from tuner.diagnosis.static.channel import channel
-from tuner.diagnosis.static.model.residual import residual
+from tuner.diagnosis.static.model.fitted_channel import fit_channel
 from tuner.diagnosis.static.variance.histogram import histogram
 from tuner.diagnosis.static.variance.normal_scores import NormalScores
 from tuner.types.records import Record
@@ -145,6 +145,6 @@ def test_codes_are_no_law_of_their_own():
     y[:] = rng.standard_gamma(2000.0, len(y))  # skewness 0.045
     y = 0.4 * np.round(((y - y.mean()) / y.std() + 0.13) / 0.4)
     record = Record("gyro", INTERVAL * np.arange(len(y)), y[:, None], ("gyro_x",), "rad/s", INTERVAL)
-    found = SkewedNoise.test(residual(channel(record, "gyro_x", quantizer_step=0.4)))
+    found = SkewedNoise.test(fit_channel(channel(record, "gyro_x", quantizer_step=0.4)))
     assert found is not None
     assert found.gain < 50.0

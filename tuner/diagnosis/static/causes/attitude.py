@@ -15,8 +15,8 @@ import numpy as np
 
 from models.probability import chi2_beyond
 from tuner.diagnosis.static.model.dct import block_transform
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel
 from tuner.diagnosis.static.model.null_distributions import SLOW_RATIO_FACTOR
-from tuner.diagnosis.static.model.residual import Residual
 from tuner.types import Coefficient
 
 MEANING = "the mount gives way: gravity turns in the axes of the sensor, its length kept"
@@ -49,7 +49,7 @@ class Tilt:
     tilt: Coefficient
 
 
-def test(residuals: Mapping[str, Residual], limit: float) -> Tilt | None:
+def test(residuals: Mapping[str, FittedChannel], limit: float) -> Tilt | None:
     """Test a triad of accelerometers."""
     axes = [axis for axis in residuals if residuals[axis].channel.unit == "m/s^2"]
     if len(axes) != 3 or len({len(residuals[a].channel) for a in axes}) != 1:

@@ -26,7 +26,7 @@ from tuner.diagnosis.static.channel import Channel
 from tuner.types import Coefficient
 
 if TYPE_CHECKING:
-    from tuner.diagnosis.static.model.residual import Residual
+    from tuner.diagnosis.static.model.fitted_channel import FittedChannel
     from tuner.diagnosis.static.outcome import TestResult
 
 
@@ -36,7 +36,7 @@ MAX_LOG_FACTOR = 20.0
 
 @dataclass(frozen=True)
 class Value:
-    """A parameter in the units of the residual: its 95 % interval, and how it becomes SI.
+    """A parameter in the units of the channel: its 95 % interval, and how it becomes SI.
 
     Attributes
     ----------
@@ -134,8 +134,8 @@ class Extension(Cause):
         )
 
     @classmethod
-    def test(cls, fitted: Residual) -> TestResult | None:  # noqa: ARG003
-        """Test a residual for this cause alone; None where it cannot be tested, or shares its test with others."""
+    def test(cls, fitted: FittedChannel) -> TestResult | None:  # noqa: ARG003
+        """Test a channel for this cause alone; None where it cannot be tested, or shares its test with others."""
         return None
 
     def clean_samples(self, channel: Channel) -> Channel:
@@ -178,12 +178,16 @@ class Extension(Cause):
         """Return what the extension adds to the noise model, in units of the scale."""
         return ()
 
-    def white_noise_enlargement(self, before: Residual, after: Residual) -> tuple[float, str] | None:  # noqa: ARG002
+    def white_noise_enlargement(
+        self,
+        before: FittedChannel,  # noqa: ARG002
+        after: FittedChannel,  # noqa: ARG002
+    ) -> tuple[float, str] | None:
         """Return the factor that a filter set from the model without the cause needs on its white noise, and why.
 
         Parameters
         ----------
-        before, after : Residual
+        before, after : FittedChannel
             Fits without any and with all causes.
         """
         return None
@@ -196,17 +200,17 @@ class Extension(Cause):
         """Return what it does to samples of motion, every `interval`, s, and no drift at rest shows; else empty."""
         return ""
 
-    def refit(self, fitted: Residual, index: int) -> Extension:  # noqa: ARG002
-        """Return the extension, number `index` of a residual that has it, with its parameters fitted again."""
+    def refit(self, fitted: FittedChannel, index: int) -> Extension:  # noqa: ARG002
+        """Return the extension, number `index` of a fitted channel that has it, with its parameters fitted again."""
         return self
 
-    def with_joint_estimate(self, fitted: Residual, index: int, size: Value) -> Extension:  # noqa: ARG002
+    def with_joint_estimate(self, fitted: FittedChannel, index: int, size: Value) -> Extension:  # noqa: ARG002
         """Return the extension with its parameters from the joint fit of everything.
 
         Parameters
         ----------
-        fitted : Residual
-            The final residual, which has the extension.
+        fitted : FittedChannel
+            The final fit, which has the extension.
         index : int
             Its place there.
         size : Value

@@ -24,8 +24,8 @@ from models.effects.static.distribution import Burst as Effect
 from models.probability import normal_beyond
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.channel import Channel
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel
 from tuner.diagnosis.static.model.null_distributions import EDGE_NATS
-from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.model.series_statistics import RESIDUAL_CLIP, robust_sd
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.variance.local_variance import LocalVariance, local_variance
@@ -74,7 +74,11 @@ class Burst(Extension):
     last: int
     ratio: float
 
-    def white_noise_enlargement(self, before: Residual, after: Residual) -> tuple[float, str] | None:  # noqa: ARG002
+    def white_noise_enlargement(
+        self,
+        before: FittedChannel,  # noqa: ARG002
+        after: FittedChannel,
+    ) -> tuple[float, str] | None:
         """Return the standard deviation while it lasts ÷ its rms over the record, where the ratio is above 1."""
         ratio = self.values["variance_ratio"].value
         share = (self.last - self.first) / len(after.channel)
@@ -92,7 +96,7 @@ class Burst(Extension):
         return out
 
     @classmethod
-    def test(cls, fitted: Residual) -> TestResult:
+    def test(cls, fitted: FittedChannel) -> TestResult:
         """Scan windows for another variance."""
         local = local_variance(fitted)
         first = _largest_variance(local)
@@ -146,7 +150,7 @@ def _widths(n: int) -> list[int]:
     return [MIN_WINDOW * 2**k for k in range(int(np.log2(n / (3 * MIN_WINDOW))) + 1)]
 
 
-def _all(fitted: Residual, local: LocalVariance, window: _Window) -> tuple[float, list[tuple[int, int]]]:
+def _all(fitted: FittedChannel, local: LocalVariance, window: _Window) -> tuple[float, list[tuple[int, int]]]:
     """Return the stretches of another variance, the least likely first, and their gain, nats."""
     known = [x for x in fitted.extensions if isinstance(x, Burst)]
     allowed = REPORTED_STRETCHES if 0 < len(known) <= REPORTED_STRETCHES else MAX_STRETCHES
@@ -182,7 +186,7 @@ def _beside(edges: tuple[int, int], others: list[tuple[int, int]]) -> tuple[int,
     return (first, last) if last > first else edges
 
 
-def _squares(fitted: Residual, stretches: list[tuple[int, int]]) -> FloatArray:
+def _squares(fitted: FittedChannel, stretches: list[tuple[int, int]]) -> FloatArray:
     """Return the squares of the residuals, cut at so many robust deviations of the part of the record they are in."""
     outside = fitted.valid.copy()
     for first, last in stretches:
@@ -237,7 +241,7 @@ def refine(total: FloatArray, first: int, last: int) -> tuple[float, tuple[int, 
             return gain, (first, last)
 
 
-def extension(fitted: Residual, stretches: list[tuple[int, int]], which: int) -> Burst:
+def extension(fitted: FittedChannel, stretches: list[tuple[int, int]], which: int) -> Burst:
     """Return one of the stretches with its place, length and ratio of the variances of the white noise itself."""
     dt, begin = fitted.channel.interval, fitted.channel.start
     first, last = stretches[which]
@@ -269,7 +273,7 @@ def extension(fitted: Residual, stretches: list[tuple[int, int]], which: int) ->
     )
 
 
-def _ratio(fitted: Residual, seen: float, relative: float, share: float) -> Value:
+def _ratio(fitted: FittedChannel, seen: float, relative: float, share: float) -> Value:
     """Return the ratio of variances of the white noise, from that of the residuals and its relative deviation."""
     white = dilution(fitted)
     low, value, high = (

@@ -30,7 +30,7 @@ from models.arrays import SingleArray
 from models.probability import chi2_beyond
 from tuner.diagnosis.static.causes.base import Extension
 from tuner.diagnosis.static.channel import Channel
-from tuner.diagnosis.static.model.residual import Residual
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel
 from tuner.diagnosis.static.outcome import TestResult
 
 PARTS = (512, 256, 128, 64)
@@ -79,7 +79,7 @@ class Sweep(Extension):
         return replace(channel, y=y)
 
     @classmethod
-    def test(cls, fitted: Residual) -> TestResult:
+    def test(cls, fitted: FittedChannel) -> TestResult:
         """Search the residuals for a tone that sweeps from one end of the record to the other."""
         e = fitted.clipped
         tried = [parts for parts in PARTS if len(e) >= MIN_PART_SAMPLES * parts]

@@ -22,7 +22,7 @@ from models.effects.static.spectral import Comb as Effect
 from models.probability import chi2_beyond
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.channel import Channel
-from tuner.diagnosis.static.model.residual import Residual
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel
 from tuner.diagnosis.static.model.series_statistics import RESIDUAL_CLIP
 from tuner.diagnosis.static.outcome import NO_GAIN, TestResult
 from tuner.diagnosis.static.variance.quantized_noise import slow_track
@@ -130,7 +130,7 @@ class Comb(Extension):
         return np.minimum(at, number - 1)
 
     @classmethod
-    def test(cls, fitted: Residual) -> TestResult:
+    def test(cls, fitted: FittedChannel) -> TestResult:
         """Search for a period, and fold the residuals at it."""
         name = "sum of squared means over a period"
         score, period, number = _best_period(fitted)
@@ -157,7 +157,7 @@ class Comb(Extension):
         )
 
 
-def _best_period(fitted: Residual) -> tuple[float, float, int]:
+def _best_period(fitted: FittedChannel) -> tuple[float, float, int]:
     """Return the largest mean of the autocorrelation over multiples, in sds, its period, samples, and their number."""
     n = len(fitted.e)
     e = fitted.clipped - fitted.clipped.mean(dtype=float).astype(np.float32)
@@ -249,7 +249,7 @@ def _add(total: FloatArray, x: FloatArray) -> None:
         total[i] += x[i]
 
 
-def _refined(fitted: Residual, e: FloatArray, near: float) -> float:
+def _refined(fitted: FittedChannel, e: FloatArray, near: float) -> float:
     """Return the period next to one at which the residuals fold best.
 
     A first search sums the spectrum at the harmonics of each period, a second one turns the harmonics of `FOLDED_PARTS`
@@ -334,7 +334,7 @@ def _in_phase(e: FloatArray, near: float) -> tuple[float, float]:
     return near, phase
 
 
-def _extension(fitted: Residual, period: float, phase: float) -> Comb:
+def _extension(fitted: FittedChannel, period: float, phase: float) -> Comb:
     """Return the course over the period, with the spacing of its lines and its sd."""
     channel, n = fitted.cleaned, len(fitted.cleaned)
     slow, variance, _ = slow_track(fitted)

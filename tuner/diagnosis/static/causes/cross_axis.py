@@ -15,7 +15,7 @@ import numpy as np
 from models.effects.static.distribution import CrossAxis as Effect
 from models.probability import normal_beyond
 from tuner.diagnosis.cause import Cause
-from tuner.diagnosis.static.model.residual import Residual
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel
 from tuner.diagnosis.static.model.series_statistics import SAMPLES_AT_ONCE
 from tuner.types import Coefficient
 
@@ -56,12 +56,12 @@ class Shared:
     pairs: Mapping[str, Coefficient]
 
 
-def test(residuals: Mapping[str, Residual], limit: float) -> tuple[Shared, ...]:
+def test(residuals: Mapping[str, FittedChannel], limit: float) -> tuple[Shared, ...]:
     """Test all pairs of channels that were sampled together.
 
     Parameters
     ----------
-    residuals : mapping of str to Residual
+    residuals : mapping of str to FittedChannel
         Final residuals by axis.
     limit : float
         P-value below which a pair rejects, Bonferroni-corrected for all pairs.
@@ -78,7 +78,7 @@ def test(residuals: Mapping[str, Residual], limit: float) -> tuple[Shared, ...]:
     return tuple(_shared(group, found) for group in _groups(list(found)))
 
 
-def _correlation(a: Residual, b: Residual) -> tuple[float, int]:
+def _correlation(a: FittedChannel, b: FittedChannel) -> tuple[float, int]:
     """Return the correlation of clipped residuals that are valid in both channels, and their number."""
     number, sums, products = 0, np.zeros(2), np.zeros((2, 2))
     for first in range(0, len(a.valid), SAMPLES_AT_ONCE):
@@ -92,7 +92,7 @@ def _correlation(a: Residual, b: Residual) -> tuple[float, int]:
     return float(covariance[0, 1] / np.sqrt(covariance[0, 0] * covariance[1, 1])), number
 
 
-def _together(a: Residual, b: Residual) -> bool:
+def _together(a: FittedChannel, b: FittedChannel) -> bool:
     one, other = a.channel, b.channel
     same_clock = len(one) == len(other) and abs(one.start - other.start) < 0.5 * one.interval
     return same_clock and abs(one.interval - other.interval) < 1e-9 * one.interval

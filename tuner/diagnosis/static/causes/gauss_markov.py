@@ -14,7 +14,7 @@ import numpy as np
 from models.effects.static.spectral import CorrelatedDrift
 from models.probability import chi2_beyond
 from tuner.diagnosis.static.causes.base import Extension, Value
-from tuner.diagnosis.static.model.residual import Residual
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel
 from tuner.diagnosis.static.model.slow_likelihood import Fit
 from tuner.diagnosis.static.outcome import NO_GAIN, TestResult
 
@@ -33,7 +33,7 @@ class MoreMarkov(Extension):
     consequence = "a Gauss–Markov bias state to add, with this sd and time constant"
 
     @classmethod
-    def test(cls, fitted: Residual) -> TestResult:
+    def test(cls, fitted: FittedChannel) -> TestResult:
         """Test for a further Gauss–Markov process by a likelihood ratio."""
         name = "likelihood ratio of a further Gauss–Markov process"
         if not fitted.may_have_markov:

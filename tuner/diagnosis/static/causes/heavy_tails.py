@@ -25,8 +25,8 @@ from models.arrays import FloatArray
 from models.effects.static.distribution import HeavyTails as Effect
 from models.probability import normal_beyond, student_beyond
 from tuner.diagnosis.static.causes.base import Extension, Value
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel
 from tuner.diagnosis.static.model.null_distributions import maximum, minimum
-from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.model.series_statistics import moment
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.variance.histogram import Histogram, histogram
@@ -102,7 +102,7 @@ class HeavyTails(Extension):
         return np.asarray(-ndtri(np.maximum(beyond, 1e-300)))
 
     @classmethod
-    def test(cls, fitted: Residual) -> TestResult | None:
+    def test(cls, fitted: FittedChannel) -> TestResult | None:
         """Compare the kurtosis of the residuals with that of the normal law; None where missing codes make another."""
         if fitted.channel.missing_codes:
             return None
@@ -227,7 +227,7 @@ def student(bins: Histogram) -> Law:
     return Law(bins.normal_cost() - value, nu, relative)
 
 
-def extension(fitted: Residual, law: Law, sd: float) -> HeavyTails:
+def extension(fitted: FittedChannel, law: Law, sd: float) -> HeavyTails:
     """Return the extension with the excess kurtosis of the white noise; that of Student's law is 6/(ν − 4).
 
     `sd` is that of the white noise, in scales.

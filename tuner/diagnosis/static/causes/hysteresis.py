@@ -19,7 +19,7 @@ from tuner.diagnosis.static.causes.base import Value
 from tuner.diagnosis.static.causes.temperature import COVARIATE
 from tuner.diagnosis.static.causes.template import Template
 from tuner.diagnosis.static.channel import Channel
-from tuner.diagnosis.static.model.residual import Residual
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel
 
 WIDTHS = (0.02, 0.04, 0.08, 0.16, 0.32)
 """Widths of the play that are tried, in ranges of the temperature: factors of two, half of which is its error."""
@@ -69,6 +69,6 @@ class Hysteresis(Template):
         fallen = float((np.maximum.accumulate(celsius) - celsius).max())
         return min(risen, fallen) > MIN_TURN * float(np.ptp(celsius))
 
-    def with_joint_estimate(self, fitted: Residual, index: int, size: Value) -> Self:  # noqa: ARG002
+    def with_joint_estimate(self, fitted: FittedChannel, index: int, size: Value) -> Self:  # noqa: ARG002
         """Take the factor from the joint fit."""
         return replace(self, values={**self.values, "slope": replace(size, unit="{u}/K")})

@@ -26,7 +26,7 @@ from models.effects.static.spectral import Line as Effect
 from tuner.diagnosis.static.causes import vibration
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.channel import Channel
-from tuner.diagnosis.static.model.residual import Residual
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.spectrum.background import FIRST_ORDINATE, local_level
 
@@ -68,7 +68,7 @@ class Line(Extension):
         return np.asarray(self.cosine * np.cos(phase) + self.sine * np.sin(phase))
 
     @classmethod
-    def test(cls, fitted: Residual) -> TestResult:
+    def test(cls, fitted: FittedChannel) -> TestResult:
         """Search the spectrum of the residuals for a line."""
         n = len(fitted.e)
         name = "peak of the spectrum ÷ its neighbourhood"
@@ -98,7 +98,7 @@ class Line(Extension):
         )
 
 
-def resonance_lead(fitted: Residual, frequency: float) -> float:
+def resonance_lead(fitted: FittedChannel, frequency: float) -> float:
     """Return the log likelihood that a resonance has over the line at a frequency, Hz, of residuals that hold it."""
     span, power = fitted.spectrum
     level = local_level(power, 2 * NEIGHBOUR_COUNT)
@@ -118,14 +118,14 @@ def _chance(height: float, n: int) -> float:
     return float(min(1.0, 0.5 * n * np.sqrt(np.pi * nats / 3.0) * np.exp(-nats)))
 
 
-def _peak(fitted: Residual, near: float, level: float) -> tuple[float, float]:
+def _peak(fitted: FittedChannel, near: float, level: float) -> tuple[float, float]:
     """Return the height of the peak next to a frequency over a level, and its frequency, Hz."""
     n, e = len(fitted.e), fitted.clipped
     f, amplitude = _tone(fitted, near)
     return 0.25 * n * abs(amplitude) ** 2 / (float(np.mean(e * e, dtype=float)) * level), f
 
 
-def extension(fitted: Residual, near: float) -> Line:
+def extension(fitted: FittedChannel, near: float) -> Line:
     """Return the line next to a frequency, Hz."""
     n, dt = len(fitted.e), fitted.channel.interval
     f, z = _tone(fitted, near)
@@ -144,7 +144,7 @@ def extension(fitted: Residual, near: float) -> Line:
     )
 
 
-def _tone(fitted: Residual, near: float) -> tuple[float, complex]:
+def _tone(fitted: FittedChannel, near: float) -> tuple[float, complex]:
     """Return the frequency, Hz, next to a given one at which the clipped residuals have most power, and c − i s."""
     n, dt = len(fitted.e), fitted.channel.interval
     span = n * dt

@@ -37,7 +37,7 @@ from tuner.diagnosis.static.spectrum.shape import ShapeFit, ShapeTest, cutoffs, 
 from tuner.formats.customary_units import digits
 
 if TYPE_CHECKING:
-    from tuner.diagnosis.static.model.residual import Residual
+    from tuner.diagnosis.static.model.fitted_channel import FittedChannel
 
 
 MIN_INTERVAL_CHANGE = 0.05
@@ -115,7 +115,7 @@ class LowPass(ShapedWhiteNoise):
         """
         return self.gain(f, interval) < HALF_POWER if self.response else False
 
-    def refit(self, fitted: Residual, index: int) -> LowPass:
+    def refit(self, fitted: FittedChannel, index: int) -> LowPass:
         """Fit the filter again beside everything else, unless that hardly moves it."""
         data = bins(fitted, without=fitted.extensions[index])
         filters = fit_filters(data)

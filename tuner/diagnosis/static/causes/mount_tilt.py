@@ -27,9 +27,9 @@ from models.probability import chi2_beyond
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.dct import block_transform
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel
 from tuner.diagnosis.static.model.null_distributions import SLOW_RATIO_FACTOR
 from tuner.diagnosis.static.model.profile_likelihood import first_column, track_without
-from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.model.score_scan import MIN_SQUARE_SCORE
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.types import Unexplained
@@ -83,13 +83,13 @@ class MountTilt(Extension):
         """Return zeros: elsewhere the level moves otherwise."""
         return np.zeros_like(self.columns(channel))
 
-    def refit(self, fitted: Residual, index: int) -> MountTilt:
+    def refit(self, fitted: FittedChannel, index: int) -> MountTilt:
         """Place begin and end again, with the noise that is left beside the course."""
         better = _placed(fitted, track_without(fitted, index).columns, self.begin, self.end)
         same = abs(better.begin - self.begin) + abs(better.end - self.end) < 1e-6 * fitted.channel.blocks
         return self if same else better
 
-    def with_joint_estimate(self, fitted: Residual, index: int, size: Value) -> MountTilt:
+    def with_joint_estimate(self, fitted: FittedChannel, index: int, size: Value) -> MountTilt:
         """Take the angle from the joint fit, its place from the grid of likely ones."""
         placed = _placed(fitted, track_without(fitted, index).columns, self.begin, self.end)
         factor = fitted.channel.scale / lever(fitted.channel)
@@ -97,7 +97,7 @@ class MountTilt(Extension):
         return replace(self, values={**placed.values, "tilt": tilt})
 
     @classmethod
-    def test(cls, fitted: Residual) -> TestResult | None:
+    def test(cls, fitted: FittedChannel) -> TestResult | None:
         """Search an accelerometer axis for a level that moves and settles; None for other channels."""
         if lever(fitted.channel) == 0.0:
             return None
@@ -163,7 +163,7 @@ def _course(channel: Channel, begin: float, end: float) -> FloatArray:
     return np.asarray(np.clip((middle - begin) / max(end - begin, 1e-9), 0.0, 1.0))
 
 
-def _courses(fitted: Residual, known: FloatArray, knots: FloatArray) -> _Courses:
+def _courses(fitted: FittedChannel, known: FloatArray, knots: FloatArray) -> _Courses:
     """Score the courses between all knots, in blocks, beside known templates (K, q), at the noise as fitted."""
     channel, singles = fitted.channel, fitted.track.singles
     pieces = np.stack([(b - a) * _course(channel, a, b) for a, b in pairwise(knots)], axis=1)
@@ -183,7 +183,7 @@ def _courses(fitted: Residual, known: FloatArray, knots: FloatArray) -> _Courses
     return courses
 
 
-def _placed(fitted: Residual, known: FloatArray, begin: float, end: float) -> MountTilt:
+def _placed(fitted: FittedChannel, known: FloatArray, begin: float, end: float) -> MountTilt:
     """Return the best course about one, with the begins and durations that lose less than χ²₂ at 95 %."""
     channel = fitted.channel
     cell = min(channel.blocks / GRID_CELLS, 0.5 * (end - begin)) + 1.0
@@ -212,7 +212,7 @@ def _placed(fitted: Residual, known: FloatArray, begin: float, end: float) -> Mo
     return MountTilt(float(knots[p]), float(knots[q]), values=values)
 
 
-def stretched(finals: Mapping[str, Residual], limit: float) -> tuple[Unexplained, ...]:
+def stretched(finals: Mapping[str, FittedChannel], limit: float) -> tuple[Unexplained, ...]:
     """Test against a tilt: whether the specific force of a triad changes its length where an axis shows one.
 
     The changes d of all three axes over the clearest course, each with its deviation s, must be across the mean
@@ -220,7 +220,7 @@ def stretched(finals: Mapping[str, Residual], limit: float) -> tuple[Unexplained
 
     Parameters
     ----------
-    finals : mapping of str to Residual
+    finals : mapping of str to FittedChannel
         Final residuals by axis.
     limit : float
         Chance below which the length is not kept.
@@ -247,7 +247,7 @@ def stretched(finals: Mapping[str, Residual], limit: float) -> tuple[Unexplained
     return (Unexplained(name, tuple(triad), chance, about="slow part"),)
 
 
-def _moved(fitted: Residual, course: MountTilt) -> tuple[float, float]:
+def _moved(fitted: FittedChannel, course: MountTilt) -> tuple[float, float]:
     """Return how far an axis moves over a course, its own if it has one, and the deviation, m/s².
 
     Twice the deviation of the fit: the slow noise that it rests on is itself an estimate.

@@ -19,8 +19,8 @@ from models.effects.static.distribution import PeriodicVariance as Effect
 from tuner.curves.long_transforms import without_tables
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.channel import Channel
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel
 from tuner.diagnosis.static.model.null_distributions import any_of
-from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.outcome import NO_GAIN, TestResult
 from tuner.diagnosis.static.spectrum.background import local_level
 from tuner.diagnosis.static.variance.local_variance import local_variance
@@ -74,7 +74,7 @@ class PeriodicVariance(Extension):
         return np.asarray(e * np.exp(-0.5 * self.course(len(e))))
 
     @classmethod
-    def test(cls, fitted: Residual) -> TestResult:
+    def test(cls, fitted: FittedChannel) -> TestResult:
         """Search the squares of the residuals for a period."""
         n, interval = len(fitted.channel), fitted.channel.interval
         size = next_fast_len(n, real=True)
@@ -104,7 +104,7 @@ class PeriodicVariance(Extension):
         return float(np.mean(np.exp(self.course(4096)) > np.exp(self.course(4096)).mean()))
 
 
-def _scatter(fitted: Residual) -> SingleArray:
+def _scatter(fitted: FittedChannel) -> SingleArray:
     """Return the squares of the residuals less 1 ÷ their sd, shape (n,), 0 where nothing was measured."""
     local = local_variance(fitted)
     x = np.empty(len(local.square), np.float32)
@@ -114,7 +114,7 @@ def _scatter(fitted: Residual) -> SingleArray:
     return x
 
 
-def _extension(fitted: Residual, near: float) -> PeriodicVariance:
+def _extension(fitted: FittedChannel, near: float) -> PeriodicVariance:
     """Return the period next to a frequency, Hz, with its depth."""
     x = _scatter(fitted)
     n, dt = len(x), fitted.channel.interval

@@ -21,9 +21,9 @@ from tuner.diagnosis.static.causes.template import TimeConstantTemplate
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model import jump
 from tuner.diagnosis.static.model.dct import block_sums, block_transform
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel, without
 from tuner.diagnosis.static.model.null_distributions import EDGE_NATS, SLOW_RATIO_FACTOR, davies
 from tuner.diagnosis.static.model.profile_likelihood import first_column
-from tuner.diagnosis.static.model.residual import Residual, without
 from tuner.diagnosis.static.model.score_scan import Scan, judge, project, rest, scan, weights
 from tuner.diagnosis.static.outcome import NO_GAIN, TestResult
 from tuner.diagnosis.static.variance.quantized_noise import hides_noise
@@ -91,7 +91,7 @@ class Recovery(TimeConstantTemplate):
         return np.geomspace(shortest, MAX_SHARE * channel.span, TIME_CONSTANTS)
 
     @classmethod
-    def test(cls, fitted: Residual) -> TestResult | None:
+    def test(cls, fitted: FittedChannel) -> TestResult | None:
         """Search for a transient of any time constant at any block boundary.
 
         None where a quantizer hides the noise: means of a few blocks have no normal law there.
@@ -124,7 +124,7 @@ class Recovery(TimeConstantTemplate):
         step = np.diff(channel.y[self.first : max(last, self.first + 2)])
         return max(0.5 * float(np.mean(step**2)), 1.0)
 
-    def likeliest(self, fitted: Residual) -> Self:
+    def likeliest(self, fitted: FittedChannel) -> Self:
         """Return the transient near this one that scores most: its place in parts of a block, and its time constant."""
         found = self
         for _ in range(2):
@@ -132,12 +132,12 @@ class Recovery(TimeConstantTemplate):
             found = super(Recovery, found).likeliest(fitted)
         return found
 
-    def refit(self, fitted: Residual, index: int) -> Self:
+    def refit(self, fitted: FittedChannel, index: int) -> Self:
         """Fit the time constant again, and take the size as it is."""
         other = super().refit(fitted, index)
         return replace(other, jump=float(fitted.fit.beta[first_column(fitted, index)]))
 
-    def with_joint_estimate(self, fitted: Residual, index: int, size: Value) -> Self:
+    def with_joint_estimate(self, fitted: FittedChannel, index: int, size: Value) -> Self:
         """Take time, size and time constant from the joint fit."""
         bare = without(fitted, index)
         tried = self._near(fitted.channel)
@@ -165,14 +165,14 @@ class Recovery(TimeConstantTemplate):
         )
         return [replace(self, first=int(place)) for place in places]
 
-    def _placed(self, fitted: Residual) -> Self:
+    def _placed(self, fitted: FittedChannel) -> Self:
         """Return the one of these that scores most."""
         tried = self._near(fitted.channel)
         scores, _ = scan(fitted, np.stack([one.template(fitted.channel) for one in tried], axis=1))
         return tried[scores.best]
 
 
-def _scan(fitted: Residual, time_constant: float) -> Scan:
+def _scan(fitted: FittedChannel, time_constant: float) -> Scan:
     """Score a transient of one time constant, s, from each block boundary 1 … M − 1."""
     channel, m = fitted.channel, fitted.channel.blocks
     blocks = time_constant / (channel.block * channel.interval)

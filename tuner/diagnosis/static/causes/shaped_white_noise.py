@@ -14,7 +14,7 @@ from models.noise.arma import Arma
 from tuner.diagnosis.static.causes.base import Extension
 
 if TYPE_CHECKING:
-    from tuner.diagnosis.static.model.residual import Residual
+    from tuner.diagnosis.static.model.fitted_channel import FittedChannel
 
 
 MIN_ENLARGEMENT = 1.02
@@ -47,7 +47,9 @@ class ShapedWhiteNoise(Extension):
         """Return the rounding as white noise."""
         return (White(self.rounding * float(np.sqrt(interval))),) if self.rounding > 0 else ()
 
-    def white_noise_enlargement(self, before: Residual, after: Residual) -> tuple[float, str] | None:
+    def white_noise_enlargement(
+        self, before: FittedChannel, after: FittedChannel
+    ) -> tuple[float, str] | None:
         """Return the white density where the shape is flat ÷ that without it, and why, if it is clearly larger."""
         gain = self.gain(np.zeros(1), after.channel.interval)[0]
         density = after.model.white_density() * float(np.sqrt(gain))

@@ -28,7 +28,7 @@ from models.arrays import FloatArray
 from models.effects.static.distribution import SkewedNoise as Effect
 from models.probability import normal_beyond
 from tuner.diagnosis.static.causes.base import Extension, Value
-from tuner.diagnosis.static.model.residual import Residual
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel
 from tuner.diagnosis.static.model.series_statistics import moment
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.variance.local_variance import local_variance
@@ -86,7 +86,7 @@ class SkewedNoise(Extension):
     def _place(self, e: FloatArray) -> FloatArray:
         return np.maximum(1.0 + 0.5 * self.skewness * e, MIN_PLACE)
 
-    def refit(self, fitted: Residual, index: int) -> SkewedNoise:
+    def refit(self, fitted: FittedChannel, index: int) -> SkewedNoise:
         """Return the law of what is left where other causes, spikes above all, have changed its scale."""
         if self.scores is None or abs(np.log(fitted.spread)) < SAME_SCALE:
             return self
@@ -98,7 +98,7 @@ class SkewedNoise(Extension):
         return replace(self, scores=scores, values=_values(fitted, *skewness(e)))
 
     @classmethod
-    def test(cls, fitted: Residual) -> TestResult | None:
+    def test(cls, fitted: FittedChannel) -> TestResult | None:
         """Compare the third moment of the residuals with that of an even law; None where codes or rails make one."""
         channel = fitted.channel
         if channel.clipped or channel.missing_codes or local_variance(fitted).rounded:
@@ -133,13 +133,13 @@ class SkewedNoise(Extension):
         )
 
 
-def _between_codes(fitted: Residual, e: FloatArray) -> FloatArray:
+def _between_codes(fitted: FittedChannel, e: FloatArray) -> FloatArray:
     """Return residuals whose samples are spread over the step of their codes, which are no part of the law."""
     step = fitted.channel.quantizer_step / np.sqrt(fitted.expected_power.fast / fitted.channel.interval)
     return np.asarray(e + step * (np.random.default_rng(len(e)).random(len(e)) - 0.5)) if step else e
 
 
-def _values(fitted: Residual, seen: float, error: float) -> dict[str, Value]:
+def _values(fitted: FittedChannel, seen: float, error: float) -> dict[str, Value]:
     """Return the skewness of the white noise for that of the residuals and its standard error."""
     third = dilution(fitted).third
     return {"skewness": Value.of(seen / third, error / third)}

@@ -18,8 +18,8 @@ from models.effects.static.events import Spikes as Effect
 from models.probability import chi2_quantile, normal_beyond, normal_density, poisson_at_least
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.channel import Channel
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel
 from tuner.diagnosis.static.model.null_distributions import any_of, maximum
-from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.variance.histogram import Histogram, histogram
 
@@ -57,7 +57,7 @@ class Spikes(Extension):
         return channel.refilled(missing, np.random.default_rng(len(self.places)))
 
     @classmethod
-    def test(cls, fitted: Residual) -> TestResult:
+    def test(cls, fitted: FittedChannel) -> TestResult:
         """Test the number of residuals beyond five sds, and the largest one."""
         size = np.abs(fitted.good)
         n = len(size)
@@ -105,7 +105,7 @@ def gross(channel: Channel) -> TestResult | None:
     return TestResult("spikes", 0.0, float(sizes.max()), float(sizes.max()), name, lambda: (found,))
 
 
-def extension(fitted: Residual) -> Spikes:
+def extension(fitted: FittedChannel) -> Spikes:
     """Return the samples to be taken out, with the rate and the typical size."""
     e, dt = fitted.e, fitted.channel.interval
     places = np.flatnonzero((np.abs(e) > SPIKE_GATE) & fitted.valid)

@@ -20,8 +20,8 @@ from tuner.diagnosis.static.causes.template import Template
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model import jump
 from tuner.diagnosis.static.model.dct import block_transform
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel
 from tuner.diagnosis.static.model.profile_likelihood import MIN_LOG_CHANGE, first_column
-from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.model.score_scan import judge, scan_steps
 from tuner.diagnosis.static.outcome import NO_GAIN, TestResult
 
@@ -86,7 +86,7 @@ class Step(Template):
         return [cls(int(m) * channel.block) for m in places]
 
     @classmethod
-    def test(cls, fitted: Residual) -> TestResult:
+    def test(cls, fitted: FittedChannel) -> TestResult:
         """Search for a jump of the slow track."""
         scores, channel = scan_steps(fitted), fitted.channel
         if not scores.promising:
@@ -101,7 +101,7 @@ class Step(Template):
 
         return TestResult(cls.cause, result.p_value, result.gain, result.ratio, cls.statistic, propose)
 
-    def likeliest(self, fitted: Residual) -> Self:
+    def likeliest(self, fitted: FittedChannel) -> Self:
         """Return the best step about as far away as the candidates are apart."""
         scores, channel = scan_steps(fitted), fitted.channel
         boundary, reach = self.first // channel.block, channel.blocks // PLACES_IN_PAIRS
@@ -124,12 +124,12 @@ class Step(Template):
         """Return the step of size 1 on the samples, shape (n,)."""
         return np.where(np.arange(len(channel)) >= self.first, 1.0, 0.0)
 
-    def with_joint_estimate(self, fitted: Residual, index: int, size: Value) -> Self:
+    def with_joint_estimate(self, fitted: FittedChannel, index: int, size: Value) -> Self:
         """Take the size from the joint fit, beside what was taken out of the samples."""
         whole = Value(self.taken + size.value, self.taken + size.lower, self.taken + size.upper)
         return super().with_joint_estimate(fitted, index, whole)
 
-    def refit(self, fitted: Residual, index: int) -> Step:
+    def refit(self, fitted: FittedChannel, index: int) -> Step:
         """Place the step to the sample, with the size it has there."""
         if self.taken:
             return self

@@ -30,8 +30,8 @@ from models.noise import BiasInstability, GaussMarkov, RandomWalk, Term
 from models.probability import chi2_beyond
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.channel import Channel
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel
 from tuner.diagnosis.static.model.null_distributions import curvature
-from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.model.slow_likelihood import Fit
 from tuner.diagnosis.static.outcome import NO_GAIN, TestResult
 from tuner.diagnosis.static.switching.climb import climb
@@ -134,7 +134,7 @@ class Telegraph(Extension):
         return (GaussMarkov(self.sd, self.time_constant),)
 
     @classmethod
-    def test(cls, fitted: Residual) -> TestResult:
+    def test(cls, fitted: FittedChannel) -> TestResult:
         """Compare two levels with Gaussian noise on the block means."""
         channel = fitted.channel
         step = channel.block * channel.interval
@@ -284,7 +284,7 @@ def _search(
     step: float,
     span: float,
     r: FloatArray | float,
-    fitted: Residual,
+    fitted: FittedChannel,
     null: float,
     besides: type[Term] = GaussMarkov,
 ) -> tuple[float, FloatArray]:

@@ -12,7 +12,7 @@ from models.effects.static.thermal import TemperatureSquared as Effect
 from tuner.diagnosis.static.causes.temperature import COVARIATE
 from tuner.diagnosis.static.causes.template import Template
 from tuner.diagnosis.static.channel import Channel
-from tuner.diagnosis.static.model.residual import Residual
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel
 
 
 @dataclass(frozen=True)
@@ -41,6 +41,6 @@ class TemperatureSquared(Template):
         square = (celsius - (celsius.mean() if self.about is None else self.about)) ** 2
         return np.asarray(square - square.mean())
 
-    def likeliest(self, fitted: Residual) -> Self:
+    def likeliest(self, fitted: FittedChannel) -> Self:
         """Return the square about the mean of this record."""
         return replace(self, about=float(fitted.channel.covariates[COVARIATE].mean()))

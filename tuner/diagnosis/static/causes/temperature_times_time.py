@@ -16,7 +16,7 @@ from tuner.diagnosis.static.causes.template import Template
 from tuner.diagnosis.static.causes.warmup import Warmup
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.dct import block_transform
-from tuner.diagnosis.static.model.residual import Residual
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel
 from tuner.diagnosis.static.model.score_scan import scan
 from tuner.diagnosis.static.outcome import NO_GAIN, TestResult
 
@@ -44,7 +44,7 @@ class Ageing(Template):
         return np.asarray(centred(channel) * (channel.block_time / channel.span - 0.5))
 
     @classmethod
-    def test(cls, fitted: Residual) -> TestResult | None:
+    def test(cls, fitted: FittedChannel) -> TestResult | None:
         """Test as a template; without gain where a transient explains nearly as much."""
         result = super().test(fitted)
         if result is None or result.gain <= 0.0:
@@ -53,7 +53,7 @@ class Ageing(Template):
         return replace(result, gain=NO_GAIN) if weak else result
 
 
-def _transient_ratio(fitted: Residual) -> float:
+def _transient_ratio(fitted: FittedChannel) -> float:
     """Return the likelihood ratio of a warm-up of the best time constant, which is sought beyond its grid."""
     if fitted.count("warmup"):
         return 0.0

@@ -17,8 +17,8 @@ import numpy as np
 from models.arrays import FloatArray
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.channel import Channel
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel
 from tuner.diagnosis.static.model.profile_likelihood import MIN_LOG_CHANGE, best_constant, profile
-from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.model.score_scan import judge, likeliest, scan
 from tuner.diagnosis.static.outcome import NO_GAIN, TestResult
 
@@ -61,7 +61,7 @@ class Template(Extension):
         return cls.covariate is None or cls.covariate in channel.covariates
 
     @classmethod
-    def test(cls, fitted: Residual) -> TestResult | None:
+    def test(cls, fitted: FittedChannel) -> TestResult | None:
         """Scan the candidates and test the best one by a likelihood ratio."""
         channel = fitted.channel
         if not cls.applies(channel):
@@ -77,15 +77,15 @@ class Template(Extension):
             lambda: (tried[best].likeliest(fitted),),
         )  # fmt: skip
 
-    def likeliest(self, fitted: Residual) -> Self:  # noqa: ARG002
-        """Return the extension near a candidate that explains a residual best."""
+    def likeliest(self, fitted: FittedChannel) -> Self:  # noqa: ARG002
+        """Return the extension near a candidate that explains a fitted channel best."""
         return self
 
     def columns(self, channel: Channel) -> FloatArray:
         """Return the function on the blocks, shape (M, 1)."""
         return self.template(channel)[:, None]
 
-    def with_joint_estimate(self, fitted: Residual, index: int, size: Value) -> Self:  # noqa: ARG002
+    def with_joint_estimate(self, fitted: FittedChannel, index: int, size: Value) -> Self:  # noqa: ARG002
         """Take the factor from the joint fit."""
         name, unit = self.size
         return replace(self, values={**self.values, name: replace(size, unit=unit)})
@@ -111,11 +111,11 @@ class TimeConstantTemplate(Template):
         """Return the extension with another time constant, s."""
         return replace(self, time_constant=time_constant)
 
-    def likeliest(self, fitted: Residual) -> Self:
+    def likeliest(self, fitted: FittedChannel) -> Self:
         """Return the extension whose time constant, within a factor of two, scores most."""
         return self.at(likeliest(fitted, lambda x: self.at(x).template(fitted.channel), self.time_constant))
 
-    def refit(self, fitted: Residual, index: int) -> Self:
+    def refit(self, fitted: FittedChannel, index: int) -> Self:
         """Fit the time constant again, with the noise that is left beside the template."""
         constant = best_constant(
             fitted, index, lambda x: self.at(x).columns(fitted.channel), self.time_constant
@@ -123,7 +123,7 @@ class TimeConstantTemplate(Template):
         close = abs(np.log(constant / self.time_constant)) < MIN_LOG_CHANGE
         return self if close else self.at(constant)
 
-    def with_joint_estimate(self, fitted: Residual, index: int, size: Value) -> Self:
+    def with_joint_estimate(self, fitted: FittedChannel, index: int, size: Value) -> Self:
         """Take factor and time constant from the joint fit; an uncertain constant widens the interval of the factor."""
         reach = profile(fitted, index, lambda x: self.at(x).columns(fitted.channel), self.time_constant, size)
         name, unit = self.size

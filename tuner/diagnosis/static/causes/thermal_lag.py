@@ -25,9 +25,9 @@ from tuner.diagnosis.static.causes.temperature import COVARIATE, centred
 from tuner.diagnosis.static.causes.template import TimeConstantTemplate
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.dct import block_transform
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel
 from tuner.diagnosis.static.model.null_distributions import SLOW_RATIO_FACTOR
 from tuner.diagnosis.static.model.profile_likelihood import MIN_LOG_CHANGE, best_constant, first_column
-from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.model.score_scan import scan
 
 MAX_LAG_RATIO = 100.0
@@ -120,7 +120,7 @@ class ThermalLag(TimeConstantTemplate):
             columns[:, 1:] = 0.0
         return columns
 
-    def refit(self, fitted: Residual, index: int) -> Self:
+    def refit(self, fitted: FittedChannel, index: int) -> Self:
         """Fit the lag again; take the further templates that the record shows."""
         constant = best_constant(
             fitted, index, lambda x: self.at(x).columns(fitted.channel), self.time_constant
@@ -135,7 +135,7 @@ class ThermalLag(TimeConstantTemplate):
         """Return how a lag that did not begin at rest settles on the blocks, shape (M,)."""
         return np.asarray(np.exp(-channel.block_time / self.time_constant))
 
-    def with_joint_estimate(self, fitted: Residual, index: int, size: Value) -> Self:
+    def with_joint_estimate(self, fitted: FittedChannel, index: int, size: Value) -> Self:
         """Take slope and lag from the joint fit."""
         joint = super().with_joint_estimate(fitted, index, size)
         if not self.prompt:
@@ -146,14 +146,14 @@ class ThermalLag(TimeConstantTemplate):
         return replace(joint, values={**joint.values, "prompt_slope": prompt_slope})
 
 
-def further_ratio(fitted: Residual, template: FloatArray) -> float:
+def further_ratio(fitted: FittedChannel, template: FloatArray) -> float:
     """Return the likelihood ratio of a further template, given on the blocks (M,)."""
     fit = fitted.refit(block_transform(template[:, None], fitted.cleaned, fitted.track.singles))
     return 2.0 * SLOW_RATIO_FACTOR * (fit.log_likelihood - fitted.fit.log_likelihood)
 
 
-def beside_temperature(fitted: Residual) -> tuple[ThermalLag, float]:
-    """Return the lag that explains most beside a temperature that a residual has, and its likelihood ratio.
+def beside_temperature(fitted: FittedChannel) -> tuple[ThermalLag, float]:
+    """Return the lag that explains most beside a temperature that the fitted model has, and its likelihood ratio.
 
     The bias then follows the temperature in two ways, one of them late.
     """

@@ -23,7 +23,7 @@ from models.recursion import decaying_sum
 from tuner.diagnosis.static.causes.base import Extension
 from tuner.diagnosis.static.causes.recovery import MIN_BLOCKS
 from tuner.diagnosis.static.channel import Channel
-from tuner.diagnosis.static.model.residual import Residual
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel
 from tuner.diagnosis.static.outcome import NO_GAIN, TestResult
 
 SHORTEST_TIME, TIME_RATIO = 4.0, 2.5
@@ -52,7 +52,7 @@ class Transients(Extension):
         return replace(channel, y=channel.y - decaying_sum(begun, float(np.exp(-1.0 / self.time_constant))))
 
     @classmethod
-    def test(cls, fitted: Residual) -> TestResult:
+    def test(cls, fitted: FittedChannel) -> TestResult:
         """Count excursions of the products of the residuals with a decay."""
         e = (
             fitted.clipped

@@ -23,7 +23,7 @@ from models.probability import chi2_beyond
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.causes.temperature import COVARIATE
 from tuner.diagnosis.static.channel import Channel
-from tuner.diagnosis.static.model.residual import Residual
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.variance.local_variance import LEVEL_BLOCKS, block_variance
 from tuner.diagnosis.static.variance.white_share import dilution
@@ -68,7 +68,7 @@ class VarianceDrift(Extension):
         """Largest over usual standard deviation of the noise."""
         return float(np.exp(0.5 * max(self.course)))
 
-    def white_noise_enlargement(self, before: Residual, after: Residual) -> tuple[float, str]:  # noqa: ARG002
+    def white_noise_enlargement(self, before: FittedChannel, after: FittedChannel) -> tuple[float, str]:  # noqa: ARG002
         """Return the largest standard deviation ÷ its rms over the record."""
         rms = float(np.sqrt(np.mean(np.exp(self.course))))
         return self.largest_ratio / rms, "variance_drift: the noise where it is largest"
@@ -79,7 +79,7 @@ class VarianceDrift(Extension):
         return float(np.mean(variance > variance.mean()))
 
     @classmethod
-    def test(cls, fitted: Residual) -> TestResult:
+    def test(cls, fitted: FittedChannel) -> TestResult:
         """Regress the log variance of blocks on time, and on the temperature where it was measured."""
         span = fitted.channel.span
         results = [
@@ -131,7 +131,7 @@ def on_blocks(channel: Channel, values: FloatArray) -> FloatArray:
 
 
 def _regression(
-    fitted: Residual, x: FloatArray, name: str, width: float, unit: str, kind: type[VarianceDrift]
+    fitted: FittedChannel, x: FloatArray, name: str, width: float, unit: str, kind: type[VarianceDrift]
 ) -> TestResult:
     """Fit an exponential variance of the white noise in x, shape (`LEVEL_BLOCKS`,), to blocks; counts per x/width."""
     square, weight, usual = block_variance(fitted)

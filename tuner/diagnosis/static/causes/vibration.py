@@ -22,8 +22,8 @@ from models.effects.static.spectral import Vibration as Effect
 from models.noise import Term
 from models.noise.arma import Arma
 from tuner.diagnosis.static.causes.base import Extension, Value
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel
 from tuner.diagnosis.static.model.null_distributions import curvature, maximum, minimum
-from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.model.series_statistics import SAMPLES_AT_ONCE
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.spectrum.background import FIRST_ORDINATE, local_level
@@ -95,12 +95,12 @@ class Vibration(Extension):
             out[part] = resonance(half_angles(f[part], interval), interval, *self.pole(interval), self.sd)
         return out
 
-    def overlaps(self, fitted: Residual) -> bool:
+    def overlaps(self, fitted: FittedChannel) -> bool:
         """Return whether a resonance that was accepted already lies under this one, or its size is not known."""
         unknown = self.values["sd"].upper > 3.0 * self.sd
         return unknown or bool(taken(fitted, np.array([self.frequency]))[0])
 
-    def refit(self, fitted: Residual, index: int) -> Vibration:  # noqa: ARG002
+    def refit(self, fitted: FittedChannel, index: int) -> Vibration:  # noqa: ARG002
         """Fit the resonance again, over the noise as fitted with it, whose level may slope beside it."""
         dt, n = fitted.channel.interval, len(fitted.coefficients)
         df = 0.5 / (n * dt)
@@ -183,7 +183,7 @@ def _level_cost(mean: FloatArray, level: float, slope: float, place: FloatArray,
     return total
 
 
-def test(fitted: Residual, tested: ShapeTest) -> TestResult:
+def test(fitted: FittedChannel, tested: ShapeTest) -> TestResult:
     """Search the spectrum of the residuals for a resonance over the best monotonic spectrum."""
     df = 1.0 / (len(fitted.e) * fitted.channel.interval)
     number = len(fitted.periodogram)
@@ -218,7 +218,7 @@ def test(fitted: Residual, tested: ShapeTest) -> TestResult:
     return TestResult("vibration", p_value, gain - price, mean, name, lambda: (found,), local=True)
 
 
-def taken(fitted: Residual, frequency: FloatArray) -> BoolArray:
+def taken(fitted: FittedChannel, frequency: FloatArray) -> BoolArray:
     """Return which frequencies lie within the width of an accepted resonance: its form is no further one."""
     inside = np.zeros(len(frequency), dtype=bool)
     for x in fitted.extensions:
@@ -254,7 +254,7 @@ def _largest(values: FloatArray, number: int) -> SignedArray:
     return some[np.argsort(values[some])]
 
 
-def wide(tested: ShapeTest, fitted: Residual) -> TestResult:
+def wide(tested: ShapeTest, fitted: FittedChannel) -> TestResult:
     """Test for a resonance too wide to be compared with its neighbourhood: it competes with filters and colours."""
     name = "excess of the fast spectrum over white noise"
     if tested.resonance is None:
@@ -283,7 +283,7 @@ def _log_tail(ratio: float, width: float, reference: float) -> float:
     return float(log_density - np.log(reference))
 
 
-def rival(fitted: Residual, frequency: float, height: float) -> TestResult | None:
+def rival(fitted: FittedChannel, frequency: float, height: float) -> TestResult | None:
     """Return the test result of a resonance that explains a peak of the spectrum better than a line of that height.
 
     A line is one high ordinate, a resonance several: of exponential law, they gain the more the more there are.
@@ -299,7 +299,7 @@ def rival(fitted: Residual, frequency: float, height: float) -> TestResult | Non
     return TestResult("vibration", p_value, gain, gain, name, lambda: (found,), local=True)
 
 
-def lead_over_line(fitted: Residual, frequency: float, height: float) -> float:
+def lead_over_line(fitted: FittedChannel, frequency: float, height: float) -> float:
     """Return the log likelihood of a resonance less that of a line of this height at a frequency; −∞ where it is one.
 
     A resonance narrower than an ordinate is a line.
@@ -311,7 +311,7 @@ def lead_over_line(fitted: Residual, frequency: float, height: float) -> float:
 
 
 def extension(
-    fitted: Residual, background: FloatArray, middle: float, half: float, *, cap: float = MAX_ORDINATE
+    fitted: FittedChannel, background: FloatArray, middle: float, half: float, *, cap: float = MAX_ORDINATE
 ) -> tuple[float, Vibration]:
     """Return the resonance next to a window of frequency middle ± half, Hz, and the log likelihood it gains.
 

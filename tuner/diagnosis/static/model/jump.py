@@ -8,8 +8,8 @@ from models.arrays import FloatArray
 from tuner.diagnosis.static.causes.base import Value
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.dct import inverse, transform
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel
 from tuner.diagnosis.static.model.null_distributions import EDGE_NATS, SLOW_RATIO_FACTOR
-from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.model.score_scan import Scan
 
 CLEAR_BLOCKS = 16
@@ -19,7 +19,7 @@ Chosen so that slow noise hardly moves within them.
 """
 
 
-def likely_time(fitted: Residual, scores: Scan, boundary: int) -> Value:
+def likely_time(fitted: FittedChannel, scores: Scan, boundary: int) -> Value:
     """Return the time of a jump at a block boundary, with those that score nearly as well, s."""
     square, start = scores.score**2, fitted.channel.start
     likely = np.flatnonzero(square > square[boundary - 1] - 2.0 * EDGE_NATS / SLOW_RATIO_FACTOR) + 1

@@ -17,8 +17,8 @@ from scipy.optimize import minimize_scalar
 from models.arrays import FloatArray
 from tuner.diagnosis.static.causes.base import Value
 from tuner.diagnosis.static.model.dct import block_transform
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel
 from tuner.diagnosis.static.model.null_distributions import SLOW_RATIO_FACTOR
-from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.model.slow_likelihood import Track
 
 Template = Callable[[float], FloatArray]
@@ -53,12 +53,12 @@ class Profile:
     drift: float
 
 
-def first_column(fitted: Residual, index: int) -> int:
+def first_column(fitted: FittedChannel, index: int) -> int:
     """Return the place of the first template of extension `index` among the columns of the track."""
     return 1 + sum(int(x.columns(fitted.channel).shape[1]) for x in fitted.extensions[:index])
 
 
-def track_without(fitted: Residual, index: int) -> Track:
+def track_without(fitted: FittedChannel, index: int) -> Track:
     """Return the track without the templates of extension `index`."""
     at = first_column(fitted, index)
     width = fitted.extensions[index].columns(fitted.channel).shape[1]
@@ -66,7 +66,7 @@ def track_without(fitted: Residual, index: int) -> Track:
     return replace(fitted.track, columns=kept)
 
 
-def best_constant(fitted: Residual, index: int, template: Template, near: float) -> float:
+def best_constant(fitted: FittedChannel, index: int, template: Template, near: float) -> float:
     """Return the time constant next to `near`, s, of greatest likelihood at the fitted noise."""
     explained = _explained(fitted, index, template)
     bounds = (np.log(near / 2.0), np.log(near * 2.0))
@@ -74,7 +74,7 @@ def best_constant(fitted: Residual, index: int, template: Template, near: float)
     return float(np.exp(best.x))
 
 
-def _explained(fitted: Residual, index: int, template: Template) -> Callable[[float], float]:
+def _explained(fitted: FittedChannel, index: int, template: Template) -> Callable[[float], float]:
     """Return the squares that the templates explain at the fitted noise, for the logarithm of a time constant."""
     track = track_without(fitted, index)
     singles = track.singles
@@ -90,7 +90,7 @@ def _explained(fitted: Residual, index: int, template: Template) -> Callable[[fl
     return explained
 
 
-def profile(fitted: Residual, index: int, template: Template, centre: float, size: Value) -> Profile:
+def profile(fitted: FittedChannel, index: int, template: Template, centre: float, size: Value) -> Profile:
     """Return the 95 % interval of the time constant of an extension, s.
 
     `size` is that of its template at this time constant. As far as its interval is wider than the fitted noise

@@ -20,8 +20,8 @@ from scipy.optimize import minimize_scalar
 
 from models.arrays import FloatArray
 from tuner.diagnosis.static.model.dct import block_transform, step_scale, step_sums
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel
 from tuner.diagnosis.static.model.null_distributions import SLOW_RATIO_FACTOR, davies
-from tuner.diagnosis.static.model.residual import Residual
 
 MIN_SQUARE_SCORE = 6.0
 """Square of a score below which a template is not refitted.
@@ -65,17 +65,17 @@ class Judgement:
     gain: float
 
 
-def weights(fitted: Residual) -> FloatArray:
+def weights(fitted: FittedChannel) -> FloatArray:
     """Return 1/E of the single coefficients, shape (K,)."""
     return 1.0 / fitted.fit.expected[: fitted.track.singles]
 
 
-def rest(fitted: Residual) -> FloatArray:
+def rest(fitted: FittedChannel) -> FloatArray:
     """Return the residual coefficients, a − N β, shape (K,)."""
     return fitted.track.grid.amplitude[: fitted.track.singles] - fitted.track.columns @ fitted.fit.beta
 
 
-def project(fitted: Residual, templates: FloatArray) -> tuple[FloatArray, FloatArray]:
+def project(fitted: FittedChannel, templates: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return whitened templates (K, p) free of those of the model, and their norms (p,)."""
     root = np.sqrt(weights(fitted))[:, None]
     basis, _ = np.linalg.qr(fitted.track.columns * root)
@@ -87,7 +87,7 @@ def project(fitted: Residual, templates: FloatArray) -> tuple[FloatArray, FloatA
     return white / norm, norm
 
 
-def scan(fitted: Residual, columns: FloatArray) -> tuple[Scan, FloatArray]:
+def scan(fitted: FittedChannel, columns: FloatArray) -> tuple[Scan, FloatArray]:
     """Score templates given on the blocks, shape (M, p); return their coefficients (K, p) too."""
     templates = block_transform(columns, fitted.cleaned, fitted.track.singles)
     white, _ = project(fitted, templates)
@@ -95,7 +95,7 @@ def scan(fitted: Residual, columns: FloatArray) -> tuple[Scan, FloatArray]:
     return Scan(score, np.sum(white[:, :-1] * white[:, 1:], axis=0)), templates
 
 
-def likeliest(fitted: Residual, column: Callable[[float], FloatArray], near: float) -> float:
+def likeliest(fitted: FittedChannel, column: Callable[[float], FloatArray], near: float) -> float:
     """Return the time constant within a factor of two of `near`, s, whose template, shape (M,), scores most."""
     singles = fitted.track.singles
     target = rest(fitted) * np.sqrt(weights(fitted))
@@ -108,7 +108,7 @@ def likeliest(fitted: Residual, column: Callable[[float], FloatArray], near: flo
     return float(np.exp(best.x))
 
 
-def scan_steps(fitted: Residual) -> Scan:
+def scan_steps(fitted: FittedChannel) -> Scan:
     """Score a step at each block boundary 1 … M − 1."""
     channel, w = fitted.channel, weights(fitted)
     m, k = channel.blocks, np.arange(1, fitted.track.singles + 1)
@@ -137,7 +137,7 @@ def _cosine_sums(g: FloatArray, m: int) -> FloatArray:
     return np.concatenate((half, half[1 : m - len(half) + 1][::-1]))
 
 
-def judge(fitted: Residual, template: FloatArray, correlation: FloatArray, *, price: float) -> Judgement:
+def judge(fitted: FittedChannel, template: FloatArray, correlation: FloatArray, *, price: float) -> Judgement:
     """Test a template (K,) by refits; `price` is what the gain pays for the choice, nats."""
     ratio = max(0.0, 2.0 * (fitted.refit(template).log_likelihood - fitted.fit.log_likelihood))
     gain = 0.5 * ratio - price - 0.25 * float(np.log(fitted.channel.blocks))

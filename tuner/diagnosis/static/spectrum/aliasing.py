@@ -21,7 +21,7 @@ from models.noise import White
 from tuner.diagnosis.static.causes.base import gain_of
 from tuner.diagnosis.static.causes.colour import Colour
 from tuner.diagnosis.static.causes.lowpass import LowPass
-from tuner.diagnosis.static.model.residual import Residual
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel
 
 MIN_RATE_RATIO = 2.0
 """Least rate ÷ bandwidth without aliasing: the sampling theorem."""
@@ -29,7 +29,7 @@ MIN_RISE = 1.5
 """Noise at half the rate ÷ that at a tenth of it from which it rises; chosen clearly above the scatter of the bins."""
 
 
-def rises(fitted: Residual) -> bool:
+def rises(fitted: FittedChannel) -> bool:
     """Return whether the noise at half the rate is more than `MIN_RISE` times that at a tenth of it, peaks apart."""
     dt = fitted.channel.interval
     f = np.array([0.1, 0.499]) / dt
@@ -40,7 +40,7 @@ def rises(fitted: Residual) -> bool:
     return bool(high > MIN_RISE * low)
 
 
-def bandwidth(fitted: Residual) -> tuple[float, bool]:
+def bandwidth(fitted: FittedChannel) -> tuple[float, bool]:
     """Return the equivalent noise bandwidth of a channel, Hz, and whether it may as well be larger."""
     dt = fitted.channel.interval
     for shape in fitted.extensions:
@@ -53,7 +53,7 @@ def bandwidth(fitted: Residual) -> tuple[float, bool]:
     return 0.5 / dt, True
 
 
-def notes(finals: Mapping[str, Residual]) -> list[str]:
+def notes(finals: Mapping[str, FittedChannel]) -> list[str]:
     """Return one sentence for all channels of the same bandwidth, their names in front."""
     groups: dict[str, list[str]] = {}
     for axis, found in finals.items():

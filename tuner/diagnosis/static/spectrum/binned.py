@@ -23,7 +23,7 @@ from models.noise import Quantization, White
 from models.robust import MEDIAN_OF_CHI2
 from tuner.diagnosis.static.causes.base import Extension, gain_of, hidden_by, power_of
 from tuner.diagnosis.static.model.dct import MAX_SQUARE
-from tuner.diagnosis.static.model.residual import Residual, once, once_of_samples
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel, once, once_of_samples
 from tuner.diagnosis.static.model.series_statistics import row_medians
 from tuner.diagnosis.static.spectrum.fisher_scoring import sizes
 from tuner.diagnosis.static.variance.local_variance import course
@@ -53,7 +53,7 @@ class Bins:
     rounding : float
         Power of the rounding to codes, step²/12 a sample: it is white whatever the noise before it is.
     model : ndarray, shape (b,)
-        Power that the residual expects.
+        Power that the fitted model expects.
     """
 
     interval: float
@@ -101,8 +101,8 @@ class Sizes:
     cost: float
 
 
-def bins(fitted: Residual, without: Extension | None = None) -> Bins:
-    """Return the fast spectrum of a residual in bins, the shape of one extension not counted as known."""
+def bins(fitted: FittedChannel, without: Extension | None = None) -> Bins:
+    """Return the fast spectrum of a fitted channel in bins, the shape of one extension not counted as known."""
     dt, n = fitted.channel.interval, len(fitted.coefficients) - 1
     first, width = _range(n)
     inside = slice(first, first + width * BIN_COUNT)
@@ -143,14 +143,14 @@ def _range(n: int) -> tuple[int, int]:
 
 
 @once
-def _modelled(fitted: Residual) -> FloatArray:
+def _modelled(fitted: FittedChannel) -> FloatArray:
     """Return the expected power in bins, shape (b,)."""
     first, width = _range(len(fitted.coefficients) - 1)
     return fitted.expected_power.means(first, width, BIN_COUNT)
 
 
 @once_of_samples
-def _measured(fitted: Residual) -> FloatArray:
+def _measured(fitted: FittedChannel) -> FloatArray:
     """Return the squared coefficients in bins, lines cut, shape (b,)."""
     first, width = _range(len(fitted.coefficients) - 1)
     inside = fitted.coefficients[1 + first : 1 + first + width * BIN_COUNT].reshape(BIN_COUNT, width)

@@ -26,8 +26,8 @@ from scipy.optimize import minimize_scalar
 
 from models.arrays import FloatArray
 from models.probability import chi2_beyond
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel
 from tuner.diagnosis.static.model.null_distributions import maximum, minimum
-from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.spectrum.binned import Bins, Sizes, bins, costs, sized
 from tuner.diagnosis.static.spectrum.falling_curve import CURVE, falling_curve
 from tuner.diagnosis.static.spectrum.filters import (
@@ -307,7 +307,7 @@ class ShapeTest:
         return min(even, key=lambda fitted: fitted.cost, default=None)
 
 
-def few_shapes(fitted: Residual) -> ShapeTest:
+def few_shapes(fitted: FittedChannel) -> ShapeTest:
     """Fit the colours of first order and, where they or the bins reject white noise, the filters.
 
     That is what the background of a search for narrow resonances needs.

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from models.arrays import FloatArray
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel, once
 from tuner.diagnosis.static.model.null_distributions import variance_deviate
-from tuner.diagnosis.static.model.residual import Residual, once
 from tuner.diagnosis.static.model.series_statistics import RESIDUAL_CLIP
 from tuner.diagnosis.static.variance.quantized_noise import cell_moments
 
@@ -75,7 +75,7 @@ class LocalVariance:
 
 
 @once
-def local_variance(fitted: Residual) -> LocalVariance:
+def local_variance(fitted: FittedChannel) -> LocalVariance:
     """Return the squares of the residuals as estimates of the local variance, and their variances."""
     square, measured = np.clip(fitted.e, -RESIDUAL_CLIP, RESIDUAL_CLIP), fitted.valid
     square *= square
@@ -99,7 +99,7 @@ def local_variance(fitted: Residual) -> LocalVariance:
 
 
 @once
-def course(fitted: Residual) -> FloatArray:
+def course(fitted: FittedChannel) -> FloatArray:
     """Return the variance of each sample's noise ÷ its mean, shape (n,), as the extensions model it."""
     changing = [x for x in fitted.extensions if x.cause in ("burst", "variance_drift")]
     if not changing:
@@ -112,7 +112,7 @@ def course(fitted: Residual) -> FloatArray:
 
 
 @once
-def block_variance(fitted: Residual) -> tuple[FloatArray, FloatArray, float]:
+def block_variance(fitted: FittedChannel) -> tuple[FloatArray, FloatArray, float]:
     """Return the mean squares of `LEVEL_BLOCKS` even parts, their weights, shapes (`LEVEL_BLOCKS`,), and κ.
 
     The weights are numbers of samples of the usual κ: 2 weight/κ are the degrees of freedom of a mean square.

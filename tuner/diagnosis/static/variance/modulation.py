@@ -31,8 +31,8 @@ from models.probability import chi2_beyond
 from tuner.diagnosis.static.causes.temperature import COVARIATE
 from tuner.diagnosis.static.causes.variance_drift import middles, on_blocks
 from tuner.diagnosis.static.model.dct import block_transform
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel
 from tuner.diagnosis.static.model.null_distributions import any_of, variance_deviate
-from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.variance.local_variance import LEVEL_BLOCKS, block_variance
 from tuner.diagnosis.static.variance.normal_blocks import law_in_blocks
@@ -44,7 +44,7 @@ MIN_BLOCK_SHARE = 0.5
 """Share of the usual number of samples from which a block counts; chosen so that its variance is at most doubled."""
 
 
-def test(fitted: Residual) -> tuple[TestResult, TestResult, TestResult]:
+def test(fitted: FittedChannel) -> tuple[TestResult, TestResult, TestResult]:
     """Test the local variance of the blocks against periods, against the bias, and against being even."""
     deviate, basis = _deviates(fitted)
     periodic, cycles = _periodic(deviate, basis)
@@ -71,7 +71,7 @@ def test(fitted: Residual) -> tuple[TestResult, TestResult, TestResult]:
     )  # fmt: skip
 
 
-def _worst_part(fitted: Residual, deviate: FloatArray) -> str:
+def _worst_part(fitted: FittedChannel, deviate: FloatArray) -> str:
     """Return the time of the part of the record whose variance is farthest off, in words."""
     worst, length = int(np.argmax(np.abs(deviate))), fitted.channel.span / LEVEL_BLOCKS
     first = fitted.channel.start + worst * length
@@ -83,7 +83,7 @@ def _unnamed(family: str, p_value: float, statistic: float, name: str) -> TestRe
     return TestResult(family, p_value, 0.0, statistic, name)
 
 
-def _deviates(fitted: Residual) -> tuple[FloatArray, FloatArray]:
+def _deviates(fitted: FittedChannel) -> tuple[FloatArray, FloatArray]:
     """Return the deviates of the blocks, shape (`LEVEL_BLOCKS`,), and the orthonormal columns taken out."""
     square, weight, kappa = block_variance(fitted)
     filled = weight > MIN_BLOCK_SHARE * float(np.median(weight))
@@ -119,7 +119,7 @@ def _periodic(deviate: FloatArray, basis: FloatArray) -> tuple[float, float]:
     return float(value[best]), float(CYCLES[best])
 
 
-def bias_track(fitted: Residual) -> FloatArray:
+def bias_track(fitted: FittedChannel) -> FloatArray:
     """Return the slow part of the samples as the model sees it, at the variance blocks, shape (`LEVEL_BLOCKS`,)."""
     track, fit = fitted.track, fitted.fit
     low = slice(0, LEVEL_BLOCKS - 1)

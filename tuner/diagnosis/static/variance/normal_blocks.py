@@ -12,12 +12,12 @@ import numpy as np
 from models.arrays import FloatArray
 from tuner.diagnosis.static.causes.heavy_tails import HeavyTails
 from tuner.diagnosis.static.causes.skewed_noise import SkewedNoise
-from tuner.diagnosis.static.model.residual import Residual, once
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel, once
 from tuner.diagnosis.static.variance.local_variance import course
 
 
 @once
-def law_in_blocks(fitted: Residual) -> FloatArray:
+def law_in_blocks(fitted: FittedChannel) -> FloatArray:
     """Return what the law of the white noise adds to the block means beside normal noise, shape (M,), in scales."""
     laws = [x for x in fitted.extensions if isinstance(x, HeavyTails | SkewedNoise)]
     if not laws:

@@ -26,7 +26,7 @@ from models.arrays import FloatArray
 from models.noise import NoiseModel, Quantization, White
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.dct import inverse
-from tuner.diagnosis.static.model.residual import Residual, once_of_samples
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel, once_of_samples
 
 MAX_FINE_STEP = 1.0
 """Step ÷ sd up to which the place in a cell does not matter: the variance is constant within 1e-7."""
@@ -125,7 +125,7 @@ def moments(sd: float, deadband: float = 0.0, unsure: float = 0.0) -> Moments:
     return Moments(reach, place, (1.0 + 1e-12) * place + shift, variance, scatter)
 
 
-def cell_moments(fitted: Residual) -> tuple[FloatArray, FloatArray] | None:
+def cell_moments(fitted: FittedChannel) -> tuple[FloatArray, FloatArray] | None:
     """Return the variance of every sample ÷ that of the usual one, and κ; shapes (n,). None where rounding is fine.
 
     Samples that say nothing of their noise have κ = ∞.
@@ -166,7 +166,7 @@ def _sd_of(seen: float, place: FloatArray, deadband: float, unsure: float) -> fl
 
 
 @once_of_samples
-def hides_noise(fitted: Residual) -> bool:
+def hides_noise(fitted: FittedChannel) -> bool:
     """Return whether samples do not show their noise: interpolated, or codes of more than `MAX_TELLING_STEP` sd.
 
     The sd is that of the samples in a block about its mean, with coloured noise: all of it moves them between codes.
@@ -183,14 +183,14 @@ def hides_noise(fitted: Residual) -> bool:
     return _sd_of(seen, np.sort(x.mean(axis=1)), dead, 0.0) * MAX_TELLING_STEP < 1.0
 
 
-def is_coarse(fitted: Residual) -> bool:
+def is_coarse(fitted: FittedChannel) -> bool:
     """Return whether a step exceeds `MIN_COARSE_STEP` sd of the white noise: the place in a cell matters."""
     white = sum(t.density**2 for t in fitted.fit.terms() if isinstance(t, White)) / fitted.channel.interval
     step = fitted.channel.quantizer_step
     return step**2 > MIN_COARSE_STEP**2 * max(fitted.spread**2 * white - step**2 / 12.0, 0.0) and step > 0.0
 
 
-def _noise_power(fitted: Residual) -> FloatArray:
+def _noise_power(fitted: FittedChannel) -> FloatArray:
     """Return the power of white noise and quantization at coefficients 1 … n − 1, not above that of the model."""
     dt, n = fitted.channel.interval, len(fitted.coefficients)
     f = np.linspace(0.0, 0.5 / dt, CELL_PLACES**2)
@@ -200,7 +200,7 @@ def _noise_power(fitted: Residual) -> FloatArray:
     return np.minimum(np.interp(np.arange(1.0, n) / (2.0 * n * dt), f, noise), fitted.power)
 
 
-def slow_track(fitted: Residual) -> tuple[FloatArray, float, float]:
+def slow_track(fitted: FittedChannel) -> tuple[FloatArray, float, float]:
     """Return the samples without their white noise and quantization, as the model sees them, shape (n,), in scales.
 
     In the cosine domain s = Cβ + (1 − W/E)(a − Cβ), with W the power of the noise. Its variance comes with it, mean W,

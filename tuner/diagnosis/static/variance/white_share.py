@@ -17,7 +17,7 @@ import numpy as np
 
 from models.noise import White
 from tuner.diagnosis.static.causes.base import gain_of, hidden_by
-from tuner.diagnosis.static.model.residual import Residual
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel
 
 FREQUENCY_COUNT = 4096
 """Frequencies, even up to half the rate, at which the filter is computed.
@@ -58,7 +58,7 @@ class Dilution:
         return max(1.0 + excess / max(a - excess * (1.0 - a) * share, MIN_WHITE_SHARE * a), 1e-3)
 
 
-def dilution(fitted: Residual) -> Dilution:
+def dilution(fitted: FittedChannel) -> Dilution:
     """Return the shares of white noise in the residuals."""
     dt = fitted.channel.interval
     f = np.linspace(0.0, 0.5 / dt, FREQUENCY_COUNT + 1)

@@ -1,4 +1,4 @@
-"""Near twins: slow shapes that errors of a thermometer or of a model turn into each other, and which of them is named.
+"""Causes that errors of a thermometer or of a model turn into each other, near twins, and which of them is named.
 
 A shape that follows a measured quantity goes before one of time alone; a lag, a slope with a rate and a slope with a
 square are compared with each other once one of them was accepted.
@@ -27,8 +27,8 @@ from tuner.diagnosis.static.causes.warmup import Warmup
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.hypothesis_tests import retest
 from tuner.diagnosis.static.model.dct import block_transform
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel, extended, fit_channel, without
 from tuner.diagnosis.static.model.null_distributions import SLOW_RATIO_FACTOR
-from tuner.diagnosis.static.model.residual import Residual, extended, residual, without
 from tuner.diagnosis.static.model.score_scan import judge, scan
 from tuner.diagnosis.static.outcome import Accepted, TestResult
 from tuner.types import Alternative
@@ -68,7 +68,7 @@ THERMAL = (Temperature, TemperatureRate, TemperatureSquared, ThermalLag, Hystere
 """Causes that are functions of the temperature."""
 
 
-def measured_first(result: TestResult, rejections: list[TestResult]) -> TestResult:
+def measured_first(result: TestResult, candidates: list[TestResult]) -> TestResult:
     """Return a result, or in place of a smooth shape its near twin that is the temperature itself, or lags it.
 
     A shape of time gives way to both; another function of the temperature to the temperature only.
@@ -78,13 +78,13 @@ def measured_first(result: TestResult, rejections: list[TestResult]) -> TestResu
     if named is None or not issubclass(named, Template) or named.abrupt or result.cause in plain:
         return result
     for cause in plain if named.covariate is None else plain[:1]:
-        for other in rejections:
+        for other in candidates:
             if other.cause == cause and other.gain > result.gain - NEAR_TWIN_NATS:
                 return other
     return result
 
 
-def behind_thermometer(fitted: Residual, result: TestResult, threshold: float) -> TestResult:
+def behind_thermometer(fitted: FittedChannel, result: TestResult, threshold: float) -> TestResult:
     """Return a result, or in place of a smooth shape of time a temperature behind a thermometer that is late.
 
     A thermometer late by τ reads T − τ dT/dt: what follows T follows its reading, and the rate of that.
@@ -106,7 +106,7 @@ def behind_thermometer(fitted: Residual, result: TestResult, threshold: float) -
     return TestResult(Temperature.cause, p_value, gain, ratio, name, lambda: pair)
 
 
-def warming_box(fitted: Residual, result: TestResult, threshold: float) -> TestResult:
+def warming_box(fitted: FittedChannel, result: TestResult, threshold: float) -> TestResult:
     """Return a result, or in place of a warm-up the temperature, where that warms alike but for errors of its readings.
 
     Errors of a thermometer that stay for minutes cost a bias that follows the true temperature more than any shape of
@@ -149,7 +149,7 @@ def twins(one: str, other: str) -> bool:
     return one != other and (slow or {one, other} == SPECTRUM_TWINS)
 
 
-def without_lag(fitted: Residual, accepted: list[Accepted]) -> tuple[Residual, list[Accepted]]:
+def without_lag(fitted: FittedChannel, accepted: list[Accepted]) -> tuple[FittedChannel, list[Accepted]]:
     """Return the model with the temperature itself where its lag is not worth its price beside what else was found.
 
     A transient that was not in the model yet can make a lag look needed.
@@ -161,7 +161,7 @@ def without_lag(fitted: Residual, accepted: list[Accepted]) -> tuple[Residual, l
             continue
         plain = list(fitted.extensions)
         plain[given + at] = Temperature()
-        other = residual(fitted.channel, tuple(plain), starts=fitted.starts, near=fitted)
+        other = fit_channel(fitted.channel, tuple(plain), starts=fitted.starts, near=fitted)
         other = _refitted(other)
         lead = fitted.fit.log_likelihood - other.fit.log_likelihood
         if lead < ALTERNATIVE_NATS:
@@ -171,7 +171,7 @@ def without_lag(fitted: Residual, accepted: list[Accepted]) -> tuple[Residual, l
     return fitted, accepted
 
 
-def with_one_lag(fitted: Residual, accepted: list[Accepted]) -> tuple[Residual, list[Accepted]]:
+def with_one_lag(fitted: FittedChannel, accepted: list[Accepted]) -> tuple[FittedChannel, list[Accepted]]:
     """Return the model with one lag in place of a temperature and its rate, where that explains as much.
 
     A short lag τ is L = T − τ dT/dt.
@@ -196,7 +196,7 @@ def with_one_lag(fitted: Residual, accepted: list[Accepted]) -> tuple[Residual, 
     return other, [*(a for at, a in enumerate(accepted) if at not in (first, second)), lag]
 
 
-def with_curve(fitted: Residual, accepted: list[Accepted]) -> tuple[Residual, list[Accepted]]:
+def with_curve(fitted: FittedChannel, accepted: list[Accepted]) -> tuple[FittedChannel, list[Accepted]]:
     """Return the model with slope and square of the temperature in place of a lag that explains less, or as its twin.
 
     Neither of the two explains alone what a lag, with two parameters, does.
@@ -207,7 +207,7 @@ def with_curve(fitted: Residual, accepted: list[Accepted]) -> tuple[Residual, li
             continue
         pair = (Temperature(), TemperatureSquared())
         changed = (*fitted.extensions[: given + at], *pair, *fitted.extensions[given + at + 1 :])
-        other = residual(fitted.channel, changed, starts=fitted.starts, near=fitted)
+        other = fit_channel(fitted.channel, changed, starts=fitted.starts, near=fitted)
         lead = other.fit.log_likelihood - fitted.fit.log_likelihood
         if abs(lead) > NEAR_TWIN_NATS and lead < 0.0:
             return fitted, accepted
@@ -225,7 +225,7 @@ def with_curve(fitted: Residual, accepted: list[Accepted]) -> tuple[Residual, li
     return fitted, accepted
 
 
-def with_lag(fitted: Residual, accepted: list[Accepted]) -> tuple[Residual, list[Accepted]]:
+def with_lag(fitted: FittedChannel, accepted: list[Accepted]) -> tuple[FittedChannel, list[Accepted]]:
     """Return the model with a lag in place of a temperature that a second, late way is clearly wanted beside."""
     given = len(fitted.extensions) - len(accepted)
     for at, one in enumerate(accepted):
@@ -235,14 +235,14 @@ def with_lag(fitted: Residual, accepted: list[Accepted]) -> tuple[Residual, list
         if ratio < LAG_LIKELIHOOD_RATIO:
             return fitted, accepted
         wider = [*fitted.extensions[: given + at], lag, *fitted.extensions[given + at + 1 :]]
-        other = residual(fitted.channel, tuple(wider), starts=fitted.starts, near=fitted)
+        other = fit_channel(fitted.channel, tuple(wider), starts=fitted.starts, near=fitted)
         other = _refitted(other)
         changed = replace(one, extension=other.extensions[given + at])
         return other, [*accepted[:at], changed, *accepted[at + 1 :]]
     return fitted, accepted
 
 
-def with_steps(fitted: Residual, accepted: list[Accepted]) -> tuple[Residual, list[Accepted]]:
+def with_steps(fitted: FittedChannel, accepted: list[Accepted]) -> tuple[FittedChannel, list[Accepted]]:
     """Return the model with steps in place of recoveries that explain no more: of all of them, or of one.
 
     A first step beside a second one that is not in the model yet looks as if it decayed, and so does one on slow noise,
@@ -258,7 +258,7 @@ def with_steps(fitted: Residual, accepted: list[Accepted]) -> tuple[Residual, li
             reach = STEP_REACH * channel.block * channel.interval
             placed = {"time": Value(time, time - reach, time + reach, "s")}
             changed[given + at] = Step(decays[at].first, values=placed)
-        other = _refitted(residual(channel, tuple(changed), starts=fitted.starts, near=fitted))
+        other = _refitted(fit_channel(channel, tuple(changed), starts=fitted.starts, near=fitted))
         lead = fitted.fit.log_likelihood - other.fit.log_likelihood
         price = sum(
             NEAR_TWIN_NATS if decays[at].time_constant > longest else ALTERNATIVE_NATS for at in chosen
@@ -275,7 +275,9 @@ def with_steps(fitted: Residual, accepted: list[Accepted]) -> tuple[Residual, li
     return fitted, accepted
 
 
-def without_line_of_resonance(fitted: Residual, accepted: list[Accepted]) -> tuple[Residual, list[Accepted]]:
+def without_line_of_resonance(
+    fitted: FittedChannel, accepted: list[Accepted]
+) -> tuple[FittedChannel, list[Accepted]]:
     """Return the model without a line within the width of a resonance that explains as much alone, fitted again.
 
     The highest ordinate of a sharp resonance is found first, and looks like a line.
@@ -295,13 +297,13 @@ def without_line_of_resonance(fitted: Residual, accepted: list[Accepted]) -> tup
     return fitted, accepted
 
 
-def _refitted(fitted: Residual) -> Residual:
+def _refitted(fitted: FittedChannel) -> FittedChannel:
     """Return the model with every extension fitted again beside the others."""
     refits = tuple(x.refit(fitted, i) for i, x in enumerate(fitted.extensions))
-    return residual(fitted.channel, refits, starts=fitted.starts, near=fitted)
+    return fit_channel(fitted.channel, refits, starts=fitted.starts, near=fitted)
 
 
-def _spectrum_likelihood(fitted: Residual) -> float:
+def _spectrum_likelihood(fitted: FittedChannel) -> float:
     """Return the log likelihood of the coefficients of the residual, nats up to a constant."""
     power = fitted.power * fitted.spread**2
     return -0.5 * float(np.sum(np.log(power) + fitted.coefficients[1:] ** 2 / power))

@@ -1,4 +1,4 @@
-"""Whitened residuals of a channel under a noise model and its extensions, which all tests use.
+"""A channel with its noise model and extensions fitted, and its whitened residuals, which all tests use.
 
 A channel, its extensions and a fit of its noise make residuals that are independent standard normal numbers where the
 model is right::
@@ -46,8 +46,8 @@ In simulations the score foretold 0.3 to 1.3 of ratios above 4; a finding needs 
 
 
 @dataclass(frozen=True)
-class Residual:
-    """Residuals of a channel under a model.
+class FittedChannel:
+    """A channel, its model as fitted, and its residuals under that.
 
     Attributes
     ----------
@@ -83,7 +83,7 @@ class Residual:
         """Return what a copy for another process has: nothing that is computed `once`, whose keys are functions."""
         return {**self.__dict__, "known_of_samples": {}, "known": {}}
 
-    def beside_others(self, channel: Channel) -> Residual:
+    def beside_others(self, channel: Channel) -> FittedChannel:
         """Return what is compared with other channels: the fit and the clipped residuals, but no other samples.
 
         `channel` is its own channel, with or without samples.
@@ -288,21 +288,21 @@ class Residual:
         return size * self.channel.interval, unit_periodogram(self.clipped, size)
 
 
-def once(make: Callable[[Residual], T]) -> Callable[[Residual], T]:
-    """Return the function with a cache: its value for a residual is stored with that residual, for all tests."""
+def once(make: Callable[[FittedChannel], T]) -> Callable[[FittedChannel], T]:
+    """Return the function with a cache: its value for a fitted channel is stored with it, for all tests."""
     return _stored(make, lambda fitted: fitted.known)
 
 
-def once_of_samples(make: Callable[[Residual], T]) -> Callable[[Residual], T]:
+def once_of_samples(make: Callable[[FittedChannel], T]) -> Callable[[FittedChannel], T]:
     """Return `once` for a function of the cleaned samples alone, which residuals of the same cleaners share."""
     return _stored(make, lambda fitted: fitted.known_of_samples)
 
 
 def _stored(
-    make: Callable[[Residual], T], where: Callable[[Residual], dict[Any, T]]
-) -> Callable[[Residual], T]:
+    make: Callable[[FittedChannel], T], where: Callable[[FittedChannel], dict[Any, T]]
+) -> Callable[[FittedChannel], T]:
     @wraps(make)
-    def kept(fitted: Residual) -> T:
+    def kept(fitted: FittedChannel) -> T:
         if make not in (made := where(fitted)):
             made[make] = make(fitted)
         return made[make]
@@ -335,13 +335,13 @@ def _crossing(drop: Callable[[float], float], centre: float, step: float) -> flo
     return centre + high
 
 
-def residual(
+def fit_channel(
     channel: Channel,
     extensions: tuple[Extension, ...] = (),
     *,
     starts: dict[Kinds, FloatArray] | None = None,
-    near: Residual | None = None,
-) -> Residual:
+    near: FittedChannel | None = None,
+) -> FittedChannel:
     """Fit a channel with these extensions.
 
     Parameters
@@ -352,7 +352,7 @@ def residual(
         The model beyond the base noise.
     starts : dict, optional
         Logs of the parameters of each kind of noise to start from.
-    near : Residual, optional
+    near : FittedChannel, optional
         One of the same channel, whose coefficients serve again where the cleaners are the same.
     """
     singles = channel.blocks // 2
@@ -376,21 +376,21 @@ def residual(
     fits = sorted((track.fit(kind, known.get(kind)) for kind in kinds), key=lambda fit: -fit.log_likelihood)
     shapes = near.shapes if near is not None and near.channel is channel else {}
     same = {extension: shapes[extension] for extension in extensions if extension in shapes}
-    return Residual(channel, cleaned, extensions, track, tuple(fits), a, same, made)
+    return FittedChannel(channel, cleaned, extensions, track, tuple(fits), a, same, made)
 
 
-def without(fitted: Residual, index: int) -> Residual:
-    """Return the residual with one extension taken out."""
+def without(fitted: FittedChannel, index: int) -> FittedChannel:
+    """Return the channel fitted with one extension less."""
     kept = tuple(x for i, x in enumerate(fitted.extensions) if i != index)
-    return residual(fitted.channel, kept, starts=fitted.starts, near=fitted)
+    return fit_channel(fitted.channel, kept, starts=fitted.starts, near=fitted)
 
 
-def extended(fitted: Residual, extension: Extension) -> Residual:
-    """Return the residual with one extension more."""
-    return residual(fitted.channel, (*fitted.extensions, extension), starts=fitted.starts, near=fitted)
+def extended(fitted: FittedChannel, extension: Extension) -> FittedChannel:
+    """Return the channel fitted with one extension more."""
+    return fit_channel(fitted.channel, (*fitted.extensions, extension), starts=fitted.starts, near=fitted)
 
 
-def relabelled(fitted: Residual, extensions: tuple[Extension, ...]) -> Residual:
-    """Return the residual with other values in its extensions."""
+def relabelled(fitted: FittedChannel, extensions: tuple[Extension, ...]) -> FittedChannel:
+    """Return the same fit with other values in its extensions."""
     same = {extension: fitted.shapes[extension] for extension in extensions if extension in fitted.shapes}
     return replace(fitted, extensions=extensions, shapes=same)

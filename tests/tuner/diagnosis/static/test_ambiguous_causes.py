@@ -7,10 +7,10 @@ from scipy.signal import lfilter
 
 from tests.tuner.diagnosis.static.test_large_changes import COUNT, RATE, T, found, noise
 from tests.tuner.diagnosis.static.test_spectrum_shapes import fitted
+from tuner.diagnosis.static.ambiguous_causes import with_steps
 from tuner.diagnosis.static.causes.recovery import Recovery
 from tuner.diagnosis.static.channel import channel
-from tuner.diagnosis.static.model.residual import residual
-from tuner.diagnosis.static.near_twins import with_steps
+from tuner.diagnosis.static.model.fitted_channel import fit_channel
 from tuner.diagnosis.static.outcome import Accepted, TestResult
 from tuner.diagnosis.static.spectrum.shape import few_shapes, many_shapes
 from tuner.types import Diagnosis
@@ -33,7 +33,7 @@ def test_recoveries_that_explain_no_more_than_steps_are_steps():
     y = noise(8) + 1.0 * (T >= 150.0) - 0.7 * (T >= 250.0)
     samples = channel(Record("gyro", T, 1e-3 * y[:, None], ("gyro_x",), "rad/s", 1.0 / RATE), "gyro_x")
     decays = tuple(Recovery(0.8 * T[-1], int(at * RATE)) for at in (150.0, 250.0))
-    before = residual(samples, decays)
+    before = fit_channel(samples, decays)
     taken = TestResult("recovery", 1e-9, 40.0, 100.0, "")
     after, accepted = with_steps(before, [Accepted(one, taken) for one in decays])
     assert [one.cause for one in after.extensions] == ["step", "step"]
@@ -47,7 +47,7 @@ def test_a_step_on_slow_noise_is_no_recovery_that_hardly_decays():
     y[at:] += 0.3 * np.exp(-(np.arange(at, COUNT) - at) / (0.33 * COUNT))
     samples = channel(Record("gyro", T, 1e-3 * y[:, None], ("gyro_x",), "rad/s", 1.0 / RATE), "gyro_x")
     decay = Recovery(0.33 * T[-1], at)
-    before = residual(samples, (decay,))
+    before = fit_channel(samples, (decay,))
     after, (one,) = with_steps(before, [Accepted(decay, TestResult("recovery", 1e-9, 40.0, 100.0, ""))])
     assert 3.0 < before.fit.log_likelihood - after.fit.log_likelihood < 10.0
     assert one.extension.cause == "step"
