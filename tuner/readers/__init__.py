@@ -1,8 +1,9 @@
 """Logs of any format become records: even in time, in SI units, every repair noted.
 
 `read` finds the format by the ending of the name, else by the first bytes (`log_format`). One file a format lists the
-columns; `column_choice` chooses among them, `time_base` finds interval and gaps, `assemble` converts to SI.
-`read_curve` reads an Allan curve ``tau,deviation[,dof]``.
+columns; `sensor_columns` chooses among them, `column_units` decides their units and `unit_checks` whether the samples
+agree, `time_base` finds interval and gaps, `assemble` converts to SI. `read_curve` reads an Allan curve
+``tau,deviation[,dof]``.
 """
 
 from __future__ import annotations

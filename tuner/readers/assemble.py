@@ -14,13 +14,13 @@ from models.arrays import BoolArray, FloatArray
 from models.units import unit_value
 from tuner.readers import column_names as names
 from tuner.readers.bad_rows import BadRows, LogRows, expect_few
-from tuner.readers.column_choice import NO_COLUMN, Layout, choose, exchanged
 from tuner.readers.column_units import UnitChoice, sensor_unit
 from tuner.readers.columns import Listing, Part
 from tuner.readers.constant_axes import without_constant_axes
 from tuner.readers.options import STAMP, Options, stated_rate
 from tuner.readers.refusal import Change, Refusal
 from tuner.readers.sample_grid import Columns, sample_grid
+from tuner.readers.sensor_columns import NO_COLUMN, Layout, choose, exchanged
 from tuner.readers.time_base import Timebase
 from tuner.readers.unit_checks import check_units
 from tuner.readers.value_checks import about_limiting_step, limiting_step

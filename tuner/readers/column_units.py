@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from tuner.readers import column_names as names
-from tuner.readers.column_choice import Sensor
 from tuner.readers.columns import Listing
 from tuner.readers.options import Options
+from tuner.readers.sensor_columns import Sensor
 from tuner.types.records import DataError
 
 

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from models.arrays import BoolArray, FloatArray, IntArray
 from tuner.readers.bad_rows import BadRows, LogRows
 from tuner.readers.clock_unit import MAX_RATE, MIN_RATE, STATED_BY_RATE, time_in
-from tuner.readers.column_choice import Channel
 from tuner.readers.column_mapping import offered
 from tuner.readers.columns import Listing
 from tuner.readers.options import Options
 from tuner.readers.placeholder_rows import without_placeholders
 from tuner.readers.refusal import Refusal
+from tuner.readers.sensor_columns import Channel
 from tuner.readers.time_base import COARSE_CLOCK, Timebase, even_timebase, stamped_timebase
 from tuner.readers.time_column import Clock, read_clock
 from tuner.readers.timestamps import without_wrong_stamps
