@@ -234,7 +234,8 @@ def joins(cause: str) -> str:
 
 def alternatives(accepted: Sequence[Accepted]) -> tuple[Alternative, ...]:
     """Return the alternatives that all channels have in common, with the product of their weights."""
-    common = set.intersection(*({a.cause for a in one.alternatives} for one in accepted))
+    first, *others = ([a.cause for a in one.alternatives] for one in accepted)
+    common = [cause for cause in dict.fromkeys(first) if all(cause in other for other in others)]
     scores = {
         cause: float(np.prod([a.score for one in accepted for a in one.alternatives if a.cause == cause]))
         for cause in common

@@ -6,6 +6,7 @@ Seeds are fixed and are the first that were tried.
 from __future__ import annotations
 
 import warnings
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,10 +16,11 @@ from models.effects import EFFECTS
 from tuner.diagnosis import diagnose
 from tuner.diagnosis.static.causes.base import Value
 from tuner.diagnosis.static.channel import computed
-from tuner.diagnosis.static.findings import pooled
+from tuner.diagnosis.static.findings import alternatives, pooled
 from tuner.diagnosis.static.model.fitted_channel import _crossing
 from tuner.diagnosis.static.model.null_distributions import SLOW_RATIO_FACTOR
 from tuner.types import Coefficient
+from tuner.types.diagnosis import Alternative
 from tuner.types.records import DataError, Record
 
 INTERVAL, N = 0.01, 60_000
@@ -120,3 +122,10 @@ def test_an_interval_ends_where_a_quadratic_loss_says(step):
     end = _crossing(lambda size: ((size - 2.0) / 0.1) ** 2, 2.0, step)
     expected = float(np.sqrt(chi2.ppf(0.95, 1) / SLOW_RATIO_FACTOR))
     assert -1e-3 < (end - 2.0) / step - expected < 1.96 / 2**6 + 1e-3
+
+
+def test_alternatives_of_equal_weight_keep_their_order():
+    """Which came first hung on the hashes of their names, which differ from run to run."""
+    names = ["unknown", "vibration", "line", "chirp", "lowpass", "telegraph", "step", "recovery"]
+    found = SimpleNamespace(alternatives=tuple(Alternative(name, 1.0) for name in names))
+    assert [one.cause for one in alternatives([found, found])] == names
