@@ -94,22 +94,22 @@ def _grounds(known: Settings) -> Iterator[str]:
         begin = max(float(one.curve.tau[0]) for one in known.predictions.values())
         end = min(float(one.curve.tau[-1]) for one in known.predictions.values())
         yield (
-            f"the settings predict the Allan deviation of the log within {100.0 * most:.2g} %, {digits(begin, 2)} to "
+            f"noise.yaml reproduces the Allan deviation of this log within {100.0 * most:.2g} %, {digits(begin, 2)} to "
             f"{digits(end, 2)} s, on every axis"
         )
     if known.check is not None:
-        yield f"in simulation {_honest_text(known.check.consistency)}"
+        yield f"on simulated drives its filter is {_honest_text(known.check.consistency)}"
     else:
         yield "no filter was simulated (--gnss names a receiver)"
     if known.measured is not None:
-        yield f"on the drive {_honest_text(known.measured)}"
+        yield f"on this drive its filter is {_honest_text(known.measured)}"
 
 
 def _honest_text(found: Consistency) -> str:
     """Return what an honest filter shows, in few words."""
     ratios = [one.ratio for one in claims(found)]
     between = f"{min(ratios):.2f} to {max(ratios):.2f}"
-    return f"honest: it errs {between} × as much as predicted, up to a minute without fixes"
+    return f"honest: it errs {between} × as much as it predicts, up to 60 s without fixes"
 
 
 def judge_noise(

@@ -12,7 +12,8 @@ from tuner.invariants import INVARIANTS, Claims, Statement, violations
 from tuner.judgement import judge_log
 from tuner.limits import SCREEN_LINES
 from tuner.report.claims import claims_of, lawful
-from tuner.report.tune_answer import answer_lines
+from tuner.report.terminal import fitted
+from tuner.report.tune_answer import tune_answer
 from tuner.simulation.static import simulate
 from tuner.synthesis import synthesize
 from tuner.tune_result import TuneResult
@@ -109,7 +110,7 @@ def test_no_made_settings_contradict_their_verdict():
         uses.add(result.verdict.use)
         assert violations(claims_of(result)) == ()
         assert bool(result.exports) == (result.verdict.use is not Use.DO_NOT_USE)
-        assert len(answer_lines(result, None)) <= SCREEN_LINES
+        assert len(fitted(tune_answer(result, None))) <= SCREEN_LINES
     assert uses == {Use.USABLE, Use.USABLE_EXCEPT, Use.DO_NOT_USE}
 
 

@@ -1,25 +1,22 @@
-"""How the answers of commands are laid out in a terminal: width, lines, and the table of settings."""
+"""Words that several answers share, and the table of settings."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from textwrap import wrap
 from typing import Any
 
 from rich.table import Table
 
 from tuner.formats.axis_words import axes_text
 from tuner.formats.customary_units import digits, stamp
-from tuner.limits import SCREEN_LINES
+from tuner.report.document import Document, document
 from tuner.report.settings_rows import EXTRAPOLATED, SettingsRow, settings_rows, units_of
-from tuner.report.terminal import COLUMN_GAP, LINE_WIDTH
+from tuner.report.terminal import LINE_WIDTH
 from tuner.types import FilterConfig
 
 SHORT_SPAN = 600.0
 """Time up to which a reader counts seconds, s."""
-INTERVAL = "± ( ) 95 %"
-"""What ± and brackets behind a setting mean."""
 MIN_LEFT_OUT = 1.0
 """Time that a log is longer than what is used of it, s, from which its reader is to know."""
 BOUNDED = "*: ASSUMED, half a 95 % limit (white noise: all of it)"
@@ -44,48 +41,17 @@ def settings_table(rows: Sequence[SettingsRow]) -> Table:
     return table
 
 
-def settings_lines(rows: Sequence[SettingsRow]) -> list[str]:
-    """Return the numbers of every group of axes in one table with one head, its units as those of ``gyro|accel``."""
-    units = [units_of(unit) for unit in dict.fromkeys(row.unit for row in rows)]
-    white, level, walk = ("|".join(names) for names in zip(*units, strict=True))
-    cells = [[axes_text(row.axes), *_numbers(row)] for row in rows]
-    gap = COLUMN_GAP
-    known = INTERVAL if any("±" in text or "(" in text for row in cells for text in row) else ""
-    head = [
-        known,
-        f"N, {white}",
-        f"bias sd, {level}, at s",
-        f"K, {walk}" if len(units) == 1 else "K, same per √h",
-    ]
-    widths = [max(len(row[i]) for row in (head, *cells)) for i in range(4)]
-    widths[2] = LINE_WIDTH - widths[0] - widths[1] - widths[3] - 3 * gap
-    if len(f"{head[2]}; {BOUNDED}") <= widths[2] and any("*" in text for row in cells for text in row):
-        head[2] += f"; {BOUNDED}"
-    lines = []
-    for row in (head, *cells):
-        states = wrap(row[2], widths[2], break_long_words=False, break_on_hyphens=False) or [""]
-        lines.append([row[0], row[1], states[0], row[3]])
-        lines += [["", "", more, ""] for more in states[1:]]
-    widths[2] = min(widths[2], max(len(line[2]) for line in lines))
-    return [
-        (" " * gap).join(text.ljust(width) for text, width in zip(line, widths, strict=True)).rstrip()
-        for line in lines
-    ]
+def settings_answer(config: FilterConfig) -> Document:
+    """Return the settings of a filter, with what the signs among them mean."""
+    rows = settings_rows(config)
+    table = [settings_table(rows)] if rows else []
+    return document([f"{config.name}: settings of a filter", *table, "; ".join(marks_of(config))])
 
 
-def settings_answer(config: FilterConfig) -> list[str]:
-    """Return the settings of a filter in a few lines, with what the signs among them mean."""
-    table = settings_lines(settings_rows(config))
-    signs = "".join(table)
-    legend = [BOUNDED] if "*" in signs and BOUNDED not in table[0] else []
-    legend += [LONGER] if EXTRAPOLATED in signs else []
-    return [*wrapped("; ".join([f"{config.name}: settings of a filter", *legend]), 2), *table]
-
-
-def _numbers(row: SettingsRow) -> list[str]:
-    """Return white noise, bias states and random walk of a row; the unit of time stands in the head."""
-    white = f"{row.white.text} fitted" if row.fitted else row.white.text
-    return [white, row.bias.replace(" s;", ";").removesuffix(" s"), row.walk.text]
+def marks_of(config: FilterConfig) -> list[str]:
+    """Return what the marks among the settings of a configuration mean, those that occur."""
+    cells = "".join(f"{row.white.text}{row.bias}{row.walk.text}" for row in settings_rows(config))
+    return [text for sign, text in ((BOUNDED[0], BOUNDED), (EXTRAPOLATED, LONGER)) if sign in cells]
 
 
 def span_text(seconds: float) -> str:
@@ -103,38 +69,6 @@ def used_part(source: Mapping[str, Any], axis: str) -> str:
             parts = f" in {sensor['segments']} parts" if sensor["segments"] > 1 else ""
             return f", {stamp(begin)} to {stamp(end)} s of its clock{parts}"
     return ""
-
-
-def wrapped(text: str, indent: int = 0) -> list[str]:
-    """Return text in lines of a terminal, further ones indented; no word is broken."""
-    return wrap(
-        text, LINE_WIDTH, subsequent_indent=" " * indent, break_long_words=False, break_on_hyphens=False
-    )
-
-
-def filled(lines: Sequence[str], more: Sequence[str] = (), *, also: str = "") -> list[str]:
-    """Return lines, of further sentences those that an answer has room for, and what `--verbose` shows beyond.
-
-    Parameters
-    ----------
-    lines : sequence of str
-        What is said in any case, no line wider than `LINE_WIDTH`.
-    more : sequence of str, optional
-        What is said, whole and in this order, until there is no room for the next; of a first one that is too long
-        the beginning.
-    also : str, optional
-        What else `--verbose` shows.
-    """
-    answer, left = list(lines), list(more)
-    while left and len(answer) + len(text := wrapped(left[0], 2)) < SCREEN_LINES:
-        answer += text
-        del left[0]
-    if left and len(answer) == len(lines) and (room := SCREEN_LINES - 1 - len(lines)) > 0:
-        begin = wrapped(left.pop(0), 2)[:room]
-        answer += [*begin[:-1], f"{begin[-1][: LINE_WIDTH - 2]} …"]
-    rest = f"{len(left)} more remark{'s' * (len(left) > 1)}" if left else ""
-    said = " and ".join(part for part in (also, rest) if part) or "all tables"
-    return [*answer, *wrapped(f"{said[:1].upper()}{said[1:]}: --verbose", 2)]
 
 
 def assumed_text(assumptions: Sequence[str]) -> str:

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from tuner.formats.customary_units import digits
 from tuner.formats.reference_words import reference_line
-from tuner.report.answer_layout import filled, wrapped
+from tuner.report.document import Document, document
 from tuner.report.verdict_text import verdict_text
 from tuner.types.consistency import Consistency, Score
 from tuner.types.verdict import Severity
@@ -26,7 +26,7 @@ NAMES = {
 """Scores in an answer, where their names are none."""
 
 
-def consistency_answer(found: Consistency, notes: Sequence[str] = (), to_do: Sequence[str] = ()) -> list[str]:
+def consistency_answer(found: Consistency, notes: Sequence[str] = (), to_do: Sequence[str] = ()) -> Document:
     """Return the verdict on a filter with its reason, its scores and errors, what to do, and notes that have room.
 
     Parameters
@@ -39,14 +39,9 @@ def consistency_answer(found: Consistency, notes: Sequence[str] = (), to_do: Seq
         What explains the verdict and what to change, and where files are.
     """
     found = found.shown
-    texts = [f"Verdict: {found.honesty.text}", *reference_line(notes), *explanation_lines(found)]
-    lines = [line for text in texts for line in wrapped(text, 2)]
-    lines += [
-        *_score_lines(found),
-        *_error_lines(found),
-        *(line for text in to_do for line in wrapped(text, 2)),
-    ]
-    return filled(lines, [f"Note: {note}" for note in notes], also="every score with its band")
+    said = [f"Verdict: {found.honesty.text}", *reference_line(notes), *explanation_lines(found)]
+    said += [*_score_lines(found), *_error_lines(found), *to_do]
+    return document(said, [f"Note: {note}" for note in notes], beyond="every score with its band")
 
 
 def explanation_lines(found: Consistency) -> list[str]:
@@ -79,7 +74,7 @@ def _score_lines(found: Consistency) -> list[str]:
             if found.has_truth
             else "Innovations, and distance to the smoother, ÷ predicted"
         )
-        lines += wrapped(f"{of}{mark}: {', '.join(parts)}", 2)
+        lines.append(f"{of}{mark}: {', '.join(parts)}")
     if found.outages:
         each = (
             f"{one.score.name.removeprefix('outage ')} {digits(one.rms)} ({digits(one.predicted)}) m"
@@ -87,7 +82,7 @@ def _score_lines(found: Consistency) -> list[str]:
             for one in found.outages
         )
         of = "error" if found.has_truth else "distance to the withheld fixes"
-        lines += wrapped(f"Without fixes, {of} (predicted): {', '.join(each)}", 2)
+        lines.append(f"Without fixes, {of} (predicted): {', '.join(each)}")
     return lines
 
 
@@ -109,4 +104,4 @@ def _error_lines(found: Consistency) -> list[str]:
     errors = (
         [f"{'Distance to the fixes' if innovations else 'Error'}, rms: {', '.join(parts)}"] if parts else []
     )
-    return wrapped("; ".join([*errors, *gated]), 2) if errors or gated else []
+    return ["; ".join([*errors, *gated])] if errors or gated else []

@@ -11,7 +11,7 @@ from tuner.formats.customary_units import amount, customary_unit, digits, in_cus
 from tuner.formats.reference_words import reference_line
 from tuner.judgement import judge_drive
 from tuner.limits import SHOWN_FINDINGS
-from tuner.report.answer_layout import filled, wrapped
+from tuner.report.document import Document, document
 from tuner.report.drive_answer import found_text
 from tuner.report.static_diagnosis_tables import findings_table
 from tuner.types import DriveDiagnosis, Finding, Gain, NoiseScaleEstimate
@@ -22,7 +22,7 @@ _STAYING_CAUSES = {"correlated_gnss": "position", "correlated_velocity": "veloci
 """Causes that take the errors that stay out of a setting, which is that of white ones then."""
 
 
-def drive_diagnosis_answer(found: DriveDiagnosis) -> list[str]:
+def drive_diagnosis_answer(found: DriveDiagnosis) -> Document:
     """Return what the filter gets wrong on a drive, the factors that its noise needs, and what is left."""
     lines = [f"{found_text(one)} → {one.consequence}" for one in found.findings]
     left = [f"Not explained: {one.statistic}" for one in found.unexplained]
@@ -32,12 +32,11 @@ def drive_diagnosis_answer(found: DriveDiagnosis) -> list[str]:
     rest = [f"Missing: {one}" for one in missing(found)] + [f"Note: {one}" for one in found.notes]
     verdict = [f"Verdict: {judge_drive(found).text}", *reference_line(found.notes)]
     first = [*verdict, *left, *harm, *lines[:SHOWN_FINDINGS], *noise, *gain]
-    texts = [f"{text[:1].upper()}{text[1:]}" for text in first]
-    return filled(
-        [line for text in texts for line in wrapped(text, 2)],
-        [f"{text[:1].upper()}{text[1:]}" for text in (*lines[SHOWN_FINDINGS:], *rest)],
-        also="every finding and test",
+    said, more = (
+        [f"{text[:1].upper()}{text[1:]}" for text in texts]
+        for texts in (first, [*lines[SHOWN_FINDINGS:], *rest])
     )
+    return document(said, more, beyond="every finding and test")
 
 
 def noise_lines(estimates: Sequence[NoiseScaleEstimate], findings: Sequence[Finding] = ()) -> list[str]:

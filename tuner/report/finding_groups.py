@@ -242,8 +242,11 @@ def drift_text(drift: Mapping[str, tuple[float, float]]) -> str:
     if all(a < MIN_DRIFT_CHANGE * b for a, b in drift.values()):
         return "does not move the position at rest"
     reported = {name: pair for name, pair in drift.items() if pair[0] >= MIN_DRIFT_CHANGE * pair[1]}
-    parts = [f"{name} {' → '.join(way_texts(a, b))}" for name, (a, b) in reported.items()]
-    return f"drift after {', after '.join(parts)} without it"
+    parts = [
+        f"after {name} {way_texts(a, a)[1]}, {way_texts(a, b)[1]} without it"
+        for name, (a, b) in reported.items()
+    ]
+    return f"position error of one axis without fixes {', '.join(parts)}"
 
 
 def headlines(findings: Sequence[Finding], span: float | None = None) -> list[str]:

@@ -24,10 +24,12 @@ from tuner.formats.axis_words import axes_text
 from tuner.formats.customary_units import digits, in_customary, term_title
 from tuner.pipeline import EXPORTED_DIALECTS
 from tuner.report.alike_sentences import alike_sentences
+from tuner.report.answer_layout import marks_of
 from tuner.report.calibration_text import calibration_lines
 from tuner.report.consistency_tables import consistency_tables
 from tuner.report.identification_tables import identification_tables
 from tuner.report.interactive_figure import Chart
+from tuner.report.noise_table import legend
 from tuner.report.page_charts import charts
 from tuner.report.page_findings import findings_content
 from tuner.report.page_parts import Picture, blocks, shown
@@ -37,7 +39,7 @@ from tuner.report.tune_answer import (
     against_datasheet,
     assumptions,
     hidden_lines,
-    legend,
+    noise_of,
     recording_line,
 )
 from tuner.tune_result import TuneResult
@@ -82,6 +84,7 @@ def write_page(
     panels: list[Chart] = []
     axes = list(dict.fromkeys(axis for by_axis in drawn.values() for axis in by_axis))
     noise = blocks(identification_tables(result.identification))
+    measured = noise_of(result, result.exports)
     others = {
         name: export(result.config, name)
         for name, dialect in DIALECTS.items()
@@ -94,8 +97,10 @@ def write_page(
         "verdict": f"Verdict: {result.verdict.text}.",
         "standing": STANDING[result.verdict.use],
         "facts": _facts(result),
+        "measured": blocks([measured]),
+        "legend": legend(measured),
         "settings": _settings(result),
-        "legend": legend(settings_rows(result.config)),
+        "marks": "; ".join(marks_of(result.config)),
         "against": against_datasheet(result),
         "reasons": _reasons(result),
         "files": [{"name": name, "text": text} for name, text in result.exports.items()],

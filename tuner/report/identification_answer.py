@@ -1,4 +1,4 @@
-"""The answer of `identify`: verdict, and the noise of axes that agree."""
+"""The answer of `identify`: recording, verdict, and the noise of each axis; of several logs what they share."""
 
 from __future__ import annotations
 
@@ -14,10 +14,12 @@ from tuner.identification.identify import BY_DIAGNOSIS
 from tuner.judgement import curve_axes, judge_noise
 from tuner.report.agreeing_rows import joined_rows
 from tuner.report.alike_sentences import alike_sentences
-from tuner.report.answer_layout import assumed_text, filled, span_text, used_part, wrapped
+from tuner.report.answer_layout import assumed_text, span_text, used_part
+from tuner.report.document import Document, document
+from tuner.report.noise_table import legend, noise_table
 from tuner.report.terminal import LINE_WIDTH
-from tuner.report.terms_rows import MAIN_TERMS, TermsRow, channel_row, single_row
-from tuner.types import ChannelNoise, Coefficient, FilterConfig, Identification, PooledChannel
+from tuner.report.terms_rows import MAIN_TERMS, TermsRow, single_row
+from tuner.types import Coefficient, FilterConfig, Identification, PooledChannel
 from tuner.types.prediction import PredictedBlock
 
 UNEQUAL_BELOW = 0.05
@@ -31,8 +33,8 @@ def identification_answer(
     found: Identification,
     config: FilterConfig | None = None,
     predictions: Mapping[str, PredictedBlock] = MappingProxyType({}),
-) -> list[Table | str]:
-    """Return what was found in a log, axes that agree in one row; no line is wider than a terminal.
+) -> Document:
+    """Return what was found in a log: recording, verdict, noise of each axis, what limits it.
 
     Parameters
     ----------
@@ -44,29 +46,17 @@ def identification_answer(
         The settings that `tune` would write, and how they predict the log. Of an axis whose terms do not predict its
         Allan curve the numbers are those of the curve.
     """
-    curve = {} if config is None else {a: config.channels[a] for a in curve_axes(predictions)}
-    rows = joined_rows(
-        _curve_row(curve[axis]) if axis in curve else channel_row(channel)
-        for axis, channel in found.channels.items()
-    )
-    judged = judge_noise(found, predictions)
-    recording = [*wrapped(f"{name}: {_recording(found)}", 2), *wrapped(f"Verdict: {judged.text}", 2)]
-    more = warning_lines(found, short=True)
-    more += _too_short(found)
-    more += [f"{axes_text(row.axes)}: {row.further}" for row in rows if row.further]
-    room = ["" for _ in range(len(recording) + 1 + len(rows))]  # lines, the table counted as it is printed
-    rest = filled(room, more, also="all terms, bounds with reasons, means, ARMA")[len(room) :]
-    return [*recording, terms_table([("", row) for row in rows]), *rest]
-
-
-def _curve_row(channel: ChannelNoise) -> TermsRow:
-    """Return white noise and random walk of an axis as its Allan curve gives them, without intervals."""
-    density, walk = (
-        Coefficient(value, None, None, channel.unit)
-        for value in (channel.white_density, channel.random_walk_density)
-    )
-    return single_row(
-        f"{channel.axis} curve", channel.unit, [(MAIN_TERMS[0], density), (MAIN_TERMS[2], walk)]
+    curve = curve_axes(predictions)
+    table = noise_table(found, config, curve)
+    return document(
+        [
+            f"{name}: {_recording(found)}",
+            f"Verdict: {judge_noise(found, predictions).text}",
+            table,
+            legend(table),
+        ],
+        [*warning_lines(found, short=True), *_too_short(found)],
+        beyond="all terms, bounds with reasons, means, ARMA",
     )
 
 
@@ -84,7 +74,7 @@ def warning_lines(found: Identification, *, short: bool = False) -> list[str]:
     return [f"Warning: {text}" for text in said]
 
 
-def pooled_answer(pooled: Mapping[str, PooledChannel], names: Sequence[str]) -> list[Table | str]:
+def pooled_answer(pooled: Mapping[str, PooledChannel], names: Sequence[str]) -> Document:
     """Return what several logs of one sensor have in common, and in what they differ."""
     rows = joined_rows(_pooled_row(one) for one in pooled.values() if one.mean is not None)
     lines: list[Table | str] = [
@@ -101,7 +91,7 @@ def pooled_answer(pooled: Mapping[str, PooledChannel], names: Sequence[str]) -> 
         f"Logs differ (p < {UNEQUAL_BELOW:g}) in {text}" if text else "No coefficient differs from log to log"
     )
     two = ": there their range, of two; a third log gives an interval" if text and len(names) == 2 else ""
-    return [*lines, *wrapped(f"{verdict}{two}. Each log: --verbose", 2)]
+    return document(lines, [f"{verdict}{two}"], beyond="each log")
 
 
 def _pooled_row(pooled: PooledChannel) -> TermsRow:
@@ -135,7 +125,8 @@ def _recording(found: Identification) -> str:
     spans: dict[str, list[str]] = {}
     for c in found.channels.values():
         part = used_part(found.source, c.axis)
-        text = f"{span_text(c.span)} at {digits(1.0 / c.interval)} Hz{part}, by {c.method}"
+        how = "" if c.method == "likelihood" else f", by {c.method}"
+        text = f"{span_text(c.span)} at {digits(1.0 / c.interval)} Hz{part}{how}"
         spans.setdefault(text if c.span > 0.0 else "stated, not measured", []).append(c.axis)
     parts = [text if len(spans) == 1 else f"{text} ({axes_text(axes)})" for text, axes in spans.items()]
     assumed = assumed_text(found.source.get("assumptions", ()))

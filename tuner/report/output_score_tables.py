@@ -7,11 +7,12 @@ from rich.table import Table
 from tuner.consistency.score_output import OutputScore
 from tuner.report.consistency_answer import consistency_answer
 from tuner.report.consistency_tables import consistency_tables
+from tuner.report.document import Document
 from tuner.report.output_cause_text import cause_text, change_text
 from tuner.types.consistency import Score
 
 
-def output_score_answer(found: OutputScore) -> list[str]:
+def output_score_answer(found: OutputScore) -> Document:
     """Return verdict, scores and errors, and of each cause what to change."""
     causes = [f"{cause_text(cause)}: {change_text(cause)}" for cause in found.causes]
     return consistency_answer(found.consistency, found.notes, causes)

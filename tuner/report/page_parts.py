@@ -99,7 +99,7 @@ def blocks(content: Sequence[Table | str]) -> list[dict[str, Any]]:
     for block in content:
         if isinstance(block, Table):
             rows = [list(row) for row in zip(*(column.cells for column in block.columns), strict=True)]
-            head = [str(column.header) for column in block.columns]
+            head = [str(column.header).replace("\n", " ") for column in block.columns]
             right = any(column.justify == "right" for column in block.columns)
             answer.append({"title": str(block.title or ""), "head": head, "rows": rows, "words": not right})
         elif answer and "lines" in answer[-1]:

@@ -33,6 +33,7 @@ from tuner.report.consistency_answer import consistency_answer
 from tuner.report.consistency_tables import check_tables, consistency_tables, consistency_verdict
 from tuner.report.curve_tables import curve_answer, statistic_tables
 from tuner.report.diagnosis_answer import diagnosis_answer
+from tuner.report.document import Document
 from tuner.report.drive_diagnosis_figures import drive_figures
 from tuner.report.drive_diagnosis_tables import drive_diagnosis_answer, drive_tables
 from tuner.report.figure_files import CHARTS, draw_all, figure_bytes
@@ -69,7 +70,7 @@ from tuner.report.settings_rows import settings_rows
 from tuner.report.solution_figures import solution_pictures
 from tuner.report.static_diagnosis_figures import finding_figures
 from tuner.report.static_diagnosis_tables import diagnosis_tables
-from tuner.report.tune_answer import answer_lines
+from tuner.report.tune_answer import tune_answer
 from tuner.tune_result import TuneResult
 from tuner.types import (
     AllanCurve,
@@ -113,7 +114,7 @@ class View:
     tables: Callable[[Any], Sequence[Table | str]]
     figure: Callable[[Any], Figure]
     caption: str
-    answer: Callable[[Any], Sequence[Table | str]]
+    answer: Callable[[Any], Document | Sequence[Table | str]]
 
 
 def view_of(result: object) -> View:
@@ -253,7 +254,7 @@ VIEWS: dict[type, View] = {
         lambda r: [settings_table(settings_rows(r.config)), *consistency_part(r)],
         lambda r: allan_figure(r.identification, predictions=r.predictions),
         "Allan deviation: measured, identified terms, and what the settings predict",
-        lambda r: answer_lines(r, None),
+        lambda r: tune_answer(r, None),
     ),
     Identification: View(
         identification_frame,

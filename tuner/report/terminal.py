@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import sys
 from collections.abc import Iterable, Iterator, Sequence
@@ -13,6 +14,8 @@ from rich.console import Console, ConsoleOptions, RenderableType
 from rich.segment import Segment
 from rich.table import Table
 
+from tuner.limits import SCREEN_LINES
+from tuner.report.document import Document
 from tuner.stages import finished
 
 _CONTROLS = dict.fromkeys(
@@ -21,6 +24,11 @@ _CONTROLS = dict.fromkeys(
 """Characters that a terminal would take for commands, and halves of characters, as in names that are no text."""
 LINE_WIDTH = 80
 """Columns of a terminal as it opens."""
+NO_BREAK = "\N{NO-BREAK SPACE}"
+BEFORE_UNIT = re.compile(
+    r"(?<=[\d)]) (?=(?:%|×|[cmk]?m|s|h|min|m/s|nats|k?Hz|K|°C|deg\S*|rad\S*|[µm]g\S*)(?:[\s,;:)]|$))"
+)
+"""The space between a number and its unit, at which no line ends."""
 COLUMN_GAP = 2
 """Columns between those of a table."""
 
@@ -38,30 +46,49 @@ class _Console(Console):
             yield segment if segment.control else segment._replace(text=segment.text.translate(_CONTROLS))
 
 
-def text_of(tables: Iterable[Table | str]) -> str:
-    """Return tables and lines as `show` prints them into a file."""
+def text_of(content: Document | Iterable[Table | str], width: int = LINE_WIDTH) -> str:
+    """Return an answer, or tables and lines, as `show` prints them into a file."""
+    if isinstance(content, Document):
+        return "\n".join(fitted(content, width))
     written = StringIO()
     plain = _Console(
         file=written,
-        width=LINE_WIDTH,
+        width=width,
         highlight=False,
         markup=False,
         emoji=False,
         color_system=None,
         force_jupyter=False,
     )
-    _print(plain, tables, LINE_WIDTH)
+    _print(plain, content, width)
     return "\n".join(line.rstrip() for line in written.getvalue().splitlines())
 
 
-def show(tables: Iterable[Table | str]) -> None:
-    """Print tables and lines on standard output, as wide as the terminal or, where it is none, as one as it opens.
+def fitted(answer: Document, width: int = LINE_WIDTH) -> list[str]:
+    """Return the lines of an answer; of its remarks as many as `SCREEN_LINES` have room for, of a first one a part."""
+    begin, end = (text_of(part, width).splitlines() for part in (answer.parts, answer.end))
+    room = SCREEN_LINES - len(begin) - len(end) - 1
+    shown: list[str] = []
+    left = list(answer.remarks)
+    while left and len(more := _folded(left[0], width)) <= room - len(shown):
+        shown += more
+        del left[0]
+    if left and not shown and room > 0:
+        *whole, cut = _folded(left.pop(0), width)[:room]
+        shown = [*whole, f"{cut[: width - 2]} …"]
+    last = answer.last_line(len(left))
+    return [*begin, *shown, *end, *(_folded(last, width) if last else [])]
 
-    Lines are parted between words, further ones indented; of a table that is wider, columns that have no room follow
-    beneath it, beside its first one again.
+
+def show(content: Document | Iterable[Table | str]) -> None:
+    """Print an answer, or tables and lines, on standard output.
+
+    It is as wide as the terminal or, where it is none, as one as it opens. Lines are parted between words, further ones
+    indented; of a table that is wider, columns that have no room follow beneath it, beside its first one again.
     """
     finished()
     width = shutil.get_terminal_size().columns if sys.stdout.isatty() else LINE_WIDTH
+    tables = fitted(content, width) if isinstance(content, Document) else content
     _print(_Console(width=width, highlight=False, markup=False, emoji=False), tables, width)
 
 
@@ -72,24 +99,23 @@ def _print(console: Console, tables: Iterable[Table | str], width: int) -> None:
             for line in table.split("\n"):
                 console.print("\n".join(_folded(line, width)), soft_wrap=True)
         else:
-            for number, part in enumerate(_parts(table, width)):
-                if number:
-                    console.print()
+            for part in _parts(table, width):
                 console.print(part)
 
 
 def _folded(line: str, width: int) -> list[str]:
     """Return a line in as many as it needs; no word, such as a path, is broken."""
     indent = " " * (len(line) - len(line.lstrip()))
-    return wrap(
-        line,
+    parts = wrap(
+        BEFORE_UNIT.sub(NO_BREAK, line),
         width,
         initial_indent="",
         subsequent_indent=f"{indent}  ",
         drop_whitespace=True,
         break_long_words=False,
         break_on_hyphens=False,
-    ) or [line]
+    )
+    return [part.replace(NO_BREAK, " ") for part in parts] or [line]
 
 
 def _parts(table: Table, width: int) -> list[Table]:
@@ -126,5 +152,6 @@ def _columns_of(table: Table, cells: Sequence[Sequence[str]], group: Sequence[in
         column = table.columns[i]
         part.add_column(str(column.header), justify=column.justify, no_wrap=column.no_wrap, overflow="fold")
     for row in zip(*(cells[i][1:] for i in group), strict=True):
-        part.add_row(*row)
+        if len(group) == len(cells) or any(row[1:]):  # of some columns only rows with something in them
+            part.add_row(*row)
     return part

@@ -3,29 +3,23 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable
 from math import log
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from rich.table import Table
 
 from tuner.formats.axis_words import axes_text
 from tuner.formats.customary_units import digits
 from tuner.formats.reference_words import reference_line
 from tuner.identification.comparison import compare_identifications, limit_checks
+from tuner.judgement import curve_axes
 from tuner.limits import LOST_SHARE, SHOWN_CHANGE, SHOWN_FINDINGS
-from tuner.report.answer_layout import (
-    BOUNDED,
-    INTERVAL,
-    LONGER,
-    assumed_text,
-    settings_lines,
-    span_text,
-    used_part,
-    wrapped,
-)
+from tuner.report.answer_layout import assumed_text, span_text, used_part
 from tuner.report.comparison_tables import limit_text
+from tuner.report.document import Document, document
 from tuner.report.drive_answer import choice_lines, found_text
-from tuner.report.fast_state_note import fast_state_note
 from tuner.report.finding_groups import (
     SAMPLES_AT_FAULT,
     FindingGroup,
@@ -34,7 +28,7 @@ from tuner.report.finding_groups import (
 )
 from tuner.report.groups_in_words import group_in_words
 from tuner.report.identification_answer import warning_lines
-from tuner.report.settings_rows import EXTRAPOLATED, SettingsRow, settings_rows
+from tuner.report.noise_table import legend, more_white_noise, noise_table
 from tuner.report.static_diagnosis_tables import hidden_effect_lines, unexplained_lines
 from tuner.report.terminal import LINE_WIDTH
 from tuner.synthesis.findings import judge_hidden
@@ -55,11 +49,12 @@ OF_DRIVE_ALONE = "static diagnosis"
 """What lacks where a drive stands in for the log, which the line of the recording says."""
 SAME = "the same on all axes"
 """Remark on a setting of a file that the line of an answer has no room for."""
-NO_INTERVAL = "no ±: fitted to the Allan curve, or set"
+NOISE_YAML = "noise.yaml"
+"""The file of all settings, from which those of other filters are made."""
 
 
-def answer_lines(result: TuneResult, directory: Path | None, dialect: str | None = None) -> list[str]:
-    """Return the answer: what was analysed, the verdict, the settings, what was found, where the files are.
+def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None = None) -> Document:
+    """Return the answer: what was analysed, the verdict, the noise and what to enter, what was found, the files.
 
     Parameters
     ----------
@@ -68,37 +63,41 @@ def answer_lines(result: TuneResult, directory: Path | None, dialect: str | None
     directory : Path or None
         Where its files are; None where none were written.
     dialect : str, optional
-        The one whose keys and numbers are shown instead of the table, where they are few.
+        The one whose keys and numbers are shown first, where they are few.
     """
     keys = [] if dialect is None or directory is None else settings_in_dialect(result, dialect, directory)
-    rows = settings_rows(result.config)
-    table = settings_lines(rows) if rows and len(keys) < 2 and result.exports else []
-    note = fast_state_note(result.config) if table else ""
+    files = () if len(keys) > 1 else result.exports
+    noise = [] if not result.exports else [noise_of(result, files)]
     found, idle = found_lines(result)
     examined = result.diagnosis is not None or result.drive is not None
     nothing = ["Nothing was found that the noise terms do not explain"]
-    texts = [
-        *(found[:SHOWN_FINDINGS] or nothing * (examined and not idle)),
-        *([_idle_text(idle)] if idle else []),
+    more = len(found) - SHOWN_FINDINGS
+    said: list[Table | str] = [
+        recording_line(result),
+        f"Verdict: {result.verdict.text}",
+        *reference_lines(result),
+        *keys,
+        *noise,
+        *map(legend, noise),
         *([] if result.choice is None else choice_lines(result.choice)),
+        *hidden_lines(result),
+    ]
+    remarks = [
+        *(found[:SHOWN_FINDINGS] or nothing * (examined and not idle)),
+        f"{more} more finding{'s' * (more > 1)} on the page" if more > 0 else "",
+        more_white_noise(result.config, files),
+        _idle_text(idle) if idle else "",
         *_done_before(result),
         *against_datasheet(result),
         *warning_lines(result.identification, short=True),
-        *hidden_lines(result),
         *_absent_lines(result),
-        *withheld_lines(result),
     ]
-    return [
-        *wrapped(recording_line(result), 2),
-        *wrapped(f"Verdict: {result.verdict.text}", 2),
-        *(line for text in reference_lines(result) for line in wrapped(text, 2)),
-        *table,
-        *(line for text in _legend_of(table, rows) for line in wrapped(text, 2)),
-        *([f"{note}; for N and K alone: --to DIALECT"] if note else []),
-        *keys,
-        *(line for text in texts for line in wrapped(text, 2)),
-        *_page_lines(result, directory, max(len(found) - SHOWN_FINDINGS, 0)),
-    ]
+    return document(said, remarks, [*withheld_lines(result), *_file_lines(result, directory)])
+
+
+def noise_of(result: TuneResult, files: Iterable[str]) -> Table:
+    """Return the measured noise, and beside it what to enter where these files are written."""
+    return noise_table(result.identification, result.config, curve_axes(result.predictions), files)
 
 
 def _idle_text(count: int) -> str:
@@ -127,13 +126,6 @@ def withheld_lines(result: TuneResult) -> list[str]:
     ]
 
 
-def _legend_of(table: Sequence[str], rows: Sequence[SettingsRow]) -> list[str]:
-    """Return what the marks of a table mean that its head does not explain."""
-    text = legend(rows) if table else ""
-    parts = [part for part in text.split("; ") if part and part not in table[0]]
-    return ["; ".join(parts)] if parts else []
-
-
 def settings_in_dialect(result: TuneResult, dialect: str, directory: Path) -> list[str]:
     """Return where the file of a dialect is, and its settings where they are few.
 
@@ -160,7 +152,7 @@ def settings_in_dialect(result: TuneResult, dialect: str, directory: Path) -> li
         lines.append(_shortened_remarks(shown))
     if not lines:  # parameters of an autopilot that keep their stock values
         kept = [line.lstrip("# ") for line in written if "keep stock" in line]
-        return [f"{directory / name}:", *(part for line in kept for part in wrapped(line, 2))]
+        return [f"{directory / name}:", *kept]
     if len(lines) <= MAX_KEYS and max(map(len, lines), default=0) <= LINE_WIDTH:
         return [f"{directory / name}:", *lines]
     return [f"For {dialect}: {directory / name}"]
@@ -208,17 +200,6 @@ def recording_line(result: TuneResult) -> str:
 def assumptions(result: TuneResult) -> tuple[str, ...]:
     """Return what nobody stated of the log and was assumed."""
     return tuple(str(text) for text in result.identification.source.get("assumptions", ()))
-
-
-def legend(rows: Sequence[SettingsRow]) -> str:
-    """Return what the marks of a table of settings mean, those that occur."""
-    settings = [one for row in rows for one in (row.white, row.walk, *(sd for sd, _ in row.states))]
-    texts = [one.text for one in settings if any(one.used)]
-    parts = [INTERVAL] if any("±" in text or "(" in text for text in texts) else []
-    parts += [BOUNDED] if any("*" in text for text in texts) else []
-    parts += [LONGER] if any(EXTRAPOLATED in row.bias for row in rows) else []
-    parts += [NO_INTERVAL] if any(not set("±*(") & set(text) for text in texts) else []
-    return "; ".join(parts)
 
 
 def against_datasheet(result: TuneResult) -> list[str]:
@@ -270,12 +251,14 @@ def _is_fault(group: FindingGroup) -> bool:
     return not group.drift or max(shares, default=0.0) > LOST_SHARE
 
 
-def _page_lines(result: TuneResult, directory: Path | None, more: int) -> list[str]:
-    """Return where the files are, and how many findings are on the page alone."""
-    path = "write_tune_result(result, FOLDER)" if directory is None else str(directory)
-    files = ", ".join([*result.exports, "report.html"])
-    findings = f" with {more} more finding{'s' * (more > 1)}" if more else ""
-    return [*wrapped(f"Files: {files}{findings}, in", 2), f"  {path} (tables: --verbose)"]
+def _file_lines(result: TuneResult, directory: Path | None) -> list[str]:
+    """Return where the files are, and how settings for another filter are made of them."""
+    path = Path("FOLDER") if directory is None else directory
+    how = " by write_tune_result(result, FOLDER)" if directory is None else ""
+    lines = [f"Files in {path}{how}: {', '.join([*result.exports, 'report.html'])}"]
+    if NOISE_YAML in result.exports:
+        lines.append(f"Other filters: tuner export {path / NOISE_YAML} --to NAME")
+    return lines
 
 
 def _absent_lines(result: TuneResult) -> list[str]:
@@ -291,4 +274,5 @@ def hidden_lines(result: TuneResult) -> list[str]:
     """Return what was hidden in a simulated log and whether it was found."""
     if result.key is None or result.diagnosis is None:
         return []
-    return [line.strip() for line in hidden_effect_lines(judge_hidden(result.key, result.diagnosis))]
+    lines = (line.strip() for line in hidden_effect_lines(judge_hidden(result.key, result.diagnosis)))
+    return [f"{line[:1].upper()}{line[1:]}" for line in lines]

@@ -8,7 +8,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from rich.console import Console
 
 from models.noise import NoiseModel, RandomWalk, White
 from models.units import to_si
@@ -28,6 +27,7 @@ from tuner.report.identification_answer import (
     terms_too_short,
     warning_lines,
 )
+from tuner.report.terminal import text_of
 from tuner.report.terms_rows import single_row
 from tuner.simulation.static import simulate
 from tuner.synthesis.load_config import load_config
@@ -44,21 +44,17 @@ def found():
 
 
 def lines(content):
-    console = Console(width=80, highlight=False, markup=False, emoji=False)
-    with console.capture() as capture:
-        for one in content:
-            console.print(one)
-    return [line.rstrip() for line in capture.get().splitlines()]
+    return text_of(content).splitlines()
 
 
-def test_axes_that_agree_share_a_row_and_a_terminal_holds_it(found):
+def test_each_axis_has_a_column_and_a_terminal_holds_the_answer(found):
     told = lines(identification_answer("log", found[0]))
     assert max(map(len, told)) <= 80
     assert len(told) <= 10
-    (row,) = [line for line in told if line.startswith("gyro x z")]
+    (row,) = [line for line in told if line.startswith("gyro white noise, deg/√h")]
     # N = 1e-4 rad/√s is 1e-4 · 60 · 180/π = 0.344 deg/√h; 2400 samples give 1/√(2n) = 1.4 %, 95 % of five sd.
-    assert float(row.split()[3]) == pytest.approx(0.34377, rel=0.073)
-    assert any(line.startswith("gyro y ") for line in told)
+    assert float(row.split()[4]) == pytest.approx(0.34377, rel=0.073)
+    assert row.count("±") == 3
     assert "--verbose" in told[-1]
 
 
@@ -193,8 +189,8 @@ def test_times_of_an_answer_are_those_of_the_log_and_cut_it_to_the_same_part(tmp
     assert 72492.0 <= begin < 72496.0
     assert end == pytest.approx(t[-1] + 0.02, abs=1e-6)
     part = answer("--begin", found[1], "--end", found[2])
-    table = whole.out.index("± ( )")
-    assert part.out[part.out.index("± ( )") :] == whole.out[table:]
+    table = whole.out.index("gyro white noise")
+    assert part.out[part.out.index("gyro white noise") :] == whole.out[table:]
     assert "only 80 % of the log is used" in " ".join(
         whole.out.split()
     )  # what is left out stands in the verdict

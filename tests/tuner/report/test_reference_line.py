@@ -9,6 +9,7 @@ from tuner.formats.reference_words import reference_line, wrong_attitude_text, w
 from tuner.limits import SCREEN_LINES
 from tuner.report.consistency_answer import consistency_answer
 from tuner.report.drive_diagnosis_tables import drive_diagnosis_answer
+from tuner.report.terminal import fitted
 from tuner.types import DriveDiagnosis
 from tuner.types.consistency import Consistency, Outage, Score, Whiteness
 
@@ -57,7 +58,7 @@ def test_the_answer_of_navigate_says_it_beneath_its_verdict():
         "What to do: `tuner diagnose " + "a" * 52 + " --config mpu9250` names the causes",
         "Solution: out",
     ]
-    lines = consistency_answer(FOUND, [TIMES, TURNS], to_do)
+    lines = fitted(consistency_answer(FOUND, [TIMES, TURNS], to_do))
     assert BOTH in lines
     assert lines[0].startswith("Verdict: optimistic")
     assert len(lines) <= SCREEN_LINES
@@ -65,5 +66,5 @@ def test_the_answer_of_navigate_says_it_beneath_its_verdict():
 
 
 def test_the_answer_of_diagnose_says_it_beneath_its_verdict():
-    lines = drive_diagnosis_answer(DriveDiagnosis((), None, None, notes=("another", TIMES, TURNS)))
+    lines = fitted(drive_diagnosis_answer(DriveDiagnosis((), None, None, notes=("another", TIMES, TURNS))))
     assert lines[1] == BOTH

@@ -80,7 +80,7 @@ def command(
     from tuner import tune
     from tuner.report.result_set import tune_json, tune_tables, write_tune_result
     from tuner.report.terminal import show
-    from tuner.report.tune_answer import answer_lines
+    from tuner.report.tune_answer import tune_answer
 
     if filter_command is not None:
         tune_filter(
@@ -106,5 +106,5 @@ def command(
     write_tune_result(result, directory, stated_command(click.get_current_context().obj))
     output.write(tune_json(result))
     if output.tables:
-        show(tune_tables(result, directory) if verbose else answer_lines(result, directory, dialect))
+        show(tune_tables(result, directory) if verbose else tune_answer(result, directory, dialect))
     return 1 if strict and not result.verdict.good else 0

@@ -1,0 +1,48 @@
+"""An answer before it is rendered: sentences and tables in their order, and which of them a full screen may lose."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from rich.table import Table
+
+
+@dataclass(frozen=True)
+class Document:
+    """What a command answers.
+
+    Attributes
+    ----------
+    parts : tuple of Table or str
+        What is said in any case, in its order. A sentence is not parted into lines here.
+    remarks : tuple of str
+        Sentences behind these, the most important first: a screen shows as many as it has room for.
+    end : tuple of str
+        What is said behind the remarks, in any case.
+    beyond : str
+        What ``--verbose`` shows besides; empty where it is nothing.
+    """
+
+    parts: tuple[Table | str, ...]
+    remarks: tuple[str, ...] = ()
+    end: tuple[str, ...] = ()
+    beyond: str = "all tables"
+
+    def last_line(self, left_out: int) -> str:
+        """Return what is not on the screen and how it is seen; empty where nothing is left."""
+        rest = f"{left_out} more remark{'s' * (left_out > 1)}" if left_out else ""
+        said = " and ".join(part for part in (rest, self.beyond) if part)
+        return f"{said[:1].upper()}{said[1:]}: --verbose" if said else ""
+
+
+def document(
+    parts: Iterable[Table | str],
+    remarks: Iterable[str] = (),
+    end: Iterable[str] = (),
+    *,
+    beyond: str = "all tables",
+) -> Document:
+    """Return an answer of parts, remarks and an end; empty sentences are left out."""
+    said, more, last = ([one for one in content if one != ""] for content in (parts, remarks, end))
+    return Document(tuple(said), tuple(str(one) for one in more), tuple(str(one) for one in last), beyond)
