@@ -29,7 +29,7 @@ from tuner.report.calibration_text import calibration_lines
 from tuner.report.consistency_tables import consistency_tables
 from tuner.report.identification_tables import identification_tables
 from tuner.report.interactive_figure import Chart
-from tuner.report.noise_table import legend
+from tuner.report.noise_table import legend, more_white_noise
 from tuner.report.page_charts import charts
 from tuner.report.page_findings import findings_content
 from tuner.report.page_parts import Picture, blocks, shown
@@ -101,7 +101,7 @@ def write_page(
         "legend": legend(measured),
         "settings": _settings(result),
         "marks": "; ".join(marks_of(result.config)),
-        "against": against_datasheet(result),
+        "against": [*against_datasheet(result), more_white_noise(result.config, result.exports)],
         "reasons": _reasons(result),
         "files": [{"name": name, "text": text} for name, text in result.exports.items()],
         "dialects": list(others),

@@ -13,6 +13,7 @@ from tuner.exporters.triad_values import longest_time, triad, walk, white
 from tuner.formats.customary_units import customary_unit, digits, in_customary, pretty, with_interval
 from tuner.synthesis.equivalent_models import equivalent_noise
 from tuner.types import ChannelNoise, Coefficient, FilterConfig, Identification
+from tuner.types.borrowed import BORROWED, borrowed
 
 WHITE, FLICKER, WALK = "white.density", "bias_instability.level", "random_walk.density"
 NAMES = {
@@ -26,12 +27,12 @@ NAMES = {
 }
 """Names of coefficients, in the order of their rows; others have that of their term."""
 ROUGH, ASSUMED, UNKNOWN = "rough", "*", "–"
-"""Behind a number that is fitted to the Allan curve and one that rests on a limit, and in place of an unknown one."""
+"""Behind a number that is fitted to the Allan curve and one that nobody measured, and in place of an unknown one."""
 LEGEND = {
     "±": "± ( ): 95 % interval",
     "<": "<: 95 % limit",
     ROUGH: f"{ROUGH}: fitted to the Allan curve of this axis, as the noise terms do not fit; no interval",
-    ASSUMED: f"{ASSUMED}: ASSUMED from half a limit",
+    ASSUMED: f"{ASSUMED}: ASSUMED, not measured",
     UNKNOWN: f"{UNKNOWN}: unknown",
 }
 PAIR, FADING = "kalibr.yaml", "kf-gins.yaml"
@@ -116,7 +117,7 @@ def more_white_noise(config: FilterConfig, files: Iterable[str]) -> str:
         return ""
     low, high = min(one.mismatch[0] for one in pairs.values()), max(one.mismatch[1] for one in pairs.values())
     return (
-        f"{PAIR} and {FADING} have more white noise than measured: such filters have no state for bias instability, "
+        f"{PAIR} and {FADING} have more white noise than the sensor: such filters have no state for bias instability, "
         f"so their two numbers carry it (from 1 to 100 s they predict {low:.2f} to {high:.2f} × its drift). "
         "Do not enlarge them again; vibration of a vehicle is not covered"
     )
@@ -137,6 +138,7 @@ def _measured(
     """Return the rows of a sensor: white noise, bias instability and random walk, and what else an axis has."""
     cells: dict[tuple[str, int], dict[str, str]] = {(name, 0): {} for name in (WHITE, FLICKER, WALK)}
     unit = next(iter(found.channels[axis].unit for axis in axes.values()))
+    lent = found.source.get(BORROWED, {})
     for letter, axis in axes.items():
         if axis in fitted:
             channel = fitted[axis]
@@ -150,7 +152,9 @@ def _measured(
             for field, one in term.coefficients.items():
                 name = f"{term.name}.{field}"
                 if (name, 0) in cells or one.value is not None:
-                    cells.setdefault((name, seen[name]), {})[letter] = _cell(one, name, unit)
+                    shown = _cell(one, name, unit)
+                    assumed = axis in lent and one.value is not None and one.interval is None
+                    cells.setdefault((name, seen[name]), {})[letter] = shown + ASSUMED * assumed
                     seen[name] += 1
     order = list(NAMES)
     places = {key: (order.index(key[0]) if key[0] in order else len(order), key[1]) for key in cells}
@@ -167,19 +171,21 @@ def _entered(sensor: str, config: FilterConfig, files: Iterable[str]) -> list[Ro
         return []
     unit, time, target = channels[0].unit, longest_time(config), Target(config.interval)
     rows: dict[str, dict[str, str]] = {WHITE: {}, WALK: {}, "level": {}}
-    on_limit = any(c.walk_rests_on_limit or c.states_rest_on_limit for c in channels)
+    lent = borrowed(config)
+    assumed = {c.axis: c.walk_rests_on_limit or c.states_rest_on_limit or c.axis in lent for c in channels}
     if PAIR in files:
         rows[WHITE][PAIR] = digits(in_customary(white(channels, "").value, WHITE, unit))
-        rows[WALK][PAIR] = (
-            digits(in_customary(walk(channels, "", target).value, WALK, unit)) + ASSUMED * on_limit
+        rows[WALK][PAIR] = digits(in_customary(walk(channels, "", target).value, WALK, unit)) + ASSUMED * any(
+            assumed.values()
         )
     if FADING in files:
         for channel in channels:
             column = f"{FADING} {channel.axis.rpartition('_')[2]}"
             one = equivalent_noise(channel, memory=target.memory, fading_time=time)
-            limited = channel.walk_rests_on_limit or channel.states_rest_on_limit
             rows[WHITE][column] = digits(in_customary(one.white_density, WHITE, unit))
-            rows["level"][column] = digits(in_customary(one.bias, "level", unit)) + ASSUMED * limited
+            rows["level"][column] = (
+                digits(in_customary(one.bias, "level", unit)) + ASSUMED * assumed[channel.axis]
+            )
     labels = {name: _label(sensor, name, unit) for name in (WHITE, WALK)}
     labels["level"] = f"{sensor} bias sd, {pretty(customary_unit('level', unit))}, T {digits(time)} s"
     return [Row(labels[name], cells) for name, cells in rows.items() if cells]

@@ -28,7 +28,9 @@ from tuner.simulation.static import simulate
 from tuner.synthesis import synthesize
 from tuner.tune_result import TuneResult
 from tuner.types import Coefficient, Diagnosis, Finding, Unexplained
+from tuner.types.borrowed import with_borrowed
 from tuner.types.consistency import Consistency
+from tuner.types.identification import TermEstimate
 from tuner.types.verdict import Severity, Verdict, VerdictCode
 
 AXES = ("gyro_x", "gyro_y", "gyro_z")
@@ -170,7 +172,7 @@ def test_white_noise_that_a_fast_state_carries_is_said(result, time, said):
         for axis, one in result.config.channels.items()
     }
     text = more_white_noise(replace(result.config, channels=channels), ("kalibr.yaml",))
-    assert text.startswith("kalibr.yaml and kf-gins.yaml have more white noise than measured") == said
+    assert text.startswith("kalibr.yaml and kf-gins.yaml have more white noise than the sensor") == said
     assert more_white_noise(replace(result.config, channels=channels), ()) == ""
 
 
@@ -319,3 +321,17 @@ def test_a_finding_longer_than_the_answer_shows_its_beginning():
 def test_no_line_ends_between_a_number_and_its_unit():
     text = "the settings reproduce the Allan deviation of the log from end to end within 24 % at every time"
     assert fitted(document([text]), 79)[0].endswith("within")
+
+
+def test_terms_of_another_sensor_are_marked_wherever_they_stand(result):
+    """B and K of the nearest built-in sensor stood in the column of what was measured."""
+    source = with_borrowed(result.identification.source, AXES, "mpu9250")
+    sheet = Coefficient(1e-5, None, None, "rad/s")
+    channels = {
+        axis: replace(one, terms=(*one.terms[:1], TermEstimate("bias_instability", {"level": sheet})))
+        for axis, one in result.identification.channels.items()
+    }
+    table = noise_table(replace(result.identification, source=source, channels=channels))
+    cells = {label: row for label, *row in zip(*(column.cells for column in table.columns), strict=True)}
+    assert set(cells["gyro bias instability B, deg/h"]) == {"2.06*"}
+    assert "ASSUMED" in legend(table)
