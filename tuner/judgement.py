@@ -36,7 +36,7 @@ from tuner.types import (
 from tuner.types.borrowed import borrowed_words
 from tuner.types.consistency import Check, Consistency
 from tuner.types.diagnosis import START
-from tuner.types.honesty import claims, is_off
+from tuner.types.honesty import claims, is_off, shows_dishonesty
 from tuner.types.judgement import Judgement, Reason, Use, judged
 from tuner.types.prediction import BlockSource, PredictedBlock
 
@@ -107,9 +107,11 @@ def _grounds(known: Settings) -> Iterator[str]:
 
 def _honest_text(found: Consistency) -> str:
     """Return what an honest filter shows, in few words."""
-    ratios = [one.ratio for one in claims(found)]
-    between = f"{min(ratios):.2f} to {max(ratios):.2f}"
-    return f"honest: it errs {between} × as much as it predicts, up to 60 s without fixes"
+    sure = [one for one in claims(found) if shows_dishonesty(one)]
+    between = f"{min(one.ratio for one in sure):.2f} to {max(one.ratio for one in sure):.2f}"
+    longest = max((one.seconds for one in found.outages if one.score in sure), default=0.0)
+    unaided = f", up to {longest:g} s without fixes" if longest else ""
+    return f"honest: it errs {between} × as much as it predicts{unaided}"
 
 
 def judge_noise(

@@ -83,13 +83,24 @@ def test_one_window_is_too_short_to_judge():
 
 def test_a_power_of_nine_tenths_is_what_draws_show():
     """Of draws with an error of 1.5 × the prediction, 90 % fall outside the band of the smallest sample that counts."""
-    nu = next(n for n in range(2, 1000) if shows_dishonesty(scored("position", 1.0), float(n)))
+    one = replace(scored("position", 1.0), effective=1.0)
+    nu = next(n for n in range(2, 1000) if shows_dishonesty(one, float(n)))
     rng = np.random.default_rng(5)
     high = chi2_quantile(1.0 - 0.0005, float(nu)) / nu
     drawn = HONEST_RATIO**2 * rng.chisquare(nu, 20000) / nu
     # five standard deviations of a share of 20 000 draws: 5 √(0.9 · 0.1/20 000) = 0.011
     assert np.mean(drawn > high) >= TEST_POWER - 0.011
-    assert not shows_dishonesty(scored("position", 1.0), float(nu - 1))
+    assert not shows_dishonesty(one, float(nu - 1))
+
+
+def test_a_score_whose_few_groups_hardly_tell_its_scatter_is_too_short():
+    """A drive of three minutes: velocities at 1.88 (1.65 to 2.19) were "honest", as their band reached to 2.03."""
+    few = score("nis_velocity", [[6.0, 7.1, 8.3, 9.2] * 20, [4.1, 6.2, 8.4, 12.0] * 20], 3)
+    assert few.effective > 4.0 * few.freedom
+    low, high = few.interval
+    assert low < 1.5 < few.ratio < high  # the interval rests on what is certain, as the band does
+    assert not shows_dishonesty(few)
+    assert scores(few, truth=False).honesty.use is Use.TOO_SHORT
 
 
 def test_of_right_filters_three_in_a_thousand_are_called_wrong():

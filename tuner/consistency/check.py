@@ -43,7 +43,7 @@ from tuner.types.public import public
 from tuner.types.records import DataError
 from tuner.types.verdict import Explanation, Severity, Verdict, VerdictCode
 
-DEFAULT_RUNS = 20
+DEFAULT_RUNS = 25
 """Simulated runs: errors 1.5 times as large as predicted then show in every score, up to a minute without fixes."""
 DEFAULT_DURATION = 3600.0
 """Length of a run, s: three outages of five minutes fit in."""

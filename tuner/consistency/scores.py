@@ -50,8 +50,6 @@ Floats = NDArray[np.floating[Any]]
 
 FALSE_ALARM_RATE = 0.01
 """Chance that any score of a right filter is called against it."""
-EQUIVALENCE_MARGIN = 0.1
-"""Relative error of an sd below which a filter counts as right: a ladder approximates flicker to some per cent."""
 TEST_COUNT = 14
 """Scores that share `FALSE_ALARM_RATE`: NEES and its five blocks, NIS of three kinds, whiteness, four outages."""
 NO_FURTHER_STATES: Mapping[str, slice] = MappingProxyType({})
@@ -60,6 +58,8 @@ OUTAGE_LENGTHS = (10.0, 30.0, 60.0, 300.0)
 """Lengths of outage that are scored, s: an underpass to a long tunnel."""
 SETTLING_TIME = 120.0
 """Time after the start and after an outage that is not scored as aided, s: until errors of an outage have decayed."""
+EQUIVALENCE_MARGIN = 0.1
+"""Relative error of an sd below which a filter counts as right: a ladder approximates flicker to some per cent."""
 MAX_SCORED_EPOCHS = 60
 """Aided epochs of each run that are scored: more depend on each other and only cost time."""
 MAX_LAG = 10
@@ -111,7 +111,7 @@ def score(
         tail = 0.5 * FALSE_ALARM_RATE / tests
         sure = effective * (ndtri(tail) / student_quantile(tail, len(means) - 1)) ** 2
         sure = min(max(sure, (components or dof) * len(means)), effective)
-    return Score(name, mean, dof, float(effective), mean_band(dof, sure, tests=tests))
+    return Score(name, mean, dof, float(effective), mean_band(dof, sure, tests=tests), float(sure))
 
 
 def mean_band(dof: int, effective: float, *, tests: int = TEST_COUNT) -> tuple[float, float]:

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from models.probability import chi2_quantile
 from tuner.consistency.scores import TEST_COUNT, score, squares
 from tuner.simulation.monte_carlo import Runs
 from tuner.types.consistency import Score
@@ -37,10 +36,7 @@ def wrong_starts(scores: Sequence[Score]) -> tuple[Explanation, ...]:
             ExplanationKind.SCALE,
             one.name.replace("_", " "),
             one.ratio,
-            (
-                one.ratio * float(np.sqrt(one.effective / chi2_quantile(0.975, one.effective))),
-                one.ratio * float(np.sqrt(one.effective / chi2_quantile(0.025, one.effective))),
-            ),
+            one.interval,
             0.0,
         )
         for one in sorted(wrong, key=lambda one: -abs(np.log(one.ratio)))

@@ -48,17 +48,25 @@ class _ScoreForm:
     ratio: float
     effective_dof: float
     consistent: bool
+    certain_dof: float | None = None
 
     @classmethod
     def of(cls, score: Score, /) -> Self:
         """Return the form of a score."""
         return cls(
-            score.name, score.mean, score.dof, score.band, score.ratio, score.effective, score.consistent
+            score.name,
+            score.mean,
+            score.dof,
+            score.band,
+            score.ratio,
+            score.effective,
+            score.consistent,
+            score.certain,
         )
 
     def restored(self) -> Score:
         """Return the score."""
-        return Score(self.name, self.mean, self.dof, self.effective_dof, self.band)
+        return Score(self.name, self.mean, self.dof, self.effective_dof, self.band, self.certain_dof)
 
 
 @stored_form(Whiteness)

@@ -59,7 +59,7 @@ if TYPE_CHECKING:
     from tuner.consistency.score_drive import DriveResult
     from tuner.navigation.drive.clock import Clock
 
-CHECK_RUNS = 20
+CHECK_RUNS = 25
 """Simulated runs behind the verdict of `tune`: the position ratio is then known to 5 %, in half a minute."""
 CHECK_TRAJECTORY = "city"
 CHECK_DURATION = 3600.0

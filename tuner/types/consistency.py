@@ -33,6 +33,9 @@ class Score:
         Degrees of freedom of χ² with the variance of the mean.
     band : (float, float)
         Means that do not speak against the filter.
+    certain : float, optional
+        Degrees of freedom that are certain where the scatter of few groups tells them, of which the band is; by default
+        `effective`.
     """
 
     name: str
@@ -40,6 +43,12 @@ class Score:
     dof: int
     effective: float
     band: tuple[float, float]
+    certain: float | None = None
+
+    @property
+    def freedom(self) -> float:
+        """Degrees of freedom that band, interval and power of the score rest on."""
+        return self.effective if self.certain is None else self.certain
 
     @property
     def ratio(self) -> float:
@@ -49,9 +58,9 @@ class Score:
     @property
     def interval(self) -> tuple[float, float]:
         """95 % interval of the ratio."""
-        if not 0.0 < self.effective < math.inf:
-            return (0.0, math.inf) if self.effective <= 0.0 else (self.ratio, self.ratio)
-        low, high = (self.effective / chi2_quantile(p, self.effective) for p in (0.975, 0.025))
+        if not 0.0 < self.freedom < math.inf:
+            return (0.0, math.inf) if self.freedom <= 0.0 else (self.ratio, self.ratio)
+        low, high = (self.freedom / chi2_quantile(p, self.freedom) for p in (0.975, 0.025))
         return self.ratio * math.sqrt(low), self.ratio * math.sqrt(high)
 
     @property

@@ -3,7 +3,8 @@
 A filter is honest where true ÷ predicted error of position, of velocity and of the position after 10, 30 and 60 s
 without fixes lies within the band that the number of windows allows about 1, or within `HONEST_RATIO` of 1 where that
 band is narrower; attitudes within `TOLERATED_RATIO`. A score counts only where it could have shown an error of
-`HONEST_RATIO` with the probability `TEST_POWER`: with ν degrees of freedom and the limits a … b of its χ² band,
+`HONEST_RATIO` with the probability `TEST_POWER`: with ν degrees of freedom and the limits a … b of that band, which is
+of those that are certain,
 
     P(χ²(ν)/ν > b/1.5²) ≥ 0.9    and    P(χ²(ν)/ν < 1.5² a) ≥ 0.9
 
@@ -86,28 +87,37 @@ def claims(found: Consistency) -> Iterator[Score]:
 def is_off(score: Score) -> bool:
     """Return whether a score speaks against the honesty of a filter."""
     widest = TOLERATED_RATIO if score.name == "attitude" else HONEST_RATIO
-    return not score.consistent and not 1.0 / widest <= score.ratio <= widest
+    if 1.0 / widest <= score.ratio <= widest or not 0.0 < score.freedom < math.inf:
+        return False
+    low, high = _band(score.freedom)
+    return not low <= score.ratio**2 <= high
 
 
-def shows_dishonesty(score: Score, freedom: float | None = None) -> bool:
-    """Return whether a score, or one of so many degrees of freedom, would show an error of `HONEST_RATIO`."""
-    nu = score.effective if freedom is None else freedom
+def shows_dishonesty(score: Score, more: float = 1.0) -> bool:
+    """Return whether a score, or one of so many times as much data, would show an error of `HONEST_RATIO`."""
+    nu = more * score.effective
     if not 0.0 < nu < math.inf:
         return False
-    low, high = (chi2_quantile(p, nu) for p in (TAIL_PROBABILITY, 1.0 - TAIL_PROBABILITY))
-    optimistic = chi2_beyond(high / HONEST_RATIO**2, nu)
-    pessimistic = 1.0 - chi2_beyond(low * HONEST_RATIO**2, nu)
+    low, high = _band(more * score.freedom)
+    optimistic = chi2_beyond(nu * high / HONEST_RATIO**2, nu)
+    pessimistic = 1.0 - chi2_beyond(nu * low * HONEST_RATIO**2, nu)
     return min(optimistic, pessimistic) >= TEST_POWER
+
+
+def _band(freedom: float) -> tuple[float, float]:
+    """Return the limits of χ² ÷ its degrees of freedom that a right filter keeps."""
+    low, high = (chi2_quantile(p, freedom) / freedom for p in (TAIL_PROBABILITY, 1.0 - TAIL_PROBABILITY))
+    return low, high
 
 
 def need_text(score: Score) -> str:
     """Return how much more data would tell, in words; empty where that is not known."""
     if not 0.0 < score.effective < math.inf:
         return ""
-    needed = score.effective
-    while not shows_dishonesty(score, needed):
-        needed *= 1.05
-    return f" ({needed / score.effective:.2g} times as much data would do)"
+    more = 1.0
+    while not shows_dishonesty(score, more):
+        more *= 1.05
+    return f" ({more:.2g} times as much data would do)"
 
 
 def ratio_text(ratio: float, interval: tuple[float, float]) -> str:

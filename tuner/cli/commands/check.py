@@ -34,7 +34,7 @@ from tuner.stages import stage
 @click.option(
     "--runs",
     type=click.IntRange(min=2),
-    default=20,
+    default=25,
     show_default=True,
     metavar="N",
     help="Number of simulated runs, each with new turn-on biases.",
