@@ -119,7 +119,7 @@ def test_without_a_truth_distances_to_fixes_are_no_errors():
     verdict = scores(*blocks, outages=[outage(10.0, 1.0, 400)], truth=False).honesty
     assert verdict.use is Use.HONEST  # the smoother decides nothing
     assert "distance to the fixes 1.00" in verdict.text
-    assert "distance to the withheld fix, after 10 s without fixes" in verdict.text
+    assert "distance to the fix withheld for 10 s" in verdict.text
     assert "error" not in verdict.text
 
 

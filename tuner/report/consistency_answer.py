@@ -6,11 +6,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+from rich.table import Table
+
 from tuner.formats.customary_units import digits
 from tuner.formats.reference_words import reference_line
 from tuner.report.document import Document, document
 from tuner.report.verdict_text import verdict_text
 from tuner.types.consistency import Consistency, Score
+from tuner.types.honesty import ratio_text
 from tuner.types.verdict import Severity
 
 OFF = "*"
@@ -40,8 +43,12 @@ def consistency_answer(found: Consistency, notes: Sequence[str] = (), to_do: Seq
     """
     found = found.shown
     said = [f"Verdict: {found.honesty.text}", *reference_line(notes), *explanation_lines(found)]
-    said += [*_score_lines(found), *_error_lines(found), *to_do]
-    return document(said, [f"Note: {note}" for note in notes], beyond="every score with its band")
+    table = [_score_table(found)] if found.scores or found.errors else []
+    return document(
+        [*said, *table, *_further(found), *to_do],
+        [f"Note: {note}" for note in notes],
+        beyond="every score with its band",
+    )
 
 
 def explanation_lines(found: Consistency) -> list[str]:
@@ -53,55 +60,60 @@ def explanation_lines(found: Consistency) -> list[str]:
     return [f"{text[:1].upper()}{text[1:]}" for text in texts]
 
 
-def _score_lines(found: Consistency) -> list[str]:
-    """Return true ÷ predicted of every score, and of the outages with their errors."""
-    elsewhere = {outage.score.name for outage in found.outages}
-    if len(found.nis) > 1:  # the first is of all together
-        elsewhere.add(found.nis[0].name)
-    parts = [
-        f"{NAMES.get(one.name, one.name.replace('_', ' '))} {_ratio(one)}"
-        for one in found.scores
-        if one.name not in elsewhere
-    ]
-    white = found.whiteness
-    if white is not None and not white.consistent:
-        parts.append(f"innovations correlated, {white.correlation:+.2f} at lag {white.lag}")
-    lines = []
-    if parts:
-        mark = f" ({OFF}: off)" if OFF in "".join(parts) else ""
-        of = (
-            "True ÷ predicted error"
-            if found.has_truth
-            else "Innovations, and distance to the smoother, ÷ predicted"
+def _score_table(found: Consistency) -> Table:
+    """Return errors and true ÷ predicted of every score, with its interval; of the outages what was predicted, too."""
+    error = "error" if found.has_truth else "distance"
+    table = Table(box=None, padding=(0, 2, 0, 0))
+    for head in ("", f"{error}, rms", "predicted", "true ÷ predicted (95 %)"):
+        table.add_column(head, no_wrap=True)
+    errors = _errors(found)
+    outages = {one.score.name: one for one in found.outages}
+    innovations = {one.name: one for one in found.nis[len(found.nis) > 1 :]}  # the first is of all together
+    for one in found.scores:
+        if one in found.nis and one.name not in innovations:
+            continue
+        if one.name in outages:
+            outage = outages[one.name]
+            cells = f"{digits(outage.rms)} m", f"{digits(outage.predicted)} m"
+            text = ratio_text(one.ratio, outage.interval)
+        else:
+            cells, text = (errors.pop(one.name, ""), ""), ratio_text(one.ratio, one.interval)
+        table.add_row(_name(one, found), *cells, text + OFF * (not one.consistent))
+    for name, size in errors.items():
+        table.add_row(name.replace("_", " "), size, "", "")
+    return table
+
+
+def _name(one: Score, found: Consistency) -> str:
+    """Return what a row is of; where there is no truth, states are compared with the smoother."""
+    if one.name in NAMES:
+        return NAMES[one.name]
+    if one.name.startswith("outage "):
+        return (
+            f"{'without fixes' if found.has_truth else 'fixes withheld'}, {one.name.removeprefix('outage ')}"
         )
-        lines.append(f"{of}{mark}: {', '.join(parts)}")
-    if found.outages:
-        each = (
-            f"{one.score.name.removeprefix('outage ')} {digits(one.rms)} ({digits(one.predicted)}) m"
-            f"{'' if one.score.consistent else OFF}"
-            for one in found.outages
-        )
-        of = "error" if found.has_truth else "distance to the withheld fixes"
-        lines.append(f"Without fixes, {of} (predicted): {', '.join(each)}")
-    return lines
+    words = one.name.replace("_", " ")
+    return words if found.has_truth else f"{words}, to the smoother"
 
 
-def _ratio(score: Score) -> str:
-    return f"{digits(score.ratio)}{'' if score.consistent else OFF}"
-
-
-def _error_lines(found: Consistency) -> list[str]:
-    """Return rms errors over all axes, and how many fixes were refused."""
-    parts = []
-    innovations = all(name.rpartition("_rms_")[0].endswith("_innovation") for name in found.errors)
+def _errors(found: Consistency) -> dict[str, str]:
+    """Return rms errors over all axes with their unit; without a truth those of the innovations."""
+    sizes: dict[str, str] = {}
     for name, values in found.errors.items():
         what, _, unit = f"{name}_".partition("_rms_")
         unit = unit.removesuffix("_")
         size, shown = (math.degrees(1.0), "deg") if unit == "rad" else (1.0, unit.replace("m_s", "m/s"))
-        words = what.removesuffix("_innovation") if innovations else what
-        parts.append(f"{words.replace('_', ' ')} {digits(size * math.hypot(*values))} {shown}".rstrip())
-    gated = [f"{100.0 * found.gated:.2g} % of fixes refused"] if found.gated else []
-    errors = (
-        [f"{'Distance to the fixes' if innovations else 'Error'}, rms: {', '.join(parts)}"] if parts else []
-    )
-    return ["; ".join([*errors, *gated])] if errors or gated else []
+        key = f"nis_{what.removesuffix('_innovation')}" if what.endswith("_innovation") else what
+        sizes[key] = f"{digits(size * math.hypot(*values))} {shown}".rstrip()
+    return sizes
+
+
+def _further(found: Consistency) -> list[str]:
+    """Return what the table does not show: mark, correlation of the innovations, refused fixes."""
+    white = found.whiteness
+    marked = [f"{OFF}: off beyond chance and 10 %"] if any(not one.consistent for one in found.scores) else []
+    if white is not None and not white.consistent:
+        marked.append(f"innovations correlated, {white.correlation:+.2f} at lag {white.lag}")
+    if found.gated:
+        marked.append(f"{digits(100.0 * found.gated, 2)} % of fixes refused")
+    return ["; ".join(marked)]

@@ -14,7 +14,7 @@ Others are too short to judge, and the verdict says how much more data would do.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from models.probability import chi2_beyond, chi2_quantile
@@ -30,7 +30,6 @@ TAIL_PROBABILITY = 0.0005
 """Chance on either side that one score of a right filter lies outside its band: 99.7 % for three scores together."""
 NAMES = {
     "nees": "all states",
-    "outage": "position after {} without fixes",
     "nis_position": "distance to the fixes",
     "nis_velocity": "distance to the velocities of the receiver",
     "nis": "innovations",
@@ -49,10 +48,12 @@ def honesty(found: Consistency) -> Judgement:
         f"{ratio_text(one.ratio, known.get(one.name, one.interval))}"
         for one in scores
     }
+    off = sorted(filter(is_off, scores), key=lambda one: -abs(math.log(max(one.ratio, 1e-9))))
+    kinds = {Use.OPTIMISTIC: "more", Use.PESSIMISTIC: "less"}
     reasons = [
-        Reason(Use.OPTIMISTIC if one.ratio > 1.0 else Use.PESSIMISTIC, f"true ÷ predicted: {said[one.name]}")
-        for one in sorted(scores, key=lambda one: -abs(math.log(max(one.ratio, 1e-9))))
-        if is_off(one)
+        Reason(use, f"errs {kinds[use]} than predicted: true ÷ predicted {', '.join(texts)}")
+        for use in kinds
+        if (texts := [said[one.name] for one in off if (one.ratio > 1.0) == (use is Use.OPTIMISTIC)])
     ]
     reasons += [
         Reason(Use.OPTIMISTIC, f"the {one.part} error has a constant part of {one.ratio:.2f} predicted sds")
@@ -61,12 +62,12 @@ def honesty(found: Consistency) -> Judgement:
     if reasons:
         return judged(Use.HONEST, reasons)
     sure = [one for one in scores if shows_dishonesty(one)]
-    weak = [f"{said[one.name]}{need_text(one)}" for one in scores if one not in sure]
-    too_short = [f"too short to judge: {'; '.join(weak)}"] if weak else []
+    weak = [one for one in scores if one not in sure]
+    lacking = f"{', '.join(said[one.name] for one in weak)}{need_text(weak)}" if weak else "no error is known"
     if not sure:
-        return Judgement(Use.TOO_SHORT, tuple(weak) or ("no error is known",))
-    right = f"true ÷ predicted: {', '.join(said[one.name] for one in sure)}"
-    return Judgement(Use.HONEST, (right, *too_short))
+        return Judgement(Use.TOO_SHORT, (lacking,))
+    right = f"true ÷ predicted {', '.join(said[one.name] for one in sure)}"
+    return Judgement(Use.HONEST, (right, *([f"too short to judge: {lacking}"] if weak else [])))
 
 
 def claims(found: Consistency) -> Iterator[Score]:
@@ -110,14 +111,13 @@ def _band(freedom: float) -> tuple[float, float]:
     return low, high
 
 
-def need_text(score: Score) -> str:
-    """Return how much more data would tell, in words; empty where that is not known."""
-    if not 0.0 < score.effective < math.inf:
-        return ""
+def need_text(scores: Sequence[Score]) -> str:
+    """Return how much more data would tell of all of some scores, in words; empty where that is not known."""
     more = 1.0
-    while not shows_dishonesty(score, more):
+    known = [one for one in scores if 0.0 < one.effective < math.inf]
+    while not all(shows_dishonesty(one, more) for one in known):
         more *= 1.05
-    return f" ({more:.2g} times as much data would do)"
+    return f" ({more:.2g} times as much data would do)" if known else ""
 
 
 def ratio_text(ratio: float, interval: tuple[float, float]) -> str:
@@ -134,6 +134,10 @@ def digits(ratio: float) -> str:
 def claim_name(score: Score, *, has_truth: bool) -> str:
     """Return what a score is of, in words: of a distance to fixes where there is no truth."""
     if score.name.startswith("outage "):
-        text = NAMES["outage"].format(score.name.removeprefix("outage "))
-        return text if has_truth else f"distance to the withheld fix, {text.removeprefix('position ')}"
+        time = score.name.removeprefix("outage ")
+        return (
+            f"position after {time} without fixes"
+            if has_truth
+            else f"distance to the fix withheld for {time}"
+        )
     return NAMES.get(score.name, score.name.replace("_", " "))
