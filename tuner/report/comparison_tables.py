@@ -22,12 +22,15 @@ from tuner.identification.record_length import PlannedParameter
 from tuner.identification.static_test_plan import StaticTestPlan
 from tuner.report.agreeing_rows import joined_rows
 from tuner.report.identification_answer import terms_table, warning_lines
+from tuner.report.noise_table import NAMES
 from tuner.report.terminal import LINE_WIDTH
 from tuner.report.terms_rows import channel_row
 from tuner.types import FilterConfig
 
 NEAREST_GRADES = 3
 """Grades of an answer: the last that keeps the limit and two that do not."""
+ANSWERED_TIME = 60.0
+"""Time without fixes of the sentence that answers a comparison, s."""
 UNITS = {"gyro": "rad/s", "accel": "m/s^2"}
 
 
@@ -39,8 +42,8 @@ def comparison_tables(found: SensorComparison) -> list[Table | str]:
         for name, source in zip(names, found.noise.sources, strict=True)
         for row in joined_rows(channel_row(channel) for channel in source.channels.values())
     ]
-    answer: list[Table | str] = [terms_table(rows)]
-    answer.append("± ( ) 95 %; < 95 % limit; without these: stated; – not stated")
+    answer = [*_drift_table(found), terms_table(rows)]
+    answer.append("± ( ): 95 % interval; <: 95 % limit; without these: stated; –: not stated")
     answer += [
         f"{name}: {warning[:1].lower()}{warning[1:]}"
         for name, source in zip(names, found.noise.sources, strict=True)
@@ -48,7 +51,7 @@ def comparison_tables(found: SensorComparison) -> list[Table | str]:
     ]
     answer += [limit_text(one) for one in found.limits]
     answer += [text for text in (_differences(found),) if text]
-    return [*answer, *_drift_table(found)]
+    return answer
 
 
 def limit_text(one: LimitCheck) -> str:
@@ -92,6 +95,13 @@ def _differences(found: SensorComparison) -> str:
     return f"{pair} differs at 95 % in {'; '.join(parts)}" if parts else f"{pair}: no term differs at 95 %"
 
 
+def _sensor_or_axes(axes: list[str], every: Sequence[str]) -> str:
+    """Return axes in few words, those of a whole sensor by its name."""
+    sensor = axes[0].partition("_")[0]
+    whole = axes == [axis for axis in every if axis.partition("_")[0] == sensor]
+    return sensor if whole else axes_text(axes)
+
+
 def _drift_table(found: SensorComparison) -> list[Table | str]:
     known = [(name, one) for name, one in zip(found.noise.names, found.drift, strict=True) if one is not None]
     unranked = [f"{name} has no rank: {why}" for name, why in found.unranked.items()]
@@ -99,10 +109,10 @@ def _drift_table(found: SensorComparison) -> list[Table | str]:
         return [*unranked, "No drift is predicted: no source has six axes with white noise and a slow bias"]
     times = list(known[0][1].free)
     table = Table(box=None, padding=(0, 2, 0, 0), width=LINE_WIDTH)
-    table.add_column("predicted drift,\nm (rank)")
-    for kind in ("no fixes", "wheels"):
+    table.add_column("")
+    for kind in ("without fixes", "with wheels"):
         for time in times:
-            table.add_column(f"{kind}\n{time:g} s", justify="right")
+            table.add_column(f"{kind if time == times[0] else ''}\n{time:g} s", justify="right")
     errors = [[*one.free.values(), *one.wheels.values()] for _, one in known]
     ranked = [sorted(column) for column in zip(*errors, strict=True)]
     for (name, _), own in sorted(
@@ -110,26 +120,33 @@ def _drift_table(found: SensorComparison) -> list[Table | str]:
     ):
         cells = [f"{digits(x, 2)} ({order.index(x) + 1})" for x, order in zip(own, ranked, strict=True)]
         table.add_row(name, *cells)
+    drifts = {name: digits(one.free[ANSWERED_TIME], 2) for name, one in known if ANSWERED_TIME in one.free}
+    said = ", ".join(f"{name} {drift} m" for name, drift in drifts.items())
     about = (
-        f"Horizontal, rms, after so long without fixes, of a filter tuned to each sensor and aided by {found.receiver} "
-        "for 15 min of city before; wheels: no sideways slip. Scale factors and misalignments come on top."
+        f"Horizontal position error, m rms (rank), predicted for a filter tuned to each sensor after 15 min of city by "
+        f"{found.receiver}; with wheels: with a non-holonomic constraint. Scale factors and misalignments come on top."
     )
-    return [table, about, *unranked]
+    verdict = (
+        [f"Verdict: after {ANSWERED_TIME:g} s without fixes the position errs by: {said}"] if said else []
+    )
+    return [*verdict, table, about, *unranked]
 
 
 def choice_tables(found: GradeChoice, *, every: bool = True) -> list[Table | str]:
     """Return the ranking of the built-in grades, all or those nearest to the limit, and which noise is just enough."""
     with_wheels = "with" if found.wheels else "without"
-    limit = f"{found.limit:g} m after {found.outage:g} s without fixes, {found.receiver} before, {with_wheels} wheels"
+    limit = f"{found.limit:g} m after {found.outage:g} s without fixes"
+    before = f"receiver before: {found.receiver}; {with_wheels} a non-holonomic constraint"
     kept = len(found.kept)
-    shown_part = "" if every or len(found.ranking) <= NEAREST_GRADES else ". Nearest to that"
-    head = f"{kept or 'None'} of {len(found.ranking)} built-in grades keep {limit}{shown_part}:"
+    shown_part = "" if every or len(found.ranking) <= NEAREST_GRADES else ". The nearest"
+    keep = f"keep{'s' * (kept <= 1)}"
+    head = f"Verdict: {kept or 'none'} of {len(found.ranking)} built-in sensors {keep} {limit} ({before}){shown_part}:"
     answer: list[Table | str] = [head]
     table = Table(box=None, padding=(0, 2, 0, 0), width=LINE_WIDTH)
-    table.add_column("grade")
-    table.add_column("drift,\nm (rms)", justify="right")
+    table.add_column("sensor")
+    table.add_column("error,\nm rms", justify="right")
     table.add_column("keeps\nit")
-    for head in ("gyro N,\ndeg/√h", "B,\ndeg/h", "accel N,\nµg/√Hz", "B,\nµg"):
+    for head in ("gyro white\nnoise, deg/√h", "B,\ndeg/h", "accel white\nnoise, µg/√Hz", "B,\nµg"):
         table.add_column(head, justify="right")
     first = 0 if every else max(0, min(kept - 1, len(found.ranking) - NEAREST_GRADES))
     shown = found.ranking[first:] if every else found.ranking[first : first + NEAREST_GRADES]
@@ -146,11 +163,11 @@ def choice_tables(found: GradeChoice, *, every: bool = True) -> list[Table | str
             digits(v, 2) for v in noise_of(found.nearest.config, found.factor)
         )
         text = (
-            f"Just enough: {digits(found.factor, 2)} × the noise and biases of {found.nearest.name}: gyro N "
-            f"{gyro_n} deg/√h, B {gyro_b} deg/h; accel N {accel_n} µg/√Hz, B {accel_b} µg"
+            f"Just enough: {digits(found.factor, 2)} × the noise and biases of {found.nearest.name}: gyro white noise "
+            f"{gyro_n} deg/√h, B {gyro_b} deg/h; accel white noise {accel_n} µg/√Hz, B {accel_b} µg"
         )
-    rest = "" if every else " All grades: --verbose"
-    return [*answer, f"{text}. Scale factors and misalignments come on top.{rest}"]
+    rest = "" if every else " All sensors: --verbose"
+    return [*answer, f"{text}. B: bias instability. Scale factors and misalignments come on top.{rest}"]
 
 
 def noise_of(config: FilterConfig, factor: float) -> tuple[float, float, float, float]:
@@ -202,7 +219,7 @@ def plan_tables(plans: StaticTestPlan) -> list[Table | str]:
     for head in (
         (title := f"{plans.name}, {digits(first.hours)} h"),
         "assumed",
-        "best possible sd",
+        "relative sd",
         "shown",
         f"hours for {wanted}",
     ):
@@ -218,14 +235,19 @@ def plan_tables(plans: StaticTestPlan) -> list[Table | str]:
         hours = [p.hours for _, p in found]
         needed = "more than 10 000" if None in hours else digits(max(h for h in hours if h is not None), 2)
         table.add_row(
-            f"{symbol(name)} of {axes_text([axis for axis, _ in found])}",
+            f"{_sensor_or_axes([axis for axis, _ in found], list(plans))} {NAMES.get(name, symbol(name))}",
             f"{' to '.join(ends)} {pretty(customary_unit(name, unit))}",
             f"{digits(100 * spread, 2)} %" if spread < 10 else "> 1000 %",
             "yes" if all(p.shown for _, p in found) else "bound only",
             needed,
         )
+    hidden = [
+        str(cells[0]) for cells in zip(*(c.cells for c in table.columns), strict=True) if cells[3] != "yes"
+    ]
+    shows = f"all but {', '.join(hidden)}" if hidden else "every term"
+    verdict = f"Verdict: {digits(first.hours)} h of {plans.name} show {shows}"
     rule = (
         f"A single Allan point to {wanted} needs {first.clusters} clusters: here up to τ = "
         f"{digits(first.longest_tau)} s. Of several axes the worst."
     )
-    return [table, rule]
+    return [verdict, table, rule]

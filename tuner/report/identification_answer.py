@@ -16,7 +16,7 @@ from tuner.report.agreeing_rows import joined_rows
 from tuner.report.alike_sentences import alike_sentences
 from tuner.report.answer_layout import assumed_text, span_text, used_part
 from tuner.report.document import Document, document
-from tuner.report.noise_table import legend, noise_table
+from tuner.report.noise_table import NAMES, legend, noise_table
 from tuner.report.terminal import LINE_WIDTH
 from tuner.report.terms_rows import MAIN_TERMS, TermsRow, single_row
 from tuner.types import Coefficient, FilterConfig, Identification, PooledChannel
@@ -24,8 +24,6 @@ from tuner.types.prediction import PredictedBlock
 
 UNEQUAL_BELOW = 0.05
 """Probability below which logs are said to differ."""
-LEGEND = "± ( ) < 95 %"
-"""What stands behind or before a number: an interval, or a limit."""
 
 
 def identification_answer(
@@ -109,10 +107,10 @@ def terms_table(rows: Sequence[tuple[str, TermsRow]]) -> Table:
     """Return N, B and K of every row, behind the name of its source, under the units of the sensors."""
     table = Table(box=None, padding=(0, 2, 0, 0), width=LINE_WIDTH)
     units = list(dict.fromkeys(row.unit for _, row in rows))
-    table.add_column(LEGEND, no_wrap=True)
+    table.add_column("", no_wrap=True)
     for name in MAIN_TERMS:
-        each = "|".join(pretty(customary_unit(name, unit)) for unit in units)
-        table.add_column(f"{symbol(name)}, {each}", overflow="fold")
+        each = " | ".join(pretty(customary_unit(name, unit)) for unit in units)
+        table.add_column(f"{NAMES[name]},\n{each}", overflow="fold")
     for unit in units:
         for name, row in rows:
             if row.unit == unit:

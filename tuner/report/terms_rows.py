@@ -51,7 +51,7 @@ class TermsRow:
                 low, high = digits(min(values), count), digits(max(values), count)
                 if low != high:
                     return f"{low} to {high}"
-            return low
+            return digits(value)
         return with_interval(value, min(ends), max(ends))
 
     @property
