@@ -13,7 +13,7 @@ from tuner.formats.reference_words import reference_line
 from tuner.report.document import Document, document
 from tuner.report.verdict_text import verdict_text
 from tuner.types.consistency import Consistency, Score
-from tuner.types.honesty import ratio_text
+from tuner.types.honesty import claims, is_off, ratio_text
 from tuner.types.verdict import Severity
 
 OFF = "*"
@@ -68,6 +68,7 @@ def _score_table(found: Consistency) -> Table:
         table.add_column(head, no_wrap=True)
     errors = _errors(found)
     outages = {one.score.name: one for one in found.outages}
+    off = _off(found)
     innovations = {one.name: one for one in found.nis[len(found.nis) > 1 :]}  # the first is of all together
     for one in found.scores:
         if one in found.nis and one.name not in innovations:
@@ -78,10 +79,16 @@ def _score_table(found: Consistency) -> Table:
             text = ratio_text(one.ratio, outage.interval)
         else:
             cells, text = (errors.pop(one.name, ""), ""), ratio_text(one.ratio, one.interval)
-        table.add_row(_name(one, found), *cells, text + OFF * (not one.consistent))
+        table.add_row(_name(one, found), *cells, text + OFF * (one in off))
     for name, size in errors.items():
         table.add_row(name.replace("_", " "), size, "", "")
     return table
+
+
+def _off(found: Consistency) -> list[Score]:
+    """Return the scores that are off: beyond chance and 10 %, or those that decide the verdict against the filter."""
+    decisive = [one for one in claims(found) if is_off(one)]
+    return [one for one in found.scores if one in decisive or not one.consistent]
 
 
 def _name(one: Score, found: Consistency) -> str:
@@ -111,7 +118,7 @@ def _errors(found: Consistency) -> dict[str, str]:
 def _further(found: Consistency) -> list[str]:
     """Return what the table does not show: mark, correlation of the innovations, refused fixes."""
     white = found.whiteness
-    marked = [f"{OFF}: off beyond chance and 10 %"] if any(not one.consistent for one in found.scores) else []
+    marked = [f"{OFF}: off beyond chance"] if _off(found) else []
     if white is not None and not white.consistent:
         marked.append(f"innovations correlated, {white.correlation:+.2f} at lag {white.lag}")
     if found.gated:

@@ -37,6 +37,8 @@ LEGEND = {
 }
 PAIR, FADING = "kalibr.yaml", "kf-gins.yaml"
 """Files whose numbers stand beside the measured ones: white noise with a random walk, and with a Gauss–Markov bias."""
+WIDEST_CELL = 16
+"""Characters of a cell with which three axes have room in a terminal; longer ones have three digits."""
 MORE_WHITE_NOISE = 1.05
 """White noise for such a filter ÷ that of the configuration from which the reason is given."""
 
@@ -216,4 +218,5 @@ def _cell(one: Coefficient, name: str, unit: str) -> str:
     if one.interval is None:
         return digits(value)
     low, high = (in_customary(end, name, unit) for end in one.interval)
-    return with_interval(value, low, high, between="–").replace(" ± ", " ±")
+    text = with_interval(value, low, high, between="–").replace(" ± ", " ±")
+    return text if len(text) <= WIDEST_CELL else f"{digits(value)} ({digits(low)}–{digits(high)})"
