@@ -147,7 +147,7 @@ def judge_drive(found: DriveDiagnosis) -> Judgement:
     scales = [
         f"{one.setting.replace('_', ' ')} is {digits(one.named.value or 0.0, 2)} × as stated"
         for one in found.noise_scales
-        if one.identifiable and "unknown" in one.causes and _far(one.named.value)
+        if one.identifiable and "unknown" in one.causes and one.named.determined and _far(one.named.value)
     ]
     reasons += [Reason(Use.NOT_EXPLAINED, f"noise without a known cause: {', '.join(scales)}")] * bool(scales)
     return _of_causes(found.findings, found.unexplained, reasons)

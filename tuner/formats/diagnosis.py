@@ -125,6 +125,7 @@ class _FindingForm:
     extension: Mapping[str, Any] = field(default_factory=dict)
     inflations: tuple[Enlargement, ...] = ()
     drift: Mapping[str, _BeforeAfter] = field(default_factory=dict)
+    doubted: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, finding: Finding, /) -> Self:

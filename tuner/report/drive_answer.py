@@ -19,8 +19,8 @@ def found_text(finding: Finding) -> str:
     what, _, rest = finding.text.partition(": ")
     words = rest.partition(" (")[0]
     subject = f"{finding.cause.replace('_', ' ')} in {', '.join(finding.channels)}"
-    figures = dict(finding.parameters)
-    for name in finding.parameters:
+    figures = dict(finding.figures)
+    for name in finding.figures:
         if (phrase := f" by the {name.replace('_', ' ')}") in words:  # the figure in its place
             words = words.replace(phrase, f" by {amount(figures.pop(name))}", 1)
             break

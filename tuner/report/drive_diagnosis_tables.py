@@ -49,8 +49,9 @@ def noise_lines(estimates: Sequence[NoiseScaleEstimate], findings: Sequence[Find
         one for one in estimates if one.stated is not None and one.identifiable and not may_be_one(one.plain)
     ]
     left = [one for one in shown if not may_be_one(one.named)]
-    named = [one for one in left if UNKNOWN_CAUSE not in one.causes and NOISE_CAUSES & {*one.causes}]
-    unnamed = [one for one in left if one not in named]
+    known = [one for one in left if one.named.determined]
+    named = [one for one in known if UNKNOWN_CAUSE not in one.causes and NOISE_CAUSES & {*one.causes}]
+    unnamed = [one for one in known if one not in named]
     explained = [SHORT_NAMES[one.setting] for one in shown if one not in left]
     lines = []
     if unnamed:
@@ -82,7 +83,7 @@ def _staying(findings: Sequence[Finding]) -> dict[str, str]:
     sds: dict[str, str] = {}
     for one in findings:
         if (setting := _STAYING_CAUSES.get(one.cause)) is not None:
-            level, down = (one.parameters.get(name) for name in ("sd", "sd_vertical"))
+            level, down = (one.figures.get(name) for name in ("sd", "sd_vertical"))
             words = [amount(level)] if level is not None else []
             words += [f"vertically {amount(down)}"] if down is not None else []
             sds[setting] = ", ".join(words)

@@ -198,7 +198,7 @@ def findings_table(findings: Sequence[Finding], title: str) -> Table:
         table.add_row(
             f.cause,
             ", ".join(f.channels),
-            "\n".join(line for pair in parameter_words(f.parameters).items() for line in _lines(f, *pair)),
+            "\n".join(line for pair in parameter_words(f.figures).items() for line in _lines(f, *pair)),
             f"{f.p_value:.1e}" if f.p_value > 0.0 else "< 1e-300",
             _worth(f),
             ", ".join(f"{a.cause} ({a.score:.2f})" for a in f.alternatives) or "–",

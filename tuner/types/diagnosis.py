@@ -84,6 +84,8 @@ class Finding:
     drift : mapping of str to (float, float)
         Position error, m, after so long without fixes (``60 s``), with the cause in the samples and without it; of a
         static log.
+    doubted : tuple of str
+        Parameters that the data do not determine, such as an estimate at its bound: not shown, and in no setting.
     """
 
     cause: str
@@ -100,6 +102,12 @@ class Finding:
     inflations: tuple[Enlargement, ...] = ()
     by_channel: Mapping[str, Mapping[str, Coefficient]] = field(default_factory=lambda: MappingProxyType({}))
     drift: Mapping[str, tuple[float, float]] = field(default_factory=lambda: MappingProxyType({}))
+    doubted: tuple[str, ...] = ()
+
+    @property
+    def figures(self) -> Mapping[str, Coefficient]:
+        """Its parameters without those that are doubted: what an answer shows."""
+        return {name: one for name, one in self.parameters.items() if name not in self.doubted}
 
     @property
     def determined(self) -> bool:

@@ -278,8 +278,8 @@ def test_noise_scales_are_put_in_words():
 
 
 def test_beside_errors_of_fixes_that_stay_a_factor_is_that_of_the_white_part():
-    """It read "R position × below 0.00346": fixes of metres would have been good to centimetres."""
-    small = Coefficient.bounded(0.00346, "1", "indistinguishable")
+    """It read "R position × 0.00346": fixes of metres would have been good to centimetres."""
+    small = Coefficient.known(0.00346, 0.003, 0.004, "1")
     one = NoiseScaleEstimate("position", 5.4, "m", small, small, ("gnss_noise_scale",), True, "")
     sds = {
         "sd": Coefficient.known(1.9, 1.0, 4.4, "m"),
@@ -287,7 +287,7 @@ def test_beside_errors_of_fixes_that_stay_a_factor_is_that_of_the_white_part():
     }
     stays = Finding("correlated_gnss", ("gnss",), "a statistic", 9.0, 1e-9, sds, "errors stay")
     (line,) = noise_lines([one], [stays])
-    assert "white part of R position × below 0.00346 beside errors that stay, sd 1.9" in line
+    assert "white part of R position × 0.00346 (0.003 … 0.004) beside errors that stay, sd 1.9" in line
     assert "vertically 16" in line
     assert "white part" not in noise_lines([one])[0]
     assert any("white part" in str(line) for line in noise_scale_tables([one], [stays])[1:])

@@ -174,7 +174,9 @@ def _diagnosis(
         for one in outcome.accepted
     ]
     pairs = zip(outcome.accepted, own, strict=True)
-    findings = tuple(sorted((finding(one, drive, of) for one, of in pairs), key=lambda f: f.p_value))
+    findings = tuple(
+        sorted((finding(one, drive, of, outcome.doubted(one)) for one, of in pairs), key=lambda f: f.p_value)
+    )
     biases = biases_beyond_prior(outcome.final, config, outcome.shifts, significance_threshold())
     # A bias is what named causes leave: it comes last.
     turned = (

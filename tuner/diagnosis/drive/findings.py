@@ -14,18 +14,34 @@ from tuner.types import Coefficient, Finding, Gain, Inseparable
 from tuner.types.records import Drive
 
 
-def finding(one: Accepted, drive: Drive, gain: Gain | None) -> Finding:
-    """Return an accepted cause as a finding; a lever arm in axes of the vehicle where its mounting is known."""
+def finding(one: Accepted, drive: Drive, gain: Gain | None, doubted: tuple[str, ...] = ()) -> Finding:
+    """Return an accepted cause as a finding; a lever arm in axes of the vehicle where its mounting is known.
+
+    Parameters
+    ----------
+    one : Accepted
+        The cause.
+    drive : Drive
+        The drive.
+    gain : Gain or None
+        What the cause is worth.
+    doubted : tuple of str
+        Its parameters that are not determined; an axis of the vehicle is named after the nearest one of the sensor.
+    """
     declared = DRIVE_CAUSES[one.cause]
     channels = declared.channels
     parameters: Mapping[str, Coefficient] = one.parameters
     if one.cause == "lever_arm" and drive.mounting is not None:
+        names = list(parameters)
+        nearest = dict(zip(names, np.abs(drive.mounting.T).argmax(axis=0).tolist(), strict=True))
+        doubted = tuple(names[nearest[name]] for name in doubted)
         parameters = rotated_parameters(parameters, drive.mounting.T)
     result = one.candidate.result
+    figures = {name: c for name, c in parameters.items() if name not in doubted}
     extension: dict[str, Any] = {
         "cause": one.cause,
         "joins": declared.joins,
-        "parameters": {name: c.value for name, c in parameters.items()},
+        "parameters": {name: c.value for name, c in figures.items()},
     }
     return Finding(
         one.cause,
@@ -34,11 +50,12 @@ def finding(one: Accepted, drive: Drive, gain: Gain | None) -> Finding:
         result.statistic,
         min(1.0, result.p_value),
         parameters,
-        words(one.cause, channels, declared.meaning, parameters),
+        words(one.cause, channels, declared.meaning, figures),
         declared.consequence,
         extension,
         gain,
         one.alternatives,
+        doubted=doubted,
     )
 
 

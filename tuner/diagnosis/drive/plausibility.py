@@ -9,7 +9,8 @@ biases and noise of sensors that no sensor has. So causes are withdrawn where
 - a bias is beyond `MAX_BIAS` prior sds, and no scale factor of the vertical accelerometer either, noise is more than
   `MAX_RATIO` times as large as stated (of fixes in classes: that of every class), or errors of the fixes last longer
   than the drive and than any of a receiver, so that they cannot be distinguished from a constant;
-- none of its figures is determined: an estimate at its bound names nothing.
+- none of its figures is determined, or of factors on noise those that are may all be 1: an estimate at its bound
+  names nothing.
 """
 
 from __future__ import annotations
@@ -24,8 +25,10 @@ from tuner.diagnosis.drive.causes.base import is_noise_scale
 from tuner.diagnosis.drive.causes.correlated_gnss import CORRELATED_GNSS
 from tuner.diagnosis.drive.causes.correlated_velocity import CAUSE_CODE as CORRELATED_VELOCITY
 from tuner.diagnosis.drive.causes.sensor_bias import CAUSE_CODE as SENSOR_BIAS
+from tuner.diagnosis.drive.fitted_noise_scales import consistent_with_one
 from tuner.diagnosis.drive.hypothesis import FilterRun
 from tuner.diagnosis.drive.posterior_check import UNKNOWN
+from tuner.formats.parameter_words import parameter_words
 from tuner.navigation.drive.run import SETTLING_TIME
 from tuner.types import Alternative, Coefficient, DriveDiagnosis, Finding, Unexplained
 from tuner.types.diagnosis import START
@@ -158,6 +161,8 @@ def reasons(one: Finding, span: float) -> Iterator[str]:
     """Yield why a finding cannot be true on a drive of a length, s."""
     if not one.determined:
         yield "none of its figures is determined within a factor of five"
+    elif one.doubted and is_noise_scale(one.cause) and consistent_with_one(one.figures):
+        yield f"only {', '.join(parameter_words(one.parameters)[name] for name in one.doubted)}, at a bound"
     scaled = any(other.cause == "accel_scale" for other in one.alternatives)
     if one.cause == SENSOR_BIAS and one.value > MAX_BIAS and not scaled:
         yield f"a bias of {one.value:.0f} prior sds"

@@ -29,7 +29,7 @@ from tuner.diagnosis.drive.hypothesis_tests import (
     score_candidate,
 )
 from tuner.diagnosis.drive.linear_model.likelihood import as_configured, evaluate
-from tuner.diagnosis.drive.linear_model.noise_parameters import ROW_GROUPS
+from tuner.diagnosis.drive.linear_model.noise_parameters import EXPONENT_ENDING, ROW_GROUPS
 from tuner.diagnosis.drive.residue_of_strong_causes import (
     causes_stronger_than_jump,
     explained_by_stronger,
@@ -123,15 +123,33 @@ class SearchResult:
     notes: tuple[str, ...] = ()
     undetermined: tuple[Parameter, ...] = ()
 
-    def determined(self, compensation: Compensation) -> Compensation:
-        """Return a compensation without the constants that the drive does not determine, and factors at their bound."""
-        return Compensation(
-            {
-                p: value
-                for p, value in compensation.items()
-                if p not in self.undetermined and not (_is_factor_of_sds(p) and value <= MIN_FACTOR)
-            }
+    def doubted(self, one: Accepted) -> tuple[str, ...]:
+        """Return the parameters of an accepted cause that the drive does not determine.
+
+        Of constants those of `undetermined`; of noise estimates at their bound, and those of a wide interval. An
+        exponent is no size, what has no interval is given.
+        """
+        if one.cause in self.shifts:
+            return tuple(p.name for p in self.undetermined if p.cause == one.cause)
+        return tuple(
+            name
+            for name, figure in one.parameters.items()
+            if not (figure.determined or name.endswith(EXPONENT_ENDING))
+            and (figure.value is None or figure.interval is not None)
         )
+
+    def determined(self, compensation: Compensation) -> Compensation:
+        """Return a compensation without what the drive does not determine; a class of fixes is then as reported."""
+        doubted = {Parameter(one.cause, name) for one in self.accepted for name in self.doubted(one)}
+        values = {
+            p: value
+            for p, value in compensation.items()
+            if p not in self.undetermined
+            and p not in doubted
+            and not (_is_factor_of_sds(p) and value <= MIN_FACTOR)
+        }
+        common = {p: values.get(replace(p, name=p.name.partition("_class_")[0]), 1.0) for p in doubted}
+        return Compensation(values).with_values({p: 1.0 / one for p, one in common.items() if one != 1.0})
 
 
 def _is_factor_of_sds(parameter: Parameter) -> bool:

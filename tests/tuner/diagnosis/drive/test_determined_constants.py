@@ -2,18 +2,33 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
-from typing import Any
+from dataclasses import fields, replace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from tuner.diagnosis.drive.cause_test import MIN_FACTOR
+from tuner.diagnosis.drive.findings import finding
+from tuner.diagnosis.drive.hypothesis_tests import Candidate
 from tuner.diagnosis.drive.linear_model.whitened_innovations import WhitenedInnovations
+from tuner.diagnosis.drive.plausibility import reasons
 from tuner.diagnosis.drive.score_tests import undetermined
-from tuner.diagnosis.drive.search import SearchResult
+from tuner.diagnosis.drive.search import Accepted, SearchResult
+from tuner.diagnosis.static.outcome import TestResult
 from tuner.navigation.determined import determined_by_halves
-from tuner.types import Compensation, Parameter
+from tuner.report.drive_diagnosis_tables import drive_diagnosis_answer, noise_lines
+from tuner.report.static_diagnosis_tables import findings_table
+from tuner.types import (
+    Coefficient,
+    Compensation,
+    DriveDiagnosis,
+    FilterConfig,
+    Finding,
+    NoiseScaleEstimate,
+    Parameter,
+)
+from tuner.types.records import Drive
 
 ARM = tuple(Parameter("lever_arm", axis) for axis in "xyz")
 ROWS = 4000
@@ -71,3 +86,58 @@ def test_a_factor_at_its_bound_and_an_undetermined_constant_enter_no_setting() -
         "lever_arm.x": 0.5,
         "time_offset.delay": 0.09,
     }
+
+
+FACTORS = {
+    "position_horizontal": Coefficient.bounded(0.0027, "1", "at its bound"),
+    "velocity_horizontal_class_0": Coefficient.known(0.6, 0.57, 0.63, "1"),
+    "velocity_horizontal_class_1": Coefficient.known(2.0, 0.1, 40.0, "1"),
+    "velocity_edge_1": Coefficient(0.05, None, None, "m/s"),
+    "velocity_exponent": Coefficient.known(0.02, -0.1, 0.14, "1"),
+}
+
+
+def test_figures_at_their_bound_or_too_wide_are_neither_shown_nor_written() -> None:
+    # Seen: "(position horizontal below 0.00475 …) → scale the standard deviations of the fixes".
+    nothing: dict[str, Any] = {one.name: () for one in fields(SearchResult)}
+    one = Accepted(Candidate(TestResult("gnss_noise_scale", 1e-9, 50.0, 100.0, "likelihood ratio")), FACTORS)
+    outcome = SearchResult(**{**nothing, "accepted": (one,)})
+    assert outcome.doubted(one) == ("position_horizontal", "velocity_horizontal_class_1")
+    named = finding(one, cast(Drive, None), None, outcome.doubted(one))
+    drive = DriveDiagnosis((named,), cast(FilterConfig, None), cast(FilterConfig, None))
+    cells = [str(list(column.cells)) for column in findings_table([named], "").columns]
+    shown = "\n".join([named.text, str(drive_diagnosis_answer(drive)), *cells])
+    assert "0.0027" not in shown
+    assert "40" not in shown
+    assert set(named.extension["parameters"]) == set(FACTORS) - set(named.doubted)
+    values = {
+        "gnss_noise_scale.position_horizontal": 0.03,
+        "gnss_noise_scale.velocity_horizontal": 0.5,
+        "gnss_noise_scale.velocity_horizontal_class_0": 1.2,
+        "gnss_noise_scale.velocity_horizontal_class_1": 4.0,
+    }
+    assert outcome.determined(Compensation.parse(values)).as_text() == {
+        "gnss_noise_scale.velocity_horizontal": 0.5,
+        "gnss_noise_scale.velocity_horizontal_class_0": 1.2,
+        "gnss_noise_scale.velocity_horizontal_class_1": 2.0,  # as reported: 1/0.5
+    }
+
+
+def test_noise_that_is_only_bounded_is_no_line_of_the_answer() -> None:
+    bound = Coefficient.bounded(0.003, "1", "indistinguishable from none")
+    scale = NoiseScaleEstimate("position", 1.0, "m", bound, bound, ("unknown",), True, "")
+    assert noise_lines([scale]) == []
+
+
+def test_factors_that_may_be_one_beside_one_at_its_bound_name_nothing() -> None:
+    # Seen: "position below 0.005, velocity 0.995 ± 0.091 → scale the standard deviations".
+    figures = {
+        "position_vertical": FACTORS["position_horizontal"],
+        "velocity_vertical": Coefficient.known(0.995, 0.9, 1.09, "1"),
+    }
+    named = Finding("gnss_noise_scale", ("gnss",), "", 9.0, 1e-9, figures, "")
+    assert not list(reasons(named, 1000.0))
+    named = replace(named, doubted=("position_vertical",))
+    assert list(reasons(named, 1000.0)) == ["only position vertical, at a bound"]
+    off = figures | {"velocity_vertical": FACTORS["velocity_horizontal_class_0"]}
+    assert not list(reasons(replace(named, parameters=off), 1000.0))
