@@ -118,11 +118,16 @@ def _errors_against_a_truth(said: Claims) -> Iterator[str]:
 
 
 def _bounds_name_nothing(said: Claims) -> Iterator[str]:
-    """5: an estimate at a bound, or one that is hardly determined, names nothing."""
+    """5: an estimate at a bound, or one that is hardly determined, names nothing; what is named is explained."""
     yield from (
         f"{one.cause} is named by an estimate that is not determined"
         for one in said.names
         if not one.determined
+    )
+    yield from (
+        f"{one.cause} is named, and unexplained"
+        for one in said.names
+        if any(left.startswith(f"{one.cause}: ") for left in said.unexplained)
     )
     for one in said.statements:
         if one.interval is not None and not one.interval[0] <= one.value <= one.interval[1]:

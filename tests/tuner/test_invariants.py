@@ -150,6 +150,13 @@ def test_a_number_beyond_its_own_interval_or_limit_is_told(one):
     assert violations(Claims(GOOD, statements=(one,)))
 
 
+def test_a_cause_that_is_named_and_unexplained_is_told():
+    named = replace(FINDING, cause="gnss_noise_scale", parameters={"size": KNOWN})
+    left = ("gnss_noise_scale: likelihood ratio of a factor on the noise",)
+    assert violations(Claims(GOOD, names=(named,), unexplained=left))
+    assert not violations(Claims(GOOD, names=(named,), unexplained=("imu_noise_scale: likelihood ratio",)))
+
+
 def test_a_result_that_contradicts_itself_is_refused_in_one_line():
     unlawful = Diagnosis((FINDING,))
     with pytest.raises(DataError, match="contradict itself: 5: step is named") as refusal:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,6 +30,7 @@ from tuner.diagnosis.drive.hypothesis import (
     run_filter,
     thin_fixes,
 )
+from tuner.diagnosis.drive.hypothesis_tests import Candidate
 from tuner.diagnosis.drive.linear_model.likelihood import as_configured, evaluate
 from tuner.diagnosis.drive.plausibility import plausible
 from tuner.diagnosis.drive.posterior_check import with_something_else
@@ -156,6 +157,18 @@ def _turned_axes(drive: Drive, run: FilterRun) -> Unexplained | None:
     return None if text is None else Unexplained(text, ("imu",), 0.0)
 
 
+def not_named(tests: Sequence[Candidate], causes: Collection[str]) -> tuple[Unexplained, ...]:
+    """Return significant tests without those of causes that are named: a cause has one status.
+
+    A named one stays significant where the filter cannot follow its estimate any further.
+    """
+    return tuple(
+        Unexplained(f"{a.cause}: {a.result.name}", ("drive",), a.result.p_value)
+        for a in tests
+        if a.cause not in causes
+    )
+
+
 def _diagnosis(
     drive: Drive,
     config: FilterConfig,
@@ -203,11 +216,9 @@ def _diagnosis(
         compensation=taken_out,
         findings=(*config.findings, *map(config_finding, findings)),
     )
-    left = tuple(
-        Unexplained(f"{a.cause}: {a.result.name}", ("drive",), a.result.p_value) for a in outcome.unexplained
-    )
-    all_notes = (*drive.notes, *notes)
     causes = tuple(finding.cause for finding in findings)
+    left = not_named(outcome.unexplained, causes)
+    all_notes = (*drive.notes, *notes)
     untestable = untestable_causes(outcome.final, drive.mounting, wheels=wheels, accepted=causes)
     return DriveDiagnosis(
         findings, config, after, left, (*inseparable_causes(outcome.accepted), *untestable), all_notes, gain

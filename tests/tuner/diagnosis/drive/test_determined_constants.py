@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tuner.diagnosis.drive.cause_test import MIN_FACTOR
+from tuner.diagnosis.drive.diagnose import not_named
 from tuner.diagnosis.drive.findings import finding
 from tuner.diagnosis.drive.hypothesis_tests import Candidate
 from tuner.diagnosis.drive.linear_model.whitened_innovations import WhitenedInnovations
@@ -141,3 +142,13 @@ def test_factors_that_may_be_one_beside_one_at_its_bound_name_nothing() -> None:
     assert list(reasons(named, 1000.0)) == ["only position vertical, at a bound"]
     off = figures | {"velocity_vertical": FACTORS["velocity_horizontal_class_0"]}
     assert not list(reasons(replace(named, parameters=off), 1000.0))
+
+
+def test_a_cause_that_is_named_is_not_among_the_unexplained() -> None:
+    # Seen: "not explained: gnss_noise_scale …; with a cause: gnss noise scale".
+    tests = [
+        Candidate(TestResult(cause, 1e-9, 50.0, 100.0, "likelihood ratio"))
+        for cause in ("gnss_noise_scale", "imu_noise_scale")
+    ]
+    left = not_named(tests, ("gnss_noise_scale", "lever_arm"))
+    assert [one.statistic for one in left] == ["imu_noise_scale: likelihood ratio"]
