@@ -175,7 +175,9 @@ def align_once(
     *,
     other_starts: bool = True,
 ) -> Alignment | None:
-    """Return the alignment at the first fix from a given length of motion, s; None without fixes."""
+    """Return the alignment at the first fix from a given length of motion, s; None where no two fixes are apart."""
+    if len(gnss) < 2:
+        return None
     ends = steps.ends()
     still_end = stationary_until(gnss)
     begin = max(float(gnss.t[0]), still_end - MAX_STATIONARY)

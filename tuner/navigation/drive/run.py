@@ -39,6 +39,8 @@ from tuner.types.records import DataError, Drive, Gnss
 
 MAX_BRIDGED_GAP = 0.5
 """Longest gap of the inertial samples that is bridged, s."""
+MIN_FIXES = 10
+"""Fixes from which a stretch is aligned."""
 MIN_STRETCH = 20.0
 """Shortest stretch that is aligned, s."""
 HEADING_FLOOR, TILT_FLOOR = np.radians(2.0), np.radians(0.5)
@@ -319,8 +321,11 @@ def _aligned_stretch(steps: Steps, gnss: Gnss, settings: FilterSettings, clock: 
     ends = steps.ends()
     inside = (gnss.t > ends[0]) & (gnss.t < ends[-1])
     own = gnss.rows(inside)
-    if len(own) < 10:
-        raise DataError(f"{len(own)} fixes")
+    if len(own) < MIN_FIXES:
+        raise DataError(
+            f"expected {MIN_FIXES} fixes or more between {ends[0]:.1f} and {ends[-1]:.1f} s of the IMU, found "
+            f"{len(own)}; put the stamps of both on one clock, or give a longer drive"
+        )
     at = settings.model.layout
     bias_sd = np.concatenate([settings.initial_sd[at["gyro_bias"]], settings.initial_sd[at["accel_bias"]]])
     together = own

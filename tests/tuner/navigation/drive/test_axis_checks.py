@@ -93,6 +93,18 @@ def test_two_fixes_tell_nothing_of_the_axes(saved, data, tmp_path, configuration
         navigate_drive(drive, configuration())
 
 
+def test_fixes_on_another_clock_leave_too_few_to_align(saved, data, tmp_path, configuration):
+    """Stamps × 100 left two fixes, one at the last sample: an IndexError from inside."""
+    few = {name: values[:2] if name.startswith("gnss") else values for name, values in data.items()}
+    few["gnss_t"] = data["imu_t"][[len(data["imu_t"]) // 2, -1]]
+    drive = read_drive(saved(tmp_path / "few.npz", few))
+    assert inertial_axes(drive) is None
+    with pytest.raises(
+        DataError, match=r"expected 10 fixes or more .* found 1; put the stamps of both on one"
+    ):
+        navigate_drive(drive, configuration())
+
+
 def test_exchanged_latitude_and_longitude_are_refused(saved, data, tmp_path):
     wrong = dict(data, gnss_llh=data["gnss_llh"][:, [1, 0, 2]])
     with pytest.raises(DataError, match="latitude and longitude exchanged"):
