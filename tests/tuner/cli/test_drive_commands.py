@@ -174,6 +174,20 @@ def test_tune_and_navigate_say_the_same_of_the_settings_written(tuned, file, cap
     assert "tuner diagnose" not in told
 
 
+def test_advice_carries_the_options_of_the_run(tmp_path, capsys):
+    """Told without --gnss, a diagnosis is of another receiver, and finds nothing."""
+    made = late_drive(25.0)
+    bare = np.full_like(made.gnss.position_sd, np.nan)
+    path = tmp_path / "a drive.npz"
+    write_drive(replace(made, gnss=replace(made.gnss, position_sd=bare, velocity_sd=bare)), path)
+    own = ["--config", "mpu9250", "--gnss", "rtk"]
+    assert run(["navigate", str(path), *own, "--lever-arm", "0,0,0"]) == 0
+    told = " ".join(capsys.readouterr().out.split())
+    assert f"'{path}' {' '.join(own)}` looks for causes, without --lever-arm, which it has not" in told
+    assert run(["diagnose", str(path), *own]) == 0
+    assert "nothing contradicts" not in capsys.readouterr().out
+
+
 def test_bad_input_is_one_line(tmp_path, file, capsys):
     empty = tmp_path / "empty"
     empty.mkdir()

@@ -55,7 +55,7 @@ def test_what_is_wrong_is_one_line(notes, line):
 def test_the_answer_of_navigate_says_it_beneath_its_verdict():
     """Two paths, all scores off: as much as an answer of a drive has to say."""
     to_do = [
-        "What to do: `tuner diagnose " + "a" * 52 + " --config mpu9250` names the causes",
+        "What to do: `tuner diagnose " + "a" * 52 + " --config mpu9250` looks for causes",
         "Solution: out",
     ]
     lines = fitted(consistency_answer(FOUND, [TIMES, TURNS], to_do))

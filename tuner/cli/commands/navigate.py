@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
@@ -137,7 +138,19 @@ def command(
             "drive of the unit"
         )
     else:
-        advice = f"`tuner diagnose {drive} --config {config}` names the causes"
+        own = ["--gnss", gnss] if gnss is not None else []
+        command_line = shlex.join(["tuner", "diagnose", drive, "--config", config, *own])
+        lacking = {
+            "--imu-frame": imu_frame,
+            "--mounting-rpy": mounting_rpy,
+            "--lever-arm": lever_arm,
+            "--state": states,
+            "--non-holonomic": non_holonomic,
+            "--zero-velocity": zero_velocity,
+        }
+        beside = ", ".join(name for name, value in lacking.items() if value)
+        without = f", without {beside}, which it has not" if beside else ""
+        advice = f"`{command_line}` looks for causes{without}"
     notes = found.notes
     stated = notes if found.consistency.honesty.good else (*notes, advice)
     page(
