@@ -20,6 +20,7 @@ from models.noise import GaussMarkov
 from models.registry import RegistryError
 from tuner.formats.codec import dump, load, stored_form
 from tuner.formats.document_errors import refuse
+from tuner.formats.noise_terms import require_possible
 from tuner.types import (
     ChannelNoise,
     Compensation,
@@ -126,6 +127,13 @@ class _ConfigForm:
         for name in self.time_constants:
             if name not in self.constants:
                 refuse("a state that is among 'constants' too", repr(name), "time_constants")
+        for sensor, axes in self.sensors.items():
+            for axis, form in axes.items():
+                numbers = vars(form.filter) | {
+                    "markov": max((one.sd for one in form.filter.markov), default=0.0)
+                }
+                for key, number in numbers.items():
+                    require_possible(number, form.unit, "sensors", sensor, axis, "filter", key)
         channels = {
             axis: ChannelNoise(
                 axis, form.unit, **vars(form.filter), identified=form.identified, handling=form.fates

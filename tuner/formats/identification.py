@@ -18,7 +18,7 @@ from models.arrays import FloatArray
 from models.noise import POWER_LAW, TERMS, NoiseModel
 from tuner.formats.codec import dump, load, store, stored_form, structured
 from tuner.formats.document_errors import Mismatch, refuse
-from tuner.formats.noise_terms import noise_model, require_declared
+from tuner.formats.noise_terms import noise_model, require_declared, require_possible_terms
 from tuner.types import (
     AllanCurve,
     ArmaFit,
@@ -197,6 +197,7 @@ class _ChannelForm:
         for name, form in self.terms.items():
             for coefficients in form.estimates:
                 require_declared(name, coefficients, "terms")
+                require_possible_terms(coefficients, "terms", name)
         terms = tuple(
             TermEstimate(name, coefficients)
             for name, form in self.terms.items()

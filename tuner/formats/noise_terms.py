@@ -14,6 +14,7 @@ from models.noise import TERMS, NoiseModel
 from tuner.formats.codec import dump, store, structured
 from tuner.formats.document_errors import refuse, shown
 from tuner.types import Coefficient, TermEstimate
+from tuner.types.number_ranges import largest_reading
 
 
 def coefficient_json(coefficient: Coefficient) -> dict[str, Any]:
@@ -43,6 +44,19 @@ def require_declared(name: str, coefficients: Iterable[str], *path: str) -> None
             refuse(f"coefficients of '{name}' among {', '.join(known)}", repr(coefficient), *path)
 
 
+def require_possible(number: float | None, unit: str, *path: str) -> None:
+    """Refuse a density, an sd or a rate beyond every reading of a sensor; `path` leads to it."""
+    if number is not None and abs(number) > (limit := largest_reading(unit)):
+        refuse(f"a number up to {limit:g} {unit}, as no sensor reads more", shown(number), *path)
+
+
+def require_possible_terms(coefficients: Mapping[str, Coefficient], *path: str) -> None:
+    """Refuse coefficients beyond every reading of a sensor; `path` leads to their term."""
+    for name, one in coefficients.items():
+        require_possible(one.value, one.unit, *path, name, "value")
+        require_possible(one.upper, one.unit, *path, name, "upper")
+
+
 def _dump_coefficient(coefficient: Coefficient) -> dict[str, Any]:
     content = dict(vars(coefficient))
     if coefficient.reason is None:
@@ -63,7 +77,9 @@ def _load_term(content: object) -> TermEstimate:
     if not isinstance(name := entries.pop("term", None), str):
         refuse("a key 'term' with the name of a noise term", shown(content))
     require_declared(name, entries)
-    return TermEstimate(name, structured(entries, Mapping[str, Coefficient]))
+    coefficients = structured(entries, Mapping[str, Coefficient])
+    require_possible_terms(coefficients)
+    return TermEstimate(name, coefficients)
 
 
 store(Coefficient, dump=_dump_coefficient)

@@ -1,7 +1,7 @@
 """Identifications on file: what `tuner identify --json` and `tuner tune` stored stands wherever a log does.
 
-A ``noise.yaml`` has the terms of every axis; the JSON of an identification (or of a whole result) also has the mean,
-σ(10 s) and the Allan curve. What a file does not have is computed from the sum of its terms.
+A ``noise.yaml`` has the terms and the turn-on sd of every axis; the JSON of an identification (or of a whole result)
+has the terms, the mean, σ(10 s) and the Allan curve. What a file does not have is computed from the sum of its terms.
 """
 
 from __future__ import annotations
@@ -56,7 +56,11 @@ def _from_configuration(path: Path) -> Identification:
         )
         for axis, noise in config.channels.items()
     }
-    return Identification({"name": config.name, "files": [path.name]}, channels, config.notes)
+    constants = {
+        axis: noise.constant_sd for axis, noise in config.channels.items() if noise.constant_sd > 0.0
+    }
+    source = {"name": config.name, "files": [path.name], "turn_on_sd": constants}
+    return Identification(source, channels, config.notes)
 
 
 def _from_json(path: Path) -> Identification:

@@ -12,7 +12,8 @@ user           refused where it is off by more than `MAX_UNIT_FACTOR`, else said
 
 A refusal carries the readings that may be meant; `tuner.readers.readings` tries them, and then every judgement here
 counts, whoever states a unit. ``--assume si`` takes what is not stated as SI. The evidence:
-`tuner.readers.unit_evidence`. A single reading beyond `MAX_READING` is a broken row of the file, no spike of a sensor.
+`tuner.readers.unit_evidence`. A single reading beyond `LARGEST_READING` is a broken row of the file, no spike of a
+sensor; numbers whose squares are none (1e200) are samples in no unit.
 """
 
 from __future__ import annotations
@@ -20,7 +21,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 
 import numpy as np
 
@@ -49,12 +49,11 @@ from tuner.readers.unit_evidence import (
     units_with_gravity,
     whole_numbers,
 )
+from tuner.types.number_ranges import largest_reading
 from tuner.types.records import DataError, Record
 
 MAX_UNIT_FACTOR = 100.0
 """Factor by which a stated unit may be wrong before it is refused: logs in motion and without gravity exist."""
-MAX_READING: Mapping[str, float] = MappingProxyType({"gyro": 1e5, "accel": 1e6})
-"""Readings that no sensor has, rad/s and m/s²."""
 MIN_RANGE = 1e-15
 """Largest difference of readings, rad/s or m/s², that no sensor resolves: the best have noise of 1e-10."""
 MAX_MEDIAN_RATE = 35.0
@@ -353,14 +352,20 @@ class _Judge:
 
 
 def _check_range(source: str, record: Record) -> None:
-    """Refuse a record with readings that no sensor has: too large in places, or too small everywhere."""
+    """Refuse a record with readings that no sensor has: in no unit, too large in places, or too small everywhere."""
+    largest = float(max(record.y.max(), -record.y.min()))
+    if len(record.axes) * largest > math.sqrt(np.finfo(float).max):
+        raise DataError(
+            f"{source}: {record.name} reads up to {largest:.3g} {record.unit}, and no sensor does in any unit: choose "
+            f"other columns, or write the samples in {record.unit}"
+        )
     if 0.0 < float(np.ptp(record.y, axis=0).max()) < MIN_RANGE:
         raise DataError(
             f"{source}: {record.name} varies by {np.ptp(record.y, axis=0).max():.3g} {record.unit} in all, which no "
             f"sensor resolves: pass --{record.name}-unit or --{record.name}-scale, or choose other columns"
         )
-    limit = MAX_READING.get(record.name, np.inf)
-    if max(record.y.max(), -record.y.min()) > limit > np.median(np.abs(record.y[:CHECKED_SAMPLES])):
+    limit = largest_reading(record.unit)
+    if largest > limit > np.median(np.abs(record.y[:CHECKED_SAMPLES])):
         first = int(np.argmax(np.abs(record.y).max(axis=1)))
         raise DataError(
             f"{source}: {record.name} reads {np.abs(record.y[first]).max():.3g} {record.unit} in sample {first + 1}, "

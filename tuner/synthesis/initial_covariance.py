@@ -5,7 +5,7 @@ runs, from a turn-on figure of a grade or datasheet, or from the mean of the one
 
 * accelerometer: | ‖mean‖ − g |, the part along gravity, at least 0.03 m/s², as gravity varies that much;
 * gyro: rms of the three means, at least Earth's rate, which may be in them;
-* no usable mean: ten times the bias instability.
+* no usable mean: ten times the bias instability; refused where that is not known, either.
 
 A stationary filter levels by gravity, so tilt errs by accelerometer bias ÷ g; it finds north by Earth's
 rate, so heading errs by gyro bias ÷ (Ω cos φ), which serves only where it is small.
@@ -21,6 +21,7 @@ import numpy as np
 from models.earth import EARTH_RATE
 from models.units import STANDARD_GRAVITY
 from tuner.types import ChannelIdentification, ChannelNoise, GnssNoise, Identification, InitialUncertainty
+from tuner.types.records import DataError
 
 GRAVITY_SPREAD = 0.03
 """Half the range of gravity on the Earth's surface, m/s²."""
@@ -84,6 +85,11 @@ def _level(channel: ChannelIdentification) -> float:
         figure = coefficient.value if coefficient.value is not None else coefficient.upper
         if figure:
             return figure
+    if not len(channel.allan.tau):
+        raise DataError(
+            f"{channel.axis}: expected a mean, a turn-on sd or a term with a value, found none: state its turn-on sd "
+            "(constant_sd of noise.yaml)"
+        )
     return float(np.min(channel.allan.deviation()))
 
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Annotated
 
 
@@ -28,8 +30,16 @@ class VectorLimits:
     largest: float = math.inf
 
 
+LARGEST_READING: Mapping[str, float] = MappingProxyType({"rad": 1e5, "m": 1e6})
+"""Readings that no sensor has, rad/s and m/s², by what is integrated; no sd and no density is larger, either."""
 LONGEST_LEVER_ARM = 100.0
 """m: an antenna is not farther from the inertial unit, on ships either; a longer one is in a wrong unit."""
+
+
+def largest_reading(unit: str) -> float:
+    """Return the largest reading of a sensor with this unit, and number of its noise; infinity for other units."""
+    return LARGEST_READING.get(unit.partition("/")[0], math.inf)
+
 
 Finite = Annotated[float, Limits("a number")]
 Positive = Annotated[float, Limits("a positive number", 0.0, open_low=True)]

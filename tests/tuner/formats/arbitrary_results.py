@@ -171,6 +171,12 @@ states = st.lists(st.builds(GaussMarkov, positive, positive), max_size=3).map(tu
 
 sizes = st.floats(min_value=0.0, allow_nan=False, allow_infinity=False)
 
+noise_sizes = st.floats(min_value=0.0, max_value=1e5)
+
+noise_states = st.lists(
+    st.builds(GaussMarkov, st.floats(min_value=1e-300, max_value=1e5), positive), max_size=3
+).map(tuple)
+
 triples = st.tuples(sizes, sizes, sizes)
 
 reasons = st.dictionaries(texts, texts, max_size=3)
@@ -185,11 +191,11 @@ def channel_noises(draw: st.DrawFn) -> dict[str, ChannelNoise]:
         axis: ChannelNoise(
             axis,
             unit_of_samples(axis),
-            draw(sizes),
-            draw(states),
-            draw(sizes),
-            draw(sizes),
-            draw(sizes),
+            draw(noise_sizes),
+            draw(noise_states),
+            draw(noise_sizes),
+            draw(noise_sizes),
+            draw(noise_sizes),
             draw(estimates()),
             draw(reasons),
         )

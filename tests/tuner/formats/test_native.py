@@ -121,6 +121,16 @@ def test_files_are_written_and_read(tmp_path: Path) -> None:
         ),
         ("constant_sd: 1.9", "constant_sd: -1.9", "filter.constant_sd: expected a number not below 0"),
         ("white_density: ", "white_density: -", "gyro_x.filter.white_density: expected a number not below 0"),
+        (
+            "white_density: ",
+            "white_density: 1.0e+308  # ",
+            "gyro_x.filter.white_density: expected a number up to 100000",
+        ),
+        (
+            "density: {value: ",
+            "density: {value: 1.0e+308, interval: null, unit: rad/s^0.5}  # ",
+            "gyro_x.identified[0].density.value: expected a number up to 100000 rad/s^0.5, as no sensor reads more",
+        ),
         ("position_sd: [0.02,", "position_sd: [-0.02,", "gnss.position_sd[0]: expected a number not below 0"),
         ("gate: 5.0", "gate: [5.0]", "gnss.gate: expected a positive number"),
         ("position_sd: [0.02, 0.02, 0.03]", "position_sd: [0.02]", "position_sd: expected 3 numbers"),

@@ -64,6 +64,14 @@ def test_a_signal_that_no_sensor_resolves(tmp_path: Path, size: float) -> None:
     refused(write(tmp_path / "log.csv", rows(gyro=GYRO * size), header), "which no sensor resolves")
 
 
+def test_readings_beyond_every_unit_are_refused_with_their_size(tmp_path: Path) -> None:
+    header = re.sub(r"(gyro_.)", r"\1 [rad/s]", HEADER)
+    path = write(tmp_path / "log.csv", rows(gyro=GYRO * 1e300), header)
+    refused(
+        path, r"gyro reads up to [34]\.\d+e\+298 rad/s, and no sensor does in any unit: choose other columns"
+    )
+
+
 @pytest.mark.parametrize("white", [0.002, 0.01, 0.03])
 def test_gyroscopes_in_degrees_are_refused_with_the_unit(tmp_path: Path, white: float) -> None:
     """White noise of built-in MEMS gyroscopes, deg/s/√Hz, is more than any sensor has in rad/s/√Hz."""

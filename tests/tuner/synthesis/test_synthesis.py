@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +14,8 @@ from models.noise import TERMS, GaussMarkov, NoiseModel, White
 from models.units import unit_of_samples
 from tests.extension.second_order_gauss_markov import SecondOrderGaussMarkov
 from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
+from tuner.formats import noise_yaml
+from tuner.readers.stored_identification import read_stored
 from tuner.report.settings_rows import settings_rows
 from tuner.synthesis import BOUND, RULES, bounding_state, inflate, shaping_states, synthesize, turn_on_spread
 from tuner.synthesis.channel_noise import channel_noise
@@ -226,6 +229,20 @@ def test_constant_comes_from_runs_before_grades_before_means() -> None:
     assert synthesize(log, turn_on={"gyro_x": 5e-4}).channels["gyro_x"].constant_sd == 5e-4
     sheet = synthesize(replace(log, source={"turn_on_sd": {"gyro_x": 7e-4}}))
     assert sheet.channels["gyro_x"].constant_sd == 7e-4
+
+
+def test_a_configuration_of_limits_alone_keeps_its_turn_on_sd(tmp_path: Path) -> None:
+    """What coarse codes hide is written as limits: no term of the axis has a value, and no curve follows from it."""
+    one = channel(term("white", density=bounded(1e-3)), mean=2e-3)
+    config = synthesize(found(one))
+    noise_yaml.dump(config, tmp_path / "noise.yaml")
+    again = synthesize(read_stored(tmp_path / "noise.yaml"))
+    axis = one.axis
+    assert again.channels[axis].constant_sd == pytest.approx(config.channels[axis].constant_sd, rel=1e-4)
+    unknown = replace(config.channels[axis], constant_sd=0.0)
+    noise_yaml.dump(replace(config, channels={axis: unknown}), tmp_path / "noise.yaml")
+    with pytest.raises(DataError, match=f"{axis}: expected a mean, a turn-on sd or a term with a value"):
+        synthesize(read_stored(tmp_path / "noise.yaml"))
 
 
 def test_gyro_constant_is_never_below_earth_rate_without_better_knowledge() -> None:
