@@ -74,6 +74,7 @@ def judge_settings(known: Settings) -> Judgement:
         *_of_drive(known),
         *_of_simulation(known.check),
         *_of_predictions(known.predictions),
+        *_of_reading(known.identification),
         *_of_losses(known.identification, () if known.diagnosis is None else known.diagnosis.findings),
         *_of_unexplained(() if known.diagnosis is None else known.diagnosis.unexplained),
         *_of_enlargements(known.config),
@@ -123,7 +124,7 @@ def judge_noise(
         Use.USABLE_EXCEPT,
         f"{axes_text(failed)}, whose terms do not predict the Allan curve: its numbers are fitted to the curve",
     )
-    return judged(Use.USABLE, [*([unfit] if failed else []), *_of_losses(found, ())])
+    return judged(Use.USABLE, [*_of_reading(found), *([unfit] if failed else []), *_of_losses(found, ())])
 
 
 def curve_axes(predictions: Mapping[str, PredictedBlock]) -> list[str]:
@@ -250,6 +251,11 @@ def _of_predictions(predictions: Mapping[str, PredictedBlock]) -> Iterator[Reaso
             f"{axes_text(list(failed))}: the settings predict {worst.curve.worst:.2f} × the Allan deviation of the log "
             f"at {digits(worst.curve.worst_tau, 2)} s",
         )
+
+
+def _of_reading(found: Identification) -> Iterator[Reason]:
+    """Yield what of a log its samples speak against as it is read, such as a unit beside gravity."""
+    yield from (Reason(Use.USABLE_EXCEPT, text) for text in found.source.get("contradicted", ()))
 
 
 def lost_shares(found: Identification) -> dict[str, float]:

@@ -15,7 +15,7 @@ from tuner.consistency.scores import mean_band, score
 from tuner.diagnosis.drive.held_out_choice import HeldOutChoice
 from tuner.diagnosis.drive.predictive_score import PredictiveScore
 from tuner.identification import identify
-from tuner.judgement import Settings, judge_settings, limit_ratio
+from tuner.judgement import Settings, judge_noise, judge_settings, limit_ratio
 from tuner.limits import HONEST_RATIO, TEST_POWER
 from tuner.simulation.static import simulate
 from tuner.synthesis import synthesize
@@ -171,6 +171,16 @@ def test_samples_that_are_left_out_are_in_the_verdict(known):
     source = {**known.identification.source, "sensors": sensors}
     verdict = judge_settings(replace(known, identification=replace(known.identification, source=source)))
     assert "only 52 % of the log is used" in verdict.text
+
+
+def test_what_the_samples_speak_against_is_in_the_verdict_on_noise_and_settings():
+    noise = NoiseModel([White(1e-4), RandomWalk(1e-5)])
+    records, _ = simulate({"gyro_x": noise, "accel_x": noise}, duration=1200.0, rate=20.0, seed=3)
+    against = "accel, which reads 1.33 × gravity at rest"
+    assert judge_noise(identify(records, arma=None)).use is Use.USABLE
+    found = identify([replace(record, contradicted=(against,)) for record in records], arma=None)
+    assert judge_noise(found).text == f"usable except: {against}"
+    assert judge_settings(Settings(found, synthesize(found))).text == f"usable except: {against}"
 
 
 def test_what_drifts_further_than_its_noise_is_in_the_verdict(known):

@@ -203,6 +203,7 @@ def _source(records: Sequence[Record]) -> dict[str, object]:
             for record in records
         ],
         "assumptions": list(dict.fromkeys(text for record in records for text in record.assumptions)),
+        "contradicted": list(dict.fromkeys(text for record in records for text in record.contradicted)),
         "repairs": list(dict.fromkeys(note for record in records for note in record.notes)),
     }
 

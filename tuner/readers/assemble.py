@@ -53,13 +53,14 @@ class Plan:
 class EvenRecords:
     """Records on an even grid whose units and values were not judged yet, with what is to be said of them.
 
-    These are notes, assumptions, the rows that hold no measurement, how many of these are at the beginning and at the
-    end, and readings of an unusual clock.
+    These are notes, assumptions, those that the samples speak against, the rows that hold no measurement, how many of
+    these are at the beginning and at the end, and readings of an unusual clock.
     """
 
     records: tuple[Record, ...]
     notes: tuple[str, ...]
-    assumptions: tuple[str, ...]
+    assumptions: tuple[str, ...] = ()
+    contradicted: tuple[str, ...] = ()
     bad: tuple[BadRows, ...] = ()
     edges: tuple[int, int] = (0, 0)
     changes: tuple[Change, ...] = ()
@@ -144,11 +145,13 @@ def even(
                 stamp_course=course,
             )
         )
-    assumptions = () if clock is None else tuple(clock.assumptions)
     kept = base.rows
     edges = (0, 0) if kept is None else (int(kept.min()), len(blocks[0]) - 1 - int(kept.max()))
-    return EvenRecords(
-        tuple(records), tuple(notes), assumptions, tuple(bad), edges, () if clock is None else clock.changes
+    found = EvenRecords(tuple(records), tuple(notes), bad=tuple(bad), edges=edges)
+    if clock is None:
+        return found
+    return replace(
+        found, assumptions=clock.assumptions, contradicted=clock.contradicted, changes=clock.changes
     )
 
 
@@ -182,13 +185,16 @@ def checked(
         if any(axis in record.axes for record in live) and (step := limiting_step(y)) is not None:
             steps[axis] = step
             notes.append(about_limiting_step(axis, step, one.interval, one.unit))
-    assumptions = [*(said_first[record.name] for record in live if record.name in said_first), *assumptions]
+    first = [said_first[record.name] for record in live if record.name in said_first]
+    assumptions = [*(one.text for one in first), *assumptions]
+    contradicted = (*(one.contradicted for one in first if one.contradicted), *found.contradicted)
     said = tuple(dict.fromkeys(printable(note) for note in [*assumptions, *notes]))
     return tuple(
         replace(
             record,
             notes=said,
             assumptions=tuple(assumptions),
+            contradicted=contradicted,
             limiting_steps=MappingProxyType({axis: steps[axis] for axis in record.axes if axis in steps}),
         )
         for record in live

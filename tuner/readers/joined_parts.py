@@ -211,6 +211,7 @@ class JoinedParts:
             tuple(records),
             (*_common([(row, found.notes) for row, found in self._parts]), *notes),
             (*([said] if self._size > 1 else []), *self._parts[0][1].assumptions),
+            self._parts[0][1].contradicted,
         )
 
     def _merged(self) -> dict[str, float]:

@@ -71,8 +71,8 @@ class Clock:
         Mean step of the stamps, s, gaps apart.
     resolution : float
         To which stamps of single precision are rounded, s; 0 where that does not show.
-    notes, assumptions : tuple of str
-        What was done, and what nobody states.
+    notes, assumptions, contradicted : tuple of str
+        What was done, what nobody states, and what the samples speak against.
     factor : float
         Seconds in one unit of the stamps in the file.
     changes : tuple of Change
@@ -86,6 +86,7 @@ class Clock:
     resolution: float
     notes: tuple[str, ...]
     assumptions: tuple[str, ...]
+    contradicted: tuple[str, ...]
     factor: float = 1.0
     changes: tuple[Change, ...] = ()
 
@@ -126,6 +127,7 @@ def read_clock(
         raise DataError(f"time column '{name}' holds no number")
     notes: list[str] = []
     assumptions: list[str] = []
+    contradicted: tuple[str, ...] = ()
     changes: tuple[Change, ...] = ()
     on = finite & _set(time, finite)
     if (unset := int(np.count_nonzero(finite & ~on))) > 0:
@@ -156,7 +158,8 @@ def read_clock(
             if 1.0 / (step * factor) > RATES_WITHOUT_REMARK[1] and changes:
                 hz = f"{1.0 / (step * factor):.4g} Hz in {stated}, as the file states"
                 raise Refusal(f"time column '{name}': {hz}, is no rate of an inertial sensor", changes)
-            assumptions.append(remark)
+            assumptions.append(remark.text)
+            contradicted = (remark.contradicted,)
     first = clock[0]
     resolution = factor * _single_precision(clock, step, name, notes, factor)
     relative: FloatArray = np.subtract(time, first).astype(float, copy=False)
@@ -181,6 +184,7 @@ def read_clock(
         resolution,
         tuple(notes),
         tuple(assumptions),
+        contradicted,
         factor,
         changes,
     )

@@ -27,6 +27,7 @@ import numpy as np
 from models.earth import EARTH_RATE
 from models.units import STANDARD_GRAVITY
 from tuner.limits import WRONG_FACTOR
+from tuner.readers.clock_unit import Assumption
 from tuner.readers.column_names import INCREMENT_OF, INCREMENT_UNITS, UNITS
 from tuner.readers.column_units import UnitChoice
 from tuner.readers.refusal import Change, Refusal
@@ -76,7 +77,7 @@ def check_units(
     tried: bool = False,
     kinds: bool = True,
     others: Sequence[Change] = (),
-) -> tuple[list[str], dict[str, str]]:
+) -> tuple[list[str], dict[str, Assumption]]:
     """Return notes on units that may be wrong, and by sensor what is to be said first of its unit.
 
     Parameters
@@ -104,7 +105,7 @@ def check_units(
         A reading no sensor has.
     """
     notes: list[str] = []
-    said: dict[str, str] = {}
+    said: dict[str, Assumption] = {}
     sizes = {record.name: sizes_of(record) for record in records}
     for record in records:
         _check_range(source, record)
@@ -117,7 +118,7 @@ def check_units(
     for record in judged:
         choice, found = choices[record.name], sizes[record.name]
         if choice.basis == "assumed" and assume_si and not tried:
-            said[record.name] = f"{record.name}: {choice.unit} assumed, as {ANSWER} says"
+            said[record.name] = Assumption(f"{record.name}: {choice.unit} assumed, as {ANSWER} says")
             continue
         judge = _Judge(source, record, found, choice, tried, tuple(others))
         unsure = choice.basis == "assumed" or (
@@ -136,8 +137,8 @@ def check_units(
                 notes.append("accel: no gravity in the log, so its unit could not be checked")
         else:
             beside = None if accel is None or not kinds else choices["accel"]
-            if (first := judge.gyro(beside, at_rest)) is not None:
-                said["gyro"] = first
+            if (taken := judge.gyro(beside, at_rest)) is not None:
+                said["gyro"] = Assumption(taken)
     return notes, said
 
 
@@ -204,7 +205,7 @@ class _Judge:
         """Return the units in which the mean is gravity."""
         return [Change({"accel": unit}) for unit in units_with_gravity(self.raw, self.record.interval)]
 
-    def accel(self, gyro: UnitChoice | None) -> str | None:
+    def accel(self, gyro: UnitChoice | None) -> Assumption | None:
         """Return what is to be said first of the unit of accelerometers; None for nothing.
 
         Raises
@@ -221,7 +222,7 @@ class _Judge:
         fits |= self.tried and choice.unit in units_with_gravity(self.raw, record.interval)
         if fits and not drifts:
             confirmed = f"accel: {choice.unit} assumed, as its mean is gravity ({found.norm:.4g} m/s^2)"
-            return confirmed if choice.basis == "assumed" else None
+            return Assumption(confirmed) if choice.basis == "assumed" else None
         if choice.basis == "assumed":
             raise self.refusal(
                 f"{reads} where gravity is 9.81, and nothing states its unit", self.by_gravity()
@@ -244,7 +245,10 @@ class _Judge:
                 changes,
             )
         if still:
-            return f"{reads} at rest in {choice.unit}, {ratio:.3g} × gravity: its unit or its scale is wrong"
+            return Assumption(
+                f"{reads} at rest in {choice.unit}, {ratio:.3g} × gravity: its unit or its scale is wrong",
+                f"accel, which reads {ratio:.3g} × gravity at rest",
+            )
         return None
 
     def gyro(self, accel: UnitChoice | None, at_rest: bool | None) -> str | None:

@@ -55,6 +55,9 @@ def test_samples_of_half_size_are_in_no_other_unit(tmp_path: Path) -> None:
 def test_a_scale_that_is_no_unit_is_said_first(tmp_path: Path) -> None:
     gyro, _ = read(write(tmp_path / "log.csv", rows(T, GYRO, 1.335 * ACCEL), SI))
     assert gyro.assumptions[0].startswith("accel reads 13.09 m/s^2 at rest in m/s^2, 1.3")
+    assert gyro.contradicted == ("accel, which reads 1.33 × gravity at rest",)
+    settled, _ = read(write(tmp_path / "log.csv", rows(T, GYRO, ACCEL), SI))
+    assert not settled.contradicted
 
 
 def test_triads_that_are_exchanged_are_read_by_the_option_that_says_so(tmp_path: Path) -> None:

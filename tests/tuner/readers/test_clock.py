@@ -205,9 +205,12 @@ def test_a_stated_unit_that_gives_an_unusual_rate_is_told(
         (record,) = read(path)
         (remark,) = (text for text in record.assumptions if text.startswith("time in"))
         assert "it would be 100 Hz, and every time and coefficient another" in remark
+        (against,) = record.contradicted
+        assert against.startswith(f"all numbers, if the stamps are in {right} (100 Hz), not in ")
     (record,) = read(path, columns={"t": f"{name} [{right}]"})
     assert record.rate == pytest.approx(100.0)
     assert not any(text.startswith("time in") for text in record.assumptions)
+    assert not record.contradicted
 
 
 @pytest.mark.parametrize("begin", ["2024-05-01T12:00:00", 0])
