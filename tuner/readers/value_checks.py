@@ -176,11 +176,12 @@ def about_limiting_step(axis: str, step: float, interval: float, unit: str) -> s
 
 
 def _noise(y: NDArray[Any]) -> float:
-    """Return the robust sd of the samples, from steps between neighbours; of coarse ones the least step."""
+    """Return the robust sd of the samples, from the steps between neighbours that differ; infinity where none do.
+
+    Readings that merely repeat, in a fast logger or between two codes, say nothing about it.
+    """
     stride = max(1, len(y) // NOISE_SAMPLES)
     with np.errstate(over="ignore"):
         step = np.abs(y[1::stride].astype(float) - y[:-1:stride].astype(float))
-    usual = float(normal_sd(step) / np.sqrt(2.0))
-    if usual > 0.0:
-        return usual
-    return float(step[step > 0.0].min()) if np.any(step > 0.0) else np.inf
+    moved = step[step > 0.0]
+    return float(normal_sd(moved) / np.sqrt(2.0)) if len(moved) else np.inf

@@ -95,6 +95,17 @@ def test_more_than_one_percent_of_broken_cells(tmp_path: Path) -> None:
     refused(write(tmp_path / "log.csv", rows(gyro=y)), "20 of 1000 rows hold a reading .* more than 1 %")
 
 
+@pytest.mark.parametrize("times", [2, 3, 10])
+def test_readings_that_repeat_leave_the_noise_of_those_that_differ(tmp_path: Path, times: int) -> None:
+    """A logger that is faster than its sensor: the steps that move are usual, however many do not."""
+    y, f = (np.repeat(one[::times], times, axis=0)[:COUNT] for one in (GYRO, ACCEL))
+    assert "reading more" not in notes(write(tmp_path / "log.csv", rows(gyro=y, accel=f)))
+    y[501, 1] += 12.0
+    assert "1 rows hold a reading more than 200 noise sds" in notes(
+        write(tmp_path / "b.csv", rows(gyro=y, accel=f))
+    )
+
+
 def test_motion_and_steps_are_no_broken_cells(tmp_path: Path) -> None:
     """Quiet sensors that are turned by 90° within 50 ms, and one whose bias jumps by 2000 noise sds."""
     f = np.array([0.1, -0.2, 9.8]) + np.random.default_rng(3).normal(0.0, 1e-4, (COUNT, 3))
