@@ -15,6 +15,9 @@ from tuner.types.records import DataError
 
 V = TypeVar("V", str, float)
 
+CUSTOMARY_UNITS = ("rad/s", "deg/s", "m/s^2", "g")
+"""Units in which logs are written where nothing states another; samples in them are no whole numbers."""
+
 
 def _nothing() -> Mapping[str, V]:
     return MappingProxyType({})
@@ -44,8 +47,16 @@ class Change:
     when: str = ""
 
     def clashes(self, other: Change) -> bool:
-        """Return whether both state the same thing, or one sizes counts by gravity in columns that are exchanged."""
+        """Return whether both state the same thing, or exchange axes whose unit is then a rare one, or counts.
+
+        Among enough units some fit any numbers: two surprises at once show neither.
+        """
         if self.scale and other.columns.keys() - {"t"}:
+            return True
+        both = self.with_(other)
+        if any("_" in role for role in both.columns) and not set(CUSTOMARY_UNITS).issuperset(
+            both.unit.values()
+        ):
             return True
         pairs = ((self.unit, other.unit), (self.columns, other.columns))
         return any(not a.keys().isdisjoint(b) for a, b in pairs)

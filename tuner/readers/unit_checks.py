@@ -30,7 +30,7 @@ from tuner.limits import WRONG_FACTOR
 from tuner.readers.clock_unit import Assumption
 from tuner.readers.column_names import INCREMENT_OF, INCREMENT_UNITS, UNITS
 from tuner.readers.column_units import UnitChoice
-from tuner.readers.refusal import Change, Refusal
+from tuner.readers.refusal import CUSTOMARY_UNITS, Change, Refusal
 from tuner.readers.unit_evidence import (
     CHECKED_SAMPLES,
     GRAVITY_TOLERANCE,
@@ -122,7 +122,7 @@ def check_units(
             continue
         judge = _Judge(source, record, found, choice, tried, tuple(others))
         unsure = choice.basis == "assumed" or (
-            tried and choice.basis == "file" and choice.unit in _OF_FRACTIONS
+            tried and choice.basis == "file" and choice.unit in CUSTOMARY_UNITS
         )
         if unsure and whole_numbers(record.y, si_value(choice.unit, record.interval)):
             clocks = [change for change in others if "t" in change.columns]
@@ -143,8 +143,6 @@ def check_units(
 
 
 _COUNTS = "{} holds whole numbers, as counts do"
-_OF_FRACTIONS = ("rad/s", "deg/s", "m/s^2", "g")
-"""Units in which samples of a sensor are no whole numbers."""
 
 
 def _exchanged(records: Sequence[Record], sizes: Mapping[str, Sizes]) -> str:

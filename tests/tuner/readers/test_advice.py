@@ -60,6 +60,12 @@ def test_a_scale_that_is_no_unit_is_said_first(tmp_path: Path) -> None:
     assert not settled.contradicted
 
 
+def test_samples_a_thousand_times_too_large_are_no_exchanged_triads(tmp_path: Path) -> None:
+    """As accelerometers in ft/s² and gyroscopes in deg/h they would fit, and gyro noise be 30 times too small."""
+    path = write(tmp_path / "log.csv", rows(T, 1e3 * (GYRO - [0.0, 0.03, 0.0]), 1e3 * ACCEL), SI)
+    assert "--columns" not in refused(path, "1e\\+03 × gravity")
+
+
 def test_triads_that_are_exchanged_are_read_by_the_option_that_says_so(tmp_path: Path) -> None:
     path = write(tmp_path / "log.csv", rows(T, ACCEL, GYRO), SI)
     gyro, accel = read(path, **advice(refused(path, "--columns 'gyro_x=accel_x \\[rad/s\\],")))  # type: ignore[arg-type]
