@@ -1,8 +1,8 @@
-"""Findings that call for one action in one group, ranked by the drift of position that they cause.
+"""Findings that call for one action in one group, ranked by the drift of position or the white noise that they cause.
 
 One group a cause and sensor; events at one time are one group, whatever they are called in each axis; lines at
 multiples of one spacing are a comb. A filter that takes motion away comes first: a log at rest does not show what that
-costs. A finding that makes held-out data less likely is a note, and so is a group that moves no position at rest,
+that costs. A finding that makes held-out data less likely is a note, and so is a group that changes neither at rest,
 unless it takes motion away or the samples themselves are at fault. Every finding stands, complete, in ``result.json``.
 """
 
@@ -24,7 +24,7 @@ from tuner.types import Finding, Gain
 MAX_HEADLINES = 7
 """Groups that the headline shows: what one remembers."""
 MIN_DRIFT_CHANGE = 1.01
-"""Drift with ÷ without a cause from which it is reported; noise makes a hundred times what is below."""
+"""Drift or white noise with ÷ without a cause from which it is reported; noise makes a hundred times what is below."""
 KILOMETRES_FROM = 1e4
 """Position error from which it is stated in kilometres, m."""
 MIN_COMB_LINES = 3
@@ -58,6 +58,8 @@ class FindingGroup:
         Entry of the configuration that they change, in words.
     drift : mapping of str to (float, float)
         Position error, m, after so long without fixes, with and without the one that moves it most.
+    white : float
+        White noise with them ÷ without, of the axis where it differs most; 1 where nothing is known of it.
     """
 
     title: str
@@ -65,13 +67,13 @@ class FindingGroup:
     findings: tuple[Finding, ...]
     changes: str
     drift: Mapping[str, tuple[float, float]]
+    white: float = 1.0
 
     @property
     def worth(self) -> float:
-        """Logarithm of the largest ratio of drift with and without it."""
-        return max(
-            (log(a / b) if b > 0.0 else log(1e3) for a, b in self.drift.values() if a > 0.0), default=0.0
-        )
+        """Logarithm of the largest ratio of drift or white noise with and without it."""
+        drifts = (log(a / b) if b > 0.0 else log(1e3) for a, b in self.drift.values() if a > 0.0)
+        return max(abs(log(self.white)), *drifts, 0.0)
 
     @property
     def in_motion(self) -> str:
@@ -80,7 +82,7 @@ class FindingGroup:
 
     @property
     def matters(self) -> bool:
-        """Whether it moves the position, or may for all that is known; faults of the samples do, and lost motion."""
+        """Whether it changes position or white noise, or may for all that is known; so do samples at fault."""
         if self.in_motion or not self.drift or self.worth >= log(MIN_DRIFT_CHANGE):
             return True
         return any(changed_entry(finding.cause) == SAMPLES_AT_FAULT for finding in self.findings)
@@ -145,7 +147,28 @@ def _group(findings: tuple[Finding, ...], span: float | None) -> FindingGroup:
     names, count = " and ".join(causes), _count(findings, causes, span)
     what = f"{names.replace('_', ' ')} in {axes_text(axes)}"
     title, short = ": ".join([f"{what}{_figures(findings)}", *count]), ": ".join([what, *count])
-    return FindingGroup(title, short, findings, changed_entry(causes[0]), largest.drift)
+    return FindingGroup(
+        title, short, findings, changed_entry(causes[0]), largest.drift, _white_ratio(findings, span)
+    )
+
+
+def _white_ratio(findings: tuple[Finding, ...], span: float | None) -> float:
+    """Return white noise with findings ÷ without: as fits without them state it, of events by variance and time."""
+    ratios = [
+        before / after
+        for one in findings
+        if one.gain is not None
+        for name, (before, after) in one.gain.user.items()
+        if name.startswith("white_density") and before > 0.0 and after > 0.0
+    ]
+    more: dict[str, float] = {}
+    for event, axis in ((one, axis) for one in findings for axis in one.channels):
+        found = event.by_channel.get(axis, event.parameters)
+        if span and {"variance_ratio", "duration"} <= found.keys():
+            larger = (found["variance_ratio"].value or 1.0) - 1.0
+            more[axis] = more.get(axis, 0.0) + larger * min((found["duration"].value or 0.0) / span, 1.0)
+    ratios += [(1.0 + one) ** 0.5 for one in more.values()]
+    return max(ratios, key=lambda ratio: abs(log(ratio)), default=1.0)
 
 
 def _figures(findings: tuple[Finding, ...]) -> str:
@@ -249,6 +272,13 @@ def drift_text(drift: Mapping[str, tuple[float, float]]) -> str:
     return f"position error of one axis without fixes {', '.join(parts)}"
 
 
+def white_text(white: float) -> str:
+    """Return what a cause does to white noise, in words; empty where it changes little."""
+    return (
+        f"white noise {digits(white)} × that without it" if abs(log(white)) >= log(MIN_DRIFT_CHANGE) else ""
+    )
+
+
 def headlines(findings: Sequence[Finding], span: float | None = None) -> list[str]:
     """Return at most seven lines on what the findings change, one on the rest, one on what moves nothing, and notes.
 
@@ -263,7 +293,13 @@ def headlines(findings: Sequence[Finding], span: float | None = None) -> list[st
     groups = [group for group in every if group.matters]
     lines = []
     for group in groups[:MAX_HEADLINES]:
-        words = [group.title, group.in_motion, drift_text(group.drift), f"changes {group.changes}"]
+        words = [
+            group.title,
+            group.in_motion,
+            white_text(group.white),
+            drift_text(group.drift),
+            f"changes {group.changes}",
+        ]
         lines.append("; ".join(part for part in words if part))
     if rest := groups[MAX_HEADLINES:]:
         lines.append(f"and {len(rest)} more of less effect: {'; '.join(group.short for group in rest)}")

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from tuner.report.finding_groups import FindingGroup, drift_text
+from tuner.report.finding_groups import FindingGroup, drift_text, white_text
 
 
 def group_in_words(group: FindingGroup) -> str:
-    """Return a finding, what it does to the position, and which setting it changes."""
-    parts = [group.in_motion, drift_text(_most_moved(group.drift)), f"changes {_entry(group.changes)}"]
+    """Return a finding, what it does to white noise and position, and which setting it changes."""
+    parts = [
+        group.in_motion,
+        white_text(group.white),
+        drift_text(_most_moved(group.drift)),
+        f"changes {_entry(group.changes)}",
+    ]
     return f"{group.short[:1].upper()}{group.short[1:]}: " + "; ".join(part for part in parts if part)
 
 

@@ -89,7 +89,9 @@ def with_notes_on_findings(
         left = [cause for cause in causes if cause not in TAKEN_OUT and not _is_identified(cause)]
         if left:
             named = ", ".join(cause.replace("_", " ") for cause in left)
-            notes.append(f"{axis} was identified with {named} in it{_without(diagnosis, axis, channel.unit)}")
+            lawful = any(_is_law(cause) for cause in left)
+            without = "" if lawful else _without(diagnosis, axis, channel.unit)
+            notes.append(f"{axis} was identified with {named} in it{without}")
     return replace(identification, notes=tuple(notes))
 
 
@@ -114,6 +116,12 @@ def _is_identified(cause: str) -> bool:
     """Return whether a noise term of the identification stands for a cause."""
     effect = EFFECTS.get(cause)
     return effect is not None and effect.identified_as is not None
+
+
+def _is_law(cause: str) -> bool:
+    """Return whether a cause is the law of the noise: its model then has the power of all samples."""
+    effect = EFFECTS.get(cause)
+    return effect is not None and effect.joins == "law of the noise"
 
 
 def _without(diagnosis: Diagnosis, axis: str, unit: str) -> str:

@@ -13,6 +13,7 @@ from tuner.diagnosis.static.position_drift import position_drift, with_drifts
 from tuner.diagnosis.static.spectrum.filters import MEAN_CUTOFFS
 from tuner.formats.parameter_words import parameter_words
 from tuner.report.finding_groups import MAX_HEADLINES, comb_spacing, finding_groups, headlines
+from tuner.report.groups_in_words import group_in_words
 from tuner.report.static_diagnosis_tables import unexplained_lines
 from tuner.simulation.static import simulate
 from tuner.types import Coefficient, Finding, Gain, Unexplained
@@ -53,6 +54,27 @@ def test_findings_are_ranked_by_the_drift_that_they_cause():
     assert (
         "position error of one axis without fixes after 60 s 5.0 m, 1.0 m without it; changes bias states"
         in told[0]
+    )
+
+
+def test_a_finding_is_worth_the_white_noise_that_it_makes():
+    """A burst of 3.47 times the variance in 192.55 s of an hour: √(1 + 2.47 × 0.0535) of the white noise without it."""
+    burst = finding("burst", "gyro_y", drift=1.003, start=2652.0, duration=192.55, variance_ratio=3.47)
+    quiet = finding("burst", "accel_x", drift=1.0, start=5.0, duration=1800.0, variance_ratio=0.5)
+    line = finding(
+        "line",
+        "gyro_x",
+        drift=1.0,
+        gain=Gain("60/40", 0.0, 1.0, 9.0, user={"white_density [rad]": (3.0, 2.0)}),
+    )
+    groups = {group.findings[0].channels[0]: group for group in finding_groups([burst, quiet, line], HOUR)}
+    assert groups["gyro_y"].white == pytest.approx(1.064, abs=1e-3)
+    assert groups["accel_x"].white == pytest.approx(0.75**0.5)
+    assert groups["gyro_x"].worth == pytest.approx(np.log(1.5))
+    assert list(groups) == ["gyro_x", "accel_x", "gyro_y"]
+    said = group_in_words(groups["gyro_y"])
+    assert said.startswith(
+        "Burst in gyro y: white noise 1.06 × that without it; does not move the position at rest"
     )
 
 

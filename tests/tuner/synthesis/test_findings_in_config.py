@@ -117,6 +117,8 @@ def test_what_a_filter_meets_stays_in_the_identification_and_is_said():
     assert after.channels == base.channels
     assert "gyro_x was identified with temperature in it" in after.notes[-1]
     assert "random walk density 12.4 deg/h/√h" in after.notes[-1]
+    burst = Diagnosis((finding("burst", variance_ratio=3.5),), models={"gyro_x": MODEL})
+    assert with_findings(records, base, burst).notes[-1] == "gyro_x was identified with burst in it"
 
 
 def test_an_event_in_a_part_that_was_cut_is_not_in_the_identification():
