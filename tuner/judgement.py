@@ -43,6 +43,12 @@ from tuner.types.prediction import BlockSource, PredictedBlock
 if TYPE_CHECKING:
     from tuner.diagnosis.drive.held_out_choice import HeldOutChoice
 
+ABOUT = {
+    "fast spectrum": "the spectrum of the noise",
+    "distribution": "the law and the variance of the noise",
+    "slow part": "the slow course of the bias",
+}
+"""Parts of the samples that statistics are about, in words."""
 UNAIDED_TIME = 60.0
 """Time without aiding over which a term that is only limited is judged, s."""
 NOT_SHOWN_AT_REST = "a log at rest cannot show scale factors, misalignment, delays or vibration of a vehicle"
@@ -158,18 +164,22 @@ def _of_causes(
     findings: Sequence[Finding], unexplained: Sequence[Unexplained], more: Sequence[Reason] = ()
 ) -> Judgement:
     """Return the verdict on a diagnosis: its causes, and what has none first."""
-    left = [
-        Reason(Use.NOT_EXPLAINED, text) for text in dict.fromkeys(_unexplained_text(u) for u in unexplained)
-    ]
+    parts: dict[str, list[Unexplained]] = {}
+    for one in unexplained:
+        parts.setdefault(one.about or one.statistic, []).append(one)
+    left = [Reason(Use.NOT_EXPLAINED, _unexplained_text(tests)) for tests in parts.values()]
     causes = ", ".join(dict.fromkeys(one.cause.replace("_", " ") for one in findings))
     text = f"with a cause: {causes}" if left or more else causes
     named = [Reason(Use.EXPLAINED, text)] if causes else []
     return judged(Use.NOTHING_CONTRADICTS, [*left, *more, *named])
 
 
-def _unexplained_text(one: Unexplained) -> str:
-    axes = "" if one.channels in (("drive",), ("gnss",), ("imu",)) else f" in {axes_text(one.channels)}"
-    return f"{one.statistic}{axes}"
+def _unexplained_text(tests: Sequence[Unexplained]) -> str:
+    """Return what is not explained of a part of the samples: its statistic, or the part where several show it."""
+    statistics = list(dict.fromkeys(one.statistic for one in tests))
+    words = statistics[0] if len(statistics) == 1 else ABOUT.get(tests[0].about, "; ".join(statistics))
+    axes = list(dict.fromkeys(axis for one in tests for axis in one.channels))
+    return words if set(axes) <= {"drive", "gnss", "imu"} else f"{words} in {axes_text(axes)}"
 
 
 def _of_drive(known: Settings) -> Iterator[Reason]:

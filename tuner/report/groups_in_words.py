@@ -2,9 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import log
 
-from tuner.report.finding_groups import FindingGroup, drift_text, white_text
+from tuner.limits import LOST_SHARE, SHOWN_CHANGE
+from tuner.report.finding_groups import (
+    SAMPLES_AT_FAULT,
+    FindingGroup,
+    contradicted,
+    drift_text,
+    finding_groups,
+    white_text,
+)
+from tuner.types import Finding
 
 
 def group_in_words(group: FindingGroup) -> str:
@@ -27,3 +38,42 @@ def _most_moved(drift: Mapping[str, tuple[float, float]]) -> Mapping[str, tuple[
 def _entry(changes: str) -> str:
     """Return the changed entry without what is said of how it changes."""
     return changes.partition(",")[0].partition(":")[0]
+
+
+@dataclass(frozen=True)
+class FindingsInWords:
+    """Findings of a static log, one line a group.
+
+    Attributes
+    ----------
+    felt : tuple of str
+        Those that take motion away or change white noise or drift by `SHOWN_CHANGE`, the most first.
+    faults : tuple of str
+        Samples at fault to an effect that is not known, or more than `LOST_SHARE` of them.
+    idle : tuple of str
+        Names of the others.
+    """
+
+    felt: tuple[str, ...] = ()
+    faults: tuple[str, ...] = ()
+    idle: tuple[str, ...] = ()
+
+
+def findings_in_words(findings: Sequence[Finding], span: float | None) -> FindingsInWords:
+    """Return findings of a log of a length, s, by what they change; without those that held-out data contradict."""
+    groups = finding_groups([one for one in findings if not contradicted(one)], span)
+    felt = [one for one in groups if one.in_motion or one.worth >= log(1.0 + SHOWN_CHANGE)]
+    faults = [one for one in groups if one not in felt and _is_fault(one)]
+    idle = [one for one in groups if one not in felt and one not in faults]
+    return FindingsInWords(
+        tuple(map(group_in_words, felt)), tuple(map(group_in_words, faults)), tuple(one.short for one in idle)
+    )
+
+
+def _is_fault(group: FindingGroup) -> bool:
+    if group.changes != SAMPLES_AT_FAULT:
+        return False
+    shares = [
+        one.parameters["fraction"].value or 0.0 for one in group.findings if "fraction" in one.parameters
+    ]
+    return not group.drift or max(shares, default=0.0) > LOST_SHARE

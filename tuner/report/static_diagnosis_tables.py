@@ -10,19 +10,13 @@ from rich.table import Table
 from tuner.formats.axis_words import axes_text
 from tuner.formats.customary_units import amount
 from tuner.formats.parameter_words import parameter_words
+from tuner.judgement import ABOUT
 from tuner.report.finding_groups import MIN_DRIFT_CHANGE, contradicted, drift_text, headlines
 from tuner.types import Coefficient, Diagnosis, Finding, Gain, Unexplained
 from tuner.types.records import Record
 
 LEAST_WHITE_SHARE = 0.1
 """Ratio of two white densities below which one sum of terms has its white noise in another term: no comparison."""
-
-ABOUT = {
-    "fast spectrum": "the spectrum of the noise",
-    "distribution": "the law and the variance of the noise",
-    "slow part": "the slow course of the bias",
-}
-"""Parts of the samples that statistics are about, in words."""
 
 
 def headline_lines(diagnosis: Diagnosis, records: Sequence[Record] = ()) -> list[Table | str]:
@@ -46,6 +40,11 @@ def headline_lines(diagnosis: Diagnosis, records: Sequence[Record] = ()) -> list
         answer += [f"  {line}" for line in lines]
     answer += [f"  unexplained: {line}" for line in unexplained_lines(diagnosis.unexplained)]
     return answer + [f"  note: {note}" for note in diagnosis.notes]
+
+
+def unexplained_words(unexplained: Sequence[Unexplained]) -> list[str]:
+    """Return one line for each part of the samples that is not explained, the largest first, without its likelihood."""
+    return [line.replace(_likelihood(largest), "", 1) for line, largest in unexplained_parts(unexplained)]
 
 
 def unexplained_lines(unexplained: Sequence[Unexplained]) -> list[str]:
@@ -155,9 +154,11 @@ def _unexplained_table(unexplained: Sequence[Unexplained]) -> Table:
 
 def size_text(one: Unexplained) -> str:
     """Return place and size of what is unexplained, to be put after its words."""
-    place = f", {one.place}" if one.place else ""
-    size = f": {one.nats:.3g} nats (p = {one.p_value:.1e})" if one.nats else f", p = {one.p_value:.1e}"
-    return place + size
+    return (f", {one.place}" if one.place else "") + _likelihood(one)
+
+
+def _likelihood(one: Unexplained) -> str:
+    return f": {one.nats:.3g} nats (p = {one.p_value:.1e})" if one.nats else f", p = {one.p_value:.1e}"
 
 
 def gain_text(gain: Gain) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from math import log
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,21 +14,15 @@ from tuner.formats.customary_units import digits
 from tuner.formats.reference_words import reference_line
 from tuner.identification.comparison import compare_identifications, limit_checks
 from tuner.judgement import curve_axes
-from tuner.limits import LOST_SHARE, SHOWN_CHANGE, SHOWN_FINDINGS
+from tuner.limits import SHOWN_CHANGE, SHOWN_FINDINGS
 from tuner.report.answer_layout import assumed_text, span_text, used_part
 from tuner.report.comparison_tables import limit_text
 from tuner.report.document import Document, document
 from tuner.report.drive_answer import choice_lines, found_text
-from tuner.report.finding_groups import (
-    SAMPLES_AT_FAULT,
-    FindingGroup,
-    contradicted,
-    finding_groups,
-)
-from tuner.report.groups_in_words import group_in_words
+from tuner.report.groups_in_words import FindingsInWords, findings_in_words
 from tuner.report.identification_answer import warning_lines
 from tuner.report.noise_table import legend, more_white_noise, noise_table
-from tuner.report.static_diagnosis_tables import hidden_effect_lines, unexplained_lines
+from tuner.report.static_diagnosis_tables import hidden_effect_lines, unexplained_words
 from tuner.report.terminal import LINE_WIDTH
 from tuner.synthesis.findings import judge_hidden
 
@@ -216,39 +209,26 @@ def found_lines(result: TuneResult) -> tuple[list[str], int]:
 
     A finding whose effect is below `SHOWN_CHANGE` stands on the page alone; one whose effect is not known comes last.
     """
-    groups: tuple[FindingGroup, ...] = ()
+    found = FindingsInWords()
     first: list[str] = []
     idle = 0
     if result.diagnosis is not None:
         span = max((record.span for record in result.records), default=None)
-        groups = finding_groups([one for one in result.diagnosis.findings if not contradicted(one)], span)
+        found = findings_in_words(result.diagnosis.findings, span)
         rest = [one for one in result.diagnosis.unexplained if _is_felt(one)]
-        idle += len(rest) < len(result.diagnosis.unexplained)
-        first += [f"Not explained: {text}" for text in unexplained_lines(rest)[:1]]
-    felt = [one for one in groups if one.in_motion or one.worth >= log(1.0 + SHOWN_CHANGE)]
-    faults = [one for one in groups if one not in felt and _is_fault(one)]
-    first += [group_in_words(one) for one in felt]
+        idle = len(found.idle) + (len(rest) < len(result.diagnosis.unexplained))
+        first += [f"Not explained: {text}" for text in unexplained_words(rest)[:1]]
+    first += found.felt
     if result.drive is not None:
-        found = result.drive.diagnosis
-        first += [f"Not explained on the drive: {one.statistic}" for one in found.unexplained]
-        first += [found_text(one) for one in found.findings]
-    last = [group_in_words(one) for one in faults]
-    return [*first, *last], idle + len(groups) - len(felt) - len(faults)
+        of_drive = result.drive.diagnosis
+        first += [f"Not explained on the drive: {one.statistic}" for one in of_drive.unexplained]
+        first += [found_text(one) for one in of_drive.findings]
+    return [*first, *found.faults], idle
 
 
 def _is_felt(one: Unexplained) -> bool:
     """Return whether an axis drifts further than its model by `SHOWN_CHANGE`, or nobody knows."""
     return not one.drift or any(a > (1.0 + SHOWN_CHANGE) * b for a, b in one.drift.values())
-
-
-def _is_fault(group: FindingGroup) -> bool:
-    """Return whether samples are at fault to an effect that is not known, or more than `LOST_SHARE` of them."""
-    if group.changes != SAMPLES_AT_FAULT:
-        return False
-    shares = [
-        one.parameters["fraction"].value or 0.0 for one in group.findings if "fraction" in one.parameters
-    ]
-    return not group.drift or max(shares, default=0.0) > LOST_SHARE
 
 
 def _file_lines(result: TuneResult, directory: Path | None) -> list[str]:
