@@ -36,7 +36,7 @@ from tuner.types import (
 from tuner.types.borrowed import borrowed_words
 from tuner.types.consistency import Check, Consistency
 from tuner.types.diagnosis import START
-from tuner.types.honesty import claims, is_off, shows_dishonesty
+from tuner.types.honesty import claims, is_off, need_text, shows_dishonesty
 from tuner.types.judgement import Judgement, Reason, Use, judged
 from tuner.types.prediction import BlockSource, PredictedBlock
 
@@ -87,6 +87,7 @@ def judge_settings(known: Settings) -> Judgement:
         *(Reason(Use.USABLE_EXCEPT, text) for text in borrowed_words(known.config)),
         *_of_limits(known.config),
         *_of_ramps(known.config),
+        *_of_bandwidth(() if known.diagnosis is None else known.diagnosis.findings),
     ]
     forbidding = [one for one in reasons if one.use is Use.DO_NOT_USE]
     found = judged(Use.USABLE, forbidding or reasons)
@@ -105,11 +106,11 @@ def _grounds(known: Settings) -> Iterator[str]:
             f"{digits(end, 2)} s, on every axis"
         )
     if known.check is not None:
-        yield f"on simulated drives its filter is {_honest_text(known.check.consistency)}"
+        yield f"in simulation a filter with its states is {_honest_text(known.check.consistency)}"
     else:
         yield "no filter was simulated (--gnss names a receiver)"
     if known.measured is not None:
-        yield f"on this drive its filter is {_honest_text(known.measured)}"
+        yield f"on this drive a filter with its states is {_honest_text(known.measured)}"
 
 
 def _honest_text(found: Consistency) -> str:
@@ -248,7 +249,10 @@ def _of_scores(found: Consistency, where: str) -> Iterator[Reason]:
         use = Use.DO_NOT_USE if far else Use.USABLE_EXCEPT
         yield Reason(use, f"{where} {verdict.reasons[0]}")
     elif verdict.use is Use.TOO_SHORT:
-        yield Reason(Use.USABLE_EXCEPT, f"{where} the errors are {verdict.text}")
+        scores = [one for one in claims(found) if not shows_dishonesty(one)]
+        yield Reason(
+            Use.USABLE_EXCEPT, f"{where} its errors, which are too short to judge{need_text(scores)}"
+        )
 
 
 def _of_predictions(predictions: Mapping[str, PredictedBlock]) -> Iterator[Reason]:
@@ -266,6 +270,16 @@ def _of_predictions(predictions: Mapping[str, PredictedBlock]) -> Iterator[Reaso
 def _of_reading(found: Identification) -> Iterator[Reason]:
     """Yield what of a log its samples speak against as it is read, such as a unit beside gravity."""
     yield from (Reason(Use.USABLE_EXCEPT, text) for text in found.source.get("contradicted", ()))
+
+
+def _of_bandwidth(findings: Sequence[Finding]) -> Iterator[Reason]:
+    """Yield what of a motion a sensor does not show, which a log at rest does not need."""
+    lost: dict[str, list[str]] = {}
+    for one in findings:
+        if text := str(one.extension.get("in_motion", "")):
+            lost.setdefault(text, []).extend(one.channels)
+    for text, axes in lost.items():
+        yield Reason(Use.USABLE_EXCEPT, f"a vehicle or camera in motion, by {axes_text(axes)}: {text}")
 
 
 def lost_shares(found: Identification) -> dict[str, float]:

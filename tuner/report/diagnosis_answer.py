@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from tuner.formats.axis_words import axes_text
 from tuner.judgement import judge_log
 from tuner.limits import SHOWN_FINDINGS
 from tuner.report.answer_layout import assumed_text
 from tuner.report.document import Document, document
-from tuner.report.finding_groups import contradicted
 from tuner.report.groups_in_words import findings_in_words
 from tuner.report.static_diagnosis_tables import unexplained_words
 from tuner.types import Diagnosis
@@ -20,18 +18,13 @@ def diagnosis_answer(found: Diagnosis, records: Sequence[Record] = ()) -> Docume
     """Return what a simulation of the noise of a log gets wrong: what changes most, then what is left."""
     words = findings_in_words(found.findings, max((record.span for record in records), default=None))
     shown = [*words.felt, *words.faults]
-    refuted = [
-        f"{one.cause.replace('_', ' ')} in {axes_text(one.channels)}"
-        for one in found.findings
-        if contradicted(one)
-    ]
     return document(
         [
             assumed_text([text for record in records for text in record.assumptions]),
             f"Verdict: {judge_log(found).text}",
             *shown[:SHOWN_FINDINGS],
             f"Below 5 % of white noise and drift: {'; '.join(words.idle)}" if words.idle else "",
-            f"Not confirmed by held-out data: {'; '.join(refuted)}" if refuted else "",
+            words.doubted,
         ],
         [
             *shown[SHOWN_FINDINGS:],

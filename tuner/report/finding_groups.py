@@ -263,7 +263,7 @@ def drift_text(drift: Mapping[str, tuple[float, float]]) -> str:
     if not drift:
         return ""
     if all(a < MIN_DRIFT_CHANGE * b for a, b in drift.values()):
-        return "does not move the position at rest"
+        return "no drift at rest"
     reported = {name: pair for name, pair in drift.items() if pair[0] >= MIN_DRIFT_CHANGE * pair[1]}
     parts = [
         f"after {name} {way_texts(a, a)[1]}, {way_texts(a, b)[1]} without it"

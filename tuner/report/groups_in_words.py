@@ -52,21 +52,33 @@ class FindingsInWords:
         Samples at fault to an effect that is not known, or more than `LOST_SHARE` of them.
     idle : tuple of str
         Names of the others.
+    refuted : tuple of str
+        Names of those that held-out data contradict.
     """
 
     felt: tuple[str, ...] = ()
     faults: tuple[str, ...] = ()
     idle: tuple[str, ...] = ()
+    refuted: tuple[str, ...] = ()
+
+    @property
+    def doubted(self) -> str:
+        """What held-out data do not confirm, in one sentence; empty for nothing."""
+        return f"Found, but not confirmed by held-out data: {'; '.join(self.refuted)}" if self.refuted else ""
 
 
 def findings_in_words(findings: Sequence[Finding], span: float | None) -> FindingsInWords:
-    """Return findings of a log of a length, s, by what they change; without those that held-out data contradict."""
-    groups = finding_groups([one for one in findings if not contradicted(one)], span)
+    """Return findings of a log of a length, s, by what they change."""
+    refuted = [one for one in findings if contradicted(one)]
+    groups = finding_groups([one for one in findings if one not in refuted], span)
     felt = [one for one in groups if one.in_motion or one.worth >= log(1.0 + SHOWN_CHANGE)]
     faults = [one for one in groups if one not in felt and _is_fault(one)]
     idle = [one for one in groups if one not in felt and one not in faults]
     return FindingsInWords(
-        tuple(map(group_in_words, felt)), tuple(map(group_in_words, faults)), tuple(one.short for one in idle)
+        tuple(map(group_in_words, felt)),
+        tuple(map(group_in_words, faults)),
+        tuple(one.short for one in idle),
+        tuple(one.short for one in finding_groups(refuted, span)),
     )
 
 

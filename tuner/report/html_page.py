@@ -39,7 +39,7 @@ from tuner.report.tune_answer import (
     against_datasheet,
     assumptions,
     hidden_lines,
-    noise_of,
+    noise_tables,
     recording_line,
 )
 from tuner.tune_result import TuneResult
@@ -84,7 +84,7 @@ def write_page(
     panels: list[Chart] = []
     axes = list(dict.fromkeys(axis for by_axis in drawn.values() for axis in by_axis))
     noise = blocks(identification_tables(result.identification))
-    measured = noise_of(result, result.exports)
+    measured = noise_tables(result, result.exports)
     others = {
         name: export(result.config, name)
         for name, dialect in DIALECTS.items()
@@ -97,8 +97,8 @@ def write_page(
         "verdict": f"Verdict: {result.verdict.text}.",
         "standing": STANDING[result.verdict.use],
         "facts": _facts(result),
-        "measured": blocks([measured]),
-        "legend": legend(measured),
+        "measured": blocks(measured),
+        "legend": legend(*measured),
         "settings": _settings(result),
         "marks": "; ".join(marks_of(result.config)),
         "against": [*against_datasheet(result), more_white_noise(result.config, result.exports)],

@@ -16,7 +16,7 @@ from tuner.report.agreeing_rows import joined_rows
 from tuner.report.alike_sentences import alike_sentences
 from tuner.report.answer_layout import assumed_text, span_text, used_part
 from tuner.report.document import Document, document
-from tuner.report.noise_table import NAMES, legend, noise_table
+from tuner.report.noise_table import NAMES, legend, measured_table
 from tuner.report.terminal import LINE_WIDTH
 from tuner.report.terms_rows import MAIN_TERMS, TermsRow, single_row
 from tuner.types import Coefficient, FilterConfig, Identification, PooledChannel
@@ -45,7 +45,7 @@ def identification_answer(
         Allan curve the numbers are those of the curve.
     """
     curve = curve_axes(predictions)
-    table = noise_table(found, config, curve)
+    table = measured_table(found, config, curve)
     return document(
         [
             f"{name}: {_recording(found)}",

@@ -1,9 +1,9 @@
-"""The noise of a sensor, axis by axis, and what to enter in filters: the table of `identify` and `tune`."""
+"""The noise of a sensor, axis by axis, and what to enter in filters: the tables of `identify` and `tune`."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from rich.table import Table
@@ -32,12 +32,12 @@ LEGEND = {
     "±": "± ( ): 95 % interval",
     "<": "<: 95 % limit",
     ROUGH: f"{ROUGH}: fitted to the Allan curve of this axis, as the noise terms do not fit; no interval",
-    ASSUMED: f"{ASSUMED}: ASSUMED, not measured",
+    ASSUMED: f"{ASSUMED}: rests on ASSUMED values",
     UNKNOWN: f"{UNKNOWN}: unknown",
 }
 PAIR, FADING = "kalibr.yaml", "kf-gins.yaml"
 """Files whose numbers stand beside the measured ones: white noise with a random walk, and with a Gauss–Markov bias."""
-WIDEST_CELL = 16
+WIDEST_CELL = 15
 """Characters of a cell with which three axes have room in a terminal; longer ones have three digits."""
 MORE_WHITE_NOISE = 1.05
 """White noise for such a filter ÷ that of the configuration from which the reason is given."""
@@ -51,13 +51,14 @@ class Row:
     cells: Mapping[str, str]
 
 
-def noise_table(
+def measured_table(
     found: Identification,
     config: FilterConfig | None = None,
     curve: Iterable[str] = (),
-    files: Iterable[str] = (),
+    *,
+    further: bool = True,
 ) -> Table:
-    """Return measured noise, one column an axis, and beside it what to enter in the filters of two files.
+    """Return the measured noise, one column an axis.
 
     Parameters
     ----------
@@ -67,43 +68,59 @@ def noise_table(
         Settings made from them.
     curve : iterable of str, optional
         Axes whose terms do not predict their Allan curve: `config` has numbers that do.
-    files : iterable of str, optional
-        Files that are written; of `PAIR` and `FADING` among them, the numbers are shown.
+    further : bool, optional
+        Whether terms beside white noise, bias instability and random walk are shown.
     """
     fitted = {} if config is None else {axis: config.channels[axis] for axis in curve}
     sensors = _sensors(found)
-    rows = [row for sensor, axes in sensors.items() for row in _measured(sensor, axes, found, fitted)]
-    letters = list(dict.fromkeys(letter for axes in sensors.values() for letter in axes))
+    rows = [
+        row for sensor, axes in sensors.items() for row in _measured(sensor, axes, found, fitted, further)
+    ]
     known = "measured" if any(one.span > 0.0 for one in found.channels.values()) else "stated"
-    columns = _columns(rows, {letter: letter for letter in letters}, known)
-    if config is not None and (wanted := [name for name in (PAIR, FADING) if name in files]):
-        entries = [row for sensor in sensors for row in _entered(sensor, config, wanted)]
-        rows = _merged(rows, entries)
+    letters = list(dict.fromkeys(letter for axes in sensors.values() for letter in axes))
+    if _alike(rows, letters):
+        return _table(rows, {letters[0]: f"{known}, each axis"})
+    return _table(rows, {letter: f"{known} {letter}" for letter in letters})
+
+
+def entries_table(config: FilterConfig, files: Iterable[str]) -> Table | None:
+    """Return what to enter in filters that read `PAIR` and `FADING`, of those that are written; None for none."""
+    entered = [name for name in (PAIR, FADING) if name in files]
+    sensors = dict.fromkeys(channel.axis.rpartition("_")[0] for channel in config.channels.values())
+    rows = [row for sensor in sensors for row in _entered(sensor, config, entered)]
+    if not rows:
+        return None
+    heads = {PAIR: f"to enter:\n{PAIR}"} if PAIR in entered else {}
+    if FADING in entered:
         letters = list(dict.fromkeys(channel.axis.rpartition("_")[2] for channel in config.channels.values()))
-        columns |= {PAIR: f"{PAIR}\none a sensor"} if PAIR in wanted else {}
-        columns |= (
-            _columns(entries, {f"{FADING} {x}": x for x in letters}, FADING) if FADING in wanted else {}
-        )
+        columns = [f"{FADING} {letter}" for letter in letters]
+        if _alike(rows, columns):
+            heads[columns[0]] = f"{FADING},\neach axis"
+        else:
+            names = [FADING, *[""] * (len(columns) - 1)]
+            heads |= {c: f"{n}\n{x}" for c, n, x in zip(columns, names, letters, strict=True)}
+    return _table(rows, heads)
+
+
+def _alike(rows: Iterable[Row], columns: Sequence[str]) -> bool:
+    """Return whether several columns have the same cells."""
+    return len(columns) > 1 and all(
+        row.cells.get(c) == row.cells.get(columns[0]) for row in rows for c in columns
+    )
+
+
+def _table(rows: Iterable[Row], heads: Mapping[str, str]) -> Table:
     table = Table(box=None, padding=(0, 2, 0, 0))
-    table.add_column("", no_wrap=True)
-    for head in columns.values():
+    for head in ("", *heads.values()):
         table.add_column(head, no_wrap=True)
     for row in rows:
-        table.add_row(row.label, *(row.cells.get(column, "") for column in columns))
+        table.add_row(row.label, *(row.cells.get(column, "") for column in heads))
     return table
 
 
-def _columns(rows: Iterable[Row], letters: Mapping[str, str], name: str) -> dict[str, str]:
-    """Return the heads of columns, one an axis, under a name above the first; one column where all axes are alike."""
-    first = next(iter(letters))
-    if all(row.cells.get(column) == row.cells.get(first) for row in rows for column in letters):
-        return {first: f"{name}\n{' '.join(letters.values())}"}
-    return {column: f"{name if column == first else ''}\n{letter}" for column, letter in letters.items()}
-
-
-def legend(table: Table) -> str:
-    """Return what the signs of a table mean, those that occur."""
-    cells = [str(cell) for column in table.columns[1:] for cell in column.cells]
+def legend(*tables: Table) -> str:
+    """Return what the signs of tables mean, those that occur."""
+    cells = [str(cell) for table in tables for column in table.columns[1:] for cell in column.cells]
     signs = {sign for sign in LEGEND if any(sign in cell for cell in cells)}
     signs |= {"±"} if any("(" in cell for cell in cells) else set()
     return "; ".join(text for sign, text in LEGEND.items() if sign in signs)
@@ -119,9 +136,8 @@ def more_white_noise(config: FilterConfig, files: Iterable[str]) -> str:
         return ""
     low, high = min(one.mismatch[0] for one in pairs.values()), max(one.mismatch[1] for one in pairs.values())
     return (
-        f"{PAIR} and {FADING} have more white noise than the sensor: such filters have no state for bias instability, "
-        f"so their two numbers carry it (from 1 to 100 s they predict {low:.2f} to {high:.2f} × its drift). "
-        "Do not enlarge them again; vibration of a vehicle is not covered"
+        "What to enter is more than measured: these filters have no state for the bias instability, their two numbers "
+        f"carry all ({low:.2f} to {high:.2f} × its drift from 1 to 100 s). Do not enlarge them again, but for vibration"
     )
 
 
@@ -135,9 +151,13 @@ def _sensors(found: Identification) -> dict[str, dict[str, str]]:
 
 
 def _measured(
-    sensor: str, axes: Mapping[str, str], found: Identification, fitted: Mapping[str, ChannelNoise]
+    sensor: str,
+    axes: Mapping[str, str],
+    found: Identification,
+    fitted: Mapping[str, ChannelNoise],
+    further: bool,
 ) -> list[Row]:
-    """Return the rows of a sensor: white noise, bias instability and random walk, and what else an axis has."""
+    """Return the rows of a sensor: white noise, bias instability and random walk, and `further` terms of an axis."""
     cells: dict[tuple[str, int], dict[str, str]] = {(name, 0): {} for name in (WHITE, FLICKER, WALK)}
     unit = next(iter(found.channels[axis].unit for axis in axes.values()))
     lent = found.source.get(BORROWED, {})
@@ -153,10 +173,11 @@ def _measured(
         for term in found.channels[axis].terms:
             for field, one in term.coefficients.items():
                 name = f"{term.name}.{field}"
-                if (name, 0) in cells or one.value is not None:
-                    shown = _cell(one, name, unit)
-                    assumed = axis in lent and one.value is not None and one.interval is None
-                    cells.setdefault((name, seen[name]), {})[letter] = shown + ASSUMED * assumed
+                if (name, 0) in cells or (further and one.value is not None):
+                    others = axis in lent and one.value is not None and one.interval is None
+                    cells.setdefault((name, seen[name]), {})[letter] = (
+                        UNKNOWN if others else _cell(one, name, unit)
+                    )
                     seen[name] += 1
     order = list(NAMES)
     places = {key: (order.index(key[0]) if key[0] in order else len(order), key[1]) for key in cells}
@@ -193,17 +214,6 @@ def _entered(sensor: str, config: FilterConfig, files: Iterable[str]) -> list[Ro
     return [Row(labels[name], cells) for name, cells in rows.items() if cells]
 
 
-def _merged(rows: list[Row], more: list[Row]) -> list[Row]:
-    """Return rows with the cells of others of the same label; what has none follows the rows of its sensor."""
-    merged = {row.label: dict(row.cells) for row in rows}
-    for row in more:
-        merged.setdefault(row.label, {}).update(row.cells)
-    sensors = list(dict.fromkeys(label.partition(" ")[0] for label in merged))
-    return [
-        Row(label, merged[label]) for sensor in sensors for label in merged if label.startswith(f"{sensor} ")
-    ]
-
-
 def _label(sensor: str, name: str, unit: str) -> str:
     """Return sensor, quantity and unit."""
     words = NAMES.get(name, name.replace(".", " ").replace("_", " "))
@@ -219,4 +229,8 @@ def _cell(one: Coefficient, name: str, unit: str) -> str:
         return digits(value)
     low, high = (in_customary(end, name, unit) for end in one.interval)
     text = with_interval(value, low, high, between="–").replace(" ± ", " ±")
-    return text if len(text) <= WIDEST_CELL else f"{digits(value)} ({digits(low)}–{digits(high)})"
+    if len(text) <= WIDEST_CELL:
+        return text
+    if "±" in text:
+        return f"{digits(value)} ±{digits(0.5 * (high - low), 1)}"
+    return f"{digits(value)} ({digits(low)}–{digits(high)})"

@@ -21,7 +21,7 @@ from tuner.report.document import Document, document
 from tuner.report.drive_answer import choice_lines, found_text
 from tuner.report.groups_in_words import FindingsInWords, findings_in_words
 from tuner.report.identification_answer import warning_lines
-from tuner.report.noise_table import legend, more_white_noise, noise_table
+from tuner.report.noise_table import entries_table, legend, measured_table, more_white_noise
 from tuner.report.static_diagnosis_tables import hidden_effect_lines, unexplained_words
 from tuner.report.terminal import LINE_WIDTH
 from tuner.synthesis.findings import judge_hidden
@@ -60,8 +60,8 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
     """
     keys = [] if dialect is None or directory is None else settings_in_dialect(result, dialect, directory)
     files = () if len(keys) > 1 else result.exports
-    noise = [] if not result.exports else [noise_of(result, files)]
-    found, idle = found_lines(result)
+    noise = noise_tables(result, files) if result.exports else []
+    found, idle, doubted = found_lines(result)
     examined = result.diagnosis is not None or result.drive is not None
     nothing = ["Nothing was found that the noise terms do not explain"]
     more = len(found) - SHOWN_FINDINGS
@@ -71,14 +71,15 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
         *reference_lines(result),
         *keys,
         *noise,
-        *map(legend, noise),
+        legend(*noise),
         *([] if result.choice is None else choice_lines(result.choice)),
         *hidden_lines(result),
     ]
     remarks = [
-        *(found[:SHOWN_FINDINGS] or nothing * (examined and not idle)),
+        *(found[:SHOWN_FINDINGS] or nothing * (examined and not idle and not doubted)),
         f"{more} more finding{'s' * (more > 1)} on the page" if more > 0 else "",
-        more_white_noise(result.config, files),
+        doubted,
+        more_white_noise(result.config, files) if noise else "",
         _idle_text(idle) if idle else "",
         *_done_before(result),
         *against_datasheet(result),
@@ -88,9 +89,12 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
     return document(said, remarks, [*withheld_lines(result), *_file_lines(result, directory)])
 
 
-def noise_of(result: TuneResult, files: Iterable[str]) -> Table:
-    """Return the measured noise, and beside it what to enter where these files are written."""
-    return noise_table(result.identification, result.config, curve_axes(result.predictions), files)
+def noise_tables(result: TuneResult, files: Iterable[str]) -> list[Table]:
+    """Return the measured noise, and what to enter where these files are written."""
+    entries = entries_table(result.config, files)
+    curve = curve_axes(result.predictions)
+    measured = measured_table(result.identification, result.config, curve, further=entries is None)
+    return [measured] if entries is None else [measured, entries]
 
 
 def _idle_text(count: int) -> str:
@@ -204,8 +208,8 @@ def against_datasheet(result: TuneResult) -> list[str]:
     return [limit_text(one) for one in limit_checks(found)]
 
 
-def found_lines(result: TuneResult) -> tuple[list[str], int]:
-    """Return what has no cause, then the findings by the effect they state; and how many findings have none.
+def found_lines(result: TuneResult) -> tuple[list[str], int, str]:
+    """Return what has no cause, then the findings by the effect they state; how many have none; what is doubted.
 
     A finding whose effect is below `SHOWN_CHANGE` stands on the page alone; one whose effect is not known comes last.
     """
@@ -223,7 +227,7 @@ def found_lines(result: TuneResult) -> tuple[list[str], int]:
         of_drive = result.drive.diagnosis
         first += [f"Not explained on the drive: {one.statistic}" for one in of_drive.unexplained]
         first += [found_text(one) for one in of_drive.findings]
-    return [*first, *found.faults], idle
+    return [*first, *found.faults], idle, found.doubted
 
 
 def _is_felt(one: Unexplained) -> bool:
@@ -235,10 +239,10 @@ def _file_lines(result: TuneResult, directory: Path | None) -> list[str]:
     """Return where the files are, and how settings for another filter are made of them."""
     path = Path("FOLDER") if directory is None else directory
     how = " by write_tune_result(result, FOLDER)" if directory is None else ""
-    lines = [f"Files in {path}{how}: {', '.join([*result.exports, 'report.html'])}"]
-    if NOISE_YAML in result.exports:
-        lines.append(f"Other filters: tuner export {path / NOISE_YAML} --to NAME")
-    return lines
+    files = ", ".join([*result.exports, "report.html"])
+    if NOISE_YAML not in result.exports:
+        return [f"Files in {path}{how}: {files}"]
+    return [f"Files in {path}{how}: {files}; for other filters: tuner export {path / NOISE_YAML} --to NAME"]
 
 
 def _absent_lines(result: TuneResult) -> list[str]:

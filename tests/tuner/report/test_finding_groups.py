@@ -73,9 +73,7 @@ def test_a_finding_is_worth_the_white_noise_that_it_makes():
     assert groups["gyro_x"].worth == pytest.approx(np.log(1.5))
     assert list(groups) == ["gyro_x", "accel_x", "gyro_y"]
     said = group_in_words(groups["gyro_y"])
-    assert said.startswith(
-        "Burst in gyro y: white noise 1.06 × that without it; does not move the position at rest"
-    )
+    assert said.startswith("Burst in gyro y: white noise 1.06 × that without it; no drift at rest")
 
 
 def test_a_filter_that_takes_motion_away_comes_first():
@@ -89,7 +87,7 @@ def test_a_filter_that_takes_motion_away_comes_first():
     ]
     told = headlines([finding("telegraph", "gyro_y", drift=2.5), *slow])
     assert told[0].startswith("lowpass in gyro x, accel z; motion faster than 0.22 Hz is lost")
-    assert "does not move the position at rest" in told[0]
+    assert "no drift at rest" in told[0]
     assert told[1].startswith("telegraph in gyro y")
 
 

@@ -20,7 +20,7 @@ from tuner.identification.identify_source import identify_source
 from tuner.limits import SCREEN_LINES, SHOWN_FINDINGS
 from tuner.report.document import document
 from tuner.report.drive_answer import choice_lines, found_text
-from tuner.report.noise_table import LEGEND, legend, more_white_noise, noise_table
+from tuner.report.noise_table import LEGEND, entries_table, legend, measured_table, more_white_noise
 from tuner.report.settings_rows import Setting, settings_rows
 from tuner.report.terminal import fitted
 from tuner.report.tune_answer import settings_in_dialect, tune_answer
@@ -87,37 +87,37 @@ def test_the_answer_fits_a_terminal_and_leaves_nothing_out(result, width):
 
 def test_each_axis_has_its_measured_noise_with_its_interval(result):
     """N = 1e-4 rad/√s is 1e-4 · 60 · 180/π = 0.3438 deg/√h, twice that on y; 30 000 samples know it to 0.8 % (95 %)."""
-    table = noise_table(result.identification)
+    table = measured_table(result.identification)
     cells = {label: row for label, *row in zip(*(column.cells for column in table.columns), strict=True)}
     white = [float(cell.split()[0]) for cell in cells["gyro white noise, deg/√h"]]
     assert white == pytest.approx([0.3438, 0.6875, 0.3438], rel=0.03)
     assert all("±" in cell for cell in cells["gyro white noise, deg/√h"])
-    assert [str(column.header).split() for column in table.columns] == [[], ["measured", "x"], ["y"], ["z"]]
+    assert [str(column.header) for column in table.columns] == ["", "measured x", "measured y", "measured z"]
 
 
 def test_axes_that_are_alike_in_everything_share_a_column():
     config = synthesize(found := identify_source("mpu9250"))
-    table = noise_table(found, config, files=("kalibr.yaml", "kf-gins.yaml"))
-    heads = [str(column.header).replace("\n", " ") for column in table.columns]
-    assert heads == ["", "stated x y z", "kalibr.yaml one a sensor", "kf-gins.yaml x y z"]
+    tables = measured_table(found), entries_table(config, ("kalibr.yaml", "kf-gins.yaml"))
+    heads = [[str(column.header).replace("\n", " ") for column in table.columns] for table in tables]
+    assert heads == [["", "stated, each axis"], ["", "to enter: kalibr.yaml", "kf-gins.yaml, each axis"]]
 
 
 def test_what_is_entered_is_what_the_files_have():
     """The gyroscope's numbers of both files, converted by hand: deg/√h and deg/h of rad/√s and rad/s."""
-    config = synthesize(found := identify_source("mpu9250"))
+    config = synthesize(identify_source("mpu9250"))
     other = replace(config.channels["gyro_y"], white_density=2.0 * config.channels["gyro_y"].white_density)
     config = replace(config, channels={**config.channels, "gyro_y": other})
-    table = noise_table(found, config, files=("kalibr.yaml", "kf-gins.yaml"))
+    table = entries_table(config, ("kalibr.yaml", "kf-gins.yaml"))
     cells = {label: row for label, *row in zip(*(column.cells for column in table.columns), strict=True)}
     kalibr = yaml.safe_load(export(config, "kalibr"))
-    white, walk = (cells[f"gyro {name}"][1] for name in ("white noise, deg/√h", "bias random walk, deg/h/√h"))
+    white, walk = (cells[f"gyro {name}"][0] for name in ("white noise, deg/√h", "bias random walk, deg/h/√h"))
     assert float(white) == pytest.approx(np.rad2deg(kalibr["gyroscope_noise_density"]) * 60.0, rel=0.005)
     assert float(walk) == pytest.approx(np.rad2deg(kalibr["gyroscope_random_walk"]) * 216000.0, rel=0.005)
     noise = yaml.safe_load(export(config, "kf-gins"))["imunoise"]
-    fading = [float(cell) for cell in cells["gyro white noise, deg/√h"][2:]]
+    fading = [float(cell) for cell in cells["gyro white noise, deg/√h"][1:]]
     assert fading == pytest.approx(noise["arw"], rel=0.005)
     (label,) = (one for one in cells if one.startswith("gyro bias sd, deg/h, T "))
-    assert [float(cell) for cell in cells[label][2:]] == pytest.approx(noise["gbstd"], rel=0.005)
+    assert [float(cell) for cell in cells[label][1:]] == pytest.approx(noise["gbstd"], rel=0.005)
     assert float(label.split()[-2]) == pytest.approx(3600.0 * noise["corrtime"], rel=0.005)
 
 
@@ -172,7 +172,7 @@ def test_white_noise_that_a_fast_state_carries_is_said(result, time, said):
         for axis, one in result.config.channels.items()
     }
     text = more_white_noise(replace(result.config, channels=channels), ("kalibr.yaml",))
-    assert text.startswith("kalibr.yaml and kf-gins.yaml have more white noise than the sensor") == said
+    assert text.startswith("What to enter is more than measured") == said
     assert more_white_noise(replace(result.config, channels=channels), ()) == ""
 
 
@@ -207,10 +207,10 @@ def test_a_setting_shows_its_interval_or_that_it_has_none(setting, text):
 
 
 def test_signs_are_explained_where_they_stand(result):
-    table = noise_table(result.identification, result.config, files=("kalibr.yaml",))
-    cells = "".join(str(cell) for column in table.columns[1:] for cell in column.cells)
+    tables = measured_table(result.identification), entries_table(result.config, ("kalibr.yaml",))
+    cells = "".join(str(cell) for table in tables for column in table.columns[1:] for cell in column.cells)
     for sign, text in LEGEND.items():
-        assert (text in legend(table)) == (sign in cells)
+        assert (text in legend(*tables)) == (sign in cells)
 
 
 def test_axes_in_few_words():
@@ -331,7 +331,7 @@ def test_terms_of_another_sensor_are_marked_wherever_they_stand(result):
         axis: replace(one, terms=(*one.terms[:1], TermEstimate("bias_instability", {"level": sheet})))
         for axis, one in result.identification.channels.items()
     }
-    table = noise_table(replace(result.identification, source=source, channels=channels))
+    table = measured_table(replace(result.identification, source=source, channels=channels))
     cells = {label: row for label, *row in zip(*(column.cells for column in table.columns), strict=True)}
-    assert set(cells["gyro bias instability B, deg/h"]) == {"2.06*"}
-    assert "ASSUMED" in legend(table)
+    assert set(cells["gyro bias instability B, deg/h"]) == {"–"}
+    assert "unknown" in legend(table)

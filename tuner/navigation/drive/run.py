@@ -157,7 +157,7 @@ def prepare(
         stretches.append(stretch)
         a = stretch.alignment
         notes.append(
-            f"aligned at {a.t:.1f} s after {a.still:.0f} s at rest: heading to {np.degrees(a.heading_sd):.1f}°"
+            f"aligned at {a.t:.1f} s after {a.still:.0f} s at rest: sd of the heading {np.degrees(a.heading_sd):.1f}°"
         )
     if not stretches:
         wrong = (suspected_unit(drive, gnss) or inertial_axes(drive)) if failure else None

@@ -27,7 +27,7 @@ class TimeOffset(ConstantCause):
     cause = "time_offset"
     effect = gnss.TimeOffset
     channels = ("gnss",)
-    meaning = "stamps of positions and velocities are late by the delay, early where it is negative"
+    meaning = "stamps of positions and velocities are late by the delay"
     consequence = "shift the stamps, or give the filter a state for the delay"
     units = dict.fromkeys(("delay",), "s")
     prior_sd, largest = 0.1, 3.0
