@@ -145,9 +145,13 @@ def _losses_are_said(said: Claims) -> Iterator[str]:
 
 
 def _one_number_a_quantity(said: Claims) -> Iterator[str]:
-    """8: two statements about one quantity are one number."""
+    """8: two statements about one quantity are one number, and one place states it once."""
     first: dict[str, Statement] = {}
+    listed: set[tuple[str, str]] = set()
     for one in said.statements:
+        if (one.quantity, one.place) in listed:
+            yield f"{one.quantity} stands twice {one.place}"
+        listed.add((one.quantity, one.place))
         other = first.setdefault(one.quantity, one)
         if f"{one.value:.{NUMBER_DIGITS}g}" != f"{other.value:.{NUMBER_DIGITS}g}":
             yield f"{one.quantity} is {other.value:g} {other.place} and {one.value:g} {one.place}"

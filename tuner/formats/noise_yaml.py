@@ -242,9 +242,7 @@ def _constants(config: FilterConfig) -> dict[str, Noted]:
 def _inflation(inflation: Inflation) -> dict[str, Any]:
     content: dict[str, Any] = codec.dump(inflation)
     if content["interval"]:
-        content["interval"] = Noted(
-            Inline(content["interval"]), "95 %, estimated from the drive as it stands"
-        )
+        content["interval"] = Noted(Inline(content["interval"]), "95 %, of the drive with all findings")
     if content.get("time_share"):
         content["time_share"] = Noted(
             content["time_share"], "share of the record in which the noise is larger"

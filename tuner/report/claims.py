@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 
 from tuner.consistency.score_drive import DriveResult
@@ -11,7 +12,7 @@ from tuner.invariants import Claims, Statement, violations
 from tuner.judgement import curve_axes, judge_drive, judge_log, judge_noise, lost_shares
 from tuner.report.settings_rows import SettingsRow, settings_rows
 from tuner.tune_result import TuneResult
-from tuner.types import Diagnosis, DriveDiagnosis, Identification
+from tuner.types import AppliedNoiseScale, Diagnosis, DriveDiagnosis, FilterConfig, Identification
 from tuner.types.consistency import Check, Consistency
 from tuner.types.records import DataError
 
@@ -86,12 +87,25 @@ def _identified(found: Identification, elsewhere: list[str] | None = None) -> It
 
 def _written(result: TuneResult) -> Iterator[Statement]:
     """Yield the settings as the configuration and the table of the answer have them."""
+    yield from inflation_statements(result.config)
     for axis, channel in result.config.channels.items():
         yield Statement(f"{axis}.white", "in the configuration", channel.white_density)
         yield Statement(f"{axis}.walk", "in the configuration", channel.random_walk_density)
     if result.exports:
         for row in settings_rows(result.config):
             yield from _shown(row)
+
+
+def inflation_statements(config: FilterConfig) -> Iterator[Statement]:
+    """Yield the factors of records with their intervals, and to three digits as their reasons begin with them."""
+    for one in config.inflations:
+        quantity = f"factor on {one.quantity}"
+        if isinstance(one, AppliedNoiseScale):
+            yield Statement(quantity, "among the records", one.factor, one.interval)
+            stated = re.search(r"× ([0-9.]+(?:e[+-]?[0-9]+)?)", one.reason)
+            if stated is not None and one.factor != 1.0:
+                yield Statement(f"{quantity} as worded", "in its reason", float(stated[1]))
+                yield Statement(f"{quantity} as worded", "in its record", float(f"{one.factor:.3g}"))
 
 
 def _shown(row: SettingsRow) -> Iterator[Statement]:

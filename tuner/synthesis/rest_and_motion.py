@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
-from tuner.types import FilterConfig
+from tuner.types import ChannelNoise, FilterConfig
 
 
 def with_rest_and_motion(rest: FilterConfig, drive: FilterConfig) -> FilterConfig:
-    """Return the configuration of a drive with the white noise at rest beside its own, where they differ."""
+    """Return the configuration of a drive with the white noise at rest beside its own, its terms handled as written."""
     differ = [
         axis
         for axis, channel in drive.channels.items()
@@ -16,9 +17,33 @@ def with_rest_and_motion(rest: FilterConfig, drive: FilterConfig) -> FilterConfi
     ]
     return replace(
         drive,
+        channels={
+            axis: with_scaled_handling(channel, rest.channels.get(axis, channel))
+            for axis, channel in drive.channels.items()
+        },
         noise={axis: rest.channels[axis].white_density for axis in differ},
         noise_in_motion={axis: drive.channels[axis].white_density for axis in differ},
     )
+
+
+def with_scaled_handling(channel: ChannelNoise, before: ChannelNoise) -> ChannelNoise:
+    """Return an axis whose handling of terms states its own densities, not those before factors on its noise."""
+    states = zip(channel.markov, before.markov, strict=False)
+    slow = next((own.sd / stated.sd for own, stated in states if stated.sd > 0.0), 1.0)
+    factors = {"one state": slow}
+    if before.white_density > 0.0:
+        factors["N²"] = (channel.white_density / before.white_density) ** 2
+    if before.random_walk_density > 0.0:
+        factors["K²"] = (channel.random_walk_density / before.random_walk_density) ** 2
+    handling = {}
+    for term, text in before.handling.items():
+        words = re.split(r"(N²|K²|one state)([^=:]*(?: =|: sd) )([0-9.e+-]+)", text)
+        if len(words) > 1:
+            words[3] = f"{float(words[3]) * factors.get(words[1], 1.0):.4g}"
+        elif "Markov" in text and slow != 1.0:
+            words.append(f"; sds × {slow:.4g} after the drive")
+        handling[term] = "".join(words)
+    return replace(channel, handling=handling)
 
 
 def simulated_unit(config: FilterConfig) -> FilterConfig:

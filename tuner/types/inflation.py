@@ -68,7 +68,7 @@ class AppliedNoiseScale:
     reason : str
         The estimate and its causes in words.
     interval : (float, float) or None
-        95 % interval of the factor that the drive alone gives, nothing named; None where it gives none.
+        Its 95 % interval, of the same estimate; None where there is none.
     causes : tuple of str
         Codes of what accounts for that factor, ``unknown`` for what nothing does.
     """

@@ -1,19 +1,23 @@
 """The filter configuration after a drive: findings taken over, and the reason of every factor on its noise settings.
 
-Densities leave their static values only where the drive contradicts them (`imu_noise_scale`); all other factors that
-a drive gives are recorded beside factor 1 with the cause that accounts for them. `held_out_choice` decides whether the
-findings are taken over.
+Noise leaves its stated values only where findings change it (`imu_noise_scale`, `gnss_noise_scale`), and is then as
+estimated with all findings in the filter: that one estimate is the factor, its interval and its reason. What is only
+bounded stays as stated. `held_out_choice` decides whether the findings are taken over.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
-from tuner.diagnosis.drive import ExaminedDrive
-from tuner.diagnosis.drive.noise_scale_estimates import assumed_over_stated, stated_value
+from tuner.diagnosis.drive.diagnose import ExaminedDrive
+from tuner.diagnosis.drive.hypothesis import with_density_factors
+from tuner.diagnosis.drive.linear_model.linearized_run import NOISE_GROUPS
+from tuner.diagnosis.drive.noise_factors import with_noise_factors
+from tuner.diagnosis.drive.noise_scale_estimates import NOTHING_NAMED, may_be_one, stated_value
 from tuner.navigation.fix_sd_model import BLOCKS, GNSS_NOISE_SCALE, fix_sd_model
 from tuner.types import AppliedNoiseScale, FilterConfig, NoiseScaleEstimate, Quantity
 
@@ -26,25 +30,16 @@ QUANTITIES: Mapping[str, Quantity] = {
     "velocity": Quantity("gnss", "velocity_sd"),
 }
 """Noise settings of the drive's fit as quantities of a configuration."""
+SAME_SHARE = 1e-6
+"""Share by which two factors may differ by rounding."""
 
 
 def config_after_drive(examined: ExaminedDrive, *, kept: bool) -> FilterConfig:
     """Return the configuration with or without the findings of a drive, with the factors on its noise settings."""
     diagnosis = examined.diagnosis
     chosen = diagnosis.after if kept else diagnosis.before
-    scales = tuple(
-        AppliedNoiseScale(
-            QUANTITIES[one.setting],
-            applied_factor(examined, one) if kept else 1.0,
-            one.text,
-            one.plain.interval,
-            one.causes,
-        )
-        for one in diagnosis.noise_scales
-    )
-    return replace(
+    chosen = replace(
         chosen,
-        inflations=(*chosen.inflations, *scales),
         notes=(
             *chosen.notes,
             *(i.text for i in diagnosis.inseparable),
@@ -54,27 +49,77 @@ def config_after_drive(examined: ExaminedDrive, *, kept: bool) -> FilterConfig:
             "drive": {"source": examined.drive.source, "digest": examined.drive.digest},
         },
     )
+    return with_records(examined, chosen)
 
 
-def applied_factor(examined: ExaminedDrive, one: NoiseScaleEstimate) -> float:
-    """Return the factor that the configuration after the drive has on a noise setting."""
-    if one.setting in ("position", "velocity"):
-        found = examined.search.final.hypothesis.compensation
-        written = examined.search.determined(found).of(GNSS_NOISE_SCALE)
-        if written == found.of(GNSS_NOISE_SCALE):
-            return assumed_over_stated(examined.search.final, one.setting)
-        return _written_over_reported(examined, one.setting, written)
-    before, after = (
-        stated_value(config, examined.search.base, one.setting)
-        for config in (examined.diagnosis.before, examined.diagnosis.after)
-    )
-    return after / before if before and after else 1.0
+def as_estimated(examined: ExaminedDrive, config: FilterConfig) -> FilterConfig:
+    """Return a configuration whose noise, where the findings change it, is as estimated with all of them.
+
+    What the drive does not determine, or does not contradict, is as stated.
+    """
+    densities = dict.fromkeys(NOISE_GROUPS, 1.0)
+    rows: dict[str, float] = {}
+    for one in examined.diagnosis.noise_scales:
+        if (now := applied_factor(examined, config, one)) is not None:
+            more = _estimate(one) / now
+            if one.setting in BLOCKS:
+                rows |= {f"{one.setting}_horizontal": more, f"{one.setting}_vertical": more}
+            else:
+                densities[one.setting] = more
+    return with_noise_factors(with_density_factors(config, densities), rows)
 
 
-def _written_over_reported(examined: ExaminedDrive, block: str, written: Mapping[str, float]) -> float:
+def with_records(examined: ExaminedDrive, config: FilterConfig) -> FilterConfig:
+    """Return a configuration with the factor on each noise setting, its interval and its reason: one estimate."""
+    others = (one for one in config.inflations if not isinstance(one, AppliedNoiseScale))
+    records = (_record(examined, config, one) for one in examined.diagnosis.noise_scales)
+    return replace(config, inflations=(*others, *records))
+
+
+def _estimate(one: NoiseScaleEstimate) -> float:
+    """Return the factor that the drive gives a setting beside its findings, 1 where it does not contradict that."""
+    known = one.identifiable and one.named.determined and not may_be_one(one.named)
+    return (one.named.value or 1.0) if known else 1.0
+
+
+def _record(examined: ExaminedDrive, config: FilterConfig, one: NoiseScaleEstimate) -> AppliedNoiseScale:
+    title, _, text = one.text.partition(": ")
+    factor, quantity, named = applied_factor(examined, config, one) or 1.0, QUANTITIES[one.setting], one.named
+    if math.isclose(factor, 1.0, rel_tol=SAME_SHARE):
+        if one.identifiable and not may_be_one(named):
+            return AppliedNoiseScale(quantity, 1.0, f"{title}: as stated, as no finding changes it")
+        known = not one.identifiable or may_be_one(one.plain)
+        return AppliedNoiseScale(quantity, 1.0, one.text if known else f"{title}: as stated", named.interval)
+    if named.value is None or not math.isclose(factor, named.value, rel_tol=SAME_SHARE):
+        beside = f"{title}: × {factor:.3g} beside errors that stay"
+        return AppliedNoiseScale(quantity, factor, beside, None, one.causes)
+    said = "; ".join(part for part in text.split("; ") if not part.endswith(NOTHING_NAMED))
+    return AppliedNoiseScale(quantity, named.value, f"{title}: {said}", named.interval, one.causes)
+
+
+def applied_factor(examined: ExaminedDrive, config: FilterConfig, one: NoiseScaleEstimate) -> float | None:
+    """Return the factor that a configuration has on a noise setting, None where that is as before the drive."""
+    before = examined.diagnosis.before
+    if one.setting in BLOCKS:
+        own, other = (
+            {
+                name: x
+                for name, x in each.compensation.of(GNSS_NOISE_SCALE).items()
+                if name.startswith(one.setting)
+            }
+            for each in (config, before)
+        )
+        if own == other:
+            return None
+        return _over_reported(examined, one.setting, own) / _over_reported(examined, one.setting, other)
+    now, stated = (stated_value(each, examined.search.base, one.setting) for each in (config, before))
+    return now / stated if now and stated and now != stated else None
+
+
+def _over_reported(examined: ExaminedDrive, block: str, values: Mapping[str, float]) -> float:
     """Return the sds of a block of fixes as a model of them has it ÷ the reported ones, rms."""
     linearized, columns = examined.search.final.linearized, BLOCKS[block]
     reported = linearized.reported_sd[:, columns]
     rows = linearized.counted[:, columns] & np.isfinite(reported)
-    sds = fix_sd_model(written, block).sds(reported, linearized.solution)
+    sds = fix_sd_model(values, block).sds(reported, linearized.solution)
     return float(np.sqrt(np.sum(sds[rows] ** 2) / np.sum(reported[rows] ** 2))) if rows.any() else 1.0

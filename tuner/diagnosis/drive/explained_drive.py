@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+from tuner.diagnosis.drive.config_after_drive import as_estimated
 from tuner.diagnosis.drive.diagnose import ExaminedDrive, examine_drive
 from tuner.diagnosis.drive.noise_scale_estimates import estimate_noise_scales
 from tuner.identification.identify_source import receiver_of_source
@@ -26,7 +27,9 @@ def examine_and_explain(
     progress("estimating the scale of each noise setting")
     stage("estimating the scale of each noise setting", 1.0)
     scales = estimate_noise_scales(examined, stationary_noise(drive).vibration)
-    return replace(examined, diagnosis=replace(examined.diagnosis, noise_scales=scales))
+    examined = replace(examined, diagnosis=replace(examined.diagnosis, noise_scales=scales))
+    after = as_estimated(examined, examined.diagnosis.after)
+    return replace(examined, diagnosis=replace(examined.diagnosis, after=after))
 
 
 def examine_drive_of(

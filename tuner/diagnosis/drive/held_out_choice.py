@@ -41,6 +41,7 @@ from tuner.diagnosis.drive.candidates import (
     rounds_of,
 )
 from tuner.diagnosis.drive.causes.time_offset import with_clock
+from tuner.diagnosis.drive.config_after_drive import as_estimated, with_records
 from tuner.diagnosis.drive.configured_run import configured_run
 from tuner.diagnosis.drive.diagnose import ExaminedDrive
 from tuner.diagnosis.drive.held_out_gain import change_interval, fitted_before
@@ -226,7 +227,7 @@ def _refitted(examined: ExaminedDrive, after: FilterConfig) -> FilterConfig:
         found = fitted_before(examined.drive, examined.search, np.inf)
     except DataError:
         return after
-    return replace(after, compensation=examined.search.determined(found.compensation))
+    return as_estimated(examined, replace(after, compensation=examined.search.determined(found.compensation)))
 
 
 def _as_written(
@@ -249,7 +250,7 @@ def _written(examined: ExaminedDrive, before: FilterConfig, after: FilterConfig)
     if after is not before and examined.search.accepted:
         written["with the findings"] = after
         if {one.cause for one in examined.search.accepted} - {GNSS_NOISE_SCALE}:
-            written[SDS_FOUND] = with_sds_of(before, after)
+            written[SDS_FOUND] = with_records(examined, with_sds_of(before, after))
     return written
 
 
@@ -265,7 +266,7 @@ def _fitted(
     except DataError:
         return fitted
     compensation = examined.search.determined(part.compensation)
-    found = fitted["with the findings"] = replace(part.config, compensation=compensation)
+    found = fitted["with the findings"] = replace(written["with the findings"], compensation=compensation)
     if SDS_FOUND in written:
         fitted[SDS_FOUND] = with_sds_of(written[BEGINNING], found)
     return fitted

@@ -11,7 +11,7 @@ from tuner.diagnosis.drive.linear_model.linearized_run import NOISE_GROUPS
 from tuner.diagnosis.drive.linear_model.noise_parameters import ROW_GROUPS
 from tuner.diagnosis.drive.staying_errors import described, with_staying_errors
 from tuner.navigation.fix_sd_model import GNSS_NOISE_SCALE, class_count
-from tuner.types import Enlargement, FilterConfig, Parameter, Quantity
+from tuner.types import AppliedNoiseScale, FilterConfig, Parameter, Quantity
 
 FACTORS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
@@ -36,7 +36,11 @@ QUANTITIES: Mapping[str, Quantity] = MappingProxyType(
         "velocity_horizontal": Quantity("gnss", "velocity_sd"),
     }
 )
-"""Settings that a factor enlarges."""
+"""Settings that a factor changes."""
+OUTAGE_REASON = (
+    "errors in outages of 10 to 60 s on the first 60 % of the drive; the last 40 % are predicted better, too"
+)
+"""Why there are factors."""
 
 
 def with_noise_factors(config: FilterConfig, factors: Mapping[str, float]) -> FilterConfig:
@@ -70,13 +74,25 @@ def with_sds_of(config: FilterConfig, other: FilterConfig) -> FilterConfig:
 
 
 def with_recorded_factors(config: FilterConfig, factors: Mapping[str, float]) -> FilterConfig:
-    """Return a configuration with factors on its noise, each with its reason."""
-    reason = "errors in outages of 10 to 60 s on the first 60 % of the drive; the last 40 % are predicted better, too"
-    records = tuple(
-        Enlargement(QUANTITIES[setting], factor, f"{setting.replace('_', ' ')}: {reason}")
-        for name, factor in factors.items()
-        for setting in FACTORS.get(name, ())
-    )
+    """Return a configuration with factors on its noise, each with its reason: one record a setting.
+
+    Horizontal and vertical sds of the fixes are two settings where their factors differ.
+    """
+    each = {setting: factor for name, factor in factors.items() for setting in FACTORS.get(name, ())}
+    scales = {one.quantity: one for one in config.inflations if isinstance(one, AppliedNoiseScale)}
+    records: dict[Quantity, AppliedNoiseScale] = {}
+    for setting, factor in each.items():
+        whole, row = QUANTITIES[setting], setting.partition("_")[2]
+        alike = [each.get(other) for other, quantity in QUANTITIES.items() if quantity == whole]
+        own = whole if set(alike) == {factor} else Quantity(whole.owner, f"{whole.field}_{row}")
+        before = scales.get(whole)
+        total = factor if before is None else factor * before.factor
+        parts = [f"× {factor:.3g} for {OUTAGE_REASON}"]
+        if before is not None and before.factor != 1.0:
+            parts = [f"× {total:.3g} in all", before.reason, *parts]
+        causes = () if before is None else before.causes
+        records[own] = AppliedNoiseScale(own, total, "; ".join(parts), None, causes)
+    kept = (one for one in config.inflations if one.quantity not in records)
     config = with_noise_factors(config, factors)
     notes = (*config.notes, *described(config, factors))
-    return replace(config, inflations=(*config.inflations, *records), notes=notes)
+    return replace(config, inflations=(*kept, *records.values()), notes=notes)

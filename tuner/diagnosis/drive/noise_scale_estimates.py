@@ -45,6 +45,8 @@ A quarter, as up to `MAX_CAUSES_LEFT_OUT` = 4 causes may share it.
 """
 MAX_CAUSES_LEFT_OUT = 4
 """Findings that are left out in turn, the first accepted: each costs a run and a fit."""
+NOTHING_NAMED = "with no cause named"
+"""End of the words on a factor of the drive as it stands."""
 UNKNOWN_CAUSE = "unknown"
 """Stands for the cause of a factor that no finding explains."""
 
@@ -249,7 +251,7 @@ def words(one: NoiseScaleEstimate, vibration: float | None = None) -> str:
         for cause in one.causes
         if cause not in (UNKNOWN_CAUSE, "vibration") and not is_noise_scale(cause)
     ]
-    parts = [f"{title}: the drive gives {_times(one.plain)} with no cause named"]
+    parts = [f"{title}: the drive gives {_times(one.plain)} {NOTHING_NAMED}"]
     if explained:
         parts.append(
             f"{_times(one.named)} once {listed(explained)} {'is' if len(explained) == 1 else 'are'} named"
