@@ -122,7 +122,8 @@ def score_outputs(
         offset, runs = errors_in_one_frame(outputs, every, how, align_time, align_body)
         notes += [note for run in runs for note in run.notes]
         if offset is not None and not offset.removed and matters(offset, runs):
-            notes.append(_about_offset(offset))
+            shifted = errors_in_one_frame(outputs, every, how, align_time=True, align_body=align_body)[1]
+            notes.append(_about_offset(offset, helps=not _is_far(_scores(shifted, []))))
     stage("scoring", 0.35)
     innovative = [output for output in outputs if output.has_innovations]
     if not runs and not innovative:
@@ -136,7 +137,11 @@ def score_outputs(
     ]
     notes += unscored_start(runs)
     if runs and not found.blocks:
-        notes.append("the estimate states no sds of what the truth has: only its errors are shown")
+        sds = [np.diagonal(one.covariance, axis1=1, axis2=2) for one in runs]
+        stated = any(np.isfinite(one.error * sd).any() for one, sd in zip(runs, sds, strict=True))
+        few = f"{sum(len(one.t) for one in runs)} epochs are too few to compare its errors with its sds"
+        none = "the estimate states no sds of what the truth has"
+        notes.append(f"{few if stated else none}: only its errors are shown")
     stage("finding why it is not consistent", 0.9)
     lost = any(_not_finite(output) for output in outputs)
     why = Explanations()
@@ -144,23 +149,23 @@ def score_outputs(
         errors = runs or [_without_truth(o) for o in innovative]
         why = explain(errors, only_means=found.consistent, sensor_noise=sensor_noise)
     found = replace(found, mean_errors=why.means)
-    if why.misfit is not None and not found.consistent:
-        notes.append(
-            f"no cause is sought: the sds differ by {100.0 * why.misfit:.0f} % (rms) from those of every filter of "
-            "position, velocity, attitude, biases and scale factors; it has further states, or no fixes"
-        )
     causes = () if found.consistent else _without_contradicted(why.causes, found.scores)
     if runs and not (found.consistent or causes or lost):
         causes = differences_of_frames(outputs, every, how, runs, offset, found)
     stage("scoring each state", 1.0)
     states = state_scores(runs) if runs else ()
-    far = any(s.ratio > DIVERGED_RATIO for s in found.scores) and not causes
+    far = _is_far(found) and not causes
     if not (found.consistent or causes or lost or far):
         factor = one_factor(found.scores, states)
         causes = () if factor is None else (factor,)
+    if why.misfit is not None and not (found.consistent or causes):
+        notes.append(
+            f"no cause is sought: the sds differ by {100.0 * why.misfit:.0f} % (rms) from those of every filter of "
+            "position, velocity, attitude, biases and scale factors; it has further states, or no fixes"
+        )
     found = replace(found, diverged=lost or far)
     return OutputScore(
-        replace(found, verdicts=_verdicts(found, lost=lost, named=bool(causes))),
+        replace(found, verdicts=_verdicts(found, lost=lost, named=bool(causes) or why.misfit is not None)),
         states,
         causes,
         offset,
@@ -170,13 +175,18 @@ def score_outputs(
     )
 
 
-def _about_offset(offset: TimeOffset) -> str:
-    """Say how late or early the estimate is, where that stays in its errors."""
+def _is_far(found: Consistency) -> bool:
+    """Return whether a score is as large as that of a filter that diverged."""
+    return any(score.ratio > DIVERGED_RATIO for score in found.scores)
+
+
+def _about_offset(offset: TimeOffset, *, helps: bool) -> str:
+    """Say how late or early the estimate is, where that stays in its errors, and what --align-time was tried to do."""
     late = "late" if offset.value > 0.0 else "early"
     low, high = sorted(map(abs, offset.interval))
     return (
         f"the estimate is {abs(offset.value):.3g} s ({low:.3g} … {high:.3g}) {late} against the truth; "
-        "--align-time takes it out"
+        f"{'--align-time takes it out' if helps else 'taken out, the errors stay those of a filter that diverged'}"
     )
 
 

@@ -63,7 +63,11 @@ def honesty(found: Consistency) -> Judgement:
         return judged(Use.HONEST, reasons)
     sure = [one for one in scores if shows_dishonesty(one)]
     weak = [one for one in scores if one not in sure]
-    lacking = f"{', '.join(said[one.name] for one in weak)}{need_text(weak)}" if weak else "no error is known"
+    lacking = (
+        f"{', '.join(said[one.name] for one in weak)}{need_text(weak)}"
+        if weak
+        else "no error can be compared with its sd"
+    )
     if not sure:
         return Judgement(Use.TOO_SHORT, (lacking,))
     right = f"true ÷ predicted {', '.join(said[one.name] for one in sure)}"

@@ -13,6 +13,8 @@ from models import rotation
 from models.earth import llh_displaced
 from models.trajectory.catalogue import TRAJECTORIES
 from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
+from tuner.consistency import score_output
+from tuner.consistency.output_causes import Explanations
 from tuner.consistency.output_errors import output_errors
 from tuner.consistency.output_scores import error_scores
 from tuner.consistency.score_output import _without_contradicted, score_outputs
@@ -25,8 +27,9 @@ from tuner.simulation.scenario import scenario
 from tuner.synthesis import synthesize
 from tuner.types.consistency import Score
 from tuner.types.filter_output import filter_output
-from tuner.types.output_score import OutputCause
+from tuner.types.output_score import OutputCause, TimeOffset
 from tuner.types.records import DataError
+from tuner.types.verdict import VerdictCode
 
 
 def outputs_of(runs, plan):
@@ -171,3 +174,44 @@ def test_a_factor_that_its_own_score_contradicts_is_no_cause(factor, kept):
     nees = Score("position", 12.0, 3, 300.0, (0.8 * 3, 1.3 * 3))
     cause = OutputCause("noise_scale", factor, (0.95 * factor, 1.05 * factor), "1", 100.0)
     assert bool(_without_contradicted((cause,), (nees,))) is kept
+
+
+def wandering(n, seed=3):
+    """A course of n seconds as truth, and an estimate of it with errors of ten times their sds."""
+    rng, t = np.random.default_rng(seed), np.arange(float(n))
+    course = np.cumsum(np.cumsum(rng.standard_normal((n, 3)), axis=0), axis=0)
+    cov = np.full((n, 15, 15), np.nan)
+    cov[:, :3, :3] = 0.01 * np.eye(3)
+    estimate = course + rng.standard_normal((n, 3))
+    return (filter_output("run", t, local=one, covariance=cov, correlated=True) for one in (course, estimate))
+
+
+def test_sds_of_too_few_epochs_are_not_said_to_lack():
+    """Two epochs "state no sds", and "no error is known" stood beside the error."""
+    truth, estimate = wandering(2)
+    found = score_outputs([estimate], [filter_output("truth", truth.t, local=truth.local)])
+    assert found.consistency.honesty.reasons == ("no error can be compared with its sd",)
+    assert any(note.startswith("2 epochs are too few") for note in found.notes)
+
+
+def test_where_no_cause_is_sought_none_is_missed(monkeypatch):
+    truth, estimate = wandering(400)
+    monkeypatch.setattr(score_output, "explain", lambda *_, **__: Explanations(misfit=0.07))
+    monkeypatch.setattr(score_output, "one_factor", lambda *_: None)
+    monkeypatch.setattr(score_output, "differences_of_frames", lambda *_: ())
+    found = score_outputs([estimate], [filter_output("truth", truth.t, local=truth.local)])
+    assert any("no cause is sought" in note for note in found.notes)
+    assert VerdictCode.NOT_EXPLAINED not in [one.code for one in found.consistency.verdicts]
+
+
+def test_an_offset_is_advised_only_where_taking_it_out_helps(monkeypatch):
+    """An output of another course was "2.55 s late; --align-time takes it out", and diverged with it, too."""
+    truth, estimate = wandering(400)
+    lost = replace(estimate, local=estimate.local[::-1])
+    offset = TimeOffset(2.55, (2.49, 2.61), removed=False)
+    kept = score_output.errors_in_one_frame
+    monkeypatch.setattr(score_output, "errors_in_one_frame", lambda *a, **k: (offset, kept(*a, **k)[1]))
+    monkeypatch.setattr(score_output, "matters", lambda *_: True)
+    for one, advice in ((lost, "taken out, the errors stay"), (estimate, "--align-time takes it out")):
+        found = score_outputs([one], [filter_output("truth", truth.t, local=truth.local)])
+        assert any(advice in note for note in found.notes)
