@@ -379,13 +379,17 @@ def contradiction(whole: OctaveCurve, band: Band, model: NoiseModel) -> Misfit |
     return misfit(compared, model, tolerance=CURVE_TOLERANCE)
 
 
+CURVE_DISAGREES = "the Allan curve disagrees with the sum of terms"
+"""How the warning begins on an axis whose terms do not predict its curve."""
+
+
 def disagreement(found: Misfit, *, robust: bool = False) -> tuple[str, ...]:
     """Say where the Allan curve contradicts the fitted sum, and what became of the coefficients."""
     if found.p_value >= DISAGREEMENT_P_VALUE:
         return ()
     part, side = 100.0 * abs(found.ratio - 1.0), "above" if found.ratio > 1.0 else "below"
     return (
-        f"the Allan curve disagrees with the sum of terms (χ² = {found.statistic:.3g} on {found.freedom}, "
+        f"{CURVE_DISAGREES} (χ² = {found.statistic:.3g} on {found.freedom}, "
         f"p = {found.p_value:.1g}), most at τ = {found.tau:.3g} s, where it is {digits(part, 2)} % {side}: "
         "something in the data is not among the terms"
         + ("; the coefficients are those of weighted least squares on the curve" if robust else ""),

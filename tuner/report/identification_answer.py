@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 
@@ -11,6 +11,7 @@ from rich.table import Table
 from tuner.formats.axis_words import axes_text
 from tuner.formats.customary_units import customary_unit, digits, pretty, symbol
 from tuner.identification.identify import BY_DIAGNOSIS
+from tuner.identification.identify_channel import CURVE_DISAGREES
 from tuner.judgement import curve_axes, judge_noise
 from tuner.report.agreeing_rows import joined_rows
 from tuner.report.alike_sentences import alike_sentences
@@ -53,21 +54,22 @@ def identification_answer(
             table,
             legend(table),
         ],
-        [*warning_lines(found, short=True), *_too_short(found)],
+        [*warning_lines(found, short=True, predicted=predictions), *_too_short(found)],
         beyond="all terms, bounds with reasons, means, ARMA",
     )
 
 
-def warning_lines(found: Identification, *, short: bool = False) -> list[str]:
+def warning_lines(found: Identification, *, short: bool = False, predicted: Container[str] = ()) -> list[str]:
     """Return what limits the terms of a log, with its axes; `short` leaves figures and consequences out.
 
-    What the diagnosis found stands among the findings.
+    What the diagnosis found stands among the findings. Of axes whose settings were `predicted` on their Allan curve the
+    verdict and the table say how far terms and curve agree.
     """
     said = alike_sentences(
         (text.partition(" (")[0] if short else text, one.axis)
         for one in found.channels.values()
         for text in one.warnings
-        if BY_DIAGNOSIS not in text
+        if BY_DIAGNOSIS not in text and not (one.axis in predicted and text.startswith(CURVE_DISAGREES))
     )
     return [f"Warning: {text}" for text in said]
 

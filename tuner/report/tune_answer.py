@@ -83,7 +83,7 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
         _idle_text(idle) if idle else "",
         *_done_before(result),
         *against_datasheet(result),
-        *warning_lines(result.identification, short=True),
+        *warning_lines(result.identification, short=True, predicted=result.predictions),
         *_absent_lines(result),
     ]
     return document(said, remarks, [*withheld_lines(result), *_file_lines(result, directory)])

@@ -17,6 +17,7 @@ from tuner.consistency.compare_sensors import compare
 from tuner.formats.axis_words import axes_text
 from tuner.formats.customary_units import amount
 from tuner.identification import identify
+from tuner.identification.identify_channel import CURVE_DISAGREES
 from tuner.identification.several_logs import pool
 from tuner.limits import SCREEN_LINES
 from tuner.report.alike_sentences import alike_sentences
@@ -152,6 +153,18 @@ def test_warnings_are_shortened_to_what_they_are_about(found):
     assert warning_lines(warned) == [f"{said} (a filter): longer ones"]
     assert warning_lines(warned, short=True) == [said]
     assert len(lines(identification_answer("log", warned))) <= SCREEN_LINES
+
+
+def test_a_warning_that_the_table_has_settled_is_none(found):
+    first = next(iter(found[0].channels))
+    said = f"{CURVE_DISAGREES} (χ² = 90 on 9)"
+    channels = {axis: replace(one, warnings=(said, "short log")) for axis, one in found[0].channels.items()}
+    warned = replace(found[0], channels=channels)
+    left = axes_text([axis for axis in channels if axis != first])
+    assert set(warning_lines(warned, short=True, predicted=(first,))) == {
+        f"Warning: {left}: {CURVE_DISAGREES}",
+        f"Warning: {axes_text(list(channels))}: short log",
+    }
 
 
 def test_sentences_about_other_things_stay_apart():
