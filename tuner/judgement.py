@@ -283,12 +283,10 @@ def _of_bandwidth(findings: Sequence[Finding]) -> Iterator[Reason]:
 
 
 def lost_shares(found: Identification) -> dict[str, float]:
-    """Return the share of a log that each of its axes is not identified from."""
+    """Return the share of the samples of a log that each of its axes is not identified from."""
     lost: dict[str, float] = {}
     for sensor in found.source.get("sensors", ()):
-        whole = sensor.get("used_s", (0.0,))[-1]
-        if whole > 0.0:
-            lost |= dict.fromkeys(sensor["axes"], 1.0 - sensor["span_s"] / whole)
+        lost |= dict.fromkeys(sensor["axes"], 1.0 - sensor.get("used_share", 1.0))
     return lost
 
 
@@ -299,7 +297,7 @@ def _of_losses(found: Identification, findings: Iterable[Finding]) -> Iterator[R
         if lost > LOST_SHARE:
             kept.setdefault(f"{100.0 * (1.0 - lost):.2g}", []).append(axis)
     for percent, axes in kept.items():
-        text = f"{axes_text(axes)}: only {percent} % of the log is used, as the sensor moved or samples are missing"
+        text = f"{axes_text(axes)}: only {percent} % of the samples are used, as the sensor moved or froze in others"
         yield Reason(Use.USABLE_EXCEPT, text)
     for one in findings:
         share = one.parameters.get("fraction")

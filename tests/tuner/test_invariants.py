@@ -94,9 +94,7 @@ def test_no_made_settings_contradict_their_verdict():
         sensors = [
             {
                 **one,
-                "span_s": one["used_s"][2] * float(rng.uniform(0.4, 1.0))
-                if rng.random() < 0.3
-                else one["span_s"],
+                "used_share": float(rng.uniform(0.4, 1.0)) if rng.random() < 0.3 else one["used_share"],
             }
             for one in found.source["sensors"]
         ]

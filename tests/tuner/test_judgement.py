@@ -15,7 +15,7 @@ from tuner.consistency.scores import mean_band, score
 from tuner.diagnosis.drive.held_out_choice import HeldOutChoice
 from tuner.diagnosis.drive.predictive_score import PredictiveScore
 from tuner.identification import identify
-from tuner.judgement import Settings, judge_noise, judge_settings, limit_ratio
+from tuner.judgement import Settings, judge_noise, judge_settings, limit_ratio, lost_shares
 from tuner.limits import HONEST_RATIO, TEST_POWER
 from tuner.simulation.static import simulate
 from tuner.synthesis import synthesize
@@ -167,10 +167,19 @@ def test_a_factor_on_a_setting_is_in_the_verdict(known, one, said):
 
 
 def test_samples_that_are_left_out_are_in_the_verdict(known):
-    sensors = [{**one, "span_s": 0.52 * one["used_s"][2]} for one in known.identification.source["sensors"]]
+    sensors = [{**one, "used_share": 0.52} for one in known.identification.source["sensors"]]
     source = {**known.identification.source, "sensors": sensors}
     verdict = judge_settings(replace(known, identification=replace(known.identification, source=source)))
-    assert "only 52 % of the log is used" in verdict.text
+    assert "only 52 % of the samples are used" in verdict.text
+
+
+def test_a_clock_that_jumps_loses_no_samples():
+    (record,), _ = simulate({"gyro_x": NoiseModel([White(1e-4)])}, duration=60.0, rate=20.0, seed=3)
+    t = record.t + np.where(np.arange(1200) < 600, 0.0, 1e5)
+    jumped = replace(record, t=t, segments=((0, 600), (600, 1200)))
+    assert lost_shares(identify([jumped], arma=None)) == {"gyro_x": 0.0}
+    half = replace(jumped, segments=((0, 600),))
+    assert lost_shares(identify([half], arma=None)) == {"gyro_x": 0.5}
 
 
 def test_what_the_samples_speak_against_is_in_the_verdict_on_noise_and_settings():

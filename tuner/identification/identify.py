@@ -199,6 +199,7 @@ def _source(records: Sequence[Record]) -> dict[str, object]:
                 "span_s": record.span,
                 "segments": len(record.segments),
                 "used_s": _used(record),
+                "used_share": round(record.span / (len(record) * record.interval), 6),
             }
             for record in records
         ],

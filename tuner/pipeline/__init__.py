@@ -31,6 +31,7 @@ from tuner.readers.drive import read_drive
 from tuner.readers.source_kind import is_log, source_name
 from tuner.segments.conditions import at_rest, expect_rest
 from tuner.segments.multi_position import PoseCalibration, calibrate
+from tuner.segments.stationary import parts_text
 from tuner.simulation.static import demo
 from tuner.stages import stage, task
 from tuner.synthesis import inflate, synthesize
@@ -288,10 +289,15 @@ def identify_and_diagnose(
         except DataError as error:
             return LogResult(found, None, {"diagnosis": str(error)}, still)
         stage("identifying the noise beside the findings", 1.0)
+        before = {record.segments for record in still}
         still, found = identified_again(still, found, diagnosis.findings, terms=terms, latitude=latitude)
         if terms is None:
             found = with_terms_found(still, found, terms_found(diagnosis))
             found = with_notes_on_findings(found, diagnosis, still)
+        for record in {one.segments: one for one in still if one.segments not in before}.values():
+            note = f"the diagnosis found more that is no noise at rest; used: {parts_text(record, record.segments)}"
+            progress(note)
+            found = replace(found, notes=(*found.notes, note))
         return LogResult(found, diagnosis, {}, still)
     if isinstance(inputs.source, Identification):
         return LogResult(inputs.source, None, {"diagnosis": NO_SAMPLES})

@@ -204,21 +204,19 @@ def cut_to_still(records: Sequence[Record], motion: Motion) -> tuple[Record, ...
         )
     knocks = [(a, b) for a, b in motion.knocks if any(c <= a < d for c, d in still)]
     bridges = f"; knocks inside, {len(knocks)}, are replaced by simulated samples" if knocks else ""
-    note = f"{description}; {_described_parts(records[0], still)}{bridges}"
+    note = f"{description}; at rest and alike: {parts_text(records[0], still)}{bridges}"
     cut = [replace(r, segments=still, notes=(*r.notes, note), short_clusters={}) for r in records]
     return tuple(bridge_knocks(record, knocks) if knocks else record for record in cut)
 
 
-def _described_parts(record: Record, still: Segments) -> str:
-    """Return which parts are used, times on the record's clock, the longest ones first where they are many."""
+def parts_text(record: Record, still: Segments) -> str:
+    """Return which parts of a record are meant, times on its clock; where they are many, the longest."""
     spans = [(float(record.t[a]), float(record.t[b - 1]) + record.interval) for a, b in still]
     longest = sorted(sorted(spans, key=lambda span: span[0] - span[1])[:4])
     shown = ", ".join(f"{stamp(first)} to {stamp(last)} s" for first, last in longest)
     if len(spans) == 1:
-        return f"used: {shown}"
-    return f"{len(spans)} still parts are used, " + (
-        f"the longest {shown}" if len(spans) > len(longest) else shown
-    )
+        return shown
+    return f"{len(spans)} parts, {'the longest ' if len(spans) > len(longest) else ''}{shown}"
 
 
 def _steady_motion(record: Record, still: Segments) -> str | None:

@@ -204,10 +204,10 @@ def test_times_of_an_answer_are_those_of_the_log_and_cut_it_to_the_same_part(tmp
     part = answer("--begin", found[1], "--end", found[2])
     table = whole.out.index("gyro white noise")
     assert part.out[part.out.index("gyro white noise") :] == whole.out[table:]
-    assert "only 80 % of the log is used" in " ".join(
+    assert "only 80 % of the samples are used" in " ".join(
         whole.out.split()
     )  # what is left out stands in the verdict
     # What is found in a part that is cut elsewhere has the same times.
     later = answer("--begin", "72480")
     assert re.search(r", (\S+) to (\S+) s of its clock", later.out).groups() == (found[1], found[2])
-    assert f"used: {found[1]} to {found[2]} s" in " ".join(later.err.split())
+    assert f"at rest and alike: {found[1]} to {found[2]} s" in " ".join(later.err.split())

@@ -110,7 +110,7 @@ def test_a_short_rest_between_motions_is_not_joined_to_a_long_one() -> None:
     ((start, stop),) = kept.segments
     assert 850 <= start <= 1100
     assert stop == len(y)
-    assert "used: " in kept.notes[-1]
+    assert "at rest and alike: " in kept.notes[-1]
 
 
 def test_a_stand_still_of_a_tenth_of_the_log_is_found() -> None:

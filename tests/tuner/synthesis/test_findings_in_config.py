@@ -14,6 +14,7 @@ from tuner.formats.configuration import config_json, load_config
 from tuner.identification import identify
 from tuner.identification.identify import with_terms_found
 from tuner.pipeline import identified_again, identify_and_diagnose
+from tuner.segments.stationary import parts_text
 from tuner.simulation.static import simulate
 from tuner.synthesis import inflate, synthesize
 from tuner.synthesis.findings import (
@@ -210,12 +211,16 @@ def test_a_motion_that_only_the_diagnosis_finds_is_left_out_of_the_noise():
     motion = "motion@gyro_x:start=300,duration=20,sd=0.003"
     records, _ = simulate({"gyro_x": MODEL}, duration=600.0, rate=20.0, seed=2, effects=[motion])
     inputs = TuneInputs("unit", records, None, None, None)
-    found = identify_and_diagnose(inputs, terms=None, latitude=None, replicas=0, seed=0, progress=silent)
+    said = []
+    found = identify_and_diagnose(inputs, terms=None, latitude=None, replicas=0, seed=0, progress=said.append)
     assert [one.cause for one in found.diagnosis.findings] == ["motion"]
     white = found.identification.channels["gyro_x"].term("white").coefficients["density"].value
     assert white == pytest.approx(1e-4, rel=0.03)  # 4 sds of 12 000 samples; 3e-4 with the motion in it
     assert not any("motion" in note for note in found.identification.notes)
     (record,) = found.still
+    used = f"used: {parts_text(record, record.segments)}"  # the one that the screen has, after what stood still before
+    assert said[-1].endswith(used)
+    assert found.identification.notes[-1].endswith(used)
     assert all(stop <= 6000 or start >= 6400 for start, stop in record.segments)
 
 
