@@ -144,7 +144,7 @@ def identify_channel(
             *estimates.terms,
             *bounds_of(every[-len(bounds) :] if bounds else [], step, full.tau, samples),
         ]
-        warnings = (about_limiting_step(axis, step, samples, single.unit), *warnings)
+        warnings = (about_limiting_step(axis, step, single.unit), *warnings)
     series = None
     if arma is not None and len(longest) >= MIN_SAMPLES:
         series = fit_arma(longest, single.interval, single.unit, likelihood=arma)

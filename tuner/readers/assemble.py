@@ -184,7 +184,7 @@ def checked(
     for axis, one, y in ((a, r, y) for r in single for a, y in zip(r.axes, r.y.T, strict=True)):
         if any(axis in record.axes for record in live) and (step := limiting_step(y)) is not None:
             steps[axis] = step
-            notes.append(about_limiting_step(axis, step, one.interval, one.unit))
+            notes.append(about_limiting_step(axis, step, one.unit))
     first = [said_first[record.name] for record in live if record.name in said_first]
     assumptions = [*(one.text for one in first), *assumptions]
     contradicted = (*(one.contradicted for one in first if one.contradicted), *found.contradicted)

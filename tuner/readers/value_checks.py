@@ -166,12 +166,11 @@ def limiting_step(y: NDArray[Any]) -> float | None:
     return step if all(share < MIN_FAR_SHARE for share in far) else None
 
 
-def about_limiting_step(axis: str, step: float, interval: float, unit: str) -> str:
-    """Say what is known of the noise of an axis that its quantizer limits."""
-    hidden = WELL_DITHERED * step
+def about_limiting_step(axis: str, step: float, unit: str) -> str:
+    """Say what is known of the noise of an axis that its quantizer limits; how large it may be, its codes show."""
     return (
-        f"{axis} is limited by its quantizer: steps of {step:.4g} {unit} hide noise below {hidden:.3g}; "
-        f"its white noise is known as a bound only: at most {hidden * np.sqrt(interval):.3g} {unit}/√Hz"
+        f"{axis} is limited by its quantizer: steps of {step:.4g} {unit} hide noise below {WELL_DITHERED * step:.3g}; "
+        "its white noise is known as a limit only"
     )
 
 

@@ -78,13 +78,21 @@ def _at_bound(channels: dict[str, ChannelNoise], axis: str) -> BoundUsed:
     """Set the white noise of an axis that its quantizer limits to its bound, and return the record of it.
 
     In motion the mean wanders between codes, and the samples have the noise of the sensor and of the rounding,
-    whatever the one code that they keep to at rest shows.
+    whatever the one code that they keep to at rest shows. Where the Allan curve of the codes has more white noise than
+    the limit that their terms give, that is the limit.
     """
     channel = channels[axis]
-    limits = [t.coefficients["density"].upper or 0.0 for t in channel.identified if t.name == "white"]
+    white = [t.coefficients["density"] for t in channel.identified if t.name == "white"]
+    limit = max(channel.white_density, *(one.upper or 0.0 for one in white))
     channels[axis] = replace(
         channel,
-        white_density=max(channel.white_density, *limits),
+        white_density=limit,
+        identified=tuple(
+            replace(t, coefficients={"density": replace(t.coefficients["density"], upper=limit)})
+            if t.name == "white"
+            else t
+            for t in channel.identified
+        ),
         handling={**channel.handling, "white": LIMITED},
     )
     return BoundUsed(Quantity(axis, "white.density"), 1.0, LIMITED)

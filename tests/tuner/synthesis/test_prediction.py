@@ -104,6 +104,21 @@ def test_settings_that_do_not_predict_the_record_are_replaced_and_said():
         )
 
 
+def test_the_limit_of_an_axis_that_its_quantizer_limits_is_what_is_written():
+    """The mean between two codes: their Allan curve has 6 % more white noise than the limit of its terms."""
+    rng = np.random.default_rng(0)
+    x = 3e-3 * rng.standard_normal(6000) + np.cumsum(1e-5 * rng.standard_normal(6000)) + 0.005
+    record = Record(
+        "gyro", 0.01 * np.arange(6000), 0.01 * np.rint(x / 0.01)[:, None], ("gyro_x",), "rad/s", 0.01,
+        limiting_steps={"gyro_x": 0.01},
+    )  # fmt: skip
+    config, judged = hold_to_records(synthesize(identify([record], arma=None)), [record])
+    assert judged["gyro_x"].source is BlockSource.CURVE
+    channel = config.channels["gyro_x"]
+    (white,) = (term.coefficients["density"] for term in channel.identified if term.name == "white")
+    assert channel.white_density == white.upper
+
+
 @pytest.mark.skipif(not DATA.is_dir(), reason="TUNER_DATA does not name a folder with recordings")
 @pytest.mark.parametrize("name", ["adis16405_run1", pytest.param("galaxy_s5_static", marks=pytest.mark.slow)])
 def test_measured_units_are_predicted(name):
