@@ -77,6 +77,7 @@ def judge_settings(known: Settings) -> Judgement:
     """Return for what the settings of a filter can be used."""
     reasons = [
         *(Reason(Use.DO_NOT_USE, why) for why in lacking_slow_bias(known.config).values()),
+        *(Reason(Use.DO_NOT_USE, f"too short for {why}") for why in _too_short_for(known.identification)),
         *_of_drive(known),
         *_of_simulation(known.check),
         *_of_predictions(known.predictions),
@@ -131,7 +132,10 @@ def judge_noise(
         Use.USABLE_EXCEPT,
         f"{axes_text(failed)}, whose terms do not predict the Allan curve: its numbers are fitted to the curve",
     )
-    return judged(Use.USABLE, [*_of_reading(found), *([unfit] if failed else []), *_of_losses(found, ())])
+    short = [Reason(Use.USABLE_EXCEPT, why) for why in _too_short_for(found)]
+    return judged(
+        Use.USABLE, [*short, *_of_reading(found), *([unfit] if failed else []), *_of_losses(found, ())]
+    )
 
 
 def curve_axes(predictions: Mapping[str, PredictedBlock]) -> list[str]:
@@ -280,6 +284,11 @@ def _of_bandwidth(findings: Sequence[Finding]) -> Iterator[Reason]:
             lost.setdefault(text, []).extend(one.channels)
     for text, axes in lost.items():
         yield Reason(Use.USABLE_EXCEPT, f"a vehicle or camera in motion, by {axes_text(axes)}: {text}")
+
+
+def _too_short_for(found: Identification) -> tuple[str, ...]:
+    """Return what the log behind noise is too short for, as `tune` refuses it."""
+    return tuple(found.source.get("too_short_for", ()))
 
 
 def lost_shares(found: Identification) -> dict[str, float]:

@@ -14,6 +14,7 @@ from tuner.identification.identify_channel import identify_channel
 from tuner.identification.mean_and_earth_rate import without_earth_rate
 from tuner.jobs import each
 from tuner.readers.source_kind import with_name
+from tuner.segments.conditions import too_short_for
 from tuner.types import ChannelIdentification, Identification
 from tuner.types.number_ranges import Latitude
 from tuner.types.public import public
@@ -204,6 +205,7 @@ def _source(records: Sequence[Record]) -> dict[str, object]:
             for record in records
         ],
         "assumptions": list(dict.fromkeys(text for record in records for text in record.assumptions)),
+        "too_short_for": list(dict.fromkeys(text for record in records if (text := too_short_for(record)))),
         "contradicted": list(dict.fromkeys(text for record in records for text in record.contradicted)),
         "repairs": list(dict.fromkeys(note for record in records for note in record.notes)),
     }

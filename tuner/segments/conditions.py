@@ -107,16 +107,24 @@ def expect_rest(records: Sequence[Record]) -> None:
         Parts of `MIN_SECONDS` or more make up less than `MIN_PART_SECONDS`.
     """
     for record in records:
-        lengths = [(stop - start) * record.interval for start, stop in record.segments]
-        # Half a sample is left for the rounding of lengths to whole samples.
-        long = [length for length in lengths if length > MIN_SECONDS - 0.5 * record.interval]
-        if sum(long) + 0.5 * record.interval < MIN_PART_SECONDS:
-            parts = f" in {len(lengths)} parts, the longest {max(lengths):.2g} s" if len(lengths) > 1 else ""
+        if text := too_short_for(record):
             raise DataError(
-                f"{record.source}: {sum(lengths):.3g} s at rest{parts}: settings of a filter need parts of "
-                f"{MIN_SECONDS:g} s or more that make up {MIN_PART_SECONDS:g} s: record longer, at rest and without "
-                "losing samples"
+                f"{record.source}: too short for {text}: record longer, at rest and without losing samples"
             )
+
+
+def too_short_for(record: Record) -> str:
+    """Return what a record at rest is too short for, and why; "" where settings of a filter can be made of it."""
+    lengths = [(stop - start) * record.interval for start, stop in record.segments]
+    # Half a sample is left for the rounding of lengths to whole samples.
+    long = [length for length in lengths if length > MIN_SECONDS - 0.5 * record.interval]
+    if sum(long) + 0.5 * record.interval >= MIN_PART_SECONDS:
+        return ""
+    parts = f" in {len(lengths)} parts, the longest {max(lengths):.2g} s" if len(lengths) > 1 else ""
+    return (
+        f"settings of a filter, which need parts of {MIN_SECONDS:g} s or more at rest that make up "
+        f"{MIN_PART_SECONDS:g} s, found {sum(lengths):.3g} s{parts}"
+    )
 
 
 def without_knocks(records: Sequence[Record]) -> tuple[tuple[Record, ...], Mapping[str, Segments]]:

@@ -10,8 +10,11 @@ from tuner.cli import run
 from tuner.formats.logs import write_log
 from tuner.identification import identify
 from tuner.identification.comparison import compare_identifications
+from tuner.judgement import Settings, judge_noise, judge_settings
 from tuner.pipeline import tune
 from tuner.segments.conditions import at_rest, expect_rest, still_parts, temperature_parts
+from tuner.synthesis import synthesize
+from tuner.types.judgement import Use
 from tuner.types.records import DataError, Record
 
 RATE = 50.0
@@ -144,8 +147,14 @@ def test_parts_too_short_for_a_filter_are_refused():
     y = 1e-3 * np.random.default_rng(3).standard_normal((n, 3))
     whole = Record("gyro", np.arange(n) / 250.0, y, AXES, "rad/s", 1 / 250.0, source="unit.csv")
     pieces = replace(whole, segments=tuple((k, k + 5) for k in range(0, n, 6)))
-    with pytest.raises(DataError, match=r"6\.68 s at rest in 334 parts, the longest 0\.02 s: .*make up 8 s"):
+    with pytest.raises(DataError, match=r"make up 8 s, found 6\.68 s in 334 parts, the longest 0\.02 s: "):
         tune([pieces])
+    noise = identify([replace(whole, segments=((0, 200), (250, 450)))], arma=None)
+    assert judge_noise(noise).text.startswith(
+        "usable except: settings of a filter, which need parts of 1 s or more"
+    )
+    assert judge_settings(Settings(noise, synthesize(noise))).use is Use.DO_NOT_USE
+    assert judge_noise(identify([whole], arma=None)).use is Use.USABLE
     expect_rest([whole])  # eight seconds
     expect_rest([replace(whole, segments=((0, 500), (500, 1000), (1000, 2000)))])
     with pytest.raises(DataError, match=r"the longest 0\.8 s"):
