@@ -7,10 +7,8 @@ from collections.abc import Iterator
 
 from tuner.consistency.score_drive import DriveResult
 from tuner.consistency.score_output import OutputScore
-from tuner.formats.customary_units import in_customary
 from tuner.invariants import Claims, Statement, violations
 from tuner.judgement import curve_axes, judge_drive, judge_log, judge_noise, lost_shares
-from tuner.report.settings_rows import SettingsRow, settings_rows
 from tuner.tune_result import TuneResult
 from tuner.types import AppliedNoiseScale, Diagnosis, DriveDiagnosis, FilterConfig, Identification
 from tuner.types.consistency import Check, Consistency
@@ -86,14 +84,11 @@ def _identified(found: Identification, elsewhere: list[str] | None = None) -> It
 
 
 def _written(result: TuneResult) -> Iterator[Statement]:
-    """Yield the settings as the configuration and the table of the answer have them."""
+    """Yield the settings as the configuration has them."""
     yield from inflation_statements(result.config)
     for axis, channel in result.config.channels.items():
         yield Statement(f"{axis}.white", "in the configuration", channel.white_density)
         yield Statement(f"{axis}.walk", "in the configuration", channel.random_walk_density)
-    if result.exports:
-        for row in settings_rows(result.config):
-            yield from _shown(row)
 
 
 def inflation_statements(config: FilterConfig) -> Iterator[Statement]:
@@ -106,12 +101,3 @@ def inflation_statements(config: FilterConfig) -> Iterator[Statement]:
             if stated is not None and one.factor != 1.0:
                 yield Statement(f"{quantity} as worded", "in its reason", float(stated[1]))
                 yield Statement(f"{quantity} as worded", "in its record", float(f"{one.factor:.3g}"))
-
-
-def _shown(row: SettingsRow) -> Iterator[Statement]:
-    """Yield the settings of a row of the table, in SI."""
-    for name, setting in (("white", row.white), ("walk", row.walk)):
-        quantity = "white.density" if name == "white" else "random_walk.density"
-        unit = in_customary(1.0, quantity, row.unit)
-        for axis, used in zip(row.axes, setting.used, strict=True):
-            yield Statement(f"{axis}.{name}", "on the screen", used / unit)

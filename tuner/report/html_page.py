@@ -21,20 +21,18 @@ from rich.table import Table
 
 from tuner.exporters import DIALECTS, export, lacking
 from tuner.formats.axis_words import axes_text
-from tuner.formats.customary_units import digits, in_customary, term_title
+from tuner.formats.customary_units import term_title
 from tuner.pipeline import EXPORTED_DIALECTS
 from tuner.report.alike_sentences import alike_sentences
-from tuner.report.answer_layout import marks_of
 from tuner.report.calibration_text import calibration_lines
 from tuner.report.consistency_tables import consistency_tables
 from tuner.report.identification_tables import identification_tables
 from tuner.report.interactive_figure import Chart
-from tuner.report.noise_table import legend, more_white_noise
+from tuner.report.noise_table import legend, more_white_noise, states_tables
 from tuner.report.page_charts import charts
 from tuner.report.page_findings import findings_content
 from tuner.report.page_parts import Picture, blocks, shown
 from tuner.report.prediction_tables import prediction_tables
-from tuner.report.settings_rows import settings_rows, units_of
 from tuner.report.tune_answer import (
     against_datasheet,
     assumptions,
@@ -99,8 +97,8 @@ def write_page(
         "facts": _facts(result),
         "measured": blocks(measured),
         "legend": legend(*measured),
-        "settings": _settings(result),
-        "marks": "; ".join(marks_of(result.config)),
+        "states": blocks(states := states_tables(result.config)),
+        "marks": legend(*states),
         "against": [*against_datasheet(result), more_white_noise(result.config, result.exports)],
         "reasons": _reasons(result),
         "files": [{"name": name, "text": text} for name, text in result.exports.items()],
@@ -213,28 +211,6 @@ def _facts(result: TuneResult) -> list[tuple[str, str]]:
         facts.append(("Units assumed", "; ".join(assumptions(result)) or "none"))
     facts += [("Hidden in it", line) for line in hidden_lines(result)]
     return facts
-
-
-def _settings(result: TuneResult) -> list[dict[str, Any]]:
-    rows = settings_rows(result.config)
-    answer = []
-    for unit in dict.fromkeys(row.unit for row in rows):
-        white, level, walk = units_of(unit)
-        head = ["axes", f"white noise N, {white}", f"bias states, {level}", f"random walk K, {walk}"]
-        head.append(f"turn-on constant (sd), {level}")
-        cells = [
-            [axes_text(row.axes), row.white.text, row.bias, row.walk.text, _constant(result, row.axes)]
-            for row in rows
-            if row.unit == unit
-        ]
-        answer.append({"title": "", "head": head, "rows": cells, "words": False})
-    return answer
-
-
-def _constant(result: TuneResult, axes: Sequence[str]) -> str:
-    channels = [result.config.channels[axis] for axis in axes]
-    values = dict.fromkeys(digits(in_customary(c.constant_sd, "level", c.unit)) for c in channels)
-    return ", ".join(values)
 
 
 def _reasons(result: TuneResult) -> list[str]:

@@ -118,6 +118,38 @@ def _table(rows: Iterable[Row], heads: Mapping[str, str]) -> Table:
     return table
 
 
+def states_tables(config: FilterConfig) -> list[Table]:
+    """Return the states of the filter of noise.yaml, a table a sensor and a row an axis."""
+    tables: dict[str, Table] = {}
+    for channel in config.channels.values():
+        white, level, walk = (pretty(customary_unit(q, channel.unit)) for q in (WHITE, "level", WALK))
+        table = tables.setdefault(channel.unit, Table(box=None, padding=(0, 2, 0, 0)))
+        if not table.columns:
+            table.add_column("states of noise.yaml")
+            table.add_column(f"white noise,\n{white}")
+            table.add_column(f"bias sd, {level},\nat correlation time, s", min_width=20)
+            table.add_column(f"bias random walk,\n{walk}")
+            table.add_column(f"turn-on sd,\n{level}")
+        times: dict[str, list[str]] = {}
+        for state in channel.markov:
+            sd = (
+                digits(in_customary(state.sd, "level", channel.unit)) + ASSUMED * channel.states_rest_on_limit
+            )
+            times.setdefault(sd, []).append(f"{state.time_constant:.3g}")
+        numbers = (
+            (channel.white_density, WHITE, channel.white_rests_on_limit),
+            (channel.random_walk_density, WALK, channel.walk_rests_on_limit),
+            (channel.constant_sd, "level", False),
+        )
+        density, random_walk, constant = (
+            digits(in_customary(value, name, channel.unit)) + ASSUMED * on_limit if value else UNKNOWN
+            for value, name, on_limit in numbers
+        )
+        states = "; ".join(f"{sd} at {', '.join(at)}" for sd, at in times.items()) or UNKNOWN
+        table.add_row(channel.axis.replace("_", " "), density, states, random_walk, constant)
+    return list(tables.values())
+
+
 def legend(*tables: Table) -> str:
     """Return what the signs of tables mean, those that occur."""
     cells = [str(cell) for table in tables for column in table.columns[1:] for cell in column.cells]

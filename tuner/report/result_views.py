@@ -26,7 +26,7 @@ from tuner.identification.static_test_plan import StaticTestPlan
 from tuner.invariants import violations
 from tuner.report import terminal
 from tuner.report.allan_figure import allan_figure
-from tuner.report.answer_layout import settings_answer, settings_table
+from tuner.report.answer_layout import settings_answer
 from tuner.report.claims import Result, claims_of
 from tuner.report.comparison_tables import choice_tables, comparison_tables, plan_tables
 from tuner.report.consistency_answer import consistency_answer
@@ -43,6 +43,7 @@ from tuner.report.html_page import tables_html, write_sections_page
 from tuner.report.identification_answer import identification_answer
 from tuner.report.identification_tables import identification_tables
 from tuner.report.interactive_figure import charts_of_figure
+from tuner.report.noise_table import states_tables
 from tuner.report.output_score_tables import output_score_answer, output_score_tables
 from tuner.report.overlaid_figure import overlaid_figure
 from tuner.report.page_parts import Picture, picture_size, titled_pictures
@@ -66,11 +67,10 @@ from tuner.report.result_frames import (
     plan_frame,
     settings_frame,
 )
-from tuner.report.settings_rows import settings_rows
 from tuner.report.solution_figures import solution_pictures
 from tuner.report.static_diagnosis_figures import finding_figures
 from tuner.report.static_diagnosis_tables import diagnosis_tables
-from tuner.report.tune_answer import tune_answer
+from tuner.report.tune_answer import noise_tables, tune_answer
 from tuner.tune_result import TuneResult
 from tuner.types import (
     AllanCurve,
@@ -251,7 +251,7 @@ VIEWS: dict[type, View] = {
     TuneResult: View(
         lambda r: settings_frame(r.config),
         ("axis", "setting"),
-        lambda r: [settings_table(settings_rows(r.config)), *consistency_part(r)],
+        lambda r: [*noise_tables(r, r.exports), *states_tables(r.config), *consistency_part(r)],
         lambda r: allan_figure(r.identification, predictions=r.predictions),
         "Allan deviation: measured, identified terms, and what the settings predict",
         lambda r: tune_answer(r, None),
@@ -267,7 +267,7 @@ VIEWS: dict[type, View] = {
     FilterConfig: View(
         settings_frame,
         ("axis", "setting"),
-        lambda c: [settings_table(settings_rows(c))],
+        states_tables,
         settings_figure,
         "Allan deviation of the noise that the filter assumes of each axis",
         settings_answer,

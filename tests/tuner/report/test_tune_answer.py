@@ -20,8 +20,14 @@ from tuner.identification.identify_source import identify_source
 from tuner.limits import SCREEN_LINES, SHOWN_FINDINGS
 from tuner.report.document import document
 from tuner.report.drive_answer import choice_lines, found_text
-from tuner.report.noise_table import LEGEND, entries_table, legend, measured_table, more_white_noise
-from tuner.report.settings_rows import Setting, settings_rows
+from tuner.report.noise_table import (
+    LEGEND,
+    entries_table,
+    legend,
+    measured_table,
+    more_white_noise,
+    states_tables,
+)
 from tuner.report.terminal import fitted
 from tuner.report.tune_answer import settings_in_dialect, tune_answer
 from tuner.simulation.static import simulate
@@ -58,16 +64,6 @@ def result():
     return TuneResult(
         "unit", records, noise, diagnosis, None, None, config, None, {}, absent, {"noise.yaml": "a text"}
     )
-
-
-def test_axes_whose_intervals_overlap_share_a_row(result):
-    rows = settings_rows(result.config)
-    # N of 1e-4 and 2e-4 is known to 0.4 % each (1/√(2n), 30 000 samples): the outer axes agree, the middle one cannot.
-    assert [row.axes for row in rows] == [("gyro_x", "gyro_z"), ("gyro_y",)]
-    for row in rows:
-        own = [result.config.channels[axis].white_density for axis in row.axes]
-        assert len(row.white.used) == len(own)
-        assert row.white.low <= min(row.white.used) <= max(row.white.used) <= row.white.high
 
 
 @pytest.mark.parametrize("width", [80, 120])
@@ -193,17 +189,14 @@ def test_the_finding_that_moves_the_position_most_stands_first(result):
     assert "1 finding on the page changes no setting" in text
 
 
-@pytest.mark.parametrize(
-    ("setting", "text"),
-    [
-        (Setting((20.0,), 18.0, 22.0), "20.0 ± 2.0"),
-        (Setting((20.0,)), "20.0"),
-        (Setting((20.0, 30.0)), "20.0 to 30.0"),
-        (Setting((32.5,), 0.0, 65.0, bounded=True), "32.5*"),
-    ],
-)
-def test_a_setting_shows_its_interval_or_that_it_has_none(setting, text):
-    assert setting.text == text
+def test_states_of_a_configuration_stand_with_their_times_and_what_rests_on_a_limit(result):
+    (table,) = states_tables(result.config)
+    rows = list(zip(*(column.cells for column in table.columns), strict=True))
+    assert [row[0] for row in rows] == ["gyro x", "gyro y", "gyro z"]
+    for (_, white, states, walk, _), channel in zip(rows, result.config.channels.values(), strict=True):
+        assert float(white) == pytest.approx(np.rad2deg(channel.white_density) * 60.0, rel=0.005)
+        assert walk.endswith("*") == channel.walk_rests_on_limit
+        assert states.count("*") == len(channel.markov) * channel.states_rest_on_limit or " at " in states
 
 
 def test_signs_are_explained_where_they_stand(result):

@@ -16,7 +16,7 @@ from tests.extension.second_order_gauss_markov import SecondOrderGaussMarkov
 from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
 from tuner.formats import noise_yaml
 from tuner.readers.stored_identification import read_stored
-from tuner.report.settings_rows import settings_rows
+from tuner.report.noise_table import states_tables
 from tuner.synthesis import BOUND, RULES, bounding_state, inflate, shaping_states, synthesize, turn_on_spread
 from tuner.synthesis.channel_noise import channel_noise
 from tuner.synthesis.initial_covariance import GRAVITY_SPREAD
@@ -113,7 +113,7 @@ def test_bounded_terms_enter_with_half_their_limit_and_say_so() -> None:
     config, noise = only(found(channel(*terms)))
     assert noise.white_density == pytest.approx(1e-4)
     assert noise.white_rests_on_limit
-    assert settings_rows(config)[0].white.text.endswith("*")
+    assert next(iter(states_tables(config)[0].columns[1].cells)).endswith("*")
     assert noise.random_walk_density == pytest.approx(3e-7)
     assert noise.markov[0].sd == pytest.approx(math.sqrt(math.log(10.0) / math.pi) * 2e-5)
     assert {str(i.quantity) for i in config.inflations} == {
