@@ -19,10 +19,8 @@ from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.formats.axis_words import axes_text
 from tuner.formats.customary_units import amount, digits
 from tuner.formats.parameter_words import parameter_words
-from tuner.types import Finding, Gain
+from tuner.types import Finding
 
-MAX_HEADLINES = 7
-"""Groups that the headline shows: what one remembers."""
 MIN_DRIFT_CHANGE = 1.01
 """Drift or white noise with ÷ without a cause from which it is reported; noise makes a hundred times what is below."""
 KILOMETRES_FROM = 1e4
@@ -38,8 +36,6 @@ SIMULTANEOUS_WITHIN = 5.0
 """Seconds between events that are one: longer than the edges of an event are uncertain, shorter than most bursts."""
 SAMPLES_AT_FAULT = "no entry: the samples themselves are at fault"
 """What a cause changes that no setting can make up for: spikes, motion, rails, stamps."""
-NOTE = "note: "
-"""How a line begins on what moves no position, or is contradicted."""
 LASTING = ("thermal", "attitude")
 """Causes without one effect of their own that are compensated, as those whose effect is a signal are."""
 
@@ -79,13 +75,6 @@ class FindingGroup:
     def in_motion(self) -> str:
         """What it does to samples in motion, in words, that of the clearest finding; empty for nothing known."""
         return next((text for one in self.findings if (text := _in_motion(one))), "")
-
-    @property
-    def matters(self) -> bool:
-        """Whether it changes position or white noise, or may for all that is known; so do samples at fault."""
-        if self.in_motion or not self.drift or self.worth >= log(MIN_DRIFT_CHANGE):
-            return True
-        return any(changed_entry(finding.cause) == SAMPLES_AT_FAULT for finding in self.findings)
 
 
 def contradicted(finding: Finding) -> bool:
@@ -277,45 +266,3 @@ def white_text(white: float) -> str:
     return (
         f"white noise {digits(white)} × that without it" if abs(log(white)) >= log(MIN_DRIFT_CHANGE) else ""
     )
-
-
-def headlines(findings: Sequence[Finding], span: float | None = None) -> list[str]:
-    """Return at most seven lines on what the findings change, one on the rest, one on what moves nothing, and notes.
-
-    Parameters
-    ----------
-    findings : sequence of Finding
-        Of a static log.
-    span : float, optional
-        Length of the log, s.
-    """
-    every = finding_groups([one for one in findings if not contradicted(one)], span)
-    groups = [group for group in every if group.matters]
-    lines = []
-    for group in groups[:MAX_HEADLINES]:
-        words = [
-            group.title,
-            group.in_motion,
-            white_text(group.white),
-            drift_text(group.drift),
-            f"changes {group.changes}",
-        ]
-        lines.append("; ".join(part for part in words if part))
-    if rest := groups[MAX_HEADLINES:]:
-        lines.append(f"and {len(rest)} more of less effect: {'; '.join(group.short for group in rest)}")
-    notes = []
-    if idle := [group for group in every if not group.matters]:
-        share = 100.0 * (MIN_DRIFT_CHANGE - 1.0)
-        listed = "; ".join(f"{group.title}: changes {group.changes}" for group in idle)
-        notes = [f"found, moves the position at rest by less than {share:.2g} %: {listed}"]
-    notes += [
-        f"{one.cause.replace('_', ' ')} in {axes_text(one.channels)}: held-out data are less likely with it "
-        f"({_split(one.gain)})"
-        for one in findings
-        if contradicted(one)
-    ]
-    return [*lines, *(f"{NOTE}{note}" for note in notes)]
-
-
-def _split(gain: Gain | None) -> str:
-    return "" if gain is None else gain.split

@@ -26,7 +26,7 @@ def group_in_words(group: FindingGroup) -> str:
         drift_text(_most_moved(group.drift)),
         f"changes {_entry(group.changes)}",
     ]
-    return f"{group.short[:1].upper()}{group.short[1:]}: " + "; ".join(part for part in parts if part)
+    return f"{group.title[:1].upper()}{group.title[1:]}: " + "; ".join(part for part in parts if part)
 
 
 def _most_moved(drift: Mapping[str, tuple[float, float]]) -> Mapping[str, tuple[float, float]]:
@@ -77,7 +77,7 @@ def findings_in_words(findings: Sequence[Finding], span: float | None) -> Findin
     return FindingsInWords(
         tuple(map(group_in_words, felt)),
         tuple(map(group_in_words, faults)),
-        tuple(one.short for one in idle),
+        tuple(one.title for one in idle),
         tuple(one.short for one in finding_groups(refuted, span)),
     )
 

@@ -22,6 +22,7 @@ from tuner.report.allan_figure import allan_figure
 from tuner.report.calibration_text import calibration_lines
 from tuner.report.claims import lawful
 from tuner.report.consistency_tables import consistency_tables
+from tuner.report.diagnosis_answer import diagnosis_answer
 from tuner.report.figure_files import CHARTS, draw_all
 from tuner.report.html_page import write_page
 from tuner.report.identification_tables import identification_tables
@@ -29,7 +30,7 @@ from tuner.report.json.consistency import consistency_json
 from tuner.report.page_parts import titled_pictures
 from tuner.report.prediction_tables import prediction_tables, settings_tables
 from tuner.report.static_diagnosis_figures import finding_figures
-from tuner.report.static_diagnosis_tables import diagnosis_tables, headline_lines, hidden_effect_lines
+from tuner.report.static_diagnosis_tables import diagnosis_tables, hidden_effect_lines
 from tuner.synthesis.calibration import calibration_json
 from tuner.synthesis.findings import judge_hidden
 from tuner.tune_result import TuneResult
@@ -143,7 +144,8 @@ def tune_sections(result: TuneResult) -> list[Section]:
     sections: list[Section] = []
     if result.diagnosis is not None:
         judged = [] if result.key is None else judge_hidden(result.key, result.diagnosis)
-        content = headline_lines(result.diagnosis, result.records)
+        answer = diagnosis_answer(result.diagnosis, result.records)
+        content: list[Table | str] = [*answer.parts, *answer.remarks]
         content += diagnosis_tables(result.diagnosis)
         content += hidden_effect_lines(judged)
         if content:

@@ -11,35 +11,11 @@ from tuner.formats.axis_words import axes_text
 from tuner.formats.customary_units import amount
 from tuner.formats.parameter_words import parameter_words
 from tuner.judgement import ABOUT
-from tuner.report.finding_groups import MIN_DRIFT_CHANGE, contradicted, drift_text, headlines
+from tuner.report.finding_groups import MIN_DRIFT_CHANGE, contradicted, drift_text
 from tuner.types import Coefficient, Diagnosis, Finding, Gain, Unexplained
-from tuner.types.records import Record
 
 LEAST_WHITE_SHARE = 0.1
 """Ratio of two white densities below which one sum of terms has its white noise in another term: no comparison."""
-
-
-def headline_lines(diagnosis: Diagnosis, records: Sequence[Record] = ()) -> list[Table | str]:
-    """Return what the findings change, the largest first and at most seven; then what is unexplained, and the notes.
-
-    Parameters
-    ----------
-    diagnosis : Diagnosis
-        Of a static log.
-    records : sequence of Record, optional
-        That log, for the share of events in it.
-    """
-    span = max((record.span for record in records), default=None)
-    answer: list[Table | str] = []
-    if diagnosis.quiet:
-        answer.append("  nothing contradicts a simulation of the noise terms")
-    if lines := headlines(diagnosis.findings, span):
-        answer.append(
-            "What the simulation gets wrong, by what it does to the position (one sensor axis, no fixes)"
-        )
-        answer += [f"  {line}" for line in lines]
-    answer += [f"  unexplained: {line}" for line in unexplained_lines(diagnosis.unexplained)]
-    return answer + [f"  note: {note}" for note in diagnosis.notes]
 
 
 def unexplained_words(unexplained: Sequence[Unexplained]) -> list[str]:

@@ -12,8 +12,8 @@ from tuner.diagnosis.static.causes.lowpass import LowPass
 from tuner.diagnosis.static.position_drift import position_drift, with_drifts
 from tuner.diagnosis.static.spectrum.filters import MEAN_CUTOFFS
 from tuner.formats.parameter_words import parameter_words
-from tuner.report.finding_groups import MAX_HEADLINES, comb_spacing, finding_groups, headlines
-from tuner.report.groups_in_words import group_in_words
+from tuner.report.finding_groups import comb_spacing, finding_groups
+from tuner.report.groups_in_words import findings_in_words, group_in_words
 from tuner.report.static_diagnosis_tables import unexplained_lines
 from tuner.simulation.static import simulate
 from tuner.types import Coefficient, Finding, Gain, Unexplained
@@ -37,23 +37,21 @@ def finding(cause: str, *axes: str, drift: float = 1.1, gain: Gain | None = None
 
 
 def test_findings_are_ranked_by_the_drift_that_they_cause():
-    told = headlines(
+    told = findings_in_words(
         [
             finding("heavy_tails", "gyro_x", drift=1.0),
             finding("lowpass", "gyro_x", drift=1.009),
             finding("step", "gyro_y", drift=2.0, time=100.0),
             finding("warmup", "accel_x", drift=5.0),
             finding("clipping", "accel_y", drift=1.0),
-        ]
+        ],
+        None,
     )
-    assert [line.split()[0] for line in told[:3]] == ["warmup", "step", "clipping"]
-    assert told[3].startswith(
-        "note: found, moves the position at rest by less than 1 %: lowpass in gyro x: changes white noise"
-    )
-    assert "; heavy tails in gyro x: changes white noise, by its share of the time" in told[3]
+    assert [line.split()[0] for line in told.felt] == ["Warmup", "Step"]
+    assert set(told.idle) == {"lowpass in gyro x", "heavy tails in gyro x", "clipping in accel y"}
     assert (
         "position error of one axis without fixes after 60 s 5.0 m, 1.0 m without it; changes bias states"
-        in told[0]
+        in told.felt[0]
     )
 
 
@@ -73,7 +71,8 @@ def test_a_finding_is_worth_the_white_noise_that_it_makes():
     assert groups["gyro_x"].worth == pytest.approx(np.log(1.5))
     assert list(groups) == ["gyro_x", "accel_x", "gyro_y"]
     said = group_in_words(groups["gyro_y"])
-    assert said.startswith("Burst in gyro y: white noise 1.06 × that without it; no drift at rest")
+    assert said.startswith("Burst in gyro y (")
+    assert ": white noise 1.06 × that without it; no drift at rest" in said
 
 
 def test_a_filter_that_takes_motion_away_comes_first():
@@ -85,10 +84,10 @@ def test_a_filter_that_takes_motion_away_comes_first():
         replace(finding("lowpass", axis, drift=1.0, cutoff=0.22), extension={"in_motion": lost})
         for axis in ("gyro_x", "accel_z")
     ]
-    told = headlines([finding("telegraph", "gyro_y", drift=2.5), *slow])
-    assert told[0].startswith("lowpass in gyro x, accel z; motion faster than 0.22 Hz is lost")
+    told = findings_in_words([finding("telegraph", "gyro_y", drift=2.5), *slow], None).felt
+    assert told[0].startswith("Lowpass in gyro x, accel z: motion faster than 0.22 Hz is lost")
     assert "no drift at rest" in told[0]
-    assert told[1].startswith("telegraph in gyro y")
+    assert told[1].startswith("Telegraph in gyro y")
 
 
 @pytest.mark.parametrize(
@@ -114,51 +113,31 @@ def test_events_are_counted_with_their_share_of_the_time():
     events = [
         finding("burst", "gyro_x", start=100.0 * k, duration=7.2, variance_ratio=3.0) for k in range(14)
     ]
-    (line,) = headlines(events, HOUR)
+    (line,) = findings_in_words(events, HOUR).felt
     assert "14 events, 2.8 % of the time" in line  # 14 · 7.2 s of 3600 s
     twice = [*events, *(finding("burst", "gyro_y", start=100.0 * k, duration=7.2) for k in range(14))]
-    assert "2.8 % of the time" in headlines(twice, HOUR)[0]
+    assert "2.8 % of the time" in findings_in_words(twice, HOUR).felt[0]
 
 
 def test_one_event_in_several_axes_is_told_once():
     step = finding("step", "gyro_x", time=500.0)
-    (line,) = headlines([step, finding("burst", "accel_y", start=501.0, duration=30.0)])
-    assert line.startswith("step and burst in gyro x, accel y: one event at 500")
-    assert len(headlines([step, finding("burst", "accel_y", start=900.0, duration=30.0)])) == 2
+    (line,) = findings_in_words([step, finding("burst", "accel_y", start=501.0, duration=30.0)], None).felt
+    assert line.startswith("Step and burst in gyro x, accel y: one event at 500")
+    assert len(finding_groups([step, finding("burst", "accel_y", start=900.0, duration=30.0)])) == 2
 
 
 def test_lines_of_one_spacing_are_a_comb():
     lines = [finding("line", "gyro_x", frequency=3.0 + 9.93 * k, amplitude=1e-4) for k in range(385)]
-    (told,) = headlines(lines)
+    (told,) = findings_in_words(lines, None).felt
     assert "comb of 385 lines, 9.93 Hz apart" in told
     assert comb_spacing(sorted(np.random.default_rng(1).uniform(0.0, 50.0, 20))) is None
 
 
-def test_what_held_out_data_contradict_is_a_note():
+def test_what_held_out_data_contradict_is_doubted():
     harm = finding("heavy_tails", "gyro_x", drift=3.0, gain=Gain("60/40", 0.0, -0.1, -500.0))
-    told = headlines([harm, finding("lowpass", "gyro_y", cutoff=12.0)])
-    assert told[0].startswith("lowpass")
-    assert told[1].startswith("note: heavy tails in gyro x: held-out data are less likely with it")
-
-
-def test_the_headline_is_short_and_counts_the_rest():
-    causes = (
-        "line",
-        "lowpass",
-        "colour",
-        "temperature",
-        "step",
-        "warmup",
-        "telegraph",
-        "spikes",
-        "heavy_tails",
-        "burst",
-    )
-    every = [finding(cause, "gyro_x") for cause in causes]
-    told = headlines(every)
-    assert len(told) == MAX_HEADLINES + 1
-    assert told[-1].startswith("and 3 more of less effect: ")
-    assert sum(len(group.findings) for group in finding_groups(every)) == len(every)
+    told = findings_in_words([harm, finding("lowpass", "gyro_y", cutoff=12.0)], None)
+    assert [line.split()[0] for line in told.felt] == ["Lowpass"]
+    assert told.doubted == "Found, but not confirmed by held-out data: heavy tails in gyro x"
 
 
 @pytest.mark.parametrize("unit", ["rad/s", "m/s^2"])
@@ -171,8 +150,8 @@ def test_drift_of_a_short_outage_is_that_of_a_bias_on_a_flat_earth(unit: str):
 def test_a_single_finding_has_its_figures():
     rate = Coefficient.known(2e-4, 1.8e-4, 2.2e-4, "rad/s")
     one = replace(finding("line", "gyro_x"), parameters={"amplitude": rate})
-    (line,) = headlines([one])
-    assert line.startswith("line in gyro x (amplitude 41.3 ± 4.1 deg/h)")  # 2e-4 rad/s · 3600 · 180/π
+    (line,) = findings_in_words([one], None).felt
+    assert line.startswith("Line in gyro x (amplitude 41.3 ± 4.1 deg/h)")  # 2e-4 rad/s · 3600 · 180/π
 
 
 def test_a_step_that_was_found_is_worth_the_drift_it_causes():

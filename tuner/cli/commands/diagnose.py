@@ -81,7 +81,7 @@ def command(
     from tuner.formats.diagnosis import diagnosis_json
     from tuner.readers.source_kind import with_name
     from tuner.report.claims import lawful
-    from tuner.report.static_diagnosis_tables import diagnosis_tables, headline_lines
+    from tuner.report.static_diagnosis_tables import diagnosis_tables
     from tuner.report.terminal import show
     from tuner.types import Diagnosis, DriveDiagnosis
     from tuner.types.records import Drive
@@ -132,9 +132,10 @@ def command(
 
             show(drive_tables(found))
         else:
-            show(assumed(data))
-            show(headline_lines(found, () if isinstance(data, Drive) else data))
-            show(diagnosis_tables(found))
+            from tuner.report.diagnosis_answer import diagnosis_answer
+
+            answer = diagnosis_answer(found, () if isinstance(data, Drive) else data)
+            show([*answer.parts, *answer.remarks, *diagnosis_tables(found)])
     harmful = isinstance(found, DriveDiagnosis) and not found.credited
     return 1 if strict and (found.unexplained or harmful) else 0
 
