@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
+from tuner.formats.customary_units import percent
 from tuner.limits import LOST_SHARE, WRONG_FACTOR
 from tuner.types import Finding
 from tuner.types.consistency import Consistency
@@ -141,7 +142,7 @@ def _losses_are_said(said: Claims) -> Iterator[str]:
     text = said.verdict.text
     for axis, share in said.lost.items():
         if share > LOST_SHARE and "%" not in text and said.verdict.use is not Use.DO_NOT_USE:
-            yield f"{100.0 * share:.2g} % of {axis} are left out and not in the verdict"
+            yield f"{percent(share)} of {axis} are left out and not in the verdict"
 
 
 def _one_number_a_quantity(said: Claims) -> Iterator[str]:

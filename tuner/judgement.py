@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tuner.formats.axis_words import axes_text
-from tuner.formats.customary_units import digits
+from tuner.formats.customary_units import digits, percent
 from tuner.limits import HONEST_RATIO, LOST_SHARE, TOLERATED_RATIO, WRONG_FACTOR
 from tuner.synthesis.equivalent_models import FILTER_MEMORY
 from tuner.synthesis.error_growth import modelled_growth
@@ -103,7 +103,7 @@ def _grounds(known: Settings) -> Iterator[str]:
         begin = max(float(one.curve.tau[0]) for one in known.predictions.values())
         end = min(float(one.curve.tau[-1]) for one in known.predictions.values())
         yield (
-            f"noise.yaml reproduces the Allan deviation of this log within {100.0 * most:.2g} %, {digits(begin, 2)} to "
+            f"noise.yaml reproduces the Allan deviation of this log within {percent(most)}, {digits(begin, 2)} to "
             f"{digits(end, 2)} s, on every axis"
         )
     if known.check is not None:
@@ -209,13 +209,11 @@ def _of_drive(known: Settings) -> Iterator[Reason]:
     if known.measured is not None:
         yield from _of_scores(known.measured, "on the drive")
         if known.left_out > LOST_SHARE:
-            text = (
-                f"{100.0 * known.left_out:.2g} % of the fixes are left out: they contradict their neighbours"
-            )
+            text = f"{percent(known.left_out)} of the fixes are left out: they contradict their neighbours"
             yield Reason(Use.USABLE_EXCEPT, text)
         if known.measured.gated > LOST_SHARE:
             yield Reason(
-                Use.USABLE_EXCEPT, f"the filter refused {100.0 * known.measured.gated:.2g} % of the fixes"
+                Use.USABLE_EXCEPT, f"the filter refused {percent(known.measured.gated)} of the fixes"
             )
 
 
@@ -304,9 +302,11 @@ def _of_losses(found: Identification, findings: Iterable[Finding]) -> Iterator[R
     kept: dict[str, list[str]] = {}
     for axis, lost in lost_shares(found).items():
         if lost > LOST_SHARE:
-            kept.setdefault(f"{100.0 * (1.0 - lost):.2g}", []).append(axis)
-    for percent, axes in kept.items():
-        text = f"{axes_text(axes)}: only {percent} % of the samples are used, as the sensor moved or froze in others"
+            kept.setdefault(percent(1.0 - lost), []).append(axis)
+    for used, axes in kept.items():
+        text = (
+            f"{axes_text(axes)}: only {used} of the samples are used, as the sensor moved or froze in others"
+        )
         yield Reason(Use.USABLE_EXCEPT, text)
     for one in findings:
         share = one.parameters.get("fraction")
@@ -314,7 +314,7 @@ def _of_losses(found: Identification, findings: Iterable[Finding]) -> Iterator[R
             cause = one.cause.replace("_", " ")
             yield Reason(
                 Use.USABLE_EXCEPT,
-                f"{axes_text(one.channels)}: {100.0 * share.value:.2g} % of the samples are {cause}",
+                f"{axes_text(one.channels)}: {percent(share.value)} of the samples are {cause}",
             )
 
 

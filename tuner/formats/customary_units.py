@@ -86,10 +86,20 @@ def digits(value: float, significant: int = 3) -> str:
     """Format to `significant` digits without needless exponents."""
     if value == 0 or not math.isfinite(value):
         return f"{value:g}"
-    exponent = math.floor(math.log10(abs(value)))
+    exponent = _exponent(value, significant)
     if -4 <= exponent < 6:
         return f"{value:.{max(0, significant - 1 - exponent)}f}"
     return f"{value:.{significant - 1}e}"
+
+
+def _exponent(value: float, significant: int) -> int:
+    """Return the power of ten of a value rounded to so many digits: of 9.997 to three digits that of 10.0."""
+    return int(f"{value:.{significant - 1}e}".partition("e")[2])
+
+
+def percent(share: float, significant: int = 2) -> str:
+    """Return a share in per cent to `significant` digits without an exponent: ``2.8 %``, ``100 %``."""
+    return f"{float(f'{100.0 * share:.{significant}g}'):g} %"
 
 
 def stamp(time: float) -> str:
@@ -106,7 +116,7 @@ def digits_to(value: float, half_width: float) -> str:
     """Format a value as finely as two digits of its half width call for; with many zeros, one digit of it."""
     if not (math.isfinite(half_width) and half_width > 0 and math.isfinite(value)):
         return digits(value)
-    places = 1 - math.floor(math.log10(half_width))
+    places = 1 - _exponent(half_width, 2)
     if not -1 <= places <= 6:
         size = math.floor(math.log10(abs(value))) if value else 0
         return digits(value, max(3, size + places))

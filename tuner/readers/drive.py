@@ -28,6 +28,7 @@ import numpy as np
 
 from models import rotation
 from models.arrays import FloatArray
+from tuner.formats.customary_units import percent
 from tuner.formats.guard import input_guard
 from tuner.readers import read
 from tuner.readers.columns import digest
@@ -319,7 +320,7 @@ def _drive(
     repeats = int(np.count_nonzero(np.all(np.diff(imu[:, 1:], axis=0) == 0.0, axis=1)))
     if repeats:
         messages.append(
-            f"{repeats} inertial rows repeat the one before ({100.0 * repeats / len(imu):.2g} %): kept"
+            f"{repeats} inertial rows repeat the one before ({percent(repeats / len(imu))}): kept"
         )
     llh = np.column_stack([np.radians(fixes[:, 1:3]), fixes[:, 3]])
     gnss = Gnss(

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from rich.table import Table
 
-from tuner.formats.customary_units import digits
+from tuner.formats.customary_units import digits, percent
 from tuner.formats.reference_words import reference_line
 from tuner.report.document import Document, document
 from tuner.report.verdict_text import verdict_text
@@ -122,5 +122,5 @@ def _further(found: Consistency) -> list[str]:
     if white is not None and not white.consistent:
         marked.append(f"innovations correlated, {white.correlation:+.2f} at lag {white.lag}")
     if found.gated:
-        marked.append(f"{digits(100.0 * found.gated, 2)} % of fixes refused")
+        marked.append(f"{percent(found.gated)} of fixes refused")
     return ["; ".join(marked)]

@@ -10,6 +10,7 @@ from rich.table import Table
 from models.filter_states import FILTER_STATES
 from tuner.consistency.error_budget import blind_spots
 from tuner.consistency.error_budget import table as budget_rows
+from tuner.formats.customary_units import percent
 from tuner.formats.outage_words import outage_words
 from tuner.report.verdict_text import observability_text, verdict_text
 from tuner.types.consistency import Check, Consistency, ErrorBudget, Observability, Outage, Score
@@ -70,7 +71,7 @@ def consistency_tables(found: Consistency, notes: Sequence[str] = ()) -> list[Ta
     answer += [f"  without fixes for {_outage_text(outage)}" for outage in found.outages]
     answer += [f"  {_errors_text(name, values)}" for name, values in found.errors.items()]
     if found.gated:
-        answer.append(f"  fixes refused by the gate: {100.0 * found.gated:.2g} %")
+        answer.append(f"  fixes refused by the gate: {percent(found.gated)}")
     answer += [f"  note: {note}" for note in notes]
     answer.append(f"Verdict: {found.honesty.text}")
     answer += [f"  {verdict_text(verdict)}" for verdict in found.verdicts]

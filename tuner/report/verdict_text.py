@@ -12,6 +12,7 @@ from tuner.consistency.attribution.installation import CLOCK
 from tuner.consistency.attribution.sensitivity import UNMODELLED_TIME_CONSTANT
 from tuner.consistency.observability import HARDLY_OBSERVED
 from tuner.consistency.start_scores import STARTS
+from tuner.formats.customary_units import percent
 from tuner.formats.outage_words import outage_words
 from tuner.types.consistency import Observability
 from tuner.types.verdict import Explanation, ExplanationKind, Verdict, VerdictCode
@@ -97,11 +98,11 @@ def observability_text(observability: Observability) -> tuple[str, ...]:
     sentences = []
     for direction in observability.weak:
         names = ", ".join(direction.states[:-1]) + f" and {direction.states[-1]}"
-        shares = " and ".join(f"{100.0 * left[name]:.2g} %" for name in direction.states)
+        shares = " and ".join(f"{percent(left[name])}" for name in direction.states)
         sentences.append(
             f"cannot be distinguished on this trajectory: {names} ({shares} of their prior sd left)"
         )
-    hardly = [f"{name} ({100.0 * value:.2g} %)" for name, value in left.items() if value > HARDLY_OBSERVED]
+    hardly = [f"{name} ({percent(value)})" for name, value in left.items() if value > HARDLY_OBSERVED]
     if hardly:
         sentences.append(f"hardly better known than at the start: {', '.join(hardly)}")
     return tuple(sentences)

@@ -33,6 +33,7 @@ from scipy.special import ndtr
 
 from models.arrays import BoolArray, FloatArray, IntArray
 from models.probability import poisson_at_least
+from tuner.formats.customary_units import percent
 from tuner.types.records import Record
 
 DRAWING_SEED = 79
@@ -138,7 +139,7 @@ class ErrorCodes:
         often = f"every {self.period} rows" if self.period else f"{rows} rows"
         lasting = f", up to {self.longest} in a row" if self.longest > 1 else ""
         return (
-            f"{often}{lasting}, {100.0 * rows / len(record):.3g} % of all, "
+            f"{often}{lasting}, {percent(rows / len(record), 3)} of all, "
             f"read {' or '.join(f'{v:.6g}' for v in values)} {record.unit}, "
             f"the first at {float(record.t[self.begins[0]]):.6g} s"
         )

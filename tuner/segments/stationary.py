@@ -30,7 +30,7 @@ import numpy as np
 
 from models.arrays import BoolArray, FloatArray, IntArray
 from models.robust import normal_sd
-from tuner.formats.customary_units import stamp
+from tuner.formats.customary_units import percent, stamp
 from tuner.segments.block_moments import block_moments
 from tuner.segments.knock_bridges import bridge_knocks
 from tuner.segments.knocks import knocked
@@ -94,9 +94,7 @@ class Motion:
             f"from {stamp(start)} s on for {duration:.3g} s" for start, duration in self.episodes[:4]
         )
         more = f" and {len(self.episodes) - 4} more" if len(self.episodes) > 4 else ""
-        return (
-            f"the sensor moved in {100.0 * self.share:.3g} % of the log: {shown}{more} (times of its clock)"
-        )
+        return f"the sensor moved in {percent(self.share, 3)} of the log: {shown}{more} (times of its clock)"
 
 
 def find_motion(records: Record | Sequence[Record]) -> Motion:

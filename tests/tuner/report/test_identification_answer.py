@@ -84,7 +84,7 @@ def test_logs_that_agree_are_said_to(found):
         (Coefficient.bounded(9.80665e-3 * 3.0, "m/s^2", "short"), "below 3.00 mg"),
         (Coefficient.known(9.80665e-3, 9e-3, 1.06e-2, "m/s^2/K"), "1.000 ± 0.082 mg/K"),
         (Coefficient.known(2.9089e-4, 2.8e-4, 3e-4, "rad/s/√Hz"), "1.000 ± 0.034 deg/√h"),
-        (Coefficient.known(12.5, 12.4, 12.6, "Hz"), "12.500 ± 0.100 Hz"),
+        (Coefficient.known(12.5, 12.4, 12.6, "Hz"), "12.50 ± 0.10 Hz"),
         (Coefficient.known(3.0, 2.0, 4.0, "1"), "3.0 ± 1.0"),
         (Coefficient.known(339.0, 200.0, 663.0, "Hz"), "339 (200 … 663) Hz"),
         (Coefficient.known(5.0, 2.0, float("inf"), "s"), "5.00 (from 2.00) s"),

@@ -24,8 +24,8 @@ def test_axes_that_differ_alike_share_a_line_with_place_size_and_entry():
     head, *lines = state_lines(StateComparison(tuple(found), Diagnosis(()), Diagnosis(())))
     assert head.startswith("What differs, by cause")
     assert len(lines) == 3
-    assert lines[0].startswith("  line (frequency 37.3050 ± 0.0100 Hz) in accel x y: new, amplitude")
+    assert lines[0].startswith("  line (frequency 37.305 ± 0.010 Hz) in accel x y: new, amplitude")
     assert ", most in accel y; moves no entry" in lines[0]
-    assert lines[1].startswith("  line (frequency 61.0000")
+    assert lines[1].startswith("  line (frequency 61.000 ±")
     assert "white density in accel x z: × 3" in lines[2]
     assert lines[2].endswith("most in accel z; moves white_density of accel x z")

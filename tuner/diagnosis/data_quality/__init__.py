@@ -28,6 +28,7 @@ from tuner.diagnosis.data_quality.repeated_samples import find_repeated_samples
 from tuner.diagnosis.data_quality.resampled import find_resampled
 from tuner.diagnosis.data_quality.saturation import rails
 from tuner.diagnosis.data_quality.slower_source import find_slower_source, new_readings
+from tuner.formats.customary_units import percent
 from tuner.segments.error_codes import ErrorCodes, find_error_codes, without_error_codes
 from tuner.types import Coefficient
 from tuner.types.records import Record
@@ -391,7 +392,7 @@ def quantizer_test(
     text = f"samples are multiples of {step:.6g} {unit}, {ratio:.3g} of the sd of the white noise"
     text += f"; {codes.missing} multiples between others never occur" if codes.missing else ""
     if codes.unevenness > 0.0:
-        text += f"; the widths of codes differ by {100.0 * codes.unevenness:.2g} %"
+        text += f"; the widths of codes differ by {percent(codes.unevenness)}"
     return DataQualityTest(
         "lattice",
         (axis,),

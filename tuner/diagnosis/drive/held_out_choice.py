@@ -123,7 +123,7 @@ def choose_config(
     progress : callable
         Called with what is being done.
     """
-    gnss, _, _ = without_gross_outliers(with_axes_found(drive.gnss)[0])
+    gnss, _, _ = without_gross_outliers(with_axes_found(drive.gnss, drive.source)[0])
     drive = replace(drive, gnss=gnss)
     clock = (not before.compensation and examined.clock) or clock_of_drive(drive)
     before, after = with_clock(before, clock), with_clock(after, clock)

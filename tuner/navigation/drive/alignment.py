@@ -156,7 +156,7 @@ def align(
             low, high = np.percentile(speed, [2.5, 97.5])
             known = (
                 "no part of the drive determines the heading"
-                if found is None
+                if found is None or found.heading_sd > math.pi
                 else f"specific force and fixes together determine the heading to {np.degrees(found.heading_sd):.3g}°"
             )
             raise DataError(

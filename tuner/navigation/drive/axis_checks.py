@@ -14,6 +14,7 @@ from itertools import permutations, product
 import numpy as np
 
 from models.arrays import FloatArray
+from tuner.formats.customary_units import percent
 from tuner.navigation.data import Steps
 from tuner.navigation.drive.alignment import FIRST_MOTION, Alignment, align_once
 from tuner.navigation.drive.mean_velocities import mean_velocities
@@ -42,7 +43,7 @@ SUMMED_STEP = 0.1
 right angle by which readings differ."""
 
 
-def with_axes_found(gnss: Gnss, source: str = "drive") -> tuple[Gnss, str | None]:
+def with_axes_found(gnss: Gnss, source: str) -> tuple[Gnss, str | None]:
     """Return the fixes with velocities north, east, down, and what they were where that was not so.
 
     Differences of positions are compared with the velocities in every order; another order counts where it
@@ -84,7 +85,7 @@ def with_axes_found(gnss: Gnss, source: str = "drive") -> tuple[Gnss, str | None
 
 def inertial_axes(drive: Drive) -> str | None:
     """Return how gyros and accelerometers must be read for the fixes to be met, in words; None as they are."""
-    dt, gnss = np.diff(drive.imu_t), with_axes_found(drive.gnss)[0]
+    dt, gnss = np.diff(drive.imu_t), with_axes_found(drive.gnss, drive.source)[0]
     inside = (gnss.t > drive.imu_t[0]) & (gnss.t < drive.imu_t[-1])
     gnss = gnss.rows(inside)
     few = _summed_steps(Steps(float(drive.imu_t[0]), dt, drive.rates[1:] * dt[:, None]))
@@ -103,7 +104,7 @@ def inertial_axes(drive: Drive) -> str | None:
     ]
     return (
         f"the fixes agree only with {' and '.join(readings)} instead of (x, y, z): the misfit of the speed changes is "
-        f"{100.0 * least / stated:.2g} % of the one as stated; correct the columns"
+        f"{percent(least / stated)} of the one as stated; correct the columns"
     )
 
 

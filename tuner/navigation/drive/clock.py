@@ -65,7 +65,7 @@ def clock_of_drive(drive: Drive, *, lag: float = 0.0) -> Clock:
     DataError
         Where they differ by more than is searched.
     """
-    gnss, _, _ = without_gross_outliers(with_axes_found(drive.gnss)[0])
+    gnss, _, _ = without_gross_outliers(with_axes_found(drive.gnss, drive.source)[0])
     dt = np.diff(drive.imu_t)
     steps = Steps(float(drive.imu_t[0]), dt, drive.rates[1:] * dt[:, None])
     arm = None if drive.lever_arm is None else np.array(drive.lever_arm)

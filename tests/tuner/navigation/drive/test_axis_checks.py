@@ -13,6 +13,7 @@ from tuner.catalogue.grades import load_gnss, load_grade
 from tuner.consistency.score_drive import navigate_drive
 from tuner.diagnosis.drive import diagnose_drive
 from tuner.navigation.drive.axis_checks import inertial_axes, with_axes_found
+from tuner.navigation.drive.clock import clock_of_drive
 from tuner.readers.drive import read_drive
 from tuner.simulation.drive import simulate_drive
 from tuner.types.records import DataError, Gnss
@@ -25,10 +26,10 @@ def test_swapped_axes_are_named(saved, data, tmp_path):
     v = data["gnss_vned"]
     enu["gnss_vned"] = np.column_stack([v[:, 1], v[:, 0], -v[:, 2]])
     drive = read_drive(saved(tmp_path / "enu.npz", enu))
-    mended, name = with_axes_found(drive.gnss)
+    mended, name = with_axes_found(drive.gnss, drive.source)
     assert name == "east-north-up"
     np.testing.assert_allclose(mended.vel_n, v[: len(mended)], atol=1e-12)
-    assert with_axes_found(mended)[1] is None
+    assert with_axes_found(mended, "a drive")[1] is None
 
 
 def test_gyros_in_other_axes_are_named(saved, data, tmp_path):
@@ -107,8 +108,10 @@ def test_fixes_on_another_clock_leave_too_few_to_align(saved, data, tmp_path, co
 
 def test_exchanged_latitude_and_longitude_are_refused(saved, data, tmp_path):
     wrong = dict(data, gnss_llh=data["gnss_llh"][:, [1, 0, 2]])
-    with pytest.raises(DataError, match="latitude and longitude exchanged"):
-        with_axes_found(read_drive(saved(tmp_path / "wrong.npz", wrong)).gnss)
+    drive = read_drive(saved(tmp_path / "wrong.npz", wrong))
+    for refused in (clock_of_drive, inertial_axes):  # it read "drive: expected positions …"
+        with pytest.raises(DataError, match=r"^wrong\.npz: .*latitude and longitude exchanged"):
+            refused(drive)
 
 
 def test_a_stated_frame_that_the_motion_contradicts_is_reported(saved, data, tmp_path, configuration):
@@ -130,6 +133,6 @@ def test_an_upward_speed_is_named_on_nearly_flat_ground(climb, named):
     llh = np.column_stack([0.84 + 15.0 * t / 6.38e6, np.full_like(t, 0.16), height])
     vel = np.column_stack([15.0 + rng.standard_normal(len(t)), rng.standard_normal(len(t)), up])
     sd = np.full_like(llh, 0.05)
-    mended, name = with_axes_found(Gnss(t, llh, vel, sd, sd))
+    mended, name = with_axes_found(Gnss(t, llh, vel, sd, sd), "a drive")
     assert name == named
-    assert with_axes_found(mended)[1] is None
+    assert with_axes_found(mended, "a drive")[1] is None

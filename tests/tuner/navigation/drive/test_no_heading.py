@@ -22,6 +22,8 @@ def test_the_refusal_quotes_speeds_and_heading(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(alignment, "align_once", lambda *_: found)
     with pytest.raises(DataError, match=r"heading to 75°, .*speed of the fixes is 0.375 to 14.6 m/s"):
         alignment.align(None, gnss)  # type: ignore[arg-type]
-    monkeypatch.setattr(alignment, "align_once", lambda *_: None)
-    with pytest.raises(DataError, match="no part of the drive determines the heading"):
-        alignment.align(None, gnss)  # type: ignore[arg-type]
+    unknown = SimpleNamespace(heading_sd=np.radians(5.09e7))  # more than a turn is no knowledge
+    for nothing in (None, unknown):
+        monkeypatch.setattr(alignment, "align_once", lambda *_, nothing=nothing: nothing)
+        with pytest.raises(DataError, match="no part of the drive determines the heading"):
+            alignment.align(None, gnss)  # type: ignore[arg-type]

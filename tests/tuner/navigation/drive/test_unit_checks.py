@@ -109,7 +109,7 @@ def test_what_is_right_is_not_touched(motion, interval):
             rate=25.0,
             seed=seed,
         )
-        assert with_axes_found(drive.gnss)[1] is None
+        assert with_axes_found(drive.gnss, drive.source)[1] is None
         assert refuse_wrong_units(drive, drive.gnss) == ()
 
 

@@ -89,7 +89,7 @@ def test_fast_aeroplane_is_aligned(place):
     assert np.degrees(np.abs(off)).max() < 0.5
     means = mean_velocities(drive.gnss)
     np.testing.assert_allclose(means.by_position, means.by_velocity, atol=0.5)
-    assert with_axes_found(drive.gnss)[1] is None
+    assert with_axes_found(drive.gnss, drive.source)[1] is None
     assert without_gross_outliers(drive.gnss)[1:] == (0, 0)
 
 
