@@ -104,7 +104,7 @@ def percent(share: float, significant: int = 2) -> str:
 
 def stamp(time: float) -> str:
     """Return a time on the clock of a log, s, to the millisecond: stamps may be seconds since 1970."""
-    return f"{time:.3f}".rstrip("0").removesuffix(".")
+    return f"{round(time, 3) + 0.0:.3f}".rstrip("0").removesuffix(".")  # -0.0 + 0.0 is 0.0
 
 
 def since(begin: float, unit: str = "s") -> str:

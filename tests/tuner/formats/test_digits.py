@@ -9,12 +9,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tuner.formats.customary_units import stamp
 from tuner.formats.digits import rounded, rounded_content, rounded_interval
 
 thorough = settings(max_examples=500, deadline=None, derandomize=True)
 numbers = st.floats(-1e200, 1e200)
 finite = st.tuples(numbers, numbers).map(lambda ends: (min(ends), max(ends)))
 intervals = finite | numbers.map(lambda low: (low, math.inf)) | numbers.map(lambda high: (-math.inf, high))
+
+
+def test_a_time_that_rounds_to_zero_has_no_sign() -> None:
+    assert [stamp(time) for time in (-1e-9, -0.0, -2.5, 100120.0)] == ["0", "0", "-2.5", "100120"]
 
 
 @st.composite

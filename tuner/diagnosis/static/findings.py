@@ -199,6 +199,7 @@ def _finding(group: list[Single]) -> Finding:
         extension["members"] = {single.axis: _member(single) for single in group}
     if best.in_motion:
         extension["in_motion"] = best.in_motion
+    consequence = cause.consequence if isinstance(cause, type) else cause.consequence_as_found
     return Finding(
         cause=cause.cause,
         channels=channels,
@@ -207,7 +208,7 @@ def _finding(group: list[Single]) -> Finding:
         p_value=min(1.0, result.p_value),
         parameters=parameters,
         text=words(cause.cause, channels, cause.meaning, parameters, by_channel),
-        consequence="; ".join(filter(None, (best.in_motion, cause.consequence))),
+        consequence="; ".join(filter(None, (best.in_motion, consequence))),
         extension=extension,
         gain=summed([single.accepted.gain for single in group]),
         alternatives=alternatives([single.accepted for single in group]),

@@ -41,6 +41,12 @@ def test_equal_bursts_are_all_named_and_nothing_else(number, length, ratio):
     diagnosis = diagnosed(variance, seed=number)
     assert [f.cause for f in diagnosis.findings] == ["burst"] * number
     assert diagnosis.unexplained == ()
+    said = (
+        "a filter needs the larger noise while"
+        if ratio > 1.0
+        else "the noise of the rest, which is larger, serves"
+    )
+    assert all(said in finding.consequence for finding in diagnosis.findings)
     reported = sorted(diagnosis.findings, key=lambda finding: finding.parameters["start"].value)
     for first, finding in zip(starts, reported, strict=True):
         # An edge misplaced by k samples is as likely as exp(−k ¼ ln((1 + r)²/(4 r))) (Bhattacharyya): 1e-6 for each.

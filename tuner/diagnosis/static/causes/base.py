@@ -196,6 +196,11 @@ class Extension(Cause):
         """Return the share of a record, 0 … 1, in which the cause makes the noise larger than its rms over it."""
         return 1.0
 
+    @property
+    def consequence_as_found(self) -> str:
+        """What it means for a filter, with the parameters that were found."""
+        return self.consequence
+
     def in_motion(self, interval: float) -> str:  # noqa: ARG002
         """Return what it does to samples of motion, every `interval`, s, and no drift at rest shows; else empty."""
         return ""

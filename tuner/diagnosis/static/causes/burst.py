@@ -74,6 +74,13 @@ class Burst(Extension):
     last: int
     ratio: float
 
+    @property
+    def consequence_as_found(self) -> str:
+        """What it means for a filter, by whether the noise is larger or smaller while it lasts."""
+        if self.values["variance_ratio"].value >= 1.0:
+            return self.consequence
+        return "leave the stretch out of the identification; the noise of the rest, which is larger, serves a filter"
+
     def white_noise_enlargement(
         self,
         before: FittedChannel,  # noqa: ARG002
