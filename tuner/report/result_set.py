@@ -27,8 +27,9 @@ from tuner.report.figure_files import CHARTS, draw_all
 from tuner.report.html_page import write_page
 from tuner.report.identification_tables import identification_tables
 from tuner.report.json.consistency import consistency_json
+from tuner.report.noise_table import states_tables
 from tuner.report.page_parts import titled_pictures
-from tuner.report.prediction_tables import prediction_tables, settings_tables
+from tuner.report.prediction_tables import prediction_tables
 from tuner.report.static_diagnosis_figures import finding_figures
 from tuner.report.static_diagnosis_tables import diagnosis_tables, hidden_effect_lines
 from tuner.synthesis.calibration import calibration_json
@@ -172,7 +173,7 @@ def tune_tables(result: TuneResult, directory: Path) -> list[Table | str]:
     tables = [block for _, content in tune_sections(result) for block in content]
     noise = [
         *identification_tables(result.identification),
-        *settings_tables(result.config, result.identification),
+        *states_tables(result.config),
     ]
     return [*noise, *tables, *_summary(result, directory)]
 

@@ -101,7 +101,7 @@ def command(
     from tuner.report.identification_answer import identification_answer, pooled_answer
     from tuner.report.identification_tables import identification_tables, pooled_tables, receiver_lines
     from tuner.report.json.views import pooled_json, receiver_json
-    from tuner.report.prediction_tables import settings_tables
+    from tuner.report.noise_table import states_tables
     from tuner.report.terminal import show
     from tuner.segments.conditions import at_rest
     from tuner.synthesis import synthesize
@@ -167,7 +167,7 @@ def command(
     for name, one, written in zip(names, found, settings, strict=True):
         show([name, *identification_tables(one)])
         if written is not None:
-            show(settings_tables(written[0], one))
+            show(states_tables(written[0]))
     if len(found) > 1:
         show(pooled_tables(pool(found), names))
     return exit_status
