@@ -23,6 +23,8 @@ from tuner.types import Finding
 
 MIN_DRIFT_CHANGE = 1.01
 """Drift or white noise with ÷ without a cause from which it is reported; noise makes a hundred times what is below."""
+LEAST_WHITE_SHARE = 0.1
+"""Ratio of two white densities below which one sum of terms has its white noise in another term: no comparison."""
 KILOMETRES_FROM = 1e4
 """Position error from which it is stated in kilometres, m."""
 MIN_COMB_LINES = 3
@@ -148,7 +150,7 @@ def _white_ratio(findings: tuple[Finding, ...], span: float | None) -> float:
         for one in findings
         if one.gain is not None
         for name, (before, after) in one.gain.user.items()
-        if name.startswith("white_density") and before > 0.0 and after > 0.0
+        if name.startswith("white_density") and min(before, after) > LEAST_WHITE_SHARE * max(before, after)
     ]
     more: dict[str, float] = {}
     for event, axis in ((one, axis) for one in findings for axis in one.channels):

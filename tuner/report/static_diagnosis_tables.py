@@ -11,11 +11,8 @@ from tuner.formats.axis_words import axes_text
 from tuner.formats.customary_units import amount
 from tuner.formats.parameter_words import parameter_words
 from tuner.judgement import ABOUT
-from tuner.report.finding_groups import MIN_DRIFT_CHANGE, contradicted, drift_text
+from tuner.report.finding_groups import LEAST_WHITE_SHARE, MIN_DRIFT_CHANGE, contradicted, drift_text
 from tuner.types import Coefficient, Diagnosis, Finding, Gain, Unexplained
-
-LEAST_WHITE_SHARE = 0.1
-"""Ratio of two white densities below which one sum of terms has its white noise in another term: no comparison."""
 
 
 def unexplained_words(unexplained: Sequence[Unexplained]) -> list[str]:

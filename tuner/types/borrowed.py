@@ -37,9 +37,13 @@ def borrowed_words(config: FilterConfig) -> tuple[str, ...]:
     for axis, grade in borrowed(config).items():
         groups.setdefault((grade, white_is_measured(config, axis)), []).append(axis)
     return tuple(
-        f"bias terms of {', '.join(axes)} are ASSUMED from {grade}, the built-in sensor of nearest white noise, "
+        f"bias terms of {_words(axes, config)} are ASSUMED from {grade}, the built-in sensor of nearest white noise, "
         "not yours"
         if measured
-        else f"noise of {', '.join(axes)} is ASSUMED from the built-in sensor {grade}, not yours"
+        else f"noise of {_words(axes, config)} is ASSUMED from the built-in sensor {grade}, not yours"
         for (grade, measured), axes in groups.items()
     )
+
+
+def _words(axes: list[str], config: FilterConfig) -> str:
+    return "all axes" if len(axes) == len(config.channels) > 1 else ", ".join(axes)

@@ -69,6 +69,8 @@ def test_a_finding_is_worth_the_white_noise_that_it_makes():
     assert groups["gyro_y"].white == pytest.approx(1.064, abs=1e-3)
     assert groups["accel_x"].white == pytest.approx(0.75**0.5)
     assert groups["gyro_x"].worth == pytest.approx(np.log(1.5))
+    elsewhere = replace(line, gain=Gain("60/40", 0.0, 1.0, 9.0, user={"white_density [rad]": (0.01, 2.0)}))
+    assert finding_groups([elsewhere])[0].worth == 0.0  # one of the sums has its white noise in another term
     assert list(groups) == ["gyro_x", "accel_x", "gyro_y"]
     said = group_in_words(groups["gyro_y"])
     assert said.startswith("Burst in gyro y (")
