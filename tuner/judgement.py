@@ -107,11 +107,11 @@ def _grounds(known: Settings) -> Iterator[str]:
             f"{digits(end, 2)} s, on every axis"
         )
     if known.check is not None:
-        yield f"in simulation a filter with its states is {_honest_text(known.check.consistency)}"
+        yield f"simulated with it, a filter is {_honest_text(known.check.consistency)}"
     else:
         yield "no filter was simulated (--gnss names a receiver)"
     if known.measured is not None:
-        yield f"on this drive a filter with its states is {_honest_text(known.measured)}"
+        yield f"on this drive a filter with it is {_honest_text(known.measured)}"
 
 
 def _honest_text(found: Consistency) -> str:
@@ -120,7 +120,7 @@ def _honest_text(found: Consistency) -> str:
     between = f"{min(one.ratio for one in sure):.2f} to {max(one.ratio for one in sure):.2f}"
     longest = max((one.seconds for one in found.outages if one.score in sure), default=0.0)
     unaided = f", up to {longest:g} s without fixes" if longest else ""
-    return f"honest: it errs {between} × as much as it predicts{unaided}"
+    return f"honest: errors are {between} × as predicted{unaided}"
 
 
 def judge_noise(
@@ -193,6 +193,8 @@ def _of_drive(known: Settings) -> Iterator[Reason]:
         for one in known.drive.unexplained:
             if one.about == START:
                 yield Reason(Use.DO_NOT_USE, one.statistic)
+            else:
+                yield Reason(Use.USABLE_EXCEPT, f"what is not explained on the drive: {one.statistic}")
     if known.choice is not None and known.choice.after is not None:
         after = known.choice.after
         if after.fixes_rms is not None and not after.follows(WRONG_FACTOR):
@@ -281,7 +283,10 @@ def _of_bandwidth(findings: Sequence[Finding]) -> Iterator[Reason]:
         if text := str(one.extension.get("in_motion", "")):
             lost.setdefault(text, []).extend(one.channels)
     for text, axes in lost.items():
-        yield Reason(Use.USABLE_EXCEPT, f"a vehicle or camera in motion, by {axes_text(axes)}: {text}")
+        yield Reason(
+            Use.USABLE_EXCEPT,
+            f"use on a vehicle or with a camera, as {axes_text(axes)} are filtered: {text}",
+        )
 
 
 def _too_short_for(found: Identification) -> tuple[str, ...]:

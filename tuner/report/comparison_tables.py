@@ -124,7 +124,8 @@ def _drift_table(found: SensorComparison) -> list[Table | str]:
     said = ", ".join(f"{name} {drift} m" for name, drift in drifts.items())
     about = (
         f"Horizontal position error, m rms (rank), predicted for a filter tuned to each sensor after 15 min of city by "
-        f"{found.receiver}; with wheels: with a non-holonomic constraint. Scale factors and misalignments come on top."
+        f"{found.receiver}; with wheels: with a non-holonomic constraint. Terms that are not stated are left out; "
+        "scale factors and misalignments come on top."
     )
     verdict = (
         [f"Verdict: after {ANSWERED_TIME:g} s without fixes the position errs by: {said}"] if said else []

@@ -12,6 +12,7 @@ from tuner.exporters.dialect import Target
 from tuner.exporters.triad_values import longest_time, triad, walk, white
 from tuner.formats.customary_units import customary_unit, digits, in_customary, pretty, with_interval
 from tuner.synthesis.equivalent_models import equivalent_noise
+from tuner.synthesis.prediction import FITTED
 from tuner.types import ChannelNoise, Coefficient, FilterConfig, Identification
 from tuner.types.borrowed import BORROWED, borrowed
 
@@ -32,7 +33,7 @@ LEGEND = {
     "±": "± ( ): 95 % interval",
     "<": "<: 95 % limit",
     ROUGH: f"{ROUGH}: fitted to the Allan curve of this axis, as the noise terms do not fit; no interval",
-    ASSUMED: f"{ASSUMED}: rests on ASSUMED values",
+    ASSUMED: f"{ASSUMED}: partly ASSUMED or rough",
     UNKNOWN: f"{UNKNOWN}: unknown",
 }
 PAIR, FADING = "kalibr.yaml", "kf-gins.yaml"
@@ -160,16 +161,14 @@ def legend(*tables: Table) -> str:
 
 def more_white_noise(config: FilterConfig, files: Iterable[str]) -> str:
     """Return why the files of other filters have more white noise than was measured; empty where they have not."""
-    if PAIR not in files:
+    channels = config.channels.values()
+    if PAIR not in files or not any(
+        equivalent_noise(c).white_density > MORE_WHITE_NOISE * c.white_density for c in channels
+    ):
         return ""
-    pairs = {axis: equivalent_noise(channel) for axis, channel in config.channels.items()}
-    own = {axis: channel.white_density for axis, channel in config.channels.items()}
-    if not any(one.white_density > MORE_WHITE_NOISE * own[axis] for axis, one in pairs.items()):
-        return ""
-    low, high = min(one.mismatch[0] for one in pairs.values()), max(one.mismatch[1] for one in pairs.values())
     return (
-        "What to enter is more than measured: these filters have no state for the bias instability, their two numbers "
-        f"carry all ({low:.2f} to {high:.2f} × its drift from 1 to 100 s). Do not enlarge them again, but for vibration"
+        "More white noise is entered than measured: these filters have no state for bias instability. Enlarge nothing, "
+        "but for vibration. Files have their own units"
     )
 
 
@@ -227,7 +226,13 @@ def _entered(sensor: str, config: FilterConfig, files: Iterable[str]) -> list[Ro
     unit, time, target = channels[0].unit, longest_time(config), Target(config.interval)
     rows: dict[str, dict[str, str]] = {WHITE: {}, WALK: {}, "level": {}}
     lent = borrowed(config)
-    assumed = {c.axis: c.walk_rests_on_limit or c.states_rest_on_limit or c.axis in lent for c in channels}
+    assumed = {
+        c.axis: c.walk_rests_on_limit
+        or c.states_rest_on_limit
+        or c.axis in lent
+        or FITTED in c.handling.values()
+        for c in channels
+    }
     if PAIR in files:
         rows[WHITE][PAIR] = digits(in_customary(white(channels, "").value, WHITE, unit))
         rows[WALK][PAIR] = digits(in_customary(walk(channels, "", target).value, WALK, unit)) + ASSUMED * any(

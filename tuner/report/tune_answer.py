@@ -65,6 +65,7 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
     examined = result.diagnosis is not None or result.drive is not None
     nothing = ["Nothing was found that the noise terms do not explain"]
     more = len(found) - SHOWN_FINDINGS
+    larger = more_white_noise(result.config, files) if noise else ""
     said: list[Table | str] = [
         recording_line(result),
         f"Verdict: {result.verdict.text}",
@@ -72,6 +73,7 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
         *keys,
         *noise,
         legend(*noise),
+        "" if result.choice else larger,
         *([] if result.choice is None else choice_lines(result.choice)),
         *hidden_lines(result),
     ]
@@ -79,7 +81,7 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
         *(found[:SHOWN_FINDINGS] or nothing * (examined and not idle and not doubted)),
         f"{more} more finding{'s' * (more > 1)} on the page" if more > 0 else "",
         doubted,
-        more_white_noise(result.config, files) if noise else "",
+        larger if result.choice else "",
         _idle_text(idle) if idle else "",
         *_done_before(result),
         *against_datasheet(result),
@@ -225,7 +227,6 @@ def found_lines(result: TuneResult) -> tuple[list[str], int, str]:
     first += found.felt
     if result.drive is not None:
         of_drive = result.drive.diagnosis
-        first += [f"Not explained on the drive: {one.statistic}" for one in of_drive.unexplained]
         first += [found_text(one) for one in of_drive.findings]
     return [*first, *found.faults], idle, found.doubted
 
@@ -242,7 +243,7 @@ def _file_lines(result: TuneResult, directory: Path | None) -> list[str]:
     files = ", ".join([*result.exports, "report.html"])
     if NOISE_YAML not in result.exports:
         return [f"Files in {path}{how}: {files}"]
-    return [f"Files in {path}{how}: {files}; for other filters: tuner export {path / NOISE_YAML} --to NAME"]
+    return [f"Files in {path}{how}: {files}; others: tuner export {path / NOISE_YAML} --to NAME"]
 
 
 def _absent_lines(result: TuneResult) -> list[str]:

@@ -75,7 +75,7 @@ def test_the_answer_fits_a_terminal_and_leaves_nothing_out(result, width):
     assert lines[1].startswith("Verdict: usable")
     for said in (
         "gyro white noise, deg/√h",
-        "Files in out: noise.yaml, report.html",
+        "Files in out: noise.yaml, report.html; others:",
         "All tables: --verbose",
     ):
         assert said in "\n".join(lines)
@@ -168,7 +168,7 @@ def test_white_noise_that_a_fast_state_carries_is_said(result, time, said):
         for axis, one in result.config.channels.items()
     }
     text = more_white_noise(replace(result.config, channels=channels), ("kalibr.yaml",))
-    assert text.startswith("What to enter is more than measured") == said
+    assert text.startswith("More white noise is entered than measured") == said
     assert more_white_noise(replace(result.config, channels=channels), ()) == ""
 
 
