@@ -9,7 +9,7 @@ from tuner.limits import SHOWN_FINDINGS
 from tuner.report.answer_layout import assumed_text
 from tuner.report.document import Document, document
 from tuner.report.groups_in_words import findings_in_words
-from tuner.report.static_diagnosis_tables import unexplained_words
+from tuner.report.static_diagnosis_tables import unexplained_lines
 from tuner.types import Diagnosis
 from tuner.types.records import Record
 
@@ -28,7 +28,7 @@ def diagnosis_answer(found: Diagnosis, records: Sequence[Record] = ()) -> Docume
         ],
         [
             *shown[SHOWN_FINDINGS:],
-            *(f"Not explained: {line}" for line in unexplained_words(found.unexplained)),
+            *(f"Not explained: {line}" for line in unexplained_lines(found.unexplained)),
             *(f"Note: {one}" for one in found.notes),
         ],
         beyond="every finding and test",

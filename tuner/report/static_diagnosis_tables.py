@@ -15,17 +15,9 @@ from tuner.report.finding_groups import LEAST_WHITE_SHARE, MIN_DRIFT_CHANGE, con
 from tuner.types import Coefficient, Diagnosis, Finding, Gain, Unexplained
 
 
-def unexplained_words(unexplained: Sequence[Unexplained]) -> list[str]:
-    """Return one line for each part of the samples that is not explained, the largest first, without its likelihood."""
-    return [line.replace(_likelihood(largest), "", 1) for line, largest in unexplained_parts(unexplained)]
-
-
 def unexplained_lines(unexplained: Sequence[Unexplained]) -> list[str]:
-    """Return one line for each part of the samples that is not explained, the largest first, and how much that is."""
-    lines = [line for line, _ in unexplained_parts(unexplained)]
-    if len({one.statistic for one in unexplained}) > max(len(lines), 1):
-        lines.insert(0, _in_all(unexplained))
-    return lines
+    """Return one line for each part of the samples that is not explained, the largest first."""
+    return [line for line, _ in unexplained_parts(unexplained)]
 
 
 def unexplained_parts(unexplained: Sequence[Unexplained]) -> list[tuple[str, Unexplained]]:
@@ -43,8 +35,8 @@ def unexplained_parts(unexplained: Sequence[Unexplained]) -> list[tuple[str, Une
         largest = max(tests, key=lambda one: one.nats)
         felt = max(tests, key=lambda one: max((a / b for a, b in one.drift.values() if b), default=0.0))
         most = f", most in {axes_text(largest.channels)}" if len(axes) > 1 else ""
-        size = size_text(largest)
-        line = f"{largest.statistic} in {axes_text(axes)}{most}{size}"
+        place = f", {largest.place}" if largest.place else ""
+        line = f"{largest.statistic} in {axes_text(axes)}{most}{place}"
         where = f" in {axes_text(felt.channels)}" if len(axes) > 1 else ""
         if more := len({one.statistic for one in tests}) - 1:
             line += f"; {more} more statistic{'s' * (more > 1)} of {ABOUT.get(about, about)}"
@@ -61,18 +53,6 @@ def _by_part(unexplained: Sequence[Unexplained]) -> dict[str, list[Unexplained]]
     for one in unexplained:
         parts.setdefault(one.about or one.statistic, []).append(one)
     return parts
-
-
-def _in_all(unexplained: Sequence[Unexplained]) -> str:
-    """Return how much is unexplained, the largest statistic of each axis and part of the samples: others share it."""
-    axes = list(dict.fromkeys(axis for one in unexplained for axis in one.channels))
-    nats = sum(
-        max((one.nats for one in tests if axis in one.channels), default=0.0)
-        for tests in _by_part(unexplained).values()
-        for axis in axes
-    )
-    number = len({one.statistic for one in unexplained})
-    return f"at least {nats:.3g} nats in {axes_text(axes)}, by {number} statistics"
 
 
 def left_text(drift: Mapping[str, tuple[float, float]]) -> str:
@@ -123,15 +103,6 @@ def _unexplained_table(unexplained: Sequence[Unexplained]) -> Table:
             one.statistic, ", ".join(one.channels), one.place or "–", size, p_value, "\n".join(drift) or "–"
         )
     return table
-
-
-def size_text(one: Unexplained) -> str:
-    """Return place and size of what is unexplained, to be put after its words."""
-    return (f", {one.place}" if one.place else "") + _likelihood(one)
-
-
-def _likelihood(one: Unexplained) -> str:
-    return f": {one.nats:.3g} nats (p = {one.p_value:.1e})" if one.nats else f", p = {one.p_value:.1e}"
 
 
 def gain_text(gain: Gain) -> str:

@@ -22,7 +22,7 @@ from tuner.report.drive_answer import choice_lines, found_text
 from tuner.report.groups_in_words import FindingsInWords, findings_in_words
 from tuner.report.identification_answer import warning_lines
 from tuner.report.noise_table import entries_table, legend, measured_table, more_white_noise
-from tuner.report.static_diagnosis_tables import hidden_effect_lines, unexplained_words
+from tuner.report.static_diagnosis_tables import hidden_effect_lines, unexplained_lines
 from tuner.report.terminal import LINE_WIDTH
 from tuner.synthesis.findings import judge_hidden
 
@@ -223,7 +223,7 @@ def found_lines(result: TuneResult) -> tuple[list[str], int, str]:
         found = findings_in_words(result.diagnosis.findings, span)
         rest = [one for one in result.diagnosis.unexplained if _is_felt(one)]
         idle = len(found.idle) + (len(rest) < len(result.diagnosis.unexplained))
-        first += [f"Not explained: {text}" for text in unexplained_words(rest)[:1]]
+        first += [f"Not explained: {text}" for text in unexplained_lines(rest)[:1]]
     first += found.felt
     if result.drive is not None:
         of_drive = result.drive.diagnosis

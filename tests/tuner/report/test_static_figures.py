@@ -91,7 +91,7 @@ def test_what_is_unexplained_has_a_picture_for_each_part_of_the_samples(tmp_path
     left = tuple(Unexplained(name, ("gyro_x",), 1e-9, 40.0, about=about) for name, about in parts)
     found = Diagnosis((), left, base={"gyro_x": MODEL}, models={"gyro_x": MODEL})
     drawn = draw_findings(record(), found, tmp_path)
-    assert [caption for caption, _ in drawn] == unexplained_lines(left)[1:]
+    assert [caption for caption, _ in drawn] == unexplained_lines(left)
     shown = [path.read_text() for _, path in drawn]
     wanted = ("variance of the residuals", "spectrum of the residuals", "Allan deviation")
     assert all(words in svg for words, svg in zip(wanted, shown, strict=True))
