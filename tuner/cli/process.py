@@ -97,11 +97,11 @@ def _end_what_does_not(receiver: socket.socket) -> None:
             request, deadline = requests[0], time.monotonic() + ANSWER_TIME
     assert request is not None
     WRITING.acquire()
-    remove_unfinished()
     with suppress(OSError):
         if os.isatty(2):
             os.write(2, WITHOUT_BAR)
         os.write(2, f"\n{answer(REQUESTS[request])}\n".encode())
+    remove_unfinished()  # last: what still runs could write such a file again
     os._exit(REQUESTS[request])
 
 
