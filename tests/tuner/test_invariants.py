@@ -8,10 +8,12 @@ import pytest
 
 from models.noise import NoiseModel, RandomWalk, White
 from tuner import check, diagnose, identify, tune
+from tuner.exporters import export
+from tuner.identification.identify_source import identify_source
 from tuner.invariants import INVARIANTS, Claims, Statement, violations
 from tuner.judgement import judge_log
 from tuner.limits import SCREEN_LINES
-from tuner.report.claims import claims_of, lawful
+from tuner.report.claims import _written, claims_of, lawful
 from tuner.report.terminal import fitted
 from tuner.report.tune_answer import tune_answer
 from tuner.simulation.static import simulate
@@ -180,6 +182,18 @@ def test_two_terms_of_one_kind_are_two_quantities():
     lines = [TermEstimate("sinusoid", {"amplitude": replace(KNOWN, value=size)}) for size in (1.6, 2.4)]
     of_axis = replace(found.channels["gyro_x"], terms=(*found.channels["gyro_x"].terms, *lines))
     lawful(replace(found, channels={**found.channels, "gyro_x": of_axis}))
+
+
+def test_a_file_and_the_screen_have_one_number():
+    """The file of another filter is of the settings that the screen shows."""
+    config = synthesize(identify_source("mpu9250"))
+    whole = SimpleNamespace(config=config, exports={"kalibr.yaml": export(config, "kalibr")})
+    usable = Judgement(Use.USABLE, ())
+    assert violations(Claims(usable, statements=tuple(_written(whole)))) == ()
+    other = replace(config.channels["gyro_y"], white_density=2.0 * config.channels["gyro_y"].white_density)
+    whole.config = replace(config, channels={**config.channels, "gyro_y": other})
+    (found,) = {text[:1] for text in violations(Claims(usable, statements=tuple(_written(whole))))}
+    assert found == "8"
 
 
 @pytest.mark.slow

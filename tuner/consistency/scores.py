@@ -50,6 +50,8 @@ Floats = NDArray[np.floating[Any]]
 
 FALSE_ALARM_RATE = 0.01
 """Chance that any score of a right filter is called against it."""
+EQUIVALENCE_MARGIN = 0.1
+"""Relative error of an sd below which a filter counts as right: a ladder approximates flicker to some per cent."""
 TEST_COUNT = 14
 """Scores that share `FALSE_ALARM_RATE`: NEES and its five blocks, NIS of three kinds, whiteness, four outages."""
 NO_FURTHER_STATES: Mapping[str, slice] = MappingProxyType({})
@@ -58,8 +60,6 @@ OUTAGE_LENGTHS = (10.0, 30.0, 60.0, 300.0)
 """Lengths of outage that are scored, s: an underpass to a long tunnel."""
 SETTLING_TIME = 120.0
 """Time after the start and after an outage that is not scored as aided, s: until errors of an outage have decayed."""
-EQUIVALENCE_MARGIN = 0.1
-"""Relative error of an sd below which a filter counts as right: a ladder approximates flicker to some per cent."""
 MAX_SCORED_EPOCHS = 60
 """Aided epochs of each run that are scored: more depend on each other and only cost time."""
 MAX_LAG = 10

@@ -41,7 +41,7 @@ FIT_ROUNDS = 3
 
 
 def clock_offset(runs: Sequence[OutputErrors], taken_out: Sequence[float]) -> TimeOffset | None:
-    """Return by how much the stamps of estimates are late; None where nothing moves.
+    """Return the delay of the stamps of estimates; None where nothing moves.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ def _squares(e: FloatArray, x: FloatArray, parts: int) -> tuple[FloatArray, Floa
 
 
 def find_time_offset(estimate: FilterOutput, truth: FilterOutput) -> float | None:
-    """Return by how much the stamps of an estimate are late, s; None where nothing moves, or between rows of the truth.
+    """Return the delay of the stamps of an estimate, s; None where nothing moves, or between rows of the truth.
 
     The offset with the least squared difference of speeds, and of attitudes where there are no velocities; to a
     thousandth of a second. Speeds do not depend on the frame.

@@ -5,10 +5,15 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
+import yaml
+
 from tuner.consistency.score_drive import DriveResult
 from tuner.consistency.score_output import OutputScore
+from tuner.exporters.dialect import Target
+from tuner.exporters.triad_values import triad, walk, white
 from tuner.invariants import Claims, Statement, violations
 from tuner.judgement import curve_axes, judge_drive, judge_log, judge_noise, lost_shares
+from tuner.report.noise_table import PAIR
 from tuner.tune_result import TuneResult
 from tuner.types import AppliedNoiseScale, Diagnosis, DriveDiagnosis, FilterConfig, Identification
 from tuner.types.consistency import Check, Consistency
@@ -84,11 +89,15 @@ def _identified(found: Identification, elsewhere: list[str] | None = None) -> It
 
 
 def _written(result: TuneResult) -> Iterator[Statement]:
-    """Yield the settings as the configuration has them."""
+    """Yield what is entered in another filter, as the screen has it from the configuration and as its file has it."""
     yield from inflation_statements(result.config)
-    for axis, channel in result.config.channels.items():
-        yield Statement(f"{axis}.white", "in the configuration", channel.white_density)
-        yield Statement(f"{axis}.walk", "in the configuration", channel.random_walk_density)
+    written = yaml.safe_load(result.exports[PAIR]) if PAIR in result.exports else {}
+    for sensor, name in {"gyro": "gyroscope", "accel": "accelerometer"}.items():
+        if channels := triad(result.config, sensor) if written else ():
+            shown = white(channels, ""), walk(channels, "", Target(result.config.interval))
+            for key, one in zip((f"{name}_noise_density", f"{name}_random_walk"), shown, strict=True):
+                yield Statement(key, "on the screen", one.value)
+                yield Statement(key, f"in {PAIR}", written[key])
 
 
 def inflation_statements(config: FilterConfig) -> Iterator[Statement]:

@@ -29,6 +29,11 @@ class Document:
     end: tuple[str, ...] = ()
     beyond: str = "all tables"
 
+    @property
+    def whole(self) -> tuple[Table | str, ...]:
+        """All that is said, where no screen limits it and every table follows."""
+        return (*self.parts, *self.remarks)
+
     def last_line(self, left_out: int) -> str:
         """Return what is not on the screen and how it is seen; empty where nothing is left."""
         rest = f"{left_out} more remark{'s' * (left_out > 1)}" if left_out else ""

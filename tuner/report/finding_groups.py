@@ -2,8 +2,8 @@
 
 One group a cause and sensor; events at one time are one group, whatever they are called in each axis; lines at
 multiples of one spacing are a comb. A filter that takes motion away comes first: a log at rest does not show what that
-that costs. A finding that makes held-out data less likely is a note, and so is a group that changes neither at rest,
-unless it takes motion away or the samples themselves are at fault. Every finding stands, complete, in ``result.json``.
+costs. Findings that make held-out data less likely are grouped by themselves. Every finding stands, complete, in
+``result.json``.
 """
 
 from __future__ import annotations

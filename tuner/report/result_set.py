@@ -145,8 +145,7 @@ def tune_sections(result: TuneResult) -> list[Section]:
     sections: list[Section] = []
     if result.diagnosis is not None:
         judged = [] if result.key is None else judge_hidden(result.key, result.diagnosis)
-        answer = diagnosis_answer(result.diagnosis, result.records)
-        content: list[Table | str] = [*answer.parts, *answer.remarks]
+        content = [*diagnosis_answer(result.diagnosis, result.records).whole]
         content += diagnosis_tables(result.diagnosis)
         content += hidden_effect_lines(judged)
         if content:

@@ -135,7 +135,7 @@ def command(
             from tuner.report.diagnosis_answer import diagnosis_answer
 
             answer = diagnosis_answer(found, () if isinstance(data, Drive) else data)
-            show([*answer.parts, *answer.remarks, *diagnosis_tables(found)])
+            show([*answer.whole, *diagnosis_tables(found)])
     harmful = isinstance(found, DriveDiagnosis) and not found.credited
     return 1 if strict and (found.unexplained or harmful) else 0
 
