@@ -34,6 +34,7 @@ from tuner.types import (
     Unexplained,
 )
 from tuner.types.borrowed import borrowed_words
+from tuner.types.coefficient import hours_needed
 from tuner.types.consistency import Check, Consistency
 from tuner.types.diagnosis import START
 from tuner.types.honesty import claims, is_off, need_text, shows_dishonesty
@@ -104,23 +105,19 @@ def _grounds(known: Settings) -> Iterator[str]:
         end = min(float(one.curve.tau[-1]) for one in known.predictions.values())
         yield (
             f"noise.yaml reproduces the Allan deviation of this log within {percent(most)}, {digits(begin, 2)} to "
-            f"{digits(end, 2)} s, on every axis"
+            f"{digits(end, 2)} s, every axis"
         )
     if known.check is not None:
-        yield f"simulated with it, a filter is {_honest_text(known.check.consistency)}"
+        sd = (
+            ""
+            if known.config.gnss is None
+            else f", fixes of {digits(known.config.gnss.position_sd[0], 2)} m (--gnss)"
+        )
+        yield f"in simulated drives with this noise{sd} it is honest: {known.check.consistency.honesty.reasons[0]}"
     else:
         yield "no filter was simulated (--gnss names a receiver)"
     if known.measured is not None:
-        yield f"on this drive a filter with it is {_honest_text(known.measured)}"
-
-
-def _honest_text(found: Consistency) -> str:
-    """Return what an honest filter shows, in few words."""
-    sure = [one for one in claims(found) if shows_dishonesty(one)]
-    between = f"{min(one.ratio for one in sure):.2f} to {max(one.ratio for one in sure):.2f}"
-    longest = max((one.seconds for one in found.outages if one.score in sure), default=0.0)
-    unaided = f", up to {longest:g} s without fixes" if longest else ""
-    return f"honest: errors are {between} × as predicted{unaided}"
+        yield f"on this drive it is honest: {known.measured.honesty.reasons[0]}"
 
 
 def judge_noise(
@@ -278,15 +275,10 @@ def _of_reading(found: Identification) -> Iterator[Reason]:
 
 def _of_bandwidth(findings: Sequence[Finding]) -> Iterator[Reason]:
     """Yield what of a motion a sensor does not show, which a log at rest does not need."""
-    lost: dict[str, list[str]] = {}
-    for one in findings:
-        if text := str(one.extension.get("in_motion", "")):
-            lost.setdefault(text, []).extend(one.channels)
-    for text, axes in lost.items():
-        yield Reason(
-            Use.USABLE_EXCEPT,
-            f"use on a vehicle or with a camera, as {axes_text(axes)} are filtered: {text}",
-        )
+    lost = [one for one in findings if one.extension.get("in_motion")]
+    if lost:
+        axes = axes_text([axis for one in lost for axis in one.channels])
+        yield Reason(Use.USABLE_EXCEPT, f"anything that moves: of {axes} {lost[0].extension['in_motion']}")
 
 
 def _too_short_for(found: Identification) -> tuple[str, ...]:
@@ -360,6 +352,7 @@ def _of_limits(config: FilterConfig) -> Iterator[Reason]:
     """
     hidden: list[str] = []
     limited: dict[str, float] = {}
+    hours: list[float] = []
     for one in config.inflations:
         channel = config.channels.get(one.quantity.owner)
         if not isinstance(one, BoundUsed) or channel is None or one.factor <= 0.0:
@@ -368,6 +361,7 @@ def _of_limits(config: FilterConfig) -> Iterator[Reason]:
             hidden.append(channel.axis)
         elif (ratio := limit_ratio(channel, one.quantity.field, one.factor)) >= HONEST_RATIO:
             limited[channel.axis] = max(ratio, limited.get(channel.axis, 0.0))
+            hours += [needed for needed in [hours_needed(one.reason)] if needed is not None]
     if hidden:
         yield Reason(
             Use.USABLE_EXCEPT,
@@ -378,8 +372,9 @@ def _of_limits(config: FilterConfig) -> Iterator[Reason]:
         times = least if least == most else f"{least} to {most}"
         yield Reason(
             Use.USABLE_EXCEPT,
-            f"the slow bias of {axes_text(list(limited))}, ASSUMED half of a limit: at the limit the drift after "
-            f"{UNAIDED_TIME:g} s would be {times} times that without it",
+            f"the slow bias of {axes_text(list(limited))}, ASSUMED half of a limit (at the limit the drift after "
+            f"{UNAIDED_TIME:g} s is {times} times that without it)"
+            + (f": a log of {digits(max(hours), 2)} h would show it" if hours else ""),
         )
 
 

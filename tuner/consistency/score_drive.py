@@ -129,7 +129,7 @@ def drive_filter(
         notes.append("the lever arm is given in vehicle axes, but the mounting of the sensor is unknown")
     if arm is None:
         constants.setdefault("lever_arm", UNKNOWN_LEVER_ARM_SD)
-        notes.append(f"lever arm estimated from 0 ± {constants['lever_arm']:g} m")
+        notes.append(f"lever arm not stated: estimated from 0 ± {constants['lever_arm']:g} m")
     settings = filter_settings(config, constants=constants, lever_arm=arm or (0.0, 0.0, 0.0))
     return compensate_settings(settings, config.compensation), tuple(notes)
 

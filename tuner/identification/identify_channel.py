@@ -365,7 +365,7 @@ def about_band(band: Band, interval: float) -> tuple[str, ...]:
         return ()
     part, side = 100.0 * abs(band.ratio - 1.0), "above" if band.ratio > 1.0 else "below"
     return (
-        f"clusters shorter than {band.m * interval:.3g} s follow no sum of noise terms (samples {digits(part, 2)} % "
+        f"means over less than {band.m * interval:.3g} s follow no sum of noise terms (samples {digits(part, 2)} % "
         f"{side} it: a filter in the sensor, vibration or a line): the terms are fitted to longer ones, "
         f"f ≤ {band.highest:.3g} Hz",
     )

@@ -42,6 +42,7 @@ from tuner.identification.objective import Objective
 from tuner.identification.periodogram import CosinePeriodogram
 from tuner.identification.record_length import relative_sd
 from tuner.types import Candidate
+from tuner.types.coefficient import TOO_SHORT
 
 TERM_PRICE = {
     "quantization": 6.6,
@@ -143,7 +144,7 @@ def _bound(data: CosinePeriodogram, fit: LikelihoodFit, name: str) -> Bound:
         j = sum(sizes[: kinds.index(name)])
         upper, theta = end(objective, theta, j, float(ndtri(0.975)))
         if not np.isfinite(upper):
-            return Bound(name, TERMS[name].PARAMETERS[0], upper, "record too short: it sets no limit")
+            return Bound(name, TERMS[name].PARAMETERS[0], upper, f"{TOO_SHORT}: it sets no limit")
         term = TERMS[name](**{TERMS[name].PARAMETERS[0]: upper})
         twin = _twin(objective, theta, j)
     return Bound(name, term.PARAMETERS[0], upper, _reason(term, fit.model, data, twin))
@@ -178,7 +179,7 @@ def _reason(term: Term, model: NoiseModel, data: CosinePeriodogram, twin: str | 
     if twin is not None:
         return f"hidden by a twin slope: {twin} explains the same part of the curve"
     if at == len(tau) - 1 and (hours := _hours_needed(term, model, data)) is not None:
-        return f"record too short: {hours:.3g} hours needed to show half of this limit"
+        return f"{TOO_SHORT}: {hours:.3g} hours needed to show half of this limit"
     each = [other.allan_variance(tau[at : at + 1], interval=data.interval)[0] for other in model.terms]
     larger = model.terms[int(np.argmax(each))].name
     return f"masked by a larger term: {larger} at τ = {tau[at]:.3g} s"

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from rich.table import Table
 
+from models.noise import RandomWalk
 from models.sensors import SensorGrade
 from tuner.consistency.choose_grade import GradeChoice
 from tuner.consistency.compare_sensors import SensorComparison
@@ -25,12 +26,14 @@ from tuner.report.identification_answer import terms_table, warning_lines
 from tuner.report.noise_table import NAMES
 from tuner.report.terminal import LINE_WIDTH
 from tuner.report.terms_rows import channel_row
-from tuner.types import FilterConfig
+from tuner.types import FilterConfig, Identification
 
 NEAREST_GRADES = 3
 """Grades of an answer: the last that keeps the limit and two that do not."""
 ANSWERED_TIME = 60.0
 """Time without fixes of the sentence that answers a comparison, s."""
+AT_LEAST = "≥ "
+"""Before an error to which a term adds that is not known."""
 UNITS = {"gyro": "rad/s", "accel": "m/s^2"}
 
 
@@ -103,41 +106,47 @@ def _sensor_or_axes(axes: list[str], every: Sequence[str]) -> str:
 
 
 def _drift_table(found: SensorComparison) -> list[Table | str]:
-    known = [(name, one) for name, one in zip(found.noise.names, found.drift, strict=True) if one is not None]
+    """Return the drift of each source without fixes; one that lacks a slow term drifts at least as far as stated."""
+    sources = zip(found.noise.names, found.drift, found.noise.sources, strict=True)
+    known = [(name, one, AT_LEAST * _lacks_walk(source)) for name, one, source in sources if one is not None]
     unranked = [f"{name} has no rank: {why}" for name, why in found.unranked.items()]
     if not known:
         return [*unranked, "No drift is predicted: no source has six axes with white noise and a slow bias"]
     times = list(known[0][1].free)
     table = Table(box=None, padding=(0, 2, 0, 0), width=LINE_WIDTH)
-    table.add_column("")
+    table.add_column("horizontal\nerror, m rms")
     for kind in ("without fixes", "with wheels"):
         for time in times:
             table.add_column(f"{kind if time == times[0] else ''}\n{time:g} s", justify="right")
-    errors = [[*one.free.values(), *one.wheels.values()] for _, one in known]
-    ranked = [sorted(column) for column in zip(*errors, strict=True)]
-    for (name, _), own in sorted(
-        zip(known, errors, strict=True), key=lambda pair: pair[0][1].free[times[-1]]
-    ):
-        cells = [f"{digits(x, 2)} ({order.index(x) + 1})" for x, order in zip(own, ranked, strict=True)]
-        table.add_row(name, *cells)
-    drifts = {name: digits(one.free[ANSWERED_TIME], 2) for name, one in known if ANSWERED_TIME in one.free}
-    said = ", ".join(f"{name} {drift} m" for name, drift in drifts.items())
-    about = (
-        f"Horizontal position error, m rms (rank), predicted for a filter tuned to each sensor after 15 min of city by "
-        f"{found.receiver}; with wheels: with a non-holonomic constraint. Terms that are not stated are left out; "
-        "scale factors and misalignments come on top."
+    for name, one, least in sorted(known, key=lambda each: each[1].free[times[-1]]):
+        table.add_row(name, *(f"{least}{digits(x, 2)}" for x in (*one.free.values(), *one.wheels.values())))
+    said = ", ".join(
+        f"{name} {least}{digits(one.free[ANSWERED_TIME], 2)} m"
+        for name, one, least in known
+        if ANSWERED_TIME in one.free
     )
+    about = (
+        f"Predicted for a filter tuned to each sensor, after 15 min in a city with {found.receiver} fixes; with "
+        "wheels: with a non-holonomic constraint. Scale factors and misalignments come on top."
+    )
+    if any(least for _, _, least in known):
+        about += f" {AT_LEAST.strip()}: at least, as no bias random walk is stated."
     verdict = (
         [f"Verdict: after {ANSWERED_TIME:g} s without fixes the position errs by: {said}"] if said else []
     )
     return [*verdict, table, about, *unranked]
 
 
+def _lacks_walk(source: Identification) -> bool:
+    """Return whether some axis has neither a value nor a limit of its bias random walk."""
+    return not all(any(t.name == RandomWalk.name for t in one.terms) for one in source.channels.values())
+
+
 def choice_tables(found: GradeChoice, *, every: bool = True) -> list[Table | str]:
     """Return the ranking of the built-in grades, all or those nearest to the limit, and which noise is just enough."""
     with_wheels = "with" if found.wheels else "without"
     limit = f"{found.limit:g} m after {found.outage:g} s without fixes"
-    before = f"receiver before: {found.receiver}; {with_wheels} a non-holonomic constraint"
+    before = f"horizontal, rms; {found.receiver} fixes before; {with_wheels} a non-holonomic constraint"
     kept = len(found.kept)
     shown_part = "" if every or len(found.ranking) <= NEAREST_GRADES else ". The nearest"
     keep = f"keep{'s' * (kept <= 1)}"
@@ -164,8 +173,8 @@ def choice_tables(found: GradeChoice, *, every: bool = True) -> list[Table | str
             digits(v, 2) for v in noise_of(found.nearest.config, found.factor)
         )
         text = (
-            f"Just enough: {digits(found.factor, 2)} × the noise and biases of {found.nearest.name}: gyro white noise "
-            f"{gyro_n} deg/√h, B {gyro_b} deg/h; accel white noise {accel_n} µg/√Hz, B {accel_b} µg"
+            f"A sensor with {digits(found.factor, 2)} × the noise of {found.nearest.name} just keeps it: gyro white "
+            f"noise {gyro_n} deg/√h, B {gyro_b} deg/h; accel white noise {accel_n} µg/√Hz, B {accel_b} µg"
         )
     rest = "" if every else " All sensors: --verbose"
     return [*answer, f"{text}. B: bias instability. Scale factors and misalignments come on top.{rest}"]
@@ -220,7 +229,7 @@ def plan_tables(plans: StaticTestPlan) -> list[Table | str]:
     for head in (
         (title := f"{plans.name}, {digits(first.hours)} h"),
         "assumed",
-        "relative sd",
+        "1 sd",
         "shown",
         f"hours for {wanted}",
     ):
@@ -239,16 +248,16 @@ def plan_tables(plans: StaticTestPlan) -> list[Table | str]:
             f"{_sensor_or_axes([axis for axis, _ in found], list(plans))} {NAMES.get(name, symbol(name))}",
             f"{' to '.join(ends)} {pretty(customary_unit(name, unit))}",
             f"{digits(100 * spread, 2)} %" if spread < 10 else "> 1000 %",
-            "yes" if all(p.shown for _, p in found) else "bound only",
+            "yes" if all(p.shown for _, p in found) else "limit only",
             needed,
         )
     hidden = [
         str(cells[0]) for cells in zip(*(c.cells for c in table.columns), strict=True) if cells[3] != "yes"
     ]
     shows = f"all but {', '.join(hidden)}" if hidden else "every term"
-    verdict = f"Verdict: {digits(first.hours)} h of {plans.name} show {shows}"
+    verdict = f"Verdict: {digits(first.hours)} h of {plans.name} at rest show {shows}"
     rule = (
-        f"A single Allan point to {wanted} needs {first.clusters} clusters: here up to τ = "
-        f"{digits(first.longest_tau)} s. Of several axes the worst."
+        f"An Allan deviation is known to {wanted} where {first.clusters} averages fit into the log: here up to "
+        f"{digits(first.longest_tau)} s. Of several axes the worst is shown."
     )
     return [verdict, table, rule]

@@ -19,17 +19,19 @@ from tuner.types.verdict import Severity
 OFF = "*"
 """Mark behind a ratio that is shown to be off 1."""
 NAMES = {
-    "nees": "all states",
+    "nees": "all states (NEES)",
     "gyro_bias": "gyro bias",
     "accel_bias": "accelerometer bias",
-    "nis": "innovations",
-    "nis_position": "position innovations",
-    "nis_velocity": "velocity innovations",
+    "nis": "innovations (NIS)",
+    "nis_position": "position innovations (NIS)",
+    "nis_velocity": "velocity innovations (NIS)",
 }
 """Scores in an answer, where their names are none."""
 
 
-def consistency_answer(found: Consistency, notes: Sequence[str] = (), to_do: Sequence[str] = ()) -> Document:
+def consistency_answer(
+    found: Consistency, notes: Sequence[str] = (), to_do: Sequence[str] = (), about: str = ""
+) -> Document:
     """Return the verdict on a filter with its reason, its scores and errors, what to do, and notes that have room.
 
     Parameters
@@ -40,9 +42,11 @@ def consistency_answer(found: Consistency, notes: Sequence[str] = (), to_do: Seq
         What was repaired, found and assumed.
     to_do : sequence of str, optional
         What explains the verdict and what to change, and where files are.
+    about : str, optional
+        What was scored on what.
     """
     found = found.shown
-    said = [f"Verdict: {found.honesty.text}", *reference_line(notes), *explanation_lines(found)]
+    said = [about, f"Verdict: {found.honesty.text}", *reference_line(notes), *explanation_lines(found)]
     table = [_score_table(found)] if found.scores or found.errors else []
     return document(
         [*said, *table, *_further(found), *to_do],
@@ -61,10 +65,10 @@ def explanation_lines(found: Consistency) -> list[str]:
 
 
 def _score_table(found: Consistency) -> Table:
-    """Return errors and true ÷ predicted of every score, with its interval; of the outages what was predicted, too."""
+    """Return errors, and errors ÷ what was predicted of every score, with its interval."""
     error = "error" if found.has_truth else "distance"
     table = Table(box=None, padding=(0, 2, 0, 0))
-    for head in ("", f"{error}, rms", "predicted", "true ÷ predicted (95 %)"):
+    for head in ("", f"{error}, rms", f"{error} ÷ predicted (95 %)"):
         table.add_column(head, no_wrap=True)
     errors = _errors(found)
     outages = {one.score.name: one for one in found.outages}
@@ -73,15 +77,12 @@ def _score_table(found: Consistency) -> Table:
     for one in found.scores:
         if one in found.nis and one.name not in innovations:
             continue
-        if one.name in outages:
-            outage = outages[one.name]
-            cells = f"{digits(outage.rms)} m", f"{digits(outage.predicted)} m"
-            text = ratio_text(one.ratio, outage.interval)
-        else:
-            cells, text = (errors.pop(one.name, ""), ""), ratio_text(one.ratio, one.interval)
-        table.add_row(_name(one, found), *cells, text + OFF * (one in off))
+        outage = outages.get(one.name)
+        size = errors.pop(one.name, "") if outage is None else f"{digits(outage.rms)} m"
+        text = ratio_text(one.ratio, one.interval if outage is None else outage.interval)
+        table.add_row(_name(one, found), size, text + OFF * (one in off))
     for name, size in errors.items():
-        table.add_row(name.replace("_", " "), size, "", "")
+        table.add_row(name.replace("_", " "), size, "")
     return table
 
 

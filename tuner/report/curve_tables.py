@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,14 +14,15 @@ from tuner.formats.customary_units import (
     in_customary,
     pretty,
 )
+from tuner.report.document import Document, document
 from tuner.types import (
     AllanCurve,
     Correlogram,
     Spectrum,
 )
 
-ANSWER_ROWS = 8
-"""Rows of a curve in an answer: one for each half decade of four."""
+ANSWER_ROWS = 9
+"""Rows of a curve in an answer: one for each half decade of four and a half, of two sensors on one screen."""
 
 
 def statistic_tables(found: AllanCurve | Spectrum | Correlogram) -> list[Table | str]:
@@ -38,20 +40,41 @@ def statistic_tables(found: AllanCurve | Spectrum | Correlogram) -> list[Table |
     return [table]
 
 
-def curve_answer(found: AllanCurve | Spectrum | Correlogram) -> list[Table | str]:
-    """Return the table of some rows of a curve, evenly spread, and how many there are."""
-    grid = "tau" if isinstance(found, AllanCurve) else "frequency" if isinstance(found, Spectrum) else "lag"
-    count = len(getattr(found, grid))
-    rows = np.unique(np.linspace(0, count - 1, ANSWER_ROWS).astype(int))
-    fields = (grid, "value") if grid == "lag" else (grid, "variance" if grid == "tau" else "density", "dof")
-    few = replace(found, **{name: getattr(found, name)[rows] for name in fields})
-    return [*statistic_tables(few), f"{len(rows)} of {count} rows. All: --verbose"]
+def curve_answer(found: Sequence[AllanCurve | Spectrum | Correlogram], names: Sequence[str]) -> Document:
+    """Return some rows of the curves of a log, evenly spread, and of an Allan-type curve its least deviation."""
+    parts: list[Table | str] = []
+    grids = []
+    for one in found:
+        grid = "tau" if isinstance(one, AllanCurve) else "frequency" if isinstance(one, Spectrum) else "lag"
+        grids.append(getattr(one, grid))
+        rows = np.unique(np.linspace(0, len(grids[-1]) - 1, ANSWER_ROWS).astype(int))
+        fields = (
+            (grid, "value") if grid == "lag" else (grid, "variance" if grid == "tau" else "density", "dof")
+        )
+        parts += statistic_tables(replace(one, **{name: getattr(one, name)[rows] for name in fields}))
+        if isinstance(one, AllanCurve):
+            parts.append(_least(one))
+    unit = "Hz" if isinstance(found[0], Spectrum) else "s"
+    ends = f"{digits(float(grids[0][0]), 2)} to {digits(float(grids[0][-1]), 3)} {unit}"
+    said = f"{', '.join(names)}: raw, no part of the log left out; {len(grids[0])} points, {ends}"
+    return document([said, *parts], beyond="all points")
+
+
+def _least(curve: AllanCurve) -> str:
+    """Return where the deviation of each axis is least."""
+    deviation = curve.deviation()
+    parts = [
+        f"{axis.rpartition('_')[2]} {digits(in_customary(float(column.min()), 'level', curve.unit))} at "
+        f"{digits(float(curve.tau[int(column.argmin())]))} s"
+        for axis, column in zip(curve.axes, deviation.T, strict=True)
+    ]
+    return f"Least: {', '.join(parts)}"
 
 
 def _deviation_table(curve: AllanCurve) -> Table:
-    """Return one Allan-type curve: cluster time, deviation with its 95 % interval, degrees of freedom."""
+    """Return one Allan-type curve: averaging time, and deviation with its 95 % interval."""
     unit = pretty(customary_unit("level", curve.unit))
-    table = Table(title=f"{curve.estimator}, deviation in {unit} (95 % interval), degrees of freedom")
+    table = Table(title=f"{curve.estimator}, deviation in {unit} (95 % interval)")
     table.add_column("τ, s", justify="right")
     for axis in curve.axes:
         table.add_column(axis, justify="right")
@@ -62,8 +85,8 @@ def _deviation_table(curve: AllanCurve) -> Table:
             value, a, b = (
                 digits(in_customary(float(x[i, j]), "level", curve.unit)) for x in (deviation, low, high)
             )
-            cells.append(f"{value} ({a} … {b})  {digits(float(curve.dof[i, j]))}")
-        table.add_row(digits(float(tau), 5), *cells)
+            cells.append(f"{value} ({a} … {b})")
+        table.add_row(digits(float(tau), 4), *cells)
     return table
 
 

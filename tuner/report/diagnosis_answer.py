@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
+from pathlib import Path
 
+from tuner.formats.customary_units import digits
 from tuner.judgement import judge_log
 from tuner.limits import SHOWN_FINDINGS
-from tuner.report.answer_layout import assumed_text
+from tuner.report.alike_sentences import alike_sentences
+from tuner.report.answer_layout import assumed_text, span_text
 from tuner.report.document import Document, document
 from tuner.report.groups_in_words import findings_in_words
 from tuner.report.static_diagnosis_tables import unexplained_lines
@@ -20,16 +24,33 @@ def diagnosis_answer(found: Diagnosis, records: Sequence[Record] = ()) -> Docume
     shown = [*words.felt, *words.faults]
     return document(
         [
-            assumed_text([text for record in records for text in record.assumptions]),
+            _recording(records),
             f"Verdict: {judge_log(found).text}",
             *shown[:SHOWN_FINDINGS],
-            f"Below 5 % of white noise and drift: {'; '.join(words.idle)}" if words.idle else "",
+            f"Changes noise and drift by less than 5 %: {'; '.join(words.idle)}" if words.idle else "",
             words.doubted,
         ],
         [
             *shown[SHOWN_FINDINGS:],
             *(f"Not explained: {line}" for line in unexplained_lines(found.unexplained)),
-            *(f"Note: {one}" for one in found.notes),
+            *(f"Note: {one}" for one in _joined(found.notes)),
         ],
         beyond="every finding and test",
     )
+
+
+def _recording(records: Sequence[Record]) -> str:
+    """Return what was diagnosed and what was assumed of it."""
+    if not records:
+        return ""
+    longest = max(records, key=lambda one: one.span)
+    log = f"{Path(longest.source).name}, {span_text(longest.span)} at {digits(1.0 / longest.interval)} Hz"
+    assumed = assumed_text([text for record in records for text in record.assumptions])
+    return "; ".join([log, *([assumed] if assumed else [])])
+
+
+def _joined(notes: Sequence[str]) -> list[str]:
+    """Return notes that say the same of several axes as one."""
+    of_axes = [tuple(reversed(note.split(": ", 1))) for note in notes if re.match(r"\w+_[xyz]: ", note)]
+    others = [note for note in notes if not re.match(r"\w+_[xyz]: ", note)]
+    return [*others, *alike_sentences((text, axis) for text, axis in of_axes)]

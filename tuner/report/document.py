@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from rich.table import Table
 
@@ -33,6 +33,10 @@ class Document:
     def whole(self) -> tuple[Table | str, ...]:
         """All that is said, where no screen limits it and every table follows."""
         return (*self.parts, *self.remarks)
+
+    def then(self, command: str) -> Document:
+        """Return the answer with the command that follows from it, to paste as it is."""
+        return replace(self, end=(*self.end, f"Next: {command}"))
 
     def last_line(self, left_out: int) -> str:
         """Return what is not on the screen and how it is seen; empty where nothing is left."""

@@ -27,7 +27,7 @@ def drive_diagnosis_answer(found: DriveDiagnosis) -> Document:
     lines = [f"{found_text(one)} → {one.consequence}" for one in found.findings]
     left = [f"Not explained: {one.statistic}" for one in found.unexplained]
     noise = noise_lines(found.noise_scales, found.findings)
-    gain = [] if found.gain is None else [whole_gain_text(found.gain)]
+    gain = [] if found.gain is None or not found.findings else [whole_gain_text(found.gain)]
     harm = [] if found.credited else [harm_text(found.gain)]
     rest = [f"Missing: {one}" for one in missing(found)] + [f"Note: {one}" for one in found.notes]
     verdict = [f"Verdict: {judge_drive(found).text}", *reference_line(found.notes)]

@@ -257,14 +257,14 @@ def drift_text(drift: Mapping[str, tuple[float, float]]) -> str:
         return "no drift at rest"
     reported = {name: pair for name, pair in drift.items() if pair[0] >= MIN_DRIFT_CHANGE * pair[1]}
     parts = [
-        f"after {name} {way_texts(a, a)[1]}, {way_texts(a, b)[1]} without it"
+        f"{way_texts(a, a)[1]} in {name}, {way_texts(a, b)[1]} without this"
         for name, (a, b) in reported.items()
     ]
-    return f"position error of one axis without fixes {', '.join(parts)}"
+    return f"without fixes one axis drifts {', '.join(parts)}"
 
 
 def white_text(white: float) -> str:
     """Return what a cause does to white noise, in words; empty where it changes little."""
     return (
-        f"white noise {digits(white)} × that without it" if abs(log(white)) >= log(MIN_DRIFT_CHANGE) else ""
+        f"white noise {digits(white)} × that without this" if abs(log(white)) >= log(MIN_DRIFT_CHANGE) else ""
     )

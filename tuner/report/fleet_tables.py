@@ -15,8 +15,13 @@ SHOWN_UNITS = 20
 """Rows of the table in the terminal: a screen; the files have all."""
 MAX_REASONS = 4
 """Reasons of a unit in the terminal; the files have all."""
-IN_WORDS = {"sigma_10s": "Allan deviation at 10 s"}
-"""Symbols that are no letter."""
+IN_WORDS = {
+    "N": "white noise",
+    "B": "bias instability",
+    "K": "bias random walk",
+    "sigma_10s": "Allan deviation at 10 s",
+}
+"""Symbols of quantities in words."""
 
 
 def summary(fleet: Fleet) -> list[str]:
@@ -24,17 +29,24 @@ def summary(fleet: Fleet) -> list[str]:
     verdicts = Counter(unit.verdict for unit in fleet.units)
     refused = sum(unit.error is not None for unit in fleet.units)
     outlying = sum(bool(unit.outliers) for unit in fleet.units)
-    lines = [f"{fleet.name}: {len(fleet.units)} units, {outlying} outlying, {refused} that cannot be used"]
-    if fleet.limits:
-        lines.append(
-            f"limits: {verdicts['PASS']} PASS, {verdicts['FAIL']} FAIL, {verdicts['OPEN']} OPEN "
-            f"(log too short to tell), {verdicts['ERROR']} ERROR"
-        )
-    return lines
+    advised = sum(bool(unit.advice) for unit in fleet.units)
+    look = "LOOK" if outlying or refused or advised else ""
+    word = next(
+        (name for name in ("FAIL", look, "OPEN") if name and (name == look or verdicts[name])), "PASS"
+    )
+    limits = (
+        f"{verdicts['PASS']} PASS, {verdicts['FAIL']} FAIL, {verdicts['OPEN']} OPEN (log too short to tell)"
+        if fleet.limits
+        else "no limits given (--limits)"
+    )
+    return [
+        f"Verdict: {word}: units in {fleet.name}: {len(fleet.units)}; apart from the others: {outlying}; that cannot "
+        f"be used: {refused}; {limits}"
+    ]
 
 
 def outlier_text(outlier: Outlier, fleet: Fleet) -> str:
-    """Say in which quantity a unit stands apart: ``gyro_x N 0.52 deg/√h, fleet 0.0091 (× 57; score 80, limit 6.1)``."""
+    """Say in which quantity a unit stands apart: ``gyro_x N 0.52 deg/√h, fleet 0.0091 (× 57; 80 robust sds …)``."""
     name = outlier.quantity
     unit = fleet.channel_units[name.rpartition(".")[0]]
     value, median = (customary(x, name, unit) for x in (outlier.value, outlier.median))
@@ -43,7 +55,7 @@ def outlier_text(outlier: Outlier, fleet: Fleet) -> str:
         if is_logarithmic(name)
         else f"{'+' if value > median else '−'}{digits(abs(value - median))}"
     )
-    score = f"score {digits(outlier.score, 2)}, threshold {digits(outlier.threshold, 2)}"
+    score = f"{digits(outlier.score, 2)} robust sds from it, chance reaches {digits(outlier.threshold, 2)}"
     return f"{title(name)} {digits(value)} {pretty_unit(name, unit)}, fleet {digits(median)} ({distance}; {score})"
 
 
@@ -69,7 +81,7 @@ def reasons(unit: FleetUnit, fleet: Fleet) -> list[str]:
 
 
 def _together(sensor: str, found: Sequence[Outlier]) -> str:
-    """Say in which amplitudes a sensor stands apart: ``gyro: N of x y z × 2.9 to 3.1 the fleet's (scores …)``."""
+    """Say in which amplitudes a sensor stands apart: ``gyro: N of x y z × 2.9 to 3.1 the median …``."""
     axes: dict[str, list[Outlier]] = {}
     for one in found:
         axes.setdefault(one.quantity.rpartition(".")[2], []).append(one)
@@ -80,7 +92,8 @@ def _together(sensor: str, found: Sequence[Outlier]) -> str:
         ratios = sorted(one.value / one.median for one in alike)
         parts.append(f"{IN_WORDS.get(symbol, symbol)} of {letters} × {_range(ratios)}")
     scores = _range(sorted(one.score for one in found))
-    return f"{sensor}: {', '.join(parts)} the fleet's (scores {scores}, threshold {digits(found[0].threshold, 2)})"
+    limit = digits(found[0].threshold, 2)
+    return f"{sensor}: {', '.join(parts)} the median of the units ({scores} robust sds from it, chance reaches {limit})"
 
 
 def _range(values: Sequence[float]) -> str:

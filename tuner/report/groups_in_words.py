@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import log
 
+from tuner.diagnosis.static.outcome import UNKNOWN
+from tuner.formats.customary_units import percent
 from tuner.limits import LOST_SHARE, SHOWN_CHANGE
 from tuner.report.finding_groups import (
     SAMPLES_AT_FAULT,
@@ -19,14 +21,17 @@ from tuner.types import Finding
 
 
 def group_in_words(group: FindingGroup) -> str:
-    """Return a finding, what it does to white noise and position, and which setting it changes."""
+    """Return a finding, how sure its cause is, what it does to noise and position, and which setting it changes."""
     parts = [
+        certainty(group.findings[0]),
         group.in_motion,
         white_text(group.white),
         drift_text(_most_moved(group.drift)),
-        f"changes {_entry(group.changes)}",
+        _entry(group.changes),
     ]
-    return f"{group.title[:1].upper()}{group.title[1:]}: " + "; ".join(part for part in parts if part)
+    figures = group.title.removeprefix(group.short).removeprefix(" ")
+    said = "; ".join(part for part in parts if part)
+    return f"{group.short[:1].upper()}{group.short[1:]}: {said} {figures}".rstrip()
 
 
 def _most_moved(drift: Mapping[str, tuple[float, float]]) -> Mapping[str, tuple[float, float]]:
@@ -35,9 +40,20 @@ def _most_moved(drift: Mapping[str, tuple[float, float]]) -> Mapping[str, tuple[
     return {} if most is None else {most: drift[most]}
 
 
+def certainty(finding: Finding) -> str:
+    """Return how sure a cause is, with those that come near: its share of the weight of all that explain the data."""
+    share = 1.0 / (1.0 + sum(one.score for one in finding.alternatives))
+    if round(100.0 * share) == 100.0:
+        return "certain" if finding.gain is not None and finding.gain.nats > 0.0 else ""
+    near = (one for one in finding.alternatives if round(100.0 * one.score * share) > 0.0)
+    others = ("another cause" if one.cause == UNKNOWN else one.cause.replace("_", " ") for one in near)
+    return f"{percent(share)} likely, else {' or '.join(others)}"
+
+
 def _entry(changes: str) -> str:
     """Return the changed entry without what is said of how it changes."""
-    return changes.partition(",")[0].partition(":")[0]
+    entry = changes.partition(",")[0].partition(":")[0]
+    return "changes no setting" if entry == "no entry" else f"changes the {entry}"
 
 
 @dataclass(frozen=True)
@@ -77,7 +93,7 @@ def findings_in_words(findings: Sequence[Finding], span: float | None) -> Findin
     return FindingsInWords(
         tuple(map(group_in_words, felt)),
         tuple(map(group_in_words, faults)),
-        tuple(one.title for one in idle),
+        tuple(one.short for one in idle),
         tuple(one.short for one in finding_groups(refuted, span)),
     )
 

@@ -21,6 +21,7 @@ from tuner.report.noise_table import NAMES, legend, measured_table
 from tuner.report.terminal import LINE_WIDTH
 from tuner.report.terms_rows import MAIN_TERMS, TermsRow, single_row
 from tuner.types import Coefficient, FilterConfig, Identification, PooledChannel
+from tuner.types.coefficient import TOO_SHORT, hours_needed
 from tuner.types.prediction import PredictedBlock
 
 UNEQUAL_BELOW = 0.05
@@ -134,17 +135,17 @@ def _recording(found: Identification) -> str:
 
 
 def terms_too_short(found: Identification) -> str:
-    """Return what a longer record would show: terms by their symbols, with the axes where it is not all of them.
+    """Return what a longer record would show: terms, with the axes where it is not all of them.
 
-    A ramp has its name: R is the noise of a measurement as well. Sensors with all their axes have no letters.
+    Sensors with all their axes have no letters.
     """
     short: dict[str, list[str]] = {}
     for channel in found.channels.values():
         for term in channel.terms:
             for field, c in term.coefficients.items():
-                if c.value is None and c.reason and c.reason.startswith("record too short"):
-                    sign = term.name if term.name == "ramp" else symbol(f"{term.name}.{field}")
-                    short.setdefault(sign, []).append(channel.axis)
+                if c.value is None and (c.reason or "").startswith(TOO_SHORT):
+                    name = f"{term.name}.{field}"
+                    short.setdefault(NAMES.get(name, symbol(name)), []).append(channel.axis)
     every = [sign for sign, axes in short.items() if len(axes) == len(found.channels)]
     signs: dict[str, list[str]] = {}
     for sign in (one for one in short if one not in every):
@@ -158,4 +159,7 @@ def terms_too_short(found: Identification) -> str:
 def _too_short(found: Identification) -> list[str]:
     """Return which terms of which axes a longer record would show; empty where none is bounded for that reason."""
     text = terms_too_short(found)
-    return [f"Too short to show {text}: `tuner plan` says how long it takes"] if text else []
+    bounds = [c for one in found.channels.values() for term in one.terms for c in term.coefficients.values()]
+    hours = [needed for c in bounds if (needed := hours_needed(c.reason)) is not None]
+    longer = f" (half of each limit would show in {digits(max(hours), 2)} h)" if hours else ""
+    return [f"Too short to show {text}{longer}"] if text else []

@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 
 from rich.table import Table
 
+from tuner.exporters import kalibr, kf_gins
 from tuner.exporters.dialect import Target
-from tuner.exporters.triad_values import longest_time, triad, walk, white
+from tuner.exporters.triad_values import triad
 from tuner.formats.customary_units import customary_unit, digits, in_customary, pretty, with_interval
+from tuner.formats.yaml_text import Noted
 from tuner.synthesis.equivalent_models import equivalent_noise
 from tuner.synthesis.prediction import FITTED
 from tuner.types import ChannelNoise, Coefficient, FilterConfig, Identification
@@ -27,19 +30,30 @@ NAMES = {
     "ramp.rate": "bias ramp",
 }
 """Names of coefficients, in the order of their rows; others have that of their term."""
-ROUGH, ASSUMED, UNKNOWN = "rough", "*", "–"
-"""Behind a number that is fitted to the Allan curve and one that nobody measured, and in place of an unknown one."""
+ROUGH, HALF, LENT, UNKNOWN = "rough", "half", "lent", "–"
+"""Behind a number that is fitted to the Allan curve, one that is half of a limit and one of another sensor's sheet; in
+place of an unknown one."""
 LEGEND = {
     "±": "± ( ): 95 % interval",
-    "<": "<: 95 % limit",
-    ROUGH: f"{ROUGH}: fitted to the Allan curve of this axis, as the noise terms do not fit; no interval",
-    ASSUMED: f"{ASSUMED}: partly ASSUMED or rough",
+    "<": "<: not seen, 95 % limit",
+    HALF: f"{HALF}: ASSUMED, half of a limit",
+    LENT: f"{LENT}: ASSUMED, of the sensor named above",
+    ROUGH: f"{ROUGH}: fitted to the Allan curve, as the terms do not fit",
     UNKNOWN: f"{UNKNOWN}: unknown",
 }
 PAIR, FADING = "kalibr.yaml", "kf-gins.yaml"
 """Files whose numbers stand beside the measured ones: white noise with a random walk, and with a Gauss–Markov bias."""
 WIDEST_CELL = 15
-"""Characters of a cell with which three axes have room in a terminal; longer ones have three digits."""
+"""Characters of a cell with which three axes have room in a terminal; longer ones have fewer digits."""
+NARROW_INTERVAL = 0.05
+"""Distance of the further end of an interval ÷ value below which a longer cell has that distance alone."""
+_FADING_KEYS = {
+    "arw": ("gyro", WHITE),
+    "gbstd": ("gyro", "level"),
+    "vrw": ("accel", WHITE),
+    "abstd": ("accel", "level"),
+}
+"""Keys of `FADING` with their sensor and quantity."""
 MORE_WHITE_NOISE = 1.05
 """White noise for such a filter ÷ that of the configuration from which the reason is given."""
 
@@ -79,28 +93,69 @@ def measured_table(
     ]
     known = "measured" if any(one.span > 0.0 for one in found.channels.values()) else "stated"
     letters = list(dict.fromkeys(letter for axes in sensors.values() for letter in axes))
+    heads = [f"{known} {letter}" for letter in letters]
     if _alike(rows, letters):
-        return _table(rows, {letters[0]: f"{known}, each axis"})
-    return _table(rows, {letter: f"{known} {letter}" for letter in letters})
+        letters, heads = letters[:1], [f"{known}, each axis"]
+    return _table(("", *heads), [[row.label, *(row.cells.get(one, "") for one in letters)] for row in rows])
 
 
-def entries_table(config: FilterConfig, files: Iterable[str]) -> Table | None:
-    """Return what to enter in filters that read `PAIR` and `FADING`, of those that are written; None for none."""
-    entered = [name for name in (PAIR, FADING) if name in files]
-    sensors = dict.fromkeys(channel.axis.rpartition("_")[0] for channel in config.channels.values())
-    rows = [row for sensor in sensors for row in _entered(sensor, config, entered)]
-    if not rows:
-        return None
-    heads = {PAIR: f"to enter:\n{PAIR}"} if PAIR in entered else {}
-    if FADING in entered:
-        letters = list(dict.fromkeys(channel.axis.rpartition("_")[2] for channel in config.channels.values()))
-        columns = [f"{FADING} {letter}" for letter in letters]
-        if _alike(rows, columns):
-            heads[columns[0]] = f"{FADING},\neach axis"
-        else:
-            names = [FADING, *[""] * (len(columns) - 1)]
-            heads |= {c: f"{n}\n{x}" for c, n, x in zip(columns, names, letters, strict=True)}
-    return _table(rows, heads)
+def entries_tables(config: FilterConfig, files: Iterable[str]) -> list[Table]:
+    """Return what stands in `PAIR` and `FADING`, those of them that are written, by their own keys and units.
+
+    Behind a number is where it comes from if it is not measured; numbers of `PAIR` have their customary units, too.
+    """
+    target = Target(config.interval)
+    tables = []
+    if PAIR in files:
+        written = kalibr.noise_entries(config, target)
+        rows = [
+            _of_pair(key, written[key], config) for key in sorted(written, key=lambda key: (key < "g", key))
+        ]
+        tables.append(_table((f"{PAIR}, to enter", "each axis", "that is"), rows))
+    if FADING in files:
+        noise = kf_gins.entries(config, target)["imunoise"]
+        rows = [_of_fading(key, noise[key], config) for key in _FADING_KEYS if key in noise]
+        heads = ["x", "y", "z"] if any(len(set(row[1:])) > 1 for row in rows) else ["each axis"]
+        rows.append(["corrtime, h", f"{noise['corrtime'].value:.4g} chosen", "", ""])
+        tables.append(_table((f"{FADING}, to enter", *heads), [row[: 1 + len(heads)] for row in rows]))
+    return tables
+
+
+def _of_pair(key: str, one: Noted, config: FilterConfig) -> list[str]:
+    """Return a line of `PAIR`: key, value, customary value, and the axes on which it is not measured."""
+    channels = triad(config, "gyro" if key.startswith("gyro") else "accel")
+    name, unit = WALK if key.endswith("walk") else WHITE, channels[0].unit
+    sources: dict[str, list[str]] = {}
+    for channel in channels:
+        if source := _source(channel, config, name):
+            sources.setdefault(source, []).append(channel.axis[-1])
+    value = f"{digits(in_customary(one.value, name, unit))} {pretty(customary_unit(name, unit))}"
+    said = "; ".join(
+        source if len(axes) == len(channels) else f"{source} {' '.join(axes)}"
+        for source, axes in sources.items()
+    )
+    return [key, f"{one.value:.4g} {one.note.partition(',')[0]}", f"{value} {said}".rstrip()]
+
+
+def _of_fading(key: str, one: Noted, config: FilterConfig) -> list[str]:
+    """Return a line of `FADING`: key with unit, and a value an axis with its source."""
+    sensor, name = _FADING_KEYS[key]
+    sources = [_source(channel, config, name) for channel in triad(config, sensor)]
+    cells = [
+        f"{x:.4g} {source}".rstrip() for x, source in zip_longest(one.value.value, sources, fillvalue=ROUGH)
+    ]
+    return [f"{key}, {one.note.partition(';')[0]}", *cells]
+
+
+def _source(channel: ChannelNoise, config: FilterConfig, name: str) -> str:
+    """Return why a number of an axis is not measured; empty where it is."""
+    if FITTED in channel.handling.values():
+        return ROUGH
+    if name == WHITE:
+        return HALF * channel.white_rests_on_limit
+    if channel.axis in borrowed(config):
+        return LENT
+    return HALF * (channel.walk_rests_on_limit or channel.states_rest_on_limit)
 
 
 def _alike(rows: Iterable[Row], columns: Sequence[str]) -> bool:
@@ -110,12 +165,12 @@ def _alike(rows: Iterable[Row], columns: Sequence[str]) -> bool:
     )
 
 
-def _table(rows: Iterable[Row], heads: Mapping[str, str]) -> Table:
+def _table(heads: Iterable[str], rows: Iterable[Iterable[str]]) -> Table:
     table = Table(box=None, padding=(0, 2, 0, 0))
-    for head in ("", *heads.values()):
+    for head in heads:
         table.add_column(head, no_wrap=True)
     for row in rows:
-        table.add_row(row.label, *(row.cells.get(column, "") for column in heads))
+        table.add_row(*row)
     return table
 
 
@@ -133,9 +188,7 @@ def states_tables(config: FilterConfig) -> list[Table]:
             table.add_column(f"turn-on sd,\n{level}")
         times: dict[str, list[str]] = {}
         for state in channel.markov:
-            sd = (
-                digits(in_customary(state.sd, "level", channel.unit)) + ASSUMED * channel.states_rest_on_limit
-            )
+            sd = _marked(digits(in_customary(state.sd, "level", channel.unit)), channel.states_rest_on_limit)
             times.setdefault(sd, []).append(f"{state.time_constant:.3g}")
         numbers = (
             (channel.white_density, WHITE, channel.white_rests_on_limit),
@@ -143,7 +196,7 @@ def states_tables(config: FilterConfig) -> list[Table]:
             (channel.constant_sd, "level", False),
         )
         density, random_walk, constant = (
-            digits(in_customary(value, name, channel.unit)) + ASSUMED * on_limit if value else UNKNOWN
+            _marked(digits(in_customary(value, name, channel.unit)), on_limit) if value else UNKNOWN
             for value, name, on_limit in numbers
         )
         states = "; ".join(f"{sd} at {', '.join(at)}" for sd, at in times.items()) or UNKNOWN
@@ -151,24 +204,31 @@ def states_tables(config: FilterConfig) -> list[Table]:
     return list(tables.values())
 
 
+def _marked(number: str, on_limit: bool) -> str:
+    return f"{number} {HALF}" if on_limit else number
+
+
 def legend(*tables: Table) -> str:
     """Return what the signs of tables mean, those that occur."""
     cells = [str(cell) for table in tables for column in table.columns[1:] for cell in column.cells]
-    signs = {sign for sign in LEGEND if any(sign in cell for cell in cells)}
+    signs = {
+        sign for sign in LEGEND if any(sign in cell.replace(UNKNOWN, "") or sign == cell for cell in cells)
+    }
     signs |= {"±"} if any("(" in cell for cell in cells) else set()
     return "; ".join(text for sign, text in LEGEND.items() if sign in signs)
 
 
 def more_white_noise(config: FilterConfig, files: Iterable[str]) -> str:
     """Return why the files of other filters have more white noise than was measured; empty where they have not."""
-    channels = config.channels.values()
-    if PAIR not in files or not any(
-        equivalent_noise(c).white_density > MORE_WHITE_NOISE * c.white_density for c in channels
+    pairs = [(channel, equivalent_noise(channel)) for channel in config.channels.values()]
+    if PAIR not in files or all(
+        one.white_density <= MORE_WHITE_NOISE * channel.white_density for channel, one in pairs
     ):
         return ""
+    least, most = min(one.mismatch[0] for _, one in pairs), max(one.mismatch[1] for _, one in pairs)
     return (
-        "More white noise is entered than measured: these filters have no state for bias instability. Enlarge nothing, "
-        "but for vibration. Files have their own units"
+        "White noise exceeds the measured: it stands for bias instability too, predicting "
+        f"{least:.2f} to {most:.2f} × its drift (1 to 100 s). Enlarge for vibration only"
     )
 
 
@@ -210,45 +270,15 @@ def _measured(
                         UNKNOWN if others else _cell(one, name, unit)
                     )
                     seen[name] += 1
+    cells = {
+        key: own for key, own in cells.items() if set(own.values()) - {UNKNOWN} or len(own) > len(fitted)
+    }
     order = list(NAMES)
     places = {key: (order.index(key[0]) if key[0] in order else len(order), key[1]) for key in cells}
     return [
         Row(_label(sensor, name, unit), {letter: own.get(letter, UNKNOWN) for letter in axes})
         for (name, _), own in sorted(cells.items(), key=lambda one: places[one[0]])
     ]
-
-
-def _entered(sensor: str, config: FilterConfig, files: Iterable[str]) -> list[Row]:
-    """Return the rows of what is entered for a sensor."""
-    channels = triad(config, sensor)
-    if not channels:
-        return []
-    unit, time, target = channels[0].unit, longest_time(config), Target(config.interval)
-    rows: dict[str, dict[str, str]] = {WHITE: {}, WALK: {}, "level": {}}
-    lent = borrowed(config)
-    assumed = {
-        c.axis: c.walk_rests_on_limit
-        or c.states_rest_on_limit
-        or c.axis in lent
-        or FITTED in c.handling.values()
-        for c in channels
-    }
-    if PAIR in files:
-        rows[WHITE][PAIR] = digits(in_customary(white(channels, "").value, WHITE, unit))
-        rows[WALK][PAIR] = digits(in_customary(walk(channels, "", target).value, WALK, unit)) + ASSUMED * any(
-            assumed.values()
-        )
-    if FADING in files:
-        for channel in channels:
-            column = f"{FADING} {channel.axis.rpartition('_')[2]}"
-            one = equivalent_noise(channel, memory=target.memory, fading_time=time)
-            rows[WHITE][column] = digits(in_customary(one.white_density, WHITE, unit))
-            rows["level"][column] = (
-                digits(in_customary(one.bias, "level", unit)) + ASSUMED * assumed[channel.axis]
-            )
-    labels = {name: _label(sensor, name, unit) for name in (WHITE, WALK)}
-    labels["level"] = f"{sensor} bias sd, {pretty(customary_unit('level', unit))}, T {digits(time)} s"
-    return [Row(labels[name], cells) for name, cells in rows.items() if cells]
 
 
 def _label(sensor: str, name: str, unit: str) -> str:
@@ -268,6 +298,7 @@ def _cell(one: Coefficient, name: str, unit: str) -> str:
     text = with_interval(value, low, high, between="–").replace(" ± ", " ±")
     if len(text) <= WIDEST_CELL:
         return text
-    if "±" in text:
-        return f"{digits(value)} ±{digits(0.5 * (high - low), 1)}"
-    return f"{digits(value)} ({digits(low)}–{digits(high)})"
+    side = max(high - value, value - low)
+    if side < NARROW_INTERVAL * value:
+        return f"{digits(value, 4)} ±{digits(side, 1)}"
+    return f"{digits(value)} ({digits(low, 2)}–{digits(high, 2)})"

@@ -354,13 +354,28 @@ VIEWS: dict[type, View] = {
         fleet_tables,
     ),
     AllanCurve: View(
-        curve_frame, ("axis", "tau"), statistic_tables, curve_figure, CURVE_CAPTION, curve_answer
+        curve_frame,
+        ("axis", "tau"),
+        statistic_tables,
+        curve_figure,
+        CURVE_CAPTION,
+        lambda c: curve_answer([c], c.axes),
     ),
     Spectrum: View(
-        curve_frame, ("axis", "frequency"), statistic_tables, curve_figure, CURVE_CAPTION, curve_answer
+        curve_frame,
+        ("axis", "frequency"),
+        statistic_tables,
+        curve_figure,
+        CURVE_CAPTION,
+        lambda c: curve_answer([c], c.axes),
     ),
     Correlogram: View(
-        curve_frame, ("axis", "lag"), statistic_tables, curve_figure, CURVE_CAPTION, curve_answer
+        curve_frame,
+        ("axis", "lag"),
+        statistic_tables,
+        curve_figure,
+        CURVE_CAPTION,
+        lambda c: curve_answer([c], c.axes),
     ),
 }
 """Every type of result, with how it is shown."""

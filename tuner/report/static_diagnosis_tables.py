@@ -130,7 +130,7 @@ def hidden_effect_lines(judged: Sequence[Mapping[str, Any]]) -> list[str]:
         verdict = "found" if one["found"] else "not found"
         if not one["found"] and one["named"]:
             verdict = f"detected, but named as {', '.join(one['named'])}"
-        lines.append(f"  hidden in this simulated log (see key.json): {where}: {verdict}")
+        lines.append(f"{where} is hidden in it: {verdict}")
     return lines
 
 

@@ -21,7 +21,7 @@ from tuner.report.document import Document, document
 from tuner.report.drive_answer import choice_lines, found_text
 from tuner.report.groups_in_words import FindingsInWords, findings_in_words
 from tuner.report.identification_answer import warning_lines
-from tuner.report.noise_table import entries_table, legend, measured_table, more_white_noise
+from tuner.report.noise_table import entries_tables, legend, measured_table, more_white_noise
 from tuner.report.static_diagnosis_tables import hidden_effect_lines, unexplained_lines
 from tuner.report.terminal import LINE_WIDTH
 from tuner.synthesis.findings import judge_hidden
@@ -75,7 +75,6 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
         legend(*noise),
         "" if result.choice else larger,
         *([] if result.choice is None else choice_lines(result.choice)),
-        *hidden_lines(result),
     ]
     remarks = [
         *(found[:SHOWN_FINDINGS] or nothing * (examined and not idle and not doubted)),
@@ -93,10 +92,12 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
 
 def noise_tables(result: TuneResult, files: Iterable[str]) -> list[Table]:
     """Return the measured noise, and what to enter where these files are written."""
-    entries = entries_table(result.config, files)
+    entered = entries_tables(result.config, files)
     curve = curve_axes(result.predictions)
-    measured = measured_table(result.identification, result.config, curve, further=entries is None)
-    return [measured] if entries is None else [measured, entries]
+    return [
+        measured_table(result.identification, result.config, curve, further=not entered),
+        *entered,
+    ]
 
 
 def _idle_text(count: int) -> str:
@@ -192,7 +193,7 @@ def recording_line(result: TuneResult) -> str:
     assumed = assumptions(result)
     units = assumed_text(assumed) or "units stated, none assumed"
     if result.key is not None:
-        units = "simulated in SI units"
+        units = "; ".join(hidden_lines(result)) or "simulated"
     return "; ".join([", ".join([result.name, *lengths]), *([units] if result.records else [])])
 
 
@@ -227,7 +228,7 @@ def found_lines(result: TuneResult) -> tuple[list[str], int, str]:
     first += found.felt
     if result.drive is not None:
         of_drive = result.drive.diagnosis
-        first += [found_text(one) for one in of_drive.findings]
+        first += [f"{found_text(one)} → {one.consequence}" for one in of_drive.findings]
     return [*first, *found.faults], idle, found.doubted
 
 
@@ -243,7 +244,7 @@ def _file_lines(result: TuneResult, directory: Path | None) -> list[str]:
     files = ", ".join([*result.exports, "report.html"])
     if NOISE_YAML not in result.exports:
         return [f"Files in {path}{how}: {files}"]
-    return [f"Files in {path}{how}: {files}; others: tuner export {path / NOISE_YAML} --to NAME"]
+    return [f"Files in {path}{how}: {files}", f"Other filters: tuner export {path / NOISE_YAML} --to NAME"]
 
 
 def _absent_lines(result: TuneResult) -> list[str]:
@@ -259,5 +260,4 @@ def hidden_lines(result: TuneResult) -> list[str]:
     """Return what was hidden in a simulated log and whether it was found."""
     if result.key is None or result.diagnosis is None:
         return []
-    lines = (line.strip() for line in hidden_effect_lines(judge_hidden(result.key, result.diagnosis)))
-    return [f"{line[:1].upper()}{line[1:]}" for line in lines]
+    return hidden_effect_lines(judge_hidden(result.key, result.diagnosis))

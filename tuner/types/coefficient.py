@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 
 from tuner.limits import WIDEST_INTERVAL
 
+TOO_SHORT = "record too short"
+"""How the reason begins why there is only a bound, where a longer record would show the number."""
 LEVEL = 0.95
 """Level of every interval and limit that does not say otherwise."""
 
@@ -59,3 +62,9 @@ class Coefficient:
     def bounded(cls, upper: float, unit: str, reason: str) -> Coefficient:
         """Make an upper limit with its reason."""
         return cls(None, None, upper, unit, reason)
+
+
+def hours_needed(reason: str | None) -> float | None:
+    """Return how long a record shows half of a bound, h, by the reason why there is only one; None where none does."""
+    found = re.search(rf"{TOO_SHORT}: (\S+) hours", reason or "")
+    return float(found[1]) if found else None

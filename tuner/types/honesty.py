@@ -30,8 +30,8 @@ TAIL_PROBABILITY = 0.0005
 """Chance on either side that one score of a right filter lies outside its band: 99.7 % for three scores together."""
 NAMES = {
     "nees": "all states",
-    "nis_position": "distance to the fixes",
-    "nis_velocity": "distance to the velocities of the receiver",
+    "nis_position": "position innovations",
+    "nis_velocity": "velocity innovations",
     "nis": "innovations",
 }
 """What scores are of, where their names do not say it."""
@@ -49,9 +49,10 @@ def honesty(found: Consistency) -> Judgement:
         for one in scores
     }
     off = sorted(filter(is_off, scores), key=lambda one: -abs(math.log(max(one.ratio, 1e-9))))
+    what = "error" if found.has_truth else "distance"
     kinds = {Use.OPTIMISTIC: "more", Use.PESSIMISTIC: "less"}
     reasons = [
-        Reason(use, f"errs {kinds[use]} than predicted: true ÷ predicted {', '.join(texts)}")
+        Reason(use, f"errs {kinds[use]} than predicted, {what} ÷ predicted: {', '.join(texts)}")
         for use in kinds
         if (texts := [said[one.name] for one in off if (one.ratio > 1.0) == (use is Use.OPTIMISTIC)])
     ]
@@ -63,15 +64,22 @@ def honesty(found: Consistency) -> Judgement:
         return judged(Use.HONEST, reasons)
     sure = [one for one in scores if shows_dishonesty(one)]
     weak = [one for one in scores if one not in sure]
-    lacking = (
-        f"{', '.join(said[one.name] for one in weak)}{need_text(weak)}"
-        if weak
-        else "no error can be compared with its sd"
-    )
+    names = ", ".join(claim_name(one, has_truth=found.has_truth) for one in weak)
+    lacking = f"{names}{need_text(weak)}" if weak else "no error can be compared with its sd"
     if not sure:
         return Judgement(Use.TOO_SHORT, (lacking,))
-    right = f"true ÷ predicted {', '.join(said[one.name] for one in sure)}"
-    return Judgement(Use.HONEST, (right, *([f"too short to judge: {lacking}"] if weak else [])))
+    return Judgement(
+        Use.HONEST, (_right_text(found, sure), *([f"too short to judge: {lacking}"] if weak else []))
+    )
+
+
+def _right_text(found: Consistency, sure: Sequence[Score]) -> str:
+    """Return between what the scores of an honest filter lie, and up to what time without fixes."""
+    ratios = [one.ratio for one in sure]
+    between = " to ".join(dict.fromkeys(digits(one) for one in (min(ratios), max(ratios))))
+    longest = max((one.seconds for one in found.outages if one.score in sure), default=0.0)
+    unaided = f", up to {longest:g} s without fixes" if longest else ""
+    return f"{'errors' if found.has_truth else 'distances to the fixes'} {between} × predicted{unaided}"
 
 
 def claims(found: Consistency) -> Iterator[Score]:
@@ -140,8 +148,6 @@ def claim_name(score: Score, *, has_truth: bool) -> str:
     if score.name.startswith("outage "):
         time = score.name.removeprefix("outage ")
         return (
-            f"position after {time} without fixes"
-            if has_truth
-            else f"distance to the fix withheld for {time}"
+            f"position after {time} without fixes" if has_truth else f"distance to fixes withheld for {time}"
         )
     return NAMES.get(score.name, score.name.replace("_", " "))

@@ -50,7 +50,7 @@ def test_findings_are_ranked_by_the_drift_that_they_cause():
     assert [line.split()[0] for line in told.felt] == ["Warmup", "Step"]
     assert set(told.idle) == {"lowpass in gyro x", "heavy tails in gyro x", "clipping in accel y"}
     assert (
-        "position error of one axis without fixes after 60 s 5.0 m, 1.0 m without it; changes bias states"
+        "without fixes one axis drifts 5.0 m in 60 s, 1.0 m without this; changes the bias states"
         in told.felt[0]
     )
 
@@ -73,8 +73,8 @@ def test_a_finding_is_worth_the_white_noise_that_it_makes():
     assert finding_groups([elsewhere])[0].worth == 0.0  # one of the sums has its white noise in another term
     assert list(groups) == ["gyro_x", "accel_x", "gyro_y"]
     said = group_in_words(groups["gyro_y"])
-    assert said.startswith("Burst in gyro y (")
-    assert ": white noise 1.06 × that without it; no drift at rest" in said
+    assert said.startswith("Burst in gyro y: ")
+    assert ": white noise 1.06 × that without this; no drift at rest" in said
 
 
 def test_a_filter_that_takes_motion_away_comes_first():
@@ -153,7 +153,7 @@ def test_a_single_finding_has_its_figures():
     rate = Coefficient.known(2e-4, 1.8e-4, 2.2e-4, "rad/s")
     one = replace(finding("line", "gyro_x"), parameters={"amplitude": rate})
     (line,) = findings_in_words([one], None).felt
-    assert line.startswith("Line in gyro x (amplitude 41.3 ± 4.1 deg/h)")  # 2e-4 rad/s · 3600 · 180/π
+    assert line.endswith("(amplitude 41.3 ± 4.1 deg/h)")  # 2e-4 rad/s · 3600 · 180/π
 
 
 def test_a_step_that_was_found_is_worth_the_drift_it_causes():

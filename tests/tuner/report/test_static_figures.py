@@ -132,7 +132,7 @@ def test_what_was_hidden_is_judged_in_words():
         hidden_effect_lines([{**line, "found": found, "named": named}])[0]
         for found, named in ((True, ["line"]), (False, ["vibration"]), (False, []))
     ]
-    assert words[0].endswith("line in gyro x: found")
+    assert words[0].endswith("line in gyro x is hidden in it: found")
     assert words[1].endswith("detected, but named as vibration")
     assert words[2].endswith("not found")
 

@@ -22,7 +22,7 @@ from tuner.report.document import document
 from tuner.report.drive_answer import choice_lines, found_text
 from tuner.report.noise_table import (
     LEGEND,
-    entries_table,
+    entries_tables,
     legend,
     measured_table,
     more_white_noise,
@@ -75,7 +75,8 @@ def test_the_answer_fits_a_terminal_and_leaves_nothing_out(result, width):
     assert lines[1].startswith("Verdict: usable")
     for said in (
         "gyro white noise, deg/√h",
-        "Files in out: noise.yaml, report.html; others:",
+        "Files in out: noise.yaml, report.html",
+        "Other filters: tuner export out/noise.yaml --to NAME",
         "All tables: --verbose",
     ):
         assert said in "\n".join(lines)
@@ -93,28 +94,51 @@ def test_each_axis_has_its_measured_noise_with_its_interval(result):
 
 def test_axes_that_are_alike_in_everything_share_a_column():
     config = synthesize(found := identify_source("mpu9250"))
-    tables = measured_table(found), entries_table(config, ("kalibr.yaml", "kf-gins.yaml"))
-    heads = [[str(column.header).replace("\n", " ") for column in table.columns] for table in tables]
-    assert heads == [["", "stated, each axis"], ["", "to enter: kalibr.yaml", "kf-gins.yaml, each axis"]]
+    tables = measured_table(found), *entries_tables(config, ("kalibr.yaml", "kf-gins.yaml"))
+    heads = [[str(column.header) for column in table.columns] for table in tables]
+    assert heads[0] == ["", "stated, each axis"]
+    assert heads[1] == ["kalibr.yaml, to enter", "each axis", "that is"]
+    assert heads[2] == ["kf-gins.yaml, to enter", "each axis"]
 
 
 def test_what_is_entered_is_what_the_files_have():
-    """The gyroscope's numbers of both files, converted by hand: deg/√h and deg/h of rad/√s and rad/s."""
+    """Keys and numbers of both files; beside those of one the customary ones, converted by hand."""
     config = synthesize(identify_source("mpu9250"))
     other = replace(config.channels["gyro_y"], white_density=2.0 * config.channels["gyro_y"].white_density)
     config = replace(config, channels={**config.channels, "gyro_y": other})
-    table = entries_table(config, ("kalibr.yaml", "kf-gins.yaml"))
-    cells = {label: row for label, *row in zip(*(column.cells for column in table.columns), strict=True)}
+    pair, fading = (
+        {row[0]: row[1:] for row in zip(*(column.cells for column in table.columns), strict=True)}
+        for table in entries_tables(config, ("kalibr.yaml", "kf-gins.yaml"))
+    )
     kalibr = yaml.safe_load(export(config, "kalibr"))
-    white, walk = (cells[f"gyro {name}"][0] for name in ("white noise, deg/√h", "bias random walk, deg/h/√h"))
-    assert float(white) == pytest.approx(np.rad2deg(kalibr["gyroscope_noise_density"]) * 60.0, rel=0.005)
-    assert float(walk) == pytest.approx(np.rad2deg(kalibr["gyroscope_random_walk"]) * 216000.0, rel=0.005)
+    for key, (value, customary) in pair.items():
+        assert float(value.split()[0]) == pytest.approx(kalibr[key], rel=0.0005)
+        if key == "gyroscope_random_walk":
+            assert float(customary.split()[0]) == pytest.approx(np.rad2deg(kalibr[key]) * 216000.0, rel=0.005)
     noise = yaml.safe_load(export(config, "kf-gins"))["imunoise"]
-    fading = [float(cell) for cell in cells["gyro white noise, deg/√h"][1:]]
-    assert fading == pytest.approx(noise["arw"], rel=0.005)
-    (label,) = (one for one in cells if one.startswith("gyro bias sd, deg/h, T "))
-    assert [float(cell) for cell in cells[label][1:]] == pytest.approx(noise["gbstd"], rel=0.005)
-    assert float(label.split()[-2]) == pytest.approx(3600.0 * noise["corrtime"], rel=0.005)
+    for name, cells in fading.items():
+        key, _, unit = name.partition(", ")
+        assert unit in ("deg/√h", "deg/h", "m/s/√h", "mGal", "h")
+        written = np.atleast_1d(noise[key])
+        assert [float(cell.split()[0]) for cell in cells if cell] == pytest.approx(written, rel=0.0005)
+
+
+@pytest.mark.parametrize("limited", [(), ("gyro_y",), AXES])
+def test_a_number_that_is_half_of_a_limit_is_marked_where_it_stands(result, limited):
+    """One mark stood for half of a limit, for values of another sensor and for those of the curve."""
+    known, bound = Coefficient.known(1e-6, 9e-7, 1.1e-6, ""), Coefficient.bounded(2e-6, "", "short")
+    walk, walk_limit = (TermEstimate("random_walk", {"density": one}) for one in (known, bound))
+    channels = {
+        axis: replace(one, identified=(walk_limit if axis in limited else walk,), markov=())
+        for axis, one in result.config.channels.items()
+    }
+    config = replace(result.config, channels=channels)
+    pair, fading = entries_tables(config, ("kalibr.yaml", "kf-gins.yaml"))
+    walk = str(list(pair.columns[2].cells)[1])
+    assert walk.endswith({0: "√h", 1: "half y", 3: "half"}[len(limited)])
+    sds = [str(list(column.cells)[1]) for column in fading.columns[1:]]
+    assert [sd.endswith("half") for sd in sds] == [axis in limited for axis in AXES][: len(sds)]
+    assert ("half: ASSUMED" in legend(pair, fading)) == bool(limited)
 
 
 def test_of_many_findings_the_five_of_most_effect_stand_on_the_screen(result):
@@ -130,9 +154,11 @@ def test_of_many_findings_the_five_of_most_effect_stand_on_the_screen(result):
     text = "\n".join(lines)
     assert len(lines) <= SCREEN_LINES
     text = " ".join(text.split())
-    assert text.count("1.0 m without it") == SHOWN_FINDINGS
-    assert text.index("60 s 15 m") < text.index("60 s 14 m") < text.index("60 s 11 m")  # by their effect
-    assert "60 s 10 m" not in text
+    assert text.count("1.0 m without this") == SHOWN_FINDINGS
+    assert (
+        text.index("15 m in 60 s") < text.index("14 m in 60 s") < text.index("11 m in 60 s")
+    )  # by their effect
+    assert "10 m in 60 s" not in text
     assert "1 more finding on the page" in text
     assert "1 finding on the page changes no setting by 5 % or more" in text
     lost = "motion faster than 0.22 Hz is lost, delay at least 0.7 s: record it unfiltered"
@@ -168,7 +194,7 @@ def test_white_noise_that_a_fast_state_carries_is_said(result, time, said):
         for axis, one in result.config.channels.items()
     }
     text = more_white_noise(replace(result.config, channels=channels), ("kalibr.yaml",))
-    assert text.startswith("More white noise is entered than measured") == said
+    assert text.startswith("White noise exceeds the measured") == said
     assert more_white_noise(replace(result.config, channels=channels), ()) == ""
 
 
@@ -184,7 +210,7 @@ def test_a_filter_named_shows_its_own_keys(result):
 
 def test_the_finding_that_moves_the_position_most_stands_first(result):
     text = " ".join("\n".join(answer_lines(result, Path("out"))).split())
-    assert "position error of one axis without fixes after 60 s 31 m, 12 m without it" in text
+    assert "without fixes one axis drifts 31 m in 60 s, 12 m without this" in text
     assert "Line in gyro" not in text  # a line changes no setting: it is on the page
     assert "1 finding on the page changes no setting" in text
 
@@ -195,15 +221,18 @@ def test_states_of_a_configuration_stand_with_their_times_and_what_rests_on_a_li
     assert [row[0] for row in rows] == ["gyro x", "gyro y", "gyro z"]
     for (_, white, states, walk, _), channel in zip(rows, result.config.channels.values(), strict=True):
         assert float(white) == pytest.approx(np.rad2deg(channel.white_density) * 60.0, rel=0.005)
-        assert walk.endswith("*") == channel.walk_rests_on_limit
-        assert states.count("*") == len(channel.markov) * channel.states_rest_on_limit or " at " in states
+        assert walk.endswith("half") == channel.walk_rests_on_limit
+        assert states.count("half") == len(channel.markov) * channel.states_rest_on_limit or " at " in states
 
 
 def test_signs_are_explained_where_they_stand(result):
-    tables = measured_table(result.identification), entries_table(result.config, ("kalibr.yaml",))
-    cells = "".join(str(cell) for table in tables for column in table.columns[1:] for cell in column.cells)
+    tables = measured_table(result.identification), *entries_tables(result.config, ("kalibr.yaml",))
+    cells = [str(cell) for table in tables for column in table.columns[1:] for cell in column.cells]
     for sign, text in LEGEND.items():
-        assert (text in legend(*tables)) == (sign in cells)
+        stands = (
+            sign in cells if sign == "–" else any(sign in cell for cell in cells)
+        )  # as a dash it parts an interval
+        assert (text in legend(*tables)) == stands
 
 
 def test_axes_in_few_words():

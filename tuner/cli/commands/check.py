@@ -69,6 +69,8 @@ def command(
     from tuner import check
     from tuner.catalogue.grades import DEFAULT_RECEIVER
     from tuner.catalogue.trajectories import load_trajectory
+    from tuner.formats.customary_units import digits
+    from tuner.report.answer_layout import span_text
     from tuner.report.claims import lawful
     from tuner.report.consistency_answer import consistency_answer
     from tuner.report.consistency_tables import check_tables
@@ -100,5 +102,17 @@ def command(
         if verbose or budget:
             show(check_tables(found, budget=budget))
         else:
-            show(consistency_answer(found.consistency, found.notes))
+            sd = (
+                ""
+                if configured.gnss is None
+                else f", fixes of {digits(configured.gnss.position_sd[0], 2)} m (--gnss)"
+            )
+            about = (
+                f"{config} on {runs} simulated drives of {span_text(duration)} ({trajectory}){sd}; errors are drawn "
+                f"from {'its own noise: the log is not tested' if truth is None else truth}"
+            )
+            next_step = (
+                f"Next: tuner navigate DRIVE --config {config}" if found.consistency.honesty.good else ""
+            )
+            show(consistency_answer(found.consistency, found.notes, [next_step], about))
     return 1 if strict and not found.consistency.honesty.good else 0

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable, Mapping
 
 import click
 
 from tuner.cli.commands.inputs import assumed, load_records
-from tuner.cli.commands.options import Output, Reading, common, paged, reading
+from tuner.cli.commands.options import Output, Reading, common, paged, reading, verbose
 from tuner.cli.progress import Messages
 from tuner.stages import counted, stage
 from tuner.types.records import DataError
@@ -37,6 +38,7 @@ ESTIMATORS = (
 )
 @click.option("--tau", metavar="LIST", help="Cluster times, s, separated by commas; default log-spaced.")
 @reading
+@verbose
 @common
 @paged
 def command(
@@ -44,6 +46,7 @@ def command(
     estimator: str,
     tau: str | None,
     reading: Reading,
+    verbose: bool,
     seed: int,  # noqa: ARG001
     page: Callable[[str, Mapping[str, object]], None],
     output: Output,
@@ -52,7 +55,8 @@ def command(
     """Compute one empirical curve of a log with its intervals: raw, without preprocessing or bias correction."""
     from tuner.curves import empirical
     from tuner.formats.curves import curves_json
-    from tuner.report.curve_tables import statistic_tables
+    from tuner.readers.source_kind import source_name
+    from tuner.report.curve_tables import curve_answer, statistic_tables
     from tuner.report.terminal import show
 
     wanted = None if tau is None else _seconds(tau)
@@ -67,8 +71,11 @@ def command(
     page(f"{estimator} of {log}", {r.name: one for r, one in zip(records, found, strict=True)})
     if output.tables:
         show(assumed(records))
-        for one in found:
-            show(statistic_tables(one))
+        if verbose:
+            show([table for one in found for table in statistic_tables(one)])
+        else:
+            answer = curve_answer(found, [f"{estimator} of {source_name(log)}"])
+            show(answer.then(shlex.join(["tuner", "identify", log])))
 
 
 def _seconds(text: str) -> list[float]:

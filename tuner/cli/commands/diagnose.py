@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -81,6 +82,7 @@ def command(
     from tuner.formats.diagnosis import diagnosis_json
     from tuner.readers.source_kind import with_name
     from tuner.report.claims import lawful
+    from tuner.report.diagnosis_answer import diagnosis_answer
     from tuner.report.static_diagnosis_tables import diagnosis_tables
     from tuner.report.terminal import show
     from tuner.types import Diagnosis, DriveDiagnosis
@@ -95,11 +97,14 @@ def command(
     stage("diagnosing", 0.95)
     if isinstance(data, Drive):
         from tuner.diagnosis.drive.explained_drive import examine_drive_of  # a third of a second to load
+        from tuner.report.drive_diagnosis_tables import drive_diagnosis_answer, drive_tables
 
         examined = examine_drive_of(
             data, config, holdout=holdout, gnss=gnss, wheels=wheels, progress=messages.say
         )
         found, parts = examined.diagnosis, _drive_parts(examined)
+        answer, tables = drive_diagnosis_answer(found), drive_tables(found)
+        answer = answer.then(shlex.join(["tuner", "tune", "--drive", log]))
     else:
         static = diagnose(
             data,
@@ -113,29 +118,14 @@ def command(
         )
         assert isinstance(static, Diagnosis)
         found, parts = static, _parts(static, data)
+        answer = diagnosis_answer(found, data).then(shlex.join(["tuner", "tune", log]))
+        tables = [*answer.whole, *diagnosis_tables(found)]
     lawful(found)
     stage("writing", 1.0)
     output.write(diagnosis_json(found))
     page(f"Diagnosis of {with_name(Path(log)).name}", parts)
     if output.tables:
-        if not verbose:
-            if isinstance(found, DriveDiagnosis):
-                from tuner.report.drive_diagnosis_tables import drive_diagnosis_answer
-
-                show(drive_diagnosis_answer(found))
-            else:
-                from tuner.report.diagnosis_answer import diagnosis_answer
-
-                show(diagnosis_answer(found, () if isinstance(data, Drive) else data))
-        elif isinstance(found, DriveDiagnosis):
-            from tuner.report.drive_diagnosis_tables import drive_tables
-
-            show(drive_tables(found))
-        else:
-            from tuner.report.diagnosis_answer import diagnosis_answer
-
-            answer = diagnosis_answer(found, () if isinstance(data, Drive) else data)
-            show([*answer.whole, *diagnosis_tables(found)])
+        show(tables if verbose else answer)
     harmful = isinstance(found, DriveDiagnosis) and not found.credited
     return 1 if strict and (found.unexplained or harmful) else 0
 

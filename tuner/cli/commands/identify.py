@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -162,7 +163,8 @@ def command(
         if len(found) > 1:
             show(pooled_answer(pool(found), names))
         else:
-            show(identification_answer(names[0], found[0], *(settings[0] or ())))
+            answer = identification_answer(names[0], found[0], *(settings[0] or ()))
+            show(answer.then(shlex.join(["tuner", "tune", logs[0]])))
         return exit_status
     for name, one, written in zip(names, found, settings, strict=True):
         show([name, *identification_tables(one)])

@@ -108,6 +108,7 @@ def command(
     from tuner.navigation.drive.vehicle_constraints import Vehicle
     from tuner.readers.drive import read_drive, with_mounting
     from tuner.readers.source_kind import with_name
+    from tuner.report.answer_layout import span_text
     from tuner.report.claims import lawful
     from tuner.report.consistency_answer import consistency_answer
     from tuner.report.consistency_tables import consistency_tables
@@ -159,12 +160,16 @@ def command(
     )
     output.write(navigation_json(found, measured, notes=stated, seed=seed))
     if output.tables:
-        to_do = [] if found.consistency.honesty.good else [f"What to do: {advice}"]
+        to_do = [] if found.consistency.honesty.good else [f"Next: {advice}"]
         if directory is not None:
             to_do.append(f"Solution, tracks and figures: {directory}")
             notes = (attitude_text(measured), *found.notes)
         if verbose:
             show([*consistency_tables(found.consistency, notes), *to_do])
         else:
-            show(consistency_answer(found.consistency, notes, to_do))
+            length = span_text(float(measured.imu_t[-1] - measured.imu_t[0]))
+            against = "no reference: errors are unknown, distances are known"
+            against = against if measured.reference is None else "scored against its reference"
+            about = f"{measured.name}, {length}, with {config}; {against}"
+            show(consistency_answer(found.consistency, notes, to_do, about))
     return 1 if strict and not found.consistency.honesty.good else 0

@@ -28,6 +28,7 @@ from tuner.diagnosis.drive.causes.sensor_bias import CAUSE_CODE as SENSOR_BIAS
 from tuner.diagnosis.drive.fitted_noise_scales import consistent_with_one
 from tuner.diagnosis.drive.hypothesis import FilterRun
 from tuner.diagnosis.drive.posterior_check import UNKNOWN
+from tuner.formats.customary_units import amount
 from tuner.formats.parameter_words import parameter_words
 from tuner.navigation.drive.run import SETTLING_TIME
 from tuner.types import Alternative, Coefficient, DriveDiagnosis, Finding, Unexplained
@@ -83,7 +84,7 @@ def plausible(found: DriveDiagnosis, final: FilterRun) -> DriveDiagnosis:
     if not impossible:
         return found
     unknown = tuple(
-        Unexplained(f"unknown, fitted as {cause}: {why}", ("drive",), 0.0)
+        Unexplained(f"something that acts like {cause.replace('_', ' ')}: {why}", ("drive",), 0.0)
         for cause, why in impossible.items()
     )
     return replace(
@@ -165,7 +166,8 @@ def reasons(one: Finding, span: float) -> Iterator[str]:
         yield f"only {', '.join(parameter_words(one.parameters)[name] for name in one.doubted)}, at a bound"
     scaled = any(other.cause == "accel_scale" for other in one.alternatives)
     if one.cause == SENSOR_BIAS and one.value > MAX_BIAS and not scaled:
-        yield f"a bias of {one.value:.0f} prior sds"
+        sizes = (f"{said} {amount(one.figures[name])}" for name, said in parameter_words(one.figures).items())
+        yield f"a bias of {', '.join(sizes)}, up to {one.value:.0f} × its expected sd"
     if is_noise_scale(one.cause):
         ratio = max(_ratios(one.parameters).values(), default=0.0)
         if ratio > MAX_RATIO:
