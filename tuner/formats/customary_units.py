@@ -30,6 +30,7 @@ _UNIT_SIZES = {
     "rad/s": ((DEG_PER_HOUR, "deg/h"), (DEG_PER_SECOND, "deg/s")),
     "m/s^2": ((MICRO_G, "µg"), (MILLI_G, "mg"), (G, "g")),
     "rad": ((DEG, "deg"),),
+    "relative": ((0.01, "%"),),
 }
 """Customary units of each SI unit with their sizes, the smallest first."""
 _DENSITY_UNITS = {
@@ -140,18 +141,9 @@ def with_interval(value: float, low: float, high: float, *, between: str = " …
 
 
 def phrase(coefficient: Coefficient, quantity: str, unit: str, *, with_unit: bool = True) -> str:
-    """Say a coefficient in words: ``0.1520 (0.1504 … 0.1536) deg/√h``, ``< 1.2 deg/h``."""
+    """Say a coefficient in words: ``0.1520 ± 0.0016 deg/√h``, ``< 1.2 deg/h``."""
     name = f" {pretty(customary_unit(quantity, unit))}" if with_unit else ""
-    if coefficient.value is not None:
-        value = in_customary(coefficient.value, quantity, unit)
-        if coefficient.interval is None:
-            return digits(value) + name
-        low, high = (in_customary(x, quantity, unit) for x in coefficient.interval)
-        half = 0.5 * (high - low)
-        return f"{digits_to(value, half)} ({digits_to(low, half)} … {digits_to(high, half)}){name}"
-    if coefficient.upper is not None:
-        return f"< {digits(in_customary(coefficient.upper, quantity, unit))}{name}"
-    return "–"
+    return _said(coefficient, 1.0 / in_customary(1.0, quantity, unit), name, "<", 3)
 
 
 def amount(coefficient: Coefficient) -> str:
@@ -159,13 +151,17 @@ def amount(coefficient: Coefficient) -> str:
     number = coefficient.upper if coefficient.value is None else coefficient.value
     if number is None:
         return "–"
-    size, unit = _unit_for(coefficient.unit, number)
-    if coefficient.value is None:
-        return f"below {digits(number / size)}{unit}"
-    if coefficient.interval is None or coefficient.interval[0] == coefficient.interval[1]:
-        return f"{digits(number / size, EXACT_DIGITS)}{unit}"
-    low, high = (end / size for end in coefficient.interval)
-    return with_interval(number / size, low, high) + unit
+    return _said(coefficient, *_unit_for(coefficient.unit, number), "below", EXACT_DIGITS)
+
+
+def _said(c: Coefficient, size: float, unit: str, below: str, exact: int) -> str:
+    """Say a coefficient in a unit of that size: with its interval, its limit, or to `exact` digits without either."""
+    if c.value is None:
+        return "–" if c.upper is None else f"{below} {digits(c.upper / size)}{unit}"
+    if c.interval is None or c.interval[0] == c.interval[1]:
+        return f"{digits(c.value / size, exact)}{unit}"
+    low, high = (end / size for end in c.interval)
+    return with_interval(c.value / size, low, high) + unit
 
 
 def _unit_for(unit: str, number: float) -> tuple[float, str]:

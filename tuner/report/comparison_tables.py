@@ -21,11 +21,10 @@ from tuner.formats.customary_units import (
 from tuner.identification.comparison import LimitCheck
 from tuner.identification.record_length import PlannedParameter
 from tuner.identification.static_test_plan import StaticTestPlan
-from tuner.report.agreeing_rows import joined_rows
 from tuner.report.identification_answer import terms_table, warning_lines
 from tuner.report.noise_table import NAMES
 from tuner.report.terminal import LINE_WIDTH
-from tuner.report.terms_rows import channel_row
+from tuner.report.terms_rows import channel_row, joined_rows
 from tuner.types import FilterConfig, Identification
 
 NEAREST_GRADES = 3

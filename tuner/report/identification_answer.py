@@ -13,13 +13,12 @@ from tuner.formats.customary_units import customary_unit, digits, pretty, symbol
 from tuner.identification.identify import BY_DIAGNOSIS
 from tuner.identification.identify_channel import CURVE_DISAGREES
 from tuner.judgement import curve_axes, judge_noise
-from tuner.report.agreeing_rows import joined_rows
 from tuner.report.alike_sentences import alike_sentences
 from tuner.report.answer_layout import assumed_text, span_text, used_part
 from tuner.report.document import Document, document
 from tuner.report.noise_table import NAMES, legend, measured_table
 from tuner.report.terminal import LINE_WIDTH
-from tuner.report.terms_rows import MAIN_TERMS, TermsRow, single_row
+from tuner.report.terms_rows import MAIN_TERMS, TermsRow, joined_rows, single_row
 from tuner.types import Coefficient, FilterConfig, Identification, PooledChannel
 from tuner.types.coefficient import TOO_SHORT, hours_needed
 from tuner.types.prediction import PredictedBlock
@@ -99,9 +98,9 @@ def _pooled_row(pooled: PooledChannel) -> TermsRow:
     """Return the pooled coefficients of an axis as a row; the values of all logs where they give no interval."""
     row = single_row(pooled.axis, pooled.unit, [(c.name, c.value) for c in pooled.coefficients])
     every = {
-        (c.name, 0): tuple(Coefficient(v, None, None, c.value.unit) for v in c.values if v is not None)
+        c.name: tuple(Coefficient(v, None, None, c.value.unit) for v in c.values if v is not None)
         for c in pooled.coefficients
-        if c.value.value is not None and c.value.interval is None
+        if c.name in row.coefficients and c.value.value is not None and c.value.interval is None
     }
     return replace(row, coefficients={**row.coefficients, **every})
 

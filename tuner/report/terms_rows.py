@@ -1,22 +1,20 @@
-"""Noise coefficients in few rows: axes that agree within their intervals share one; customary units."""
+"""What a filter is set from in few rows: axes that agree within their intervals share one; customary units."""
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import inf
 from statistics import fmean
 
-from tuner.formats.customary_units import customary_unit, digits, in_customary, pretty, symbol, with_interval
+from tuner.formats.customary_units import digits, in_customary, with_interval
+from tuner.report.coefficient_text import coefficients_of
 from tuner.types import ChannelIdentification, Coefficient
 
 MAIN_TERMS = ("white.density", "bias_instability.level", "random_walk.density")
-"""Coefficients with a column of their own: what a filter is set from."""
+"""Coefficients of a row."""
 SHOWN_DIGITS = (3, 4, 5, 6)
 """Of a range: the fewest that tell its ends apart."""
-Key = tuple[str, int]
-"""Name of a coefficient, such as ``white.density``, and which of several of that name."""
 
 
 @dataclass(frozen=True)
@@ -29,40 +27,26 @@ class TermsRow:
         Channels.
     unit : str
         SI unit of their samples.
-    coefficients : mapping of (str, int) to tuple of Coefficient
-        By name, one an axis.
+    coefficients : mapping of str to tuple of Coefficient
+        By name, of `MAIN_TERMS`, one an axis.
     """
 
     axes: tuple[str, ...]
     unit: str
-    coefficients: Mapping[Key, tuple[Coefficient, ...]]
+    coefficients: Mapping[str, tuple[Coefficient, ...]]
 
-    def cell(self, name: str, which: int = 0) -> str:
+    def cell(self, name: str) -> str:
         """Return a coefficient in its customary unit: mean with the interval over all axes, or the limit."""
-        found = self.coefficients.get((name, which), ())
+        found = self.coefficients.get(name, ())
         values = [in_customary(c.value, name, self.unit) for c in found if c.value is not None]
         limits = [in_customary(c.upper, name, self.unit) for c in found if c.upper is not None]
+        ends = [in_customary(end, name, self.unit) for c in found for end in c.interval or ()]
         if not values:
             return f"< {digits(max(limits))}" if limits else "–"
-        value = fmean(values)
-        ends = [in_customary(end, name, self.unit) for c in found for end in c.interval or ()]
-        if not ends:
-            for count in SHOWN_DIGITS:
-                low, high = digits(min(values), count), digits(max(values), count)
-                if low != high:
-                    return f"{low} to {high}"
-            return digits(value)
-        return with_interval(value, min(ends), max(ends))
-
-    @property
-    def further(self) -> str:
-        """The coefficients without a column that the data contain, with their units."""
-        parts = [
-            f"{symbol(name)} {self.cell(name, which)} {pretty(customary_unit(name, self.unit))}".strip()
-            for (name, which), found in self.coefficients.items()
-            if name not in MAIN_TERMS and any(c.value is not None for c in found)
-        ]
-        return ", ".join(parts)
+        if ends:
+            return with_interval(fmean(values), min(ends), max(ends))
+        ranges = ([digits(end, count) for end in (min(values), max(values))] for count in SHOWN_DIGITS)
+        return next((f"{low} to {high}" for low, high in ranges if low != high), digits(values[0]))
 
     def agrees(self, other: TermsRow) -> bool:
         """Whether all numbers of both may be the same."""
@@ -70,32 +54,42 @@ class TermsRow:
             return False
         return all(
             _agree(a, b)
-            for key, own in self.coefficients.items()
+            for name, own in self.coefficients.items()
             for a in own
-            for b in other.coefficients[key]
+            for b in other.coefficients[name]
         )
-
-    def joined(self, other: TermsRow) -> TermsRow:
-        """Return the row of the axes of both."""
-        both = {key: own + other.coefficients[key] for key, own in self.coefficients.items()}
-        return TermsRow(self.axes + other.axes, self.unit, both)
 
 
 def channel_row(channel: ChannelIdentification) -> TermsRow:
-    """Return the coefficients of one axis; what is only bounded and has no column is left out."""
-    named = [(f"{t.name}.{field}", c) for t in channel.terms for field, c in t.coefficients.items()]
-    return single_row(channel.axis, channel.unit, named)
+    """Return the coefficients of one axis."""
+    return single_row(
+        channel.axis, channel.unit, ((key[0], c) for key, c in coefficients_of(channel).items())
+    )
 
 
 def single_row(axis: str, unit: str, named: Iterable[tuple[str, Coefficient]]) -> TermsRow:
-    """Return named coefficients of one axis as a row."""
-    seen: Counter[str] = Counter()
-    found: dict[Key, tuple[Coefficient, ...]] = {}
-    for name, coefficient in named:
-        if name in MAIN_TERMS or coefficient.value is not None:
-            found[name, seen[name]] = (coefficient,)
-            seen[name] += 1
-    return TermsRow((axis,), unit, found)
+    """Return named coefficients of one axis as a row; those that have no column are left out."""
+    return TermsRow((axis,), unit, {name: (one,) for name, one in named if name in MAIN_TERMS})
+
+
+def joined_rows(singles: Iterable[TermsRow]) -> list[TermsRow]:
+    """Return rows of single axes with those that all agree with one another joined, in the order of the axes."""
+    groups: list[list[TermsRow]] = []
+    for single in singles:
+        alike = next((group for group in groups if all(single.agrees(one) for one in group)), None)
+        if alike is None:
+            groups.append([single])
+        else:
+            alike.append(single)
+    return [_joined(group) for group in groups]
+
+
+def _joined(rows: Sequence[TermsRow]) -> TermsRow:
+    """Return the row of the axes of all."""
+    coefficients = {
+        name: tuple(one for row in rows for one in row.coefficients[name]) for name in rows[0].coefficients
+    }
+    return TermsRow(tuple(axis for row in rows for axis in row.axes), rows[0].unit, coefficients)
 
 
 def _agree(a: Coefficient, b: Coefficient) -> bool:
@@ -110,6 +104,4 @@ def _ends(c: Coefficient) -> tuple[float, float]:
     """Return the interval; of a limit all below it, of a stated number itself."""
     if c.interval is not None:
         return c.interval
-    if c.value is not None:
-        return c.value, c.value
-    return 0.0, inf if c.upper is None else c.upper
+    return (0.0, inf if c.upper is None else c.upper) if c.value is None else (c.value, c.value)
