@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from tuner.formats.customary_units import amount
+from tuner.types import Coefficient
 from tuner.types.output_score import OutputCause
 
 _NAMES = {
@@ -16,6 +18,22 @@ _NAMES = {
     "gnss_frame": "frame of the positions",
     "mounting": "frame of the body",
 }
+_CHANGES = {
+    "gnss_noise_scale": "multiply the sds of {fixes} by {size:.3g} (R by {square:.3g})",
+    "imu_noise_scale": "multiply the noise densities{of_subject} by {size:.3g} (Q by {square:.3g})",
+    "noise_scale": "multiply all stated sds by {size:.3g}, or R and Q by {square:.3g}",
+    "correlated_gnss": "add states for errors of the positions of sd {size:.3g} m, or multiply their sds",
+    "time_constant": "multiply the time constants{of_subject} by {size:.3g}",
+    "missing_state": "add a state{of_subject} of sd {size:.3g} {unit}",
+    "time_offset": "shift the stamps of the fixes by {back:+.3g} s, or give the filter this delay",
+    "time_offset of the output": (
+        "shift the stamps of the output by {back:+.3g} s, or score with --align-time if the truth is late"
+    ),
+    "lever_arm": "add to the lever arm (forward, right, down): {parts} m",
+    "gnss_frame": "put fixes and truth into one frame: {parts}",
+    "mounting": "turn the body frame of the estimate: {parts} rad; --align-body takes a known difference out",
+}
+"""What to change, by the code of the cause."""
 MAX_ALTERNATIVES = 3
 """Alternatives that a sentence names: more make it unreadable."""
 
@@ -28,47 +46,22 @@ def cause_name(cause: OutputCause) -> str:
 
 def cause_text(cause: OutputCause) -> str:
     """Return a cause with its size, interval and what is not distinguished from it."""
-    low, high = cause.interval
-    unit = "" if cause.unit == "1" else f" {cause.unit}"
-    words = f"{cause_name(cause)}: {cause.size:.3g} ({low:.3g} … {high:.3g}){unit}"
+    size = amount(Coefficient.known(cause.size, *cause.interval, cause.unit))
     if cause.unit == "1":
-        words = f"{cause_name(cause)}: true sd {cause.size:.3g} ({low:.3g} … {high:.3g}) times the assumed"
-        if cause.cause == "time_constant":
-            words = words.replace("true sd", "true time").replace("assumed", "assumed one")
-    if cause.alternatives:
-        others = ", ".join(cause_name(other) for other in cause.alternatives[:MAX_ALTERNATIVES])
-        words += f"; not distinguished from it: {others}"
-    return words
+        size = f"true {'time' if cause.cause == 'time_constant' else 'sd'} {size} times the assumed"
+    others = ", ".join(cause_name(other) for other in cause.alternatives[:MAX_ALTERNATIVES])
+    return f"{cause_name(cause)}: {size}" + (f"; not distinguished from it: {others}" if others else "")
 
 
 def change_text(cause: OutputCause) -> str:
     """Return what to change and by how much."""
-    size = cause.size
-    parts = ", ".join(f"{name} {value:+.3g}" for name, (value, _, _) in cause.parameters.items())
-    subject = f" of {cause.subject}" if cause.subject else ""
-    match cause.cause:
-        case "gnss_noise_scale":
-            return f"multiply the sds of {cause.subject or 'the fixes'} by {size:.3g} (R by {size**2:.3g})"
-        case "imu_noise_scale":
-            return f"multiply the noise densities{subject} by {size:.3g} (Q by {size**2:.3g})"
-        case "noise_scale":
-            return f"multiply all stated sds by {size:.3g}, or R and Q by {size**2:.3g}"
-        case "correlated_gnss":
-            return f"add states for errors of the positions of sd {size:.3g} m, or multiply their sds"
-        case "time_constant":
-            return f"multiply the time constants{subject} by {size:.3g}"
-        case "missing_state":
-            return f"add a state{subject} of sd {size:.3g} {cause.unit}"
-        case "time_offset" if cause.subject.startswith("stamps"):
-            return f"shift the stamps of the output by {-size:+.3g} s, or score with --align-time if the truth is late"
-        case "time_offset":
-            return f"shift the stamps of the fixes by {-size:+.3g} s, or give the filter this delay"
-        case "lever_arm":
-            return f"add to the lever arm (forward, right, down): {parts} m"
-        case "gnss_frame":
-            return f"put fixes and truth into one frame: {parts}"
-        case "mounting":
-            return (
-                f"turn the body frame of the estimate: {parts} rad; --align-body takes a known difference out"
-            )
-    return ""
+    of_output = cause.cause == "time_offset" and cause.subject.startswith("stamps")
+    return _CHANGES.get("time_offset of the output" if of_output else cause.cause, "").format(
+        size=cause.size,
+        square=cause.size**2,
+        back=-cause.size,
+        unit=cause.unit,
+        of_subject=f" of {cause.subject}" if cause.subject else "",
+        fixes=cause.subject or "the fixes",
+        parts=", ".join(f"{name} {value:+.3g}" for name, (value, _, _) in cause.parameters.items()),
+    )

@@ -83,7 +83,7 @@ def write_output_score(
         lines = [line for cause in found.causes for line in (cause_text(cause), change_text(cause))]
         sections.append(("What explains it, and what to change", lines, []))
     if found.states and not found.consistency.diverged:
-        sections.append(("State by state", [states_table(found.states)], []))
+        sections.append(("State by state", states_table(found.states), []))
     verdict = consistency_verdict(found.consistency)
     title = printable(f"Score of {', '.join(Path(output.name).name for output in found.outputs[:3])}")
     files["report.html"] = write_sections_page(title, sections, command, verdict).encode()

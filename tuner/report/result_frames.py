@@ -10,6 +10,8 @@ from models.noise import RandomWalk
 from tuner.consistency.choose_grade import GradeChoice
 from tuner.consistency.compare_sensors import SensorComparison
 from tuner.identification.static_test_plan import StaticTestPlan
+from tuner.report.coefficient_text import LEVEL_NAMES, coefficients_of
+from tuner.report.consistency_tables import band_of
 from tuner.types import AllanCurve, Coefficient, Correlogram, FilterConfig, Identification, Spectrum
 from tuner.types.consistency import Consistency, Score
 from tuner.types.diagnosis import Finding
@@ -38,8 +40,8 @@ def identification_frame(found: Identification) -> pd.DataFrame:
         ({"axis": axis, "coefficient": name}, c)
         for axis, channel in found.channels.items()
         for name, c in (
-            *((f"{t.name}.{field}", c) for t in channel.terms for field, c in t.coefficients.items()),
-            *((level, getattr(channel, level)) for level in ("mean", "sigma_10s", "minimum", "floor")),
+            *((name, c) for (name, _), c in coefficients_of(channel).items()),
+            *((level, getattr(channel, level)) for level in LEVEL_NAMES),
         )
     )
 
@@ -102,10 +104,7 @@ def settings_frame(config: FilterConfig) -> pd.DataFrame:
 def consistency_frame(found: Consistency, states: Sequence[Score] = ()) -> pd.DataFrame:
     """Return true rms ÷ predicted sd of each score, with its band."""
     columns = ["score", "ratio", "low", "high", "consistent"]
-    rows = [
-        (s.name, s.ratio, *((limit / s.dof) ** 0.5 for limit in s.band), s.consistent)
-        for s in (*found.scores, *states)
-    ]
+    rows = [(s.name, s.ratio, *band_of(s), s.consistent) for s in (*found.scores, *states)]
     return pd.DataFrame(rows, columns=columns)
 
 

@@ -63,9 +63,7 @@ def test_a_range_has_as_many_digits_as_tell_its_ends_apart():
     """0.1716 to 0.1721 read 0.172, without a range."""
     values = tuple(Coefficient(to_si(n, "deg/√h"), None, None, "") for n in (0.17161, 0.17214))
     row = single_row("x", "rad/s", [("white.density", values[0])])
-    assert (
-        replace(row, coefficients={"white.density": values}).cell("white.density") == "0.1716 to 0.1721"
-    )
+    assert replace(row, coefficients={"white.density": values}).cell("white.density") == "0.1716 to 0.1721"
 
 
 def test_logs_that_agree_are_said_to(found):

@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tuner.report.consistency_tables import meanings
 from tuner.report.json.consistency import consistency_json, explanation_json
 from tuner.report.verdict_text import explanation_text, observability_text, verdict_text
 from tuner.types.consistency import Consistency, Observability, WeakDirection
@@ -190,19 +189,3 @@ def test_explanations_keep_their_names_in_json():
         "about 1 times (0.88 … 1.2) as strong",
     }
     assert explanation_json(LONG)["source"] == "time constants of the gyro bias noise"
-
-
-@pytest.mark.parametrize(
-    ("subjects", "safe"),
-    [
-        ((("nis_position", VerdictCode.PESSIMISTIC),), True),
-        ((("position", VerdictCode.OPTIMISTIC), ("nis_position", VerdictCode.PESSIMISTIC)), False),
-        ((("position", VerdictCode.OPTIMISTIC), ("velocity", VerdictCode.PESSIMISTIC)), False),
-    ],
-)
-def test_nothing_is_safe_beside_an_output_that_is_optimistic(subjects, safe):
-    """Beneath a position error of 19 × predicted, small innovations read "it errs less than it says; safe"."""
-    found = [Verdict(code, Severity.INCONSISTENT, name, {"ratio": 2.0}) for name, code in subjects]
-    text = " ".join(meanings(found))
-    assert ("safe" in text) is safe
-    assert ("fix to fix" in text) is (not safe and subjects[1][0] == "nis_position")
