@@ -26,3 +26,10 @@ def coefficients_of(channel: ChannelIdentification) -> dict[Key, Coefficient]:
             found[f"{term.name}.{field}", seen[term.name]] = coefficient
         seen[term.name] += 1
     return found
+
+
+def times(c: Coefficient, size: float, unit: str) -> Coefficient:
+    """Return a factor on a size of a unit as a number of that unit, with its interval or limit."""
+    low, high = c.interval or (None, None)
+    value, low, high, upper = (None if end is None else end * size for end in (c.value, low, high, c.upper))
+    return Coefficient(value, None if low is None or high is None else (low, high), upper, unit)

@@ -13,7 +13,7 @@ from tuner.report.alike_sentences import alike_sentences
 from tuner.report.answer_layout import assumed_text, span_text
 from tuner.report.document import Document, document
 from tuner.report.groups_in_words import findings_in_words
-from tuner.report.static_diagnosis_tables import unexplained_lines
+from tuner.report.unexplained_words import unexplained_lines
 from tuner.types import Diagnosis
 from tuner.types.records import Record
 

@@ -16,7 +16,8 @@ from tuner.report.finding_groups import (
 )
 from tuner.report.interactive_figure import Chart
 from tuner.report.page_parts import Picture, blocks, picture_size, shown
-from tuner.report.static_diagnosis_tables import diagnosis_tables, gain_text, unexplained_lines
+from tuner.report.static_diagnosis_tables import diagnosis_tables, gain_text
+from tuner.report.unexplained_words import unexplained_lines
 from tuner.tune_result import TuneResult
 from tuner.types import Finding
 

@@ -22,7 +22,6 @@ from tuner.report.allan_figure import allan_figure
 from tuner.report.calibration_text import calibration_lines
 from tuner.report.claims import lawful
 from tuner.report.consistency_tables import consistency_tables
-from tuner.report.diagnosis_answer import diagnosis_answer
 from tuner.report.figure_files import CHARTS, draw_all
 from tuner.report.html_page import write_page
 from tuner.report.identification_tables import identification_tables
@@ -145,11 +144,8 @@ def tune_sections(result: TuneResult) -> list[Section]:
     sections: list[Section] = []
     if result.diagnosis is not None:
         judged = [] if result.key is None else judge_hidden(result.key, result.diagnosis)
-        content = [*diagnosis_answer(result.diagnosis, result.records).whole]
-        content += diagnosis_tables(result.diagnosis)
-        content += hidden_effect_lines(judged)
-        if content:
-            sections.append(("Diagnosis: what a simulation of the noise gets wrong", content))
+        content = [*diagnosis_tables(result.diagnosis, result.records), *hidden_effect_lines(judged)]
+        sections.append(("Diagnosis: what a simulation of the noise gets wrong", content))
     if result.predictions:
         sections.append(("Does the configuration predict the record?", prediction_tables(result.predictions)))
     if result.calibration is not None:

@@ -36,7 +36,7 @@ from tuner.report.static_cause_panels import (
     unit_of,
     view_of,
 )
-from tuner.report.static_diagnosis_tables import unexplained_parts
+from tuner.report.unexplained_words import unexplained_parts
 from tuner.types import Diagnosis, Finding
 from tuner.types.records import Record
 

@@ -22,8 +22,9 @@ from tuner.report.drive_answer import choice_lines, found_text
 from tuner.report.groups_in_words import FindingsInWords, findings_in_words
 from tuner.report.identification_answer import warning_lines
 from tuner.report.noise_table import entries_tables, legend, measured_table, more_white_noise
-from tuner.report.static_diagnosis_tables import hidden_effect_lines, unexplained_lines
+from tuner.report.static_diagnosis_tables import hidden_effect_lines
 from tuner.report.terminal import LINE_WIDTH
+from tuner.report.unexplained_words import unexplained_lines
 from tuner.synthesis.findings import judge_hidden
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from tuner.diagnosis.static.spectrum.filters import MEAN_CUTOFFS
 from tuner.formats.parameter_words import parameter_words
 from tuner.report.finding_groups import comb_spacing, finding_groups
 from tuner.report.groups_in_words import findings_in_words, group_in_words
-from tuner.report.static_diagnosis_tables import unexplained_lines
+from tuner.report.unexplained_words import unexplained_lines
 from tuner.simulation.static import simulate
 from tuner.types import Coefficient, Finding, Gain, Unexplained
 

@@ -19,8 +19,9 @@ from tuner.report.allan_figure import allan_figure
 from tuner.report.diagnosed_axis import diagnosed_axis, signal_of
 from tuner.report.figure_files import draw_all, label_plainly, lay_out
 from tuner.report.static_diagnosis_figures import finding_figures
-from tuner.report.static_diagnosis_tables import diagnosis_tables, hidden_effect_lines, unexplained_lines
+from tuner.report.static_diagnosis_tables import diagnosis_tables, finding_tables, hidden_effect_lines
 from tuner.report.two_level_path import two_level_path
+from tuner.report.unexplained_words import unexplained_lines
 from tuner.simulation.static import simulate
 from tuner.types import Coefficient, Diagnosis, Finding, Gain, Unexplained
 
@@ -147,7 +148,7 @@ def test_what_channels_do_not_share_is_reported_of_each():
     assert line.channels == ("gyro_x", "gyro_y")
     assert set(line.of_each("amplitude")) == {"gyro_x", "gyro_y"}
     assert not line.of_each("frequency")
-    text, (cell,) = line.text, diagnosis_tables(found)[0].columns[2].cells
+    text, (cell,) = line.text, finding_tables(found.findings, "")[0].columns[2].cells
     assert text.count("in gyro_x") == 2
     assert text.count(" deg/h in gyro_y") == cell.count("deg/h in gyro_y") == 1
     assert cell.count("frequency") == 1
@@ -173,7 +174,7 @@ def test_an_interval_far_narrower_than_its_value_is_not_shown_empty():
         finding("line", EFFECTS["line"]),
         parameters={"frequency": Coefficient.known(20.0000004, 19.9999989, 20.0000019, "Hz")},
     )
-    ((cell,),) = [list(diagnosis_tables(Diagnosis((sharp,)))[0].columns[2].cells)]
+    ((cell,),) = [list(finding_tables([sharp], "")[0].columns[2].cells)]
     assert cell == "frequency 20.000000 ± 1.5e-06 Hz"
     assert digits_to(1.465e-4, 9.1e-6) == "0.000147"
 

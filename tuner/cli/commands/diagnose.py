@@ -119,7 +119,7 @@ def command(
         assert isinstance(static, Diagnosis)
         found, parts = static, _parts(static, data)
         answer = diagnosis_answer(found, data).then(shlex.join(["tuner", "tune", log]))
-        tables = [*answer.whole, *diagnosis_tables(found)]
+        tables = diagnosis_tables(found, data)
     lawful(found)
     stage("writing", 1.0)
     output.write(diagnosis_json(found))

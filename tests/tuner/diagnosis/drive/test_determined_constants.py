@@ -19,7 +19,7 @@ from tuner.diagnosis.drive.search import Accepted, SearchResult
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.navigation.determined import determined_by_halves
 from tuner.report.drive_diagnosis_tables import drive_diagnosis_answer, noise_lines
-from tuner.report.static_diagnosis_tables import findings_table
+from tuner.report.static_diagnosis_tables import finding_tables
 from tuner.types import (
     Coefficient,
     Compensation,
@@ -106,7 +106,7 @@ def test_figures_at_their_bound_or_too_wide_are_neither_shown_nor_written() -> N
     assert outcome.doubted(one) == ("position_horizontal", "velocity_horizontal_class_1")
     named = finding(one, cast(Drive, None), None, outcome.doubted(one))
     drive = DriveDiagnosis((named,), cast(FilterConfig, None), cast(FilterConfig, None))
-    cells = [str(list(column.cells)) for column in findings_table([named], "").columns]
+    cells = [str(list(column.cells)) for column in finding_tables([named], "")[0].columns]
     shown = "\n".join([named.text, str(drive_diagnosis_answer(drive)), *cells])
     assert "0.0027" not in shown
     assert "40" not in shown
