@@ -2,55 +2,71 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from rich.table import Table
 
 from tuner.external.noise_factors import NOISE_FACTORS
 from tuner.external.tune_external import ExternalTuning
+from tuner.formats.codec import dump
+from tuner.report.consistency_answer import OFF
+from tuner.report.consistency_tables import score_title
 from tuner.report.json.output_score import output_score_json
+from tuner.report.titled_table import titled_table
 from tuner.report.verdict_text import verdict_text
+
+ESTIMATES = ("untouched", "tuned")
+"""What a filter gives without the factors and with them."""
 
 
 def external_tables(result: ExternalTuning) -> list[Table | str]:
     """Return the factors with their intervals, and the scores beside those of the untouched settings."""
     found = result.found
-    factors = Table(title=f"factors on the settings, by {found.after.kind}, {found.runs} runs")
-    for name in ("setting", "factor", "95 %"):
-        factors.add_column(name, justify="left" if name == "setting" else "right")
+    factors = []
     for name in NOISE_FACTORS:
         interval = found.interval(name)
         words = "no effect on the output" if interval is None else f"{interval[0]:.3g} … {interval[1]:.3g}"
-        factors.add_row(name, f"{found.factors[name]:.3g}", words)
-    scores = Table(title="untouched and tuned")
-    for name in ("", "untouched", "tuned"):
-        scores.add_column(name, justify="left" if not name else "right")
-    scores.add_row("rest of the drive: true rms ÷ predicted sd", *(f"{ratio:.3f}" for ratio in result.ratios))
-    gain = f"{result.gain:+.3f} ± {2.0 * result.gain_sd:.3f}"
-    scores.add_row("rest of the drive: likelihood, nats an epoch", "0", gain)
-    if result.reference_gain is not None:
-        likelihood = f"{result.reference_gain:+.3f}"
-        scores.add_row("rest of the drive: likelihood of errors against its reference", "0", likelihood)
-    names = {s.name: None for one in result.scores for s in one.consistency.scores}
-    for name in names:
-        cells = [{s.name: s for s in one.consistency.scores}.get(name) for one in result.scores]
-        ratios = ["" if s is None else f"{s.ratio:.3f}{'' if s.consistent else ' *'}" for s in cells]
-        scores.add_row(f"{name.replace('_', ' ')}: true rms ÷ predicted sd", *ratios)
-    said = [
+        factors.append((name, f"{found.factors[name]:.3g}", words))
+    verdicts = (
         f"  {name}: {'; '.join(verdict_text(v) for v in one.consistency.verdicts)}"
-        for name, one in zip(("untouched", "tuned"), result.scores, strict=True)
+        for name, one in zip(ESTIMATES, result.scores, strict=True)
+    )
+    title = f"factors on the settings, by {found.after.kind}, {found.runs} runs"
+    return [
+        *titled_table(title, ("setting", "factor", "95 %"), factors),
+        *titled_table("untouched and tuned", ("", *ESTIMATES), _scores(result)),
+        "  * outside the band of a consistent filter",
+        *verdicts,
+        _kept_text(result),
     ]
+
+
+def _scores(result: ExternalTuning) -> Iterator[tuple[str, ...]]:
+    """Yield what the rest of the drive says of the factors, and every score of all of it, without and with them."""
+    yield "rest of the drive: true rms ÷ predicted sd", *(f"{ratio:.3f}" for ratio in result.ratios)
+    gain = f"{result.gain:+.3f} ± {2.0 * result.gain_sd:.3f}"
+    yield "rest of the drive: likelihood, nats an epoch", "0", gain
+    if result.reference_gain is not None:
+        against = "rest of the drive: likelihood of errors against its reference"
+        yield against, "0", f"{result.reference_gain:+.3f}"
+    ratios = [
+        {s.name: f"{s.ratio:.3f}{OFF * (not s.consistent)}" for s in one.consistency.scores}
+        for one in result.scores
+    ]
+    for name in dict.fromkeys(name for own in ratios for name in own):
+        yield f"{score_title(name)}: true rms ÷ predicted sd", *(own.get(name, "") for own in ratios)
+
+
+def _kept_text(result: ExternalTuning) -> str:
     if result.kept:
-        kept = "  kept: the rest of the drive is more likely with the factors"
-    elif result.gain > 0.0:
-        kept = (
+        return "  kept: the rest of the drive is more likely with the factors"
+    if result.gain > 0.0:
+        return (
             "  not kept: the fixes of the rest are more likely with the factors, errors against its reference less: "
             "errors of fixes that stay look like small ones; settings as they were"
         )
-    else:
-        kept = "  not kept: the rest of the drive is not more likely with the factors; settings as they were"
-    return [factors, scores, "  * outside the band of a consistent filter", *said, kept]
+    return "  not kept: the rest of the drive is not more likely with the factors; settings as they were"
 
 
 def external_json(result: ExternalTuning, *, source: Mapping[str, Any]) -> dict[str, Any]:
@@ -65,7 +81,7 @@ def external_json(result: ExternalTuning, *, source: Mapping[str, Any]) -> dict[
         "converged": found.converged,
         "kept": result.kept,
         "factors": {
-            name: {"value": found.factors[name], "interval": _pair(found.interval(name)), "unit": "1"}
+            name: {"value": found.factors[name], "interval": dump(found.interval(name)), "unit": "1"}
             for name in NOISE_FACTORS
         },
         "held_out": {
@@ -77,12 +93,8 @@ def external_json(result: ExternalTuning, *, source: Mapping[str, Any]) -> dict[
         },
         "scores": {
             name: output_score_json(one, source={"estimates": name})
-            for name, one in zip(("untouched", "tuned"), result.scores, strict=True)
+            for name, one in zip(ESTIMATES, result.scores, strict=True)
         },
         "text": result.text,
         "notes": list(result.notes),
     }
-
-
-def _pair(interval: tuple[float, float] | None) -> list[float] | None:
-    return None if interval is None else list(interval)

@@ -8,7 +8,7 @@ costs. Findings that make held-out data less likely are grouped by themselves. E
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import log
 
@@ -19,7 +19,8 @@ from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.formats.axis_words import axes_text
 from tuner.formats.customary_units import amount, digits
 from tuner.formats.parameter_words import parameter_words
-from tuner.types import Finding
+from tuner.report.grouping import grouped
+from tuner.types import Coefficient, Finding
 
 MIN_DRIFT_CHANGE = 1.01
 """Drift or white noise with ÷ without a cause from which it is reported; noise makes a hundred times what is below."""
@@ -38,6 +39,7 @@ SIMULTANEOUS_WITHIN = 5.0
 """Seconds between events that are one: longer than the edges of an event are uncertain, shorter than most bursts."""
 SAMPLES_AT_FAULT = "no entry: the samples themselves are at fault"
 """What a cause changes that no setting can make up for: spikes, motion, rails, stamps."""
+OSCILLATION = "no entry: an oscillation leaves no error that grows with time"
 LASTING = ("thermal", "attitude")
 """Causes without one effect of their own that are compensated, as those whose effect is a signal are."""
 
@@ -97,17 +99,9 @@ def finding_groups(findings: Sequence[Finding], span: float | None = None) -> tu
     span : float, optional
         Length of the log, s, for the share of events in it.
     """
-    left = list(findings)
-    groups: list[FindingGroup] = []
-    while left:
-        first = left.pop(0)
-        alike = [one for one in left if _belong_together(first, one)]
-        left = [one for one in left if one not in alike]
-        groups.append(_group((first, *alike), span))
-    clearest = {id(group): index for index, group in enumerate(groups)}
-    return tuple(
-        sorted(groups, key=lambda group: (not group.in_motion, -round(group.worth, 2), clearest[id(group)]))
-    )
+    together = grouped(findings, lambda group, one: _belong_together(group[0], one))
+    groups = [_group(tuple(group), span) for group in together]
+    return tuple(sorted(groups, key=lambda group: (not group.in_motion, -round(group.worth, 2))))
 
 
 def _in_motion(finding: Finding) -> str:
@@ -135,9 +129,9 @@ def _group(findings: tuple[Finding, ...], span: float | None) -> FindingGroup:
     causes = list(dict.fromkeys(finding.cause for finding in findings))
     axes = list(dict.fromkeys(axis for finding in findings for axis in finding.channels))
     largest = max(findings, key=lambda one: max((a - b for a, b in one.drift.values()), default=0.0))
-    names, count = " and ".join(causes), _count(findings, causes, span)
-    what = f"{names.replace('_', ' ')} in {axes_text(axes)}"
-    title, short = ": ".join([f"{what}{_figures(findings)}", *count]), ": ".join([what, *count])
+    what = f"{' and '.join(causes).replace('_', ' ')} in {axes_text(axes)}"
+    short = ": ".join(filter(None, (what, _count(findings, causes, span))))
+    title = short + _figures(findings[0].parameters) if len(findings) == 1 else short
     return FindingGroup(
         title, short, findings, changed_entry(causes[0]), largest.drift, _white_ratio(findings, span)
     )
@@ -162,37 +156,34 @@ def _white_ratio(findings: tuple[Finding, ...], span: float | None) -> float:
     return max(ratios, key=lambda ratio: abs(log(ratio)), default=1.0)
 
 
-def _figures(findings: tuple[Finding, ...]) -> str:
-    """Return the parameters of a finding that stands alone."""
-    if len(findings) > 1:
-        return ""
-    known = findings[0].parameters
+def _figures(known: Mapping[str, Coefficient]) -> str:
+    """Return the parameters of a finding behind its name."""
     figures = ", ".join(f"{said} {amount(known[name])}" for name, said in parameter_words(known).items())
     return f" ({figures})" if figures else ""
 
 
-def _count(findings: tuple[Finding, ...], causes: Sequence[str], span: float | None) -> list[str]:
+def _count(findings: tuple[Finding, ...], causes: Sequence[str], span: float | None) -> str:
     """Say how many there are, with their share of the time or their spacing; nothing of a single one."""
     times = [when for finding in findings if (when := _time(finding)) is not None]
     if len(causes) > 1 and times:
-        return [f"one event at {digits(min(times))} s"]
+        return f"one event at {digits(min(times))} s"
     if times and len(findings) > 1:
-        stretches = [
-            (_time(f) or 0.0, f.parameters["duration"].value) for f in findings if "duration" in f.parameters
-        ]
-        lasting = _union([(start, duration or 0.0) for start, duration in stretches])
+        lasting = _union(
+            (_time(f) or 0.0, f.parameters["duration"].value or 0.0)
+            for f in findings
+            if "duration" in f.parameters
+        )
         share = f", {digits(100.0 * lasting / span, 2)} % of the time" if span and lasting else ""
-        return [f"{len(findings)} events{share}"]
+        return f"{len(findings)} events{share}"
     lines = sorted({f.parameters["frequency"].value or 0.0 for f in findings if "frequency" in f.parameters})
     if len(lines) > 1:
         spacing = comb_spacing(lines)
-        if spacing is not None:
-            return [f"comb of {len(lines)} lines, {spacing:.4g} Hz apart"]
-        return [f"{len(lines)} frequencies, {lines[0]:.4g} … {lines[-1]:.4g} Hz"]
-    return []
+        apart = f"{len(lines)} frequencies, {lines[0]:.4g} … {lines[-1]:.4g} Hz"
+        return apart if spacing is None else f"comb of {len(lines)} lines, {spacing:.4g} Hz apart"
+    return ""
 
 
-def _union(events: Sequence[tuple[float, float]]) -> float:
+def _union(events: Iterable[tuple[float, float]]) -> float:
     """Return the time that events, (start, duration) in s, cover together."""
     covered, end = 0.0, -np.inf
     for start, duration in sorted(events):
@@ -222,44 +213,33 @@ def changed_entry(cause: str) -> str:
         return "bias states and random walk, smaller once it is compensated"
     if cause == "cross_axis":
         return "no entry: settings of axes are independent"
-    if effect is None or effect.joins == "preprocessing":
-        if effect is not None and effect.identified_as is not None:
-            return _of_term(effect.identified_as)
+    if effect is None:
         return SAMPLES_AT_FAULT
     if effect.identified_as is not None:
-        return _of_term(effect.identified_as)
+        return OSCILLATION if effect.identified_as == "sinusoid" else "bias states"
+    if effect.joins == "preprocessing":
+        return SAMPLES_AT_FAULT
     if effect.joins == "law of the noise":
         return "white noise, by its share of the time; its largest stands under worst_case in noise.yaml"
     if "frequency" in effect.locates:
-        return "no entry: an oscillation leaves no error that grows with time"
+        return OSCILLATION
     return "white noise: the level at low frequencies is written, which is what adds up over time"
 
 
-def _of_term(term: str) -> str:
-    return (
-        "no entry: an oscillation leaves no error that grows with time"
-        if term == "sinusoid"
-        else "bias states"
-    )
-
-
-def way_texts(before: float, after: float) -> tuple[str, str]:
-    """Return two distances, the last with its unit, in metres or kilometres."""
-    size, unit = (1e-3, "km") if before >= KILOMETRES_FROM else (1.0, "m")
-    return digits(size * before, 2), f"{digits(size * after, 2)} {unit}"
+def way_text(way: float, longest: float) -> str:
+    """Return a distance, in the unit of the longest beside it: metres or kilometres."""
+    return f"{digits(1e-3 * way, 2)} km" if longest >= KILOMETRES_FROM else f"{digits(way, 2)} m"
 
 
 def drift_text(drift: Mapping[str, tuple[float, float]]) -> str:
     """Return what a cause does to the position, in words; empty where nothing is known of it."""
-    if not drift:
-        return ""
-    if all(a < MIN_DRIFT_CHANGE * b for a, b in drift.values()):
-        return "no drift at rest"
-    reported = {name: pair for name, pair in drift.items() if pair[0] >= MIN_DRIFT_CHANGE * pair[1]}
     parts = [
-        f"{way_texts(a, a)[1]} in {name}, {way_texts(a, b)[1]} without this"
-        for name, (a, b) in reported.items()
+        f"{way_text(a, a)} in {name}, {way_text(b, a)} without this"
+        for name, (a, b) in drift.items()
+        if a >= MIN_DRIFT_CHANGE * b
     ]
+    if not parts:
+        return "no drift at rest" if drift else ""
     return f"without fixes one axis drifts {', '.join(parts)}"
 
 

@@ -12,7 +12,7 @@ from tuner.report.finding_groups import (
     FindingGroup,
     contradicted,
     finding_groups,
-    way_texts,
+    way_text,
 )
 from tuner.report.interactive_figure import Chart
 from tuner.report.page_parts import Picture, blocks, picture_size, shown
@@ -133,7 +133,7 @@ def _drift(group: FindingGroup) -> dict[str, Any] | None:
     if not group.drift or all(a < MIN_DRIFT_CHANGE * b for a, b in group.drift.values()):
         return None
     head = ["position error of one sensor axis, no fixes", *(f"after {name}" for name in group.drift)]
-    texts = [(way_texts(a, a)[1], way_texts(a, b)[1]) for a, b in group.drift.values()]
+    texts = [(way_text(a, a), way_text(b, a)) for a, b in group.drift.values()]
     before, after = zip(*texts, strict=True)
     rows = [["with it in the samples", *before], ["without it", *after]]
     return {"title": "", "head": head, "rows": rows, "words": False}

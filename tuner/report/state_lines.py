@@ -10,6 +10,7 @@ from tuner.formats.axis_words import axes_text
 from tuner.formats.codec import dump
 from tuner.formats.customary_units import amount, digits, phrase
 from tuner.report.finding_groups import changed_entry
+from tuner.report.grouping import grouped
 from tuner.types import Coefficient
 
 
@@ -21,13 +22,8 @@ def state_lines(comparison: StateComparison) -> list[str]:
     """
     if not comparison.differences:
         return ["  nothing differs: the second state has the causes and the noise of the first"]
-    groups: list[list[Difference]] = []
-    for one in sorted(comparison.differences, key=lambda one: one.cause in (NOISE, MEAN)):
-        alike = next((group for group in groups if _alike(group[0], one)), None)
-        if alike is None:
-            groups.append([one])
-        else:
-            alike.append(one)
+    causes_first = sorted(comparison.differences, key=lambda one: one.cause in (NOISE, MEAN))
+    groups = grouped(causes_first, lambda group, one: _alike(group[0], one))
     return ["What differs, by cause: at rest → running", *(f"  {_line(group)}" for group in groups)]
 
 
@@ -67,21 +63,16 @@ def _extent(one: Difference) -> float:
 def _line(group: list[Difference]) -> str:
     """Return one difference in words: what, where, in which axes, how much, and what it moves."""
     most = max(group, key=_extent)
-    what = (
-        most.cause.replace("_", " ")
-        if most.cause != NOISE
-        else most.parameter.replace("_", " ").replace(".", " ")
-    )
+    what = most.parameter.replace(".", "_") if most.cause == NOISE else most.cause
     place = ", ".join(f"{name.replace('_', ' ')} {amount(value)}" for name, value in most.place.items())
     axes = axes_text([one.axis for one in group])
     where = f" ({place})" if place else ""
-    line = f"{what}{where} in {axes}: {_change(most)}"
+    line = f"{what.replace('_', ' ')}{where} in {axes}: {_change(most)}"
+    entry = most.entry
     if len(group) > 1:
         line += f", most in {axes_text([most.axis])}"
-    if not most.entry:
-        return f"{line}; moves {changed_entry(most.cause)}"
-    entry = most.entry if len(group) == 1 else f"{most.entry.rpartition('.')[2]} of {axes}"
-    return f"{line}; moves {entry}"
+        entry = entry and f"{entry.rpartition('.')[2]} of {axes}"
+    return f"{line}; moves {entry or changed_entry(most.cause)}"
 
 
 def _change(one: Difference) -> str:
@@ -113,19 +104,7 @@ def states_json(comparison: StateComparison) -> dict[str, Any]:
     """Return the differences and both diagnoses as plain values, schema ``tuner.states/1``."""
     return {
         "schema": "tuner.states/1",
-        "differences": [_difference(one) for one in comparison.differences],
+        "differences": [{**dump(one), "entry": one.entry or None} for one in comparison.differences],
         "at_rest": dump(comparison.at_rest),
         "running": dump(comparison.running),
-    }
-
-
-def _difference(one: Difference) -> dict[str, Any]:
-    return {
-        "axis": one.axis,
-        "cause": one.cause,
-        "parameter": one.parameter,
-        "at_rest": None if one.at_rest is None else dump(one.at_rest),
-        "running": None if one.running is None else dump(one.running),
-        "entry": one.entry or None,
-        "place": {name: dump(value) for name, value in one.place.items()},
     }

@@ -130,5 +130,5 @@ def hidden_effect_lines(judged: Sequence[Mapping[str, Any]]) -> list[str]:
         where = f"{one['cause'].replace('_', ' ')} in {axes_text(one['channels'])}"
         verdict = f"detected, but named as {', '.join(one['named'])}" if one["named"] else "not found"
         said = "found" if one["found"] else verdict
-        lines.append(f"  hidden in this simulated log (see key.json): {where}: {said}")
+        lines.append(f"{where} is hidden in it: {said}")
     return lines

@@ -9,6 +9,7 @@ from statistics import fmean
 
 from tuner.formats.customary_units import digits, in_customary, with_interval
 from tuner.report.coefficient_text import coefficients_of
+from tuner.report.grouping import grouped
 from tuner.types import ChannelIdentification, Coefficient
 
 MAIN_TERMS = ("white.density", "bias_instability.level", "random_walk.density")
@@ -74,13 +75,7 @@ def single_row(axis: str, unit: str, named: Iterable[tuple[str, Coefficient]]) -
 
 def joined_rows(singles: Iterable[TermsRow]) -> list[TermsRow]:
     """Return rows of single axes with those that all agree with one another joined, in the order of the axes."""
-    groups: list[list[TermsRow]] = []
-    for single in singles:
-        alike = next((group for group in groups if all(single.agrees(one) for one in group)), None)
-        if alike is None:
-            groups.append([single])
-        else:
-            alike.append(single)
+    groups = grouped(singles, lambda group, single: all(single.agrees(one) for one in group))
     return [_joined(group) for group in groups]
 
 
