@@ -14,9 +14,12 @@ from tuner.report.consistency_answer import NAMES, consistency_answer
 from tuner.report.titled_table import titled_table
 from tuner.report.verdict_text import observability_text, verdict_text
 from tuner.types.consistency import Check, Consistency, ErrorBudget, Observability, Score
+from tuner.types.verdict import VerdictCode
 
 HEADS = ("score", "ratio", "for the filter", "verdict")
 """Of a table of scores."""
+IN_THE_TABLE = (VerdictCode.OPTIMISTIC, VerdictCode.PESSIMISTIC, VerdictCode.CORRELATED_INNOVATIONS)
+"""Verdicts on one score each, which its row says."""
 OFF_WORDS = (
     "optimistic: it errs more than it says; pessimistic: it errs less, or, of innovations, errors of the fixes stay "
     "alike from fix to fix"
@@ -48,7 +51,7 @@ def score_rows(scores: Iterable[Score]) -> list[list[str]]:
 def consistency_tables(
     found: Consistency, notes: Sequence[str] = (), to_do: Sequence[str] = ()
 ) -> list[Table | str]:
-    """Return the answer, each score with its band, errors by axis, and the verdicts; of one that diverged these."""
+    """Return the answer, each score with its band, errors by axis, and other verdicts; of one that diverged these."""
     scored = found.shown
     rows = score_rows(scored.scores)
     if (white := scored.whiteness) is not None:
@@ -60,8 +63,8 @@ def consistency_tables(
         *consistency_answer(found, notes, to_do).whole,
         *titled_table("true rms ÷ predicted sd (99 % over all scores, 10 % margin)", HEADS, rows),
         *([f"  windows: {', '.join(windows)}"] if scored.outages else []),
-        *(f"  {_errors_text(name, values)}" for name, values in scored.errors.items()),
-        *(f"  {verdict_text(verdict)}" for verdict in scored.verdicts),
+        *(f"  {_errors_text(name, each)}" for name, each in scored.errors.items() if len(each) > 1),
+        *(f"  {verdict_text(verdict)}" for verdict in scored.verdicts if verdict.code not in IN_THE_TABLE),
         *([] if found.honesty.good else [f"  {OFF_WORDS}"]),
     ]
 

@@ -91,7 +91,9 @@ def pooled_tables(pooled: Mapping[str, PooledChannel], names: Sequence[str]) -> 
             values = (
                 "–" if v is None else digits(in_customary(v, quantity, channel.unit), 4) for v in one.values
             )
-            rows.append([*pooled_value, amount(one.spread), f"{one.p_value:.2g}", *values])
+            relative = one.spread.unit == "relative"
+            spread = amount(one.spread) if relative else phrase(one.spread, quantity, channel.unit)
+            rows.append([*pooled_value, spread, f"{one.p_value:.2g}", *values])
         answer += titled_table(
             f"{channel.axis}: {len(members)} {'axes' if triad else 'records'} pooled",
             ["", "pooled (95 % interval)", "spread between them", "all equal? p", *members],
