@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
@@ -198,14 +199,12 @@ def _part_of(result: object) -> Part:
 def pictures_of_findings(records: Sequence[Record], diagnosis: Diagnosis) -> Part:
     """Return the picture that proves each finding, as many as a page has room for."""
     captions, figures = finding_figures(records, diagnosis, Path(), suffixes=(".svg", CHARTS))
-    room, pictures, left_out = PAGE_PICTURE_BYTES, [], []
-    for picture in _drawn(captions, figures):
-        room -= picture_size(picture)
-        if room >= 0:
-            pictures.append(picture)
-        else:
-            left_out.append(f"without a picture here, which `tuner tune` draws: {picture.caption}")
-    return Part(left_out, pictures)
+    pictures = _drawn(captions, figures)
+    room = sum(size <= PAGE_PICTURE_BYTES for size in accumulate(map(picture_size, pictures)))
+    left_out = (
+        f"without a picture here, which `tuner tune` draws: {picture.caption}" for picture in pictures[room:]
+    )
+    return Part(list(left_out), pictures[:room])
 
 
 def pictures_of_drive(examined: ExaminedDrive) -> Part:
