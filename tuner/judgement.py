@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tuner.catalogue.grades import DEFAULT_RECEIVER, load_gnss
 from tuner.formats.axis_words import axes_text
 from tuner.formats.customary_units import digits, percent
 from tuner.limits import HONEST_RATIO, LOST_SHARE, TOLERATED_RATIO, WRONG_FACTOR
@@ -80,7 +81,7 @@ def judge_settings(known: Settings) -> Judgement:
         *(Reason(Use.DO_NOT_USE, why) for why in lacking_slow_bias(known.config).values()),
         *(Reason(Use.DO_NOT_USE, f"too short for {why}") for why in _too_short_for(known.identification)),
         *_of_drive(known),
-        *_of_simulation(known.check),
+        *_of_simulation(known.check, assumed=known.config.gnss is None),
         *_of_predictions(known.predictions),
         *_of_reading(known.identification),
         *_of_losses(known.identification, () if known.diagnosis is None else known.diagnosis.findings),
@@ -105,17 +106,13 @@ def _grounds(known: Settings) -> Iterator[str]:
         end = min(float(one.curve.tau[-1]) for one in known.predictions.values())
         yield (
             f"noise.yaml reproduces the Allan deviation of this log within {percent(most)}, {digits(begin, 2)} to "
-            f"{digits(end, 2)} s, every axis"
+            f"{digits(end, 2)} s"
         )
     if known.check is not None:
-        sd = (
-            ""
-            if known.config.gnss is None
-            else f", fixes of {digits(known.config.gnss.position_sd[0], 2)} m (--gnss)"
-        )
-        yield f"in simulated drives with this noise{sd} it is honest: {known.check.consistency.honesty.reasons[0]}"
-    else:
-        yield "no filter was simulated (--gnss names a receiver)"
+        receiver = known.config.gnss or load_gnss(DEFAULT_RECEIVER)
+        sd = f"fixes of {digits(receiver.position_sd[0], 2)} m, --gnss"
+        honest = known.check.consistency.honesty.reasons[0]
+        yield f"in simulated drives ({sd}) it is honest: {honest}"
     if known.measured is not None:
         yield f"on this drive it is honest: {known.measured.honesty.reasons[0]}"
 
@@ -234,9 +231,11 @@ def _worse_than_before(choice: HeldOutChoice) -> Iterator[Reason]:
             yield Reason(Use.DO_NOT_USE, f"worse than the settings it began from: {change}")
 
 
-def _of_simulation(check: Check | None) -> Iterator[Reason]:
+def _of_simulation(check: Check | None, *, assumed: bool) -> Iterator[Reason]:
+    """Yield what simulated drives say against settings; with an `assumed` receiver only against use on such drives."""
     if check is not None:
-        yield from _of_scores(check.consistency, "in simulation")
+        for one in _of_scores(check.consistency, "in simulation"):
+            yield Reason(Use.USABLE_EXCEPT, f"drives with GNSS: {one.text}") if assumed else one
 
 
 def _of_scores(found: Consistency, where: str) -> Iterator[Reason]:

@@ -9,6 +9,7 @@ import pytest
 from models.noise import NoiseModel, RandomWalk, White
 from models.probability import chi2_quantile
 from tuner import pipeline
+from tuner.catalogue.grades import load_gnss
 from tuner.cli.commands.check import command
 from tuner.consistency.check import DEFAULT_DURATION, DEFAULT_RUNS
 from tuner.consistency.scores import mean_band, score
@@ -227,7 +228,11 @@ def test_settings_that_err_more_than_the_fixes_alone_are_not_used(known):
 def test_beyond_twice_their_prediction_settings_are_not_used(known, ratio, use):
     off = scores(scored("position", ratio), scored("velocity", 1.0))
     assert judge_settings(replace(known, measured=off)).use is use
-    assert judge_settings(replace(known, check=SimpleNamespace(consistency=off))).use is use
+    checked = replace(known, check=SimpleNamespace(consistency=off))
+    named = replace(known.config, gnss=load_gnss("spp"))
+    assert judge_settings(replace(checked, config=named)).use is use
+    # A receiver that nobody named, on a city drive, says nothing of a tag on an animal, sampled at 1 Hz.
+    assert judge_settings(checked).text.startswith("usable except: drives with GNSS: in simulation")
 
 
 def test_a_limit_that_matters_is_assumed_and_said():
@@ -255,7 +260,8 @@ def test_the_verdict_stands_atop_the_settings_and_nothing_is_written_that_must_n
     assert text.startswith("# Verdict: usable")
     assert text.endswith("\na: 1\n")
     off = SimpleNamespace(consistency=scores(scored("position", 2.3)))
-    withheld = replace(made, check=off).written
+    named = replace(known.config, gnss=load_gnss("spp"))
+    withheld = replace(made, check=off, config=named).written
     assert not withheld.exports
     assert "position 2.30" in withheld.withheld["noise.yaml"]
 

@@ -14,7 +14,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from models.sensors import SensorGrade
-from tuner.catalogue.grades import DEFAULT_RECEIVER, load_grade
+from tuner.catalogue.grades import DEFAULT_RECEIVER, load_gnss, load_grade
 from tuner.diagnosis import diagnose
 from tuner.diagnosis.data_quality.frozen_left_out import without_long_frozen
 from tuner.diagnosis.data_quality.overflow import without_overflow
@@ -137,7 +137,7 @@ def tune(
     stated = None if datasheet is None else identify_source(datasheet)
     inputs = gather_inputs(log, drive, gnss, seed=seed, progress=progress)
     stage("identifying and diagnosing the log", 0.9 if inputs.drive is None else 0.15)
-    with compiled_ahead(log=bool(inputs.records), check=inputs.receiver is not None):
+    with compiled_ahead(log=bool(inputs.records), check=inputs.receiver is not None or not wanted):
         noise = identify_and_diagnose(
             inputs, terms=terms, latitude=latitude, replicas=replicas, seed=seed, progress=progress
         )
@@ -171,7 +171,8 @@ def tune(
         measured, unmeasured = measured_or_reason(inputs.drive, config, progress, examined.clock)
     exports, kept_back = exports_of(config, wanted)
     stage("checking the filter on simulated drives", 1.0)
-    checked, unchecked = check_or_reason(config, seed=seed, progress=progress)
+    aided = config.gnss is not None or not wanted
+    checked, unchecked = check_or_reason(config, seed=seed, progress=progress) if aided else (None, {})
     return TuneResult(
         inputs.name,
         inputs.records,
@@ -411,11 +412,14 @@ def diverged_on(drive: Drive, measured: DriveResult) -> str:
 def check_or_reason(
     config: FilterConfig, *, seed: int, progress: Progress
 ) -> tuple[Check | None, Mapping[str, str]]:
-    """Return the check of a configuration as `tuner check` makes it, or None and why it cannot be checked."""
+    """Return the check of a configuration as `tuner check` makes it, or None and why it cannot be checked.
+
+    A configuration without a receiver is checked with `DEFAULT_RECEIVER`.
+    """
     from tuner.consistency.check import check  # with the filter, loaded where it runs
 
-    if config.gnss is not None:
-        progress(f"checking the filter on {CHECK_RUNS} simulated hours")
+    progress(f"checking the filter on {CHECK_RUNS} simulated hours")
+    config = replace(config, gnss=config.gnss or load_gnss(DEFAULT_RECEIVER))
     try:
         return check(config, CHECK_TRAJECTORY, duration=CHECK_DURATION, runs=CHECK_RUNS, seed=seed), {}
     except DataError as error:

@@ -5,9 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from rich.table import Table
 
 from tuner.formats.customary_units import amount, digits
 from tuner.formats.parameter_words import parameter_words
+from tuner.types.honesty import ratio_text
 
 if TYPE_CHECKING:
     from tuner.diagnosis.drive.held_out_choice import HeldOutChoice
@@ -29,34 +31,29 @@ def found_text(finding: Finding) -> str:
     return f"{text} ({', '.join(said)})" if said else text
 
 
-def choice_lines(choice: HeldOutChoice) -> list[str]:
-    """Return what of a drive is in the settings, and errors with fixes and without them before and after.
+def choice_parts(choice: HeldOutChoice) -> list[Table | str]:
+    """Return errors with fixes and without them, with the settings before the drive and those chosen on it.
 
-    Without a reference these are distances to the fixes.
+    Without a reference these are distances to the fixes. A difference that chance may make is said to be none.
     """
     before, after = choice.before, choice.after
     if choice.kept == "as it began" or before is None or after is None:
         return [f"After the drive: {choice.note}"]
     from tuner.diagnosis.drive.held_out_gain import change_interval  # loads the diagnosis of drives
 
-    changes = []
+    error = "distance to fixes" if after.fixes_rms is None else "error"
+    alone = "" if after.fixes_rms is None else f"fixes alone: {digits(after.fixes_rms)} m"
+    table = Table(box=None, padding=(0, 2, 0, 0))
+    for head in (f"{error}, rms", "before", "now", "now ÷ predicted (95 %)"):
+        table.add_column(head, no_wrap=True)
+    tracking = (f"{digits(one.tracking_rms)} m" for one in (before, after))
+    table.add_row("with fixes (last 40 %)", *tracking, alone)
+    late = {one.seconds: ratio_text(one.ratio, one.interval) for one in choice.late}
     for seconds, pairs in choice.outages.items():
         old, new = np.sqrt(pairs.mean(axis=0)).tolist()
-        low, high = (_signed(end) for end in change_interval(pairs))
-        changes.append(f"{seconds:.0f} s {digits(old)} → {digits(new)} m ({low} to {high})")
-    tracking = f"{digits(before.tracking_rms)} → {digits(after.tracking_rms)} m"
-    alone = "" if after.fixes_rms is None else f"; of the fixes alone {digits(after.fixes_rms)} m"
-    error = "distance to the fixes" if after.fixes_rms is None else "position error with fixes"
-    withheld = "distance to the withheld fixes" if after.fixes_rms is None else "error"
+        low, high = change_interval(pairs)
+        chance = ", or the same" * (low <= 0.0 <= high)
+        name = f"{seconds:g} s without fixes"
+        table.add_row(name, f"{digits(old)} m", f"{digits(new)} m{chance}", late.get(seconds, ""))
     despite = [f"{choice.despite[:1].upper()}{choice.despite[1:]}"] if choice.despite else []
-    return [
-        *despite,
-        f"Settings {choice.kept}: {error}, rms, last 40 % of the drive: {tracking}{alone}",
-        f"Without fixes, {withheld}, whole drive (95 % of the change): {', '.join(changes)}",
-        f"Without fixes, last 40 % (ratios at 95 %): {'; '.join(one.text for one in choice.late)}",
-    ]
-
-
-def _signed(change: float) -> str:
-    """Return a change with its sign, to two digits."""
-    return ("+" if change > 0.0 else "") + digits(change, 2)
+    return [table, *despite]

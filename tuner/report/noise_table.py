@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import zip_longest
 
@@ -16,7 +16,7 @@ from tuner.formats.customary_units import customary_unit, digits, in_customary, 
 from tuner.formats.yaml_text import Noted
 from tuner.synthesis.equivalent_models import equivalent_noise
 from tuner.synthesis.prediction import FITTED
-from tuner.types import ChannelNoise, Coefficient, FilterConfig, Identification
+from tuner.types import BoundUsed, ChannelNoise, Coefficient, FilterConfig, Identification
 from tuner.types.borrowed import BORROWED, borrowed
 
 WHITE, FLICKER, WALK = "white.density", "bias_instability.level", "random_walk.density"
@@ -36,7 +36,7 @@ place of an unknown one."""
 LEGEND = {
     "±": "± ( ): 95 % interval",
     "<": "<: not seen, 95 % limit",
-    HALF: f"{HALF}: ASSUMED, half of a limit",
+    HALF: f"{HALF}: of a limit, ASSUMED",
     LENT: f"{LENT}: ASSUMED, of the sensor named above",
     ROUGH: f"{ROUGH}: fitted to the Allan curve, as the terms do not fit",
     UNKNOWN: f"{UNKNOWN}: unknown",
@@ -94,7 +94,7 @@ def measured_table(
     known = "measured" if any(one.span > 0.0 for one in found.channels.values()) else "stated"
     letters = list(dict.fromkeys(letter for axes in sensors.values() for letter in axes))
     heads = [f"{known} {letter}" for letter in letters]
-    if _alike(rows, letters):
+    if len(letters) > 1 and all(len({row.cells.get(one) for one in letters}) == 1 for row in rows):
         letters, heads = letters[:1], [f"{known}, each axis"]
     return _table(("", *heads), [[row.label, *(row.cells.get(one, "") for one in letters)] for row in rows])
 
@@ -151,18 +151,14 @@ def _source(channel: ChannelNoise, config: FilterConfig, name: str) -> str:
     """Return why a number of an axis is not measured; empty where it is."""
     if FITTED in channel.handling.values():
         return ROUGH
-    if name == WHITE:
-        return HALF * channel.white_rests_on_limit
-    if channel.axis in borrowed(config):
+    if name != WHITE and channel.axis in borrowed(config):
         return LENT
-    return HALF * (channel.walk_rests_on_limit or channel.states_rest_on_limit)
-
-
-def _alike(rows: Iterable[Row], columns: Sequence[str]) -> bool:
-    """Return whether several columns have the same cells."""
-    return len(columns) > 1 and all(
-        row.cells.get(c) == row.cells.get(columns[0]) for row in rows for c in columns
-    )
+    limited = {
+        one.quantity.field
+        for one in config.inflations
+        if isinstance(one, BoundUsed) and one.factor > 0.0 and one.quantity.owner == channel.axis
+    }
+    return HALF * bool(limited & {WHITE} if name == WHITE else limited - {WHITE, "ramp.rate"})
 
 
 def _table(heads: Iterable[str], rows: Iterable[Iterable[str]]) -> Table:
@@ -270,9 +266,8 @@ def _measured(
                         UNKNOWN if others else _cell(one, name, unit)
                     )
                     seen[name] += 1
-    cells = {
-        key: own for key, own in cells.items() if set(own.values()) - {UNKNOWN} or len(own) > len(fitted)
-    }
+    if any(found.channels[axis].span > 0.0 for axis in axes.values()):  # what a sheet does not state is shown
+        cells = {key: own for key, own in cells.items() if set(own.values()) - {UNKNOWN}}
     order = list(NAMES)
     places = {key: (order.index(key[0]) if key[0] in order else len(order), key[1]) for key in cells}
     return [

@@ -18,10 +18,10 @@ from tuner.limits import SHOWN_CHANGE, SHOWN_FINDINGS
 from tuner.report.answer_layout import assumed_text, span_text, used_part
 from tuner.report.comparison_tables import limit_text
 from tuner.report.document import Document, document
-from tuner.report.drive_answer import choice_lines, found_text
+from tuner.report.drive_answer import choice_parts, found_text
 from tuner.report.groups_in_words import FindingsInWords, findings_in_words
 from tuner.report.identification_answer import warning_lines
-from tuner.report.noise_table import entries_tables, legend, measured_table, more_white_noise
+from tuner.report.noise_table import FADING, PAIR, entries_tables, legend, measured_table, more_white_noise
 from tuner.report.static_diagnosis_tables import hidden_effect_lines
 from tuner.report.terminal import LINE_WIDTH
 from tuner.report.unexplained_words import unexplained_lines
@@ -31,8 +31,6 @@ if TYPE_CHECKING:
     from tuner.tune_result import TuneResult
     from tuner.types import Unexplained
 
-WITHOUT_RECEIVER = "name a receiver (--gnss GRADE)"
-"""Words of the reason where a check lacks only the receiver."""
 MAX_KEYS = 7
 """Lines of another filter's settings that an answer shows; of more, only the file is named."""
 COMMENTS = ("#", "//", "%", "<!--", "/*", "*")
@@ -75,20 +73,21 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
         *noise,
         legend(*noise),
         "" if result.choice else larger,
-        *([] if result.choice is None else choice_lines(result.choice)),
+        *([] if result.choice is None else choice_parts(result.choice)),
     ]
     remarks = [
         *(found[:SHOWN_FINDINGS] or nothing * (examined and not idle and not doubted)),
         f"{more} more finding{'s' * (more > 1)} on the page" if more > 0 else "",
         doubted,
         larger if result.choice else "",
+        f"Settings chosen on the drive: {result.choice.kept}" if result.choice else "",
         _idle_text(idle) if idle else "",
         *_done_before(result),
         *against_datasheet(result),
         *warning_lines(result.identification, short=True, predicted=result.predictions),
         *_absent_lines(result),
     ]
-    return document(said, remarks, [*withheld_lines(result), *_file_lines(result, directory)])
+    return document(said, remarks, [*withheld_lines(result), *_file_lines(result, directory, dialect)])
 
 
 def noise_tables(result: TuneResult, files: Iterable[str]) -> list[Table]:
@@ -238,11 +237,14 @@ def _is_felt(one: Unexplained) -> bool:
     return not one.drift or any(a > (1.0 + SHOWN_CHANGE) * b for a, b in one.drift.values())
 
 
-def _file_lines(result: TuneResult, directory: Path | None) -> list[str]:
+def _file_lines(result: TuneResult, directory: Path | None, dialect: str | None) -> list[str]:
     """Return where the files are, and how settings for another filter are made of them."""
     path = Path("FOLDER") if directory is None else directory
     how = " by write_tune_result(result, FOLDER)" if directory is None else ""
-    files = ", ".join([*result.exports, "report.html"])
+    above = [name for name in (PAIR, FADING) if name in result.exports] if dialect is None else []
+    files = ", ".join(
+        [*["those above"] * bool(above), *(one for one in result.exports if one not in above), "report.html"]
+    )
     if NOISE_YAML not in result.exports:
         return [f"Files in {path}{how}: {files}"]
     return [f"Files in {path}{how}: {files}", f"Other filters: tuner export {path / NOISE_YAML} --to NAME"]
@@ -250,11 +252,7 @@ def _file_lines(result: TuneResult, directory: Path | None) -> list[str]:
 
 def _absent_lines(result: TuneResult) -> list[str]:
     """Return what could not be done and why, where neither the verdict nor the lines on the recording say so."""
-    return [
-        f"No {part}: {reason}"
-        for part, reason in result.absent.items()
-        if part != OF_DRIVE_ALONE and WITHOUT_RECEIVER not in reason
-    ]
+    return [f"No {part}: {reason}" for part, reason in result.absent.items() if part != OF_DRIVE_ALONE]
 
 
 def hidden_lines(result: TuneResult) -> list[str]:

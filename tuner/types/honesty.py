@@ -54,7 +54,7 @@ def honesty(found: Consistency) -> Judgement:
     reasons = [
         Reason(use, f"errs {kinds[use]} than predicted, {what} ÷ predicted: {', '.join(texts)}")
         for use in kinds
-        if (texts := [said[one.name] for one in off if (one.ratio > 1.0) == (use is Use.OPTIMISTIC)])
+        if (texts := _first([said[one.name] for one in off if (one.ratio > 1.0) == (use is Use.OPTIMISTIC)]))
     ]
     reasons += [
         Reason(Use.OPTIMISTIC, f"the {one.part} error has a constant part of {one.ratio:.2f} predicted sds")
@@ -71,6 +71,12 @@ def honesty(found: Consistency) -> Judgement:
     return Judgement(
         Use.HONEST, (_right_text(found, sure), *([f"too short to judge: {lacking}"] if weak else []))
     )
+
+
+def _first(texts: Sequence[str]) -> list[str]:
+    """Return the first two, and how many more there are."""
+    more = len(texts) - 2
+    return [*texts[:2], *([f"{more} more"] if more > 0 else [])]
 
 
 def _right_text(found: Consistency, sure: Sequence[Score]) -> str:

@@ -19,7 +19,7 @@ from tuner.identification import identify
 from tuner.identification.identify_source import identify_source
 from tuner.limits import SCREEN_LINES, SHOWN_FINDINGS
 from tuner.report.document import document
-from tuner.report.drive_answer import choice_lines, found_text
+from tuner.report.drive_answer import choice_parts, found_text
 from tuner.report.noise_table import (
     LEGEND,
     entries_tables,
@@ -28,15 +28,16 @@ from tuner.report.noise_table import (
     more_white_noise,
     states_tables,
 )
-from tuner.report.terminal import fitted
+from tuner.report.terminal import fitted, text_of
 from tuner.report.tune_answer import settings_in_dialect, tune_answer
 from tuner.simulation.static import simulate
 from tuner.synthesis import synthesize
 from tuner.tune_result import TuneResult
-from tuner.types import Coefficient, Diagnosis, Finding, Unexplained
+from tuner.types import BoundUsed, Coefficient, Diagnosis, Finding, Unexplained
 from tuner.types.borrowed import with_borrowed
 from tuner.types.consistency import Consistency
 from tuner.types.identification import TermEstimate
+from tuner.types.inflation import Quantity
 from tuner.types.verdict import Severity, Verdict, VerdictCode
 
 AXES = ("gyro_x", "gyro_y", "gyro_z")
@@ -126,19 +127,14 @@ def test_what_is_entered_is_what_the_files_have():
 @pytest.mark.parametrize("limited", [(), ("gyro_y",), AXES])
 def test_a_number_that_is_half_of_a_limit_is_marked_where_it_stands(result, limited):
     """One mark stood for half of a limit, for values of another sensor and for those of the curve."""
-    known, bound = Coefficient.known(1e-6, 9e-7, 1.1e-6, ""), Coefficient.bounded(2e-6, "", "short")
-    walk, walk_limit = (TermEstimate("random_walk", {"density": one}) for one in (known, bound))
-    channels = {
-        axis: replace(one, identified=(walk_limit if axis in limited else walk,), markov=())
-        for axis, one in result.config.channels.items()
-    }
-    config = replace(result.config, channels=channels)
+    bounds = [BoundUsed(Quantity(axis, "random_walk.density"), 0.5, "short") for axis in limited]
+    config = replace(result.config, inflations=tuple(bounds))
     pair, fading = entries_tables(config, ("kalibr.yaml", "kf-gins.yaml"))
     walk = str(list(pair.columns[2].cells)[1])
     assert walk.endswith({0: "√h", 1: "half y", 3: "half"}[len(limited)])
     sds = [str(list(column.cells)[1]) for column in fading.columns[1:]]
     assert [sd.endswith("half") for sd in sds] == [axis in limited for axis in AXES][: len(sds)]
-    assert ("half: ASSUMED" in legend(pair, fading)) == bool(limited)
+    assert ("half: of a limit, ASSUMED" in legend(pair, fading)) == bool(limited)
 
 
 def test_of_many_findings_the_five_of_most_effect_stand_on_the_screen(result):
@@ -268,18 +264,17 @@ def test_errors_before_and_after_name_what_they_are_of(result):
     score = PredictiveScore((OutageErrors(30.0, square, square, square),), 1.0, square, fixes_rms=1.5)
     pairs = {30.0: np.array([[4.0, 1.0], [9.0, 2.0], [4.0, 1.0]])}
     choice = HeldOutChoice(result.config, "with the findings", {}, score, score, pairs, score.outages)
-    tracking, unaided, ratios = choice_lines(choice)
-    assert (
-        "position error with fixes, rms, last 40 % of the drive: 1.00 → 1.00 m; of the fixes alone 1.50 m"
-        in tracking
-    )
-    assert "error, whole drive" in unaided
+    text = text_of(choice_parts(choice))
+    assert text.splitlines()[0].split("  ")[0] == "error, rms"
+    with_fixes, unaided = (" ".join(line.split()) for line in text.splitlines()[1:])
+    assert with_fixes == "with fixes (last 40 %) 1.00 m 1.00 m fixes alone: 1.50 m"
     # Four windows of a right prediction, one component each: the roots of 4 over quantiles of χ² with 4 degrees.
-    assert "0.60 … 2.9" in ratios
+    assert unaided.startswith("30 s without fixes 2.38 m 1.15 m")
+    assert unaided.endswith("1.00 (0.60 to 2.87)")
     alone = replace(score, fixes_rms=None)  # without a reference it was called an error all the same
-    text = " ".join(choice_lines(replace(choice, before=alone, after=alone)))
-    assert "distance to the fixes, rms" in text
-    assert "error" not in text.partition("Without fixes, last 40 %")[0]
+    assert text_of(choice_parts(replace(choice, before=alone, after=alone))).startswith(
+        "distance to fixes, rms"
+    )
 
 
 @pytest.mark.parametrize(
@@ -289,8 +284,8 @@ def test_settings_whose_innovations_contradict_them_give_the_reason(result, desp
     square = np.ones(4)
     score = PredictiveScore((OutageErrors(30.0, square, square, square),), 1.0, square)
     choice = HeldOutChoice(result.config, "with the findings", {}, score, score, despite=despite)
-    lines = choice_lines(choice)
-    assert [line for line in lines if line.startswith("Innovations are 0.30")] == lines[:1] * bool(despite)
+    said = [part for part in choice_parts(choice) if isinstance(part, str)]
+    assert said == [f"{despite[:1].upper()}{despite[1:]}"] * bool(despite)
 
 
 def test_settings_of_an_autopilot_stand_with_unit_and_stock_value():
@@ -345,7 +340,7 @@ def test_no_line_ends_between_a_number_and_its_unit():
     assert fitted(document([text]), 79)[0].endswith("within")
 
 
-def test_terms_of_another_sensor_are_marked_wherever_they_stand(result):
+def test_terms_of_another_sensor_are_not_measured(result):
     """B and K of the nearest built-in sensor stood in the column of what was measured."""
     source = with_borrowed(result.identification.source, AXES, "mpu9250")
     sheet = Coefficient(1e-5, None, None, "rad/s")
@@ -355,5 +350,4 @@ def test_terms_of_another_sensor_are_marked_wherever_they_stand(result):
     }
     table = measured_table(replace(result.identification, source=source, channels=channels))
     cells = {label: row for label, *row in zip(*(column.cells for column in table.columns), strict=True)}
-    assert set(cells["gyro bias instability B, deg/h"]) == {"–"}
-    assert "unknown" in legend(table)
+    assert "gyro bias instability B, deg/h" not in cells
