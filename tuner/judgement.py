@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 
 ABOUT = {
     "fast spectrum": "the spectrum of the noise",
-    "distribution": "the law and the variance of the noise",
+    "distribution": "the distribution and the variance of the noise",
     "slow part": "the slow course of the bias",
 }
 """Parts of the samples that statistics are about, in words."""

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from models.filter_states import FILTER_STATES, Origin
 from models.trajectory.motion import Motion
-from tuner.catalogue.grades import DEFAULT_RECEIVER
+from tuner.catalogue.grades import DEFAULT_RECEIVER, load_gnss
 from tuner.catalogue.trajectories import load_trajectory
 from tuner.consistency.attribution import attribute
 from tuner.consistency.attribution.installation import of_installation, without_means
@@ -40,7 +40,6 @@ from tuner.types import FilterConfig, GnssNoise
 from tuner.types.consistency import Check, Consistency
 from tuner.types.number_ranges import Count, Positive, Whole
 from tuner.types.public import public
-from tuner.types.records import DataError
 from tuner.types.verdict import Explanation, Severity, Verdict, VerdictCode
 
 DEFAULT_RUNS = 25
@@ -92,21 +91,21 @@ def check(
     Raises
     ------
     DataError
-        Where the configuration lacks an axis or the receiver.
+        Where the configuration lacks an axis.
     """
     if not isinstance(config, FilterConfig):
-        config = load_config(config, default_gnss=DEFAULT_RECEIVER)
+        config = load_config(config)
+    assumed = config.gnss or load_gnss(DEFAULT_RECEIVER)
+    config = replace(config, gnss=assumed)
     motion = load_trajectory(trajectory, duration) if isinstance(trajectory, str) else trajectory
     real = truth if truth is None or isinstance(truth, Truth) else load_truth(truth)
     receiver = receiver or (real.receiver if real is not None else None)
     settings = filter_settings(config, constants=config.constants)
-    if config.gnss is None:
-        raise DataError(f"{config.name}: expected GNSS figures, found none; name a receiver (--gnss GRADE)")
-    receiver = receiver or config.gnss
+    receiver = receiver or assumed
     often = receiver.interval / MIN_FIX_INTERVAL
     if often < 0.999:
         config, receiver = (
-            replace(config, gnss=_with_fewer_fixes(config.gnss, often)),
+            replace(config, gnss=_with_fewer_fixes(assumed, often)),
             _with_fewer_fixes(receiver, often),
         )
         settings = filter_settings(config, constants=config.constants)

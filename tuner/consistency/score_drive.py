@@ -74,8 +74,8 @@ UNKNOWN_LEVER_ARM_SD = 1.0
 
 
 AS_REPORTED = (
-    "no receiver is named: fixes are assumed to err as they report, independently; name one (--gnss GRADE) for "
-    "errors that stay"
+    "no receiver is named: fixes are assumed to err as they report, independently of one another; --gnss GRADE adds "
+    "time-correlated errors"
 )
 
 

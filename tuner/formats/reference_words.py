@@ -38,5 +38,9 @@ def reference_line(notes: Sequence[str]) -> list[str]:
             kept = "nothing" if _NOTHING_LEFT in note else f"{unused} s not"
             parts.append(f" in {seconds} s: {kept} judged by it")
     if any(note.startswith(_TURNS) for note in notes):
-        parts.append(", attitude not compared" if parts else ": it turns at rest, attitude not compared")
+        parts.append(
+            ", attitude not compared"
+            if parts
+            else ": it turns while the vehicle stands, attitude not compared"
+        )
     return [f"Reference wrong{''.join(parts)}"] if parts else []

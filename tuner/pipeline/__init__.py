@@ -14,7 +14,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from models.sensors import SensorGrade
-from tuner.catalogue.grades import DEFAULT_RECEIVER, load_gnss, load_grade
+from tuner.catalogue.grades import DEFAULT_RECEIVER, load_grade
 from tuner.diagnosis import diagnose
 from tuner.diagnosis.data_quality.frozen_left_out import without_long_frozen
 from tuner.diagnosis.data_quality.overflow import without_overflow
@@ -412,14 +412,10 @@ def diverged_on(drive: Drive, measured: DriveResult) -> str:
 def check_or_reason(
     config: FilterConfig, *, seed: int, progress: Progress
 ) -> tuple[Check | None, Mapping[str, str]]:
-    """Return the check of a configuration as `tuner check` makes it, or None and why it cannot be checked.
-
-    A configuration without a receiver is checked with `DEFAULT_RECEIVER`.
-    """
+    """Return the check of a configuration as `tuner check` makes it, or None and why it cannot be checked."""
     from tuner.consistency.check import check  # with the filter, loaded where it runs
 
     progress(f"checking the filter on {CHECK_RUNS} simulated hours")
-    config = replace(config, gnss=config.gnss or load_gnss(DEFAULT_RECEIVER))
     try:
         return check(config, CHECK_TRAJECTORY, duration=CHECK_DURATION, runs=CHECK_RUNS, seed=seed), {}
     except DataError as error:

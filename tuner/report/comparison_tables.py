@@ -22,7 +22,7 @@ from tuner.identification.comparison import LimitCheck
 from tuner.identification.record_length import PlannedParameter
 from tuner.identification.static_test_plan import StaticTestPlan
 from tuner.report.identification_answer import terms_table, warning_lines
-from tuner.report.noise_table import NAMES
+from tuner.report.noise_table import NAMES, legend
 from tuner.report.terminal import LINE_WIDTH
 from tuner.report.terms_rows import channel_row, joined_rows
 from tuner.types import FilterConfig, Identification
@@ -44,8 +44,8 @@ def comparison_tables(found: SensorComparison) -> list[Table | str]:
         for name, source in zip(names, found.noise.sources, strict=True)
         for row in joined_rows(channel_row(channel) for channel in source.channels.values())
     ]
-    answer = [*_drift_table(found), terms_table(rows)]
-    answer.append("± ( ): 95 % interval; <: 95 % limit; without these: stated; –: not stated")
+    table = terms_table(rows)
+    answer = [*_drift_table(found), table, f"{legend(table)}; without a sign: stated".removeprefix("; ")]
     answer += [
         f"{name}: {warning[:1].lower()}{warning[1:]}"
         for name, source in zip(names, found.noise.sources, strict=True)

@@ -119,7 +119,7 @@ def _errors(found: Consistency) -> dict[str, str]:
 def _further(found: Consistency) -> list[str]:
     """Return what the table does not show: mark, correlation of the innovations, refused fixes."""
     white = found.whiteness
-    marked = [f"{OFF}: off beyond chance"] if _off(found) else []
+    marked = [f"{OFF}: too far from 1, beyond chance and margin"] if _off(found) else []
     if white is not None and not white.consistent:
         marked.append(f"innovations correlated, {white.correlation:+.2f} at lag {white.lag}")
     if found.gated:

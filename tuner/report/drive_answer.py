@@ -20,7 +20,9 @@ def found_text(finding: Finding) -> str:
     """Return the cause of a finding, where it acts, what it is, and its figures."""
     what, _, rest = finding.text.partition(": ")
     words = rest.partition(" (")[0]
-    subject = f"{finding.cause.replace('_', ' ')} in {', '.join(finding.channels)}"
+    cause = finding.cause.replace("_", " ")
+    where = ", ".join(one for one in finding.channels if one not in cause)
+    subject = f"{cause} in {where}" if where else cause
     figures = dict(finding.figures)
     for name in finding.figures:
         if (phrase := f" by the {name.replace('_', ' ')}") in words:  # the figure in its place

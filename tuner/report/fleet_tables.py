@@ -55,7 +55,7 @@ def outlier_text(outlier: Outlier, fleet: Fleet) -> str:
         if is_logarithmic(name)
         else f"{'+' if value > median else '−'}{digits(abs(value - median))}"
     )
-    score = f"{digits(outlier.score, 2)} robust sds from it, chance reaches {digits(outlier.threshold, 2)}"
+    score = f"{digits(outlier.score, 2)} robust sds from it; by chance {digits(outlier.threshold, 2)}"
     return f"{title(name)} {digits(value)} {pretty_unit(name, unit)}, fleet {digits(median)} ({distance}; {score})"
 
 
@@ -93,7 +93,7 @@ def _together(sensor: str, found: Sequence[Outlier]) -> str:
         parts.append(f"{IN_WORDS.get(symbol, symbol)} of {letters} × {_range(ratios)}")
     scores = _range(sorted(one.score for one in found))
     limit = digits(found[0].threshold, 2)
-    return f"{sensor}: {', '.join(parts)} the median of the units ({scores} robust sds from it, chance reaches {limit})"
+    return f"{sensor}: {', '.join(parts)} the median of the units ({scores} robust sds from it; by chance {limit})"
 
 
 def _range(values: Sequence[float]) -> str:
@@ -115,7 +115,7 @@ def fleet_tables(fleet: Fleet) -> list[Table | str]:
         more = len(why) - MAX_REASONS
         if more > 0:
             why = [*why[:MAX_REASONS], f"and {more} more, in fleet.csv"]
-        table.add_row(unit.name, unit.verdict or ("ERROR" if unit.error else ""), "\n".join(why))
+        table.add_row(unit.name, unit.verdict or ("ERROR" if unit.error else "LOOK"), "\n".join(why))
     answer: list[Table | str] = [*summary(fleet)]
     if odd:
         answer.append(table)

@@ -20,8 +20,8 @@ from tuner.report.finding_groups import (
 from tuner.types import Finding
 
 
-def group_in_words(group: FindingGroup) -> str:
-    """Return a finding, how sure its cause is, what it does to noise and position, and which setting it changes."""
+def group_in_words(group: FindingGroup, *, figures: bool = True) -> str:
+    """Return a finding, how sure its cause is, what it does, which setting it changes, and its figures."""
     parts = [
         certainty(group.findings[0]),
         group.in_motion,
@@ -29,9 +29,9 @@ def group_in_words(group: FindingGroup) -> str:
         drift_text(_most_moved(group.drift)),
         _entry(group.changes),
     ]
-    figures = group.title.removeprefix(group.short).removeprefix(" ")
+    sizes = group.title.removeprefix(group.short).removeprefix(" ") if figures else ""
     said = "; ".join(part for part in parts if part)
-    return f"{group.short[:1].upper()}{group.short[1:]}: {said} {figures}".rstrip()
+    return f"{group.short[:1].upper()}{group.short[1:]}: {said} {sizes}".rstrip()
 
 
 def _most_moved(drift: Mapping[str, tuple[float, float]]) -> Mapping[str, tuple[float, float]]:
@@ -83,16 +83,18 @@ class FindingsInWords:
         return f"Found, but not confirmed by held-out data: {'; '.join(self.refuted)}" if self.refuted else ""
 
 
-def findings_in_words(findings: Sequence[Finding], span: float | None) -> FindingsInWords:
-    """Return findings of a log of a length, s, by what they change."""
+def findings_in_words(
+    findings: Sequence[Finding], span: float | None, *, figures: bool = True
+) -> FindingsInWords:
+    """Return findings of a log of a length, s, by what they change, with or without their figures."""
     refuted = [one for one in findings if contradicted(one)]
     groups = finding_groups([one for one in findings if one not in refuted], span)
     felt = [one for one in groups if one.in_motion or one.worth >= log(1.0 + SHOWN_CHANGE)]
     faults = [one for one in groups if one not in felt and _is_fault(one)]
     idle = [one for one in groups if one not in felt and one not in faults]
     return FindingsInWords(
-        tuple(map(group_in_words, felt)),
-        tuple(map(group_in_words, faults)),
+        tuple(group_in_words(one, figures=figures) for one in felt),
+        tuple(group_in_words(one, figures=figures) for one in faults),
         tuple(one.short for one in idle),
         tuple(one.short for one in finding_groups(refuted, span)),
     )

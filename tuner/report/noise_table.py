@@ -17,7 +17,7 @@ from tuner.formats.yaml_text import Noted
 from tuner.synthesis.equivalent_models import equivalent_noise
 from tuner.synthesis.prediction import FITTED
 from tuner.types import BoundUsed, ChannelNoise, Coefficient, FilterConfig, Identification
-from tuner.types.borrowed import BORROWED, borrowed
+from tuner.types.borrowed import BORROWED, borrowed, white_is_measured
 
 WHITE, FLICKER, WALK = "white.density", "bias_instability.level", "random_walk.density"
 NAMES = {
@@ -36,7 +36,7 @@ place of an unknown one."""
 LEGEND = {
     "±": "± ( ): 95 % interval",
     "<": "<: not seen, 95 % limit",
-    HALF: f"{HALF}: of a limit, ASSUMED",
+    HALF: f"{HALF}: of that limit, ASSUMED",
     LENT: f"{LENT}: ASSUMED, of the sensor named above",
     ROUGH: f"{ROUGH}: fitted to the Allan curve, as the terms do not fit",
     UNKNOWN: f"{UNKNOWN}: unknown",
@@ -221,9 +221,10 @@ def more_white_noise(config: FilterConfig, files: Iterable[str]) -> str:
         one.white_density <= MORE_WHITE_NOISE * channel.white_density for channel, one in pairs
     ):
         return ""
+    known = "measured" if any(white_is_measured(config, axis) for axis in config.channels) else "stated"
     least, most = min(one.mismatch[0] for _, one in pairs), max(one.mismatch[1] for _, one in pairs)
     return (
-        "White noise exceeds the measured: it stands for bias instability too, predicting "
+        f"White noise exceeds the {known} one: it stands for bias instability too, predicting "
         f"{least:.2f} to {most:.2f} × its drift (1 to 100 s). Enlarge for vibration only"
     )
 

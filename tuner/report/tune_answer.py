@@ -72,14 +72,13 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
         *keys,
         *noise,
         legend(*noise),
-        "" if result.choice else larger,
         *([] if result.choice is None else choice_parts(result.choice)),
     ]
     remarks = [
         *(found[:SHOWN_FINDINGS] or nothing * (examined and not idle and not doubted)),
-        f"{more} more finding{'s' * (more > 1)} on the page" if more > 0 else "",
         doubted,
-        larger if result.choice else "",
+        larger,
+        f"{more} more finding{'s' * (more > 1)} on the page" if more > 0 else "",
         f"Settings chosen on the drive: {result.choice.kept}" if result.choice else "",
         _idle_text(idle) if idle else "",
         *_done_before(result),
@@ -221,7 +220,7 @@ def found_lines(result: TuneResult) -> tuple[list[str], int, str]:
     idle = 0
     if result.diagnosis is not None:
         span = max((record.span for record in result.records), default=None)
-        found = findings_in_words(result.diagnosis.findings, span)
+        found = findings_in_words(result.diagnosis.findings, span, figures=False)
         rest = [one for one in result.diagnosis.unexplained if _is_felt(one)]
         idle = len(found.idle) + (len(rest) < len(result.diagnosis.unexplained))
         first += [f"Not explained: {text}" for text in unexplained_lines(rest)[:1]]

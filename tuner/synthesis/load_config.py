@@ -31,7 +31,7 @@ def load_config(
     gnss : GnssNoise or str, optional
         Receiver (or the name of a built-in one) in place of that of the source.
     default_gnss : GnssNoise or str, optional
-        Receiver of what names none, such as a grade or a datasheet.
+        Receiver that goes with a grade or a datasheet, which name none.
 
     Raises
     ------
@@ -46,7 +46,7 @@ def load_config(
         if is_datasheet(path):
             return synthesize(read_datasheet(path), gnss=receiver or default)
         config = kf_gins_settings.load(path) if kf_gins_settings.is_settings(path) else noise_yaml.load(path)
-        return replace(config, gnss=receiver or config.gnss or default)
+        return config if receiver is None else replace(config, gnss=receiver)
     if source not in grade_names():
         raise DataError(
             f"{source}: expected a noise.yaml or a built-in grade ({' '.join(grade_names())}), found neither"

@@ -204,7 +204,7 @@ def test_many_statistics_are_one_line_for_each_part_of_the_samples():
             left("shape", "gyro_x", 40.0, "fast spectrum"),
         ]
     ) == [
-        "squares in gyro x y, most in gyro x; 2 more statistics of the law and the variance "
+        "squares in gyro x y, most in gyro x; 2 more statistics of the distribution and the variance "
         "of the noise; position drifts 50 % more after 60 s than by the model in gyro x",
         "shape in gyro x",
     ]

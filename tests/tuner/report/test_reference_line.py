@@ -43,7 +43,7 @@ FOUND = replace(FOUND, verdicts=verdicts(FOUND))
         (["one fix of 7 is looked at"], []),
         ([TIMES], ["Reference wrong in 20 s: 121 s not judged by it"]),
         ([TIMES, TURNS], [BOTH]),
-        ([TURNS], ["Reference wrong: it turns at rest, attitude not compared"]),
+        ([TURNS], ["Reference wrong: it turns while the vehicle stands, attitude not compared"]),
         ([wrong_times_text(20, 12.8, SPANS, any_left=False)], ["Reference wrong in 20 s: nothing judged by it"]),
     ],
 )  # fmt: skip

@@ -134,7 +134,7 @@ def test_a_number_that_is_half_of_a_limit_is_marked_where_it_stands(result, limi
     assert walk.endswith({0: "√h", 1: "half y", 3: "half"}[len(limited)])
     sds = [str(list(column.cells)[1]) for column in fading.columns[1:]]
     assert [sd.endswith("half") for sd in sds] == [axis in limited for axis in AXES][: len(sds)]
-    assert ("half: of a limit, ASSUMED" in legend(pair, fading)) == bool(limited)
+    assert ("half: of that limit, ASSUMED" in legend(pair, fading)) == bool(limited)
 
 
 def test_of_many_findings_the_five_of_most_effect_stand_on_the_screen(result):
@@ -256,7 +256,7 @@ def test_a_finding_of_a_drive_has_its_subject_size_and_interval():
     lasting = replace(
         late, cause="correlated_gnss", parameters=time, text="correlated_gnss in gnss: (time constant)"
     )
-    assert found_text(lasting).startswith("Correlated gnss in gnss")
+    assert found_text(lasting).startswith("Correlated gnss: ")
 
 
 def test_errors_before_and_after_name_what_they_are_of(result):

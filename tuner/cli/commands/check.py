@@ -67,7 +67,7 @@ def command(
     the innovations, and the position error after 10, 30, 60 and 300 s without fixes.
     """
     from tuner import check
-    from tuner.catalogue.grades import DEFAULT_RECEIVER
+    from tuner.catalogue.grades import DEFAULT_RECEIVER, load_gnss
     from tuner.catalogue.trajectories import load_trajectory
     from tuner.formats.customary_units import digits
     from tuner.report.answer_layout import span_text
@@ -79,7 +79,7 @@ def command(
     from tuner.simulation.load_truth import load_truth
     from tuner.synthesis.load_config import load_config
 
-    configured = load_config(config, gnss=gnss, default_gnss=DEFAULT_RECEIVER)
+    configured = load_config(config, gnss=gnss)
     simulated = None if truth is None else load_truth(truth)
     motion = load_trajectory(trajectory, duration)
     messages.say(f"simulating {runs} × {duration:g} s")
@@ -102,13 +102,10 @@ def command(
         if verbose or budget:
             show(check_tables(found, budget=budget))
         else:
-            sd = (
-                ""
-                if configured.gnss is None
-                else f", fixes of {digits(configured.gnss.position_sd[0], 2)} m (--gnss)"
-            )
+            receiver = configured.gnss or load_gnss(DEFAULT_RECEIVER)
+            sd = f"fixes of {digits(receiver.position_sd[0], 2)} m (--gnss)"
             about = (
-                f"{config} on {runs} simulated drives of {span_text(duration)} ({trajectory}){sd}; errors are drawn "
+                f"{config} on {runs} simulated drives of {span_text(duration)} ({trajectory}), {sd}; errors are drawn "
                 f"from {'its own noise: the log is not tested' if truth is None else truth}"
             )
             next_step = (

@@ -146,7 +146,7 @@ def _law(fitted: FittedChannel) -> tuple[TestResult, ...]:
     statistic = len(e) * _smooth_statistic(z, share)
     moments = [float(share @ z**k) for k in (3, 4)]
     place = f"skewness {moments[0]:+.2g}, excess kurtosis {moments[1] - 3.0:+.2g}"
-    return (_result("law", statistic, len(LAW_DEGREES), "law of the white noise", place),)
+    return (_result("law", statistic, len(LAW_DEGREES), "distribution of the white noise", place),)
 
 
 def _smooth_statistic(z: FloatArray, share: FloatArray) -> float:
@@ -163,7 +163,7 @@ def _law_of_means(fitted: FittedChannel) -> tuple[TestResult, ...]:
 
     A mean with gaps is that of the residuals in it, over its own sd; less than half of one is none.
     """
-    name, tests = "law of the means of residuals", []
+    name, tests = "distribution of the means of residuals", []
     e, valid = fitted.clipped, fitted.valid
     sums, count = np.where(valid, e, np.float32(0.0)).astype(float), valid.astype(float)
     sizes = [size for size in MEAN_SIZES if len(e) >= MIN_MEANS * size]

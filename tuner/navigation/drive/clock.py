@@ -170,7 +170,7 @@ def chosen_clock(found: ClockOffset) -> Clock:
         (delay - delay_half, delay + delay_half),
         (lag - lag_half, lag + lag_half),
         delay_sd,
-        f"{', '.join(described)}, by the motion alone: corrected here",
+        f"{', '.join(described)}, as the motion shows: taken out of this run",
     )
 
 
