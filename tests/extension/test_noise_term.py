@@ -22,6 +22,7 @@ from tests.extension.second_order_gauss_markov import SecondOrderGaussMarkov
 from tuner.diagnosis.static.switching.models import Slow, block_noise
 from tuner.identification import identify
 from tuner.report.allan_figure import allan_figure
+from tuner.report.figure_files import write_figure
 from tuner.synthesis.bias_states import spectrum_bound
 from tuner.types.records import DataError, Record
 
@@ -175,7 +176,7 @@ def test_a_long_name_leaves_the_panels_of_the_allan_figure_their_width(
         one = found.channels["gyro_x"]
         axes = ("gyro_x", "gyro_y", "gyro_z")
         found = replace(found, channels={axis: replace(one, axis=axis) for axis in axes})
-        allan_figure(found, [tmp_path / "allan.png"])
+        write_figure(allan_figure(found), tmp_path / "allan.png")
     assert len(widths) == 3
     assert min(widths) > 0.25
 

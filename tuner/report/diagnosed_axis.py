@@ -61,6 +61,8 @@ class DiagnosedAxis:
         All findings in the axis.
     stamps : ndarray, shape (k, 4), optional
         Course of the time stamps, as in `Record`.
+    begin : float
+        First stamp of the log, s; `t` begins later where its begin was not analysed.
     """
 
     axis: str
@@ -77,6 +79,7 @@ class DiagnosedAxis:
     signals: Mapping[str, FloatArray]
     findings: tuple[Finding, ...]
     stamps: FloatArray | None = None
+    begin: float = 0.0
 
     @property
     def e(self) -> FloatArray:
@@ -156,6 +159,7 @@ def diagnosed_axis(
         signals,
         findings,
         record.stamp_course,
+        float(record.t[0]),
     )
     return replace(one, whitened=cache(lambda: _whitened(one)))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,9 +11,11 @@ from matplotlib.axes import Axes
 from models.arrays import FloatArray
 from models.probability import normal_density
 from tuner.diagnosis.drive.hypothesis import FilterRun
+from tuner.report.figure_files import TIME
 from tuner.types import Parameter
 
-View = Callable[[Axes, FilterRun, str], None]
+View = Callable[..., None]
+"""Draws into a panel what a run shows, under a title: of type (panel, found, title)."""
 
 BEFORE_COLOUR, AFTER_COLOUR, CAUSE_COLOUR = "0.55", "#1f5fa8", "#c2410c"
 INNOVATION_ROWS = (
@@ -23,6 +26,8 @@ INNOVATION_ROWS = (
     ("velocity east", "m/s"),
     ("velocity down", "m/s"),
 )
+SLOW_WINDOW = 10.0
+"""Time over which the slow part of the innovations is averaged, s."""
 INNOVATION_GROUPS = 15
 """Groups of innovations whose means are drawn: enough for a line, each with a narrow interval."""
 
@@ -42,6 +47,17 @@ def _innovations(found: FilterRun) -> tuple[FloatArray, FloatArray]:
     return z, np.sqrt(np.where(variance > 0.0, variance, np.nan))
 
 
+def windowed(t: FloatArray, x: FloatArray, length: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the middles of windows of a length, s, and mean and number of the known values in each.
+
+    Of times, shape (k,), and values, shape (k, d); windows without a value are left out.
+    """
+    window = ((t - t[0]) // length).astype(int)
+    count = np.asarray(np.bincount(window, weights=np.isfinite(x).sum(axis=1)), dtype=np.float64)
+    total, full = np.bincount(window, weights=np.nansum(x, axis=1)), np.flatnonzero(count)
+    return t[0] + length * (full + 0.5), np.asarray(total[full] / count[full]), count[full]
+
+
 def draw_effect(panel: Axes, found: FilterRun, title: str, values: Mapping[Parameter, float]) -> None:
     """Draw innovations over what the constants that were found would do to them.
 
@@ -57,11 +73,12 @@ def draw_effect(panel: Axes, found: FilterRun, title: str, values: Mapping[Param
     x, y, predicted = effect[order], w.residual[order], left[order]
     panel.plot(x, y, ".", ms=1.5, mew=0, color=BEFORE_COLOUR, alpha=0.5, rasterized=True)
     if len(x) < 2:
-        _say_nothing_counts(panel, title)
+        words = "no fix counts here:\nthe filter has not settled"
+        panel.text(0.5, 0.5, words, ha="center", va="center", transform=panel.transAxes)
+        panel.set(title=title, xticks=[], yticks=[])
         return
     groups = np.array_split(np.arange(len(x)), min(INNOVATION_GROUPS, len(x) // 2))
-    middle = np.array([x[group].mean() for group in groups])
-    mean = np.array([y[group].mean() for group in groups])
+    middle, mean, line = (np.array([v[group].mean() for group in groups]) for v in (x, y, predicted))
     error = np.array([y[group].std() / np.sqrt(len(group)) for group in groups])
     panel.errorbar(
         middle,
@@ -73,26 +90,17 @@ def draw_effect(panel: Axes, found: FilterRun, title: str, values: Mapping[Param
         color=AFTER_COLOUR,
         label="means of equal groups, 95 %",
     )
-    ends = np.array([middle[0], middle[-1]])
     panel.axhline(0.0, color="0.5", lw=0.8)
-    line = np.array([predicted[group].mean() for group in groups])
     panel.plot(middle, line, color=CAUSE_COLOUR, lw=1.2, label="predicted by the finding for this filter")
-    reach = 1.5 * float(np.max(np.abs(np.concatenate([mean, ends]))) + 0.5)
-    span = 1.1 * float(np.max(np.abs(ends)))
+    span = float(np.max(np.abs(middle)))
+    reach = 1.5 * float(max(np.max(np.abs(mean)), span) + 0.5)
     panel.set(
-        xlim=(-span, span),
+        xlim=(-1.1 * span, 1.1 * span),
         ylim=(-reach, reach),
         xlabel="shift of the innovation by the finding, sds",
         ylabel="innovation, sds",
         title=title,
     )
-
-
-def _say_nothing_counts(panel: Axes, title: str) -> None:
-    """Say in a panel why it is empty: in a short drive no fix comes after the filter has settled."""
-    words = "no fix counts here:\nthe filter has not settled"
-    panel.text(0.5, 0.5, words, ha="center", va="center", transform=panel.transAxes)
-    panel.set(title=title, xticks=[], yticks=[])
 
 
 def draw_outliers(panel: Axes, found: FilterRun, title: str, first: int = 0) -> None:
@@ -103,33 +111,13 @@ def draw_outliers(panel: Axes, found: FilterRun, title: str, first: int = 0) -> 
     there = found.linearized.available[:, first] & np.isfinite(size)
     used = found.linearized.used[:, first]
     t = found.linearized.t
-    panel.plot(
-        t[there & used],
-        size[there & used],
-        ".",
-        ms=2.5,
-        mew=0,
-        color=AFTER_COLOUR,
-        label="used",
-        rasterized=True,
-    )
-    panel.plot(
-        t[there & ~used],
-        size[there & ~used],
-        ".",
-        ms=3.5,
-        mew=0,
-        color=CAUSE_COLOUR,
-        label="refused",
-        rasterized=True,
-    )
+    for which, ms, colour, label in (
+        (there & used, 2.5, AFTER_COLOUR, "used"),
+        (there & ~used, 3.5, CAUSE_COLOUR, "refused"),
+    ):
+        panel.plot(t[which], size[which], ".", ms=ms, mew=0, color=colour, label=label, rasterized=True)
     panel.axhline(1.0, color="0.5", lw=0.8)
-    panel.set(yscale="log", xlabel="time, s", ylabel="innovation ÷ predicted sd", title=title)
-
-
-def draw_wrong_velocities(panel: Axes, found: FilterRun, title: str) -> None:
-    """Draw the size of every velocity innovation by its prediction over time, with those that are left out."""
-    draw_outliers(panel, found, title, 3)
+    panel.set(yscale="log", xlabel=TIME, ylabel="innovation ÷ predicted sd", title=title)
 
 
 def draw_distribution(panel: Axes, found: FilterRun, title: str) -> None:
@@ -149,26 +137,17 @@ def draw_distribution(panel: Axes, found: FilterRun, title: str) -> None:
 
 def draw_slow_means(panel: Axes, found: FilterRun, title: str) -> None:
     """Draw normalised innovations of the position, smoothed over 10 s: its slow part."""
-    z, t = normalised(found), found.linearized.t
+    z = normalised(found)
     for row, colour in ((0, AFTER_COLOUR), (1, CAUSE_COLOUR), (2, BEFORE_COLOUR)):
-        block = ((t - t[0]) // 10.0).astype(int)
-        good = np.isfinite(z[:, row])
-        count = np.bincount(block[good], minlength=block[-1] + 1)
-        mean = np.bincount(block[good], weights=z[good, row], minlength=block[-1] + 1)[count > 0]
-        panel.plot(
-            t[0] + 10.0 * np.flatnonzero(count),
-            mean / count[count > 0],
-            lw=0.9,
-            color=colour,
-            label=INNOVATION_ROWS[row][0],
-        )
-    panel.set(xlabel="time, s", ylabel="innovation ÷ predicted sd, means of 10 s", title=title)
+        middle, mean, _ = windowed(found.linearized.t, z[:, row : row + 1], SLOW_WINDOW)
+        panel.plot(middle, mean, lw=0.9, color=colour, label=INNOVATION_ROWS[row][0])
+    panel.set(xlabel=TIME, ylabel=f"innovation ÷ sd, means of {SLOW_WINDOW:g} s", title=title)
 
 
 VIEWS: Mapping[str, View] = {
     "distribution": draw_distribution,
     "positions": draw_outliers,
-    "velocities": draw_wrong_velocities,
+    "velocities": partial(draw_outliers, first=3),
     "slow means": draw_slow_means,
 }
 """Figure of every view that a cause may declare but ``sensitivity``, which needs its estimates (`draw_effect`)."""

@@ -6,10 +6,7 @@ and for each finding the view of the innovations in which it shows (`tuner.repor
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from functools import partial
-from pathlib import Path
-from textwrap import fill
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -19,9 +16,9 @@ from models.probability import chi2_quantile
 from tuner.diagnosis.drive import ExaminedDrive
 from tuner.diagnosis.drive.causes.registry import DRIVE_CAUSES
 from tuner.diagnosis.drive.hypothesis import FilterRun
-from tuner.formats.files import Put
 from tuner.navigation.data import WITHHELD
 from tuner.navigation.drive.run import navigate, outage_windows
+from tuner.report.curve_panels import draw_banded
 from tuner.report.drive_cause_panels import (
     AFTER_COLOUR,
     BEFORE_COLOUR,
@@ -31,11 +28,10 @@ from tuner.report.drive_cause_panels import (
     draw_distribution,
     draw_effect,
     normalised,
+    windowed,
 )
-from tuner.report.figure_files import new_figure
+from tuner.report.figure_files import TIME, Sketch
 from tuner.types import Parameter
-
-Panels = Sequence[Callable[[Axes], None]]
 
 OUTAGE_LENGTHS = (30.0, 60.0)
 """Lengths of the outages, s."""
@@ -45,84 +41,45 @@ NIS_WINDOW = 30.0
 """Time over which NIS is averaged, s: some 30 fixes at 1 Hz, a band of ± 15 %."""
 
 
-def drive_figures(
-    examined: ExaminedDrive, directory: Path, suffixes: Sequence[str] = (".png", ".svg")
-) -> tuple[list[tuple[str, Path]], list[Callable[[Put], None]]]:
-    """Return the figures of the diagnosis of a drive, for `draw_all`.
-
-    Returns
-    -------
-    list of (str, Path)
-        Caption and SVG of each picture.
-    list of callable
-        Draws it to ``drive-*`` with each of `suffixes`.
-    """
-    passes = (examined.search.base, examined.search.final)
+def drive_figures(examined: ExaminedDrive) -> list[Sketch]:
+    """Return the figures of the diagnosis of a drive: of the whole filter, then of each cause that was found."""
+    passes, origin = (examined.search.base, examined.search.final), examined.drive.origin
     named = "with all findings" if examined.diagnosis.findings else "nothing found, so the same again"
-    drawn: list[tuple[str, Path]] = []
-    figures: list[Callable[[Put], None]] = []
-
-    def add(
-        name: str, caption: str, size: tuple[float, float], shape: tuple[int, int], panels: Panels
-    ) -> None:
-        path = directory / f"drive-{name}.svg"
-        drawn.append((caption, path))
-        figures.append(
-            partial(_draw, [path.with_suffix(suffix) for suffix in suffixes], caption, size, shape, panels)
-        )
-
-    add(
-        "innovations",
-        f"Innovations of the filter as configured (grey) and {named} (blue); bands are ± 1 predicted sd.",
-        (11.0, 7.0),
-        (3, 2),
-        [partial(_innovations, passes, row) for row in (0, 3, 1, 4, 2, 5)],
-    )
-    add(
-        "consistency",
-        f"Left: normalised innovations must be uncorrelated. Right: NIS, averaged over {NIS_WINDOW:.0f} s, "
-        "must stay about 1; the shaded band holds 95 % of the averages of a consistent filter.",
-        (11.0, 4.0),
-        (1, 2),
-        [partial(_correlation, passes), partial(_nis, passes)],
-    )
+    whole = [
+        Sketch(
+            "drive-innovations",
+            f"Innovations of the filter as configured (grey) and {named} (blue); bands are ± 1 predicted sd.",
+            [partial(_innovations, passes, row) for row in (0, 3, 1, 4, 2, 5)],
+            (3, 2),
+            7.0,
+            origin,
+        ),
+        Sketch(
+            "drive-consistency",
+            f"Left: normalised innovations must be uncorrelated. Right: NIS, averaged over {NIS_WINDOW:.0f} s, "
+            "must stay about 1; the shaded band holds 95 % of the averages of a consistent filter.",
+            [partial(_correlation, passes), partial(_nis, passes)],
+            origin=origin,
+        ),
+    ]
     if outages := _outages(passes):
-        add(
-            "outages",
+        caption = (
             "Horizontal error at the end of outages of the whole drive, before and after the findings; below the "
             "diagonal is better. These are the data the findings were estimated from: the gain on held-out data "
-            "is in the table.",
-            (11.0, 4.6),
-            (1, len(outages)),
-            [partial(_paired, *one) for one in outages],
+            "is in the table."
         )
+        panels = [partial(_paired, *one) for one in outages]
+        whole.append(Sketch("drive-outages", caption, panels, (1, len(outages))))
     first: dict[str, str] = {}
     for finding in examined.diagnosis.findings:
         first.setdefault(finding.cause, finding.text)
     for number, (cause, text) in enumerate(first.items(), 1):
-        view = _view(examined, cause)
-        panels = [
-            partial(_viewed, view, p, title) for p, title in zip(passes, ("before", "after"), strict=True)
+        views = [
+            partial(_view(examined, cause), found=found, title=title)
+            for found, title in zip(passes, ("before", "after"), strict=True)
         ]
-        add(f"finding-{number}-{cause}", text, (11.0, 4.0), (1, 2), panels)
-    return drawn, figures
-
-
-def _draw(
-    paths: Sequence[Path],
-    caption: str,
-    size: tuple[float, float],
-    shape: tuple[int, int],
-    panels: Panels,
-    put: Put,
-) -> None:
-    with new_figure(size, paths, put) as figure:
-        for panel, draw in zip(figure.subplots(*shape, squeeze=False).flat, panels, strict=True):
-            draw(panel)
-            panel.grid(which="major", color="0.9", lw=0.6)
-            if panel.get_legend_handles_labels()[0]:
-                panel.legend(fontsize=7, framealpha=0.85)
-        figure.suptitle(fill(caption, 150), fontsize=9, parse_math=False)
+        whole.append(Sketch(f"drive-finding-{number}-{cause}", text, views, origin=origin))
+    return whole
 
 
 def _view(examined: ExaminedDrive, cause: str) -> View:
@@ -134,37 +91,22 @@ def _view(examined: ExaminedDrive, cause: str) -> View:
     return partial(draw_effect, values=values)
 
 
-def _viewed(view: View, found: FilterRun, title: str, panel: Axes) -> None:
-    view(panel, found, title)
-
-
 def _innovations(passes: tuple[FilterRun, FilterRun], row: int, panel: Axes) -> None:
     name, unit = INNOVATION_ROWS[row]
     reach = 0.0
-    for found, colour, label, size in zip(
-        passes, ("0.7", AFTER_COLOUR), ("before", "after"), (3.5, 2.5), strict=True
-    ):
+    for found, colour, label in zip(passes, ("0.7", AFTER_COLOUR), ("before", "after"), strict=True):
         for number, solution in enumerate(found.solutions):
-            z, sd = solution.innovation[:, row], np.sqrt(solution.innovation_covariance[:, row, row])
             there = solution.use[:, row // 3] != 0
             if not there.any():
                 continue
-            t = solution.t[there]
-            panel.plot(
-                t,
-                z[there],
-                ".",
-                ms=size,
-                mew=0,
-                color=colour,
-                label=label if number == 0 else None,
-                rasterized=True,
-            )
-            panel.fill_between(t, -sd[there], sd[there], color=colour, alpha=0.25, lw=0)
-            reach = max(reach, float(np.quantile(np.abs(z[there]), 0.99)), 3.0 * float(np.median(sd[there])))
+            t, z = solution.t[there], solution.innovation[there, row]
+            sd = np.sqrt(solution.innovation_covariance[there, row, row])
+            look = {"ms": 2.5, "mew": 0, "color": colour, "label": None if number else label}
+            draw_banded(panel, t, z, (-sd, sd), ".", rasterized=True, **look)
+            reach = max(reach, float(np.quantile(np.abs(z), 0.99)), 3.0 * float(np.median(sd)))
     if reach:
         panel.set_ylim(-1.3 * reach, 1.3 * reach)
-    panel.set(xlabel="time, s", ylabel=f"{name}, {unit}")
+    panel.set(xlabel=TIME, ylabel=f"{name}, {unit}")
 
 
 def _correlation(passes: tuple[FilterRun, FilterRun], panel: Axes) -> None:
@@ -186,20 +128,14 @@ def _correlation(passes: tuple[FilterRun, FilterRun], panel: Axes) -> None:
 
 def _nis(passes: tuple[FilterRun, FilterRun], panel: Axes) -> None:
     for found, colour, title in zip(passes, (BEFORE_COLOUR, AFTER_COLOUR), ("before", "after"), strict=True):
-        z2 = normalised(found) ** 2
-        t = found.linearized.t
-        block = ((t - t[0]) // NIS_WINDOW).astype(int)
-        count = np.bincount(block, weights=np.isfinite(z2).sum(axis=1))
-        total = np.bincount(block, weights=np.nansum(z2, axis=1))
-        full = count > 0
-        middle = t[0] + NIS_WINDOW * (np.arange(len(count)) + 0.5)
-        panel.plot(middle[full], total[full] / count[full], "-o", ms=2.5, lw=1.0, color=colour, label=title)
-    usual = float(np.median(count[full]))
+        middle, mean, count = windowed(found.linearized.t, normalised(found) ** 2, NIS_WINDOW)
+        panel.plot(middle, mean, "-o", ms=2.5, lw=1.0, color=colour, label=title)
+    usual = float(np.median(count))
     low, high = (chi2_quantile(q, usual) / usual for q in (0.025, 0.975))
     panel.axhspan(low, high, color="0.85", lw=0, zorder=0)
     panel.axhline(1.0, color="0.5", lw=0.8)
     panel.set(
-        xlabel="time, s",
+        xlabel=TIME,
         ylabel="NIS a row",
         title="size of the innovations, squared, by prediction",
     )

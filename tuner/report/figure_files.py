@@ -6,25 +6,35 @@ import json
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
+from textwrap import fill
+from typing import Any
 
 import matplotlib as mpl
-import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogFormatter, LogFormatterSciNotation, NullLocator
 
-from tuner.formats.files import Put, write_bytes
+from tuner.formats.customary_units import since
+from tuner.formats.files import write_bytes
 from tuner.jobs import each
-from tuner.report.interactive_figure import charts_of_figure
+from tuner.report.interactive_figure import COLOUR_SCALE, charts_of_figure
 
 LABELLED_DECADES = 2.0
 """Decades of an axis beyond which ticks between them are without labels: two of their own are then on it."""
 CHARTS = ".json"
 """Suffix of a figure as charts for a page."""
-TITLE_PLACE = 1.0
-"""Height of the title of a panel, as a share of it: given, so that no ticks are measured to find it."""
+TIME = since(0.0)
+"""Label of an axis of time from the begin of a recording on."""
+PAGE_SUFFIXES = (".svg", CHARTS)
+"""Suffixes of what a page takes of a figure."""
+LOOK: dict[Any, Any] = {"font.size": 9, "axes.titlesize": 10, "axes.titley": 1.0}
+"""Sizes of text, points; the height of titles is given, so that no ticks are measured to find it."""
+TITLE_WIDTH = 150
+"""Characters of a line of the title of a sketch."""
 FILE_DPI = 130
 """Dots of a PNG on an inch: a panel of 4.6 inches fills a third of a common screen."""
 
@@ -58,34 +68,63 @@ class ShownFigure(Figure):
         return figure_bytes(self, ".png")
 
 
-@contextmanager
-def new_figure(
-    size: tuple[float, float],
-    paths: Sequence[Path] = (),
-    put: Put = write_bytes,
-    *,
-    margins: Mapping[str, float] | None = None,
-    coarse: bool = False,
-) -> Iterator[Figure]:
-    """Yield an empty figure of a size in inches; write it afterwards, PNG, SVG, … by the suffix of each path.
+@dataclass(frozen=True)
+class Sketch:
+    """A figure that is yet to be drawn, of panels that draw themselves.
 
-    The same figure gives the same bytes: no date, and names of its parts that follow from their content.
-
-    Its panels are laid out once for all files: that takes as long as drawing them. With `margins`, those of
-    `Figure.subplots_adjust`, nothing is measured; of a `coarse` figure, log axes have no ticks between decades.
+    Attributes
+    ----------
+    name : str
+        Of its files, without a suffix.
+    caption : str
+        What it shows: its title.
+    panels : sequence of callable
+        Each draws one panel, row by row.
+    shape : (int, int)
+        Rows and columns of panels.
+    height : float
+        Inches.
+    origin : float
+        Time 0 of panels labelled `TIME` on the clock of the recording, s.
     """
-    with mpl.rc_context({"font.size": 9, "axes.titlesize": 10, "axes.titley": TITLE_PLACE}):
-        figure = ShownFigure(figsize=size, layout="constrained" if margins is None else None)
-        if margins is not None:
-            figure.subplots_adjust(**margins)
+
+    name: str
+    caption: str
+    panels: Sequence[Callable[[Axes], None]]
+    shape: tuple[int, int] = (1, 2)
+    height: float = 4.4
+    origin: float = 0.0
+
+    def files(self, suffixes: Sequence[str] = PAGE_SUFFIXES) -> dict[str, bytes]:
+        """Return it drawn, as files by their names."""
+        with new_figure((11.0, self.height), coarse=True) as figure:
+            for panel, draw in zip(
+                figure.subplots(*self.shape, squeeze=False).flat, self.panels, strict=True
+            ):
+                draw(panel)
+                if panel.get_xlabel() == TIME:
+                    panel.set_xlabel(since(self.origin))
+            figure.suptitle(fill(self.caption, TITLE_WIDTH), fontsize=9, parse_math=False)
+        return rendered(figure, self.name, suffixes)
+
+
+@contextmanager
+def new_figure(size: tuple[float, float], *, coarse: bool = False) -> Iterator[Figure]:
+    """Yield an empty figure of a size in inches; give its panels afterwards their grid, legend and labels.
+
+    They are laid out when they are first drawn. Log axes of a `coarse` figure have no ticks between decades.
+    """
+    with mpl.rc_context(LOOK):
+        figure = ShownFigure(figsize=size, layout="constrained")
         yield figure
+        for panel in figure.axes:
+            if panel.get_label() != COLOUR_SCALE:
+                panel.grid(which="major", color="0.9", lw=0.6)
+            if panel.get_legend_handles_labels()[0] and panel.get_legend() is None:
+                panel.legend(fontsize=7, framealpha=0.85)
         label_plainly(figure)
-        if margins is None:
-            lay_out(figure)
         for axis in _wide_axes(figure) if coarse else ():
             axis.set_minor_locator(NullLocator())
-        for path in paths:
-            put(path, figure_bytes(figure, path.suffix))
 
 
 def label_plainly(figure: Figure) -> None:
@@ -97,9 +136,13 @@ def label_plainly(figure: Figure) -> None:
 
 
 def lay_out(figure: Figure) -> None:
-    """Place the panels; ticks between decades have no labels there and would take two thirds of the time."""
+    """Place the panels once for all files, which takes as long as drawing them.
+
+    Ticks between decades have no labels there and would take two thirds of the time.
+    """
     layout = figure.get_layout_engine()
-    assert layout is not None
+    if layout is None:
+        return
     unlabelled = [(axis, axis.get_minor_locator()) for axis in _wide_axes(figure)]
     for axis, _ in unlabelled:
         axis.set_minor_locator(NullLocator())
@@ -110,31 +153,25 @@ def lay_out(figure: Figure) -> None:
 
 
 def _wide_axes(figure: Figure) -> list[Axis]:
-    """Return the axes on which ticks between decades have no labels."""
+    """Return the logarithmic axes on which ticks between decades have no labels."""
     every = [axis for panel in figure.axes for axis in (panel.xaxis, panel.yaxis)]
-    return [axis for axis in every if _decades(axis) > LABELLED_DECADES]
+    ends = [(axis, axis.get_view_interval()) for axis in every if axis.get_scale() == "log"]
+    return [axis for axis, (low, high) in ends if 0.0 < low * 10.0**LABELLED_DECADES < high]
 
 
-def _decades(axis: Axis) -> float:
-    """Return over how many decades a logarithmic axis goes; 0 for an even one."""
-    low, high = axis.get_view_interval()
-    return float(np.log10(high / low)) if axis.get_scale() == "log" and 0.0 < low < high else 0.0
+def rendered(figure: Figure, name: str, suffixes: Sequence[str] = PAGE_SUFFIXES) -> dict[str, bytes]:
+    """Return the files of a figure by their names, one a suffix."""
+    return {f"{name}{suffix}": figure_bytes(figure, suffix) for suffix in suffixes}
 
 
-def draw_all(figures: Sequence[Callable[[Put], object]], put: Put) -> None:
-    """Draw figures on all processors, and hand their files to `put` in their order.
+def write_figure(figure: Figure, path: Path) -> None:
+    """Write a figure: PNG, SVG, … by the suffix of the path."""
+    write_bytes(path, figure_bytes(figure, path.suffix))
 
-    Each of `figures` draws one and hands its files to its argument.
-    """
 
-    def files(draw: Callable[[Put], object]) -> dict[Path, bytes]:
-        made: dict[Path, bytes] = {}
-        draw(made.__setitem__)
-        return made
-
-    for made in each(files, figures):
-        for path, content in made.items():
-            put(path, content)
+def draw_all(figures: Sequence[Callable[[], Mapping[str, bytes]]]) -> dict[str, bytes]:
+    """Return the files of figures by their names; each of `figures` draws one, all processors share them."""
+    return {name: content for made in each(lambda draw: draw(), figures) for name, content in made.items()}
 
 
 def figure_bytes(figure: Figure, suffix: str) -> bytes:
@@ -147,6 +184,7 @@ def figure_bytes(figure: Figure, suffix: str) -> bytes:
     content = BytesIO()
     kind = suffix.lstrip(".").lower() or "png"
     dateless = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind)
-    with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "tuner"}):
+    with mpl.rc_context({**LOOK, "svg.fonttype": "none", "svg.hashsalt": "tuner"}):
+        lay_out(figure)
         figure.savefig(content, dpi=FILE_DPI, format=kind, metadata=dateless)
     return content.getvalue()

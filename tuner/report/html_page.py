@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import functools
 import gzip
-import json
 from base64 import b64encode
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -22,16 +22,17 @@ from rich.table import Table
 from tuner.exporters import DIALECTS, export, lacking
 from tuner.formats.axis_words import axes_text
 from tuner.formats.customary_units import term_title
+from tuner.jobs import each
 from tuner.pipeline import EXPORTED_DIALECTS
 from tuner.report.alike_sentences import alike_sentences
+from tuner.report.axis_figure import axis_figure
 from tuner.report.calibration_text import calibration_lines
 from tuner.report.consistency_tables import consistency_tables
 from tuner.report.identification_tables import identification_tables
-from tuner.report.interactive_figure import Chart
+from tuner.report.interactive_figure import Chart, charts_of_figure
 from tuner.report.noise_table import legend, more_white_noise, states_tables
-from tuner.report.page_charts import charts
 from tuner.report.page_findings import findings_content
-from tuner.report.page_parts import Picture, blocks, shown
+from tuner.report.page_parts import Picture, blocks
 from tuner.report.prediction_tables import prediction_tables
 from tuner.report.tune_answer import (
     against_datasheet,
@@ -42,13 +43,14 @@ from tuner.report.tune_answer import (
 )
 from tuner.tune_result import TuneResult
 from tuner.types.judgement import Use
+from tuner.types.records import Record
 
-KINDS = {
-    "allan": "Allan deviation: measured with its 95 % band, what the settings predict, and each identified term",
-    "spectrum": "Spectrum: root of the two-sided density with its 95 % band, and that of the identified noise",
-    "course": "Time course: from the smallest to the largest sample of each piece of time; events are marked",
-}
-"""Charts and their captions."""
+CAPTIONS = (
+    "Allan deviation: measured with its 95 % band, what the settings predict, and each identified term",
+    "Spectrum: root of the two-sided density with its 95 % band, and that of the identified noise",
+    "Time course: from the smallest to the largest sample of each piece of time; events are marked",
+)
+"""What the charts of an axis show."""
 STANDING = {Use.USABLE: "good", Use.USABLE_EXCEPT: "open", Use.DO_NOT_USE: "bad"}
 """How the page shows a verdict."""
 WARNING = "warning: "
@@ -63,7 +65,7 @@ TIMING = {
 
 
 def write_page(
-    result: TuneResult, pictures: Sequence[Picture] = (), allan: bytes | None = None, command: str = ""
+    result: TuneResult, pictures: Sequence[Picture] = (), allan: Picture | None = None, command: str = ""
 ) -> str:
     """Return the page as text.
 
@@ -73,14 +75,13 @@ def write_page(
         Of `tuner.tune`.
     pictures : sequence of Picture
         Of findings, captioned by their words; others belong to the drive.
-    allan : bytes, optional
-        SVG of the Allan figure, for print and for readers without scripts.
+    allan : Picture, optional
+        The Allan figure: its panels are shown by axis; for print and for readers without scripts it is a picture.
     command : str
         What was typed; empty where the page was made from Python.
     """
-    drawn = charts(result)
-    panels: list[Chart] = []
-    axes = list(dict.fromkeys(axis for by_axis in drawn.values() for axis in by_axis))
+    curves = _curves(result, allan)
+    axes = list(dict.fromkeys(axis for by_axis in curves.values() for axis in by_axis))
     noise = blocks(identification_tables(result.identification))
     measured = noise_tables(result, result.exports)
     others = {
@@ -103,18 +104,17 @@ def write_page(
         "reasons": _reasons(result),
         "files": [{"name": name, "text": text} for name, text in result.exports.items()],
         "dialects": list(others),
-        "texts": _for_script(others),
-        **findings_content(result, pictures, panels),
+        "texts": others,
+        **findings_content(result, pictures),
         "axes": axes,
-        "kinds": [(kind, KINDS[kind]) for kind in drawn],
-        "allan": None if allan is None else shown(Picture(KINDS["allan"], "allan.svg", allan)),
+        "kinds": curves,
+        "allan": allan,
         "noise": [block for block in noise if "rows" in block],
-        "sections": _sections(result, pictures, panels),
+        "sections": _sections(result, pictures),
         "limits": _limits(result, noise),
         "provenance": _provenance(result, command),
     }
-    content["charts"] = _for_script({**drawn, "panels": panels})
-    content["plotly"] = _packed_library() if axes or panels else ""
+    content["plotly"] = _packed_library() if axes or any(picture.charts for picture in pictures) else ""
     content["contents"] = [
         ("settings", "Settings"),
         ("files", "Files"),
@@ -138,16 +138,12 @@ def write_sections_page(
 
     Above them stands the verdict, whether it is good and its words, where there is one.
     """
-    drawn: list[Chart] = []
-    parts = []
-    for heading, words, pictures in sections:
-        parts.append((heading, blocks(words), [shown(picture, drawn) for picture in pictures]))
+    drawn = any(picture.charts for _, _, pictures in sections for picture in pictures)
     content = {
         "name": title,
-        "sections": parts,
+        "sections": [(heading, blocks(words), pictures) for heading, words, pictures in sections],
         "command": command,
         "verdict": verdict,
-        "charts": _for_script({"panels": drawn}),
         "plotly": _packed_library() if drawn else "",
     }
     return _filled("sections.html.j2", content)
@@ -167,6 +163,7 @@ def _filled(template: str, content: Mapping[str, Any]) -> str:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
+    environment.policies["json.dumps_kwargs"] = {"separators": (",", ":"), "ensure_ascii": False}
     environment.globals["unlike"] = _unlike()
     return environment.get_template(template).render(content).lstrip()
 
@@ -188,29 +185,47 @@ def _packed_library() -> Markup:
     return Markup(b64encode(gzip.compress(get_plotlyjs().encode(), 6, mtime=0)).decode())
 
 
-def _for_script(data: Mapping[str, Any]) -> Markup:
-    """Return data as JSON that no text in it can end early."""
-    text = json.dumps(data, separators=(",", ":"), ensure_ascii=False)
-    return Markup(text.replace("<", "\\u003c").replace("&", "\\u0026"))
+def _curves(result: TuneResult, allan: Picture | None) -> dict[str, dict[str, Chart]]:
+    """Return the charts of each axis by their caption; captions without a chart are absent."""
+    findings = () if result.diagnosis is None else result.diagnosis.findings
+    parts = {} if result.diagnosis is None else result.diagnosis.parts
+
+    def drawn(place: tuple[Record, int]) -> Sequence[Chart]:
+        record, j = place
+        (axis,) = axes = record.axes[j : j + 1]
+        figure = axis_figure(
+            replace(record, y=record.y[:, j : j + 1], axes=axes),
+            parts.get(axis),
+            result.identification.channels.get(axis),
+            [finding for finding in findings if axis in finding.channels],
+        )
+        return charts_of_figure(figure) or ()
+
+    places = [(record, j) for record in result.records for j in range(len(record.axes))]
+    of_samples = zip(*each(drawn, places), strict=True) if places else ((), ())
+    kinds = zip(CAPTIONS, ((allan and allan.charts) or (), *of_samples), strict=True)
+    by_axis = {caption: {one["title"]: one for one in own if one["traces"]} for caption, own in kinds}
+    return {caption: own for caption, own in by_axis.items() if own}
 
 
 def _facts(result: TuneResult) -> list[tuple[str, str]]:
-    facts = [("Recording", recording_line(result))]
     wrong = alike_sentences(
         (f"{record.timing[key]:.0f} {words}", record.name)
         for key, words in TIMING.items()
         for record in result.records
         if record.timing.get(key)
     )
-    repairs = dict.fromkeys(note for record in result.records for note in record.notes)
+    facts = [("Recording", recording_line(result))]
     if result.records:
+        repairs = dict.fromkeys(note for record in result.records for note in record.notes)
         facts.append(("Time stamps", "; ".join(wrong) or "no gap, no repetition"))
-    if repairs:
         facts.append(("Read with", "; ".join(repairs)))
-    if result.records:
         facts.append(("Units assumed", "; ".join(assumptions(result)) or "none"))
-    facts += [("Hidden in it", line) for line in hidden_lines(result)]
-    return facts
+    return [
+        (term, words)
+        for term, words in (*facts, *(("Hidden in it", line) for line in hidden_lines(result)))
+        if words
+    ]
 
 
 def _reasons(result: TuneResult) -> list[str]:
@@ -229,29 +244,30 @@ def _reasons(result: TuneResult) -> list[str]:
 
 
 def _sections(
-    result: TuneResult, pictures: Sequence[Picture], panels: list[Chart]
-) -> list[tuple[str, str, list[dict[str, Any]], list[dict[str, Any]]]]:
+    result: TuneResult, pictures: Sequence[Picture]
+) -> list[tuple[str, str, list[dict[str, Any]], list[Picture]]]:
     """Return prediction, calibration, drive and checks, each as anchor, heading, content and pictures."""
-    sections: list[tuple[str, str, list[dict[str, Any]], list[dict[str, Any]]]] = []
-    if result.predictions:
-        content = blocks(prediction_tables(result.predictions))
-        sections.append(("prediction", "Does it predict the log?", content, []))
-    if result.calibration is not None:
-        sections.append(("calibration", "Calibration", blocks(calibration_lines(result.calibration)), []))
-    if result.measured is not None:
-        scores = blocks(consistency_tables(result.measured.consistency, result.measured.notes))
-        sections.append(("measured", "The filter on the measured drive", scores, []))
+    measured, check = (
+        [] if run is None else consistency_tables(run.consistency, run.notes)
+        for run in (result.measured, result.check)
+    )
+    calibration = [] if result.calibration is None else calibration_lines(result.calibration)
+    drive: Sequence[Table | str] = []
+    own: list[Picture] = []
     if result.drive is not None:
         from tuner.report.drive_diagnosis_tables import drive_tables  # loads the diagnosis of drives
 
-        static = () if result.diagnosis is None else result.diagnosis.findings
-        of_findings = {one.text for one in (*static, *result.drive.diagnosis.findings)}
-        own = [shown(picture, panels) for picture in pictures if picture.caption not in of_findings]
-        sections.append(("drive", "The drive", blocks(drive_tables(result.drive.diagnosis)), own))
-    if result.check is not None:
-        content = blocks(consistency_tables(result.check.consistency, result.check.notes))
-        sections.append(("check", "Filter check: simulated", content, []))
-    return sections
+        drive = drive_tables(result.drive.diagnosis)
+        proofs = {one.text for one in result.drive.diagnosis.findings}
+        own = [p for p in pictures if p.name.startswith("drive-") and p.caption not in proofs]
+    sections: list[tuple[str, str, Sequence[Table | str], list[Picture]]] = [
+        ("prediction", "Does it predict the log?", prediction_tables(result.predictions), []),
+        ("calibration", "Calibration", calibration, []),
+        ("measured", "The filter on the measured drive", measured, []),
+        ("drive", "The drive", drive, own),
+        ("check", "Filter check: simulated", check, []),
+    ]
+    return [(at, head, blocks(content), shown) for at, head, content, shown in sections if content or shown]
 
 
 def _limits(result: TuneResult, noise: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -266,13 +282,12 @@ def _limits(result: TuneResult, noise: Sequence[Mapping[str, Any]]) -> list[str]
 
 def _provenance(result: TuneResult, command: str) -> list[tuple[str, str]]:
     source = result.identification.source
-    answer = [("Made again by", command or f"tuner.tune in Python, seed {result.seed}")]
-    if files := ", ".join(str(file) for file in source.get("files", ())):
-        answer.append(("Source", files))
-    if digests := ", ".join(str(digest) for digest in source.get("digests", ())):
-        answer.append(("SHA-256", digests))
     versions = result.config.provenance.get("versions", {})
-    answer.append(
-        ("Versions", ", ".join(f"{name} {version}" for name, version in versions.items()) or "unknown")
+    facts = (
+        ("Made again by", command or f"tuner.tune in Python, seed {result.seed}"),
+        ("Source", ", ".join(map(str, source.get("files", ())))),
+        ("SHA-256", ", ".join(map(str, source.get("digests", ())))),
+        ("Versions", ", ".join(f"{name} {version}" for name, version in versions.items()) or "unknown"),
+        ("Seed", str(result.seed)),
     )
-    return [*answer, ("Seed", str(result.seed))]
+    return [(term, words) for term, words in facts if words]

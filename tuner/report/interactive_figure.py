@@ -6,19 +6,25 @@ panel with anything else (images, bars) makes the figure one that stays a pictur
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PathCollection, PolyCollection
 from matplotlib.colors import to_hex, to_rgb, to_rgba_array
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle, StepPatch
+from matplotlib.text import Text
 from matplotlib.ticker import FixedFormatter, FuncFormatter
 
+from models.arrays import FloatArray
+
 Chart = Mapping[str, Any]
+Drawn = list[dict[str, Any]] | None
+"""What an artist is on a chart: traces, and shapes, which have an ``xref``; None where no chart can show it."""
 
 DRAWN_DIGITS = 5
 """Significant digits of a drawn number: finer than a screen, a third of the bytes."""
@@ -34,6 +40,8 @@ PAGE_COLOURS = {
 """Names that the page has for colours of figures: light ones where it is dark."""
 GREYS = ((0.3, "--ink"), (0.65, "--quiet"), (1.1, "--rule"))
 """Names of greys up to a lightness."""
+NAMED = (FixedFormatter, FuncFormatter)
+"""Formatters of axes with names in place of numbers."""
 COLOUR_SCALE = "<colorbar>"
 """Label that matplotlib gives the panel of a colour scale: its chart has one of its own."""
 DASHES = {"-": "solid", "--": "dash", ":": "dot", "-.": "dashdot"}
@@ -42,40 +50,36 @@ MARKERS = {"o": "circle", ".": "circle", "x": "x", "^": "triangle-up", "v": "tri
 
 def charts_of_figure(figure: Figure) -> list[Chart] | None:
     """Return one chart for each panel; None where a panel holds what no chart shows."""
-    panels = [panel for panel in figure.axes if panel.get_label() != COLOUR_SCALE]
+    panels = [panel for panel in figure.axes if panel.get_visible() and panel.get_label() != COLOUR_SCALE]
     points = min(DRAWN_POINTS, FIGURE_POINTS // max(len(panels), 1))
-    charts = [_chart(panel, points) for panel in panels]
-    known = [chart for chart in charts if chart is not None]
-    return known if known and len(known) == len(charts) else None
+    charts = [chart for panel in panels if (chart := _chart(panel, points)) is not None]
+    return charts if charts and len(charts) == len(panels) else None
+
+
+def thinned(x: FloatArray, y: FloatArray, points: int) -> tuple[FloatArray, FloatArray]:
+    """Return the smallest and the largest value of each piece of a long line, in the order of `x`; a short one whole.
+
+    Both have shape (n,) and, returned, (`points`,) or less.
+    """
+    if len(x) <= points:
+        return x, y
+    starts = np.arange(0, len(x), -(-2 * len(x) // points))
+    low, high = np.fmin.reduceat(y, starts), np.fmax.reduceat(y, starts)
+    return np.repeat(x[starts], 2), np.column_stack([low, high]).ravel()
 
 
 def _chart(panel: Axes, points: int) -> Chart | None:
-    scales = {panel.get_xscale(), panel.get_yscale()}
-    spans = [patch for patch in panel.patches if isinstance(patch, Rectangle)]
-    steps = [patch for patch in panel.patches if isinstance(patch, StepPatch)]
-    known = not panel.images and all(isinstance(c, tuple(COLLECTIONS)) for c in panel.collections)
-    if not known or not scales <= {"linear", "log"} or len(spans) + len(steps) != len(panel.patches):
+    artists = [*panel.collections, *panel.patches, *panel.lines, *panel.texts, *panel.images]
+    drawn = [
+        next((draw(panel, one, points) for kind, draw in ARTISTS.items() if isinstance(one, kind)), None)
+        for one in artists
+    ]
+    if None in drawn or not {panel.get_xscale(), panel.get_yscale()} <= {"linear", "log"}:
         return None
-    if any(_place(panel, patch) is None for patch in spans):
-        return None
-    names = _names(panel)
-    shapes, traces = [_span(panel, patch) for patch in spans], []
-    for one in panel.collections:
-        traces += next(
-            drawn(panel, one, points) for kind, drawn in COLLECTIONS.items() if isinstance(one, kind)
-        )
-    traces += [_steps(panel, one) for one in steps]
-    for line in panel.lines:
-        where = _place(panel, line)
-        if where is None:
-            traces.append(_curve(panel, line, names, points))
-        else:
-            shapes.append(_straight(line, where))
-            if not str(line.get_label()).startswith("_"):
-                traces.append(_legend_entry(line))
-    traces += [_words(text) for text in panel.texts if text.get_text().strip() and _in_data(text)]
+    parts = [part for own in drawn for part in own or ()]
     return {
-        "traces": traces,
+        "traces": [part for part in parts if "xref" not in part],
+        "shapes": [part for part in parts if "xref" in part],
         "x": panel.get_xlabel(),
         "y": panel.get_ylabel(),
         "title": panel.get_title(),
@@ -84,9 +88,7 @@ def _chart(panel: Axes, points: int) -> Chart | None:
         "xrange": _range(panel.get_xlim(), panel.get_xscale()),
         "yrange": _range(panel.get_ylim(), panel.get_yscale()),
         "even": panel.get_aspect() == 1.0,
-        "names": {end: {"at": list(at), "text": list(text)} for end, (at, text) in names.items()},
-        "shapes": shapes,
-        "spans": [],
+        "names": _names(panel),
     }
 
 
@@ -94,171 +96,130 @@ def _range(limits: tuple[float, float], scale: str) -> list[float | None]:
     return [_short(np.log10(v) if scale == "log" else v) for v in limits]
 
 
-def _names(panel: Axes) -> dict[str, tuple[Sequence[float], Sequence[str]]]:
+def _names(panel: Axes) -> dict[str, dict[str, list[Any]]]:
     """Return places and names along the axes that have names in place of numbers."""
-    found: dict[str, tuple[Sequence[float], Sequence[str]]] = {}
-    for end, axis in (("x", panel.xaxis), ("y", panel.yaxis)):
-        formatter = axis.get_major_formatter()
-        if isinstance(formatter, FixedFormatter | FuncFormatter):
-            places = [float(v) for v in axis.get_ticklocs()]
-            found[end] = (places, [formatter(v, k) for k, v in enumerate(places)])
-    return found
-
-
-def _place(panel: Axes, artist: Line2D | Rectangle) -> str | None:
-    """Return the axis along which a line or span goes from end to end; None for what lies in the data."""
-    transform = artist.get_transform() if isinstance(artist, Line2D) else artist.get_data_transform()
-    if transform == panel.get_xaxis_transform(which="grid"):
-        return "x"
-    return "y" if transform == panel.get_yaxis_transform(which="grid") else None
-
-
-def _span(panel: Axes, patch: Rectangle) -> dict[str, Any]:
-    x0, y0 = patch.get_xy()
-    x1, y1 = x0 + patch.get_width(), y0 + patch.get_height()
-    across = _place(panel, patch) == "x"
+    ends = {"x": panel.xaxis, "y": panel.yaxis}
+    named = {end: a for end, a in ends.items() if isinstance(a.get_major_formatter(), NAMED)}
     return {
-        "type": "rect", "layer": "below", "line": {"width": 0}, "opacity": 0.4,
-        "fillcolor": _colour(patch.get_facecolor()),
-        "xref": "x" if across else "paper", "yref": "paper" if across else "y",
-        "x0": _short(x0), "x1": _short(x1), "y0": _short(y0), "y1": _short(y1),
-    }  # fmt: skip
+        end: {
+            "at": [float(v) for v in axis.get_ticklocs()],
+            "text": axis.get_major_formatter().format_ticks(list(axis.get_ticklocs())),
+        }
+        for end, axis in named.items()
+    }
 
 
-def _straight(line: Line2D, where: str) -> dict[str, Any]:
-    x, y = (np.asarray(values, dtype=float) for values in line.get_data())
-    ends = (x[0], x[0], 0.0, 1.0) if where == "x" else (0.0, 1.0, y[0], y[0])
-    return {
-        "type": "line", "line": _line_style(line),
-        "xref": "x" if where == "x" else "paper", "yref": "paper" if where == "x" else "y",
-        **dict(zip(("x0", "x1", "y0", "y1"), map(_short, ends), strict=True)),
-    }  # fmt: skip
-
-
-def _legend_entry(line: Line2D) -> dict[str, Any]:
-    return {
-        "type": "scatter", "x": [None], "y": [None], "mode": "lines", "name": str(line.get_label()),
-        "showlegend": True, "hoverinfo": "skip", "line": _line_style(line),
-    }  # fmt: skip
-
-
-def _curve(
-    panel: Axes, line: Line2D, names: dict[str, tuple[Sequence[float], Sequence[str]]], points: int
+def _trace(
+    panel: Axes, x: Any, y: Any, look: Mapping[str, Any], artist: Artist | None = None, *, hover: bool = True
 ) -> dict[str, Any]:
-    x, y = (np.atleast_1d(np.asarray(values, dtype=float)) for values in line.get_data())
-    x, y = _thinned(x, y, points)
-    label = str(line.get_label())
-    drawn = line.get_linestyle() in DASHES
-    marker = str(line.get_marker())
-    style = "+".join(
-        [*(["lines"] if drawn else []), *(["markers"] if marker not in ("None", "", " ") else [])]
-    )
-    trace: dict[str, Any] = {
-        "type": "scatter", "x": [_short(v) for v in x], "y": [_short(v) for v in y], "mode": style or "lines",
-        "name": "" if label.startswith("_") else label, "showlegend": not label.startswith("_"),
-        "hovertemplate": _hover(panel, names), "line": _line_style(line),
-    }  # fmt: skip
-    if "markers" in style:
-        size = max(4.0, 1.3 * float(line.get_markersize()))
-        colour = _colour(line.get_markerfacecolor())
-        trace["marker"] = {"size": size, "color": colour, "symbol": MARKERS.get(marker, "circle")}
-    return trace
+    """Return a trace of points, named as an artist is in the legend; beside each stands its value, with that name.
 
-
-def _hover(panel: Axes, names: Mapping[str, object]) -> str:
-    """Return what is shown beside a point: its values behind their labels, but those along an axis with names."""
+    Along an axis with names the place of a point is no value.
+    """
+    label = "" if artist is None else str(artist.get_label()).replace("\n", " ")
+    name = "" if label.startswith("_") else label
+    named = _names(panel) if hover else {}
     labels = {"x": panel.get_xlabel() or "x", "y": panel.get_ylabel() or panel.get_title() or "y"}
-    return (
-        "<br>".join(f"{labels[end]}: %{{{end}:.4~g}}" for end in labels if end not in names)
-        + "<extra></extra>"
-    )
+    values = [f"{labels[end]}: %{{{end}:.{DRAWN_DIGITS}~g}}" for end in labels if end not in named]
+    said = "<br>".join([name, *values] if name else values) + "<extra></extra>"
+    return {
+        "type": "scatter",
+        "x": [_short(v) for v in x],
+        "y": [_short(v) for v in y],
+        "name": name,
+        "showlegend": bool(name),
+        **({"hovertemplate": said} if hover else {"hoverinfo": "skip"}),
+        **look,
+    }
 
 
-def _steps(panel: Axes, patch: StepPatch) -> dict[str, Any]:
+def _across(panel: Axes, artist: Line2D | Rectangle) -> list[dict[str, Any]] | None:
+    """Return a line or span that goes from end to end along an axis; None for what lies in the data."""
+    transform = artist.get_transform() if isinstance(artist, Line2D) else artist.get_data_transform()
+    ways = {"x": panel.get_xaxis_transform(which="grid"), "y": panel.get_yaxis_transform(which="grid")}
+    along = next((end for end, way in ways.items() if transform == way), None)  # way == transform may differ
+    if along is None:
+        return None
+    look: dict[str, Any]
+    if isinstance(artist, Line2D):
+        (x0, x1), (y0, y1) = (np.asarray(values) for values in artist.get_data())
+        look = {"type": "line", "line": _line_style(artist)}
+    else:
+        (x0, y0), (x1, y1) = np.asarray(artist.get_bbox().get_points())
+        fill = {"fillcolor": _colour(artist.get_facecolor()), "opacity": 0.4, "line": {"width": 0}}
+        look = {"type": "rect", "layer": "below", **fill}
+    ends = {name: _short(v) for name, v in (("x0", x0), ("x1", x1), ("y0", y0), ("y1", y1))}
+    shape = {**look, **ends, "xref": "paper", "yref": "paper", f"{along}ref": along}
+    line = _line_style(artist) if isinstance(artist, Line2D) else {"color": _colour(artist.get_edgecolor())}
+    entry = _trace(panel, [np.nan], [np.nan], {"mode": "lines", "line": line}, artist, hover=False)
+    return [shape, entry] if entry["name"] else [shape]
+
+
+def _curve(panel: Axes, line: Line2D, points: int) -> Drawn:
+    if (across := _across(panel, line)) is not None:
+        return across
+    x, y = (np.atleast_1d(np.asarray(values, dtype=float)) for values in line.get_data())
+    marker, drawn = str(line.get_marker()), line.get_linestyle() in DASHES
+    pointed = marker not in ("None", "", " ")
+    look: dict[str, Any] = {"mode": "+".join(["lines"] * drawn + ["markers"] * pointed) or "lines"}
+    look |= {"line": _line_style(line), "opacity": line.get_alpha() or 1.0}
+    if pointed:
+        look["marker"] = {
+            "size": max(4.0, 1.3 * float(line.get_markersize())),
+            "color": _colour(line.get_markerfacecolor()),
+            "symbol": MARKERS.get(marker, "circle"),
+        }
+    x, y = thinned(x, y, points)
+    return [_trace(panel, x, y, look, line)]
+
+
+def _steps(panel: Axes, patch: StepPatch, _: int) -> Drawn:
     """Return a histogram as a line of steps, filled where it is."""
-    values, edges, _ = patch.get_data()
+    values, edges = patch.get_data()[:2]
     filled = bool(patch.get_fill())
     colour = _colour(patch.get_facecolor() if filled else patch.get_edgecolor())
     dash = DASHES.get(str(patch.get_linestyle()), "solid")
-    return {
-        "type": "scatter", "x": [_short(v) for v in edges], "y": [_short(v) for v in np.append(values, values[-1])],
-        "mode": "lines", "name": str(patch.get_label()), "hovertemplate": _hover(panel, {}),
-        "line": {"color": colour, "width": 1.0, "dash": dash, "shape": "hv"},
-        "fill": "tozeroy" if filled else "none", "fillcolor": "--band",
-        "showlegend": not str(patch.get_label()).startswith("_"),
-    }  # fmt: skip
+    line = {"color": colour, "width": 1.0, "dash": dash, "shape": "hv"}
+    look = {"mode": "lines", "line": line, "fill": "tozeroy" if filled else "none", "fillcolor": "--band"}
+    return [_trace(panel, edges, np.append(values, values[-1]), look, patch)]
 
 
-def _points_by_colour(panel: Axes, dots: PathCollection, _: int) -> list[dict[str, Any]]:
+def _points_by_colour(panel: Axes, dots: PathCollection, _: int) -> Drawn:
     """Return points whose colours are values, with their scale; its title is that of the panel of the scale."""
-    (x, y), values = np.asarray(dots.get_offsets(), dtype=float).T, dots.get_array()
+    (x, y), values, bar = np.asarray(dots.get_offsets(), dtype=float).T, dots.get_array(), dots.colorbar
     if values is None:
         return []
-    bar = dots.colorbar
-    marker = {
-        "size": 5, "color": [_short(v) for v in np.asarray(values)], "colorscale": "Viridis", "showscale": True,
-        "colorbar": {"title": {"text": "" if bar is None else bar.ax.get_ylabel(), "side": "right"}, "thickness": 12},
-    }  # fmt: skip
-    return [
-        {
-            "type": "scatter", "x": [_short(v) for v in x], "y": [_short(v) for v in y], "mode": "markers",
-            "name": str(dots.get_label()), "showlegend": True, "marker": marker, "hovertemplate": _hover(panel, {}),
-        }
-    ]  # fmt: skip
+    title = {"text": "" if bar is None else bar.ax.get_ylabel(), "side": "right"}
+    scale = {"colorscale": "Viridis", "showscale": True, "colorbar": {"title": title, "thickness": 12}}
+    marker = {"size": 5, "color": [_short(v) for v in np.asarray(values)], **scale}
+    return [_trace(panel, x, y, {"mode": "markers", "marker": marker}, dots)]
 
 
-def _bars(_: Axes, bars: LineCollection, __: int) -> list[dict[str, Any]]:
+def _bars(panel: Axes, bars: LineCollection, _: int) -> Drawn:
     """Return separate pieces of lines, such as intervals of points, as one line with gaps."""
-    x: list[float | None] = []
-    y: list[float | None] = []
-    for piece in bars.get_segments():
-        x += [*(_short(v) for v in piece[:, 0]), None]
-        y += [*(_short(v) for v in piece[:, 1]), None]
-    line = {"color": _colour(bars.get_colors()[0]), "width": 1.0}
-    return [
-        {"type": "scatter", "x": x, "y": y, "mode": "lines", "name": "", "showlegend": False, "hoverinfo": "skip",
-         "line": line}
-    ]  # fmt: skip
+    pieces = [np.append(piece, [[np.nan, np.nan]], axis=0) for piece in bars.get_segments()]
+    x, y = np.concatenate([np.empty((0, 2)), *pieces]).T
+    look = {"mode": "lines", "line": {"color": _colour(bars.get_colors()[0]), "width": 1.0}}
+    return [_trace(panel, x, y, look, hover=False)]
 
 
-def _bands(_: Axes, band: PolyCollection, points: int) -> list[dict[str, Any]]:
-    fill = to_rgba_array(band.get_facecolor())[0]
-    traces: list[dict[str, Any]] = []
-    for path in band.get_paths():
-        x, y = np.asarray(path.vertices, dtype=float).T
-        if len(x) > 2 * points:
-            part = np.linspace(0, len(x) - 1, 2 * points).astype(int)
-            x, y = x[part], y[part]
-        trace = {
-            "type": "scatter", "x": [_short(v) for v in x], "y": [_short(v) for v in y], "mode": "lines", "name": "",
-            "showlegend": False, "hoverinfo": "skip", "fill": "toself", "fillcolor": _colour(fill),
-            "line": {"width": 0, "color": _colour(fill)}, "opacity": float(np.clip(2.0 * fill[3], 0.2, 0.6)),
-        }  # fmt: skip
-        traces.append(trace)
-    return traces
+def _bands(panel: Axes, band: PolyCollection, points: int) -> Drawn:
+    face = to_rgba_array(band.get_facecolor())[0]
+    colour, opacity = _colour(face), float(np.clip(2.0 * face[3], 0.2, 0.6))
+    line = {"width": 0, "color": colour}
+    look = {"mode": "lines", "line": line, "fill": "toself", "fillcolor": colour, "opacity": opacity}
+    corners = [np.asarray(path.vertices, dtype=float) for path in band.get_paths()]
+    some = [c[np.linspace(0, len(c) - 1, min(len(c), 2 * points)).astype(int)] for c in corners]
+    return [_trace(panel, c[:, 0], c[:, 1], look, band, hover=False) for c in some]
 
 
-def _in_data(text: Any) -> bool:
-    """Tell whether a text stands at a point of the data, and not at one of the panel."""
-    return getattr(text, "xycoords", "data") == "data"
-
-
-def _words(text: Any) -> dict[str, Any]:
-    x, y = getattr(text, "xy", text.get_position())
-    return {
-        "type": "scatter", "x": [_short(x)], "y": [_short(y)], "mode": "text", "text": [text.get_text()],
-        "textposition": "middle right", "showlegend": False, "name": "", "hoverinfo": "skip",
-    }  # fmt: skip
-
-
-def _thinned(x: Any, y: Any, points: int) -> tuple[Any, Any]:
-    """Return the smallest and the largest value of each piece of a long line."""
-    size = -(-2 * len(x) // points)
-    if len(x) <= points:
-        return x, y
-    starts = np.arange(0, len(x), size)
-    low, high = np.fmin.reduceat(y, starts), np.fmax.reduceat(y, starts)
-    return np.repeat(x[starts], 2), np.column_stack([low, high]).ravel()
+def _words(panel: Axes, text: Any, _: int) -> Drawn:
+    """Return a text that stands at a point of the data, and not at one of the panel."""
+    if not text.get_text().strip() or getattr(text, "xycoords", "data") != "data":
+        return []
+    (x, y), font = getattr(text, "xy", text.get_position()), {"color": _colour(text.get_color())}
+    look = {"mode": "text", "text": [text.get_text()], "textposition": "middle right", "textfont": font}
+    return [_trace(panel, [x], [y], look, hover=False)]
 
 
 def _line_style(line: Line2D) -> dict[str, Any]:
@@ -278,9 +239,13 @@ def _short(value: Any) -> float | None:
     return float(f"{float(value):.{DRAWN_DIGITS}g}") if np.isfinite(value) else None
 
 
-COLLECTIONS: Mapping[type, Callable[[Axes, Any, int], list[dict[str, Any]]]] = {
+ARTISTS: Mapping[type[Artist], Callable[[Axes, Any, int], Drawn]] = {
     PolyCollection: _bands,
     PathCollection: _points_by_colour,
     LineCollection: _bars,
+    Rectangle: lambda panel, patch, _: _across(panel, patch),
+    StepPatch: _steps,
+    Line2D: _curve,
+    Text: _words,
 }
-"""What a panel can hold beside lines, spans and steps, and how it is drawn."""
+"""What a panel can hold, and how a chart shows it, with at most so many points of a line."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence, Set
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from tuner.formats.axis_words import axes_text
@@ -14,12 +14,11 @@ from tuner.report.finding_groups import (
     finding_groups,
     way_text,
 )
-from tuner.report.interactive_figure import Chart
-from tuner.report.page_parts import Picture, blocks, picture_size, shown
+from tuner.report.page_parts import Picture, blocks
 from tuner.report.static_diagnosis_tables import diagnosis_tables, gain_text
 from tuner.report.unexplained_words import unexplained_lines
 from tuner.tune_result import TuneResult
-from tuner.types import Finding
+from tuner.types import Diagnosis, Finding
 
 PICTURE_BYTES = 2_500_000
 """Bytes that all pictures of findings take in the page; further ones stand beside the page, which stays below 6 MB."""
@@ -27,46 +26,43 @@ WORDED_FINDINGS = 2
 """Findings of a group that stand in words with their pictures: further ones differ in their figures only."""
 
 
-def findings_content(result: TuneResult, pictures: Sequence[Picture], panels: list[Chart]) -> dict[str, Any]:
-    """Return the findings in groups, each with its pictures as long as there is room, and what else there is.
-
-    Charts of the pictures are added to the `panels` of the page.
-    """
-    groups = _with_pictures(_groups_in_words(result), pictures, panels)
-    found = result.diagnosis
+def findings_content(result: TuneResult, pictures: Sequence[Picture]) -> dict[str, Any]:
+    """Return the findings in groups, each with its pictures as long as there is room, and what else there is."""
+    groups = _with_pictures(_groups_in_words(result), pictures)
+    found, nothing = result.diagnosis, "Nothing: the log agrees with a simulation of its noise terms."
+    remarks = []
     if found is None:
         why = result.absent.get("static diagnosis") or result.absent.get("diagnosis")
         nothing = f"No static diagnosis: {why}." if why else "No diagnosis was made."
         remarks = [nothing] if groups else []
-        return {
-            "groups": groups,
-            "remarks": remarks,
-            "notes": [],
-            "all_findings": [],
-            "nothing_found": nothing,
-        }
-    remarks = [
+    known = Diagnosis(()) if found is None else found
+    remarks += [
         f"{one.cause} in {axes_text(one.channels)}: held-out data are less likely with it, so it is no finding"
-        for one in found.findings
+        for one in known.findings
         if contradicted(one)
     ]
     return {
         "groups": groups,
         "remarks": remarks,
-        "notes": list(found.notes),
-        "all_findings": [block for block in blocks(diagnosis_tables(found)) if "rows" in block],
-        "nothing_found": "Nothing: the log agrees with a simulation of its noise terms.",
+        "notes": known.notes,
+        "all_findings": [block for block in blocks(diagnosis_tables(known)) if "rows" in block],
+        "nothing_found": nothing,
     }
 
 
 @dataclass(frozen=True)
 class _Group:
-    """Findings of the page that belong together: heading, table of their drift, words, captions of their pictures."""
+    """Findings of the page that belong together: heading, table of their drift, words, captions of their pictures.
+
+    Their first pictures are shown, names of others left out.
+    """
 
     title: str
     drift: dict[str, Any] | None
     lines: Sequence[str]
     captions: Set[str]
+    pictures: Sequence[Picture] = ()
+    left_out: Sequence[str] = ()
 
 
 def _groups_in_words(result: TuneResult) -> list[_Group]:
@@ -86,29 +82,18 @@ def _groups_in_words(result: TuneResult) -> list[_Group]:
     return [*groups, _Group("What no finding explains", None, left, set(left))] if left else groups
 
 
-def _with_pictures(
-    groups: Sequence[_Group], pictures: Sequence[Picture], panels: list[Chart]
-) -> list[dict[str, Any]]:
-    """Return the groups for the page, each with its first pictures as long as there is room for them."""
+def _with_pictures(groups: Sequence[_Group], pictures: Sequence[Picture]) -> list[_Group]:
+    """Return the groups, each with its first pictures as long as there is room for them."""
     room, filled = PICTURE_BYTES, []
     for group in groups:
         own = [picture for picture in pictures if picture.caption in group.captions]
         taken = []
         for picture in own[:WORDED_FINDINGS]:
-            size = picture_size(picture)
-            if size <= room:
-                taken.append(shown(picture, panels))
-                room -= size
-        left_out = [picture.name for picture in own if picture.name not in {one["name"] for one in taken}]
-        filled.append(
-            {
-                "title": group.title,
-                "drift": group.drift,
-                "lines": group.lines,
-                "pictures": taken,
-                "left_out": left_out,
-            }
-        )
+            if picture.size <= room:
+                taken.append(picture)
+                room -= picture.size
+        left_out = [picture.name for picture in own if picture not in taken]
+        filled.append(replace(group, pictures=taken, left_out=left_out))
     return filled
 
 

@@ -7,7 +7,6 @@ import re
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from rich.table import Table
@@ -15,8 +14,6 @@ from rich.table import Table
 from tuner.report.figure_files import CHARTS
 from tuner.report.interactive_figure import Chart
 
-ROW_HEIGHT = 1.7
-"""Height of a row with a name in a chart, rem."""
 COORDINATES = re.compile(rb'\b(?:d|x|y)="[^"]*"')
 """Coordinates of a drawing."""
 TOO_FINE = re.compile(rb"(\.\d\d)\d+")
@@ -47,50 +44,21 @@ class Picture:
     charts: Sequence[Chart] | None = None
     titled: bool = False
 
+    @classmethod
+    def of(cls, files: Mapping[str, bytes], name: str, caption: str, *, titled: bool = False) -> Picture:
+        """Return a figure by its files, those of `PAGE_SUFFIXES` among them, and their name without a suffix."""
+        return cls(caption, f"{name}.svg", files[f"{name}.svg"], json.loads(files[name + CHARTS]), titled)
 
-def shown(picture: Picture, panels: list[Chart] | None = None) -> dict[str, Any]:
-    """Return a figure as a template takes it: caption, name, its drawing as an address, and its charts.
+    @property
+    def address(self) -> str:
+        """Its drawing as an address, for a page."""
+        svg = COORDINATES.sub(lambda found: TOO_FINE.sub(rb"\1", found[0]), self.svg)
+        return f"data:image/svg+xml;base64,{b64encode(svg).decode()}"
 
-    Its charts are added to the `panels` of the page, where they are known by their numbers.
-    """
-    svg = COORDINATES.sub(lambda found: TOO_FINE.sub(rb"\1", found[0]), picture.svg)
-    own = [] if panels is None else list(picture.charts or ())
-    first = 0 if panels is None else len(panels)
-    if panels is not None:
-        panels += own
-    return {
-        "caption": picture.caption,
-        "name": picture.name,
-        "address": f"data:image/svg+xml;base64,{b64encode(svg).decode()}",
-        "titled": picture.titled,
-        "charts": range(first, first + len(own)),
-        "heights": [_height(chart) for chart in own],
-    }
-
-
-def titled_pictures(drawn: Sequence[tuple[str, Path]], files: Mapping[str, bytes]) -> list[Picture]:
-    """Return figures with their captions in them, by caption and path, from their SVG and charts."""
-    return [
-        Picture(
-            caption,
-            path.name,
-            files[path.name],
-            json.loads(files[path.with_suffix(CHARTS).name]),
-            titled=True,
-        )
-        for caption, path in drawn
-    ]
-
-
-def picture_size(picture: Picture) -> int:
-    """Return how many bytes a picture takes on a page, its drawing written in base64."""
-    return 4 * len(picture.svg) // 3 + len(json.dumps(list(picture.charts or ()), separators=(",", ":")))
-
-
-def _height(chart: Chart) -> float | None:
-    """Return the height, rem, of a chart with a name on each of its rows; None for others, which are all alike."""
-    rows = len(chart.get("names", {}).get("y", {}).get("at", ()))
-    return 10.0 + ROW_HEIGHT * rows if rows else None
+    @property
+    def size(self) -> int:
+        """Bytes that it takes on a page at most, its drawing written in base64."""
+        return 4 * len(self.svg) // 3 + len(json.dumps(list(self.charts or ()), separators=(",", ":")))
 
 
 def blocks(content: Sequence[Table | str]) -> list[dict[str, Any]]:

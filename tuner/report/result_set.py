@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,6 @@ from tuner.formats.customary_units import digits
 from tuner.formats.diagnosis import diagnosis_json
 from tuner.formats.documents import json_text
 from tuner.formats.file_set import MANIFEST, digests, write_set
-from tuner.formats.files import Put
 from tuner.formats.identification import identification_json
 from tuner.formats.prediction import predictions_json
 from tuner.pipeline import CHECK_RUNS, CHECK_TRAJECTORY
@@ -22,12 +22,12 @@ from tuner.report.allan_figure import allan_figure
 from tuner.report.calibration_text import calibration_lines
 from tuner.report.claims import lawful
 from tuner.report.consistency_tables import consistency_tables
-from tuner.report.figure_files import CHARTS, draw_all
-from tuner.report.html_page import write_page
+from tuner.report.figure_files import CHARTS, PAGE_SUFFIXES, Sketch, draw_all, rendered
+from tuner.report.html_page import CAPTIONS, write_page
 from tuner.report.identification_tables import identification_tables
 from tuner.report.json.consistency import consistency_json
 from tuner.report.noise_table import states_tables
-from tuner.report.page_parts import titled_pictures
+from tuner.report.page_parts import Picture
 from tuner.report.prediction_tables import prediction_tables
 from tuner.report.static_diagnosis_figures import finding_figures
 from tuner.report.static_diagnosis_tables import diagnosis_tables, hidden_effect_lines
@@ -61,39 +61,32 @@ def write_tune_result(result: TuneResult, directory: Path, command: str = "") ->
 def tune_files(result: TuneResult, command: str = "") -> dict[str, bytes]:
     """Return the content of every file of a result by its name; ``result.json`` has the SHA-256 of the others."""
     found = result.identification
-    files: dict[str, bytes] = {}
-
-    def put(path: Path, content: bytes) -> None:
-        files[path.name] = content
-
-    here = Path()
-    figures: list[Callable[[Put], object]] = []
-    if any(channel.allan.tau.size for channel in found.channels.values()):
-        paths = [here / "allan.png", here / "allan.svg"]
-        figures.append(
-            lambda put: allan_figure(found, paths, title=result.name, predictions=result.predictions, put=put)
-        )
-    drawn: list[tuple[str, Path]] = []
+    sketches: list[Sketch] = []
     if result.diagnosis is not None:
-        captions, more = finding_figures(
-            result.records, result.diagnosis, here, result.replicas, result.seed, suffixes=(".svg", CHARTS)
-        )
-        drawn += captions
-        figures += more
+        sketches += finding_figures(result.records, result.diagnosis, result.replicas, result.seed)
     if result.drive is not None:
         from tuner.report.drive_diagnosis_figures import drive_figures  # loads the diagnosis of drives
 
-        captions, more = drive_figures(result.drive, here, (".svg", CHARTS))
-        drawn += captions
-        figures += more
-    draw_all(figures, put)
-    pictures = titled_pictures(drawn, files)
-    files = {name: content for name, content in files.items() if not name.endswith(CHARTS)}
+        sketches += drive_figures(result.drive)
+    figures: list[Callable[[], Mapping[str, bytes]]] = [one.files for one in sketches]
+    if measured := any(channel.allan.tau.size for channel in found.channels.values()):
+        figures.insert(0, partial(_allan_files, result))
+    drawn = draw_all(figures)
+    pictures = [Picture.of(drawn, one.name, one.caption, titled=True) for one in sketches]
+    allan = Picture.of(drawn, "allan", CAPTIONS[0]) if measured else None
+    files = {name: content for name, content in drawn.items() if not name.endswith(CHARTS)}
     files |= {name: _encoded(text) for name, text in result.exports.items()}
-    files["report.html"] = _encoded(write_page(result, pictures, files.get("allan.svg"), command))
+    files["report.html"] = _encoded(write_page(result, pictures, allan, command))
     if result.key is not None:
         files["key.json"] = _encoded(json_text(result.key))
     return files | {LAST: _encoded(json_text({**tune_json(result), MANIFEST: digests(files)}))}
+
+
+def _allan_files(result: TuneResult) -> dict[str, bytes]:
+    stated = {} if result.datasheet is None else result.datasheet.channels
+    found, predicted = result.identification, result.predictions
+    figure = allan_figure(found, title=result.name, predictions=predicted, stated=stated)
+    return rendered(figure, "allan", (".png", *PAGE_SUFFIXES))
 
 
 def _encoded(text: str) -> bytes:

@@ -5,11 +5,8 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import accumulate
-from pathlib import Path
 from typing import Any
 
 import pandas as pd
@@ -21,7 +18,6 @@ from tuner.consistency.compare_sensors import SensorComparison
 from tuner.consistency.score_drive import DriveResult
 from tuner.consistency.score_output import OutputScore
 from tuner.diagnosis.drive import ExaminedDrive
-from tuner.formats.files import Put
 from tuner.formats.packages import install
 from tuner.identification.static_test_plan import StaticTestPlan
 from tuner.invariants import violations
@@ -37,24 +33,23 @@ from tuner.report.diagnosis_answer import diagnosis_answer
 from tuner.report.document import Document
 from tuner.report.drive_diagnosis_figures import drive_figures
 from tuner.report.drive_diagnosis_tables import drive_diagnosis_answer, drive_tables
-from tuner.report.figure_files import CHARTS, draw_all, figure_bytes
+from tuner.report.figure_files import PAGE_SUFFIXES, Sketch, draw_all, rendered
 from tuner.report.fleet_files import fleet_frame
 from tuner.report.fleet_tables import fleet_tables
 from tuner.report.html_page import tables_html, write_sections_page
 from tuner.report.identification_answer import identification_answer
 from tuner.report.identification_tables import identification_tables
-from tuner.report.interactive_figure import charts_of_figure
 from tuner.report.noise_table import states_tables
 from tuner.report.output_score_tables import output_score_answer, output_score_tables
 from tuner.report.overlaid_figure import overlaid_figure
-from tuner.report.page_parts import Picture, picture_size, titled_pictures
-from tuner.report.plan_figure import plan_figure
+from tuner.report.page_parts import Picture
 from tuner.report.result_figures import (
     choice_figure,
     curve_figure,
     drift_figure,
     fleet_figure,
     noise_scales_figure,
+    plan_figure,
     scores_figure,
     settings_figure,
 )
@@ -198,27 +193,28 @@ def _part_of(result: object) -> Part:
 
 def pictures_of_findings(records: Sequence[Record], diagnosis: Diagnosis) -> Part:
     """Return the picture that proves each finding, as many as a page has room for."""
-    captions, figures = finding_figures(records, diagnosis, Path(), suffixes=(".svg", CHARTS))
-    pictures = _drawn(captions, figures)
-    room = sum(size <= PAGE_PICTURE_BYTES for size in accumulate(map(picture_size, pictures)))
-    left_out = (
-        f"without a picture here, which `tuner tune` draws: {picture.caption}" for picture in pictures[room:]
-    )
-    return Part(list(left_out), pictures[:room])
+    room, pictures, left_out = PAGE_PICTURE_BYTES, [], []
+    for picture in _drawn(finding_figures(records, diagnosis)):
+        room -= picture.size
+        if room >= 0:
+            pictures.append(picture)
+        else:
+            left_out.append(f"without a picture here, which `tuner tune` draws: {picture.caption}")
+    return Part(left_out, pictures)
 
 
 def pictures_of_drive(examined: ExaminedDrive) -> Part:
     """Return the pictures of the diagnosis of a drive: of each finding first, then of the whole filter."""
     proofs = {finding.text for finding in examined.diagnosis.findings}
-    pictures = _drawn(*drive_figures(examined, Path(), (".svg", CHARTS)))
-    return Part([], sorted(pictures, key=lambda picture: picture.caption not in proofs))
+    return Part(
+        [], sorted(_drawn(drive_figures(examined)), key=lambda picture: picture.caption not in proofs)
+    )
 
 
-def _drawn(captions: Sequence[tuple[str, Path]], figures: Sequence[Callable[[Put], None]]) -> list[Picture]:
+def _drawn(sketches: Sequence[Sketch]) -> list[Picture]:
     """Draw figures, and return them with their captions."""
-    made: dict[str, bytes] = {}
-    draw_all(figures, lambda path, content: made.update({path.name: content}))
-    return titled_pictures(captions, made)
+    files = draw_all([one.files for one in sketches])
+    return [Picture.of(files, one.name, one.caption, titled=True) for one in sketches]
 
 
 SOLUTION_CAPTIONS = {
@@ -230,18 +226,14 @@ SOLUTION_CAPTIONS = {
 
 def pictures_of_solution(found: DriveResult, drive: Drive) -> Part:
     """Return the pictures of a filtered drive: track, errors against the reference, innovations."""
-    drawn = solution_pictures(found, drive, ("svg", "json"))
-    pictures = [
-        Picture(caption, f"{name}.svg", drawn[f"{name}.svg"], json.loads(drawn[f"{name}.json"]))
-        for name, caption in SOLUTION_CAPTIONS.items()
-        if f"{name}.svg" in drawn
-    ]
-    return Part([], pictures)
+    drawn = solution_pictures(found, drive, PAGE_SUFFIXES)
+    captions = {name: words for name, words in SOLUTION_CAPTIONS.items() if f"{name}.svg" in drawn}
+    return Part([], [Picture.of(drawn, name, words) for name, words in captions.items()])
 
 
-def picture_of(figure: Figure, caption: str, name: str = "figure.svg") -> Picture:
+def picture_of(figure: Figure, caption: str, name: str = "figure") -> Picture:
     """Return a figure for a page: as charts to read values off where it can be, and as a picture for print."""
-    return Picture(caption, name, figure_bytes(figure, ".svg"), charts_of_figure(figure))
+    return Picture.of(rendered(figure, name), name, caption)
 
 
 SCORES_CAPTION = "True rms ÷ predicted sd of each score, with the band in which the filter is consistent"

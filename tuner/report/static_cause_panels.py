@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 from matplotlib.axes import Axes
+from numpy.typing import NDArray
 from scipy.fft import rfft
 from scipy.ndimage import uniform_filter1d
 from scipy.special import ndtr
@@ -15,6 +16,7 @@ from tuner.diagnosis import cause
 from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.formats.customary_units import customary_unit, in_customary, pretty, since
 from tuner.report.diagnosed_axis import DiagnosedAxis
+from tuner.report.row_panels import Mark, draw_rows
 from tuner.report.two_level_path import two_level_path
 
 View = Callable[[Axes, DiagnosedAxis, Mapping[str, float]], None]
@@ -38,11 +40,14 @@ def unit_of(subject: DiagnosedAxis) -> str:
     return pretty(customary_unit("level", subject.unit))
 
 
-def _clock(subject: DiagnosedAxis) -> tuple[float, float, str]:
-    """Return the begin of a log and the unit of time that suits it, s, and the label of its axis."""
-    begin = float(subject.t[0])
-    one, unit = (3600.0, "h") if np.ptp(subject.t) > LONG_COURSE else (1.0, "s")
-    return begin, one, since(begin, unit)
+def _elapsed(subject: DiagnosedAxis, t: FloatArray) -> FloatArray:
+    """Return times from the begin of a log on, in hours where it is long, else in seconds."""
+    return np.asarray((t - subject.begin) / (3600.0 if np.ptp(subject.t) > LONG_COURSE else 1.0))
+
+
+def _time(subject: DiagnosedAxis) -> str:
+    """Return the label of an axis of such times."""
+    return since(subject.begin, "h" if np.ptp(subject.t) > LONG_COURSE else "s")
 
 
 def blocks(x: FloatArray, count: int = COURSE_BLOCKS) -> FloatArray:
@@ -98,13 +103,12 @@ def draw_temperature(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, f
     bias, signal = (
         shown(subject, blocks(x).mean(axis=1)) for x in (subject.without_others(code), subject.signals[code])
     )
-    begin, one, label = _clock(subject)
-    celsius, when = blocks(subject.temperature).mean(axis=1), (blocks(subject.t).mean(axis=1) - begin) / one
+    celsius, when = (blocks(x).mean(axis=1) for x in (subject.temperature, _elapsed(subject, subject.t)))
     bias = bias - bias.mean()
     dots = panel.scatter(celsius, bias, c=when, s=6, cmap="viridis", lw=0, label="means of the samples")
     panel.plot(celsius, signal, color=CAUSE_COLOUR, lw=1.2, label="found")
     assert panel.figure is not None
-    panel.figure.colorbar(dots, ax=panel, label=label)
+    panel.figure.colorbar(dots, ax=panel, label=_time(subject))
     panel.set(xlabel="temperature, °C", ylabel=f"bias, {unit_of(subject)}", title="bias over temperature")
 
 
@@ -117,8 +121,7 @@ def draw_course(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float]
     else:
         part = slice(0, len(subject.y))
     middle = blocks(subject.t[part]).mean(axis=1)
-    begin, one, label = _clock(subject)
-    when = (middle - begin) / one
+    when = _elapsed(subject, middle)
     bias = shown(subject, blocks(subject.without_others(cause)[part]).mean(axis=1))
     panel.plot(when, bias - bias.mean(), color=DATA_COLOUR, lw=0.8, label="means of the samples")
     if "dwell_low" in values and "size" in values and len(middle) > 1:
@@ -130,10 +133,8 @@ def draw_course(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float]
         signal = shown(subject, blocks(subject.signals[cause][part]).mean(axis=1))
         panel.plot(when, signal - signal.mean(), color=CAUSE_COLOUR, lw=1.4, label="found")
     for event in subject.values("motion") if cause == "motion" else ():
-        first = (event["start"] - begin) / one
-        last = first + event["duration"] / one
-        panel.axvspan(first, last, color=CAUSE_COLOUR, alpha=0.2, lw=1.5)
-    panel.set(xlabel=label, ylabel=f"bias, {unit_of(subject)}", title="time course")
+        _draw_span(panel, subject, event)
+    panel.set(xlabel=_time(subject), ylabel=f"bias, {unit_of(subject)}", title="time course")
 
 
 def draw_variance(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float]) -> None:
@@ -142,30 +143,28 @@ def draw_variance(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, floa
     if "period" in values:
         draw_swell(panel, square, subject.t, values)
         return
-    begin, one, label = _clock(subject)
-    when = (blocks(subject.t, 300).mean(axis=1) - begin) / one
+    when = _elapsed(subject, blocks(subject.t, 300).mean(axis=1))
     rows = blocks(square, 300)
     panel.plot(when, rows.mean(axis=1), ".", ms=3, color=DATA_COLOUR, label="residuals")
     half = 1.96 * np.sqrt(2.0 / rows.shape[1])
     panel.axhspan(1.0 - half, 1.0 + half, color="0.85", lw=0, label="95 % of the model's")
     if "variance_ratio" in values:
-        first = (values["start"] - begin) / one
-        last = first + values["duration"] / one
-        panel.axvspan(
-            first,
-            last,
-            color=CAUSE_COLOUR,
-            alpha=0.2,
-            lw=0,
-            label=f"variance × {values['variance_ratio']:.3g}",
-        )
+        _draw_span(panel, subject, values, label=f"variance × {values['variance_ratio']:.3g}")
     elif "slope" in values:
         unit = next(f.parameters["slope"].unit for f in subject.findings if f.cause == "variance_drift")
         by = subject.temperature if unit == "1/K" and subject.temperature is not None else subject.t
         course = blocks(by, 300).mean(axis=1)
         level = np.exp(values["slope"] * (course - course.mean()))
         panel.plot(when, level * rows.mean() / level.mean(), color=CAUSE_COLOUR, lw=1.4, label="found")
-    panel.set(xlabel=label, ylabel="variance of the residuals", title="variance over time")
+    panel.set(xlabel=_time(subject), ylabel="variance of the residuals", title="variance over time")
+
+
+def _draw_span(
+    panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float], label: str | None = None
+) -> None:
+    """Mark when something happened, by its start and duration."""
+    first, last = _elapsed(subject, values["start"] + np.array([0.0, values["duration"]]))
+    panel.axvspan(first, last, color=CAUSE_COLOUR, alpha=0.2, lw=1.5, label=label)
 
 
 def draw_swell(panel: Axes, square: FloatArray, t: FloatArray, values: Mapping[str, float]) -> None:
@@ -190,11 +189,10 @@ def draw_histogram(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, flo
     edges = np.linspace(-reach, reach, 121)
     count, _ = np.histogram(e, edges)
     middle = 0.5 * (edges[1:] + edges[:-1])
-    panel.stairs(np.maximum(count, 0.3), edges, fill=True, color=DATA_COLOUR, alpha=0.5, label="residuals")
+    _draw_counts(panel, count, edges, "residuals")
     expected = len(e) * np.diff(ndtr(edges))
     panel.plot(middle, expected, color=MODEL_COLOUR, ls="--", lw=1.2, label="normal distribution")
     panel.set(xlabel="residual, standard deviations", ylabel="samples", title="distribution of the residuals")
-    panel.set(yscale="log", ylim=(0.3, 3.0 * count.max()))
 
 
 def draw_codes(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float]) -> None:
@@ -205,10 +203,15 @@ def draw_codes(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float])
     numbers = shown(subject, values_of)
     low, high = np.quantile(numbers, [1e-4, 1.0 - 1e-4])
     count, edges = np.histogram(numbers, np.linspace(low, high, 201))
-    panel.stairs(np.maximum(count, 0.3), edges, fill=True, color=DATA_COLOUR, alpha=0.7, label=what)
-    panel.set(yscale="log", ylim=(0.3, 3.0 * max(float(count.max()), 1.0)), ylabel="count")
-    panel.set_xlabel(f"{what} less their median, {unit_of(subject)}")
-    panel.set_title(f"histogram of the {what}")
+    _draw_counts(panel, count, edges, what)
+    label = f"{what} less their median, {unit_of(subject)}"
+    panel.set(ylabel="count", xlabel=label, title=f"histogram of the {what}")
+
+
+def _draw_counts(panel: Axes, count: NDArray[np.intp], edges: FloatArray, label: str) -> None:
+    """Draw how many samples lie between edges; where there is none, the panel shows it below one."""
+    panel.stairs(np.maximum(count, 0.3), edges, fill=True, color=DATA_COLOUR, alpha=0.6, label=label)
+    panel.set(yscale="log", ylim=(0.3, 3.0 * max(float(count.max()), 1.0)))
 
 
 def draw_pairs(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float]) -> None:
@@ -216,26 +219,24 @@ def draw_pairs(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float])
     (name,) = values
     one = subject.findings[0]
     each = {pair: own[name] for pair, own in one.by_channel.items()} or {"": one.parameters[name]}
-    for place, value in enumerate(each.values()):
-        if value.value is not None and value.interval is not None:
-            panel.plot(value.interval, [place, place], color=DATA_COLOUR, lw=1.5)
-            panel.plot(value.value, place, "o", ms=4, color=DATA_COLOUR)
-    panel.axvline(0.0, color=MODEL_COLOUR, ls="--", lw=0.9, label="independent channels")
-    panel.set_yticks(
-        range(len(each)), [pair.replace("_", " ").replace(", ", ",\n") for pair in each], fontsize=7
+    draw_rows(
+        panel,
+        [
+            (pair.replace("_", " ").replace(", ", ",\n"), [Mark(value.value, DATA_COLOUR, value.interval)])
+            for pair, value in each.items()
+        ],
     )
-    panel.invert_yaxis()
+    panel.axvline(0.0, color=MODEL_COLOUR, ls="--", lw=0.9, label="independent channels")
     panel.set(xlabel=f"{name} of the residuals, 95 %", title="what the channels share")
 
 
 def draw_stamps(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float]) -> None:  # noqa: ARG001
     """Draw how far the stamps lie from an even clock over time, and where samples are missing."""
-    begin, one, label = _clock(subject)
-    panel.set(title="time stamps", xlabel=label, ylabel="stamp less even clock, ms")
+    panel.set(title="time stamps", xlabel=_time(subject), ylabel="stamp less even clock, ms")
     if subject.stamps is None:
         return
     stamps, low, high, missing = subject.stamps.T
-    t = (stamps - begin) / one
+    t = _elapsed(subject, stamps)
     panel.fill_between(t, 1e3 * low, 1e3 * high, color=DATA_COLOUR, alpha=0.3, lw=0.5)
     panel.plot(t, 5e2 * (low + high), color=DATA_COLOUR, lw=0.8, label="stamps")
     gaps = missing > 0

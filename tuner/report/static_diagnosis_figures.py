@@ -9,9 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, partial
-from pathlib import Path
-from textwrap import fill
+from functools import cache
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -22,9 +20,8 @@ from models.noise import NoiseModel
 from tuner.curves.allan import overlapping_allan
 from tuner.diagnosis.static.causes.motion import Motion
 from tuner.diagnosis.static.causes.registry import CAUSES
-from tuner.formats.files import Put
 from tuner.report.diagnosed_axis import DiagnosedAxis, diagnosed_axis, parameters
-from tuner.report.figure_files import new_figure
+from tuner.report.figure_files import Sketch
 from tuner.report.static_cause_panels import (
     CAUSE_COLOUR,
     DATA_COLOUR,
@@ -43,12 +40,7 @@ from tuner.types.records import Record
 MOST_REPLICAS = 39
 """Simulated records of a band: the range of 39 holds 95 % of further ones."""
 BEFORE_COLOUR = "0.35"
-TITLE_WIDTH = 150
-"""Characters of a line of the title."""
-LINE_HEIGHT = 0.035
-"""Height of a line of the title, as a share of the figure."""
-MARGINS = {"left": 0.07, "right": 0.985, "bottom": 0.12, "wspace": 0.24}
-"""Places of the two panels, as shares of the figure: room for numbers of seven digits."""
+Draw = Callable[[Axes], None]
 
 
 @dataclass(frozen=True)
@@ -63,95 +55,57 @@ class _Curve:
 
 
 def finding_figures(
-    records: Sequence[Record],
-    diagnosis: Diagnosis,
-    directory: Path,
-    replicas: int = 0,
-    seed: int = 0,
-    suffixes: Sequence[str] = (".png", ".svg"),
-) -> tuple[list[tuple[str, Path]], list[Callable[[Put], None]]]:
-    """Return the figures of all findings, one for each cause and its channels, and of what is left, for `draw_all`.
+    records: Sequence[Record], diagnosis: Diagnosis, replicas: int = 0, seed: int = 0
+) -> list[Sketch]:
+    """Return the figures of all findings, one for each cause and its channels, and of what is left.
 
-    Returns
-    -------
-    list of (str, Path)
-        Caption and SVG of each picture.
-    list of callable
-        Draws it to ``finding-NUMBER-CAUSE`` or ``unexplained-NUMBER`` with each of `suffixes`.
+    They are named ``finding-NUMBER-CAUSE`` and ``unexplained-NUMBER``.
     """
-    figures: list[Callable[[Put], None]] = []
     subject = cache(lambda axis, moving: diagnosed_axis(records, axis, diagnosis, moving=moving))
-    drawn: dict[tuple[str, tuple[str, ...]], tuple[str, Path]] = {}
+    drawn: dict[tuple[str, tuple[str, ...]], Sketch] = {}
     for finding in diagnosis.findings:
         if (finding.cause, finding.channels) in drawn:
             continue
         moving = finding.cause == Motion.cause
         ready = (subject(axis, moving) for axis in finding.channels)
-        chosen = next((one for one in ready if one is not None), None)
-        if chosen is None:
-            continue
-        path = directory / f"finding-{len(drawn) + 1}-{finding.cause}.svg"
-        paths = [path.with_suffix(suffix) for suffix in suffixes]
-        figures.append(partial(_draw, chosen, finding, paths, replicas, seed))
-        drawn[finding.cause, finding.channels] = (finding.text, path)
-    left: list[tuple[str, Path]] = []
+        one = next((one for one in ready if one is not None), None)
+        if one is not None:
+            name = f"finding-{len(drawn) + 1}-{finding.cause}"
+            panels = _panels_of(one, finding, replicas, seed)
+            drawn[finding.cause, finding.channels] = Sketch(name, finding.text, panels)
+    left: list[Sketch] = []
     for line, largest in unexplained_parts(diagnosis.unexplained):
         one = subject(largest.channels[0], False)
         if one is not None:
-            path = directory / f"unexplained-{len(left) + 1}.svg"
-            paths = [path.with_suffix(suffix) for suffix in suffixes]
-            figures.append(partial(_draw_unexplained, one, largest.about, line, paths))
-            left.append((line, path))
-    return [*drawn.values(), *left], figures
+            panels = _panels_unexplained(one, largest.about)
+            left.append(Sketch(f"unexplained-{len(left) + 1}", line, panels))
+    return [*drawn.values(), *left]
 
 
-def _is_spectral(code: str) -> bool:
-    """Return whether the density shows a cause better than the Allan deviation does."""
-    declared = CAUSES.get(code)
-    return declared is not None and declared.group == "fast spectrum"
-
-
-def _draw(
-    one: DiagnosedAxis, finding: Finding, paths: Sequence[Path], replicas: int, seed: int, put: Put
-) -> None:
+def _panels_of(one: DiagnosedAxis, finding: Finding, replicas: int, seed: int) -> list[Draw]:
+    """Return the panels of a finding; the density shows a cause of the fast spectrum better than Allan deviation."""
     one = replace(one, findings=(finding, *(f for f in one.findings if f is not finding)))
-
-    def draw(left: Axes, right: Axes) -> None:
-        _draw_curve(left, one, _spectrum(one) if _is_spectral(finding.cause) else _allan(one), replicas, seed)
-        view_of(finding.cause)(right, one, parameters(finding, one.axis))
-
-    _draw_pair(finding.text, paths, put, draw)
-
-
-def _draw_unexplained(one: DiagnosedAxis, about: str, line: str, paths: Sequence[Path], put: Put) -> None:
-    """Draw what is unexplained: law and variance of the residuals; the spectrum; or Allan deviation and time course."""
-
-    def draw(left: Axes, right: Axes) -> None:
-        if about == "distribution":
-            draw_histogram(left, one, {})
-            draw_variance(right, one, {})
-        elif about == "fast spectrum":
-            _draw_curve(left, one, _spectrum(one), 0, 0)
-            draw_colour(right, one, {})
-        else:
-            _draw_curve(left, one, _allan(one), 0, 0)
-            draw_course(right, replace(one, findings=()), {})
-
-    _draw_pair(line, paths, put, draw)
+    declared, view = CAUSES.get(finding.cause), view_of(finding.cause)
+    curve = _spectrum if declared is not None and declared.group == "fast spectrum" else _allan
+    return [
+        lambda panel: _draw_curve(panel, one, curve(one), replicas, seed),
+        lambda panel: view(panel, one, parameters(finding, one.axis)),
+    ]
 
 
-def _draw_pair(text: str, paths: Sequence[Path], put: Put, draw: Callable[[Axes, Axes], None]) -> None:
-    """Draw two panels under a title."""
-    title = fill(text, TITLE_WIDTH)
-    top = 0.93 - LINE_HEIGHT * (title.count("\n") + 1)
-    with new_figure((11.0, 4.4), paths, put, margins={**MARGINS, "top": top}, coarse=True) as figure:
-        left, right = figure.subplots(1, 2)
-        draw(left, right)
-        for panel in (left, right):
-            panel.grid(which="major", color="0.9", lw=0.6)
-            if panel.get_legend_handles_labels()[0]:
-                panel.legend(fontsize=7, framealpha=0.85)
-        figure.suptitle(title, fontsize=9, parse_math=False)
+def _panels_unexplained(one: DiagnosedAxis, about: str) -> list[Draw]:
+    """Return law and variance of the residuals; the spectrum; or, of slow parts, Allan deviation and time course."""
+    if about == "distribution":
+        return [lambda panel: draw_histogram(panel, one, {}), lambda panel: draw_variance(panel, one, {})]
+    if about == "fast spectrum":
+        return [
+            lambda panel: _draw_curve(panel, one, _spectrum(one), 0, 0),
+            lambda panel: draw_colour(panel, one, {}),
+        ]
+    return [
+        lambda panel: _draw_curve(panel, one, _allan(one), 0, 0),
+        lambda panel: draw_course(panel, replace(one, findings=()), {}),
+    ]
 
 
 def _draw_curve(panel: Axes, one: DiagnosedAxis, curve: _Curve, replicas: int, seed: int) -> None:

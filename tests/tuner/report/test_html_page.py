@@ -12,8 +12,11 @@ import pytest
 from models.noise import NoiseModel, RandomWalk, White
 from tuner.cli.commands.options import stated_command
 from tuner.identification import identify
+from tuner.report.allan_figure import allan_figure
+from tuner.report.axis_figure import axis_figure, part_analysed
+from tuner.report.figure_files import rendered
 from tuner.report.html_page import write_page
-from tuner.report.page_charts import course_chart, part_analysed
+from tuner.report.interactive_figure import charts_of_figure
 from tuner.report.page_findings import PICTURE_BYTES
 from tuner.report.page_parts import Picture
 from tuner.simulation.static import simulate
@@ -37,13 +40,18 @@ def test_the_course_of_stamps_since_1970_counts_from_its_begin():
         for name, value in (("time", begin + 150.0), ("duration", 2.0))
     }
     step = Finding("step", ("gyro_x",), "a", 9.0, 1e-9, when, "step in gyro_x")
-    late = course_chart(replace(records[0], t=records[0].t + begin), "gyro_x", [step])
-    early = course_chart(records[0], "gyro_x", [])
+    late = course(replace(records[0], t=records[0].t + begin), [step])
+    early = course(records[0], [])
     assert late["traces"][0]["x"] == early["traces"][0]["x"]
     assert max(late["traces"][0]["x"]) > 299.0
     assert (late["x"], early["x"]) == ("time since 1700000000.25 s, s", "time, s")
-    assert (late["spans"], late["traces"][1]["x"]) == ([[150.0, 152.0]], [150.0])
-    assert late["traces"][1]["text"] == ["step at 1700000150.25 s"]
+    (event,) = [one for one in late["traces"] if one["name"] == "step"]
+    assert event["x"] == [150.0]
+    assert [(one["x0"], one["x1"]) for one in late["shapes"] if one["type"] == "rect"] == [(150.0, 152.0)]
+
+
+def course(record, findings):
+    return charts_of_figure(axis_figure(record, findings=findings))[1]
 
 
 def made(pictures=1, size=0):
@@ -61,7 +69,8 @@ def made(pictures=1, size=0):
     absent = {"consistency": "why not"}
     result = TuneResult("a log <&>", records, noise, found, None, None, config, None, {}, absent, files)
     drawn = [Picture(step.text, f"finding-{k + 1}-step.svg", SVG + b" " * size) for k in range(pictures)]
-    return write_page(result, drawn, SVG, "tuner tune 'a log'")
+    allan = Picture.of(rendered(allan_figure(noise), "allan"), "allan", "Allan deviation")
+    return write_page(result, drawn, allan, "tuner tune 'a log'")
 
 
 @pytest.fixture(scope="module")
@@ -71,10 +80,10 @@ def page():
 
 def test_the_spectrum_is_that_of_the_part_that_was_analysed():
     records, _ = simulate({"gyro_x": MODEL}, duration=100.0, rate=50.0, seed=5)
-    part = part_analysed(records[0], {"gyro_x": (20.0, 50.0)})
+    part = part_analysed(records[0], (20.0, 50.0))
     ((start, stop),) = part.segments
     assert (records[0].t[start], stop - start) == (pytest.approx(20.0, abs=0.03), pytest.approx(1500, abs=1))
-    assert part_analysed(records[0], {}) is records[0]
+    assert part_analysed(records[0], None) is records[0]
 
 
 def test_warnings_are_found_by_their_name_first_of_the_limits(page):
@@ -213,6 +222,8 @@ def test_a_browser_shows_it_without_an_error(page, tmp_path):
     assert "CONSOLE" not in done.stderr
     assert int(re.search('data-over="(-?[0-9]+)"', done.stdout)[1]) <= 0
     assert int(re.search('data-drawn="([0-9]+)"', done.stdout)[1]) >= 3
+    ticks = re.findall(r'<g class="ytick"><text[^>]*>([^<]*)<', done.stdout)
+    assert "0.5" in ticks, "the density is about 0.3 deg/√h: 0.5 must not be written 5"
     tabs = re.findall(r'role="tab"[^>]*aria-selected="(\w+)"', done.stdout)
     assert tabs == ["false", "true"]
     shown = re.search(r'<pre id="text-other"[^>]*>(.*?)</pre>', done.stdout, re.DOTALL)[1]

@@ -1,7 +1,8 @@
 """Figures and words of the findings of a static log: one figure for each cause."""
 
+import json
 from dataclasses import replace
-from pathlib import Path
+from functools import partial
 
 import numpy as np
 import pytest
@@ -13,11 +14,10 @@ from tuner.diagnosis import diagnose
 from tuner.diagnosis.static.causes.vibration import Vibration
 from tuner.diagnosis.static.model.dct import inverse, transform
 from tuner.formats.customary_units import digits_to
-from tuner.formats.files import write_bytes
 from tuner.identification import identify
 from tuner.report.allan_figure import allan_figure
 from tuner.report.diagnosed_axis import diagnosed_axis, signal_of
-from tuner.report.figure_files import draw_all, label_plainly, lay_out
+from tuner.report.figure_files import TIME, Sketch, draw_all, figure_bytes, label_plainly, lay_out
 from tuner.report.static_diagnosis_figures import finding_figures
 from tuner.report.static_diagnosis_tables import diagnosis_tables, finding_tables, hidden_effect_lines
 from tuner.report.two_level_path import two_level_path
@@ -57,31 +57,30 @@ def finding(cause, values):
     return Finding(cause, ("gyro_x",), "a statistic", 10.0, 1e-12, parameters, f"{cause} in gyro_x: said so")
 
 
-def draw_findings(records, found, directory, replicas=0):
-    captions, figures = finding_figures(records, found, directory, replicas)
-    draw_all(figures, write_bytes)
-    return captions
+def draw_findings(records, found, replicas=0):
+    """Return captions and SVG of the figures of a diagnosis, by their names."""
+    sketches = finding_figures(records, found, replicas)
+    files = draw_all([partial(one.files, (".svg",)) for one in sketches])
+    return {one.name: (one.caption, files[f"{one.name}.svg"].decode()) for one in sketches}
 
 
 @pytest.mark.parametrize("cause", EFFECTS)
-def test_every_cause_has_a_picture(cause, tmp_path):
+def test_every_cause_has_a_picture(cause):
     found = Diagnosis((finding(cause, EFFECTS[cause]),), base={"gyro_x": MODEL}, models={"gyro_x": MODEL})
-    ((caption, path),) = draw_findings(record(), found, tmp_path, replicas=2)
+    ((name, (caption, svg)),) = draw_findings(record(), found, replicas=2).items()
     assert cause in caption
-    assert cause in path.name
-    svg = path.read_text()
+    assert cause in name
     assert "measured" in svg
     assert "gyro_x" in svg
-    assert path.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_findings_of_one_cause_and_channels_share_a_picture(tmp_path):
+def test_findings_of_one_cause_and_channels_share_a_picture():
     moves = tuple(finding("motion", {"start": s, "duration": 5.0}) for s in (20.0, 80.0, 150.0))
     found = Diagnosis(moves, base={"gyro_x": MODEL}, models={"gyro_x": MODEL})
-    assert len(draw_findings(record(), found, tmp_path)) == 1
+    assert len(draw_findings(record(), found)) == 1
 
 
-def test_what_is_unexplained_has_a_picture_for_each_part_of_the_samples(tmp_path):
+def test_what_is_unexplained_has_a_picture_for_each_part_of_the_samples():
     """Residuals over time and their law, their spectrum, the time course: two statistics of one part share one."""
     parts = (
         ("law", "distribution"),
@@ -91,9 +90,8 @@ def test_what_is_unexplained_has_a_picture_for_each_part_of_the_samples(tmp_path
     )
     left = tuple(Unexplained(name, ("gyro_x",), 1e-9, 40.0, about=about) for name, about in parts)
     found = Diagnosis((), left, base={"gyro_x": MODEL}, models={"gyro_x": MODEL})
-    drawn = draw_findings(record(), found, tmp_path)
-    assert [caption for caption, _ in drawn] == unexplained_lines(left)
-    shown = [path.read_text() for _, path in drawn]
+    captions, shown = zip(*draw_findings(record(), found).values(), strict=True)
+    assert list(captions) == unexplained_lines(left)
     wanted = ("variance of the residuals", "spectrum of the residuals", "Allan deviation")
     assert all(words in svg for words, svg in zip(wanted, shown, strict=True))
 
@@ -125,6 +123,32 @@ def test_only_the_picture_of_motion_shows_the_motion(parts):
     assert np.std(still.y) < 2e-3 < 0.05 < np.std(moving.y)
     assert len(moving.y) > 29_000
     assert still.t[0] == pytest.approx(130.0 if parts else 0.0, abs=0.02)
+
+
+def test_a_time_course_counts_from_the_begin_of_the_recording():
+    """Also of the part of it that was analysed, with the stamp of its begin in the label."""
+    begin = 1.7e9
+    (log,) = record()
+    log = replace(log, t=log.t + begin)
+    step = finding("step", {"time": begin + 150.0, "size": 3e-4})
+    parts = {"gyro_x": (begin + 130.0, begin + 300.0)}
+    (sketch,) = finding_figures(
+        [log], Diagnosis((step,), base={"gyro_x": MODEL}, models={"gyro_x": MODEL}, parts=parts)
+    )
+    _, course = json.loads(sketch.files((".json",))["finding-1-step.json"])
+    assert course["x"] == "time since 1700000000 s, s"
+    assert 130.0 <= min(course["traces"][0]["x"]) < 132.0 < 297.0 < max(course["traces"][0]["x"]) <= 300.0
+
+
+def test_a_sketch_says_when_its_time_begins():
+    def draw(panel):
+        panel.plot([0.0, 1.0], [0.0, 1.0])
+        panel.set_xlabel(TIME)
+
+    for origin, label in ((0.0, "time, s"), (1752003261.854, "time since 1752003261.854 s, s")):
+        sketch = Sketch("a", "b", [draw], (1, 1), origin=origin)
+        (chart,) = json.loads(sketch.files((".json",))["a.json"])
+        assert chart["x"] == label
 
 
 def test_what_was_hidden_is_judged_in_words():
@@ -183,9 +207,7 @@ def test_an_interval_far_narrower_than_its_value_is_not_shown_empty():
 def test_the_same_figure_has_the_same_bytes(suffix):
     """No date, and names of its parts that do not change from one run to the next."""
     noise = identify(record(), arma=None)
-    drawn = []
-    for _ in range(2):
-        allan_figure(noise, [Path(f"allan{suffix}")], put=lambda _, content: drawn.append(content))
+    drawn = [figure_bytes(allan_figure(noise), suffix) for _ in range(2)]
     assert drawn[0] == drawn[1]
     assert b"<dc:date>" not in drawn[0]
 

@@ -77,9 +77,10 @@ def command(
     output.write(comparison_json(comparison))
     page("Comparison of " + ", ".join(comparison.noise.names), {"Side by side": comparison})
     if figure is not None:
+        from tuner.report.figure_files import write_figure
         from tuner.report.overlaid_figure import overlaid_figure
 
-        overlaid_figure(comparison.noise, [figure])
+        write_figure(overlaid_figure(comparison.noise), figure)
         messages.say(f"wrote {figure}")
     if output.tables:
         show(comparison_tables(comparison))

@@ -152,10 +152,11 @@ def command(
         output.write(identification_json(found[0]) | added | {"verdict": dump(verdicts[0])})
     if figure is not None:
         from tuner.report.allan_figure import allan_figure
+        from tuner.report.figure_files import write_figure
 
         for name, one in zip(names, found, strict=True):
             path = figure if len(found) == 1 else figure.with_stem(f"{figure.stem}-{name}")
-            allan_figure(one, [path], title=name)
+            write_figure(allan_figure(one, title=name), path)
             messages.say(f"wrote {path}")
     if not output.tables:
         return exit_status

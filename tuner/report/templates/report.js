@@ -56,50 +56,46 @@
     });
   });
 
-  const data = document.getElementById("charts");
-  const text = data ? data.textContent : "";
-  function themed() {
+  function themed(text) {
     const style = getComputedStyle(root);
     return JSON.parse(text.replace(/"(--[a-z0-9]+)"/g, function (_, name) {
       return JSON.stringify(style.getPropertyValue(name).trim());
     }));
   }
+  const ROW_HEIGHT = 1.7;  // rem
   function show(place, chart) {
+    if (chart.names.y) { place.style.height = 10 + ROW_HEIGHT * chart.names.y.at.length + "rem"; }
     const style = getComputedStyle(root);
     const colour = function (name) { return style.getPropertyValue(name).trim(); };
     const narrow = window.innerWidth < 640;
     function broken(words) { return narrow ? words.replace(/(.{20,38}?) /g, "$1<br>") : words; }
     function axis(end) {
-      const scale = chart.scale || chart[end + "scale"];
+      const scale = chart[end + "scale"];
       const made = {
         type: scale, title: { text: end === "x" ? broken(chart[end]) : chart[end] }, gridcolor: colour("--rule"), zeroline: false,
         linecolor: colour("--quiet"), automargin: true
       };
-      const range = chart[end + "range"] || (end === "y" && chart.range);
+      const range = chart[end + "range"];
+      made.range = range;
       if (scale === "log") {
-        made.exponentformat = "power";
-        made.dtick = range && Math.abs(range[1] - range[0]) < 2.5 ? "D2" : 1;
+        const few = Math.abs(range[1] - range[0]) < 2.5;
+        made.dtick = few ? "D2" : 1;
+        // Ticks between decades are named in full: by itself the library writes 5 beside 1 where 0.5 is meant.
+        if (few) { made.tickformat = "~g"; } else { made.exponentformat = "power"; }
       }
-      if (range) { made.range = range; }
-      const named = chart.names && chart.names[end];
+      const named = chart.names[end];
       if (named) { made.tickmode = "array"; made.tickvals = named.at; made.ticktext = named.text; }
       return made;
     }
     if (narrow) {
       chart.traces.forEach(function (one) { one.name = broken(one.name); });
     }
-    const shapes = chart.spans.map(function (span) {
-      return {
-        type: "rect", xref: "x", yref: "paper", x0: span[0], x1: span[1], y0: 0, y1: 1,
-        fillcolor: colour("--span"), line: { color: colour("--event"), width: span[1] > span[0] ? 0 : 1 }
-      };
-    }).concat(chart.shapes || []);
     const layout = {
-      xaxis: axis("x"), yaxis: axis("y"), shapes: shapes, hovermode: "closest", dragmode: narrow ? false : "zoom",
+      xaxis: axis("x"), yaxis: axis("y"), shapes: chart.shapes, hovermode: "closest", dragmode: narrow ? false : "zoom",
       paper_bgcolor: colour("--ground"), plot_bgcolor: colour("--ground"),
       font: { color: colour("--ink"), size: narrow ? 11 : 13, family: "system-ui, sans-serif" },
       margin: { l: 60, r: 12, t: chart.title ? 36 : 12, b: 48 },
-      legend: chart.names && chart.names.y
+      legend: chart.names.y
         ? { orientation: "h", yanchor: "bottom", y: 1.02, x: 0 }
         : { orientation: "h", yanchor: "top", y: place.clientHeight < 440 ? -0.3 : -0.2, x: 0 },
       hoverlabel: { bgcolor: colour("--raised"), font: { color: colour("--ink") } }
@@ -116,17 +112,15 @@
   }, { rootMargin: "800px" }) : null;
   function drawThese(places) {
     const chosen = document.querySelector('input[name="axis"]:checked');
-    const all = themed();
     places.forEach(function (place) {
-      const number = Number(place.dataset.chart);
-      const chart = Number.isNaN(number) ? all[place.dataset.chart][chosen.value] : all.panels[number];
+      const chart = place.dataset.axes ? themed(place.dataset.axes)[chosen.value] : themed(place.dataset.chart);
       place.closest("figure").hidden = !chart;
       if (chart) { show(place, chart); }
     });
   }
   function draw() {
-    const places = Array.from(document.querySelectorAll("[data-chart]"));
-    const waiting = places.filter(function (place) { return near && !Number.isNaN(Number(place.dataset.chart)); });
+    const places = Array.from(document.querySelectorAll("[data-axes], [data-chart]"));
+    const waiting = places.filter(function (place) { return near && place.dataset.chart; });
     waiting.forEach(function (place) { near.unobserve(place); near.observe(place); });
     drawThese(places.filter(function (place) { return !waiting.includes(place); }));
   }
