@@ -37,7 +37,6 @@ from tuner.report.prediction_tables import prediction_tables
 from tuner.report.tune_answer import (
     against_datasheet,
     assumptions,
-    hidden_lines,
     noise_tables,
     recording_line,
 )
@@ -221,11 +220,7 @@ def _facts(result: TuneResult) -> list[tuple[str, str]]:
         facts.append(("Time stamps", "; ".join(wrong) or "no gap, no repetition"))
         facts.append(("Read with", "; ".join(repairs)))
         facts.append(("Units assumed", "; ".join(assumptions(result)) or "none"))
-    return [
-        (term, words)
-        for term, words in (*facts, *(("Hidden in it", line) for line in hidden_lines(result)))
-        if words
-    ]
+    return [(term, words) for term, words in facts if words]
 
 
 def _reasons(result: TuneResult) -> list[str]:

@@ -185,7 +185,7 @@ def states_tables(config: FilterConfig) -> list[Table]:
         times: dict[str, list[str]] = {}
         for state in channel.markov:
             sd = _marked(digits(in_customary(state.sd, "level", channel.unit)), channel.states_rest_on_limit)
-            times.setdefault(sd, []).append(digits(state.time_constant))
+            times.setdefault(sd, []).append(f"{float(f'{state.time_constant:.3g}'):g}")
         numbers = (
             (channel.white_density, WHITE, channel.white_rests_on_limit),
             (channel.random_walk_density, WALK, channel.walk_rests_on_limit),
