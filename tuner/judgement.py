@@ -17,6 +17,7 @@ import numpy as np
 from tuner.catalogue.grades import DEFAULT_RECEIVER, load_gnss
 from tuner.formats.axis_words import axes_text
 from tuner.formats.customary_units import digits, percent
+from tuner.identification.identify_channel import CURVE_DISAGREES
 from tuner.limits import HONEST_RATIO, LOST_SHARE, TOLERATED_RATIO, WRONG_FACTOR
 from tuner.synthesis.equivalent_models import FILTER_MEMORY
 from tuner.synthesis.error_growth import modelled_growth
@@ -41,6 +42,7 @@ from tuner.types.diagnosis import START
 from tuner.types.honesty import claims, is_off, need_text, shows_dishonesty
 from tuner.types.judgement import Judgement, Reason, Use, judged
 from tuner.types.prediction import BlockSource, PredictedBlock
+from tuner.types.quantity import Quantity
 
 if TYPE_CHECKING:
     from tuner.diagnosis.drive.held_out_choice import HeldOutChoice
@@ -113,6 +115,8 @@ def _grounds(known: Settings) -> Iterator[str]:
         sd = f"fixes of {digits(receiver.position_sd[0], 2)} m, --gnss"
         honest = known.check.consistency.honesty.reasons[0]
         yield f"in simulated drives ({sd}) it is honest: {honest}"
+    if not any(one.span > 0.0 for one in known.identification.channels.values()):
+        yield "its numbers are those of a sheet, not of your unit"
     if known.measured is not None:
         yield f"on this drive it is honest: {known.measured.honesty.reasons[0]}"
 
@@ -127,6 +131,13 @@ def judge_noise(
         f"{axes_text(failed)}, whose terms do not predict the Allan curve: its numbers are fitted to the curve",
     )
     short = [Reason(Use.USABLE_EXCEPT, why) for why in _too_short_for(found)]
+    refuted = [
+        axis
+        for axis, one in found.channels.items()
+        if axis not in predictions and any(text.startswith(CURVE_DISAGREES) for text in one.warnings)
+    ]
+    if refuted:
+        short.append(Reason(Use.DO_NOT_USE, f"the Allan curve contradicts the terms of {axes_text(refuted)}"))
     return judged(
         Use.USABLE, [*short, *_of_reading(found), *([unfit] if failed else []), *_of_losses(found, ())]
     )
@@ -167,10 +178,12 @@ def _of_causes(
     for one in unexplained:
         parts.setdefault(one.about or one.statistic, []).append(one)
     left = [Reason(Use.NOT_EXPLAINED, _unexplained_text(tests)) for tests in parts.values()]
+    lost = next((str(one.extension["in_motion"]) for one in findings if one.extension.get("in_motion")), "")
     causes = ", ".join(dict.fromkeys(one.cause.replace("_", " ") for one in findings))
-    text = f"with a cause: {causes}" if left or more else causes
+    text = f"explained: {causes}" if left or more else causes
     named = [Reason(Use.EXPLAINED, text)] if causes else []
-    return judged(Use.NOTHING_CONTRADICTS, [*left, *more, *named])
+    first = [Reason(Use.NOT_EXPLAINED if left else Use.EXPLAINED, lost)] if lost else []
+    return judged(Use.NOTHING_CONTRADICTS, [*first, *left, *more, *named])
 
 
 def _unexplained_text(tests: Sequence[Unexplained]) -> str:
@@ -330,13 +343,19 @@ def _of_unexplained(unexplained: Sequence[Unexplained]) -> Iterator[Reason]:
 def _of_enlargements(config: FilterConfig) -> Iterator[Reason]:
     """Yield the settings that differ from what was measured or stated by more than `WRONG_FACTOR`, with the causes."""
     changed = [
-        f"{one.quantity} × {digits(one.factor, 2)}{_causes_text(one.causes)}"
+        f"{one.quantity}{_value_text(config, one.quantity)} × {digits(one.factor, 2)}{_causes_text(one.causes)}"
         for one in config.inflations
         if isinstance(one, Enlargement | AppliedNoiseScale) and _far(one.factor)
     ]
     if changed:
-        text = f"settings that are not as measured or stated (reasons in the files): {', '.join(changed)}"
+        text = f"settings that are not as measured or stated (reasons in noise.yaml): {', '.join(changed)}"
         yield Reason(Use.USABLE_EXCEPT, text)
+
+
+def _value_text(config: FilterConfig, quantity: Quantity) -> str:
+    """Return what a sd of fixes became, north and down alike the first of its axes; "" for other settings."""
+    values = getattr(config.gnss, quantity.field, None) if quantity.owner == "gnss" else None
+    return f" {digits(values[0], 2)}" if isinstance(values, tuple) else ""
 
 
 def _causes_text(causes: Sequence[str]) -> str:
@@ -371,8 +390,8 @@ def _of_limits(config: FilterConfig) -> Iterator[Reason]:
         times = least if least == most else f"{least} to {most}"
         yield Reason(
             Use.USABLE_EXCEPT,
-            f"the slow bias of {axes_text(list(limited))}, ASSUMED half of a limit (at the limit the drift after "
-            f"{UNAIDED_TIME:g} s is {times} times that without it)"
+            f"the slow bias of {axes_text(list(limited))}, ASSUMED half of a limit (with all of it an axis "
+            f"drifts {times} times as far in {UNAIDED_TIME:g} s as with none)"
             + (f": a log of {digits(max(hours), 2)} h would show it" if hours else ""),
         )
 

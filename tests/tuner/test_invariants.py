@@ -8,6 +8,7 @@ import pytest
 
 from models.noise import NoiseModel, RandomWalk, White
 from tuner import check, diagnose, identify, tune
+from tuner.catalogue.grades import load_gnss
 from tuner.exporters import export
 from tuner.identification.identify_source import identify_source
 from tuner.invariants import INVARIANTS, Claims, Statement, violations
@@ -90,7 +91,7 @@ def test_no_made_settings_contradict_their_verdict():
     noise = NoiseModel([White(1e-4), RandomWalk(1e-5)])
     records, _ = simulate(dict.fromkeys(axes, noise), duration=120.0, rate=20.0, seed=7)
     found = identify(records, arma=None)
-    config = synthesize(found, name="unit")
+    config = synthesize(found, name="unit", gnss=load_gnss("spp"))
     uses = set()
     for _ in range(200):
         sensors = [
@@ -170,7 +171,7 @@ def test_what_is_unexplained_is_in_the_verdict_of_a_diagnosis():
     assert judge_log(Diagnosis((), (rest,))).text == "not explained: shape of the spectrum in gyro x"
     both = judge_log(Diagnosis((named,), (rest,)))
     assert both.use is Use.NOT_EXPLAINED
-    assert both.text == "not explained: shape of the spectrum in gyro x; with a cause: step"
+    assert both.text == "not explained: shape of the spectrum in gyro x; explained: step"
     assert judge_log(Diagnosis((named,))).text == "causes found: step"
 
 

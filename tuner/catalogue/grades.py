@@ -107,7 +107,7 @@ def parse_gnss(text: str, *, source: str) -> GnssNoise:
 def grade_identification(grade: SensorGrade) -> Identification:
     """Return a grade as an identification: values with their references, no intervals, method ``datasheet``.
 
-    ``source`` carries the sds of the turn-on constants by axis.
+    ``source`` carries the sds of the turn-on constants by axis, and of scale factors by sensor.
     """
     channels: dict[str, ChannelIdentification] = {}
     turn_on: dict[str, float] = {}
@@ -127,7 +127,12 @@ def grade_identification(grade: SensorGrade) -> Identification:
             )
             if triad.turn_on_sd is not None:
                 turn_on[axis] = triad.turn_on_sd.value
-    source = {"name": grade.key, "title": grade.title, "turn_on_sd": turn_on}
+    scales = {
+        triad.kind: triad.scale_factor_sd.value
+        for triad in (grade.gyro, grade.accel)
+        if triad.scale_factor_sd is not None
+    }
+    source = {"name": grade.key, "title": grade.title, "turn_on_sd": turn_on, "scale_factor_sd": scales}
     return Identification(
         source, channels, (f"figures of a sheet, not of a log: {grade.title}", *grade.notes)
     )

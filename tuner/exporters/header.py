@@ -16,7 +16,7 @@ from tuner.synthesis.equivalent_models import (
 )
 from tuner.synthesis.error_growth import fading_growth, modelled_growth
 from tuner.types import ChannelNoise, Coefficient, FilterConfig
-from tuner.types.borrowed import borrowed_words
+from tuner.types.borrowed import borrowed_words, white_is_measured
 
 SENSORS = {"gyro": "gyroscopes", "accel": "accelerometers"}
 """Prefix of the axes of the two triads, and their name."""
@@ -43,7 +43,10 @@ def provenance(config: FilterConfig, title: str, *, walk_memory: float | None = 
 
 def _provenance(config: FilterConfig, title: str, walk_memory: float | None) -> Iterator[str]:
     yield title
-    yield f"from {config.name}; densities are two-sided; 95 % intervals in brackets"
+    measured = any(white_is_measured(config, axis) for axis in config.channels)
+    of_sheet = not measured and any(channel.identified for channel in config.channels.values())
+    intervals = "numbers of a sheet, not of a unit" if of_sheet else "95 % intervals in brackets"
+    yield f"from {config.name}; densities are two-sided; {intervals}"
     yield from borrowed_words(config)
     for axis, channel in config.channels.items():
         known = "; ".join(
@@ -54,7 +57,7 @@ def _provenance(config: FilterConfig, title: str, walk_memory: float | None) -> 
         why = channel.handling.get("white", "")
         fitted = why.removeprefix("not used") if why.startswith("not used") else ""
         white = _figure(channel.white_density, "white.density", channel.unit)
-        yield f"{axis}: N = {white}{fitted}; identified: {known or 'nothing'}"
+        yield f"{axis}: N = {white}{fitted}; {'stated' if of_sheet else 'identified'}: {known or 'nothing'}"
     if config.noise_in_motion:
         rest = ", ".join(
             f"{axis} {_figure(value, 'white.density', config.channels[axis].unit)}"

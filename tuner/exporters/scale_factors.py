@@ -30,9 +30,9 @@ def scale_factor(config: FilterConfig, block: str) -> tuple[float, str]:
         if (sd := getattr(load_grade(name), sensor).scale_factor_sd) is not None
     }
     source = config.provenance.get("source")
-    named = source.get("name") if isinstance(source, Mapping) else None
-    if named in known:
-        return known[named].value, f"of the grade {named}"
+    stated = source.get("scale_factor_sd", {}) if isinstance(source, Mapping) else {}
+    if sensor in stated and isinstance(source, Mapping):
+        return stated[sensor], f"of the sheet {source.get('name', '')}"
     white = {}
     for kind in ("gyro", "accel"):
         if channels := triad(config, kind):

@@ -192,11 +192,12 @@ def _all_orders(y: FloatArray, likelihood: Likelihood) -> dict[Order, WhittleArm
     if likelihood == "fast":
         return fit_orders(y, (MAX_ORDER, MAX_ORDER))
     orders = range(MAX_ORDER + 1)
-    return {(p, q): _exact(y, (p, q)) for p in orders for q in orders}
+    found = {(p, q): _exact(y, (p, q)) for p in orders for q in orders}
+    return {order: fit for order, fit in found.items() if fit is not None}
 
 
-def _exact(y: FloatArray, order: Order) -> WhittleArma:
-    """Maximise the innovations likelihood of the normalised series."""
+def _exact(y: FloatArray, order: Order) -> WhittleArma | None:
+    """Maximise the innovations likelihood of the normalised series; None where that leaves the stationary models."""
     from statsmodels.tools.sm_exceptions import ConvergenceWarning
     from statsmodels.tsa.arima.estimators.innovations import innovations_mle
     from statsmodels.tsa.innovations.arma_innovations import arma_loglike
@@ -208,7 +209,10 @@ def _exact(y: FloatArray, order: Order) -> WhittleArma:
     else:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ConvergenceWarning)
-            found, _ = innovations_mle(x, order=(order[0], 0, order[1]), demean=False)
+            try:
+                found, _ = innovations_mle(x, order=(order[0], 0, order[1]), demean=False)
+            except ValueError:
+                return None
         ar, ma, variance = found.ar_params, found.ma_params, float(found.sigma2)
     deviance = -2.0 * float(arma_loglike(x, ar, ma, variance))
     return WhittleArma(tuple(map(float, ar)), tuple(map(float, ma)), variance * scale**2, deviance)

@@ -114,7 +114,7 @@ def _drift_table(found: SensorComparison) -> list[Table | str]:
     times = list(known[0][1].free)
     table = Table(box=None, padding=(0, 2, 0, 0), width=LINE_WIDTH)
     table.add_column("horizontal\nerror, m rms")
-    for kind in ("without fixes", "with wheels"):
+    for kind in ("without fixes", "non-holonomic"):
         for time in times:
             table.add_column(f"{kind if time == times[0] else ''}\n{time:g} s", justify="right")
     for name, one, least in sorted(known, key=lambda each: each[1].free[times[-1]]):
@@ -125,8 +125,8 @@ def _drift_table(found: SensorComparison) -> list[Table | str]:
         if ANSWERED_TIME in one.free
     )
     about = (
-        f"Predicted for a filter tuned to each sensor, after 15 min in a city with {found.receiver} fixes; with "
-        "wheels: with a non-holonomic constraint. Scale factors and misalignments come on top."
+        f"Predicted for a filter tuned to each sensor, after 15 min in a city with {found.receiver} fixes; "
+        "non-holonomic: with that constraint. Scale factors and misalignments are not included."
     )
     if any(least for _, _, least in known):
         about += f" {AT_LEAST.strip()}: at least, as no bias random walk is stated."
@@ -148,13 +148,13 @@ def choice_tables(found: GradeChoice, *, every: bool = True) -> list[Table | str
     before = f"horizontal, rms; {found.receiver} fixes before; {with_wheels} a non-holonomic constraint"
     kept = len(found.kept)
     shown_part = "" if every or len(found.ranking) <= NEAREST_GRADES else ". The nearest"
-    keep = f"keep{'s' * (kept <= 1)}"
+    keep = f"stay{'s' * (kept <= 1)} within"
     head = f"Verdict: {kept or 'none'} of {len(found.ranking)} built-in sensors {keep} {limit} ({before}){shown_part}:"
     answer: list[Table | str] = [head]
     table = Table(box=None, padding=(0, 2, 0, 0), width=LINE_WIDTH)
     table.add_column("sensor")
     table.add_column("error,\nm rms", justify="right")
-    table.add_column("keeps\nit")
+    table.add_column("within\nit")
     for head in ("gyro white\nnoise, deg/√h", "B,\ndeg/h", "accel white\nnoise, µg/√Hz", "B,\nµg"):
         table.add_column(head, justify="right")
     first = 0 if every else max(0, min(kept - 1, len(found.ranking) - NEAREST_GRADES))
@@ -172,11 +172,11 @@ def choice_tables(found: GradeChoice, *, every: bool = True) -> list[Table | str
             digits(v, 2) for v in noise_of(found.nearest.config, found.factor)
         )
         text = (
-            f"A sensor with {digits(found.factor, 2)} × the noise of {found.nearest.name} just keeps it: gyro white "
-            f"noise {gyro_n} deg/√h, B {gyro_b} deg/h; accel white noise {accel_n} µg/√Hz, B {accel_b} µg"
+            f"{digits(found.factor, 2)} × the noise of {found.nearest.name} just stays within: gyro white noise "
+            f"{gyro_n} deg/√h, B {gyro_b} deg/h; accel white noise {accel_n} µg/√Hz, B {accel_b} µg"
         )
     rest = "" if every else " All sensors: --verbose"
-    return [*answer, f"{text}. B: bias instability. Scale factors and misalignments come on top.{rest}"]
+    return [*answer, f"{text}. B: bias instability. Scale factors and misalignments are not included.{rest}"]
 
 
 def noise_of(config: FilterConfig, factor: float) -> tuple[float, float, float, float]:
@@ -220,8 +220,11 @@ def grade_tables(grades: Sequence[SensorGrade]) -> list[Table | str]:
     return [table]
 
 
-def plan_tables(plans: StaticTestPlan) -> list[Table | str]:
-    """Return what a planned test shows of each term of each sensor, the worst axis, and the cluster rule."""
+def plan_tables(plans: StaticTestPlan, limited: str = "") -> list[Table | str]:
+    """Return what a planned test shows of each term of each sensor, the worst axis, and the cluster rule.
+
+    Of the terms that `limited` names only limits are known: nothing is planned of them.
+    """
     first = next(iter(plans.values()))
     table = Table(box=None, padding=(0, 2, 0, 0), width=LINE_WIDTH)
     wanted = f"{100 * first.accuracy:g} %"
@@ -253,10 +256,13 @@ def plan_tables(plans: StaticTestPlan) -> list[Table | str]:
     hidden = [
         str(cells[0]) for cells in zip(*(c.cells for c in table.columns), strict=True) if cells[3] != "yes"
     ]
-    shows = f"all but {', '.join(hidden)}" if hidden else "every term"
+    shows = (
+        f"all but {', '.join(hidden)}" if hidden else f"every term{' whose size is known' * bool(limited)}"
+    )
     verdict = f"Verdict: {digits(first.hours)} h of {plans.name} at rest show {shows}"
     rule = (
         f"An Allan deviation is known to {wanted} where {first.clusters} averages fit into the log: here up to "
         f"{digits(first.longest_tau)} s. Of several axes the worst is shown."
     )
-    return [verdict, table, rule]
+    left = [f"Not planned, as only limits are known: {limited}. A sheet with values to expect plans them"]
+    return [verdict, table, *left * bool(limited), rule]

@@ -20,6 +20,9 @@ OFF = "*"
 """Mark behind a ratio that is shown to be off 1."""
 NAMES = {
     "nees": "all states (NEES)",
+    "position": "position, 3-D",
+    "velocity": "velocity, 3-D",
+    "attitude": "attitude, 3-D",
     "gyro_bias": "gyro bias",
     "accel_bias": "accelerometer bias",
     "nis": "innovations (NIS)",
@@ -119,7 +122,9 @@ def _errors(found: Consistency) -> dict[str, str]:
 def _further(found: Consistency) -> list[str]:
     """Return what the table does not show: mark, correlation of the innovations, refused fixes."""
     white = found.whiteness
-    marked = [f"{OFF}: too far from 1, beyond chance and margin"] if _off(found) else []
+    marked = (
+        [f"{OFF}: too far from 1; position, velocity, attitude and outages decide"] if _off(found) else []
+    )
     if white is not None and not white.consistent:
         marked.append(f"innovations correlated, {white.correlation:+.2f} at lag {white.lag}")
     if found.gated:

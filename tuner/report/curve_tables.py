@@ -61,14 +61,16 @@ def curve_answer(found: Sequence[AllanCurve | Spectrum | Correlogram], names: Se
 
 
 def _least(curve: AllanCurve) -> str:
-    """Return where the deviation of each axis is least."""
+    """Return where the deviation of each axis is least; at the end of the record nothing shows that it rises again."""
     deviation = curve.deviation()
     parts = [
         f"{axis.rpartition('_')[2]} {digits(in_customary(float(column.min()), 'level', curve.unit))} at "
         f"{digits(float(curve.tau[int(column.argmin())]))} s"
+        + ", the end"
+        * (int(column.argmin()) == len(column) - 1)
         for axis, column in zip(curve.axes, deviation.T, strict=True)
     ]
-    return f"Least: {', '.join(parts)}"
+    return f"Least: {'; '.join(parts)}"
 
 
 def _deviation_table(curve: AllanCurve) -> Table:

@@ -44,7 +44,7 @@ def choice_parts(choice: HeldOutChoice) -> list[Table | str]:
     from tuner.diagnosis.drive.held_out_gain import change_interval  # loads the diagnosis of drives
 
     error = "distance to fixes" if after.fixes_rms is None else "error"
-    alone = "" if after.fixes_rms is None else f"fixes alone: {digits(after.fixes_rms)} m"
+    alone = "" if after.fixes_rms is None else f"(fixes alone {digits(after.fixes_rms)} m)"
     table = Table(box=None, padding=(0, 2, 0, 0))
     for head in (f"{error}, rms", "before", "now", "now ÷ predicted (95 %)"):
         table.add_column(head, no_wrap=True)

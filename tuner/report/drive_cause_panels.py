@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from models.arrays import FloatArray
 from models.probability import normal_density
 from tuner.diagnosis.drive.hypothesis import FilterRun
-from tuner.report.figure_files import TIME
+from tuner.report.figure_files import TIME_LABEL
 from tuner.types import Parameter
 
 View = Callable[..., None]
@@ -117,7 +117,7 @@ def draw_outliers(panel: Axes, found: FilterRun, title: str, first: int = 0) -> 
     ):
         panel.plot(t[which], size[which], ".", ms=ms, mew=0, color=colour, label=label, rasterized=True)
     panel.axhline(1.0, color="0.5", lw=0.8)
-    panel.set(yscale="log", xlabel=TIME, ylabel="innovation ÷ predicted sd", title=title)
+    panel.set(yscale="log", xlabel=TIME_LABEL, ylabel="innovation ÷ predicted sd", title=title)
 
 
 def draw_distribution(panel: Axes, found: FilterRun, title: str) -> None:
@@ -141,7 +141,7 @@ def draw_slow_means(panel: Axes, found: FilterRun, title: str) -> None:
     for row, colour in ((0, AFTER_COLOUR), (1, CAUSE_COLOUR), (2, BEFORE_COLOUR)):
         middle, mean, _ = windowed(found.linearized.t, z[:, row : row + 1], SLOW_WINDOW)
         panel.plot(middle, mean, lw=0.9, color=colour, label=INNOVATION_ROWS[row][0])
-    panel.set(xlabel=TIME, ylabel=f"innovation ÷ sd, means of {SLOW_WINDOW:g} s", title=title)
+    panel.set(xlabel=TIME_LABEL, ylabel=f"innovation ÷ sd, means of {SLOW_WINDOW:g} s", title=title)
 
 
 VIEWS: Mapping[str, View] = {

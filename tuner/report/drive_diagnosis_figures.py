@@ -30,7 +30,7 @@ from tuner.report.drive_cause_panels import (
     normalised,
     windowed,
 )
-from tuner.report.figure_files import TIME, Sketch
+from tuner.report.figure_files import TIME_LABEL, Sketch
 from tuner.types import Parameter
 
 OUTAGE_LENGTHS = (30.0, 60.0)
@@ -106,7 +106,7 @@ def _innovations(passes: tuple[FilterRun, FilterRun], row: int, panel: Axes) -> 
             reach = max(reach, float(np.quantile(np.abs(z), 0.99)), 3.0 * float(np.median(sd)))
     if reach:
         panel.set_ylim(-1.3 * reach, 1.3 * reach)
-    panel.set(xlabel=TIME, ylabel=f"{name}, {unit}")
+    panel.set(xlabel=TIME_LABEL, ylabel=f"{name}, {unit}")
 
 
 def _correlation(passes: tuple[FilterRun, FilterRun], panel: Axes) -> None:
@@ -135,7 +135,7 @@ def _nis(passes: tuple[FilterRun, FilterRun], panel: Axes) -> None:
     panel.axhspan(low, high, color="0.85", lw=0, zorder=0)
     panel.axhline(1.0, color="0.5", lw=0.8)
     panel.set(
-        xlabel=TIME,
+        xlabel=TIME_LABEL,
         ylabel="NIS a row",
         title="size of the innovations, squared, by prediction",
     )

@@ -27,7 +27,7 @@ LABELLED_DECADES = 2.0
 """Decades of an axis beyond which ticks between them are without labels: two of their own are then on it."""
 CHARTS = ".json"
 """Suffix of a figure as charts for a page."""
-TIME = since(0.0)
+TIME_LABEL = since(0.0)
 """Label of an axis of time from the begin of a recording on."""
 PAGE_SUFFIXES = (".svg", CHARTS)
 """Suffixes of what a page takes of a figure."""
@@ -85,7 +85,7 @@ class Sketch:
     height : float
         Inches.
     origin : float
-        Time 0 of panels labelled `TIME` on the clock of the recording, s.
+        Time 0 of panels labelled `TIME_LABEL` on the clock of the recording, s.
     """
 
     name: str
@@ -102,7 +102,7 @@ class Sketch:
                 figure.subplots(*self.shape, squeeze=False).flat, self.panels, strict=True
             ):
                 draw(panel)
-                if panel.get_xlabel() == TIME:
+                if panel.get_xlabel() == TIME_LABEL:
                     panel.set_xlabel(since(self.origin))
             figure.suptitle(fill(self.caption, TITLE_WIDTH), fontsize=9, parse_math=False)
         return rendered(figure, self.name, suffixes)

@@ -55,7 +55,7 @@ def outlier_text(outlier: Outlier, fleet: Fleet) -> str:
         if is_logarithmic(name)
         else f"{'+' if value > median else '−'}{digits(abs(value - median))}"
     )
-    score = f"{digits(outlier.score, 2)} robust sds from it; by chance {digits(outlier.threshold, 2)}"
+    score = f"{digits(outlier.score, 2)} robust sds from it; chance reaches {digits(outlier.threshold, 2)}"
     return f"{title(name)} {digits(value)} {pretty_unit(name, unit)}, fleet {digits(median)} ({distance}; {score})"
 
 
@@ -74,13 +74,13 @@ def reasons(unit: FleetUnit, fleet: Fleet) -> list[str]:
             outlier
         )
     lines = [
-        outlier_text(found[0], fleet) if len(found) == 1 else _together(sensor, found)
+        outlier_text(found[0], fleet) if len(found) == 1 else _together(sensor, found, fleet)
         for sensor, found in by_sensor.items()
     ]
     return [*unit.advice, *lines, *unit.broken]
 
 
-def _together(sensor: str, found: Sequence[Outlier]) -> str:
+def _together(sensor: str, found: Sequence[Outlier], fleet: Fleet) -> str:
     """Say in which amplitudes a sensor stands apart: ``gyro: N of x y z × 2.9 to 3.1 the median …``."""
     axes: dict[str, list[Outlier]] = {}
     for one in found:
@@ -90,10 +90,14 @@ def _together(sensor: str, found: Sequence[Outlier]) -> str:
         alike = axes[symbol]
         letters = " ".join(sorted(one.quantity.rpartition(".")[0].rpartition("_")[2] for one in alike))
         ratios = sorted(one.value / one.median for one in alike)
-        parts.append(f"{IN_WORDS.get(symbol, symbol)} of {letters} × {_range(ratios)}")
+        name = alike[0].quantity
+        unit = fleet.channel_units[name.rpartition(".")[0]]
+        values = _range(sorted(customary(one.value, one.quantity, unit) for one in alike))
+        size = f"{values} {pretty_unit(name, unit)}"
+        parts.append(f"{IN_WORDS.get(symbol, symbol)} of {letters} {size}, × {_range(ratios)}")
     scores = _range(sorted(one.score for one in found))
     limit = digits(found[0].threshold, 2)
-    return f"{sensor}: {', '.join(parts)} the median of the units ({scores} robust sds from it; by chance {limit})"
+    return f"{sensor}: {', '.join(parts)} the median of the units ({scores} robust sds from it; chance reaches {limit})"
 
 
 def _range(values: Sequence[float]) -> str:

@@ -36,8 +36,8 @@ place of an unknown one."""
 LEGEND = {
     "±": "± ( ): 95 % interval",
     "<": "<: not seen, 95 % limit",
-    HALF: f"{HALF}: of that limit, ASSUMED",
-    LENT: f"{LENT}: ASSUMED, of the sensor named above",
+    HALF: f"{HALF}: has half of it, ASSUMED",
+    LENT: f"{LENT}: of the sensor named above, ASSUMED",
     ROUGH: f"{ROUGH}: fitted to the Allan curve, as the terms do not fit",
     UNKNOWN: f"{UNKNOWN}: unknown",
 }
@@ -111,7 +111,7 @@ def entries_tables(config: FilterConfig, files: Iterable[str]) -> list[Table]:
         rows = [
             _of_pair(key, written[key], config) for key in sorted(written, key=lambda key: (key < "g", key))
         ]
-        tables.append(_table((f"{PAIR}, to enter", "each axis", "that is"), rows))
+        tables.append(_table((f"{PAIR}, to enter", "rms of the axes", "that is"), rows))
     if FADING in files:
         noise = kf_gins.entries(config, target)["imunoise"]
         rows = [_of_fading(key, noise[key], config) for key in _FADING_KEYS if key in noise]
@@ -224,8 +224,8 @@ def more_white_noise(config: FilterConfig, files: Iterable[str]) -> str:
     known = "measured" if any(white_is_measured(config, axis) for axis in config.channels) else "stated"
     least, most = min(one.mismatch[0] for _, one in pairs), max(one.mismatch[1] for _, one in pairs)
     return (
-        f"White noise exceeds the {known} one: it stands for bias instability too, predicting "
-        f"{least:.2f} to {most:.2f} × its drift (1 to 100 s). Enlarge for vibration only"
+        f"More noise than {known} is entered, as two numbers stand for bias instability, too: they predict "
+        f"{least:.2f} to {most:.2f} × the drift. Enlarge further for vibration only"
     )
 
 

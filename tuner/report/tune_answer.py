@@ -41,6 +41,8 @@ OF_DRIVE_ALONE = "static diagnosis"
 """What lacks where a drive stands in for the log, which the line of the recording says."""
 SAME = "the same on all axes"
 """Remark on a setting of a file that the line of an answer has no room for."""
+PAIR_IN_WORDS = "Gauss–Markov states are in N and K"
+"""What a file says whose two numbers stand for all states."""
 NOISE_YAML = "noise.yaml"
 """The file of all settings, from which those of other filters are made."""
 
@@ -64,7 +66,8 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
     examined = result.diagnosis is not None or result.drive is not None
     nothing = ["Nothing was found that the noise terms do not explain"]
     more = len(found) - SHOWN_FINDINGS
-    larger = more_white_noise(result.config, files) if noise else ""
+    pairs = any(PAIR_IN_WORDS in text for name, text in result.exports.items() if files or name != PAIR)
+    larger = more_white_noise(result.config, result.exports) if noise and pairs else ""
     said: list[Table | str] = [
         recording_line(result),
         f"Verdict: {result.verdict.text}",
@@ -149,12 +152,17 @@ def settings_in_dialect(result: TuneResult, dialect: str, directory: Path) -> li
             whole, without_formula = (f"{shown}  # {'; '.join(parts)}" for parts in (note, [unit, *rest[1:]]))
             shown = whole if len(whole) <= LINE_WIDTH else without_formula
         lines.append(_shortened_remarks(shown))
-    if not lines:  # parameters of an autopilot that keep their stock values
-        kept = [line.lstrip("# ") for line in written if "keep stock" in line]
-        return [f"{directory / name}:", *kept]
+    kept = [_kept_text(line) for line in written if "keep stock" in line]
+    lines = [*lines, *kept] if len(lines) + len(kept) <= MAX_KEYS else lines or kept
     if len(lines) <= MAX_KEYS and max(map(len, lines), default=0) <= LINE_WIDTH:
         return [f"{directory / name}:", *lines]
     return [f"For {dialect}: {directory / name}"]
+
+
+def _kept_text(line: str) -> str:
+    """Return of a comment which stock value is kept, and what the log shows beside it."""
+    head, *rest = line.lstrip("# ").split("; ")
+    return "; ".join([": ".join(head.split(": ")[:2]), *(one for one in rest if one.startswith("here"))])
 
 
 def _shortened_remarks(line: str) -> str:

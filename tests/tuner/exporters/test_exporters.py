@@ -144,7 +144,7 @@ def test_kf_gins_gets_the_scale_factors_of_the_grade_or_of_the_nearest() -> None
     noise = yaml.safe_load(text)["imunoise"]
     assert noise["gsstd"] == [500.0] * 3  # configs/sensors/stim300.yaml
     assert noise["asstd"] == [300.0] * 3
-    assert "of the grade stim300" in text
+    assert "of the sheet stim300" in text
     measured = replace(own, provenance={})
     noise = yaml.safe_load(export(measured, "kf-gins"))["imunoise"]
     assert noise["gsstd"] == [500.0] * 3

@@ -17,7 +17,7 @@ from tuner.formats.customary_units import digits_to
 from tuner.identification import identify
 from tuner.report.allan_figure import allan_figure
 from tuner.report.diagnosed_axis import diagnosed_axis, signal_of
-from tuner.report.figure_files import TIME, Sketch, draw_all, figure_bytes, label_plainly, lay_out
+from tuner.report.figure_files import TIME_LABEL, Sketch, draw_all, figure_bytes, label_plainly, lay_out
 from tuner.report.static_diagnosis_figures import finding_figures
 from tuner.report.static_diagnosis_tables import diagnosis_tables, finding_tables, hidden_effect_lines
 from tuner.report.two_level_path import two_level_path
@@ -143,7 +143,7 @@ def test_a_time_course_counts_from_the_begin_of_the_recording():
 def test_a_sketch_says_when_its_time_begins():
     def draw(panel):
         panel.plot([0.0, 1.0], [0.0, 1.0])
-        panel.set_xlabel(TIME)
+        panel.set_xlabel(TIME_LABEL)
 
     for origin, label in ((0.0, "time, s"), (1752003261.854, "time since 1752003261.854 s, s")):
         sketch = Sketch("a", "b", [draw], (1, 1), origin=origin)

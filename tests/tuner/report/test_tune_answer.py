@@ -98,7 +98,7 @@ def test_axes_that_are_alike_in_everything_share_a_column():
     tables = measured_table(found), *entries_tables(config, ("kalibr.yaml", "kf-gins.yaml"))
     heads = [[str(column.header) for column in table.columns] for table in tables]
     assert heads[0] == ["", "stated, each axis"]
-    assert heads[1] == ["kalibr.yaml, to enter", "each axis", "that is"]
+    assert heads[1] == ["kalibr.yaml, to enter", "rms of the axes", "that is"]
     assert heads[2] == ["kf-gins.yaml, to enter", "each axis"]
 
 
@@ -134,7 +134,7 @@ def test_a_number_that_is_half_of_a_limit_is_marked_where_it_stands(result, limi
     assert walk.endswith({0: "√h", 1: "half y", 3: "half"}[len(limited)])
     sds = [str(list(column.cells)[1]) for column in fading.columns[1:]]
     assert [sd.endswith("half") for sd in sds] == [axis in limited for axis in AXES][: len(sds)]
-    assert ("half: of that limit, ASSUMED" in legend(pair, fading)) == bool(limited)
+    assert ("half: has half of it, ASSUMED" in legend(pair, fading)) == bool(limited)
 
 
 def test_of_many_findings_the_five_of_most_effect_stand_on_the_screen(result):
@@ -190,7 +190,7 @@ def test_white_noise_that_a_fast_state_carries_is_said(result, time, said):
         for axis, one in result.config.channels.items()
     }
     text = more_white_noise(replace(result.config, channels=channels), ("kalibr.yaml",))
-    assert text.startswith("White noise exceeds the measured") == said
+    assert text.startswith("More noise than measured") == said
     assert more_white_noise(replace(result.config, channels=channels), ()) == ""
 
 
@@ -267,7 +267,7 @@ def test_errors_before_and_after_name_what_they_are_of(result):
     text = text_of(choice_parts(choice))
     assert text.splitlines()[0].split("  ")[0] == "error, rms"
     with_fixes, unaided = (" ".join(line.split()) for line in text.splitlines()[1:])
-    assert with_fixes == "with fixes (last 40 %) 1.00 m 1.00 m fixes alone: 1.50 m"
+    assert with_fixes == "with fixes (last 40 %) 1.00 m 1.00 m (fixes alone 1.50 m)"
     # Four windows of a right prediction, one component each: the roots of 4 over quantiles of χ² with 4 degrees.
     assert unaided.startswith("30 s without fixes 2.38 m 1.15 m")
     assert unaided.endswith("1.00 (0.60 to 2.87)")
@@ -295,7 +295,7 @@ def test_settings_of_an_autopilot_stand_with_unit_and_stock_value():
     exported = SimpleNamespace(exports={"px4.txt": export(config, "px4")}, withheld={})
     where, *lines = settings_in_dialect(exported, "px4", Path("out"))
     assert where == f"{Path('out') / 'px4.txt'}:"
-    assert len(lines) == 4
+    assert len(lines) == 6  # four settings, and two that keep their stock value
     assert all(len(line) <= 80 for line in lines)
     (gyro,) = (line for line in lines if "EKF2_GYR_NOISE" in line)
     assert gyro.endswith("# rad/s; N/√dt; stock 0.015")

@@ -118,7 +118,11 @@ def command(
         )
         assert isinstance(static, Diagnosis)
         found, parts = static, _parts(static, data)
-        answer = diagnosis_answer(found, data).then(shlex.join(["tuner", "tune", log]))
+        answer = diagnosis_answer(found, data)
+        if not any(
+            one.extension.get("in_motion") for one in found.findings
+        ):  # else it is to be recorded again
+            answer = answer.then(shlex.join(["tuner", "tune", log]))
         tables = diagnosis_tables(found, data)
     lawful(found)
     stage("writing", 1.0)

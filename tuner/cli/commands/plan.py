@@ -47,6 +47,7 @@ def command(
     from tuner.identification.static_test_plan import plan_test
     from tuner.readers.source_kind import source_name
     from tuner.report.comparison_tables import plan_tables
+    from tuner.report.identification_answer import terms_too_short
     from tuner.report.json.views import plan_json
     from tuner.report.terminal import show
 
@@ -59,4 +60,4 @@ def command(
     output.write(plan_json(plans))
     page(f"Static test of {source}", {"How long must it last?": plans})
     if output.tables:
-        show(plan_tables(plans))
+        show(plan_tables(plans, terms_too_short(identification)))
