@@ -93,7 +93,7 @@ def test_words_for_the_terminal(tmp_path, capsys):
     frequency = re.search(r"line in gyro x \(frequency (\S+) ±", out)
     assert frequency is not None
     assert float(frequency[1]) == pytest.approx(12.5, abs=1e-3)
-    assert "Below 5 % of white noise and drift: line in gyro x" in out
+    assert "Changes noise and drift by less than 5 %: line in gyro x" in out
     assert "60/40" not in out
     assert run(["diagnose", path, "--quiet", "--verbose"]) == 0
     assert "60/40" in capsys.readouterr().out

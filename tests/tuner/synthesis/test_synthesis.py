@@ -113,7 +113,7 @@ def test_bounded_terms_enter_with_half_their_limit_and_say_so() -> None:
     config, noise = only(found(channel(*terms)))
     assert noise.white_density == pytest.approx(1e-4)
     assert noise.white_rests_on_limit
-    assert next(iter(states_tables(config)[0].columns[1].cells)).endswith("*")
+    assert next(iter(states_tables(config)[0].columns[1].cells)).endswith("half")
     assert noise.random_walk_density == pytest.approx(3e-7)
     assert noise.markov[0].sd == pytest.approx(math.sqrt(math.log(10.0) / math.pi) * 2e-5)
     assert {str(i.quantity) for i in config.inflations} == {
