@@ -120,8 +120,8 @@ def _banded(
                 sizes.append(np.abs(value[(used | refused) & (part.t >= part.settled)]))
             if (most := float(np.nanquantile(np.concatenate(sizes), 0.995))) > 0.0:
                 panel.set_ylim(-1.2 * most, 1.2 * most)
-            panel.set(title=name, ylabel=unit)
-        for panel in panels[-1]:
-            panel.set_xlabel(since(origin))
+            panel.set(title=name, ylabel=unit, xlabel=since(origin))
+        for panel in panels[:-1].ravel():
+            panel.xaxis.label.set_visible(False)
         figure.suptitle(f"{what}; bands are ± {BAND_SDS:g} predicted sds; axes fit the time after settling")
     return figure

@@ -2,6 +2,7 @@
 
 import csv
 import io
+import json
 import os
 import xml.etree.ElementTree as ET
 from dataclasses import replace
@@ -17,6 +18,7 @@ from tuner.cli import run
 from tuner.formats.logs import write_drive
 from tuner.navigation.settings import total_bias
 from tuner.readers.estimate_column_names import canonical_name
+from tuner.report.solution_figures import solution_pictures
 from tuner.report.solution_files import _angle_sds, solution_csv, track_gpx, track_kml, tracks
 from tuner.report.solution_set import attitude_text, write_solution
 from tuner.simulation.drive import simulate_drive
@@ -107,6 +109,13 @@ def test_navigate_writes_its_folder(drive, tmp_path, capsys):
     pictures = {f"{name}.{kind}" for name in ("track", "innovations", "errors") for kind in ("png", "svg")}
     assert names == {"solution.csv", "track.kml", "track.gpx", *pictures}
     assert str(tmp_path / "out") in capsys.readouterr().out
+
+
+def test_every_panel_over_time_says_when_its_time_begins(found, drive):
+    """On a page each panel stands alone."""
+    files = solution_pictures(found, replace(drive, origin=1.7e9), (".json",))
+    panels = [one for name in ("errors.json", "innovations.json") for one in json.loads(files[name])]
+    assert {one["x"] for one in panels} == {"time since 1700000000 s, s"}
 
 
 def test_a_folder_is_written_whole_or_not_at_all(found, drive, tmp_path, monkeypatch):
