@@ -44,4 +44,12 @@ def draw_banded(
     """Draw values within the ends of their intervals, low and high, each of shape (n,)."""
     low, high = ends
     (line,) = panel.plot(x, y, style, **look)
-    panel.fill_between(x, low, high, color=line.get_color(), alpha=0.18 * (line.get_alpha() or 1.0), lw=0)
+    panel.fill_between(
+        x,
+        low,
+        high,
+        color=line.get_color(),
+        alpha=0.18 * (line.get_alpha() or 1.0),
+        lw=0,
+        rasterized=line.get_rasterized(),
+    )

@@ -34,6 +34,7 @@ UNITS = ((1.0, "m"), (1.0, "m/s"), (np.degrees(1.0), "deg"), (np.degrees(1.0), "
 """Size and name of the unit in which each block is drawn."""
 AXES = (("north", "east", "down"),) * 3 + (("x", "y", "z"),) * 2
 ERROR_COLOUR, OUTAGE_COLOUR = "#1d4ed8", "#fecaca"
+BAND_LABEL = "in bands of ±3 sd as the filter states"
 LEAST_DRAWN = 10
 """Epochs from which on their autocorrelation is drawn."""
 
@@ -121,8 +122,8 @@ def _figure(blocks: Sequence[_Block], outages: Iterable[tuple[float, float]]) ->
             (factor, unit), step = UNITS[block.place], -(-len(block.t) // MAX_DRAWN_EPOCHS)
             for j, axis in enumerate(AXES[block.place]):
                 value, reach = factor * block.value[::step, j], 3.0 * factor * block.sd[::step, j]
-                label = f"{block.title}, with ±3 sd as the filter states"
-                look: dict[str, Any] = {"color": ERROR_COLOUR, "lw": 0.7, "label": None if j else label}
+                label = BAND_LABEL if block is blocks[0] and j == 0 else None
+                look: dict[str, Any] = {"color": ERROR_COLOUR, "lw": 0.7, "label": label}
                 draw_banded(row[j], block.t[::step] - begin, value, (-reach, reach), **look)
                 for start, end in outages:
                     row[j].axvspan(start - begin, end - begin, color=OUTAGE_COLOUR, alpha=0.4, lw=0.0)

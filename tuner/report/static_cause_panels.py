@@ -222,7 +222,7 @@ def draw_pairs(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float])
     draw_rows(
         panel,
         [
-            (pair.replace("_", " ").replace(", ", ",\n"), [Mark(value.value, DATA_COLOUR, value.interval)])
+            (pair.replace("_", " "), [Mark(value.value, DATA_COLOUR, value.interval)])
             for pair, value in each.items()
         ],
     )
