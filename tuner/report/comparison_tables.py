@@ -176,7 +176,13 @@ def choice_tables(found: GradeChoice, *, every: bool = True) -> list[Table | str
             f"{gyro_n} deg/√h, B {gyro_b} deg/h; accel white noise {accel_n} µg/√Hz, B {accel_b} µg"
         )
     rest = "" if every else " All sensors: --verbose"
-    return [*answer, f"{text}. B: bias instability. Scale factors and misalignments are not included.{rest}"]
+    pair = [one.name for one in shown[:2]]
+    following = [f"Next: tuner compare {' '.join(pair)}"] if len(pair) > 1 and not every else []
+    return [
+        *answer,
+        *following,
+        f"{text}. B: bias instability. Scale factors and misalignments are not included.{rest}",
+    ]
 
 
 def noise_of(config: FilterConfig, factor: float) -> tuple[float, float, float, float]:

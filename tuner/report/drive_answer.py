@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from tuner.types import Finding
 
 
-def found_text(finding: Finding) -> str:
-    """Return the cause of a finding, where it acts, what it is, and its figures."""
+def found_text(finding: Finding, *, sizes: bool = True) -> str:
+    """Return the cause of a finding, where it acts, what it is, and its figures or only that within its words."""
     what, _, rest = finding.text.partition(": ")
     words = rest.partition(" (")[0]
     cause = finding.cause.replace("_", " ")
@@ -30,7 +30,7 @@ def found_text(finding: Finding) -> str:
             break
     said = [f"{said} {amount(figures[name])}" for name, said in parameter_words(figures).items()]
     text = f"{subject[:1].upper()}{subject[1:]}: {words or what}".removesuffix(": ")
-    return f"{text} ({', '.join(said)})" if said else text
+    return f"{text} ({', '.join(said)})" if said and sizes else text
 
 
 def choice_parts(choice: HeldOutChoice) -> list[Table | str]:

@@ -39,9 +39,10 @@ def summary(fleet: Fleet) -> list[str]:
         if fleet.limits
         else "no limits given (--limits)"
     )
+    stand = "stands" if outlying == 1 else "stand"
     return [
-        f"Verdict: {word}: units in {fleet.name}: {len(fleet.units)}; apart from the others: {outlying}; that cannot "
-        f"be used: {refused}; {limits}"
+        f"Verdict: {word}: {outlying} of the {len(fleet.units)} units in {fleet.name} {stand} apart, {refused} cannot "
+        f"be used; {limits}"
     ]
 
 

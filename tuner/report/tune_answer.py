@@ -235,7 +235,7 @@ def found_lines(result: TuneResult) -> tuple[list[str], int, str]:
     first += found.felt
     if result.drive is not None:
         of_drive = result.drive.diagnosis
-        first += [f"{found_text(one)} → {one.consequence}" for one in of_drive.findings]
+        first += [found_text(one, sizes=False) for one in of_drive.findings]
     return [*first, *found.faults], idle, found.doubted
 
 

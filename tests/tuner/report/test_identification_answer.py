@@ -103,7 +103,7 @@ def test_the_table_of_a_comparison_and_of_a_choice_fit_a_terminal():
     assert "just stays within" in " ".join(told)
     ranking = tuple(replace(grade, name=f"grade{i}", error=0.5 * i) for i in range(1, 9))
     told = lines(choice_tables(GradeChoice(60.0, 2.0, "rtk", True, ranking, ranking[3], 0.5), every=False))
-    assert len(told) <= 11
+    assert len(told) <= 12
     assert "Verdict: 4 of 8 built-in sensors stay within 2 m" in " ".join(told)
     assert "The nearest:" in " ".join(" ".join(told).split())
     assert [line.split()[0] for line in told if line.startswith("grade")] == [
