@@ -16,6 +16,7 @@ from tuner.consistency.scores import mean_band, score
 from tuner.diagnosis.drive.held_out_choice import HeldOutChoice
 from tuner.diagnosis.drive.predictive_score import PredictiveScore
 from tuner.identification import identify
+from tuner.identification.identify_channel import CURVE_DISAGREES
 from tuner.judgement import Settings, judge_noise, judge_settings, limit_ratio, lost_shares
 from tuner.limits import HONEST_RATIO, TEST_POWER
 from tuner.simulation.static import simulate
@@ -233,6 +234,17 @@ def test_beyond_twice_their_prediction_settings_are_not_used(known, ratio, use):
     assert judge_settings(replace(checked, config=named)).use is use
     # A receiver that nobody named, on a city drive, says nothing of a tag on an animal, sampled at 1 Hz.
     assert judge_settings(checked).text.startswith("usable except: drives with GNSS: in simulation")
+
+
+def test_demanded_terms_that_the_curve_contradicts_are_not_used(known):
+    """`identify --terms` of a log that the sensor filters was usable, with white noise 80 times too small."""
+    channels = {
+        axis: replace(one, warnings=(f"{CURVE_DISAGREES} (χ² = 90 on 9)",))
+        for axis, one in known.identification.channels.items()
+    }
+    refuted = replace(known.identification, channels=channels)
+    assert judge_noise(refuted).use is Use.DO_NOT_USE
+    assert judge_noise(known.identification).use is Use.USABLE
 
 
 def test_a_limit_that_matters_is_assumed_and_said():

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import xml.etree.ElementTree as ET
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -149,6 +150,19 @@ def test_kf_gins_gets_the_scale_factors_of_the_grade_or_of_the_nearest() -> None
     noise = yaml.safe_load(export(measured, "kf-gins"))["imunoise"]
     assert noise["gsstd"] == [500.0] * 3
     assert "assumed: of stim300" in export(measured, "kf-gins")
+
+
+def test_a_sheet_is_stated_and_its_scale_factor_kept(tmp_path: Path) -> None:
+    """A sheet with 0.5 % had that of a built-in sensor, and its numbers were "identified"."""
+    sheet = Path(__file__).parents[3] / "configs/examples/datasheet.yaml"
+    text = sheet.read_text(encoding="utf-8").replace(
+        "gyro:\n", 'gyro:\n  scale_factor_sd: {value: 0.5, unit: "%"}\n', 1
+    )
+    (tmp_path / "sheet.yaml").write_text(text, encoding="utf-8")
+    written = export(load_config(tmp_path / "sheet.yaml"), "kf-gins")
+    assert yaml.safe_load(written)["imunoise"]["gsstd"] == [5000.0] * 3
+    assert "identified" not in written
+    assert "stated: white" in written
 
 
 def test_kf_gins_gets_the_sds_of_the_start() -> None:

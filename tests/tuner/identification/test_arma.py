@@ -69,6 +69,22 @@ def dense_likelihood(y, ar, ma, variance):
     )
 
 
+def test_an_order_that_leaves_the_stationary_models_is_left_out(monkeypatch):
+    """`--arma exact` ended with an error where one order of many did."""
+    from statsmodels.tsa.arima.estimators import innovations
+
+    whole = innovations.innovations_mle
+
+    def failing(x, order, **kwargs):
+        if order[0] == 2:
+            raise ValueError("(ar) indicate that the process is non-stationary")
+        return whole(x, order=order, **kwargs)
+
+    monkeypatch.setattr(innovations, "innovations_mle", failing)
+    y = lfilter([1.0], [1.0, -0.6], np.random.default_rng(3).standard_normal(2000))
+    assert len(fit_arma(y, 0.01, "rad/s", likelihood="exact").ar) == 1
+
+
 def test_exact_and_fast_likelihood_have_the_maximum_of_the_joint_density():
     """No step of half a sd from the exact estimate is likelier, by more than rounding of the optimiser; from the fast
     one, which is right to order 1/n, by no more than 0.05 nats."""

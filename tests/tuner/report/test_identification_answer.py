@@ -19,9 +19,10 @@ from tuner.formats.customary_units import amount
 from tuner.identification import identify
 from tuner.identification.identify_channel import CURVE_DISAGREES
 from tuner.identification.several_logs import pool
+from tuner.identification.static_test_plan import plan_test
 from tuner.limits import SCREEN_LINES
 from tuner.report.alike_sentences import alike_sentences
-from tuner.report.comparison_tables import choice_tables, comparison_tables
+from tuner.report.comparison_tables import choice_tables, comparison_tables, plan_tables
 from tuner.report.identification_answer import (
     identification_answer,
     pooled_answer,
@@ -111,6 +112,13 @@ def test_the_table_of_a_comparison_and_of_a_choice_fit_a_terminal():
         "grade5",
         "grade6",
     ]
+
+
+def test_a_plan_names_what_it_leaves_out():
+    """Of a log with limits alone it said "every term"."""
+    told = " ".join(lines(plan_tables(plan_test("fog", hours=100.0), "gyro bias random walk")))
+    assert "Not planned, as only limits are known: gyro bias random walk" in told
+    assert "every term whose size is known" in told or "all but" in told
 
 
 def test_the_part_of_a_log_that_is_used_is_named():
