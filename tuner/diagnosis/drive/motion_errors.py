@@ -157,7 +157,7 @@ def ports(linearized: LinearizedRun, jumps: Sequence[float] = ()) -> Iterator[Po
         at = np.searchsorted(linearized.t, jumps)
         near = {int(i) + more for i in at for more in NEAR_FIXES if 0 <= i + more < k}
         impulses = {f"jumps at {linearized.t[i]:.1f} s": [np.eye(k)[i]] for i in sorted(near)}
-        yield Port("an attitude", (turn, three), impulses)
+        yield Port("an attitude", (turn, none[:, :, :3]), impulses)
 
 
 def whitened_columns(noise: NoiseHypothesis, columns: Mapping[str, Columns]) -> dict[str, FloatArray]:

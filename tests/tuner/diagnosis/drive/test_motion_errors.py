@@ -14,7 +14,14 @@ from tuner.diagnosis.drive.hypothesis import with_density_factors
 from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, as_configured
 from tuner.diagnosis.drive.linear_model.whitened_innovations import whiten
 from tuner.diagnosis.drive.motion_courses import Motion
-from tuner.diagnosis.drive.motion_errors import Fit, Innovations, bias_columns, errors_in, with_named_noise
+from tuner.diagnosis.drive.motion_errors import (
+    Fit,
+    Innovations,
+    bias_columns,
+    errors_in,
+    ports,
+    with_named_noise,
+)
 from tuner.synthesis.load_config import load_config
 from tuner.types import Parameter
 
@@ -33,6 +40,15 @@ def looked_at(linearized, *beside, more=0.0, hurdle=0.0):
 @pytest.fixture(scope="module")
 def source(short_drive):
     return Source.of(as_configured(short_drive))
+
+
+def test_every_error_has_columns_for_states_and_for_all_rows_of_a_fix(short_drive):
+    """An attitude that jumps had three of six rows: compiled code read beyond the end of the array."""
+    k, n = short_drive.transition.shape[:2]
+    for port in ports(short_drive, [float(short_drive.t[k // 2])]):
+        push, shift = port.columns
+        assert push.shape[:2] == (k, n)
+        assert shift.shape == (k, 6, push.shape[2])
 
 
 def test_nothing_is_found_in_clean_innovations(source):

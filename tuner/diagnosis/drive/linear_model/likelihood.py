@@ -197,7 +197,7 @@ def with_constants_fixed(noise: NoiseHypothesis) -> NoiseHypothesis:
     linearized, columns = noise.linearized, list(noise.columns)
     theta = evaluate(noise).theta
     push, offset = linearized.B[:, :, columns] @ theta, linearized.D[:, :, columns] @ theta
-    error = np.zeros_like(push)
+    error = np.empty_like(push)
     unaided(_packed(linearized)[0], push, linearized.starts, error)
     shift = (linearized.H @ error[:, :, None])[:, :, 0] + offset
     return replace(

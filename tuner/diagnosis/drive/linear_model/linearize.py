@@ -124,14 +124,14 @@ def _part(
     k, n, p = len(solution.t), settings.size, len(parameters)
     own = columns(parameters)
     out = PropagatedErrors(
-        np.zeros((k, n, n)),
-        np.zeros((2, k, 9, 9)),
-        np.zeros((3, k, n, n)),
-        np.zeros((k, 9, p)),
-        np.zeros((k, 10)),
-        np.zeros((k, n)),
-        np.zeros((k, 6)),
-        np.zeros((k, 2, 3)),
+        np.empty((k, n, n)),
+        np.empty((2, k, 9, 9)),
+        np.empty((3, k, n, n)),
+        np.empty((k, 9, p)),
+        np.empty((k, 10)),
+        np.empty((k, n)),
+        np.empty((k, 6)),
+        np.empty((k, 2, 3)),
     )
     states = np.hstack([solution.state.llh, solution.state.vel_n, solution.state.quat_nb])
     start = np.concatenate([stretch.start.llh, stretch.start.vel_n, stretch.start.quat_nb])
