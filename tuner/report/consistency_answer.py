@@ -97,14 +97,12 @@ def _off(found: Consistency) -> list[Score]:
 
 def _name(one: Score, found: Consistency) -> str:
     """Return what a row is of; where there is no truth, states are compared with the smoother."""
-    if one.name in NAMES:
-        return NAMES[one.name]
     if one.name.startswith("outage "):
         return (
             f"{'without fixes' if found.has_truth else 'fixes withheld'}, {one.name.removeprefix('outage ')}"
         )
-    words = one.name.replace("_", " ")
-    return words if found.has_truth else f"{words}, to the smoother"
+    words = NAMES.get(one.name, one.name.replace("_", " "))
+    return words if found.has_truth or one in found.nis else f"{words}, to the smoother"
 
 
 def _errors(found: Consistency) -> dict[str, str]:

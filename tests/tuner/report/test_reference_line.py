@@ -65,6 +65,16 @@ def test_the_answer_of_navigate_says_it_beneath_its_verdict():
     assert max(map(len, lines)) <= 80
 
 
+def test_without_a_truth_states_are_said_to_be_compared_with_the_smoother():
+    """For a day "position, 3-D" of a drive without a reference read as the error of the position."""
+    rows = {line.partition("  ")[0] for line in fitted(consistency_answer(FOUND))}
+    assert {"position, 3-D", "velocity, 3-D"} <= rows
+    alone = fitted(consistency_answer(replace(FOUND, errors={"position_innovation_rms_m": (1.0, 1.0, 2.0)})))
+    rows = {line.partition("  ")[0] for line in alone}
+    assert {"position, 3-D, to the smoother", "velocity, 3-D, to the smoother"} <= rows
+    assert "position innovations (NIS)" in rows
+
+
 def test_the_answer_of_diagnose_says_it_beneath_its_verdict():
     lines = fitted(drive_diagnosis_answer(DriveDiagnosis((), None, None, notes=("another", TIMES, TURNS))))
     assert lines[1] == BOTH
