@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tuner.catalogue.grades import DEFAULT_RECEIVER, load_gnss
+from tuner.catalogue.grades import receiver_or_default
 from tuner.formats.axis_words import axes_text
 from tuner.formats.customary_units import digits, percent
 from tuner.identification.identify_channel import CURVE_DISAGREES
@@ -111,7 +111,7 @@ def _grounds(known: Settings) -> Iterator[str]:
             f"{digits(end, 2)} s"
         )
     if known.check is not None:
-        receiver = known.config.gnss or load_gnss(DEFAULT_RECEIVER)
+        receiver = receiver_or_default(known.config.gnss)
         sd = f"fixes of {digits(receiver.position_sd[0], 2)} m, --gnss"
         honest = known.check.consistency.honesty.reasons[0]
         yield f"in simulated drives ({sd}) it is honest: {honest}"
@@ -178,7 +178,7 @@ def _of_causes(
     for one in unexplained:
         parts.setdefault(one.about or one.statistic, []).append(one)
     left = [Reason(Use.NOT_EXPLAINED, _unexplained_text(tests)) for tests in parts.values()]
-    lost = next((str(one.extension["in_motion"]) for one in findings if one.extension.get("in_motion")), "")
+    lost = next((one.in_motion for one in findings if one.in_motion), "")
     causes = ", ".join(dict.fromkeys(one.cause.replace("_", " ") for one in findings))
     text = f"explained: {causes}" if left or more else causes
     named = [Reason(Use.EXPLAINED, text)] if causes else []
@@ -287,10 +287,10 @@ def _of_reading(found: Identification) -> Iterator[Reason]:
 
 def _of_bandwidth(findings: Sequence[Finding]) -> Iterator[Reason]:
     """Yield what of a motion a sensor does not show, which a log at rest does not need."""
-    lost = [one for one in findings if one.extension.get("in_motion")]
+    lost = [one for one in findings if one.in_motion]
     if lost:
         axes = axes_text([axis for one in lost for axis in one.channels])
-        yield Reason(Use.USABLE_EXCEPT, f"anything that moves: of {axes} {lost[0].extension['in_motion']}")
+        yield Reason(Use.USABLE_EXCEPT, f"anything that moves: of {axes} {lost[0].in_motion}")
 
 
 def _too_short_for(found: Identification) -> tuple[str, ...]:
@@ -379,7 +379,8 @@ def _of_limits(config: FilterConfig) -> Iterator[Reason]:
             hidden.append(channel.axis)
         elif (ratio := limit_ratio(channel, one.quantity.field, one.factor)) >= HONEST_RATIO:
             limited[channel.axis] = max(ratio, limited.get(channel.axis, 0.0))
-            hours += [needed for needed in [hours_needed(one.reason)] if needed is not None]
+            if (needed := hours_needed(one.reason)) is not None:
+                hours.append(needed)
     if hidden:
         yield Reason(
             Use.USABLE_EXCEPT,
@@ -397,7 +398,7 @@ def _of_limits(config: FilterConfig) -> Iterator[Reason]:
 
 
 def _of_ramps(config: FilterConfig) -> Iterator[Reason]:
-    """Yield the axes whose measured bias rate moves angle or velocity as far as the noise: few filters have its state.
+    """Yield the axes whose measured bias drift changes angle or velocity as much as the noise; few filters estimate it.
 
     After a time t it makes r t²/2 beside the sd of the noise, which together are `HONEST_RATIO` times that sd or more.
     """

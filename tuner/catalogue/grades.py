@@ -95,6 +95,11 @@ def load_gnss(name: str) -> GnssNoise:
     return parse_gnss(path.read_text(encoding="utf-8"), source=str(path))
 
 
+def receiver_or_default(gnss: GnssNoise | None) -> GnssNoise:
+    """Return a receiver, or `DEFAULT_RECEIVER` where nobody names one."""
+    return gnss or load_gnss(DEFAULT_RECEIVER)
+
+
 def parse_gnss(text: str, *, source: str) -> GnssNoise:
     """Return the errors described by a YAML of format ``tuner-gnss/1`` (SI; sds north, east, down)."""
     content = parse_format(text, source=source, expected_format=GNSS_FORMAT)

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from models.filter_states import FILTER_STATES, Origin
 from models.trajectory.motion import Motion
-from tuner.catalogue.grades import DEFAULT_RECEIVER, load_gnss
+from tuner.catalogue.grades import DEFAULT_RECEIVER, receiver_or_default
 from tuner.catalogue.trajectories import load_trajectory
 from tuner.consistency.attribution import attribute
 from tuner.consistency.attribution.installation import of_installation, without_means
@@ -94,8 +94,8 @@ def check(
         Where the configuration lacks an axis.
     """
     if not isinstance(config, FilterConfig):
-        config = load_config(config)
-    assumed = config.gnss or load_gnss(DEFAULT_RECEIVER)
+        config = load_config(config, default_gnss=DEFAULT_RECEIVER)
+    assumed = receiver_or_default(config.gnss)
     config = replace(config, gnss=assumed)
     motion = load_trajectory(trajectory, duration) if isinstance(trajectory, str) else trajectory
     real = truth if truth is None or isinstance(truth, Truth) else load_truth(truth)

@@ -22,6 +22,8 @@ SENSORS = {"gyro": "gyroscopes", "accel": "accelerometers"}
 """Prefix of the axes of the two triads, and their name."""
 
 
+STATES_IN_PAIR = "Gauss–Markov states are in N and K"
+"""What the header says of a file whose two numbers stand for all states."""
 REPORTED_LAGS = (1.0, 10.0)
 """Lags, s, at which exports say how far their prediction is off, beside the memory of the filter."""
 
@@ -66,7 +68,7 @@ def _provenance(config: FilterConfig, title: str, walk_memory: float | None) -> 
         yield f"N is that in motion, for rest and motion alike; at rest N of {rest}"
     if walk_memory is not None and any(channel.markov for channel in config.channels.values()):
         yield (
-            f"Gauss–Markov states are in N and K, for a filter with a memory τ of {walk_memory:g} s (assumed): those "
+            f"{STATES_IN_PAIR}, for a filter with a memory τ of {walk_memory:g} s (assumed): those "
             "whose prediction of the integrated error is nearest"
         )
         for axis, channel in config.channels.items():

@@ -24,7 +24,7 @@ def wrong_times_text(
 
 
 def wrong_attitude_text(turns: Sequence[str]) -> str:
-    """Return by how much the attitude of a reference turns at rest, each axis in words."""
+    """Return the note on a reference whose attitude rotates while the vehicle stands, by `turns`, a text an axis."""
     return f"{_TURNS} {'; '.join(turns)}: attitudes are not compared with it"
 
 

@@ -18,8 +18,8 @@ from models.effects import EFFECTS
 from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.formats.axis_words import axes_text
 from tuner.formats.customary_units import amount, digits
+from tuner.formats.grouping import grouped
 from tuner.formats.parameter_words import parameter_words
-from tuner.report.grouping import grouped
 from tuner.types import Coefficient, Finding
 
 MIN_DRIFT_CHANGE = 1.01
@@ -78,7 +78,7 @@ class FindingGroup:
     @property
     def in_motion(self) -> str:
         """What it does to samples in motion, in words, that of the clearest finding; empty for nothing known."""
-        return next((text for one in self.findings if (text := _in_motion(one))), "")
+        return next((one.in_motion for one in self.findings if one.in_motion), "")
 
 
 def contradicted(finding: Finding) -> bool:
@@ -104,12 +104,8 @@ def finding_groups(findings: Sequence[Finding], span: float | None = None) -> tu
     return tuple(sorted(groups, key=lambda group: (not group.in_motion, -round(group.worth, 2))))
 
 
-def _in_motion(finding: Finding) -> str:
-    return str(finding.extension.get("in_motion", ""))
-
-
 def _belong_together(a: Finding, b: Finding) -> bool:
-    if a.cause == b.cause and (_sensors(a) == _sensors(b) or (_in_motion(a) and _in_motion(b))):
+    if a.cause == b.cause and (_sensors(a) == _sensors(b) or (a.in_motion and b.in_motion)):
         return True
     when, other = _time(a), _time(b)
     return when is not None and other is not None and abs(when - other) <= SIMULTANEOUS_WITHIN

@@ -108,9 +108,8 @@ def entries_tables(config: FilterConfig, files: Iterable[str]) -> list[Table]:
     tables = []
     if PAIR in files:
         written = kalibr.noise_entries(config, target)
-        rows = [
-            _of_pair(key, written[key], config) for key in sorted(written, key=lambda key: (key < "g", key))
-        ]
+        gyros_first = sorted(written, key=lambda key: (key.startswith("accel"), key))
+        rows = [_of_pair(key, written[key], config) for key in gyros_first]
         tables.append(_table((f"{PAIR}, to enter", "rms of the axes", "that is"), rows))
     if FADING in files:
         noise = kf_gins.entries(config, target)["imunoise"]

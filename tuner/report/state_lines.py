@@ -9,8 +9,8 @@ from tuner.diagnosis.static.compare_logs import MEAN, NOISE, Difference, StateCo
 from tuner.formats.axis_words import axes_text
 from tuner.formats.codec import dump
 from tuner.formats.customary_units import amount, digits, phrase
+from tuner.formats.grouping import grouped
 from tuner.report.finding_groups import changed_entry
-from tuner.report.grouping import grouped
 from tuner.types import Coefficient
 
 

@@ -8,8 +8,8 @@ from math import inf
 from statistics import fmean
 
 from tuner.formats.customary_units import digits, in_customary, with_interval
+from tuner.formats.grouping import grouped
 from tuner.report.coefficient_text import coefficients_of
-from tuner.report.grouping import grouped
 from tuner.types import ChannelIdentification, Coefficient
 
 MAIN_TERMS = ("white.density", "bias_instability.level", "random_walk.density")

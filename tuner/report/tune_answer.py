@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from rich.table import Table
 
+from tuner.exporters.header import STATES_IN_PAIR
 from tuner.formats.axis_words import axes_text
 from tuner.formats.customary_units import digits
 from tuner.formats.reference_words import reference_line
@@ -41,8 +42,6 @@ OF_DRIVE_ALONE = "static diagnosis"
 """What lacks where a drive stands in for the log, which the line of the recording says."""
 SAME = "the same on all axes"
 """Remark on a setting of a file that the line of an answer has no room for."""
-PAIR_IN_WORDS = "Gauss–Markov states are in N and K"
-"""What a file says whose two numbers stand for all states."""
 NOISE_YAML = "noise.yaml"
 """The file of all settings, from which those of other filters are made."""
 
@@ -66,7 +65,7 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
     examined = result.diagnosis is not None or result.drive is not None
     nothing = ["Nothing was found that the noise terms do not explain"]
     more = len(found) - SHOWN_FINDINGS
-    pairs = any(PAIR_IN_WORDS in text for name, text in result.exports.items() if files or name != PAIR)
+    pairs = any(STATES_IN_PAIR in text for name, text in result.exports.items() if files or name != PAIR)
     larger = more_white_noise(result.config, result.exports) if noise and pairs else ""
     said: list[Table | str] = [
         recording_line(result),

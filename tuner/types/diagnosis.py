@@ -105,6 +105,11 @@ class Finding:
     doubted: tuple[str, ...] = ()
 
     @property
+    def in_motion(self) -> str:
+        """What it does to samples in motion, in words; empty for nothing known."""
+        return str(self.extension.get("in_motion", ""))
+
+    @property
     def figures(self) -> Mapping[str, Coefficient]:
         """Its parameters without those that are doubted: what an answer shows."""
         return {name: one for name, one in self.parameters.items() if name not in self.doubted}

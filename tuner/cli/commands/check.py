@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable, Mapping
 
 import click
@@ -67,7 +68,7 @@ def command(
     the innovations, and the position error after 10, 30, 60 and 300 s without fixes.
     """
     from tuner import check
-    from tuner.catalogue.grades import DEFAULT_RECEIVER, load_gnss
+    from tuner.catalogue.grades import DEFAULT_RECEIVER, receiver_or_default
     from tuner.catalogue.trajectories import load_trajectory
     from tuner.formats.customary_units import digits
     from tuner.report.answer_layout import span_text
@@ -79,7 +80,7 @@ def command(
     from tuner.simulation.load_truth import load_truth
     from tuner.synthesis.load_config import load_config
 
-    configured = load_config(config, gnss=gnss)
+    configured = load_config(config, gnss=gnss, default_gnss=DEFAULT_RECEIVER)
     simulated = None if truth is None else load_truth(truth)
     motion = load_trajectory(trajectory, duration)
     messages.say(f"simulating {runs} × {duration:g} s")
@@ -102,14 +103,13 @@ def command(
         if verbose or budget:
             show(check_tables(found, budget=budget))
         else:
-            receiver = configured.gnss or load_gnss(DEFAULT_RECEIVER)
+            receiver = receiver_or_default(configured.gnss)
             sd = f"fixes of {digits(receiver.position_sd[0], 2)} m (--gnss)"
             about = (
                 f"{config} on {runs} simulated drives of {span_text(duration)} ({trajectory}), {sd}; errors are drawn "
                 f"from {'its own noise: the log is not tested' if truth is None else truth}"
             )
-            next_step = (
-                f"Next: tuner navigate DRIVE --config {config}" if found.consistency.honesty.good else ""
-            )
+            command_line = shlex.join(["tuner", "navigate", "DRIVE", "--config", config])
+            next_step = f"Next: {command_line}" if found.consistency.honesty.good else ""
             show(consistency_answer(found.consistency, found.notes, [next_step], about))
     return 1 if strict and not found.consistency.honesty.good else 0

@@ -27,7 +27,10 @@ from tuner.stages import stage
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from rich.table import Table
+
     from tuner.diagnosis.drive import ExaminedDrive
+    from tuner.report.document import Document
     from tuner.types import Diagnosis, DriveDiagnosis
     from tuner.types.records import Drive, Record
 
@@ -82,8 +85,6 @@ def command(
     from tuner.formats.diagnosis import diagnosis_json
     from tuner.readers.source_kind import with_name
     from tuner.report.claims import lawful
-    from tuner.report.diagnosis_answer import diagnosis_answer
-    from tuner.report.static_diagnosis_tables import diagnosis_tables
     from tuner.report.terminal import show
     from tuner.types import Diagnosis, DriveDiagnosis
     from tuner.types.records import Drive
@@ -97,14 +98,11 @@ def command(
     stage("diagnosing", 0.95)
     if isinstance(data, Drive):
         from tuner.diagnosis.drive.explained_drive import examine_drive_of  # a third of a second to load
-        from tuner.report.drive_diagnosis_tables import drive_diagnosis_answer, drive_tables
 
         examined = examine_drive_of(
             data, config, holdout=holdout, gnss=gnss, wheels=wheels, progress=messages.say
         )
         found, parts = examined.diagnosis, _drive_parts(examined)
-        answer, tables = drive_diagnosis_answer(found), drive_tables(found)
-        answer = answer.then(shlex.join(["tuner", "tune", "--drive", log]))
     else:
         static = diagnose(
             data,
@@ -118,20 +116,35 @@ def command(
         )
         assert isinstance(static, Diagnosis)
         found, parts = static, _parts(static, data)
-        answer = diagnosis_answer(found, data)
-        if not any(
-            one.extension.get("in_motion") for one in found.findings
-        ):  # else it is to be recorded again
-            answer = answer.then(shlex.join(["tuner", "tune", log]))
-        tables = diagnosis_tables(found, data)
     lawful(found)
     stage("writing", 1.0)
     output.write(diagnosis_json(found))
     page(f"Diagnosis of {with_name(Path(log)).name}", parts)
     if output.tables:
-        show(tables if verbose else answer)
+        show(_shown(found, () if isinstance(data, Drive) else data, log, verbose=verbose))
     harmful = isinstance(found, DriveDiagnosis) and not found.credited
     return 1 if strict and (found.unexplained or harmful) else 0
+
+
+def _shown(
+    found: Diagnosis | DriveDiagnosis, records: Sequence[Record], log: str, *, verbose: bool
+) -> Document | list[Table | str]:
+    """Return what is printed: all tables, or the answer with the command that follows from it."""
+    from tuner.types import Diagnosis
+
+    if not isinstance(found, Diagnosis):
+        from tuner.report.drive_diagnosis_tables import drive_diagnosis_answer, drive_tables
+
+        following = shlex.join(["tuner", "tune", "--drive", log])
+        return drive_tables(found) if verbose else drive_diagnosis_answer(found).then(following)
+    from tuner.report.diagnosis_answer import diagnosis_answer
+    from tuner.report.static_diagnosis_tables import diagnosis_tables
+
+    if verbose:
+        return diagnosis_tables(found, records)
+    answer = diagnosis_answer(found, records)
+    again = any(one.in_motion for one in found.findings)  # it is to be recorded again
+    return answer if again else answer.then(shlex.join(["tuner", "tune", log]))
 
 
 def _drive_parts(examined: ExaminedDrive) -> Mapping[str, object]:

@@ -18,6 +18,7 @@ from tuner.diagnosis.static.model.profile_likelihood import first_column
 from tuner.diagnosis.static.outcome import Accepted
 from tuner.diagnosis.static.search import SearchResult
 from tuner.formats.customary_units import amount
+from tuner.formats.grouping import grouped
 from tuner.formats.parameter_words import parameter_words
 from tuner.types import Alternative, Coefficient, Enlargement, Finding, Quantity
 from tuner.types.diagnosis import of_each
@@ -47,14 +48,7 @@ class Single:
 
 def findings(every: Iterable[Single]) -> tuple[Finding, ...]:
     """Return the findings of all channels, shared ones once, the clearest first."""
-    groups: list[list[Single]] = []
-    for single in every:
-        home = next((g for g in groups if _shared(g, single)), None)
-        if home is None:
-            groups.append([single])
-        else:
-            home.append(single)
-    found = [_finding(group) for group in groups]
+    found = [_finding(group) for group in grouped(every, _shared)]
     return tuple(sorted(found, key=lambda finding: finding.p_value))
 
 
