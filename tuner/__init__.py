@@ -14,6 +14,7 @@ and its parts, in the order of the work::
     verdict = tuner.check(config)                       # Monte-Carlo consistency of that filter
     scores = tuner.navigate("drive.npz", config)        # the same filter on a measured drive
     judged = tuner.score(errors, covariances)           # anyone's Monte Carlo: NEES, and each state
+    seen = tuner.examine(drive)                         # what is wrong with its streams, before any filter
     table = tuner.compare("static.csv", "mpu9250")      # sensors side by side, with predicted drift
     grades = tuner.choose(outage=60, error=2)           # the grade for a tunnel of 60 s
     hours = tuner.plan(noise, hours=1.0, accuracy=0.1)  # how long a static test must be
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
     from tuner.consistency.score_output import score_arrays as score
     from tuner.curves import empirical as curve
     from tuner.diagnosis import diagnose
+    from tuner.examination.examine import examine
     from tuner.exporters import export
     from tuner.identification.identify_source import identify_log as identify
     from tuner.identification.static_test_plan import plan_test as plan
@@ -52,6 +54,7 @@ __all__ = [
     "compare",
     "curve",
     "diagnose",
+    "examine",
     "export",
     "fleet",
     "identify",
@@ -68,6 +71,7 @@ _HOMES = {
     "read": ("tuner.readers", "read"),
     "identify": ("tuner.identification.identify_source", "identify_log"),
     "diagnose": ("tuner.diagnosis", "diagnose"),
+    "examine": ("tuner.examination.examine", "examine"),
     "synthesize": ("tuner.synthesis", "synthesize"),
     "check": ("tuner.consistency.check", "check"),
     "navigate": ("tuner.consistency.score_drive", "navigate_drive"),

@@ -10,6 +10,7 @@ from textwrap import wrap
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from tuner.examination.examine import Examination
 from tuner.formats.yaml_text import comment
 from tuner.judgement import Settings, judge_settings
 from tuner.segments.multi_position import PoseCalibration
@@ -45,11 +46,13 @@ class TuneInputs:
     source : str or Path or Identification or None
         What stands for a log without samples: a datasheet, a grade, an Allan curve, a stored identification.
     drive : Drive or None
-        Measured drive.
+        Measured drive, without what its examination found.
     receiver : GnssNoise or None
         Errors of the aiding.
     key : mapping or None
         Ground truth of a simulated log.
+    examination : Examination or None
+        What was wrong with the streams of the drive.
     """
 
     name: str
@@ -58,6 +61,7 @@ class TuneInputs:
     drive: Drive | None
     receiver: GnssNoise | None
     key: Mapping[str, Any] | None = None
+    examination: Examination | None = None
 
 
 @dataclass(frozen=True)
@@ -110,6 +114,8 @@ class TuneResult(Shown):
         The filter with the settings as written on the whole drive, scored as `navigate` scores it.
     withheld : mapping of str to str
         Files of settings that are not written, each with the reason.
+    examination : Examination or None
+        What was wrong with the streams of the drive, and was mended before it was filtered.
     """
 
     name: str
@@ -130,6 +136,7 @@ class TuneResult(Shown):
     datasheet: Identification | None = None
     measured: DriveResult | None = None
     withheld: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    examination: Examination | None = None
 
     @cached_property
     def verdict(self) -> Judgement:

@@ -38,6 +38,7 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "tune": "The main job: from a log to a filter configuration, with report.",
         "identify": "Noise terms of a log, with intervals.",
         "diagnose": "What a simulation of the noise, or a filter on a drive, gets wrong, and why.",
+        "examine": "What is wrong with the streams of a drive, before any filter.",
         "check": "Is the filter consistent? Monte-Carlo on simulated trajectories.",
         "navigate": "Filter a measured drive: innovations, errors, outages.",
         "score": "Any filter on trial: is its output as uncertain as it says, and if not, why?",

@@ -19,6 +19,10 @@ EXAMPLES: Mapping[str, tuple[str, ...]] = MappingProxyType(
             "tuner diagnose static.csv --page findings.html",
             "tuner diagnose drive.npz --config noise.yaml --wheels",
         ),
+        "examine": (
+            "tuner examine drive.npz",
+            "tuner examine flight.bag -o mended",
+        ),
         "check": (
             "tuner check noise.yaml --gnss rtk --budget",
             "tuner check mpu9250 --truth adis16465 --trajectory figure_eight",

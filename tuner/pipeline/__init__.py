@@ -19,6 +19,7 @@ from tuner.diagnosis import diagnose
 from tuner.diagnosis.data_quality.frozen_left_out import without_long_frozen
 from tuner.diagnosis.data_quality.overflow import without_overflow
 from tuner.diagnosis.static.position_drift import found_signals
+from tuner.examination.examine import Examination, examine
 from tuner.exporters import DIALECTS, dialect_named, export, lacking, withheld
 from tuner.formats import noise_yaml
 from tuner.formats.prediction import prediction_json
@@ -192,6 +193,7 @@ def tune(
         stated,
         measured,
         MappingProxyType(dict(kept_back)),
+        inputs.examination,
     ).written
 
 
@@ -231,7 +233,9 @@ def gather_inputs(
     progress: Progress,
 ) -> TuneInputs:
     """Read what is named by a path, choose name and receiver, and simulate where there is neither log nor drive."""
-    measured = drive if drive is None or isinstance(drive, Drive) else read_drive(drive)
+    recorded = drive if drive is None or isinstance(drive, Drive) else read_drive(drive)
+    examination = None if recorded is None else examined_or_none(recorded, progress)
+    measured = recorded if examination is None else examination.on_own_clock
     key: Mapping[str, Any] | None = None
     records: tuple[Record, ...] = ()
     source: str | Path | Identification | None = None
@@ -255,7 +259,16 @@ def gather_inputs(
         return TuneInputs(f"simulated-{seed}", records, None, None, receiver, key)
     names = [] if log is None else [_log_name(log, records)]
     names += [] if measured is None else [measured.name]
-    return TuneInputs("-".join(names), records, source, measured, receiver, key)
+    return TuneInputs("-".join(names), records, source, measured, receiver, key, examination)
+
+
+def examined_or_none(drive: Drive, progress: Progress) -> Examination | None:
+    """Return what is wrong with the streams of a drive; None where it is too short to be examined."""
+    progress("examining the drive")
+    try:
+        return examine(drive)
+    except DataError:
+        return None
 
 
 def _log_name(log: str | Path | Sequence[Record] | Identification, records: Sequence[Record]) -> str:

@@ -49,6 +49,7 @@ from tuner.types.arguments import expect
 from tuner.types.number_ranges import LONGEST_LEVER_ARM
 from tuner.types.one_line import printable
 from tuner.types.records import DataError, Drive, Gnss, Record, Reference
+from tuner.types.repair import Repair
 
 CONTENT = "a drive: arrays and settings, one row a sample or fix"
 """What is expected of a file, for messages."""
@@ -61,13 +62,15 @@ FRAMES: Mapping[str, tuple[float, float, float]] = {
 _TRUTH_COLUMNS = ("t", "lat", "lon", "height", "vn", "ve", "vd", "roll", "pitch", "yaw")
 
 
-def read_drive(path: str | Path) -> Drive:
+def read_drive(path: str | Path, *, checked: bool = True) -> Drive:
     """Read a drive.
 
     Parameters
     ----------
     path : str or Path
         A folder, an NPZ or a YAML of KF-GINS.
+    checked : bool, optional
+        Whether numbers that are impossible in their units are refused; an examination names their fault.
 
     Raises
     ------
@@ -83,14 +86,15 @@ def read_drive(path: str | Path) -> Drive:
     path = file_of(Path(path))
     if path.is_dir():
         with input_guard(path, "a drive: imu.csv, gnss.csv and perhaps truth.csv"):
-            return _folder(path)
+            return _checked(path, _folder(path)) if checked else _folder(path)
     if not path.is_file():
         raise DataError(
             f"{path}: expected a drive (folder with imu.csv and gnss.csv, NPZ, or YAML of KF-GINS), found nothing"
         )
     readers = {".npz": _npz, ".yaml": _kf_gins, ".yml": _kf_gins}
     with input_guard(path, CONTENT):
-        return readers.get(path.suffix.lower(), _messages)(path)
+        drive = readers.get(path.suffix.lower(), _messages)(path)
+        return _checked(path, drive) if checked else drive
 
 
 def read_if_drive(source: str | Path) -> Drive | None:
@@ -106,7 +110,17 @@ def read_if_drive(source: str | Path) -> Drive | None:
     if found is None:
         return None
     with input_guard(path, CONTENT):
-        return _of_arrays(path, found)
+        return _checked(path, _of_arrays(path, found))
+
+
+def _checked(path: Path, drive: Drive) -> Drive:
+    """Return a drive whose numbers are possible in the stated units, with notes on what is odd."""
+    gnss, notes = drive.gnss, list(drive.notes)
+    imu = np.column_stack([drive.imu_t + drive.origin, drive.rates])
+    places = np.column_stack([np.degrees(gnss.llh[:, :2]), gnss.llh[:, 2]])
+    fixes = np.column_stack([gnss.t + drive.origin, places, gnss.vel_n, gnss.position_sd, gnss.velocity_sd])
+    check_drive(path, imu, fixes, notes)
+    return replace(drive, notes=tuple(map(printable, notes)))
 
 
 def mounting_of(frame: str | None, rpy_deg: Any) -> FloatArray | None:
@@ -294,9 +308,9 @@ def _drive(
     notes: tuple[str, ...] = (),
 ) -> Drive:
     """Clean the streams, put them on one clock and check that their numbers are possible in the stated units."""
-    messages = list(notes)
-    imu = ordered(path, "IMU", imu, imu, messages)
-    fixes = ordered(path, "GNSS", fixes, fixes[:, :4], messages)
+    messages, repairs = list(notes), list[Repair]()
+    imu = ordered(path, "IMU", imu, imu, messages, repairs)
+    fixes = ordered(path, "GNSS", fixes, fixes[:, :4], messages, repairs)
     for rows, whose in ((imu, "inertial unit"), (fixes, "receiver")):
         rows[:, 0], scatter = steady_stamps(rows[:, 0])
         if scatter:
@@ -316,7 +330,6 @@ def _drive(
     if not inside.all():
         messages.append(f"{np.count_nonzero(~inside)} fixes outside the inertial record removed")
     fixes = fixes[inside]
-    check_drive(path, imu, fixes, messages)
     repeats = int(np.count_nonzero(np.all(np.diff(imu[:, 1:], axis=0) == 0.0, axis=1)))
     if repeats:
         messages.append(
@@ -338,6 +351,7 @@ def _drive(
         printable(with_name(path).name),
         digest(path if path.is_file() else path / "imu.csv"),
         tuple(map(printable, messages)),
+        tuple(repairs),
     )
 
 

@@ -13,12 +13,18 @@ from models.units import canonical_unit, unit_value
 from tuner.readers.text import read_numbers
 from tuner.readers.text_dialect import find_dialect
 from tuner.types.records import DataError
+from tuner.types.repair import Repair
 
 MAX_UNREADABLE_SHARE = 0.01
 """Share of unreadable rows above which a stream is refused."""
 
 MAX_DISORDERED_SHARE = 0.10
 """Share of rows behind an earlier stamp above which a clock was reset; fewer are sorted."""
+
+PERIODS: Mapping[float, str] = {604800.0: "a GPS week", 86400.0: "a day", 2.0**32 * 1e-6: "2³² µs"}
+"""Times after which clocks begin anew, s."""
+MAX_PAUSE = 60.0
+"""Pause while a clock begins anew, in the longer of a second and the usual step."""
 
 GNSS_COLUMNS = (
     "t",
@@ -48,8 +54,19 @@ UNITS: Mapping[tuple[str, ...], tuple[str, ...]] = {
 """Units that may follow a name in brackets; without them the first holds."""
 
 
-def ordered(path: Path, name: str, rows: FloatArray, needed: FloatArray, notes: list[str]) -> FloatArray:
-    """Return rows in order of time, without doubled stamps and without those that lack a needed number."""
+def ordered(
+    path: Path,
+    name: str,
+    rows: FloatArray,
+    needed: FloatArray,
+    notes: list[str],
+    repairs: list[Repair] | None = None,
+) -> FloatArray:
+    """Return rows in order of time, without doubled stamps and without those that lack a needed number.
+
+    Where `repairs` are kept, a clock that began anew at the end of its period goes on, and stamps without the fractions
+    of their unit are spread over it.
+    """
     if not len(rows):
         raise DataError(f"{path}: {name}: no rows")
     good = np.isfinite(needed).all(axis=1)
@@ -59,6 +76,8 @@ def ordered(path: Path, name: str, rows: FloatArray, needed: FloatArray, notes: 
     if bad:
         notes.append(f"{bad} unreadable {name} rows removed")
     rows = rows[good]
+    if repairs is not None:
+        rows[:, 0] = _unwrapped(name, rows[:, 0], repairs)
     behind = np.flatnonzero(rows[:, 0] < np.maximum.accumulate(rows[:, 0]))
     if len(behind) > MAX_DISORDERED_SHARE * len(rows):
         raise DataError(
@@ -68,10 +87,55 @@ def ordered(path: Path, name: str, rows: FloatArray, needed: FloatArray, notes: 
     if len(behind):
         notes.append(f"{len(behind)} {name} rows out of order sorted")
         rows = rows[np.argsort(rows[:, 0], kind="stable")]
+    if repairs is not None:
+        rows[:, 0] = _spread(name, rows, repairs)
     fresh = np.concatenate([[True], np.diff(rows[:, 0]) > 0.0])
     if not fresh.all():
         notes.append(f"{np.count_nonzero(~fresh)} {name} rows with a doubled stamp removed")
     return np.asarray(rows[fresh])
+
+
+def _unwrapped(name: str, t: FloatArray, repairs: list[Repair]) -> FloatArray:
+    """Return stamps of a clock that goes on where it began anew, by one of the periods that clocks have."""
+    steps = np.diff(t)
+    usual = float(np.median(steps))
+    for period, what in PERIODS.items():
+        back = np.flatnonzero(np.abs(steps + period) < MAX_PAUSE * max(usual, 1.0))
+        if len(back):
+            repairs.append(
+                Repair(
+                    f"clock of the {name}",
+                    f"begins anew after {what}, {period:.10g} s, at row {back[0] + 2}",
+                    f"{period:.10g} s added behind it",
+                    size=period,
+                    unit="s",
+                )
+            )
+            return t + period * np.append(
+                0.0, np.cumsum(np.abs(steps + period) < MAX_PAUSE * max(usual, 1.0))
+            )
+    return t
+
+
+def _spread(name: str, rows: FloatArray, repairs: list[Repair]) -> FloatArray:
+    """Return stamps, those that several different rows share spread evenly up to the next where most are shared."""
+    stamps, first, count = np.unique(rows[:, 0], return_index=True, return_counts=True)
+    many = int(np.median(count))
+    alike = np.all(np.diff(rows[:, 1:4], axis=0) == 0.0, axis=1) & (np.diff(rows[:, 0]) == 0.0)
+    if many < 2 or np.count_nonzero(alike) > 0.5 * np.count_nonzero(np.diff(rows[:, 0]) == 0.0):
+        return rows[:, 0]
+    unit = float(np.median(np.diff(stamps)))
+    number = np.arange(len(rows)) - np.repeat(first, count)
+    repairs.append(
+        Repair(
+            f"stamps of the {name}",
+            f"are cut to {'whole seconds' if abs(unit - 1.0) < 1e-3 else f'{unit:.3g} s'}: {many} rows share each",
+            f"rows spread {unit / many:.3g} s apart",
+            size=unit,
+            unit="s",
+        )
+    )
+    return rows[:, 0] + number * (unit / np.repeat(np.maximum(count, many), count))
 
 
 def table(path: Path, names: tuple[str, ...], needed: int) -> FloatArray:

@@ -18,6 +18,7 @@ from tuner.consistency.compare_sensors import SensorComparison
 from tuner.consistency.score_drive import DriveResult
 from tuner.consistency.score_output import OutputScore
 from tuner.diagnosis.drive import ExaminedDrive
+from tuner.examination.examine import Examination
 from tuner.formats.packages import install
 from tuner.identification.static_test_plan import StaticTestPlan
 from tuner.invariants import violations
@@ -33,6 +34,7 @@ from tuner.report.diagnosis_answer import diagnosis_answer
 from tuner.report.document import Document
 from tuner.report.drive_diagnosis_figures import drive_figures
 from tuner.report.drive_diagnosis_tables import drive_diagnosis_answer, drive_tables
+from tuner.report.examination_answer import examination_answer, examination_figure, examination_frame
 from tuner.report.figure_files import PAGE_SUFFIXES, Sketch, draw_all, rendered
 from tuner.report.fleet_files import fleet_frame
 from tuner.report.fleet_tables import fleet_tables
@@ -279,6 +281,14 @@ VIEWS: dict[type, View] = {
         "Size of each noise setting that the drive shows ÷ that stated, with 95 % intervals: with no cause named, and "
         "with all findings in the filter; 1 is right, arrows are limits",
         drive_diagnosis_answer,
+    ),
+    Examination: View(
+        examination_frame,
+        ("repair",),
+        lambda e: examination_answer(e).whole,
+        examination_figure,
+        "By how much the readings of each stream miss the motion of the inertial unit, as recorded and as mended",
+        examination_answer,
     ),
     Check: View(
         lambda c: consistency_frame(c.consistency),

@@ -63,13 +63,15 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
     noise = noise_tables(result, files) if result.exports else []
     found, idle, doubted = found_lines(result)
     examined = result.diagnosis is not None or result.drive is not None
-    nothing = ["Nothing was found that the noise terms do not explain"]
+    mended = _mended_lines(result)
+    nothing = [] if mended else ["Nothing was found that the noise terms do not explain"]
     more = len(found) - SHOWN_FINDINGS
     pairs = any(STATES_IN_PAIR in text for name, text in result.exports.items() if files or name != PAIR)
     larger = more_white_noise(result.config, result.exports) if noise and pairs else ""
     said: list[Table | str] = [
         recording_line(result),
         f"Verdict: {result.verdict.text}",
+        *mended,
         *reference_lines(result),
         *keys,
         *noise,
@@ -89,6 +91,16 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
         *_absent_lines(result),
     ]
     return document(said, remarks, [*withheld_lines(result), *_file_lines(result, directory, dialect)])
+
+
+def _mended_lines(result: TuneResult) -> list[str]:
+    """Return what was wrong with the streams of a drive and was mended before it was filtered."""
+    if result.examination is None:
+        return []
+    from tuner.report.examination_answer import SHOWN, repair_text, vibration_lines
+
+    repairs = [f"Before the filter: {repair_text(one)}" for one in result.examination.repairs[:SHOWN]]
+    return [*repairs, *vibration_lines(result.examination)]
 
 
 def noise_tables(result: TuneResult, files: Iterable[str]) -> list[Table]:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from models.arrays import FloatArray
 from models.earth import without_jumps
 from tuner.types.one_line import printable
+from tuner.types.repair import Repair
 
 
 class DataError(ValueError):
@@ -265,6 +266,8 @@ class Drive:
         Name of the file and SHA-256 of its content.
     notes : tuple of str
         Every repair that was made, with its count.
+    repairs : tuple of Repair
+        What was wrong with the streams and has been mended.
     """
 
     name: str
@@ -278,6 +281,7 @@ class Drive:
     source: str = ""
     digest: str = ""
     notes: tuple[str, ...] = ()
+    repairs: tuple[Repair, ...] = ()
 
     @property
     def unusable(self) -> str:

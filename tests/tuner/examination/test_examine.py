@@ -1,0 +1,223 @@
+"""Faults planted in a right drive are named, sized and mended before any filter runs; a right drive has none."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tuner
+from models.earth import ned_between
+from tuner.cli import run
+from tuner.examination.examine import Examination, examine, streams_of
+from tuner.examination.fit import fit
+from tuner.examination.search import searched
+from tuner.examination.streams import Stream
+from tuner.examination.windows import Motion
+from tuner.formats.logs import write_drive
+from tuner.readers.drive import read_drive
+from tuner.simulation.simulate_source import simulate_source
+from tuner.types.records import DataError, Drive
+
+
+def simulated(gnss: str, seed: int) -> Drive:
+    """Return a right drive of five minutes in a town."""
+    made = simulate_source("mpu9250", trajectory="city", gnss=gnss, duration=300.0, rate=50.0, seed=seed)
+    assert isinstance(made.data, Drive)
+    return made.data
+
+
+@pytest.fixture(scope="module")
+def drive() -> Drive:
+    """Return a right drive with RTK fixes."""
+    return simulated("rtk", 11)
+
+
+def with_velocities(drive: Drive, change: Callable[[np.ndarray], np.ndarray]) -> Drive:
+    """Return a drive with other velocities."""
+    return replace(drive, gnss=replace(drive.gnss, vel_n=change(drive.gnss.vel_n.copy())))
+
+
+def with_rates(drive: Drive, factors: list[float], begin: float = 0.0) -> Drive:
+    """Return a drive whose samples are multiplied from a time on."""
+    rates = drive.rates.copy()
+    rates[drive.imu_t >= begin] *= factors
+    return replace(drive, rates=rates)
+
+
+def first(found: Examination) -> str:
+    """Return the surest fault as a sentence."""
+    assert found.repairs, "nothing was found"
+    return f"{found.repairs[0].stream} {found.repairs[0].fault}"
+
+
+@pytest.mark.parametrize(("gnss", "seed"), [("rtk", 11), ("spp", 12)])
+def test_a_right_drive_has_nothing_to_mend_and_its_noise_is_that_of_the_receiver(
+    gnss: str, seed: int
+) -> None:
+    right = simulated(gnss, seed)
+    found = examine(right)
+    assert not found.repairs
+    for one in found.noise:
+        assert one.reported is not None
+        assert one.sd == pytest.approx(one.reported, rel=0.25)
+    assert np.array_equal(found.mended.gnss.llh, right.gnss.llh)
+
+
+FAULTS = {
+    "wrong vertical sign": lambda d: with_velocities(d, lambda v: v * [1.0, 1.0, -1.0]),
+    "are east, north, up": lambda d: with_velocities(d, lambda v: v[:, [1, 0, 2]] * [1.0, 1.0, -1.0]),
+    "speed and course": lambda d: with_velocities(
+        d,
+        lambda v: np.column_stack(
+            [np.hypot(v[:, 0], v[:, 1]), np.degrees(np.arctan2(v[:, 1], v[:, 0])) % 360.0, v[:, 2]]
+        ),
+    ),
+    "gyro z has the wrong sign": lambda d: with_rates(d, [1.0, 1.0, -1.0, 1.0, 1.0, 1.0]),
+    "accelerometer has the sign of gravity": lambda d: with_rates(d, [1.0] * 3 + [-1.0] * 3),
+}
+
+
+@pytest.mark.parametrize("words", FAULTS)
+def test_a_fault_of_a_whole_stream_is_named_and_mended(drive: Drive, words: str) -> None:
+    found = examine(FAULTS[words](drive))
+    assert words in first(found)
+    assert np.allclose(found.mended.gnss.vel_n, drive.gnss.vel_n, atol=1e-3, equal_nan=True)
+    assert np.allclose(found.mended.rates, drive.rates)
+
+
+def test_a_unit_that_changes_is_named_with_the_time(drive: Drive) -> None:
+    found = examine(with_rates(drive, [180.0 / np.pi] * 3 + [1.0] * 3, begin=180.0))
+    assert "gyro is in deg/s" in first(found)
+    assert found.repairs[0].begin == pytest.approx(180.0, abs=5.0)  # half a window
+    assert found.repairs[0].end is None
+
+
+def test_a_step_of_the_height_is_sized_to_centimetres(drive: Drive) -> None:
+    llh = drive.gnss.llh.copy()
+    llh[drive.gnss.t >= 150.0, 2] -= 47.61
+    found = examine(replace(drive, gnss=replace(drive.gnss, llh=llh)))
+    assert "heights step by -47.6 m" in first(found)
+    assert found.repairs[0].size == pytest.approx(47.61, abs=0.1)
+    assert np.abs(found.mended.gnss.llh[:, 2] - drive.gnss.llh[:, 2]).max() < 0.1
+
+
+def test_a_third_of_the_velocities_wrong_are_counted_and_left_out(drive: Drive) -> None:
+    rng = np.random.default_rng(3)
+    rows = rng.random(len(drive.gnss)) < 1.0 / 3.0
+
+    def wrong(v: np.ndarray) -> np.ndarray:
+        v[rows] += 9.0 * rng.normal(size=(rows.sum(), 3))
+        return v
+
+    found = examine(with_velocities(drive, wrong))
+    assert "velocities are wrong in" in first(found)
+    assert len(found.repairs) == 1
+    left = ~np.isfinite(found.mended.gnss.vel_n).all(axis=1)
+    assert np.count_nonzero(left ^ rows) <= 0.05 * len(rows)
+    low, high = found.repairs[0].interval or (0.0, 0.0)
+    assert low < 9.0 * np.sqrt(3.0) < high
+
+
+def test_a_delay_of_the_receiver_is_within_its_interval(drive: Drive) -> None:
+    found = examine(replace(drive, gnss=replace(drive.gnss, t=drive.gnss.t - 0.7).rows(slice(5, -5))))
+    assert "receiver is early" in first(found)
+    low, high = found.repairs[0].interval or (0.0, 0.0)
+    assert low < 0.7 < high
+    assert high - low < 0.05
+
+
+def test_repeated_readings_are_left_out(drive: Drive) -> None:
+    rows = np.arange(20, len(drive.gnss), 3)
+    llh, vel = drive.gnss.llh.copy(), drive.gnss.vel_n.copy()
+    llh[rows], vel[rows] = llh[rows - 1], vel[rows - 1]
+    found = examine(replace(drive, gnss=replace(drive.gnss, llh=llh, vel_n=vel)))
+    assert "repeat the one before" in first(found)
+    assert found.repairs[0].stream == "fixes and velocities"
+    assert len(found.mended.gnss) == len(drive.gnss) - len(rows)
+
+
+@pytest.mark.parametrize(("power", "words"), [(0.0, "standard deviations of zero"), (2.0, "are variances")])
+def test_sds_that_are_none_are_replaced(drive: Drive, power: float, words: str) -> None:
+    gnss = drive.gnss
+    sd = [0.0 * x if power == 0.0 else x**power for x in (gnss.position_sd, gnss.velocity_sd)]
+    found = examine(replace(drive, gnss=replace(gnss, position_sd=sd[0], velocity_sd=sd[1])))
+    assert words in first(found)
+    assert np.allclose(found.mended.gnss.position_sd, gnss.position_sd, rtol=0.3)
+
+
+def test_noise_in_motion_stands_beside_that_at_rest(drive: Drive) -> None:
+    rng = np.random.default_rng(8)
+    rates = drive.rates.copy()
+    moving = drive.imu_t > 100.0
+    rates[moving] += rng.normal(size=(moving.sum(), 6)) * [0.02, 0.02, 0.02, 0.3, 0.3, 0.3]
+    still, fast = examine(replace(drive, rates=rates)).vibration["gyro"]
+    assert fast == pytest.approx(0.02, rel=0.1)
+    assert still < 0.2 * fast
+
+
+class Barometer(Stream):
+    """Heights, m: a stream that another package declares."""
+
+    unit = "m"
+    groups = (("", (0,)),)
+    usual = (1.0, 10.0)
+
+    def seen(self, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
+        """Return the height."""
+        return -motion.position[:, 2:], -motion.by_position[:, 2:]
+
+    def local(self, place: np.ndarray) -> np.ndarray:
+        """Return heights above the place of each window."""
+        return self.values - place[:, 2:]
+
+
+def test_another_sensor_is_declared_in_a_few_lines(drive: Drive) -> None:
+    """Its noise is found, and a fifth of its readings that are wrong by 5 m."""
+    rng = np.random.default_rng(4)
+    heights = drive.gnss.llh[:, 2:] + 0.3 * rng.normal(size=(len(drive.gnss), 1))
+    rows = rng.random(len(heights)) < 0.2
+    heights[rows] += 5.0 * rng.normal(size=(rows.sum(), 1))
+    streams = streams_of(drive)
+    found = fit(
+        replace(streams, others=(*streams.others, Barometer(drive.gnss.t, heights, name="barometer")))
+    )
+    noise = found.noise[-1]
+    assert noise.sd[0] == pytest.approx(0.3, rel=0.2)
+    assert noise.wrong == pytest.approx(0.2, abs=0.08)
+
+
+def test_streams_that_do_not_meet_are_refused(drive: Drive) -> None:
+    apart = replace(streams_of(drive), positions=streams_of(drive).positions.later(1e5), others=())
+    with pytest.raises(DataError, match=r"the clocks of the streams do not meet"):
+        searched(apart, "apart")
+
+
+def test_the_command_names_mends_and_writes(
+    drive: Drive, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, out = tmp_path / "x.npz", tmp_path / "out"
+    write_drive(with_velocities(drive, lambda v: v * [1.0, 1.0, -1.0]), path)
+    words = ["examine", str(path), "-o", str(out), "--strict", "--quiet", "--json", str(tmp_path / "x.json")]
+    assert run(words) == 1
+    said = capsys.readouterr().out
+    assert "Velocities have the wrong vertical sign" in said
+    assert "Next: tuner tune --drive" in said
+    assert "out/mended.npz" in said
+    stored = json.loads((tmp_path / "x.json").read_text())
+    assert stored["repairs"][0]["stream"] == "velocities"
+    mended = read_drive(out / "mended.npz")
+    assert np.allclose(mended.gnss.vel_n, drive.gnss.vel_n)
+    assert np.abs(ned_between(mended.gnss.llh, drive.gnss.llh)).max() < 1e-3
+    assert run(["examine", str(out / "mended.npz"), "--strict", "--quiet"]) == 0
+    assert "Verdict: nothing contradicts" in capsys.readouterr().out
+
+
+def test_the_verb_shows_itself(drive: Drive) -> None:
+    found = tuner.examine(drive)
+    assert "nothing contradicts" in repr(found)
+    assert len(found.plot().axes) == 2

@@ -1,0 +1,80 @@
+"""`tuner examine`: what is wrong with the streams of a drive, before any filter runs."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import click
+
+from tuner.cli.commands.options import DIRECTORY, Output, common, paged, strict
+from tuner.cli.progress import Messages
+from tuner.stages import stage
+
+
+@click.command("examine", short_help="What is wrong with the streams of a drive, before any filter.")
+@click.argument("drive", metavar="DRIVE")
+@click.option(
+    "-o",
+    "--output",
+    "directory",
+    type=DIRECTORY,
+    metavar="DIR",
+    help="Write mended.npz, the drive without its faults.",
+)
+@strict("something is to be mended")
+@common
+@paged
+def command(
+    drive: str,
+    directory: Path | None,
+    strict: bool,
+    seed: int,  # noqa: ARG001
+    page: Callable[[str, Mapping[str, object]], None],
+    output: Output,
+    messages: Messages,
+) -> int:
+    """Hold the streams of a drive against one another: inertial unit, fixes, velocities.
+
+    DRIVE is a folder with imu.csv and gnss.csv, an NPZ, a log of messages or a YAML of KF-GINS. In windows of ten
+    seconds the inertial unit predicts positions and velocities. What they contradict is named: wrong, repeated or
+    delayed readings, units, signs, axes, a step of the datum, standard deviations that are none.
+    """
+    from tuner import examine
+    from tuner.formats.codec import dump
+    from tuner.formats.logs import write_drive
+    from tuner.readers.drive import read_drive
+    from tuner.readers.source_kind import with_name
+    from tuner.report.examination_answer import examination_answer, examination_verdict
+    from tuner.report.terminal import show
+
+    stage("reading the drive", 0.1)
+    measured = read_drive(drive, checked=False)
+    messages.say("examining")
+    stage("holding the streams against one another", 0.95)
+    found = examine(measured)
+    stage("writing", 1.0)
+    following = ["tuner", "tune", "--drive", drive]
+    if directory is not None:
+        directory.mkdir(parents=True, exist_ok=True)
+        write_drive(found.mended, directory / "mended.npz")
+        following[-1] = str(directory / "mended.npz")
+    elif found.repairs:
+        following = ["tuner", "examine", drive, "-o", "mended"]
+    page(f"Examination of {with_name(Path(drive)).name}", {"What is to be mended": found})
+    good, verdict = examination_verdict(found)
+    output.write(
+        {
+            "schema": "tuner.examination/1",
+            "source": {"drive": measured.source, "digest": measured.digest},
+            "verdict": verdict,
+            "repairs": dump(found.repairs),
+            "noise": dump(found.noise),
+            "vibration": {name: list(pair) for name, pair in found.vibration.items()},
+            "unseen": list(found.unseen),
+        }
+    )
+    if output.tables:
+        show(examination_answer(found).then(shlex.join(following)))
+    return 1 if strict and not good else 0

@@ -1,0 +1,1 @@
+"""What is wrong with the streams of a recording, before any filter runs."""

@@ -1,0 +1,430 @@
+"""The examination of a drive before any filter: what is wrong with its streams, and the drive without it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.arrays import FloatArray
+from models.earth import ned_between
+from tuner.examination.fit import Fit, Noise
+from tuner.examination.moves import LEVER_ARM
+from tuner.examination.search import Found, applied, searched
+from tuner.examination.streams import Positions, Stream, Streams, Velocities
+from tuner.examination.windows import WINDOW, Inertial
+from tuner.limits import LOST_SHARE, TOLERATED_RATIO
+from tuner.types.public import public
+from tuner.types.records import DataError, Drive, Gnss
+from tuner.types.repair import Repair
+from tuner.types.shown import Shown
+
+FAR = 4.0
+"""Sds beyond which a reading is far off: the usual gate of a filter (DECISIONS: share of samples beyond 4 sd)."""
+REPORTED_SPREAD = math.log(2.0)
+"""Sd of the logarithm of true ÷ reported sd of receivers, before anything is known."""
+ODDS_OF_VARIANCES = math.log(1000.0)
+"""Log odds that a file whose column is called sd holds sds."""
+MOVING = 2.0
+"""Speed above which the noise in motion is taken, m/s."""
+STILL = 5
+"""Seconds of the quietest stretch, whose noise is that at rest."""
+
+
+@dataclass(frozen=True)
+class StreamNoise:
+    """Noise of a stream within seconds.
+
+    Attributes
+    ----------
+    stream, part : str
+        Which stream, which of its components: empty for all or the horizontal ones.
+    sd : float
+        Sd of right readings about the motion of the inertial unit, `unit`.
+    reported : float or None
+        Median of the sds that the stream states.
+    unit : str
+        m, m/s.
+    """
+
+    stream: str
+    part: str
+    sd: float
+    reported: float | None
+    unit: str
+
+
+@dataclass(frozen=True, repr=False)
+class Examination(Shown):
+    """What an examination found.
+
+    Attributes
+    ----------
+    name : str
+        Of the drive.
+    length : float
+        Of the record of the inertial unit, s.
+    rates : mapping of str to float
+        Samples or readings a second of each stream, Hz.
+    repairs : tuple of Repair
+        Faults in order of evidence.
+    noise : tuple of StreamNoise
+        Of every stream, without its faults.
+    vibration : mapping of str to (float, float)
+        Noise of the samples of a triad at rest and in motion, rad/s, m/s²; empty where the drive has not both.
+    unseen : tuple of str
+        Faults that this recording could not have shown.
+    lever_arm : str
+        Where the antenna is, where nobody states it and the drive shows it; else empty.
+    seconds : float
+        Time in windows that were examined.
+    misfit : mapping of str to (t, before, after)
+        Of each stream its stamps, s, and by how much its readings miss the motion of the inertial unit as they were
+        recorded and as mended, in its unit, shape (k,) each; NaN outside windows.
+    mended : Drive
+        The drive without what was found.
+    on_own_clock : Drive
+        The same with the stamps as they were: a filter that has the delay as a setting starts from it.
+    """
+
+    name: str
+    length: float
+    rates: Mapping[str, float]
+    repairs: tuple[Repair, ...]
+    noise: tuple[StreamNoise, ...]
+    vibration: Mapping[str, tuple[float, float]]
+    unseen: tuple[str, ...]
+    lever_arm: str
+    seconds: float
+    misfit: Mapping[str, tuple[FloatArray, FloatArray, FloatArray]]
+    mended: Drive
+    on_own_clock: Drive
+
+
+def streams_of(drive: Drive) -> Streams:
+    """Return the streams of a drive."""
+    gnss = drive.gnss
+    arm = (0.0, 0.0, 0.0)
+    if drive.lever_arm is not None and drive.mounting is not None:
+        x, y, z = drive.mounting @ np.array(drive.lever_arm)
+        arm = (float(x), float(y), float(z))
+    positions = Positions(gnss.t, gnss.llh, _stated(gnss.position_sd), "fixes", arm)
+    there = np.isfinite(gnss.vel_n).all(axis=1).any()
+    velocities = Velocities(gnss.t, gnss.vel_n, _stated(gnss.velocity_sd), "velocities", arm)
+    return Streams(Inertial(drive.imu_t, drive.rates), positions, (velocities,) if there else ())
+
+
+def _stated(sd: FloatArray) -> FloatArray | None:
+    return sd if np.isfinite(sd).any() else None
+
+
+@public("examine")
+def examine(drive: Drive) -> Examination:
+    """Hold the streams of a drive against one another in windows, before any filter runs.
+
+    Parameters
+    ----------
+    drive : Drive
+        The drive.
+
+    Raises
+    ------
+    DataError
+        Where no window of ten seconds has inertial samples and fixes.
+    """
+    if drive.unusable:
+        raise DataError(f"examine: {drive.source or drive.name} {drive.unusable}")
+    whole = streams_of(drive)
+    frozen = _frozen(whole.imu)
+    if frozen is not None:
+        kept = ~frozen[1]
+        drive = replace(drive, imu_t=drive.imu_t[kept], rates=drive.rates[kept])
+        whole = streams_of(drive)
+    factors = [1.0 for _ in whole.all]
+    search = searched(whole, drive.source or drive.name)
+    fit, repaired = search.after, applied(search.found, whole)
+    unstated = drive.lever_arm is None or drive.mounting is None
+    arm = [_of_search(one) for one in search.found if one.move.subject == LEVER_ARM and unstated]
+    repairs = [one for one in map(_of_search, search.found) if one not in arm]
+    lost, sds = [], []
+    for stream, noise, far, left, worth in zip(
+        repaired.all, fit.noise, fit.wrong, fit.left, fit.worth, strict=True
+    ):
+        own = [_repeats(stream), _wrong(stream, noise, far, left, worth), _zero_sds(stream, noise)]
+        repairs += [one for one in own if one is not None]
+        lost.append(
+            (stream.repeats & (own[0] is not None)) | ((np.nan_to_num(far) > 0.5) & (own[1] is not None))
+        )
+        sds.append(noise.sd if own[2] is not None else None)
+    variances, unsound = _variances(repaired, fit), _unsound(fit)
+    repairs += [one for one in (variances, unsound) if one is not None]
+    if frozen is not None:
+        repairs.append(frozen[0])
+    if variances is None:
+        small = [_too_small(*pair) for pair in zip(repaired.all, fit.noise, strict=True)]
+        repairs += [one for one in small if one is not None]
+        factors = [1.0 if one is None or one.size is None else one.size for one in small]
+    vibration = _vibration(drive, repaired)
+    repairs = [*drive.repairs, *sorted(_together(repairs), key=lambda one: -one.nats)]
+    noise_of = [
+        x for stream, noise in zip(repaired.all, fit.noise, strict=True) for x in _noise(stream, noise)
+    ]
+    mended = _mended(drive, repaired, lost, sds, factors, variances=variances is not None)
+    misfit = {
+        stream.name: (stream.t, *(np.linalg.norm(one.left[k], axis=1) for one in (search.before, fit)))
+        for k, stream in enumerate(whole.all)
+    }
+    shift = float(drive.gnss.t[0] - repaired.positions.t[0])
+    on_own_clock = replace(mended, gnss=replace(mended.gnss, t=mended.gnss.t + shift))
+    return Examination(
+        drive.name,
+        float(np.ptp(drive.imu_t)),
+        {name: 1.0 / float(np.median(np.diff(t))) for name, t in _clocks(whole)},
+        tuple(repairs),
+        tuple(noise_of),
+        vibration,
+        search.unseen,
+        arm[0].fault if arm else "",
+        WINDOW * len(fit.begin),
+        misfit,
+        mended,
+        on_own_clock,
+    )
+
+
+def _together(repairs: Sequence[Repair]) -> list[Repair]:
+    """Return repairs, those that say the same of several streams as one."""
+    said: dict[tuple[str, str], list[Repair]] = {}
+    for one in repairs:
+        said.setdefault((one.fault, one.done), []).append(one)
+    return [replace(same[0], stream=" and ".join(one.stream for one in same)) for same in said.values()]
+
+
+def _clocks(streams: Streams) -> list[tuple[str, FloatArray]]:
+    return [("inertial unit", streams.imu.t), *((one.name, one.t[one.readings]) for one in streams.all)]
+
+
+def _of_search(found: Found) -> Repair:
+    move = found.move
+    return Repair(
+        move.stream,
+        move.fault,
+        move.repair,
+        found.gain,
+        found.over_next,
+        move.size,
+        move.interval,
+        move.unit,
+        found.begin,
+        found.end,
+    )
+
+
+def _mended(
+    drive: Drive,
+    streams: Streams,
+    lost: Sequence[NDArray[np.bool_]],
+    sds: Sequence[FloatArray | None],
+    factors: Sequence[float],
+    *,
+    variances: bool,
+) -> Drive:
+    """Return a drive of mended streams, without lost readings: rows of fixes, or their velocities alone."""
+    gnss, positions = drive.gnss, streams.positions
+    position_sd, velocity_sd, velocities = gnss.position_sd, gnss.velocity_sd, gnss.vel_n
+    if sds[0] is not None:
+        position_sd = np.broadcast_to(sds[0], positions.values.shape)
+    for stream, gone, sd in zip(streams.others, lost[1:], sds[1:], strict=True):
+        velocities = np.where(gone[:, None], np.nan, stream.values)
+        if np.any(stream.t != positions.t):  # a fix has one stamp
+            there = np.isfinite(velocities).all(axis=1)
+            velocities = np.column_stack(
+                [np.interp(positions.t, stream.t[there], x) for x in velocities[there].T]
+            )
+        velocity_sd = velocity_sd if sd is None else np.broadcast_to(sd, velocities.shape)
+    position_sd, velocity_sd = position_sd * factors[0], velocity_sd * factors[-1]
+    if variances:
+        position_sd, velocity_sd = np.sqrt(position_sd), np.sqrt(velocity_sd)
+    fixes = Gnss(positions.t, positions.values, velocities, position_sd, velocity_sd, gnss.solution)
+    inside = (fixes.t >= drive.imu_t[0]) & (fixes.t <= drive.imu_t[-1])
+    return replace(drive, rates=streams.imu.rates, gnss=fixes.rows(~lost[0] & inside))
+
+
+def _repeats(stream: Stream) -> Repair | None:
+    """Return how many readings repeat the one before exactly, where chance and the lattice of the numbers cannot."""
+    rows = stream.repeats
+    share = float(rows.mean())
+    if share <= LOST_SHARE:
+        return None
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], rows, [False]]).astype(int)))
+    lengths = edges[1::2] - edges[::2]
+    longest = int(lengths.max())
+    if not np.any(stream.values[rows] != stream.values[0]):
+        what = "zero" if not stream.values.any() else "the same"
+        return Repair(stream.name, f"are {what} in all {len(rows)} rows: no measurement", "left out")
+    how = "" if longest == 1 else f", up to {longest} in a row"
+    twice = (
+        np.median(np.diff(stream.t)[rows[1:]]) < 0.1 * np.median(np.diff(stream.t)[~rows[1:]])
+        if not rows.all()
+        else False
+    )
+    what = "come twice" if twice and longest == 1 else "repeat the one before, stale"
+    return Repair(
+        stream.name,
+        f"{what}: {100.0 * share:.2g} % are the reading before, exactly{how}",
+        "left out",
+        size=share,
+        unit="share",
+        begin=float(stream.t[rows][0]),
+        end=float(stream.t[rows][-1]),
+    )
+
+
+def _wrong(stream: Stream, noise: Noise, wrong: FloatArray, left: FloatArray, worth: float) -> Repair | None:
+    """Return how many readings are wrong and by how much, where more than a few lie beyond the gate of a filter."""
+    there = np.isfinite(wrong)
+    far = there & (wrong > 0.5) & (np.abs(np.nan_to_num(left)) > FAR * _expected(stream, noise)).any(axis=1)
+    count, all_of = int(far.sum()), int(there.sum())
+    share = count / max(all_of, 1)
+    if share <= LOST_SHARE or worth < math.log(1000.0):
+        return None
+    size = float(np.sqrt(np.mean(np.sum(left[far] ** 2, axis=1))))
+    spread = 1.96 * float(np.std(np.linalg.norm(left[far], axis=1))) / math.sqrt(count)
+    right = float(np.sqrt(np.sum(noise.sd**2)))
+    t = stream.t[far]
+    return Repair(
+        stream.name,
+        f"are wrong in {100.0 * share:.2g} %: {count} readings of {all_of} by {size:.3g} {stream.unit} rms, the others "
+        f"within {right:.2g} {stream.unit}",
+        "left out",
+        worth,
+        size=size,
+        interval=(max(size - spread, 0.0), size + spread),
+        unit=stream.unit,
+        begin=float(t[0]),
+        end=float(t[-1]),
+    )
+
+
+def _expected(stream: Stream, noise: Noise) -> FloatArray:
+    """Return the sds by which a filter judges readings: those reported, but not less than measured, shape (k, d)."""
+    reported = np.zeros(stream.values.shape) if stream.sd is None else np.nan_to_num(stream.sd)
+    return np.maximum(reported, noise.sd)
+
+
+def _unsound(fit: Fit) -> Repair | None:
+    """Return in which windows the inertial unit does not hold."""
+    bad = fit.unsound > 0.5
+    if bad.mean() <= LOST_SHARE or fit.unsound_worth < math.log(1000.0):
+        return None
+    t = fit.begin[bad]
+    return Repair(
+        "IMU",
+        f"does not hold in {bad.sum()} of {len(bad)} windows of 10 s: its motion is not that of the other streams",
+        "",
+        fit.unsound_worth,
+        size=float(bad.mean()),
+        unit="share",
+        begin=float(t[0]),
+        end=float(t[-1]) + 10.0,
+    )
+
+
+def _zero_sds(stream: Stream, noise: Noise) -> Repair | None:
+    """Return that a stream reports sds of zero."""
+    if stream.sd is None or np.any(np.nan_to_num(stream.sd) > 0.0):
+        return None
+    measured = ", ".join(f"{x.sd:.2g} {x.unit}{f' {x.part}' * bool(x.part)}" for x in _noise(stream, noise))
+    fault = f"report standard deviations of zero: measured {measured}"
+    return Repair(stream.name, fault, "the measured ones put in their place")
+
+
+def _too_small(stream: Stream, noise: Noise) -> Repair | None:
+    """Return that a stream reports sds far below the noise of its readings from one to the next."""
+    ratios = [x.sd / x.reported for x in _noise(stream, noise) if x.reported]
+    if not ratios or min(ratios) < TOLERATED_RATIO:
+        return None
+    ratio = math.exp(float(np.mean(np.log(ratios))))
+    return Repair(
+        stream.name,
+        f"report standard deviations {ratio:.2g} times too small: errors from reading to reading alone are larger",
+        f"multiplied by {ratio:.2g}",
+        size=ratio,
+        unit="times",
+    )
+
+
+def _frozen(imu: Inertial) -> tuple[Repair, NDArray[np.bool_]] | None:
+    """Return in which time the inertial unit repeats one sample for a second or longer, and those rows."""
+    same = np.append(False, np.all(np.diff(imu.rates, axis=0) == 0.0, axis=1))
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]]).astype(int)))
+    long = [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if imu.t[b - 1] - imu.t[a] >= 1.0]
+    if not long:
+        return None
+    rows = np.zeros(len(imu.t), dtype=bool)
+    for a, b in long:
+        rows[a:b] = True
+    seconds = sum(float(imu.t[b - 1] - imu.t[a]) for a, b in long)
+    what = "zeros" if not imu.rates[rows].any() else "one sample again and again"
+    begin, end = float(imu.t[long[0][0]]), float(imu.t[long[-1][1] - 1])
+    fault = f"gives {what} for {seconds:.3g} s: frozen, no measurement, from {begin:.0f} to {end:.0f} s"
+    return Repair("inertial unit", fault, "left out", size=seconds, unit="s", begin=begin, end=end), rows
+
+
+def _variances(streams: Streams, fit: Fit) -> Repair | None:
+    """Return that what is reported as sds are variances, where their square roots fit the measured ones so much better.
+
+    The logarithm of true ÷ reported sd has a Cauchy distribution for sds as for square roots of variances.
+    """
+    nats, words = -ODDS_OF_VARIANCES, []
+    for stream, noise in zip(streams.all, fit.noise, strict=True):
+        for x in _noise(stream, noise):
+            if x.reported:
+                of_sd, of_variance = (
+                    math.log(x.sd / y) / REPORTED_SPREAD for y in (x.reported, math.sqrt(x.reported))
+                )
+                nats += math.log1p(of_sd**2) - math.log1p(of_variance**2)
+                words.append(
+                    f"{x.stream}{f' {x.part}' * bool(x.part)} {x.reported:.2g}, measured {x.sd:.2g} {x.unit}"
+                )
+    fault = f"are variances: {'; '.join(words)}"
+    return (
+        Repair("reported standard deviations", fault, "their square roots used", nats) if nats > 0.0 else None
+    )
+
+
+def _noise(stream: Stream, noise: Noise) -> Sequence[StreamNoise]:
+    out = []
+    for part, columns in stream.groups:
+        sds = None if stream.sd is None else stream.sd[:, list(columns)]
+        stated = None if sds is None or not np.isfinite(sds).any() else float(np.nanmedian(sds))
+        out.append(StreamNoise(stream.name, part, float(noise.sd[columns[0]]), stated, stream.unit))
+    return out
+
+
+def _vibration(drive: Drive, streams: Streams) -> dict[str, tuple[float, float]]:
+    """Return the noise of samples at rest and in motion, by differences of neighbours in each second."""
+    rate = 1.0 / float(np.median(np.diff(drive.imu_t)))
+    many = max(round(rate), 8)
+    blocks = len(drive.imu_t) // many
+    rough = np.diff(streams.imu.rates[: blocks * many].reshape(blocks, many, 6), axis=1).std(
+        axis=1
+    ) / math.sqrt(2.0)
+    t = drive.imu_t[: blocks * many : many] + 0.5
+    p = streams.positions
+    ahead = np.searchsorted(p.t, t + 5.0).clip(0, len(p.t) - 1)
+    behind = np.searchsorted(p.t, t - 5.0).clip(0, len(p.t) - 1)
+    lasted = np.maximum(p.t[ahead] - p.t[behind], 1.0)
+    speed = np.linalg.norm(ned_between(p.values[ahead], p.values[behind]), axis=1) / lasted
+    moving = speed > MOVING
+    out: dict[str, tuple[float, float]] = {}
+    if moving.sum() < 2 * STILL or blocks < 2 * STILL:
+        return out
+    for name, part in (("gyro", slice(0, 3)), ("accelerometer", slice(3, 6))):
+        size = np.sqrt((rough[:, part] ** 2).mean(axis=1))
+        quietest = np.sqrt(np.convolve(size**2, np.full(STILL, 1.0 / STILL), "valid").min())
+        out[name] = (float(quietest), float(np.median(size[moving])))
+    return out

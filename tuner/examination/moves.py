@@ -1,0 +1,242 @@
+"""Faults of a whole stream, each with what undoes it; the likelihood says which is wanted, and for which part."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from itertools import permutations, product
+
+import numpy as np
+
+from models.arrays import FloatArray
+from models.rotation import skew
+from models.units import FOOT, KNOT, STANDARD_GRAVITY
+from tuner.examination.streams import Stream, Streams, Velocities
+from tuner.examination.windows import Inertial, Motion
+
+AXES = "xyz"
+LEVER_ARM = "lever arm"
+RECEIVER = "receiver"
+TRIADS = {"gyro": slice(0, 3), "accelerometer": slice(3, 6), "inertial unit": slice(0, 6)}
+"""Columns of the samples that have one fault."""
+DELAYS = (-2.0, -1.0, -0.5, -0.25, 0.25, 0.5, 1.0, 2.0)
+"""Delays from which the search begins, s."""
+Change = Callable[[FloatArray], FloatArray]
+
+
+@dataclass(frozen=True)
+class Move:
+    """A fault of a stream and what undoes it.
+
+    Attributes
+    ----------
+    stream : str
+        Name of the stream.
+    fault : str
+        What is wrong with it, behind its name.
+    repair : str
+        What mends it, as done.
+    mended : callable
+        Returns the streams without the fault.
+    partial : bool
+        Whether the fault can hold for a part of a drive.
+    subject : str
+        What of the stream it is about, where a recording may be unable to show it.
+    size, interval, unit
+        How large it is, where that is estimated.
+    """
+
+    stream: str
+    fault: str
+    repair: str
+    mended: Callable[[Streams], Streams]
+    partial: bool = True
+    subject: str = ""
+    size: float | None = None
+    interval: tuple[float, float] | None = None
+    unit: str = ""
+
+
+class BodyVelocities(Velocities):
+    """Velocities in the axes of the unit, m/s."""
+
+    def seen(self, motion: Motion) -> tuple[FloatArray, FloatArray]:
+        """Return the velocity in the axes of the unit and its derivatives."""
+        back = motion.attitude.swapaxes(-1, -2)
+        by = motion.by_velocity + skew(motion.velocity) @ motion.by_attitude
+        return (back @ motion.velocity[..., None])[..., 0], back @ by
+
+
+def moves(streams: Streams) -> Iterator[Move]:
+    """Return every fault that is tried, of the streams that are there."""
+    yield from _inertial_moves()
+    yield _of("fixes", "have latitude and longitude exchanged", "exchanged back", _columns(1, 0, 2))
+    yield _of("fixes", "have heights with the wrong sign", "heights multiplied by −1", _times(1.0, 1.0, -1.0))
+    for one in streams.others:
+        if isinstance(one, Velocities):
+            yield from _velocity_moves(one.name)
+    for delay in DELAYS:
+        yield late(None, delay)
+        for one in streams.others:
+            yield late(one.name, delay)
+
+
+def _inertial_moves() -> Iterator[Move]:
+    for name in ("gyro", "accelerometer"):
+        for i, axis in enumerate(AXES):
+            signs = _times(*(-1.0 if i == j else 1.0 for j in range(3)))
+            done, subject = f"{axis} multiplied by −1", f"sign of {name} {axis}"
+            yield _of(name, f"{axis} has the wrong sign", done, signs, subject)
+    for turn in _turns():
+        words = ", ".join(
+            f"{axis} is {'−' * bool(row.min() < 0.0)}{AXES[int(np.argmax(np.abs(row)))]}"
+            for axis, row in zip(AXES, turn, strict=True)
+            if row[AXES.index(axis)] != 1.0
+        )
+        fault = f"has its axes exchanged against the accelerometer: its {words}"
+        yield _of("gyro", fault, "its axes named anew", _turned(turn))
+    against = "has the sign of gravity, not of the specific force"
+    yield _of("accelerometer", against, "multiplied by −1", _times(-1.0))
+    left = "gyro and accelerometer multiplied by −1"
+    yield _of("inertial unit", "has left-handed axes", left, _times(-1.0))
+    units = {"deg/s": ("gyro", np.pi / 180.0), "rad/s": ("gyro", 180.0 / np.pi)}
+    units |= {"g": ("accelerometer", STANDARD_GRAVITY), "m/s²": ("accelerometer", 1.0 / STANDARD_GRAVITY)}
+    for unit, (name, factor) in units.items():
+        read_as = {"deg/s": "rad/s", "rad/s": "deg/s", "g": "m/s²", "m/s²": "g"}[unit]
+        yield _of(name, f"is in {unit}, read as {read_as}", f"multiplied by {factor:.6g}", _times(factor))
+
+
+def _velocity_moves(name: str) -> Iterator[Move]:
+    for unit, factor in {"knots": KNOT, "km/h": 1.0 / 3.6, "ft/s": FOOT}.items():
+        yield _of(name, f"are in {unit}, read as m/s", f"multiplied by {factor:.6g}", _times(factor))
+    up = "have the wrong vertical sign: they point up, not down"
+    down, subject = "third component multiplied by −1", "vertical sign of the velocities"
+    yield _of(name, up, down, _times(1.0, 1.0, -1.0), subject)
+    yield _of(name, "are east, north, up", "put in the order north, east, down", _from_east_north_up)
+    yield _of(name, "are speed and course", "turned into north and east", _from_course)
+    yield Move(
+        name,
+        "are in the axes of the unit, not north, east, down",
+        "",
+        lambda s: exchanged(s, name, lambda x: BodyVelocities(x.t, x.values, x.sd, x.name, x.arm)),
+        partial=False,
+    )
+
+
+def _turns() -> Iterator[FloatArray]:
+    """Return the ways to name the axes of a triad anew, but for the name as it is and the sign of one axis."""
+    for order in permutations(range(3)):
+        for signs in product((1.0, -1.0), repeat=3):
+            if order != (0, 1, 2) or signs.count(-1.0) > 1:
+                yield np.eye(3)[list(order)] * np.array(signs)[:, None]
+
+
+def _times(*factors: float) -> Change:
+    return lambda x: x * np.array(factors)
+
+
+def _columns(*order: int) -> Change:
+    return lambda x: x[:, list(order)]
+
+
+def _turned(turn: FloatArray) -> Change:
+    return lambda x: x @ turn
+
+
+def _from_east_north_up(x: FloatArray) -> FloatArray:
+    return np.asarray(x[:, [1, 0, 2]] * np.array([1.0, 1.0, -1.0]))
+
+
+def _from_course(x: FloatArray) -> FloatArray:
+    course = np.radians(x[:, 1])
+    return np.column_stack([x[:, 0] * np.cos(course), x[:, 0] * np.sin(course), x[:, 2]])
+
+
+def _of(name: str, fault: str, repair: str, change: Change, subject: str = "") -> Move:
+    """Return a fault of the values of a stream, or of a triad of the inertial unit, that a function undoes."""
+
+    def mended(streams: Streams) -> Streams:
+        part = TRIADS.get(name)
+        if part is None:
+            return exchanged(
+                streams, name, lambda x: x.with_values(change(x.values), log_jacobian(change, x.values))
+            )
+        rates = streams.imu.rates.copy()
+        rates[:, part] = change(rates[:, part])
+        return replace(streams, imu=Inertial(streams.imu.t, rates))
+
+    return Move(name, fault, repair, mended, subject=subject)
+
+
+def log_jacobian(change: Change, values: FloatArray) -> FloatArray:
+    """Return the logarithm of the Jacobian of a change of triples by differences, shape (k,)."""
+    step = 1e-6
+    columns = [
+        (change(values + step * one) - change(values - step * one)) / (2.0 * step) for one in np.eye(3)
+    ]
+    size = np.abs(np.linalg.det(np.nan_to_num(np.stack(columns, axis=-1))))
+    return np.asarray(np.log(np.maximum(size, 1e-12)))
+
+
+def exchanged(streams: Streams, name: str, change: Callable[[Stream], Stream]) -> Streams:
+    """Return streams of which one is changed."""
+    positions, *others = (change(one) if one.name == name else one for one in streams.all)
+    assert isinstance(positions, type(streams.positions))
+    return Streams(streams.imu, positions, tuple(others))
+
+
+def late(stream: str | None, delay: float, sd: float | None = None) -> Move:
+    """Return the delay of a stream, or of all against the inertial unit, s, with its sd where it is known."""
+
+    def mended(streams: Streams) -> Streams:
+        for one in streams.all:
+            if stream is None or one.name == stream:
+                streams = exchanged(streams, one.name, lambda x: x.later(-delay))
+        return streams
+
+    whose, is_are, its = (RECEIVER, "is", "its") if stream is None else (stream, "are", "their")
+    amount, word = abs(delay), "late" if delay > 0.0 else "early"
+    interval = None if sd is None else (amount - 1.96 * sd, amount + 1.96 * sd)
+    shown = f"{amount:.2f} s"
+    if interval is not None:
+        shown = f"{amount:.3f} s ({interval[0]:.3f} to {interval[1]:.3f})"
+    return Move(
+        whose,
+        f"{is_are} {word} by {shown} against the {'inertial unit' if stream is None else 'positions'}",
+        f"{its} stamps moved by {-delay:+.3f} s",
+        mended,
+        partial=False,
+        subject=f"delay of the {whose}",
+        size=amount,
+        interval=interval,
+        unit="s",
+    )
+
+
+def signed(delay: Move) -> float:
+    """Return the size of a delay, negative where a stream is early, s."""
+    return (delay.size or 0.0) * (1.0 if " late " in delay.fault else -1.0)
+
+
+def arm_of(arm: FloatArray, sd: FloatArray) -> Move:
+    """Return the lever arm of all streams of a receiver, in the axes of the inertial unit, m, with its sds."""
+    x, y, z = (float(value) for value in arm)
+
+    def mended(streams: Streams) -> Streams:
+        for one in streams.all:
+            streams = exchanged(streams, one.name, lambda s: replace(s, arm=(x, y, z)))
+        return streams
+
+    shown = ", ".join(f"{axis} {a:+.2f} ±{1.96 * s:.2f}" for axis, a, s in zip(AXES, arm, sd, strict=True))
+    size, spread = float(np.linalg.norm(arm)), 1.96 * float(np.linalg.norm(sd))
+    return Move(
+        "antenna",
+        f"is {size:.2f} m from the inertial unit: {shown} m in its axes (95 %)",
+        "",
+        mended,
+        partial=False,
+        subject=LEVER_ARM,
+        size=size,
+        interval=(max(size - spread, 0.0), size + spread),
+        unit="m",
+    )

@@ -1,0 +1,376 @@
+"""Which fault of a stream explains a drive, tried as a transformation that its likelihood has to pay for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.ndimage import median_filter
+
+from models.arrays import FloatArray, IntArray
+from models.earth import metres_per_radian
+from models.robust import normal_sd
+from tuner.examination.fit import FIRST_ROUNDS, LEAST_READINGS, Fit, constants, fit
+from tuner.examination.moves import Move, arm_of, late, moves, signed
+from tuner.examination.streams import Stream, Streams, Velocities
+from tuner.examination.windows import WINDOW, Inertial, Motion, averaged, windows_of
+from tuner.limits import PRIOR_SHARE
+from tuner.types.records import DataError
+
+STATED_ODDS = 1000.0
+"""Odds of what a file states of its units, axes and clocks."""
+SCREENED = 16
+"""Windows on which every fault is tried first."""
+REFITTED = 3
+"""Faults that are then tried on all windows."""
+UNSEEN = 3.0
+"""Change of the log-likelihood by a fault, nats, below which a recording cannot show it."""
+GAUSS_NEWTON = 6
+"""Steps after which delays have settled."""
+OPEN = 2
+"""Of them those in which no reading counts as wrong."""
+ARM = 1.0
+"""Prior sd of a lever arm about what is stated, or about zero, m."""
+CERTAIN = 4.0
+"""Sds from which a delay is not chance."""
+MOST = 4
+"""Faults of whole streams that are looked for one after the other."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """A fault that the likelihood wants.
+
+    Attributes
+    ----------
+    move : Move
+        What is wrong and what undoes it.
+    gain : float
+        What undoing it adds to the log-likelihood, less its price, nats.
+    over_next : float
+        By how much that is more than of the next explanation, nats.
+    begin, end : float or None
+        Where it holds, s; None from the start, to the end.
+    """
+
+    move: Move
+    gain: float
+    over_next: float
+    begin: float | None = None
+    end: float | None = None
+
+
+def applied(found: Sequence[Found], streams: Streams) -> Streams:
+    """Return streams without faults that were found in slower ones."""
+    for one in found:
+        mended = one.move.mended(streams)
+        streams = (
+            mended if one.begin is None and one.end is None else between(streams, mended, one.begin, one.end)
+        )
+    return streams
+
+
+@dataclass(frozen=True)
+class Searched:
+    """What a search found: faults, the streams without them, fits before and after, and what could not have shown."""
+
+    found: tuple[Found, ...]
+    streams: Streams
+    before: Fit
+    after: Fit
+    unseen: tuple[str, ...]
+
+
+def searched(streams: Streams, name: str = "streams") -> Searched:
+    """Return the faults of whole streams.
+
+    Raises
+    ------
+    DataError
+        Where no window has inertial samples and positions.
+    """
+    streams = replace(streams, imu=averaged(streams.imu))
+    found: list[Found] = []
+    first = now = fit(streams, every=True)
+    if not len(now.begin):
+        raise DataError(
+            f"{name}: expected windows of {WINDOW:g} s with inertial samples and {LEAST_READINGS} positions or more, "
+            "found none: the clocks of the streams do not meet, or the recording is too short"
+        )
+    unseen: tuple[str, ...] = ()
+    streams, now, constant = _installed(streams, now, {})
+    for _ in range(MOST):
+        tried, unseen = _tried(streams, now, list(moves(streams)))
+        if not tried or tried[0][0].gain <= 0.0:
+            break
+        best, streams, now = tried[0]
+        rest = max((one.gain for one, *_ in tried[1:]), default=0.0)
+        found.append(replace(best, over_next=best.gain - max(rest, 0.0)))
+        streams, now, constant = _installed(streams, now, constant)
+    return Searched(_joined(found, constant), streams, first, fit(streams, every=True), unseen)
+
+
+def _installed(
+    streams: Streams, now: Fit, known: Mapping[str, Found]
+) -> tuple[Streams, Fit, Mapping[str, Found]]:
+    """Return streams with their delays and the lever arm of the receiver, as far as they are certain.
+
+    One delay is common to all against the inertial unit, each other stream has one against the positions.
+    """
+    names = (None, *(one.name for one in streams.others))
+
+    def columns(one: Stream, motion: Motion) -> FloatArray:
+        rate, arm = one.by_time(motion), one.by_arm(motion)
+        out = np.zeros((len(motion.position), one.values.shape[1], len(names) + 3))
+        if rate is not None:
+            out[..., 0] = -rate
+            if one.name in names:
+                out[..., names.index(one.name)] = -rate
+        if arm is not None:
+            out[..., len(names) :] = arm
+        return out
+
+    prior = np.concatenate([np.full(len(names), 1.0), np.full(3, ARM)])
+    total, start, moved = np.zeros(len(prior)), now, streams
+    for number in range(GAUSS_NEWTON):
+        sizes = constants(moved, now, columns, prior, gated=number >= OPEN)
+        total = total + sizes.value
+        moved = _with(streams, names, total)
+        now = fit(moved)
+        if number >= OPEN and np.all(np.abs(sizes.value) < 0.3 * sizes.sd):
+            break
+    price = math.log(STATED_ODDS * len(prior))
+    gain = now.total - start.total - price
+    certain = np.abs(total) > CERTAIN * sizes.sd
+    certain &= sizes.sd < PRIOR_SHARE * prior
+    certain[len(names) :] = certain[len(names) :].any() and bool(np.all(sizes.sd < PRIOR_SHARE * prior))
+    if gain <= 0.0 or not certain.any():
+        return streams, start, known
+    total = np.where(certain, total, 0.0)
+    out = dict(known)
+    for k, stream in enumerate(names):
+        if certain[k]:
+            before = out.get(late(stream, 1.0).subject)
+            delay = float(total[k]) + (0.0 if before is None else signed(before.move))
+            move = late(stream, delay, float(sizes.sd[k]))
+            out[move.subject] = Found(move, gain, math.inf)
+    if certain[-1]:
+        moved = _with(streams, names, total)
+        move = arm_of(np.array(moved.positions.arm), sizes.sd[len(names) :])
+        out[move.subject] = Found(move, gain, math.inf)
+    moved = _with(streams, names, total)
+    return moved, fit(moved), out
+
+
+def _with(streams: Streams, names: Sequence[str | None], sizes: FloatArray) -> Streams:
+    """Return streams without delays, s, and with the rest of a lever arm, m."""
+    for stream, delay in zip(names, sizes, strict=False):
+        streams = late(stream, float(delay)).mended(streams)
+    return arm_of(np.array(streams.positions.arm) + sizes[len(names) :], np.zeros(3)).mended(streams)
+
+
+def _joined(found: Sequence[Found], constant: Mapping[str, Found]) -> tuple[Found, ...]:
+    """Return faults with the delay of each stream once: a coarse one, and what is left of it."""
+    left, out = dict(constant), []
+    for one in found:
+        fine = left.pop(one.move.subject, None) if one.move.unit == "s" else None
+        if fine is not None and fine.move.interval is not None:
+            stream = None if one.move.stream == "receiver" else one.move.stream
+            sd = (fine.move.interval[1] - fine.move.interval[0]) / (2.0 * 1.96)
+            one = replace(one, move=late(stream, signed(one.move) + signed(fine.move), sd))
+        out.append(one)
+    return (*out, *(one for one in left.values() if _is_certain(one.move)))
+
+
+def _is_certain(constant: Move) -> bool:
+    """Return whether a constant is not chance; a search may have taken it up beside a fault that it found later."""
+    assert constant.interval is not None
+    assert constant.size is not None
+    return constant.size > CERTAIN * (constant.interval[1] - constant.size) / 1.96
+
+
+def _tried(
+    streams: Streams, now: Fit, faults: Sequence[Move]
+) -> tuple[list[tuple[Found, Streams, Fit]], tuple[str, ...]]:
+    """Return the faults that promise most, refitted, the likeliest first, and what the windows cannot show."""
+    price = math.log(STATED_ODDS * len(faults))
+    part = 2.0 * math.log(len(now.begin))
+    screen = _screen(streams, now)
+    integrated = windows_of(streams.imu, screen)
+    base = fit(streams, integrated, FIRST_ROUNDS)
+    promise, unseen = [], []
+    for fault in faults:
+        mended = fault.mended(streams)
+        own = integrated if mended.imu is streams.imu else windows_of(mended.imu, screen)
+        gains = _gains(fit(mended, own, FIRST_ROUNDS), base)
+        promise.append(_best_part(gains)[2])
+        if fault.subject and abs(gains.sum()) < UNSEEN:
+            unseen.append(fault.subject)
+    out = []
+    for k in np.argsort(promise)[::-1][:REFITTED]:
+        if promise[k] > 0.0:
+            out.append(_whole_or_part(streams, now, faults[k], price, part))
+    out += _stepped(streams, now, price)
+    return sorted(out, key=lambda one: -one[0].gain), tuple(dict.fromkeys(unseen))
+
+
+def _whole_or_part(
+    streams: Streams, now: Fit, fault: Move, price: float, part: float
+) -> tuple[Found, Streams, Fit]:
+    """Return a fault with all windows, or with those in which it is wanted."""
+    mended = fault.mended(streams)
+    whole = fit(mended)
+    found = (Found(fault, whole.total - now.total - price, 0.0), mended, whole)
+    gains = _gains(whole, now)
+    first, last, gain = _best_part(gains)
+    everywhere = first == 0 and last == len(gains)
+    if not fault.partial or everywhere or gain < max(whole.total - now.total, price) + part:
+        return found
+    begin = None if first == 0 else _change(streams, mended, now.begin[first], rises=True)
+    end = None if last == len(gains) else _change(streams, mended, now.begin[last], rises=False)
+    joined = between(streams, mended, begin, end)
+    again = fit(joined)
+    other = (Found(fault, again.total - now.total - price - part, 0.0, begin, end), joined, again)
+    return max(found, other, key=lambda one: one[0].gain)
+
+
+def _screen(streams: Streams, now: Fit) -> IntArray:
+    """Return the window of each sixteenth of a drive in which the unit moves most."""
+    windows = windows_of(streams.imu)
+    used = np.searchsorted(windows.begin, now.begin)
+    first = windows.sums[used, :, :3] / np.maximum(windows.t[used], 1.0)[..., None]
+    turned = np.linalg.norm(windows.attitude[used, -1] - np.eye(3), axis=(1, 2))
+    activity = first.std(axis=1).sum(axis=1) * (0.1 + turned)
+    groups = np.array_split(np.arange(len(used)), min(SCREENED, len(used)))
+    return np.array([used[g[np.argmax(activity[g])]] for g in groups])
+
+
+def _gains(one: Fit, other: Fit) -> FloatArray:
+    """Return by how much each window of the second fit is likelier in the first."""
+    gains = -other.bound.copy()
+    _, own, its = np.intersect1d(one.begin, other.begin, return_indices=True)
+    gains[its] += one.bound[own]
+    return gains
+
+
+def _best_part(gains: FloatArray) -> tuple[int, int, float]:
+    """Return the run of values with the largest sum: first, behind the last, sum."""
+    total = np.append(0.0, np.cumsum(gains))
+    least = np.minimum.accumulate(total)
+    last = int(np.argmax(total - least))
+    first = int(np.argmin(total[: last + 1]))
+    return first, last, float(total[last] - total[first])
+
+
+def _change(streams: Streams, mended: Streams, near: float, *, rises: bool) -> float:
+    """Return when streams change, s, within a window of a time: the likeliest instant between two positions."""
+    t = streams.positions.t
+    steps = np.flatnonzero((t > near - 12.0) & (t < near + 12.0))
+    at = 0.5 * (t[steps[1:]] + t[steps[:-1]])
+    at = at[:: max(1, len(at) // 24)]
+    windows = windows_of(streams.imu)
+    only = np.flatnonzero((windows.begin > near - 25.0) & (windows.begin < near + 15.0))
+    values = []
+    for time in at:
+        joined = between(streams, mended, time, None) if rises else between(streams, mended, None, time)
+        values.append(fit(joined, windows_of(joined.imu, only)).total)
+    return float(at[int(np.argmax(values))])
+
+
+def between(streams: Streams, mended: Streams, begin: float | None, end: float | None) -> Streams:
+    """Return streams that are mended from a time to another, and as they were elsewhere."""
+    low, high = -math.inf if begin is None else begin, math.inf if end is None else end
+
+    def joined(one: Stream, other: Stream) -> Stream:
+        inside = (one.t >= low) & (one.t < high)
+        changed = np.where(inside, other.log_scale - one.log_scale, 0.0)
+        return one.with_values(np.where(inside[:, None], other.values, one.values), changed)
+
+    inside = (streams.imu.t >= low) & (streams.imu.t < high)
+    rates = np.where(inside[:, None], mended.imu.rates, streams.imu.rates)
+    positions = joined(streams.positions, mended.positions)
+    assert isinstance(positions, type(streams.positions))
+    return Streams(
+        streams.imu if mended.imu is streams.imu else replace(streams.imu, rates=rates),
+        positions,
+        tuple(map(joined, streams.others, mended.others)),
+    )
+
+
+def _stepped(streams: Streams, now: Fit, price: float) -> list[tuple[Found, Streams, Fit]]:
+    """Return the step of a coordinate that explains most, with windows about it.
+
+    A step between two windows is none, since each has a start of its own: windows are laid so that it falls into the
+    middle of one.
+    """
+    t, values = streams.positions.t, streams.positions.values
+    moved = (values[1:] - values[:-1]) * metres_per_radian(values[1:])
+    speed = _speeds(streams, t)
+    odd = moved - 0.5 * (speed[1:] + speed[:-1]) * np.diff(t)[:, None]
+    usual = np.maximum(normal_sd(odd, axis=0), 1e-3)
+    row = int(np.argmax(np.abs((odd - np.median(odd, axis=0)) / usual).max(axis=1)))
+    time = 0.5 * float(t[row] + t[row + 1])
+    span = np.flatnonzero((streams.imu.t > time - 1.5 * WINDOW) & (streams.imu.t < time + 1.6 * WINDOW))
+    if len(span) < 2:
+        return []
+    beside = replace(streams, imu=Inertial(streams.imu.t[span], streams.imu.rates[span]))
+    before = fit(beside, every=True)
+    if _halves(streams, before, time) is None:
+        return []
+    jump = np.where(np.abs(odd[row]) > CERTAIN * usual, odd[row], 0.0)
+    after = fit(_step(jump, time).mended(beside), every=True)
+    halves = _halves(streams, after, time)
+    if after.total - before.total < price or halves is None:
+        return []
+    sd = np.array(after.noise[0].sd)
+    jump = jump + halves
+    move = _step(np.where(np.abs(jump) > CERTAIN * sd, jump, 0.0), time)
+    mended = move.mended(streams)
+    whole = fit(mended)
+    if whole.total < now.total:
+        return []
+    return [(Found(move, after.total - before.total - price, 0.0), mended, whole)]
+
+
+def _speeds(streams: Streams, t: FloatArray) -> FloatArray:
+    """Return velocities at times, of the receiver or else by its positions, shape (k, 3)."""
+    for one in streams.others:
+        if isinstance(one, Velocities) and one.readings.sum() > 1:
+            rows = one.readings
+            return np.column_stack([np.interp(t, one.t[rows], x) for x in one.values[rows].T])
+    values = streams.positions.values
+    scale = metres_per_radian(values)
+    smooth = np.gradient(values, streams.positions.t, axis=0) * scale
+    return np.column_stack([median_filter(x, 5) for x in smooth.T])
+
+
+def _halves(streams: Streams, found: Fit, time: float) -> FloatArray | None:
+    """Return how much positions still step at a time, by the residuals of the window about it; None without both."""
+    left, t = found.left[0], streams.positions.t
+    window = np.searchsorted(found.begin, t, side="right") - 1
+    here = np.isfinite(left[:, 0]) & (window == np.searchsorted(found.begin, time, side="right") - 1)
+    if not (here & (t < time)).any() or not (here & (t > time)).any():
+        return None
+    return np.asarray(np.median(left[here & (t > time)], axis=0) - np.median(left[here & (t < time)], axis=0))
+
+
+def _step(jump: FloatArray, time: float) -> Move:
+    """Return a step of the positions: north, east, down, m."""
+
+    def mended(streams: Streams) -> Streams:
+        values = streams.positions.values.copy()
+        later = streams.positions.t >= time
+        values[later] -= jump / metres_per_radian(values[later])
+        return replace(streams, positions=streams.positions.with_values(values))
+
+    north, east, down = (float(x) for x in jump)
+    parts = [f"{name} {x:+.3g} m" for name, x in (("north", north), ("east", east), ("height", -down)) if x]
+    size = float(np.linalg.norm(jump))
+    if north or east:
+        name, fault = "fixes", f"step by {size:.3g} m at {time:.1f} s: {', '.join(parts)}"
+    else:
+        name, fault = "heights", f"step by {-down:+.3g} m at {time:.1f} s"
+    done = "subtracted from all behind it"
+    return Move(name, fault, done, mended, partial=False, size=size, unit="m")

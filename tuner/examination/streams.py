@@ -1,0 +1,142 @@
+"""Streams of readings, each declared by what it measures of a motion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import ClassVar, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models import rotation
+from models.arrays import FloatArray
+from models.earth import metres_per_radian
+from tuner.examination.windows import Inertial, Motion
+
+
+@dataclass(frozen=True)
+class Stream:
+    """Readings of one quantity.
+
+    Attributes
+    ----------
+    t : ndarray, shape (k,)
+        Stamps, s.
+    values : ndarray, shape (k, d)
+        Readings; a row with NaN is none.
+    sd : ndarray, shape (k, d), or None
+        Standard deviations as they are reported.
+    name : str
+        What a reader calls it.
+    arm : tuple of 3 floats
+        From the inertial unit to what reads, in the axes of the unit, m.
+    log_scale : float or ndarray, shape (k,)
+        Logarithm of the Jacobian of the values by the recorded ones, whose density is wanted: values that are made
+        smaller have a larger density.
+
+    A class says what it measures by `seen`, and its `groups` of components that have one noise.
+    """
+
+    t: FloatArray
+    values: FloatArray
+    sd: FloatArray | None = None
+    name: str = "readings"
+    arm: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    log_scale: float | FloatArray = 0.0
+    unit: ClassVar[str] = ""
+    groups: ClassVar[tuple[tuple[str, tuple[int, ...]], ...]] = (("", (0, 1)), ("vertical", (2,)))
+    usual: ClassVar[tuple[float, float]] = (1.0, 10.0)
+    """Sd of a right reading and of a wrong one, from which the estimation begins."""
+
+    def seen(self, motion: Motion) -> tuple[FloatArray, FloatArray]:
+        """Return what it would read, shape (m, d), and the derivatives, shape (m, d, u)."""
+        raise NotImplementedError
+
+    def by_time(self, _: Motion) -> FloatArray | None:
+        """Return how fast it changes, shape (m, d), a second; None where no delay of it is looked for."""
+        return None
+
+    def by_arm(self, _: Motion) -> FloatArray | None:
+        """Return the derivatives by its lever arm, shape (m, d, 3); None where it has none."""
+        return None
+
+    def local(self, place: FloatArray) -> FloatArray:  # noqa: ARG002
+        """Return the readings in the coordinates of windows, given the place of each one's, shape (k, 3)."""
+        return self.values
+
+    @property
+    def readings(self) -> NDArray[np.bool_]:
+        """Which rows hold a reading; one that repeats the row before is none, shape (k,)."""
+        there: NDArray[np.bool_] = np.isfinite(self.values).all(axis=1) & ~self.repeats
+        return there
+
+    @property
+    def repeats(self) -> NDArray[np.bool_]:
+        """Which rows repeat the one before exactly, shape (k,)."""
+        return np.append(False, np.all(np.diff(self.values, axis=0) == 0.0, axis=1)).astype(bool)
+
+    def with_values(self, values: FloatArray, log_scale: float | FloatArray = 0.0) -> Self:
+        """Return the stream with other values, and the logarithm of their Jacobian by those before."""
+        return replace(self, values=values, log_scale=self.log_scale + log_scale)
+
+    def later(self, delay: float) -> Self:
+        """Return the stream as if its readings had been made so much later, s."""
+        return replace(self, t=self.t + delay)
+
+
+class Positions(Stream):
+    """Latitude, longitude, rad, height, m."""
+
+    unit = "m"
+    usual = (2.0, 30.0)
+
+    def seen(self, motion: Motion) -> tuple[FloatArray, FloatArray]:
+        """Return the position of the antenna."""
+        return motion.position + self.by_arm(motion) @ np.array(self.arm), motion.by_position
+
+    def by_time(self, motion: Motion) -> FloatArray:
+        """Return the velocity."""
+        return motion.velocity
+
+    def by_arm(self, motion: Motion) -> FloatArray:
+        """Return the attitude."""
+        return motion.attitude
+
+    def local(self, place: FloatArray) -> FloatArray:
+        """Return north, east, down from the place of each window, m."""
+        middle = place.copy()
+        middle[:, 0] = 0.5 * (place[:, 0] + self.values[:, 0])
+        return (self.values - place) * metres_per_radian(middle)
+
+
+class Velocities(Stream):
+    """North, east, down, m/s."""
+
+    unit = "m/s"
+    usual = (0.2, 5.0)
+
+    def seen(self, motion: Motion) -> tuple[FloatArray, FloatArray]:
+        """Return the velocity of the antenna."""
+        return motion.velocity + self.by_arm(motion) @ np.array(self.arm), motion.by_velocity
+
+    def by_time(self, motion: Motion) -> FloatArray:
+        """Return the acceleration."""
+        return motion.acceleration
+
+    def by_arm(self, motion: Motion) -> FloatArray:
+        """Return what the rate of turn makes of an arm."""
+        return np.asarray(motion.attitude @ rotation.skew(motion.rate))
+
+
+@dataclass(frozen=True)
+class Streams:
+    """What was recorded together: an inertial unit and streams of readings, on one clock."""
+
+    imu: Inertial
+    positions: Positions
+    others: tuple[Stream, ...] = ()
+
+    @property
+    def all(self) -> tuple[Stream, ...]:
+        """Every stream of readings, the positions first."""
+        return (self.positions, *self.others)

@@ -1,0 +1,119 @@
+"""The answer of `examine`: what is to be mended, in order of evidence, what each stream is worth, what was not seen."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+from rich.table import Table
+
+from tuner.examination.examine import Examination
+from tuner.formats.customary_units import digits
+from tuner.limits import WRONG_FACTOR
+from tuner.report.answer_layout import span_text
+from tuner.report.document import Document, document
+from tuner.report.figure_files import new_figure
+from tuner.types.repair import Repair
+
+SHOWN = 3
+"""Repairs on a screen."""
+BEFORE, AFTER = "#c2410c", "#1f5fa8"
+
+
+def examination_answer(found: Examination) -> Document:
+    """Return what is to be mended first, the noise of every stream, and what the recording could not have shown."""
+    repairs = [f"{number}. {repair_text(one)}" for number, one in enumerate(found.repairs, 1)]
+    rates = ", ".join(f"{name} {digits(rate)} Hz" for name, rate in found.rates.items())
+    unseen = f"Could not have shown: {', '.join(found.unseen)}" if found.unseen else ""
+    return document(
+        [
+            f"{found.name}, {span_text(found.length)}: {rates}; {span_text(found.seconds)} of it compared",
+            f"Verdict: {examination_verdict(found)[1]}",
+            *repairs[:SHOWN],
+            _noise_table(found),
+            *vibration_lines(found),
+            f"Lever arm, not stated: the antenna {found.lever_arm}" if found.lever_arm else "",
+            unseen,
+        ],
+        repairs[SHOWN:],
+        beyond="",
+    )
+
+
+def examination_verdict(found: Examination) -> tuple[bool, str]:
+    """Return whether nothing is to be mended, and the verdict."""
+    many = len(found.repairs)
+    if not many:
+        return True, "nothing contradicts"
+    return False, f"mend before any filter: {many} thing{'s' * (many > 1)}, the surest first"
+
+
+def repair_text(one: Repair) -> str:
+    """Return a repair in four parts: what and where, how sure, its size, what was done."""
+    words = f"{one.stream[:1].upper()}{one.stream[1:]} {one.fault}"
+    bounds = [
+        f"{word} {digits(t)} s"
+        for word, t in (("from", one.begin), ("to", one.end))
+        if t is not None and not one.unit
+    ]
+    sure = certainty_of(one)
+    done = one.done or "nothing mends it here"
+    return f"{' '.join([words, *bounds])} ({sure}); {done}"
+
+
+def certainty_of(one: Repair) -> str:
+    """Return how sure a repair is, by the odds against the next explanation."""
+    if math.isinf(one.nats):
+        return "counted"
+    nats = min(one.nats, one.over_next)
+    share = 1.0 / (1.0 + math.exp(-min(nats, 700.0)))
+    return "certain" if share > 0.999 else f"{100.0 * share:.3g} % likely"
+
+
+def vibration_lines(found: Examination) -> list[str]:
+    """Return how much noisier the samples are in motion than at rest, where that changes the noise of a filter."""
+    parts = [
+        f"{name} {moving / still:.2g} ×"
+        for name, (still, moving) in found.vibration.items()
+        if moving > WRONG_FACTOR * still
+    ]
+    return (
+        [f"Noise of the samples in motion: {', '.join(parts)} that at rest; Q must hold in motion"]
+        if parts
+        else []
+    )
+
+
+def _noise_table(found: Examination) -> Table:
+    table = Table(box=None, padding=(0, 2, 0, 0))
+    for head in ("noise from reading to reading", "measured", "reported", "measured ÷ reported"):
+        table.add_column(head, no_wrap=True)
+    for one in found.noise:
+        name = f"{one.stream}{', ' * bool(one.part)}{one.part}"
+        stated = "none" if one.reported is None else f"{digits(one.reported)} {one.unit}"
+        ratio = f"{one.sd / one.reported:.2g}" if one.reported else ""
+        table.add_row(name, f"{digits(one.sd)} {one.unit}", stated, ratio)
+    return table
+
+
+def examination_frame(found: Examination) -> pd.DataFrame:
+    """Return the repairs as a data frame."""
+    return pd.DataFrame([vars(one) for one in found.repairs])
+
+
+def examination_figure(found: Examination) -> Figure:
+    """Draw by how much the readings of each stream miss the motion of the inertial unit, as recorded and as mended."""
+    with new_figure((8.0, 2.2 * len(found.misfit))) as figure:
+        panels = figure.subplots(len(found.misfit), 1, sharex=True, squeeze=False)
+        for panel, (name, (t, before, after)) in zip(panels[:, 0], found.misfit.items(), strict=True):
+            unit = next(one.unit for one in found.noise if one.stream == name)
+            for values, colour, label in ((before, BEFORE, "as recorded"), (after, AFTER, "as mended")):
+                there = np.isfinite(values)
+                panel.semilogy(
+                    t[there], np.maximum(values[there], 1e-4), ".", ms=3, color=colour, label=label
+                )
+            panel.set_ylabel(f"{name}, {unit}")
+        panels[-1, 0].set_xlabel("time from the first sample of the inertial unit, s")
+    return figure
