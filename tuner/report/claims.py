@@ -73,7 +73,7 @@ def _of_tune(result: TuneResult) -> Claims:
 
 def _errors(found: Consistency) -> dict[str, bool]:
     """Return the figures that an answer calls errors, and whether they are distances to a truth."""
-    return {name: found.has_truth for name in found.errors if "_innovation_" not in name}
+    return {name: found.has_truth for name in found.errors if not name.startswith("nis_")}
 
 
 def _identified(found: Identification, elsewhere: list[str] | None = None) -> Iterator[Statement]:

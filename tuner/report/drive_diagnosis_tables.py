@@ -51,19 +51,14 @@ def drive_diagnosis_answer(found: DriveDiagnosis) -> Document:
             *(f"Missing: {one}" for one in missing(found)),
             *(f"Note: {one}" for one in found.notes),
         ],
+        more=[
+            *finding_tables(found.findings, "What the navigation simulation gets wrong"),
+            *(f"  {one.text}" for one in found.inseparable),
+            *unexplained_table(found.unexplained),
+            *noise_scale_tables(found.noise_scales),
+        ],
         beyond="every finding and test",
     )
-
-
-def drive_tables(found: DriveDiagnosis) -> list[Table | str]:
-    """Return the answer, every finding, what cannot be separated, every rejected test, and each noise setting."""
-    return [
-        *drive_diagnosis_answer(found).whole,
-        *finding_tables(found.findings, "What the navigation simulation gets wrong"),
-        *(f"  {one.text}" for one in found.inseparable),
-        *unexplained_table(found.unexplained),
-        *noise_scale_tables(found.noise_scales),
-    ]
 
 
 def noise_lines(estimates: Sequence[NoiseScaleEstimate], findings: Sequence[Finding] = ()) -> list[str]:

@@ -14,6 +14,7 @@ from tuner.exporters.dialect import Target
 from tuner.exporters.triad_values import triad
 from tuner.formats.customary_units import customary_unit, digits, in_customary, pretty, with_interval
 from tuner.formats.yaml_text import Noted
+from tuner.report.titled_table import table_of
 from tuner.synthesis.equivalent_models import equivalent_noise
 from tuner.synthesis.prediction import FITTED
 from tuner.types import BoundUsed, ChannelNoise, Coefficient, FilterConfig, Identification
@@ -96,7 +97,8 @@ def measured_table(
     heads = [f"{known} {letter}" for letter in letters]
     if len(letters) > 1 and all(len({row.cells.get(one) for one in letters}) == 1 for row in rows):
         letters, heads = letters[:1], [f"{known}, each axis"]
-    return _table(("", *heads), [[row.label, *(row.cells.get(one, "") for one in letters)] for row in rows])
+    lines = [[row.label, *(row.cells.get(one, "") for one in letters)] for row in rows]
+    return table_of(("", *heads), lines, words=1 + len(heads))
 
 
 def entries_tables(config: FilterConfig, files: Iterable[str]) -> list[Table]:
@@ -110,13 +112,14 @@ def entries_tables(config: FilterConfig, files: Iterable[str]) -> list[Table]:
         written = kalibr.noise_entries(config, target)
         gyros_first = sorted(written, key=lambda key: (key.startswith("accel"), key))
         rows = [_of_pair(key, written[key], config) for key in gyros_first]
-        tables.append(_table((f"{PAIR}, to enter", "rms of the axes", "that is"), rows))
+        tables.append(table_of((f"{PAIR}, to enter", "rms of the axes", "that is"), rows, words=3))
     if FADING in files:
         noise = kf_gins.entries(config, target)["imunoise"]
         rows = [_of_fading(key, noise[key], config) for key in _FADING_KEYS if key in noise]
         heads = ["x", "y", "z"] if any(len(set(row[1:])) > 1 for row in rows) else ["each axis"]
         rows.append(["corrtime, h", f"{noise['corrtime'].value:.4g} chosen", "", ""])
-        tables.append(_table((f"{FADING}, to enter", *heads), [row[: 1 + len(heads)] for row in rows]))
+        lines = [row[: 1 + len(heads)] for row in rows]
+        tables.append(table_of((f"{FADING}, to enter", *heads), lines, words=4))
     return tables
 
 
@@ -158,15 +161,6 @@ def _source(channel: ChannelNoise, config: FilterConfig, name: str) -> str:
         if isinstance(one, BoundUsed) and one.factor > 0.0 and one.quantity.owner == channel.axis
     }
     return HALF * bool(limited & {WHITE} if name == WHITE else limited - {WHITE, "ramp.rate"})
-
-
-def _table(heads: Iterable[str], rows: Iterable[Iterable[str]]) -> Table:
-    table = Table(box=None, padding=(0, 2, 0, 0))
-    for head in heads:
-        table.add_column(head, no_wrap=True)
-    for row in rows:
-        table.add_row(*row)
-    return table
 
 
 def states_tables(config: FilterConfig) -> list[Table]:

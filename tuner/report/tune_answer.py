@@ -17,14 +17,25 @@ from tuner.identification.comparison import compare_identifications, limit_check
 from tuner.judgement import curve_axes
 from tuner.limits import SHOWN_CHANGE, SHOWN_FINDINGS
 from tuner.report.answer_layout import assumed_text, span_text, used_part
-from tuner.report.comparison_tables import limit_text
+from tuner.report.diagnosis_answer import diagnosis_answer, note_lines
 from tuner.report.document import Document, document
 from tuner.report.drive_answer import choice_parts, found_text
 from tuner.report.groups_in_words import FindingsInWords, findings_in_words
 from tuner.report.identification_answer import warning_lines
-from tuner.report.noise_table import FADING, PAIR, entries_tables, legend, measured_table, more_white_noise
+from tuner.report.identification_tables import identification_tables
+from tuner.report.noise_table import (
+    FADING,
+    PAIR,
+    entries_tables,
+    legend,
+    measured_table,
+    more_white_noise,
+    states_tables,
+)
+from tuner.report.sensor_answers import limit_text
 from tuner.report.static_diagnosis_tables import hidden_effect_lines
 from tuner.report.terminal import LINE_WIDTH
+from tuner.report.tune_sections import setting_reasons, tune_sections
 from tuner.report.unexplained_words import unexplained_lines
 from tuner.synthesis.findings import judge_hidden
 
@@ -64,7 +75,7 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
     found, idle, doubted = found_lines(result)
     examined = result.diagnosis is not None or result.drive is not None
     nothing = ["Nothing was found that the noise terms do not explain"]
-    more = len(found) - SHOWN_FINDINGS
+    further = len(found) - SHOWN_FINDINGS
     pairs = any(STATES_IN_PAIR in text for name, text in result.exports.items() if files or name != PAIR)
     larger = more_white_noise(result.config, result.exports) if noise and pairs else ""
     said: list[Table | str] = [
@@ -80,15 +91,26 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
         *(found[:SHOWN_FINDINGS] or nothing * (examined and not idle and not doubted)),
         doubted,
         larger,
-        f"{more} more finding{'s' * (more > 1)} on the page" if more > 0 else "",
+        f"{further} more finding{'s' * (further > 1)} on the page" if further > 0 else "",
         f"Settings chosen on the drive: {result.choice.kept}" if result.choice else "",
         _idle_text(idle) if idle else "",
         *_done_before(result),
         *against_datasheet(result),
-        *warning_lines(result.identification, short=True, predicted=result.predictions),
+        *warning_lines(result.identification, predicted=result.predictions),
         *_absent_lines(result),
     ]
-    return document(said, remarks, [*withheld_lines(result), *_file_lines(result, directory, dialect)])
+    more: list[Table | str] = [
+        *identification_tables(result.identification),
+        *states_tables(result.config),
+        *setting_reasons(result),
+    ]
+    if result.diagnosis is not None:
+        more += [*diagnosis_answer(result.diagnosis).more, *note_lines(result.diagnosis)]
+    for _, heading, content in tune_sections(result):
+        more += [heading, *content]
+    end = [*withheld_lines(result), _file_line(result, directory, dialect)]
+    more += [note for note in result.config.notes if note not in result.identification.notes]
+    return document(said, remarks, end, more)
 
 
 def noise_tables(result: TuneResult, files: Iterable[str]) -> list[Table]:
@@ -243,17 +265,12 @@ def _is_felt(one: Unexplained) -> bool:
     return not one.drift or any(a > (1.0 + SHOWN_CHANGE) * b for a, b in one.drift.values())
 
 
-def _file_lines(result: TuneResult, directory: Path | None, dialect: str | None) -> list[str]:
-    """Return where the files are, and how settings for another filter are made of them."""
-    path = Path("FOLDER") if directory is None else directory
-    how = " by write_tune_result(result, FOLDER)" if directory is None else ""
+def _file_line(result: TuneResult, directory: Path | None, dialect: str | None) -> str:
+    """Return where the files are, and from which those of other filters are made."""
+    path = "FOLDER by write_tune_result(result, FOLDER)" if directory is None else directory
     above = [name for name in (PAIR, FADING) if name in result.exports] if dialect is None else []
-    files = ", ".join(
-        [*["those above"] * bool(above), *(one for one in result.exports if one not in above), "report.html"]
-    )
-    if NOISE_YAML not in result.exports:
-        return [f"Files in {path}{how}: {files}"]
-    return [f"Files in {path}{how}: {files}", f"Other filters: tuner export {path / NOISE_YAML} --to NAME"]
+    others = [f"{one} for others" if one == NOISE_YAML else one for one in result.exports if one not in above]
+    return f"Files in {path}: {', '.join([*['those above'] * bool(above), *others, 'report.html'])}"
 
 
 def _absent_lines(result: TuneResult) -> list[str]:

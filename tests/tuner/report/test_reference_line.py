@@ -11,7 +11,7 @@ from tuner.report.consistency_answer import consistency_answer
 from tuner.report.drive_diagnosis_tables import drive_diagnosis_answer
 from tuner.report.terminal import fitted
 from tuner.types import DriveDiagnosis
-from tuner.types.consistency import Consistency, Outage, Score, Whiteness
+from tuner.types.consistency import Consistency, Outage, RmsError, Score, Whiteness
 
 SPANS = [(61.0, 121.0), (167.0, 228.0)]
 TIMES = wrong_times_text(20, 12.8, SPANS, any_left=True)
@@ -30,7 +30,10 @@ FOUND = Consistency(
     (off("nis", 0.585), off("nis_position", 0.505), off("nis_velocity", 0.667)),
     Whiteness("position", 10, 0.969, 0.133),
     tuple(Outage(s, true, own, off(f"outage {s:g} s", true / own), 4) for s, true, own in OUTAGES),
-    {"position_rms_m": (2.39, 2.53, 9.98), "velocity_rms_m_s": (0.229, 0.243, 0.075)},
+    {
+        "position": RmsError((2.39, 2.53, 9.98), "m"),
+        "velocity": RmsError((0.229, 0.243, 0.075), "m/s"),
+    },
     0.0,
     diverged=False,
 )
@@ -69,7 +72,9 @@ def test_without_a_truth_states_are_said_to_be_compared_with_the_smoother():
     """For a day "position, 3-D" of a drive without a reference read as the error of the position."""
     rows = {line.partition("  ")[0] for line in fitted(consistency_answer(FOUND))}
     assert {"position, 3-D", "velocity, 3-D"} <= rows
-    alone = fitted(consistency_answer(replace(FOUND, errors={"position_innovation_rms_m": (1.0, 1.0, 2.0)})))
+    alone = fitted(
+        consistency_answer(replace(FOUND, errors={"nis_position": RmsError((1.0, 1.0, 2.0), "m")}))
+    )
     rows = {line.partition("  ")[0] for line in alone}
     assert {"position, 3-D, to the smoother", "velocity, 3-D, to the smoother"} <= rows
     assert "position innovations (NIS)" in rows

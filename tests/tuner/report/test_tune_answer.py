@@ -1,5 +1,6 @@
 """The answer of `tune`: verdict first, axes that agree in a row, marks with their legend, findings by their effect."""
 
+import subprocess
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -33,7 +34,7 @@ from tuner.report.tune_answer import settings_in_dialect, tune_answer
 from tuner.simulation.static import simulate
 from tuner.synthesis import synthesize
 from tuner.tune_result import TuneResult
-from tuner.types import BoundUsed, Coefficient, Diagnosis, Finding, Unexplained
+from tuner.types import BoundUsed, Coefficient, Diagnosis, DriveDiagnosis, Finding, Unexplained
 from tuner.types.borrowed import with_borrowed
 from tuner.types.consistency import Consistency
 from tuner.types.identification import TermEstimate
@@ -76,8 +77,7 @@ def test_the_answer_fits_a_terminal_and_leaves_nothing_out(result, width):
     assert lines[1].startswith("Verdict: usable")
     for said in (
         "gyro white noise, deg/√h",
-        "Files in out: noise.yaml, report.html",
-        "Other filters: tuner export out/noise.yaml --to NAME",
+        "Files in out: noise.yaml for others, report.html",
         "All tables: --verbose",
     ):
         assert said in "\n".join(lines)
@@ -171,7 +171,7 @@ def test_a_wrong_reference_is_said_beneath_the_verdict_of_the_drive(result, code
     found = Consistency(None, (), (), None, (), {}, 0.0, False, (verdict,))
     wrong = wrong_times_text(20, 12.8, [(61.0, 121.0), (167.0, 228.0)], any_left=True)
     measured = SimpleNamespace(consistency=found, notes=("another", wrong), left_out=0.0)
-    drive = SimpleNamespace(diagnosis=SimpleNamespace(findings=(), unexplained=(), notes=()))
+    drive = SimpleNamespace(diagnosis=DriveDiagnosis((), None, None))
     lines = answer_lines(replace(result, measured=measured, drive=drive), Path("out"))
     assert "Reference wrong in 20 s: 121 s not judged by it" in lines
     assert len(lines) <= SCREEN_LINES
@@ -332,7 +332,17 @@ def test_a_finding_longer_than_the_answer_shows_its_beginning():
     assert len(lines) == SCREEN_LINES
     assert lines[1].startswith("many")
     assert lines[-3].endswith("…")
-    assert lines[-2:] == ["the end", "1 more remark and all tables: --verbose"]
+    assert lines[-2:] == ["the end", "1 more remark: --verbose"]
+
+
+def test_a_command_of_several_lines_is_one_to_a_shell():
+    """Pasted, it ended at the end of its first line."""
+    words = ("export", "out/noise.yaml", "--drive", f"{'long' * 12}.npz", "-o", f"{'long' * 12}.yaml")
+    lines = fitted(document(["said"]).then(*words))[1:]
+    assert len(lines) > 1
+    command = "\n".join(lines).removeprefix("Next: tuner")
+    done = subprocess.run(["sh", "-c", f"printf '%s|'{command}"], capture_output=True, text=True, check=True)
+    assert done.stdout == "|".join((*words, ""))
 
 
 def test_no_line_ends_between_a_number_and_its_unit():

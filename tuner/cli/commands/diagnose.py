@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -26,8 +25,6 @@ from tuner.stages import stage
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-
-    from rich.table import Table
 
     from tuner.diagnosis.drive import ExaminedDrive
     from tuner.report.document import Document
@@ -121,30 +118,26 @@ def command(
     output.write(diagnosis_json(found))
     page(f"Diagnosis of {with_name(Path(log)).name}", parts)
     if output.tables:
-        show(_shown(found, () if isinstance(data, Drive) else data, log, verbose=verbose))
+        show(_answer(found, () if isinstance(data, Drive) else data, log, reading), whole=verbose)
     harmful = isinstance(found, DriveDiagnosis) and not found.credited
     return 1 if strict and (found.unexplained or harmful) else 0
 
 
-def _shown(
-    found: Diagnosis | DriveDiagnosis, records: Sequence[Record], log: str, *, verbose: bool
-) -> Document | list[Table | str]:
-    """Return what is printed: all tables, or the answer with the command that follows from it."""
+def _answer(
+    found: Diagnosis | DriveDiagnosis, records: Sequence[Record], log: str, reading: Reading
+) -> Document:
+    """Return the answer with the command that follows from it."""
     from tuner.types import Diagnosis
 
     if not isinstance(found, Diagnosis):
-        from tuner.report.drive_diagnosis_tables import drive_diagnosis_answer, drive_tables
+        from tuner.report.drive_diagnosis_tables import drive_diagnosis_answer
 
-        following = shlex.join(["tuner", "tune", "--drive", log])
-        return drive_tables(found) if verbose else drive_diagnosis_answer(found).then(following)
+        return drive_diagnosis_answer(found).then("tune", "--drive", log)
     from tuner.report.diagnosis_answer import diagnosis_answer
-    from tuner.report.static_diagnosis_tables import diagnosis_tables
 
-    if verbose:
-        return diagnosis_tables(found, records)
     answer = diagnosis_answer(found, records)
     again = any(one.in_motion for one in found.findings)  # it is to be recorded again
-    return answer if again else answer.then(shlex.join(["tuner", "tune", log]))
+    return answer if again else answer.then("tune", log, *reading.words)
 
 
 def _drive_parts(examined: ExaminedDrive) -> Mapping[str, object]:

@@ -1,4 +1,4 @@
-"""Sensors side by side, built-in grades, and the plan of a static test, in tables."""
+"""The answers of `compare`, `choose` and `plan`, and the built-in grades."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from rich.table import Table
 
 from models.noise import RandomWalk
 from models.sensors import SensorGrade
-from tuner.consistency.choose_grade import GradeChoice
+from tuner.consistency.choose_grade import GradeChoice, RankedGrade
 from tuner.consistency.compare_sensors import SensorComparison
 from tuner.formats.axis_words import axes_text
 from tuner.formats.customary_units import (
@@ -21,10 +21,12 @@ from tuner.formats.customary_units import (
 from tuner.identification.comparison import LimitCheck
 from tuner.identification.record_length import PlannedParameter
 from tuner.identification.static_test_plan import StaticTestPlan
+from tuner.report.document import Document, document
 from tuner.report.identification_answer import terms_table, warning_lines
+from tuner.report.identification_tables import identification_tables
 from tuner.report.noise_table import NAMES, legend
-from tuner.report.terminal import LINE_WIDTH
-from tuner.report.terms_rows import channel_row, joined_rows
+from tuner.report.terms_rows import MAIN_TERMS, channel_row, joined_rows
+from tuner.report.titled_table import table_of, titled_table
 from tuner.types import FilterConfig, Identification
 
 NEAREST_GRADES = 3
@@ -36,24 +38,24 @@ AT_LEAST = "≥ "
 UNITS = {"gyro": "rad/s", "accel": "m/s^2"}
 
 
-def comparison_tables(found: SensorComparison) -> list[Table | str]:
-    """Return one table of the noise terms, the limits of data sheets, what differs, and the drift without fixes."""
-    names = found.noise.names
+def comparison_answer(found: SensorComparison) -> Document:
+    """Return which sensor errs how far without fixes, the noise of each, and limits, differences, warnings."""
+    sources = list(zip(found.noise.names, found.noise.sources, strict=True))
     rows = [
         (name, row)
-        for name, source in zip(names, found.noise.sources, strict=True)
+        for name, source in sources
         for row in joined_rows(channel_row(channel) for channel in source.channels.values())
     ]
     table = terms_table(rows)
-    answer = [*_drift_table(found), table, f"{legend(table)}; without a sign: stated".removeprefix("; ")]
-    answer += [
-        f"{name}: {warning[:1].lower()}{warning[1:]}"
-        for name, source in zip(names, found.noise.sources, strict=True)
-        for warning in warning_lines(source, short=True)
-    ]
-    answer += [limit_text(one) for one in found.limits]
-    answer += [text for text in (_differences(found),) if text]
-    return answer
+    return document(
+        [*_drift(found), table, f"{legend(table)}; without a sign: stated".removeprefix("; ")],
+        [
+            *map(limit_text, found.limits),
+            _differences(found),
+            *(f"{name}: {warning}" for name, source in sources for warning in warning_lines(source)),
+        ],
+        more=[part for name, source in sources for part in (f"{name}:", *identification_tables(source))],
+    )
 
 
 def limit_text(one: LimitCheck) -> str:
@@ -104,36 +106,43 @@ def _sensor_or_axes(axes: list[str], every: Sequence[str]) -> str:
     return sensor if whole else axes_text(axes)
 
 
-def _drift_table(found: SensorComparison) -> list[Table | str]:
-    """Return the drift of each source without fixes; one that lacks a slow term drifts at least as far as stated."""
+def _drift(found: SensorComparison) -> list[Table | str]:
+    """Return the drift of each source without fixes, the least first, and how it is predicted.
+
+    That of a source that lacks a slow term is at least as large as stated.
+    """
     sources = zip(found.noise.names, found.drift, found.noise.sources, strict=True)
     known = [(name, one, AT_LEAST * _lacks_walk(source)) for name, one, source in sources if one is not None]
     unranked = [f"{name} has no rank: {why}" for name, why in found.unranked.items()]
     if not known:
-        return [*unranked, "No drift is predicted: no source has six axes with white noise and a slow bias"]
+        return ["Verdict: not comparable: no source has six axes with white noise and a slow bias", *unranked]
     times = list(known[0][1].free)
-    table = Table(box=None, padding=(0, 2, 0, 0), width=LINE_WIDTH)
-    table.add_column("horizontal\nerror, m rms")
-    for kind in ("without fixes", "non-holonomic"):
-        for time in times:
-            table.add_column(f"{kind if time == times[0] else ''}\n{time:g} s", justify="right")
-    for name, one, least in sorted(known, key=lambda each: each[1].free[times[-1]]):
-        table.add_row(name, *(f"{least}{digits(x, 2)}" for x in (*one.free.values(), *one.wheels.values())))
-    said = ", ".join(
-        f"{name} {least}{digits(one.free[ANSWERED_TIME], 2)} m"
+    known.sort(key=lambda each: each[1].free[times[-1]])
+    said = ", ".join(f"{name} {least}{digits(one.free[ANSWERED_TIME], 2)} m" for name, one, least in known)
+    kinds = (("without fixes", times), ("non-holonomic", times))
+    heads = [f"{kind * (time == times[0])}\n{time:g} s" for kind, each in kinds for time in each]
+    rows = [
+        (name, *(f"{least}{digits(x, 2)}" for x in (*one.free.values(), *one.wheels.values())))
         for name, one, least in known
-        if ANSWERED_TIME in one.free
-    )
+    ]
     about = (
         f"Predicted for a filter tuned to each sensor, after 15 min in a city with {found.receiver} fixes; "
         "non-holonomic: with that constraint. Scale factors and misalignments are not included."
     )
     if any(least for _, _, least in known):
         about += f" {AT_LEAST.strip()}: at least, as no bias random walk is stated."
-    verdict = (
-        [f"Verdict: after {ANSWERED_TIME:g} s without fixes the position errs by: {said}"] if said else []
-    )
-    return [*verdict, table, about, *unranked]
+    verdict = f"Verdict: after {ANSWERED_TIME:g} s without fixes the position errs by: {said}"
+    return [verdict, table_of(("horizontal\nerror, m rms", *heads), rows), *unranked, about]
+
+
+def steadiest(found: SensorComparison) -> int:
+    """Return the place of the source that drifts least among those of which every term is known; 0 for none."""
+    drifts = {
+        number: one.free[max(one.free)]
+        for number, (one, source) in enumerate(zip(found.drift, found.noise.sources, strict=True))
+        if one is not None and not _lacks_walk(source)
+    }
+    return min(drifts, key=lambda number: drifts[number], default=0)
 
 
 def _lacks_walk(source: Identification) -> bool:
@@ -141,48 +150,56 @@ def _lacks_walk(source: Identification) -> bool:
     return not all(any(t.name == RandomWalk.name for t in one.terms) for one in source.channels.values())
 
 
-def choice_tables(found: GradeChoice, *, every: bool = True) -> list[Table | str]:
-    """Return the ranking of the built-in grades, all or those nearest to the limit, and which noise is just enough."""
+def choice_answer(found: GradeChoice) -> Document:
+    """Return how many of the built-in grades stay within the limit, those nearest to it, and which noise just does."""
+    kept, count = len(found.kept), len(found.ranking)
     with_wheels = "with" if found.wheels else "without"
-    limit = f"{found.limit:g} m after {found.outage:g} s without fixes"
     before = f"horizontal, rms; {found.receiver} fixes before; {with_wheels} a non-holonomic constraint"
-    kept = len(found.kept)
-    shown_part = "" if every or len(found.ranking) <= NEAREST_GRADES else ". The nearest"
-    keep = f"stay{'s' * (kept <= 1)} within"
-    head = f"Verdict: {kept or 'none'} of {len(found.ranking)} built-in sensors {keep} {limit} ({before}){shown_part}:"
-    answer: list[Table | str] = [head]
-    table = Table(box=None, padding=(0, 2, 0, 0), width=LINE_WIDTH)
-    table.add_column("sensor")
-    table.add_column("error,\nm rms", justify="right")
-    table.add_column("within\nit")
-    for head in ("gyro white\nnoise, deg/√h", "B,\ndeg/h", "accel white\nnoise, µg/√Hz", "B,\nµg"):
-        table.add_column(head, justify="right")
-    first = 0 if every else max(0, min(kept - 1, len(found.ranking) - NEAREST_GRADES))
-    shown = found.ranking[first:] if every else found.ranking[first : first + NEAREST_GRADES]
-    for one in shown:
-        cells = [digits(value) if value > 0.0 else "–" for value in noise_of(one.config, 1.0)]
-        table.add_row(one.name, digits(one.error, 2), "yes" if one.error <= found.limit else "no", *cells)
-    answer.append(table)
+    verdict = (
+        f"Verdict: {kept or 'none'} of {count} built-in sensors stay{'s' * (kept <= 1)} within {found.limit:g} m "
+        f"after {found.outage:g} s without fixes ({before})"
+    )
+    first = max(0, min(kept - 1, count - NEAREST_GRADES))
+    nearest = found.ranking[first : first + NEAREST_GRADES]
     if found.factor is None:
-        text = (
+        just = (
             "No factor on the noise of a grade leads to the limit: other errors than the sensor's decide it"
         )
     else:
         gyro_n, gyro_b, accel_n, accel_b = (
             digits(v, 2) for v in noise_of(found.nearest.config, found.factor)
         )
-        text = (
+        just = (
             f"{digits(found.factor, 2)} × the noise of {found.nearest.name} just stays within: gyro white noise "
             f"{gyro_n} deg/√h, B {gyro_b} deg/h; accel white noise {accel_n} µg/√Hz, B {accel_b} µg"
         )
-    rest = "" if every else " All sensors: --verbose"
-    pair = [one.name for one in shown[:2]]
-    following = [f"Next: tuner compare {' '.join(pair)}"] if len(pair) > 1 and not every else []
-    return [
-        *answer,
-        *following,
-        f"{text}. B: bias instability. Scale factors and misalignments are not included.{rest}",
-    ]
+    about = "B: bias instability. Scale factors and misalignments are not included."
+    answer = document(
+        [
+            f"{verdict}. The nearest:" if count > len(nearest) else verdict,
+            _ranking(found, nearest),
+            f"{just}. {about}",
+        ],
+        more=[_ranking(found, found.ranking)] if count > len(nearest) else [],
+        beyond="all sensors",
+    )
+    pair = [one.name for one in nearest[:2]]
+    return answer.then("compare", *pair) if len(pair) > 1 else answer
+
+
+def _ranking(found: GradeChoice, shown: Sequence[RankedGrade]) -> Table:
+    """Return some grades with their error and noise."""
+    heads = ("sensor", "error,\nm rms", "within\nit", "gyro white\nnoise, deg/√h", "B,\ndeg/h")
+    rows = (
+        (
+            one.name,
+            digits(one.error, 2),
+            "yes" if one.error <= found.limit else "no",
+            *(digits(value) if value > 0.0 else "–" for value in noise_of(one.config, 1.0)),
+        )
+        for one in shown
+    )
+    return table_of((*heads, "accel white\nnoise, µg/√Hz", "B,\nµg"), rows)
 
 
 def noise_of(config: FilterConfig, factor: float) -> tuple[float, float, float, float]:
@@ -201,16 +218,9 @@ def noise_of(config: FilterConfig, factor: float) -> tuple[float, float, float, 
 
 def grade_tables(grades: Sequence[SensorGrade]) -> list[Table | str]:
     """Return the built-in grades, one a row, in customary units."""
-    table = Table(title="Built-in sensor grades (references: configs/sensors)")
-    shown = ("white.density", "bias_instability.level", "random_walk.density")
-    columns = [(kind, quantity) for kind in UNITS for quantity in shown]
-    table.add_column("name")
-    table.add_column("sensor")
-    for kind, quantity in columns:
-        unit = UNITS[kind]
-        table.add_column(
-            f"{kind} {symbol(quantity)}, {pretty(customary_unit(quantity, unit))}", justify="right"
-        )
+    columns = [(kind, quantity) for kind in UNITS for quantity in MAIN_TERMS]
+    heads = (f"{kind} {symbol(name)}, {pretty(customary_unit(name, UNITS[kind]))}" for kind, name in columns)
+    rows = []
     for grade in grades:
         values = {
             (kind, f"{term.name}.{field}"): getattr(term, field)
@@ -218,57 +228,56 @@ def grade_tables(grades: Sequence[SensorGrade]) -> list[Table | str]:
             for term in grade.noise_model(kind).terms
             for field in term.PARAMETERS
         }
-        cells = [
+        cells = (
             "–" if column not in values else digits(in_customary(values[column], column[1], UNITS[column[0]]))
             for column in columns
-        ]
-        table.add_row(grade.key, grade.title, *cells)
-    return [table]
+        )
+        rows.append((grade.key, grade.title, *cells))
+    title = "Built-in sensor grades (references: configs/sensors)"
+    return [*titled_table(title, ("name", "sensor", *heads), rows, words=2)]
 
 
-def plan_tables(plans: StaticTestPlan, limited: str = "") -> list[Table | str]:
+def plan_answer(plans: StaticTestPlan, limited: str = "") -> Document:
     """Return what a planned test shows of each term of each sensor, the worst axis, and the cluster rule.
 
     Of the terms that `limited` names only limits are known: nothing is planned of them.
     """
     first = next(iter(plans.values()))
-    table = Table(box=None, padding=(0, 2, 0, 0), width=LINE_WIDTH)
     wanted = f"{100 * first.accuracy:g} %"
-    for head in (
-        (title := f"{plans.name}, {digits(first.hours)} h"),
-        "assumed",
-        "1 sd",
-        "shown",
-        f"hours for {wanted}",
-    ):
-        table.add_column(head, justify="left" if head == title else "right")
     groups: dict[tuple[str, str], list[tuple[str, PlannedParameter]]] = {}
     for axis, plan in plans.items():
         for p in plan.parameters:
             groups.setdefault((plans.units[axis], p.name), []).append((axis, p))
+    rows, hidden = [], []
     for (unit, name), found in groups.items():
         values = [in_customary(p.value, name, unit) for _, p in found]
         ends = list(dict.fromkeys((digits(min(values)), digits(max(values)))))
         spread = max(p.relative_sd for _, p in found)
         hours = [p.hours for _, p in found]
-        needed = "more than 10 000" if None in hours else digits(max(h for h in hours if h is not None), 2)
-        table.add_row(
-            f"{_sensor_or_axes([axis for axis, _ in found], list(plans))} {NAMES.get(name, symbol(name))}",
-            f"{' to '.join(ends)} {pretty(customary_unit(name, unit))}",
-            f"{digits(100 * spread, 2)} %" if spread < 10 else "> 1000 %",
-            "yes" if all(p.shown for _, p in found) else "limit only",
-            needed,
+        term = f"{_sensor_or_axes([axis for axis, _ in found], list(plans))} {NAMES.get(name, symbol(name))}"
+        if not all(p.shown for _, p in found):
+            hidden.append(term)
+        rows.append(
+            (
+                term,
+                f"{' to '.join(ends)} {pretty(customary_unit(name, unit))}",
+                f"{digits(100 * spread, 2)} %" if spread < 10 else "> 1000 %",
+                "limit only" if term in hidden else "yes",
+                "more than 10 000" if None in hours else digits(max(h for h in hours if h is not None), 2),
+            )
         )
-    hidden = [
-        str(cells[0]) for cells in zip(*(c.cells for c in table.columns), strict=True) if cells[3] != "yes"
-    ]
     shows = (
         f"all but {', '.join(hidden)}" if hidden else f"every term{' whose size is known' * bool(limited)}"
     )
-    verdict = f"Verdict: {digits(first.hours)} h of {plans.name} at rest show {shows}"
-    rule = (
-        f"An Allan deviation is known to {wanted} where {first.clusters} averages fit into the log: here up to "
-        f"{digits(first.longest_tau)} s. Of several axes the worst is shown."
+    span = f"{digits(first.hours)} h"
+    return document(
+        [
+            f"Verdict: {span} of {plans.name} at rest show {shows}",
+            table_of((f"{plans.name}, {span}", "assumed", "1 sd", "shown", f"hours for {wanted}"), rows),
+            f"Not planned, as only limits are known: {limited}. A sheet with values to expect plans them"
+            if limited
+            else "",
+            f"An Allan deviation is known to {wanted} where {first.clusters} averages fit into the log: here up to "
+            f"{digits(first.longest_tau)} s. Of several axes the worst is shown.",
+        ]
     )
-    left = [f"Not planned, as only limits are known: {limited}. A sheet with values to expect plans them"]
-    return [verdict, table, *left * bool(limited), rule]
