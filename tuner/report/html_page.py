@@ -33,7 +33,6 @@ from tuner.report.page_findings import findings_content
 from tuner.report.page_parts import Picture, blocks
 from tuner.report.tune_answer import (
     against_datasheet,
-    assumptions,
     noise_tables,
     recording_line,
 )
@@ -222,7 +221,6 @@ def _facts(result: TuneResult) -> list[tuple[str, str]]:
         repairs = dict.fromkeys(note for record in result.records for note in record.notes)
         facts.append(("Time stamps", "; ".join(wrong) or "no gap, no repetition"))
         facts.append(("Read with", "; ".join(repairs)))
-        facts.append(("Units assumed", "; ".join(assumptions(result)) or "none"))
     return [(term, words) for term, words in facts if words]
 
 

@@ -14,7 +14,7 @@ from tuner.identification.identify import BY_DIAGNOSIS
 from tuner.identification.identify_channel import CURVE_DISAGREES
 from tuner.judgement import curve_axes, judge_noise
 from tuner.report.alike_sentences import alike_sentences
-from tuner.report.answer_layout import assumed_text, span_text, used_part
+from tuner.report.answer_layout import recording_text
 from tuner.report.document import Document, document
 from tuner.report.identification_tables import identification_tables, pooled_tables
 from tuner.report.noise_table import NAMES, legend, measured_table, states_tables
@@ -50,7 +50,7 @@ def identification_answer(
     table = measured_table(found, config, curve)
     return document(
         [
-            f"{name}: {_recording(found)}",
+            f"{name}: {recording_text(found)}",
             f"Verdict: {judge_noise(found, predictions).text}",
             table,
             legend(table),
@@ -122,18 +122,6 @@ def terms_table(rows: Sequence[tuple[str, TermsRow]]) -> Table:
         if row.unit == unit
     )
     return table_of(("", *heads), lines, words=4)
-
-
-def _recording(found: Identification) -> str:
-    spans: dict[str, list[str]] = {}
-    for c in found.channels.values():
-        part = used_part(found.source, c.axis)
-        how = "" if c.method == "likelihood" else f", by {c.method}"
-        text = f"{span_text(c.span)} at {digits(1.0 / c.interval)} Hz{part}{how}"
-        spans.setdefault(text if c.span > 0.0 else "stated, not measured", []).append(c.axis)
-    parts = [text if len(spans) == 1 else f"{text} ({axes_text(axes)})" for text, axes in spans.items()]
-    assumed = assumed_text(found.source.get("assumptions", ()))
-    return "; ".join([*parts, *([assumed] if assumed else [])])
 
 
 def terms_too_short(found: Identification) -> str:

@@ -10,13 +10,11 @@ from typing import TYPE_CHECKING
 from rich.table import Table
 
 from tuner.exporters.header import STATES_IN_PAIR
-from tuner.formats.axis_words import axes_text
-from tuner.formats.customary_units import digits
 from tuner.formats.reference_words import reference_line
 from tuner.identification.comparison import compare_identifications, limit_checks
 from tuner.judgement import curve_axes
 from tuner.limits import SHOWN_CHANGE, SHOWN_FINDINGS
-from tuner.report.answer_layout import assumed_text, span_text, used_part
+from tuner.report.answer_layout import recording_text
 from tuner.report.diagnosis_answer import diagnosis_answer, note_lines
 from tuner.report.document import Document, document
 from tuner.report.drive_answer import choice_parts, found_text
@@ -210,24 +208,13 @@ def reference_lines(result: TuneResult) -> list[str]:
 
 def recording_line(result: TuneResult) -> str:
     """Return name, length and rate of what the numbers rest on, and what was assumed of it; of a drive, its rest."""
-    spans: dict[str, list[str]] = {}
     rest = " at rest in the drive" if result.drive is not None and not result.records else ""
-    for channel in result.identification.channels.values():
-        if channel.span > 0.0:
-            part = used_part(result.identification.source, channel.axis)
-            text = f"{span_text(channel.span)}{rest} at {digits(1.0 / channel.interval)} Hz{part}"
-            spans.setdefault(text, []).append(channel.axis)
-    lengths = [text if len(spans) == 1 else f"{text} ({axes_text(axes)})" for text, axes in spans.items()]
-    assumed = assumptions(result)
-    units = assumed_text(assumed) or "units stated, none assumed"
+    said = [f"{result.name}, {recording_text(result.identification, rest)}"]
     if result.key is not None:
-        units = "; ".join(hidden_lines(result)) or "simulated"
-    return "; ".join([", ".join([result.name, *lengths]), *([units] if result.records else [])])
-
-
-def assumptions(result: TuneResult) -> tuple[str, ...]:
-    """Return what nobody stated of the log and was assumed."""
-    return tuple(str(text) for text in result.identification.source.get("assumptions", ()))
+        said += hidden_lines(result) or ["simulated"]
+    elif result.records and not result.identification.source.get("assumptions"):
+        said.append("units stated, none assumed")
+    return "; ".join(said)
 
 
 def against_datasheet(result: TuneResult) -> list[str]:

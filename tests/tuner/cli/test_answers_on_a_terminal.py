@@ -81,6 +81,7 @@ def test_no_line_is_wider_than_a_terminal_and_an_answer_is_one_screen(name, logs
 
 FOLLOWED = (
     "identify",
+    "identify two",
     "diagnose",
     "curve",
     "compare",

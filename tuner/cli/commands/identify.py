@@ -161,11 +161,7 @@ def command(
             identification_answer(name, one, *(written or ()))
             for name, one, written in zip(names, found, settings, strict=True)
         ]
-        one_log = len(answers) == 1
-        answer = (
-            answers[0].then("tune", logs[0], *reading.words)
-            if one_log
-            else pooled_answer(pool(found), names, answers)
-        )
-        show(answer, whole=verbose)
+        several = len(answers) > 1
+        answer = pooled_answer(pool(found), names, answers) if several else answers[0]
+        show(answer.then("compare" if several else "tune", *logs, *reading.words), whole=verbose)
     return exit_status
