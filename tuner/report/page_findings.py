@@ -10,13 +10,11 @@ from tuner.report.diagnosis_answer import diagnosis_answer, note_lines
 from tuner.report.drive_answer import found_text
 from tuner.report.finding_groups import contradicted, finding_groups
 from tuner.report.groups_in_words import effect_in_words, findings_in_words, name_in_words
-from tuner.report.page_parts import Picture, blocks
+from tuner.report.page_parts import Picture, blocks, with_room
 from tuner.report.unexplained_words import unexplained_lines
 from tuner.tune_result import TuneResult
 from tuner.types import Diagnosis
 
-PICTURE_BYTES = 2_500_000
-"""Bytes that all pictures of findings take in the page; further ones stand beside the page, which stays below 6 MB."""
 GROUP_PICTURES = 2
 """Pictures of a group that stand on the page: further ones show the same in other samples."""
 
@@ -42,16 +40,17 @@ def findings_content(result: TuneResult, pictures: Sequence[Picture]) -> dict[st
         left += [one.statistic for one in result.drive.diagnosis.unexplained]
     if left:
         groups.append(("What no finding explains", left, set(left)))
-    room, shown = PICTURE_BYTES, []
-    for title, lines, captions in groups:
-        own = [picture for picture in pictures if picture.caption in captions]
-        taken = []
-        for picture in own[:GROUP_PICTURES]:
-            if picture.size <= room:
-                taken.append(picture)
-                room -= picture.size
-        left_out = [picture.name for picture in own if picture not in taken]
-        shown.append({"title": title, "lines": lines, "pictures": taken, "left_out": left_out})
+    own = [[picture for picture in pictures if picture.caption in captions] for _, _, captions in groups]
+    drawn = with_room(picture for each in own for picture in each[:GROUP_PICTURES])
+    shown = [
+        {
+            "title": title,
+            "lines": lines,
+            "pictures": [one for one in each if one in drawn],
+            "left_out": [one.name for one in each if one not in drawn],
+        }
+        for (title, lines, _), each in zip(groups, own, strict=True)
+    ]
     doubted = findings_in_words(known.findings, span).doubted
     return {
         "groups": shown,

@@ -12,7 +12,7 @@ from tuner.formats.customary_units import in_customary, symbol
 from tuner.identification.record_length import LONGEST_HOURS
 from tuner.identification.static_test_plan import StaticTestPlan
 from tuner.production.quantities import is_logarithmic
-from tuner.report.curve_panels import SOURCE_COLOURS, STATED_TAU, draw_banded, sensor_panels
+from tuner.report.curve_panels import SENSORS, SOURCE_COLOURS, STATED_TAU, draw_banded, sensor_panels
 from tuner.report.curve_tables import Curve, shown_curve
 from tuner.report.drive_diagnosis_tables import SHORT_NAMES
 from tuner.report.figure_files import new_figure
@@ -117,9 +117,8 @@ def plan_figure(plans: StaticTestPlan) -> Figure:
     first = next(iter(plans.values()))
     hours: dict[str, float] = {}
     for axis, plan in plans.items():
-        sensor = "gyros" if plans.units[axis].startswith("rad") else "accelerometers"
         for one in plan.parameters:
-            name = f"{symbol(one.name)} of {sensor}"
+            name = f"{symbol(one.name)} of {SENSORS[plans.units[axis]]}"
             hours[name] = max(hours.get(name, 0.0), LONGEST_HOURS if one.hours is None else one.hours)
     what = f"hours for a relative sd of {100 * first.accuracy:g} %"
     return _reached_figure(hours, first.hours, f"planned: {first.hours:g} h", what)

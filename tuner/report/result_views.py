@@ -37,7 +37,7 @@ from tuner.report.html_page import tables_html, write_sections_page
 from tuner.report.identification_answer import identification_answer
 from tuner.report.output_score_tables import output_score_answer
 from tuner.report.overlaid_figure import overlaid_figure
-from tuner.report.page_parts import Picture
+from tuner.report.page_parts import Picture, with_room
 from tuner.report.result_figures import (
     choice_figure,
     curve_figure,
@@ -75,9 +75,6 @@ from tuner.types.consistency import Check, Consistency
 from tuner.types.diagnosis import DriveDiagnosis
 from tuner.types.fleet import Fleet
 from tuner.types.records import DataError, Drive, Record
-
-PAGE_PICTURE_BYTES = 2_800_000
-"""Bytes of all pictures of findings on a page with their charts: with the drawing library it stays below 6 MB."""
 
 
 @dataclass(frozen=True)
@@ -185,14 +182,10 @@ def _part_of(result: object) -> Part:
 
 def pictures_of_findings(records: Sequence[Record], diagnosis: Diagnosis) -> Part:
     """Return the picture that proves each finding, as many as a page has room for."""
-    room, pictures, left_out = PAGE_PICTURE_BYTES, [], []
-    for picture in _drawn(finding_figures(records, diagnosis)):
-        room -= picture.size
-        if room >= 0:
-            pictures.append(picture)
-        else:
-            left_out.append(f"without a picture here, which `tuner tune` draws: {picture.caption}")
-    return Part(document(left_out), pictures)
+    drawn = _drawn(finding_figures(records, diagnosis))
+    shown = with_room(drawn)
+    without = "without a picture here, which `tuner tune` draws"
+    return Part(document(f"{without}: {one.caption}" for one in drawn if one not in shown), shown)
 
 
 def pictures_of_drive(examined: ExaminedDrive) -> Part:
