@@ -16,7 +16,7 @@ from tuner.formats.customary_units import customary_unit, digits, in_customary, 
 from tuner.formats.yaml_text import Noted
 from tuner.synthesis.equivalent_models import equivalent_noise
 from tuner.synthesis.prediction import FITTED
-from tuner.types import BoundUsed, ChannelNoise, Coefficient, FilterConfig, Identification
+from tuner.types import ChannelNoise, Coefficient, FilterConfig, Identification
 from tuner.types.borrowed import BORROWED, borrowed, white_is_measured
 
 WHITE, FLICKER, WALK = "white.density", "bias_instability.level", "random_walk.density"
@@ -30,13 +30,14 @@ NAMES = {
     "ramp.rate": "bias ramp",
 }
 """Names of coefficients, in the order of their rows; others have that of their term."""
-ROUGH, HALF, LENT, UNKNOWN = "rough", "half", "lent", "–"
-"""Behind a number that is fitted to the Allan curve, one that is half of a limit and one of another sensor's sheet; in
-place of an unknown one."""
+ROUGH, HALF, WHOLE, LENT, UNKNOWN = "rough", "half", "limit", "lent", "–"
+"""Behind a number that is fitted to the Allan curve, one that is half of a limit, one that is the limit, and one of
+another sensor's sheet; in place of an unknown one."""
 LEGEND = {
     "±": "± ( ): 95 % interval",
     "<": "<: not seen, 95 % limit",
     HALF: f"{HALF}: has half of it, ASSUMED",
+    WHOLE: f"{WHOLE}: is that limit",
     LENT: f"{LENT}: of the sensor named above, ASSUMED",
     ROUGH: f"{ROUGH}: fitted to the Allan curve, as the terms do not fit",
     UNKNOWN: f"{UNKNOWN}: unknown",
@@ -152,12 +153,14 @@ def _source(channel: ChannelNoise, config: FilterConfig, name: str) -> str:
         return ROUGH
     if name != WHITE and channel.axis in borrowed(config):
         return LENT
-    limited = {
-        one.quantity.field
-        for one in config.inflations
-        if isinstance(one, BoundUsed) and one.factor > 0.0 and one.quantity.owner == channel.axis
-    }
-    return HALF * bool(limited & {WHITE} if name == WHITE else limited - {WHITE, "ramp.rate"})
+    if name == WHITE:
+        return _share(config.on_limit(channel.axis).get("white_density"))
+    return HALF if config.bias_on_limit(channel.axis) else ""
+
+
+def _share(of_limit: float | None) -> str:
+    """Return the mark of a number that is half of a limit, or the limit itself."""
+    return "" if of_limit is None else HALF if of_limit < 1.0 else WHOLE
 
 
 def _table(heads: Iterable[str], rows: Iterable[Iterable[str]]) -> Table:
@@ -181,26 +184,25 @@ def states_tables(config: FilterConfig) -> list[Table]:
             table.add_column(f"bias sd, {level},\nat correlation time, s", min_width=20)
             table.add_column(f"bias random walk,\n{walk}")
             table.add_column(f"turn-on sd,\n{level}")
+        limits, assumed = config.on_limit(channel.axis), config.states_on_limit(channel.axis)
         times: dict[str, list[str]] = {}
         for state in channel.markov:
-            sd = _marked(digits(in_customary(state.sd, "level", channel.unit)), channel.states_rest_on_limit)
+            sd = f"{digits(in_customary(state.sd, 'level', channel.unit))} {HALF * (state in assumed)}".rstrip()
             times.setdefault(sd, []).append(f"{float(f'{state.time_constant:.3g}'):g}")
         numbers = (
-            (channel.white_density, WHITE, channel.white_rests_on_limit),
-            (channel.random_walk_density, WALK, channel.walk_rests_on_limit),
-            (channel.constant_sd, "level", False),
+            (channel.white_density, WHITE, limits.get("white_density")),
+            (channel.random_walk_density, WALK, limits.get("random_walk_density")),
+            (channel.constant_sd, "level", None),
         )
         density, random_walk, constant = (
-            _marked(digits(in_customary(value, name, channel.unit)), on_limit) if value else UNKNOWN
-            for value, name, on_limit in numbers
+            f"{digits(in_customary(value, name, channel.unit))} {_share(share)}".rstrip()
+            if value
+            else UNKNOWN
+            for value, name, share in numbers
         )
         states = "; ".join(f"{sd} at {', '.join(at)}" for sd, at in times.items()) or UNKNOWN
         table.add_row(channel.axis.replace("_", " "), density, states, random_walk, constant)
     return list(tables.values())
-
-
-def _marked(number: str, on_limit: bool) -> str:
-    return f"{number} {HALF}" if on_limit else number
 
 
 def legend(*tables: Table) -> str:

@@ -217,8 +217,9 @@ def test_states_of_a_configuration_stand_with_their_times_and_what_rests_on_a_li
     assert [row[0] for row in rows] == ["gyro x", "gyro y", "gyro z"]
     for (_, white, states, walk, _), channel in zip(rows, result.config.channels.values(), strict=True):
         assert float(white) == pytest.approx(np.rad2deg(channel.white_density) * 60.0, rel=0.005)
-        assert walk.endswith("half") == channel.walk_rests_on_limit
-        assert states.count("half") == len(channel.markov) * channel.states_rest_on_limit or " at " in states
+        limits = result.config.on_limit(channel.axis)
+        assert walk.endswith("half") == ("random_walk_density" in limits)
+        assert states.count("half") == len(channel.markov) * ("markov" in limits) or " at " in states
 
 
 def test_signs_are_explained_where_they_stand(result):
