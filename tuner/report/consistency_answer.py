@@ -10,10 +10,12 @@ from rich.table import Table
 
 from tuner.formats.customary_units import digits, percent
 from tuner.formats.reference_words import reference_line
+from tuner.limits import SHOWN_FINDINGS
 from tuner.report.document import Document, document
 from tuner.report.verdict_text import verdict_text
 from tuner.types.consistency import Consistency, Score
 from tuner.types.honesty import claims, is_off, ratio_text
+from tuner.types.named_cause import separated
 from tuner.types.verdict import Severity
 
 OFF = "*"
@@ -42,18 +44,20 @@ def consistency_answer(
     found : Consistency
         Scores of a filter.
     notes : sequence of str, optional
-        What was repaired, found and assumed.
+        What was repaired, found and assumed; causes that it names stand behind the verdict.
     to_do : sequence of str, optional
         What explains the verdict and what to change, and where files are.
     about : str, optional
         What was scored on what.
     """
     found = found.shown
-    said = [about, f"Verdict: {found.honesty.text}", *reference_line(notes), *explanation_lines(found)]
+    causes, others = separated(notes)
+    named = [*reference_line(notes), *causes[:SHOWN_FINDINGS], *explanation_lines(found)]
+    said = [about, f"Verdict: {found.honesty.text}", *named]
     table = [_score_table(found)] if found.scores or found.errors else []
     return document(
         [*said, *table, *_further(found), *to_do],
-        [f"Note: {note}" for note in notes],
+        [*causes[SHOWN_FINDINGS:], *(f"Note: {note}" for note in others)],
         beyond="every score with its band",
     )
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from rich.table import Table
@@ -22,12 +22,15 @@ class Document:
         What is said behind the remarks, in any case.
     beyond : str
         What ``--verbose`` shows besides; empty where it is nothing.
+    spare : tuple of Table
+        Tables among the parts that a screen without room for all parts leaves out, the least needed first.
     """
 
     parts: tuple[Table | str, ...]
     remarks: tuple[str, ...] = ()
     end: tuple[str, ...] = ()
     beyond: str = "all tables"
+    spare: tuple[Table, ...] = ()
 
     @property
     def whole(self) -> tuple[Table | str, ...]:
@@ -37,6 +40,11 @@ class Document:
     def then(self, command: str) -> Document:
         """Return the answer with the command that follows from it, to paste as it is."""
         return replace(self, end=(*self.end, f"Next: {command}"))
+
+    def without(self, tables: Sequence[Table]) -> Document:
+        """Return the answer without some of its tables."""
+        kept = (part for part in self.parts if not any(part is table for table in tables))
+        return replace(self, parts=tuple(kept))
 
     def last_line(self, left_out: int) -> str:
         """Return what is not on the screen and how it is seen; empty where nothing is left."""
@@ -51,7 +59,10 @@ def document(
     end: Iterable[str] = (),
     *,
     beyond: str = "all tables",
+    spare: Iterable[Table] = (),
 ) -> Document:
     """Return an answer of parts, remarks and an end; empty sentences are left out."""
     said, more, last = ([one for one in content if one != ""] for content in (parts, remarks, end))
-    return Document(tuple(said), tuple(str(one) for one in more), tuple(str(one) for one in last), beyond)
+    return Document(
+        tuple(said), tuple(str(one) for one in more), tuple(str(one) for one in last), beyond, tuple(spare)
+    )

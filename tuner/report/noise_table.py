@@ -117,7 +117,10 @@ def entries_tables(config: FilterConfig, files: Iterable[str]) -> list[Table]:
         rows = [_of_fading(key, noise[key], config) for key in _FADING_KEYS if key in noise]
         heads = ["x", "y", "z"] if any(len(set(row[1:])) > 1 for row in rows) else ["each axis"]
         rows.append(["corrtime, h", f"{noise['corrtime'].value:.4g} chosen", "", ""])
-        tables.append(_table((f"{FADING}, to enter", *heads), [row[: 1 + len(heads)] for row in rows]))
+        if len(heads) > 1:
+            tables.append(_table((f"{FADING}, to enter", *heads), rows))
+        else:
+            tables.append(_table((FADING, *(row[0] for row in rows)), [[*heads, *(row[1] for row in rows)]]))
     return tables
 
 
@@ -215,18 +218,21 @@ def legend(*tables: Table) -> str:
     return "; ".join(text for sign, text in LEGEND.items() if sign in signs)
 
 
-def more_white_noise(config: FilterConfig, files: Iterable[str]) -> str:
-    """Return why the files of other filters have more white noise than was measured; empty where they have not."""
+def more_white_noise(config: FilterConfig, files: Iterable[str]) -> tuple[str, str]:
+    """Return why the files of other filters have more white noise than was measured, and how well that predicts.
+
+    Both are empty where they have not.
+    """
     pairs = [(channel, equivalent_noise(channel)) for channel in config.channels.values()]
     if PAIR not in files or all(
         one.white_density <= MORE_WHITE_NOISE * channel.white_density for channel, one in pairs
     ):
-        return ""
+        return "", ""
     known = "measured" if any(white_is_measured(config, axis) for axis in config.channels) else "stated"
     least, most = min(one.mismatch[0] for _, one in pairs), max(one.mismatch[1] for _, one in pairs)
     return (
-        f"More noise than {known} is entered, as two numbers stand for bias instability, too: they predict "
-        f"{least:.2f} to {most:.2f} × the drift. Enlarge further for vibration only"
+        f"More white noise is entered than {known}: it stands for bias instability, too",
+        f"{PAIR} predicts {least:.2f} to {most:.2f} × the drift; enlarge it for vibration only",
     )
 
 

@@ -19,7 +19,7 @@ from tuner.limits import SHOWN_CHANGE, SHOWN_FINDINGS
 from tuner.report.answer_layout import assumed_text, span_text, used_part
 from tuner.report.comparison_tables import limit_text
 from tuner.report.document import Document, document
-from tuner.report.drive_answer import choice_parts, found_text
+from tuner.report.drive_answer import choice_parts, fixes_parts, found_text
 from tuner.report.groups_in_words import FindingsInWords, findings_in_words
 from tuner.report.identification_answer import warning_lines
 from tuner.report.noise_table import FADING, PAIR, entries_tables, legend, measured_table, more_white_noise
@@ -27,6 +27,7 @@ from tuner.report.static_diagnosis_tables import hidden_effect_lines
 from tuner.report.terminal import LINE_WIDTH
 from tuner.report.unexplained_words import unexplained_lines
 from tuner.synthesis.findings import judge_hidden
+from tuner.types.named_cause import separated
 
 if TYPE_CHECKING:
     from tuner.tune_result import TuneResult
@@ -66,7 +67,7 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
     nothing = ["Nothing was found that the noise terms do not explain"]
     more = len(found) - SHOWN_FINDINGS
     pairs = any(STATES_IN_PAIR in text for name, text in result.exports.items() if files or name != PAIR)
-    larger = more_white_noise(result.config, result.exports) if noise and pairs else ""
+    larger, predicting = more_white_noise(result.config, result.exports) if noise and pairs else ("", "")
     said: list[Table | str] = [
         recording_line(result),
         f"Verdict: {result.verdict.text}",
@@ -74,12 +75,14 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
         *keys,
         *noise,
         legend(*noise),
+        larger,
+        *([] if result.drive is None else fixes_parts(result.drive, result.config)),
         *([] if result.choice is None else choice_parts(result.choice)),
     ]
     remarks = [
         *(found[:SHOWN_FINDINGS] or nothing * (examined and not idle and not doubted)),
         doubted,
-        larger,
+        predicting,
         f"{more} more finding{'s' * (more > 1)} on the page" if more > 0 else "",
         f"Settings chosen on the drive: {result.choice.kept}" if result.choice else "",
         _idle_text(idle) if idle else "",
@@ -88,7 +91,8 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
         *warning_lines(result.identification, short=True, predicted=result.predictions),
         *_absent_lines(result),
     ]
-    return document(said, remarks, [*withheld_lines(result), *_file_lines(result, directory, dialect)])
+    end = [*withheld_lines(result), *_file_lines(result, directory, dialect)]
+    return document(said, remarks, end, spare=[*noise[2:], *noise[:1]])
 
 
 def noise_tables(result: TuneResult, files: Iterable[str]) -> list[Table]:
@@ -111,7 +115,7 @@ def _done_before(result: TuneResult) -> list[str]:
     """Return what was done to a drive before it was filtered, and what was assumed of it."""
     if result.measured is None:
         return []
-    notes = [note for note in result.measured.notes if "the reference" not in note]
+    notes = [note for note in separated(result.measured.notes)[1] if "the reference" not in note]
     return [f"Before the drive was filtered: {'; '.join(notes)}"] if notes else []
 
 
@@ -180,10 +184,9 @@ def _shortened_remarks(line: str) -> str:
 
 
 def reference_lines(result: TuneResult) -> list[str]:
-    """Return what is wrong with the reference of the drive, in one line or none."""
-    if result.measured is not None:
-        return reference_line(result.measured.notes)
-    return [] if result.drive is None else reference_line(result.drive.diagnosis.notes)
+    """Return what is wrong with the reference of the drive, in one line or none, and the causes that its run names."""
+    run = result.measured or (None if result.drive is None else result.drive.diagnosis)
+    return [] if run is None else [*reference_line(run.notes), *separated(run.notes)[0]]
 
 
 def recording_line(result: TuneResult) -> str:
@@ -247,7 +250,10 @@ def _file_lines(result: TuneResult, directory: Path | None, dialect: str | None)
     """Return where the files are, and how settings for another filter are made of them."""
     path = Path("FOLDER") if directory is None else directory
     how = " by write_tune_result(result, FOLDER)" if directory is None else ""
-    above = [name for name in (PAIR, FADING) if name in result.exports] if dialect is None else []
+    shown = (
+        (PAIR, FADING) if dialect is None and result.drive is None else ()
+    )  # of a drive there may be no room
+    above = [name for name in shown if name in result.exports]
     files = ", ".join(
         [*["those above"] * bool(above), *(one for one in result.exports if one not in above), "report.html"]
     )

@@ -121,13 +121,20 @@ def command(
     output.write(diagnosis_json(found))
     page(f"Diagnosis of {with_name(Path(log)).name}", parts)
     if output.tables:
-        show(_shown(found, () if isinstance(data, Drive) else data, log, verbose=verbose))
+        records = () if isinstance(data, Drive) else data
+        show(_shown(found, records, log, config, gnss, verbose=verbose))
     harmful = isinstance(found, DriveDiagnosis) and not found.credited
     return 1 if strict and (found.unexplained or harmful) else 0
 
 
 def _shown(
-    found: Diagnosis | DriveDiagnosis, records: Sequence[Record], log: str, *, verbose: bool
+    found: Diagnosis | DriveDiagnosis,
+    records: Sequence[Record],
+    log: str,
+    config: str | None,
+    gnss: str | None,
+    *,
+    verbose: bool,
 ) -> Document | list[Table | str]:
     """Return what is printed: all tables, or the answer with the command that follows from it."""
     from tuner.types import Diagnosis
@@ -135,8 +142,9 @@ def _shown(
     if not isinstance(found, Diagnosis):
         from tuner.report.drive_diagnosis_tables import drive_diagnosis_answer, drive_tables
 
-        following = shlex.join(["tuner", "tune", "--drive", log])
-        return drive_tables(found) if verbose else drive_diagnosis_answer(found).then(following)
+        if verbose:
+            return drive_tables(found)
+        return drive_diagnosis_answer(found).then(_after_drive(found, log, config, gnss))
     from tuner.report.diagnosis_answer import diagnosis_answer
     from tuner.report.static_diagnosis_tables import diagnosis_tables
 
@@ -145,6 +153,37 @@ def _shown(
     answer = diagnosis_answer(found, records)
     again = any(one.in_motion for one in found.findings)  # it is to be recorded again
     return answer if again else answer.then(shlex.join(["tuner", "tune", log]))
+
+
+def _after_drive(found: DriveDiagnosis, drive: str, config: str | None, gnss: str | None) -> str:
+    """Return what follows from the diagnosis of a drive.
+
+    Settings that nothing contradicts are scored. Those with causes are made anew from themselves and the drive, where
+    the filter can hold the causes; wrong fixes are refused by its gate. A fault of the unit that it cannot hold is
+    mended first, and what has no cause is looked at.
+    """
+    from tuner.judgement import judge_drive
+    from tuner.types.judgement import Use
+
+    receiver = ["--gnss", gnss] if gnss is not None else []
+    judged = ["--config", config] if config is not None else []
+    again = shlex.join(["tuner", "diagnose", drive, *judged, *receiver])
+    mended = [
+        one.consequence
+        for one in found.findings
+        if one.extension.get("joins") == "preprocessing"
+        and one.cause not in found.after.compensation.causes
+        and "gnss" not in one.channels
+    ]
+    if mended:
+        return f"{mended[0]}; then {again}"
+    if found.unexplained:
+        return f"{again} --page diagnosis.html"
+    if config is not None and judge_drive(found).use is Use.NOTHING_CONTRADICTS:
+        return shlex.join(["tuner", "navigate", drive, *judged, *receiver])
+    return shlex.join(
+        ["tuner", "tune", *([config] if config is not None else []), "--drive", drive, *receiver]
+    )
 
 
 def _drive_parts(examined: ExaminedDrive) -> Mapping[str, object]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from models.probability import fisher_beyond
+from tuner.formats.customary_units import with_interval
 from tuner.navigation.data import Steps
 from tuner.navigation.drive.axis_checks import with_axes_found
 from tuner.navigation.drive.clock_mismatch import refuse_distant_clocks
@@ -159,11 +160,11 @@ def chosen_clock(found: ClockOffset) -> Clock:
     lag, lag_half, _ = values.get("lag", (0.0, 0.0, 0.0))
     described = []
     if "delay" in values:
-        described.append(f"fixes are {_interval_text(delay, delay_half)} late")
+        when = "late" if delay > 0.0 else "early"
+        described.append(f"fixes are stamped {_size_text(delay, delay_half)} {when}")
     if "lag" in values:
-        described.append(
-            f"velocities of the receiver are {_interval_text(lag, lag_half)} later than its positions"
-        )
+        when = "later" if lag > 0.0 else "earlier"
+        described.append(f"velocities are {_size_text(lag, lag_half)} {when} than positions")
     return Clock(
         delay,
         lag,
@@ -172,6 +173,10 @@ def chosen_clock(found: ClockOffset) -> Clock:
         delay_sd,
         f"{', '.join(described)}, as the motion shows: taken out of this run",
     )
+
+
+def _size_text(value: float, half: float) -> str:
+    return f"{with_interval(abs(value), abs(value) - half, abs(value) + half)} s"
 
 
 def _interval_text(value: float, half: float) -> str:
