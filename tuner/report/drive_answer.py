@@ -11,7 +11,6 @@ from rich.table import Table
 from models.filter_states import FILTER_STATES
 from tuner.formats.customary_units import amount, digits
 from tuner.formats.parameter_words import parameter_words
-from tuner.types import Coefficient
 from tuner.types.honesty import ratio_text
 
 if TYPE_CHECKING:
@@ -74,6 +73,7 @@ def fixes_parts(examined: ExaminedDrive, config: FilterConfig) -> list[Table | s
     """
     # load the navigation, which the answer on a log does without
     from tuner.navigation.compensation import compensate_settings
+    from tuner.navigation.drive.clock import AGREEING
     from tuner.navigation.drive.run import assumed_sds, reported_sds
     from tuner.navigation.settings import filter_settings
 
@@ -82,15 +82,15 @@ def fixes_parts(examined: ExaminedDrive, config: FilterConfig) -> list[Table | s
     raw = np.hstack([gnss.position_sd, gnss.velocity_sd])
     both = reported_sds(gnss, settings), assumed_sds(raw, gnss.solution, settings)
     table = Table(box=None, padding=(0, 2, 0, 0))
-    source = "reported" if (raw > 0.0).any() else "ASSUMED"
-    for head in ("sd of fixes: horizontal, down", source, "noise.yaml", "and lasting for"):
+    for head in ("sd of fixes: horizontal, down", "reported", "noise.yaml", "and lasting for"):
         table.add_column(head, no_wrap=True)
     lasting = _lasting_texts(config)
     for name, block in (("positions, m", slice(0, 3)), ("velocities, m/s", slice(3, 6))):
         if name in lasting or np.isfinite(gnss.vel_n).any():
-            sds = (_level_text(*np.median(one[:, block], axis=0).tolist()) for one in both)
-            table.add_row(name, *sds, lasting.get(name, ""))
-    return [table, *_delay_lines(examined.clock, config.compensation)]
+            known, used = (_level_text(*np.median(one[:, block], axis=0).tolist()) for one in both)
+            source = "" if (raw[:, block] > 0.0).any() else " ASSUMED"
+            table.add_row(name, f"{known}{source}", used, lasting.get(name, ""))
+    return [table, *_delay_lines(examined.clock or AGREEING, config.compensation)]
 
 
 def _level_text(north: float, east: float, down: float) -> str:
@@ -116,19 +116,12 @@ def _lasting_text(level: float, down: float, time: float) -> str:
     return f"{digits(level, 2)}, {digits(down, 2)}: {digits(time, 2)} s"
 
 
-def _delay_lines(clock: Clock | None, applied: Compensation) -> list[str]:
+def _delay_lines(clock: Clock, applied: Compensation) -> list[str]:
     """Return by how much fixes are stamped late, and their velocities beside that; nothing where none is taken out."""
+    from tuner.navigation.drive.clock import Clock, clock_words
+
     delay, lag = (applied.value(cause, "delay") for cause in ("time_offset", "velocity_lag"))
-    known = {} if clock is None else {clock.delay: clock.delay_interval, clock.lag: clock.lag_interval}
-
-    def size(value: float) -> str:
-        interval = known.get(value)
-        ends = None if interval is None else (min(map(abs, interval)), max(map(abs, interval)))
-        return amount(Coefficient(abs(value), ends, None, "s"))
-
-    parts = [f"fixes are stamped {size(delay)} {'late' if delay > 0.0 else 'early'}"] if delay else []
-    if lag:
-        parts.append(f"velocities {size(lag)} {'later' if lag > 0.0 else 'earlier'} than positions")
-    text = ", ".join(parts)
+    taken = clock if (clock.delay, clock.lag) == (delay, lag) else Clock(delay, lag, (delay,) * 2, (lag,) * 2)
+    text = clock_words(taken)
     how = "noise.yaml takes that out; shift the stamps for another filter"
-    return [f"{text[:1].upper()}{text[1:]}: {how}"] if parts else []
+    return [f"{text[:1].upper()}{text[1:]}: {how}"] if text else []

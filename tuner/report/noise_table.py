@@ -232,7 +232,7 @@ def more_white_noise(config: FilterConfig, files: Iterable[str]) -> tuple[str, s
     least, most = min(one.mismatch[0] for _, one in pairs), max(one.mismatch[1] for _, one in pairs)
     return (
         f"More white noise is entered than {known}: it stands for bias instability, too",
-        f"{PAIR} predicts {least:.2f} to {most:.2f} × the drift; enlarge it for vibration only",
+        f"The two numbers predict {least:.2f} to {most:.2f} × the drift; enlarge for vibration only",
     )
 
 

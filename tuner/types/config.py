@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -132,7 +133,7 @@ class FilterConfig(Shown):
         return not {"markov", "random_walk_density"}.isdisjoint(self.on_limit(axis))
 
     def states_on_limit(self, axis: str) -> tuple[GaussMarkov, ...]:
-        """Return the states of an axis that rest on a limit; a measured Gauss–Markov process has its time constant."""
+        """Return the states of an axis that rest on a limit: all but those nearest to measured time constants."""
         if "markov" not in self.on_limit(axis):
             return ()
         channel = self.channels[axis]
@@ -141,4 +142,9 @@ class FilterConfig(Shown):
             for term in channel.identified
             if term.present and "time_constant" in term.coefficients
         ]
-        return tuple(state for state in channel.markov if state.time_constant not in measured)
+        own = [
+            min(channel.markov, key=lambda state: abs(math.log(state.time_constant / time)), default=None)
+            for time in measured
+            if time
+        ]
+        return tuple(state for state in channel.markov if state not in own)

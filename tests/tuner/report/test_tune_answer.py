@@ -321,8 +321,12 @@ def test_sds_and_delay_of_the_fixes_stand_in_metres_and_seconds():
     assert [str(column.header) for column in table.columns][1:3] == ["reported", "noise.yaml"]
     assert rows[0] == ["positions, m", "2.0, 8.0", "0.20, 4.0", "0.60, 1.2: 30 s"]
     assert rows[1] == ["velocities, m/s", "0.020, 0.080", "0.020, 0.080", "0.070, 0.070: 100 s"]
-    assert delay.startswith("Fixes are stamped 0.100 ± 0.020 s late, velocities 0.050 ± 0.010 s earlier than")
-    assert fixes_parts(examined, replace(config, compensation=Compensation()))[1:] == []
+    assert delay.startswith("Fixes are stamped 0.100 ± 0.020 s late, velocities are 0.050 ± 0.010 s earlier")
+    unknown = SimpleNamespace(gnss=replace(gnss, velocity_sd=np.full((5, 3), np.nan)))
+    (table,) = fixes_parts(
+        SimpleNamespace(drive=unknown, clock=None), replace(config, compensation=Compensation())
+    )
+    assert [str(cell).endswith("ASSUMED") for cell in table.columns[1].cells] == [False, True]
 
 
 @pytest.mark.parametrize(

@@ -133,12 +133,12 @@ def test_half_of_a_limit_is_said_alike_on_the_screen_in_files_and_in_tables() ->
     axis = channel(
         term("white", density=known(1e-4)),
         term("bias_instability", level=bounded(4e-5)),
-        term("gauss_markov", sd=known(5e-5), time_constant=known(24.0)),
+        term("gauss_markov", sd=known(5e-5), time_constant=known(23.8061, width=0.5)),
         term("random_walk", density=known(1e-7)),
     )
     config = synthesize(found(axis, channel(*BASE, axis="accel_x")))
     noise = config.channels["gyro_x"]
-    (measured,) = (state for state in noise.markov if state.time_constant == 24.0)
+    (measured,) = (state for state in noise.markov if state.time_constant == 23.8061)
     assert set(config.states_on_limit("gyro_x")) == set(noise.markov) - {measured}
     (pair,) = entries_tables(config, ("kalibr.yaml",))
     assert str(list(pair.columns[2].cells)[1]).endswith(" half")
@@ -146,9 +146,9 @@ def test_half_of_a_limit_is_said_alike_on_the_screen_in_files_and_in_tables() ->
     assert "rests on a 95 % limit: x" in walk
     states = [one for one in noise_yaml.dumps(config).splitlines() if "- {sd:" in one and "rad/s" in one]
     assert len(states) == len(noise.markov)
-    assert all(("rests on a 95 % limit" in line) != ("24.0" in line) for line in states)
+    assert all(("rests on a 95 % limit" in line) != ("23.8061" in line) for line in states)
     cells = str(next(iter(states_tables(config)[0].columns[2].cells))).split("; ")
-    assert ["half" in one for one in cells] == ["at 24" not in one for one in cells]
+    assert ["half" in one for one in cells] == ["at 23.8" not in one for one in cells]
 
 
 def test_white_density_comes_from_the_curve_where_no_term_tells_it() -> None:
