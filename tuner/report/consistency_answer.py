@@ -13,6 +13,7 @@ from tuner.consistency.error_budget import blind_spots
 from tuner.consistency.error_budget import table as budget_rows
 from tuner.formats.customary_units import digits, percent
 from tuner.formats.reference_words import reference_line
+from tuner.limits import SHOWN_FINDINGS
 from tuner.report.document import Document, document
 from tuner.report.titled_table import table_of, titled_table
 from tuner.report.verdict_text import observability_text, score_title, verdict_text
@@ -25,6 +26,7 @@ from tuner.types.consistency import (
     Score,
 )
 from tuner.types.honesty import claim_name, claims, is_off, ratio_text
+from tuner.types.named_cause import separated
 from tuner.types.verdict import Severity, VerdictCode
 
 OFF = "*"
@@ -53,7 +55,7 @@ def consistency_answer(
     found : Consistency
         Scores of a filter.
     notes : sequence of str, optional
-        What was repaired, found and assumed.
+        What was repaired, found and assumed; causes that it names stand behind the verdict.
     to_do : sequence of str, optional
         What explains the verdict and what to change, and where files are.
     about : str, optional
@@ -62,11 +64,13 @@ def consistency_answer(
         What is known beside the scores.
     """
     found = found.shown
-    said = [about, f"Verdict: {found.honesty.text}", *reference_line(notes), *explanation_lines(found)]
+    causes, others = separated(notes)
+    named = [*reference_line(notes), *causes[:SHOWN_FINDINGS], *explanation_lines(found)]
+    said = [about, f"Verdict: {found.honesty.text}", *named]
     table = [_score_table(found)] if found.scores or found.errors else []
     return document(
         [*said, *table, *_further(found), *to_do],
-        [f"Note: {note}" for note in notes],
+        [*causes[SHOWN_FINDINGS:], *(f"Note: {note}" for note in others)],
         more=[*_bands(found), *more],
         beyond="every score with its band",
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from rich.table import Table
@@ -28,6 +28,8 @@ class Document:
         What ``--verbose``, pages and notebooks add to it.
     beyond : str
         What that is, in a few words.
+    spare : tuple of Table
+        Tables among the parts that a screen without room for all parts leaves out, the least needed first.
     """
 
     parts: tuple[Table | str, ...]
@@ -35,6 +37,7 @@ class Document:
     end: tuple[str, ...] = ()
     more: tuple[Table | str, ...] = ()
     beyond: str = "all tables"
+    spare: tuple[Table, ...] = ()
 
     @property
     def whole(self) -> tuple[Table | str, ...]:
@@ -44,6 +47,11 @@ class Document:
     def then(self, *command: str) -> Document:
         """Return the answer with the command of `tuner` that follows from it, to paste as it is."""
         return replace(self, end=(*self.end, f"{NEXT}{shlex.join(command)}"))
+
+    def without(self, tables: Sequence[Table]) -> Document:
+        """Return the answer without some of its tables."""
+        kept = (part for part in self.parts if not any(part is table for table in tables))
+        return replace(self, parts=tuple(kept))
 
     def last_line(self, left_out: int) -> str:
         """Return what is not on the screen and how it is seen; empty where nothing is left."""
@@ -59,7 +67,10 @@ def document(
     more: Iterable[Table | str] = (),
     *,
     beyond: str = "all tables",
+    spare: Iterable[Table] = (),
 ) -> Document:
     """Return an answer of these contents; empty sentences are left out."""
     said, rest, last = ([one for one in content if one != ""] for content in (parts, remarks, end))
-    return Document(tuple(said), tuple(map(str, rest)), tuple(map(str, last)), tuple(more), beyond)
+    return Document(
+        tuple(said), tuple(map(str, rest)), tuple(map(str, last)), tuple(more), beyond, tuple(spare)
+    )

@@ -25,6 +25,7 @@ from tuner.pipeline import EXPORTED_DIALECTS
 from tuner.report.alike_sentences import alike_sentences
 from tuner.report.axis_figure import axis_figure
 from tuner.report.document import Document
+from tuner.report.drive_answer import fixes_parts
 from tuner.report.identification_answer import warning_lines
 from tuner.report.identification_tables import identification_tables
 from tuner.report.interactive_figure import Chart, charts_of_figure
@@ -80,6 +81,7 @@ def write_page(
     axes = list(dict.fromkeys(axis for by_axis in curves.values() for axis in by_axis))
     noise = blocks(identification_tables(result.identification))
     measured = noise_tables(result, result.exports)
+    fixes = [] if result.drive is None else fixes_parts(result.drive, result.config)
     others = {
         name: export(result.config, name)
         for name, dialect in DIALECTS.items()
@@ -92,11 +94,11 @@ def write_page(
         "verdict": f"Verdict: {result.verdict.text}.",
         "standing": STANDING[result.verdict.use],
         "facts": _facts(result),
-        "measured": blocks(measured),
+        "measured": blocks([*measured, *fixes[:1]]),
         "legend": legend(*measured),
         "states": blocks(states := states_tables(result.config)),
         "marks": legend(*states),
-        "against": [*against_datasheet(result), more_white_noise(result.config, result.exports)],
+        "against": [*fixes[1:], *against_datasheet(result), *more_white_noise(result.config, result.exports)],
         "reasons": setting_reasons(result),
         "files": [{"name": name, "text": text} for name, text in result.exports.items()],
         "dialects": list(others),

@@ -65,9 +65,15 @@ def text_of(content: Document | Iterable[Table | str], width: int = LINE_WIDTH) 
 
 
 def fitted(answer: Document, width: int = LINE_WIDTH) -> list[str]:
-    """Return the lines of an answer; of its remarks as many as `SCREEN_LINES` have room for, of a first one a part."""
-    begin, end = (text_of(part, width).splitlines() for part in (answer.parts, answer.end))
-    room = SCREEN_LINES - len(begin) - len(end) - 1
+    """Return the lines of an answer; of its remarks as many as `SCREEN_LINES` have room for, of a first one a part.
+
+    Where there is no room for all parts, spare tables are left out.
+    """
+    end = text_of(answer.end, width).splitlines()
+    for count in range(len(answer.spare) + 1):
+        begin = text_of(answer.without(answer.spare[:count]).parts, width).splitlines()
+        if (room := SCREEN_LINES - len(begin) - len(end) - 1) >= 0:
+            break
     shown: list[str] = []
     left = list(answer.remarks)
     while left and len(more := _folded(left[0], width)) <= room - len(shown):

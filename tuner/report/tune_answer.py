@@ -17,7 +17,7 @@ from tuner.limits import SHOWN_CHANGE, SHOWN_FINDINGS
 from tuner.report.answer_layout import recording_text
 from tuner.report.diagnosis_answer import diagnosis_answer, note_lines
 from tuner.report.document import Document, document
-from tuner.report.drive_answer import choice_parts, found_text
+from tuner.report.drive_answer import choice_parts, fixes_parts, found_text
 from tuner.report.groups_in_words import FindingsInWords, findings_in_words
 from tuner.report.identification_answer import warning_lines
 from tuner.report.identification_tables import identification_tables
@@ -36,6 +36,7 @@ from tuner.report.terminal import LINE_WIDTH
 from tuner.report.tune_sections import setting_reasons, tune_sections
 from tuner.report.unexplained_words import unexplained_lines
 from tuner.synthesis.findings import judge_hidden
+from tuner.types.named_cause import separated
 
 if TYPE_CHECKING:
     from tuner.tune_result import TuneResult
@@ -75,7 +76,7 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
     nothing = ["Nothing was found that the noise terms do not explain"]
     further = len(found) - SHOWN_FINDINGS
     pairs = any(STATES_IN_PAIR in text for name, text in result.exports.items() if files or name != PAIR)
-    larger = more_white_noise(result.config, result.exports) if noise and pairs else ""
+    larger, predicting = more_white_noise(result.config, result.exports) if noise and pairs else ("", "")
     said: list[Table | str] = [
         recording_line(result),
         f"Verdict: {result.verdict.text}",
@@ -83,12 +84,14 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
         *keys,
         *noise,
         legend(*noise),
+        larger,
+        *([] if result.drive is None else fixes_parts(result.drive, result.config)),
         *([] if result.choice is None else choice_parts(result.choice)),
     ]
     remarks = [
         *(found[:SHOWN_FINDINGS] or nothing * (examined and not idle and not doubted)),
         doubted,
-        larger,
+        predicting,
         f"{further} more finding{'s' * (further > 1)} on the page" if further > 0 else "",
         f"Settings chosen on the drive: {result.choice.kept}" if result.choice else "",
         _idle_text(idle) if idle else "",
@@ -108,7 +111,7 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
         more += [heading, *content]
     end = [*withheld_lines(result), _file_line(result, directory, dialect)]
     more += [note for note in result.config.notes if note not in result.identification.notes]
-    return document(said, remarks, end, more)
+    return document(said, remarks, end, more, spare=[*noise[2:], *noise[:1]])
 
 
 def noise_tables(result: TuneResult, files: Iterable[str]) -> list[Table]:
@@ -131,7 +134,7 @@ def _done_before(result: TuneResult) -> list[str]:
     """Return what was done to a drive before it was filtered, and what was assumed of it."""
     if result.measured is None:
         return []
-    notes = [note for note in result.measured.notes if "the reference" not in note]
+    notes = [note for note in separated(result.measured.notes)[1] if "the reference" not in note]
     return [f"Before the drive was filtered: {'; '.join(notes)}"] if notes else []
 
 
@@ -200,10 +203,9 @@ def _shortened_remarks(line: str) -> str:
 
 
 def reference_lines(result: TuneResult) -> list[str]:
-    """Return what is wrong with the reference of the drive, in one line or none."""
-    if result.measured is not None:
-        return reference_line(result.measured.notes)
-    return [] if result.drive is None else reference_line(result.drive.diagnosis.notes)
+    """Return what is wrong with the reference of the drive, in one line or none, and the causes that its run names."""
+    run = result.measured or (None if result.drive is None else result.drive.diagnosis)
+    return [] if run is None else [*reference_line(run.notes), *separated(run.notes)[0]]
 
 
 def recording_line(result: TuneResult) -> str:
@@ -255,7 +257,10 @@ def _is_felt(one: Unexplained) -> bool:
 def _file_line(result: TuneResult, directory: Path | None, dialect: str | None) -> str:
     """Return where the files are, and from which those of other filters are made."""
     path = "FOLDER by write_tune_result(result, FOLDER)" if directory is None else directory
-    above = [name for name in (PAIR, FADING) if name in result.exports] if dialect is None else []
+    shown = (
+        (PAIR, FADING) if dialect is None and result.drive is None else ()
+    )  # of a drive there may be no room
+    above = [name for name in shown if name in result.exports]
     others = [f"{one} for others" if one == NOISE_YAML else one for one in result.exports if one not in above]
     return f"Files in {path}: {', '.join([*['those above'] * bool(above), *others, 'report.html'])}"
 
