@@ -82,7 +82,7 @@ def fixes_parts(examined: ExaminedDrive, config: FilterConfig) -> list[Table | s
     raw = np.hstack([gnss.position_sd, gnss.velocity_sd])
     both = reported_sds(gnss, settings), assumed_sds(raw, gnss.solution, settings)
     table = Table(box=None, padding=(0, 2, 0, 0))
-    for head in ("sd of fixes: horizontal, down", "reported", "noise.yaml", "and lasting for"):
+    for head in ("fix sd: horizontal, down", "reported", "noise.yaml", "and errors that last"):
         table.add_column(head, no_wrap=True)
     lasting = _lasting_texts(config)
     for name, block in (("positions, m", slice(0, 3)), ("velocities, m/s", slice(3, 6))):
@@ -113,7 +113,7 @@ def _lasting_texts(config: FilterConfig) -> dict[str, str]:
 
 
 def _lasting_text(level: float, down: float, time: float) -> str:
-    return f"{digits(level, 2)}, {digits(down, 2)}: {digits(time, 2)} s"
+    return f"{digits(level, 2)}, {digits(down, 2)} for {digits(time, 2)} s"
 
 
 def _delay_lines(clock: Clock, applied: Compensation) -> list[str]:

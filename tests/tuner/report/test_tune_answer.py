@@ -319,8 +319,8 @@ def test_sds_and_delay_of_the_fixes_stand_in_metres_and_seconds():
     table, delay = fixes_parts(examined, config)
     rows = [list(row) for row in zip(*(column.cells for column in table.columns), strict=True)]
     assert [str(column.header) for column in table.columns][1:3] == ["reported", "noise.yaml"]
-    assert rows[0] == ["positions, m", "2.0, 8.0", "0.20, 4.0", "0.60, 1.2: 30 s"]
-    assert rows[1] == ["velocities, m/s", "0.020, 0.080", "0.020, 0.080", "0.070, 0.070: 100 s"]
+    assert rows[0] == ["positions, m", "2.0, 8.0", "0.20, 4.0", "0.60, 1.2 for 30 s"]
+    assert rows[1] == ["velocities, m/s", "0.020, 0.080", "0.020, 0.080", "0.070, 0.070 for 100 s"]
     assert delay.startswith("Fixes are stamped 0.100 ± 0.020 s late, velocities are 0.050 ± 0.010 s earlier")
     unknown = SimpleNamespace(gnss=replace(gnss, velocity_sd=np.full((5, 3), np.nan)))
     (table,) = fixes_parts(
