@@ -141,9 +141,15 @@ def terms_too_short(found: Identification) -> str:
     for sign in (one for one in short if one not in every):
         for sensor in dict.fromkeys(axis.rpartition("_")[0] for axis in short[sign]):
             lacking = [axis for axis in short[sign] if axis.rpartition("_")[0] == sensor]
-            whole = len(lacking) == sum(axis.rpartition("_")[0] == sensor for axis in found.channels)
-            signs.setdefault(sensor if whole and sensor else axes_text(lacking), []).append(sign)
+            signs.setdefault(sensor_or_axes(lacking, list(found.channels)), []).append(sign)
     return ", ".join([*every, *(f"{axes} {' '.join(own)}" for axes, own in signs.items())])
+
+
+def sensor_or_axes(axes: list[str], every: Sequence[str]) -> str:
+    """Return axes in few words, those of a whole sensor by its name."""
+    sensor = axes[0].partition("_")[0]
+    whole = axes == [axis for axis in every if axis.partition("_")[0] == sensor]
+    return sensor if whole else axes_text(axes)
 
 
 def _too_short(found: Identification) -> list[str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import zip_longest
@@ -14,6 +13,7 @@ from tuner.exporters.dialect import Target
 from tuner.exporters.triad_values import triad
 from tuner.formats.customary_units import customary_unit, digits, in_customary, pretty, with_interval
 from tuner.formats.yaml_text import Noted
+from tuner.report.coefficient_text import coefficients_of
 from tuner.report.titled_table import table_of
 from tuner.synthesis.equivalent_models import equivalent_noise
 from tuner.synthesis.prediction import FITTED
@@ -258,16 +258,10 @@ def _measured(
                     f"{digits(in_customary(value, name, unit))} {ROUGH}" if value else UNKNOWN
                 )
             continue
-        seen: Counter[str] = Counter()
-        for term in found.channels[axis].terms:
-            for field, one in term.coefficients.items():
-                name = f"{term.name}.{field}"
-                if (name, 0) in cells or (further and one.value is not None):
-                    others = axis in lent and one.value is not None and one.interval is None
-                    cells.setdefault((name, seen[name]), {})[letter] = (
-                        UNKNOWN if others else _cell(one, name, unit)
-                    )
-                    seen[name] += 1
+        for (name, which), one in coefficients_of(found.channels[axis]).items():
+            if (name, 0) in cells or (further and one.value is not None):
+                others = axis in lent and one.value is not None and one.interval is None
+                cells.setdefault((name, which), {})[letter] = UNKNOWN if others else _cell(one, name, unit)
     if any(found.channels[axis].span > 0.0 for axis in axes.values()):  # what a sheet does not state is shown
         cells = {key: own for key, own in cells.items() if set(own.values()) - {UNKNOWN}}
     order = list(NAMES)

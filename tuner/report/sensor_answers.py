@@ -22,9 +22,9 @@ from tuner.identification.comparison import LimitCheck
 from tuner.identification.record_length import PlannedParameter
 from tuner.identification.static_test_plan import StaticTestPlan
 from tuner.report.document import Document, document
-from tuner.report.identification_answer import terms_table, warning_lines
+from tuner.report.identification_answer import sensor_or_axes, terms_table, warning_lines
 from tuner.report.identification_tables import identification_tables
-from tuner.report.noise_table import NAMES, legend
+from tuner.report.noise_table import FLICKER, NAMES, WHITE, legend
 from tuner.report.terms_rows import MAIN_TERMS, channel_row, joined_rows
 from tuner.report.titled_table import table_of, titled_table
 from tuner.types import FilterConfig, Identification
@@ -97,13 +97,6 @@ def _differences(found: SensorComparison) -> str:
         parts.append(f"{sign} of {axes_text([axis for axis, _ in at])} {span} ×")
     pair = f"{noise.names[-1]} ÷ {noise.names[0]}"
     return f"{pair} differs at 95 % in {'; '.join(parts)}" if parts else f"{pair}: no term differs at 95 %"
-
-
-def _sensor_or_axes(axes: list[str], every: Sequence[str]) -> str:
-    """Return axes in few words, those of a whole sensor by its name."""
-    sensor = axes[0].partition("_")[0]
-    whole = axes == [axis for axis in every if axis.partition("_")[0] == sensor]
-    return sensor if whole else axes_text(axes)
 
 
 def _drift(found: SensorComparison) -> list[Table | str]:
@@ -202,18 +195,19 @@ def _ranking(found: GradeChoice, shown: Sequence[RankedGrade]) -> Table:
     return table_of((*heads, "accel white\nnoise, µg/√Hz", "B,\nµg"), rows)
 
 
-def noise_of(config: FilterConfig, factor: float) -> tuple[float, float, float, float]:
+def noise_of(config: FilterConfig, factor: float) -> tuple[float, ...]:
     """Return N and B of gyro x and accelerometer x of a grade times a factor, customary units; 0 where not stated."""
-    answer = []
-    for axis in ("gyro_x", "accel_x"):
-        channel = config.channels[axis]
-        known = {t.name: t for t in channel.identified}
-        for quantity in ("white.density", "bias_instability.level"):
-            name, _, parameter = quantity.partition(".")
-            found = known[name].coefficients[parameter].value if name in known else None
-            answer.append(factor * in_customary(found or 0.0, quantity, channel.unit))
-    gyro_n, gyro_b, accel_n, accel_b = answer
-    return gyro_n, gyro_b, accel_n, accel_b
+    found = []
+    for channel in (config.channels["gyro_x"], config.channels["accel_x"]):
+        known = {
+            f"{term.name}.{field}": one.value or 0.0
+            for term in channel.identified
+            for field, one in term.coefficients.items()
+        }
+        found += [
+            factor * in_customary(known.get(name, 0.0), name, channel.unit) for name in (WHITE, FLICKER)
+        ]
+    return tuple(found)
 
 
 def grade_tables(grades: Sequence[SensorGrade]) -> list[Table | str]:
@@ -254,7 +248,7 @@ def plan_answer(plans: StaticTestPlan, limited: str = "") -> Document:
         ends = list(dict.fromkeys((digits(min(values)), digits(max(values)))))
         spread = max(p.relative_sd for _, p in found)
         hours = [p.hours for _, p in found]
-        term = f"{_sensor_or_axes([axis for axis, _ in found], list(plans))} {NAMES.get(name, symbol(name))}"
+        term = f"{sensor_or_axes([axis for axis, _ in found], list(plans))} {NAMES.get(name, symbol(name))}"
         if not all(p.shown for _, p in found):
             hidden.append(term)
         rows.append(

@@ -94,11 +94,13 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
         predicting,
         f"{further} more finding{'s' * (further > 1)} on the page" if further > 0 else "",
         f"Settings chosen on the drive: {result.choice.kept}" if result.choice else "",
-        _idle_text(idle) if idle else "",
+        f"{idle} finding{'s' * (idle > 1)} on the page change{'s' * (idle == 1)} no setting by 5 % or more"
+        if idle
+        else "",
         *_done_before(result),
         *against_datasheet(result),
         *warning_lines(result.identification, predicted=result.predictions),
-        *_absent_lines(result),
+        *(f"No {part}: {why}" for part, why in result.absent.items() if part != OF_DRIVE_ALONE),
     ]
     more: list[Table | str] = [
         *identification_tables(result.identification),
@@ -122,12 +124,6 @@ def noise_tables(result: TuneResult, files: Iterable[str]) -> list[Table]:
         measured_table(result.identification, result.config, curve, further=not entered),
         *entered,
     ]
-
-
-def _idle_text(count: int) -> str:
-    return (
-        f"{count} finding{'s' * (count > 1)} on the page change{'s' * (count == 1)} no setting by 5 % or more"
-    )
 
 
 def _done_before(result: TuneResult) -> list[str]:
@@ -213,7 +209,8 @@ def recording_line(result: TuneResult) -> str:
     rest = " at rest in the drive" if result.drive is not None and not result.records else ""
     said = [f"{result.name}, {recording_text(result.identification, rest)}"]
     if result.key is not None:
-        said += hidden_lines(result) or ["simulated"]
+        judged = [] if result.diagnosis is None else judge_hidden(result.key, result.diagnosis)
+        said += hidden_effect_lines(judged) or ["simulated"]
     elif result.records and not result.identification.source.get("assumptions"):
         said.append("units stated, none assumed")
     return "; ".join(said)
@@ -263,15 +260,3 @@ def _file_line(result: TuneResult, directory: Path | None, dialect: str | None) 
     above = [name for name in shown if name in result.exports]
     others = [f"{one} for others" if one == NOISE_YAML else one for one in result.exports if one not in above]
     return f"Files in {path}: {', '.join([*['those above'] * bool(above), *others, 'report.html'])}"
-
-
-def _absent_lines(result: TuneResult) -> list[str]:
-    """Return what could not be done and why, where neither the verdict nor the lines on the recording say so."""
-    return [f"No {part}: {reason}" for part, reason in result.absent.items() if part != OF_DRIVE_ALONE]
-
-
-def hidden_lines(result: TuneResult) -> list[str]:
-    """Return what was hidden in a simulated log and whether it was found."""
-    if result.key is None or result.diagnosis is None:
-        return []
-    return hidden_effect_lines(judge_hidden(result.key, result.diagnosis))
