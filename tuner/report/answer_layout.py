@@ -40,8 +40,7 @@ def recording_text(found: Identification, rest: str = "") -> str:
         text = f"{span_text(c.span)}{rest} at {digits(1.0 / c.interval)} Hz{part}{how}"
         spans.setdefault(text if c.span > 0.0 else "stated, not measured", []).append(c.axis)
     parts = [text if len(spans) == 1 else f"{text} ({axes_text(axes)})" for text, axes in spans.items()]
-    assumed = assumed_text(found.source.get("assumptions", ()))
-    return "; ".join([*parts, *([assumed] if assumed else [])])
+    return "; ".join(filter(None, (*parts, assumed_text(found.source.get("assumptions", ())))))
 
 
 def used_part(source: Mapping[str, Any], axis: str) -> str:

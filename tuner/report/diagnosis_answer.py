@@ -50,8 +50,7 @@ def _recording(records: Sequence[Record]) -> str:
         return ""
     longest = max(records, key=lambda one: one.span)
     log = f"{Path(longest.source).name}, {span_text(longest.span)} at {digits(1.0 / longest.interval)} Hz"
-    assumed = assumed_text([text for record in records for text in record.assumptions])
-    return "; ".join([log, *([assumed] if assumed else [])])
+    return "; ".join(filter(None, (log, assumed_text([text for r in records for text in r.assumptions]))))
 
 
 def note_lines(found: Diagnosis) -> list[str]:

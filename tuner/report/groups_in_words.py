@@ -110,9 +110,7 @@ def findings_in_words(
 
 
 def _is_fault(group: FindingGroup) -> bool:
-    if group.changes != SAMPLES_AT_FAULT:
-        return False
-    shares = [
-        one.parameters["fraction"].value or 0.0 for one in group.findings if "fraction" in one.parameters
-    ]
-    return not group.drift or max(shares, default=0.0) > LOST_SHARE
+    """Return whether samples are at fault, to an unknown effect or more than `LOST_SHARE` of them."""
+    shares = (f.parameters["fraction"].value or 0.0 for f in group.findings if "fraction" in f.parameters)
+    counts = not group.drift or max(shares, default=0.0) > LOST_SHARE
+    return group.changes == SAMPLES_AT_FAULT and counts

@@ -18,7 +18,7 @@ from tuner.report.answer_layout import recording_text
 from tuner.report.diagnosis_answer import diagnosis_answer, note_lines
 from tuner.report.document import Document, document
 from tuner.report.drive_answer import choice_parts, fixes_parts, found_text
-from tuner.report.groups_in_words import FindingsInWords, findings_in_words
+from tuner.report.groups_in_words import findings_in_words
 from tuner.report.identification_answer import warning_lines
 from tuner.report.identification_tables import identification_tables
 from tuner.report.noise_table import (
@@ -36,6 +36,7 @@ from tuner.report.terminal import LINE_WIDTH
 from tuner.report.tune_sections import setting_reasons, tune_sections
 from tuner.report.unexplained_words import unexplained_lines
 from tuner.synthesis.findings import judge_hidden
+from tuner.types import Diagnosis
 from tuner.types.named_cause import separated
 
 if TYPE_CHECKING:
@@ -230,20 +231,15 @@ def found_lines(result: TuneResult) -> tuple[list[str], int, str]:
 
     A finding whose effect is below `SHOWN_CHANGE` stands on the page alone; one whose effect is not known comes last.
     """
-    found = FindingsInWords()
-    first: list[str] = []
-    idle = 0
-    if result.diagnosis is not None:
-        span = max((record.span for record in result.records), default=None)
-        found = findings_in_words(result.diagnosis.findings, span, figures=False)
-        rest = [one for one in result.diagnosis.unexplained if _is_felt(one)]
-        idle = len(found.idle) + (len(rest) < len(result.diagnosis.unexplained))
-        first += [f"Not explained: {text}" for text in unexplained_lines(rest)[:1]]
-    first += found.felt
-    if result.drive is not None:
-        of_drive = result.drive.diagnosis
-        first += [found_text(one, sizes=False) for one in of_drive.findings]
-    return [*first, *found.faults], idle, found.doubted
+    known = result.diagnosis or Diagnosis(())
+    span = max((record.span for record in result.records), default=None)
+    found = findings_in_words(known.findings, span, figures=False)
+    rest = [one for one in known.unexplained if _is_felt(one)]
+    idle = len(found.idle) + (len(rest) < len(known.unexplained))
+    of_drive = () if result.drive is None else result.drive.diagnosis.findings
+    unexplained = (f"Not explained: {text}" for text in unexplained_lines(rest)[:1])
+    said = [*unexplained, *found.felt, *(found_text(one, sizes=False) for one in of_drive), *found.faults]
+    return said, idle, found.doubted
 
 
 def _is_felt(one: Unexplained) -> bool:
