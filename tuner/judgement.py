@@ -7,7 +7,7 @@ each with the best use that it leaves; the gravest decides (`judged`).
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -42,7 +42,6 @@ from tuner.types.diagnosis import START
 from tuner.types.honesty import claims, is_off, need_text, shows_dishonesty
 from tuner.types.judgement import Judgement, Reason, Use, judged
 from tuner.types.prediction import BlockSource, PredictedBlock
-from tuner.types.quantity import Quantity
 
 if TYPE_CHECKING:
     from tuner.diagnosis.drive.held_out_choice import HeldOutChoice
@@ -342,20 +341,19 @@ def _of_unexplained(unexplained: Sequence[Unexplained]) -> Iterator[Reason]:
 
 def _of_enlargements(config: FilterConfig) -> Iterator[Reason]:
     """Yield the settings that differ from what was measured or stated by more than `WRONG_FACTOR`, with the causes."""
-    changed = [
-        f"{one.quantity}{_value_text(config, one.quantity)} × {digits(one.factor, 2)}{_causes_text(one.causes)}"
-        for one in config.inflations
-        if isinstance(one, Enlargement | AppliedNoiseScale) and _far(one.factor)
-    ]
+    changed: dict[tuple[str, str], list[float]] = {}
+    for one in config.inflations:
+        if isinstance(one, Enlargement | AppliedNoiseScale) and _far(one.factor):
+            name = "sds of fixes" if one.quantity.owner == "gnss" else str(one.quantity)
+            changed.setdefault((name, _causes_text(one.causes)), []).append(one.factor)
     if changed:
-        text = f"settings that are not as measured or stated (reasons in noise.yaml): {', '.join(changed)}"
-        yield Reason(Use.USABLE_EXCEPT, text)
+        texts = (f"{name} × {_range_text(factors)}{why}" for (name, why), factors in changed.items())
+        yield Reason(Use.USABLE_EXCEPT, f"settings not as measured or stated: {', '.join(texts)}")
 
 
-def _value_text(config: FilterConfig, quantity: Quantity) -> str:
-    """Return what a sd of fixes became, north and down alike the first of its axes; "" for other settings."""
-    values = getattr(config.gnss, quantity.field, None) if quantity.owner == "gnss" else None
-    return f" {digits(values[0], 2)}" if isinstance(values, tuple) else ""
+def _range_text(values: Collection[float]) -> str:
+    """Return the least and the largest of values, once where they are alike."""
+    return " to ".join(dict.fromkeys(digits(one, 2) for one in (min(values), max(values))))
 
 
 def _causes_text(causes: Sequence[str]) -> str:
@@ -387,12 +385,10 @@ def _of_limits(config: FilterConfig) -> Iterator[Reason]:
             f"the white noise of {axes_text(hidden)}: only a limit is known, which is written",
         )
     if limited:
-        least, most = digits(min(limited.values()), 2), digits(max(limited.values()), 2)
-        times = least if least == most else f"{least} to {most}"
         yield Reason(
             Use.USABLE_EXCEPT,
             f"the slow bias of {axes_text(list(limited))}, ASSUMED half of a limit (with all of it an axis "
-            f"drifts {times} times as far in {UNAIDED_TIME:g} s as with none)"
+            f"drifts {_range_text(limited.values())} times as far in {UNAIDED_TIME:g} s as with none)"
             + (f": a log of {digits(max(hours), 2)} h would show it" if hours else ""),
         )
 

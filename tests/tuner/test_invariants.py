@@ -21,7 +21,7 @@ from tuner.simulation.static import simulate
 from tuner.synthesis import synthesize
 from tuner.tune_result import TuneResult
 from tuner.types import Coefficient, Diagnosis, Enlargement, Finding, Quantity, Unexplained
-from tuner.types.consistency import Consistency, Outage, Score
+from tuner.types.consistency import Consistency, Outage, RmsError, Score
 from tuner.types.identification import TermEstimate
 from tuner.types.judgement import Judgement, Use
 from tuner.types.records import DataError
@@ -48,7 +48,7 @@ def made_scores(rng, **how):
         for s in (10.0, 30.0, 60.0, 300.0)
     ]
     truth = bool(rng.integers(2))
-    errors = {"position_rms_m": (1.0,)} if truth else {"position_innovation_rms_m": (1.0,)}
+    errors = {"position" if truth else "nis_position": RmsError((1.0,), "m")}
     return Consistency(None, tuple(blocks[: rng.integers(4)]), tuple(nis), None, tuple(outages[: rng.integers(5)]),
                        errors, 0.0, diverged=bool(rng.random() < 0.05))  # fmt: skip
 
@@ -101,12 +101,13 @@ def test_no_made_settings_contradict_their_verdict():
             }
             for one in found.source["sensors"]
         ]
-        scores = replace(made_scores(rng), errors={"position_rms_m": (1.0,)})
+        scores = replace(made_scores(rng), errors={"position": RmsError((1.0,), "m")})
+        check = SimpleNamespace(consistency=scores, notes=())
         larger = Enlargement(Quantity("gyro_x", "white_density"), float(np.exp(rng.normal())), "vibration")
         result = TuneResult(
             "unit", records, replace(found, source={"sensors": sensors}), made_diagnosis(rng), None, None,
             replace(config, inflations=(larger,) if rng.random() < 0.5 else ()),
-            SimpleNamespace(consistency=scores) if rng.random() < 0.7 else None, {}, {}, {"noise.yaml": "a text"},
+            check if rng.random() < 0.7 else None, {}, {}, {"noise.yaml": "a text"},
         ).written  # fmt: skip
         uses.add(result.verdict.use)
         assert violations(claims_of(result)) == ()

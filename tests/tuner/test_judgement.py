@@ -31,7 +31,7 @@ from tuner.types import (
     Quantity,
     Unexplained,
 )
-from tuner.types.consistency import Consistency, MeanError, Outage, Score
+from tuner.types.consistency import Consistency, MeanError, Outage, RmsError, Score
 from tuner.types.diagnosis import START
 from tuner.types.honesty import shows_dishonesty
 from tuner.types.judgement import Use
@@ -44,7 +44,7 @@ def scored(name, ratio, freedom=MANY, dof=3):
 
 
 def scores(*blocks, outages=(), truth=True, **more):
-    errors = {"position_rms_m": (1.0,)} if truth else {"position_innovation_rms_m": (1.0,)}
+    errors = {"position" if truth else "nis_position": RmsError((1.0,), "m")}
     nis = [one for one in blocks if one.name.startswith("nis")]
     rest = [one for one in blocks if one not in nis]
     found = Consistency(None, tuple(rest), tuple(nis), None, tuple(outages), errors, 0.0, diverged=False)

@@ -26,7 +26,7 @@ from tuner.navigation.data import USED, Solution
 from tuner.navigation.drive.run import Stretch, initial_estimates, initial_state
 from tuner.navigation.settings import FilterSettings
 from tuner.navigation.smoother import separation, smooth
-from tuner.types.consistency import Score
+from tuner.types.consistency import ERROR_UNITS, RmsError, Score
 from tuner.types.filter_output import FilterOutput, filter_output
 from tuner.types.records import DataError, Reference
 
@@ -166,29 +166,25 @@ def against_reference(
 
 def errors(
     reference: Reference | None, solutions: Sequence[Solution], scored: Sequence[NDArray[np.intp]]
-) -> dict[str, tuple[float, ...]]:
+) -> dict[str, RmsError]:
     """Return rms differences to the reference in the quantities it has; without a reference, rms innovations."""
     if reference is None:
         pairs = zip(solutions, scored, strict=True)
         chosen = [(s.innovation[rows], s.use[rows]) for s, rows in pairs]
-        names = ("position_innovation_rms_m", "velocity_innovation_rms_m_s")
         used = [
             np.concatenate([z[use[:, j] == USED, 3 * j : 3 * j + 3] for z, use in chosen]) for j in (0, 1)
         ]
         return {
-            name: tuple(np.sqrt(np.mean(z**2, axis=0)).tolist())
-            for name, z in zip(names, used, strict=True)
+            f"nis_{name}": RmsError.of(z, unit)
+            for (name, unit), z in zip(ERROR_UNITS.items(), used, strict=False)
             if len(z)
         }
     error = np.concatenate(
         [differences(reference, s, rows) for s, rows in zip(solutions, scored, strict=True)]
     )
-    parts = zip(
-        ("position_rms_m", "velocity_rms_m_s", "attitude_rms_rad"), np.split(error, 3, axis=1), strict=True
-    )
     return {
-        name: tuple(np.sqrt(np.nanmean(part**2, axis=0)).tolist())
-        for name, part in parts
+        name: RmsError.of(part, unit)
+        for (name, unit), part in zip(ERROR_UNITS.items(), np.split(error, 3, axis=1), strict=True)
         if np.isfinite(part).any(axis=0).all()
     }
 

@@ -25,7 +25,7 @@ from tuner.consistency.scores import (
     whiteness,
 )
 from tuner.navigation.data import ABSENT, USED
-from tuner.types.consistency import Outage, Score, Whiteness
+from tuner.types.consistency import ERROR_UNITS, Outage, RmsError, Score, Whiteness
 from tuner.types.filter_output import BLOCKS, FilterOutput
 from tuner.types.records import DataError
 
@@ -258,16 +258,15 @@ def _outage(runs: Sequence[OutputErrors], horizon: float) -> Outage | None:
     return outage_score(horizon, errors, covariances) if errors else None
 
 
-def rms_errors(runs: Sequence[OutputErrors]) -> dict[str, tuple[float, ...]]:
+def rms_errors(runs: Sequence[OutputErrors]) -> dict[str, RmsError]:
     """Return the rms errors while aided of position, velocity and attitude, where they are known."""
-    names = ("position_rms_m", "velocity_rms_m_s", "attitude_rms_rad")
     whole = np.concatenate([run.error[aided_rows(run.t, run.estimate.outages)] for run in runs])
     found = {}
-    for i, name in enumerate(names):
+    for i, (name, unit) in enumerate(ERROR_UNITS.items()):
         part = whole[:, 3 * i : 3 * i + 3]
         part = part[np.isfinite(part).all(axis=1)]
         if len(part):
-            found[name] = tuple(np.sqrt(np.mean(part**2, axis=0)).tolist())
+            found[name] = RmsError.of(part, unit)
     return found
 
 

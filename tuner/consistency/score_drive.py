@@ -35,6 +35,7 @@ from tuner.consistency.scores import (
     whiteness,
 )
 from tuner.consistency.verdicts import verdicts
+from tuner.formats.customary_units import percent
 from tuner.navigation.compensation import compensate, compensate_settings
 from tuner.navigation.data import GATED, WITHHELD, Solution
 from tuner.navigation.drive.axis_checks import inertial_axes
@@ -58,6 +59,7 @@ from tuner.stages import counted, stage, task
 from tuner.synthesis.from_drive import config_for_drive, receiver_of
 from tuner.types import FilterConfig, GnssNoise
 from tuner.types.consistency import Consistency, Outage, Whiteness
+from tuner.types.named_cause import NamedCause
 from tuner.types.number_ranges import Positive
 from tuner.types.public import public
 from tuner.types.records import Drive, Reference
@@ -173,7 +175,12 @@ def navigate_drive(
     drive = compensate(drive, config.compensation)
     fixes, positions, velocities = without_gross_outliers(drive.gnss)
     count = len(drive.gnss.t)
-    left_out = f"{positions} fixes and {velocities} velocities left out: they contradict their neighbours"
+    left_out = NamedCause.of(
+        f"{positions} fixes and {velocities} velocities contradict their neighbours",
+        "likely",
+        f"{percent(max(positions, velocities) / count)} of the fixes",
+        "they are left out",
+    )
     if positions or velocities:
         drive = replace(drive, gnss=fixes, notes=(*drive.notes, left_out))
     if vehicle.sideways is not None:
@@ -241,7 +248,8 @@ def navigate_drive(
     found = replace(found, diverged=_diverged(found, solutions))
     wrong = (suspected_unit(drive, drive.gnss) or inertial_axes(drive)) if found.diverged else contradicted
     if wrong:
-        notes = (*notes, wrong)
+        certainty = "likely: the filter diverged" if found.diverged else "likely"
+        notes = (NamedCause(f"{wrong} ({certainty})"), *notes)
     if reference is None and found.blocks:
         notes = (*notes, "no reference: position, velocity and attitude are compared with the smoother")
     if config.gnss == as_reported and not as_reported.correlated:
@@ -269,7 +277,13 @@ def _noisier_than_configured(stretch: Stretch, config: FilterConfig) -> tuple[st
     noisier = [f"{axis} {ratio:.1f}" for axis, ratio in pairs if ratio > MIN_NOISE_RATIO]
     if not noisier:
         return ()
-    return (f"at rest, the sensors are noisier over 1 s than configured: {', '.join(noisier)} times",)
+    cause = NamedCause.of(
+        f"at rest, the sensors are noisier over 1 s than configured: {', '.join(noisier)} times",
+        "certain",
+        "without fixes it errs more than it predicts",
+        "make the settings from a log of this unit, or from this drive",
+    )
+    return (cause,)
 
 
 def _whiteness(solutions: Sequence[Solution], scored: Sequence[NDArray[np.intp]]) -> Whiteness | None:

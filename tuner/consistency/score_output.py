@@ -32,7 +32,7 @@ from tuner.consistency.unscored_start import unscored_start
 from tuner.consistency.verdicts import verdicts
 from tuner.consistency.wrong_conventions import unit_of_sds
 from tuner.stages import stage, task
-from tuner.types.consistency import Consistency, Score
+from tuner.types.consistency import Consistency, RmsError, Score
 from tuner.types.filter_output import FilterOutput
 from tuner.types.output_score import OutputCause, TimeOffset
 from tuner.types.public import public
@@ -275,7 +275,7 @@ def score_arrays(
         (),
         None,
         (),
-        {f"{name}_rms": (float(v),) for name, v in zip(states, rms, strict=True)},
+        {name: RmsError((float(v),)) for name, v in zip(states, rms, strict=True)},
         0.0,
         nees is not None and nees.ratio > DIVERGED_RATIO,
     )

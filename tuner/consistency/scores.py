@@ -43,7 +43,8 @@ from models.probability import chi2_quantile, student_quantile
 from tuner.consistency.outage_ratio import components, means_and_weights, ratio_interval, scatter_freedom
 from tuner.navigation.data import USED
 from tuner.simulation.monte_carlo import Runs
-from tuner.types.consistency import Consistency, Outage, Score, Whiteness
+from tuner.types.consistency import ERROR_UNITS, Consistency, Outage, RmsError, Score, Whiteness
+from tuner.types.honesty import OUTAGE
 from tuner.types.verdict import Severity, Verdict, VerdictCode
 
 Floats = NDArray[np.floating[Any]]
@@ -176,7 +177,7 @@ def evaluate(
         for h in OUTAGE_LENGTHS
         if len(outages) and h <= np.diff(outages).max()
     )
-    rms = np.sqrt(np.mean(error**2, axis=(0, 1)))
+    parts = np.split(error.reshape(-1, error.shape[-1])[:, :9], 3, axis=1)
     gated = float(np.mean(runs.use == 2))
     each = squares(error, covariance)
     seen = list(runs.innovation), list(runs.innovation_covariance), list(runs.use)
@@ -188,9 +189,8 @@ def evaluate(
         whiteness(runs.t, *seen, tests=tests),
         found,
         {
-            "position_rms_m": tuple(rms[:3].tolist()),
-            "velocity_rms_m_s": tuple(rms[3:6].tolist()),
-            "attitude_rms_rad": tuple(rms[6:9].tolist()),
+            name: RmsError.of(part, unit)
+            for (name, unit), part in zip(ERROR_UNITS.items(), parts, strict=True)
         },
         gated,
         gated > DIVERGED_REFUSED_SHARE
@@ -329,7 +329,7 @@ def outage_score(
         seconds,
         math.sqrt(float(square.mean())),
         math.sqrt(float(np.concatenate(predicted).mean())),
-        score(f"outage {seconds:g} s", groups, 1, components=freedom, tests=tests),
+        score(f"{OUTAGE}{seconds:g} s", groups, 1, components=freedom, tests=tests),
         square.size,
         ratio_interval(groups, freedom),
     )

@@ -55,10 +55,10 @@ def write(config: FilterConfig, target: Target) -> str:
     figures: dict[str, Figure] = {}
     if gyro := triad(config, "gyro"):
         figures["EK3_GYRO_P_NSE"] = white(gyro, "rad/s; N/√dt", factor=factor, memory=target.memory)
-        figures["EK3_GBIAS_P_NSE"] = walk(gyro, "rad/s²; K/√dt", target, factor=factor)
+        figures["EK3_GBIAS_P_NSE"] = walk(config, gyro, "rad/s²; K/√dt", target, factor=factor)
     if accel := triad(config, "accel"):
         figures["EK3_ACC_P_NSE"] = white(accel, "m/s²; N/√dt", factor=factor, memory=target.memory)
-        figures["EK3_ABIAS_P_NSE"] = walk(accel, "m/s³; K/√dt", target, factor=factor)
+        figures["EK3_ABIAS_P_NSE"] = walk(config, accel, "m/s³; K/√dt", target, factor=factor)
     lines = [
         *provenance(config, "ArduPilot EKF3 parameters", walk_memory=target.memory),
         f"dt = {step:g} s, the step of the filter {reason}",

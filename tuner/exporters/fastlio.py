@@ -34,7 +34,7 @@ def entries(config: FilterConfig, target: Target) -> dict[str, Any]:
     )
     for key, sensor, note, quantity in quantities:
         if channels := triad(config, sensor):
-            words = limited(channels, note) if quantity is walk else note
+            words = limited(config, channels, note) if quantity is walk else note
             found[key] = mean(channels, quantity, words).noted()
     return found
 

@@ -31,8 +31,8 @@ def write(config: FilterConfig, target: Target) -> str:
         "init_ba_unc": rms(accel, initial_bias_sd, "m/s^2; constant and states together"),
         "psd_gyro": mean(gyro, white, "rad^2/s; N^2"),
         "psd_acce": mean(accel, white, "m^2/s^3; N^2"),
-        "psd_bg": mean(gyro, walk, limited(gyro, "rad^2/s^3; K^2")),
-        "psd_ba": mean(accel, walk, limited(accel, "m^2/s^5; K^2")),
+        "psd_bg": mean(gyro, walk, limited(config, gyro, "rad^2/s^3; K^2")),
+        "psd_ba": mean(accel, walk, limited(config, accel, "m^2/s^5; K^2")),
     }
     lines = [f"sample_rate   =     {target.rate:<24.10g} % imu sample rate (Hz)\n"]
     lines += [f"{key:<14}=     {figure.value:<24.9g} % {figure.note}\n" for key, figure in figures.items()]

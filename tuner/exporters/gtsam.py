@@ -43,7 +43,9 @@ def write(config: FilterConfig, target: Target) -> str:
         prior, _ = triple(channels, lambda c: c.constant_sd, "")
         priors += prior
         lines.append(f"p.set{noise}Covariance(np.diag({vector(white)}))  # N²\n")
-        lines.append(f"p.set{bias}Covariance(np.diag({vector(drive)}))  # {limited(channels, 'K²')}\n")
+        lines.append(
+            f"p.set{bias}Covariance(np.diag({vector(drive)}))  # {limited(config, channels, 'K²')}\n"
+        )
     lines += [
         f"p.setIntegrationCovariance({_INTEGRATION_COVARIANCE!r} * np.eye(3))  # the default is 1 m after 1 s\n",
         'if hasattr(p, "setBiasAccOmegaInit"):  # up to 4.2 noise of every step, by default 1\n',

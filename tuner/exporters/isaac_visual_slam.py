@@ -25,9 +25,9 @@ def write(config: FilterConfig, target: Target) -> str:
     gyro, accel = triad(config, "gyro"), triad(config, "accel")
     entries: dict[str, Any] = {
         "gyro_noise_density": white(gyro, "rad/s/√Hz, N", memory=target.memory).noted(),
-        "gyro_random_walk": walk(gyro, "rad/s²/√Hz, K", target).noted(),
+        "gyro_random_walk": walk(config, gyro, "rad/s²/√Hz, K", target).noted(),
         "accel_noise_density": white(accel, "m/s²/√Hz, N", memory=target.memory).noted(),
-        "accel_random_walk": walk(accel, "m/s³/√Hz, K", target).noted(),
+        "accel_random_walk": walk(config, accel, "m/s³/√Hz, K", target).noted(),
         "calibration_frequency": Noted(target.rate, "Hz; has to be that of the IMU: K²/f is added a sample"),
     }
     header = (

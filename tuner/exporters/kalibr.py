@@ -20,10 +20,10 @@ def noise_entries(config: FilterConfig, target: Target) -> dict[str, Any]:
     entries: dict[str, Any] = {}
     if accel := triad(config, "accel"):
         entries["accelerometer_noise_density"] = white(accel, "m/s²/√Hz, N", memory=target.memory).noted()
-        entries["accelerometer_random_walk"] = walk(accel, "m/s³/√Hz, K", target).noted()
+        entries["accelerometer_random_walk"] = walk(config, accel, "m/s³/√Hz, K", target).noted()
     if gyro := triad(config, "gyro"):
         entries["gyroscope_noise_density"] = white(gyro, "rad/s/√Hz, N", memory=target.memory).noted()
-        entries["gyroscope_random_walk"] = walk(gyro, "rad/s²/√Hz, K", target).noted()
+        entries["gyroscope_random_walk"] = walk(config, gyro, "rad/s²/√Hz, K", target).noted()
     return entries
 
 

@@ -57,7 +57,7 @@ def entries(config: FilterConfig, target: Target) -> dict[str, Any]:
     if gyro:
         noise["arw"] = _axes(gyro, lambda c: from_si(density(c), "deg/sqrt(h)"), "deg/√h; N·(180/π)·60")
         noise["gbstd"] = _axes(
-            gyro, lambda c: from_si(sd(c), "deg/h"), limited(gyro, "deg/h; σ·(180/π)·3600")
+            gyro, lambda c: from_si(sd(c), "deg/h"), limited(config, gyro, "deg/h; σ·(180/π)·3600")
         )
         noise["gsstd"] = _scale(config, "gyro_scale")
         start["initbgstd"] = _axes(
@@ -65,7 +65,9 @@ def entries(config: FilterConfig, target: Target) -> dict[str, Any]:
         )
     if accel:
         noise["vrw"] = _axes(accel, lambda c: from_si(density(c), "m/s/sqrt(h)"), "m/s/√h; N·60")
-        noise["abstd"] = _axes(accel, lambda c: from_si(sd(c), "mGal"), limited(accel, "mGal; σ/1e-5"))
+        noise["abstd"] = _axes(
+            accel, lambda c: from_si(sd(c), "mGal"), limited(config, accel, "mGal; σ/1e-5")
+        )
         noise["asstd"] = _scale(config, "accel_scale")
         start["initbastd"] = _axes(
             accel, lambda c: from_si(initial_bias_sd(c), "mGal"), "mGal; constant and states together"

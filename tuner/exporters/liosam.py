@@ -20,10 +20,10 @@ def entries(config: FilterConfig, target: Target) -> dict[str, Any]:
     found: dict[str, Any] = {}
     if accel := triad(config, "accel"):
         found["imuAccNoise"] = white(accel, "m/s²/√Hz; N", memory=target.memory).noted()
-        found["imuAccBiasN"] = walk(accel, "m/s³/√Hz; K", target).noted()
+        found["imuAccBiasN"] = walk(config, accel, "m/s³/√Hz; K", target).noted()
     if gyro := triad(config, "gyro"):
         found["imuGyrNoise"] = white(gyro, "rad/s/√Hz; N", memory=target.memory).noted()
-        found["imuGyrBiasN"] = walk(gyro, "rad/s²/√Hz; K", target).noted()
+        found["imuGyrBiasN"] = walk(config, gyro, "rad/s²/√Hz; K", target).noted()
     found["imuGravity"] = Noted(STANDARD_GRAVITY, "m/s²")
     return found
 

@@ -23,7 +23,7 @@ def write(config: FilterConfig, target: Target) -> str:
     for sensor, unit, rate in (("accel", "m/s²", "m/s³"), ("gyro", "rad/s", "rad/s²")):
         channels = triad(config, sensor)
         entries[f"{sensor}_noise"] = white(channels, f"{unit}/√Hz; N", memory=target.memory).noted()
-        entries[f"{sensor}_bias"] = walk(channels, f"{rate}/√Hz; K", target).noted()
+        entries[f"{sensor}_bias"] = walk(config, channels, f"{rate}/√Hz; K", target).noted()
     entries["topic"] = Noted("/imu0", "set to the topic of the IMU")
     header = provenance(config, "MINS: config_imu.yaml", walk_memory=target.memory)
     return "%YAML:1.0\n" + yaml_text({"imu": entries}, header=header)

@@ -25,7 +25,7 @@ def write(config: FilterConfig, target: Target) -> str:
     for sensor, letter, unit, rate in (("gyro", "g", "rad/s", "rad/s²"), ("accel", "a", "m/s²", "m/s³")):
         channels = triad(config, sensor)
         entries[f"sigma_{letter}_c"] = white(channels, f"{unit}/√Hz; N", memory=target.memory).noted()
-        entries[f"sigma_{letter}w_c"] = walk(channels, f"{rate}/√Hz; K", target).noted()
+        entries[f"sigma_{letter}w_c"] = walk(config, channels, f"{rate}/√Hz; K", target).noted()
         entries[f"sigma_b{letter}"] = rms(
             channels, initial_bias_sd, f"{unit}; constant and states together"
         ).noted()

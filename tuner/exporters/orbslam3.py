@@ -20,10 +20,10 @@ def _write(config: FilterConfig, target: Target, first: dict[str, Any], frequenc
     entries = dict(first)
     if gyro := triad(config, "gyro"):
         entries["IMU.NoiseGyro"] = white(gyro, "rad/s/√Hz; N", memory=target.memory).noted()
-        entries["IMU.GyroWalk"] = walk(gyro, "rad/s²/√Hz; K", target).noted()
+        entries["IMU.GyroWalk"] = walk(config, gyro, "rad/s²/√Hz; K", target).noted()
     if accel := triad(config, "accel"):
         entries["IMU.NoiseAcc"] = white(accel, "m/s²/√Hz; N", memory=target.memory).noted()
-        entries["IMU.AccWalk"] = walk(accel, "m/s³/√Hz; K", target).noted()
+        entries["IMU.AccWalk"] = walk(config, accel, "m/s³/√Hz; K", target).noted()
     entries["IMU.Frequency"] = Noted(frequency, "Hz")
     header = provenance(config, "ORB-SLAM3: IMU entries of the settings file", walk_memory=target.memory)
     return "%YAML:1.0\n" + yaml_text(entries, header=header)

@@ -40,9 +40,9 @@ def write(config: FilterConfig, target: Target) -> str:
         ("db", accel, lambda c: initial_bias_sd(c) / _MICRO_G, "ug; constant and states together"),
         ("web", gyro, lambda c: from_si(density(c), "deg/sqrt(h)"), "deg/√h; N"),
         ("wdb", accel, lambda c: density(c) / _MICRO_G, "ug/√Hz; N"),
-        ("sqrtR0G", gyro, lambda c: from_si(sd(c), "deg/h"), limited(gyro, "deg/h; K·√(T/2)")),
+        ("sqrtR0G", gyro, lambda c: from_si(sd(c), "deg/h"), limited(config, gyro, "deg/h; K·√(T/2)")),
         ("TauG", gyro, lambda _: time, "s; T"),
-        ("sqrtR0A", accel, lambda c: sd(c) / _MICRO_G, limited(accel, "ug; K·√(T/2)")),
+        ("sqrtR0A", accel, lambda c: sd(c) / _MICRO_G, limited(config, accel, "ug; K·√(T/2)")),
         ("TauA", accel, lambda _: time, "s; T"),
     )
     lines = []

@@ -48,11 +48,11 @@ def write(config: FilterConfig, target: Target) -> str:
     figures: dict[str, Figure] = {}
     if gyro := triad(config, "gyro"):
         figures["EKF2_GYR_NOISE"] = white(gyro, "rad/s; N/√dt", factor=factor, memory=target.memory)
-        figures["EKF2_GYR_B_NOISE"] = walk(gyro, "rad/s²; K/√dt", target, factor=factor)
+        figures["EKF2_GYR_B_NOISE"] = walk(config, gyro, "rad/s²; K/√dt", target, factor=factor)
         figures["EKF2_GBIAS_INIT"] = rms(gyro, lambda c: c.constant_sd, "rad/s; turn-on sd")
     if accel := triad(config, "accel"):
         figures["EKF2_ACC_NOISE"] = white(accel, "m/s²; N/√dt", factor=factor, memory=target.memory)
-        figures["EKF2_ACC_B_NOISE"] = walk(accel, "m/s³; K/√dt", target, factor=factor)
+        figures["EKF2_ACC_B_NOISE"] = walk(config, accel, "m/s³; K/√dt", target, factor=factor)
         figures["EKF2_ABIAS_INIT"] = rms(accel, lambda c: c.constant_sd, "m/s²; turn-on sd")
     lines = [
         *provenance(config, "PX4 EKF2 parameters", walk_memory=target.memory),

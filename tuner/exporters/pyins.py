@@ -37,7 +37,7 @@ def write(config: FilterConfig, target: Target) -> str:
             continue
         constant, constant_note = triple(channels, start, f"{unit}; constant and states together")
         white, white_note = triple(channels, density, f"{unit}/√Hz; N")
-        drive, drive_note = triple(channels, walk, limited(channels, f"{unit}/√s; K"))
+        drive, drive_note = triple(channels, walk, limited(config, channels, f"{unit}/√s; K"))
         text += (
             f"\n{sensor}_model = EstimationModel(\n"
             f"    bias_sd={vector(constant)},  # {constant_note}\n"

@@ -107,16 +107,23 @@ def white(
     return rms(channels, lambda channel: factor * equivalent_white_density(channel, memory=memory), note)
 
 
-def walk(channels: tuple[ChannelNoise, ...], note: str, target: Target, *, factor: float = 1.0) -> Figure:
+def walk(
+    config: FilterConfig,
+    channels: tuple[ChannelNoise, ...],
+    note: str,
+    target: Target,
+    *,
+    factor: float = 1.0,
+) -> Figure:
     """Return the density of the equivalent random walk times a factor, rms of the axes."""
     return rms(
         channels,
         lambda channel: factor * equivalent_random_walk(channel, memory=target.memory),
-        limited(channels, note),
+        limited(config, channels, note),
     )
 
 
-def limited(channels: tuple[ChannelNoise, ...], note: str) -> str:
+def limited(config: FilterConfig, channels: tuple[ChannelNoise, ...], note: str) -> str:
     """Return a note on a number for the bias, with the axes where it rests on a 95 % limit."""
-    axes = [c.axis.rpartition("_")[2] for c in channels if c.walk_rests_on_limit or c.states_rest_on_limit]
+    axes = [c.axis.rpartition("_")[2] for c in channels if config.bias_on_limit(c.axis)]
     return f"{note}; rests on a 95 % limit: {', '.join(axes)}" if axes else note

@@ -30,10 +30,10 @@ def text(config: FilterConfig, target: Target, title: str) -> str:
     entries: dict[str, Any] = {}
     if accel := triad(config, "accel"):
         entries["acc_n"] = white(accel, "m/s²; N·√(2/dt)", factor=density, memory=target.memory).noted()
-        entries["acc_w"] = walk(accel, "m/s³; K/√dt", target, factor=drive).noted()
+        entries["acc_w"] = walk(config, accel, "m/s³; K/√dt", target, factor=drive).noted()
     if gyro := triad(config, "gyro"):
         entries["gyr_n"] = white(gyro, "rad/s; N·√(2/dt)", factor=density, memory=target.memory).noted()
-        entries["gyr_w"] = walk(gyro, "rad/s²; K/√dt", target, factor=drive).noted()
+        entries["gyr_w"] = walk(config, gyro, "rad/s²; K/√dt", target, factor=drive).noted()
     entries["g_norm"] = Noted(STANDARD_GRAVITY, "m/s²")
     header = (
         *provenance(config, title, walk_memory=target.memory),

@@ -50,9 +50,9 @@ def keep_stock(
     lent = {borrowed(config).get(channel.axis) for channel in channels} - {None}
     if lent and (setting != "white" or not all(white_is_measured(config, c.axis) for c in channels)):
         return f"assumed from {', '.join(sorted(map(str, lent)))}, not measured on this unit"
-    if setting == "white" and any(channel.white_rests_on_limit for channel in channels):
+    if setting == "white" and any("white_density" in config.on_limit(channel.axis) for channel in channels):
         return "the log shows a limit alone"
-    if setting == "walk" and any(c.walk_rests_on_limit or c.states_rest_on_limit for c in channels):
+    if setting == "walk" and any(config.bias_on_limit(channel.axis) for channel in channels):
         return "the log shows a limit alone"
     if value >= stock:
         return None

@@ -14,7 +14,7 @@ from typing import Any, Literal, Self, TypeAlias
 
 from tuner.formats.codec import dump, load, store, stored_form, structured
 from tuner.formats.document_errors import refuse, shown
-from tuner.types.consistency import Consistency, MeanError, Outage, Score, Whiteness
+from tuner.types.consistency import Consistency, MeanError, Outage, RmsError, Score, Whiteness
 from tuner.types.verdict import Explanation, Severity, Verdict, VerdictCode
 
 
@@ -193,7 +193,7 @@ class _ConsistencyForm:
             nis_parts=nis,
             whiteness=found.whiteness,
             outage=found.outages,
-            errors=found.errors,
+            errors={_error_key(name, one): one.values for name, one in found.errors.items()},
             gated=found.gated,
             mean_errors=found.mean_errors,
         )
@@ -207,12 +207,27 @@ class _ConsistencyForm:
             nis=(*whole, *self.nis_parts.values()),
             whiteness=self.whiteness,
             outages=self.outage,
-            errors=self.errors,
+            errors=dict(_error(key, values) for key, values in self.errors.items()),
             gated=self.gated,
             diverged=self.diverged,
             verdicts=self.verdict_codes,
             mean_errors=self.mean_errors,
         )
+
+
+def _error_key(name: str, one: RmsError) -> str:
+    """Return the stored name of errors: ``position_rms_m``, ``position_innovation_rms_m``, of a state ``name_rms``."""
+    if not one.unit:
+        return f"{name}_rms"
+    what = f"{name.removeprefix('nis_')}_innovation" if name.startswith("nis_") else name
+    return f"{what}_rms_{one.unit.replace('/', '_')}"
+
+
+def _error(key: str, values: tuple[float, ...]) -> tuple[str, RmsError]:
+    """Return the errors of a stored name by the name of their score."""
+    what, _, unit = f"{key}_".rpartition("_rms_")
+    name = f"nis_{what.removesuffix('_innovation')}" if unit and what.endswith("_innovation") else what
+    return name, RmsError(values, unit.removesuffix("_").replace("_", "/"))
 
 
 def _load_numbers(content: object) -> _Numbers:

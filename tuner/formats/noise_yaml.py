@@ -64,7 +64,7 @@ def dumps(config: FilterConfig) -> str:
     sensors: dict[str, dict[str, Any]] = {}
     for axis, channel in config.channels.items():
         sensors.setdefault(axis.rpartition("_")[0] or axis, {})[axis] = _channel(
-            channel, span, lent.get(axis, ""), measured=white_is_measured(config, axis)
+            config, channel, span, lent.get(axis, ""), measured=white_is_measured(config, axis)
         )
     tree = {
         "format": FORMAT,
@@ -124,12 +124,15 @@ def _rounded(content: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _channel(channel: ChannelNoise, span: float, lent: str = "", *, measured: bool = True) -> dict[str, Any]:
+def _channel(
+    config: FilterConfig, channel: ChannelNoise, span: float, lent: str = "", *, measured: bool = True
+) -> dict[str, Any]:
     """Return the entries of an axis; `span`, s, is that of the log, 0 where none is known.
 
     `lent` is the built-in sensor whose terms stand in, of white noise too unless that is measured.
     """
     identified = {term.name for term in channel.identified}
+    limits, states_on_limit = config.on_limit(channel.axis), config.states_on_limit(channel.axis)
     assumed = f"; ASSUMED from {lent}, not yours" if lent else ""
 
     def noted(value: float, quantity: str, per: str, *, limit: bool = False) -> Noted:
@@ -140,9 +143,8 @@ def _channel(channel: ChannelNoise, span: float, lent: str = "", *, measured: bo
             value, f"{channel.unit}{per}; {shown}{ON_LIMIT if limit and value else ''}{borrowed_value}"
         )
 
-    on_limit = ON_LIMIT if channel.states_rest_on_limit else assumed
-
     def state(markov: GaussMarkov) -> Noted:
+        on_limit = ON_LIMIT if markov in states_on_limit else assumed
         slow = (
             "; longer than the log: extrapolated"
             if 0.0 < span < markov.time_constant and not on_limit
@@ -156,14 +158,17 @@ def _channel(channel: ChannelNoise, span: float, lent: str = "", *, measured: bo
         "identified": [_term(term, channel.unit) for term in channel.identified],
         "filter": {
             "white_density": noted(
-                channel.white_density, "white.density", "/√Hz", limit=channel.white_rests_on_limit
+                channel.white_density, "white.density", "/√Hz", limit="white_density" in limits
             ),
             "markov": [state(markov) for markov in channel.markov],
             "random_walk_density": noted(
-                channel.random_walk_density, "random_walk.density", "/√s", limit=channel.walk_rests_on_limit
+                channel.random_walk_density,
+                "random_walk.density",
+                "/√s",
+                limit="random_walk_density" in limits,
             ),
             "constant_sd": noted(channel.constant_sd, "level", ""),
-            "ramp_sd": noted(channel.ramp_sd, "ramp.rate", "/s", limit=channel.ramp_rests_on_limit),
+            "ramp_sd": noted(channel.ramp_sd, "ramp.rate", "/s", limit="ramp_sd" in limits),
         },
         "fates": dict(channel.handling),
     }

@@ -15,10 +15,15 @@ def outage_words(
     seconds: float, rms: float, predicted: float, ratio: float, interval: tuple[float, float], windows: int
 ) -> str:
     """Return errors in outages of one length, m, their prediction, and how well these windows tell the ratio."""
-    return (
-        f"{seconds:g} s: true {digits(rms)} m, predicted {digits(predicted)} m "
-        f"({ratio_words(ratio, interval, windows)})"
-    )
+    return f"{seconds:g} s: {errors_words(rms, predicted, ratio, interval, windows)}"
+
+
+def errors_words(
+    rms: float, predicted: float, ratio: float, interval: tuple[float, float], windows: int
+) -> str:
+    """Return errors in outages, m, their prediction, and how well these windows tell the ratio."""
+    words = ratio_words(ratio, interval, windows)
+    return f"true {digits(rms)} m, predicted {digits(predicted)} m ({words})"
 
 
 def ratio_words(ratio: float, interval: tuple[float, float], windows: int) -> str:

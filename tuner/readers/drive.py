@@ -46,6 +46,7 @@ from tuner.readers.source_kind import drive_in_messages, is_drive_by_form, with_
 from tuner.readers.steady_stamps import steady_stamps
 from tuner.readers.waypoint import read_waypoint
 from tuner.types.arguments import expect
+from tuner.types.named_cause import NamedCause
 from tuner.types.number_ranges import LONGEST_LEVER_ARM
 from tuner.types.one_line import printable
 from tuner.types.records import DataError, Drive, Gnss, Record, Reference
@@ -120,7 +121,7 @@ def _checked(path: Path, drive: Drive) -> Drive:
     places = np.column_stack([np.degrees(gnss.llh[:, :2]), gnss.llh[:, 2]])
     fixes = np.column_stack([gnss.t + drive.origin, places, gnss.vel_n, gnss.position_sd, gnss.velocity_sd])
     check_drive(path, imu, fixes, notes)
-    return replace(drive, notes=tuple(map(printable, notes)))
+    return replace(drive, notes=tuple(one if isinstance(one, NamedCause) else printable(one) for one in notes))
 
 
 def mounting_of(frame: str | None, rpy_deg: Any) -> FloatArray | None:
@@ -191,13 +192,18 @@ def _npz(path: Path) -> Drive:
 def _of_arrays(path: Path, found: DriveArrays) -> Drive:
     mounting = mounting_of(found.frame, found.mounting_rpy_deg)
     nameless = found.frame and mounting is None
-    notes = (f"the frame of the unit, '{found.frame}', is none of {' '.join(FRAMES)}: unknown",)
+    unknown = NamedCause.of(
+        f"the frame of the unit, '{found.frame}', is none of {' '.join(FRAMES)}",
+        "certain",
+        "attitudes are those of the unit, not of the vehicle",
+        "name it in the file, or to `navigate` by --imu-frame",
+    )
     return _drive(
         path,
         found.imu,
         found.fixes,
         found.truth,
-        notes=(*found.notes, *(notes if nameless else ())),
+        notes=(*found.notes, *([unknown] if nameless else [])),
         mounting=mounting,
         lever_arm=found.lever_arm,
     )
@@ -350,7 +356,7 @@ def _drive(
         mounting,
         printable(with_name(path).name),
         digest(path if path.is_file() else path / "imu.csv"),
-        tuple(map(printable, messages)),
+        tuple(one if isinstance(one, NamedCause) else printable(one) for one in messages),
         tuple(repairs),
     )
 

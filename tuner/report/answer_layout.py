@@ -6,10 +6,11 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from tuner.formats.axis_words import axes_text
 from tuner.formats.customary_units import digits, stamp
 from tuner.report.document import Document, document
 from tuner.report.noise_table import legend, states_tables
-from tuner.types import FilterConfig
+from tuner.types import FilterConfig, Identification
 
 SHORT_SPAN = 600.0
 """Time up to which a reader counts seconds, s."""
@@ -28,6 +29,18 @@ def span_text(seconds: float) -> str:
     if seconds >= SHORT_SPAN:
         return f"{digits(seconds / 3600.0)} h"
     return f"{seconds:.0f} s" if seconds >= 10.0 else f"{digits(seconds, 2)} s"
+
+
+def recording_text(found: Identification, rest: str = "") -> str:
+    """Return length and rate of what noise rests on, of which part of a log, and what was assumed of it."""
+    spans: dict[str, list[str]] = {}
+    for c in found.channels.values():
+        part = used_part(found.source, c.axis)
+        how = "" if c.method == "likelihood" else f", by {c.method}"
+        text = f"{span_text(c.span)}{rest} at {digits(1.0 / c.interval)} Hz{part}{how}"
+        spans.setdefault(text if c.span > 0.0 else "stated, not measured", []).append(c.axis)
+    parts = [text if len(spans) == 1 else f"{text} ({axes_text(axes)})" for text, axes in spans.items()]
+    return "; ".join(filter(None, (*parts, assumed_text(found.source.get("assumptions", ())))))
 
 
 def used_part(source: Mapping[str, Any], axis: str) -> str:

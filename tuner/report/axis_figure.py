@@ -14,6 +14,7 @@ from tuner.formats.customary_units import customary_unit, in_customary, pretty, 
 from tuner.report.allan_figure import MEASURED_COLOUR, MODEL_COLOUR, STATED_COLOUR
 from tuner.report.curve_panels import draw_banded
 from tuner.report.figure_files import new_figure
+from tuner.report.finding_groups import event_time
 from tuner.report.interactive_figure import thinned
 from tuner.types import ChannelIdentification, Finding
 from tuner.types.records import DataError, Record
@@ -95,9 +96,8 @@ def _events(findings: Iterable[Finding]) -> Mapping[str, list[tuple[float, float
     """Return start and duration, s, of what happened at a time, by its cause."""
     found: dict[str, list[tuple[float, float]]] = {}
     for one in findings:
-        when = one.parameters.get("time") or one.parameters.get("start")
-        if when is not None and when.value is not None:
+        if (when := event_time(one)) is not None:
             lasted = one.parameters.get("duration")
-            span = (when.value, 0.0 if lasted is None else lasted.value or 0.0)
+            span = (when, 0.0 if lasted is None else lasted.value or 0.0)
             found.setdefault(one.cause.replace("_", " "), []).append(span)
     return found

@@ -73,7 +73,7 @@ def _of_tune(result: TuneResult) -> Claims:
 
 def _errors(found: Consistency) -> dict[str, bool]:
     """Return the figures that an answer calls errors, and whether they are distances to a truth."""
-    return {name: found.has_truth for name in found.errors if "_innovation_" not in name}
+    return {name: found.has_truth for name in found.errors if not name.startswith("nis_")}
 
 
 def _identified(found: Identification, elsewhere: list[str] | None = None) -> Iterator[Statement]:
@@ -94,7 +94,7 @@ def _written(result: TuneResult) -> Iterator[Statement]:
     written = yaml.safe_load(result.exports[PAIR]) if PAIR in result.exports else {}
     for sensor, name in {"gyro": "gyroscope", "accel": "accelerometer"}.items():
         if channels := triad(result.config, sensor) if written else ():
-            shown = white(channels, ""), walk(channels, "", Target(result.config.interval))
+            shown = white(channels, ""), walk(result.config, channels, "", Target(result.config.interval))
             for key, one in zip((f"{name}_noise_density", f"{name}_random_walk"), shown, strict=True):
                 yield Statement(key, "on the screen", one.value)
                 yield Statement(key, f"in {PAIR}", written[key])

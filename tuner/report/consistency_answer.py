@@ -1,39 +1,52 @@
-"""The answer of `check`, `navigate` and `score`: verdict, scores, errors, what to do."""
+"""The answer of `check`, `navigate` and `score`: verdict, scores, errors, what to do; beside it each score's band."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
+import numpy as np
 from rich.table import Table
 
+from tuner.consistency.error_budget import blind_spots
+from tuner.consistency.error_budget import table as budget_rows
 from tuner.formats.customary_units import digits, percent
 from tuner.formats.reference_words import reference_line
+from tuner.limits import SHOWN_FINDINGS
 from tuner.report.document import Document, document
-from tuner.report.verdict_text import verdict_text
-from tuner.types.consistency import Consistency, Score
-from tuner.types.honesty import claims, is_off, ratio_text
-from tuner.types.verdict import Severity
+from tuner.report.titled_table import table_of, titled_table
+from tuner.report.verdict_text import observability_text, score_title, verdict_text
+from tuner.types.consistency import (
+    Check,
+    Consistency,
+    ErrorBudget,
+    Observability,
+    RmsError,
+    Score,
+)
+from tuner.types.honesty import claim_name, claims, is_off, ratio_text
+from tuner.types.named_cause import separated
+from tuner.types.verdict import Severity, VerdictCode
 
 OFF = "*"
 """Mark behind a ratio that is shown to be off 1."""
-NAMES = {
-    "nees": "all states (NEES)",
-    "position": "position, 3-D",
-    "velocity": "velocity, 3-D",
-    "attitude": "attitude, 3-D",
-    "gyro_bias": "gyro bias",
-    "accel_bias": "accelerometer bias",
-    "nis": "innovations (NIS)",
-    "nis_position": "position innovations (NIS)",
-    "nis_velocity": "velocity innovations (NIS)",
-}
-"""Scores in an answer, where their names are none."""
+HEADS = ("score", "ratio", "for the filter", "verdict")
+"""Of a table of scores."""
+IN_THE_TABLE = (VerdictCode.OPTIMISTIC, VerdictCode.PESSIMISTIC, VerdictCode.CORRELATED_INNOVATIONS)
+"""Verdicts on one score each, which its row says."""
+OFF_WORDS = (
+    "optimistic: it errs more than it says; pessimistic: it errs less, or, of innovations, errors of the fixes stay "
+    "alike from fix to fix"
+)
 
 
 def consistency_answer(
-    found: Consistency, notes: Sequence[str] = (), to_do: Sequence[str] = (), about: str = ""
+    found: Consistency,
+    notes: Sequence[str] = (),
+    to_do: Sequence[str] = (),
+    about: str = "",
+    more: Iterable[Table | str] = (),
 ) -> Document:
     """Return the verdict on a filter with its reason, its scores and errors, what to do, and notes that have room.
 
@@ -42,20 +55,35 @@ def consistency_answer(
     found : Consistency
         Scores of a filter.
     notes : sequence of str, optional
-        What was repaired, found and assumed.
+        What was repaired, found and assumed; causes that it names stand behind the verdict.
     to_do : sequence of str, optional
         What explains the verdict and what to change, and where files are.
     about : str, optional
         What was scored on what.
+    more : iterable of Table or str, optional
+        What is known beside the scores.
     """
     found = found.shown
-    said = [about, f"Verdict: {found.honesty.text}", *reference_line(notes), *explanation_lines(found)]
+    causes, others = separated(notes)
+    named = [*reference_line(notes), *causes[:SHOWN_FINDINGS], *explanation_lines(found)]
+    said = [about, f"Verdict: {found.honesty.text}", *named]
     table = [_score_table(found)] if found.scores or found.errors else []
     return document(
         [*said, *table, *_further(found), *to_do],
-        [f"Note: {note}" for note in notes],
+        [*causes[SHOWN_FINDINGS:], *(f"Note: {note}" for note in others)],
+        more=[*_bands(found), *more],
         beyond="every score with its band",
     )
+
+
+def check_answer(found: Check, about: str = "") -> Document:
+    """Return the answer of a Monte-Carlo check; the error budget, where it was wanted, is added to it."""
+    shares = (
+        []
+        if found.budget is None or found.observability is None
+        else budget_tables(found.budget, found.observability)
+    )
+    return consistency_answer(found.consistency, found.notes, about=about, more=shares)
 
 
 def explanation_lines(found: Consistency) -> list[str]:
@@ -70,23 +98,18 @@ def explanation_lines(found: Consistency) -> list[str]:
 def _score_table(found: Consistency) -> Table:
     """Return errors, and errors ÷ what was predicted of every score, with its interval."""
     error = "error" if found.has_truth else "distance"
-    table = Table(box=None, padding=(0, 2, 0, 0))
-    for head in ("", f"{error}, rms", f"{error} ÷ predicted (95 %)"):
-        table.add_column(head, no_wrap=True)
-    errors = _errors(found)
+    errors = {name: _rms_text(one, [math.hypot(*one.values)]) for name, one in found.errors.items()}
     outages = {one.score.name: one for one in found.outages}
     off = _off(found)
-    innovations = {one.name: one for one in found.nis[len(found.nis) > 1 :]}  # the first is of all together
-    for one in found.scores:
-        if one in found.nis and one.name not in innovations:
-            continue
+    together = found.nis[:1] if len(found.nis) > 1 else ()  # said by its parts
+    rows = []
+    for one in (each for each in found.scores if each not in together):
         outage = outages.get(one.name)
         size = errors.pop(one.name, "") if outage is None else f"{digits(outage.rms)} m"
         text = ratio_text(one.ratio, one.interval if outage is None else outage.interval)
-        table.add_row(_name(one, found), size, text + OFF * (one in off))
-    for name, size in errors.items():
-        table.add_row(name.replace("_", " "), size, "")
-    return table
+        rows.append((_name(one, found), size, text + OFF * (one in off)))
+    rows += [(score_title(name), size, "") for name, size in errors.items()]
+    return table_of(("", f"{error}, rms", f"{error} ÷ predicted (95 %)"), rows, words=3)
 
 
 def _off(found: Consistency) -> list[Score]:
@@ -97,24 +120,16 @@ def _off(found: Consistency) -> list[Score]:
 
 def _name(one: Score, found: Consistency) -> str:
     """Return what a row is of; where there is no truth, states are compared with the smoother."""
-    if one.name.startswith("outage "):
-        return (
-            f"{'without fixes' if found.has_truth else 'fixes withheld'}, {one.name.removeprefix('outage ')}"
-        )
-    words = NAMES.get(one.name, one.name.replace("_", " "))
-    return words if found.has_truth or one in found.nis else f"{words}, to the smoother"
+    words = score_title(one.name, has_truth=found.has_truth)
+    fixes = found.has_truth or one in found.nis or one.name in {each.score.name for each in found.outages}
+    return words if fixes else f"{words}, to the smoother"
 
 
-def _errors(found: Consistency) -> dict[str, str]:
-    """Return rms errors over all axes with their unit; without a truth those of the innovations."""
-    sizes: dict[str, str] = {}
-    for name, values in found.errors.items():
-        what, _, unit = f"{name}_".partition("_rms_")
-        unit = unit.removesuffix("_")
-        size, shown = (math.degrees(1.0), "deg") if unit == "rad" else (1.0, unit.replace("m_s", "m/s"))
-        key = f"nis_{what.removesuffix('_innovation')}" if what.endswith("_innovation") else what
-        sizes[key] = f"{digits(size * math.hypot(*values))} {shown}".rstrip()
-    return sizes
+def _rms_text(one: RmsError, values: Iterable[float], names: Iterable[str] = ("",)) -> str:
+    """Return rms errors behind the names of their axes, in their unit or, of angles, degrees."""
+    size, unit = (math.degrees(1.0), "deg") if one.unit == "rad" else (1.0, one.unit)
+    parts = (f"{name} {digits(size * value)}" for name, value in zip(names, values, strict=False))
+    return f"{', '.join(parts)} {unit}".strip()
 
 
 def _further(found: Consistency) -> list[str]:
@@ -128,3 +143,62 @@ def _further(found: Consistency) -> list[str]:
     if found.gated:
         marked.append(f"{percent(found.gated)} of fixes refused")
     return ["; ".join(marked)]
+
+
+def _bands(found: Consistency) -> list[Table | str]:
+    """Return each score with its band, errors by axis, and other verdicts."""
+    rows = score_rows(found.scores)
+    if (white := found.whiteness) is not None:
+        name = f"correlation of {white.part} innovations, lag {white.lag}"
+        said = "" if white.consistent else "correlated"
+        rows.append([name, f"{white.correlation:+.3f}", f"±{white.band:.3f}", said])
+    windows = (f"{one.seconds:g} s {one.windows}" for one in found.outages)
+    axes = ("north", "east", "down")
+    return [
+        *titled_table("true rms ÷ predicted sd (99 % over all scores, 10 % margin)", HEADS, rows),
+        *([f"  windows without fixes: {', '.join(windows)}"] if found.outages else []),
+        *(
+            f"  rms of {claim_name(name).removesuffix(' (NIS)')}: {_rms_text(each, each.values, axes)}"
+            for name, each in found.errors.items()
+            if len(each.values) > 1
+        ),
+        *(f"  {verdict_text(verdict)}" for verdict in found.verdicts if verdict.code not in IN_THE_TABLE),
+        *([] if found.honesty.good else [f"  {OFF_WORDS}"]),
+    ]
+
+
+def band_of(score: Score) -> tuple[float, float]:
+    """Return the ratios, true rms ÷ predicted sd, that do not speak against the filter."""
+    low, high = np.sqrt(np.divide(score.band, score.dof)).tolist()
+    return low, high
+
+
+def score_rows(scores: Iterable[Score]) -> list[list[str]]:
+    """Return what each score is of, its ratio and band, and what it says where it is off, as `HEADS`."""
+    rows = []
+    for one in scores:
+        low, high = band_of(one)
+        said = "" if one.consistent else "optimistic" if one.ratio > 1.0 else "pessimistic"
+        rows.append([score_title(one.name), f"{one.ratio:.3f}", f"{low:.2f} … {high:.2f}", said])
+    return rows
+
+
+def budget_tables(budget: ErrorBudget, seen: Observability) -> list[Table | str]:
+    """Return the shares of every source, what is left of the prior, and what stays hidden.
+
+    Shares are per cent of the variances of position, velocity and attitude, aided and without fixes. Beside
+    them stands by how much the sd of a source may be wrong before any error leaves the 10 % margin.
+    """
+    cases, spots = budget_rows(budget), blind_spots(budget)
+    rows = []
+    for j, name in enumerate(budget.sources):
+        small, large = spots[name]
+        shares = (" / ".join(f"{100.0 * x:.0f}" for x in part[j]) for _, part in cases)
+        rows.append([name, *shares, f"{small:.2g}, {'never' if math.isinf(large) else f'{large:.2g}'}"])
+    heads = ["source", *(case for case, _ in cases), "shows where × too small, large"]
+    left = ([name, f"{100.0 * value:.3g}"] for name, value in seen.left.items())
+    return [
+        *titled_table("share of the variance of position / velocity / attitude, %", heads, rows),
+        *titled_table("sd after the last fix, % of that at the start", ("state", "%"), left),
+        *(f"  {sentence}" for sentence in observability_text(seen)),
+    ]

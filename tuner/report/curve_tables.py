@@ -1,114 +1,100 @@
-"""Empirical curves in tables: the Allan family, the spectrum, correlation."""
+"""Empirical curves as they are shown: the Allan family, the spectrum, correlation; the answer of `curve`."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from rich.table import Table
 
-from tuner.formats.customary_units import (
-    customary_unit,
-    digits,
-    in_customary,
-    pretty,
-)
+from models.arrays import FloatArray
+from tuner.formats.customary_units import customary_unit, digits, in_customary, pretty
 from tuner.report.document import Document, document
-from tuner.types import (
-    AllanCurve,
-    Correlogram,
-    Spectrum,
-)
+from tuner.report.titled_table import table_of
+from tuner.types import AllanCurve, Correlogram, Spectrum
 
 ANSWER_ROWS = 9
 """Rows of a curve in an answer: one for each half decade of four and a half, of two sensors on one screen."""
+Curve = AllanCurve | Spectrum | Correlogram
 
 
-def statistic_tables(found: AllanCurve | Spectrum | Correlogram) -> list[Table | str]:
-    """Return the table of any empirical curve."""
+@dataclass(frozen=True)
+class ShownCurve:
+    """A curve in customary units: names and values of both axes.
+
+    Attributes
+    ----------
+    across, up : str
+        What it is over, and what it is of, with their units.
+    x, y : ndarray, shapes (n,), (n, k)
+        Places, and values of k axes.
+    ends : (ndarray, ndarray), shapes (n, k), optional
+        95 % interval.
+    """
+
+    across: str
+    up: str
+    x: FloatArray
+    y: FloatArray
+    ends: tuple[FloatArray, FloatArray] | None = None
+
+
+def shown_curve(found: Curve) -> ShownCurve:
+    """Return an empirical curve in customary units."""
+    if isinstance(found, Correlogram):
+        return ShownCurve("lag, s", found.statistic, found.lag, found.value)
+    one, unit = in_customary(1.0, "level", found.unit), pretty(customary_unit("level", found.unit))
+    low, high = found.interval()
     if isinstance(found, AllanCurve):
-        return [_deviation_table(found)]
-    if isinstance(found, Spectrum):
-        return [_spectrum_table(found)]
-    table = Table(title=f"{found.statistic}, white noise stays within ± {digits(found.band)} at 95 %")
-    table.add_column("lag, s", justify="right")
-    for axis in found.axes:
-        table.add_column(axis, justify="right")
-    for lag, row in zip(found.lag, found.value, strict=True):
-        table.add_row(digits(float(lag), 5), *(f"{value:+.4f}" for value in row))
-    return [table]
+        names = "cluster time τ, s", f"{found.estimator}, deviation in {unit}"
+        return ShownCurve(*names, found.tau, one * found.deviation(), (one * low, one * high))
+    ends = one**2 * low, one**2 * high
+    names = "frequency, Hz", f"two-sided power spectral density, ({unit})²/Hz"
+    return ShownCurve(*names, found.frequency, one**2 * found.density, ends)
 
 
-def curve_answer(found: Sequence[AllanCurve | Spectrum | Correlogram], names: Sequence[str]) -> Document:
+def curve_table(found: Curve, rows: NDArray[np.intp] | None = None) -> Table:
+    """Return a curve with its interval, some of its rows or all."""
+    one = shown_curve(found)
+    if one.ends is None:
+        band = (
+            f"white noise stays within ± {digits(found.band)} at 95 %"
+            if isinstance(found, Correlogram)
+            else ""
+        )
+        title, cells = f"{one.up}, {band}", [[f"{value:+.4f}" for value in row] for row in one.y]
+    else:
+        each = np.stack([one.y, *one.ends], axis=-1)
+        title = f"{one.up} (95 % interval)"
+        cells = [[f"{digits(y)} ({digits(a)} … {digits(b)})" for y, a, b in row] for row in each.tolist()]
+    chosen = range(len(one.x)) if rows is None else rows
+    lines = ([f"{one.x[i]:.5g}", *cells[i]] for i in chosen)
+    return table_of((one.across, *found.axes), lines, title=title, words=0)
+
+
+def curve_answer(found: Sequence[Curve], names: Sequence[str]) -> Document:
     """Return some rows of the curves of a log, evenly spread, and of an Allan-type curve its least deviation."""
     parts: list[Table | str] = []
-    grids = []
     for one in found:
-        grid = "tau" if isinstance(one, AllanCurve) else "frequency" if isinstance(one, Spectrum) else "lag"
-        grids.append(getattr(one, grid))
-        rows = np.unique(np.linspace(0, len(grids[-1]) - 1, ANSWER_ROWS).astype(int))
-        fields = (
-            (grid, "value") if grid == "lag" else (grid, "variance" if grid == "tau" else "density", "dof")
-        )
-        parts += statistic_tables(replace(one, **{name: getattr(one, name)[rows] for name in fields}))
+        count = len(shown_curve(one).x)
+        parts.append(curve_table(one, np.unique(np.linspace(0, count - 1, ANSWER_ROWS).astype(int))))
         if isinstance(one, AllanCurve):
             parts.append(_least(one))
-    unit = "Hz" if isinstance(found[0], Spectrum) else "s"
-    ends = f"{digits(float(grids[0][0]), 2)} to {digits(float(grids[0][-1]), 3)} {unit}"
-    said = f"{', '.join(names)}: raw, no part of the log left out; {len(grids[0])} points, {ends}"
-    return document([said, *parts], beyond="all points")
+    first = shown_curve(found[0])
+    ends = f"{digits(float(first.x[0]), 2)} to {digits(float(first.x[-1]), 3)} {first.across.split()[-1]}"
+    said = f"{', '.join(names)}: raw, no part of the log left out; {len(first.x)} points, {ends}"
+    return document([said, *parts], more=map(curve_table, found), beyond="all points")
 
 
 def _least(curve: AllanCurve) -> str:
     """Return where the deviation of each axis is least; at the end of the record nothing shows that it rises again."""
-    deviation = curve.deviation()
+    deviation = shown_curve(curve).y
+    last = len(deviation) - 1
     parts = [
-        f"{axis.rpartition('_')[2]} {digits(in_customary(float(column.min()), 'level', curve.unit))} at "
-        f"{digits(float(curve.tau[int(column.argmin())]))} s"
-        + ", the end"
-        * (int(column.argmin()) == len(column) - 1)
-        for axis, column in zip(curve.axes, deviation.T, strict=True)
+        f"{axis.rpartition('_')[2]} {digits(float(column[k]))} at {digits(float(curve.tau[k]))} s"
+        + ", the end" * (k == last)
+        for axis, column, k in zip(curve.axes, deviation.T, deviation.argmin(axis=0).tolist(), strict=True)
     ]
     return f"Least: {'; '.join(parts)}"
-
-
-def _deviation_table(curve: AllanCurve) -> Table:
-    """Return one Allan-type curve: averaging time, and deviation with its 95 % interval."""
-    unit = pretty(customary_unit("level", curve.unit))
-    table = Table(title=f"{curve.estimator}, deviation in {unit} (95 % interval)")
-    table.add_column("τ, s", justify="right")
-    for axis in curve.axes:
-        table.add_column(axis, justify="right")
-    deviation, (low, high) = curve.deviation(), curve.interval()
-    for i, tau in enumerate(curve.tau):
-        cells = []
-        for j in range(len(curve.axes)):
-            value, a, b = (
-                digits(in_customary(float(x[i, j]), "level", curve.unit)) for x in (deviation, low, high)
-            )
-            cells.append(f"{value} ({a} … {b})")
-        table.add_row(digits(float(tau), 4), *cells)
-    return table
-
-
-def _spectrum_table(found: Spectrum) -> Table:
-    unit = "(deg/h)²/Hz" if found.unit == "rad/s" else "µg²/Hz"
-    scale = in_customary(1.0, "level", found.unit) ** 2
-    table = Table(title=f"two-sided power spectral density, {unit} (95 % interval)")
-    table.add_column("frequency, Hz", justify="right")
-    for axis in found.axes:
-        table.add_column(axis, justify="right")
-    low, high = found.interval()
-    for i, frequency in enumerate(found.frequency):
-        cells = [
-            " ".join(
-                (
-                    digits(scale * float(found.density[i, j])),
-                    f"({digits(scale * float(low[i, j]))} … {digits(scale * float(high[i, j]))})",
-                )
-            )
-            for j in range(len(found.axes))
-        ]
-        table.add_row(digits(float(frequency), 4), *cells)
-    return table

@@ -13,6 +13,7 @@ from tuner.report.alike_sentences import alike_sentences
 from tuner.report.answer_layout import assumed_text, span_text
 from tuner.report.document import Document, document
 from tuner.report.groups_in_words import findings_in_words
+from tuner.report.static_diagnosis_tables import finding_tables, unexplained_table
 from tuner.report.unexplained_words import unexplained_lines
 from tuner.types import Diagnosis
 from tuner.types.records import Record
@@ -33,7 +34,11 @@ def diagnosis_answer(found: Diagnosis, records: Sequence[Record] = ()) -> Docume
         [
             *shown[SHOWN_FINDINGS:],
             *(f"Not explained: {line}" for line in unexplained_lines(found.unexplained)),
-            *(f"Note: {one}" for one in _joined(found.notes)),
+            *note_lines(found),
+        ],
+        more=[
+            *finding_tables(found.findings, "What the simulation gets wrong"),
+            *unexplained_table(found.unexplained),
         ],
         beyond="every finding and test",
     )
@@ -45,12 +50,11 @@ def _recording(records: Sequence[Record]) -> str:
         return ""
     longest = max(records, key=lambda one: one.span)
     log = f"{Path(longest.source).name}, {span_text(longest.span)} at {digits(1.0 / longest.interval)} Hz"
-    assumed = assumed_text([text for record in records for text in record.assumptions])
-    return "; ".join([log, *([assumed] if assumed else [])])
+    return "; ".join(filter(None, (log, assumed_text([text for r in records for text in r.assumptions]))))
 
 
-def _joined(notes: Sequence[str]) -> list[str]:
-    """Return notes that say the same of several axes as one."""
-    of_axes = [tuple(reversed(note.split(": ", 1))) for note in notes if re.match(r"\w+_[xyz]: ", note)]
-    others = [note for note in notes if not re.match(r"\w+_[xyz]: ", note)]
-    return [*others, *alike_sentences((text, axis) for text, axis in of_axes)]
+def note_lines(found: Diagnosis) -> list[str]:
+    """Return the notes of a diagnosis, those that say the same of several axes as one."""
+    of_axes = [tuple(reversed(one.split(": ", 1))) for one in found.notes if re.match(r"\w+_[xyz]: ", one)]
+    others = [one for one in found.notes if not re.match(r"\w+_[xyz]: ", one)]
+    return [f"Note: {one}" for one in (*others, *alike_sentences((text, axis) for text, axis in of_axes))]

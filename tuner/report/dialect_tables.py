@@ -7,13 +7,10 @@ from collections.abc import Mapping
 from rich.table import Table
 
 from tuner.exporters import Dialect
+from tuner.report.titled_table import titled_table
 
 
 def dialect_tables(dialects: Mapping[str, Dialect]) -> list[Table | str]:
     """Return the dialects `tuner export` writes, with their units."""
-    table = Table(title="Dialects of tuner export")
-    for head in ("name", "for", "units"):
-        table.add_column(head)
-    for name, dialect in dialects.items():
-        table.add_row(name, dialect.title, dialect.units)
-    return [table]
+    rows = ((name, one.title, one.units) for name, one in dialects.items())
+    return [*titled_table("Dialects of tuner export", ("name", "for", "units"), rows, words=3)]

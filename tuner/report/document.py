@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import shlex
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from rich.table import Table
+
+NEXT = "Next: tuner "
+"""How the line of a command to paste begins."""
 
 
 @dataclass(frozen=True)
@@ -19,29 +23,40 @@ class Document:
     remarks : tuple of str
         Sentences behind these, the most important first: a screen shows as many as it has room for.
     end : tuple of str
-        What is said behind the remarks, in any case.
+        What is said last, in any case.
+    more : tuple of Table or str
+        What ``--verbose``, pages and notebooks add to it.
     beyond : str
-        What ``--verbose`` shows besides; empty where it is nothing.
+        What that is, in a few words.
+    spare : tuple of Table
+        Tables among the parts that a screen without room for all parts leaves out, the least needed first.
     """
 
     parts: tuple[Table | str, ...]
     remarks: tuple[str, ...] = ()
     end: tuple[str, ...] = ()
+    more: tuple[Table | str, ...] = ()
     beyond: str = "all tables"
+    spare: tuple[Table, ...] = ()
 
     @property
     def whole(self) -> tuple[Table | str, ...]:
-        """All that is said, where no screen limits it and every table follows."""
-        return (*self.parts, *self.remarks)
+        """All that is said of the result, where no screen limits it."""
+        return (*self.parts, *self.remarks, *self.more)
 
-    def then(self, command: str) -> Document:
-        """Return the answer with the command that follows from it, to paste as it is."""
-        return replace(self, end=(*self.end, f"Next: {command}"))
+    def then(self, *command: str) -> Document:
+        """Return the answer with the command of `tuner` that follows from it, to paste as it is."""
+        return replace(self, end=(*self.end, f"{NEXT}{shlex.join(command)}"))
+
+    def without(self, tables: Sequence[Table]) -> Document:
+        """Return the answer without some of its tables."""
+        kept = (part for part in self.parts if not any(part is table for table in tables))
+        return replace(self, parts=tuple(kept))
 
     def last_line(self, left_out: int) -> str:
         """Return what is not on the screen and how it is seen; empty where nothing is left."""
         rest = f"{left_out} more remark{'s' * (left_out > 1)}" if left_out else ""
-        said = " and ".join(part for part in (rest, self.beyond) if part)
+        said = " and ".join(part for part in (rest, self.beyond if self.more else "") if part)
         return f"{said[:1].upper()}{said[1:]}: --verbose" if said else ""
 
 
@@ -49,9 +64,13 @@ def document(
     parts: Iterable[Table | str],
     remarks: Iterable[str] = (),
     end: Iterable[str] = (),
+    more: Iterable[Table | str] = (),
     *,
     beyond: str = "all tables",
+    spare: Iterable[Table] = (),
 ) -> Document:
-    """Return an answer of parts, remarks and an end; empty sentences are left out."""
-    said, more, last = ([one for one in content if one != ""] for content in (parts, remarks, end))
-    return Document(tuple(said), tuple(str(one) for one in more), tuple(str(one) for one in last), beyond)
+    """Return an answer of these contents; empty sentences are left out."""
+    said, rest, last = ([one for one in content if one != ""] for content in (parts, remarks, end))
+    return Document(
+        tuple(said), tuple(map(str, rest)), tuple(map(str, last)), tuple(more), beyond, tuple(spare)
+    )

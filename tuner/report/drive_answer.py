@@ -1,19 +1,24 @@
-"""What a drive changed, for the answer of `tune`: its findings, and errors before and after."""
+"""What a drive changed, for the answer of `tune`: its findings, errors before and after, sds and delay of the fixes."""
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.table import Table
 
+from models.filter_states import FILTER_STATES
 from tuner.formats.customary_units import amount, digits
 from tuner.formats.parameter_words import parameter_words
 from tuner.types.honesty import ratio_text
 
 if TYPE_CHECKING:
+    from tuner.diagnosis.drive import ExaminedDrive
     from tuner.diagnosis.drive.held_out_choice import HeldOutChoice
-    from tuner.types import Finding
+    from tuner.navigation.drive.clock import Clock
+    from tuner.types import FilterConfig, Finding
+    from tuner.types.compensation import Compensation
 
 
 def found_text(finding: Finding, *, sizes: bool = True) -> str:
@@ -59,3 +64,64 @@ def choice_parts(choice: HeldOutChoice) -> list[Table | str]:
         table.add_row(name, f"{digits(old)} m", f"{digits(new)} m{chance}", late.get(seconds, ""))
     despite = [f"{choice.despite[:1].upper()}{choice.despite[1:]}"] if choice.despite else []
     return [table, *despite]
+
+
+def fixes_parts(examined: ExaminedDrive, config: FilterConfig) -> list[Table | str]:
+    """Return the sds of the fixes as the receiver reports them and as the filter has them, and what it takes as delay.
+
+    Of sds that differ from fix to fix these are medians. Where none are reported, those of the configuration stand.
+    """
+    # load the navigation, which the answer on a log does without
+    from tuner.navigation.compensation import compensate_settings
+    from tuner.navigation.drive.clock import AGREEING
+    from tuner.navigation.drive.run import assumed_sds, reported_sds
+    from tuner.navigation.settings import filter_settings
+
+    gnss = examined.drive.gnss
+    settings = compensate_settings(filter_settings(config), config.compensation)
+    raw = np.hstack([gnss.position_sd, gnss.velocity_sd])
+    both = reported_sds(gnss, settings), assumed_sds(raw, gnss.solution, settings)
+    table = Table(box=None, padding=(0, 2, 0, 0))
+    for head in ("fix sd: horizontal, down", "reported", "noise.yaml", "and errors that last"):
+        table.add_column(head, no_wrap=True)
+    lasting = _lasting_texts(config)
+    for name, block in (("positions, m", slice(0, 3)), ("velocities, m/s", slice(3, 6))):
+        if name in lasting or np.isfinite(gnss.vel_n).any():
+            known, used = (_level_text(*np.median(one[:, block], axis=0).tolist()) for one in both)
+            source = "" if (raw[:, block] > 0.0).any() else " ASSUMED"
+            table.add_row(name, f"{known}{source}", used, lasting.get(name, ""))
+    return [table, *_delay_lines(examined.clock or AGREEING, config.compensation)]
+
+
+def _level_text(north: float, east: float, down: float) -> str:
+    """Return a sd of an axis in the horizontal, and that down."""
+    return f"{digits(math.hypot(north, east) / math.sqrt(2.0), 2)}, {digits(down, 2)}"
+
+
+def _lasting_texts(config: FilterConfig) -> dict[str, str]:
+    """Return the sds and correlation times of errors of positions and velocities that the filter lets stay."""
+    gnss, name = config.gnss, "correlated_velocity"
+    states = () if gnss is None else gnss.correlated
+    down = 1.0 if gnss is None else gnss.correlated_down
+    said = {
+        "positions, m": "; ".join(_lasting_text(one.sd, one.sd * down, one.time_constant) for one in states)
+    }
+    if sd := config.constants.get(name):
+        time = config.time_constants.get(name, FILTER_STATES[name].time_constant)
+        said["velocities, m/s"] = _lasting_text(sd, sd, time)
+    return said
+
+
+def _lasting_text(level: float, down: float, time: float) -> str:
+    return f"{digits(level, 2)}, {digits(down, 2)} for {digits(time, 2)} s"
+
+
+def _delay_lines(clock: Clock, applied: Compensation) -> list[str]:
+    """Return by how much fixes are stamped late, and their velocities beside that; nothing where none is taken out."""
+    from tuner.navigation.drive.clock import Clock, clock_words
+
+    delay, lag = (applied.value(cause, "delay") for cause in ("time_offset", "velocity_lag"))
+    taken = clock if (clock.delay, clock.lag) == (delay, lag) else Clock(delay, lag, (delay,) * 2, (lag,) * 2)
+    text = clock_words(taken)
+    how = "noise.yaml takes that out; shift the stamps for another filter"
+    return [f"{text[:1].upper()}{text[1:]}: {how}"] if text else []

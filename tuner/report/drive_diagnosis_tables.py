@@ -17,6 +17,7 @@ from tuner.report.drive_answer import found_text
 from tuner.report.static_diagnosis_tables import finding_tables, gain_text, unexplained_table
 from tuner.report.titled_table import titled_table
 from tuner.types import Coefficient, DriveDiagnosis, Finding, Gain, NoiseScaleEstimate
+from tuner.types.named_cause import separated
 
 NOISE_CAUSES = {"vibration", "gnss_noise_scale", "imu_noise_scale"}
 """Causes of larger noise that stays with all findings in the filter."""
@@ -36,10 +37,12 @@ SHORT_NAMES = {
 def drive_diagnosis_answer(found: DriveDiagnosis) -> Document:
     """Return what the filter gets wrong on a drive, the factors that its noise needs, and what is left."""
     lines = [f"{found_text(one)} → {one.consequence}" for one in found.findings]
+    causes, others = separated(found.notes)
     return document(
         [
             f"Verdict: {judge_drive(found).text}",
             *reference_line(found.notes),
+            *causes,
             *(f"Not explained: {one.statistic}" for one in found.unexplained),
             "" if found.credited else harm_text(found.gain),
             *lines[:SHOWN_FINDINGS],
@@ -49,21 +52,16 @@ def drive_diagnosis_answer(found: DriveDiagnosis) -> Document:
         [
             *lines[SHOWN_FINDINGS:],
             *(f"Missing: {one}" for one in missing(found)),
-            *(f"Note: {one}" for one in found.notes),
+            *(f"Note: {one}" for one in others),
+        ],
+        more=[
+            *finding_tables(found.findings, "What the navigation simulation gets wrong"),
+            *(f"  {one.text}" for one in found.inseparable),
+            *unexplained_table(found.unexplained),
+            *noise_scale_tables(found.noise_scales),
         ],
         beyond="every finding and test",
     )
-
-
-def drive_tables(found: DriveDiagnosis) -> list[Table | str]:
-    """Return the answer, every finding, what cannot be separated, every rejected test, and each noise setting."""
-    return [
-        *drive_diagnosis_answer(found).whole,
-        *finding_tables(found.findings, "What the navigation simulation gets wrong"),
-        *(f"  {one.text}" for one in found.inseparable),
-        *unexplained_table(found.unexplained),
-        *noise_scale_tables(found.noise_scales),
-    ]
 
 
 def noise_lines(estimates: Sequence[NoiseScaleEstimate], findings: Sequence[Finding] = ()) -> list[str]:

@@ -38,7 +38,6 @@ def examination_answer(found: Examination) -> Document:
             unseen,
         ],
         repairs[SHOWN:],
-        beyond="",
     )
 
 

@@ -11,10 +11,9 @@ from tuner.external.noise_factors import NOISE_FACTORS
 from tuner.external.tune_external import ExternalTuning
 from tuner.formats.codec import dump
 from tuner.report.consistency_answer import OFF
-from tuner.report.consistency_tables import score_title
 from tuner.report.json.output_score import output_score_json
 from tuner.report.titled_table import titled_table
-from tuner.report.verdict_text import verdict_text
+from tuner.report.verdict_text import score_title, verdict_text
 
 ESTIMATES = ("untouched", "tuned")
 """What a filter gives without the factors and with them."""

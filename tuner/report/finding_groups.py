@@ -107,7 +107,7 @@ def finding_groups(findings: Sequence[Finding], span: float | None = None) -> tu
 def _belong_together(a: Finding, b: Finding) -> bool:
     if a.cause == b.cause and (_sensors(a) == _sensors(b) or (a.in_motion and b.in_motion)):
         return True
-    when, other = _time(a), _time(b)
+    when, other = event_time(a), event_time(b)
     return when is not None and other is not None and abs(when - other) <= SIMULTANEOUS_WITHIN
 
 
@@ -115,7 +115,7 @@ def _sensors(finding: Finding) -> frozenset[str]:
     return frozenset(axis.rpartition("_")[0] or axis for axis in finding.channels)
 
 
-def _time(finding: Finding) -> float | None:
+def event_time(finding: Finding) -> float | None:
     """Return when an event was, s; None for what lasts."""
     found = finding.parameters.get("time") or finding.parameters.get("start")
     return None if found is None else found.value
@@ -160,12 +160,12 @@ def _figures(known: Mapping[str, Coefficient]) -> str:
 
 def _count(findings: tuple[Finding, ...], causes: Sequence[str], span: float | None) -> str:
     """Say how many there are, with their share of the time or their spacing; nothing of a single one."""
-    times = [when for finding in findings if (when := _time(finding)) is not None]
+    times = [when for finding in findings if (when := event_time(finding)) is not None]
     if len(causes) > 1 and times:
         return f"one event at {digits(min(times))} s"
     if times and len(findings) > 1:
         lasting = _union(
-            (_time(f) or 0.0, f.parameters["duration"].value or 0.0)
+            (event_time(f) or 0.0, f.parameters["duration"].value or 0.0)
             for f in findings
             if "duration" in f.parameters
         )

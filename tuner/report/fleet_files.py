@@ -7,24 +7,26 @@ import io
 from pathlib import Path
 
 import pandas as pd
-from rich.table import Table
 
 from tuner.formats.codec import dump
 from tuner.formats.csv_text import no_formula
-from tuner.formats.customary_units import digits, phrase
+from tuner.formats.customary_units import phrase
 from tuner.formats.documents import json_text
 from tuner.formats.file_set import MANIFEST, digests, write_set
 from tuner.production.fleet import RESULTS
-from tuner.production.outliers import FALSE_NAMING, LEAST_UNITS, threshold
 from tuner.production.quantities import SYMBOLS, customary, pretty_unit, title, unit_name
-from tuner.production.spread import grade_yaml, spread_text
+from tuner.production.spread import grade_yaml
+from tuner.report.document import document
 from tuner.report.figure_files import figure_bytes
-from tuner.report.fleet_tables import outlier_text, reasons, summary
+from tuner.report.fleet_answer import fleet_answer, frame_table, outlier_text, spread_frame
 from tuner.report.html_page import write_sections_page
 from tuner.report.page_parts import Picture
 from tuner.report.result_figures import fleet_figure
 from tuner.types import Coefficient
 from tuner.types.fleet import Fleet
+
+GRADE = "grade.yaml"
+"""The fleet as a built-in sensor."""
 
 
 def write_fleet(fleet: Fleet, directory: Path) -> list[str]:
@@ -41,7 +43,7 @@ def write_fleet(fleet: Fleet, directory: Path) -> list[str]:
         files["fleet.parquet"] = buffer.getvalue()
     grade = grade_yaml(fleet)
     if grade is not None:
-        files["grade.yaml"] = grade.encode()
+        files[GRADE] = grade.encode()
     files[RESULTS] = json_text(fleet_json(fleet) | {MANIFEST: digests(files)}).encode()
     write_set(directory, files, last=RESULTS)
     return list(files)
@@ -97,30 +99,10 @@ def _cells(name: str, found: Coefficient | None, fleet: Fleet) -> dict[str, obje
     }
 
 
-def spread_frame(fleet: Fleet) -> pd.DataFrame:
-    """Return mean and unit-to-unit spread of each quantity, in customary units, with 95 % intervals."""
-    columns = ["quantity", "unit", "units", "mean", "spread"]
-    rows = []
-    for name, pooled in fleet.spread.items():
-        unit = fleet.channel_units[name.rpartition(".")[0]]
-        rows.append(
-            (
-                title(name),
-                pretty_unit(name, unit),
-                sum(v is not None for v in pooled.values),
-                phrase(pooled.value, SYMBOLS[name.rpartition(".")[2]], unit, with_unit=False),
-                spread_text(name, pooled, unit),
-            )
-        )
-    return pd.DataFrame(rows, columns=columns)
-
-
 def fleet_page(fleet: Fleet) -> str:
-    """Return the page: summary and picture, one row a unit, the spread, and how units were judged."""
-    rows, marked = [], []
+    """Return the page: the answer with its picture, and one row a unit."""
+    rows = []
     for unit in fleet.units:
-        if remarks := reasons(unit, fleet):
-            marked.append({"unit": unit.name, "verdict": unit.verdict or "", "why": "\n".join(remarks)})
         row = {"unit": unit.name, "verdict": unit.verdict or ""}
         for name in fleet.spread:
             channel, _, symbol = name.rpartition(".")
@@ -136,40 +118,12 @@ def fleet_page(fleet: Fleet) -> str:
         "fleet.svg",
         figure_bytes(fleet_figure(fleet), ".svg"),
     )
-    spread = "Spread from unit to unit, outlying units left out"
     return write_sections_page(
         fleet.name,
         [
-            ("Summary", [*summary(fleet), judged_how(fleet)], [drawn] if fleet.spread else []),
-            *([("Units to look at", [_table(pd.DataFrame(marked))], [])] if marked else []),
-            ("Units", [_table(pd.DataFrame(rows))], []),
-            (spread, [_table(spread_frame(fleet))], []),
+            ("Summary", fleet_answer(fleet), [drawn] if fleet.spread else []),
+            ("Units", document(frame_table(pd.DataFrame(rows))), []),
         ],
-    )
-
-
-def _table(frame: pd.DataFrame) -> Table:
-    table = Table()
-    for head in frame.columns:
-        table.add_column(str(head))
-    for row in frame.itertuples(index=False):
-        table.add_row(*(str(cell) for cell in row))
-    return table
-
-
-def judged_how(fleet: Fleet) -> str:
-    """Say how outlying units were found."""
-    if not fleet.comparisons:
-        return f"Too few units ({LEAST_UNITS} are needed) to say which stand apart."
-    thresholds = sorted({digits(o.threshold, 2) for u in fleet.units for o in u.outliers})
-    measured = sum(unit.measurement is not None for unit in fleet.units)
-    if not thresholds and measured >= LEAST_UNITS:
-        thresholds = [digits(threshold(measured, fleet.comparisons), 2)]
-    at = f" (threshold{'s' * (len(thresholds) > 1)} {', '.join(thresholds)})" if thresholds else ""
-    return (
-        f"Outlying: more robust standard deviations from the median of the fleet than a sound fleet would show "
-        f"in any of {fleet.comparisons} numbers with a chance above {100 * FALSE_NAMING:g} %{at}: median and MAD, "
-        "Student's t with 0.37 (n − 1) degrees of freedom, Bonferroni."
     )
 
 

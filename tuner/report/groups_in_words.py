@@ -21,7 +21,17 @@ from tuner.types import Finding
 
 
 def group_in_words(group: FindingGroup, *, figures: bool = True) -> str:
-    """Return a finding, how sure its cause is, what it does, which setting it changes, and its figures."""
+    """Return a finding, and what it does."""
+    return f"{name_in_words(group)}: {effect_in_words(group, figures=figures)}"
+
+
+def name_in_words(group: FindingGroup) -> str:
+    """Return what was found and where, as a sentence begins."""
+    return f"{group.short[:1].upper()}{group.short[1:]}"
+
+
+def effect_in_words(group: FindingGroup, *, figures: bool = True) -> str:
+    """Return how sure the cause of a finding is, what it does, which setting it changes, and its figures."""
     parts = [
         certainty(group.findings[0]),
         group.in_motion,
@@ -30,12 +40,11 @@ def group_in_words(group: FindingGroup, *, figures: bool = True) -> str:
         _entry(group.changes),
     ]
     sizes = group.title.removeprefix(group.short).removeprefix(" ") if figures else ""
-    said = "; ".join(part for part in parts if part)
-    return f"{group.short[:1].upper()}{group.short[1:]}: {said} {sizes}".rstrip()
+    return f"{'; '.join(part for part in parts if part)} {sizes}".rstrip()
 
 
 def _most_moved(drift: Mapping[str, tuple[float, float]]) -> Mapping[str, tuple[float, float]]:
-    """Return the time after which a finding moves the position most; the page has all of them."""
+    """Return the time after which a finding moves the position most; the table of all findings has the others."""
     most = max(drift, key=lambda name: drift[name][0] / max(drift[name][1], 1e-9), default=None)
     return {} if most is None else {most: drift[most]}
 
@@ -101,9 +110,7 @@ def findings_in_words(
 
 
 def _is_fault(group: FindingGroup) -> bool:
-    if group.changes != SAMPLES_AT_FAULT:
-        return False
-    shares = [
-        one.parameters["fraction"].value or 0.0 for one in group.findings if "fraction" in one.parameters
-    ]
-    return not group.drift or max(shares, default=0.0) > LOST_SHARE
+    """Return whether samples are at fault, to an unknown effect or more than `LOST_SHARE` of them."""
+    shares = (f.parameters["fraction"].value or 0.0 for f in group.findings if "fraction" in f.parameters)
+    counts = not group.drift or max(shares, default=0.0) > LOST_SHARE
+    return group.changes == SAMPLES_AT_FAULT and counts

@@ -20,28 +20,26 @@ from plotly.offline import get_plotlyjs
 from rich.table import Table
 
 from tuner.exporters import DIALECTS, export, lacking
-from tuner.formats.axis_words import axes_text
-from tuner.formats.customary_units import term_title
 from tuner.jobs import each
 from tuner.pipeline import EXPORTED_DIALECTS
 from tuner.report.alike_sentences import alike_sentences
 from tuner.report.axis_figure import axis_figure
-from tuner.report.calibration_text import calibration_lines
-from tuner.report.consistency_tables import consistency_tables
+from tuner.report.document import Document
+from tuner.report.drive_answer import fixes_parts
+from tuner.report.identification_answer import warning_lines
 from tuner.report.identification_tables import identification_tables
 from tuner.report.interactive_figure import Chart, charts_of_figure
 from tuner.report.noise_table import legend, more_white_noise, states_tables
 from tuner.report.page_findings import findings_content
 from tuner.report.page_parts import Picture, blocks
-from tuner.report.prediction_tables import prediction_tables
 from tuner.report.tune_answer import (
     against_datasheet,
-    assumptions,
     noise_tables,
     recording_line,
 )
+from tuner.report.tune_sections import setting_reasons, tune_sections
 from tuner.tune_result import TuneResult
-from tuner.types.judgement import Use
+from tuner.types.judgement import Judgement, Use
 from tuner.types.records import Record
 
 CAPTIONS = (
@@ -52,8 +50,6 @@ CAPTIONS = (
 """What the charts of an axis show."""
 STANDING = {Use.USABLE: "good", Use.USABLE_EXCEPT: "open", Use.DO_NOT_USE: "bad"}
 """How the page shows a verdict."""
-WARNING = "warning: "
-"""How a warning begins among the lines below the tables of noise; the page lists them first of its limits."""
 TIMING = {
     "gap_count": "gaps",
     "missing": "missing samples",
@@ -80,9 +76,12 @@ def write_page(
         What was typed; empty where the page was made from Python.
     """
     curves = _curves(result, allan)
+    proofs = {one.text for one in result.drive.diagnosis.findings} if result.drive is not None else set()
+    own = [one for one in pictures if one.name.startswith("drive-") and one.caption not in proofs]
     axes = list(dict.fromkeys(axis for by_axis in curves.values() for axis in by_axis))
     noise = blocks(identification_tables(result.identification))
     measured = noise_tables(result, result.exports)
+    fixes = [] if result.drive is None else fixes_parts(result.drive, result.config)
     others = {
         name: export(result.config, name)
         for name, dialect in DIALECTS.items()
@@ -95,12 +94,12 @@ def write_page(
         "verdict": f"Verdict: {result.verdict.text}.",
         "standing": STANDING[result.verdict.use],
         "facts": _facts(result),
-        "measured": blocks(measured),
+        "measured": blocks([*measured, *fixes[:1]]),
         "legend": legend(*measured),
         "states": blocks(states := states_tables(result.config)),
         "marks": legend(*states),
-        "against": [*against_datasheet(result), more_white_noise(result.config, result.exports)],
-        "reasons": _reasons(result),
+        "against": [*fixes[1:], *against_datasheet(result), *more_white_noise(result.config, result.exports)],
+        "reasons": setting_reasons(result),
         "files": [{"name": name, "text": text} for name, text in result.exports.items()],
         "dialects": list(others),
         "texts": others,
@@ -109,7 +108,9 @@ def write_page(
         "kinds": curves,
         "allan": allan,
         "noise": [block for block in noise if "rows" in block],
-        "sections": _sections(result, pictures),
+        "sections": [
+            (at, heading, blocks(part), own * (at == "drive")) for at, heading, part in tune_sections(result)
+        ],
         "limits": _limits(result, noise),
         "provenance": _provenance(result, command),
     }
@@ -129,18 +130,21 @@ def write_page(
 
 def write_sections_page(
     title: str,
-    sections: Sequence[tuple[str, Sequence[Table | str], Sequence[Picture]]],
+    sections: Sequence[tuple[str, Document, Sequence[Picture]]],
     command: str = "",
-    verdict: tuple[bool, str] | None = None,
+    verdict: Judgement | None = None,
 ) -> str:
-    """Return a page of sections with their tables and captioned figures, and the command that makes it again.
+    """Return a page of answers under their headings, with captioned figures, and the command that makes it again.
 
-    Above them stands the verdict, whether it is good and its words, where there is one.
+    Above them stands the verdict, where there is one.
     """
     drawn = any(picture.charts for _, _, pictures in sections for picture in pictures)
     content = {
         "name": title,
-        "sections": [(heading, blocks(words), pictures) for heading, words, pictures in sections],
+        "sections": [
+            (heading, blocks((*answer.parts, *answer.remarks)), pictures, blocks(answer.more))
+            for heading, answer, pictures in sections
+        ],
         "command": command,
         "verdict": verdict,
         "plotly": _packed_library() if drawn else "",
@@ -219,60 +223,17 @@ def _facts(result: TuneResult) -> list[tuple[str, str]]:
         repairs = dict.fromkeys(note for record in result.records for note in record.notes)
         facts.append(("Time stamps", "; ".join(wrong) or "no gap, no repetition"))
         facts.append(("Read with", "; ".join(repairs)))
-        facts.append(("Units assumed", "; ".join(assumptions(result)) or "none"))
     return [(term, words) for term, words in facts if words]
 
 
-def _reasons(result: TuneResult) -> list[str]:
-    config = result.config
-    handling: dict[str, list[str]] = {}
-    for channel in config.channels.values():
-        for name, how in channel.handling.items():
-            handling.setdefault(f"{term_title(name) or name}: {how}", []).append(channel.axis)
-    lines = [f"{text} [{axes_text(axes)}]" for text, axes in handling.items()]
-    lines += [f"{one.quantity} × {one.factor:g}: {one.reason}" for one in config.inflations]
-    lines += [
-        f"at its worst {one.quantity} × {one.factor:.4g}, not in the settings: {one.reason}"
-        for one in config.worst_case
-    ]
-    return lines + [f"{name}: {reason}" for name, reason in config.initial.reasons.items()]
-
-
-def _sections(
-    result: TuneResult, pictures: Sequence[Picture]
-) -> list[tuple[str, str, list[dict[str, Any]], list[Picture]]]:
-    """Return prediction, calibration, drive and checks, each as anchor, heading, content and pictures."""
-    measured, check = (
-        [] if run is None else consistency_tables(run.consistency, run.notes)
-        for run in (result.measured, result.check)
-    )
-    calibration = [] if result.calibration is None else calibration_lines(result.calibration)
-    drive: Sequence[Table | str] = []
-    own: list[Picture] = []
-    if result.drive is not None:
-        from tuner.report.drive_diagnosis_tables import drive_tables  # loads the diagnosis of drives
-
-        drive = drive_tables(result.drive.diagnosis)
-        proofs = {one.text for one in result.drive.diagnosis.findings}
-        own = [p for p in pictures if p.name.startswith("drive-") and p.caption not in proofs]
-    sections: list[tuple[str, str, Sequence[Table | str], list[Picture]]] = [
-        ("prediction", "Does it predict the log?", prediction_tables(result.predictions), []),
-        ("calibration", "Calibration", calibration, []),
-        ("measured", "The filter on the measured drive", measured, []),
-        ("drive", "The drive", drive, own),
-        ("check", "Filter check: simulated", check, []),
-    ]
-    return [(at, head, blocks(content), shown) for at, head, content, shown in sections if content or shown]
-
-
 def _limits(result: TuneResult, noise: Sequence[Mapping[str, Any]]) -> list[str]:
-    lines = [f"no {part}: {reason}" for part, reason in result.absent.items()]
+    """Return warnings first, then what was not done or written, the reasons of bounds, and notes."""
+    lines = warning_lines(result.identification, predicted=result.predictions)
+    lines += [f"no {part}: {reason}" for part, reason in result.absent.items()]
     lines += [f"not written: {name}: {reason}" for name, reason in result.withheld.items()]
     lines += [line for block in noise for line in block.get("lines", ())]
     lines += result.config.notes
-    warnings = [f"Warning: {line.removeprefix(WARNING)}" for line in lines if line.startswith(WARNING)]
-    others = [line.removeprefix("note: ") for line in lines if not line.startswith(WARNING)]
-    return list(dict.fromkeys([*warnings, *others])) or ["none known beyond the intervals above"]
+    return list(dict.fromkeys(lines)) or ["none known beyond the intervals above"]
 
 
 def _provenance(result: TuneResult, command: str) -> list[tuple[str, str]]:

@@ -14,11 +14,12 @@ from tuner.identification.identify import BY_DIAGNOSIS
 from tuner.identification.identify_channel import CURVE_DISAGREES
 from tuner.judgement import curve_axes, judge_noise
 from tuner.report.alike_sentences import alike_sentences
-from tuner.report.answer_layout import assumed_text, span_text, used_part
+from tuner.report.answer_layout import recording_text
 from tuner.report.document import Document, document
-from tuner.report.noise_table import NAMES, legend, measured_table
-from tuner.report.terminal import LINE_WIDTH
+from tuner.report.identification_tables import identification_tables, pooled_tables
+from tuner.report.noise_table import NAMES, legend, measured_table, states_tables
 from tuner.report.terms_rows import MAIN_TERMS, TermsRow, joined_rows, single_row
+from tuner.report.titled_table import table_of
 from tuner.types import Coefficient, FilterConfig, Identification, PooledChannel
 from tuner.types.coefficient import TOO_SHORT, hours_needed
 from tuner.types.prediction import PredictedBlock
@@ -49,24 +50,25 @@ def identification_answer(
     table = measured_table(found, config, curve)
     return document(
         [
-            f"{name}: {_recording(found)}",
+            f"{name}: {recording_text(found)}",
             f"Verdict: {judge_noise(found, predictions).text}",
             table,
             legend(table),
         ],
-        [*warning_lines(found, short=True, predicted=predictions), *_too_short(found)],
+        [*warning_lines(found, predicted=predictions), *_too_short(found)],
+        more=[*identification_tables(found), *([] if config is None else states_tables(config))],
         beyond="all terms, bounds with reasons, means, ARMA",
     )
 
 
-def warning_lines(found: Identification, *, short: bool = False, predicted: Container[str] = ()) -> list[str]:
-    """Return what limits the terms of a log, with its axes; `short` leaves figures and consequences out.
+def warning_lines(found: Identification, *, predicted: Container[str] = ()) -> list[str]:
+    """Return what limits the terms of a log, with its axes.
 
     What the diagnosis found stands among the findings. Of axes whose settings were `predicted` on their Allan curve the
     verdict and the table say how far terms and curve agree.
     """
     said = alike_sentences(
-        (text.partition(" (")[0] if short else text, one.axis)
+        (text, one.axis)
         for one in found.channels.values()
         for text in one.warnings
         if BY_DIAGNOSIS not in text and not (one.axis in predicted and text.startswith(CURVE_DISAGREES))
@@ -74,13 +76,11 @@ def warning_lines(found: Identification, *, short: bool = False, predicted: Cont
     return [f"Warning: {text}" for text in said]
 
 
-def pooled_answer(pooled: Mapping[str, PooledChannel], names: Sequence[str]) -> Document:
-    """Return what several logs of one sensor have in common, and in what they differ."""
+def pooled_answer(
+    pooled: Mapping[str, PooledChannel], names: Sequence[str], each: Sequence[Document] = ()
+) -> Document:
+    """Return what several logs of one sensor have in common and in what they differ, beside the answer of `each`."""
     rows = joined_rows(_pooled_row(one) for one in pooled.values() if one.mean is not None)
-    lines: list[Table | str] = [
-        f"{len(names)} logs pooled: ± ( ) 95 % of the mean over the logs; < 95 % limit",
-        terms_table([("", row) for row in rows]),
-    ]
     differing: dict[str, list[str]] = {}
     for channel in pooled.values():
         for one in (*channel.coefficients, *([channel.mean] if channel.mean else [])):
@@ -88,10 +88,13 @@ def pooled_answer(pooled: Mapping[str, PooledChannel], names: Sequence[str]) -> 
                 differing.setdefault(symbol(one.name), []).append(channel.axis)
     text = "; ".join(f"{sign} of {axes_text(axes)}" for sign, axes in differing.items())
     verdict = (
-        f"Logs differ (p < {UNEQUAL_BELOW:g}) in {text}" if text else "No coefficient differs from log to log"
+        f"logs differ (p < {UNEQUAL_BELOW:g}) in {text}" if text else "no coefficient differs from log to log"
     )
     two = ": there their range, of two; a third log gives an interval" if text and len(names) == 2 else ""
-    return document(lines, [f"{verdict}{two}"], beyond="each log")
+    more = [*pooled_tables(pooled, names), *(part for one in each for part in one.whole)]
+    about = f"{len(names)} logs pooled: ± ( ) 95 % of the mean over the logs; < 95 % limit"
+    parts: list[Table | str] = [about, f"Verdict: {verdict}{two}", terms_table([("", row) for row in rows])]
+    return document(parts, more=more, beyond="each log")
 
 
 def _pooled_row(pooled: PooledChannel) -> TermsRow:
@@ -107,30 +110,18 @@ def _pooled_row(pooled: PooledChannel) -> TermsRow:
 
 def terms_table(rows: Sequence[tuple[str, TermsRow]]) -> Table:
     """Return N, B and K of every row, behind the name of its source, under the units of the sensors."""
-    table = Table(box=None, padding=(0, 2, 0, 0), width=LINE_WIDTH)
     units = list(dict.fromkeys(row.unit for _, row in rows))
-    table.add_column("", no_wrap=True)
-    for name in MAIN_TERMS:
-        each = " | ".join(pretty(customary_unit(name, unit)) for unit in units)
-        table.add_column(f"{NAMES[name]},\n{each}", overflow="fold")
-    for unit in units:
-        for name, row in rows:
-            if row.unit == unit:
-                label = f"{name} {axes_text(row.axes)}".strip()
-                table.add_row(label, *(row.cell(one) for one in MAIN_TERMS))
-    return table
-
-
-def _recording(found: Identification) -> str:
-    spans: dict[str, list[str]] = {}
-    for c in found.channels.values():
-        part = used_part(found.source, c.axis)
-        how = "" if c.method == "likelihood" else f", by {c.method}"
-        text = f"{span_text(c.span)} at {digits(1.0 / c.interval)} Hz{part}{how}"
-        spans.setdefault(text if c.span > 0.0 else "stated, not measured", []).append(c.axis)
-    parts = [text if len(spans) == 1 else f"{text} ({axes_text(axes)})" for text, axes in spans.items()]
-    assumed = assumed_text(found.source.get("assumptions", ()))
-    return "; ".join([*parts, *([assumed] if assumed else [])])
+    heads = (
+        f"{NAMES[name]},\n{' | '.join(pretty(customary_unit(name, unit)) for unit in units)}"
+        for name in MAIN_TERMS
+    )
+    lines = (
+        (f"{name} {axes_text(row.axes)}".strip(), *map(row.cell, MAIN_TERMS))
+        for unit in units
+        for name, row in rows
+        if row.unit == unit
+    )
+    return table_of(("", *heads), lines, words=4)
 
 
 def terms_too_short(found: Identification) -> str:
@@ -150,9 +141,15 @@ def terms_too_short(found: Identification) -> str:
     for sign in (one for one in short if one not in every):
         for sensor in dict.fromkeys(axis.rpartition("_")[0] for axis in short[sign]):
             lacking = [axis for axis in short[sign] if axis.rpartition("_")[0] == sensor]
-            whole = len(lacking) == sum(axis.rpartition("_")[0] == sensor for axis in found.channels)
-            signs.setdefault(sensor if whole and sensor else axes_text(lacking), []).append(sign)
+            signs.setdefault(sensor_or_axes(lacking, list(found.channels)), []).append(sign)
     return ", ".join([*every, *(f"{axes} {' '.join(own)}" for axes, own in signs.items())])
+
+
+def sensor_or_axes(axes: list[str], every: Sequence[str]) -> str:
+    """Return axes in few words, those of a whole sensor by its name."""
+    sensor = axes[0].partition("_")[0]
+    whole = axes == [axis for axis in every if axis.partition("_")[0] == sensor]
+    return sensor if whole else axes_text(axes)
 
 
 def _too_short(found: Identification) -> list[str]:

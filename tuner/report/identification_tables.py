@@ -27,7 +27,7 @@ UNKNOWN = Coefficient(None, None, None, "")
 
 
 def identification_tables(identification: Identification) -> list[Table | str]:
-    """Return what was assumed of the log, one table a sensor, the reasons of the bounds and the warnings."""
+    """Return what was assumed of the log, one table a sensor, the reasons of the bounds and the notes."""
     sensors: dict[str, list[ChannelIdentification]] = {}
     for channel in identification.channels.values():
         sensors.setdefault(channel.unit, []).append(channel)
@@ -43,10 +43,8 @@ def identification_tables(identification: Identification) -> list[Table | str]:
         for (name, _), c in coefficients_of(channel).items()
         if c.value is None and c.reason
     )
-    warnings = ((text, one.axis) for one in identification.channels.values() for text in one.warnings)
     answer += [f"  {line}" for line in alike_sentences(reasons)]
-    answer += [f"  warning: {line}" for line in alike_sentences(warnings)]
-    return answer + [f"  note: {note}" for note in identification.notes]
+    return answer + [f"  {note}" for note in identification.notes]
 
 
 def _rows(channels: Sequence[ChannelIdentification]) -> Iterator[list[str]]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import zip_longest
@@ -14,9 +13,11 @@ from tuner.exporters.dialect import Target
 from tuner.exporters.triad_values import triad
 from tuner.formats.customary_units import customary_unit, digits, in_customary, pretty, with_interval
 from tuner.formats.yaml_text import Noted
+from tuner.report.coefficient_text import coefficients_of
+from tuner.report.titled_table import table_of
 from tuner.synthesis.equivalent_models import equivalent_noise
 from tuner.synthesis.prediction import FITTED
-from tuner.types import BoundUsed, ChannelNoise, Coefficient, FilterConfig, Identification
+from tuner.types import ChannelNoise, Coefficient, FilterConfig, Identification
 from tuner.types.borrowed import BORROWED, borrowed, white_is_measured
 
 WHITE, FLICKER, WALK = "white.density", "bias_instability.level", "random_walk.density"
@@ -30,13 +31,14 @@ NAMES = {
     "ramp.rate": "bias ramp",
 }
 """Names of coefficients, in the order of their rows; others have that of their term."""
-ROUGH, HALF, LENT, UNKNOWN = "rough", "half", "lent", "–"
-"""Behind a number that is fitted to the Allan curve, one that is half of a limit and one of another sensor's sheet; in
-place of an unknown one."""
+ROUGH, HALF, WHOLE, LENT, UNKNOWN = "rough", "half", "limit", "lent", "–"
+"""Behind a number that is fitted to the Allan curve, one that is half of a limit, one that is the limit, and one of
+another sensor's sheet; in place of an unknown one."""
 LEGEND = {
     "±": "± ( ): 95 % interval",
     "<": "<: not seen, 95 % limit",
     HALF: f"{HALF}: has half of it, ASSUMED",
+    WHOLE: f"{WHOLE}: is that limit",
     LENT: f"{LENT}: of the sensor named above, ASSUMED",
     ROUGH: f"{ROUGH}: fitted to the Allan curve, as the terms do not fit",
     UNKNOWN: f"{UNKNOWN}: unknown",
@@ -96,7 +98,8 @@ def measured_table(
     heads = [f"{known} {letter}" for letter in letters]
     if len(letters) > 1 and all(len({row.cells.get(one) for one in letters}) == 1 for row in rows):
         letters, heads = letters[:1], [f"{known}, each axis"]
-    return _table(("", *heads), [[row.label, *(row.cells.get(one, "") for one in letters)] for row in rows])
+    lines = [[row.label, *(row.cells.get(one, "") for one in letters)] for row in rows]
+    return table_of(("", *heads), lines, words=1 + len(heads))
 
 
 def entries_tables(config: FilterConfig, files: Iterable[str]) -> list[Table]:
@@ -110,13 +113,17 @@ def entries_tables(config: FilterConfig, files: Iterable[str]) -> list[Table]:
         written = kalibr.noise_entries(config, target)
         gyros_first = sorted(written, key=lambda key: (key.startswith("accel"), key))
         rows = [_of_pair(key, written[key], config) for key in gyros_first]
-        tables.append(_table((f"{PAIR}, to enter", "rms of the axes", "that is"), rows))
+        tables.append(table_of((f"{PAIR}, to enter", "rms of the axes", "that is"), rows, words=3))
     if FADING in files:
         noise = kf_gins.entries(config, target)["imunoise"]
         rows = [_of_fading(key, noise[key], config) for key in _FADING_KEYS if key in noise]
         heads = ["x", "y", "z"] if any(len(set(row[1:])) > 1 for row in rows) else ["each axis"]
         rows.append(["corrtime, h", f"{noise['corrtime'].value:.4g} chosen", "", ""])
-        tables.append(_table((f"{FADING}, to enter", *heads), [row[: 1 + len(heads)] for row in rows]))
+        if len(heads) > 1:
+            tables.append(table_of((f"{FADING}, to enter", *heads), rows, words=4))
+        else:
+            line = [*heads, *(row[1] for row in rows)]
+            tables.append(table_of((FADING, *(row[0] for row in rows)), [line], words=len(line)))
     return tables
 
 
@@ -152,21 +159,14 @@ def _source(channel: ChannelNoise, config: FilterConfig, name: str) -> str:
         return ROUGH
     if name != WHITE and channel.axis in borrowed(config):
         return LENT
-    limited = {
-        one.quantity.field
-        for one in config.inflations
-        if isinstance(one, BoundUsed) and one.factor > 0.0 and one.quantity.owner == channel.axis
-    }
-    return HALF * bool(limited & {WHITE} if name == WHITE else limited - {WHITE, "ramp.rate"})
+    if name == WHITE:
+        return _share(config.on_limit(channel.axis).get("white_density"))
+    return HALF if config.bias_on_limit(channel.axis) else ""
 
 
-def _table(heads: Iterable[str], rows: Iterable[Iterable[str]]) -> Table:
-    table = Table(box=None, padding=(0, 2, 0, 0))
-    for head in heads:
-        table.add_column(head, no_wrap=True)
-    for row in rows:
-        table.add_row(*row)
-    return table
+def _share(of_limit: float | None) -> str:
+    """Return the mark of a number that is half of a limit, or the limit itself."""
+    return "" if of_limit is None else HALF if of_limit < 1.0 else WHOLE
 
 
 def states_tables(config: FilterConfig) -> list[Table]:
@@ -181,26 +181,25 @@ def states_tables(config: FilterConfig) -> list[Table]:
             table.add_column(f"bias sd, {level},\nat correlation time, s", min_width=20)
             table.add_column(f"bias random walk,\n{walk}")
             table.add_column(f"turn-on sd,\n{level}")
+        limits, assumed = config.on_limit(channel.axis), config.states_on_limit(channel.axis)
         times: dict[str, list[str]] = {}
         for state in channel.markov:
-            sd = _marked(digits(in_customary(state.sd, "level", channel.unit)), channel.states_rest_on_limit)
+            sd = f"{digits(in_customary(state.sd, 'level', channel.unit))} {HALF * (state in assumed)}".rstrip()
             times.setdefault(sd, []).append(f"{float(f'{state.time_constant:.3g}'):g}")
         numbers = (
-            (channel.white_density, WHITE, channel.white_rests_on_limit),
-            (channel.random_walk_density, WALK, channel.walk_rests_on_limit),
-            (channel.constant_sd, "level", False),
+            (channel.white_density, WHITE, limits.get("white_density")),
+            (channel.random_walk_density, WALK, limits.get("random_walk_density")),
+            (channel.constant_sd, "level", None),
         )
         density, random_walk, constant = (
-            _marked(digits(in_customary(value, name, channel.unit)), on_limit) if value else UNKNOWN
-            for value, name, on_limit in numbers
+            f"{digits(in_customary(value, name, channel.unit))} {_share(share)}".rstrip()
+            if value
+            else UNKNOWN
+            for value, name, share in numbers
         )
         states = "; ".join(f"{sd} at {', '.join(at)}" for sd, at in times.items()) or UNKNOWN
         table.add_row(channel.axis.replace("_", " "), density, states, random_walk, constant)
     return list(tables.values())
-
-
-def _marked(number: str, on_limit: bool) -> str:
-    return f"{number} {HALF}" if on_limit else number
 
 
 def legend(*tables: Table) -> str:
@@ -213,18 +212,21 @@ def legend(*tables: Table) -> str:
     return "; ".join(text for sign, text in LEGEND.items() if sign in signs)
 
 
-def more_white_noise(config: FilterConfig, files: Iterable[str]) -> str:
-    """Return why the files of other filters have more white noise than was measured; empty where they have not."""
+def more_white_noise(config: FilterConfig, files: Iterable[str]) -> tuple[str, str]:
+    """Return why the files of other filters have more white noise than was measured, and how well that predicts.
+
+    Both are empty where they have not.
+    """
     pairs = [(channel, equivalent_noise(channel)) for channel in config.channels.values()]
     if PAIR not in files or all(
         one.white_density <= MORE_WHITE_NOISE * channel.white_density for channel, one in pairs
     ):
-        return ""
+        return "", ""
     known = "measured" if any(white_is_measured(config, axis) for axis in config.channels) else "stated"
     least, most = min(one.mismatch[0] for _, one in pairs), max(one.mismatch[1] for _, one in pairs)
     return (
-        f"More noise than {known} is entered, as two numbers stand for bias instability, too: they predict "
-        f"{least:.2f} to {most:.2f} × the drift. Enlarge further for vibration only"
+        f"More white noise is entered than {known}: it stands for bias instability, too",
+        f"The two numbers predict {least:.2f} to {most:.2f} × the drift; enlarge for vibration only",
     )
 
 
@@ -256,16 +258,10 @@ def _measured(
                     f"{digits(in_customary(value, name, unit))} {ROUGH}" if value else UNKNOWN
                 )
             continue
-        seen: Counter[str] = Counter()
-        for term in found.channels[axis].terms:
-            for field, one in term.coefficients.items():
-                name = f"{term.name}.{field}"
-                if (name, 0) in cells or (further and one.value is not None):
-                    others = axis in lent and one.value is not None and one.interval is None
-                    cells.setdefault((name, seen[name]), {})[letter] = (
-                        UNKNOWN if others else _cell(one, name, unit)
-                    )
-                    seen[name] += 1
+        for (name, which), one in coefficients_of(found.channels[axis]).items():
+            if (name, 0) in cells or (further and one.value is not None):
+                others = axis in lent and one.value is not None and one.interval is None
+                cells.setdefault((name, which), {})[letter] = UNKNOWN if others else _cell(one, name, unit)
     if any(found.channels[axis].span > 0.0 for axis in axes.values()):  # what a sheet does not state is shown
         cells = {key: own for key, own in cells.items() if set(own.values()) - {UNKNOWN}}
     order = list(NAMES)

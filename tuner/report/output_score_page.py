@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from rich.table import Table
 
 from models.arrays import FloatArray
 from tuner.consistency.correlated_errors import autocorrelation
@@ -18,12 +17,10 @@ from tuner.consistency.score_output import OutputScore
 from tuner.formats.customary_units import since
 from tuner.formats.documents import json_text
 from tuner.formats.file_set import MANIFEST, digests, write_set
-from tuner.report.consistency_tables import consistency_tables, consistency_verdict
 from tuner.report.curve_panels import draw_banded
 from tuner.report.figure_files import CHARTS, PAGE_SUFFIXES, new_figure, rendered
 from tuner.report.html_page import write_sections_page
-from tuner.report.output_cause_text import cause_text, change_text
-from tuner.report.output_score_tables import states_table
+from tuner.report.output_score_tables import output_score_answer
 from tuner.report.page_parts import Picture
 from tuner.types.filter_output import BLOCKS
 from tuner.types.one_line import printable
@@ -79,17 +76,9 @@ def write_output_score(
         )
         pictures = [Picture.of(files, "score", caption)]
         del files[f"score{CHARTS}"]
-    sections: list[tuple[str, Sequence[Table | str], Sequence[Picture]]] = [
-        ("Is it consistent?", consistency_tables(found.consistency, found.notes), pictures)
-    ]
-    if found.causes:
-        lines = [line for cause in found.causes for line in (cause_text(cause), change_text(cause))]
-        sections.append(("What explains it, and what to change", lines, []))
-    if found.states and not found.consistency.diverged:
-        sections.append(("State by state", states_table(found.states), []))
-    verdict = consistency_verdict(found.consistency)
+    sections = [("Is it honest?", output_score_answer(found), pictures)]
     title = printable(f"Score of {', '.join(Path(output.name).name for output in found.outputs[:3])}")
-    files["report.html"] = write_sections_page(title, sections, command, verdict).encode()
+    files["report.html"] = write_sections_page(title, sections, command, found.consistency.honesty).encode()
     files["score.json"] = json_text(dict(content) | {MANIFEST: digests(files)}).encode()
     write_set(directory, files, last="score.json")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from base64 import b64encode
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +14,8 @@ from rich.table import Table
 from tuner.report.figure_files import CHARTS
 from tuner.report.interactive_figure import Chart
 
+PICTURE_BYTES = 2_500_000
+"""Bytes that all pictures of findings take in a page; further ones stand beside it, so that it stays below 6 MB."""
 COORDINATES = re.compile(rb'\b(?:d|x|y)="[^"]*"')
 """Coordinates of a drawing."""
 TOO_FINE = re.compile(rb"(\.\d\d)\d+")
@@ -59,6 +61,16 @@ class Picture:
     def size(self) -> int:
         """Bytes that it takes on a page at most, its drawing written in base64."""
         return 4 * len(self.svg) // 3 + len(json.dumps(list(self.charts or ()), separators=(",", ":")))
+
+
+def with_room(pictures: Iterable[Picture]) -> list[Picture]:
+    """Return the pictures that a page has room for, the first ones first."""
+    room, shown = PICTURE_BYTES, []
+    for one in pictures:
+        if one.size <= room:
+            shown.append(one)
+            room -= one.size
+    return shown
 
 
 def blocks(content: Sequence[Table | str]) -> list[dict[str, Any]]:

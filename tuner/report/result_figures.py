@@ -8,17 +8,18 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tuner.consistency.choose_grade import GradeChoice
-from tuner.formats.customary_units import customary_unit, in_customary, pretty, symbol
+from tuner.formats.customary_units import in_customary, symbol
 from tuner.identification.record_length import LONGEST_HOURS
 from tuner.identification.static_test_plan import StaticTestPlan
 from tuner.production.quantities import is_logarithmic
-from tuner.report.consistency_tables import score_title
-from tuner.report.curve_panels import SOURCE_COLOURS, STATED_TAU, draw_banded, sensor_panels
+from tuner.report.curve_panels import SENSORS, SOURCE_COLOURS, STATED_TAU, draw_banded, sensor_panels
+from tuner.report.curve_tables import Curve, shown_curve
 from tuner.report.drive_diagnosis_tables import SHORT_NAMES
 from tuner.report.figure_files import new_figure
 from tuner.report.finding_groups import finding_groups
 from tuner.report.row_panels import Mark, row_figure
-from tuner.types import AllanCurve, Correlogram, FilterConfig, Finding, NoiseScaleEstimate, Spectrum
+from tuner.report.verdict_text import score_title
+from tuner.types import Correlogram, FilterConfig, Finding, NoiseScaleEstimate
 from tuner.types.consistency import Score
 from tuner.types.fleet import Fleet
 from tuner.types.prediction import NoiseBlock
@@ -26,31 +27,20 @@ from tuner.types.prediction import NoiseBlock
 GOOD_COLOUR, BAD_COLOUR = "#15803d", "#b91c1c"
 
 
-def curve_figure(found: AllanCurve | Spectrum | Correlogram) -> Figure:
+def curve_figure(found: Curve) -> Figure:
     """Return an empirical curve of every axis with its interval, or with the band of white noise."""
     with new_figure((6.4, 4.4)) as figure:
         panel = figure.subplots()
+        one = shown_curve(found)
+        panel.set(xlabel=one.across, ylabel=one.up)
         if isinstance(found, Correlogram):
-            x, y, ends = found.lag, found.value, (found.value, found.value)
             panel.axhspan(-found.band, found.band, color="0.85", lw=0)
-            panel.set(xlabel="lag, s", ylabel=found.statistic)
         else:
-            one, unit = in_customary(1.0, "level", found.unit), pretty(customary_unit("level", found.unit))
-            if isinstance(found, AllanCurve):
-                x, y, names = (
-                    found.tau,
-                    found.deviation(),
-                    ("cluster time τ, s", f"{found.estimator}, {unit}"),
-                )
-            else:
-                x, y, one = found.frequency, found.density, one**2
-                names = ("frequency, Hz", f"two-sided density, ({unit})²/Hz")
-            low, high = found.interval()
-            y, ends = one * y, (one * low, one * high)
-            panel.set(xscale="log", yscale="log", xlabel=names[0], ylabel=names[1])
+            panel.set(xscale="log", yscale="log")
         for k, axis in enumerate(found.axes):
             look = {"ms": 3, "lw": 0.8, "color": SOURCE_COLOURS[k % len(SOURCE_COLOURS)], "label": axis}
-            draw_banded(panel, x, y[:, k], (end[:, k] for end in ends), ".-", **look)
+            ends = one.ends or (one.y, one.y)
+            draw_banded(panel, one.x, one.y[:, k], (end[:, k] for end in ends), ".-", **look)
     return figure
 
 
@@ -73,8 +63,7 @@ def scores_figure(scores: Sequence[Score]) -> Figure:
     for score in scores:
         low, high = ((limit / score.dof) ** 0.5 for limit in score.band)
         judged = Mark(score.ratio, GOOD_COLOUR if score.consistent else BAD_COLOUR)
-        name = score_title(score.name).replace("_", " ")
-        rows.append((name, [Mark(None, "0.75", (low, high), width=7.0), judged]))
+        rows.append((score_title(score.name), [Mark(None, "0.75", (low, high), width=7.0), judged]))
     return row_figure(rows, "true rms ÷ predicted sd (grey: consistent)", 1.0)
 
 
@@ -128,9 +117,8 @@ def plan_figure(plans: StaticTestPlan) -> Figure:
     first = next(iter(plans.values()))
     hours: dict[str, float] = {}
     for axis, plan in plans.items():
-        sensor = "gyros" if plans.units[axis].startswith("rad") else "accelerometers"
         for one in plan.parameters:
-            name = f"{symbol(one.name)} of {sensor}"
+            name = f"{symbol(one.name)} of {SENSORS[plans.units[axis]]}"
             hours[name] = max(hours.get(name, 0.0), LONGEST_HOURS if one.hours is None else one.hours)
     what = f"hours for a relative sd of {100 * first.accuracy:g} %"
     return _reached_figure(hours, first.hours, f"planned: {first.hours:g} h", what)

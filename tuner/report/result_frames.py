@@ -11,7 +11,7 @@ from tuner.consistency.choose_grade import GradeChoice
 from tuner.consistency.compare_sensors import SensorComparison
 from tuner.identification.static_test_plan import StaticTestPlan
 from tuner.report.coefficient_text import LEVEL_NAMES, coefficients_of
-from tuner.report.consistency_tables import band_of
+from tuner.report.consistency_answer import band_of
 from tuner.types import AllanCurve, Coefficient, Correlogram, FilterConfig, Identification, Spectrum
 from tuner.types.consistency import Consistency, Score
 from tuner.types.diagnosis import Finding

@@ -11,7 +11,6 @@ from typing import Any
 
 import pandas as pd
 from matplotlib.figure import Figure
-from rich.table import Table
 
 from tuner.consistency.choose_grade import GradeChoice
 from tuner.consistency.compare_sensors import SensorComparison
@@ -26,25 +25,21 @@ from tuner.report import terminal
 from tuner.report.allan_figure import allan_figure
 from tuner.report.answer_layout import settings_answer
 from tuner.report.claims import Result, claims_of
-from tuner.report.comparison_tables import choice_tables, comparison_tables, plan_tables
-from tuner.report.consistency_answer import consistency_answer
-from tuner.report.consistency_tables import check_tables, consistency_tables, consistency_verdict
-from tuner.report.curve_tables import curve_answer, statistic_tables
+from tuner.report.consistency_answer import check_answer, consistency_answer
+from tuner.report.curve_tables import curve_answer
 from tuner.report.diagnosis_answer import diagnosis_answer
-from tuner.report.document import Document
+from tuner.report.document import Document, document
 from tuner.report.drive_diagnosis_figures import drive_figures
-from tuner.report.drive_diagnosis_tables import drive_diagnosis_answer, drive_tables
+from tuner.report.drive_diagnosis_tables import drive_diagnosis_answer
 from tuner.report.examination_answer import examination_answer, examination_figure, examination_frame
 from tuner.report.figure_files import PAGE_SUFFIXES, Sketch, draw_all, rendered
+from tuner.report.fleet_answer import fleet_answer
 from tuner.report.fleet_files import fleet_frame
-from tuner.report.fleet_tables import fleet_tables
 from tuner.report.html_page import tables_html, write_sections_page
 from tuner.report.identification_answer import identification_answer
-from tuner.report.identification_tables import identification_tables
-from tuner.report.noise_table import states_tables
-from tuner.report.output_score_tables import output_score_answer, output_score_tables
+from tuner.report.output_score_tables import output_score_answer
 from tuner.report.overlaid_figure import overlaid_figure
-from tuner.report.page_parts import Picture
+from tuner.report.page_parts import Picture, with_room
 from tuner.report.result_figures import (
     choice_figure,
     curve_figure,
@@ -65,10 +60,10 @@ from tuner.report.result_frames import (
     plan_frame,
     settings_frame,
 )
+from tuner.report.sensor_answers import choice_answer, comparison_answer, plan_answer
 from tuner.report.solution_figures import solution_pictures
 from tuner.report.static_diagnosis_figures import finding_figures
-from tuner.report.static_diagnosis_tables import diagnosis_tables
-from tuner.report.tune_answer import noise_tables, tune_answer
+from tuner.report.tune_answer import tune_answer
 from tuner.tune_result import TuneResult
 from tuner.types import (
     AllanCurve,
@@ -83,9 +78,6 @@ from tuner.types.diagnosis import DriveDiagnosis
 from tuner.types.fleet import Fleet
 from tuner.types.records import DataError, Drive, Record
 
-PAGE_PICTURE_BYTES = 2_800_000
-"""Bytes of all pictures of findings on a page with their charts: with the drawing library it stays below 6 MB."""
-
 
 @dataclass(frozen=True)
 class View:
@@ -97,22 +89,19 @@ class View:
         Returns its numbers as a data frame.
     index : tuple of str
         Columns of the frame that are the axes of a dataset.
-    tables : callable
-        Returns its tables.
     figure : callable
         Returns its figure.
     caption : str
         What the figure shows.
     answer : callable
-        Returns what `print` shows: the answer of the command.
+        Returns its answer, of which `print` shows what the command does, and notebooks and pages the whole.
     """
 
     frame: Callable[[Any], pd.DataFrame]
     index: tuple[str, ...]
-    tables: Callable[[Any], Sequence[Table | str]]
     figure: Callable[[Any], Figure]
     caption: str
-    answer: Callable[[Any], Document | Sequence[Table | str]]
+    answer: Callable[[Any], Document]
 
 
 def view_of(result: object) -> View:
@@ -131,14 +120,14 @@ def figure_of(result: object) -> Figure:
 
 
 def html_of(result: object) -> str:
-    """Return the tables of a result for a notebook."""
-    return tables_html(view_of(result).tables(result))
+    """Return the whole answer of a result for a notebook."""
+    return tables_html(view_of(result).answer(result).whole)
 
 
 def text_of(result: object) -> str:
     """Return the answer of a result, for `print`: options of the command are methods here."""
     found = violations(claims_of(result)) if isinstance(result, Result) else ()
-    answer = [f"Withdrawn: {text}" for text in found] or view_of(result).answer(result)
+    answer = document(f"Withdrawn: {text}" for text in found) if found else view_of(result).answer(result)
     return terminal.text_of(answer).replace("--verbose", ".to_pandas()")
 
 
@@ -164,9 +153,9 @@ def dataset_of(result: object) -> Any:
 
 @dataclass(frozen=True)
 class Part:
-    """A part of a page that is not one result: its tables and pictures."""
+    """A part of a page that is not one result: what it says, and its pictures."""
 
-    tables: Sequence[Table | str]
+    answer: Document
     pictures: Sequence[Picture]
 
 
@@ -179,37 +168,34 @@ def page_of(results: Mapping[str, object], title: str, command: str) -> str:
     for heading, result in results.items():
         made = result() if callable(result) else result
         part = made if isinstance(made, Part) else _part_of(made)
-        sections.append((heading, part.tables, part.pictures))
-    judged = next((r.consistency for r in results.values() if isinstance(r, Check | DriveResult)), None)
-    return write_sections_page(
-        title, sections, command, None if judged is None else consistency_verdict(judged)
+        sections.append((heading, part.answer, part.pictures))
+    judged = next(
+        (r.consistency.honesty for r in results.values() if isinstance(r, Check | DriveResult)), None
     )
+    return write_sections_page(title, sections, command, judged)
 
 
 def _part_of(result: object) -> Part:
     view = view_of(result)
     figure = view.figure(result)
     drawn = [picture_of(figure, view.caption)] if any(panel.has_data() for panel in figure.axes) else []
-    return Part(view.tables(result), drawn)
+    return Part(view.answer(result), drawn)
 
 
 def pictures_of_findings(records: Sequence[Record], diagnosis: Diagnosis) -> Part:
     """Return the picture that proves each finding, as many as a page has room for."""
-    room, pictures, left_out = PAGE_PICTURE_BYTES, [], []
-    for picture in _drawn(finding_figures(records, diagnosis)):
-        room -= picture.size
-        if room >= 0:
-            pictures.append(picture)
-        else:
-            left_out.append(f"without a picture here, which `tuner tune` draws: {picture.caption}")
-    return Part(left_out, pictures)
+    drawn = _drawn(finding_figures(records, diagnosis))
+    shown = with_room(drawn)
+    without = "without a picture here, which `tuner tune` draws"
+    return Part(document(f"{without}: {one.caption}" for one in drawn if one not in shown), shown)
 
 
 def pictures_of_drive(examined: ExaminedDrive) -> Part:
     """Return the pictures of the diagnosis of a drive: of each finding first, then of the whole filter."""
     proofs = {finding.text for finding in examined.diagnosis.findings}
     return Part(
-        [], sorted(_drawn(drive_figures(examined)), key=lambda picture: picture.caption not in proofs)
+        document(()),
+        sorted(_drawn(drive_figures(examined)), key=lambda picture: picture.caption not in proofs),
     )
 
 
@@ -230,7 +216,7 @@ def pictures_of_solution(found: DriveResult, drive: Drive) -> Part:
     """Return the pictures of a filtered drive: track, errors against the reference, innovations."""
     drawn = solution_pictures(found, drive, PAGE_SUFFIXES)
     captions = {name: words for name, words in SOLUTION_CAPTIONS.items() if f"{name}.svg" in drawn}
-    return Part([], [Picture.of(drawn, name, words) for name, words in captions.items()])
+    return Part(document(()), [Picture.of(drawn, name, words) for name, words in captions.items()])
 
 
 def picture_of(figure: Figure, caption: str, name: str = "figure") -> Picture:
@@ -244,7 +230,6 @@ VIEWS: dict[type, View] = {
     TuneResult: View(
         lambda r: settings_frame(r.config),
         ("axis", "setting"),
-        lambda r: [*noise_tables(r, r.exports), *states_tables(r.config), *consistency_part(r)],
         lambda r: allan_figure(r.identification, predictions=r.predictions),
         "Allan deviation: measured, identified terms, and what the settings predict",
         lambda r: tune_answer(r, None),
@@ -252,7 +237,6 @@ VIEWS: dict[type, View] = {
     Identification: View(
         identification_frame,
         ("axis", "coefficient"),
-        identification_tables,
         allan_figure,
         "Allan deviation: measured with its 95 % interval, and the identified terms",
         lambda i: identification_answer(str(i.source.get("name", "unnamed")), i),
@@ -260,7 +244,6 @@ VIEWS: dict[type, View] = {
     FilterConfig: View(
         settings_frame,
         ("axis", "setting"),
-        states_tables,
         settings_figure,
         "Allan deviation of the noise that the filter assumes of each axis",
         settings_answer,
@@ -268,7 +251,6 @@ VIEWS: dict[type, View] = {
     Diagnosis: View(
         lambda d: findings_frame(d.findings),
         ("finding", "parameter"),
-        diagnosis_tables,
         lambda d: drift_figure(d.findings),
         "Position error of one sensor axis without fixes, with each finding in the samples and without it",
         diagnosis_answer,
@@ -276,7 +258,6 @@ VIEWS: dict[type, View] = {
     DriveDiagnosis: View(
         lambda d: findings_frame(d.findings),
         ("finding", "parameter"),
-        drive_tables,
         lambda d: noise_scales_figure(d.noise_scales),
         "Size of each noise setting that the drive shows ÷ that stated, with 95 % intervals: with no cause named, and "
         "with all findings in the filter; 1 is right, arrows are limits",
@@ -285,7 +266,6 @@ VIEWS: dict[type, View] = {
     Examination: View(
         examination_frame,
         ("repair",),
-        lambda e: examination_answer(e).whole,
         examination_figure,
         "By how much the readings of each stream miss the motion of the inertial unit, as recorded and as mended",
         examination_answer,
@@ -293,15 +273,13 @@ VIEWS: dict[type, View] = {
     Check: View(
         lambda c: consistency_frame(c.consistency),
         ("score",),
-        lambda c: check_tables(c, budget=c.budget is not None),
         lambda c: scores_figure(c.consistency.scores),
         SCORES_CAPTION,
-        lambda c: consistency_answer(c.consistency, c.notes),
+        check_answer,
     ),
     DriveResult: View(
         lambda r: consistency_frame(r.consistency),
         ("score",),
-        lambda r: consistency_tables(r.consistency, r.notes),
         lambda r: scores_figure(r.consistency.scores),
         SCORES_CAPTION,
         lambda r: consistency_answer(r.consistency, r.notes),
@@ -309,7 +287,6 @@ VIEWS: dict[type, View] = {
     OutputScore: View(
         lambda s: consistency_frame(s.consistency, s.states),
         ("score",),
-        output_score_tables,
         lambda s: scores_figure([*s.consistency.scores, *s.states]),
         SCORES_CAPTION,
         output_score_answer,
@@ -317,7 +294,6 @@ VIEWS: dict[type, View] = {
     Consistency: View(
         consistency_frame,
         ("score",),
-        consistency_tables,
         lambda c: scores_figure(c.scores),
         SCORES_CAPTION,
         consistency_answer,
@@ -325,63 +301,36 @@ VIEWS: dict[type, View] = {
     SensorComparison: View(
         comparison_frame,
         ("axis", "coefficient", "source"),
-        comparison_tables,
         lambda c: overlaid_figure(c.noise),
         "Allan deviation of every axis: measured (points, 95 % band, fit), stated (dashed)",
-        comparison_tables,
+        comparison_answer,
     ),
     GradeChoice: View(
         choice_frame,
         ("grade",),
-        choice_tables,
         choice_figure,
         "Predicted error after the outage, with the limit",
-        lambda c: choice_tables(c, every=False),
+        choice_answer,
     ),
     StaticTestPlan: View(
         plan_frame,
         ("axis", "coefficient"),
-        plan_tables,
         plan_figure,
         "Hours until each term reaches the wanted accuracy, worst axis of each sensor; the line: hours planned",
-        plan_tables,
+        plan_answer,
     ),
     Fleet: View(
         fleet_frame,
         ("unit",),
-        fleet_tables,
         fleet_figure,
         "Each unit ÷ the median of the fleet, outlying ones named",
-        fleet_tables,
+        fleet_answer,
     ),
-    AllanCurve: View(
-        curve_frame,
-        ("axis", "tau"),
-        statistic_tables,
-        curve_figure,
-        CURVE_CAPTION,
-        lambda c: curve_answer([c], c.axes),
-    ),
-    Spectrum: View(
-        curve_frame,
-        ("axis", "frequency"),
-        statistic_tables,
-        curve_figure,
-        CURVE_CAPTION,
-        lambda c: curve_answer([c], c.axes),
-    ),
-    Correlogram: View(
-        curve_frame,
-        ("axis", "lag"),
-        statistic_tables,
-        curve_figure,
-        CURVE_CAPTION,
-        lambda c: curve_answer([c], c.axes),
-    ),
+    **{
+        kind: View(
+            curve_frame, ("axis", along), curve_figure, CURVE_CAPTION, lambda c: curve_answer([c], c.axes)
+        )
+        for kind, along in ((AllanCurve, "tau"), (Spectrum, "frequency"), (Correlogram, "lag"))
+    },
 }
 """Every type of result, with how it is shown."""
-
-
-def consistency_part(result: TuneResult) -> Sequence[Table | str]:
-    """Return the tables of the check of a configuration, where it was checked."""
-    return [] if result.check is None else consistency_tables(result.check.consistency, result.check.notes)

@@ -1,4 +1,4 @@
-"""The diagnosis of a static log: the answer, and in tables all findings with their gains and all rejected tests."""
+"""A diagnosis in tables: all findings with their gains, and all rejected tests."""
 
 from __future__ import annotations
 
@@ -11,11 +11,9 @@ from tuner.formats.axis_words import axes_text
 from tuner.formats.customary_units import amount, digits
 from tuner.formats.parameter_words import parameter_words
 from tuner.report.alike_sentences import alike_sentences
-from tuner.report.diagnosis_answer import diagnosis_answer
 from tuner.report.finding_groups import LEAST_WHITE_SHARE, drift_text
 from tuner.report.titled_table import titled_table
-from tuner.types import Coefficient, Diagnosis, Finding, Gain, Unexplained
-from tuner.types.records import Record
+from tuner.types import Coefficient, Finding, Gain, Unexplained
 
 CHANGE_INTERVAL = "_change_interval"
 """Ending of a measure of a gain that is the interval of the change of another."""
@@ -26,15 +24,6 @@ _MEASURES = {
     "outage_60s_horizontal": "horizontal error after 60 s without fixes, rms",
 }
 """Measures of a gain in words, where their names are none."""
-
-
-def diagnosis_tables(diagnosis: Diagnosis, records: Sequence[Record] = ()) -> list[Table | str]:
-    """Return the answer, every finding of a log and every rejected test that no finding explains."""
-    return [
-        *diagnosis_answer(diagnosis, records).whole,
-        *finding_tables(diagnosis.findings, "What the simulation gets wrong"),
-        *unexplained_table(diagnosis.unexplained),
-    ]
 
 
 def finding_tables(findings: Sequence[Finding], title: str) -> list[Table | str]:

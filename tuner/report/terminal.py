@@ -15,7 +15,7 @@ from rich.segment import Segment
 from rich.table import Table
 
 from tuner.limits import SCREEN_LINES
-from tuner.report.document import Document
+from tuner.report.document import NEXT, Document
 from tuner.stages import finished
 
 _CONTROLS = dict.fromkeys(
@@ -65,9 +65,15 @@ def text_of(content: Document | Iterable[Table | str], width: int = LINE_WIDTH) 
 
 
 def fitted(answer: Document, width: int = LINE_WIDTH) -> list[str]:
-    """Return the lines of an answer; of its remarks as many as `SCREEN_LINES` have room for, of a first one a part."""
-    begin, end = (text_of(part, width).splitlines() for part in (answer.parts, answer.end))
-    room = SCREEN_LINES - len(begin) - len(end) - 1
+    """Return the lines of an answer; of its remarks as many as `SCREEN_LINES` have room for, of a first one a part.
+
+    Where there is no room for all parts, spare tables are left out.
+    """
+    end = text_of(answer.end, width).splitlines()
+    for count in range(len(answer.spare) + 1):
+        begin = text_of(answer.without(answer.spare[:count]).parts, width).splitlines()
+        if (room := SCREEN_LINES - len(begin) - len(end) - 1) >= 0:
+            break
     shown: list[str] = []
     left = list(answer.remarks)
     while left and len(more := _folded(left[0], width)) <= room - len(shown):
@@ -80,16 +86,17 @@ def fitted(answer: Document, width: int = LINE_WIDTH) -> list[str]:
     return [*begin, *shown, *end, *(_folded(last, width) if last else [])]
 
 
-def show(content: Document | Iterable[Table | str]) -> None:
-    """Print an answer, or tables and lines, on standard output.
+def show(content: Document | Iterable[Table | str], *, whole: bool = False) -> None:
+    """Print an answer, as much as a screen has room for or the `whole` of it, or tables and lines.
 
     It is as wide as the terminal or, where it is none, as one as it opens. Lines are parted between words, further ones
     indented; of a table that is wider, columns that have no room follow beneath it, beside its first one again.
     """
     finished()
     width = shutil.get_terminal_size().columns if sys.stdout.isatty() else LINE_WIDTH
-    tables = fitted(content, width) if isinstance(content, Document) else content
-    _print(_Console(width=width, highlight=False, markup=False, emoji=False), tables, width)
+    if isinstance(content, Document):
+        content = [*content.whole, *content.end] if whole else fitted(content, width)
+    _print(_Console(width=width, highlight=False, markup=False, emoji=False), content, width)
 
 
 def _print(console: Console, tables: Iterable[Table | str], width: int) -> None:
@@ -104,18 +111,20 @@ def _print(console: Console, tables: Iterable[Table | str], width: int) -> None:
 
 
 def _folded(line: str, width: int) -> list[str]:
-    """Return a line in as many as it needs; no word, such as a path, is broken."""
+    """Return a line in as many as it needs; no word, such as a path, is broken, and a command goes on where it does."""
     indent = " " * (len(line) - len(line.lstrip()))
+    more = " \\" * line.startswith(NEXT)
     parts = wrap(
         BEFORE_UNIT.sub(NO_BREAK, line),
-        width,
+        width - len(more),
         initial_indent="",
         subsequent_indent=f"{indent}  ",
         drop_whitespace=True,
         break_long_words=False,
         break_on_hyphens=False,
     )
-    return [part.replace(NO_BREAK, " ") for part in parts] or [line]
+    *first, last = [part.replace(NO_BREAK, " ") for part in parts] or [line]
+    return [*(f"{part}{more}" for part in first), last]
 
 
 def _parts(table: Table, width: int) -> list[Table]:

@@ -10,23 +10,34 @@ from typing import TYPE_CHECKING
 from rich.table import Table
 
 from tuner.exporters.header import STATES_IN_PAIR
-from tuner.formats.axis_words import axes_text
-from tuner.formats.customary_units import digits
 from tuner.formats.reference_words import reference_line
 from tuner.identification.comparison import compare_identifications, limit_checks
 from tuner.judgement import curve_axes
 from tuner.limits import SHOWN_CHANGE, SHOWN_FINDINGS
-from tuner.report.answer_layout import assumed_text, span_text, used_part
-from tuner.report.comparison_tables import limit_text
+from tuner.report.answer_layout import recording_text
+from tuner.report.diagnosis_answer import diagnosis_answer, note_lines
 from tuner.report.document import Document, document
-from tuner.report.drive_answer import choice_parts, found_text
-from tuner.report.groups_in_words import FindingsInWords, findings_in_words
+from tuner.report.drive_answer import choice_parts, fixes_parts, found_text
+from tuner.report.groups_in_words import findings_in_words
 from tuner.report.identification_answer import warning_lines
-from tuner.report.noise_table import FADING, PAIR, entries_tables, legend, measured_table, more_white_noise
+from tuner.report.identification_tables import identification_tables
+from tuner.report.noise_table import (
+    FADING,
+    PAIR,
+    entries_tables,
+    legend,
+    measured_table,
+    more_white_noise,
+    states_tables,
+)
+from tuner.report.sensor_answers import limit_text
 from tuner.report.static_diagnosis_tables import hidden_effect_lines
 from tuner.report.terminal import LINE_WIDTH
+from tuner.report.tune_sections import setting_reasons, tune_sections
 from tuner.report.unexplained_words import unexplained_lines
 from tuner.synthesis.findings import judge_hidden
+from tuner.types import Diagnosis
+from tuner.types.named_cause import separated
 
 if TYPE_CHECKING:
     from tuner.tune_result import TuneResult
@@ -65,9 +76,9 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
     examined = result.diagnosis is not None or result.drive is not None
     mended = _mended_lines(result)
     nothing = [] if mended else ["Nothing was found that the noise terms do not explain"]
-    more = len(found) - SHOWN_FINDINGS
+    further = len(found) - SHOWN_FINDINGS
     pairs = any(STATES_IN_PAIR in text for name, text in result.exports.items() if files or name != PAIR)
-    larger = more_white_noise(result.config, result.exports) if noise and pairs else ""
+    larger, predicting = more_white_noise(result.config, result.exports) if noise and pairs else ("", "")
     said: list[Table | str] = [
         recording_line(result),
         f"Verdict: {result.verdict.text}",
@@ -76,21 +87,36 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
         *keys,
         *noise,
         legend(*noise),
+        larger,
+        *([] if result.drive is None else fixes_parts(result.drive, result.config)),
         *([] if result.choice is None else choice_parts(result.choice)),
     ]
     remarks = [
         *(found[:SHOWN_FINDINGS] or nothing * (examined and not idle and not doubted)),
         doubted,
-        larger,
-        f"{more} more finding{'s' * (more > 1)} on the page" if more > 0 else "",
+        predicting,
+        f"{further} more finding{'s' * (further > 1)} on the page" if further > 0 else "",
         f"Settings chosen on the drive: {result.choice.kept}" if result.choice else "",
-        _idle_text(idle) if idle else "",
+        f"{idle} finding{'s' * (idle > 1)} on the page change{'s' * (idle == 1)} no setting by 5 % or more"
+        if idle
+        else "",
         *_done_before(result),
         *against_datasheet(result),
-        *warning_lines(result.identification, short=True, predicted=result.predictions),
-        *_absent_lines(result),
+        *warning_lines(result.identification, predicted=result.predictions),
+        *(f"No {part}: {why}" for part, why in result.absent.items() if part != OF_DRIVE_ALONE),
     ]
-    return document(said, remarks, [*withheld_lines(result), *_file_lines(result, directory, dialect)])
+    more: list[Table | str] = [
+        *identification_tables(result.identification),
+        *states_tables(result.config),
+        *setting_reasons(result),
+    ]
+    if result.diagnosis is not None:
+        more += [*diagnosis_answer(result.diagnosis).more, *note_lines(result.diagnosis)]
+    for _, heading, content in tune_sections(result):
+        more += [heading, *content]
+    end = [*withheld_lines(result), _file_line(result, directory, dialect)]
+    more += [note for note in result.config.notes if note not in result.identification.notes]
+    return document(said, remarks, end, more, spare=[*noise[2:], *noise[:1]])
 
 
 def _mended_lines(result: TuneResult) -> list[str]:
@@ -113,17 +139,11 @@ def noise_tables(result: TuneResult, files: Iterable[str]) -> list[Table]:
     ]
 
 
-def _idle_text(count: int) -> str:
-    return (
-        f"{count} finding{'s' * (count > 1)} on the page change{'s' * (count == 1)} no setting by 5 % or more"
-    )
-
-
 def _done_before(result: TuneResult) -> list[str]:
     """Return what was done to a drive before it was filtered, and what was assumed of it."""
     if result.measured is None:
         return []
-    notes = [note for note in result.measured.notes if "the reference" not in note]
+    notes = [note for note in separated(result.measured.notes)[1] if "the reference" not in note]
     return [f"Before the drive was filtered: {'; '.join(notes)}"] if notes else []
 
 
@@ -192,32 +212,21 @@ def _shortened_remarks(line: str) -> str:
 
 
 def reference_lines(result: TuneResult) -> list[str]:
-    """Return what is wrong with the reference of the drive, in one line or none."""
-    if result.measured is not None:
-        return reference_line(result.measured.notes)
-    return [] if result.drive is None else reference_line(result.drive.diagnosis.notes)
+    """Return what is wrong with the reference of the drive, in one line or none, and the causes that its run names."""
+    run = result.measured or (None if result.drive is None else result.drive.diagnosis)
+    return [] if run is None else [*reference_line(run.notes), *separated(run.notes)[0]]
 
 
 def recording_line(result: TuneResult) -> str:
     """Return name, length and rate of what the numbers rest on, and what was assumed of it; of a drive, its rest."""
-    spans: dict[str, list[str]] = {}
     rest = " at rest in the drive" if result.drive is not None and not result.records else ""
-    for channel in result.identification.channels.values():
-        if channel.span > 0.0:
-            part = used_part(result.identification.source, channel.axis)
-            text = f"{span_text(channel.span)}{rest} at {digits(1.0 / channel.interval)} Hz{part}"
-            spans.setdefault(text, []).append(channel.axis)
-    lengths = [text if len(spans) == 1 else f"{text} ({axes_text(axes)})" for text, axes in spans.items()]
-    assumed = assumptions(result)
-    units = assumed_text(assumed) or "units stated, none assumed"
+    said = [f"{result.name}, {recording_text(result.identification, rest)}"]
     if result.key is not None:
-        units = "; ".join(hidden_lines(result)) or "simulated"
-    return "; ".join([", ".join([result.name, *lengths]), *([units] if result.records else [])])
-
-
-def assumptions(result: TuneResult) -> tuple[str, ...]:
-    """Return what nobody stated of the log and was assumed."""
-    return tuple(str(text) for text in result.identification.source.get("assumptions", ()))
+        judged = [] if result.diagnosis is None else judge_hidden(result.key, result.diagnosis)
+        said += hidden_effect_lines(judged) or ["simulated"]
+    elif result.records and not result.identification.source.get("assumptions"):
+        said.append("units stated, none assumed")
+    return "; ".join(said)
 
 
 def against_datasheet(result: TuneResult) -> list[str]:
@@ -234,20 +243,15 @@ def found_lines(result: TuneResult) -> tuple[list[str], int, str]:
 
     A finding whose effect is below `SHOWN_CHANGE` stands on the page alone; one whose effect is not known comes last.
     """
-    found = FindingsInWords()
-    first: list[str] = []
-    idle = 0
-    if result.diagnosis is not None:
-        span = max((record.span for record in result.records), default=None)
-        found = findings_in_words(result.diagnosis.findings, span, figures=False)
-        rest = [one for one in result.diagnosis.unexplained if _is_felt(one)]
-        idle = len(found.idle) + (len(rest) < len(result.diagnosis.unexplained))
-        first += [f"Not explained: {text}" for text in unexplained_lines(rest)[:1]]
-    first += found.felt
-    if result.drive is not None:
-        of_drive = result.drive.diagnosis
-        first += [found_text(one, sizes=False) for one in of_drive.findings]
-    return [*first, *found.faults], idle, found.doubted
+    known = result.diagnosis or Diagnosis(())
+    span = max((record.span for record in result.records), default=None)
+    found = findings_in_words(known.findings, span, figures=False)
+    rest = [one for one in known.unexplained if _is_felt(one)]
+    idle = len(found.idle) + (len(rest) < len(known.unexplained))
+    of_drive = () if result.drive is None else result.drive.diagnosis.findings
+    unexplained = (f"Not explained: {text}" for text in unexplained_lines(rest)[:1])
+    said = [*unexplained, *found.felt, *(found_text(one, sizes=False) for one in of_drive), *found.faults]
+    return said, idle, found.doubted
 
 
 def _is_felt(one: Unexplained) -> bool:
@@ -255,26 +259,12 @@ def _is_felt(one: Unexplained) -> bool:
     return not one.drift or any(a > (1.0 + SHOWN_CHANGE) * b for a, b in one.drift.values())
 
 
-def _file_lines(result: TuneResult, directory: Path | None, dialect: str | None) -> list[str]:
-    """Return where the files are, and how settings for another filter are made of them."""
-    path = Path("FOLDER") if directory is None else directory
-    how = " by write_tune_result(result, FOLDER)" if directory is None else ""
-    above = [name for name in (PAIR, FADING) if name in result.exports] if dialect is None else []
-    files = ", ".join(
-        [*["those above"] * bool(above), *(one for one in result.exports if one not in above), "report.html"]
-    )
-    if NOISE_YAML not in result.exports:
-        return [f"Files in {path}{how}: {files}"]
-    return [f"Files in {path}{how}: {files}", f"Other filters: tuner export {path / NOISE_YAML} --to NAME"]
-
-
-def _absent_lines(result: TuneResult) -> list[str]:
-    """Return what could not be done and why, where neither the verdict nor the lines on the recording say so."""
-    return [f"No {part}: {reason}" for part, reason in result.absent.items() if part != OF_DRIVE_ALONE]
-
-
-def hidden_lines(result: TuneResult) -> list[str]:
-    """Return what was hidden in a simulated log and whether it was found."""
-    if result.key is None or result.diagnosis is None:
-        return []
-    return hidden_effect_lines(judge_hidden(result.key, result.diagnosis))
+def _file_line(result: TuneResult, directory: Path | None, dialect: str | None) -> str:
+    """Return where the files are, and from which those of other filters are made."""
+    path = "FOLDER by write_tune_result(result, FOLDER)" if directory is None else directory
+    shown = (
+        (PAIR, FADING) if dialect is None and result.drive is None else ()
+    )  # of a drive there may be no room
+    above = [name for name in shown if name in result.exports]
+    others = [f"{one} for others" if one == NOISE_YAML else one for one in result.exports if one not in above]
+    return f"Files in {path}: {', '.join([*['those above'] * bool(above), *others, 'report.html'])}"

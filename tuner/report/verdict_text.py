@@ -11,23 +11,12 @@ from models.filter_states import FILTER_STATES
 from tuner.consistency.attribution.installation import CLOCK
 from tuner.consistency.attribution.sensitivity import UNMODELLED_TIME_CONSTANT
 from tuner.consistency.observability import HARDLY_OBSERVED
-from tuner.consistency.start_scores import STARTS
 from tuner.formats.customary_units import percent
-from tuner.formats.outage_words import outage_words
-from tuner.types.consistency import Observability
+from tuner.formats.outage_words import errors_words
+from tuner.types.consistency import ERROR_UNITS, Observability
+from tuner.types.honesty import claim_name
 from tuner.types.verdict import Explanation, ExplanationKind, Verdict, VerdictCode
 
-_SCORED = {
-    "nees": "the errors of all states together",
-    "position": "the position error",
-    "velocity": "the velocity error",
-    "attitude": "the attitude error",
-    "gyro_bias": "the error of the gyro biases",
-    "accel_bias": "the error of the accelerometer biases",
-    "nis": "the innovations",
-    "nis_position": "the position innovations",
-    "nis_velocity": "the velocity innovations",
-}
 _DEGREES_PER_RADIAN = float(np.degrees(1.0))
 _UNITS = (
     ("position", 1.0, "m"),
@@ -148,29 +137,23 @@ def _explained(explanations: Sequence[Explanation]) -> str:
 
 
 def _scored(verdict: Verdict) -> str:
-    if {"rms", "predicted", "interval", "windows"} <= verdict.numbers.keys():
-        return f"position after {_outage(verdict)}: {verdict.code.value}"
-    what = _SCORED.get(verdict.subject)
-    if what is None and verdict.subject in STARTS:
-        what = f"the {verdict.subject.replace('_', ' ')} error"
-    elif what is None and verdict.subject in FILTER_STATES:
-        what = f"the error of the state {FILTER_STATES[verdict.subject].meaning}"
-    elif what is None and verdict.subject.startswith("outage "):
-        what = f"the position error after {verdict.subject.removeprefix('outage ')} without fixes"
-    elif what is None:
-        what = f"the error of {verdict.subject}"
-    verb = "are" if what.endswith(("innovations", "together")) else "is"
-    return f"{what} {verb} {verdict.numbers['ratio']:.2f} × what the filter predicts: {verdict.code.value}"
+    """Return which score is off, an outage with its errors and how well the windows tell."""
+    known = verdict.numbers
+    if {"rms", "predicted", "interval", "windows"} <= known.keys():
+        rms, predicted, ratio, windows = (
+            float(np.max(known[name])) for name in ("rms", "predicted", "ratio", "windows")
+        )
+        low, high = np.broadcast_to(known["interval"], 2).tolist()
+        said = errors_words(rms, predicted, ratio, (low, high), int(windows))
+    else:
+        said = f"{known['ratio']:.2f} × what the filter predicts"
+    return f"{score_title(verdict.subject)}: {said}: {verdict.code.value}"
 
 
-def _outage(verdict: Verdict) -> str:
-    """Return errors in outages with their prediction, where a verdict has them."""
-    seconds = float(verdict.subject.removeprefix("outage ").removesuffix(" s"))
-    rms, predicted, ratio, windows = (
-        float(np.max(verdict.numbers[name])) for name in ("rms", "predicted", "ratio", "windows")
-    )
-    low, high = np.broadcast_to(verdict.numbers["interval"], 2).tolist()
-    return outage_words(seconds, rms, predicted, ratio, (low, high), int(windows))
+def score_title(name: str, *, has_truth: bool = True) -> str:
+    """Return what a score is of, in words."""
+    words = FILTER_STATES[name].meaning if name in FILTER_STATES else claim_name(name, has_truth=has_truth)
+    return f"{words}, 3-D" if name in ERROR_UNITS else words
 
 
 def _explanation(explanation: Explanation) -> str:

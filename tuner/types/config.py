@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -10,12 +11,17 @@ from typing import Any
 from models.noise import GaussMarkov
 from tuner.types.compensation import Compensation
 from tuner.types.identification import TermEstimate
-from tuner.types.inflation import Enlargement, Inflation
+from tuner.types.inflation import BoundUsed, Enlargement, Inflation
 from tuner.types.number_ranges import NonNegative, Positive, SamplingInterval
 from tuner.types.shown import Shown
 
-NOT_USED = "not used"
-"""How the handling of terms begins that are not behind the settings of their axis."""
+_SETTINGS = {
+    "white": "white_density",
+    "low_pass_white": "white_density",
+    "random_walk": "random_walk_density",
+    "ramp": "ramp_sd",
+}
+"""Terms with the setting of an axis that they enter; all others enter its states."""
 
 
 @dataclass(frozen=True)
@@ -51,33 +57,6 @@ class ChannelNoise:
     ramp_sd: float = 0.0
     identified: tuple[TermEstimate, ...] = ()
     handling: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
-
-    @property
-    def walk_rests_on_limit(self) -> bool:
-        """Whether the random walk of the bias is made from a 95 % limit, as the log showed none."""
-        return self.random_walk_density > 0.0 and self._only_limited("random_walk")
-
-    @property
-    def white_rests_on_limit(self) -> bool:
-        """Whether the density of white noise is made from a 95 % limit, as the log showed none beside other terms."""
-        return self.white_density > 0.0 and self._only_limited("white", "low_pass_white")
-
-    @property
-    def states_rest_on_limit(self) -> bool:
-        """Whether the bias states are made from a 95 % limit, as the log showed no such term."""
-        return bool(self.markov) and self._only_limited("bias_instability", "gauss_markov")
-
-    @property
-    def ramp_rests_on_limit(self) -> bool:
-        """Whether the sd of the bias rate is made from a 95 % limit, as the log showed no ramp."""
-        return self.ramp_sd > 0.0 and self._only_limited("ramp")
-
-    def _only_limited(self, *names: str) -> bool:
-        """Whether terms of these names were identified as limits alone, and the settings are made from them."""
-        if any(text.startswith(NOT_USED) for text in self.handling.values()):
-            return False
-        found = [c for term in self.identified if term.name in names for c in term.coefficients.values()]
-        return any(c.upper is not None for c in found) and all(c.value is None for c in found)
 
 
 @dataclass(frozen=True)
@@ -137,3 +116,35 @@ class FilterConfig(Shown):
     worst_case: tuple[Enlargement, ...] = ()
     noise: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     noise_in_motion: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+
+    def on_limit(self, axis: str) -> Mapping[str, float]:
+        """Return the settings of an axis that a term of which only a 95 % limit is known enters, with the share of it.
+
+        Keys are ``white_density``, ``markov``, ``random_walk_density``, ``ramp_sd``.
+        """
+        return {
+            _SETTINGS.get(one.quantity.field.partition(".")[0], "markov"): one.factor
+            for one in self.inflations
+            if isinstance(one, BoundUsed) and one.factor > 0.0 and one.quantity.owner == axis
+        }
+
+    def bias_on_limit(self, axis: str) -> bool:
+        """Return whether the numbers that stand for the wandering bias of an axis rest on a limit."""
+        return not {"markov", "random_walk_density"}.isdisjoint(self.on_limit(axis))
+
+    def states_on_limit(self, axis: str) -> tuple[GaussMarkov, ...]:
+        """Return the states of an axis that rest on a limit: all but those nearest to measured time constants."""
+        if "markov" not in self.on_limit(axis):
+            return ()
+        channel = self.channels[axis]
+        measured = [
+            term.coefficients["time_constant"].value
+            for term in channel.identified
+            if term.present and "time_constant" in term.coefficients
+        ]
+        own = [
+            min(channel.markov, key=lambda state: abs(math.log(state.time_constant / time)), default=None)
+            for time in measured
+            if time
+        ]
+        return tuple(state for state in channel.markov if state not in own)

@@ -130,6 +130,23 @@ class MeanError:
     limit: float
 
 
+ERROR_UNITS = {"position": "m", "velocity": "m/s", "attitude": "rad"}
+"""Unit of the errors of each quantity of three axes, in the order of the state."""
+
+
+@dataclass(frozen=True)
+class RmsError:
+    """Rms errors of a quantity by axis, in ``m``, ``m/s`` or ``rad``; without a unit where none is known."""
+
+    values: tuple[float, ...]
+    unit: str = ""
+
+    @classmethod
+    def of(cls, errors: FloatArray, unit: str = "") -> RmsError:
+        """Return the rms over the rows of errors, shape (n, k), that are known."""
+        return cls(tuple(np.sqrt(np.nanmean(errors**2, axis=0)).tolist()), unit)
+
+
 @dataclass(frozen=True, repr=False)
 class Consistency(Shown):
     """Scores of a filter and the verdicts on them.
@@ -146,8 +163,8 @@ class Consistency(Shown):
         None where there are too few innovations in a row.
     outages : tuple of Outage
         By length.
-    errors : mapping of str to tuple of floats
-        Rms while aided: ``position_rms_m``, ``velocity_rms_m_s``, ``attitude_rms_rad``.
+    errors : mapping of str to RmsError
+        While aided, by the name of the score of the same; without a truth the innovations, as ``nis_position``.
     gated : float
         Share of fixes refused by the gate.
     diverged : bool
@@ -163,7 +180,7 @@ class Consistency(Shown):
     nis: tuple[Score, ...]
     whiteness: Whiteness | None
     outages: tuple[Outage, ...]
-    errors: Mapping[str, tuple[float, ...]]
+    errors: Mapping[str, RmsError]
     gated: float
     diverged: bool
     verdicts: tuple[Verdict, ...] = ()
@@ -179,7 +196,7 @@ class Consistency(Shown):
     @property
     def has_truth(self) -> bool:
         """Whether errors are known; else the filter is only compared with the fixes, or with a smoother."""
-        return not self.errors or not all("_innovation_" in name for name in self.errors)
+        return not self.errors or not all(name.startswith("nis_") for name in self.errors)
 
     @property
     def honesty(self) -> Judgement:

@@ -28,11 +28,14 @@ LONGEST_CLAIM = 60.0
 """Longest time without fixes that decides whether a filter is honest, s."""
 TAIL_PROBABILITY = 0.0005
 """Chance on either side that one score of a right filter lies outside its band: 99.7 % for three scores together."""
+OUTAGE = "outage "
+"""How the name of a score of the position without fixes begins; the time follows."""
 NAMES = {
-    "nees": "all states",
-    "nis_position": "position innovations",
-    "nis_velocity": "velocity innovations",
-    "nis": "innovations",
+    "nees": "all states (NEES)",
+    "accel_bias": "accelerometer bias",
+    "nis_position": "position innovations (NIS)",
+    "nis_velocity": "velocity innovations (NIS)",
+    "nis": "innovations (NIS)",
 }
 """What scores are of, where their names do not say it."""
 
@@ -44,7 +47,7 @@ def honesty(found: Consistency) -> Judgement:
     scores = list(claims(found))
     known = {one.score.name: one.interval for one in found.outages}
     said = {
-        one.name: f"{claim_name(one, has_truth=found.has_truth)} "
+        one.name: f"{claim_name(one.name, has_truth=found.has_truth)} "
         f"{ratio_text(one.ratio, known.get(one.name, one.interval))}"
         for one in scores
     }
@@ -64,7 +67,7 @@ def honesty(found: Consistency) -> Judgement:
         return judged(Use.HONEST, reasons)
     sure = [one for one in scores if shows_dishonesty(one)]
     weak = [one for one in scores if one not in sure]
-    names = ", ".join(claim_name(one, has_truth=found.has_truth) for one in weak)
+    names = ", ".join(claim_name(one.name, has_truth=found.has_truth) for one in weak)
     lacking = f"{names}{need_text(weak)}" if weak else "no error can be compared with its sd"
     if not sure:
         return Judgement(Use.TOO_SHORT, (lacking,))
@@ -149,11 +152,11 @@ def digits(ratio: float) -> str:
     return f"{ratio:.2f}" if ratio < 10.0 else f"{ratio:.2g}"
 
 
-def claim_name(score: Score, *, has_truth: bool) -> str:
-    """Return what a score is of, in words: of a distance to fixes where there is no truth."""
-    if score.name.startswith("outage "):
-        time = score.name.removeprefix("outage ")
+def claim_name(name: str, *, has_truth: bool = True) -> str:
+    """Return what a score of a name is of, in words: of a distance to fixes where there is no truth."""
+    if name.startswith(OUTAGE):
+        time = name.removeprefix(OUTAGE)
         return (
             f"position after {time} without fixes" if has_truth else f"distance to fixes withheld for {time}"
         )
-    return NAMES.get(score.name, score.name.replace("_", " "))
+    return NAMES.get(name, name.replace("_", " "))

@@ -2,15 +2,18 @@
 
 import json
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from models.noise import NoiseModel, RandomWalk, White
 from tuner.cli import run
+from tuner.cli.commands.diagnose import _after_drive
 from tuner.formats.logs import write_log
 from tuner.simulation.static import simulate
-from tuner.types import Diagnosis, Unexplained
+from tuner.types import Diagnosis, DriveDiagnosis, Finding, Unexplained
+from tuner.types.compensation import Compensation
 
 RATE, DURATION = 100.0, 600.0
 MODEL = NoiseModel([White(1e-4), RandomWalk(1e-6)])
@@ -106,6 +109,35 @@ def test_what_stays_unexplained_is_a_status_only_if_strict(tmp_path, capsys, mon
     assert run(["diagnose", path, "--quiet"]) == 0
     assert "Not explained: kurtosis of the residuals in gyro x" in capsys.readouterr().out
     assert run(["diagnose", path, "--strict", "--quiet"]) == 1
+
+
+def drive_finding(cause, channels, consequence=""):
+    return Finding(
+        cause, channels, "", 9.0, 1e-9, {}, f"{cause}: words", consequence, {"joins": "preprocessing"}
+    )
+
+
+DELAYED = Compensation.parse({"time_offset.delay": 0.1})
+JUMP = drive_finding("bias_jump", ("gyro",), "restart the filter at that time")
+UNNAMED = Unexplained("correlation of innovations", ("drive",), 1e-9)
+
+
+@pytest.mark.parametrize(
+    ("findings", "unexplained", "config", "following"),
+    [
+        ((), (), "noise.yaml", "tuner navigate d.npz --config noise.yaml"),
+        ((), (), None, "tuner tune --drive d.npz"),
+        ((drive_finding("time_offset", ("gnss",)),), (), "noise.yaml", "tuner tune noise.yaml --drive d.npz"),
+        ((drive_finding("gnss_outliers", ("gnss",)),), (), None, "tuner tune --drive d.npz"),
+        ((JUMP,), (), "a.yaml", "restart the filter at that time; then tuner diagnose d.npz --config a.yaml"),
+        ((), (UNNAMED,), "a.yaml", "tuner diagnose d.npz --config a.yaml --page diagnosis.html"),
+    ],
+)
+def test_the_next_command_follows_from_the_diagnosis_of_a_drive(findings, unexplained, config, following):
+    """Settings that nothing contradicts, and faults of a unit, were sent to be tuned, without the settings."""
+    after = SimpleNamespace(compensation=DELAYED)
+    found = DriveDiagnosis(findings, None, after, unexplained)
+    assert _after_drive(found, "d.npz", config, None) == following
 
 
 def test_a_log_too_short_is_refused_in_one_line(tmp_path, capsys):

@@ -39,7 +39,7 @@ from tests.tuner.exporters.made_by_hand import (
 from tuner.exporters import export
 from tuner.synthesis import equivalent_noise
 from tuner.synthesis.load_config import load_config
-from tuner.types import Coefficient, FilterConfig, TermEstimate
+from tuner.types import BoundUsed, FilterConfig, Quantity
 
 
 def test_the_equivalent_walk_here_is_the_driving_density() -> None:
@@ -247,9 +247,8 @@ def test_noise_above_stock_is_loaded_from_a_bench_log_but_no_limit_and_nothing_b
         CONFIG, channels={axis: replace(c, white_density=0.01) for axis, c in CONFIG.channels.items()}
     )
     assert parameters("px4", loud)[name] == near(0.01 / math.sqrt(STEP))
-    limit = TermEstimate("white", {"density": Coefficient(None, None, 0.02, "rad/s/√Hz")})
-    limited = {axis: replace(c, identified=(limit,)) for axis, c in loud.channels.items()}
-    assert name not in parameters("px4", replace(loud, channels=limited))
+    limits = tuple(BoundUsed(Quantity(axis, "white.density"), 0.5, "short") for axis in loud.channels)
+    assert name not in parameters("px4", replace(loud, inflations=limits))
     lent = replace(loud, provenance={"source": {"borrowed": dict.fromkeys(loud.channels, "mpu9250")}})
     assert parameters("px4", lent) == {}
     assert "keep stock 0.015: assumed from mpu9250, not measured on this unit" in written("px4", lent)

@@ -52,7 +52,7 @@ from tuner.types import (
     Spectrum,
     TermEstimate,
 )
-from tuner.types.consistency import Consistency, Whiteness
+from tuner.types.consistency import Consistency, RmsError, Whiteness
 from tuner.types.records import DataError
 
 thorough = settings(max_examples=30, deadline=None, derandomize=True)
@@ -140,6 +140,11 @@ def test_diagnosis_of_a_drive(found: DriveDiagnosis) -> None:
     assert same(load_diagnosis(stored(diagnosis_json(found)), source="a.json"), found)
 
 
+axes = st.tuples(numbers, numbers, numbers)
+unitless = st.builds(RmsError, axes)
+rms = st.builds(RmsError, axes, st.sampled_from(("m", "m/s", "rad")))
+
+
 @thorough
 @given(
     st.builds(
@@ -149,7 +154,10 @@ def test_diagnosis_of_a_drive(found: DriveDiagnosis) -> None:
         some_scores("nis", "nis_position") | some_scores("nis_velocity"),
         st.none() | st.builds(Whiteness, texts, st.integers(1, 10), numbers, positive_scores),
         st.lists(outages, max_size=2).map(tuple),
-        st.dictionaries(texts, st.tuples(numbers, numbers, numbers), max_size=2),
+        st.dictionaries(texts, unitless, max_size=2)
+        | st.dictionaries(
+            st.sampled_from(("position", "velocity", "nis_position", "heading")), rms, max_size=3
+        ),
         numbers,
         st.booleans(),
         st.lists(verdicts, max_size=3).map(tuple),

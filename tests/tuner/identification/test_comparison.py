@@ -9,7 +9,7 @@ from scipy.stats import binom
 from tuner.catalogue.grades import grade_identification, load_grade
 from tuner.identification import identify
 from tuner.identification.comparison import compare_identifications, limit_checks
-from tuner.report.comparison_tables import limit_text
+from tuner.report.sensor_answers import limit_text
 from tuner.types import Coefficient, Identification, TermEstimate
 from tuner.types.records import Record
 

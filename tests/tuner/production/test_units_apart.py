@@ -11,7 +11,7 @@ from tuner.production.fleet import judged
 from tuner.production.limits import judge, read_limits
 from tuner.production.outliers import FALSE_NAMING, units_apart
 from tuner.production.spread import spread
-from tuner.report.fleet_tables import reasons
+from tuner.report.fleet_answer import reasons
 from tuner.types import Coefficient
 from tuner.types.fleet import Fleet, FleetUnit, UnitMeasurement
 from tuner.types.records import DataError

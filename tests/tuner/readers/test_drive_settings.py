@@ -9,6 +9,7 @@ import pytest
 
 from tuner.cli import run
 from tuner.readers.drive import read_drive
+from tuner.types.named_cause import separated
 
 PYTHON = (
     "could not convert", "object has no", "argument must be", "not subscriptable", "out of range", "broadcast",
@@ -79,6 +80,14 @@ def test_a_remark_behind_the_frame_leaves_the_frame_known(data, tmp_path, frame)
     read = read_drive(path)
     np.testing.assert_allclose(read.mounting, np.eye(3), atol=1e-12)
     assert not any("frame" in note for note in read.notes)
+
+
+def test_an_unknown_frame_is_a_named_cause(data, tmp_path):
+    path = tmp_path / "drive.npz"
+    np.savez(path, meta=np.array(json.dumps({"imu_frame": "unknown, z up"})), **data)
+    (cause,), _ = separated(read_drive(path).notes)
+    assert cause.startswith("The frame of the unit, 'unknown, z up', is none of FRD FLU")
+    assert "(certain): attitudes are those of the unit" in cause
 
 
 def test_stated_angles_need_no_frame(data, tmp_path):

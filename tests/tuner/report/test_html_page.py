@@ -17,8 +17,7 @@ from tuner.report.axis_figure import axis_figure, part_analysed
 from tuner.report.figure_files import rendered
 from tuner.report.html_page import write_page
 from tuner.report.interactive_figure import charts_of_figure
-from tuner.report.page_findings import PICTURE_BYTES
-from tuner.report.page_parts import Picture
+from tuner.report.page_parts import PICTURE_BYTES, Picture
 from tuner.simulation.static import simulate
 from tuner.synthesis import synthesize
 from tuner.tune_result import TuneResult

@@ -22,13 +22,13 @@ from tuner.identification.several_logs import pool
 from tuner.identification.static_test_plan import plan_test
 from tuner.limits import SCREEN_LINES
 from tuner.report.alike_sentences import alike_sentences
-from tuner.report.comparison_tables import choice_tables, comparison_tables, plan_tables
 from tuner.report.identification_answer import (
     identification_answer,
     pooled_answer,
     terms_too_short,
     warning_lines,
 )
+from tuner.report.sensor_answers import choice_answer, comparison_answer, plan_answer
 from tuner.report.terminal import text_of
 from tuner.report.terms_rows import single_row
 from tuner.simulation.static import simulate
@@ -94,17 +94,20 @@ def test_a_number_is_told_in_a_unit_of_its_size(coefficient, text):
 
 
 def test_the_table_of_a_comparison_and_of_a_choice_fit_a_terminal():
-    told = lines(comparison_tables(compare("icm20602", "mpu9250")))
+    told = lines(comparison_answer(compare("icm20602", "mpu9250")))
     assert max(map(len, told)) <= 80
     assert any(line.startswith("mpu9250 gyro x y z") for line in told)
     assert any(line.startswith("icm20602") and line.count("≥") == 6 for line in told)
     grade = RankedGrade("icm20602", load_config("icm20602", gnss="rtk"), 4.0)
-    told = lines(choice_tables(GradeChoice(60.0, 2.0, "rtk", True, (grade,), grade, 0.5)))
+    told = lines(choice_answer(GradeChoice(60.0, 2.0, "rtk", True, (grade,), grade, 0.5)))
     assert max(map(len, told)) <= 80
     assert "just stays within" in " ".join(told)
     ranking = tuple(replace(grade, name=f"grade{i}", error=0.5 * i) for i in range(1, 9))
-    told = lines(choice_tables(GradeChoice(60.0, 2.0, "rtk", True, ranking, ranking[3], 0.5), every=False))
-    assert len(told) <= 12
+    answer = choice_answer(GradeChoice(60.0, 2.0, "rtk", True, ranking, ranking[3], 0.5))
+    (every,) = answer.more
+    assert every.row_count == len(ranking)
+    told = lines(answer)
+    assert len(told) <= SCREEN_LINES
     assert "Verdict: 4 of 8 built-in sensors stay within 2 m" in " ".join(told)
     assert "The nearest:" in " ".join(" ".join(told).split())
     assert [line.split()[0] for line in told if line.startswith("grade")] == [
@@ -116,7 +119,7 @@ def test_the_table_of_a_comparison_and_of_a_choice_fit_a_terminal():
 
 def test_a_plan_names_what_it_leaves_out():
     """Of a log with limits alone it said "every term"."""
-    told = " ".join(lines(plan_tables(plan_test("fog", hours=100.0), "gyro bias random walk")))
+    told = " ".join(lines(plan_answer(plan_test("fog", hours=100.0), "gyro bias random walk")))
     assert "Not planned, as only limits are known: gyro bias random walk" in told
     assert "every term whose size is known" in told or "all but" in told
 
@@ -149,7 +152,7 @@ def test_what_a_record_is_too_short_for_has_its_axes():
     )
 
 
-def test_warnings_are_shortened_to_what_they_are_about(found):
+def test_warnings_of_several_axes_are_one_with_their_ranges(found):
     channels = {
         axis: replace(
             one, warnings=(f"clusters shorter than 0.0{i} s follow no sum (a filter): longer ones",)
@@ -159,7 +162,6 @@ def test_warnings_are_shortened_to_what_they_are_about(found):
     warned = replace(found[0], channels=channels)
     said = f"Warning: {axes_text(list(channels))}: clusters shorter than 0.01 to 0.0{len(channels)} s follow no sum"
     assert warning_lines(warned) == [f"{said} (a filter): longer ones"]
-    assert warning_lines(warned, short=True) == [said]
     assert len(lines(identification_answer("log", warned))) <= SCREEN_LINES
 
 
@@ -169,8 +171,8 @@ def test_a_warning_that_the_table_has_settled_is_none(found):
     channels = {axis: replace(one, warnings=(said, "short log")) for axis, one in found[0].channels.items()}
     warned = replace(found[0], channels=channels)
     left = axes_text([axis for axis in channels if axis != first])
-    assert set(warning_lines(warned, short=True, predicted=(first,))) == {
-        f"Warning: {left}: {CURVE_DISAGREES}",
+    assert set(warning_lines(warned, predicted=(first,))) == {
+        f"Warning: {left}: {said}",
         f"Warning: {axes_text(list(channels))}: short log",
     }
 
@@ -211,7 +213,9 @@ def test_times_of_an_answer_are_those_of_the_log_and_cut_it_to_the_same_part(tmp
     assert end == pytest.approx(t[-1] + 0.02, abs=1e-6)
     part = answer("--begin", found[1], "--end", found[2])
     table = whole.out.index("gyro white noise")
-    assert part.out[part.out.index("gyro white noise") :] == whole.out[table:]
+    noise = part.out[part.out.index("gyro white noise") :]
+    assert noise.replace(f" --begin={float(found[1])} --end={float(found[2])}", "") == whole.out[table:]
+    assert "--begin=" in noise, "the command that follows is of the same part"
     assert "only 80 % of the samples are used" in " ".join(
         whole.out.split()
     )  # what is left out stands in the verdict

@@ -11,7 +11,8 @@ from tuner.report.consistency_answer import consistency_answer
 from tuner.report.drive_diagnosis_tables import drive_diagnosis_answer
 from tuner.report.terminal import fitted
 from tuner.types import DriveDiagnosis
-from tuner.types.consistency import Consistency, Outage, Score, Whiteness
+from tuner.types.consistency import Consistency, Outage, RmsError, Score, Whiteness
+from tuner.types.named_cause import NamedCause
 
 SPANS = [(61.0, 121.0), (167.0, 228.0)]
 TIMES = wrong_times_text(20, 12.8, SPANS, any_left=True)
@@ -30,7 +31,10 @@ FOUND = Consistency(
     (off("nis", 0.585), off("nis_position", 0.505), off("nis_velocity", 0.667)),
     Whiteness("position", 10, 0.969, 0.133),
     tuple(Outage(s, true, own, off(f"outage {s:g} s", true / own), 4) for s, true, own in OUTAGES),
-    {"position_rms_m": (2.39, 2.53, 9.98), "velocity_rms_m_s": (0.229, 0.243, 0.075)},
+    {
+        "position": RmsError((2.39, 2.53, 9.98), "m"),
+        "velocity": RmsError((0.229, 0.243, 0.075), "m/s"),
+    },
     0.0,
     diverged=False,
 )
@@ -69,7 +73,9 @@ def test_without_a_truth_states_are_said_to_be_compared_with_the_smoother():
     """For a day "position, 3-D" of a drive without a reference read as the error of the position."""
     rows = {line.partition("  ")[0] for line in fitted(consistency_answer(FOUND))}
     assert {"position, 3-D", "velocity, 3-D"} <= rows
-    alone = fitted(consistency_answer(replace(FOUND, errors={"position_innovation_rms_m": (1.0, 1.0, 2.0)})))
+    alone = fitted(
+        consistency_answer(replace(FOUND, errors={"nis_position": RmsError((1.0, 1.0, 2.0), "m")}))
+    )
     rows = {line.partition("  ")[0] for line in alone}
     assert {"position, 3-D, to the smoother", "velocity, 3-D, to the smoother"} <= rows
     assert "position innovations (NIS)" in rows
@@ -78,3 +84,26 @@ def test_without_a_truth_states_are_said_to_be_compared_with_the_smoother():
 def test_the_answer_of_diagnose_says_it_beneath_its_verdict():
     lines = fitted(drive_diagnosis_answer(DriveDiagnosis((), None, None, notes=("another", TIMES, TURNS))))
     assert lines[1] == BOTH
+
+
+LATE = NamedCause.of(
+    "fixes are stamped 1.980 ± 0.062 s late", "certain", "12 m at 6.1 m/s", "taken out of this run"
+)
+
+
+def test_a_named_cause_stands_beside_the_verdict_and_no_more_among_the_notes():
+    """Late fixes and an unknown frame stood in the last lines, as notes."""
+    for lines in (
+        fitted(consistency_answer(FOUND, ["one fix of 7 is looked at", LATE])),
+        fitted(
+            drive_diagnosis_answer(DriveDiagnosis((), None, None, notes=("one fix of 7 is looked at", LATE)))
+        ),
+    ):
+        said = "\n".join(lines)
+        at = next(
+            i for i, line in enumerate(lines) if line.startswith("Fixes are stamped 1.980 ± 0.062 s late")
+        )
+        verdict = next(i for i, line in enumerate(lines) if line.startswith("Verdict"))
+        assert all(line.startswith("  ") for line in lines[verdict + 1 : at])
+        assert said.count("stamped") == 1
+        assert "Note: one fix of 7" in said

@@ -17,7 +17,6 @@ from tuner.consistency.choose_grade import GradeChoice, RankedGrade
 from tuner.consistency.compare_sensors import SensorComparison
 from tuner.identification.comparison import compare_identifications
 from tuner.readers.logs_in_memory import arrays_of_frame
-from tuner.report.consistency_tables import consistency_verdict
 from tuner.report.figure_files import figure_bytes
 from tuner.report.html_page import write_sections_page
 from tuner.report.interactive_figure import charts_of_figure
@@ -138,7 +137,7 @@ def test_a_comparison_repeats_what_limits_the_terms_of_a_source(noise):
     warned = {a: replace(one, warnings=("too few clusters (3)",)) for a, one in noise.channels.items()}
     both = compare_identifications(["one", "other"], [replace(noise, channels=warned), noise])
     said = repr(SensorComparison(both, (), "rtk", (None, None))).split("\n")
-    assert [line for line in said if "too few" in line] == ["one: warning: gyro x: too few clusters"]
+    assert [line for line in said if "too few" in line] == ["one: Warning: gyro x: too few clusters (3)"]
 
 
 def test_every_result_that_shows_itself_has_a_view():
@@ -156,7 +155,7 @@ def test_the_verdict_stands_first_on_a_page():
     good = Consistency(replace(SCORES[0], mean=15.0), (), (), None, (), {}, 0.0, diverged=False)
     bad = replace(good, diverged=True, verdicts=(Verdict(VerdictCode.NOT_FINITE, Severity.DIVERGED),))
     for found, words in ((good, "Verdict: honest: "), (bad, "Verdict: do not use: the filter diverged")):
-        page = write_sections_page("A title", [], "", consistency_verdict(found))
+        page = write_sections_page("A title", [], "", found.honesty)
         assert words in page.partition("</header>")[0]
 
 

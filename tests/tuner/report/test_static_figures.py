@@ -17,9 +17,10 @@ from tuner.formats.customary_units import digits_to
 from tuner.identification import identify
 from tuner.report.allan_figure import allan_figure
 from tuner.report.diagnosed_axis import diagnosed_axis, signal_of
+from tuner.report.diagnosis_answer import diagnosis_answer
 from tuner.report.figure_files import TIME_LABEL, Sketch, draw_all, figure_bytes, label_plainly, lay_out
 from tuner.report.static_diagnosis_figures import finding_figures
-from tuner.report.static_diagnosis_tables import diagnosis_tables, finding_tables, hidden_effect_lines
+from tuner.report.static_diagnosis_tables import finding_tables, hidden_effect_lines
 from tuner.report.two_level_path import two_level_path
 from tuner.report.unexplained_words import unexplained_lines
 from tuner.simulation.static import simulate
@@ -189,7 +190,7 @@ def test_what_channels_do_not_share_is_reported_of_each():
 )
 def test_a_gain_below_nothing_is_not_left_without_a_word(cause, nats, split, said):
     one = replace(finding(cause, EFFECTS[cause]), gain=Gain(split, 0.0, nats / 1e4, nats))
-    told = [line for line in diagnosis_tables(Diagnosis((one,))) if isinstance(line, str)]
+    told = [line for line in diagnosis_answer(Diagnosis((one,))).whole if isinstance(line, str)]
     assert sum("not confirmed" in line for line in told) == said
 
 

@@ -1,5 +1,6 @@
 """The answer of `tune`: verdict first, axes that agree in a row, marks with their legend, findings by their effect."""
 
+import subprocess
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -7,19 +8,23 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import yaml
+from rich.table import Table
 
 from models.noise import GaussMarkov, NoiseModel, RandomWalk, White
+from tuner.catalogue.grades import load_gnss
 from tuner.diagnosis.drive.held_out_choice import HeldOutChoice
 from tuner.diagnosis.drive.outage_errors import OutageErrors
 from tuner.diagnosis.drive.predictive_score import PredictiveScore
 from tuner.exporters import export
+from tuner.exporters.header import STATES_IN_PAIR
 from tuner.formats.axis_words import axes_text
 from tuner.formats.reference_words import wrong_times_text
 from tuner.identification import identify
 from tuner.identification.identify_source import identify_source
 from tuner.limits import SCREEN_LINES, SHOWN_FINDINGS
+from tuner.navigation.drive.clock import Clock
 from tuner.report.document import document
-from tuner.report.drive_answer import choice_parts, found_text
+from tuner.report.drive_answer import choice_parts, fixes_parts, found_text
 from tuner.report.noise_table import (
     LEGEND,
     entries_tables,
@@ -32,12 +37,15 @@ from tuner.report.terminal import fitted, text_of
 from tuner.report.tune_answer import settings_in_dialect, tune_answer
 from tuner.simulation.static import simulate
 from tuner.synthesis import synthesize
+from tuner.synthesis.from_drive import load_config
 from tuner.tune_result import TuneResult
-from tuner.types import BoundUsed, Coefficient, Diagnosis, Finding, Unexplained
+from tuner.types import BoundUsed, Coefficient, Diagnosis, DriveDiagnosis, Finding, Unexplained
 from tuner.types.borrowed import with_borrowed
+from tuner.types.compensation import Compensation
 from tuner.types.consistency import Consistency
 from tuner.types.identification import TermEstimate
 from tuner.types.inflation import Quantity
+from tuner.types.records import Gnss
 from tuner.types.verdict import Severity, Verdict, VerdictCode
 
 AXES = ("gyro_x", "gyro_y", "gyro_z")
@@ -76,8 +84,7 @@ def test_the_answer_fits_a_terminal_and_leaves_nothing_out(result, width):
     assert lines[1].startswith("Verdict: usable")
     for said in (
         "gyro white noise, deg/√h",
-        "Files in out: noise.yaml, report.html",
-        "Other filters: tuner export out/noise.yaml --to NAME",
+        "Files in out: noise.yaml for others, report.html",
         "All tables: --verbose",
     ):
         assert said in "\n".join(lines)
@@ -99,7 +106,8 @@ def test_axes_that_are_alike_in_everything_share_a_column():
     heads = [[str(column.header) for column in table.columns] for table in tables]
     assert heads[0] == ["", "stated, each axis"]
     assert heads[1] == ["kalibr.yaml, to enter", "rms of the axes", "that is"]
-    assert heads[2] == ["kf-gins.yaml, to enter", "each axis"]
+    keys = ["arw, deg/√h", "gbstd, deg/h", "vrw, m/s/√h", "abstd, mGal", "corrtime, h"]
+    assert heads[2] == ["kf-gins.yaml", *keys]
 
 
 def test_what_is_entered_is_what_the_files_have():
@@ -165,13 +173,14 @@ def test_of_many_findings_the_five_of_most_effect_stand_on_the_screen(result):
 
 
 @pytest.mark.parametrize("code", [VerdictCode.CORRELATED_INNOVATIONS, VerdictCode.OPTIMISTIC])
-def test_a_wrong_reference_is_said_beneath_the_verdict_of_the_drive(result, code):
+def test_a_wrong_reference_is_said_beneath_the_verdict_of_the_drive(result, code, monkeypatch):
+    monkeypatch.setattr("tuner.report.tune_answer.fixes_parts", lambda *_: [])
     numbers = {"ratio": 19.3, "correlation": 0.59, "lag": 10, "band": 0.13}
     verdict = Verdict(code, Severity.INCONSISTENT, "position", numbers)
     found = Consistency(None, (), (), None, (), {}, 0.0, False, (verdict,))
     wrong = wrong_times_text(20, 12.8, [(61.0, 121.0), (167.0, 228.0)], any_left=True)
     measured = SimpleNamespace(consistency=found, notes=("another", wrong), left_out=0.0)
-    drive = SimpleNamespace(diagnosis=SimpleNamespace(findings=(), unexplained=(), notes=()))
+    drive = SimpleNamespace(diagnosis=DriveDiagnosis((), None, None))
     lines = answer_lines(replace(result, measured=measured, drive=drive), Path("out"))
     assert "Reference wrong in 20 s: 121 s not judged by it" in lines
     assert len(lines) <= SCREEN_LINES
@@ -189,9 +198,20 @@ def test_white_noise_that_a_fast_state_carries_is_said(result, time, said):
         )
         for axis, one in result.config.channels.items()
     }
-    text = more_white_noise(replace(result.config, channels=channels), ("kalibr.yaml",))
-    assert text.startswith("More noise than measured") == said
-    assert more_white_noise(replace(result.config, channels=channels), ()) == ""
+    config = replace(result.config, channels=channels)
+    why, how_well = more_white_noise(config, ("kalibr.yaml",))
+    assert bool(why) == bool(how_well) == said
+    assert more_white_noise(config, ()) == ("", "")
+    if said:  # on a full screen there was no room for the reason
+        one = result.diagnosis.findings[-1]
+        found = tuple(replace(one, channels=(axis,), drift={"60 s": (9.0, 1.0)}) for axis in AXES * 3)
+        full = replace(
+            result,
+            config=config,
+            diagnosis=replace(result.diagnosis, findings=found),
+            exports={"kalibr.yaml": STATES_IN_PAIR, "noise.yaml": ""},
+        )
+        assert why in answer_lines(full, Path("out"))
 
 
 def test_a_filter_named_shows_its_own_keys(result):
@@ -217,8 +237,9 @@ def test_states_of_a_configuration_stand_with_their_times_and_what_rests_on_a_li
     assert [row[0] for row in rows] == ["gyro x", "gyro y", "gyro z"]
     for (_, white, states, walk, _), channel in zip(rows, result.config.channels.values(), strict=True):
         assert float(white) == pytest.approx(np.rad2deg(channel.white_density) * 60.0, rel=0.005)
-        assert walk.endswith("half") == channel.walk_rests_on_limit
-        assert states.count("half") == len(channel.markov) * channel.states_rest_on_limit or " at " in states
+        limits = result.config.on_limit(channel.axis)
+        assert walk.endswith("half") == ("random_walk_density" in limits)
+        assert states.count("half") == len(channel.markov) * ("markov" in limits) or " at " in states
 
 
 def test_signs_are_explained_where_they_stand(result):
@@ -277,6 +298,37 @@ def test_errors_before_and_after_name_what_they_are_of(result):
     )
 
 
+def test_sds_and_delay_of_the_fixes_stand_in_metres_and_seconds():
+    """What a receiver reports and what the filter has stood as a factor alone, the delay in a file."""
+    config = load_config("mpu9250", gnss=load_gnss("rtk"))
+    scales = {"position_horizontal": 0.1, "position_vertical": 0.5}
+    compensation = {f"gnss_noise_scale.{name}": factor for name, factor in scales.items()}
+    lasting = replace(config.gnss, correlated=(GaussMarkov(0.6, 30.0),), correlated_down=2.0)
+    config = replace(
+        config,
+        gnss=lasting,
+        constants={"correlated_velocity": 0.07},
+        compensation=Compensation.parse(
+            {**compensation, "time_offset.delay": 0.1, "velocity_lag.delay": -0.05}
+        ),
+    )
+    sds = np.tile([2.0, 2.0, 8.0], (5, 1))
+    gnss = Gnss(np.arange(5.0), np.zeros((5, 3)), np.zeros((5, 3)), sds, 0.01 * sds)
+    clock = Clock(0.1, -0.05, (0.08, 0.12), (-0.06, -0.04))
+    examined = SimpleNamespace(drive=SimpleNamespace(gnss=gnss), clock=clock)
+    table, delay = fixes_parts(examined, config)
+    rows = [list(row) for row in zip(*(column.cells for column in table.columns), strict=True)]
+    assert [str(column.header) for column in table.columns][1:3] == ["reported", "noise.yaml"]
+    assert rows[0] == ["positions, m", "2.0, 8.0", "0.20, 4.0", "0.60, 1.2 for 30 s"]
+    assert rows[1] == ["velocities, m/s", "0.020, 0.080", "0.020, 0.080", "0.070, 0.070 for 100 s"]
+    assert delay.startswith("Fixes are stamped 0.100 ± 0.020 s late, velocities are 0.050 ± 0.010 s earlier")
+    unknown = SimpleNamespace(gnss=replace(gnss, velocity_sd=np.full((5, 3), np.nan)))
+    (table,) = fixes_parts(
+        SimpleNamespace(drive=unknown, clock=None), replace(config, compensation=Compensation())
+    )
+    assert [str(cell).endswith("ASSUMED") for cell in table.columns[1].cells] == [False, True]
+
+
 @pytest.mark.parametrize(
     "despite", ["", "innovations are 0.30 × predicted: settings that have them err 4.0 m"]
 )
@@ -332,7 +384,17 @@ def test_a_finding_longer_than_the_answer_shows_its_beginning():
     assert len(lines) == SCREEN_LINES
     assert lines[1].startswith("many")
     assert lines[-3].endswith("…")
-    assert lines[-2:] == ["the end", "1 more remark and all tables: --verbose"]
+    assert lines[-2:] == ["the end", "1 more remark: --verbose"]
+
+
+def test_a_command_of_several_lines_is_one_to_a_shell():
+    """Pasted, it ended at the end of its first line."""
+    words = ("export", "out/noise.yaml", "--drive", f"{'long' * 12}.npz", "-o", f"{'long' * 12}.yaml")
+    lines = fitted(document(["said"]).then(*words))[1:]
+    assert len(lines) > 1
+    command = "\n".join(lines).removeprefix("Next: tuner")
+    done = subprocess.run(["sh", "-c", f"printf '%s|'{command}"], capture_output=True, text=True, check=True)
+    assert done.stdout == "|".join((*words, ""))
 
 
 def test_no_line_ends_between_a_number_and_its_unit():
@@ -351,3 +413,16 @@ def test_terms_of_another_sensor_are_not_measured(result):
     table = measured_table(replace(result.identification, source=source, channels=channels))
     cells = {label: row for label, *row in zip(*(column.cells for column in table.columns), strict=True)}
     assert "gyro bias instability B, deg/h" not in cells
+
+
+def test_a_screen_without_room_leaves_out_the_tables_that_are_needed_least():
+    """An answer on a log and a drive had 38 lines."""
+    tables = [Table(f"table {k}", box=None) for k in range(3)]
+    for table in tables:
+        for row in range(12):
+            table.add_row(str(row))
+    lines = fitted(document([*tables, "said"], spare=[tables[2], tables[0]]))
+    assert len(lines) <= SCREEN_LINES
+    assert lines[0].strip() == "table 0"
+    assert any("table 1" in line for line in lines)
+    assert not any("table 2" in line for line in lines)

@@ -102,19 +102,20 @@ VERDICTS = {
         VerdictCode.EXPLAINED, Severity.EXPLANATION, explanations=(SMALL, SCALE)
     ),
     "no single cause explains the scores": Verdict(VerdictCode.NOT_EXPLAINED, Severity.EXPLANATION),
-    "the errors of all states together are 4.62 × what the filter predicts: optimistic": Verdict(
+    "all states (NEES): 4.62 × what the filter predicts: optimistic": Verdict(
         VerdictCode.OPTIMISTIC, Severity.INCONSISTENT, "nees", {"ratio": 4.62}
     ),
-    "the position innovations are 0.87 × what the filter predicts: pessimistic": Verdict(
+    "position innovations (NIS): 0.87 × what the filter predicts: pessimistic": Verdict(
         VerdictCode.PESSIMISTIC, Severity.INCONSISTENT, "nis_position", {"ratio": 0.87}
     ),
-    "position after 60 s: true 12.0 m, predicted 8.00 m (ratio 1.5, 1.1 … 2.4 with 5 windows): optimistic": Verdict(
+    "position after 60 s without fixes: true 12.0 m, predicted 8.00 m (ratio 1.5, 1.1 … 2.4 with 5 windows): "
+    "optimistic": Verdict(
         VerdictCode.OPTIMISTIC,
         Severity.INCONSISTENT,
         "outage 60 s",
         {"ratio": 1.5, "rms": 12.0, "predicted": 8.0, "interval": (1.1, 2.4), "windows": 5.0},
     ),
-    "the position error after 60 s without fixes is 2.96 × what the filter predicts: optimistic": Verdict(
+    "position after 60 s without fixes: 2.96 × what the filter predicts: optimistic": Verdict(
         VerdictCode.OPTIMISTIC, Severity.INCONSISTENT, "outage 60 s", {"ratio": 2.96}
     ),
     "the velocity innovations are correlated: -0.25 at lag 3, where white ones stay within ±0.12": Verdict(

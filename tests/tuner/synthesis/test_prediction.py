@@ -14,7 +14,8 @@ import tuner
 from models.noise import GaussMarkov, NoiseModel, White
 from tuner.formats import noise_yaml
 from tuner.identification import identify
-from tuner.report.result_set import tune_json, tune_tables
+from tuner.report.result_set import tune_json
+from tuner.report.tune_answer import tune_answer
 from tuner.segments.conditions import at_rest
 from tuner.simulation.static import simulate
 from tuner.synthesis import synthesize
@@ -65,7 +66,7 @@ def test_the_noise_at_its_worst_is_advice_beside_the_settings(result):
     stored = noise_yaml.loads(noise_yaml.dumps(result.config)).worst_case[0]
     assert stored.quantity == worst.quantity
     assert stored.time_share == pytest.approx(worst.time_share, rel=1e-4)
-    told = "\n".join(str(row) for row in tune_tables(result, Path("out")))
+    told = "\n".join(map(str, tune_answer(result, Path("out")).whole))
     assert "for 1.0 % of the record, not in the settings" in told
 
 

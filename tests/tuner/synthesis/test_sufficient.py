@@ -8,8 +8,8 @@ from tuner import choose, compare, tune
 from tuner.catalogue.grades import grade_identification, load_grade
 from tuner.exporters import export, withheld
 from tuner.identification.identify_source import identify_source
-from tuner.report.comparison_tables import comparison_tables
 from tuner.report.result_set import tune_files
+from tuner.report.sensor_answers import comparison_answer
 from tuner.synthesis import synthesize
 from tuner.synthesis.sufficient import lacking_slow_bias
 from tuner.types import Identification
@@ -72,7 +72,9 @@ def test_compare_and_choose_give_such_a_sheet_no_rank(sheet):
     assert found.drift[0] is not None
     assert found.drift[1] is None
     assert set(found.unranked) == {"whiteonly"}
-    assert any("whiteonly has no rank" in text for text in comparison_tables(found) if isinstance(text, str))
+    assert any(
+        "whiteonly has no rank" in text for text in comparison_answer(found).parts if isinstance(text, str)
+    )
     assert "rlg" not in {one.name for one in choose().ranking}  # its gyroscopes state white noise alone
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Callable, Mapping
 
 import click
@@ -73,8 +72,7 @@ def command(
     from tuner.formats.customary_units import digits
     from tuner.report.answer_layout import span_text
     from tuner.report.claims import lawful
-    from tuner.report.consistency_answer import consistency_answer
-    from tuner.report.consistency_tables import check_tables
+    from tuner.report.consistency_answer import check_answer
     from tuner.report.json.consistency import check_json
     from tuner.report.terminal import show
     from tuner.simulation.load_truth import load_truth
@@ -100,16 +98,13 @@ def command(
     page(f"Check of the filter of {configured.name}", {"Is it consistent?": found})
     output.write(check_json(found, source=source, budget=budget))
     if output.tables:
-        if verbose or budget:
-            show(check_tables(found, budget=budget))
-        else:
-            receiver = receiver_or_default(configured.gnss)
-            sd = f"fixes of {digits(receiver.position_sd[0], 2)} m (--gnss)"
-            about = (
-                f"{config} on {runs} simulated drives of {span_text(duration)} ({trajectory}), {sd}; errors are drawn "
-                f"from {'its own noise: the log is not tested' if truth is None else truth}"
-            )
-            command_line = shlex.join(["tuner", "navigate", "DRIVE", "--config", config])
-            next_step = f"Next: {command_line}" if found.consistency.honesty.good else ""
-            show(consistency_answer(found.consistency, found.notes, [next_step], about))
+        receiver = receiver_or_default(configured.gnss)
+        sd = f"fixes of {digits(receiver.position_sd[0], 2)} m (--gnss)"
+        about = (
+            f"{config} on {runs} simulated drives of {span_text(duration)} ({trajectory}), {sd}; errors are drawn "
+            f"from {'its own noise: the log is not tested' if truth is None else truth}"
+        )
+        answer = check_answer(found, about)
+        following = answer.then("navigate", "DRIVE", "--config", config)
+        show(following if found.consistency.honesty.good else answer, whole=verbose or budget)
     return 1 if strict and not found.consistency.honesty.good else 0

@@ -50,8 +50,8 @@ def command(
     The filter is aided for fifteen minutes in a city, then left without fixes. Only noise and biases count.
     """
     from tuner import choose
-    from tuner.report.comparison_tables import choice_tables
     from tuner.report.json.views import choice_json
+    from tuner.report.sensor_answers import choice_answer
     from tuner.report.terminal import show
 
     messages.say("predicting the drift of every grade (a first use compiles the filter: about 20 s)")
@@ -59,4 +59,4 @@ def command(
     output.write(choice_json(found))
     page("Choice of a sensor", {f"{error:g} m after {outage:g} s": found})
     if output.tables:
-        show(choice_tables(found, every=verbose))
+        show(choice_answer(found), whole=verbose)

@@ -9,7 +9,7 @@ from typing import Literal
 import click
 
 from tuner.cli.commands.inputs import load_sources
-from tuner.cli.commands.options import Output, Reading, common, drawable, paged, reading
+from tuner.cli.commands.options import Output, Reading, common, drawable, paged, reading, verbose
 from tuner.cli.progress import Messages
 from tuner.stages import stage
 
@@ -35,6 +35,7 @@ from tuner.stages import stage
     metavar="FILE",
     help="Draw the Allan curves of all sources over one another into FILE (PNG or SVG).",
 )
+@verbose
 @reading
 @common
 @paged
@@ -43,6 +44,7 @@ def command(
     by: Literal["still", "temperature"] | None,
     gnss: str,
     figure: Path | None,
+    verbose: bool,
     reading: Reading,
     seed: int,  # noqa: ARG001
     page: Callable[[str, Mapping[str, object]], None],
@@ -59,8 +61,8 @@ def command(
     """
     from tuner import compare
     from tuner.catalogue.grades import grade_names, load_grade
-    from tuner.report.comparison_tables import comparison_tables, grade_tables
     from tuner.report.json.views import comparison_json, grades_json
+    from tuner.report.sensor_answers import comparison_answer, grade_tables, steadiest
     from tuner.report.terminal import show
 
     if by is None and not sources:
@@ -83,4 +85,6 @@ def command(
         write_figure(overlaid_figure(comparison.noise), figure)
         messages.say(f"wrote {figure}")
     if output.tables:
-        show(comparison_tables(comparison))
+        answer = comparison_answer(comparison)
+        chosen = sources[steadiest(comparison) if by is None else 0]
+        show(answer.then("tune", chosen, *reading.words), whole=verbose)

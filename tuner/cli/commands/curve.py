@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Callable, Mapping
 
 import click
@@ -56,7 +55,7 @@ def command(
     from tuner.curves import empirical
     from tuner.formats.curves import curves_json
     from tuner.readers.source_kind import source_name
-    from tuner.report.curve_tables import curve_answer, statistic_tables
+    from tuner.report.curve_tables import curve_answer
     from tuner.report.terminal import show
 
     wanted = None if tau is None else _seconds(tau)
@@ -71,11 +70,8 @@ def command(
     page(f"{estimator} of {log}", {r.name: one for r, one in zip(records, found, strict=True)})
     if output.tables:
         show(assumed(records))
-        if verbose:
-            show([table for one in found for table in statistic_tables(one)])
-        else:
-            answer = curve_answer(found, [f"{estimator} of {source_name(log)}"])
-            show(answer.then(shlex.join(["tuner", "identify", log])))
+        answer = curve_answer(found, [f"{estimator} of {source_name(log)}"])
+        show(answer.then("identify", log, *reading.words), whole=verbose)
 
 
 def _seconds(text: str) -> list[float]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -26,8 +27,6 @@ from tuner.stages import stage
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-
-    from rich.table import Table
 
     from tuner.diagnosis.drive import ExaminedDrive
     from tuner.report.document import Document
@@ -121,30 +120,64 @@ def command(
     output.write(diagnosis_json(found))
     page(f"Diagnosis of {with_name(Path(log)).name}", parts)
     if output.tables:
-        show(_shown(found, () if isinstance(data, Drive) else data, log, verbose=verbose))
+        records = () if isinstance(data, Drive) else data
+        show(_answer(found, records, log, config, gnss, reading), whole=verbose)
     harmful = isinstance(found, DriveDiagnosis) and not found.credited
     return 1 if strict and (found.unexplained or harmful) else 0
 
 
-def _shown(
-    found: Diagnosis | DriveDiagnosis, records: Sequence[Record], log: str, *, verbose: bool
-) -> Document | list[Table | str]:
-    """Return what is printed: all tables, or the answer with the command that follows from it."""
+def _answer(
+    found: Diagnosis | DriveDiagnosis,
+    records: Sequence[Record],
+    log: str,
+    config: str | None,
+    gnss: str | None,
+    reading: Reading,
+) -> Document:
+    """Return the answer with the command that follows from it."""
     from tuner.types import Diagnosis
 
     if not isinstance(found, Diagnosis):
-        from tuner.report.drive_diagnosis_tables import drive_diagnosis_answer, drive_tables
+        from tuner.report.drive_diagnosis_tables import drive_diagnosis_answer
 
-        following = shlex.join(["tuner", "tune", "--drive", log])
-        return drive_tables(found) if verbose else drive_diagnosis_answer(found).then(following)
+        answer = drive_diagnosis_answer(found)
+        return replace(answer, end=(*answer.end, f"Next: {_after_drive(found, log, config, gnss)}"))
     from tuner.report.diagnosis_answer import diagnosis_answer
-    from tuner.report.static_diagnosis_tables import diagnosis_tables
 
-    if verbose:
-        return diagnosis_tables(found, records)
     answer = diagnosis_answer(found, records)
     again = any(one.in_motion for one in found.findings)  # it is to be recorded again
-    return answer if again else answer.then(shlex.join(["tuner", "tune", log]))
+    return answer if again else answer.then("tune", log, *reading.words)
+
+
+def _after_drive(found: DriveDiagnosis, drive: str, config: str | None, gnss: str | None) -> str:
+    """Return what follows from the diagnosis of a drive.
+
+    Settings that nothing contradicts are scored. Those with causes are made anew from themselves and the drive, where
+    the filter can hold the causes; wrong fixes are refused by its gate. A fault of the unit that it cannot hold is
+    mended first, and what has no cause is looked at.
+    """
+    from tuner.judgement import judge_drive
+    from tuner.types.judgement import Use
+
+    receiver = ["--gnss", gnss] if gnss is not None else []
+    judged = ["--config", config] if config is not None else []
+    again = shlex.join(["tuner", "diagnose", drive, *judged, *receiver])
+    mended = [
+        one.consequence
+        for one in found.findings
+        if one.extension.get("joins") == "preprocessing"
+        and one.cause not in found.after.compensation.causes
+        and "gnss" not in one.channels
+    ]
+    if mended:
+        return f"{mended[0]}; then {again}"
+    if found.unexplained:
+        return f"{again} --page diagnosis.html"
+    if config is not None and judge_drive(found).use is Use.NOTHING_CONTRADICTS:
+        return shlex.join(["tuner", "navigate", drive, *judged, *receiver])
+    return shlex.join(
+        ["tuner", "tune", *([config] if config is not None else []), "--drive", drive, *receiver]
+    )
 
 
 def _drive_parts(examined: ExaminedDrive) -> Mapping[str, object]:

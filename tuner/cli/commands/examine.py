@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import click
 
-from tuner.cli.commands.options import DIRECTORY, Output, common, paged, strict
+from tuner.cli.commands.options import DIRECTORY, Output, common, paged, strict, verbose
 from tuner.cli.progress import Messages
 from tuner.stages import stage
 
@@ -24,12 +23,14 @@ from tuner.stages import stage
     help="Write mended.npz, the drive without its faults.",
 )
 @strict("something is to be mended")
+@verbose
 @common
 @paged
 def command(
     drive: str,
     directory: Path | None,
     strict: bool,
+    verbose: bool,
     seed: int,  # noqa: ARG001
     page: Callable[[str, Mapping[str, object]], None],
     output: Output,
@@ -55,13 +56,13 @@ def command(
     stage("holding the streams against one another", 0.95)
     found = examine(measured)
     stage("writing", 1.0)
-    following = ["tuner", "tune", "--drive", drive]
+    following = ["tune", "--drive", drive]
     if directory is not None:
         directory.mkdir(parents=True, exist_ok=True)
         write_drive(found.mended, directory / "mended.npz")
         following[-1] = str(directory / "mended.npz")
     elif found.repairs:
-        following = ["tuner", "examine", drive, "-o", "mended"]
+        following = ["examine", drive, "-o", "mended"]
     page(f"Examination of {with_name(Path(drive)).name}", {"What is to be mended": found})
     good, verdict = examination_verdict(found)
     output.write(
@@ -76,5 +77,6 @@ def command(
         }
     )
     if output.tables:
-        show(examination_answer(found).then(shlex.join(following)))
+        answer = examination_answer(found).then(*following)
+        show([*answer.whole, *answer.end] if verbose else answer)
     return 1 if strict and not good else 0

@@ -61,14 +61,16 @@ def command(
     from tuner.exporters import DIALECTS
     from tuner.formats.files import write_text
     from tuner.report.dialect_tables import dialect_tables
+    from tuner.report.document import document
     from tuner.report.terminal import show
     from tuner.synthesis.load_config import load_config
 
-    if list_dialects:
+    if list_dialects or (config is not None and dialect is None):
         titles = {k: {"title": d.title, "units": d.units} for k, d in DIALECTS.items()}
         output.write({"schema": "tuner.dialects/1", "dialects": titles})
         if output.tables:
-            show(dialect_tables(DIALECTS))
+            answer = document(dialect_tables(DIALECTS))
+            show(answer if config is None else answer.then("export", config, "--to", "vins"))
         return
     if config is None or dialect is None:
         raise click.UsageError("export: expected CONFIG and --to DIALECT; --list shows the dialects")

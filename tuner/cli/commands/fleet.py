@@ -17,6 +17,7 @@ from tuner.cli.commands.options import (
     noise_terms,
     reading,
     strict,
+    verbose,
 )
 from tuner.cli.progress import Messages
 from tuner.jobs import usable
@@ -36,6 +37,7 @@ from tuner.stages import stage
 )
 @click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler that does the work instead of --jobs.")
 @strict("a unit is not PASS, or cannot be used")
+@verbose
 @noise_terms
 @latitude
 @reading
@@ -44,6 +46,7 @@ def command(
     logs: tuple[str, ...],
     output_dir: Path | None,
     strict: bool,
+    verbose: bool,
     reading: Reading,
     seed: int,  # noqa: ARG001
     output: Output,
@@ -57,8 +60,8 @@ def command(
     """
     from tuner import fleet
     from tuner.production.fleet import output_folder
-    from tuner.report.fleet_files import fleet_json, write_fleet
-    from tuner.report.fleet_tables import fleet_tables
+    from tuner.report.fleet_answer import fleet_answer, looked_at
+    from tuner.report.fleet_files import GRADE, fleet_json, write_fleet
     from tuner.report.terminal import show
 
     directory = output_folder(logs, output_dir)
@@ -66,8 +69,20 @@ def command(
     stage("measuring the units", 0.98)
     result = fleet(logs, store=directory / "units", reading=stated, progress=messages.count("units"), **how)
     stage("writing", 1.0)
-    messages.say(f"wrote {', '.join(write_fleet(result, directory))} into {directory}")
+    written = write_fleet(result, directory)
+    messages.say(f"wrote {', '.join(written)} into {directory}")
     output.write(fleet_json(result))
     if output.tables:
-        show(fleet_tables(result))
+        answer = fleet_answer(result)
+        odd, measured = (
+            [unit.file for unit in units if unit.measurement is not None]
+            for units in (looked_at(result), result.units)
+        )
+        if odd:
+            answer = answer.then("diagnose", odd[0], *reading.words)
+        elif GRADE in written:
+            answer = answer.then("tune", str(directory / GRADE))
+        elif measured:
+            answer = answer.then("tune", measured[0], *reading.words)
+        show(answer, whole=verbose)
     return 1 if strict and any(u.error or u.verdict not in ("", "PASS") for u in result.units) else 0

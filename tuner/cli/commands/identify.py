@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -100,9 +99,8 @@ def command(
     from tuner.readers.source_kind import source_name
     from tuner.report.claims import lawful
     from tuner.report.identification_answer import identification_answer, pooled_answer
-    from tuner.report.identification_tables import identification_tables, pooled_tables, receiver_lines
+    from tuner.report.identification_tables import receiver_lines
     from tuner.report.json.views import pooled_json, receiver_json
-    from tuner.report.noise_table import states_tables
     from tuner.report.terminal import show
     from tuner.segments.conditions import at_rest
     from tuner.synthesis import synthesize
@@ -158,19 +156,12 @@ def command(
             path = figure if len(found) == 1 else figure.with_stem(f"{figure.stem}-{name}")
             write_figure(allan_figure(one, title=name), path)
             messages.say(f"wrote {path}")
-    if not output.tables:
-        return exit_status
-    if not verbose:
-        if len(found) > 1:
-            show(pooled_answer(pool(found), names))
-        else:
-            answer = identification_answer(names[0], found[0], *(settings[0] or ()))
-            show(answer.then(shlex.join(["tuner", "tune", logs[0]])))
-        return exit_status
-    for name, one, written in zip(names, found, settings, strict=True):
-        show([name, *identification_tables(one)])
-        if written is not None:
-            show(states_tables(written[0]))
-    if len(found) > 1:
-        show(pooled_tables(pool(found), names))
+    if output.tables:
+        answers = [
+            identification_answer(name, one, *(written or ()))
+            for name, one, written in zip(names, found, settings, strict=True)
+        ]
+        several = len(answers) > 1
+        answer = pooled_answer(pool(found), names, answers) if several else answers[0]
+        show(answer.then("compare" if several else "tune", *logs, *reading.words), whole=verbose)
     return exit_status

@@ -111,7 +111,6 @@ def command(
     from tuner.report.answer_layout import span_text
     from tuner.report.claims import lawful
     from tuner.report.consistency_answer import consistency_answer
-    from tuner.report.consistency_tables import consistency_tables
     from tuner.report.json.navigation import navigation_json
     from tuner.report.solution_set import attitude_text, write_solution
     from tuner.report.terminal import show
@@ -164,12 +163,9 @@ def command(
         if directory is not None:
             to_do.append(f"Solution, tracks and figures: {directory}")
             notes = (attitude_text(measured), *found.notes)
-        if verbose:
-            show([*consistency_tables(found.consistency, notes), *to_do])
-        else:
-            length = span_text(float(measured.imu_t[-1] - measured.imu_t[0]))
-            against = "no reference: errors are unknown, distances are known"
-            against = against if measured.reference is None else "scored against its reference"
-            about = f"{measured.name}, {length}, with {config}; {against}"
-            show(consistency_answer(found.consistency, notes, to_do, about))
+        length = span_text(float(measured.imu_t[-1] - measured.imu_t[0]))
+        against = "no reference: errors are unknown, distances are known"
+        against = against if measured.reference is None else "scored against its reference"
+        about = f"{measured.name}, {length}, with {config}; {against}"
+        show(consistency_answer(found.consistency, notes, to_do, about), whole=verbose)
     return 1 if strict and not found.consistency.honesty.good else 0

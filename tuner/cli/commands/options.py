@@ -66,6 +66,14 @@ class Reading:
     begin: float | None = None
     end: float | None = None
 
+    @property
+    def words(self) -> tuple[str, ...]:
+        """The same as options, for the command that follows."""
+        columns = ",".join(f"{name}={column}" for name, column in (self.columns or {}).items()) or None
+        stated = {**vars(self), "columns": columns, "memory": self.memory and self.memory / 1e9}
+        given = {name.replace("_", "-"): value for name, value in stated.items() if value is not None}
+        return tuple(f"--{name}={value}" for name, value in given.items())
+
 
 @dataclass(frozen=True)
 class Output:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
@@ -46,9 +47,9 @@ def command(
     from tuner.identification.identify_source import identify_source
     from tuner.identification.static_test_plan import plan_test
     from tuner.readers.source_kind import source_name
-    from tuner.report.comparison_tables import plan_tables
     from tuner.report.identification_answer import terms_too_short
     from tuner.report.json.views import plan_json
+    from tuner.report.sensor_answers import plan_answer
     from tuner.report.terminal import show
 
     stage("reading", 0.2)
@@ -60,4 +61,8 @@ def command(
     output.write(plan_json(plans))
     page(f"Static test of {source}", {"How long must it last?": plans})
     if output.tables:
-        show(plan_tables(plans, terms_too_short(identification)))
+        answer = plan_answer(plans, terms_too_short(identification))
+        lacking = [p.hours for plan in plans.values() for p in plan.parameters if not p.shown and p.hours]
+        stated = [f"--accuracy={accuracy:g}", f"--hours={math.ceil(max(lacking, default=0.0)):g}"]
+        following = ["plan", source, *stated] if lacking else ["tune", source]
+        show(answer.then(*following, *reading.words))

@@ -126,7 +126,7 @@ def command(
     from tuner.readers.estimate import read_estimate
     from tuner.report.claims import lawful
     from tuner.report.json.output_score import output_score_json
-    from tuner.report.output_score_tables import output_score_answer, output_score_tables
+    from tuner.report.output_score_tables import output_score_answer
     from tuner.report.terminal import show
 
     stage("reading", 0.3)
@@ -175,7 +175,9 @@ def command(
         messages.say(f"written: {output_dir}")
     output.write(content)
     if output.tables:
-        show(output_score_tables(found) if verbose else output_score_answer(found))
+        answer = output_score_answer(found)
+        words = click.get_current_context().obj
+        show(answer.then(*words, "-o", "score") if output_dir is None else answer, whole=verbose)
     return 1 if strict and not found.consistency.honesty.good else 0
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -26,6 +27,9 @@ from tuner.cli.commands.options import (
 )
 from tuner.cli.progress import Messages
 from tuner.stages import stage
+
+if TYPE_CHECKING:
+    from tuner.tune_result import TuneResult
 
 
 @click.command("tune", short_help="The main job: from a log to a filter configuration, with report.")
@@ -78,7 +82,7 @@ def command(
     output is scored, and noise, walks and sds of fixes are moved to the best score. LOG may then be a configuration.
     """
     from tuner import tune
-    from tuner.report.result_set import tune_json, tune_tables, write_tune_result
+    from tuner.report.result_set import tune_json, write_tune_result
     from tuner.report.terminal import show
     from tuner.report.tune_answer import tune_answer
 
@@ -106,5 +110,25 @@ def command(
     write_tune_result(result, directory, stated_command(click.get_current_context().obj))
     output.write(tune_json(result))
     if output.tables:
-        show(tune_tables(result, directory) if verbose else tune_answer(result, directory, dialect))
+        following = _following(result, (log, *reading.words), how["drive"], dialect, directory)
+        show(tune_answer(result, directory, dialect).then(*following), whole=verbose)
     return 1 if strict and not result.verdict.good else 0
+
+
+def _following(
+    result: TuneResult, log: Sequence[str | None], drive: str | None, dialect: str | None, directory: Path
+) -> Sequence[str]:
+    """Return the command that follows: of a sheet how long to record, of a drive its files for KF-GINS.
+
+    `log` is what was tuned, with the options that read it.
+    """
+    config = str(directory / "noise.yaml")
+    stated = [word for word in log if word is not None]
+    if log[0] is not None and not result.records:
+        return ["plan", *stated]
+    if not result.exports:
+        return ["diagnose", *(stated or [str(drive)])]
+    if drive is not None:
+        file = directory / "kf-gins" / "kf-gins.yaml"
+        return ["export", config, "--to", "kf-gins", "--drive", drive, "-o", str(file)]
+    return ["export", config] if dialect is None else ["check", config]

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from models.probability import fisher_beyond
+from tuner.formats.customary_units import amount
 from tuner.navigation.data import Steps
 from tuner.navigation.drive.axis_checks import with_axes_found
 from tuner.navigation.drive.clock_mismatch import refuse_distant_clocks
@@ -18,7 +19,7 @@ from tuner.navigation.drive.clock_offset import (
 )
 from tuner.navigation.drive.clock_regression import DELAYS
 from tuner.navigation.drive.gross_outliers import without_gross_outliers
-from tuner.types import Compensation
+from tuner.types import Coefficient, Compensation
 from tuner.types.records import Drive
 
 
@@ -157,21 +158,24 @@ def chosen_clock(found: ClockOffset) -> Clock:
     values = dict(zip(names, zip(value.tolist(), half.tolist(), sds.tolist(), strict=True), strict=True))
     delay, delay_half, delay_sd = values.get("delay", (0.0, 0.0, 0.0))
     lag, lag_half, _ = values.get("lag", (0.0, 0.0, 0.0))
-    described = []
-    if "delay" in values:
-        described.append(f"fixes are {_interval_text(delay, delay_half)} late")
-    if "lag" in values:
-        described.append(
-            f"velocities of the receiver are {_interval_text(lag, lag_half)} later than its positions"
-        )
-    return Clock(
-        delay,
-        lag,
-        (delay - delay_half, delay + delay_half),
-        (lag - lag_half, lag + lag_half),
-        delay_sd,
-        f"{', '.join(described)}, as the motion shows: taken out of this run",
-    )
+    ends = (delay - delay_half, delay + delay_half), (lag - lag_half, lag + lag_half)
+    clock = Clock(delay, lag, *ends, delay_sd)
+    return replace(clock, note=f"{clock_words(clock)}, as the motion shows: taken out of this run")
+
+
+def clock_words(clock: Clock) -> str:
+    """Return by how much fixes are stamped late, and their velocities later than they; empty where neither is."""
+    late = amount(Coefficient(abs(clock.delay), _sizes(clock.delay_interval), None, "s"))
+    later = amount(Coefficient(abs(clock.lag), _sizes(clock.lag_interval), None, "s"))
+    parts = {
+        f"fixes are stamped {late} {'late' if clock.delay > 0.0 else 'early'}": clock.delay,
+        f"velocities are {later} {'later' if clock.lag > 0.0 else 'earlier'} than positions": clock.lag,
+    }
+    return ", ".join(text for text, value in parts.items() if value)
+
+
+def _sizes(interval: tuple[float, float]) -> tuple[float, float]:
+    return min(map(abs, interval)), max(map(abs, interval))
 
 
 def _interval_text(value: float, half: float) -> str:

@@ -26,6 +26,7 @@ from models.error_state import Linearization
 from models.imu_errors import calibration
 from models.measurements import position_fix, velocity_fix
 from models.strapdown import NavigationState
+from tuner.formats.customary_units import digits
 from tuner.navigation import engine
 from tuner.navigation.data import Constraints, Fixes, Solution, Steps, split_at
 from tuner.navigation.drive.alignment import Alignment, align, velocities
@@ -35,6 +36,7 @@ from tuner.navigation.drive.sampling_rate import rate_note
 from tuner.navigation.drive.unit_checks import refuse_wrong_units, suspected_unit
 from tuner.navigation.drive.velocity_latency import advanced, interpolated, velocities_at
 from tuner.navigation.settings import FilterSettings
+from tuner.types.named_cause import NamedCause
 from tuner.types.records import DataError, Drive, Gnss
 
 MAX_BRIDGED_GAP = 0.5
@@ -94,6 +96,21 @@ class Stretch:
         return self.alignment.t + self.alignment.still + SETTLING_TIME
 
 
+def _clock_note(clock: Clock, gnss: Gnss) -> str:
+    """Return what is known of the clocks; what is taken out is a cause, with the errors that it makes."""
+    effects = []
+    if clock.delay:
+        speed = float(np.sqrt(np.mean(np.sum(velocities(gnss)[:, :2] ** 2, axis=1))))
+        size = digits(abs(clock.delay) * speed, 2)
+        effects.append(f"{size} m along the track at {digits(speed, 2)} m/s, the rms speed of this drive")
+    if clock.lag:
+        effects.append(f"velocities err by {digits(abs(clock.lag), 2)} m/s a m/s² of acceleration")
+    if not effects:
+        return clock.note
+    what, _, done = clock.note.rpartition(": ")
+    return NamedCause.of(what, "certain", ", ".join(effects), f"{done}; shift the stamps")
+
+
 def prepare(
     drive: Drive, settings: FilterSettings, *, clock: Clock = AGREEING
 ) -> tuple[tuple[Stretch, ...], tuple[str, ...]]:
@@ -126,7 +143,7 @@ def prepare(
         notes.append(f"velocities of the receiver are {axes}, not north-east-down: turned")
     notes += refuse_wrong_units(drive, gnss)
     if clock.note:
-        notes.append(clock.note)
+        notes.append(_clock_note(clock, gnss))
     mounting = np.eye(3) if drive.mounting is None else drive.mounting
     rates = np.hstack([drive.rates[:, :3] @ mounting, drive.rates[:, 3:] @ mounting])
     dt = np.diff(drive.imu_t)

@@ -1,20 +1,21 @@
-"""A fleet in the terminal: a few lines, and a table of the units that are not plainly good."""
+"""The answer of `fleet`: verdict, the units that are not plainly good, and how far units differ."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
 
+import pandas as pd
 from rich.table import Table
 
-from tuner.formats.customary_units import digits
+from tuner.formats.customary_units import digits, phrase
+from tuner.production.outliers import FALSE_NAMING, LEAST_UNITS, threshold
 from tuner.production.quantities import SYMBOLS, customary, is_logarithmic, pretty_unit, title
+from tuner.production.spread import spread_text
+from tuner.report.document import Document, document
+from tuner.report.titled_table import titled_table
 from tuner.types.fleet import Fleet, FleetUnit, Outlier
 
-SHOWN_UNITS = 20
-"""Rows of the table in the terminal: a screen; the files have all."""
-MAX_REASONS = 4
-"""Reasons of a unit in the terminal; the files have all."""
 IN_WORDS = {
     "N": "white noise",
     "B": "bias instability",
@@ -24,26 +25,67 @@ IN_WORDS = {
 """Symbols of quantities in words."""
 
 
-def summary(fleet: Fleet) -> list[str]:
-    """Return how many units there are, how many keep their limits, and how many stand apart."""
+def fleet_answer(fleet: Fleet) -> Document:
+    """Return how many units keep their limits and how many stand apart, and why each is to be looked at.
+
+    First those that stand apart, then those that cannot be used, fail, or are open.
+    """
     verdicts = Counter(unit.verdict for unit in fleet.units)
     refused = sum(unit.error is not None for unit in fleet.units)
     outlying = sum(bool(unit.outliers) for unit in fleet.units)
-    advised = sum(bool(unit.advice) for unit in fleet.units)
-    look = "LOOK" if outlying or refused or advised else ""
-    word = next(
-        (name for name in ("FAIL", look, "OPEN") if name and (name == look or verdicts[name])), "PASS"
-    )
+    odd = looked_at(fleet)
+    look = any(one.error or one.outliers or one.advice for one in odd)
+    known = {"FAIL": verdicts["FAIL"], "LOOK": look, "OPEN": verdicts["OPEN"]}
+    word = next((name for name, there in known.items() if there), "PASS")
     limits = (
         f"{verdicts['PASS']} PASS, {verdicts['FAIL']} FAIL, {verdicts['OPEN']} OPEN (log too short to tell)"
         if fleet.limits
         else "no limits given (--limits)"
     )
     stand = "stands" if outlying == 1 else "stand"
-    return [
+    verdict = (
         f"Verdict: {word}: {outlying} of the {len(fleet.units)} units in {fleet.name} {stand} apart, {refused} cannot "
         f"be used; {limits}"
+    )
+    lines = [
+        f"{one.name}: {one.verdict or ('ERROR' if one.error else 'LOOK')}: {'; '.join(reasons(one, fleet))}"
+        for one in odd
     ]
+    spread = frame_table(spread_frame(fleet), "Spread from unit to unit, outlying units left out")
+    return document([verdict], lines, more=[judged_how(fleet), *spread], beyond="spread of the units")
+
+
+def looked_at(fleet: Fleet) -> list[FleetUnit]:
+    """Return the units that are not plainly good, those that stand apart first."""
+    odd = [u for u in fleet.units if u.error or u.outliers or u.broken or u.advice]
+    rank = {"FAIL": 2, "OPEN": 3}
+    return sorted(
+        odd, key=lambda u: 0 if u.outliers or u.advice else 1 if u.error else rank.get(u.verdict, 4)
+    )
+
+
+def spread_frame(fleet: Fleet) -> pd.DataFrame:
+    """Return mean and unit-to-unit spread of each quantity, in customary units, with 95 % intervals."""
+    columns = ["quantity", "unit", "units", "mean", "spread"]
+    rows = []
+    for name, pooled in fleet.spread.items():
+        unit = fleet.channel_units[name.rpartition(".")[0]]
+        rows.append(
+            (
+                title(name),
+                pretty_unit(name, unit),
+                sum(v is not None for v in pooled.values),
+                phrase(pooled.value, SYMBOLS[name.rpartition(".")[2]], unit, with_unit=False),
+                spread_text(name, pooled, unit),
+            )
+        )
+    return pd.DataFrame(rows, columns=columns)
+
+
+def frame_table(frame: pd.DataFrame, head: str = "") -> list[Table]:
+    """Return a data frame as a table; without rows there is none."""
+    rows = frame.astype(str).itertuples(index=False)
+    return titled_table(head, [str(name) for name in frame.columns], rows, words=len(frame.columns))
 
 
 def outlier_text(outlier: Outlier, fleet: Fleet) -> str:
@@ -107,23 +149,17 @@ def _range(values: Sequence[float]) -> str:
     return low if low == high else f"{low} to {high}"
 
 
-def fleet_tables(fleet: Fleet) -> list[Table | str]:
-    """Return the summary and the units to look at: those that stand apart, cannot be used, fail, are open."""
-    table = Table(title="Units to look at", show_lines=True)
-    for head, least in (("unit", 16), ("verdict", None), ("why", 40)):
-        table.add_column(head, overflow="fold", min_width=least)
-    odd = [u for u in fleet.units if u.error or u.outliers or u.broken or u.advice]
-    rank = {"FAIL": 2, "OPEN": 3}
-    odd.sort(key=lambda u: 0 if u.outliers or u.advice else 1 if u.error else rank.get(u.verdict or "", 4))
-    for unit in odd[:SHOWN_UNITS]:
-        why = reasons(unit, fleet)
-        more = len(why) - MAX_REASONS
-        if more > 0:
-            why = [*why[:MAX_REASONS], f"and {more} more, in fleet.csv"]
-        table.add_row(unit.name, unit.verdict or ("ERROR" if unit.error else "LOOK"), "\n".join(why))
-    answer: list[Table | str] = [*summary(fleet)]
-    if odd:
-        answer.append(table)
-    if len(odd) > SHOWN_UNITS:
-        answer.append(f"and {len(odd) - SHOWN_UNITS} more, in fleet.csv")
-    return answer
+def judged_how(fleet: Fleet) -> str:
+    """Say how outlying units were found."""
+    if not fleet.comparisons:
+        return f"Too few units ({LEAST_UNITS} are needed) to say which stand apart."
+    thresholds = sorted({digits(o.threshold, 2) for u in fleet.units for o in u.outliers})
+    measured = sum(unit.measurement is not None for unit in fleet.units)
+    if not thresholds and measured >= LEAST_UNITS:
+        thresholds = [digits(threshold(measured, fleet.comparisons), 2)]
+    at = f" (threshold{'s' * (len(thresholds) > 1)} {', '.join(thresholds)})" if thresholds else ""
+    return (
+        f"Outlying: more robust standard deviations from the median of the fleet than a sound fleet would show "
+        f"in any of {fleet.comparisons} numbers with a chance above {100 * FALSE_NAMING:g} %{at}: median and MAD, "
+        "Student's t with 0.37 (n − 1) degrees of freedom, Bonferroni."
+    )
