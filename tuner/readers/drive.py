@@ -121,7 +121,9 @@ def _checked(path: Path, drive: Drive) -> Drive:
     places = np.column_stack([np.degrees(gnss.llh[:, :2]), gnss.llh[:, 2]])
     fixes = np.column_stack([gnss.t + drive.origin, places, gnss.vel_n, gnss.position_sd, gnss.velocity_sd])
     check_drive(path, imu, fixes, notes)
-    return replace(drive, notes=tuple(one if isinstance(one, NamedCause) else printable(one) for one in notes))
+    return replace(
+        drive, notes=tuple(one if isinstance(one, NamedCause) else printable(one) for one in notes)
+    )
 
 
 def mounting_of(frame: str | None, rpy_deg: Any) -> FloatArray | None:
