@@ -15,22 +15,22 @@ from tuner.examination.fit import Fit, Noise
 from tuner.examination.moves import LEVER_ARM
 from tuner.examination.search import Found, applied, searched
 from tuner.examination.streams import Positions, Stream, Streams, Velocities
-from tuner.examination.windows import WINDOW, Inertial
+from tuner.examination.windows import WINDOW_LENGTH, Inertial
 from tuner.limits import LOST_SHARE, TOLERATED_RATIO
 from tuner.types.public import public
 from tuner.types.records import DataError, Drive, Gnss
 from tuner.types.repair import Repair
 from tuner.types.shown import Shown
 
-FAR = 4.0
+GATE_SDS = 4.0
 """Sds beyond which a reading is far off: the usual gate of a filter (DECISIONS: share of samples beyond 4 sd)."""
 REPORTED_SPREAD = math.log(2.0)
 """Sd of the logarithm of true ÷ reported sd of receivers, before anything is known."""
 ODDS_OF_VARIANCES = math.log(1000.0)
 """Log odds that a file whose column is called sd holds sds."""
-MOVING = 2.0
+MOVING_SPEED = 2.0
 """Speed above which the noise in motion is taken, m/s."""
-STILL = 5
+STILL_SECONDS = 5
 """Seconds of the quietest stretch, whose noise is that at rest."""
 
 
@@ -188,7 +188,7 @@ def examine(drive: Drive) -> Examination:
         vibration,
         search.unseen,
         arm[0].fault if arm else "",
-        WINDOW * len(fit.begin),
+        WINDOW_LENGTH * len(fit.begin),
         misfit,
         mended,
         on_own_clock,
@@ -286,7 +286,11 @@ def _repeats(stream: Stream) -> Repair | None:
 def _wrong(stream: Stream, noise: Noise, wrong: FloatArray, left: FloatArray, worth: float) -> Repair | None:
     """Return how many readings are wrong and by how much, where more than a few lie beyond the gate of a filter."""
     there = np.isfinite(wrong)
-    far = there & (wrong > 0.5) & (np.abs(np.nan_to_num(left)) > FAR * _expected(stream, noise)).any(axis=1)
+    far = (
+        there
+        & (wrong > 0.5)
+        & (np.abs(np.nan_to_num(left)) > GATE_SDS * _expected(stream, noise)).any(axis=1)
+    )
     count, all_of = int(far.sum()), int(there.sum())
     share = count / max(all_of, 1)
     if share <= LOST_SHARE or worth < math.log(1000.0):
@@ -419,12 +423,12 @@ def _vibration(drive: Drive, streams: Streams) -> dict[str, tuple[float, float]]
     behind = np.searchsorted(p.t, t - 5.0).clip(0, len(p.t) - 1)
     lasted = np.maximum(p.t[ahead] - p.t[behind], 1.0)
     speed = np.linalg.norm(ned_between(p.values[ahead], p.values[behind]), axis=1) / lasted
-    moving = speed > MOVING
+    moving = speed > MOVING_SPEED
     out: dict[str, tuple[float, float]] = {}
-    if moving.sum() < 2 * STILL or blocks < 2 * STILL:
+    if moving.sum() < 2 * STILL_SECONDS or blocks < 2 * STILL_SECONDS:
         return out
     for name, part in (("gyro", slice(0, 3)), ("accelerometer", slice(3, 6))):
         size = np.sqrt((rough[:, part] ** 2).mean(axis=1))
-        quietest = np.sqrt(np.convolve(size**2, np.full(STILL, 1.0 / STILL), "valid").min())
+        quietest = np.sqrt(np.convolve(size**2, np.full(STILL_SECONDS, 1.0 / STILL_SECONDS), "valid").min())
         out[name] = (float(quietest), float(np.median(size[moving])))
     return out

@@ -22,18 +22,18 @@ from models.earth import gravity, metres_per_radian
 from tuner.examination.streams import Stream, Streams
 from tuner.examination.windows import TURN, Motion, Sampled, Windows, averaged, motion_of, sampled, windows_of
 
-ROUNDS = 12
-CONVERGED = 0.1
+MOST_ROUNDS = 12
+CONVERGED_GAIN = 0.1
 """Gain of a round below which the rounds end, nats."""
 PRIOR = np.repeat([1e3, 3e2, 0.5, 0.3, 0.02], 3)
 """Sds of the start, m, m/s, of the rotation about the first guess, rad, and of the biases, m/s², rad/s."""
-UNAIDED = 3.0
+UNKNOWN_ACCELERATION = 3.0
 """Sd of the acceleration of a motion of which the inertial unit says nothing, m/s²."""
 FIRST_ROUNDS = 3
 """Rounds after which the likelier of two first guesses goes on."""
-RATE = 2.0
+FITTED_RATE = 2.0
 """Readings of a stream a second that are fitted: errors of faster ones are much alike."""
-LEAST = 1e-3
+LEAST_SD = 1e-3
 """Least sd of readings, in their unit."""
 LEAST_READINGS = 4
 """Positions of a window from which it says anything."""
@@ -71,7 +71,7 @@ class Fit:
     unsound_worth : float
         What windows in which the inertial unit does not hold add to it, nats.
     error : float
-        Sd of the acceleration error over `KNOT`, m/s².
+        Sd of the acceleration error over `KNOT_LENGTH`, m/s².
     lost : float
         Share of windows in which the inertial unit does not hold.
     attitude : ndarray, shape (w, 3, 3)
@@ -128,7 +128,7 @@ class _Placed:
 
 
 def fit(
-    streams: Streams, windows: Windows | None = None, rounds: int = ROUNDS, *, every: bool = False
+    streams: Streams, windows: Windows | None = None, rounds: int = MOST_ROUNDS, *, every: bool = False
 ) -> Fit:
     """Return the likelier of two fits: from rotations by the velocities, and by the positions.
 
@@ -141,7 +141,7 @@ def fit(
     rounds : int, optional
         Most rounds.
     every : bool, optional
-        Whether every reading is judged, not only those that are fitted, `RATE` a second.
+        Whether every reading is judged, not only those that are fitted, `FITTED_RATE` a second.
     """
     windows = windows_of(averaged(streams.imu)) if windows is None else windows
     problem = _Problem.of(streams, windows)
@@ -279,36 +279,36 @@ class _Problem:
         error, unsound, lost = 0.3, np.full(w, 0.1), 0.1
         if given is not None:
             noise, error, lost = list(given.noise), given.error, given.lost
-        doubt = [np.stack([x, x]) for x in first.wrong]
+        chance = [np.stack([x, x]) for x in first.wrong]
         x = np.zeros((w, u))
         for number in range(rounds):
             seen = [self._seen(one, attitude, x) for one in self.placed]
             branches = [
-                self._branch(seen, [d[b] for d in doubt], noise, sd, w, u)
-                for b, sd in enumerate((error, max(UNAIDED, 3.0 * error)))
+                self._branch(seen, [d[b] for d in chance], noise, sd, w, u)
+                for b, sd in enumerate((error, max(UNKNOWN_ACCELERATION, 3.0 * error)))
             ]
             good, bad = (b.bound for b in branches)
             total = np.logaddexp(np.log1p(-lost) + good, np.log(lost) + bad)
             unsound = np.exp(np.log(lost) + bad - total)
-            doubt = [np.stack([b.doubt[j] for b in branches]) for j in range(len(self.placed))]
+            chance = [np.stack([b.chance[j] for b in branches]) for j in range(len(self.placed))]
             weight = [np.stack([(1.0 - unsound)[one.window], unsound[one.window]]) for one in self.placed]
             if given is None or free:
                 lost = float(np.clip((unsound.sum() + 0.5) / (w + 5.0), 1e-3, 0.99))
                 noise = [
                     self._noise(one, d, h, np.stack([b.squares[j] for b in branches]))
-                    for j, (one, d, h) in enumerate(zip(self.placed, doubt, weight, strict=True))
+                    for j, (one, d, h) in enumerate(zip(self.placed, chance, weight, strict=True))
                 ]
                 size, many = branches[0].error @ (1.0 - unsound)
                 likely = np.sqrt(size / max(many, 1e-9))
-                error = float(np.clip(likely, 0.1 * error, 10.0 * error).clip(LEAST, UNAIDED))
-            if number == rounds - 1 or total.sum() - before < CONVERGED:
+                error = float(np.clip(likely, 0.1 * error, 10.0 * error).clip(LEAST_SD, UNKNOWN_ACCELERATION))
+            if number == rounds - 1 or total.sum() - before < CONVERGED_GAIN:
                 break
             before = float(total.sum())
             x = branches[0].x.copy()
             attitude = rotation.mat_from_rotvec(x[:, TURN]) @ attitude
             x[:, TURN] = 0.0
         last = np.where(unsound[:, None] > 0.5, branches[1].x, branches[0].x)
-        wrong = [(d * h).sum(axis=0) for d, h in zip(doubt, weight, strict=True)]
+        wrong = [(d * h).sum(axis=0) for d, h in zip(chance, weight, strict=True)]
         left = [
             (h[0, :, None] * branches[0].left[j] + h[1, :, None] * branches[1].left[j])
             for j, h in enumerate(weight)
@@ -335,8 +335,8 @@ class _Problem:
         for one, noise in zip(streams.all, found.noise, strict=True):
             placed = _placed(one, one.readings, self.windows, self.places, self.speeds)
             e = self._less(placed, found)
-            doubt = _mixture(e**2, noise)[1]
-            wrong.append(_whole(doubt, placed.row, len(one.t)))
+            chance = _mixture(e**2, noise)[1]
+            wrong.append(_whole(chance, placed.row, len(one.t)))
             left.append(_whole(e, placed.row, len(one.t)))
         return replace(found, wrong=tuple(wrong), left=tuple(left))
 
@@ -355,7 +355,7 @@ class _Problem:
     def _branch(
         self,
         seen: Sequence[tuple[FloatArray, FloatArray, _Placed]],
-        doubt: Sequence[FloatArray],
+        chance: Sequence[FloatArray],
         noise: Sequence[Noise],
         error: float,
         w: int,
@@ -366,7 +366,7 @@ class _Problem:
         h = np.zeros((w, u, u))
         h[:, np.arange(u), np.arange(u)] = precision
         y = np.zeros((w, u))
-        for (left, by, one), d, n in zip(seen, doubt, noise, strict=True):
+        for (left, by, one), d, n in zip(seen, chance, noise, strict=True):
             weight = (1.0 - d)[:, None] / n.sd**2 + d[:, None] / n.wrong_sd**2
             rows = one.spread(by, w).reshape(w, -1, u)
             scaled = one.spread(by * weight[..., None], w).reshape(w, -1, u)
@@ -376,31 +376,31 @@ class _Problem:
         x = (covariance @ y[..., None])[..., 0]
         bound = 0.5 * (np.linalg.slogdet(covariance)[1] + np.log(precision).sum() + u)
         bound -= 0.5 * ((covariance[:, np.arange(u), np.arange(u)] + x**2) * precision).sum(axis=1)
-        lefts, squares, doubts = [], [], []
+        lefts, squares, chances = [], [], []
         for (left, by, one), n in zip(seen, noise, strict=True):
             e = left - (by @ x[one.window][..., None])[..., 0]
             s = e**2 + ((by @ covariance[one.window]) * by).sum(axis=-1)
-            likelihood, doubted = _mixture(s, n)
+            likelihood, wrong = _mixture(s, n)
             np.add.at(
                 bound, one.window, likelihood + np.broadcast_to(one.stream.log_scale, one.rows)[one.row]
             )
             lefts.append(e)
             squares.append(s)
-            doubts.append(doubted)
+            chances.append(wrong)
         seen_of = (1.0 - covariance[:, np.arange(15, u), np.arange(15, u)] / error**2).sum(axis=1)
         known = np.stack([(x[:, 15:] ** 2).sum(axis=1), seen_of])
-        return _Branch(x, bound, tuple(lefts), tuple(squares), tuple(doubts), known)
+        return _Branch(x, bound, tuple(lefts), tuple(squares), tuple(chances), known)
 
-    def _noise(self, one: _Placed, doubt: FloatArray, share: FloatArray, squares: FloatArray) -> Noise:
+    def _noise(self, one: _Placed, chance: FloatArray, share: FloatArray, squares: FloatArray) -> Noise:
         """Return the share of wrong readings and both sds by group, from the probabilities of two branches."""
-        wrong = doubt * share
-        right = (1.0 - doubt) * share
+        wrong = chance * share
+        right = (1.0 - chance) * share
         q = float(np.clip((wrong.sum() + 0.5) / (share.sum() + 10.0), 1e-4, 0.95))
         sd, wrong_sd = np.empty(squares.shape[-1]), np.empty(squares.shape[-1])
         for _, columns in one.stream.groups:
             each = squares[..., list(columns)].mean(axis=-1)
             s = np.sqrt(((right * each).sum() + 1e-6) / (right.sum() + 1e-6))
-            sd[list(columns)] = max(s, LEAST)
+            sd[list(columns)] = max(s, LEAST_SD)
             far = np.sqrt(((wrong * each).sum() + 1e-6) / (wrong.sum() + 1e-6))
             wrong_sd[list(columns)] = max(far, 3.0 * sd[columns[0]])
         return Noise(q, sd, wrong_sd)
@@ -414,7 +414,7 @@ class _Branch:
     bound: FloatArray
     left: tuple[FloatArray, ...]
     squares: tuple[FloatArray, ...]
-    doubt: tuple[FloatArray, ...]
+    chance: tuple[FloatArray, ...]
     error: FloatArray  # (2, w): squares of acceleration errors, and how many the readings determine
 
 
@@ -426,7 +426,7 @@ def motion_gravity(places: FloatArray) -> FloatArray:
 
 
 def _mixture(squares: FloatArray, noise: Noise) -> tuple[FloatArray, FloatArray]:
-    """Return the log density of readings whose squared misfits are given, shape (m, d), and the odds of wrong ones."""
+    """Return the log density of readings of squared misfits, shape (m, d), and the probability that each is wrong."""
     right = np.log1p(-noise.wrong) - (np.log(noise.sd) + 0.5 * squares / noise.sd**2).sum(axis=-1)
     wrong = np.log(noise.wrong) - (np.log(noise.wrong_sd) + 0.5 * squares / noise.wrong_sd**2).sum(axis=-1)
     both = np.logaddexp(right, wrong)
@@ -435,7 +435,7 @@ def _mixture(squares: FloatArray, noise: Noise) -> tuple[FloatArray, FloatArray]
 
 def _worth(squares: FloatArray, share: FloatArray, noise: Noise) -> float:
     """Return what the wrong readings of a stream add to the log-likelihood of one sd, nats."""
-    one = np.sqrt((share[:, None] * squares).sum(axis=0) / share.sum().clip(1e-9)).clip(LEAST)
+    one = np.sqrt((share[:, None] * squares).sum(axis=0) / share.sum().clip(1e-9)).clip(LEAST_SD)
     alone = Noise(1e-12, one, one)
     return float((share * (_mixture(squares, noise)[0] - _mixture(squares, alone)[0])).sum())
 
@@ -448,11 +448,11 @@ def _whole(values: FloatArray, rows: IntArray, count: int) -> FloatArray:
 
 
 def _fitted(one: Stream) -> NDArray[np.bool_]:
-    """Return which readings of a stream are fitted: at most `RATE` a second."""
+    """Return which readings of a stream are fitted: at most `FITTED_RATE` a second."""
     rows = np.flatnonzero(one.readings)
     if not len(rows):
         return one.readings
-    slot = np.floor(one.t[rows] * RATE + 1e-6)
+    slot = np.floor(one.t[rows] * FITTED_RATE + 1e-6)
     kept = np.zeros(len(one.t), dtype=bool)
     kept[rows[np.append(True, np.diff(slot) > 0.0)]] = True
     return kept
@@ -521,10 +521,10 @@ def constants(
         motion = motion_of(one.at, found.attitude, found.unknowns)
         predicted, by = one.stream.seen(motion)
         left = one.local - predicted + (by @ found.unknowns[one.window][..., None])[..., 0]
-        doubt, sound = wrong[one.row, None], 1.0 - found.unsound[one.window, None]
-        doubt = doubt if gated else np.zeros_like(doubt)
+        chance, sound = wrong[one.row, None], 1.0 - found.unsound[one.window, None]
+        chance = chance if gated else np.zeros_like(chance)
         all_of = noise.sd**2 if gated else (1.0 - noise.wrong) * noise.sd**2 + noise.wrong * noise.wrong_sd**2
-        weight = sound * ((1.0 - doubt) / all_of + doubt / noise.wrong_sd**2)
+        weight = sound * ((1.0 - chance) / all_of + chance / noise.wrong_sd**2)
         both = np.concatenate([by, columns(one.stream, motion)], axis=-1)
         rows = one.spread(both, w).reshape(w, -1, u + c)
         scaled = one.spread(both * weight[..., None], w).reshape(w, -1, u + c)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,29 +13,29 @@ from models.arrays import FloatArray, IntArray
 from models.earth import metres_per_radian
 from models.robust import normal_sd
 from tuner.examination.fit import FIRST_ROUNDS, LEAST_READINGS, Fit, constants, fit
-from tuner.examination.moves import Move, arm_of, late, moves, signed
+from tuner.examination.moves import DELAYS, RECEIVER, Move, arm_of, exchanged, late, moves, signed
 from tuner.examination.streams import Stream, Streams, Velocities
-from tuner.examination.windows import WINDOW, Inertial, Motion, averaged, windows_of
+from tuner.examination.windows import WINDOW_LENGTH, Inertial, Motion, averaged, windows_of
 from tuner.limits import PRIOR_SHARE
 from tuner.types.records import DataError
 
 STATED_ODDS = 1000.0
 """Odds of what a file states of its units, axes and clocks."""
-SCREENED = 16
+SCREENED_WINDOWS = 16
 """Windows on which every fault is tried first."""
-REFITTED = 3
+REFITTED_FAULTS = 3
 """Faults that are then tried on all windows."""
-UNSEEN = 3.0
+UNSEEN_GAIN = 3.0
 """Change of the log-likelihood by a fault, nats, below which a recording cannot show it."""
-GAUSS_NEWTON = 6
+NEWTON_STEPS = 6
 """Steps after which delays have settled."""
-OPEN = 2
+OPEN_STEPS = 2
 """Of them those in which no reading counts as wrong."""
-ARM = 1.0
+ARM_SD = 1.0
 """Prior sd of a lever arm about what is stated, or about zero, m."""
-CERTAIN = 4.0
+CERTAIN_SDS = 4.0
 """Sds from which a delay is not chance."""
-MOST = 4
+MOST_FAULTS = 4
 """Faults of whole streams that are looked for one after the other."""
 
 
@@ -91,19 +91,20 @@ def searched(streams: Streams, name: str = "streams") -> Searched:
     DataError
         Where no window has inertial samples and positions.
     """
-    streams = replace(streams, imu=averaged(streams.imu))
+    streams = _inside(replace(streams, imu=averaged(streams.imu)))
     found: list[Found] = []
     first = now = fit(streams, every=True)
     if not len(now.begin):
         raise DataError(
-            f"{name}: expected windows of {WINDOW:g} s with inertial samples and {LEAST_READINGS} positions or more, "
-            "found none: the clocks of the streams do not meet, or the recording is too short"
+            f"{name}: expected windows of {WINDOW_LENGTH:g} s with inertial samples and {LEAST_READINGS} positions or "
+            "more, found none: the clocks of the streams do not meet, or the recording is too short"
         )
     unseen: tuple[str, ...] = ()
     streams, now, constant = _installed(streams, now, {})
-    for _ in range(MOST):
+    for _ in range(MOST_FAULTS):
         tried, unseen = _tried(streams, now, list(moves(streams)))
-        if not tried or tried[0][0].gain <= 0.0:
+        tried = [one for one in tried if one[0].gain > 0.0 and _determined(one[0].move, *one[1:])]
+        if not tried:
             break
         best, streams, now = tried[0]
         rest = max((one.gain for one, *_ in tried[1:]), default=0.0)
@@ -119,31 +120,19 @@ def _installed(
 
     One delay is common to all against the inertial unit, each other stream has one against the positions.
     """
-    names = (None, *(one.name for one in streams.others))
-
-    def columns(one: Stream, motion: Motion) -> FloatArray:
-        rate, arm = one.by_time(motion), one.by_arm(motion)
-        out = np.zeros((len(motion.position), one.values.shape[1], len(names) + 3))
-        if rate is not None:
-            out[..., 0] = -rate
-            if one.name in names:
-                out[..., names.index(one.name)] = -rate
-        if arm is not None:
-            out[..., len(names) :] = arm
-        return out
-
-    prior = np.concatenate([np.full(len(names), 1.0), np.full(3, ARM)])
+    names, columns = _columns(streams)
+    prior = np.concatenate([np.full(len(names), 1.0), np.full(3, ARM_SD)])
     total, start, moved = np.zeros(len(prior)), now, streams
-    for number in range(GAUSS_NEWTON):
-        sizes = constants(moved, now, columns, prior, gated=number >= OPEN)
+    for number in range(NEWTON_STEPS):
+        sizes = constants(moved, now, columns, prior, gated=number >= OPEN_STEPS)
         total = total + sizes.value
         moved = _with(streams, names, total)
         now = fit(moved)
-        if number >= OPEN and np.all(np.abs(sizes.value) < 0.3 * sizes.sd):
+        if number >= OPEN_STEPS and np.all(np.abs(sizes.value) < 0.3 * sizes.sd):
             break
     price = math.log(STATED_ODDS * len(prior))
     gain = now.total - start.total - price
-    certain = np.abs(total) > CERTAIN * sizes.sd
+    certain = np.abs(total) > CERTAIN_SDS * sizes.sd
     certain &= sizes.sd < PRIOR_SHARE * prior
     certain[len(names) :] = certain[len(names) :].any() and bool(np.all(sizes.sd < PRIOR_SHARE * prior))
     if gain <= 0.0 or not certain.any():
@@ -162,6 +151,52 @@ def _installed(
         out[move.subject] = Found(move, gain, math.inf)
     moved = _with(streams, names, total)
     return moved, fit(moved), out
+
+
+def _columns(
+    streams: Streams,
+) -> tuple[tuple[str | None, ...], Callable[[Stream, Motion], FloatArray]]:
+    """Return whose delays are estimated, None of all together, and the derivatives by them and by a lever arm."""
+    names = (None, *(one.name for one in streams.others))
+
+    def columns(one: Stream, motion: Motion) -> FloatArray:
+        rate, arm = one.by_time(motion), one.by_arm(motion)
+        out = np.zeros((len(motion.position), one.values.shape[1], len(names) + 3))
+        if rate is not None:
+            out[..., 0] = -rate
+            if one.name in names:
+                out[..., names.index(one.name)] = -rate
+        if arm is not None:
+            out[..., len(names) :] = arm
+        return out
+
+    return names, columns
+
+
+def _determined(fault: Move, streams: Streams, now: Fit) -> bool:
+    """Return whether data determine a delay that a move takes out: its sd a third of its prior or less, and certain."""
+    if fault.unit != "s":
+        return True
+    names, columns = _columns(streams)
+    prior = np.concatenate([np.full(len(names), 1.0), np.full(3, ARM_SD)])
+    sizes = constants(streams, now, columns, prior, gated=True)
+    k = 0 if fault.stream == RECEIVER else names.index(fault.stream)
+    total = signed(fault) + float(sizes.value[k])
+    return bool(sizes.sd[k] < PRIOR_SHARE * prior[k] and abs(total) > CERTAIN_SDS * sizes.sd[k])
+
+
+def _inside(streams: Streams) -> Streams:
+    """Return streams without readings that a delay would bring out of all windows: their number must not change."""
+    windows = windows_of(streams.imu)
+    reach = max(DELAYS) + 0.1
+
+    def inside(one: Stream) -> Stream:
+        kept = np.all([windows.found(one.t + shift) >= 0 for shift in (-reach, 0.0, reach)], axis=0)
+        return one.with_values(np.where(kept[:, None], one.values, np.nan))
+
+    for one in streams.all:
+        streams = exchanged(streams, one.name, inside)
+    return streams
 
 
 def _with(streams: Streams, names: Sequence[str | None], sizes: FloatArray) -> Streams:
@@ -188,7 +223,7 @@ def _is_certain(constant: Move) -> bool:
     """Return whether a constant is not chance; a search may have taken it up beside a fault that it found later."""
     assert constant.interval is not None
     assert constant.size is not None
-    return constant.size > CERTAIN * (constant.interval[1] - constant.size) / 1.96
+    return constant.size > CERTAIN_SDS * (constant.interval[1] - constant.size) / 1.96
 
 
 def _tried(
@@ -206,10 +241,10 @@ def _tried(
         own = integrated if mended.imu is streams.imu else windows_of(mended.imu, screen)
         gains = _gains(fit(mended, own, FIRST_ROUNDS), base)
         promise.append(_best_part(gains)[2])
-        if fault.subject and abs(gains.sum()) < UNSEEN:
+        if fault.subject and abs(gains.sum()) < UNSEEN_GAIN:
             unseen.append(fault.subject)
     out = []
-    for k in np.argsort(promise)[::-1][:REFITTED]:
+    for k in np.argsort(promise)[::-1][:REFITTED_FAULTS]:
         if promise[k] > 0.0:
             out.append(_whole_or_part(streams, now, faults[k], price, part))
     out += _stepped(streams, now, price)
@@ -243,7 +278,7 @@ def _screen(streams: Streams, now: Fit) -> IntArray:
     first = windows.sums[used, :, :3] / np.maximum(windows.t[used], 1.0)[..., None]
     turned = np.linalg.norm(windows.attitude[used, -1] - np.eye(3), axis=(1, 2))
     activity = first.std(axis=1).sum(axis=1) * (0.1 + turned)
-    groups = np.array_split(np.arange(len(used)), min(SCREENED, len(used)))
+    groups = np.array_split(np.arange(len(used)), min(SCREENED_WINDOWS, len(used)))
     return np.array([used[g[np.argmax(activity[g])]] for g in groups])
 
 
@@ -305,31 +340,34 @@ def _stepped(streams: Streams, now: Fit, price: float) -> list[tuple[Found, Stre
     A step between two windows is none, since each has a start of its own: windows are laid so that it falls into the
     middle of one.
     """
-    t, values = streams.positions.t, streams.positions.values
+    rows = streams.positions.readings
+    t, values = streams.positions.t[rows], streams.positions.values[rows]
     moved = (values[1:] - values[:-1]) * metres_per_radian(values[1:])
     speed = _speeds(streams, t)
     odd = moved - 0.5 * (speed[1:] + speed[:-1]) * np.diff(t)[:, None]
     usual = np.maximum(normal_sd(odd, axis=0), 1e-3)
     row = int(np.argmax(np.abs((odd - np.median(odd, axis=0)) / usual).max(axis=1)))
     time = 0.5 * float(t[row] + t[row + 1])
-    span = np.flatnonzero((streams.imu.t > time - 1.5 * WINDOW) & (streams.imu.t < time + 1.6 * WINDOW))
+    span = np.flatnonzero(
+        (streams.imu.t > time - 1.5 * WINDOW_LENGTH) & (streams.imu.t < time + 1.6 * WINDOW_LENGTH)
+    )
     if len(span) < 2:
         return []
     beside = replace(streams, imu=Inertial(streams.imu.t[span], streams.imu.rates[span]))
     before = fit(beside, every=True)
     if _halves(streams, before, time) is None:
         return []
-    jump = np.where(np.abs(odd[row]) > CERTAIN * usual, odd[row], 0.0)
+    jump = np.where(np.abs(odd[row]) > CERTAIN_SDS * usual, odd[row], 0.0)
     after = fit(_step(jump, time).mended(beside), every=True)
     halves = _halves(streams, after, time)
     if after.total - before.total < price or halves is None:
         return []
     sd = np.array(after.noise[0].sd)
     jump = jump + halves
-    move = _step(np.where(np.abs(jump) > CERTAIN * sd, jump, 0.0), time)
+    move = _step(np.where(np.abs(jump) > CERTAIN_SDS * sd, jump, 0.0), time)
     mended = move.mended(streams)
     whole = fit(mended)
-    if whole.total < now.total:
+    if whole.total < now.total - UNSEEN_GAIN:
         return []
     return [(Found(move, after.total - before.total - price, 0.0), mended, whole)]
 
@@ -340,10 +378,10 @@ def _speeds(streams: Streams, t: FloatArray) -> FloatArray:
         if isinstance(one, Velocities) and one.readings.sum() > 1:
             rows = one.readings
             return np.column_stack([np.interp(t, one.t[rows], x) for x in one.values[rows].T])
-    values = streams.positions.values
-    scale = metres_per_radian(values)
-    smooth = np.gradient(values, streams.positions.t, axis=0) * scale
-    return np.column_stack([median_filter(x, 5) for x in smooth.T])
+    rows = streams.positions.readings
+    values = streams.positions.values[rows]
+    smooth = np.gradient(values, streams.positions.t[rows], axis=0) * metres_per_radian(values)
+    return np.column_stack([np.interp(t, streams.positions.t[rows], median_filter(x, 5)) for x in smooth.T])
 
 
 def _halves(streams: Streams, found: Fit, time: float) -> FloatArray | None:

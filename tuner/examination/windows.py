@@ -6,7 +6,7 @@ In a window samples are integrated once in the axes of the unit at its start (R 
 
 Position and velocity at τ after the start are then linear in the start (p₀, v₀), a small rotation φ of the attitude C
 at the start, biases of the accelerometer b_a and of the gyro b_g, and an acceleration error that is constant over each
-`KNOT` seconds::
+`KNOT_LENGTH` seconds::
 
     v(τ) = v₀ + C U + γ τ − ω_in × C U₁ − (2 ω_ie + ω_en) × (p(τ) − p₀) − [C U]× φ − C A b_a + C B b_g + a(τ)
 
@@ -24,13 +24,13 @@ from numpy.typing import NDArray
 from models import earth, rotation
 from models.arrays import FloatArray, IntArray
 
-WINDOW = 10.0
+WINDOW_LENGTH = 10.0
 """Length, s: the accelerations of a vehicle show its heading in it, and biases stay constant."""
-KNOT = 2.0
+KNOT_LENGTH = 2.0
 """Time over which the acceleration error of a window is constant, s."""
 MAX_RATE = 50.0
 """Samples a second that are integrated, Hz: faster ones are averaged before."""
-LOST = 1.2
+GAP_FACTOR = 1.2
 """Time that a window of samples may take, in lengths: more has a gap."""
 POSITION, VELOCITY, TURN, ACCEL_BIAS, GYRO_BIAS = (slice(i, i + 3) for i in range(0, 15, 3))
 """Columns of the unknowns of a window; those behind are acceleration errors."""
@@ -85,7 +85,7 @@ class Windows:
     @property
     def unknowns(self) -> int:
         """How many unknowns a window has."""
-        return 15 + 3 * int(WINDOW / KNOT)
+        return 15 + 3 * int(WINDOW_LENGTH / KNOT_LENGTH)
 
     def found(self, t: FloatArray) -> IntArray:
         """Return the window that holds each time, −1 where none does."""
@@ -107,13 +107,13 @@ def averaged(imu: Inertial, rate: float = MAX_RATE) -> Inertial:
 
 def windows_of(imu: Inertial, only: IntArray | None = None) -> Windows:
     """Cut samples into windows without gaps, all or only some by their number, and integrate them."""
-    n = round(WINDOW / float(np.median(np.diff(imu.t))))
+    n = round(WINDOW_LENGTH / float(np.median(np.diff(imu.t))))
     first = np.arange(0, len(imu.t) - n, n)
     rows = first[:, None] + np.arange(n + 1)
     t = imu.t[rows]
-    held = t[:, -1] - t[:, 0] < LOST * WINDOW
-    held = np.flatnonzero(held) if only is None else np.flatnonzero(held)[only]
-    t, rates = t[held], imu.rates[rows[held]]
+    whole = t[:, -1] - t[:, 0] < GAP_FACTOR * WINDOW_LENGTH
+    whole = np.flatnonzero(whole) if only is None else np.flatnonzero(whole)[only]
+    t, rates = t[whole], imu.rates[rows[whole]]
     begin = t[:, 0]
     t = t - begin[:, None]
     step = np.diff(t, axis=1)[..., None]
@@ -225,7 +225,7 @@ def sampled(
         rate need them.
     """
     m, u = len(tau), windows.unknowns
-    interval = WINDOW / (windows.t.shape[1] - 1)
+    interval = WINDOW_LENGTH / (windows.t.shape[1] - 1)
     last = windows.t.shape[1] - 1
     right = np.clip((tau / interval).astype(int) + 1, 1, last)
     for _ in range(3):  # stamps are even but for their scatter
@@ -243,8 +243,8 @@ def sampled(
     by_velocity[..., VELOCITY], by_position[..., VELOCITY] = one - pull * s, one * s - pull * (0.5 * s**2)
     by_position[..., POSITION] = one
     for j in range(u // 3 - 5):
-        since = np.clip(s - j * KNOT, 0.0, None)
-        lasted = np.minimum(since, KNOT)
+        since = np.clip(s - j * KNOT_LENGTH, 0.0, None)
+        lasted = np.minimum(since, KNOT_LENGTH)
         columns = slice(15 + 3 * j, 18 + 3 * j)
         by_velocity[..., columns], by_position[..., columns] = (
             one * lasted,

@@ -17,7 +17,7 @@ from tuner.report.document import Document, document
 from tuner.report.figure_files import new_figure
 from tuner.types.repair import Repair
 
-SHOWN = 3
+SHOWN_REPAIRS = 3
 """Repairs on a screen."""
 BEFORE, AFTER = "#c2410c", "#1f5fa8"
 
@@ -31,13 +31,13 @@ def examination_answer(found: Examination) -> Document:
         [
             f"{found.name}, {span_text(found.length)}: {rates}; {span_text(found.seconds)} of it compared",
             f"Verdict: {examination_verdict(found)[1]}",
-            *repairs[:SHOWN],
+            *repairs[:SHOWN_REPAIRS],
             _noise_table(found),
             *vibration_lines(found),
             f"Lever arm, not stated: the antenna {found.lever_arm}" if found.lever_arm else "",
             unseen,
         ],
-        repairs[SHOWN:],
+        repairs[SHOWN_REPAIRS:],
     )
 
 

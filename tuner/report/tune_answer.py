@@ -123,9 +123,9 @@ def _mended_lines(result: TuneResult) -> list[str]:
     """Return what was wrong with the streams of a drive and was mended before it was filtered."""
     if result.examination is None:
         return []
-    from tuner.report.examination_answer import SHOWN, repair_text, vibration_lines
+    from tuner.report.examination_answer import SHOWN_REPAIRS, repair_text, vibration_lines
 
-    repairs = [f"Before the filter: {repair_text(one)}" for one in result.examination.repairs[:SHOWN]]
+    repairs = [f"Before the filter: {repair_text(one)}" for one in result.examination.repairs[:SHOWN_REPAIRS]]
     return [*repairs, *vibration_lines(result.examination)]
 
 
