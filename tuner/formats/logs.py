@@ -10,6 +10,7 @@ from __future__ import annotations
 import gzip
 import json
 from collections.abc import Sequence
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -73,9 +74,15 @@ def write_npz(records: Sequence[Record], path: Path) -> None:
 
 
 def write_drive(drive: Drive, path: Path) -> None:
-    """Write a drive with a known mounting as one NPZ: the arrays of `tuner.readers.drive`."""
+    """Write a drive as one NPZ: the arrays of `tuner.readers.drive`."""
     if path.suffix.lower() != ".npz":
         raise DataError(f"{path}: expected a name that ends in .npz, got '{path.name}'")
+    with whole_file(path) as temporary:
+        temporary.write_bytes(drive_npz(drive))
+
+
+def drive_npz(drive: Drive) -> bytes:
+    """Return a drive as the content of an NPZ."""
     gnss, begin = drive.gnss, drive.origin
     meta: dict[str, object] = {"name": drive.name, "lever_arm_frd_m": drive.lever_arm}
     if drive.mounting is not None:
@@ -99,8 +106,9 @@ def write_drive(drive: Drive, path: Path) -> None:
             "ref_vned": r.vel_n,
             "ref_rpy": np.degrees(r.rpy),
         }
-    with whole_file(path) as temporary, temporary.open("wb") as file:
-        np.savez(file, **arrays)  # type: ignore[arg-type]
+    content = BytesIO()
+    np.savez(content, **arrays)  # type: ignore[arg-type]
+    return content.getvalue()
 
 
 def _clock(records: Sequence[Record]) -> FloatArray:

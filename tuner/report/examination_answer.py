@@ -17,6 +17,8 @@ from tuner.report.document import Document, document
 from tuner.report.figure_files import new_figure
 from tuner.types.repair import Repair
 
+MENDED = "mended.npz"
+"""File of a mended drive."""
 SHOWN_REPAIRS = 3
 """Repairs on a screen."""
 BEFORE, AFTER = "#c2410c", "#1f5fa8"
@@ -76,7 +78,7 @@ def vibration_lines(found: Examination) -> list[str]:
     parts = [
         f"{name} {moving / still:.2g} ×"
         for name, (still, moving) in found.vibration.items()
-        if moving > WRONG_FACTOR * still
+        if moving > WRONG_FACTOR * still > 0.0
     ]
     return (
         [f"Noise of the samples in motion: {', '.join(parts)} that at rest; Q must hold in motion"]

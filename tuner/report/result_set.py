@@ -13,13 +13,16 @@ from tuner.formats.diagnosis import diagnosis_json
 from tuner.formats.documents import json_text
 from tuner.formats.file_set import MANIFEST, digests, write_set
 from tuner.formats.identification import identification_json
+from tuner.formats.logs import drive_npz
 from tuner.formats.prediction import predictions_json
 from tuner.pipeline import CHECK_RUNS, CHECK_TRAJECTORY
 from tuner.report.allan_figure import allan_figure
 from tuner.report.claims import lawful
+from tuner.report.examination_answer import MENDED
 from tuner.report.figure_files import CHARTS, PAGE_SUFFIXES, Sketch, draw_all, rendered
 from tuner.report.html_page import CAPTIONS, write_page
 from tuner.report.json.consistency import consistency_json
+from tuner.report.json.examination import examination_json
 from tuner.report.page_parts import Picture
 from tuner.report.static_diagnosis_figures import finding_figures
 from tuner.synthesis.calibration import calibration_json
@@ -65,6 +68,8 @@ def tune_files(result: TuneResult, command: str = "") -> dict[str, bytes]:
     files = {name: content for name, content in drawn.items() if not name.endswith(CHARTS)}
     files |= {name: _encoded(text) for name, text in result.exports.items()}
     files["report.html"] = _encoded(write_page(result, pictures, allan, command))
+    if result.examination is not None and result.examination.repairs:
+        files[MENDED] = drive_npz(result.examination.on_own_clock)
     if result.key is not None:
         files["key.json"] = _encoded(json_text(result.key))
     return files | {LAST: _encoded(json_text({**tune_json(result), MANIFEST: digests(files)}))}
@@ -92,6 +97,8 @@ def tune_json(result: TuneResult) -> dict[str, Any]:
         content["diagnosis"] = diagnosis_json(result.diagnosis)
         if result.key is not None:
             content["hidden"] = judge_hidden(result.key, result.diagnosis)
+    if result.examination is not None:
+        content["examination"] = examination_json(result.examination)
     if result.drive is not None:
         content["drive"] = diagnosis_json(result.drive.diagnosis)
     if result.measured is not None:

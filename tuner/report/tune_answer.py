@@ -18,6 +18,7 @@ from tuner.report.answer_layout import recording_text
 from tuner.report.diagnosis_answer import diagnosis_answer, note_lines
 from tuner.report.document import Document, document
 from tuner.report.drive_answer import choice_parts, fixes_parts, found_text
+from tuner.report.examination_answer import MENDED, SHOWN_REPAIRS, repair_text, vibration_lines
 from tuner.report.groups_in_words import findings_in_words
 from tuner.report.identification_answer import warning_lines
 from tuner.report.identification_tables import identification_tables
@@ -123,8 +124,6 @@ def _mended_lines(result: TuneResult) -> list[str]:
     """Return what was wrong with the streams of a drive and was mended before it was filtered."""
     if result.examination is None:
         return []
-    from tuner.report.examination_answer import SHOWN_REPAIRS, repair_text, vibration_lines
-
     repairs = [f"Before the filter: {repair_text(one)}" for one in result.examination.repairs[:SHOWN_REPAIRS]]
     return [*repairs, *vibration_lines(result.examination)]
 
@@ -265,6 +264,7 @@ def _file_line(result: TuneResult, directory: Path | None, dialect: str | None) 
     shown = (
         (PAIR, FADING) if dialect is None and result.drive is None else ()
     )  # of a drive there may be no room
+    mended = [MENDED] * bool(result.examination and result.examination.repairs)
     above = [name for name in shown if name in result.exports]
     others = [f"{one} for others" if one == NOISE_YAML else one for one in result.exports if one not in above]
-    return f"Files in {path}: {', '.join([*['those above'] * bool(above), *others, 'report.html'])}"
+    return f"Files in {path}: {', '.join([*['those above'] * bool(above), *others, *mended, 'report.html'])}"

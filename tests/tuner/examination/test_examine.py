@@ -221,3 +221,18 @@ def test_the_verb_shows_itself(drive: Drive) -> None:
     found = tuner.examine(drive)
     assert "nothing contradicts" in repr(found)
     assert len(found.plot().axes) == 2
+
+
+def test_tune_begins_from_the_mended_drive(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Vertical velocities that point up: said, mended, written, and named by the next command; the verdict is good."""
+    made = simulate_source("mpu9250", trajectory="city", gnss="rtk", duration=400.0, rate=50.0, seed=2)
+    assert isinstance(made.data, Drive)
+    path, out = tmp_path / "up.npz", tmp_path / "out"
+    write_drive(with_velocities(made.data, lambda v: v * [1.0, 1.0, -1.0]), path)
+    assert run(["tune", "--drive", str(path), "-o", str(out), "--quiet"]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "Before the filter: Velocities have the wrong vertical sign" in said
+    assert "Verdict: usable" in said
+    assert "mended.npz -o" in said.replace("\\ ", "")
+    assert np.allclose(read_drive(out / "mended.npz").gnss.vel_n, made.data.gnss.vel_n)
+    assert json.loads((out / "result.json").read_text())["examination"]["repairs"]

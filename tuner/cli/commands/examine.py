@@ -43,11 +43,11 @@ def command(
     delayed readings, units, signs, axes, a step of the datum, standard deviations that are none.
     """
     from tuner import examine
-    from tuner.formats.codec import dump
     from tuner.formats.logs import write_drive
     from tuner.readers.drive import read_drive
     from tuner.readers.source_kind import with_name
-    from tuner.report.examination_answer import examination_answer, examination_verdict
+    from tuner.report.examination_answer import examination_answer
+    from tuner.report.json.examination import examination_json
     from tuner.report.terminal import show
 
     stage("reading the drive", 0.1)
@@ -64,19 +64,8 @@ def command(
     elif found.repairs:
         following = ["examine", drive, "-o", "mended"]
     page(f"Examination of {with_name(Path(drive)).name}", {"What is to be mended": found})
-    good, verdict = examination_verdict(found)
-    output.write(
-        {
-            "schema": "tuner.examination/1",
-            "source": {"drive": measured.source, "digest": measured.digest},
-            "verdict": verdict,
-            "repairs": dump(found.repairs),
-            "noise": dump(found.noise),
-            "vibration": {name: list(pair) for name, pair in found.vibration.items()},
-            "unseen": list(found.unseen),
-        }
-    )
+    output.write(examination_json(found))
     if output.tables:
         answer = examination_answer(found).then(*following)
         show([*answer.whole, *answer.end] if verbose else answer)
-    return 1 if strict and not good else 0
+    return 1 if strict and found.repairs else 0

@@ -1,0 +1,22 @@
+"""JSON of an examination, in the form ``tuner.examination/1``."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from tuner.examination.examine import Examination
+from tuner.formats.codec import dump
+from tuner.report.examination_answer import examination_verdict
+
+
+def examination_json(found: Examination) -> dict[str, Any]:
+    """Return the repairs of a drive, the noise of its streams, and what it could not have shown."""
+    return {
+        "schema": "tuner.examination/1",
+        "source": {"drive": found.mended.source, "digest": found.mended.digest},
+        "verdict": examination_verdict(found)[1],
+        "repairs": dump(found.repairs),
+        "noise": dump(found.noise),
+        "vibration": {name: list(pair) for name, pair in found.vibration.items()},
+        "unseen": list(found.unseen),
+    }
