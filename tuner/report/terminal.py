@@ -112,6 +112,8 @@ def _print(console: Console, tables: Iterable[Table | str], width: int) -> None:
 
 def _folded(line: str, width: int) -> list[str]:
     """Return a line in as many as it needs; no word, such as a path, is broken, and a command goes on where it does."""
+    if len(line) <= width:
+        return [line]
     indent = " " * (len(line) - len(line.lstrip()))
     more = " \\" * line.startswith(NEXT)
     parts = wrap(

@@ -8,8 +8,9 @@ from tuner.consistency.verdicts import verdicts
 from tuner.formats.reference_words import reference_line, wrong_attitude_text, wrong_times_text
 from tuner.limits import SCREEN_LINES
 from tuner.report.consistency_answer import consistency_answer
+from tuner.report.document import document
 from tuner.report.drive_diagnosis_tables import drive_diagnosis_answer
-from tuner.report.terminal import fitted
+from tuner.report.terminal import fitted, text_of
 from tuner.types import DriveDiagnosis
 from tuner.types.consistency import Consistency, Outage, RmsError, Score, Whiteness
 from tuner.types.named_cause import NamedCause
@@ -107,3 +108,12 @@ def test_a_named_cause_stands_beside_the_verdict_and_no_more_among_the_notes():
         assert all(line.startswith("  ") for line in lines[verdict + 1 : at])
         assert said.count("stamped") == 1
         assert "Note: one fix of 7" in said
+
+
+def test_a_command_that_goes_on_in_a_second_line_is_not_parted_again():
+    """A line that is as wide as the terminal was folded once more: a lone backslash breaks the command when pasted."""
+    words = "export campus/noise.yaml --to kf-gins --drive campus/mended.npz -o campus/kf-gins/kf-gins.yaml"
+    shown = text_of(document(["Verdict: usable"]).then(*words.split()))
+    *_, first, second = shown.rstrip().splitlines()
+    assert first.endswith(" -o \\")
+    assert second.strip() == "campus/kf-gins/kf-gins.yaml"
