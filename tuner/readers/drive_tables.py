@@ -24,7 +24,7 @@ MAX_DISORDERED_SHARE = 0.10
 PERIODS: Mapping[float, str] = {604800.0: "a GPS week", 86400.0: "a day", 2.0**32 * 1e-6: "2³² µs"}
 """Times after which clocks begin anew, s."""
 MAX_PAUSE = 60.0
-"""Pause while a clock begins anew, in the longer of a second and the usual step."""
+"""Pause while a clock begins anew, beside the usual step, s."""
 
 GNSS_COLUMNS = (
     "t",
@@ -98,22 +98,15 @@ def ordered(
 def _unwrapped(name: str, t: FloatArray, repairs: list[Repair]) -> FloatArray:
     """Return stamps of a clock that goes on where it began anew, by one of the periods that clocks have."""
     steps = np.diff(t)
-    usual = float(np.median(steps))
+    pause = MAX_PAUSE + float(np.median(steps))
     for period, what in PERIODS.items():
-        back = np.flatnonzero(np.abs(steps + period) < MAX_PAUSE * max(usual, 1.0))
-        if len(back):
-            repairs.append(
-                Repair(
-                    f"clock of the {name}",
-                    f"begins anew after {what}, {period:.10g} s, at row {back[0] + 2}",
-                    f"{period:.10g} s added behind it",
-                    size=period,
-                    unit="s",
-                )
-            )
-            return t + period * np.append(
-                0.0, np.cumsum(np.abs(steps + period) < MAX_PAUSE * max(usual, 1.0))
-            )
+        anew = (steps < 0.0) & (np.abs(steps + period) < pause)
+        if anew.any():
+            row = int(np.argmax(anew)) + 2
+            fault = f"begins anew after {what}, {period:.10g} s, at row {row}"
+            done = f"{period:.10g} s added behind it"
+            repairs.append(Repair(f"clock of the {name}", fault, done, size=period, unit="s"))
+            return np.asarray(t + period * np.append(0.0, np.cumsum(anew)))
     return t
 
 

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-import pandas as pd
-from matplotlib.figure import Figure
 from rich.table import Table
 
 from tuner.examination.examine import Examination
@@ -14,14 +11,12 @@ from tuner.formats.customary_units import digits
 from tuner.limits import WRONG_FACTOR
 from tuner.report.answer_layout import span_text
 from tuner.report.document import Document, document
-from tuner.report.figure_files import new_figure
 from tuner.types.repair import Repair
 
 MENDED = "mended.npz"
 """File of a mended drive."""
 SHOWN_REPAIRS = 3
 """Repairs on a screen."""
-BEFORE, AFTER = "#c2410c", "#1f5fa8"
 
 
 def examination_answer(found: Examination) -> Document:
@@ -97,24 +92,3 @@ def _noise_table(found: Examination) -> Table:
         ratio = f"{one.sd / one.reported:.2g}" if one.reported else ""
         table.add_row(name, f"{digits(one.sd)} {one.unit}", stated, ratio)
     return table
-
-
-def examination_frame(found: Examination) -> pd.DataFrame:
-    """Return the repairs as a data frame."""
-    return pd.DataFrame([vars(one) for one in found.repairs])
-
-
-def examination_figure(found: Examination) -> Figure:
-    """Draw by how much the readings of each stream miss the motion of the inertial unit, as recorded and as mended."""
-    with new_figure((8.0, 2.2 * len(found.misfit))) as figure:
-        panels = figure.subplots(len(found.misfit), 1, sharex=True, squeeze=False)
-        for panel, (name, (t, before, after)) in zip(panels[:, 0], found.misfit.items(), strict=True):
-            unit = next(one.unit for one in found.noise if one.stream == name)
-            for values, colour, label in ((before, BEFORE, "as recorded"), (after, AFTER, "as mended")):
-                there = np.isfinite(values)
-                panel.semilogy(
-                    t[there], np.maximum(values[there], 1e-4), ".", ms=3, color=colour, label=label
-                )
-            panel.set_ylabel(f"{name}, {unit}")
-        panels[-1, 0].set_xlabel("time from the first sample of the inertial unit, s")
-    return figure

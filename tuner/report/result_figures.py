@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tuner.consistency.choose_grade import GradeChoice
+from tuner.examination.examine import Examination
 from tuner.formats.customary_units import in_customary, symbol
 from tuner.identification.record_length import LONGEST_HOURS
 from tuner.identification.static_test_plan import StaticTestPlan
@@ -140,3 +141,22 @@ def fleet_figure(fleet: Fleet) -> Figure:
             ]
             rows.append((name.replace("_", " ").replace(".", " "), marks))
     return row_figure(rows, "unit ÷ median of the fleet")
+
+
+def examination_figure(found: Examination) -> Figure:
+    """Draw by how much the readings of each stream miss the motion of the inertial unit, as recorded and as mended."""
+    with new_figure((8.0, 2.2 * len(found.misfit))) as figure:
+        panels = figure.subplots(len(found.misfit), 1, sharex=True, squeeze=False)
+        for panel, (name, (t, before, after)) in zip(panels[:, 0], found.misfit.items(), strict=True):
+            unit = next(one.unit for one in found.noise if one.stream == name)
+            for values, colour, label in (
+                (before, BAD_COLOUR, "as recorded"),
+                (after, GOOD_COLOUR, "as mended"),
+            ):
+                there = np.isfinite(values)
+                panel.semilogy(
+                    t[there], np.maximum(values[there], 1e-4), ".", ms=3, color=colour, label=label
+                )
+            panel.set_ylabel(f"{name}, {unit}")
+        panels[-1, 0].set_xlabel("time from the first sample of the inertial unit, s")
+    return figure

@@ -9,6 +9,7 @@ import pandas as pd
 from models.noise import RandomWalk
 from tuner.consistency.choose_grade import GradeChoice
 from tuner.consistency.compare_sensors import SensorComparison
+from tuner.examination.examine import Examination
 from tuner.identification.static_test_plan import StaticTestPlan
 from tuner.report.coefficient_text import LEVEL_NAMES, coefficients_of
 from tuner.report.consistency_answer import band_of
@@ -142,3 +143,8 @@ def plan_frame(found: StaticTestPlan) -> pd.DataFrame:
             for one in plan.parameters
         ]
     )
+
+
+def examination_frame(found: Examination) -> pd.DataFrame:
+    """Return the repairs of a drive, one a row."""
+    return pd.DataFrame([vars(one) for one in found.repairs])

@@ -31,7 +31,7 @@ from tuner.report.diagnosis_answer import diagnosis_answer
 from tuner.report.document import Document, document
 from tuner.report.drive_diagnosis_figures import drive_figures
 from tuner.report.drive_diagnosis_tables import drive_diagnosis_answer
-from tuner.report.examination_answer import examination_answer, examination_figure, examination_frame
+from tuner.report.examination_answer import examination_answer
 from tuner.report.figure_files import PAGE_SUFFIXES, Sketch, draw_all, rendered
 from tuner.report.fleet_answer import fleet_answer
 from tuner.report.fleet_files import fleet_frame
@@ -44,6 +44,7 @@ from tuner.report.result_figures import (
     choice_figure,
     curve_figure,
     drift_figure,
+    examination_figure,
     fleet_figure,
     noise_scales_figure,
     plan_figure,
@@ -55,6 +56,7 @@ from tuner.report.result_frames import (
     comparison_frame,
     consistency_frame,
     curve_frame,
+    examination_frame,
     findings_frame,
     identification_frame,
     plan_frame,

@@ -236,3 +236,50 @@ def test_tune_begins_from_the_mended_drive(tmp_path: Path, capsys: pytest.Captur
     assert "mended.npz -o" in said.replace("\\ ", "")
     assert np.allclose(read_drive(out / "mended.npz").gnss.vel_n, made.data.gnss.vel_n)
     assert json.loads((out / "result.json").read_text())["examination"]["repairs"]
+
+
+def stored(drive: Drive, path: Path, **arrays: np.ndarray) -> Path:
+    """Write a drive with some other arrays."""
+    write_drive(drive, path)
+    with np.load(path) as file:
+        np.savez(path, **{**{name: file[name] for name in file.files}, **arrays})
+    return path
+
+
+def test_a_clock_that_begins_anew_after_a_week_goes_on(drive: Drive, tmp_path: Path) -> None:
+    shift = 604800.0 - 130.0
+    times = {name: (t + shift) % 604800.0 for name, t in (("imu_t", drive.imu_t), ("gnss_t", drive.gnss.t))}
+    read = read_drive(stored(drive, tmp_path / "week.npz", **times))
+    assert [one.stream for one in read.repairs] == ["clock of the IMU", "clock of the GNSS"]
+    assert np.allclose(read.imu_t, drive.imu_t - drive.imu_t[0], atol=1e-6)
+    assert np.allclose(read.gnss.t, drive.gnss.t - drive.imu_t[0], atol=1e-6)
+
+
+def test_stamps_cut_to_whole_seconds_are_spread(drive: Drive, tmp_path: Path) -> None:
+    """Five fixes a second whose stamps lost their fractions: all are kept, each at its time."""
+    assert drive.reference is not None
+    t = np.arange(2.0, 290.0, 0.2)
+    llh = np.column_stack([np.interp(t, drive.reference.t, x) for x in drive.reference.llh.T])
+    llh[:, :2] = np.degrees(llh[:, :2])
+    llh[:, 2] += np.random.default_rng(1).normal(0.0, 0.02, len(t))
+    none = np.full((len(t), 3), np.nan)
+    cut = {
+        "gnss_t": np.floor(t + 1e-9),
+        "gnss_llh": llh,
+        "gnss_vned": none,
+        "gnss_pstd": none,
+        "gnss_vstd": none,
+    }
+    read = read_drive(stored(drive, tmp_path / "cut.npz", **cut))
+    assert "are cut to whole seconds: 5 rows share each" in read.repairs[0].fault
+    assert len(read.gnss) == len(t)
+    assert np.abs(read.gnss.t - (t - drive.imu_t[0])).max() < 1e-6
+
+
+def test_a_unit_that_gives_one_sample_again_and_again_is_left_out(drive: Drive) -> None:
+    rates = drive.rates.copy()
+    rows = (drive.imu_t > 200.0) & (drive.imu_t < 230.0)
+    rates[rows] = rates[np.argmax(rows)]
+    found = examine(replace(drive, rates=rates))
+    assert "frozen, no measurement, from 200 to 230 s" in first(found)
+    assert len(found.mended.imu_t) == np.count_nonzero(~rows) + 1
