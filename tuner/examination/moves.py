@@ -70,8 +70,12 @@ class BodyVelocities(Velocities):
 def moves(streams: Streams) -> Iterator[Move]:
     """Return every fault that is tried, of the streams that are there."""
     yield from _inertial_moves()
-    yield _of("fixes", "have latitude and longitude exchanged", "exchanged back", _columns(1, 0, 2))
-    yield _of("fixes", "have heights with the wrong sign", "heights multiplied by −1", _times(1.0, 1.0, -1.0))
+    exchange = _of("fixes", "have latitude and longitude exchanged", "exchanged back", _columns(1, 0, 2))
+    upside = _of(
+        "fixes", "have heights with the wrong sign", "heights multiplied by −1", _times(1.0, 1.0, -1.0)
+    )
+    for fault in (exchange, upside):  # of a part they would be a step of the positions as well
+        yield replace(fault, partial=False)
     for one in streams.others:
         if isinstance(one, Velocities):
             yield from _velocity_moves(one.name)

@@ -360,16 +360,19 @@ def _stepped(streams: Streams, now: Fit, price: float) -> list[tuple[Found, Stre
     jump = np.where(np.abs(odd[row]) > CERTAIN_SDS * usual, odd[row], 0.0)
     after = fit(_step(jump, time).mended(beside), every=True)
     halves = _halves(streams, after, time)
-    if after.total - before.total < price or halves is None:
+    if halves is None:
         return []
     sd = np.array(after.noise[0].sd)
     jump = jump + halves
     move = _step(np.where(np.abs(jump) > CERTAIN_SDS * sd, jump, 0.0), time)
+    gain = fit(move.mended(beside)).total - before.total - price
+    if gain <= 0.0:
+        return []
     mended = move.mended(streams)
     whole = fit(mended)
     if whole.total < now.total - UNSEEN_GAIN:
         return []
-    return [(Found(move, after.total - before.total - price, 0.0), mended, whole)]
+    return [(Found(move, gain, 0.0, time), mended, whole)]
 
 
 def _speeds(streams: Streams, t: FloatArray) -> FloatArray:
