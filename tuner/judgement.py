@@ -215,7 +215,7 @@ def _of_drive(known: Settings) -> Iterator[Reason]:
     ):
         yield Reason(Use.USABLE_EXCEPT, "the sds of the fixes, which are ASSUMED: the receiver states none")
     if known.measured is not None:
-        yield from _of_scores(known.measured, "on the drive")
+        yield from _of_scores(known.measured, "on the whole drive")
         if known.left_out > LOST_SHARE:
             text = f"{percent(known.left_out)} of the fixes are left out: they contradict their neighbours"
             yield Reason(Use.USABLE_EXCEPT, text)

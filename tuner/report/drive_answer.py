@@ -14,11 +14,14 @@ from tuner.formats.parameter_words import parameter_words
 from tuner.types.honesty import ratio_text
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from tuner.diagnosis.drive import ExaminedDrive
     from tuner.diagnosis.drive.held_out_choice import HeldOutChoice
     from tuner.navigation.drive.clock import Clock
     from tuner.types import FilterConfig, Finding
     from tuner.types.compensation import Compensation
+    from tuner.types.consistency import Outage
 
 
 def found_text(finding: Finding, *, sizes: bool = True) -> str:
@@ -38,10 +41,11 @@ def found_text(finding: Finding, *, sizes: bool = True) -> str:
     return f"{text} ({', '.join(said)})" if said and sizes else text
 
 
-def choice_parts(choice: HeldOutChoice) -> list[Table | str]:
+def choice_parts(choice: HeldOutChoice, scored: Sequence[Outage] = ()) -> list[Table | str]:
     """Return errors with fixes and without them, with the settings before the drive and those chosen on it.
 
-    Without a reference these are distances to the fixes. A difference that chance may make is said to be none.
+    Without a reference these are distances to the fixes. A difference that chance may make is said to be none. Errors ÷
+    predicted are those of the scored outages, which the verdict reads, where there are any.
     """
     before, after = choice.before, choice.after
     if choice.kept == "as it began" or before is None or after is None:
@@ -56,6 +60,9 @@ def choice_parts(choice: HeldOutChoice) -> list[Table | str]:
     tracking = (f"{digits(one.tracking_rms)} m" for one in (before, after))
     table.add_row("with fixes (last 40 %)", *tracking, alone)
     late = {one.seconds: ratio_text(one.ratio, one.interval) for one in choice.late}
+    late |= {
+        one.seconds: ratio_text(one.score.ratio, one.interval) for one in scored
+    }  # as the verdict has them
     for seconds, pairs in choice.outages.items():
         old, new = np.sqrt(pairs.mean(axis=0)).tolist()
         low, high = change_interval(pairs)

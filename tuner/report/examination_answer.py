@@ -55,7 +55,7 @@ def repair_text(one: Repair) -> str:
         if t is not None and not one.unit
     ]
     sure = certainty_of(one)
-    done = one.done or "nothing mends it here"
+    done = f"mended copy: {one.done}" if one.done else "nothing mends it here"
     return f"{' '.join([words, *bounds])} ({sure}); {done}"
 
 

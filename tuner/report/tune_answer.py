@@ -80,6 +80,7 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
     further = len(found) - SHOWN_FINDINGS
     pairs = any(STATES_IN_PAIR in text for name, text in result.exports.items() if files or name != PAIR)
     larger, predicting = more_white_noise(result.config, result.exports) if noise and pairs else ("", "")
+    scored = () if result.measured is None else result.measured.consistency.outages
     said: list[Table | str] = [
         recording_line(result),
         f"Verdict: {result.verdict.text}",
@@ -90,7 +91,7 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
         legend(*noise),
         larger,
         *([] if result.drive is None else fixes_parts(result.drive, result.config)),
-        *([] if result.choice is None else choice_parts(result.choice)),
+        *([] if result.choice is None else choice_parts(result.choice, scored)),
     ]
     remarks = [
         *(found[:SHOWN_FINDINGS] or nothing * (examined and not idle and not doubted)),

@@ -42,7 +42,7 @@ from tuner.tune_result import TuneResult
 from tuner.types import BoundUsed, Coefficient, Diagnosis, DriveDiagnosis, Finding, Unexplained
 from tuner.types.borrowed import with_borrowed
 from tuner.types.compensation import Compensation
-from tuner.types.consistency import Consistency
+from tuner.types.consistency import Consistency, Outage, Score
 from tuner.types.identification import TermEstimate
 from tuner.types.inflation import Quantity
 from tuner.types.records import Gnss
@@ -292,6 +292,9 @@ def test_errors_before_and_after_name_what_they_are_of(result):
     # Four windows of a right prediction, one component each: the roots of 4 over quantiles of χ² with 4 degrees.
     assert unaided.startswith("30 s without fixes 2.38 m 1.15 m")
     assert unaided.endswith("1.00 (0.60 to 2.87)")
+    # What the verdict reads goes before it: 1.76 above the table and 0.93 in it were one quantity.
+    scored = Outage(30.0, 2.0, 1.1, Score("outage 30 s", 3.0 * 1.76**2, 3, 3.0, (1.0, 6.0)), 1, (1.31, 2.67))
+    assert "1.76 (1.31 to 2.67)" in text_of(choice_parts(choice, [scored]))
     alone = replace(score, fixes_rms=None)  # without a reference it was called an error all the same
     assert text_of(choice_parts(replace(choice, before=alone, after=alone))).startswith(
         "distance to fixes, rms"
