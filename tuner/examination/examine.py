@@ -26,7 +26,9 @@ GATE_SDS = 4.0
 """Sds beyond which a reading is far off: the usual gate of a filter (DECISIONS: share of samples beyond 4 sd)."""
 REPORTED_SPREAD = math.log(2.0)
 """Sd of the logarithm of true ÷ reported sd of receivers, before anything is known."""
-ODDS_OF_VARIANCES = math.log(1000.0)
+CERTAIN_ODDS = math.log(1000.0)
+"""Log odds from which a fault is certain: those of what a file states."""
+ODDS_OF_VARIANCES = CERTAIN_ODDS
 """Log odds that a file whose column is called sd holds sds."""
 MOVING_SPEED = 2.0
 """Speed above which the noise in motion is taken, m/s."""
@@ -86,8 +88,10 @@ class Examination(Shown):
         recorded and as mended, in its unit, shape (k,) each; NaN outside windows.
     mended : Drive
         The drive without what was found.
-    on_own_clock : Drive
-        The same with the stamps as they were: a filter that has the delay as a setting starts from it.
+    before_filter : tuple of Repair
+        Those without which a filter begins: what is counted, and faults of whole streams and steps at odds of 1000 : 1.
+    filtered : Drive
+        The drive without these. Delays and wrong readings are left to the filter, which has settings and a gate for them.
     """
 
     name: str
@@ -101,7 +105,8 @@ class Examination(Shown):
     seconds: float
     misfit: Mapping[str, tuple[FloatArray, FloatArray, FloatArray]]
     mended: Drive
-    on_own_clock: Drive
+    before_filter: tuple[Repair, ...]
+    filtered: Drive
 
 
 def streams_of(drive: Drive) -> Streams:
@@ -149,41 +154,51 @@ def examine(drive: Drive) -> Examination:
     unstated = drive.lever_arm is None or drive.mounting is None
     arm = [_of_search(one) for one in search.found if one.move.subject == LEVER_ARM and unstated]
     repairs = [one for one in map(_of_search, search.found) if one not in arm]
-    lost, sds = [], []
+    sure = [
+        one for one in search.found if one.move.unit != "s" and min(one.gain, one.over_next) > CERTAIN_ODDS
+    ]
+    sure = [one for one in sure if one.move.subject != LEVER_ARM]
+    counted, lost, stale, sds = [], [], [], []
     for stream, noise, far, left, worth in zip(
         repaired.all, fit.noise, fit.wrong, fit.left, fit.worth, strict=True
     ):
-        own = [_repeats(stream), _wrong(stream, noise, far, left, worth), _zero_sds(stream, noise)]
-        repairs += [one for one in own if one is not None]
-        lost.append(
-            (stream.repeats & (own[0] is not None)) | ((np.nan_to_num(far) > 0.5) & (own[1] is not None))
+        repeats, wrong, zero = (
+            _repeats(stream),
+            _wrong(stream, noise, far, left, worth),
+            _zero_sds(stream, noise),
         )
-        sds.append(noise.sd if own[2] is not None else None)
+        counted += [one for one in (repeats, zero) if one is not None]
+        repairs += [wrong] if wrong is not None else []
+        stale.append(stream.repeats & (repeats is not None))
+        lost.append(stale[-1] | ((np.nan_to_num(far) > 0.5) & (wrong is not None)))
+        sds.append(noise.sd if zero is not None else None)
     variances, unsound = _variances(repaired, fit), _unsound(fit)
-    repairs += [one for one in (variances, unsound) if one is not None]
-    if frozen is not None:
-        repairs.append(frozen[0])
+    repairs += [unsound] if unsound is not None else []
     if variances is None:
         small = [_too_small(*pair) for pair in zip(repaired.all, fit.noise, strict=True)]
-        repairs += [one for one in small if one is not None]
+        counted += [one for one in small if one is not None]
         factors = [1.0 if one is None or one.size is None else one.size for one in small]
+    else:
+        counted.append(variances)
+    counted += [] if frozen is None else [frozen[0]]
     vibration = _vibration(drive, repaired)
-    repairs = [*drive.repairs, *sorted(_together(repairs), key=lambda one: -one.nats)]
+    first = _in_order(drive, [*counted, *map(_of_search, sure)])
+    all_of = _in_order(drive, [*counted, *repairs])
     noise_of = [
         x for stream, noise in zip(repaired.all, fit.noise, strict=True) for x in _noise(stream, noise)
     ]
-    mended = _mended(drive, repaired, lost, sds, factors, variances=variances is not None)
+    squared = variances is not None
+    mended = _mended(drive, repaired, lost, sds, factors, variances=squared)
+    filtered = _mended(drive, applied(sure, whole), stale, sds, factors, variances=squared)
     misfit = {
         stream.name: (stream.t, *(np.linalg.norm(one.left[k], axis=1) for one in (search.before, fit)))
         for k, stream in enumerate(whole.all)
     }
-    shift = float(drive.gnss.t[0] - repaired.positions.t[0])
-    on_own_clock = replace(mended, gnss=replace(mended.gnss, t=mended.gnss.t + shift))
     return Examination(
         drive.name,
         float(np.ptp(drive.imu_t)),
         {name: 1.0 / float(np.median(np.diff(t))) for name, t in _clocks(whole)},
-        tuple(repairs),
+        all_of,
         tuple(noise_of),
         vibration,
         search.unseen,
@@ -191,8 +206,14 @@ def examine(drive: Drive) -> Examination:
         WINDOW_LENGTH * len(fit.begin),
         misfit,
         mended,
-        on_own_clock,
+        first,
+        filtered,
     )
+
+
+def _in_order(drive: Drive, repairs: Sequence[Repair]) -> tuple[Repair, ...]:
+    """Return the repairs of a reader, then others, the surest first; those that say the same of streams as one."""
+    return (*drive.repairs, *sorted(_together(repairs), key=lambda one: -one.nats))
 
 
 def _together(repairs: Sequence[Repair]) -> list[Repair]:

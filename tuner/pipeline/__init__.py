@@ -235,7 +235,7 @@ def gather_inputs(
     """Read what is named by a path, choose name and receiver, and simulate where there is neither log nor drive."""
     recorded = drive if drive is None or isinstance(drive, Drive) else read_drive(drive)
     examination = None if recorded is None else examined_or_none(recorded, progress)
-    measured = recorded if examination is None else examination.on_own_clock
+    measured = recorded if examination is None else examination.filtered
     key: Mapping[str, Any] | None = None
     records: tuple[Record, ...] = ()
     source: str | Path | Identification | None = None

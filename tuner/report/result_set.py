@@ -68,8 +68,8 @@ def tune_files(result: TuneResult, command: str = "") -> dict[str, bytes]:
     files = {name: content for name, content in drawn.items() if not name.endswith(CHARTS)}
     files |= {name: _encoded(text) for name, text in result.exports.items()}
     files["report.html"] = _encoded(write_page(result, pictures, allan, command))
-    if result.examination is not None and result.examination.repairs:
-        files[MENDED] = drive_npz(result.examination.on_own_clock)
+    if result.examination is not None and result.examination.before_filter:
+        files[MENDED] = drive_npz(result.examination.filtered)
     if result.key is not None:
         files["key.json"] = _encoded(json_text(result.key))
     return files | {LAST: _encoded(json_text({**tune_json(result), MANIFEST: digests(files)}))}

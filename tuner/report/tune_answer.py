@@ -125,7 +125,9 @@ def _mended_lines(result: TuneResult) -> list[str]:
     """Return what was wrong with the streams of a drive and was mended before it was filtered."""
     if result.examination is None:
         return []
-    repairs = [f"Before the filter: {repair_text(one)}" for one in result.examination.repairs[:SHOWN_REPAIRS]]
+    repairs = [
+        f"Before the filter: {repair_text(one)}" for one in result.examination.before_filter[:SHOWN_REPAIRS]
+    ]
     return [*repairs, *vibration_lines(result.examination)]
 
 
@@ -265,7 +267,7 @@ def _file_line(result: TuneResult, directory: Path | None, dialect: str | None) 
     shown = (
         (PAIR, FADING) if dialect is None and result.drive is None else ()
     )  # of a drive there may be no room
-    mended = [MENDED] * bool(result.examination and result.examination.repairs)
+    mended = [MENDED] * bool(result.examination and result.examination.before_filter)
     above = [name for name in shown if name in result.exports]
     others = [f"{one} for others" if one == NOISE_YAML else one for one in result.exports if one not in above]
     return f"Files in {path}: {', '.join([*['those above'] * bool(above), *others, *mended, 'report.html'])}"

@@ -130,7 +130,7 @@ def _following(
         return ["diagnose", *(stated or [str(drive)])]
     if drive is not None:
         file = directory / "kf-gins" / "kf-gins.yaml"
-        if result.examination is not None and result.examination.repairs:
+        if result.examination is not None and result.examination.before_filter:
             drive = str(directory / "mended.npz")
         return ["export", config, "--to", "kf-gins", "--drive", drive, "-o", str(file)]
     return ["export", config] if dialect is None else ["check", config]
