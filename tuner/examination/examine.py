@@ -91,7 +91,7 @@ class Examination(Shown):
     before_filter : tuple of Repair
         Those without which a filter begins: what is counted, and faults of whole streams and steps at odds of 1000 : 1.
     filtered : Drive
-        The drive without these. Delays and wrong readings are left to the filter, which has settings and a gate for them.
+        The drive without these. Delays and wrong readings are left to the filter, which has a gate for them.
     """
 
     name: str
