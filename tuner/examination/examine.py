@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 from models.arrays import FloatArray
 from models.earth import ned_between
 from tuner.examination.fit import Fit, Noise
-from tuner.examination.moves import LEVER_ARM
-from tuner.examination.search import Found, applied, searched
+from tuner.examination.moves import LEVER_ARM, TRIADS
+from tuner.examination.search import STATED_ODDS, Found, applied, searched
 from tuner.examination.streams import Positions, Stream, Streams, Velocities
 from tuner.examination.windows import WINDOW_LENGTH, Inertial
 from tuner.limits import LOST_SHARE, TOLERATED_RATIO
+from tuner.segments.stand_stills import runs
 from tuner.types.public import public
 from tuner.types.records import DataError, Drive, Gnss
 from tuner.types.repair import Repair
@@ -26,10 +27,8 @@ GATE_SDS = 4.0
 """Sds beyond which a reading is far off: the usual gate of a filter (DECISIONS: share of samples beyond 4 sd)."""
 REPORTED_SPREAD = math.log(2.0)
 """Sd of the logarithm of true ÷ reported sd of receivers, before anything is known."""
-CERTAIN_ODDS = math.log(1000.0)
+CERTAIN_ODDS = math.log(STATED_ODDS)
 """Log odds from which a fault is certain: those of what a file states."""
-ODDS_OF_VARIANCES = CERTAIN_ODDS
-"""Log odds that a file whose column is called sd holds sds."""
 MOVING_SPEED = 2.0
 """Speed above which the noise in motion is taken, m/s."""
 STILL_SECONDS = 5
@@ -155,7 +154,7 @@ def examine(drive: Drive) -> Examination:
     arm = [_of_search(one) for one in search.found if one.move.subject == LEVER_ARM and unstated]
     repairs = [one for one in map(_of_search, search.found) if one not in arm]
     sure = [
-        one for one in search.found if one.move.unit != "s" and min(one.gain, one.over_next) > CERTAIN_ODDS
+        one for one in search.found if one.move.delay is None and min(one.gain, one.over_next) > CERTAIN_ODDS
     ]
     sure = [one for one in sure if one.move.subject != LEVER_ARM]
     counted, lost, stale, sds = [], [], [], []
@@ -280,9 +279,7 @@ def _repeats(stream: Stream) -> Repair | None:
     share = float(rows.mean())
     if share <= LOST_SHARE:
         return None
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], rows, [False]]).astype(int)))
-    lengths = edges[1::2] - edges[::2]
-    longest = int(lengths.max())
+    longest = max(stop - start for start, stop in runs(rows, [(0, len(rows))]))
     if not np.any(stream.values[rows] != stream.values[0]):
         what = "zero" if not stream.values.any() else "the same"
         return Repair(stream.name, f"are {what} in all {len(rows)} rows: no measurement", "left out")
@@ -314,7 +311,7 @@ def _wrong(stream: Stream, noise: Noise, wrong: FloatArray, left: FloatArray, wo
     )
     count, all_of = int(far.sum()), int(there.sum())
     share = count / max(all_of, 1)
-    if share <= LOST_SHARE or worth < math.log(1000.0):
+    if share <= LOST_SHARE or worth < CERTAIN_ODDS:
         return None
     size = float(np.sqrt(np.mean(np.sum(left[far] ** 2, axis=1))))
     spread = 1.96 * float(np.std(np.linalg.norm(left[far], axis=1))) / math.sqrt(count)
@@ -343,18 +340,19 @@ def _expected(stream: Stream, noise: Noise) -> FloatArray:
 def _unsound(fit: Fit) -> Repair | None:
     """Return in which windows the inertial unit does not hold."""
     bad = fit.unsound > 0.5
-    if bad.mean() <= LOST_SHARE or fit.unsound_worth < math.log(1000.0):
+    if bad.mean() <= LOST_SHARE or fit.unsound_worth < CERTAIN_ODDS:
         return None
     t = fit.begin[bad]
     return Repair(
         "IMU",
-        f"does not hold in {bad.sum()} of {len(bad)} windows of 10 s: its motion is not that of the other streams",
+        f"does not hold in {bad.sum()} of {len(bad)} windows of {WINDOW_LENGTH:g} s: its motion is not that of the "
+        "other streams",
         "",
         fit.unsound_worth,
         size=float(bad.mean()),
         unit="share",
         begin=float(t[0]),
-        end=float(t[-1]) + 10.0,
+        end=float(t[-1]) + WINDOW_LENGTH,
     )
 
 
@@ -385,8 +383,7 @@ def _too_small(stream: Stream, noise: Noise) -> Repair | None:
 def _frozen(imu: Inertial) -> tuple[Repair, NDArray[np.bool_]] | None:
     """Return in which time the inertial unit repeats one sample for a second or longer, and those rows."""
     same = np.append(False, np.all(np.diff(imu.rates, axis=0) == 0.0, axis=1))
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]]).astype(int)))
-    long = [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if imu.t[b - 1] - imu.t[a] >= 1.0]
+    long = [(a, b) for a, b in runs(same, [(0, len(same))]) if imu.t[b - 1] - imu.t[a] >= 1.0]
     if not long:
         return None
     rows = np.zeros(len(imu.t), dtype=bool)
@@ -404,7 +401,7 @@ def _variances(streams: Streams, fit: Fit) -> Repair | None:
 
     The logarithm of true ÷ reported sd has a Cauchy distribution for sds as for square roots of variances.
     """
-    nats, words = -ODDS_OF_VARIANCES, []
+    nats, words = -CERTAIN_ODDS, []  # a column that is called sd holds sds
     for stream, noise in zip(streams.all, fit.noise, strict=True):
         for x in _noise(stream, noise):
             if x.reported:
@@ -448,7 +445,8 @@ def _vibration(drive: Drive, streams: Streams) -> dict[str, tuple[float, float]]
     out: dict[str, tuple[float, float]] = {}
     if moving.sum() < 2 * STILL_SECONDS or blocks < 2 * STILL_SECONDS:
         return out
-    for name, part in (("gyro", slice(0, 3)), ("accelerometer", slice(3, 6))):
+    for name in ("gyro", "accelerometer"):
+        part = TRIADS[name]
         size = np.sqrt((rough[:, part] ** 2).mean(axis=1))
         quietest = np.sqrt(np.convolve(size**2, np.full(STILL_SECONDS, 1.0 / STILL_SECONDS), "valid").min())
         out[name] = (float(quietest), float(np.median(size[moving])))

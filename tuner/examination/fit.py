@@ -18,11 +18,22 @@ from numpy.typing import NDArray
 
 from models import rotation
 from models.arrays import FloatArray, IntArray
-from models.earth import gravity, metres_per_radian
+from models.earth import metres_per_radian
 from tuner.examination.streams import Stream, Streams
-from tuner.examination.windows import TURN, Motion, Sampled, Windows, averaged, motion_of, sampled, windows_of
+from tuner.examination.windows import (
+    TURN,
+    Motion,
+    Sampled,
+    Windows,
+    averaged,
+    motion_of,
+    of_the_earth,
+    sampled,
+    windows_of,
+)
 
 MOST_ROUNDS = 12
+"""Rounds after which a fit ends in any case."""
 CONVERGED_GAIN = 0.1
 """Gain of a round below which the rounds end, nats."""
 PRIOR = np.repeat([1e3, 3e2, 0.5, 0.3, 0.02], 3)
@@ -126,6 +137,20 @@ class _Placed:
         table[self.window, self.place] = values
         return table
 
+    def about(self, found: Motion, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return what readings say of all unknowns, linear about those of a motion, and the derivatives."""
+        predicted, by = self.stream.seen(found)
+        return self.local - predicted + (by @ x[self.window][..., None])[..., 0], by
+
+    def equations(
+        self, by: FloatArray, left: FloatArray, weight: FloatArray, count: int
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the normal equations of readings in each window, shapes (w, u, u) and (w, u)."""
+        u = by.shape[-1]
+        rows = self.spread(by, count).reshape(count, -1, u)
+        scaled = self.spread(by * weight[..., None], count).reshape(count, -1, u)
+        return scaled.swapaxes(-1, -2) @ rows, (self.spread(left, count).reshape(count, 1, -1) @ scaled)[:, 0]
+
 
 def fit(
     streams: Streams, windows: Windows | None = None, rounds: int = MOST_ROUNDS, *, every: bool = False
@@ -152,9 +177,8 @@ def fit(
     found, first = max(tried, key=lambda one: one[0].total)
     if rounds > FIRST_ROUNDS:
         found = problem.solved(first, rounds)
-        again = [
-            problem.solved(one, FIRST_ROUNDS, found) for one in guesses
-        ]  # a window may have found a worse optimum
+        # a window may have found a worse optimum
+        again = [problem.solved(one, FIRST_ROUNDS, found) for one in guesses]
         found = problem.solved(problem.joined([found, *again]), rounds, found, free=True)
     return problem.judged(streams, found) if every else found
 
@@ -224,7 +248,7 @@ class _Problem:
         Wahba's problem by singular values, with weights of a Cauchy distribution about the median misfit.
         """
         w = len(self.windows.begin)
-        g = motion_gravity(self.places)
+        g = of_the_earth(self.places, self.speeds)[2]
         tau, there = one.spread(one.tau, w), one.spread(np.ones(len(one.tau)), w)
         values = one.spread(one.local, w)
         own = one.spread(one.at.vectors[..., 0 if velocity else 1], w)
@@ -282,7 +306,7 @@ class _Problem:
         chance = [np.stack([x, x]) for x in first.wrong]
         x = np.zeros((w, u))
         for number in range(rounds):
-            seen = [self._seen(one, attitude, x) for one in self.placed]
+            seen = [(*one.about(motion_of(one.at, attitude, x), x), one) for one in self.placed]
             branches = [
                 self._branch(seen, [d[b] for d in chance], noise, sd, w, u)
                 for b, sd in enumerate((error, max(UNKNOWN_ACCELERATION, 3.0 * error)))
@@ -334,23 +358,12 @@ class _Problem:
         wrong, left = [], []
         for one, noise in zip(streams.all, found.noise, strict=True):
             placed = _placed(one, one.readings, self.windows, self.places, self.speeds)
-            e = self._less(placed, found)
+            predicted, _ = one.seen(motion_of(placed.at, found.attitude, found.unknowns))
+            e = placed.local - predicted
             chance = _mixture(e**2, noise)[1]
             wrong.append(_whole(chance, placed.row, len(one.t)))
             left.append(_whole(e, placed.row, len(one.t)))
         return replace(found, wrong=tuple(wrong), left=tuple(left))
-
-    def _less(self, one: _Placed, found: Fit) -> FloatArray:
-        """Return readings less the prediction from the unknowns that a fit found."""
-        predicted, _ = one.stream.seen(motion_of(one.at, found.attitude, found.unknowns))
-        return one.local - predicted
-
-    def _seen(
-        self, one: _Placed, attitude: FloatArray, x: FloatArray
-    ) -> tuple[FloatArray, FloatArray, _Placed]:
-        """Return what readings say of all unknowns, linear about some, and the derivatives."""
-        predicted, by = one.stream.seen(motion_of(one.at, attitude, x))
-        return one.local - predicted + (by @ x[one.window][..., None])[..., 0], by, one
 
     def _branch(
         self,
@@ -368,10 +381,8 @@ class _Problem:
         y = np.zeros((w, u))
         for (left, by, one), d, n in zip(seen, chance, noise, strict=True):
             weight = (1.0 - d)[:, None] / n.sd**2 + d[:, None] / n.wrong_sd**2
-            rows = one.spread(by, w).reshape(w, -1, u)
-            scaled = one.spread(by * weight[..., None], w).reshape(w, -1, u)
-            h += scaled.swapaxes(-1, -2) @ rows
-            y += (one.spread(left, w).reshape(w, 1, -1) @ scaled)[:, 0]
+            matrix, vector = one.equations(by, left, weight, w)
+            h, y = h + matrix, y + vector
         covariance = np.linalg.inv(h)
         x = (covariance @ y[..., None])[..., 0]
         bound = 0.5 * (np.linalg.slogdet(covariance)[1] + np.log(precision).sum() + u)
@@ -416,13 +427,6 @@ class _Branch:
     squares: tuple[FloatArray, ...]
     chance: tuple[FloatArray, ...]
     error: FloatArray  # (2, w): squares of acceleration errors, and how many the readings determine
-
-
-def motion_gravity(places: FloatArray) -> FloatArray:
-    """Return gravity at places, north, east, down, m/s²; shape (w, 3)."""
-    out = np.zeros((len(places), 3))
-    out[:, 2] = gravity(np.sin(places[:, 0]), places[:, 2])
-    return out
 
 
 def _mixture(squares: FloatArray, noise: Noise) -> tuple[FloatArray, FloatArray]:
@@ -479,17 +483,15 @@ class Constants:
     ----------
     value, sd : ndarray, shape (c,)
         Estimates, and their sds by the scatter of the windows (sandwich estimator, White 1982).
-    gain : float
-        What they add to the log-likelihood together, nats.
     """
 
     value: FloatArray
     sd: FloatArray
-    gain: float
 
 
 def constants(
     streams: Streams,
+    windows: Windows,
     found: Fit,
     columns: Callable[[Stream, Motion], FloatArray],
     prior: FloatArray,
@@ -500,10 +502,10 @@ def constants(
 
     Parameters
     ----------
-    streams : Streams
-        Streams.
+    streams, windows : Streams, Windows
+        Streams, and their inertial unit in windows.
     found : Fit
-        Their fit.
+        Their fit in these.
     columns : callable
         Derivatives of what a stream reads, shape (m, d, c), from the predicted motion.
     prior : ndarray, shape (c,)
@@ -511,7 +513,7 @@ def constants(
     gated : bool
         Whether wrong readings count less. Where a constant is far off, it is what makes them wrong.
     """
-    problem = _Problem.of(streams, windows_of(averaged(streams.imu)))
+    problem = _Problem.of(streams, windows)
     w, u, c = len(problem.windows.begin), problem.windows.unknowns, len(prior)
     h = np.zeros((w, u + c, u + c))
     diagonal = np.arange(u)
@@ -519,17 +521,14 @@ def constants(
     y = np.zeros((w, u + c))
     for one, noise, wrong in zip(problem.placed, found.noise, found.wrong, strict=True):
         motion = motion_of(one.at, found.attitude, found.unknowns)
-        predicted, by = one.stream.seen(motion)
-        left = one.local - predicted + (by @ found.unknowns[one.window][..., None])[..., 0]
+        left, by = one.about(motion, found.unknowns)
         chance, sound = wrong[one.row, None], 1.0 - found.unsound[one.window, None]
         chance = chance if gated else np.zeros_like(chance)
         all_of = noise.sd**2 if gated else (1.0 - noise.wrong) * noise.sd**2 + noise.wrong * noise.wrong_sd**2
         weight = sound * ((1.0 - chance) / all_of + chance / noise.wrong_sd**2)
         both = np.concatenate([by, columns(one.stream, motion)], axis=-1)
-        rows = one.spread(both, w).reshape(w, -1, u + c)
-        scaled = one.spread(both * weight[..., None], w).reshape(w, -1, u + c)
-        h += scaled.swapaxes(-1, -2) @ rows
-        y += (one.spread(left, w).reshape(w, 1, -1) @ scaled)[:, 0]
+        matrix, vector = one.equations(both, left, weight, w)
+        h, y = h + matrix, y + vector
     through = h[:, u:, :u] @ np.linalg.inv(h[:, :u, :u])
     information = h[:, u:, u:] - through @ h[:, :u, u:]
     score = y[:, u:] - (through @ y[:, :u, None])[..., 0]
@@ -538,4 +537,4 @@ def constants(
     scatter = score - information @ value
     covariance = inverse @ (scatter.T @ scatter) @ inverse + inverse * np.diag(prior**-2.0) @ inverse
     sd = np.sqrt(np.maximum(np.diag(covariance), np.diag(inverse)))
-    return Constants(value, sd, float(0.5 * value @ score.sum(axis=0)))
+    return Constants(value, sd)

@@ -19,6 +19,8 @@ LEVER_ARM = "lever arm"
 RECEIVER = "receiver"
 TRIADS = {"gyro": slice(0, 3), "accelerometer": slice(3, 6), "inertial unit": slice(0, 6)}
 """Columns of the samples that have one fault."""
+HALF_INTERVAL = 1.96
+"""Half of a 95 % interval, in sds."""
 DELAYS = (-2.0, -1.0, -0.5, -0.25, 0.25, 0.5, 1.0, 2.0)
 """Delays from which the search begins, s."""
 Change = Callable[[FloatArray], FloatArray]
@@ -42,8 +44,10 @@ class Move:
         Whether the fault can hold for a part of a drive.
     subject : str
         What of the stream it is about, where a recording may be unable to show it.
-    size, interval, unit
-        How large it is, where that is estimated.
+    size, sd, unit
+        How large it is and how certain that is, where it is estimated.
+    delay : float or None
+        Of a clock, s, negative where it is early.
     """
 
     stream: str
@@ -53,8 +57,17 @@ class Move:
     partial: bool = True
     subject: str = ""
     size: float | None = None
-    interval: tuple[float, float] | None = None
+    sd: float | None = None
     unit: str = ""
+    delay: float | None = None
+
+    @property
+    def interval(self) -> tuple[float, float] | None:
+        """95 % interval of the size, where its sd is known."""
+        if self.size is None or self.sd is None:
+            return None
+        half = HALF_INTERVAL * self.sd
+        return (max(self.size - half, 0.0) if self.delay is None else self.size - half), self.size + half
 
 
 class BodyVelocities(Velocities):
@@ -200,10 +213,10 @@ def late(stream: str | None, delay: float, sd: float | None = None) -> Move:
 
     whose, is_are, its = (RECEIVER, "is", "its") if stream is None else (stream, "are", "their")
     amount, word = abs(delay), "late" if delay > 0.0 else "early"
-    interval = None if sd is None else (amount - 1.96 * sd, amount + 1.96 * sd)
     shown = f"{amount:.2f} s"
-    if interval is not None:
-        shown = f"{amount:.3f} s ({interval[0]:.3f} to {interval[1]:.3f})"
+    if sd is not None:
+        half = HALF_INTERVAL * sd
+        shown = f"{amount:.3f} s ({amount - half:.3f} to {amount + half:.3f})"
     return Move(
         whose,
         f"{is_are} {word} by {shown} against the {'inertial unit' if stream is None else 'positions'}",
@@ -212,14 +225,10 @@ def late(stream: str | None, delay: float, sd: float | None = None) -> Move:
         partial=False,
         subject=f"delay of the {whose}",
         size=amount,
-        interval=interval,
+        sd=sd,
         unit="s",
+        delay=delay,
     )
-
-
-def signed(delay: Move) -> float:
-    """Return the size of a delay, negative where a stream is early, s."""
-    return (delay.size or 0.0) * (1.0 if " late " in delay.fault else -1.0)
 
 
 def arm_of(arm: FloatArray, sd: FloatArray) -> Move:
@@ -231,8 +240,9 @@ def arm_of(arm: FloatArray, sd: FloatArray) -> Move:
             streams = exchanged(streams, one.name, lambda s: replace(s, arm=(x, y, z)))
         return streams
 
-    shown = ", ".join(f"{axis} {a:+.2f} ±{1.96 * s:.2f}" for axis, a, s in zip(AXES, arm, sd, strict=True))
-    size, spread = float(np.linalg.norm(arm)), 1.96 * float(np.linalg.norm(sd))
+    halves = HALF_INTERVAL * sd
+    shown = ", ".join(f"{axis} {a:+.2f} ±{h:.2f}" for axis, a, h in zip(AXES, arm, halves, strict=True))
+    size = float(np.linalg.norm(arm))
     return Move(
         "antenna",
         f"is {size:.2f} m from the inertial unit: {shown} m in its axes (95 %)",
@@ -241,6 +251,6 @@ def arm_of(arm: FloatArray, sd: FloatArray) -> Move:
         partial=False,
         subject=LEVER_ARM,
         size=size,
-        interval=(max(size - spread, 0.0), size + spread),
+        sd=float(np.linalg.norm(sd)),
         unit="m",
     )

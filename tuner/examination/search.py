@@ -13,7 +13,7 @@ from models.arrays import FloatArray, IntArray
 from models.earth import metres_per_radian
 from models.robust import normal_sd
 from tuner.examination.fit import FIRST_ROUNDS, LEAST_READINGS, Fit, constants, fit
-from tuner.examination.moves import DELAYS, RECEIVER, Move, arm_of, exchanged, late, moves, signed
+from tuner.examination.moves import DELAYS, RECEIVER, Move, arm_of, exchanged, late, moves
 from tuner.examination.streams import Stream, Streams, Velocities
 from tuner.examination.windows import WINDOW_LENGTH, Inertial, Motion, averaged, windows_of
 from tuner.limits import PRIOR_SHARE
@@ -74,10 +74,9 @@ def applied(found: Sequence[Found], streams: Streams) -> Streams:
 
 @dataclass(frozen=True)
 class Searched:
-    """What a search found: faults, the streams without them, fits before and after, and what could not have shown."""
+    """What a search found: faults, fits with them and without, and faults that the recording cannot show."""
 
     found: tuple[Found, ...]
-    streams: Streams
     before: Fit
     after: Fit
     unseen: tuple[str, ...]
@@ -110,7 +109,7 @@ def searched(streams: Streams, name: str = "streams") -> Searched:
         rest = max((one.gain for one, *_ in tried[1:]), default=0.0)
         found.append(replace(best, over_next=best.gain - max(rest, 0.0)))
         streams, now, constant = _installed(streams, now, constant)
-    return Searched(_joined(found, constant), streams, first, fit(streams, every=True), unseen)
+    return Searched(_joined(found, constant), first, fit(streams, every=True), unseen)
 
 
 def _installed(
@@ -120,14 +119,14 @@ def _installed(
 
     One delay is common to all against the inertial unit, each other stream has one against the positions.
     """
-    names, columns = _columns(streams)
-    prior = np.concatenate([np.full(len(names), 1.0), np.full(3, ARM_SD)])
+    names, columns, prior = _columns(streams)
+    windows = windows_of(streams.imu)
     total, start, moved = np.zeros(len(prior)), now, streams
     for number in range(NEWTON_STEPS):
-        sizes = constants(moved, now, columns, prior, gated=number >= OPEN_STEPS)
+        sizes = constants(moved, windows, now, columns, prior, gated=number >= OPEN_STEPS)
         total = total + sizes.value
         moved = _with(streams, names, total)
-        now = fit(moved)
+        now = fit(moved, windows)
         if number >= OPEN_STEPS and np.all(np.abs(sizes.value) < 0.3 * sizes.sd):
             break
     price = math.log(STATED_ODDS * len(prior))
@@ -141,22 +140,24 @@ def _installed(
     out = dict(known)
     for k, stream in enumerate(names):
         if certain[k]:
-            before = out.get(late(stream, 1.0).subject)
-            delay = float(total[k]) + (0.0 if before is None else signed(before.move))
+            before = out.get(late(stream, 0.0).subject)
+            delay = float(total[k]) + (0.0 if before is None else before.move.delay or 0.0)
             move = late(stream, delay, float(sizes.sd[k]))
             out[move.subject] = Found(move, gain, math.inf)
+    moved = _with(streams, names, total)
     if certain[-1]:
-        moved = _with(streams, names, total)
         move = arm_of(np.array(moved.positions.arm), sizes.sd[len(names) :])
         out[move.subject] = Found(move, gain, math.inf)
-    moved = _with(streams, names, total)
-    return moved, fit(moved), out
+    return moved, fit(moved, windows), out
 
 
 def _columns(
     streams: Streams,
-) -> tuple[tuple[str | None, ...], Callable[[Stream, Motion], FloatArray]]:
-    """Return whose delays are estimated, None of all together, and the derivatives by them and by a lever arm."""
+) -> tuple[tuple[str | None, ...], Callable[[Stream, Motion], FloatArray], FloatArray]:
+    """Return whose delays are estimated (None: of all streams together), derivatives, and prior sds.
+
+    Derivatives and sds are those of the delays, s, and behind them of a lever arm, m.
+    """
     names = (None, *(one.name for one in streams.others))
 
     def columns(one: Stream, motion: Motion) -> FloatArray:
@@ -170,18 +171,17 @@ def _columns(
             out[..., len(names) :] = arm
         return out
 
-    return names, columns
+    return names, columns, np.concatenate([np.full(len(names), 1.0), np.full(3, ARM_SD)])
 
 
 def _determined(fault: Move, streams: Streams, now: Fit) -> bool:
     """Return whether data determine a delay that a move takes out: its sd a third of its prior or less, and certain."""
-    if fault.unit != "s":
+    if fault.delay is None:
         return True
-    names, columns = _columns(streams)
-    prior = np.concatenate([np.full(len(names), 1.0), np.full(3, ARM_SD)])
-    sizes = constants(streams, now, columns, prior, gated=True)
+    names, columns, prior = _columns(streams)
+    sizes = constants(streams, windows_of(streams.imu), now, columns, prior, gated=True)
     k = 0 if fault.stream == RECEIVER else names.index(fault.stream)
-    total = signed(fault) + float(sizes.value[k])
+    total = fault.delay + float(sizes.value[k])
     return bool(sizes.sd[k] < PRIOR_SHARE * prior[k] and abs(total) > CERTAIN_SDS * sizes.sd[k])
 
 
@@ -207,23 +207,21 @@ def _with(streams: Streams, names: Sequence[str | None], sizes: FloatArray) -> S
 
 
 def _joined(found: Sequence[Found], constant: Mapping[str, Found]) -> tuple[Found, ...]:
-    """Return faults with the delay of each stream once: a coarse one, and what is left of it."""
+    """Return the faults, each delay once: the one that the search tried plus the refinement behind it."""
     left, out = dict(constant), []
     for one in found:
-        fine = left.pop(one.move.subject, None) if one.move.unit == "s" else None
-        if fine is not None and fine.move.interval is not None:
-            stream = None if one.move.stream == "receiver" else one.move.stream
-            sd = (fine.move.interval[1] - fine.move.interval[0]) / (2.0 * 1.96)
-            one = replace(one, move=late(stream, signed(one.move) + signed(fine.move), sd))
+        fine = None if one.move.delay is None else left.pop(one.move.subject, None)
+        if fine is not None:
+            stream = None if one.move.stream == RECEIVER else one.move.stream
+            delay = (one.move.delay or 0.0) + (fine.move.delay or 0.0)
+            one = replace(one, move=late(stream, delay, fine.move.sd))
         out.append(one)
     return (*out, *(one for one in left.values() if _is_certain(one.move)))
 
 
 def _is_certain(constant: Move) -> bool:
     """Return whether a constant is not chance; a search may have taken it up beside a fault that it found later."""
-    assert constant.interval is not None
-    assert constant.size is not None
-    return constant.size > CERTAIN_SDS * (constant.interval[1] - constant.size) / 1.96
+    return (constant.size or 0.0) > CERTAIN_SDS * (constant.sd or 0.0)
 
 
 def _tried(
@@ -283,7 +281,10 @@ def _screen(streams: Streams, now: Fit) -> IntArray:
 
 
 def _gains(one: Fit, other: Fit) -> FloatArray:
-    """Return by how much each window of the second fit is likelier in the first."""
+    """Return the bound of the first fit less that of the second, window by window of the second, nats.
+
+    A window that the first fit has not counts as 0 there.
+    """
     gains = -other.bound.copy()
     _, own, its = np.intersect1d(one.begin, other.begin, return_indices=True)
     gains[its] += one.bound[own]

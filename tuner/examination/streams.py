@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
@@ -15,7 +16,7 @@ from tuner.examination.windows import Inertial, Motion
 
 
 @dataclass(frozen=True)
-class Stream:
+class Stream(ABC):
     """Readings of one quantity.
 
     Attributes
@@ -48,9 +49,9 @@ class Stream:
     usual: ClassVar[tuple[float, float]] = (1.0, 10.0)
     """Sd of a right reading and of a wrong one, from which the estimation begins."""
 
+    @abstractmethod
     def seen(self, motion: Motion) -> tuple[FloatArray, FloatArray]:
-        """Return what it would read, shape (m, d), and the derivatives, shape (m, d, u)."""
-        raise NotImplementedError
+        """Return the readings that a motion predicts, shape (m, d), and their derivatives, shape (m, d, u)."""
 
     def by_time(self, _: Motion) -> FloatArray | None:
         """Return how fast it changes, shape (m, d), a second; None where no delay of it is looked for."""

@@ -236,7 +236,7 @@ def sampled(
     share = (tau - left_t)[:, None] / length
     left, later = windows.sums[window, right - 1], windows.sums[window, right]
     sums = left + share * (later - left)
-    turns, carried, gravity = (x[window] for x in _of_the_earth(places, speeds))
+    turns, carried, gravity = (x[window] for x in of_the_earth(places, speeds))
     by_velocity, by_position = np.zeros((2, m, 3, u))
     one, s = np.eye(3), tau[:, None, None]
     pull = rotation.skew(carried)
@@ -311,7 +311,7 @@ def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.stack([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0], axis=-1)
 
 
-def _of_the_earth(places: FloatArray, speeds: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def of_the_earth(places: FloatArray, speeds: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return ω_in, 2 ω_ie + ω_en and gravity in north, east, down; shape (w, 3) each."""
     sin_lat, cos_lat = np.sin(places[:, 0]), np.cos(places[:, 0])
     turns = np.stack(earth.earth_rate(sin_lat, cos_lat), axis=-1)

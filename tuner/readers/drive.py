@@ -46,7 +46,7 @@ from tuner.readers.source_kind import drive_in_messages, is_drive_by_form, with_
 from tuner.readers.steady_stamps import steady_stamps
 from tuner.readers.waypoint import read_waypoint
 from tuner.types.arguments import expect
-from tuner.types.named_cause import NamedCause
+from tuner.types.named_cause import NamedCause, one_line
 from tuner.types.number_ranges import LONGEST_LEVER_ARM
 from tuner.types.one_line import printable
 from tuner.types.records import DataError, Drive, Gnss, Record, Reference
@@ -121,9 +121,7 @@ def _checked(path: Path, drive: Drive) -> Drive:
     places = np.column_stack([np.degrees(gnss.llh[:, :2]), gnss.llh[:, 2]])
     fixes = np.column_stack([gnss.t + drive.origin, places, gnss.vel_n, gnss.position_sd, gnss.velocity_sd])
     check_drive(path, imu, fixes, notes)
-    return replace(
-        drive, notes=tuple(one if isinstance(one, NamedCause) else printable(one) for one in notes)
-    )
+    return replace(drive, notes=one_line(notes))
 
 
 def mounting_of(frame: str | None, rpy_deg: Any) -> FloatArray | None:
@@ -358,7 +356,7 @@ def _drive(
         mounting,
         printable(with_name(path).name),
         digest(path if path.is_file() else path / "imu.csv"),
-        tuple(one if isinstance(one, NamedCause) else printable(one) for one in messages),
+        one_line(messages),
         tuple(repairs),
     )
 

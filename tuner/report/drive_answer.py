@@ -124,7 +124,7 @@ def _lasting_text(level: float, down: float, time: float) -> str:
 
 
 def _delay_lines(clock: Clock, applied: Compensation) -> list[str]:
-    """Return by how much fixes are stamped late, and their velocities beside that; nothing where none is taken out."""
+    """Return the line on the delays that noise.yaml takes out of fixes and velocities; no line without any."""
     from tuner.navigation.drive.clock import Clock, clock_words
 
     delay, lag = (applied.value(cause, "delay") for cause in ("time_offset", "velocity_lag"))

@@ -18,6 +18,11 @@ class NamedCause(str):
         return cls(printable(f"{what} ({certainty}): {effect}; {done}"))
 
 
+def one_line(notes: Iterable[str]) -> tuple[str, ...]:
+    """Return notes as printable lines; a named cause is one already."""
+    return tuple(note if isinstance(note, NamedCause) else printable(note) for note in notes)
+
+
 def separated(notes: Iterable[str]) -> tuple[list[str], list[str]]:
     """Return the named causes among notes, as sentences, and the other notes."""
     causes, others = [], []

@@ -46,7 +46,7 @@ def command(
     from tuner.formats.logs import write_drive
     from tuner.readers.drive import read_drive
     from tuner.readers.source_kind import with_name
-    from tuner.report.examination_answer import examination_answer
+    from tuner.report.examination_answer import MENDED, examination_answer
     from tuner.report.json.examination import examination_json
     from tuner.report.terminal import show
 
@@ -59,8 +59,8 @@ def command(
     following = ["tune", "--drive", drive]
     if directory is not None:
         directory.mkdir(parents=True, exist_ok=True)
-        write_drive(found.mended, directory / "mended.npz")
-        following[-1] = str(directory / "mended.npz")
+        write_drive(found.mended, directory / MENDED)
+        following[-1] = str(directory / MENDED)
     elif found.repairs:
         following = ["examine", drive, "-o", "mended"]
     page(f"Examination of {with_name(Path(drive)).name}", {"What is to be mended": found})

@@ -122,6 +122,8 @@ def _following(
 
     `log` is what was tuned, with the options that read it.
     """
+    from tuner.report.examination_answer import MENDED
+
     config = str(directory / "noise.yaml")
     stated = [word for word in log if word is not None]
     if log[0] is not None and not result.records:
@@ -131,6 +133,6 @@ def _following(
     if drive is not None:
         file = directory / "kf-gins" / "kf-gins.yaml"
         if result.examination is not None and result.examination.before_filter:
-            drive = str(directory / "mended.npz")
+            drive = str(directory / MENDED)
         return ["export", config, "--to", "kf-gins", "--drive", drive, "-o", str(file)]
     return ["export", config] if dialect is None else ["check", config]

@@ -164,7 +164,7 @@ def chosen_clock(found: ClockOffset) -> Clock:
 
 
 def clock_words(clock: Clock) -> str:
-    """Return by how much fixes are stamped late, and their velocities later than they; empty where neither is."""
+    """Return the delay of the fixes, and that of their velocities against the positions; empty without any."""
     late = amount(Coefficient(abs(clock.delay), _sizes(clock.delay_interval), None, "s"))
     later = amount(Coefficient(abs(clock.lag), _sizes(clock.lag_interval), None, "s"))
     parts = {
