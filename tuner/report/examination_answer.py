@@ -11,10 +11,12 @@ from tuner.formats.customary_units import digits
 from tuner.limits import WRONG_FACTOR
 from tuner.report.answer_layout import span_text
 from tuner.report.document import Document, document
+from tuner.report.titled_table import table_of
 from tuner.types.repair import Repair
 
 MENDED = "mended.npz"
 """File of a mended drive."""
+NOISE_HEADS = ("noise from reading to reading", "measured", "reported", "measured ÷ reported")
 SHOWN_REPAIRS = 3
 """Repairs on a screen."""
 
@@ -83,12 +85,10 @@ def vibration_lines(found: Examination) -> list[str]:
 
 
 def _noise_table(found: Examination) -> Table:
-    table = Table(box=None, padding=(0, 2, 0, 0))
-    for head in ("noise from reading to reading", "measured", "reported", "measured ÷ reported"):
-        table.add_column(head, no_wrap=True)
+    rows = []
     for one in found.noise:
         name = f"{one.stream}{', ' * bool(one.part)}{one.part}"
         stated = "none" if one.reported is None else f"{digits(one.reported)} {one.unit}"
         ratio = f"{one.sd / one.reported:.2g}" if one.reported else ""
-        table.add_row(name, f"{digits(one.sd)} {one.unit}", stated, ratio)
-    return table
+        rows.append((name, f"{digits(one.sd)} {one.unit}", stated, ratio))
+    return table_of(NOISE_HEADS, rows, words=len(NOISE_HEADS))
