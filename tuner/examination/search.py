@@ -102,14 +102,15 @@ def searched(streams: Streams, name: str = "streams") -> Searched:
     streams, now, constant = _installed(streams, now, {})
     for _ in range(MOST_FAULTS):
         tried, unseen = _tried(streams, now, list(moves(streams)))
-        tried = [one for one in tried if one[0].gain > 0.0 and _determined(one[0].move, *one[1:])]
+        wanted = (_refined(*one) for one in tried if one[0].gain > 0.0)
+        tried = [one for one in wanted if one is not None]
         if not tried:
             break
         best, streams, now = tried[0]
         rest = max((one.gain for one, *_ in tried[1:]), default=0.0)
         found.append(replace(best, over_next=best.gain - max(rest, 0.0)))
         streams, now, constant = _installed(streams, now, constant)
-    return Searched(_joined(found, constant), first, fit(streams, every=True), unseen)
+    return Searched(_joined(found, constant), first, fit(streams, near=now, every=True), unseen)
 
 
 def _installed(
@@ -125,8 +126,12 @@ def _installed(
     for number in range(NEWTON_STEPS):
         sizes = constants(moved, windows, now, columns, prior, gated=number >= OPEN_STEPS)
         total = total + sizes.value
+        if not np.all(
+            np.abs(total[: len(names)]) < max(DELAYS)
+        ):  # beyond what leaves readings in their windows
+            return streams, start, known
         moved = _with(streams, names, total)
-        now = fit(moved, windows)
+        now = fit(moved, windows, near=now)
         if number >= OPEN_STEPS and np.all(np.abs(sizes.value) < 0.3 * sizes.sd):
             break
     price = math.log(STATED_ODDS * len(prior))
@@ -174,15 +179,20 @@ def _columns(
     return names, columns, np.concatenate([np.full(len(names), 1.0), np.full(3, ARM_SD)])
 
 
-def _determined(fault: Move, streams: Streams, now: Fit) -> bool:
-    """Return whether data determine a delay that a move takes out: its sd a third of its prior or less, and certain."""
-    if fault.delay is None:
-        return True
+def _refined(found: Found, streams: Streams, now: Fit) -> tuple[Found, Streams, Fit] | None:
+    """Return a fault; a delay that was tried at one size as the data determine it, or None where they do not."""
+    delay = found.move.delay
+    if delay is None:
+        return found, streams, now
     names, columns, prior = _columns(streams)
-    sizes = constants(streams, windows_of(streams.imu), now, columns, prior, gated=True)
-    k = 0 if fault.stream == RECEIVER else names.index(fault.stream)
-    total = fault.delay + float(sizes.value[k])
-    return bool(sizes.sd[k] < PRIOR_SHARE * prior[k] and abs(total) > CERTAIN_SDS * sizes.sd[k])
+    windows = windows_of(streams.imu)
+    sizes = constants(streams, windows, now, columns, prior, gated=True)
+    k = 0 if found.move.stream == RECEIVER else names.index(found.move.stream)
+    fine, sd = float(sizes.value[k]), float(sizes.sd[k])
+    if sd > PRIOR_SHARE * prior[k] or abs(delay + fine) < CERTAIN_SDS * sd:
+        return None
+    moved = late(names[k], fine).mended(streams)
+    return replace(found, move=late(names[k], delay + fine, sd)), moved, fit(moved, windows, near=now)
 
 
 def _inside(streams: Streams) -> Streams:
@@ -207,21 +217,20 @@ def _with(streams: Streams, names: Sequence[str | None], sizes: FloatArray) -> S
 
 
 def _joined(found: Sequence[Found], constant: Mapping[str, Found]) -> tuple[Found, ...]:
-    """Return the faults, each delay once: the one that the search tried plus the refinement behind it."""
-    left, out = dict(constant), []
-    for one in found:
-        fine = None if one.move.delay is None else left.pop(one.move.subject, None)
-        if fine is not None:
+    """Return the faults, each delay once: the sum of what the search tried and of the refinements behind it."""
+    out: dict[str | Move, Found] = {}
+    for one in (*found, *constant.values()):
+        key = one.move if one.move.delay is None else one.move.subject
+        before = out.get(key)
+        if before is not None:
             stream = None if one.move.stream == RECEIVER else one.move.stream
-            delay = (one.move.delay or 0.0) + (fine.move.delay or 0.0)
-            one = replace(one, move=late(stream, delay, fine.move.sd))
-        out.append(one)
-    return (*out, *(one for one in left.values() if _is_certain(one.move)))
-
-
-def _is_certain(constant: Move) -> bool:
-    """Return whether a constant is not chance; a search may have taken it up beside a fault that it found later."""
-    return (constant.size or 0.0) > CERTAIN_SDS * (constant.sd or 0.0)
+            delay = (one.move.delay or 0.0) + (before.move.delay or 0.0)
+            one = replace(before, move=late(stream, delay, one.move.sd))
+        out[key] = one
+    # a search may have taken up a delay beside a fault that it found later
+    return tuple(
+        x for x in out.values() if x.move.sd is None or (x.move.size or 0.0) > CERTAIN_SDS * x.move.sd
+    )
 
 
 def _tried(

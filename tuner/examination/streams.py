@@ -67,9 +67,9 @@ class Stream(ABC):
 
     @property
     def readings(self) -> NDArray[np.bool_]:
-        """Which rows hold a reading; one that repeats the row before is none, shape (k,)."""
+        """Which rows hold a reading, shape (k,): none that repeats the row before, and none where all are the same."""
         there: NDArray[np.bool_] = np.isfinite(self.values).all(axis=1) & ~self.repeats
-        return there
+        return there & ~self.repeats[1:].all()
 
     @property
     def repeats(self) -> NDArray[np.bool_]:
@@ -102,6 +102,13 @@ class Positions(Stream):
     def by_arm(self, motion: Motion) -> FloatArray:
         """Return the attitude."""
         return motion.attitude
+
+    def with_values(self, values: FloatArray, log_scale: float | FloatArray = 0.0) -> Self:
+        """Return other positions; the density is one of metres, so that a place of longer degrees has a larger one."""
+        scale = np.log(np.maximum(metres_per_radian(values) / metres_per_radian(self.values), 1e-9)).sum(
+            axis=1
+        )
+        return super().with_values(values, log_scale + scale)
 
     def local(self, place: FloatArray) -> FloatArray:
         """Return north, east, down from the place of each window, m."""

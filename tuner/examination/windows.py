@@ -6,7 +6,7 @@ In a window samples are integrated once in the axes of the unit at its start (R 
 
 Position and velocity at τ after the start are then linear in the start (p₀, v₀), a small rotation φ of the attitude C
 at the start, biases of the accelerometer b_a and of the gyro b_g, and an acceleration error that is constant over each
-`KNOT_LENGTH` seconds::
+`KNOT_LENGTH` seconds; positions are read with a slow error whose rate is constant likewise::
 
     v(τ) = v₀ + C U + γ τ − ω_in × C U₁ − (2 ω_ie + ω_en) × (p(τ) − p₀) − [C U]× φ − C A b_a + C B b_g + a(τ)
 
@@ -33,7 +33,10 @@ MAX_RATE = 50.0
 GAP_FACTOR = 1.2
 """Time that a window of samples may take, in lengths: more has a gap."""
 POSITION, VELOCITY, TURN, ACCEL_BIAS, GYRO_BIAS = (slice(i, i + 3) for i in range(0, 15, 3))
-"""Columns of the unknowns of a window; those behind are acceleration errors."""
+KNOTS = int(WINDOW_LENGTH / KNOT_LENGTH)
+ERRORS = slice(15, 15 + 3 * KNOTS), slice(15 + 3 * KNOTS, 15 + 6 * KNOTS)
+"""Columns of the unknowns of a window: acceleration errors, and rates of the slow error of positions."""
+UNKNOWNS = 15 + 6 * KNOTS
 
 
 @dataclass(frozen=True)
@@ -81,11 +84,6 @@ class Windows:
         return Windows(
             self.begin[which], self.t[which], self.rate[which], self.attitude[which], self.sums[which]
         )
-
-    @property
-    def unknowns(self) -> int:
-        """How many unknowns a window has."""
-        return 15 + 3 * int(WINDOW_LENGTH / KNOT_LENGTH)
 
     def found(self, t: FloatArray) -> IntArray:
         """Return the window that holds each time, −1 where none does."""
@@ -154,7 +152,7 @@ class Motion:
     Attributes
     ----------
     position, velocity : ndarray, shape (m, 3)
-        North, east, down from the place of the window, m, m/s.
+        North, east, down from the place of the window, m, m/s; the position as it is read, with its slow error.
     attitude : ndarray, shape (m, 3, 3)
         From the axes of the unit to north, east, down.
     rate : ndarray, shape (m, 3)
@@ -224,7 +222,7 @@ def sampled(
         Latitude, longitude, height and velocity of each window, as good as the Earth's rotation and the transport
         rate need them.
     """
-    m, u = len(tau), windows.unknowns
+    m, u = len(tau), UNKNOWNS
     interval = WINDOW_LENGTH / (windows.t.shape[1] - 1)
     last = windows.t.shape[1] - 1
     right = np.clip((tau / interval).astype(int) + 1, 1, last)
@@ -242,14 +240,15 @@ def sampled(
     pull = rotation.skew(carried)
     by_velocity[..., VELOCITY], by_position[..., VELOCITY] = one - pull * s, one * s - pull * (0.5 * s**2)
     by_position[..., POSITION] = one
-    for j in range(u // 3 - 5):
+    for j in range(KNOTS):
         since = np.clip(s - j * KNOT_LENGTH, 0.0, None)
         lasted = np.minimum(since, KNOT_LENGTH)
-        columns = slice(15 + 3 * j, 18 + 3 * j)
-        by_velocity[..., columns], by_position[..., columns] = (
+        error, drift = (slice(x.start + 3 * j, x.start + 3 * j + 3) for x in ERRORS)
+        by_velocity[..., error], by_position[..., error] = (
             one * lasted,
             one * (lasted * (since - 0.5 * lasted)),
         )
+        by_position[..., drift] = one * lasted
     vectors = np.ascontiguousarray(sums[:, :15].reshape(m, 5, 3).swapaxes(1, 2))
     matrices = np.ascontiguousarray(sums[:, 15:].reshape(m, 4, 3, 3).swapaxes(1, 2).reshape(m, 3, 12))
     force = (later[:, :3] - left[:, :3]) / length

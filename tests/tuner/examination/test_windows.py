@@ -7,7 +7,18 @@ import pytest
 
 from models import rotation
 from models.earth import gravity
-from tuner.examination.windows import ACCEL_BIAS, GYRO_BIAS, TURN, Inertial, motion_of, sampled, windows_of
+from tuner.examination.windows import (
+    ACCEL_BIAS,
+    ERRORS,
+    GYRO_BIAS,
+    POSITION,
+    TURN,
+    UNKNOWNS,
+    Inertial,
+    motion_of,
+    sampled,
+    windows_of,
+)
 
 RNG = np.random.default_rng(5)
 PLACE = np.array([[0.9, 0.2, 100.0]])
@@ -26,7 +37,7 @@ def imu(rate: float = 100.0, *, gyro: float = 0.0, accel: float = 0.0) -> Inerti
 def predicted(unit: Inertial, attitude: np.ndarray, speed: float = 0.0):
     """Return the motion of a window at `TAU`."""
     windows = windows_of(unit)
-    x = np.zeros((1, windows.unknowns))
+    x = np.zeros((1, UNKNOWNS))
     x[:, 4] = speed
     at = sampled(windows, np.zeros(len(TAU), dtype=int), TAU, PLACE, np.array([[0.0, speed, 0.0]]))
     return motion_of(at, attitude[None], x)
@@ -50,7 +61,6 @@ def test_a_fast_aircraft_feels_coriolis() -> None:
     t = np.arange(0.0, 11.0, 0.01)
     rates = np.zeros((len(t), 6))
     rates[:, 5] = -gravity(np.sin(lat), 100.0)
-    windows = windows_of(Inertial(t, rates))
     # a gyro that turns with the local frame
     spin = 7.292115e-5 * np.array([np.cos(lat), 0.0, -np.sin(lat)]) + speed / 6.38e6 * np.array(
         [1.0, 0.0, -np.tan(lat)]
@@ -59,7 +69,14 @@ def test_a_fast_aircraft_feels_coriolis() -> None:
     motion = predicted(Inertial(t, rates), np.eye(3), speed)
     south = 2.0 * 7.292115e-5 * np.sin(lat) * speed + speed**2 / 6.38e6 * np.tan(lat)
     assert motion.velocity[-1, 0] == pytest.approx(-south * TAU[-1], rel=0.02)
-    assert windows.unknowns == 30
+
+
+def test_positions_are_read_with_a_slow_error_that_velocities_have_not() -> None:
+    motion = predicted(imu(), np.eye(3))
+    rates = motion.by_position[..., ERRORS[1]].reshape(len(TAU), 3, -1, 3)
+    assert np.allclose(rates.sum(axis=2), TAU[:, None, None] * np.eye(3))  # one rate all the time
+    assert not motion.by_velocity[..., ERRORS[1]].any()
+    assert not motion.by_velocity[..., POSITION].any()
 
 
 @pytest.mark.parametrize(("columns", "kind"), [(ACCEL_BIAS, "accel"), (GYRO_BIAS, "gyro"), (TURN, "turn")])
