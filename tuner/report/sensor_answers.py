@@ -102,29 +102,32 @@ def _differences(found: SensorComparison) -> str:
 def _drift(found: SensorComparison) -> list[Table | str]:
     """Return the drift of each source without fixes, the least first, and how it is predicted.
 
-    That of a source that lacks a slow term is at least as large as stated.
+    That of a source that lacks a slow term is at least as large as stated, so that it has no rank.
     """
     sources = zip(found.noise.names, found.drift, found.noise.sources, strict=True)
-    known = [(name, one, AT_LEAST * _lacks_walk(source)) for name, one, source in sources if one is not None]
+    known = [(_lacks_walk(source), name, one) for name, one, source in sources if one is not None]
     unranked = [f"{name} has no rank: {why}" for name, why in found.unranked.items()]
     if not known:
         return ["Verdict: not comparable: no source has six axes with white noise and a slow bias", *unranked]
-    times = list(known[0][1].free)
-    known.sort(key=lambda each: each[1].free[times[-1]])
-    said = ", ".join(f"{name} {least}{digits(one.free[ANSWERED_TIME], 2)} m" for name, one, least in known)
+    times = list(known[0][2].free)
+    known.sort(key=lambda each: (each[0], each[2].free[times[-1]]))
+    errors = [(lacks, f"{name} {digits(one.free[ANSWERED_TIME], 2)} m") for lacks, name, one in known]
+    said = ", ".join(text for lacks, text in errors if not lacks)
+    if least := ", ".join(f"{text} or more" for lacks, text in errors if lacks):
+        least = f"without a rank, as no bias random walk is stated: {least}"
     kinds = (("without fixes", times), ("non-holonomic", times))
     heads = [f"{kind * (time == times[0])}\n{time:g} s" for kind, each in kinds for time in each]
     rows = [
-        (name, *(f"{least}{digits(x, 2)}" for x in (*one.free.values(), *one.wheels.values())))
-        for name, one, least in known
+        (name, *(f"{AT_LEAST * lacks}{digits(x, 2)}" for x in (*one.free.values(), *one.wheels.values())))
+        for lacks, name, one in known
     ]
     about = (
         f"Predicted for a filter tuned to each sensor, after 15 min in a city with {found.receiver} fixes; "
         "non-holonomic: with that constraint. Scale factors and misalignments are not included."
     )
-    if any(least for _, _, least in known):
-        about += f" {AT_LEAST.strip()}: at least, as no bias random walk is stated."
-    verdict = f"Verdict: after {ANSWERED_TIME:g} s without fixes the position errs by: {said}"
+    about += f" {AT_LEAST.strip()}: at least." * bool(least)
+    parts = "; ".join(filter(None, (said, least)))
+    verdict = f"Verdict: after {ANSWERED_TIME:g} s without fixes the position errs by: {parts}"
     return [verdict, table_of(("horizontal\nerror, m rms", *heads), rows), *unranked, about]
 
 
