@@ -33,7 +33,6 @@ from tuner.types import (
     FilterConfig,
     Finding,
     Identification,
-    Quantity,
     Unexplained,
 )
 from tuner.types.borrowed import borrowed_words
@@ -373,22 +372,20 @@ def _of_unexplained(unexplained: Sequence[Unexplained]) -> Iterator[Reason]:
 
 def _of_enlargements(config: FilterConfig) -> Iterator[Reason]:
     """Yield the settings that differ from what was measured or stated by more than `WRONG_FACTOR`, with the causes."""
-    changed: dict[str, dict[tuple[str, str], list[float]]] = {}
+    changed: dict[str, dict[tuple[str, str], list[Enlargement | AppliedNoiseScale]]] = {}
     for one in config.inflations:
         if isinstance(one, Enlargement | AppliedNoiseScale) and _far(one.factor):
             by_drive = isinstance(one, AppliedNoiseScale)
-            head = "settings that the drive changed" if by_drive else "settings not as measured or stated"
-            name = "sds of fixes" if one.quantity.owner == "gnss" else _setting_text(one.quantity)
-            factors = changed.setdefault(head, {}).setdefault((name, _causes_text(one.causes)), [])
-            factors.append(one.factor)
+            head = "settings changed by the drive" if by_drive else "settings not as measured or stated"
+            what = "sds" if one.quantity.owner == "gnss" else one.quantity.field
+            changed.setdefault(head, {}).setdefault((what, _causes_text(one.causes)), []).append(one)
     for head, found in changed.items():
-        texts = (f"{name} × {_range_text(factors)}{why}" for (name, why), factors in found.items())
-        yield Reason(Use.USABLE_EXCEPT, f"{head}: {', '.join(texts)}")
-
-
-def _setting_text(quantity: Quantity) -> str:
-    """Return a setting of a filter in words."""
-    return f"{quantity.owner.replace('_', ' ')} {SETTING_WORDS.get(quantity.field, quantity.field)}"
+        texts = [
+            f"{SETTING_WORDS.get(what, what)} of {axes_text([one.quantity.owner for one in alike])} "
+            f"× {_range_text([one.factor for one in alike])}{why}"
+            for (what, why), alike in found.items()
+        ]
+        yield Reason(Use.USABLE_EXCEPT, f"{head}: {', '.join(texts)}".replace("of gnss", "of fixes"))
 
 
 def _range_text(values: Collection[float]) -> str:

@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 
 
 DELAY_IS_IN = (
-    "noise.yaml takes that out in tuner, the KF-GINS export out of its GNSS file; the recording and a mended.npz here "
-    "still have it: take it out once for other filters"
+    "taken out by noise.yaml in tuner and in the KF-GINS export, not in the recording or mended.npz: for other filters "
+    "take it out once"
 )
 """What is done about a delay, and what is left to do."""
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 
 from rich.table import Table
 
@@ -52,14 +51,6 @@ _FADING_KEYS = ("arw", "gbstd", "vrw", "abstd")
 """Keys of `FADING` with a value an axis."""
 
 
-@dataclass(frozen=True)
-class Row:
-    """One quantity of one sensor: its label and its cells by column."""
-
-    label: str
-    cells: Mapping[str, str]
-
-
 def measured_table(
     found: Identification,
     config: FilterConfig | None = None,
@@ -95,9 +86,9 @@ def measured_table(
     known = "measured" if any(one.span > 0.0 for one in found.channels.values()) else "stated"
     letters = list(dict.fromkeys(letter for axes in sensors.values() for letter in axes))
     heads = [f"{known} {letter}" for letter in letters]
-    if len(letters) > 1 and all(len({row.cells.get(one) for one in letters}) == 1 for row in rows):
+    if len(letters) > 1 and all(len({cells.get(one) for one in letters}) == 1 for _, cells in rows):
         letters, heads = letters[:1], [f"{known}, each axis"]
-    lines = [[row.label, *(row.cells.get(one, "") for one in letters)] for row in rows]
+    lines = [[label, *(cells.get(one, "") for one in letters)] for label, cells in rows]
     return table_of(("", *heads), lines, words=1 + len(heads))
 
 
@@ -136,35 +127,33 @@ def _of_fading(key: str, one: Noted) -> list[str]:
 
 def states_tables(config: FilterConfig) -> list[Table]:
     """Return the states of the filter of noise.yaml, a table a sensor and a row an axis."""
-    tables: dict[str, Table] = {}
+    rows: dict[str, list[tuple[str, ...]]] = {}
     for channel in config.channels.values():
-        white, level, walk = (pretty(customary_unit(q, channel.unit)) for q in (WHITE, "level", WALK))
-        table = tables.setdefault(channel.unit, Table(box=None, padding=(0, 2, 0, 0)))
-        if not table.columns:
-            table.add_column("states of noise.yaml")
-            table.add_column(f"white noise,\n{white}")
-            table.add_column(f"bias sd, {level},\nat correlation time, s", min_width=20)
-            table.add_column(f"bias random walk,\n{walk}")
-            table.add_column(f"turn-on sd,\n{level}")
-        limits, assumed = config.on_limit(channel.axis), config.states_on_limit(channel.axis)
+        unit, limits = channel.unit, config.on_limit(channel.axis)
+
+        def cell(value: float, name: str, unit: str = unit, *, assumed: bool = False) -> str:
+            return f"{digits(in_customary(value, name, unit))}{f' {ASSUMED}' * assumed}" if value else UNKNOWN
+
         times: dict[str, list[str]] = {}
         for state in channel.markov:
-            sd = f"{digits(in_customary(state.sd, 'level', channel.unit))} {ASSUMED * (state in assumed)}".rstrip()
+            sd = cell(state.sd, "level", assumed=state in config.states_on_limit(channel.axis))
             times.setdefault(sd, []).append(f"{float(f'{state.time_constant:.3g}'):g}")
-        numbers = (
-            (channel.white_density, WHITE, limits.get("white_density")),
-            (channel.random_walk_density, WALK, limits.get("random_walk_density")),
-            (channel.constant_sd, "level", None),
+        row = (
+            channel.axis.replace("_", " "),
+            cell(channel.white_density, WHITE, assumed="white_density" in limits),
+            "; ".join(f"{sd} at {', '.join(at)}" for sd, at in times.items()) or UNKNOWN,
+            cell(channel.random_walk_density, WALK, assumed="random_walk_density" in limits),
+            cell(channel.constant_sd, "level"),
         )
-        density, random_walk, constant = (
-            f"{digits(in_customary(value, name, channel.unit))} {ASSUMED * bool(share)}".rstrip()
-            if value
-            else UNKNOWN
-            for value, name, share in numbers
-        )
-        states = "; ".join(f"{sd} at {', '.join(at)}" for sd, at in times.items()) or UNKNOWN
-        table.add_row(channel.axis.replace("_", " "), density, states, random_walk, constant)
-    return list(tables.values())
+        rows.setdefault(unit, []).append(row)
+    tables = []
+    for unit, lines in rows.items():
+        white, level, walk = (pretty(customary_unit(name, unit)) for name in (WHITE, "level", WALK))
+        states = f"bias sd, {level},\nat correlation time, s"
+        heads = f"white noise,\n{white}", states, f"bias random walk,\n{walk}", f"turn-on sd,\n{level}"
+        tables.append(table_of(("states of noise.yaml", *heads), lines, words=5))
+        tables[-1].columns[2].min_width = 20
+    return tables
 
 
 def legend(*tables: Table) -> str:
@@ -215,8 +204,8 @@ def _measured(
     shares: Mapping[Quantity, float],
     *,
     further: bool,
-) -> list[Row]:
-    """Return the rows of a sensor: white noise, bias instability and random walk, and `further` terms of an axis."""
+) -> list[tuple[str, Mapping[str, str]]]:
+    """Return the rows of a sensor, label and cells by axis: the three common terms, and `further` ones of an axis."""
     cells: dict[tuple[str, int], dict[str, str]] = {(name, 0): {} for name in (WHITE, FLICKER, WALK)}
     unit = next(iter(found.channels[axis].unit for axis in axes.values()))
     lent = found.source.get(BORROWED, {})
@@ -238,7 +227,7 @@ def _measured(
     order = list(NAMES)
     places = {key: (order.index(key[0]) if key[0] in order else len(order), key[1]) for key in cells}
     return [
-        Row(_label(sensor, name, unit), {letter: own.get(letter, UNKNOWN) for letter in axes})
+        (_label(sensor, name, unit), {letter: own.get(letter, UNKNOWN) for letter in axes})
         for (name, _), own in sorted(cells.items(), key=lambda one: places[one[0]])
     ]
 

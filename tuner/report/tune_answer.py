@@ -49,8 +49,8 @@ COMMENTS = ("#", "//", "%", "<!--", "/*", "*")
 """How lines of comments begin in the dialects."""
 OF_DRIVE_ALONE = "static diagnosis"
 """What lacks where a drive stands in for the log, which the line of the recording says."""
-SAME = "the same on all axes"
-"""Remark on a setting of a file that the line of an answer has no room for."""
+SAID_ABOVE = ("the same on all axes", "rests on a 95 % limit")
+"""How remarks on a setting of a file begin that the table of an answer says."""
 NOISE_YAML = "noise.yaml"
 """The file of all settings, from which those of other filters are made."""
 
@@ -115,7 +115,7 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
         more += [heading, *content]
     end = [*withheld_lines(result), _file_line(result, directory, dialect)]
     more += [note for note in result.config.notes if note not in result.identification.notes]
-    return document(said, remarks, end, more, spare=[noise[2:], [*noise[:1], signs]])
+    return document(said, remarks, end, more, spare=[noise[2:], [*noise[:1], signs], [*noise[1:2], reason]])
 
 
 def _mended_lines(result: TuneResult) -> list[str]:
@@ -162,7 +162,7 @@ def settings_in_dialect(result: TuneResult, dialect: str, directory: Path) -> li
     """Return where the file of a dialect is, and its settings where they are few.
 
     Lines of comments are left out; what they say of a setting, "# NAME: unit; formula; …", stands behind it, as far as
-    it fits: the formula goes first.
+    it fits.
     """
     from tuner.pipeline import file_of_dialect  # loaded when used: it imports every room
 
@@ -171,17 +171,20 @@ def settings_in_dialect(result: TuneResult, dialect: str, directory: Path) -> li
         return []
     written = [line.rstrip() for line in result.exports[name].splitlines() if line.strip()]
     remarks = (line[2:].split(": ", 1) for line in written if line.startswith("# ") and ": " in line)
-    notes = {name: [part for part in remark.split("; ") if part != SAME] for name, remark in remarks}
+    notes = {
+        name: "; ".join(part for part in remark.split("; ") if not part.startswith(SAID_ABOVE))
+        for name, remark in remarks
+    }
     lines = []
     for line in written:
         if line.lstrip().startswith(COMMENTS):
             continue
         shown = line.replace("\t", " ")
         for note in (notes[word] for word in re.split(r"[ ,]+", shown) if word in notes):
-            unit, *rest = note
-            whole, without_formula = (f"{shown}  # {'; '.join(parts)}" for parts in (note, [unit, *rest[1:]]))
-            shown = whole if len(whole) <= LINE_WIDTH else without_formula
-        lines.append(_shortened_remarks(shown))
+            shown = f"{shown}  # {note}"
+        while len(shown) > LINE_WIDTH and "; " in shown:
+            shown = shown.rpartition("; ")[0]
+        lines.append(shown)
     kept = [_kept_text(line) for line in written if "keep stock" in line]
     lines = [*lines, *kept] if len(lines) + len(kept) <= MAX_KEYS else lines or kept
     if len(lines) <= MAX_KEYS and max(map(len, lines), default=0) <= LINE_WIDTH:
@@ -193,13 +196,6 @@ def _kept_text(line: str) -> str:
     """Return of a comment which stock value is kept, and what the log shows beside it."""
     head, *rest = line.lstrip("# ").split("; ")
     return "; ".join([": ".join(head.split(": ")[:2]), *(one for one in rest if one.startswith("here"))])
-
-
-def _shortened_remarks(line: str) -> str:
-    """Return a line of settings without the last remarks that it has no room for."""
-    while len(line) > LINE_WIDTH and "; " in line:
-        line = line.rpartition("; ")[0]
-    return line
 
 
 def reference_lines(result: TuneResult) -> list[str]:
