@@ -104,7 +104,7 @@ def findings_in_words(
     return FindingsInWords(
         tuple(group_in_words(one, figures=figures) for one in felt),
         tuple(group_in_words(one, figures=figures) for one in faults),
-        tuple(one.short for one in idle),
+        tuple(one.title if figures else one.short for one in idle),
         tuple(one.short for one in finding_groups(refuted, span)),
     )
 
