@@ -76,7 +76,8 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
     mended = _mended_lines(result)
     nothing = [] if mended else ["Nothing was found that the noise terms do not explain"]
     further = len(found) - SHOWN_FINDINGS
-    pairs = any(STATES_IN_PAIR in text for name, text in result.exports.items() if files or name != PAIR)
+    own = Path(keys[0].removesuffix(":")).name if len(keys) > 1 else ""
+    pairs = any(STATES_IN_PAIR in text for name, text in result.exports.items() if own in ("", name))
     reason = why_larger(result.config, files or (PAIR,)) if noise and pairs else ""
     scored = () if result.measured is None else result.measured.consistency.outages
     said: list[Table | str] = [

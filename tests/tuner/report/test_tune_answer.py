@@ -240,6 +240,11 @@ def test_one_reason_stands_for_all_numbers_that_are_larger_than_measured(result)
         exports={"kalibr.yaml": STATES_IN_PAIR, "noise.yaml": ""},
     )
     assert why.replace(" ", "") in "".join(answer_lines(full, Path("out"))).replace(" ", "")
+    # `--to kalibr` had no reason; a filter that has all states needs none.
+    files = {"kalibr.yaml": f"# {STATES_IN_PAIR}\nnoise: 1.0\n", "mine.txt": "noise: 1.0\n"}
+    for dialect, said in (("kalibr", True), ("mine", False)):
+        lines = answer_lines(replace(full, exports=files), Path("out"), dialect)
+        assert any(line.startswith("To enter: ") for line in lines) == said
 
 
 def test_a_filter_named_shows_its_own_keys(result):
