@@ -18,7 +18,7 @@ from tuner.catalogue.grades import receiver_or_default
 from tuner.formats.axis_words import axes_text
 from tuner.formats.customary_units import digits, percent
 from tuner.identification.identify_channel import CURVE_DISAGREES
-from tuner.limits import HONEST_RATIO, LOST_SHARE, TOLERATED_RATIO, WRONG_FACTOR
+from tuner.limits import HONEST_RATIO, LOST_SHARE, SHOWN_CHANGE, TOLERATED_RATIO, WRONG_FACTOR
 from tuner.synthesis.equivalent_models import FILTER_MEMORY
 from tuner.synthesis.error_growth import modelled_growth
 from tuner.synthesis.from_drive import FROM_FIXES
@@ -52,6 +52,14 @@ ABOUT = {
     "slow part": "the slow course of the bias",
 }
 """Parts of the samples that statistics are about, in words."""
+FOR_SETTINGS = "for the settings of a filter, if it is long enough, which `tune` says"
+"""What a log is for whose samples nothing speaks against."""
+SETTING_WORDS = {
+    "white_density": "white noise",
+    "markov": "bias states",
+    "random_walk_density": "bias random walk",
+}
+"""Settings of a sensor, in words."""
 UNAIDED_TIME = 60.0
 """Time without aiding over which a term that is only limited is judged, s."""
 NOT_SHOWN_AT_REST = "a log at rest cannot show scale factors, misalignment, delays or vibration of a vehicle"
@@ -85,7 +93,8 @@ def judge_settings(known: Settings) -> Judgement:
         *_of_simulation(known.check, assumed=known.config.gnss is None),
         *_of_predictions(known.predictions),
         *_of_reading(known.identification),
-        *_of_losses(known.identification, () if known.diagnosis is None else known.diagnosis.findings),
+        *_of_losses(known.identification),
+        *_of_lost_samples(() if known.diagnosis is None else known.diagnosis.findings),
         *_of_unexplained(() if known.diagnosis is None else known.diagnosis.unexplained),
         *_of_enlargements(known.config),
         *(Reason(Use.USABLE_EXCEPT, text) for text in borrowed_words(known.config)),
@@ -137,9 +146,7 @@ def judge_noise(
     ]
     if refuted:
         short.append(Reason(Use.DO_NOT_USE, f"the Allan curve contradicts the terms of {axes_text(refuted)}"))
-    return judged(
-        Use.USABLE, [*short, *_of_reading(found), *([unfit] if failed else []), *_of_losses(found, ())]
-    )
+    return judged(Use.USABLE, [*short, *_of_reading(found), *([unfit] if failed else []), *_of_losses(found)])
 
 
 def curve_axes(predictions: Mapping[str, PredictedBlock]) -> list[str]:
@@ -148,9 +155,26 @@ def curve_axes(predictions: Mapping[str, PredictedBlock]) -> list[str]:
 
 
 def judge_log(found: Diagnosis) -> Judgement:
-    """Return whether anything in a log contradicts a simulation of its noise, and whether it has a cause."""
-    found_here = _of_causes(found.findings, found.unexplained)
-    return found_here if found_here.reasons else replace(found_here, reasons=(NOT_SHOWN_AT_REST,))
+    """Return for what a log can be used by what its samples show, and what of them has no cause."""
+    limits = [
+        *_of_lost_samples(found.findings),
+        *_of_unexplained(found.unexplained),
+        *_of_bandwidth(found.findings),
+    ]
+    verdict = judged(Use.USABLE, limits)
+    small = "" if any(map(is_felt, found.unexplained)) else f", below {percent(SHOWN_CHANGE)} of the drift"
+    left = [one.text for one in _without_cause(found.unexplained)]
+    said = [
+        f"{'else ' * bool(limits)}{FOR_SETTINGS}",
+        f"not explained{small}: {'; '.join(left)}" if left else "",
+        "" if left or found.findings else f"nothing contradicts its noise terms; {NOT_SHOWN_AT_REST}",
+    ]
+    return replace(verdict, reasons=(*verdict.reasons, *filter(None, said)))
+
+
+def is_felt(one: Unexplained) -> bool:
+    """Return whether an axis drifts further than its model by `SHOWN_CHANGE`, or nobody knows."""
+    return not one.drift or any(a > (1.0 + SHOWN_CHANGE) * b for a, b in one.drift.values())
 
 
 def judge_drive(found: DriveDiagnosis) -> Judgement:
@@ -173,16 +197,19 @@ def _of_causes(
     findings: Sequence[Finding], unexplained: Sequence[Unexplained], more: Sequence[Reason] = ()
 ) -> Judgement:
     """Return the verdict on a diagnosis: its causes, and what has none first."""
+    left = [*_without_cause(unexplained), *more]
+    causes = ", ".join(dict.fromkeys(one.cause.replace("_", " ") for one in findings))
+    text = f"explained: {causes}" if left else causes
+    named = [Reason(Use.EXPLAINED, text)] if causes else []
+    return judged(Use.NOTHING_CONTRADICTS, [*left, *named])
+
+
+def _without_cause(unexplained: Sequence[Unexplained]) -> list[Reason]:
+    """Return what of the samples is not explained, one reason a part of them."""
     parts: dict[str, list[Unexplained]] = {}
     for one in unexplained:
         parts.setdefault(one.about or one.statistic, []).append(one)
-    left = [Reason(Use.NOT_EXPLAINED, _unexplained_text(tests)) for tests in parts.values()]
-    lost = next((one.in_motion for one in findings if one.in_motion), "")
-    causes = ", ".join(dict.fromkeys(one.cause.replace("_", " ") for one in findings))
-    text = f"explained: {causes}" if left or more else causes
-    named = [Reason(Use.EXPLAINED, text)] if causes else []
-    first = [Reason(Use.NOT_EXPLAINED if left else Use.EXPLAINED, lost)] if lost else []
-    return judged(Use.NOTHING_CONTRADICTS, [*first, *left, *more, *named])
+    return [Reason(Use.NOT_EXPLAINED, _unexplained_text(tests)) for tests in parts.values()]
 
 
 def _unexplained_text(tests: Sequence[Unexplained]) -> str:
@@ -239,7 +266,7 @@ def _worse_than_before(choice: HeldOutChoice) -> Iterator[Reason]:
     for seconds, pairs in choice.outages.items():
         if len(pairs) > 1 and change_interval(pairs)[0] > 0.0:
             old, new = np.sqrt(pairs.mean(axis=0)).tolist()
-            change = f"{digits(old)} → {digits(new)} m after {seconds:g} s without fixes"
+            change = f"{digits(new / old)} × their error after {seconds:g} s without fixes"
             yield Reason(Use.DO_NOT_USE, f"worse than the settings it began from: {change}")
 
 
@@ -305,7 +332,7 @@ def lost_shares(found: Identification) -> dict[str, float]:
     return lost
 
 
-def _of_losses(found: Identification, findings: Iterable[Finding]) -> Iterator[Reason]:
+def _of_losses(found: Identification) -> Iterator[Reason]:
     """Yield which samples of a log are left out, where more than `LOST_SHARE` of them are."""
     kept: dict[str, list[str]] = {}
     for axis, lost in lost_shares(found).items():
@@ -316,6 +343,10 @@ def _of_losses(found: Identification, findings: Iterable[Finding]) -> Iterator[R
             f"{axes_text(axes)}: only {used} of the samples are used, as the sensor moved or froze in others"
         )
         yield Reason(Use.USABLE_EXCEPT, text)
+
+
+def _of_lost_samples(findings: Iterable[Finding]) -> Iterator[Reason]:
+    """Yield which samples are at fault, where more than `LOST_SHARE` of them are."""
     for one in findings:
         share = one.parameters.get("fraction")
         if share is not None and share.value is not None and share.value > LOST_SHARE:
@@ -341,14 +372,20 @@ def _of_unexplained(unexplained: Sequence[Unexplained]) -> Iterator[Reason]:
 
 def _of_enlargements(config: FilterConfig) -> Iterator[Reason]:
     """Yield the settings that differ from what was measured or stated by more than `WRONG_FACTOR`, with the causes."""
-    changed: dict[tuple[str, str], list[float]] = {}
+    changed: dict[str, dict[tuple[str, str], list[Enlargement | AppliedNoiseScale]]] = {}
     for one in config.inflations:
         if isinstance(one, Enlargement | AppliedNoiseScale) and _far(one.factor):
-            name = "sds of fixes" if one.quantity.owner == "gnss" else str(one.quantity)
-            changed.setdefault((name, _causes_text(one.causes)), []).append(one.factor)
-    if changed:
-        texts = (f"{name} × {_range_text(factors)}{why}" for (name, why), factors in changed.items())
-        yield Reason(Use.USABLE_EXCEPT, f"settings not as measured or stated: {', '.join(texts)}")
+            by_drive = isinstance(one, AppliedNoiseScale)
+            head = "settings changed by the drive" if by_drive else "settings not as measured or stated"
+            what = "sds" if one.quantity.owner == "gnss" else one.quantity.field
+            changed.setdefault(head, {}).setdefault((what, _causes_text(one.causes)), []).append(one)
+    for head, found in changed.items():
+        texts = [
+            f"{SETTING_WORDS.get(what, what)} of {axes_text([one.quantity.owner for one in alike])} "
+            f"× {_range_text([one.factor for one in alike])}{why}"
+            for (what, why), alike in found.items()
+        ]
+        yield Reason(Use.USABLE_EXCEPT, f"{head}: {', '.join(texts)}".replace("of gnss", "of fixes"))
 
 
 def _range_text(values: Collection[float]) -> str:

@@ -12,7 +12,7 @@ from tuner.catalogue.grades import load_gnss
 from tuner.exporters import export
 from tuner.identification.identify_source import identify_source
 from tuner.invariants import INVARIANTS, Claims, Statement, violations
-from tuner.judgement import judge_log
+from tuner.judgement import judge_drive, judge_log
 from tuner.limits import SCREEN_LINES
 from tuner.report.claims import _written, claims_of, lawful
 from tuner.report.terminal import fitted
@@ -20,7 +20,7 @@ from tuner.report.tune_answer import tune_answer
 from tuner.simulation.static import simulate
 from tuner.synthesis import synthesize
 from tuner.tune_result import TuneResult
-from tuner.types import Coefficient, Diagnosis, Enlargement, Finding, Quantity, Unexplained
+from tuner.types import Coefficient, Diagnosis, DriveDiagnosis, Enlargement, Finding, Quantity, Unexplained
 from tuner.types.consistency import Consistency, Outage, RmsError, Score
 from tuner.types.identification import TermEstimate
 from tuner.types.judgement import Judgement, Use
@@ -71,17 +71,21 @@ def made_diagnosis(rng):
     return Diagnosis(tuple(one for one in found if one.determined), tuple(left))
 
 
+def of_drive(found):
+    return DriveDiagnosis(found.findings, None, None, unexplained=found.unexplained)
+
+
 def test_no_made_result_contradicts_itself():
     """Scores of every size, certainty and combination; diagnoses with and without names and rests."""
     rng = np.random.default_rng(20261127)
     uses = set()
     for _ in range(1000):
-        for result in (made_scores(rng), made_diagnosis(rng)):
+        for result in (made_scores(rng), made_diagnosis(rng), of_drive(made_diagnosis(rng))):
             said = claims_of(result)
             uses.add(said.verdict.use)
             assert violations(said) == ()
     assert uses == {Use.HONEST, Use.TOO_SHORT, Use.OPTIMISTIC, Use.PESSIMISTIC, Use.DO_NOT_USE,
-                    Use.NOTHING_CONTRADICTS, Use.EXPLAINED, Use.NOT_EXPLAINED}  # fmt: skip
+                    Use.NOTHING_CONTRADICTS, Use.EXPLAINED, Use.NOT_EXPLAINED, Use.USABLE}  # fmt: skip
 
 
 def test_no_made_settings_contradict_their_verdict():
@@ -169,11 +173,26 @@ def test_a_result_that_contradicts_itself_is_refused_in_one_line():
 def test_what_is_unexplained_is_in_the_verdict_of_a_diagnosis():
     rest = Unexplained("shape of the spectrum", ("gyro_x",), 1e-9)
     named = replace(FINDING, parameters={"size": KNOWN})
-    assert judge_log(Diagnosis((), (rest,))).text == "not explained: shape of the spectrum in gyro x"
-    both = judge_log(Diagnosis((named,), (rest,)))
+    assert judge_log(Diagnosis((), (rest,))).text.endswith("; not explained: shape of the spectrum in gyro x")
+    both = judge_drive(of_drive(Diagnosis((named,), (rest,))))
     assert both.use is Use.NOT_EXPLAINED
     assert both.text == "not explained: shape of the spectrum in gyro x; explained: step"
-    assert judge_log(Diagnosis((named,))).text == "causes found: step"
+    assert judge_drive(of_drive(Diagnosis((named,)))).text == "causes found: step"
+
+
+def test_the_verdict_on_a_log_says_whether_it_can_be_used_and_for_what():
+    """It was "not explained: …", below which nobody knew whether settings may be made from the log."""
+    assert judge_log(Diagnosis(())).text.startswith("usable: for the settings of a filter")
+    lost = replace(FINDING, parameters={"size": KNOWN}, extension={"in_motion": "motion is lost"})
+    filtered = judge_log(Diagnosis((lost,)))
+    assert filtered.use is Use.USABLE_EXCEPT
+    assert filtered.text.startswith("usable except: anything that moves: of gyro x motion is lost; else for")
+    small = Unexplained("shape of the spectrum", ("gyro_x",), 1e-9, drift={"60 s": (1.02, 1.0)})
+    assert "not explained, below 5 % of the drift: shape" in judge_log(Diagnosis((), (small,))).text
+    large = replace(small, drift={"60 s": (2.0, 1.0)})
+    assert (
+        "gyro x: after 60 s its drift is 2.0 × that of its noise" in judge_log(Diagnosis((), (large,))).text
+    )
 
 
 def test_two_terms_of_one_kind_are_two_quantities():

@@ -151,11 +151,11 @@ def with_config(known, **what):
     [
         (
             Enlargement(Quantity("gyro_x", "white_density"), 3.1, "vibration"),
-            "gyro_x.white_density × 3.1",
+            "settings not as measured or stated: white noise of gyro x × 3.1",
         ),
         (
             AppliedNoiseScale(Quantity("gyro", "white_density"), 190.0, "", causes=("unknown",)),
-            "gyro.white_density × 190 (unknown)",
+            "settings changed by the drive: white noise of gyro × 190 (unknown)",
         ),
     ],
 )

@@ -16,6 +16,8 @@ SHORT_SPAN = 600.0
 """Time up to which a reader counts seconds, s."""
 MIN_LEFT_OUT = 1.0
 """Time that a log is longer than what is used of it, s, from which its reader is to know."""
+WITHOUT_WORDS = ("likelihood", "datasheet")
+"""Methods that the line of a recording does not name: the usual one, and a sheet beside it, which the verdict names."""
 
 
 def settings_answer(config: FilterConfig) -> Document:
@@ -36,7 +38,7 @@ def recording_text(found: Identification, rest: str = "") -> str:
     spans: dict[str, list[str]] = {}
     for c in found.channels.values():
         part = used_part(found.source, c.axis)
-        how = "" if c.method == "likelihood" else f", by {c.method}"
+        how = "" if c.method in WITHOUT_WORDS else f", by {c.method}"
         text = f"{span_text(c.span)}{rest} at {digits(1.0 / c.interval)} Hz{part}{how}"
         spans.setdefault(text if c.span > 0.0 else "stated, not measured", []).append(c.axis)
     parts = [text if len(spans) == 1 else f"{text} ({axes_text(axes)})" for text, axes in spans.items()]

@@ -11,12 +11,15 @@ from tuner.consistency.score_drive import DriveResult
 from tuner.consistency.score_output import OutputScore
 from tuner.exporters.dialect import Target
 from tuner.exporters.triad_values import triad, walk, white
+from tuner.formats.customary_units import digits
 from tuner.invariants import Claims, Statement, violations
 from tuner.judgement import curve_axes, judge_drive, judge_log, judge_noise, lost_shares
+from tuner.report.drive_answer import outage_rows
 from tuner.report.noise_table import PAIR
 from tuner.tune_result import TuneResult
 from tuner.types import AppliedNoiseScale, Diagnosis, DriveDiagnosis, FilterConfig, Identification
 from tuner.types.consistency import Check, Consistency
+from tuner.types.honesty import ratio_text
 from tuner.types.records import DataError
 
 Result = (
@@ -65,10 +68,26 @@ def _of_tune(result: TuneResult) -> Claims:
         tuple(finding for one in diagnoses for finding in one.findings),
         {name: known for found in scores for name, known in _errors(found).items()},
         lost_shares(result.identification),
-        (*_identified(result.identification, curve_axes(result.predictions)), *_written(result)),
+        (
+            *_identified(result.identification, curve_axes(result.predictions)),
+            *_written(result),
+            *_without_fixes(result),
+        ),
         tuple(result.exports),
         None if late is None or late.fixes_rms is None else (late.tracking_rms, late.fixes_rms),
     )
+
+
+def _without_fixes(result: TuneResult) -> Iterator[Statement]:
+    """Yield errors without fixes on the drive, as they stand beside the choice of its settings and in its score."""
+    if result.choice is None or result.measured is None:
+        return
+    scored = result.measured.consistency.outages
+    for one, (name, size, _, ratio) in zip(scored, outage_rows(result.choice, scored), strict=True):
+        scored_ratio = ratio_text(one.score.ratio, one.interval)
+        for what, texts in {"error": (size, digits(one.rms)), "÷ predicted": (ratio, scored_ratio)}.items():
+            for place, text in zip(("beside the choice", "in the score"), texts, strict=True):
+                yield Statement(f"{what}, {name}", place, float(text.split()[0]))
 
 
 def _errors(found: Consistency) -> dict[str, bool]:

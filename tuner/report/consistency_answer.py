@@ -13,7 +13,7 @@ from tuner.consistency.error_budget import blind_spots
 from tuner.consistency.error_budget import table as budget_rows
 from tuner.formats.customary_units import digits, percent
 from tuner.formats.reference_words import reference_line
-from tuner.limits import SHOWN_FINDINGS
+from tuner.limits import HONEST_RATIO, SHOWN_FINDINGS, TOLERATED_RATIO
 from tuner.report.document import Document, document
 from tuner.report.titled_table import table_of, titled_table
 from tuner.report.verdict_text import observability_text, score_title, verdict_text
@@ -25,12 +25,16 @@ from tuner.types.consistency import (
     RmsError,
     Score,
 )
-from tuner.types.honesty import claim_name, claims, is_off, ratio_text
+from tuner.types.honesty import claim_name, claims, is_off, ratio_text, shows_dishonesty
+from tuner.types.judgement import Use
 from tuner.types.named_cause import separated
 from tuner.types.verdict import Severity, VerdictCode
 
-OFF = "*"
-"""Mark behind a ratio that is shown to be off 1."""
+HONEST_IS = (
+    f"honest: {1.0 / HONEST_RATIO:.2f} to {HONEST_RATIO:g} (attitude {1.0 / TOLERATED_RATIO:g} to "
+    f"{TOLERATED_RATIO:g}), or off by chance; blank: not judged"
+)
+"""What the rows of a table are judged by."""
 HEADS = ("score", "ratio", "for the filter", "verdict")
 """Of a table of scores."""
 IN_THE_TABLE = (VerdictCode.OPTIMISTIC, VerdictCode.PESSIMISTIC, VerdictCode.CORRELATED_INNOVATIONS)
@@ -96,26 +100,27 @@ def explanation_lines(found: Consistency) -> list[str]:
 
 
 def _score_table(found: Consistency) -> Table:
-    """Return errors, and errors ÷ what was predicted of every score, with its interval."""
-    error = "error" if found.has_truth else "distance"
+    """Return errors, errors ÷ what was predicted of every score, with its interval, and what those that decide say."""
     errors = {name: _rms_text(one, [math.hypot(*one.values)]) for name, one in found.errors.items()}
     outages = {one.score.name: one for one in found.outages}
-    off = _off(found)
+    decisive = list(claims(found))
     together = found.nis[:1] if len(found.nis) > 1 else ()  # said by its parts
     rows = []
     for one in (each for each in found.scores if each not in together):
         outage = outages.get(one.name)
         size = errors.pop(one.name, "") if outage is None else f"{digits(outage.rms)} m"
         text = ratio_text(one.ratio, one.interval if outage is None else outage.interval)
-        rows.append((_name(one, found), size, text + OFF * (one in off)))
-    rows += [(score_title(name), size, "") for name, size in errors.items()]
-    return table_of(("", f"{error}, rms", f"{error} ÷ predicted (95 %)"), rows, words=3)
+        rows.append((_name(one, found), size, text, _judged(one) if one in decisive else ""))
+    rows += [(score_title(name), size, "", "") for name, size in errors.items()]
+    heads = "rms", "error" if found.has_truth else "distance", "÷ predicted (95 %)", "verdict"
+    return table_of(heads, rows, words=len(heads))
 
 
-def _off(found: Consistency) -> list[Score]:
-    """Return the scores that are off: beyond chance and 10 %, or those that decide the verdict against the filter."""
-    decisive = [one for one in claims(found) if is_off(one)]
-    return [one for one in found.scores if one in decisive or not one.consistent]
+def _judged(one: Score) -> str:
+    """Return what a score says of the filter."""
+    if is_off(one):
+        return Use.OPTIMISTIC if one.ratio > 1.0 else Use.PESSIMISTIC
+    return Use.HONEST if shows_dishonesty(one) else "too short"
 
 
 def _name(one: Score, found: Consistency) -> str:
@@ -133,16 +138,14 @@ def _rms_text(one: RmsError, values: Iterable[float], names: Iterable[str] = (""
 
 
 def _further(found: Consistency) -> list[str]:
-    """Return what the table does not show: mark, correlation of the innovations, refused fixes."""
+    """Return what the table does not show: what is judged, correlation of the innovations, refused fixes."""
     white = found.whiteness
-    marked = (
-        [f"{OFF}: too far from 1; position, velocity, attitude and outages decide"] if _off(found) else []
-    )
+    others = []
     if white is not None and not white.consistent:
-        marked.append(f"innovations correlated, {white.correlation:+.2f} at lag {white.lag}")
+        others.append(f"innovations correlated, {white.correlation:+.2f} at lag {white.lag}")
     if found.gated:
-        marked.append(f"{percent(found.gated)} of fixes refused")
-    return ["; ".join(marked)]
+        others.append(f"{percent(found.gated)} of fixes refused")
+    return [HONEST_IS * bool(found.scores), "; ".join(others)]
 
 
 def _bands(found: Consistency) -> list[Table | str]:

@@ -17,6 +17,8 @@ from tuner.types import AllanCurve, Correlogram, Spectrum
 
 ANSWER_ROWS = 9
 """Rows of a curve in an answer: one for each half decade of four and a half, of two sensors on one screen."""
+NO_BIAS_INSTABILITY = "A minimum is not bias instability B: that is a flat Allan deviation ÷ 0.664"
+"""What a minimum is not."""
 Curve = AllanCurve | Spectrum | Correlogram
 
 
@@ -75,26 +77,28 @@ def curve_table(found: Curve, rows: NDArray[np.intp] | None = None) -> Table:
 
 
 def curve_answer(found: Sequence[Curve], names: Sequence[str]) -> Document:
-    """Return some rows of the curves of a log, evenly spread, and of an Allan-type curve its least deviation."""
+    """Return some rows of the curves of a log, evenly spread, and of an Allan-type curve its minimum."""
     parts: list[Table | str] = []
     for one in found:
         count = len(shown_curve(one).x)
         parts.append(curve_table(one, np.unique(np.linspace(0, count - 1, ANSWER_ROWS).astype(int))))
         if isinstance(one, AllanCurve):
-            parts.append(_least(one))
+            parts.append(_minima(one))
+    if isinstance(found[0], AllanCurve):
+        parts.append(NO_BIAS_INSTABILITY)
     first = shown_curve(found[0])
     ends = f"{digits(float(first.x[0]), 2)} to {digits(float(first.x[-1]), 3)} {first.across.split()[-1]}"
     said = f"{', '.join(names)}: raw, no part of the log left out; {len(first.x)} points, {ends}"
     return document([said, *parts], more=map(curve_table, found), beyond="all points")
 
 
-def _least(curve: AllanCurve) -> str:
-    """Return where the deviation of each axis is least; at the end of the record nothing shows that it rises again."""
+def _minima(curve: AllanCurve) -> str:
+    """Return the minimum of the curve of each axis; at the end of the record nothing shows that it rises again."""
     deviation = shown_curve(curve).y
-    last = len(deviation) - 1
+    last, unit = len(deviation) - 1, pretty(customary_unit("level", curve.unit))
     parts = [
         f"{axis.rpartition('_')[2]} {digits(float(column[k]))} at {digits(float(curve.tau[k]))} s"
         + ", the end" * (k == last)
         for axis, column, k in zip(curve.axes, deviation.T, deviation.argmin(axis=0).tolist(), strict=True)
     ]
-    return f"Least: {'; '.join(parts)}"
+    return f"Minimum, {unit}: {'; '.join(parts)}"

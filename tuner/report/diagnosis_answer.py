@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from tuner.formats.customary_units import digits
-from tuner.judgement import judge_log
+from tuner.judgement import is_felt, judge_log
 from tuner.limits import SHOWN_FINDINGS
 from tuner.report.alike_sentences import alike_sentences
 from tuner.report.answer_layout import assumed_text, span_text
@@ -23,22 +23,22 @@ def diagnosis_answer(found: Diagnosis, records: Sequence[Record] = ()) -> Docume
     """Return what a simulation of the noise of a log gets wrong: what changes most, then what is left."""
     words = findings_in_words(found.findings, max((record.span for record in records), default=None))
     shown = [*words.felt, *words.faults]
+    rest = filter(is_felt, found.unexplained)
     return document(
         [
             _recording(records),
             f"Verdict: {judge_log(found).text}",
             *shown[:SHOWN_FINDINGS],
-            f"Changes noise and drift by less than 5 %: {'; '.join(words.idle)}" if words.idle else "",
+            f"Found, and changes noise and drift by less than 5 %: {'; '.join(words.idle)}"
+            if words.idle
+            else "",
             words.doubted,
         ],
-        [
-            *shown[SHOWN_FINDINGS:],
-            *(f"Not explained: {line}" for line in unexplained_lines(found.unexplained)),
-            *note_lines(found),
-        ],
+        [*shown[SHOWN_FINDINGS:], *(f"Not explained: {line}" for line in unexplained_lines([*rest]))],
         more=[
             *finding_tables(found.findings, "What the simulation gets wrong"),
             *unexplained_table(found.unexplained),
+            *note_lines(found),
         ],
         beyond="every finding and test",
     )

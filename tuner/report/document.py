@@ -28,8 +28,8 @@ class Document:
         What ``--verbose``, pages and notebooks add to it.
     beyond : str
         What that is, in a few words.
-    spare : tuple of Table
-        Tables among the parts that a screen without room for all parts leaves out, the least needed first.
+    spare : tuple of tuples of Table or str
+        Groups of parts that a screen without room for all leaves out, the least needed first.
     """
 
     parts: tuple[Table | str, ...]
@@ -37,7 +37,7 @@ class Document:
     end: tuple[str, ...] = ()
     more: tuple[Table | str, ...] = ()
     beyond: str = "all tables"
-    spare: tuple[Table, ...] = ()
+    spare: tuple[tuple[Table | str, ...], ...] = ()
 
     @property
     def whole(self) -> tuple[Table | str, ...]:
@@ -48,9 +48,10 @@ class Document:
         """Return the answer with the command of `tuner` that follows from it, to paste as it is."""
         return replace(self, end=(*self.end, f"{NEXT}{shlex.join(command)}"))
 
-    def without(self, tables: Sequence[Table]) -> Document:
-        """Return the answer without some of its tables."""
-        kept = (part for part in self.parts if not any(part is table for table in tables))
+    def without(self, groups: Sequence[Sequence[Table | str]]) -> Document:
+        """Return the answer without some groups of its parts."""
+        left_out = [one for group in groups for one in group]
+        kept = (part for part in self.parts if not any(part is one for one in left_out))
         return replace(self, parts=tuple(kept))
 
     def last_line(self, left_out: int) -> str:
@@ -67,10 +68,15 @@ def document(
     more: Iterable[Table | str] = (),
     *,
     beyond: str = "all tables",
-    spare: Iterable[Table] = (),
+    spare: Iterable[Sequence[Table | str]] = (),
 ) -> Document:
     """Return an answer of these contents; empty sentences are left out."""
     said, rest, last = ([one for one in content if one != ""] for content in (parts, remarks, end))
     return Document(
-        tuple(said), tuple(map(str, rest)), tuple(map(str, last)), tuple(more), beyond, tuple(spare)
+        tuple(said),
+        tuple(map(str, rest)),
+        tuple(map(str, last)),
+        tuple(more),
+        beyond,
+        tuple(map(tuple, spare)),
     )

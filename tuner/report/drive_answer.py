@@ -6,15 +6,17 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from rich.table import Table
 
 from models.filter_states import FILTER_STATES
 from tuner.formats.customary_units import amount, digits
 from tuner.formats.parameter_words import parameter_words
+from tuner.report.titled_table import table_of
 from tuner.types.honesty import ratio_text
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
+
+    from rich.table import Table
 
     from tuner.diagnosis.drive import ExaminedDrive
     from tuner.diagnosis.drive.held_out_choice import HeldOutChoice
@@ -22,6 +24,13 @@ if TYPE_CHECKING:
     from tuner.types import FilterConfig, Finding
     from tuner.types.compensation import Compensation
     from tuner.types.consistency import Outage
+
+
+DELAY_IS_IN = (
+    "taken out by noise.yaml in tuner and in the KF-GINS export, not in the recording or mended.npz: for other filters "
+    "take it out once"
+)
+"""What is done about a delay, and what is left to do."""
 
 
 def found_text(finding: Finding, *, sizes: bool = True) -> str:
@@ -42,41 +51,46 @@ def found_text(finding: Finding, *, sizes: bool = True) -> str:
 
 
 def choice_parts(choice: HeldOutChoice, scored: Sequence[Outage] = ()) -> list[Table | str]:
-    """Return errors with fixes and without them, with the settings before the drive and those chosen on it.
+    """Return errors with fixes and without them: now, ÷ those with the settings before the drive, and ÷ predicted.
 
-    Without a reference these are distances to the fixes. A difference that chance may make is said to be none. Errors ÷
-    predicted are those of the scored outages, which the verdict reads, where there are any.
+    Without a reference these are distances to the fixes.
     """
-    before, after = choice.before, choice.after
-    if choice.kept == "as it began" or before is None or after is None:
+    if choice.kept == "as it began" or choice.before is None or choice.after is None:
         return [f"After the drive: {choice.note}"]
-    from tuner.diagnosis.drive.held_out_gain import change_interval  # loads the diagnosis of drives
-
+    before, after = choice.before, choice.after
     error = "distance to fixes" if after.fixes_rms is None else "error"
     alone = "" if after.fixes_rms is None else f"(fixes alone {digits(after.fixes_rms)} m)"
-    table = Table(box=None, padding=(0, 2, 0, 0))
-    for head in (f"{error}, rms", "before", "now", "now ÷ predicted (95 %)"):
-        table.add_column(head, no_wrap=True)
-    tracking = (f"{digits(one.tracking_rms)} m" for one in (before, after))
-    table.add_row("with fixes (last 40 %)", *tracking, alone)
-    late = {one.seconds: ratio_text(one.ratio, one.interval) for one in choice.late}
-    late |= {
-        one.seconds: ratio_text(one.score.ratio, one.interval) for one in scored
-    }  # as the verdict has them
-    for seconds, pairs in choice.outages.items():
-        old, new = np.sqrt(pairs.mean(axis=0)).tolist()
-        low, high = change_interval(pairs)
-        chance = ", or the same" * (low <= 0.0 <= high)
-        name = f"{seconds:g} s without fixes"
-        table.add_row(name, f"{digits(old)} m", f"{digits(new)} m{chance}", late.get(seconds, ""))
+    change = f"{after.tracking_rms / before.tracking_rms:.2f}"
+    aided = "with fixes (last 40 %)", f"{digits(after.tracking_rms)} m", change, alone
+    heads = f"{error}, rms", "now", "now ÷ before (95 %)", "now ÷ predicted (95 %)"
     despite = [f"{choice.despite[:1].upper()}{choice.despite[1:]}"] if choice.despite else []
-    return [table, *despite]
+    return [table_of(heads, [aided, *outage_rows(choice, scored)], words=len(heads)), *despite]
+
+
+def outage_rows(choice: HeldOutChoice, scored: Sequence[Outage]) -> list[tuple[str, str, str, str]]:
+    """Return the errors of scored outages, which the verdict reads, now, ÷ before, and ÷ predicted, one row a length.
+
+    What they were before follows from the outages that were tried with both settings.
+    """
+    from tuner.diagnosis.drive.held_out_gain import change_interval  # loads the diagnosis of drives
+
+    rows = []
+    for one in scored:
+        change = ""
+        if (pairs := choice.outages.get(one.seconds)) is not None:
+            old, new = np.sqrt(pairs.mean(axis=0)).tolist()
+            low, high = change_interval(pairs)
+            change = ratio_text(new / old, (1.0 + low / old, 1.0 + high / old))
+        size, predicted = f"{digits(one.rms)} m", ratio_text(one.score.ratio, one.interval)
+        rows.append((f"{one.seconds:g} s without fixes", size, change, predicted))
+    return rows
 
 
 def fixes_parts(examined: ExaminedDrive, config: FilterConfig) -> list[Table | str]:
-    """Return the sds of the fixes as the receiver reports them and as the filter has them, and what it takes as delay.
+    """Return the sds of the fixes as reported and as a filter is given them, and what is taken out as delay.
 
-    Of sds that differ from fix to fix these are medians. Where none are reported, those of the configuration stand.
+    Of sds that differ from fix to fix these are medians. Beside states for errors that last the filter has sds of the
+    rest; one without such states has the whole, and not less than the receiver reports.
     """
     # load the navigation, which the answer on a log does without
     from tuner.navigation.compensation import compensate_settings
@@ -88,47 +102,50 @@ def fixes_parts(examined: ExaminedDrive, config: FilterConfig) -> list[Table | s
     settings = compensate_settings(filter_settings(config), config.compensation)
     raw = np.hstack([gnss.position_sd, gnss.velocity_sd])
     both = reported_sds(gnss, settings), assumed_sds(raw, gnss.solution, settings)
-    table = Table(box=None, padding=(0, 2, 0, 0))
-    for head in ("fix sd: horizontal, down", "reported", "noise.yaml", "and errors that last"):
-        table.add_column(head, no_wrap=True)
-    lasting = _lasting_texts(config)
+    lasting = _lasting(config)
+    columns = {}
     for name, block in (("positions, m", slice(0, 3)), ("velocities, m/s", slice(3, 6))):
-        if name in lasting or np.isfinite(gnss.vel_n).any():
-            known, used = (_level_text(*np.median(one[:, block], axis=0).tolist()) for one in both)
-            source = "" if (raw[:, block] > 0.0).any() else " ASSUMED"
-            table.add_row(name, f"{known}{source}", used, lasting.get(name, ""))
+        states = lasting.get(name, ())
+        if states or np.isfinite(gnss.vel_n).any():
+            known, used = (np.median(one[:, block], axis=0) for one in both)
+            stated = bool((raw[:, block] > 0.0).any())
+            whole = np.sqrt(used**2 + sum(np.array([sd, sd, down]) ** 2 for sd, down, _ in states))
+            columns[name] = (
+                _level_text(known) + " ASSUMED" * (not stated),
+                _level_text(used),
+                "; ".join(f"{_level_text([sd, sd, down])} for {digits(t, 2)} s" for sd, down, t in states)
+                or "none",
+                _level_text(np.maximum(whole, known * stated)),
+            )
+    names = "reported", "R of noise.yaml", "beside states for errors that last", "R without such states"
+    rows = zip(names, *columns.values(), strict=True)
+    table = table_of(("sd of fixes: horizontal, down", *columns), rows, words=1 + len(columns))
     return [table, *_delay_lines(examined.clock or AGREEING, config.compensation)]
 
 
-def _level_text(north: float, east: float, down: float) -> str:
+def _level_text(sds: Iterable[float]) -> str:
     """Return a sd of an axis in the horizontal, and that down."""
+    north, east, down = sds
     return f"{digits(math.hypot(north, east) / math.sqrt(2.0), 2)}, {digits(down, 2)}"
 
 
-def _lasting_texts(config: FilterConfig) -> dict[str, str]:
-    """Return the sds and correlation times of errors of positions and velocities that the filter lets stay."""
+def _lasting(config: FilterConfig) -> dict[str, list[tuple[float, float, float]]]:
+    """Return the sds, horizontal and down, and the correlation times, s, of errors of fixes that have states."""
     gnss, name = config.gnss, "correlated_velocity"
     states = () if gnss is None else gnss.correlated
     down = 1.0 if gnss is None else gnss.correlated_down
-    said = {
-        "positions, m": "; ".join(_lasting_text(one.sd, one.sd * down, one.time_constant) for one in states)
-    }
+    found = {"positions, m": [(one.sd, one.sd * down, one.time_constant) for one in states]}
     if sd := config.constants.get(name):
         time = config.time_constants.get(name, FILTER_STATES[name].time_constant)
-        said["velocities, m/s"] = _lasting_text(sd, sd, time)
-    return said
-
-
-def _lasting_text(level: float, down: float, time: float) -> str:
-    return f"{digits(level, 2)}, {digits(down, 2)} for {digits(time, 2)} s"
+        found["velocities, m/s"] = [(sd, sd, time)]
+    return found
 
 
 def _delay_lines(clock: Clock, applied: Compensation) -> list[str]:
-    """Return the line on the delays that noise.yaml takes out of fixes and velocities; no line without any."""
+    """Return the line on delays of fixes and velocities: what takes them out, and what does not; none without any."""
     from tuner.navigation.drive.clock import Clock, clock_words
 
     delay, lag = (applied.value(cause, "delay") for cause in ("time_offset", "velocity_lag"))
     taken = clock if (clock.delay, clock.lag) == (delay, lag) else Clock(delay, lag, (delay,) * 2, (lag,) * 2)
     text = clock_words(taken)
-    how = "noise.yaml takes that out; shift the stamps for another filter"
-    return [f"{text[:1].upper()}{text[1:]}: {how}"] if text else []
+    return [f"{text[:1].upper()}{text[1:]}: {DELAY_IS_IN}"] if text else []

@@ -77,11 +77,7 @@ def vibration_lines(found: Examination) -> list[str]:
         for name, (still, moving) in found.vibration.items()
         if moving > WRONG_FACTOR * still > 0.0
     ]
-    return (
-        [f"Noise of the samples in motion: {', '.join(parts)} that at rest; Q must hold in motion"]
-        if parts
-        else []
-    )
+    return [f"Noise in motion: {', '.join(parts)} that at rest, which Q must hold"] if parts else []
 
 
 def _noise_table(found: Examination) -> Table:

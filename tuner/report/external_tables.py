@@ -10,7 +10,6 @@ from rich.table import Table
 from tuner.external.noise_factors import NOISE_FACTORS
 from tuner.external.tune_external import ExternalTuning
 from tuner.formats.codec import dump
-from tuner.report.consistency_answer import OFF
 from tuner.report.json.output_score import output_score_json
 from tuner.report.titled_table import titled_table
 from tuner.report.verdict_text import score_title, verdict_text
@@ -50,7 +49,7 @@ def _scores(result: ExternalTuning) -> Iterator[tuple[str, ...]]:
         against = "rest of the drive: likelihood of errors against its reference"
         yield against, "0", f"{result.reference_gain:+.3f}"
     ratios = [
-        {s.name: f"{s.ratio:.3f}{OFF * (not s.consistent)}" for s in one.consistency.scores}
+        {s.name: f"{s.ratio:.3f}{'*' * (not s.consistent)}" for s in one.consistency.scores}
         for one in result.scores
     ]
     for name in dict.fromkeys(name for own in ratios for name in own):

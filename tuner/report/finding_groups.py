@@ -50,8 +50,10 @@ class FindingGroup:
 
     Attributes
     ----------
-    title, short : str
-        Causes, axes and number, in words; the title of a finding that stands alone with its figures.
+    title : str
+        Causes, axes and number, in words.
+    figures : str
+        Parameters of a finding that stands alone.
     findings : tuple of Finding
         All of them.
     changes : str
@@ -63,7 +65,7 @@ class FindingGroup:
     """
 
     title: str
-    short: str
+    figures: str
     findings: tuple[Finding, ...]
     changes: str
     drift: Mapping[str, tuple[float, float]]
@@ -126,10 +128,10 @@ def _group(findings: tuple[Finding, ...], span: float | None) -> FindingGroup:
     axes = list(dict.fromkeys(axis for finding in findings for axis in finding.channels))
     largest = max(findings, key=lambda one: max((a - b for a, b in one.drift.values()), default=0.0))
     what = f"{' and '.join(causes).replace('_', ' ')} in {axes_text(axes)}"
-    short = ": ".join(filter(None, (what, _count(findings, causes, span))))
-    title = short + _figures(findings[0].parameters) if len(findings) == 1 else short
+    title = ": ".join(filter(None, (what, _count(findings, causes, span))))
+    figures = _figures(findings[0].parameters) if len(findings) == 1 else ""
     return FindingGroup(
-        title, short, findings, changed_entry(causes[0]), largest.drift, _white_ratio(findings, span)
+        title, figures, findings, changed_entry(causes[0]), largest.drift, _white_ratio(findings, span)
     )
 
 

@@ -27,7 +27,7 @@ def group_in_words(group: FindingGroup, *, figures: bool = True) -> str:
 
 def name_in_words(group: FindingGroup) -> str:
     """Return what was found and where, as a sentence begins."""
-    return f"{group.short[:1].upper()}{group.short[1:]}"
+    return f"{group.title[:1].upper()}{group.title[1:]}"
 
 
 def effect_in_words(group: FindingGroup, *, figures: bool = True) -> str:
@@ -39,8 +39,7 @@ def effect_in_words(group: FindingGroup, *, figures: bool = True) -> str:
         drift_text(_most_moved(group.drift)),
         _entry(group.changes),
     ]
-    sizes = group.title.removeprefix(group.short).removeprefix(" ") if figures else ""
-    return f"{'; '.join(part for part in parts if part)} {sizes}".rstrip()
+    return f"{'; '.join(part for part in parts if part)}{group.figures * figures}".lstrip()
 
 
 def _most_moved(drift: Mapping[str, tuple[float, float]]) -> Mapping[str, tuple[float, float]]:
@@ -104,8 +103,8 @@ def findings_in_words(
     return FindingsInWords(
         tuple(group_in_words(one, figures=figures) for one in felt),
         tuple(group_in_words(one, figures=figures) for one in faults),
-        tuple(one.title if figures else one.short for one in idle),
-        tuple(one.short for one in finding_groups(refuted, span)),
+        tuple(f"{one.title}{one.figures * figures}" for one in idle),
+        tuple(one.title for one in finding_groups(refuted, span)),
     )
 
 

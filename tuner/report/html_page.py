@@ -29,7 +29,7 @@ from tuner.report.drive_answer import fixes_parts
 from tuner.report.identification_answer import warning_lines
 from tuner.report.identification_tables import identification_tables
 from tuner.report.interactive_figure import Chart, charts_of_figure
-from tuner.report.noise_table import legend, more_white_noise, states_tables
+from tuner.report.noise_table import legend, states_tables, why_larger
 from tuner.report.page_findings import findings_content
 from tuner.report.page_parts import Picture, blocks
 from tuner.report.tune_answer import (
@@ -95,10 +95,10 @@ def write_page(
         "standing": STANDING[result.verdict.use],
         "facts": _facts(result),
         "measured": blocks([*measured, *fixes[:1]]),
-        "legend": legend(*measured),
+        "legend": ". ".join(filter(None, (legend(*measured), why_larger(result.config, result.exports)))),
         "states": blocks(states := states_tables(result.config)),
         "marks": legend(*states),
-        "against": [*fixes[1:], *against_datasheet(result), *more_white_noise(result.config, result.exports)],
+        "against": [*fixes[1:], *against_datasheet(result)],
         "reasons": setting_reasons(result),
         "files": [{"name": name, "text": text} for name, text in result.exports.items()],
         "dialects": list(others),

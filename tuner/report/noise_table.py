@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from itertools import zip_longest
 
 from rich.table import Table
 
 from tuner.exporters import kalibr, kf_gins
 from tuner.exporters.dialect import Target
-from tuner.exporters.triad_values import triad
+from tuner.exporters.triad_values import longest_time
 from tuner.formats.customary_units import customary_unit, digits, in_customary, pretty, with_interval
 from tuner.formats.yaml_text import Noted
 from tuner.report.coefficient_text import coefficients_of
 from tuner.report.titled_table import table_of
 from tuner.synthesis.equivalent_models import equivalent_noise
-from tuner.synthesis.prediction import FITTED
-from tuner.types import ChannelNoise, Coefficient, FilterConfig, Identification
-from tuner.types.borrowed import BORROWED, borrowed, white_is_measured
+from tuner.types import BoundUsed, ChannelNoise, Coefficient, FilterConfig, Identification, Quantity
+from tuner.types.borrowed import BORROWED
 
 WHITE, FLICKER, WALK = "white.density", "bias_instability.level", "random_walk.density"
 NAMES = {
@@ -31,41 +28,27 @@ NAMES = {
     "ramp.rate": "bias ramp",
 }
 """Names of coefficients, in the order of their rows; others have that of their term."""
-ROUGH, HALF, WHOLE, LENT, UNKNOWN = "rough", "half", "limit", "lent", "–"
-"""Behind a number that is fitted to the Allan curve, one that is half of a limit, one that is the limit, and one of
+ROUGH, TAKEN, LENT, UNKNOWN = "rough", "→", "lent", "–"
+"""Behind a number that is fitted to the Allan curve, between a limit and what is taken for it, behind a number of
 another sensor's sheet; in place of an unknown one."""
 LEGEND = {
     "±": "± ( ): 95 % interval",
     "<": "<: not seen, 95 % limit",
-    HALF: f"{HALF}: has half of it, ASSUMED",
-    WHOLE: f"{WHOLE}: is that limit",
+    TAKEN: f"{TAKEN}: taken for it, ASSUMED",
     LENT: f"{LENT}: of the sensor named above, ASSUMED",
     ROUGH: f"{ROUGH}: fitted to the Allan curve, as the terms do not fit",
     UNKNOWN: f"{UNKNOWN}: unknown",
 }
+ASSUMED = "ASSUMED"
+"""Behind a number that nothing measures."""
 PAIR, FADING = "kalibr.yaml", "kf-gins.yaml"
 """Files whose numbers stand beside the measured ones: white noise with a random walk, and with a Gauss–Markov bias."""
 WIDEST_CELL = 15
 """Characters of a cell with which three axes have room in a terminal; longer ones have fewer digits."""
 NARROW_INTERVAL = 0.05
 """Distance of the further end of an interval ÷ value below which a longer cell has that distance alone."""
-_FADING_KEYS = {
-    "arw": ("gyro", WHITE),
-    "gbstd": ("gyro", "level"),
-    "vrw": ("accel", WHITE),
-    "abstd": ("accel", "level"),
-}
-"""Keys of `FADING` with their sensor and quantity."""
-MORE_WHITE_NOISE = 1.05
-"""White noise for such a filter ÷ that of the configuration from which the reason is given."""
-
-
-@dataclass(frozen=True)
-class Row:
-    """One quantity of one sensor: its label and its cells by column."""
-
-    label: str
-    cells: Mapping[str, str]
+_FADING_KEYS = ("arw", "gbstd", "vrw", "abstd")
+"""Keys of `FADING` with a value an axis."""
 
 
 def measured_table(
@@ -74,6 +57,7 @@ def measured_table(
     curve: Iterable[str] = (),
     *,
     further: bool = True,
+    entered: bool = False,
 ) -> Table:
     """Return the measured noise, one column an axis.
 
@@ -87,119 +71,89 @@ def measured_table(
         Axes whose terms do not predict their Allan curve: `config` has numbers that do.
     further : bool, optional
         Whether terms beside white noise, bias instability and random walk are shown.
+    entered : bool, optional
+        Whether what is taken for a limit is shown beside it.
     """
     fitted = {} if config is None else {axis: config.channels[axis] for axis in curve}
+    bounds = config.inflations if entered and config is not None else ()
+    shares = {one.quantity: one.factor for one in bounds if isinstance(one, BoundUsed) and one.factor > 0.0}
     sensors = _sensors(found)
     rows = [
-        row for sensor, axes in sensors.items() for row in _measured(sensor, axes, found, fitted, further)
+        row
+        for sensor, axes in sensors.items()
+        for row in _measured(sensor, axes, found, fitted, shares, further=further)
     ]
     known = "measured" if any(one.span > 0.0 for one in found.channels.values()) else "stated"
     letters = list(dict.fromkeys(letter for axes in sensors.values() for letter in axes))
     heads = [f"{known} {letter}" for letter in letters]
-    if len(letters) > 1 and all(len({row.cells.get(one) for one in letters}) == 1 for row in rows):
+    if len(letters) > 1 and all(len({cells.get(one) for one in letters}) == 1 for _, cells in rows):
         letters, heads = letters[:1], [f"{known}, each axis"]
-    lines = [[row.label, *(row.cells.get(one, "") for one in letters)] for row in rows]
+    lines = [[label, *(cells.get(one, "") for one in letters)] for label, cells in rows]
     return table_of(("", *heads), lines, words=1 + len(heads))
 
 
 def entries_tables(config: FilterConfig, files: Iterable[str]) -> list[Table]:
     """Return what stands in `PAIR` and `FADING`, those of them that are written, by their own keys and units.
 
-    Behind a number is where it comes from if it is not measured; numbers of `PAIR` have their customary units, too.
+    Numbers of `PAIR` have their customary units, too.
     """
     target = Target(config.interval)
     tables = []
     if PAIR in files:
         written = kalibr.noise_entries(config, target)
-        gyros_first = sorted(written, key=lambda key: (key.startswith("accel"), key))
-        rows = [_of_pair(key, written[key], config) for key in gyros_first]
+        rows = [_of_pair(key, written[key]) for key in sorted(written, key=lambda key: key[:5] == "accel")]
         tables.append(table_of((f"{PAIR}, to enter", "rms of the axes", "that is"), rows, words=3))
     if FADING in files:
         noise = kf_gins.entries(config, target)["imunoise"]
-        rows = [_of_fading(key, noise[key], config) for key in _FADING_KEYS if key in noise]
+        rows = [_of_fading(key, noise[key]) for key in _FADING_KEYS if key in noise]
         heads = ["x", "y", "z"] if any(len(set(row[1:])) > 1 for row in rows) else ["each axis"]
-        rows.append(["corrtime, h", f"{noise['corrtime'].value:.4g} chosen", "", ""])
-        if len(heads) > 1:
-            tables.append(table_of((f"{FADING}, to enter", *heads), rows, words=4))
-        else:
-            line = [*heads, *(row[1] for row in rows)]
-            tables.append(table_of((FADING, *(row[0] for row in rows)), [line], words=len(line)))
+        rows.append(["corrtime, h", f"{noise['corrtime'].value:.4g} {ASSUMED}", "", ""])
+        lines = [row[: 1 + len(heads)] for row in rows]
+        tables.append(table_of((f"{FADING}, to enter", *heads), lines, words=4))
     return tables
 
 
-def _of_pair(key: str, one: Noted, config: FilterConfig) -> list[str]:
-    """Return a line of `PAIR`: key, value, customary value, and the axes on which it is not measured."""
-    channels = triad(config, "gyro" if key.startswith("gyro") else "accel")
-    name, unit = WALK if key.endswith("walk") else WHITE, channels[0].unit
-    sources: dict[str, list[str]] = {}
-    for channel in channels:
-        if source := _source(channel, config, name):
-            sources.setdefault(source, []).append(channel.axis[-1])
+def _of_pair(key: str, one: Noted) -> list[str]:
+    """Return a line of `PAIR`: key, value with its unit, customary value."""
+    name, unit = WALK if key.endswith("walk") else WHITE, "rad/s" if key.startswith("gyro") else "m/s^2"
     value = f"{digits(in_customary(one.value, name, unit))} {pretty(customary_unit(name, unit))}"
-    said = "; ".join(
-        source if len(axes) == len(channels) else f"{source} {' '.join(axes)}"
-        for source, axes in sources.items()
-    )
-    return [key, f"{one.value:.4g} {one.note.partition(',')[0]}", f"{value} {said}".rstrip()]
+    return [key, f"{one.value:.4g} {one.note.partition(',')[0]}", value]
 
 
-def _of_fading(key: str, one: Noted, config: FilterConfig) -> list[str]:
-    """Return a line of `FADING`: key with unit, and a value an axis with its source."""
-    sensor, name = _FADING_KEYS[key]
-    sources = [_source(channel, config, name) for channel in triad(config, sensor)]
-    cells = [
-        f"{x:.4g} {source}".rstrip() for x, source in zip_longest(one.value.value, sources, fillvalue=ROUGH)
-    ]
-    return [f"{key}, {one.note.partition(';')[0]}", *cells]
-
-
-def _source(channel: ChannelNoise, config: FilterConfig, name: str) -> str:
-    """Return why a number of an axis is not measured; empty where it is."""
-    if FITTED in channel.handling.values():
-        return ROUGH
-    if name != WHITE and channel.axis in borrowed(config):
-        return LENT
-    if name == WHITE:
-        return _share(config.on_limit(channel.axis).get("white_density"))
-    return HALF if config.bias_on_limit(channel.axis) else ""
-
-
-def _share(of_limit: float | None) -> str:
-    """Return the mark of a number that is half of a limit, or the limit itself."""
-    return "" if of_limit is None else HALF if of_limit < 1.0 else WHOLE
+def _of_fading(key: str, one: Noted) -> list[str]:
+    """Return a line of `FADING`: key with unit, and a value an axis."""
+    return [f"{key}, {one.note.partition(';')[0]}", *(f"{x:.4g}" for x in one.value.value)]
 
 
 def states_tables(config: FilterConfig) -> list[Table]:
     """Return the states of the filter of noise.yaml, a table a sensor and a row an axis."""
-    tables: dict[str, Table] = {}
+    rows: dict[str, list[tuple[str, ...]]] = {}
     for channel in config.channels.values():
-        white, level, walk = (pretty(customary_unit(q, channel.unit)) for q in (WHITE, "level", WALK))
-        table = tables.setdefault(channel.unit, Table(box=None, padding=(0, 2, 0, 0)))
-        if not table.columns:
-            table.add_column("states of noise.yaml")
-            table.add_column(f"white noise,\n{white}")
-            table.add_column(f"bias sd, {level},\nat correlation time, s", min_width=20)
-            table.add_column(f"bias random walk,\n{walk}")
-            table.add_column(f"turn-on sd,\n{level}")
-        limits, assumed = config.on_limit(channel.axis), config.states_on_limit(channel.axis)
+        unit, limits = channel.unit, config.on_limit(channel.axis)
+
+        def cell(value: float, name: str, unit: str = unit, *, assumed: bool = False) -> str:
+            return f"{digits(in_customary(value, name, unit))}{f' {ASSUMED}' * assumed}" if value else UNKNOWN
+
         times: dict[str, list[str]] = {}
         for state in channel.markov:
-            sd = f"{digits(in_customary(state.sd, 'level', channel.unit))} {HALF * (state in assumed)}".rstrip()
+            sd = cell(state.sd, "level", assumed=state in config.states_on_limit(channel.axis))
             times.setdefault(sd, []).append(f"{float(f'{state.time_constant:.3g}'):g}")
-        numbers = (
-            (channel.white_density, WHITE, limits.get("white_density")),
-            (channel.random_walk_density, WALK, limits.get("random_walk_density")),
-            (channel.constant_sd, "level", None),
+        row = (
+            channel.axis.replace("_", " "),
+            cell(channel.white_density, WHITE, assumed="white_density" in limits),
+            "; ".join(f"{sd} at {', '.join(at)}" for sd, at in times.items()) or UNKNOWN,
+            cell(channel.random_walk_density, WALK, assumed="random_walk_density" in limits),
+            cell(channel.constant_sd, "level"),
         )
-        density, random_walk, constant = (
-            f"{digits(in_customary(value, name, channel.unit))} {_share(share)}".rstrip()
-            if value
-            else UNKNOWN
-            for value, name, share in numbers
-        )
-        states = "; ".join(f"{sd} at {', '.join(at)}" for sd, at in times.items()) or UNKNOWN
-        table.add_row(channel.axis.replace("_", " "), density, states, random_walk, constant)
-    return list(tables.values())
+        rows.setdefault(unit, []).append(row)
+    tables = []
+    for unit, lines in rows.items():
+        white, level, walk = (pretty(customary_unit(name, unit)) for name in (WHITE, "level", WALK))
+        states = f"bias sd, {level},\nat correlation time, s"
+        heads = f"white noise,\n{white}", states, f"bias random walk,\n{walk}", f"turn-on sd,\n{level}"
+        tables.append(table_of(("states of noise.yaml", *heads), lines, words=5))
+        tables[-1].columns[2].min_width = 20
+    return tables
 
 
 def legend(*tables: Table) -> str:
@@ -212,21 +166,24 @@ def legend(*tables: Table) -> str:
     return "; ".join(text for sign, text in LEGEND.items() if sign in signs)
 
 
-def more_white_noise(config: FilterConfig, files: Iterable[str]) -> tuple[str, str]:
-    """Return why the files of other filters have more white noise than was measured, and how well that predicts.
+def why_larger(config: FilterConfig, files: Iterable[str]) -> str:
+    """Return why the numbers of other filters are larger than the terms that were measured, and how well they predict.
 
-    Both are empty where they have not.
+    Empty where no filter has fewer numbers than there are terms.
     """
-    pairs = [(channel, equivalent_noise(channel)) for channel in config.channels.values()]
-    if PAIR not in files or all(
-        one.white_density <= MORE_WHITE_NOISE * channel.white_density for channel, one in pairs
-    ):
-        return "", ""
-    known = "measured" if any(white_is_measured(config, axis) for axis in config.channels) else "stated"
-    least, most = min(one.mismatch[0] for _, one in pairs), max(one.mismatch[1] for _, one in pairs)
+    filters = {PAIR: None, FADING: longest_time(config)}
+    found = [
+        equivalent_noise(channel, fading_time=filters[file]).mismatch
+        for file in filters.keys() & {*files}
+        for channel in config.channels.values()
+        if channel.markov
+    ]
+    if not found:
+        return ""
+    least, most = min(low for low, _ in found), max(high for _, high in found)
     return (
-        f"More white noise is entered than {known}: it stands for bias instability, too",
-        f"The two numbers predict {least:.2f} to {most:.2f} × the drift; enlarge for vibration only",
+        "To enter: two numbers an axis stand for white noise, B and random walk together, so each is larger "
+        f"(drift {least:.2f} to {most:.2f} × true); enlarge for vibration only"
     )
 
 
@@ -244,9 +201,11 @@ def _measured(
     axes: Mapping[str, str],
     found: Identification,
     fitted: Mapping[str, ChannelNoise],
+    shares: Mapping[Quantity, float],
+    *,
     further: bool,
-) -> list[Row]:
-    """Return the rows of a sensor: white noise, bias instability and random walk, and `further` terms of an axis."""
+) -> list[tuple[str, Mapping[str, str]]]:
+    """Return the rows of a sensor, label and cells by axis: the three common terms, and `further` ones of an axis."""
     cells: dict[tuple[str, int], dict[str, str]] = {(name, 0): {} for name in (WHITE, FLICKER, WALK)}
     unit = next(iter(found.channels[axis].unit for axis in axes.values()))
     lent = found.source.get(BORROWED, {})
@@ -260,14 +219,15 @@ def _measured(
             continue
         for (name, which), one in coefficients_of(found.channels[axis]).items():
             if (name, 0) in cells or (further and one.value is not None):
+                text = _cell(one, name, unit, shares.get(Quantity(axis, name)))
                 others = axis in lent and one.value is not None and one.interval is None
-                cells.setdefault((name, which), {})[letter] = UNKNOWN if others else _cell(one, name, unit)
+                cells.setdefault((name, which), {})[letter] = f"{text} {LENT}" if others else text
     if any(found.channels[axis].span > 0.0 for axis in axes.values()):  # what a sheet does not state is shown
         cells = {key: own for key, own in cells.items() if set(own.values()) - {UNKNOWN}}
     order = list(NAMES)
     places = {key: (order.index(key[0]) if key[0] in order else len(order), key[1]) for key in cells}
     return [
-        Row(_label(sensor, name, unit), {letter: own.get(letter, UNKNOWN) for letter in axes})
+        (_label(sensor, name, unit), {letter: own.get(letter, UNKNOWN) for letter in axes})
         for (name, _), own in sorted(cells.items(), key=lambda one: places[one[0]])
     ]
 
@@ -278,10 +238,13 @@ def _label(sensor: str, name: str, unit: str) -> str:
     return f"{sensor} {words}, {pretty(customary_unit(name, unit))}".removesuffix(", ")
 
 
-def _cell(one: Coefficient, name: str, unit: str) -> str:
-    """Return a number with its interval, the limit of what was not seen, or that nothing is known."""
+def _cell(one: Coefficient, name: str, unit: str, share: float | None) -> str:
+    """Return a number with its interval, a limit with what is taken for it by its share, or that nothing is known."""
+    if one.value is None and one.upper is not None:
+        limit = in_customary(one.upper, name, unit)
+        return f"< {digits(limit)}" + ("" if share is None else f" {TAKEN} {digits(share * limit)}")
     if one.value is None:
-        return UNKNOWN if one.upper is None else f"< {digits(in_customary(one.upper, name, unit))}"
+        return UNKNOWN
     value = in_customary(one.value, name, unit)
     if one.interval is None:
         return digits(value)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from tuner.formats.grouping import grouped
-from tuner.report.diagnosis_answer import diagnosis_answer, note_lines
+from tuner.report.diagnosis_answer import diagnosis_answer
 from tuner.report.drive_answer import found_text
 from tuner.report.finding_groups import contradicted, finding_groups
 from tuner.report.groups_in_words import effect_in_words, findings_in_words, name_in_words
@@ -55,7 +55,6 @@ def findings_content(result: TuneResult, pictures: Sequence[Picture]) -> dict[st
     return {
         "groups": shown,
         "remarks": [text for text in (nothing if shown and found is None else "", doubted) if text],
-        "notes": note_lines(known),
         "all_findings": blocks(diagnosis_answer(known).more),
         "nothing_found": nothing,
     }

@@ -76,7 +76,7 @@ def drift_figure(findings: Sequence[Finding]) -> Figure:
             time, (with_it, without) = max(group.drift.items(), key=lambda item: item[1][0] - item[1][1])
             line = Mark(None, "0.75", (without, with_it))
             red = Mark(with_it, BAD_COLOUR, label="with it in the samples", text=f" {time}")
-            rows.append((group.short, [line, red, Mark(without, GOOD_COLOUR, label="without it")]))
+            rows.append((group.title, [line, red, Mark(without, GOOD_COLOUR, label="without it")]))
     return row_figure(rows, "position error of one sensor axis, m", nothing="no finding moves the position")
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from rich.table import Table
 
@@ -63,68 +63,67 @@ def limit_text(one: LimitCheck) -> str:
     head = f"{one.measured} against {one.stated}:"
     if one.passes:
         return f"{head} PASS: no interval lies above any of {one.within} stated numbers"
-    worst: dict[str, list[tuple[str, float]]] = {}
-    for axis, name, ratio in one.exceeded:
-        worst.setdefault(symbol(name), []).append((axis, ratio))
-    parts = []
-    for sign, at in worst.items():
-        most, ratio = max(at, key=lambda pair: pair[1])
-        axes = axes_text([axis for axis, _ in at])
-        parts.append(
-            f"{sign} of {axes} {digits(ratio)} ×"
-            if len(at) == 1
-            else f"{sign} of {axes} up to {digits(ratio)} × ({axes_text([most])})"
-        )
-    return f"{head} FAIL: {'; '.join(parts)} what is stated"
+    return f"{head} FAIL: {_ratios_text(one.exceeded)} what is stated"
+
+
+def _ratios_text(found: Iterable[tuple[str, str, float]]) -> str:
+    """Return ratios of coefficients, each with its axes and the range of its ratios."""
+    terms: dict[str, dict[str, float]] = {}
+    for axis, name, ratio in found:
+        terms.setdefault(NAMES.get(name, symbol(name)), {})[axis] = ratio
+    return "; ".join(
+        f"{term} of {axes_text([*at])} "
+        f"{' to '.join(dict.fromkeys(map(digits, (min(at.values()), max(at.values())))))} ×"
+        for term, at in terms.items()
+    )
 
 
 def _differences(found: SensorComparison) -> str:
     """Return where the last source differs from the first with 95 %, where both have intervals."""
     noise = found.noise
-    differing: dict[str, list[tuple[str, float]]] = {}
-    judged = False
-    for axis, rows in noise.axes.items():
-        for row in rows:
-            judged |= row.ratio_interval is not None
-            if row.differs and row.ratio is not None and "." in row.name:
-                differing.setdefault(symbol(row.name), []).append((axis, row.ratio))
-    if not judged:
+    rows = [(axis, row) for axis, own in noise.axes.items() for row in own]
+    if not any(row.ratio_interval is not None for _, row in rows):
         return ""
-    parts = []
-    for sign, at in differing.items():
-        ratios = sorted({digits(ratio) for _, ratio in at}, key=float)
-        span = ratios[0] if len(ratios) == 1 else f"{ratios[0]} to {ratios[-1]}"
-        parts.append(f"{sign} of {axes_text([axis for axis, _ in at])} {span} ×")
+    differing = [
+        (axis, row.name, row.ratio)
+        for axis, row in rows
+        if row.differs and row.ratio is not None and "." in row.name
+    ]
     pair = f"{noise.names[-1]} ÷ {noise.names[0]}"
-    return f"{pair} differs at 95 % in {'; '.join(parts)}" if parts else f"{pair}: no term differs at 95 %"
+    if not differing:
+        return f"{pair}: no term differs at 95 %"
+    return f"{pair} differs at 95 % in {_ratios_text(differing)}"
 
 
 def _drift(found: SensorComparison) -> list[Table | str]:
     """Return the drift of each source without fixes, the least first, and how it is predicted.
 
-    That of a source that lacks a slow term is at least as large as stated.
+    That of a source that lacks a slow term is at least as large as stated, so that it has no rank.
     """
     sources = zip(found.noise.names, found.drift, found.noise.sources, strict=True)
-    known = [(name, one, AT_LEAST * _lacks_walk(source)) for name, one, source in sources if one is not None]
+    known = [(_lacks_walk(source), name, one) for name, one, source in sources if one is not None]
     unranked = [f"{name} has no rank: {why}" for name, why in found.unranked.items()]
     if not known:
         return ["Verdict: not comparable: no source has six axes with white noise and a slow bias", *unranked]
-    times = list(known[0][1].free)
-    known.sort(key=lambda each: each[1].free[times[-1]])
-    said = ", ".join(f"{name} {least}{digits(one.free[ANSWERED_TIME], 2)} m" for name, one, least in known)
+    times = list(known[0][2].free)
+    known.sort(key=lambda each: (each[0], each[2].free[times[-1]]))
+    errors = [(lacks, f"{name} {digits(one.free[ANSWERED_TIME], 2)} m") for lacks, name, one in known]
+    said = ", ".join(text for lacks, text in errors if not lacks)
+    if least := ", ".join(f"{text} or more" for lacks, text in errors if lacks):
+        least = f"without a rank, as no bias random walk is stated: {least}"
     kinds = (("without fixes", times), ("non-holonomic", times))
     heads = [f"{kind * (time == times[0])}\n{time:g} s" for kind, each in kinds for time in each]
     rows = [
-        (name, *(f"{least}{digits(x, 2)}" for x in (*one.free.values(), *one.wheels.values())))
-        for name, one, least in known
+        (name, *(f"{AT_LEAST * lacks}{digits(x, 2)}" for x in (*one.free.values(), *one.wheels.values())))
+        for lacks, name, one in known
     ]
     about = (
         f"Predicted for a filter tuned to each sensor, after 15 min in a city with {found.receiver} fixes; "
         "non-holonomic: with that constraint. Scale factors and misalignments are not included."
     )
-    if any(least for _, _, least in known):
-        about += f" {AT_LEAST.strip()}: at least, as no bias random walk is stated."
-    verdict = f"Verdict: after {ANSWERED_TIME:g} s without fixes the position errs by: {said}"
+    about += f" {AT_LEAST.strip()}: at least." * bool(least)
+    parts = "; ".join(filter(None, (said, least)))
+    verdict = f"Verdict: after {ANSWERED_TIME:g} s without fixes the position errs by: {parts}"
     return [verdict, table_of(("horizontal\nerror, m rms", *heads), rows), *unranked, about]
 
 

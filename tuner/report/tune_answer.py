@@ -12,10 +12,10 @@ from rich.table import Table
 from tuner.exporters.header import STATES_IN_PAIR
 from tuner.formats.reference_words import reference_line
 from tuner.identification.comparison import compare_identifications, limit_checks
-from tuner.judgement import curve_axes
-from tuner.limits import SHOWN_CHANGE, SHOWN_FINDINGS
+from tuner.judgement import curve_axes, is_felt
+from tuner.limits import SHOWN_FINDINGS
 from tuner.report.answer_layout import recording_text
-from tuner.report.diagnosis_answer import diagnosis_answer, note_lines
+from tuner.report.diagnosis_answer import diagnosis_answer
 from tuner.report.document import Document, document
 from tuner.report.drive_answer import choice_parts, fixes_parts, found_text
 from tuner.report.examination_answer import MENDED, SHOWN_REPAIRS, repair_text, vibration_lines
@@ -28,8 +28,8 @@ from tuner.report.noise_table import (
     entries_tables,
     legend,
     measured_table,
-    more_white_noise,
     states_tables,
+    why_larger,
 )
 from tuner.report.sensor_answers import limit_text
 from tuner.report.static_diagnosis_tables import hidden_effect_lines
@@ -42,18 +42,15 @@ from tuner.types.named_cause import separated
 
 if TYPE_CHECKING:
     from tuner.tune_result import TuneResult
-    from tuner.types import Unexplained
 
 MAX_KEYS = 7
 """Lines of another filter's settings that an answer shows; of more, only the file is named."""
 COMMENTS = ("#", "//", "%", "<!--", "/*", "*")
 """How lines of comments begin in the dialects."""
-ON_LIMIT, SHORT_ON_LIMIT = "rests on a 95 % limit", "95 % limit"
-"""How a remark on a setting begins that is half of a limit, and in a line without room for its axes."""
 OF_DRIVE_ALONE = "static diagnosis"
 """What lacks where a drive stands in for the log, which the line of the recording says."""
-SAME = "the same on all axes"
-"""Remark on a setting of a file that the line of an answer has no room for."""
+SAID_ABOVE = ("the same on all axes", "rests on a 95 % limit")
+"""How remarks on a setting of a file begin that the table of an answer says."""
 NOISE_YAML = "noise.yaml"
 """The file of all settings, from which those of other filters are made."""
 
@@ -73,33 +70,34 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
     keys = [] if dialect is None or directory is None else settings_in_dialect(result, dialect, directory)
     files = () if len(keys) > 1 else result.exports
     noise = noise_tables(result, files) if result.exports else []
+    signs = legend(*noise[:1])
     found, idle, doubted = found_lines(result)
     examined = result.diagnosis is not None or result.drive is not None
     mended = _mended_lines(result)
     nothing = [] if mended else ["Nothing was found that the noise terms do not explain"]
     further = len(found) - SHOWN_FINDINGS
-    pairs = any(STATES_IN_PAIR in text for name, text in result.exports.items() if files or name != PAIR)
-    larger, predicting = more_white_noise(result.config, result.exports) if noise and pairs else ("", "")
+    own = Path(keys[0].removesuffix(":")).name if len(keys) > 1 else ""
+    pairs = any(STATES_IN_PAIR in text for name, text in result.exports.items() if own in ("", name))
+    reason = why_larger(result.config, files or (PAIR,)) if noise and pairs else ""
     scored = () if result.measured is None else result.measured.consistency.outages
     said: list[Table | str] = [
         recording_line(result),
         f"Verdict: {result.verdict.text}",
         *mended,
         *reference_lines(result),
+        *noise[:1],
+        signs,
+        reason,
         *keys,
-        *noise,
-        legend(*noise),
-        larger,
+        *noise[1:],
         *([] if result.drive is None else fixes_parts(result.drive, result.config)),
         *([] if result.choice is None else choice_parts(result.choice, scored)),
     ]
     remarks = [
         *(found[:SHOWN_FINDINGS] or nothing * (examined and not idle and not doubted)),
         doubted,
-        predicting,
-        f"{further} more finding{'s' * (further > 1)} on the page" if further > 0 else "",
-        f"Settings chosen on the drive: {result.choice.kept}" if result.choice else "",
-        f"{idle} finding{'s' * (idle > 1)} on the page change{'s' * (idle == 1)} no setting by 5 % or more"
+        f"{further} more finding{'s' * (further > 1)} in report.html" if further > 0 else "",
+        f"{idle} finding{'s' * (idle > 1)} in report.html change{'s' * (idle == 1)} no setting by 5 % or more"
         if idle
         else "",
         *_done_before(result),
@@ -113,12 +111,12 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
         *setting_reasons(result),
     ]
     if result.diagnosis is not None:
-        more += [*diagnosis_answer(result.diagnosis).more, *note_lines(result.diagnosis)]
+        more += diagnosis_answer(result.diagnosis).more
     for _, heading, content in tune_sections(result):
         more += [heading, *content]
     end = [*withheld_lines(result), _file_line(result, directory, dialect)]
     more += [note for note in result.config.notes if note not in result.identification.notes]
-    return document(said, remarks, end, more, spare=[*noise[2:], *noise[:1]])
+    return document(said, remarks, end, more, spare=[noise[2:], [*noise[:1], signs], [*noise[1:2], reason]])
 
 
 def _mended_lines(result: TuneResult) -> list[str]:
@@ -136,7 +134,7 @@ def noise_tables(result: TuneResult, files: Iterable[str]) -> list[Table]:
     entered = entries_tables(result.config, files)
     curve = curve_axes(result.predictions)
     return [
-        measured_table(result.identification, result.config, curve, further=not entered),
+        measured_table(result.identification, result.config, curve, further=not entered, entered=True),
         *entered,
     ]
 
@@ -165,7 +163,7 @@ def settings_in_dialect(result: TuneResult, dialect: str, directory: Path) -> li
     """Return where the file of a dialect is, and its settings where they are few.
 
     Lines of comments are left out; what they say of a setting, "# NAME: unit; formula; …", stands behind it, as far as
-    it fits: the formula goes first.
+    it fits.
     """
     from tuner.pipeline import file_of_dialect  # loaded when used: it imports every room
 
@@ -174,17 +172,20 @@ def settings_in_dialect(result: TuneResult, dialect: str, directory: Path) -> li
         return []
     written = [line.rstrip() for line in result.exports[name].splitlines() if line.strip()]
     remarks = (line[2:].split(": ", 1) for line in written if line.startswith("# ") and ": " in line)
-    notes = {name: [part for part in remark.split("; ") if part != SAME] for name, remark in remarks}
+    notes = {
+        name: "; ".join(part for part in remark.split("; ") if not part.startswith(SAID_ABOVE))
+        for name, remark in remarks
+    }
     lines = []
     for line in written:
         if line.lstrip().startswith(COMMENTS):
             continue
         shown = line.replace("\t", " ")
         for note in (notes[word] for word in re.split(r"[ ,]+", shown) if word in notes):
-            unit, *rest = note
-            whole, without_formula = (f"{shown}  # {'; '.join(parts)}" for parts in (note, [unit, *rest[1:]]))
-            shown = whole if len(whole) <= LINE_WIDTH else without_formula
-        lines.append(_shortened_remarks(shown))
+            shown = f"{shown}  # {note}"
+        while len(shown) > LINE_WIDTH and "; " in shown:
+            shown = shown.rpartition("; ")[0]
+        lines.append(shown)
     kept = [_kept_text(line) for line in written if "keep stock" in line]
     lines = [*lines, *kept] if len(lines) + len(kept) <= MAX_KEYS else lines or kept
     if len(lines) <= MAX_KEYS and max(map(len, lines), default=0) <= LINE_WIDTH:
@@ -196,21 +197,6 @@ def _kept_text(line: str) -> str:
     """Return of a comment which stock value is kept, and what the log shows beside it."""
     head, *rest = line.lstrip("# ").split("; ")
     return "; ".join([": ".join(head.split(": ")[:2]), *(one for one in rest if one.startswith("here"))])
-
-
-def _shortened_remarks(line: str) -> str:
-    """Return a line of settings without the last remarks that it has no room for; that on a limit stays longest."""
-    setting, *remarks = line.split("; ")
-    on_limit = [one for one in remarks if one.startswith(ON_LIMIT)]
-    limits = [*on_limit[:1], *(ON_LIMIT, SHORT_ON_LIMIT)] if on_limit else []
-    fitting = (
-        "; ".join([setting, *(limit if one in on_limit else one for one in remarks[:count])])
-        for limit in limits or [""]
-        for count in range(len(remarks), -1, -1)
-        if not on_limit or remarks[:count].count(on_limit[0])
-    )
-    whole = (one for one in (*fitting, setting) if len(one) <= LINE_WIDTH)
-    return next(whole, setting)
 
 
 def reference_lines(result: TuneResult) -> list[str]:
@@ -248,17 +234,12 @@ def found_lines(result: TuneResult) -> tuple[list[str], int, str]:
     known = result.diagnosis or Diagnosis(())
     span = max((record.span for record in result.records), default=None)
     found = findings_in_words(known.findings, span, figures=False)
-    rest = [one for one in known.unexplained if _is_felt(one)]
+    rest = [one for one in known.unexplained if is_felt(one)]
     idle = len(found.idle) + (len(rest) < len(known.unexplained))
     of_drive = () if result.drive is None else result.drive.diagnosis.findings
     unexplained = (f"Not explained: {text}" for text in unexplained_lines(rest)[:1])
     said = [*unexplained, *found.felt, *(found_text(one, sizes=False) for one in of_drive), *found.faults]
     return said, idle, found.doubted
-
-
-def _is_felt(one: Unexplained) -> bool:
-    """Return whether an axis drifts further than its model by `SHOWN_CHANGE`, or nobody knows."""
-    return not one.drift or any(a > (1.0 + SHOWN_CHANGE) * b for a, b in one.drift.values())
 
 
 def _file_line(result: TuneResult, directory: Path | None, dialect: str | None) -> str:

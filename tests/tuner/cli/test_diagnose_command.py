@@ -92,11 +92,13 @@ def test_a_clean_log_has_no_finding(tmp_path, capsys):
 def test_words_for_the_terminal(tmp_path, capsys):
     path = str(log(tmp_path / "lined.npz", LINE, seed=3, duration=60.0))
     assert run(["diagnose", path, "--quiet"]) == 0
-    out = capsys.readouterr().out
+    out = " ".join(capsys.readouterr().out.replace("\\\n", "").split())
     frequency = re.search(r"line in gyro x \(frequency (\S+) ±", out)
     assert frequency is not None
     assert float(frequency[1]) == pytest.approx(12.5, abs=1e-3)
-    assert "Changes noise and drift by less than 5 %: line in gyro x" in out
+    assert "Found, and changes noise and drift by less than 5 %: line in gyro x" in out
+    assert "Verdict: usable: for the settings of a filter" in out
+    assert f"Next: tuner tune {path}" in out
     assert "60/40" not in out
     assert run(["diagnose", path, "--quiet", "--verbose"]) == 0
     assert "60/40" in capsys.readouterr().out

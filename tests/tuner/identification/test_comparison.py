@@ -65,6 +65,6 @@ def test_a_measured_interval_above_what_is_stated_fails():
         assert check.measured == "log"
         if not passes:
             assert check.exceeded == (("gyro_x", "white.density", pytest.approx(factor)),)
-            assert "N of gyro x 1.20 ×" in limit_text(check)
+            assert "white noise of gyro x 1.20 ×" in limit_text(check)
             worse = replace(check, exceeded=(*check.exceeded, ("gyro_z", "white.density", 15.1)))
-            assert "N of gyro x z up to 15.1 × (gyro z) what is stated" in limit_text(worse)
+            assert "white noise of gyro x z 1.20 to 15.1 × what is stated" in limit_text(worse)

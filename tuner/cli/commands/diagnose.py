@@ -144,9 +144,7 @@ def _answer(
         return replace(answer, end=(*answer.end, f"Next: {_after_drive(found, log, config, gnss)}"))
     from tuner.report.diagnosis_answer import diagnosis_answer
 
-    answer = diagnosis_answer(found, records)
-    again = any(one.in_motion for one in found.findings)  # it is to be recorded again
-    return answer if again else answer.then("tune", log, *reading.words)
+    return diagnosis_answer(found, records).then("tune", log, *reading.words)
 
 
 def _after_drive(found: DriveDiagnosis, drive: str, config: str | None, gnss: str | None) -> str:

@@ -87,8 +87,6 @@ class HeldOutChoice:
         On the last part: as it began, and as written; None where the drive is too short.
     outages : mapping of float to ndarray, shape (w, 2)
         Squared errors in outages of the whole drive, m², as it began and as written, by length, s.
-    late : tuple of OutageErrors
-        Those of the last part as written.
     note : str
         What was decided, and why, in words.
     despite : str
@@ -101,7 +99,6 @@ class HeldOutChoice:
     before: PredictiveScore | None = None
     after: PredictiveScore | None = None
     outages: Mapping[float, FloatArray] = field(default_factory=lambda: MappingProxyType({}))
-    late: tuple[OutageErrors, ...] = ()
     note: str = ""
     despite: str = ""
 
@@ -159,7 +156,7 @@ def choose_config(
     if chosen is None:
         late = _since(outages, trial.cut)
         note = _note(BEGINNING, begun, begun, {}, late)
-        return HeldOutChoice(before, BEGINNING, {}, begun, begun, late=late, note=note)
+        return HeldOutChoice(before, BEGINNING, {}, begun, begun, note=note)
     chosen = _as_written(trial, begun, outages, chosen)
     rivals = [each[0] for each in known.values() if each is not None]
     despite = _despite(chosen, rivals)
@@ -241,7 +238,7 @@ def _as_written(
     after = all_outages(trial.run_of(name, chosen.config), trial.begin, trial.end)
     pairs, blind = outage_pairs(before, after), _since(after, trial.cut)
     note = _note(chosen.kept, begun, late, pairs, blind)
-    return replace(chosen, after=late, outages=pairs, late=blind, note=note)
+    return replace(chosen, after=late, outages=pairs, note=note)
 
 
 def _written(examined: ExaminedDrive, before: FilterConfig, after: FilterConfig) -> dict[str, FilterConfig]:
@@ -292,7 +289,7 @@ def _judged(
     blind = _since(after, trial.cut)
     chosen, note = with_recorded_factors(written, one.factors), _note(kept, begun, late, pairs, blind)
     rank = rank_of([one.first, late], list(after.values()))
-    return HeldOutChoice(chosen, kept, one.factors, begun, late, pairs, blind, note), rank
+    return HeldOutChoice(chosen, kept, one.factors, begun, late, pairs, note), rank
 
 
 def _since(outages: Mapping[float, OutageErrors], t: float) -> tuple[OutageErrors, ...]:
@@ -371,7 +368,5 @@ def _note(
 def _change_text(seconds: float, pairs: FloatArray) -> str:
     """Return in words how errors in outages of a length change, with the 95 % interval of the change."""
     before, after = np.sqrt(pairs.mean(axis=0))
-    low, high = change_interval(pairs)
-    return (
-        f"{seconds:.0f} s {before:.3g} → {after:.3g} m (by {low:+.2g} … {high:+.2g} m, {len(pairs)} of them)"
-    )
+    low, high = (1.0 + end / before for end in change_interval(pairs))
+    return f"{seconds:.0f} s × {after / before:.2f} ({low:.2f} … {high:.2f}, {len(pairs)} of them)"

@@ -28,7 +28,7 @@ class TimeOffset(ConstantCause):
     effect = gnss.TimeOffset
     channels = ("gnss",)
     meaning = "stamps of positions and velocities are late by the delay"
-    consequence = "shift the stamps, or give the filter a state for the delay"
+    consequence = "shift the stamps of the recording, or give the filter a state for the delay, not both"
     units = dict.fromkeys(("delay",), "s")
     prior_sd, largest = 0.1, 3.0
 
