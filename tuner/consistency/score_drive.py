@@ -35,6 +35,7 @@ from tuner.consistency.scores import (
     whiteness,
 )
 from tuner.consistency.verdicts import verdicts
+from tuner.examination.examined_drive import examined_drive
 from tuner.formats.customary_units import percent
 from tuner.navigation.compensation import compensate, compensate_settings
 from tuner.navigation.data import GATED, WITHHELD, Solution
@@ -53,7 +54,6 @@ from tuner.navigation.drive.vehicle_constraints import (
     with_constraints,
 )
 from tuner.navigation.settings import ACCELS, GYROS, FilterSettings, filter_settings
-from tuner.readers.drive import read_drive
 from tuner.simulation.imu import sensor_of_config
 from tuner.stages import counted, stage, task
 from tuner.synthesis.from_drive import config_for_drive, receiver_of
@@ -137,17 +137,15 @@ def drive_filter(
 
 
 @public("navigate")
-@task()
-def navigate_drive(
+def navigate_recorded(
     drive: Drive | str | Path,
     config: FilterConfig | str | Path,
     *,
     gnss: GnssNoise | str | None = None,
     states: Mapping[str, Positive] | None = None,
     vehicle: Vehicle = UNCONSTRAINED,
-    measured: Clock | None = None,
 ) -> DriveResult:
-    """Filter a measured drive, with and without its fixes, and score the filter.
+    """Examine a recorded drive, filter it with and without its fixes, and score the filter.
 
     Parameters
     ----------
@@ -161,15 +159,27 @@ def navigate_drive(
         Further states, names of `models.filter_states.named_states`, with the sd of their prior.
     vehicle : Vehicle
         What may be assumed of the vehicle: that it does not slip, and is stationary where it seems so.
-    measured : Clock, optional
-        Of this drive, as stamped, where it was measured before.
 
     Raises
     ------
     DataError
         Where the configuration lacks an axis or the drive cannot be aligned.
     """
-    drive = drive if isinstance(drive, Drive) else read_drive(drive)
+    measured, _ = examined_drive(drive)
+    return navigate_drive(measured, config, gnss=gnss, states=states, vehicle=vehicle)
+
+
+@task()
+def navigate_drive(
+    drive: Drive,
+    config: FilterConfig | str | Path,
+    *,
+    gnss: GnssNoise | str | None = None,
+    states: Mapping[str, float] | None = None,
+    vehicle: Vehicle = UNCONSTRAINED,
+    measured: Clock | None = None,
+) -> DriveResult:
+    """Filter a drive that was examined; see `navigate_recorded`. A clock `measured` before is that of this drive."""
     as_reported = receiver_of(drive)
     config = config_for_drive(drive, config, gnss=gnss)
     drive = compensate(drive, config.compensation)
