@@ -104,10 +104,10 @@ def searched(streams: Streams, name: str = "streams") -> Searched:
     unseen: tuple[str, ...] = ()
     streams, now, constant = _installed(streams, now, {})
     for _ in range(MOST_FAULTS):
-        whole = {(one.move.stream, one.move.fault) for one in found if one.begin is None and one.end is None}
-        tried, unseen = _tried(
-            streams, now, [one for one in moves(streams) if (one.stream, one.fault) not in whole]
-        )
+        whole = [one.move for one in found if one.begin is None and one.end is None]
+        read = {(one.stream, one.fault) for one in whole if one.reading}  # no unit is taken twice
+        left = [one for one in moves(streams) if (one.stream, one.fault) not in read]
+        tried, unseen = _tried(streams, now, left)
         tried = [one for one in tried if one[0].gain > 0.0 and _determined(one[0].move, *one[1:])]
         if not tried:
             break
