@@ -36,14 +36,10 @@ from tuner.consistency.scores import (
 )
 from tuner.consistency.verdicts import verdicts
 from tuner.examination.examined_drive import examined_drive
-from tuner.formats.customary_units import percent
 from tuner.navigation.compensation import compensate, compensate_settings
 from tuner.navigation.data import GATED, WITHHELD, Solution
-from tuner.navigation.drive.axis_checks import inertial_axes
 from tuner.navigation.drive.clock import AGREEING, Clock, clock_left, remaining_clock
-from tuner.navigation.drive.gross_outliers import without_gross_outliers
 from tuner.navigation.drive.run import Stretch, expect_settled, navigate, outage_windows, prepare
-from tuner.navigation.drive.unit_checks import suspected_unit
 from tuner.navigation.drive.vehicle_constraints import (
     MOUNTING_SD,
     Vehicle,
@@ -101,8 +97,6 @@ class DriveResult(Shown):
         Final estimates of lever arm, time offset and other constants, SI.
     notes : tuple of str
         What was repaired, found and done.
-    left_out : float
-        Share of the fixes that contradict their neighbours, of positions or of velocities.
     """
 
     consistency: Consistency
@@ -112,7 +106,6 @@ class DriveResult(Shown):
     solutions: tuple[Solution, ...]
     estimates: Mapping[str, tuple[tuple[float, float], ...]]
     notes: tuple[str, ...]
-    left_out: float = 0.0
 
 
 def drive_filter(
@@ -183,16 +176,6 @@ def navigate_drive(
     as_reported = receiver_of(drive)
     config = config_for_drive(drive, config, gnss=gnss)
     drive = compensate(drive, config.compensation)
-    fixes, positions, velocities = without_gross_outliers(drive.gnss)
-    count = len(drive.gnss.t)
-    left_out = NamedCause.of(
-        f"{positions} fixes and {velocities} velocities contradict their neighbours",
-        "likely",
-        f"{percent(max(positions, velocities) / count)} of the fixes",
-        "they are left out",
-    )
-    if positions or velocities:
-        drive = replace(drive, gnss=fixes, notes=(*drive.notes, left_out))
     if vehicle.sideways is not None:
         states = {"mounting": MOUNTING_SD, **(states or {})}
     stage("finding the offset of the clocks", 0.55)
@@ -256,10 +239,8 @@ def navigate_drive(
         False,
     )
     found = replace(found, diverged=_diverged(found, solutions))
-    wrong = (suspected_unit(drive, drive.gnss) or inertial_axes(drive)) if found.diverged else contradicted
-    if wrong:
-        certainty = "likely: the filter diverged" if found.diverged else "likely"
-        notes = (NamedCause(f"{wrong} ({certainty})"), *notes)
+    if contradicted and not found.diverged:
+        notes = (NamedCause(f"{contradicted} (likely)"), *notes)
     if reference is None and found.blocks:
         notes = (*notes, "no reference: position, velocity and attitude are compared with the smoother")
     if config.gnss == as_reported and not as_reported.correlated:
@@ -272,7 +253,6 @@ def navigate_drive(
         solutions,
         _estimates(settings, solutions[-1]),
         (*drive.notes, *assumed, *notes),
-        max(positions, velocities) / count,
     )
 
 
