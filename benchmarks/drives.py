@@ -35,12 +35,11 @@ from tuner.diagnosis.drive.noise_factors import with_noise_factors
 from tuner.diagnosis.drive.outage_errors import OutageErrors, all_outages
 from tuner.diagnosis.drive.predictive_score import PredictiveScore, predictive_score
 from tuner.diagnosis.drive.score_tests import FITTED_SHARE
+from tuner.examination.examined_drive import examined_drive
 from tuner.formats.outage_words import interval_words
 from tuner.navigation.data import USED, Solution
 from tuner.navigation.drive.clock import clock_of_drive
-from tuner.navigation.drive.gross_outliers import without_gross_outliers
 from tuner.navigation.drive.run import Stretch, navigate
-from tuner.readers.drive import read_drive
 from tuner.synthesis.from_drive import config_of_drive, stationary_noise
 from tuner.types import FilterConfig
 from tuner.types.progress import silent
@@ -74,7 +73,7 @@ def drives(folder: Path, names: list[str]) -> Iterator[Drive]:
     """Yield the drives of a folder, those with a name where names are given."""
     for path in sorted(folder.glob("*.npz")):
         if not names or path.stem in names:
-            yield read_drive(path)
+            yield examined_drive(path)[0]
 
 
 def adapted(run: ConfiguredRun) -> ConfiguredRun:
@@ -152,16 +151,14 @@ def trusted(drive: Drive, began: FilterConfig) -> Drive:
     """Return a drive without those times of its reference at which it is wrong, as `tune --drive` judges by."""
     if drive.reference is None:
         return drive
-    clean = replace(drive, gnss=without_gross_outliers(drive.gnss)[0])
-    run = configured_run(clean, began, clock_of_drive(drive))
+    run = configured_run(drive, began, clock_of_drive(drive))
     return replace(drive, reference=trusted_reference(drive.reference, run.stretches, run.settings)[0])
 
 
 def judged(drive: Drive, config: FilterConfig, begin: float, *, adapt: bool = False) -> Judged | None:
     """Return the score of a configuration on the drive from a time on, by its reference."""
-    clean = replace(drive, gnss=without_gross_outliers(drive.gnss)[0])
     try:
-        run = configured_run(clean, config, clock_of_drive(drive))
+        run = configured_run(drive, config, clock_of_drive(drive))
         run, end = adapted(run) if adapt else run, float(drive.gnss.t[-1])
         score = predictive_score(run, begin, end)
         outages = all_outages(run, float(drive.gnss.t[0]), end)

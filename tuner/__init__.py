@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from tuner.consistency.check import check
     from tuner.consistency.choose_grade import choose
     from tuner.consistency.compare_sensors import compare
-    from tuner.consistency.score_drive import navigate_drive as navigate
+    from tuner.consistency.score_drive import navigate_recorded as navigate
     from tuner.consistency.score_output import score_arrays as score
     from tuner.curves import empirical as curve
     from tuner.diagnosis import diagnose
@@ -74,7 +74,7 @@ _HOMES = {
     "examine": ("tuner.examination.examine", "examine"),
     "synthesize": ("tuner.synthesis", "synthesize"),
     "check": ("tuner.consistency.check", "check"),
-    "navigate": ("tuner.consistency.score_drive", "navigate_drive"),
+    "navigate": ("tuner.consistency.score_drive", "navigate_recorded"),
     "score": ("tuner.consistency.score_output", "score_arrays"),
     "compare": ("tuner.consistency.compare_sensors", "compare"),
     "choose": ("tuner.consistency.choose_grade", "choose"),

@@ -68,10 +68,7 @@ NOT_SHOWN_AT_REST = "a log at rest cannot show scale factors, misalignment, dela
 
 @dataclass(frozen=True)
 class Settings:
-    """What is known of settings: the parts of a result of `tune`, each as there, those not run None or empty.
-
-    `left_out` is the share of the fixes of a drive that contradict their neighbours.
-    """
+    """What is known of settings: the parts of a result of `tune`, each as there, those not run None or empty."""
 
     identification: Identification
     config: FilterConfig
@@ -81,7 +78,6 @@ class Settings:
     drive: DriveDiagnosis | None = None
     choice: HeldOutChoice | None = None
     measured: Consistency | None = None
-    left_out: float = 0.0
 
 
 def judge_settings(known: Settings) -> Judgement:
@@ -243,9 +239,6 @@ def _of_drive(known: Settings) -> Iterator[Reason]:
         yield Reason(Use.USABLE_EXCEPT, "the sds of the fixes, which are ASSUMED: the receiver states none")
     if known.measured is not None:
         yield from _of_scores(known.measured, "on the whole drive")
-        if known.left_out > LOST_SHARE:
-            text = f"{percent(known.left_out)} of the fixes are left out: they contradict their neighbours"
-            yield Reason(Use.USABLE_EXCEPT, text)
         if known.measured.gated > LOST_SHARE:
             yield Reason(
                 Use.USABLE_EXCEPT, f"the filter refused {percent(known.measured.gated)} of the fixes"

@@ -151,7 +151,6 @@ class TuneResult(Shown):
                 None if self.drive is None else self.drive.diagnosis,
                 self.choice,
                 None if self.measured is None else self.measured.consistency,
-                0.0 if self.measured is None else self.measured.left_out,
             )
         )
 

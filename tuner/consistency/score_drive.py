@@ -35,14 +35,11 @@ from tuner.consistency.scores import (
     whiteness,
 )
 from tuner.consistency.verdicts import verdicts
-from tuner.formats.customary_units import percent
+from tuner.examination.examined_drive import examined_drive
 from tuner.navigation.compensation import compensate, compensate_settings
 from tuner.navigation.data import GATED, WITHHELD, Solution
-from tuner.navigation.drive.axis_checks import inertial_axes
 from tuner.navigation.drive.clock import AGREEING, Clock, clock_left, remaining_clock
-from tuner.navigation.drive.gross_outliers import without_gross_outliers
 from tuner.navigation.drive.run import Stretch, expect_settled, navigate, outage_windows, prepare
-from tuner.navigation.drive.unit_checks import suspected_unit
 from tuner.navigation.drive.vehicle_constraints import (
     MOUNTING_SD,
     Vehicle,
@@ -53,7 +50,6 @@ from tuner.navigation.drive.vehicle_constraints import (
     with_constraints,
 )
 from tuner.navigation.settings import ACCELS, GYROS, FilterSettings, filter_settings
-from tuner.readers.drive import read_drive
 from tuner.simulation.imu import sensor_of_config
 from tuner.stages import counted, stage, task
 from tuner.synthesis.from_drive import config_for_drive, receiver_of
@@ -101,8 +97,6 @@ class DriveResult(Shown):
         Final estimates of lever arm, time offset and other constants, SI.
     notes : tuple of str
         What was repaired, found and done.
-    left_out : float
-        Share of the fixes that contradict their neighbours, of positions or of velocities.
     """
 
     consistency: Consistency
@@ -112,7 +106,6 @@ class DriveResult(Shown):
     solutions: tuple[Solution, ...]
     estimates: Mapping[str, tuple[tuple[float, float], ...]]
     notes: tuple[str, ...]
-    left_out: float = 0.0
 
 
 def drive_filter(
@@ -137,17 +130,15 @@ def drive_filter(
 
 
 @public("navigate")
-@task()
-def navigate_drive(
+def navigate_recorded(
     drive: Drive | str | Path,
     config: FilterConfig | str | Path,
     *,
     gnss: GnssNoise | str | None = None,
     states: Mapping[str, Positive] | None = None,
     vehicle: Vehicle = UNCONSTRAINED,
-    measured: Clock | None = None,
 ) -> DriveResult:
-    """Filter a measured drive, with and without its fixes, and score the filter.
+    """Examine a recorded drive, filter it with and without its fixes, and score the filter.
 
     Parameters
     ----------
@@ -161,28 +152,30 @@ def navigate_drive(
         Further states, names of `models.filter_states.named_states`, with the sd of their prior.
     vehicle : Vehicle
         What may be assumed of the vehicle: that it does not slip, and is stationary where it seems so.
-    measured : Clock, optional
-        Of this drive, as stamped, where it was measured before.
 
     Raises
     ------
     DataError
         Where the configuration lacks an axis or the drive cannot be aligned.
     """
-    drive = drive if isinstance(drive, Drive) else read_drive(drive)
+    measured, _ = examined_drive(drive)
+    return navigate_drive(measured, config, gnss=gnss, states=states, vehicle=vehicle)
+
+
+@task()
+def navigate_drive(
+    drive: Drive,
+    config: FilterConfig | str | Path,
+    *,
+    gnss: GnssNoise | str | None = None,
+    states: Mapping[str, float] | None = None,
+    vehicle: Vehicle = UNCONSTRAINED,
+    measured: Clock | None = None,
+) -> DriveResult:
+    """Filter a drive that was examined; see `navigate_recorded`. A clock `measured` before is that of this drive."""
     as_reported = receiver_of(drive)
     config = config_for_drive(drive, config, gnss=gnss)
     drive = compensate(drive, config.compensation)
-    fixes, positions, velocities = without_gross_outliers(drive.gnss)
-    count = len(drive.gnss.t)
-    left_out = NamedCause.of(
-        f"{positions} fixes and {velocities} velocities contradict their neighbours",
-        "likely",
-        f"{percent(max(positions, velocities) / count)} of the fixes",
-        "they are left out",
-    )
-    if positions or velocities:
-        drive = replace(drive, gnss=fixes, notes=(*drive.notes, left_out))
     if vehicle.sideways is not None:
         states = {"mounting": MOUNTING_SD, **(states or {})}
     stage("finding the offset of the clocks", 0.55)
@@ -246,10 +239,8 @@ def navigate_drive(
         False,
     )
     found = replace(found, diverged=_diverged(found, solutions))
-    wrong = (suspected_unit(drive, drive.gnss) or inertial_axes(drive)) if found.diverged else contradicted
-    if wrong:
-        certainty = "likely: the filter diverged" if found.diverged else "likely"
-        notes = (NamedCause(f"{wrong} ({certainty})"), *notes)
+    if contradicted and not found.diverged:
+        notes = (NamedCause(f"{contradicted} (likely)"), *notes)
     if reference is None and found.blocks:
         notes = (*notes, "no reference: position, velocity and attitude are compared with the smoother")
     if config.gnss == as_reported and not as_reported.correlated:
@@ -262,7 +253,6 @@ def navigate_drive(
         solutions,
         _estimates(settings, solutions[-1]),
         (*drive.notes, *assumed, *notes),
-        max(positions, velocities) / count,
     )
 
 

@@ -91,6 +91,8 @@ class Examination(Shown):
         Those without which a filter begins: what is counted, and faults of whole streams and steps at odds of 1000 : 1.
     filtered : Drive
         The drive without these. Delays and wrong readings are left to the filter, which has a gate for them.
+    undecided : str
+        A unit, sign or order of axes that is refuted as it is stated and fits in two others, in words; else empty.
     """
 
     name: str
@@ -106,6 +108,7 @@ class Examination(Shown):
     mended: Drive
     before_filter: tuple[Repair, ...]
     filtered: Drive
+    undecided: str = ""
 
 
 def streams_of(drive: Drive) -> Streams:
@@ -207,7 +210,20 @@ def examine(drive: Drive) -> Examination:
         mended,
         first,
         filtered,
+        _undecided(search.found),
     )
+
+
+def _undecided(found: Sequence[Found]) -> str:
+    """Return which stream fits in two readings only, neither as it is stated."""
+    for one in found:
+        if one.rival is not None and one.gain > CERTAIN_ODDS >= one.over_next and one.move.reading:
+            other = f"{one.rival.stream} {one.rival.fault}"
+            return (
+                f"{one.move.stream} {one.move.fault}, or {other}: the streams contradict what is stated and fit with "
+                "either; correct the one that is wrong"
+            )
+    return ""
 
 
 def _in_order(drive: Drive, repairs: Sequence[Repair]) -> tuple[Repair, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import permutations, product
 
@@ -10,9 +10,9 @@ import numpy as np
 
 from models.arrays import FloatArray
 from models.rotation import skew
-from models.units import FOOT, KNOT, STANDARD_GRAVITY
+from models.units import FOOT, unit_value
 from tuner.examination.streams import Stream, Streams, Velocities
-from tuner.examination.windows import Inertial, Motion
+from tuner.examination.windows import Motion
 
 AXES = "xyz"
 LEVER_ARM = "lever arm"
@@ -21,6 +21,8 @@ TRIADS = {"gyro": slice(0, 3), "accelerometer": slice(3, 6), "inertial unit": sl
 """Columns of the samples that have one fault."""
 HALF_INTERVAL = 1.96
 """Half of a 95 % interval, in sds."""
+LARGEST_PLACE = np.array([0.5 * np.pi, 2.0 * np.pi])
+"""Latitude and longitude beyond which there are none, rad."""
 DELAYS = (-2.0, -1.0, -0.5, -0.25, 0.25, 0.5, 1.0, 2.0)
 """Delays from which the search begins, s."""
 Change = Callable[[FloatArray], FloatArray]
@@ -48,6 +50,8 @@ class Move:
         How large it is and how certain that is, where it is estimated.
     delay : float or None
         Of a clock, s, negative where it is early.
+    reading : bool
+        Whether it is about how numbers are read: unit, sign, axes.
     """
 
     stream: str
@@ -60,6 +64,7 @@ class Move:
     sd: float | None = None
     unit: str = ""
     delay: float | None = None
+    reading: bool = False
 
     @property
     def interval(self) -> tuple[float, float] | None:
@@ -82,13 +87,20 @@ class BodyVelocities(Velocities):
 
 def moves(streams: Streams) -> Iterator[Move]:
     """Return every fault that is tried, of the streams that are there."""
-    yield from _inertial_moves()
+    yield from _inertial_moves(streams.imu.interval)
     exchange = _of("fixes", "have latitude and longitude exchanged", "exchanged back", _columns(1, 0, 2))
     upside = _of(
         "fixes", "have heights with the wrong sign", "heights multiplied by −1", _times(1.0, 1.0, -1.0)
     )
-    for fault in (exchange, upside):  # of a part they would be a step of the positions as well
-        yield replace(fault, partial=False)
+    degrees = _times(180.0 / np.pi, 180.0 / np.pi, 1.0)
+    radians = _of("fixes", "are in rad, read as degrees", "latitude and longitude in degrees", degrees)
+    feet = _of(
+        "fixes", "have heights in ft, read as m", f"heights multiplied by {FOOT}", _times(1.0, 1.0, FOOT)
+    )
+    for fault in (exchange, upside, radians, feet):  # of a part they would be a step of the positions as well
+        places = np.abs(fault.mended(streams).positions.values[:, :2])
+        if np.all(np.nanmax(places, axis=0) <= LARGEST_PLACE):
+            yield replace(fault, partial=False)
     for one in streams.others:
         if isinstance(one, Velocities):
             yield from _velocity_moves(one.name)
@@ -98,7 +110,8 @@ def moves(streams: Streams) -> Iterator[Move]:
             yield late(one.name, delay)
 
 
-def _inertial_moves() -> Iterator[Move]:
+def _inertial_moves(interval: float) -> Iterator[Move]:
+    """Return faults of the samples of a unit, whose interval is given, s."""
     for name in ("gyro", "accelerometer"):
         for i, axis in enumerate(AXES):
             signs = _times(*(-1.0 if i == j else 1.0 for j in range(3)))
@@ -116,16 +129,25 @@ def _inertial_moves() -> Iterator[Move]:
     yield _of("accelerometer", against, "multiplied by −1", _times(-1.0))
     left = "gyro and accelerometer multiplied by −1"
     yield _of("inertial unit", "has left-handed axes", left, _times(-1.0))
-    units = {"deg/s": ("gyro", np.pi / 180.0), "rad/s": ("gyro", 180.0 / np.pi)}
-    units |= {"g": ("accelerometer", STANDARD_GRAVITY), "m/s²": ("accelerometer", 1.0 / STANDARD_GRAVITY)}
-    for unit, (name, factor) in units.items():
-        read_as = {"deg/s": "rad/s", "rad/s": "deg/s", "g": "m/s²", "m/s²": "g"}[unit]
-        yield _of(name, f"is in {unit}, read as {read_as}", f"multiplied by {factor:.6g}", _times(factor))
+    per_sample = 1.0 / interval
+    rates = {unit: unit_value(unit) for unit in ("deg/s", "mrad/s", "mdeg/s")}
+    yield from _units("gyro", "is", "rad/s", {**rates, f"rad in {interval:.4g} s": per_sample})
+    yield from _units("gyro", "is", "deg/s", {"rad/s": 180.0 / np.pi})
+    forces = {unit: unit_value(unit) for unit in ("g", "mg", "ft/s²")}
+    gained = {f"m/s gained in {interval:.4g} s": per_sample}
+    yield from _units("accelerometer", "is", "m/s²", {**forces, **gained})
+    yield from _units("accelerometer", "is", "g", {"m/s²": 1.0 / unit_value("g")})
+
+
+def _units(name: str, verb: str, read_as: str, units: Mapping[str, float]) -> Iterator[Move]:
+    """Return that a stream is in each of some units, of which each is so many of the one that it is read as."""
+    for unit, factor in units.items():
+        yield _of(name, f"{verb} in {unit}, read as {read_as}", f"multiplied by {factor:.6g}", _times(factor))
 
 
 def _velocity_moves(name: str) -> Iterator[Move]:
-    for unit, factor in {"knots": KNOT, "km/h": 1.0 / 3.6, "ft/s": FOOT}.items():
-        yield _of(name, f"are in {unit}, read as m/s", f"multiplied by {factor:.6g}", _times(factor))
+    units = {"knots": "kn", **{unit: unit for unit in ("km/h", "mph", "ft/s", "cm/s", "mm/s")}}
+    yield from _units(name, "are", "m/s", {word: unit_value(unit) for word, unit in units.items()})
     up = "have the wrong vertical sign: they point up, not down"
     down, subject = "third component multiplied by −1", "vertical sign of the velocities"
     yield _of(name, up, down, _times(1.0, 1.0, -1.0), subject)
@@ -135,7 +157,9 @@ def _velocity_moves(name: str) -> Iterator[Move]:
         name,
         "are in the axes of the unit, not north, east, down",
         "",
-        lambda s: exchanged(s, name, lambda x: BodyVelocities(x.t, x.values, x.sd, x.name, x.arm)),
+        lambda s: exchanged(
+            s, name, lambda x: BodyVelocities(x.t, x.values, x.sd, x.name, x.arm, x.log_scale)
+        ),
         partial=False,
     )
 
@@ -180,9 +204,9 @@ def _of(name: str, fault: str, repair: str, change: Change, subject: str = "") -
             )
         rates = streams.imu.rates.copy()
         rates[:, part] = change(rates[:, part])
-        return replace(streams, imu=Inertial(streams.imu.t, rates))
+        return replace(streams, imu=replace(streams.imu, rates=rates))
 
-    return Move(name, fault, repair, mended, subject=subject)
+    return Move(name, fault, repair, mended, subject=subject, reading=True)
 
 
 def log_jacobian(change: Change, values: FloatArray) -> FloatArray:

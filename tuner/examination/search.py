@@ -15,7 +15,7 @@ from models.robust import normal_sd
 from tuner.examination.fit import FIRST_ROUNDS, LEAST_READINGS, Fit, constants, fit
 from tuner.examination.moves import DELAYS, RECEIVER, Move, arm_of, exchanged, late, moves
 from tuner.examination.streams import Stream, Streams, Velocities
-from tuner.examination.windows import WINDOW_LENGTH, Inertial, Motion, averaged, windows_of
+from tuner.examination.windows import WINDOW_LENGTH, Motion, averaged, windows_of
 from tuner.limits import PRIOR_SHARE
 from tuner.types.records import DataError
 
@@ -51,6 +51,8 @@ class Found:
         What undoing it adds to the log-likelihood, less its price, nats.
     over_next : float
         By how much that is more than of the next explanation, nats.
+    rival : Move or None
+        The next explanation, where it is wanted as well.
     begin, end : float or None
         Where it holds, s; None from the start, to the end.
     """
@@ -60,6 +62,7 @@ class Found:
     over_next: float
     begin: float | None = None
     end: float | None = None
+    rival: Move | None = None
 
 
 def applied(found: Sequence[Found], streams: Streams) -> Streams:
@@ -101,14 +104,18 @@ def searched(streams: Streams, name: str = "streams") -> Searched:
     unseen: tuple[str, ...] = ()
     streams, now, constant = _installed(streams, now, {})
     for _ in range(MOST_FAULTS):
-        tried, unseen = _tried(streams, now, list(moves(streams)))
+        whole = [one.move for one in found if one.begin is None and one.end is None]
+        read = {(one.stream, one.fault) for one in whole if one.reading}  # no unit is taken twice
+        left = [one for one in moves(streams) if (one.stream, one.fault) not in read]
+        tried, unseen = _tried(streams, now, left)
         wanted = (_refined(*one) for one in tried if one[0].gain > 0.0)
         tried = [one for one in wanted if one is not None]
         if not tried:
             break
         best, streams, now = tried[0]
-        rest = max((one.gain for one, *_ in tried[1:]), default=0.0)
-        found.append(replace(best, over_next=best.gain - max(rest, 0.0)))
+        rival = max((one for one, *_ in tried[1:]), key=lambda one: one.gain, default=None)
+        rest, other = (0.0, None) if rival is None else (max(rival.gain, 0.0), rival.move)
+        found.append(replace(best, over_next=best.gain - rest, rival=other))
         streams, now, constant = _installed(streams, now, constant)
     return Searched(_joined(found, constant), first, fit(streams, near=now, every=True), unseen)
 
@@ -363,7 +370,7 @@ def _stepped(streams: Streams, now: Fit, price: float) -> list[tuple[Found, Stre
     )
     if len(span) < 2:
         return []
-    beside = replace(streams, imu=Inertial(streams.imu.t[span], streams.imu.rates[span]))
+    beside = replace(streams, imu=replace(streams.imu, t=streams.imu.t[span], rates=streams.imu.rates[span]))
     before = fit(beside, every=True)
     if _halves(streams, before, time) is None:
         return []

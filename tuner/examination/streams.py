@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from models import rotation
 from models.arrays import FloatArray
 from models.earth import metres_per_radian
-from tuner.examination.windows import Inertial, Motion
+from tuner.examination.windows import WINDOW_LENGTH, Inertial, Motion
 
 
 @dataclass(frozen=True)
@@ -104,11 +104,16 @@ class Positions(Stream):
         return motion.attitude
 
     def with_values(self, values: FloatArray, log_scale: float | FloatArray = 0.0) -> Self:
-        """Return other positions; the density is one of metres, so that a place of longer degrees has a larger one."""
-        scale = np.log(np.maximum(metres_per_radian(values) / metres_per_radian(self.values), 1e-9)).sum(
-            axis=1
+        """Return the stream with other values.
+
+        Densities are those of metres; longer radians earn nothing, as any length explains a vehicle that stands. One
+        reading of a window only says where the window begins: its density is that of no prediction, whatever the unit.
+        """
+        before, after = (np.abs(metres_per_radian(x)).prod(axis=1) for x in (self.values, values))
+        predicted = max(1.0 - float(np.median(np.diff(self.t[self.readings]))) / WINDOW_LENGTH, 0.0)
+        return super().with_values(
+            values, predicted * (log_scale + np.minimum(np.nan_to_num(np.log(after / before)), 0.0))
         )
-        return super().with_values(values, log_scale + scale)
 
     def local(self, place: FloatArray) -> FloatArray:
         """Return north, east, down from the place of each window, m."""

@@ -49,10 +49,18 @@ class Inertial:
         Stamps, s; a sample is the mean since the one before.
     rates : ndarray, shape (n, 6)
         Angular rates, rad/s, and specific forces, m/s².
+    many : int
+        Samples of the unit whose mean one is.
     """
 
     t: FloatArray
     rates: FloatArray
+    many: int = 1
+
+    @property
+    def interval(self) -> float:
+        """Time from one sample of the unit to the next, s."""
+        return float(np.median(np.diff(self.t))) / self.many
 
 
 @dataclass(frozen=True)
@@ -100,7 +108,8 @@ def averaged(imu: Inertial, rate: float = MAX_RATE) -> Inertial:
     if many < 2:
         return imu
     n = len(imu.t) // many
-    return Inertial(imu.t[many - 1 : n * many : many], imu.rates[: n * many].reshape(n, many, 6).mean(axis=1))
+    rates = imu.rates[: n * many].reshape(n, many, 6).mean(axis=1)
+    return Inertial(imu.t[many - 1 : n * many : many], rates, many * imu.many)
 
 
 def windows_of(imu: Inertial, only: IntArray | None = None) -> Windows:

@@ -39,7 +39,6 @@ from tuner.navigation.compensation import compensate
 from tuner.navigation.data import Solution
 from tuner.navigation.determined import determined_state
 from tuner.navigation.drive.clock import Clock, clock_of_drive
-from tuner.navigation.drive.gross_outliers import without_gross_outliers
 from tuner.navigation.drive.run import Stretch, navigate, prepare
 from tuner.navigation.fix_sd_model import GNSS_NOISE_SCALE, FixSdModel
 from tuner.navigation.settings import FilterSettings, total_bias
@@ -76,8 +75,7 @@ def write_drive(drive: Drive, config: FilterConfig, path: Path) -> tuple[str, ..
         Where the drive cannot be aligned.
     """
     drive = compensate(drive, config.compensation)
-    gnss, wrong, _ = without_gross_outliers(drive.gnss)
-    clock = clock_of_drive(drive)
+    clock, gnss = clock_of_drive(drive), drive.gnss
     drive = replace(drive, gnss=replace(gnss, vel_n=np.full_like(gnss.vel_n, np.nan)))
     run = _run(drive, config, clock)
     run, undetermined = _with_what_is_shown(run, drive, config, clock)
@@ -87,8 +85,6 @@ def write_drive(drive: Drive, config: FilterConfig, path: Path) -> tuple[str, ..
         notes.append(
             "sds of the fixes are not below the receiver's own: smaller ones need states that KF-GINS lacks"
         )
-    if wrong:
-        notes.append(f"{wrong} fixes left out: they contradict their neighbours")
     if "gnss_position" in settings.model.layout:
         notes.append("KF-GINS knows no correlated error of the receiver: its position sds will be too small")
     if drive.mounting is None:

@@ -19,7 +19,7 @@ from tuner.diagnosis import diagnose
 from tuner.diagnosis.data_quality.frozen_left_out import without_long_frozen
 from tuner.diagnosis.data_quality.overflow import without_overflow
 from tuner.diagnosis.static.position_drift import found_signals
-from tuner.examination.examine import Examination, examine
+from tuner.examination.examined_drive import examined_drive
 from tuner.exporters import DIALECTS, dialect_named, export, lacking, withheld
 from tuner.formats import noise_yaml
 from tuner.formats.prediction import prediction_json
@@ -28,7 +28,6 @@ from tuner.identification.identify import with_terms_found
 from tuner.identification.identify_source import identify_source, receiver_of_source, records_name
 from tuner.pipeline.compile_ahead import compiled_ahead
 from tuner.readers import read
-from tuner.readers.drive import read_drive
 from tuner.readers.source_kind import is_log, source_name
 from tuner.segments.conditions import at_rest, expect_rest
 from tuner.segments.multi_position import PoseCalibration, calibrate
@@ -233,9 +232,7 @@ def gather_inputs(
     progress: Progress,
 ) -> TuneInputs:
     """Read what is named by a path, choose name and receiver, and simulate where there is neither log nor drive."""
-    recorded = drive if drive is None or isinstance(drive, Drive) else read_drive(drive)
-    examination = None if recorded is None else examined_or_none(recorded, progress)
-    measured = recorded if examination is None else examination.filtered
+    measured, examination = (None, None) if drive is None else examined_drive(drive, progress)
     key: Mapping[str, Any] | None = None
     records: tuple[Record, ...] = ()
     source: str | Path | Identification | None = None
@@ -260,15 +257,6 @@ def gather_inputs(
     names = [] if log is None else [_log_name(log, records)]
     names += [] if measured is None else [measured.name]
     return TuneInputs("-".join(names), records, source, measured, receiver, key, examination)
-
-
-def examined_or_none(drive: Drive, progress: Progress) -> Examination | None:
-    """Return what is wrong with the streams of a drive; None where it is too short to be examined."""
-    progress("examining the drive")
-    try:
-        return examine(drive)
-    except DataError:
-        return None
 
 
 def _log_name(log: str | Path | Sequence[Record] | Identification, records: Sequence[Record]) -> str:

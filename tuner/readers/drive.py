@@ -32,7 +32,7 @@ from tuner.formats.customary_units import percent
 from tuner.formats.guard import input_guard
 from tuner.readers import read
 from tuner.readers.columns import digest
-from tuner.readers.drive_checks import check_drive
+from tuner.readers.drive_checks import expect_streams
 from tuner.readers.drive_npz import DriveArrays, read_drive_npz
 from tuner.readers.drive_tables import GNSS_COLUMNS, ordered, table
 from tuner.readers.fixes import READERS as FIX_READERS
@@ -63,15 +63,13 @@ FRAMES: Mapping[str, tuple[float, float, float]] = {
 _TRUTH_COLUMNS = ("t", "lat", "lon", "height", "vn", "ve", "vd", "roll", "pitch", "yaw")
 
 
-def read_drive(path: str | Path, *, checked: bool = True) -> Drive:
+def read_drive(path: str | Path) -> Drive:
     """Read a drive.
 
     Parameters
     ----------
     path : str or Path
         A folder, an NPZ or a YAML of KF-GINS.
-    checked : bool, optional
-        Whether numbers that are impossible in their units are refused; an examination names their fault.
 
     Raises
     ------
@@ -87,15 +85,14 @@ def read_drive(path: str | Path, *, checked: bool = True) -> Drive:
     path = file_of(Path(path))
     if path.is_dir():
         with input_guard(path, "a drive: imu.csv, gnss.csv and perhaps truth.csv"):
-            return _checked(path, _folder(path)) if checked else _folder(path)
+            return _folder(path)
     if not path.is_file():
         raise DataError(
             f"{path}: expected a drive (folder with imu.csv and gnss.csv, NPZ, or YAML of KF-GINS), found nothing"
         )
     readers = {".npz": _npz, ".yaml": _kf_gins, ".yml": _kf_gins}
     with input_guard(path, CONTENT):
-        drive = readers.get(path.suffix.lower(), _messages)(path)
-        return _checked(path, drive) if checked else drive
+        return readers.get(path.suffix.lower(), _messages)(path)
 
 
 def read_if_drive(source: str | Path) -> Drive | None:
@@ -111,17 +108,7 @@ def read_if_drive(source: str | Path) -> Drive | None:
     if found is None:
         return None
     with input_guard(path, CONTENT):
-        return _checked(path, _of_arrays(path, found))
-
-
-def _checked(path: Path, drive: Drive) -> Drive:
-    """Return a drive whose numbers are possible in the stated units, with notes on what is odd."""
-    gnss, notes = drive.gnss, list(drive.notes)
-    imu = np.column_stack([drive.imu_t + drive.origin, drive.rates])
-    places = np.column_stack([np.degrees(gnss.llh[:, :2]), gnss.llh[:, 2]])
-    fixes = np.column_stack([gnss.t + drive.origin, places, gnss.vel_n, gnss.position_sd, gnss.velocity_sd])
-    check_drive(path, imu, fixes, notes)
-    return replace(drive, notes=one_line(notes))
+        return _of_arrays(path, found)
 
 
 def mounting_of(frame: str | None, rpy_deg: Any) -> FloatArray | None:
@@ -313,7 +300,7 @@ def _drive(
     lever_arm: tuple[float, float, float] | None = None,
     notes: tuple[str, ...] = (),
 ) -> Drive:
-    """Clean the streams, put them on one clock and check that their numbers are possible in the stated units."""
+    """Clean the streams and put them on one clock."""
     messages, repairs = list(notes), list[Repair]()
     imu = ordered(path, "IMU", imu, imu, messages, repairs)
     fixes = ordered(path, "GNSS", fixes, fixes[:, :4], messages, repairs)
@@ -336,6 +323,7 @@ def _drive(
     if not inside.all():
         messages.append(f"{np.count_nonzero(~inside)} fixes outside the inertial record removed")
     fixes = fixes[inside]
+    expect_streams(path, imu, fixes)
     repeats = int(np.count_nonzero(np.all(np.diff(imu[:, 1:], axis=0) == 0.0, axis=1)))
     if repeats:
         messages.append(

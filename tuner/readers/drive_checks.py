@@ -1,61 +1,73 @@
-"""Are the numbers of a drive possible in the stated units? Dead sensors, and speeds that no vehicle has.
+"""Are the numbers of a drive possible? Sensors that were off, and sizes that no vehicle and no unit has.
 
-Whether its streams agree with one another is checked where it is filtered (`tuner.navigation.drive.unit_checks`,
-`.axes`).
+Whether its streams agree with one another, and in which units, an examination says (`tuner.examination`): sizes are
+judged behind it.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from models.arrays import FloatArray
 from models.earth import ned_between
-from models.units import FOOT, MILLI_G, STANDARD_GRAVITY
-from tuner.types.records import DataError
+from tuner.types.named_cause import one_line
+from tuner.types.records import DataError, Drive
 
 MAX_SAMPLE_INTERVAL = 0.5
 """Longest interval of inertial samples that can be navigated with, s."""
+LARGEST_ANGLE = 360.0
+"""Largest latitude or longitude in any order, deg."""
 MAX_HEIGHT = 5e4
 """Height above which no land, sea or air vehicle of this project's users is, m."""
 MAX_SPEED = 350.0
 """Speed above which no such vehicle is, m/s."""
 MAX_ANGULAR_RATE = 35.0
 """Angular rate that 99 % of the samples stay below, rad/s."""
-FORCE_UNITS = {"g": 1.0 / STANDARD_GRAVITY, "mg": 1.0 / MILLI_G, "ft/s²": 1.0 / FOOT}
-"""How many make 1 m/s²."""
-GRAVITY_TOLERANCE = 0.1
-"""Relative difference between the median of the specific force and gravity within which a unit is named."""
 MAX_OUTLIER_SHARE = 0.01
 """Share of impossible rows up to which they are outliers, and reported; with more the drive is refused."""
 MIN_CHECKED_DISTANCE = 1e3
 """Distance of fixes from which the speed between them is checked, m."""
 
 
-def check_drive(path: Path, imu: FloatArray, fixes: FloatArray, notes: list[str]) -> None:
-    """Refuse what cannot be a drive in these units, and note what is odd.
+def expect_streams(path: Path, imu: FloatArray, fixes: FloatArray) -> None:
+    """Refuse streams that hold no measurement, whatever their units.
 
     Parameters
     ----------
     path : Path
-        Where it comes from.
+        Where they come from.
     imu : ndarray, shape (n, 7)
         t, angular rates, specific forces.
     fixes : ndarray, shape (k, 13)
-        t, latitude and longitude in degrees, height, velocity, and the sds of both; NaN where there is none.
-    notes : list of str
-        Notes, to which this adds.
+        t, position, velocity, and the sds of both; NaN where there is none.
 
     Raises
     ------
     DataError
         What cannot be, in one line.
     """
-    _inertial(path, imu, notes)
-    _positions(path, fixes, notes)
-    _velocities(path, fixes, notes)
+    interval = float(np.median(np.diff(imu[:, 0]))) if len(imu) > 1 else math.inf
+    if not interval <= MAX_SAMPLE_INTERVAL:
+        raise DataError(
+            f"{path}: expected stamps of inertial samples in seconds, {MAX_SAMPLE_INTERVAL:g} s apart at most, "
+            f"got {interval:.4g} in the median; check the unit of time"
+        )
+    for name, columns in (("angular rate", slice(1, 4)), ("specific force", slice(4, 7))):
+        if np.all(np.ptp(imu[:, columns], axis=0) == 0.0):
+            raise DataError(
+                f"{path}: expected {name}s that change, got the same on all axes in all {len(imu)} samples: a sensor "
+                "that was off? record it"
+            )
+    place = float(np.max(np.abs(fixes[:, 1:3])))
+    if place > LARGEST_ANGLE:
+        raise DataError(
+            f"{path}: expected latitude and longitude in degrees, got up to {place:.5g}; check unit and order"
+        )
     if np.nanmin(fixes[:, 7:13], initial=0.0) < 0.0:
         raise DataError(
             f"{path}: expected standard deviations that are not negative, got {np.nanmin(fixes[:, 7:13]):.4g}; "
@@ -67,105 +79,104 @@ def check_drive(path: Path, imu: FloatArray, fixes: FloatArray, notes: list[str]
             f"{path}: expected standard deviations that are finite, got inf in {np.count_nonzero(endless)} of "
             f"{len(fixes)} fixes, first at {fixes[np.argmax(endless), 0]:.6g} s; leave such fixes out"
         )
-    for name, columns in (("position", slice(7, 10)), ("velocity", slice(10, 13))):
-        zero = int(np.count_nonzero(np.any(fixes[:, columns] == 0.0, axis=1)))
+
+
+def possible_drive(drive: Drive) -> Drive:
+    """Return a drive without the few fixes that no vehicle reaches, with notes on what is odd.
+
+    Raises
+    ------
+    DataError
+        Where its numbers are possible in no unit that is known, in one line.
+    """
+    notes: list[str] = []
+    _inertial(drive, notes)
+    gnss = drive.gnss
+    far, fast = _positions(drive, notes), _velocities(drive, notes)
+    gnss = replace(gnss, vel_n=np.where(fast[:, None], np.nan, gnss.vel_n)).rows(~far)
+    for name, sd in (("position", gnss.position_sd), ("velocity", gnss.velocity_sd)):
+        zero = int(np.count_nonzero(np.any(sd == 0.0, axis=1)))
         if zero:
             notes.append(
                 f"{zero} fixes report a standard deviation of 0 for their {name}: that of the configuration counts"
             )
+    return replace(drive, gnss=gnss, notes=(*drive.notes, *one_line(notes)))
 
 
-def _inertial(path: Path, imu: FloatArray, notes: list[str]) -> None:
-    interval = float(np.median(np.diff(imu[:, 0]))) if len(imu) > 1 else math.inf
-    if not interval <= MAX_SAMPLE_INTERVAL:
+def _inertial(drive: Drive, notes: list[str]) -> None:
+    """Refuse lost or impossible samples; note a few."""
+    count, forces, t = len(drive.rates), drive.rates[:, 3:], drive.imu_t + drive.origin
+    silent = np.all(forces == 0.0, axis=1)
+    lost, first = int(np.count_nonzero(silent)), float(t[np.argmax(silent)])
+    if lost > MAX_OUTLIER_SHARE * count:
         raise DataError(
-            f"{path}: expected stamps of inertial samples in seconds, {MAX_SAMPLE_INTERVAL:g} s apart at most, "
-            f"got {interval:.4g} in the median; check the unit of time"
+            f"{drive.source}: expected a specific force of about 9.8 m/s², got 0 on all axes in {lost} of {count} "
+            f"samples, first at {first:.6g} s; leave lost samples out"
         )
-    silent = np.all(imu[:, 4:7] == 0.0, axis=1)
-    count, first = int(np.count_nonzero(silent)), int(np.argmax(silent))
-    if count > MAX_OUTLIER_SHARE * len(imu):
-        raise DataError(
-            f"{path}: expected a specific force of about 9.8 m/s², got 0 on all axes in {count} of {len(imu)} samples, "
-            f"first at {imu[first, 0]:.6g} s; leave lost samples out"
-        )
-    if count:
-        notes.append(
-            f"{count} inertial samples have no specific force at all, first at {imu[first, 0]:.6g} s"
-        )
-    force = float(np.median(np.linalg.norm(imu[:, 4:7], axis=1)))
+    if lost:
+        notes.append(f"{lost} inertial samples have no specific force at all, first at {first:.6g} s")
+    force = float(np.median(np.linalg.norm(forces, axis=1)))
     if not 5.0 < force < 20.0:
         raise DataError(
-            f"{path}: expected a specific force of about 9.8 m/s², got {force:.4g} in the median; "
-            f"{_force_unit(force, interval)}"
+            f"{drive.source}: expected a specific force of about 9.8 m/s², got {force:.4g} in the median; check "
+            "the unit"
         )
-    for name, columns in (("angular rate", slice(1, 4)), ("specific force", slice(4, 7))):
-        if np.all(np.ptp(imu[:, columns], axis=0) == 0.0):
-            raise DataError(
-                f"{path}: expected {name}s that change, got the same on all axes in all {len(imu)} samples: a sensor "
-                "that was off? record it"
-            )
-    turn = float(np.percentile(np.abs(imu[:, 1:4]), 99.0))
+    turn = float(np.percentile(np.abs(drive.rates[:, :3]), 99.0))
     if turn > MAX_ANGULAR_RATE:
         raise DataError(
-            f"{path}: expected angular rates in rad/s, got {turn:.4g} (99 % of samples are below); check the unit"
+            f"{drive.source}: expected angular rates in rad/s, got {turn:.4g} (99 % of samples are below); check "
+            "the unit"
         )
 
 
-def _force_unit(force: float, interval: float) -> str:
-    """Return what to do about a specific force of another size than that of gravity."""
-    units = {**FORCE_UNITS, f"m/s gained in {interval:.4g} s": interval}
-    likely = [
-        unit
-        for unit, many in units.items()
-        if abs(force / (many * STANDARD_GRAVITY) - 1.0) < GRAVITY_TOLERANCE
-    ]
-    return f"it looks to be in {' or '.join(likely)}: convert it to m/s²" if likely else "check the unit"
-
-
-def _positions(path: Path, fixes: FloatArray, notes: list[str]) -> None:
-    if np.max(np.abs(fixes[:, 1])) > 90.0 or np.max(np.abs(fixes[:, 2])) > 360.0:
+def _positions(drive: Drive, notes: list[str]) -> NDArray[np.bool_]:
+    """Return which fixes no vehicle reaches from those beside them, (k,); refuse positions that cannot be."""
+    llh = drive.gnss.llh
+    latitude = float(np.degrees(np.max(np.abs(llh[:, 0]))))
+    if latitude > 90.0:
         raise DataError(
-            f"{path}: expected latitude and longitude in degrees, got up to {np.max(np.abs(fixes[:, 1:3])):.5g}; "
-            "check unit and order"
+            f"{drive.source}: expected latitudes in degrees, got up to {latitude:.5g}; check unit and order"
         )
-    if np.median(np.abs(fixes[:, 3])) > MAX_HEIGHT:
+    if np.median(np.abs(llh[:, 2])) > MAX_HEIGHT:
         raise DataError(
-            f"{path}: expected heights in m, got {np.median(np.abs(fixes[:, 3])):.5g} in the median; check the unit"
+            f"{drive.source}: expected heights in m, got {np.median(np.abs(llh[:, 2])):.5g} in the median; check the "
+            "unit"
         )
-    apart = np.linalg.norm(_steps(fixes), axis=1)
-    speed = np.where(apart > MIN_CHECKED_DISTANCE, apart / np.diff(fixes[:, 0]), 0.0)
+    apart = np.linalg.norm(ned_between(llh[1:], llh[:-1]), axis=1)
+    speed = np.where(apart > MIN_CHECKED_DISTANCE, apart / np.diff(drive.gnss.t), 0.0)
     # A fix that is far off makes two such steps.
-    _possible(
-        path, fixes[1:, 0], speed, "positions that ask for", 2.0 * MAX_OUTLIER_SHARE, "degrees and s", notes
+    leaps = _impossible(
+        drive,
+        drive.gnss.t[1:],
+        speed,
+        "positions that ask for",
+        2.0 * MAX_OUTLIER_SHARE,
+        "degrees and s",
+        notes,
     )
+    return np.asarray(np.append(True, leaps) & np.append(leaps, True), dtype=bool)
 
 
-def _velocities(path: Path, fixes: FloatArray, notes: list[str]) -> None:
-    speed = np.nan_to_num(np.linalg.norm(fixes[:, 4:7], axis=1))
-    _possible(path, fixes[:, 0], speed, "velocities of", MAX_OUTLIER_SHARE, "m/s", notes)
+def _velocities(drive: Drive, notes: list[str]) -> NDArray[np.bool_]:
+    speed = np.nan_to_num(np.linalg.norm(drive.gnss.vel_n, axis=1))
+    return _impossible(drive, drive.gnss.t, speed, "velocities of", MAX_OUTLIER_SHARE, "m/s", notes)
 
 
-def _possible(
-    path: Path, t: FloatArray, speed: FloatArray, what: str, share: float, unit: str, notes: list[str]
-) -> None:
-    """Refuse speeds that are impossible too often; of a few, note where the first one is."""
-    wrong = speed > MAX_SPEED
-    count, first = int(np.count_nonzero(wrong)), int(np.argmax(wrong))
+def _impossible(
+    drive: Drive, t: FloatArray, speed: FloatArray, what: str, share: float, unit: str, notes: list[str]
+) -> NDArray[np.bool_]:
+    """Return which speeds are impossible; refuse too many, and note where the first of a few is."""
+    wrong: NDArray[np.bool_] = speed > MAX_SPEED
+    count, first = int(np.count_nonzero(wrong)), int(np.argmax(wrong)) if len(wrong) else 0
     if not count:
-        return
-    speeds = f"{what} up to {float(speed.max()):.4g} m/s in {count} of {len(speed)} fixes, first at {t[first]:.6g} s"
+        return wrong
+    speeds = (
+        f"{what} up to {float(speed.max()):.4g} m/s in {count} of {len(speed)} fixes, first at "
+        f"{t[first] + drive.origin:.6g} s"
+    )
     if count > share * len(speed):
         raise DataError(
-            f"{path}: expected a vehicle slower than {MAX_SPEED:g} m/s, got {speeds}; check the units ({unit})"
+            f"{drive.source}: expected a vehicle slower than {MAX_SPEED:g} m/s, got {speeds}; check the units ({unit})"
         )
-    notes.append(f"{speeds}: no vehicle does that, they are outliers")
-
-
-def _llh(fixes: FloatArray) -> FloatArray:
-    return np.column_stack([np.radians(fixes[:, 1:3]), fixes[:, 3]])
-
-
-def _steps(fixes: FloatArray) -> FloatArray:
-    llh = _llh(fixes)
-    return ned_between(llh[1:], llh[:-1])
+    notes.append(f"{speeds}: no vehicle does that, they are left out")
+    return wrong

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import math
-
 from rich.table import Table
 
 from tuner.examination.examine import Examination
 from tuner.formats.customary_units import digits
+from tuner.formats.repair_words import repair_text
 from tuner.limits import WRONG_FACTOR
 from tuner.report.answer_layout import span_text
 from tuner.report.document import Document, document
 from tuner.report.titled_table import table_of
-from tuner.types.repair import Repair
 
 MENDED = "mended.npz"
 """File of a mended drive."""
@@ -46,28 +44,6 @@ def examination_verdict(found: Examination) -> tuple[bool, str]:
     if not many:
         return True, "nothing contradicts"
     return False, f"mend before any filter: {many} thing{'s' * (many > 1)}, the surest first"
-
-
-def repair_text(one: Repair) -> str:
-    """Return a repair in four parts: what and where, how sure, its size, what was done."""
-    words = f"{one.stream[:1].upper()}{one.stream[1:]} {one.fault}"
-    bounds = [
-        f"{word} {digits(t)} s"
-        for word, t in (("from", one.begin), ("to", one.end))
-        if t is not None and not one.unit
-    ]
-    sure = certainty_of(one)
-    done = f"mended copy: {one.done}" if one.done else "nothing mends it here"
-    return f"{' '.join([words, *bounds])} ({sure}); {done}"
-
-
-def certainty_of(one: Repair) -> str:
-    """Return how sure a repair is, by the odds against the next explanation."""
-    if math.isinf(one.nats):
-        return "counted"
-    nats = min(one.nats, one.over_next)
-    share = 1.0 / (1.0 + math.exp(-min(nats, 700.0)))
-    return "certain" if share > 0.999 else f"{100.0 * share:.3g} % likely"
 
 
 def vibration_lines(found: Examination) -> list[str]:

@@ -18,7 +18,7 @@ from tuner.report.answer_layout import recording_text
 from tuner.report.diagnosis_answer import diagnosis_answer
 from tuner.report.document import Document, document
 from tuner.report.drive_answer import choice_parts, fixes_parts, found_text
-from tuner.report.examination_answer import MENDED, SHOWN_REPAIRS, repair_text, vibration_lines
+from tuner.report.examination_answer import MENDED, vibration_lines
 from tuner.report.groups_in_words import findings_in_words
 from tuner.report.identification_answer import warning_lines
 from tuner.report.identification_tables import identification_tables
@@ -73,8 +73,9 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
     signs = legend(*noise[:1])
     found, idle, doubted = found_lines(result)
     examined = result.diagnosis is not None or result.drive is not None
-    mended = _mended_lines(result)
-    nothing = [] if mended else ["Nothing was found that the noise terms do not explain"]
+    vibration = [] if result.examination is None else vibration_lines(result.examination)
+    mended = result.examination is not None and result.examination.before_filter
+    nothing = [] if mended or vibration else ["Nothing was found that the noise terms do not explain"]
     further = len(found) - SHOWN_FINDINGS
     own = Path(keys[0].removesuffix(":")).name if len(keys) > 1 else ""
     pairs = any(STATES_IN_PAIR in text for name, text in result.exports.items() if own in ("", name))
@@ -83,8 +84,8 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
     said: list[Table | str] = [
         recording_line(result),
         f"Verdict: {result.verdict.text}",
-        *mended,
         *reference_lines(result),
+        *vibration,
         *noise[:1],
         signs,
         reason,
@@ -117,16 +118,6 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
     end = [*withheld_lines(result), _file_line(result, directory, dialect)]
     more += [note for note in result.config.notes if note not in result.identification.notes]
     return document(said, remarks, end, more, spare=[noise[2:], [*noise[:1], signs], [*noise[1:2], reason]])
-
-
-def _mended_lines(result: TuneResult) -> list[str]:
-    """Return what was wrong with the streams of a drive and was mended before it was filtered."""
-    if result.examination is None:
-        return []
-    repairs = [
-        f"Before the filter: {repair_text(one)}" for one in result.examination.before_filter[:SHOWN_REPAIRS]
-    ]
-    return [*repairs, *vibration_lines(result.examination)]
 
 
 def noise_tables(result: TuneResult, files: Iterable[str]) -> list[Table]:
@@ -200,7 +191,7 @@ def _kept_text(line: str) -> str:
 
 
 def reference_lines(result: TuneResult) -> list[str]:
-    """Return what is wrong with the reference of the drive, in one line or none, and the causes that its run names."""
+    """Return what is wrong with the reference of the drive, in one line or none, and repairs and causes of its run."""
     run = result.measured or (None if result.drive is None else result.drive.diagnosis)
     return [] if run is None else [*reference_line(run.notes), *separated(run.notes)[0]]
 

@@ -53,13 +53,15 @@ def test_residuals_of_every_reading_are_those_of_the_readings_fitted(streams: St
         assert few[there] == pytest.approx(all_of[there], abs=1e-6)
 
 
-def test_the_density_of_positions_is_one_of_metres() -> None:
-    """A place with longer degrees has readings that are denser by as much."""
-    south = Positions(np.zeros(1), np.array([[np.radians(10.0), np.radians(60.0), 0.0]]))
+def test_shorter_degrees_win_nothing() -> None:
+    """Places exchanged to a latitude of shorter degrees have smaller errors, and a smaller density by as much."""
+    there = np.tile([np.radians(10.0), np.radians(60.0), 0.0], (40, 1)) + 1e-9 * np.arange(40)[:, None]
+    south = Positions(0.1 * np.arange(40), there)
     north = south.with_values(south.values[:, [1, 0, 2]])
-    ratio = metres_per_radian(north.values).prod() / metres_per_radian(south.values).prod()
-    assert north.log_scale == pytest.approx(np.log(ratio))
-    assert ratio == pytest.approx(np.cos(np.radians(60.0)) / np.cos(np.radians(10.0)), rel=0.01)
+    ratio = np.cos(np.radians(60.0)) / np.cos(np.radians(10.0))
+    assert north.log_scale == pytest.approx(np.full(40, np.log(ratio)), rel=0.05)
+    back = north.with_values(south.values)
+    assert np.all(back.log_scale <= north.log_scale + 1e-9)
 
 
 def test_errors_of_positions_that_wander_are_found_as_such(streams: Streams) -> None:

@@ -152,16 +152,11 @@ def test_one_file_of_kf_gins_is_drive_and_configuration(configuration, arrays, t
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"accel": 1e3}, "specific force"),
-        ({"accel": 1e-3}, "specific force"),
-        ({"gyro": 1e3}, "rad/s"),
+        ({"accel": 1e-4}, "specific force"),
         ({"gnss_pstd": -1.0}, "negative"),
         ({"gnss_llh": 1e7}, "degrees"),
         ({"gnss_t": 10.0}, "one clock"),
         ({"imu_t": 1e3, "gnss_t": 1e3}, "unit of time"),
-        ({"gyro": 1e-3}, "gyros are 0.00100"),
-        ({"gnss_vned": 1e3}, "velocities"),
-        ({"gnss_llh": np.array([1.0, 1.0, 1e4])}, "heights"),
     ],
 )
 def test_impossible_drives_are_refused_in_one_line(saved, data, tmp_path, capsys, change, words):

@@ -51,7 +51,7 @@ def command(
     from tuner.report.terminal import show
 
     stage("reading the drive", 0.1)
-    measured = read_drive(drive, checked=False)
+    measured = read_drive(drive)
     messages.say("examining")
     stage("holding the streams against one another", 0.95)
     found = examine(measured)

@@ -66,6 +66,7 @@ def tune_filter(
     from tuner.formats.documents import json_text
     from tuner.formats.file_set import MANIFEST, digests, write_set
     from tuner.readers.drive import read_drive
+    from tuner.readers.drive_checks import possible_drive
     from tuner.readers.source_kind import is_log
     from tuner.report.external_tables import external_json, external_tables
     from tuner.report.terminal import show
@@ -74,7 +75,7 @@ def tune_filter(
     if drive is None or dialect is None:
         raise click.UsageError("--filter: expected --drive DRIVE and --to DIALECT with it")
     program = program_of(filter_command, time_limit=time_limit)
-    measured = read_drive(drive)
+    measured = possible_drive(read_drive(drive))  # the program filters it as it is
     if log is None:
         config = config_of_drive(measured, stationary_noise(measured))
     elif is_log(log):

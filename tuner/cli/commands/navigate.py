@@ -104,7 +104,8 @@ def command(
     DRIVE is a folder with imu.csv and gnss.csv, an NPZ, or a YAML of KF-GINS. Fixes are withheld for 10, 30 and 60 s at
     a time to score the prediction; errors are against the reference where the drive has one.
     """
-    from tuner import navigate
+    from tuner.consistency.score_drive import navigate_drive
+    from tuner.examination.examined_drive import examined_drive
     from tuner.navigation.drive.vehicle_constraints import Vehicle
     from tuner.readers.drive import read_drive, with_mounting
     from tuner.readers.source_kind import with_name
@@ -116,11 +117,13 @@ def command(
     from tuner.report.terminal import show
 
     stage("reading the drive", 0.1)
-    measured = with_mounting(read_drive(drive), frame=imu_frame, rpy_deg=mounting_rpy, lever_arm=lever_arm)
+    recorded = with_mounting(read_drive(drive), frame=imu_frame, rpy_deg=mounting_rpy, lever_arm=lever_arm)
+    stage("examining the drive", 0.5)
+    measured, _ = examined_drive(recorded, messages.say)
     messages.say("navigating")
     vehicle = Vehicle(non_holonomic, zero_velocity)
     stage("filtering the drive", 0.95)
-    found = navigate(measured, config, gnss=gnss, states=states, vehicle=vehicle)
+    found = navigate_drive(measured, config, gnss=gnss, states=states, vehicle=vehicle)
     lawful(found)
     stage("writing", 1.0)
     if directory is not None:

@@ -56,7 +56,7 @@ def configured_run(drive: Drive, config: FilterConfig, clock: Clock) -> Configur
     Parameters
     ----------
     drive : Drive
-        Without gross outliers, its stamps as they are.
+        As examined, its stamps as they are.
     config : FilterConfig
         The filter.
     clock : Clock

@@ -17,7 +17,6 @@ from tuner.diagnosis.drive.causes.registry import significance_threshold
 from tuner.diagnosis.drive.causes.sensor_bias import biases_beyond_prior
 from tuner.diagnosis.drive.causes.time_offset import (
     clock_coefficients,
-    clocks_are_suspicious,
     coarse_clock_search,
 )
 from tuner.diagnosis.drive.findings import finding, inseparable_causes
@@ -36,7 +35,6 @@ from tuner.diagnosis.drive.plausibility import plausible
 from tuner.diagnosis.drive.posterior_check import with_something_else
 from tuner.diagnosis.drive.search import SearchResult, search_causes
 from tuner.formats.diagnosis import config_finding
-from tuner.navigation.drive.axis_checks import refuse_wrong_axes
 from tuner.navigation.drive.clock import Clock
 from tuner.navigation.drive.run import expect_settled
 from tuner.navigation.drive.vehicle_constraints import turned_from
@@ -89,8 +87,7 @@ def examine_drive(
     Raises
     ------
     DataError
-        Where the drive cannot be aligned, its sensors are read in wrong axes, the configuration lacks an
-        axis, or its covariances are lost in rounding.
+        Where the drive cannot be aligned, the configuration lacks an axis, or its covariances are lost in rounding.
     """
     try:
         return _examine(drive, config, wheels, progress)
@@ -110,9 +107,6 @@ def _examine(
     base = run_filter(sensor, Hypothesis.first(sensor, config, config.compensation))
     spans = [float(np.ptp(solution.t)) for solution in base.solutions]
     expect_settled(bool(base.linearized.counted.any()), drive.source or drive.name, spans)
-    suspicious_clocks = clocks_are_suspicious(base)
-    if suspicious_clocks:
-        refuse_wrong_axes(drive)
     # A lever arm counts for the clocks only in axes that are known.
     stage("finding the offset of the clocks", 0.2)
     coarse, clock = coarse_clock_search(placed_in_sensor_axes(drive), base.hypothesis)

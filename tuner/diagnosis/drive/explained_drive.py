@@ -8,6 +8,7 @@ from pathlib import Path
 from tuner.diagnosis.drive.config_after_drive import as_estimated
 from tuner.diagnosis.drive.diagnose import ExaminedDrive, examine_drive
 from tuner.diagnosis.drive.noise_scale_estimates import estimate_noise_scales
+from tuner.examination.examined_drive import examined_drive
 from tuner.identification.identify_source import receiver_of_source
 from tuner.stages import stage, task
 from tuner.synthesis.from_drive import config_for_drive, config_of_drive, receiver_of, stationary_noise
@@ -41,13 +42,14 @@ def examine_drive_of(
     wheels: bool = False,
     progress: Progress = silent,
 ) -> ExaminedDrive:
-    """Diagnose a drive; without a configuration, that of the unit from the parts in which the vehicle stands.
+    """Diagnose a recorded drive; without a configuration, that of the unit from the parts in which the vehicle stands.
 
     The parameters are those of `tuner.diagnose`; a second drive to measure gains on is refused.
     """
     if holdout is not None:
         raise DataError("--holdout: expected with a static log; of a drive the last 40 % are held out")
     receiver = receiver_of_source(gnss, progress) if isinstance(gnss, str) else gnss
+    drive, _ = examined_drive(drive, progress)
     if config is not None:
         chosen = config_for_drive(drive, config, gnss=receiver)
         return examine_and_explain(drive, chosen, wheels=wheels, progress=progress)

@@ -53,9 +53,7 @@ from tuner.diagnosis.drive.noise_factors import (
 from tuner.diagnosis.drive.outage_errors import OutageErrors, all_outages, outage_pairs
 from tuner.diagnosis.drive.predictive_score import PredictiveScore
 from tuner.diagnosis.drive.score_tests import FITTED_SHARE
-from tuner.navigation.drive.axis_checks import with_axes_found
 from tuner.navigation.drive.clock import Clock, clock_of_drive
-from tuner.navigation.drive.gross_outliers import without_gross_outliers
 from tuner.navigation.fix_sd_model import GNSS_NOISE_SCALE
 from tuner.stages import stage, task
 from tuner.types import FilterConfig
@@ -112,7 +110,7 @@ def choose_config(
     Parameters
     ----------
     drive : Drive
-        As read.
+        As examined.
     examined : ExaminedDrive
         Its diagnosis.
     before, after : FilterConfig
@@ -120,11 +118,9 @@ def choose_config(
     progress : callable
         Called with what is being done.
     """
-    gnss, _, _ = without_gross_outliers(with_axes_found(drive.gnss, drive.source)[0])
-    drive = replace(drive, gnss=gnss)
     clock = (not before.compensation and examined.clock) or clock_of_drive(drive)
     before, after = with_clock(before, clock), with_clock(after, clock)
-    begin, end = float(gnss.t[0]), float(gnss.t[-1])
+    begin, end = float(drive.gnss.t[0]), float(drive.gnss.t[-1])
     drive = _with_trusted_reference(drive, before, clock)
     trial = Trial(drive, clock, begin, begin + FITTED_SHARE * (end - begin), end)
 

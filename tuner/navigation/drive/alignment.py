@@ -172,8 +172,6 @@ def align_once(
     moving: float,
     offset: float = MAX_CLOCK_OFFSET,
     bias_sd: FloatArray = KNOWN_BIAS_SD,
-    *,
-    other_starts: bool = True,
 ) -> Alignment | None:
     """Return the alignment at the first fix from a given length of motion, s; None where no two fixes are apart."""
     if len(gnss) < 2:
@@ -213,9 +211,7 @@ def align_once(
             return changes(rotated, delay), changes(rotated, delay, derivative=True)
 
         times = fix_t[windows[:, -1]] - fix_t[0]
-        return biases_from_motion(
-            felt, beta, times, rest.bias, unknown, share, reported, other_starts=other_starts
-        )
+        return biases_from_motion(felt, beta, times, rest.bias, unknown, share, reported)
 
     found = biased(0.0) if unknown.any() else BiasEstimate(rest.bias, np.zeros((9, 9)))
     rotated = rotate_steps(steps, window, found.bias)

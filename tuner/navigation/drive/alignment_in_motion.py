@@ -116,8 +116,6 @@ def biases_from_motion(
     sd: FloatArray,
     share: float,
     noise: float,
-    *,
-    other_starts: bool = True,
 ) -> BiasEstimate:
     """Estimate the biases with which the specific force explains the changes of velocity.
 
@@ -135,8 +133,6 @@ def biases_from_motion(
         Independent windows per window.
     noise : float
         Least variance of a change.
-    other_starts : bool
-        Whether several biases about the vertical are tried: twelve times the work, for where these are large.
     """
     sd = np.maximum(sd, MIN_BIAS_SD)
 
@@ -177,13 +173,13 @@ def biases_from_motion(
     length = 1.0 / max(float(sd[:3].max()), 1e-300)
     used = first = max(min(MIN_WINDOWS, len(times)), int(np.searchsorted(times, length)))
     answers = [solved(prior, used)]
-    if used < len(times) and other_starts:
+    if used < len(times):
         answers = from_other_starts(answers, used)
     while used < len(times):
         length *= 2.0
         used = max(used, int(np.searchsorted(times, length)))
         answers = [solved(bias, used) for bias, _, _ in _distinct(answers)]
-        answers = from_other_starts(answers, used) if other_starts else answers
+        answers = from_other_starts(answers, used)
     weight = share / max(min(float(fit.square.mean()) for _, _, fit in answers) / 3.0, noise)
     bias, covariance, _ = min(answers, key=lambda one: one[2].cost(weight))
     return BiasEstimate(bias, covariance)

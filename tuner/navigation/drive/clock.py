@@ -9,7 +9,6 @@ import numpy as np
 from models.probability import fisher_beyond
 from tuner.formats.customary_units import amount
 from tuner.navigation.data import Steps
-from tuner.navigation.drive.axis_checks import with_axes_found
 from tuner.navigation.drive.clock_mismatch import refuse_distant_clocks
 from tuner.navigation.drive.clock_offset import (
     FALSE_OFFSET_PROBABILITY,
@@ -18,7 +17,6 @@ from tuner.navigation.drive.clock_offset import (
     estimate_clock_offset,
 )
 from tuner.navigation.drive.clock_regression import DELAYS
-from tuner.navigation.drive.gross_outliers import without_gross_outliers
 from tuner.types import Coefficient, Compensation
 from tuner.types.records import Drive
 
@@ -66,7 +64,6 @@ def clock_of_drive(drive: Drive, *, lag: float = 0.0) -> Clock:
     DataError
         Where they differ by more than is searched.
     """
-    gnss, _, _ = without_gross_outliers(with_axes_found(drive.gnss, drive.source)[0])
     dt = np.diff(drive.imu_t)
     steps = Steps(float(drive.imu_t[0]), dt, drive.rates[1:] * dt[:, None])
     arm = None if drive.lever_arm is None else np.array(drive.lever_arm)
@@ -74,8 +71,8 @@ def clock_of_drive(drive: Drive, *, lag: float = 0.0) -> Clock:
         arm = drive.mounting @ arm
     elif arm is not None and arm.any():  # in axes of a vehicle that nobody knows
         arm = None
-    refuse_distant_clocks(replace(drive, gnss=gnss))
-    found = estimate_clock_offset(steps, gnss, None if arm is None else arm.tolist())
+    refuse_distant_clocks(drive)
+    found = estimate_clock_offset(steps, drive.gnss, None if arm is None else arm.tolist())
     return AGREEING if found is None else chosen_clock(found.beside_lag(lag) if lag else found)
 
 

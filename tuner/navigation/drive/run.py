@@ -30,10 +30,8 @@ from tuner.formats.customary_units import digits
 from tuner.navigation import engine
 from tuner.navigation.data import Constraints, Fixes, Solution, Steps, split_at
 from tuner.navigation.drive.alignment import Alignment, align, velocities
-from tuner.navigation.drive.axis_checks import inertial_axes, with_axes_found
 from tuner.navigation.drive.clock import AGREEING, Clock
 from tuner.navigation.drive.sampling_rate import rate_note
-from tuner.navigation.drive.unit_checks import refuse_wrong_units, suspected_unit
 from tuner.navigation.drive.velocity_latency import advanced, interpolated, velocities_at
 from tuner.navigation.settings import FilterSettings
 from tuner.types.named_cause import NamedCause
@@ -135,15 +133,11 @@ def prepare(
     Raises
     ------
     DataError
-        Where no stretch can be aligned, or units contradict one another.
+        Where no stretch can be aligned.
     """
     notes: list[str] = []
-    gnss, axes = with_axes_found(drive.gnss, drive.source)
-    if axes is not None:
-        notes.append(f"velocities of the receiver are {axes}, not north-east-down: turned")
-    notes += refuse_wrong_units(drive, gnss)
     if clock.note:
-        notes.append(_clock_note(clock, gnss))
+        notes.append(_clock_note(clock, drive.gnss))
     mounting = np.eye(3) if drive.mounting is None else drive.mounting
     rates = np.hstack([drive.rates[:, :3] @ mounting, drive.rates[:, 3:] @ mounting])
     dt = np.diff(drive.imu_t)
@@ -166,7 +160,7 @@ def prepare(
             continue
         steps = Steps(float(t[0]), np.diff(t), rates[first + 1 : last] * np.diff(t)[:, None])
         try:
-            stretch = _aligned_stretch(steps, gnss, settings, clock)
+            stretch = _aligned_stretch(steps, drive.gnss, settings, clock)
         except DataError as error:
             failure = str(error)
             notes.append(f"the stretch from {t[0]:.1f} to {t[-1]:.1f} s left out: {error}")
@@ -177,11 +171,11 @@ def prepare(
             f"aligned at {a.t:.1f} s after {a.still:.0f} s at rest: sd of the heading {np.degrees(a.heading_sd):.1f}°"
         )
     if not stretches:
-        wrong = (suspected_unit(drive, gnss) or inertial_axes(drive)) if failure else None
+        found = f"; {drive.repairs[0].stream} {drive.repairs[0].fault}" if drive.repairs else ""
         longest = max(float(drive.imu_t[b - 1] - drive.imu_t[a]) for a, b in pairwise(edges.tolist()))
         short = f"expected {MIN_STRETCH:g} s or more without a gap, found {longest:.1f} s at most; give a longer drive"
         raise DataError(
-            f"{drive.source}: no stretch of the drive could be aligned: {wrong or failure or short}"
+            f"{drive.source}: no stretch of the drive could be aligned: {failure or short}{found}"
         )
     return tuple(stretches), tuple(notes)
 
