@@ -126,9 +126,9 @@ def _inertial_moves(interval: float) -> Iterator[Move]:
         fault = f"has its axes exchanged against the accelerometer: its {words}"
         yield _of("gyro", fault, "its axes named anew", _turned(turn))
     against = "has the sign of gravity, not of the specific force"
-    yield _of("accelerometer", against, "multiplied by −1", _times(-1.0))
+    yield _of("accelerometer", against, "multiplied by −1", _times(-1.0), "sign of the accelerometer")
     left = "gyro and accelerometer multiplied by −1"
-    yield _of("inertial unit", "has left-handed axes", left, _times(-1.0))
+    yield _of("inertial unit", "has left-handed axes", left, _times(-1.0), "handedness of the axes")
     per_sample = 1.0 / interval
     rates = {unit: unit_value(unit) for unit in ("deg/s", "mrad/s", "mdeg/s")}
     yield from _units("gyro", "is", "rad/s", {**rates, f"rad in {interval:.4g} s": per_sample})
