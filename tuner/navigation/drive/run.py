@@ -106,7 +106,9 @@ def _clock_note(clock: Clock, gnss: Gnss) -> str:
     if not effects:
         return clock.note
     what, _, done = clock.note.rpartition(": ")
-    return NamedCause.of(what, "certain", ", ".join(effects), f"{done}; shift the stamps")
+    return NamedCause.of(
+        what, "certain", ", ".join(effects), f"{done}, not of the recording: shift its stamps once"
+    )
 
 
 def prepare(
