@@ -46,9 +46,9 @@ UNKNOWN_ACCELERATION = 3.0
 """Sd of the acceleration of a motion of which the inertial unit says nothing, m/s²."""
 FIRST_ERRORS = (0.3, 0.1)
 """Sds of the acceleration errors, m/s², and of the rate of the slow error of positions, m/s, to begin from."""
-TAIL = 2.0
+ERROR_FREEDOM = 2.0
 """Degrees of freedom of the errors of a window: some windows have much larger ones than others."""
-SHAPE = 0.5 * (TAIL + 3 * KNOTS)
+SHAPE = 0.5 * (ERROR_FREEDOM + 3 * KNOTS)
 """Shape of the distribution of their precision behind the readings of a window."""
 FIRST_ROUNDS = 3
 """Rounds after which the likelier of two first guesses goes on."""
@@ -480,7 +480,7 @@ class _Problem:
         known = each - np.stack([unknown[:, k].sum(axis=1) for k in ERRORS])
         sizes = np.stack([(x[:, k] ** 2).sum(axis=1) for k in ERRORS])
         # the fixed point of the variational update, by what the readings determine (MacKay 1992)
-        scale = SHAPE * (TAIL + sizes / np.square(errors)[:, None]) / (TAIL + known)
+        scale = SHAPE * (ERROR_FREEDOM + sizes / np.square(errors)[:, None]) / (ERROR_FREEDOM + known)
         return _Branch(
             x,
             bound,
@@ -531,7 +531,7 @@ def _precision(errors: tuple[float, float]) -> FloatArray:
 
 def _divergence(rate: FloatArray) -> FloatArray:
     """Return the Kullback–Leibler divergence of gamma distributions from the prior of a precision, nats."""
-    first = 0.5 * TAIL
+    first = 0.5 * ERROR_FREEDOM
     at_one = (SHAPE - first) * digamma(SHAPE) - gammaln(SHAPE) + gammaln(first)
     return np.asarray(at_one + first * np.log(rate / first) + SHAPE * (first / rate - 1.0))
 

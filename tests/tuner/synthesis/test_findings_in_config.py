@@ -180,7 +180,7 @@ def test_the_demo_says_whether_its_effect_was_found_and_writes_it_everywhere(tmp
     monkeypatch.setattr("tuner.pipeline.demo", short)
     assert run(["tune", "-o", str(tmp_path), "--quiet"]) == 0
     out = " ".join(capsys.readouterr().out.split())
-    assert "1 finding on the page changes no setting" in out
+    assert "1 finding in report.html changes no setting" in out
     assert "line in gyro x is hidden in it: found" in out
     result = json.loads((tmp_path / "result.json").read_text())
     assert result["hidden"][0]["found"]
