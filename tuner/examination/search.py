@@ -142,7 +142,7 @@ def _installed(
         if number >= OPEN_STEPS and np.all(np.abs(sizes.value) < 0.3 * sizes.sd):
             break
     price = math.log(STATED_ODDS * len(prior))
-    gain = now.total - start.total - price
+    gain = _earned(_gains(now, start)) - price
     certain = np.abs(total) > CERTAIN_SDS * sizes.sd
     certain &= sizes.sd < PRIOR_SHARE * prior
     certain[len(names) :] = certain[len(names) :].any() and bool(np.all(sizes.sd < PRIOR_SHARE * prior))
@@ -271,8 +271,8 @@ def _whole_or_part(
     """Return a fault with all windows, or with those in which it is wanted."""
     mended = fault.mended(streams)
     whole = fit(mended)
-    found = (Found(fault, whole.total - now.total - price, 0.0), mended, whole)
     gains = _gains(whole, now)
+    found = (Found(fault, _earned(gains) - price, 0.0), mended, whole)
     first, last, gain = _best_part(gains)
     everywhere = first == 0 and last == len(gains)
     if not fault.partial or everywhere or gain < max(whole.total - now.total, price) + part:
@@ -281,7 +281,7 @@ def _whole_or_part(
     end = None if last == len(gains) else _change(streams, mended, now.begin[last], rises=False)
     joined = between(streams, mended, begin, end)
     again = fit(joined)
-    other = (Found(fault, again.total - now.total - price - part, 0.0, begin, end), joined, again)
+    other = (Found(fault, _earned(_gains(again, now)) - price - part, 0.0, begin, end), joined, again)
     return max(found, other, key=lambda one: one[0].gain)
 
 
@@ -305,6 +305,15 @@ def _gains(one: Fit, other: Fit) -> FloatArray:
     _, own, its = np.intersect1d(one.begin, other.begin, return_indices=True)
     gains[its] += one.bound[own]
     return gains
+
+
+def _earned(gains: FloatArray) -> float:
+    """Return the gain of all windows, nats, less what chance gives where errors are not as modelled.
+
+    What undoes a fault loses in no window but by chance, and chance gains as often as it loses: the losses say how far
+    a sum of both scatters.
+    """
+    return float(gains.sum() - CERTAIN_SDS * math.sqrt(2.0 * np.sum(np.minimum(gains, 0.0) ** 2)))
 
 
 def _best_part(gains: FloatArray) -> tuple[int, int, float]:
