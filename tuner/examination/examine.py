@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from models.arrays import FloatArray
 from models.earth import ned_between
 from tuner.examination.fit import Fit, Noise
-from tuner.examination.moves import LEVER_ARM, TRIADS
+from tuner.examination.moves import HALF_INTERVAL, LEVER_ARM, TRIADS
 from tuner.examination.search import STATED_ODDS, Found, applied, searched
 from tuner.examination.streams import Positions, Stream, Streams, Velocities
 from tuner.examination.windows import WINDOW_LENGTH, Inertial
@@ -330,7 +330,7 @@ def _wrong(stream: Stream, noise: Noise, wrong: FloatArray, left: FloatArray, wo
     if share <= LOST_SHARE or worth < CERTAIN_ODDS:
         return None
     size = float(np.sqrt(np.mean(np.sum(left[far] ** 2, axis=1))))
-    spread = 1.96 * float(np.std(np.linalg.norm(left[far], axis=1))) / math.sqrt(count)
+    spread = HALF_INTERVAL * float(np.std(np.linalg.norm(left[far], axis=1))) / math.sqrt(count)
     right = float(np.sqrt(np.sum(noise.sd**2)))
     t = stream.t[far]
     return Repair(

@@ -561,9 +561,8 @@ def _whole(values: FloatArray, rows: IntArray, count: int) -> FloatArray:
 def _fitted(one: Stream) -> NDArray[np.bool_]:
     """Return which readings of a stream are fitted, some `FITTED_RATE` a second: the same ones whatever its delay."""
     rows = np.flatnonzero(one.readings)
-    many = round(1.0 / (FITTED_RATE * float(np.median(np.diff(one.t[rows]))))) if len(rows) > 1 else 1
     kept = np.zeros(len(one.t), dtype=bool)
-    kept[rows[:: max(many, 1)]] = True
+    kept[rows[:: max(round(1.0 / (FITTED_RATE * one.interval)), 1)]] = True
     return kept
 
 

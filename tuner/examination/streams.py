@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from typing import ClassVar, Self
@@ -76,6 +77,12 @@ class Stream(ABC):
         """Which rows repeat the one before exactly, shape (k,)."""
         return np.append(False, np.all(np.diff(self.values, axis=0) == 0.0, axis=1)).astype(bool)
 
+    @property
+    def interval(self) -> float:
+        """Usual time from one reading to the next, s; infinite where there are not two."""
+        t = self.t[self.readings]
+        return float(np.median(np.diff(t))) if len(t) > 1 else math.inf
+
     def with_values(self, values: FloatArray, log_scale: float | FloatArray = 0.0) -> Self:
         """Return the stream with other values, and the logarithm of their Jacobian by those before."""
         return replace(self, values=values, log_scale=self.log_scale + log_scale)
@@ -110,7 +117,7 @@ class Positions(Stream):
         reading of a window only says where the window begins: its density is that of no prediction, whatever the unit.
         """
         before, after = (np.abs(metres_per_radian(x)).prod(axis=1) for x in (self.values, values))
-        predicted = max(1.0 - float(np.median(np.diff(self.t[self.readings]))) / WINDOW_LENGTH, 0.0)
+        predicted = max(1.0 - self.interval / WINDOW_LENGTH, 0.0)
         return super().with_values(
             values, predicted * (log_scale + np.minimum(np.nan_to_num(np.log(after / before)), 0.0))
         )

@@ -33,10 +33,13 @@ MAX_RATE = 50.0
 GAP_FACTOR = 1.2
 """Time that a window of samples may take, in lengths: more has a gap."""
 POSITION, VELOCITY, TURN, ACCEL_BIAS, GYRO_BIAS = (slice(i, i + 3) for i in range(0, 15, 3))
+"""Columns of the unknowns of a window."""
 KNOTS = int(WINDOW_LENGTH / KNOT_LENGTH)
+"""Spans of a window in which errors are constant."""
 ERRORS = slice(15, 15 + 3 * KNOTS), slice(15 + 3 * KNOTS, 15 + 6 * KNOTS)
-"""Columns of the unknowns of a window: acceleration errors, and rates of the slow error of positions."""
+"""Columns behind them: acceleration errors, and rates of the slow error of positions."""
 UNKNOWNS = 15 + 6 * KNOTS
+"""How many unknowns a window has."""
 
 
 @dataclass(frozen=True)

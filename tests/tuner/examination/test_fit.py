@@ -90,3 +90,11 @@ def test_gains_that_scatter_about_zero_earn_nothing() -> None:
     assert (scatter.sum(axis=1) > 7.0).mean() > 0.2  # more than the odds of a statement
     assert not any(_earned(one) > 0.0 for one in scatter)
     assert _earned(np.abs(scatter[0])) == pytest.approx(np.abs(scatter[0]).sum())
+
+
+def test_positions_that_never_change_are_no_readings() -> None:
+    """Their interval is infinite, and their density that of no prediction."""
+    still = Positions(np.arange(30.0), np.tile([0.8, 0.2, 100.0], (30, 1)))
+    assert not still.readings.any()
+    assert still.interval == np.inf
+    assert np.all(still.with_values(still.values[:, [1, 0, 2]]).log_scale == 0.0)

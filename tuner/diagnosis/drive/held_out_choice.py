@@ -80,7 +80,7 @@ class HeldOutChoice:
     kept : str
         ``as it began``, `SDS_FOUND`, ``with the findings``, or one of these with ``, factors for outages``.
     factors : mapping of str to float
-        On the noise of that configuration, by name of `FACTORS`.
+        By how much the noise of that configuration was multiplied; names are those of `FACTORS`.
     before, after : PredictiveScore or None
         On the last part: as it began, and as written; None where the drive is too short.
     outages : mapping of float to ndarray, shape (w, 2)
