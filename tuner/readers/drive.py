@@ -34,12 +34,12 @@ from tuner.readers import read
 from tuner.readers.columns import digest
 from tuner.readers.drive_checks import expect_streams
 from tuner.readers.drive_npz import DriveArrays, read_drive_npz
-from tuner.readers.drive_tables import GNSS_COLUMNS, ordered, table
+from tuner.readers.drive_tables import ordered, table, table_of_fixes
 from tuner.readers.fixes import READERS as FIX_READERS
 from tuner.readers.fixes import fix_files, read_fix_file, reference_files
 from tuner.readers.fixes.gps_time import GpsFixes, on_clock_of
 from tuner.readers.kf_gins import read_kf_gins
-from tuner.readers.log_format import file_of, format_of, library_of
+from tuner.readers.log_format import file_of, format_of, library_of, log_folder
 from tuner.readers.options import STAMP
 from tuner.readers.refusal import without_options
 from tuner.readers.source_kind import drive_in_messages, is_drive_by_form, with_name
@@ -83,10 +83,10 @@ def read_drive(path: str | Path) -> Drive:
         "the path of a drive: a folder, an NPZ, a log of messages or a YAML of KF-GINS",
     )
     path = file_of(Path(path))
-    if path.is_dir():
+    if path.is_dir() and log_folder(path) is None:
         with input_guard(path, "a drive: imu.csv, gnss.csv and perhaps truth.csv"):
             return _folder(path)
-    if not path.is_file():
+    if not path.exists():
         raise DataError(
             f"{path}: expected a drive (folder with imu.csv and gnss.csv, NPZ, or YAML of KF-GINS), found nothing"
         )
@@ -180,10 +180,10 @@ def _of_arrays(path: Path, found: DriveArrays) -> Drive:
     mounting = mounting_of(found.frame, found.mounting_rpy_deg)
     nameless = found.frame and mounting is None
     unknown = NamedCause.of(
-        f"the frame of the unit, '{found.frame}', is none of {' '.join(FRAMES)}",
+        f"the file calls the axes of the unit '{found.frame}', expected one of {' '.join(FRAMES)}",
         "certain",
         "attitudes are those of the unit, not of the vehicle",
-        "name it in the file, or to `navigate` by --imu-frame",
+        "state them by --imu-frame",
     )
     return _drive(
         path,
@@ -240,7 +240,7 @@ def _stamps(record: Record) -> FloatArray:
 def _fixes_beside(path: Path, imu: FloatArray) -> tuple[FloatArray, tuple[str, ...]]:
     """Return the fixes in the folder of a drive, of ``gnss.csv`` or the one file of a receiver, on the IMU's clock."""
     if (path / "gnss.csv").is_file():
-        return table(path / "gnss.csv", GNSS_COLUMNS, 4), ()
+        return table_of_fixes(path / "gnss.csv", float(imu[0, 0]), float(imu[-1, 0])), ()
     found = fix_files(path)
     if len(found) != 1:
         names = ", ".join(file.name for file in found) or "nothing"
@@ -343,7 +343,7 @@ def _drive(
         lever_arm,
         mounting,
         printable(with_name(path).name),
-        digest(path if path.is_file() else path / "imu.csv"),
+        digest(path / "imu.csv" if (path / "imu.csv").is_file() else path),
         one_line(messages),
         tuple(repairs),
     )

@@ -10,8 +10,10 @@ import numpy as np
 
 from models.arrays import FloatArray
 from models.units import canonical_unit, unit_value
+from tuner.readers.column_names import TIME, TIME_UNITS, parse_name, role_of
+from tuner.readers.fixes.gps_time import common_share
 from tuner.readers.text import read_numbers
-from tuner.readers.text_dialect import find_dialect
+from tuner.readers.text_dialect import Dialect, find_dialect
 from tuner.types.records import DataError
 from tuner.types.repair import Repair
 
@@ -42,14 +44,39 @@ GNSS_COLUMNS = (
     "sd_vd",
     "solution",
 )
-OTHER_NAMES: Mapping[str, str] = {"fix": "solution", "gnss_fix": "solution", "quality": "solution"}
+OTHER_NAMES: Mapping[str, tuple[str, ...]] = {
+    "solution": ("fix", "gnss_fix", "quality"),
+    "lat": ("latitude",),
+    "lon": ("longitude", "lng"),
+    "height": ("altitude", "alt"),
+    "speed": ("velocity", "ground_speed"),
+    "course": ("heading", "bearing", "direction"),
+    "radius": ("hor_acc", "horizontal_accuracy", "accuracy", "h_acc"),
+    "sd_d": ("vert_acc", "vertical_accuracy", "v_acc"),
+    "sd_speed": ("speed_acc", "speed_accuracy", "s_acc"),
+    "sd_course": ("heading_acc", "bearing_accuracy", "course_accuracy"),
+}
 """Other names of columns."""
+_OURS = {other: name for name, others in OTHER_NAMES.items() for other in others}
+OF_A_PHONE = ("speed", "course", "radius", "sd_speed", "sd_course")
+"""Columns in which phones give velocities over ground and accuracies."""
+RADIUS_OF_68 = math.sqrt(-2.0 * math.log(1.0 - 0.68))
+"""Radius that holds 68 % of the positions, as Android states accuracies, in sds of an axis (Rayleigh)."""
 
 UNITS: Mapping[tuple[str, ...], tuple[str, ...]] = {
     ("s", "ms", "us", "ns", "min", "h"): ("t",),
-    ("deg", "rad"): ("lat", "lon", "roll", "pitch", "yaw"),
-    ("m", "cm", "mm", "km", "ft"): ("height", "sd_n", "sd_e", "sd_d"),
-    ("m/s", "cm/s", "mm/s", "km/h", "kn", "mph", "ft/s"): ("vn", "ve", "vd", "sd_vn", "sd_ve", "sd_vd"),
+    ("deg", "rad"): ("lat", "lon", "roll", "pitch", "yaw", "course", "sd_course"),
+    ("m", "cm", "mm", "km", "ft"): ("height", "sd_n", "sd_e", "sd_d", "radius"),
+    ("m/s", "cm/s", "mm/s", "km/h", "kn", "mph", "ft/s"): (
+        "vn",
+        "ve",
+        "vd",
+        "sd_vn",
+        "sd_ve",
+        "sd_vd",
+        "speed",
+        "sd_speed",
+    ),
 }
 """Units that may follow a name in brackets; without them the first holds."""
 
@@ -134,8 +161,7 @@ def _spread(name: str, rows: FloatArray, repairs: list[Repair]) -> FloatArray:
 def table(path: Path, names: tuple[str, ...], needed: int) -> FloatArray:
     """Return the named columns of a CSV, NaN for absent ones; the first `needed` must be there."""
     dialect = find_dialect(path)
-    have = [name.split("[")[0].strip().lower() for name in dialect.names]
-    have = [OTHER_NAMES.get(name, name) for name in have]
+    have = [_ours(name) for name in dialect.names]
     missing = [name for name in names[:needed] if name not in have]
     if missing:
         raise DataError(f"{path}: expected columns {', '.join(names)}, {', '.join(missing)} missing")
@@ -148,14 +174,65 @@ def table(path: Path, names: tuple[str, ...], needed: int) -> FloatArray:
     return rows
 
 
+def table_of_fixes(path: Path, begin: float, end: float) -> FloatArray:
+    """Return the fixes of a CSV in the columns `GNSS_COLUMNS`, for a drive that lasts from `begin` to `end`, s.
+
+    Phones give speed and course, and accuracies of both. What lies outside of its range stands for unknown; a speed of
+    zero needs no course.
+    """
+    dialect = find_dialect(path)
+    have = [_ours(name) for name in dialect.names]
+    if not {"lat", "lon", "height"} <= set(have):
+        raise DataError(f"{path}: expected columns t, lat, lon, height, found {', '.join(dialect.names)}")
+    rows = table(path, (*GNSS_COLUMNS, *OF_A_PHONE), 0)
+    rows, (speed, course, radius, along, across) = (
+        rows[:, : len(GNSS_COLUMNS)],
+        rows[:, len(GNSS_COLUMNS) :].T,
+    )
+    if "t" not in have:
+        rows[:, 0] = _stamps(path, dialect, begin, end)
+    for sds in (rows[:, 7:13], radius, along, across):
+        sds[sds < 0.0] = math.nan
+    course = np.where(speed == 0.0, 0.0, np.where(np.abs(course) <= 360.0, np.radians(course), math.nan))
+    towards = np.column_stack([np.cos(course), np.sin(course)])
+    across = np.fmax(along, speed * np.radians(across))
+    for columns, values in (
+        (slice(4, 6), speed[:, None] * towards),
+        (slice(7, 9), np.tile(radius / RADIUS_OF_68, (2, 1)).T),
+        (slice(10, 12), np.hypot(along[:, None] * towards, across[:, None] * towards[:, ::-1])),
+    ):
+        rows[:, columns] = np.where(np.isnan(rows[:, columns]), values, rows[:, columns])
+    return rows
+
+
+def _stamps(path: Path, dialect: Dialect, begin: float, end: float) -> FloatArray:
+    """Return the stamps of a table, s: of its clocks and their units those that fall into the drive most."""
+    found = []
+    for place, name in enumerate(map(parse_name, dialect.names)):
+        if name.plain.split("_")[0] in TIME or (role_of(name) or ("",))[0] == "t":
+            (stamps,) = read_numbers(path, dialect, [[place]])
+            stated = TIME_UNITS.get(name.unit or "")
+            units = list(TIME_UNITS.values()) if stated is None else [stated]
+            found += [unit * stamps[:, 0] for unit in units]
+    if not found:
+        raise DataError(f"{path}: expected a column of stamps, t, found {', '.join(dialect.names)}")
+    return max(found, key=lambda t: common_share(t, begin, end))
+
+
+def _ours(written: str) -> str:
+    """Return our name of a column."""
+    plain = parse_name(written).plain
+    return _OURS.get(plain, plain)
+
+
 def _unit(path: Path, name: str, header: str) -> float:
-    """Return the size of the unit in brackets behind a name, in that which the column has without."""
-    _, bracket, stated = header.partition("[")
-    if not bracket:
+    """Return the size of the unit that a header states, in that which the column has without."""
+    stated = parse_name(header).unit
+    if stated is None:
         return 1.0
-    usual = next(units for units, columns in UNITS.items() if name in columns)
+    usual = next((units for units, columns in UNITS.items() if name in columns), ())
     try:
-        unit = canonical_unit(stated.strip(" ]"))
+        unit = canonical_unit(stated)
     except ValueError:
         unit = ""
     if unit not in usual:

@@ -10,16 +10,21 @@ from __future__ import annotations
 import shutil
 import tempfile
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
+from fnmatch import fnmatch
 from pathlib import Path
 
 import numpy as np
 
 from models.arrays import FloatArray, IntArray
+from models.units import unit_value
 from tuner.formats.files import temporary_place
-from tuner.readers.column_names import known_unit
+from tuner.readers.column_names import SENSORS, TIME_UNITS, known_unit, parse_name
 from tuner.readers.columns import Listing, listing_of_arrays
+from tuner.readers.drive_npz import DriveArrays
+from tuner.readers.drive_tables import table_of_fixes
 from tuner.readers.log_format import LogFormat
 from tuner.readers.text import read_numbers
 from tuner.readers.text_dialect import find_dialect
@@ -31,44 +36,16 @@ MAX_EXPANSION, FREE_BYTES = 200, 1 << 28
 """Unpacked ÷ packed that a member of more than `FREE_BYTES` may have: measured samples stay below 20."""
 
 
-@dataclass(frozen=True)
-class _App:
-    """Files of an application, the preferred first, and the columns of time and axes in them.
+LOGGER = "Sensor Logger"
+"""It writes ``seconds_elapsed`` or, in its versions of 2021, stamps since 1970 alone; phyphox writes neither."""
+GYRO = ("gyroscopeuncalibrated.csv", "gyroscope.csv", "gyro.csv", "*_gyro.csv")
+ACCEL = ("accelerometer.csv", "acceleration.csv", "acc.csv", "accel.csv", "*_acc.csv", "*_accel.csv")
+ACCEL_OF_LOGGER = ("totalacceleration.csv", "accelerometeruncalibrated.csv")
+FIXES = ("locationgps.csv", "location.csv", "gnss.csv", "gps.csv", "*_gnss.csv", "*_gps.csv")
+"""Names of files in lower case, the preferred first.
 
-    Stamps since 1970 are in ns and stand in columns of exactly these names; others may have a sensor before the axis.
-    """
-
-    title: str
-    gyro: tuple[str, ...]
-    accel: tuple[str, ...]
-    columns: tuple[str, str, str, str]
-    since_1970: bool = False
-
-
-APPS = (
-    _App(
-        "Sensor Logger",
-        ("GyroscopeUncalibrated.csv", "Gyroscope.csv"),
-        ("TotalAcceleration.csv", "AccelerometerUncalibrated.csv"),
-        ("seconds_elapsed", "x", "y", "z"),
-    ),
-    _App(
-        "Sensor Logger",
-        ("GyroscopeUncalibrated.csv", "Gyroscope.csv"),
-        ("TotalAcceleration.csv", "AccelerometerUncalibrated.csv"),
-        ("time", "x", "y", "z"),
-        since_1970=True,
-    ),
-    _App(
-        "phyphox",
-        ("Gyroscope.csv",),
-        ("Accelerometer.csv", "Acceleration.csv"),
-        ("time", "x", "y", "z"),
-    ),
-)
-"""Uncalibrated readings go first: a phone subtracts from the others a bias that it estimates as it goes.
-
-Sensor Logger's ``Accelerometer.csv`` is without gravity; its versions of 2021 have stamps since 1970 alone.
+Uncalibrated readings go first: a phone subtracts from the others a bias that it estimates as it goes. Sensor Logger's
+``Accelerometer.csv`` is without gravity.
 """
 MOST_APART = 1.5
 """Distance of stamps of samples that count as taken together, intervals: phones stamp one sensor after the other."""
@@ -81,11 +58,13 @@ SHIFTS = (0.0, 0.25, -0.25)
 """Shifts of the stamps before the nearest is looked for, intervals: halfway between two, jitter alone would choose."""
 FIRST_STAMP_OF_2001 = 1e18
 """ns since 1970."""
+FEWEST_FIXES = 2
+"""Fixes of a drive."""
 
 
 def is_phone_folder(path: Path) -> bool:
-    """Tell a folder with a gyroscope's CSV."""
-    return path.is_dir() and any((path / name).is_file() for app in APPS for name in app.gyro)
+    """Tell a folder with a gyroscope's CSV, that is no drive in our own form."""
+    return path.is_dir() and not (path / "imu.csv").is_file() and _file(path, GYRO) is not None
 
 
 def list_phone(path: Path) -> Listing:
@@ -94,17 +73,68 @@ def list_phone(path: Path) -> Listing:
     Raises
     ------
     DataError
-        Where no application's files are there, or their clocks part.
+        Where the files of the sensors are not there, or their clocks part.
     """
+    with _unpacked(path) as folder:
+        found = _sensors(path, folder)
+    arrays: Mapping[str, FloatArray] = {
+        "t": found.rows[:, 0],
+        "gyro": found.rows[:, 1:4],
+        "accel": found.rows[:, 4:],
+    }
+    arrays = {name: values for name, values in arrays.items() if values.size}
+    units = {"t": "s", **found.units}
+    listing = listing_of_arrays(path, arrays, units=units, meta={})
+    return Listing(path, listing.shapes, listing.load, listing.units, listing.integer, notes=found.notes)
+
+
+def drive_of_phone(path: Path) -> DriveArrays:
+    """Return the drive of a phone whose fixes are beside its sensors.
+
+    Raises
+    ------
+    DataError
+        As `list_phone`, and where a sensor or the fixes are missing.
+    """
+    with _unpacked(path) as folder:
+        found, place = _sensors(path, folder), _file(folder, FIXES)
+        if found.rows.shape[1] < 7 or place is None:
+            raise DataError(
+                f"{path}: expected gyroscope, accelerometer and fixes of a drive, found "
+                f"{', '.join(sorted(file.name for file in folder.iterdir()))}"
+            )
+        fixes = table_of_fixes(place, found.rows[0, 0], found.rows[-1, 0])
+    if len(fixes) < FEWEST_FIXES:
+        raise DataError(f"{place}: expected {FEWEST_FIXES} fixes or more, found {len(fixes)}")
+    factors = np.repeat([1.0, *(unit_value(found.units[name]) for name in SENSORS)], [1, 3, 3])
+    notes = (*found.notes, f"fixes of {place.name}")
+    return DriveArrays(factors * found.rows, fixes, None, None, None, None, notes=notes)
+
+
+def _file(folder: Path, names: tuple[str, ...]) -> Path | None:
+    """Return the first file of some names, or None; of a pattern that several files fit none is meant."""
+    for name in names:
+        found = [file for file in folder.iterdir() if fnmatch(file.name.lower(), name)]
+        if len(found) == 1 and found[0].is_file():
+            return found[0]
+    return None
+
+
+@contextmanager
+def _unpacked(path: Path) -> Iterator[Path]:
+    """Give the folder with the files of a folder or ZIP."""
     if path.is_dir():
-        return _list(path, path)
+        yield path
+        return
     with temporary_place(Path(tempfile.mkdtemp(prefix="tuner-phone-"))) as folder:
         try:
             with zipfile.ZipFile(path) as archive:
-                wanted = {name for app in APPS for name in (*app.gyro, *app.accel)}
                 for member in archive.infolist():
                     name = Path(member.filename).name
-                    if name not in wanted or member.is_dir():
+                    wanted = any(
+                        fnmatch(name.lower(), one) for one in (*GYRO, *ACCEL, *ACCEL_OF_LOGGER, *FIXES)
+                    )
+                    if not wanted or member.is_dir():
                         continue
                     if member.file_size > min(
                         MAX_UNPACKED, max(FREE_BYTES, MAX_EXPANSION * member.compress_size)
@@ -126,79 +156,73 @@ def list_phone(path: Path) -> Listing:
             raise DataError(
                 f"{path}: cannot be unpacked: {error}; unpack it yourself and name the folder"
             ) from None
-        return _list(path, folder)
+        try:
+            yield folder
+        except DataError as error:
+            raise DataError(str(error).replace(str(folder), str(path))) from None
 
 
-def _list(path: Path, folder: Path) -> Listing:
-    for app in APPS:
-        gyro = next((folder / name for name in app.gyro if (folder / name).is_file()), None)
-        if gyro is None:
-            continue
-        rates = _columns(gyro, app)
-        if rates is None:
-            continue
-        accel = next((folder / name for name in app.accel if (folder / name).is_file()), None)
-        force = None if accel is None else _columns(accel, app)
-        notes: tuple[str, ...] = (
-            f"{app.title}: gyroscope of {gyro.name}"
-            + ("" if accel is None or force is None else f", accelerometer of {accel.name}"),
+@dataclass(frozen=True)
+class _Sensors:
+    """Stamps, s, and samples of both sensors, shape (n, 7), or (n, 4) of the gyroscope alone; units; notes."""
+
+    rows: FloatArray
+    units: Mapping[str, str]
+    notes: tuple[str, ...]
+
+
+def _sensors(path: Path, folder: Path) -> _Sensors:
+    gyro = _file(folder, GYRO)
+    rates = None if gyro is None else _columns(gyro)
+    if gyro is None or rates is None:
+        raise DataError(
+            f"{path}: expected Gyroscope.csv as phyphox or Sensor Logger export it; of another application name one "
+            "CSV with its --columns"
         )
-        arrays: Mapping[str, FloatArray]
-        units = {"t": "s", "gyro": rates.unit or "rad/s"}
-        if force is None:
-            arrays = {"t": rates.values[:, 0], "gyro": rates.values[:, 1:]}
-        else:
-            first, second = _paired(path, rates.values, force.values)
-            arrays = {"t": first[:, 0], "gyro": first[:, 1:], "accel": second[:, 1:]}
-            units["accel"] = force.unit or "m/s^2"
-            usual = float(np.median(np.linalg.norm(second[:, 1:], axis=1)))
-            if app.title == "Sensor Logger" and force.unit is None and abs(usual - 1.0) < IN_G:
-                units["accel"] = "g"
-                notes += (
-                    f"{app.title} states no unit; its accelerometer reads {usual:.3g} in the median: g",
-                )
-        listing = listing_of_arrays(path, arrays, units=units, meta={})
-        return Listing(path, listing.shapes, listing.load, listing.units, listing.integer, notes=notes)
-    raise DataError(
-        f"{path}: expected Gyroscope.csv as phyphox or Sensor Logger export it; of another application name one CSV "
-        "with its --columns"
-    )
+    accel = _file(folder, ACCEL_OF_LOGGER if rates.logger else ACCEL)
+    force = None if accel is None else _columns(accel)
+    units = {"gyro": rates.unit or "rad/s"}
+    source = f"{LOGGER if rates.logger else 'a file a sensor'}: gyroscope of {gyro.name}"
+    if accel is None or force is None:
+        return _Sensors(rates.values, units, (source,))
+    first, second = _paired(path, rates.values, force.values)
+    notes: tuple[str, ...] = (f"{source}, accelerometer of {accel.name}",)
+    units["accel"] = force.unit or "m/s^2"
+    usual = float(np.median(np.linalg.norm(second[:, 1:], axis=1)))
+    if rates.logger and force.unit is None and abs(usual - 1.0) < IN_G:
+        units["accel"] = "g"
+        notes += (f"{LOGGER} states no unit; its accelerometer reads {usual:.3g} in the median: g",)
+    return _Sensors(np.hstack([first, second[:, 1:]]), units, notes)
 
 
 @dataclass(frozen=True)
 class _Columns:
-    """Time, s, and axes of a CSV, shape (n, 4), and the unit that its header states; None where it states none."""
+    """Time, s, and axes of a CSV, shape (n, 4), the unit that its header states, and whether Sensor Logger wrote it."""
 
     values: FloatArray
     unit: str | None
+    logger: bool
 
 
-def _columns(path: Path, app: _App) -> _Columns | None:
+def _columns(path: Path) -> _Columns | None:
     """Return time and axes of a CSV, or None where it has other columns."""
     dialect = find_dialect(path)
-    plain = [name.split("(")[0].strip().lower() for name in dialect.names]
-    endings = ("",) if app.since_1970 else ("", " ", "_")
-    places = [
-        next(
-            (
-                j
-                for j, name in enumerate(plain)
-                for e in endings
-                if name == word or (e and name.endswith(f"{e}{word}"))
-            ),
-            None,
-        )
-        for word in app.columns
+    names = [parse_name(written) for written in dialect.names]
+    plain = [name.plain for name in names]
+    clocks = [
+        j for word in ("seconds_elapsed", "time") for j, one in enumerate(plain) if one.startswith(word)
     ]
-    if any(place is None for place in places):
+    axes = [next((j for j, one in enumerate(plain) if one.split("_")[-1] == axis), None) for axis in "xyz"]
+    places = [*clocks[:1], *(place for place in axes if place is not None)]
+    if len(places) < 4:
         return None
-    (rows,) = read_numbers(path, dialect, [[place for place in places if place is not None]])
-    if app.since_1970:
-        if not len(rows) or rows[0, 0] < FIRST_STAMP_OF_2001:
-            return None
-        rows[:, 0] *= 1e-9
-    stated = dialect.names[places[1] or 0].partition("(")[2].partition(")")[0]
-    return _Columns(rows, known_unit(stated) if stated else None)
+    (rows,) = read_numbers(path, dialect, [places])
+    clock = names[places[0]]
+    since_1970 = clock.unit is None and len(rows) > 0 and rows[0, 0] > FIRST_STAMP_OF_2001
+    rows[:, 0] *= 1e-9 if since_1970 else TIME_UNITS.get(clock.unit or "s", 1.0)
+    stated = names[places[1]].unit
+    logger = since_1970 or clock.plain == "seconds_elapsed"
+    return _Columns(rows, known_unit(stated) if stated else None, logger)
 
 
 def _paired(path: Path, gyro: FloatArray, accel: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -239,4 +263,5 @@ FORMAT = LogFormat(
     (".zip",),
     lambda path, _: list_phone(path),
     folder=is_phone_folder,
+    drive=drive_of_phone,
 )

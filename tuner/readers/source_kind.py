@@ -54,11 +54,11 @@ def is_log(source: str | Path) -> bool:
 
 
 def is_drive_by_form(path: Path) -> bool | None:
-    """Tell a drive from a log by the form of a folder, NPZ or YAML; None where only reading the messages tells."""
+    """Tell a drive from a log by the form of a folder, NPZ or YAML; None where only reading its samples tells."""
     from tuner.readers.log_format import log_folder
 
     if path.is_dir():
-        return log_folder(path) is None
+        return True if log_folder(path) is None else None
     if path.suffix.lower() == ".npz" and zipfile.is_zipfile(path):
         try:
             with zipfile.ZipFile(path) as file:

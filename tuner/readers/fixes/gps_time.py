@@ -65,7 +65,7 @@ def gps_seconds(when: datetime) -> float:
     return (when - GPS_EPOCH).total_seconds() + leap_seconds(when)
 
 
-def _common_share(t: FloatArray, begin: float, end: float) -> float:
+def common_share(t: FloatArray, begin: float, end: float) -> float:
     """Return the share of the shorter of fixes and record that both cover."""
     first, last = float(np.nanmin(t)), float(np.nanmax(t))
     both = min(last, end) - max(first, begin)
@@ -101,7 +101,7 @@ def on_clock_of(path: Path, fixes: GpsFixes, begin: float, end: float) -> tuple[
     }
     if not fixes.dated:
         clocks = {"GPS seconds of the week": fixes.t}
-    inside = {name: _common_share(t, begin, end) for name, t in clocks.items()}
+    inside = {name: common_share(t, begin, end) for name, t in clocks.items()}
     best = max(inside, key=lambda name: inside[name])
     if inside[best] >= MIN_COMMON_SHARE:
         # On a Sunday GPS seconds of the week and of the day are 18 s apart: a longer record fits both.
