@@ -61,6 +61,8 @@ class Fixes:
         Fixes that are compared with the prediction but not used.
     trusted : ndarray of bool, shape (k,)
         Fixes that are used whatever the gate says, as while a filter settles.
+    refused_since : ndarray, shape (2,)
+        Since when positions and velocities before these were refused without a pause, s; infinite where they were not.
     """
 
     t: FloatArray
@@ -70,6 +72,7 @@ class Fixes:
     sd: FloatArray
     withheld: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=bool))
     trusted: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    refused_since: FloatArray = field(default_factory=lambda: np.full(2, np.inf))
 
     def __post_init__(self) -> None:
         for name in ("withheld", "trusted"):
@@ -89,6 +92,7 @@ class Fixes:
             self.sd[which],
             self.withheld[which],
             self.trusted[which],
+            self.refused_since,
         )
 
     def without(self, windows: ArrayLike) -> Fixes:
@@ -140,6 +144,13 @@ class Solution:
     final_covariance: FloatArray
     further_covariance: FloatArray
     constrained: Constrained | None = None
+
+    def refused_since(self, before: FloatArray) -> FloatArray:
+        """Return since when positions and velocities are refused at the end, as `Fixes.refused_since`, (2,)."""
+        since = before.copy()
+        for t, use in zip(self.t, self.use, strict=True):
+            since = np.where(use == GATED, np.minimum(since, t), np.where(use == ABSENT, since, np.inf))
+        return since
 
 
 ABSENT, USED, GATED, WITHHELD = 0, 1, 2, 3

@@ -155,7 +155,7 @@ def _run(
     at_fix, at_constraint = _by_step(fixes.after), _by_step([] if constraints is None else constraints.after)
     outcome: list[tuple[int, float]] = []
     rows: list[Any] = []
-    sample, refused, since_fix = np.zeros(6), np.full(2, np.inf), np.eye(n)
+    sample, refused, since_fix = np.zeros(6), fixes.refused_since, np.eye(n)
     for k in range(len(steps.dt) + 1):
         if k > 0:
             dt = float(steps.dt[k - 1])

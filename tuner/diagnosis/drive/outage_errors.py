@@ -142,9 +142,11 @@ def with_outages(
             if 0 < first < last
             and window[1] - fixes.t[last - 1] <= MAX_LATE_FIX * (window[1] - window[0]) + 0.5
         }
-        parts, first = [], 0
+        parts, first, refused = [], 0, fixes.refused_since
         for last in [*sorted({begun for begun, _ in at.values()} - {len(fixes)}), len(fixes)]:
+            stretch = replace(stretch, fixes=replace(fixes, refused_since=refused))
             part = _filtered_part(run.settings, now, stretch, np.arange(first, last), x, p)
+            refused = part.refused_since(refused)
             now, x, p, first = part.final, part.final_parameters, part.final_covariance, last
             parts.append(part)
             here = {window: until - 1 for window, (begun, until) in at.items() if begun == last}

@@ -80,7 +80,9 @@ def run(
         )
     own = None if errors is None else (errors,)
     rows = measurements(settings, fixes, constraints)
-    (solution,) = compiled.filter_together(settings, (start,), steps, (rows,), own, parameters, covariance)
+    (solution,) = compiled.filter_together(
+        settings, (start,), steps, (rows,), own, parameters, covariance, fixes.refused_since
+    )
     return parted(solution, fixes, constraints)
 
 

@@ -15,7 +15,13 @@ from tuner.navigation.engine.fixes import FixBatch, new_output
 from tuner.navigation.engine.layout import layout_of
 from tuner.navigation.engine.measurement_rows import Measurements
 from tuner.navigation.engine.random_normal import stream
-from tuner.navigation.engine.state import ESTIMATE, TRUE_DENSITY_ROW, new_state
+from tuner.navigation.engine.state import (
+    ESTIMATE,
+    REFUSED_ROW,
+    TRUE_DENSITY_ROW,
+    UNREACHED_LIMIT,
+    new_state,
+)
 from tuner.navigation.settings import FilterSettings
 
 if TYPE_CHECKING:
@@ -30,6 +36,7 @@ def filter_together(
     errors: Sequence[SensorErrors] | None,
     parameters: FloatArray | None = None,
     covariance: FloatArray | None = None,
+    refused_since: FloatArray | None = None,
 ) -> tuple[Solution, ...]:
     """Filter with one filter or `BATCH_SIZE` of them."""
     n, w, first = settings.size, len(starts), rows[0]
@@ -39,6 +46,8 @@ def filter_together(
     if parameters is not None:
         m.states[ESTIMATE, :n] = parameters[:, None]
     m.P[:n, :n] = (np.diag(settings.initial_sd**2) if covariance is None else covariance)[..., None]
+    if refused_since is not None:
+        m.rows[REFUSED_ROW : REFUSED_ROW + 2] = np.minimum(refused_since, UNREACHED_LIMIT)[:, None]
     every = len(steps.dt) if errors is None else errors[0].every
     if errors is not None:
         if len(errors[0].slow) * every < len(steps.dt):
