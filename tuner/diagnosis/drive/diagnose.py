@@ -27,7 +27,6 @@ from tuner.diagnosis.drive.hypothesis import (
     in_sensor_axes,
     placed_in_sensor_axes,
     run_filter,
-    thin_fixes,
 )
 from tuner.diagnosis.drive.hypothesis_tests import Candidate
 from tuner.diagnosis.drive.linear_model.likelihood import as_configured, evaluate
@@ -103,7 +102,7 @@ def _examine(
     drive: Drive, config: FilterConfig, wheels: bool, progress: Callable[[str], None] | None
 ) -> ExaminedDrive:
     stage("filtering the drive", 0.1)
-    sensor, every = thin_fixes(in_sensor_axes(drive))
+    sensor = in_sensor_axes(drive)
     base = run_filter(sensor, Hypothesis.first(sensor, config, config.compensation))
     spans = [float(np.ptp(solution.t)) for solution in base.solutions]
     expect_settled(bool(base.linearized.counted.any()), drive.source or drive.name, spans)
@@ -123,7 +122,7 @@ def _examine(
         *outcome.notes,
         *coarse_quantizer_notes(sensor),
     )
-    if every > 1:
+    if (every := round(1.0 / np.mean(~base.hypothesis.not_looked_at))) > 1:
         notes = (*notes, f"one fix of {every} is looked at")
     if lacking := config.constants.keys() - {CORRELATED_VELOCITY.name}:
         states = ", ".join(FILTER_STATES[name].meaning for name in config.constants if name in lacking)

@@ -96,6 +96,7 @@ def fitted_before(drive: Drive, outcome: SearchResult, cut: float) -> Hypothesis
         final,
         position_out=final.position_out[kept],
         velocity_out=final.velocity_out[kept],
+        not_looked_at=final.not_looked_at[kept],
         compensation=about_middle(final.compensation, drive.gnss.t, part.gnss.t),
     )
     run = refit_constants(part, run_filter(part, own), outcome.shifts)

@@ -71,6 +71,8 @@ class Hypothesis:
         What is taken out of the drive.
     position_out, velocity_out : ndarray of bool, shape (k,)
         Fixes of the drive whose position (and velocity), or velocity alone, is left out.
+    not_looked_at : ndarray of bool, shape (k,)
+        Fixes by which the drive is aligned, and that are not filtered: there are enough others.
     jumps : tuple of Jump
         Jumps of biases, on the clock of the inertial unit.
     errors_in_variables_bias : ndarray, shape (p,), optional
@@ -81,6 +83,7 @@ class Hypothesis:
     compensation: Compensation
     position_out: BoolArray
     velocity_out: BoolArray
+    not_looked_at: BoolArray
     jumps: tuple[Jump, ...] = ()
     errors_in_variables_bias: FloatArray | None = None
 
@@ -88,9 +91,11 @@ class Hypothesis:
     def first(
         cls, drive: Drive, config: FilterConfig, compensation: Compensation | None = None
     ) -> Hypothesis:
-        """Return the hypothesis that a drive is as a configuration says."""
+        """Return the hypothesis that a drive is as a configuration says, at most `MAX_FIXES` fixes looked at."""
         none = np.zeros(len(drive.gnss), dtype=bool)
-        return cls(config, compensation or Compensation(), none, none)
+        rest = ~none
+        rest[irregular_rows(len(drive.gnss), MAX_FIXES)] = False
+        return cls(config, compensation or Compensation(), none, none, rest)
 
     def with_compensation_of(self, cause: str, other: Hypothesis) -> Hypothesis:
         """Return the hypothesis with one cause compensated as in another one."""
@@ -218,12 +223,6 @@ def placed_in_sensor_axes(drive: Drive) -> Drive:
     return moved if drive.mounting is None else replace(moved, mounting=np.eye(3))
 
 
-def thin_fixes(drive: Drive) -> tuple[Drive, int]:
-    """Return the drive with at most `MAX_FIXES` fixes at irregular distances, and of how many one was kept."""
-    rows = irregular_rows(len(drive.gnss), MAX_FIXES)
-    return replace(drive, gnss=drive.gnss.rows(rows)), round(len(drive.gnss) / len(rows))
-
-
 def filter_settings_of(drive: Drive, hypothesis: Hypothesis) -> FilterSettings:
     """Return the filter of a hypothesis for a compensated drive, with the sds that the receiver reports."""
     arm = drive.lever_arm or (0.0, 0.0, 0.0)
@@ -260,13 +259,14 @@ def run_filter(drive: Drive, hypothesis: Hypothesis) -> FilterRun:
     """
     corrected = corrected_drive(drive, hypothesis)
     settings = filter_settings_of(corrected, hypothesis)
-    stretches, notes = prepare(corrected, settings)
+    stamps = corrected_stamps(drive.gnss.t, correction(hypothesis.compensation))
+    aligned, notes = prepare(corrected, settings)
+    stretches = tuple(_looked_at(one, stamps, hypothesis.not_looked_at) for one in aligned)
     solutions = navigate(stretches, settings, np.zeros((0, 2)))
     starts = [
         initial_estimates(settings, stretch, solutions[i - 1] if i else None)
         for i, stretch in enumerate(stretches)
     ]
-    stamps = corrected_stamps(drive.gnss.t, correction(hypothesis.compensation))
     indices = [_nearest(stamps, solution.t) for solution in solutions]
     reported = reported_sds(drive.gnss, settings)
     linearized = linearize(
@@ -279,6 +279,13 @@ def run_filter(drive: Drive, hypothesis: Hypothesis) -> FilterRun:
         middle_of(stamps),
     )
     return FilterRun(hypothesis, settings, stretches, solutions, linearized, np.concatenate(indices), notes)
+
+
+def _looked_at(stretch: Stretch, stamps: FloatArray, left_out: BoolArray) -> Stretch:
+    """Return an aligned stretch without the fixes that are not looked at; its first one stays."""
+    kept = ~left_out[_nearest(stamps, stretch.fixes.t)]
+    kept[:1] = True
+    return replace(stretch, fixes=stretch.fixes.rows(np.flatnonzero(kept)))
 
 
 def _nearest(stamps: FloatArray, t: FloatArray) -> NDArray[np.intp]:
