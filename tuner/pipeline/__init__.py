@@ -159,9 +159,11 @@ def tune(
         from tuner.diagnosis.drive.config_after_drive import config_after_drive
         from tuner.diagnosis.drive.explained_drive import examine_and_explain
         from tuner.diagnosis.drive.held_out_choice import choose_config
+        from tuner.diagnosis.drive.noise_in_motion import with_noise_in_motion
 
         stage("diagnosing the drive", 0.6)
-        examined = examine_and_explain(inputs.drive, config, progress=progress)
+        begun = with_noise_in_motion(inputs.drive, config, inputs.examination)
+        examined = examine_and_explain(inputs.drive, begun, progress=progress)
         began, found = (config_after_drive(examined, kept=kept) for kept in (False, True))
         stage("choosing the settings of the drive", 0.85)
         choice = choose_config(inputs.drive, examined, began, found, progress)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from tuner.diagnosis.drive.config_after_drive import as_estimated
 from tuner.diagnosis.drive.diagnose import ExaminedDrive, examine_drive
+from tuner.diagnosis.drive.noise_in_motion import with_noise_in_motion
 from tuner.diagnosis.drive.noise_scale_estimates import estimate_noise_scales
 from tuner.examination.examined_drive import examined_drive
 from tuner.identification.identify_source import receiver_of_source
@@ -49,12 +50,13 @@ def examine_drive_of(
     if holdout is not None:
         raise DataError("--holdout: expected with a static log; of a drive the last 40 % are held out")
     receiver = receiver_of_source(gnss, progress) if isinstance(gnss, str) else gnss
-    drive, _ = examined_drive(drive, progress)
+    drive, examination = examined_drive(drive, progress)
     if config is not None:
         chosen = config_for_drive(drive, config, gnss=receiver)
         return examine_and_explain(drive, chosen, wheels=wheels, progress=progress)
     chosen = config_of_drive(drive, stationary_noise(drive), gnss=receiver or receiver_of(drive))
     progress(chosen.notes[0])
-    examined = examine_and_explain(drive, chosen, wheels=wheels, progress=progress)
+    begun = with_noise_in_motion(drive, chosen, examination)
+    examined = examine_and_explain(drive, begun, wheels=wheels, progress=progress)
     notes = (chosen.notes[0], *examined.diagnosis.notes)
     return replace(examined, diagnosis=replace(examined.diagnosis, notes=notes))
