@@ -272,7 +272,10 @@ def _judged(
     written: FilterConfig,
     one: Candidate,
 ) -> tuple[HeldOutChoice, Rank] | None:
-    """Return a candidate as it is written; None where the last part, or errors in outages, speak against it."""
+    """Return a candidate as it is written; None where the last part, or errors in outages, speak against it.
+
+    Its rank is that of the worst of the first part, the last part, and the last part as it is written.
+    """
     config = with_noise_factors(one.config, one.factors)
     late = trial.score(one.name, config, trial.cut, trial.end)
     if late is None or not is_better(begun, late):
@@ -281,10 +284,17 @@ def _judged(
     pairs = outage_pairs(before, after)
     if any(change_interval(pair, 2.0 * WORSE_PROBABILITY - 1.0)[0] > 0.0 for pair in pairs.values()):
         return None
+    parts = [one.first, late]
+    if one.name != BEGINNING:  # what is written has values of the whole drive
+        name = f"{one.name}, as written"
+        again = trial.score(name, with_noise_factors(written, one.factors), trial.cut, trial.end)
+        if again is None:
+            return None
+        parts.append(again)
     kept = f"{one.name}, factors for outages" if one.factors else one.name
     blind = _since(after, trial.cut)
     chosen, note = with_recorded_factors(written, one.factors), _note(kept, begun, late, pairs, blind)
-    rank = rank_of([one.first, late], list(after.values()))
+    rank = rank_of(parts, list(after.values()))
     return HeldOutChoice(chosen, kept, one.factors, begun, late, pairs, note), rank
 
 

@@ -161,10 +161,12 @@ def _tracked(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return times, squared errors and log densities of positions with fixes, where the filter has settled.
 
+    A fix after as long a time without any as the shortest outage shows an outage, and is left out.
     The last of the four are squared errors of the fixes themselves, zero without a reference; where a reference has a
     gap, these and those of the filter are NaN, and the density is that of the fixes.
     """
-    rows = np.flatnonzero(solution.t >= max(begin, stretch.settled))
+    aided = np.diff(solution.t, prepend=-np.inf) < min(OUTAGE_LENGTHS)
+    rows = np.flatnonzero((solution.t >= max(begin, stretch.settled)) & aided)
     error, covariance = position_errors(run, solution, rows)
     good = np.isfinite(error).all(axis=1) & (solution.use[rows, 0] > 0)
     error, covariance, rows = error[good], covariance[good], rows[good]

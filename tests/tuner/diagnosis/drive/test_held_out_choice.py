@@ -14,6 +14,7 @@ from models.earth import llh_displaced
 from models.trajectory.catalogue import TRAJECTORIES
 from tuner.catalogue.grades import load_gnss, load_grade
 from tuner.diagnosis.drive.candidates import (
+    BEGINNING,
     Candidate,
     Rank,
     Trial,
@@ -27,6 +28,7 @@ from tuner.diagnosis.drive.held_out_choice import (
     HeldOutChoice,
     _as_written,
     _despite,
+    _judged,
     choose_config,
     first_of_best,
     is_better,
@@ -35,7 +37,7 @@ from tuner.diagnosis.drive.held_out_choice import (
 from tuner.diagnosis.drive.noise_factors import with_noise_factors, with_sds_of
 from tuner.diagnosis.drive.outage_errors import OutageErrors, all_outages, with_outages
 from tuner.diagnosis.drive.predictive_score import PredictiveScore, predictive_score
-from tuner.navigation.data import WITHHELD
+from tuner.navigation.data import GATED, WITHHELD
 from tuner.navigation.drive.clock import AGREEING, Clock
 from tuner.navigation.drive.run import navigate
 from tuner.simulation.drive import simulate_drive
@@ -91,6 +93,41 @@ def test_an_outage_branches_off_from_the_filter_with_all_fixes(drive, right):
     np.testing.assert_allclose(ends[window].covariance[0], alone.covariance[last], rtol=1e-6, atol=1e-12)
     (every,) = navigate(run.stretches, run.settings, np.zeros((0, 2)))
     np.testing.assert_allclose(whole.covariance, every.covariance, rtol=1e-6, atol=1e-12)
+
+
+def test_fixes_are_refused_as_long_in_parts_as_in_one_run(drive, right):
+    """Windows begin every 10 s, as long as a filter refuses fixes at most: each part began to count anew, for ever."""
+    far = np.where((drive.gnss.t > 200.0)[:, None], [1e-4, 0.0, 0.0], 0.0)  # 640 m
+    away = replace(drive, gnss=replace(drive.gnss, llh=drive.gnss.llh + far), reference=None)
+    run = configured_run(away, right, AGREEING)
+    (whole,), _ = with_outages(run, [(t, t + 10.0) for t in np.arange(100.0, 400.0, 10.0)])
+    (every,) = navigate(run.stretches, run.settings, np.zeros((0, 2)))
+    assert np.count_nonzero(every.use[:, 0] == GATED) > 5
+    np.testing.assert_array_equal(whole.use, every.use)
+
+
+def test_a_fix_after_a_minute_without_any_is_no_error_with_fixes(drive, right):
+    """Without a reference the innovation behind a gap counted among errors with fixes: 890 m among 1 m."""
+    gap = (drive.gnss.t > 300.0) & (drive.gnss.t < 360.0)
+    away = replace(drive, gnss=drive.gnss.rows(~gap), reference=None)
+    whole, cut = (
+        predictive_score(configured_run(one, right, AGREEING), 200.0, 500.0).tracking_rms
+        for one in (replace(drive, reference=None), away)
+    )
+    assert cut < 1.5 * whole
+
+
+def test_what_is_written_is_judged_as_what_was_tried(drive, right):
+    """Values are fitted anew to the whole drive: settings that followed it until then were written, and diverged."""
+    trial = Trial(drive, AGREEING, 0.0, 360.0, 600.0)
+    wrong = with_noise_factors(right, {"white": 0.1, "bias": 0.05})
+    begun = trial.score(BEGINNING, wrong, 360.0, 600.0)
+    before = all_outages(trial.run_of(BEGINNING, wrong), 0.0, 600.0)
+    found = trial.candidate("with the findings", right, {})
+    same = _judged(trial, begun, before, right, found)
+    far = _judged(trial, begun, before, with_noise_factors(right, {"position_horizontal": 1e-3}), found)
+    assert same is not None
+    assert far is None or far[1] > same[1]
 
 
 def test_a_run_with_other_noise_is_the_run_of_that_configuration(drive, right):
