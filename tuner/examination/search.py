@@ -117,7 +117,9 @@ def searched(streams: Streams, name: str = "streams") -> Searched:
         rest, other = (0.0, None) if rival is None else (max(rival.gain, 0.0), rival.move)
         found.append(replace(best, over_next=best.gain - rest, rival=other))
         streams, now, constant = _installed(streams, now, constant)
-    return Searched(_joined(found, constant), first, fit(streams, near=now, every=True), unseen)
+    named = _joined(found, constant)
+    unseen = tuple(one for one in unseen if one not in {each.move.subject for each in named})
+    return Searched(named, first, fit(streams, near=now, every=True), unseen)
 
 
 def _installed(
