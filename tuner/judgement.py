@@ -161,7 +161,7 @@ def judge_log(found: Diagnosis) -> Judgement:
     small = "" if any(map(is_felt, found.unexplained)) else f", below {percent(SHOWN_CHANGE)} of the drift"
     left = [one.text for one in _without_cause(found.unexplained)]
     said = [
-        f"{'else ' * bool(limits)}{FOR_SETTINGS}",
+        f"{'usable ' * bool(limits)}{FOR_SETTINGS}",
         f"not explained{small}: {'; '.join(left)}" if left else "",
         "" if left or found.findings else f"nothing contradicts its noise terms; {NOT_SHOWN_AT_REST}",
     ]
@@ -309,7 +309,7 @@ def _of_bandwidth(findings: Sequence[Finding]) -> Iterator[Reason]:
     lost = [one for one in findings if one.in_motion]
     if lost:
         axes = axes_text([axis for one in lost for axis in one.channels])
-        yield Reason(Use.USABLE_EXCEPT, f"anything that moves: of {axes} {lost[0].in_motion}")
+        yield Reason(Use.USABLE_EXCEPT, f"in motion, as {axes} are filtered ({lost[0].in_motion})")
 
 
 def _too_short_for(found: Identification) -> tuple[str, ...]:
@@ -417,9 +417,9 @@ def _of_limits(config: FilterConfig) -> Iterator[Reason]:
     if limited:
         yield Reason(
             Use.USABLE_EXCEPT,
-            f"the slow bias of {axes_text(list(limited))}, ASSUMED half of a limit (with all of it an axis "
-            f"drifts {_range_text(limited.values())} times as far in {UNAIDED_TIME:g} s as with none)"
-            + (f": a log of {digits(max(hours), 2)} h would show it" if hours else ""),
+            f"B and random walk of {axes_text(list(limited))} that were not seen: half of the limit is ASSUMED (at the "
+            f"limit an axis drifts {_range_text(limited.values())} times as far in {UNAIDED_TIME:g} s as without)"
+            + (f"; a log of {digits(max(hours), 2)} h would show them" if hours else ""),
         )
 
 

@@ -186,7 +186,9 @@ def test_the_verdict_on_a_log_says_whether_it_can_be_used_and_for_what():
     lost = replace(FINDING, parameters={"size": KNOWN}, extension={"in_motion": "motion is lost"})
     filtered = judge_log(Diagnosis((lost,)))
     assert filtered.use is Use.USABLE_EXCEPT
-    assert filtered.text.startswith("usable except: anything that moves: of gyro x motion is lost; else for")
+    assert filtered.text.startswith(
+        "usable except: in motion, as gyro x are filtered (motion is lost); usable for"
+    )
     small = Unexplained("shape of the spectrum", ("gyro_x",), 1e-9, drift={"60 s": (1.02, 1.0)})
     assert "not explained, below 5 % of the drift: shape" in judge_log(Diagnosis((), (small,))).text
     large = replace(small, drift={"60 s": (2.0, 1.0)})

@@ -365,9 +365,9 @@ def about_band(band: Band, interval: float) -> tuple[str, ...]:
         return ()
     part, side = 100.0 * abs(band.ratio - 1.0), "above" if band.ratio > 1.0 else "below"
     return (
-        f"means over less than {band.m * interval:.3g} s follow no sum of noise terms (samples {digits(part, 2)} % "
-        f"{side} it: a filter in the sensor, vibration or a line): the terms are fitted to longer ones, "
-        f"f ≤ {band.highest:.3g} Hz",
+        f"below a cluster time of {band.m * interval:.3g} s no sum of noise terms follows the data (samples are "
+        f"{digits(part, 2)} % {side} it: a filter in the sensor, vibration or a spectral line): fitted to longer "
+        f"ones, f ≤ {band.highest:.3g} Hz",
     )
 
 

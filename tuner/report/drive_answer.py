@@ -26,6 +26,13 @@ if TYPE_CHECKING:
     from tuner.types.consistency import Outage
 
 
+REPORTED, R_BESIDE_STATES, STATES, R_ALONE = (
+    "reported by the receiver",
+    "R of noise.yaml",
+    "its states for GNSS errors: sd; time",
+    "R of a filter without such states",
+)
+"""Rows of the sds of fixes."""
 DELAY_IS_IN = (
     "taken out by noise.yaml in tuner and in the KF-GINS export, not in the recording or mended.npz: for other filters "
     "take it out once"
@@ -113,12 +120,12 @@ def fixes_parts(examined: ExaminedDrive, config: FilterConfig) -> list[Table | s
             columns[name] = (
                 _level_text(known) + " ASSUMED" * (not stated),
                 _level_text(used),
-                "; ".join(f"{_level_text([sd, sd, down])} for {digits(t, 2)} s" for sd, down, t in states)
+                "; ".join(f"{_level_text([sd, sd, down])}; {digits(t, 2)} s" for sd, down, t in states)
                 or "none",
                 _level_text(np.maximum(whole, known * stated)),
             )
-    names = "reported", "R of noise.yaml", "beside states for errors that last", "R without such states"
-    rows = zip(names, *columns.values(), strict=True)
+    names = (REPORTED, R_BESIDE_STATES, STATES, R_ALONE)[: 4 if any(lasting.values()) else 2]
+    rows = zip(names, *columns.values(), strict=False)
     table = table_of(("sd of fixes: horizontal, down", *columns), rows, words=1 + len(columns))
     return [table, *_delay_lines(examined.clock or AGREEING, config.compensation)]
 

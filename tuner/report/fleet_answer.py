@@ -98,7 +98,7 @@ def outlier_text(outlier: Outlier, fleet: Fleet) -> str:
         if is_logarithmic(name)
         else f"{'+' if value > median else '−'}{digits(abs(value - median))}"
     )
-    score = f"{digits(outlier.score, 2)} robust sds from it; chance reaches {digits(outlier.threshold, 2)}"
+    score = f"{digits(outlier.score, 2)} robust sds from it; limit {digits(outlier.threshold, 2)}"
     return f"{title(name)} {digits(value)} {pretty_unit(name, unit)}, fleet {digits(median)} ({distance}; {score})"
 
 
@@ -140,7 +140,9 @@ def _together(sensor: str, found: Sequence[Outlier], fleet: Fleet) -> str:
         parts.append(f"{IN_WORDS.get(symbol, symbol)} of {letters} {size}, × {_range(ratios)}")
     scores = _range(sorted(one.score for one in found))
     limit = digits(found[0].threshold, 2)
-    return f"{sensor}: {', '.join(parts)} the median of the units ({scores} robust sds from it; chance reaches {limit})"
+    return (
+        f"{sensor}: {', '.join(parts)} the median of the units ({scores} robust sds from it; limit {limit})"
+    )
 
 
 def _range(values: Sequence[float]) -> str:

@@ -36,8 +36,8 @@ LEGEND = {
     "<": "<: not seen, 95 % limit",
     TAKEN: f"{TAKEN}: taken for it, ASSUMED",
     LENT: f"{LENT}: of the sensor named above, ASSUMED",
-    ROUGH: f"{ROUGH}: fitted to the Allan curve, as the terms do not fit",
-    UNKNOWN: f"{UNKNOWN}: unknown",
+    ROUGH: f"{ROUGH}: read from the Allan curve, which no sum of terms follows, no interval",
+    UNKNOWN: f"{UNKNOWN}: not found, unknown",
 }
 ASSUMED = "ASSUMED"
 """Behind a number that nothing measures."""
@@ -173,17 +173,18 @@ def why_larger(config: FilterConfig, files: Iterable[str]) -> str:
     """
     filters = {PAIR: None, FADING: longest_time(config)}
     found = [
-        equivalent_noise(channel, fading_time=filters[file]).mismatch
+        equivalent_noise(channel, fading_time=filters[file])
         for file in filters.keys() & {*files}
         for channel in config.channels.values()
         if channel.markov
     ]
     if not found:
         return ""
-    least, most = min(low for low, _ in found), max(high for _, high in found)
+    least, most = min(one.mismatch[0] for one in found), max(one.mismatch[1] for one in found)
+    longest = digits(max(one.longest for one in found), 2)
     return (
-        "To enter: two numbers an axis stand for white noise, B and random walk together, so each is larger "
-        f"(drift {least:.2f} to {most:.2f} × true); enlarge for vibration only"
+        "To enter: two numbers an axis stand for white noise, B and random walk, so each is larger "
+        f"({least:.2f} to {most:.2f} × their drift to {longest} s); enlarge for vibration only"
     )
 
 

@@ -232,7 +232,7 @@ def test_what_is_hidden_within_the_means_is_said(tmp_path: Path) -> None:
     data["gyro_x [rad/s]"] += 0.02 * np.sin(2.0 * np.pi * 50.0 * data["t [s]"])
     _, small = both(written(tmp_path / "log.npz", data))
     (warning,) = identify_channel(small, "gyro_x", arma=None).warnings
-    assert "means over less than 0.02 s follow no sum of noise terms" in warning
+    assert "below a cluster time of 0.02 s no sum of noise terms follows" in warning
     assert "f ≤ 12.5 Hz" in warning
     assert identify_channel(small, "gyro_y", arma=None).warnings == ()
 

@@ -224,7 +224,7 @@ def test_one_reason_stands_for_all_numbers_that_are_larger_than_measured(result)
     config = replace(result.config, channels=channels)
     pairs = [equivalent_noise(one).mismatch for one in channels.values()]
     why = why_larger(config, ("kalibr.yaml",))
-    assert "white noise, B and random walk together, so each is larger" in why
+    assert "white noise, B and random walk, so each is larger" in why
     assert f"{min(low for low, _ in pairs):.2f} to {max(high for _, high in pairs):.2f} ×" in why
     whole = {
         axis: replace(one, markov=()) for axis, one in channels.items()
@@ -369,10 +369,14 @@ def test_sds_and_delay_of_the_fixes_stand_in_metres_and_seconds():
     examined = SimpleNamespace(drive=SimpleNamespace(gnss=gnss), clock=clock)
     table, delay = fixes_parts(examined, config)
     rows, positions, velocities = (list(column.cells) for column in table.columns)
-    assert rows[1:] == ["R of noise.yaml", "beside states for errors that last", "R without such states"]
+    assert rows[1:] == [
+        "R of noise.yaml",
+        "its states for GNSS errors: sd; time",
+        "R of a filter without such states",
+    ]
     # R of a filter without states: root of 0.2² + 0.6² is below what the receiver reports, that of velocities is not.
-    assert positions == ["2.0, 8.0", "0.20, 4.0", "0.60, 1.2 for 30 s", "2.0, 8.0"]
-    assert velocities == ["0.020, 0.080", "0.020, 0.080", "0.070, 0.070 for 100 s", "0.073, 0.11"]
+    assert positions == ["2.0, 8.0", "0.20, 4.0", "0.60, 1.2; 30 s", "2.0, 8.0"]
+    assert velocities == ["0.020, 0.080", "0.020, 0.080", "0.070, 0.070; 100 s", "0.073, 0.11"]
     assert delay.startswith("Fixes are stamped 0.100 ± 0.020 s late, velocities are 0.050 ± 0.010 s earlier")
     # It was taken out in one file, left in others, and nobody said where.
     assert (

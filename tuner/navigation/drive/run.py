@@ -107,7 +107,7 @@ def _clock_note(clock: Clock, gnss: Gnss) -> str:
         return clock.note
     what, _, done = clock.note.rpartition(": ")
     return NamedCause.of(
-        what, "certain", ", ".join(effects), f"{done}, not of the recording: shift its stamps once"
+        what, "certain", ", ".join(effects), f"{done}, not of the recording: subtract it from its stamps once"
     )
 
 
@@ -170,7 +170,8 @@ def prepare(
         stretches.append(stretch)
         a = stretch.alignment
         notes.append(
-            f"aligned at {a.t:.1f} s after {a.still:.0f} s at rest: sd of the heading {np.degrees(a.heading_sd):.1f}°"
+            f"aligned for {a.t:.1f} s, from the motion and {a.still:.0f} s at rest: sd of the heading "
+            f"{np.degrees(a.heading_sd):.1f}°"
         )
     if not stretches:
         found = f"; {drive.repairs[0].stream} {drive.repairs[0].fault}" if drive.repairs else ""
