@@ -309,7 +309,9 @@ def _of_bandwidth(findings: Sequence[Finding]) -> Iterator[Reason]:
     lost = [one for one in findings if one.in_motion]
     if lost:
         axes = axes_text([axis for one in lost for axis in one.channels])
-        yield Reason(Use.USABLE_EXCEPT, f"in motion, as {axes} are filtered ({lost[0].in_motion})")
+        yield Reason(
+            Use.USABLE_EXCEPT, f"in motion, as {axes} are filtered ({lost[0].in_motion.partition(':')[0]})"
+        )
 
 
 def _too_short_for(found: Identification) -> tuple[str, ...]:
@@ -417,8 +419,8 @@ def _of_limits(config: FilterConfig) -> Iterator[Reason]:
     if limited:
         yield Reason(
             Use.USABLE_EXCEPT,
-            f"B and random walk of {axes_text(list(limited))} that were not seen: half of the limit is ASSUMED (at the "
-            f"limit an axis drifts {_range_text(limited.values())} times as far in {UNAIDED_TIME:g} s as without)"
+            f"B and random walk of {axes_text(list(limited))} not seen: half of the limit is ASSUMED (at the "
+            f"limit an axis drifts {_range_text(limited.values())} × as far in {UNAIDED_TIME:g} s as without)"
             + (f"; a log of {digits(max(hours), 2)} h would show them" if hours else ""),
         )
 

@@ -36,8 +36,8 @@ LEGEND = {
     "<": "<: not seen, 95 % limit",
     TAKEN: f"{TAKEN}: taken for it, ASSUMED",
     LENT: f"{LENT}: of the sensor named above, ASSUMED",
-    ROUGH: f"{ROUGH}: read from the Allan curve, which no sum of terms follows, no interval",
-    UNKNOWN: f"{UNKNOWN}: not found, unknown",
+    ROUGH: f"{ROUGH}: read off the Allan curve, no interval",
+    UNKNOWN: f"{UNKNOWN}: unknown",
 }
 ASSUMED = "ASSUMED"
 """Behind a number that nothing measures."""
