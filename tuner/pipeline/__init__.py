@@ -163,7 +163,7 @@ def tune(
 
         stage("diagnosing the drive", 0.6)
         begun = with_noise_in_motion(inputs.drive, config, inputs.examination)
-        examined = examine_and_explain(inputs.drive, begun, progress=progress)
+        examined = examine_and_explain(inputs.drive, begun, inputs.examination, progress=progress)
         began, found = (config_after_drive(examined, kept=kept) for kept in (False, True))
         stage("choosing the settings of the drive", 0.85)
         choice = choose_config(inputs.drive, examined, began, found, progress)

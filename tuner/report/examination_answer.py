@@ -23,7 +23,12 @@ def examination_answer(found: Examination) -> Document:
     """Return what is to be mended first, the noise of every stream, and what the recording could not have shown."""
     repairs = [f"{number}. {repair_text(one)}" for number, one in enumerate(found.repairs, 1)]
     rates = ", ".join(f"{name} {digits(rate)} Hz" for name, rate in found.rates.items())
-    unseen = f"Could not have shown: {', '.join(found.unseen)}" if found.unseen else ""
+    alike: dict[str, list[str]] = {}
+    for one in found.unseen:  # sign of gyro x, sign of gyro y → sign of gyro x y
+        head, _, last = one.rpartition(" ")
+        alike.setdefault(head, []).append(last)
+    listed = ", ".join(f"{head} {' '.join(lasts)}".strip() for head, lasts in alike.items())
+    unseen = f"Could not have shown: {listed}" if listed else ""
     return document(
         [
             f"{found.name}, {span_text(found.length)}: {rates}; {span_text(found.seconds)} of it compared",
@@ -49,7 +54,7 @@ def examination_verdict(found: Examination) -> tuple[bool, str]:
 def vibration_lines(found: Examination) -> list[str]:
     """Return how much noisier the samples are in motion than at rest, where that changes the noise of a filter."""
     parts = [
-        f"{name} {moving / still:.2g} ×"
+        f"{name} {digits(moving / still, 2)} ×"
         for name, (still, moving) in found.vibration.items()
         if moving > WRONG_FACTOR * still > 0.0
     ]

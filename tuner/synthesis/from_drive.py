@@ -1,10 +1,9 @@
-"""Noise of an inertial unit from a drive alone: white noise at rest, vibration in motion, bias terms of a similar unit.
+"""Noise of an inertial unit from a drive alone: white noise at rest, bias terms of a similar unit.
 
 A second counts as stationary where the fixes show so and both triads are about as calm as in the calmer of those
 seconds. There the Allan deviation at `ALLAN_TAU` gives the white noise, N = σ(τ) √τ, at least that of quantization; of
 slower noise a drive contains too little, so that bias terms are those of the built-in grade with the nearest white
-noise. Vibration is the ratio of the densities above `MIN_VIBRATION_FREQUENCY`, where no vehicle manoeuvres, in motion
-and at rest.
+noise.
 """
 
 from __future__ import annotations
@@ -14,7 +13,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from scipy.fft import rfft, rfftfreq
 
 from models.arrays import BoolArray, FloatArray
 from models.earth import distance_along
@@ -43,8 +41,6 @@ MAX_CALM_VARIANCE_RATIO = 2.0
 """Variance of a second over that of the calmer quarter, geometric mean over a triad, up to which it counts."""
 MIN_DISTANCE_SCATTERS = 4.0
 """Time between positions that give a speed, in units of their scatter ÷ `STATIONARY_SPEED`."""
-MIN_VIBRATION_FREQUENCY = 5.0
-"""Frequency above which no vehicle manoeuvres, Hz."""
 UNKNOWN_UNIT_GRADE = "mpu9250"
 """Grade of a unit of which nothing is known: the noisiest built-in consumer unit."""
 SENSOR_NAMES = ("gyro", "accel")
@@ -63,13 +59,10 @@ class StationaryNoise:
     white : mapping of str to float
         White density of ``gyro`` (rad/s/√Hz) and ``accel`` (m/s²/√Hz), root mean square over the axes; empty where
         the drive is stationary too briefly.
-    vibration : mapping of str to float
-        Density above `MIN_VIBRATION_FREQUENCY` in motion ÷ at rest, by sensor; empty where it cannot be determined.
     """
 
     seconds: float
     white: Mapping[str, float]
-    vibration: Mapping[str, float]
 
     @property
     def freedom(self) -> float:
@@ -78,7 +71,7 @@ class StationaryNoise:
 
 
 def stationary_noise(drive: Drive) -> StationaryNoise:
-    """Return the noise of the unit of a drive at rest and in motion."""
+    """Return the noise of the unit of a drive at rest."""
     dt = float(np.median(np.diff(drive.imu_t)))
     size = max(4, round(1.0 / dt))
     count = len(drive.rates) // size
@@ -90,12 +83,11 @@ def stationary_noise(drive: Drive) -> StationaryNoise:
     still = slow & _calm(blocks, slow, step**2 / 12.0)
     seconds = float(np.count_nonzero(still) * size * dt)
     if seconds < MIN_STATIONARY:
-        return StationaryNoise(seconds, {}, {})
+        return StationaryNoise(seconds, {})
     variance = _allan(blocks[still], max(1, round(ALLAN_TAU / dt)))
     white = np.sqrt(np.maximum(variance * max(1, round(ALLAN_TAU / dt)), step**2 / 12.0) * dt)
     density = {s: float(np.sqrt(np.mean(white[3 * i : 3 * i + 3] ** 2))) for i, s in enumerate(SENSOR_NAMES)}
-    vibration = _vibration(blocks, still, whole & ~slow, dt, step**2 / 12.0)
-    return StationaryNoise(seconds, density, vibration)
+    return StationaryNoise(seconds, density)
 
 
 def identification_of_drive(drive: Drive, found: StationaryNoise) -> Identification:
@@ -254,23 +246,3 @@ def _allan(blocks: FloatArray, m: int) -> FloatArray:
     sums = np.cumsum(blocks, axis=1)
     means = (sums[:, m:] - sums[:, :-m]) / m
     return np.asarray(0.5 * np.mean((means[:, m:] - means[:, :-m]) ** 2, axis=(0, 1)))
-
-
-def _vibration(
-    blocks: FloatArray, still: BoolArray, moving: BoolArray, dt: float, least: FloatArray
-) -> dict[str, float]:
-    """Return the root of the density above `MIN_VIBRATION_FREQUENCY`, in motion ÷ at rest, by sensor."""
-    high = rfftfreq(blocks.shape[1], dt) >= MIN_VIBRATION_FREQUENCY
-    if np.count_nonzero(high) < 4 or not moving.any():
-        return {}
-    window = np.hanning(blocks.shape[1])[:, None]
-    floor = np.maximum(least, 1e-30) * float(np.sum(window**2))
-
-    def level(part: FloatArray) -> FloatArray:
-        power = np.abs(rfft((part - part.mean(axis=1, keepdims=True)) * window, axis=1)[:, high]) ** 2
-        axes = np.maximum(power.mean(axis=(0, 1)), floor)
-        return np.array([axes[:3].sum(), axes[3:].sum()])
-
-    at_rest, in_motion = level(blocks[still]), level(blocks[moving])
-    ratio = np.sqrt(in_motion / at_rest)
-    return dict(zip(SENSOR_NAMES, ratio.tolist(), strict=True))

@@ -227,7 +227,6 @@ def test_white_noise_is_read_where_the_vehicle_stands(drive):
     assert at_rest.seconds > 20.0
     for sensor, triad in (("gyro", grade.gyro), ("accel", grade.accel)):
         assert at_rest.white[sensor] == pytest.approx(triad.white.value, rel=0.25)
-        assert at_rest.vibration[sensor] == pytest.approx(1.0, abs=0.1)
     assert nearest_grade(at_rest.white) == "mpu9250"
     config = config_of_drive(drive, at_rest)
     assert {c.white_density for a, c in config.channels.items() if a.startswith("gyro")} == {
@@ -244,18 +243,6 @@ def test_without_velocities_positions_tell_where_the_vehicle_stands(drive):
     assert 0.25 * with_velocities.seconds < without.seconds <= 1.1 * with_velocities.seconds
     for sensor, white in with_velocities.white.items():
         assert without.white[sensor] == pytest.approx(white, rel=0.25)
-
-
-def test_vibration_of_the_moving_unit_is_seen(drive):
-    rng = np.random.default_rng(5)
-    moving = np.interp(drive.imu_t, drive.gnss.t, np.linalg.norm(drive.gnss.vel_n, axis=1)) > 1.0
-    sd = load_grade("mpu9250").gyro.white.value * 5.0
-    shaken = drive.rates.copy()
-    shaken[moving, :3] += 3.0 * sd * rng.standard_normal((np.count_nonzero(moving), 3))
-    # White noise of 3 times the sensor's own at 25 Hz: √(1 + 9) in all.
-    assert stationary_noise(replace(drive, rates=shaken)).vibration["gyro"] == pytest.approx(
-        10.0**0.5, rel=0.15
-    )
 
 
 def test_a_unit_that_never_stands_is_taken_for_a_noisy_one(drive):

@@ -160,6 +160,13 @@ def test_noise_in_motion_stands_beside_that_at_rest(drive: Drive) -> None:
     assert still < 0.2 * fast
 
 
+def test_signs_that_could_not_be_seen_share_their_words(drive: Drive) -> None:
+    """Nine signs were listed one after the other."""
+    signs = tuple(f"sign of gyro {axis}" for axis in "xyz")
+    found = replace(examine(drive), unseen=(*signs, "delay of the velocities"))
+    assert "Could not have shown: sign of gyro x y z, delay of the velocities" in str(found)
+
+
 class Barometer(Stream):
     """Heights, m: a stream that another package declares."""
 

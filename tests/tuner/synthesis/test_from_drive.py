@@ -23,18 +23,15 @@ DENSITY = np.array([1.0, 2.0, 3.0, 10.0, 20.0, 30.0]) * 1e-4
 
 def drive(
     *,
-    shaken: float = 0.0,
     velocities: bool = True,
     vertical: float = 0.0,
     stood: float = STOOD,
     seed: int = 1,
 ) -> Drive:
-    """White noise of `DENSITY`, `shaken` times as much added in motion; the antenna then moves north at 10 m/s."""
+    """White noise of `DENSITY`; the antenna stands, and then moves north at 10 m/s."""
     rng = np.random.default_rng(seed)
     t = INTERVAL * np.arange(1, round((stood + MOVED) / INTERVAL) + 1)
     rates = rng.standard_normal((len(t), 6)) * DENSITY / np.sqrt(INTERVAL)
-    moving = t > stood
-    rates[moving] += shaken * rng.standard_normal((moving.sum(), 6)) * DENSITY / np.sqrt(INTERVAL)
     fix_t = np.arange(0.0, stood + MOVED + 1.0)
     way = 10.0 * np.maximum(fix_t - stood, 0.0)
     llh = np.column_stack(
@@ -73,14 +70,6 @@ def test_noise_scales_with_the_samples():
     ten = Drive(one.name, one.imu_t, 10.0 * one.rates, one.gnss, one.lever_arm, source=one.source)
     for sensor, white in stationary_noise(one).white.items():
         assert stationary_noise(ten).white[sensor] == pytest.approx(10.0 * white, rel=1e-9)
-
-
-@pytest.mark.parametrize("shaken", [0.0, 3.0])
-def test_vibration_is_the_ratio_of_densities(shaken):
-    """White noise k times as much besides: √(1 + k²); 60 s of some 20 frequencies on three axes, 1 %: five of them."""
-    found = stationary_noise(drive(shaken=shaken))
-    for ratio in found.vibration.values():
-        assert ratio == pytest.approx(np.sqrt(1.0 + shaken**2), rel=0.05)
 
 
 def test_heights_do_not_count_where_positions_stand_for_a_speed():

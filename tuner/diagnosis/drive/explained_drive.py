@@ -7,8 +7,9 @@ from pathlib import Path
 
 from tuner.diagnosis.drive.config_after_drive import as_estimated
 from tuner.diagnosis.drive.diagnose import ExaminedDrive, examine_drive
-from tuner.diagnosis.drive.noise_in_motion import with_noise_in_motion
+from tuner.diagnosis.drive.noise_in_motion import in_motion_to_rest, with_noise_in_motion
 from tuner.diagnosis.drive.noise_scale_estimates import estimate_noise_scales
+from tuner.examination.examine import Examination
 from tuner.examination.examined_drive import examined_drive
 from tuner.identification.identify_source import receiver_of_source
 from tuner.stages import stage, task
@@ -20,7 +21,12 @@ from tuner.types.records import DataError, Drive
 
 @task()
 def examine_and_explain(
-    drive: Drive, config: FilterConfig, *, wheels: bool = False, progress: Progress
+    drive: Drive,
+    config: FilterConfig,
+    examination: Examination | None,
+    *,
+    wheels: bool = False,
+    progress: Progress,
 ) -> ExaminedDrive:
     """Diagnose a drive and explain the factor that each noise setting needs; see `examine_drive`."""
     progress("diagnosing the drive")
@@ -28,7 +34,7 @@ def examine_and_explain(
     examined = examine_drive(drive, config, wheels=wheels, progress=progress)
     progress("estimating the scale of each noise setting")
     stage("estimating the scale of each noise setting", 1.0)
-    scales = estimate_noise_scales(examined, stationary_noise(drive).vibration)
+    scales = estimate_noise_scales(examined, in_motion_to_rest(examination))
     examined = replace(examined, diagnosis=replace(examined.diagnosis, noise_scales=scales))
     after = as_estimated(examined, examined.diagnosis.after)
     return replace(examined, diagnosis=replace(examined.diagnosis, after=after))
@@ -53,10 +59,10 @@ def examine_drive_of(
     drive, examination = examined_drive(drive, progress)
     if config is not None:
         chosen = config_for_drive(drive, config, gnss=receiver)
-        return examine_and_explain(drive, chosen, wheels=wheels, progress=progress)
+        return examine_and_explain(drive, chosen, examination, wheels=wheels, progress=progress)
     chosen = config_of_drive(drive, stationary_noise(drive), gnss=receiver or receiver_of(drive))
     progress(chosen.notes[0])
     begun = with_noise_in_motion(drive, chosen, examination)
-    examined = examine_and_explain(drive, begun, wheels=wheels, progress=progress)
+    examined = examine_and_explain(drive, begun, examination, wheels=wheels, progress=progress)
     notes = (chosen.notes[0], *examined.diagnosis.notes)
     return replace(examined, diagnosis=replace(examined.diagnosis, notes=notes))

@@ -9,6 +9,7 @@ outages of its first part are then likelier by `MIN_GAIN` a sensor.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -24,6 +25,12 @@ TRIADS = {"gyro": "gyro", "accelerometer": "accel"}
 REASON = (
     "the scatter of samples in motion: with the noise that was stated the fixes of this drive are less likely"
 )
+
+
+def in_motion_to_rest(examination: Examination | None) -> Mapping[str, float]:
+    """Return the scatter of samples in motion ÷ that at rest, by sensor; without those that a drive does not show."""
+    found = {} if examination is None else examination.vibration
+    return {TRIADS[triad]: moving / still for triad, (still, moving) in found.items() if still > 0.0}
 
 
 def with_noise_in_motion(drive: Drive, config: FilterConfig, examination: Examination | None) -> FilterConfig:

@@ -7,7 +7,7 @@ findings, and to runs in which one finding is left out::
     named    the factor that remains with all findings in the filter
     causes   of all findings, those without which most of the factor returns
 
-A factor on white noise that remains is ascribed to vibration where the unit is that much noisier above 5 Hz in motion
+A factor on white noise that remains is ascribed to vibration where the unit is that much noisier in motion
 than at rest, one on the receiver to its reported sds where those were found wrong; else its cause is unknown.
 """
 
@@ -80,7 +80,7 @@ def estimate_noise_scales(
     examined : ExaminedDrive
         The drive, its runs and findings.
     vibration : mapping of str to float
-        Noise above 5 Hz, moving ÷ at rest, of ``gyro`` and ``accel``.
+        Scatter of samples, moving ÷ at rest, of ``gyro`` and ``accel``.
     """
     base, final = examined.search.base, examined.search.final
     config = base.hypothesis.config
@@ -259,7 +259,7 @@ def words(one: NoiseScaleEstimate, vibration: float | None = None) -> str:
     else:
         parts.append(f"{_times(one.named)} with all findings in the filter")
     if "vibration" in one.causes and vibration is not None:
-        parts.append(f"above 5 Hz the unit is {vibration:.1f} times as noisy in motion as at rest")
+        parts.append(f"its samples scatter {vibration:.1f} times as much in motion as at rest")
     if "gnss_noise_scale" in one.causes:
         parts.append("the receiver's own standard deviations are off by that much")
     if UNKNOWN_CAUSE in one.causes:
