@@ -37,7 +37,7 @@ from tuner.report.terminal import LINE_WIDTH
 from tuner.report.tune_sections import setting_reasons, tune_sections
 from tuner.report.unexplained_words import unexplained_lines
 from tuner.synthesis.findings import judge_hidden
-from tuner.types import Diagnosis
+from tuner.types import AppliedNoiseScale, Diagnosis, Enlargement
 from tuner.types.named_cause import separated
 
 if TYPE_CHECKING:
@@ -73,7 +73,13 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
     signs = legend(*noise[:1])
     found, idle, doubted = found_lines(result)
     examined = result.diagnosis is not None or result.drive is not None
-    vibration = [] if result.examination is None else vibration_lines(result.examination)
+    shaken = any(
+        "vibration" in one.causes
+        for one in result.config.inflations
+        if isinstance(one, Enlargement | AppliedNoiseScale)
+    )
+    held = "which the white noise below holds" if shaken else "which Q must hold"
+    vibration = [] if result.examination is None else vibration_lines(result.examination, held)
     mended = result.examination is not None and result.examination.before_filter
     nothing = [] if mended or vibration else ["Nothing was found that the noise terms do not explain"]
     further = len(found) - SHOWN_FINDINGS
