@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from rich.table import Table
 
-from tuner.diagnosis.drive.noise_scale_estimates import UNKNOWN_CAUSE, factor_text, listed, may_be_one
+from tuner.diagnosis.drive.noise_scale_estimates import factor_text, listed, may_be_one
 from tuner.formats.customary_units import amount
 from tuner.formats.reference_words import reference_line
 from tuner.judgement import judge_drive
@@ -19,10 +19,6 @@ from tuner.report.titled_table import titled_table
 from tuner.types import Coefficient, DriveDiagnosis, Finding, Gain, NoiseScaleEstimate
 from tuner.types.named_cause import separated
 
-NOISE_CAUSES = {"vibration", "gnss_noise_scale", "imu_noise_scale"}
-"""Causes of larger noise that stays with all findings in the filter."""
-_STAYING_CAUSES = {"correlated_gnss": "position", "correlated_velocity": "velocity"}
-"""Causes that take the errors that stay out of a setting, which is that of white ones then."""
 SHORT_NAMES = {
     "gyro_white": "gyro white",
     "accel_white": "accel white",
@@ -46,7 +42,7 @@ def drive_diagnosis_answer(found: DriveDiagnosis) -> Document:
             *(f"Not explained: {one.statistic}" for one in found.unexplained),
             "" if found.credited else harm_text(found.gain),
             *lines[:SHOWN_FINDINGS],
-            *noise_lines(found.noise_scales, found.findings),
+            unnamed_noise(found.noise_scales, found.findings),
             "" if found.gain is None or not found.findings else whole_gain_text(found.gain),
         ],
         [
@@ -64,47 +60,16 @@ def drive_diagnosis_answer(found: DriveDiagnosis) -> Document:
     )
 
 
-def noise_lines(estimates: Sequence[NoiseScaleEstimate], findings: Sequence[Finding] = ()) -> list[str]:
-    """Return in words the noise that a drive shows otherwise than stated: of no named cause, of one, or explained.
-
-    Beside errors of the fixes that stay, which are among `findings`, a factor is that of the white part alone.
-    """
-    staying = _staying(findings)
-    shown = [
-        one for one in estimates if one.stated is not None and one.identifiable and not may_be_one(one.plain)
+def unnamed_noise(estimates: Sequence[NoiseScaleEstimate], findings: Sequence[Finding]) -> str:
+    """Return in words the noise that a drive shows otherwise than stated, and that none of the findings is."""
+    named = {one.cause for one in findings}
+    texts = [
+        f"{SHORT_NAMES[one.setting]} × {factor_text(one.named)} ({listed([c.replace('_', ' ') for c in one.causes])})"
+        for one in estimates
+        if one.stated is not None and one.identifiable and one.named.determined
+        if not (may_be_one(one.named) or named >= {*one.causes})
     ]
-    known = [one for one in shown if one.named.determined and not may_be_one(one.named)]
-    named = [one for one in known if UNKNOWN_CAUSE not in one.causes and NOISE_CAUSES & {*one.causes}]
-    said = {
-        "Noise of no known cause, true ÷ stated": [_factor_left(o, staying) for o in known if o not in named],
-        "Noise, true ÷ stated": [_factor_left(one, staying) for one in named],
-        "As stated once the findings are in the filter": [
-            SHORT_NAMES[one.setting] for one in shown if may_be_one(one.named)
-        ],
-    }
-    return [f"{head}: {'; '.join(texts)}" for head, texts in said.items() if texts]
-
-
-def _factor_left(one: NoiseScaleEstimate, staying: Mapping[str, str]) -> str:
-    """Return the factor on a setting that is left with all findings in the filter, and what accounts for it."""
-    causes = [cause.replace("_", " ") for cause in one.causes if cause in NOISE_CAUSES]
-    by = f" ({listed(causes)})" if causes else ""
-    text = f"{SHORT_NAMES[one.setting]} × {factor_text(one.named)}"
-    if one.setting in staying:
-        text = f"white part of {text} beside errors that stay, sd {staying[one.setting]}"
-    return f"{text}{by}"
-
-
-def _staying(findings: Sequence[Finding]) -> dict[str, str]:
-    """Return the sds of errors of the fixes that stay, in words by the setting of their white part."""
-    parts = {"sd": "", "sd_vertical": "vertically "}
-    return {
-        _STAYING_CAUSES[one.cause]: ", ".join(
-            f"{parts[name]}{amount(c)}" for name, c in one.figures.items() if name in parts
-        )
-        for one in findings
-        if one.cause in _STAYING_CAUSES
-    }
+    return f"Noise, true ÷ stated: {'; '.join(texts)}" if texts else ""
 
 
 def missing(found: DriveDiagnosis) -> list[str]:

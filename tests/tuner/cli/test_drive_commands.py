@@ -22,7 +22,7 @@ from tuner.formats import noise_yaml
 from tuner.formats.logs import write_drive
 from tuner.limits import SCREEN_LINES
 from tuner.readers.source_kind import is_drive_by_form
-from tuner.report.drive_diagnosis_tables import drive_diagnosis_answer, noise_lines
+from tuner.report.drive_diagnosis_tables import drive_diagnosis_answer, unnamed_noise
 from tuner.simulation.drive import simulate_drive
 from tuner.synthesis.from_drive import UNKNOWN_UNIT_GRADE, config_of_drive, nearest_grade, stationary_noise
 from tuner.types import (
@@ -272,26 +272,20 @@ def test_noise_scales_are_put_in_words():
     assert "no known cause" in words(replace(estimate, named=three, causes=("unknown",)))
     assert "not identifiable" in words(replace(estimate, identifiable=False, causes=()))
     vibrating = replace(estimate, named=three, causes=("vibration",))
-    assert "times as noisy in motion" in words(vibrating, 3.2)
-    assert noise_lines([estimate]) == ["As stated once the findings are in the filter: gyro white"]
-    unnamed, known = noise_lines([replace(estimate, named=three, causes=("unknown",)), vibrating])
-    assert unnamed == "Noise of no known cause, true ÷ stated: gyro white × 3 (2.5 … 3.6)"
-    assert known == "Noise, true ÷ stated: gyro white × 3 (2.5 … 3.6) (vibration)"
+    assert "times as much in motion" in words(vibrating, 3.2)
+    assert not unnamed_noise([estimate], [])  # it is as stated beside the findings
+    unnamed = replace(estimate, named=three, causes=("unknown",))
+    assert unnamed_noise([unnamed], []) == "Noise, true ÷ stated: gyro white × 3 (2.5 … 3.6) (unknown)"
+    assert unnamed_noise([vibrating], []).endswith("(vibration)")
 
 
-def test_beside_errors_of_fixes_that_stay_a_factor_is_that_of_the_white_part():
-    """It read "R position × 0.00346": fixes of metres would have been good to centimetres."""
+def test_noise_that_is_a_finding_is_told_once():
+    """A factor stood on the line of the finding, and again on one of the noise."""
     small = Coefficient.known(0.00346, 0.003, 0.004, "1")
     one = NoiseScaleEstimate("position", 5.4, "m", small, small, ("gnss_noise_scale",), True, "")
-    sds = {
-        "sd": Coefficient.known(1.9, 1.0, 4.4, "m"),
-        "sd_vertical": Coefficient.known(16.0, 8.0, 39.0, "m"),
-    }
-    stays = Finding("correlated_gnss", ("gnss",), "a statistic", 9.0, 1e-9, sds, "errors stay")
-    (line,) = noise_lines([one], [stays])
-    assert "white part of R position × 0.00346 (0.003 … 0.004) beside errors that stay, sd 1.9" in line
-    assert "vertically 16" in line
-    assert "white part" not in noise_lines([one])[0]
+    found = Finding("gnss_noise_scale", ("gnss",), "a statistic", 9.0, 1e-9, {}, "sds of the fixes")
+    assert not unnamed_noise([one], [found])
+    assert "R position × 0.00346" in unnamed_noise([one], [])
 
 
 def test_findings_that_do_harm_are_not_taken_over(tuned):
