@@ -34,8 +34,6 @@ MAX_UNPACKED = 1 << 32
 """Largest size of a member of a ZIP that is unpacked, bytes: days of a phone's samples."""
 MAX_EXPANSION, FREE_BYTES = 200, 1 << 28
 """Unpacked ÷ packed that a member of more than `FREE_BYTES` may have: measured samples stay below 20."""
-
-
 LOGGER = "Sensor Logger"
 """It writes ``seconds_elapsed`` or, in its versions of 2021, stamps since 1970 alone; phyphox writes neither."""
 GYRO = ("gyroscopeuncalibrated.csv", "gyroscope.csv", "gyro.csv", "*_gyro.csv")
@@ -104,8 +102,8 @@ def drive_of_phone(path: Path) -> DriveArrays:
                 f"{', '.join(sorted(file.name for file in folder.iterdir()))}"
             )
         fixes = table_of_fixes(place, found.rows[0, 0], found.rows[-1, 0])
-    if len(fixes) < FEWEST_FIXES:
-        raise DataError(f"{place}: expected {FEWEST_FIXES} fixes or more, found {len(fixes)}")
+        if len(fixes) < FEWEST_FIXES:
+            raise DataError(f"{place}: expected {FEWEST_FIXES} fixes or more, found {len(fixes)}")
     factors = np.repeat([1.0, *(unit_value(found.units[name]) for name in SENSORS)], [1, 3, 3])
     notes = (*found.notes, f"fixes of {place.name}")
     return DriveArrays(factors * found.rows, fixes, None, None, None, None, notes=notes)
