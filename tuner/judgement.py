@@ -419,7 +419,7 @@ def _of_limits(config: FilterConfig) -> Iterator[Reason]:
     if limited:
         yield Reason(
             Use.USABLE_EXCEPT,
-            f"B and random walk of {axes_text(list(limited))} not seen: half of the limit is ASSUMED (at the "
+            f"values of {axes_text(list(limited))} behind →: not seen, half of the limit is ASSUMED (at the "
             f"limit an axis drifts {_range_text(limited.values())} × as far in {UNAIDED_TIME:g} s as without)"
             + (f"; a log of {digits(max(hours), 2)} h would show them" if hours else ""),
         )

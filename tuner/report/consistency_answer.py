@@ -161,7 +161,7 @@ def _bands(found: Consistency) -> list[Table | str]:
         *titled_table("true rms ÷ predicted sd (99 % over all scores, 10 % margin)", HEADS, rows),
         *([f"  windows without fixes: {', '.join(windows)}"] if found.outages else []),
         *(
-            f"  rms of {claim_name(name).removesuffix(' (NIS)')}: {_rms_text(each, each.values, axes)}"
+            f"  rms of {claim_name(name).removesuffix(' (root of NIS)')}: {_rms_text(each, each.values, axes)}"
             for name, each in found.errors.items()
             if len(each.values) > 1
         ),

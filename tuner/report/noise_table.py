@@ -183,8 +183,8 @@ def why_larger(config: FilterConfig, files: Iterable[str]) -> str:
     least, most = min(one.mismatch[0] for one in found), max(one.mismatch[1] for one in found)
     longest = digits(max(one.longest for one in found), 2)
     return (
-        "To enter: two numbers an axis stand for white noise, B and random walk, so each is larger "
-        f"({least:.2f} to {most:.2f} × their drift to {longest} s); enlarge for vibration only"
+        "To enter: two numbers an axis stand for all its terms, so each is larger (their drift: "
+        f"{least:.2f} to {most:.2f} × that of the terms in {longest} s); enlarge for vibration only"
     )
 
 

@@ -31,11 +31,11 @@ TAIL_PROBABILITY = 0.0005
 OUTAGE = "outage "
 """How the name of a score of the position without fixes begins; the time follows."""
 NAMES = {
-    "nees": "all states (NEES)",
+    "nees": "all states (root of NEES)",
     "accel_bias": "accelerometer bias",
-    "nis_position": "position innovations (NIS)",
-    "nis_velocity": "velocity innovations (NIS)",
-    "nis": "innovations (NIS)",
+    "nis_position": "position innovations (root of NIS)",
+    "nis_velocity": "velocity innovations (root of NIS)",
+    "nis": "innovations (root of NIS)",
 }
 """What scores are of, where their names do not say it."""
 

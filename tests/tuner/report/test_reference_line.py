@@ -79,7 +79,7 @@ def test_without_a_truth_states_are_said_to_be_compared_with_the_smoother():
     )
     rows = {line.partition("  ")[0] for line in alone}
     assert {"position, 3-D, to the smoother", "velocity, 3-D, to the smoother"} <= rows
-    assert "position innovations (NIS)" in rows
+    assert "position innovations (root of NIS)" in rows
 
 
 def test_the_answer_of_diagnose_says_it_beneath_its_verdict():

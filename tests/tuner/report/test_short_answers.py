@@ -45,7 +45,7 @@ def test_without_a_truth_the_distances_to_the_smoother_decide_nothing():
     found = Consistency(None, (position,), (whole,), None, (), distances, 0.0, False, ())
     rows = rows_of(consistency_answer(found))
     assert rows["position, 3-D, to the smoother"].endswith(")")
-    assert rows["velocity innovations (NIS)"] == "optimistic"
+    assert rows["velocity innovations (root of NIS)"] == "optimistic"
 
 
 def test_a_minimum_of_a_curve_is_not_called_bias_instability():

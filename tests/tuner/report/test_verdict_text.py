@@ -102,10 +102,10 @@ VERDICTS = {
         VerdictCode.EXPLAINED, Severity.EXPLANATION, explanations=(SMALL, SCALE)
     ),
     "no single cause explains the scores": Verdict(VerdictCode.NOT_EXPLAINED, Severity.EXPLANATION),
-    "all states (NEES): 4.62 × what the filter predicts: optimistic": Verdict(
+    "all states (root of NEES): 4.62 × what the filter predicts: optimistic": Verdict(
         VerdictCode.OPTIMISTIC, Severity.INCONSISTENT, "nees", {"ratio": 4.62}
     ),
-    "position innovations (NIS): 0.87 × what the filter predicts: pessimistic": Verdict(
+    "position innovations (root of NIS): 0.87 × what the filter predicts: pessimistic": Verdict(
         VerdictCode.PESSIMISTIC, Severity.INCONSISTENT, "nis_position", {"ratio": 0.87}
     ),
     "position after 60 s without fixes: true 12.0 m, predicted 8.00 m (ratio 1.5, 1.1 … 2.4 with 5 windows): "
