@@ -78,8 +78,8 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
         for one in result.config.inflations
         if isinstance(one, Enlargement | AppliedNoiseScale)
     )
-    held = "which noise.yaml holds" if shaken else "which Q must hold"
-    vibration = [] if result.examination is None else vibration_lines(result.examination, held)
+    use = "which noise.yaml holds" if shaken else "which Q must hold"
+    vibration = [] if result.examination is None else vibration_lines(result.examination, use)
     mended = result.examination is not None and result.examination.before_filter
     nothing = [] if mended or vibration else ["Nothing was found that the noise terms do not explain"]
     further = len(found) - SHOWN_FINDINGS
