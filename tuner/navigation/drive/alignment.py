@@ -1,4 +1,4 @@
-"""Alignment of a drive: attitude from gravity and motion, gyro bias from standing still, clock offset of the fixes.
+"""Alignment of a drive: attitude from gravity and motion, gyro bias from standing still.
 
 Gravity determines the tilt, speed changes the heading, both at once: over windows of some seconds the specific force,
 rotated by the gyros into the body frame b₀ of the start, must be the change of velocity less gravity, in the axes n of
@@ -6,9 +6,9 @@ the first fix, fixed to the Earth (`free_of_gravity`)::
 
     α_j = ∫ C_b0b f dt            β_j = Δv_j − γ Δt e_D            β_j = C_nb0 α_j        (Wahba)
 
-The attitude follows by singular values [2]_, for any mounting of the unit. The least misfit over a shift of the clocks
-gives their offset. While the fixes stand still, the mean of the gyros less the Earth rate is their bias; where they
-hardly do, the windows determine it beside the attitude (`alignment_in_motion`).
+The attitude follows by singular values [2]_, for any mounting of the unit. While the fixes stand still, the mean of the
+gyros less the Earth rate is their bias; where they hardly do, the windows determine it beside the attitude
+(`alignment_in_motion`).
 
 References
 ----------
@@ -21,12 +21,10 @@ References
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 from models import rotation
 from models.arrays import FloatArray
@@ -62,8 +60,6 @@ MIN_SECONDS_AT_REST = 10
 """Seconds at rest from which their scatter gives the sd of the mean of the gyros."""
 MIN_BIAS_ROTATION = math.radians(2.0)
 """Rotation by the gyro biases from which they are estimated from motion, rad."""
-MAX_CLOCK_OFFSET = 3.0
-"""Largest clock offset that is searched, to both sides, s."""
 
 
 KNOWN_BIAS_SD = np.zeros(6)
@@ -85,7 +81,7 @@ class Alignment:
     gyro_bias : ndarray, shape (3,)
         rad/s; zeros where the vehicle was never stationary.
     delay : float
-        Delay of the fixes, s: positive where their stamps are late.
+        Delay of the fixes that was taken out, s: positive where their stamps are late.
     still : float
         Time it was stationary before, s.
     accel_bias : ndarray, shape (3,)
@@ -124,9 +120,7 @@ def stationary_until(gnss: Gnss) -> float:
     return float(max(gnss.t[0], gnss.t[first] - STATIONARY_MARGIN))
 
 
-def align(
-    steps: Steps, gnss: Gnss, *, offset: float = MAX_CLOCK_OFFSET, bias_sd: FloatArray = KNOWN_BIAS_SD
-) -> Alignment:
+def align(steps: Steps, gnss: Gnss, *, bias_sd: FloatArray = KNOWN_BIAS_SD) -> Alignment:
     """Align with as much motion as it takes: one, two, four, … minutes.
 
     Parameters
@@ -135,8 +129,6 @@ def align(
         Increments of the sensor.
     gnss : Gnss
         Fixes on the same clock, within the steps.
-    offset : float
-        Clocks are searched to both sides up to this, s; 0 uses the stamps as they are.
     bias_sd : ndarray, shape (6,)
         Prior sds of the biases of gyros and accelerometers; motion determines them where the vehicle is hardly at rest.
 
@@ -147,7 +139,7 @@ def align(
     """
     moving, length = FIRST_MOTION, float(gnss.t[-1] - gnss.t[0])
     while True:
-        found = align_once(steps, gnss, moving, offset, bias_sd)
+        found = align_once(steps, gnss, moving, bias_sd)
         enough = MAX_HEADING_SD if moving >= length else GOOD_HEADING_SD
         if found is not None and found.heading_sd < enough:
             return found
@@ -170,7 +162,6 @@ def align_once(
     steps: Steps,
     gnss: Gnss,
     moving: float,
-    offset: float = MAX_CLOCK_OFFSET,
     bias_sd: FloatArray = KNOWN_BIAS_SD,
 ) -> Alignment | None:
     """Return the alignment at the first fix from a given length of motion, s; None where no two fixes are apart."""
@@ -180,14 +171,14 @@ def align_once(
     still_end = stationary_until(gnss)
     begin = max(float(gnss.t[0]), still_end - MAX_STATIONARY)
     stop = min(still_end + STATIONARY_MARGIN + moving, float(gnss.t[-1]), float(ends[-1]))
-    last = np.searchsorted(ends, stop + offset + 0.1)
+    last = np.searchsorted(ends, stop + 0.1)
     # Biases that rotate the unit by less than an alignment resolves are not estimated.
     unknown = bias_sd if bias_sd[:3].max() * (stop - begin) > MIN_BIAS_ROTATION else KNOWN_BIAS_SD
     down = float(gravity(np.sin(gnss.llh[0, 0]), gnss.llh[0, 2]))
     whole = slice(*np.searchsorted(ends, [begin, still_end]).tolist())
     rest = _measured_at_rest(steps, whole, still_end - begin, down, unknown)
     unknown = rest.unknown_sd
-    back = max(0, int(np.searchsorted(ends, begin - offset)) - 1)
+    back = max(0, int(np.searchsorted(ends, begin)) - 1)
     window = slice(back, min(int(last), len(steps.dt)))
     inside = (gnss.t >= begin) & (gnss.t <= stop)
     fix_t = gnss.t[inside]
@@ -202,33 +193,22 @@ def align_once(
     beta = _change(measured, windows, span)
     share, reported = float(np.median(np.diff(fix_t))) / length, _reported_variance(gnss, by_position, length)
 
-    def changes(rotated: RotatedSteps, delay: float, *, derivative: bool = False) -> FloatArray:
-        return _change(rotated.at(fix_t - delay, position=by_position, derivative=derivative), windows, span)
+    def changes(rotated: RotatedSteps, *, derivative: bool = False) -> FloatArray:
+        return _change(rotated.at(fix_t, position=by_position, derivative=derivative), windows, span)
 
-    def biased(delay: float) -> BiasEstimate:
-        def felt(bias: FloatArray) -> tuple[FloatArray, FloatArray]:
-            rotated = rotate_steps(steps, window, bias)
-            return changes(rotated, delay), changes(rotated, delay, derivative=True)
+    def felt(bias: FloatArray) -> tuple[FloatArray, FloatArray]:
+        rotated = rotate_steps(steps, window, bias)
+        return changes(rotated), changes(rotated, derivative=True)
 
+    found = BiasEstimate(rest.bias, np.zeros((9, 9)))
+    if unknown.any():
         times = fix_t[windows[:, -1]] - fix_t[0]
-        return biases_from_motion(felt, beta, times, rest.bias, unknown, share, reported)
-
-    found = biased(0.0) if unknown.any() else BiasEstimate(rest.bias, np.zeros((9, 9)))
+        found = biases_from_motion(felt, beta, times, rest.bias, unknown, share, reported)
     rotated = rotate_steps(steps, window, found.bias)
-
-    def solve(delay: float) -> tuple[FloatArray, float]:
-        alpha = changes(rotated, delay)
-        mat = wahba(alpha, beta)
-        off = np.sum((beta - alpha @ mat.T) ** 2, axis=1)
-        return mat, float(np.mean(np.minimum(off, outlier_limit(off))))
-
-    delay = 0.0
-    if offset > 0.0:
-        delay = _best_delay(lambda d: solve(d)[1], offset)
-        if unknown.any():
-            found = biased(delay)
-            rotated = rotate_steps(steps, window, found.bias)
-    mat, cost = solve(delay)
+    alpha = changes(rotated)
+    mat = wahba(alpha, beta)
+    off = np.sum((beta - alpha @ mat.T) ** 2, axis=1)
+    cost = float(np.mean(np.minimum(off, outlier_limit(off))))
     # Speed changes determine the heading: stationary windows show the receiver's noise. Neighbouring
     # windows overlap, so a window counts by its share.
     level = np.sum(beta[:, :2] ** 2, axis=1)
@@ -249,7 +229,7 @@ def align_once(
         max(heading_sd, float(np.sqrt(found.covariance[2, 2]))),
         max(misfit / (9.8 * length), float(np.sqrt(np.diag(found.covariance)[:2].mean()))),
         bias,
-        delay,
+        0.0,
         rest.duration,
         rest.accel_excess + found.bias[3:],
         rest.gyro_bias_sd,
@@ -296,14 +276,6 @@ def _measured_at_rest(
             scatter = np.std(steps.increments[quiet, :3] / steps.dt[quiet, None], axis=0)
             unknown = np.concatenate([np.minimum(unknown[:3], scatter / np.sqrt(rest)), unknown[3:]])
     return _AtRest(rest, bias, excess, bias_sd, unknown)
-
-
-def _best_delay(cost: Callable[[float], float], offset: float) -> float:
-    """Return the delay of least cost up to `offset` to both sides, s: the best of a grid, refined."""
-    grid = np.arange(-offset, offset + 1e-9, 0.05)
-    best = int(np.argmin([cost(float(d)) for d in grid]))
-    low, high = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
-    return float(minimize_scalar(lambda d: cost(float(d)), bounds=(low, high), method="bounded").x)
 
 
 def _sd_at_rest(steps: Steps, quiet: NDArray[np.intp]) -> FloatArray:

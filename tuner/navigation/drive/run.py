@@ -345,7 +345,7 @@ def _aligned_stretch(steps: Steps, gnss: Gnss, settings: FilterSettings, clock: 
     together = own
     if clock.lag and np.count_nonzero(np.isfinite(own.vel_n).all(axis=1)) > 1:
         together = replace(own, vel_n=velocities_at(own.t, own.vel_n, own.t + clock.lag))
-    a = align(steps, _shifted(together, clock.delay), offset=0.0, bias_sd=bias_sd)
+    a = align(steps, _shifted(together, clock.delay), bias_sd=bias_sd)
     return _timed(steps, own, replace(a, delay=clock.delay), settings, clock.lag)
 
 

@@ -89,7 +89,7 @@ def test_fixes_some_seconds_apart_tell_the_heading(interval):
     )
     t = simulated.imu_t
     steps = Steps(float(t[0]), np.diff(t), simulated.rates[1:] * np.diff(t)[:, None])
-    alignment = align(steps, simulated.gnss, offset=0.0)
+    alignment = align(steps, simulated.gnss)
     heading = rotation.rpy_from_quat(alignment.quat_nb)[2]
     at = int(np.argmin(np.abs(simulated.reference.t - alignment.t)))
     off = (heading - simulated.reference.rpy[at, 2] + np.pi) % (2.0 * np.pi) - np.pi
@@ -110,7 +110,7 @@ def test_biases_of_gyros_that_hardly_stood_come_from_motion(coarse, trajectory):
     t = simulated.imu_t
     steps = Steps(float(t[0]), np.diff(t), simulated.rates[1:] * np.diff(t)[:, None])
     channels = [config.channels[axis] for axis in AXES]
-    alignment = align(steps, simulated.gnss, offset=0.0, bias_sd=np.array([c.constant_sd for c in channels]))
+    alignment = align(steps, simulated.gnss, bias_sd=np.array([c.constant_sd for c in channels]))
     true = np.array([key["channels"][axis]["constant"] for axis in AXES])
     at = int(np.argmin(np.abs(simulated.reference.t - alignment.t)))
     off = rotation.rpy_from_quat(alignment.quat_nb) - simulated.reference.rpy[at]
@@ -135,7 +135,7 @@ def test_gyros_better_than_the_rate_of_the_earth_are_accepted():
     )
     t = simulated.imu_t
     steps = Steps(float(t[0]), np.diff(t), simulated.rates[1:] * np.diff(t)[:, None])
-    alignment = align(steps, simulated.gnss, offset=0.0, bias_sd=np.array([5e-6] * 3 + [0.02] * 3))
+    alignment = align(steps, simulated.gnss, bias_sd=np.array([5e-6] * 3 + [0.02] * 3))
     assert not alignment.gyro_bias.any()
 
 

@@ -81,7 +81,7 @@ def test_fast_aeroplane_is_aligned(place):
     drive = _drive(place, climb(240.0, speed=230.0, turn_period=80.0), "rtk")
     dt = np.diff(drive.imu_t)
     steps = Steps(float(drive.imu_t[0]), dt, drive.rates[1:] * dt[:, None])
-    found = align(steps, drive.gnss, offset=0.0)
+    found = align(steps, drive.gnss)
     true = np.stack(
         [np.interp(found.t, drive.reference.t, c) for c in np.unwrap(drive.reference.rpy, axis=0).T]
     )
