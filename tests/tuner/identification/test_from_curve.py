@@ -100,4 +100,4 @@ def test_a_filter_in_the_sensor_does_not_bend_the_white_noise():
     channel = identify_curve(found).channels["gyro_x"]
     # Without its first octaves the curve tells N to about 1 %: five standard errors.
     assert channel.term("white").coefficients["density"].value == pytest.approx(1.0, rel=0.06)
-    assert any("means over less than" in warning for warning in channel.warnings)
+    assert any("below a cluster time of" in warning for warning in channel.warnings)

@@ -18,7 +18,7 @@ from tuner.diagnosis.drive.score_tests import undetermined
 from tuner.diagnosis.drive.search import Accepted, SearchResult
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.navigation.determined import determined_by_halves
-from tuner.report.drive_diagnosis_tables import drive_diagnosis_answer, noise_lines
+from tuner.report.drive_diagnosis_tables import drive_diagnosis_answer, unnamed_noise
 from tuner.report.static_diagnosis_tables import finding_tables
 from tuner.types import (
     Coefficient,
@@ -127,7 +127,7 @@ def test_figures_at_their_bound_or_too_wide_are_neither_shown_nor_written() -> N
 def test_noise_that_is_only_bounded_is_no_line_of_the_answer() -> None:
     bound = Coefficient.bounded(0.003, "1", "indistinguishable from none")
     scale = NoiseScaleEstimate("position", 1.0, "m", bound, bound, ("unknown",), True, "")
-    assert noise_lines([scale]) == []
+    assert not unnamed_noise([scale], [])
 
 
 def test_factors_that_may_be_one_beside_one_at_its_bound_name_nothing() -> None:
