@@ -288,7 +288,7 @@ def _judged(
     if one.name != BEGINNING:  # what is written has values of the whole drive
         name = f"{one.name}, as written"
         again = trial.score(name, with_noise_factors(written, one.factors), trial.cut, trial.end)
-        if again is None:
+        if again is None or not is_better(begun, again):
             return None
         parts.append(again)
     kept = f"{one.name}, factors for outages" if one.factors else one.name
