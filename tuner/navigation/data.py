@@ -147,10 +147,13 @@ class Solution:
 
     def refused_since(self, before: FloatArray) -> FloatArray:
         """Return since when positions and velocities are refused at the end, as `Fixes.refused_since`, (2,)."""
-        since = before.copy()
-        for t, use in zip(self.t, self.use, strict=True):
-            since = np.where(use == GATED, np.minimum(since, t), np.where(use == ABSENT, since, np.inf))
-        return since
+        since = []
+        for use, begun in zip(self.use.T, before, strict=True):
+            taken = np.flatnonzero((use != ABSENT) & (use != GATED))
+            later = int(taken[-1]) + 1 if len(taken) else 0
+            refused = self.t[later:][use[later:] == GATED]
+            since.append(min([np.inf if len(taken) else begun, *refused[:1]]))
+        return np.array(since)
 
 
 ABSENT, USED, GATED, WITHHELD = 0, 1, 2, 3

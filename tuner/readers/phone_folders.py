@@ -2,7 +2,7 @@
 
 Gyroscope and accelerometer are stamped each by itself. Samples are paired by their order from the first common stamp
 on, so that none is repeated, left out or interpolated; where the two clocks part by more than a sample, each file must
-be read alone.
+be read alone. With fixes beside the sensors it is a drive.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from tuner.readers.columns import Listing, listing_of_arrays
 from tuner.readers.drive_npz import DriveArrays
 from tuner.readers.drive_tables import table_of_fixes
 from tuner.readers.log_format import LogFormat
+from tuner.readers.messages.streams import MIN_FIXES
 from tuner.readers.text import read_numbers
 from tuner.readers.text_dialect import find_dialect
 from tuner.types.records import DataError
@@ -56,8 +57,6 @@ SHIFTS = (0.0, 0.25, -0.25)
 """Shifts of the stamps before the nearest is looked for, intervals: halfway between two, jitter alone would choose."""
 FIRST_STAMP_OF_2001 = 1e18
 """ns since 1970."""
-FEWEST_FIXES = 2
-"""Fixes of a drive."""
 
 
 def is_phone_folder(path: Path) -> bool:
@@ -102,8 +101,8 @@ def drive_of_phone(path: Path) -> DriveArrays:
                 f"{', '.join(sorted(file.name for file in folder.iterdir()))}"
             )
         fixes = table_of_fixes(place, found.rows[0, 0], found.rows[-1, 0])
-        if len(fixes) < FEWEST_FIXES:
-            raise DataError(f"{place}: expected {FEWEST_FIXES} fixes or more, found {len(fixes)}")
+        if len(fixes) < MIN_FIXES:
+            raise DataError(f"{place}: expected {MIN_FIXES} fixes or more, found {len(fixes)}")
     factors = np.repeat([1.0, *(unit_value(found.units[name]) for name in SENSORS)], [1, 3, 3])
     notes = (*found.notes, f"fixes of {place.name}")
     return DriveArrays(factors * found.rows, fixes, None, None, None, None, notes=notes)

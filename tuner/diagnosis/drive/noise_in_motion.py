@@ -61,5 +61,7 @@ def with_noise_in_motion(drive: Drive, config: FilterConfig, examination: Examin
     stated, moving = (
         trial.candidate(name, one, {}) for name, one in (("stated", config), ("moving", shaken))
     )
-    gain = math.inf if stated is None or moving is None else moving.first.nats - stated.first.nats
-    return shaken if moving is not None and gain > len(TRIADS) * MIN_GAIN else config
+    if moving is None:
+        return config
+    gain = math.inf if stated is None else moving.first.nats - stated.first.nats
+    return shaken if gain > len(TRIADS) * MIN_GAIN else config
