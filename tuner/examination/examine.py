@@ -18,6 +18,7 @@ from tuner.examination.streams import Positions, Stream, Streams, Velocities
 from tuner.examination.windows import WINDOW_LENGTH, Inertial
 from tuner.limits import LOST_SHARE, TOLERATED_RATIO
 from tuner.segments.stand_stills import runs
+from tuner.types.clock import Clock, Delay
 from tuner.types.public import public
 from tuner.types.records import DataError, Drive, Gnss
 from tuner.types.repair import Repair
@@ -91,6 +92,8 @@ class Examination(Shown):
         Those without which a filter begins: what is counted, and faults of whole streams and steps at odds of 1000 : 1.
     filtered : Drive
         The drive without these. Delays and wrong readings are left to the filter, which has a gate for them.
+    clock : Clock
+        Delays of the receiver and of its velocities with their sds, taken out or not.
     undecided : str
         A unit, sign or order of axes that is refuted as it is stated and fits in two others, in words; else empty.
     """
@@ -108,6 +111,7 @@ class Examination(Shown):
     mended: Drive
     before_filter: tuple[Repair, ...]
     filtered: Drive
+    clock: Clock
     undecided: str = ""
 
 
@@ -210,6 +214,7 @@ def examine(drive: Drive) -> Examination:
         mended,
         first,
         filtered,
+        Clock(search.delays[None], search.delays.get("velocities", Delay())),
         _undecided(search.found),
     )
 

@@ -13,10 +13,11 @@ from models.arrays import FloatArray, IntArray
 from models.earth import metres_per_radian
 from models.robust import normal_sd
 from tuner.examination.fit import FIRST_ROUNDS, LEAST_READINGS, Fit, constants, fit
-from tuner.examination.moves import DELAYS, RECEIVER, Move, arm_of, exchanged, late, moves
+from tuner.examination.moves import DELAYS, Move, arm_of, exchanged, late, moves
 from tuner.examination.streams import Stream, Streams, Velocities
 from tuner.examination.windows import WINDOW_LENGTH, Motion, averaged, windows_of
 from tuner.limits import PRIOR_SHARE
+from tuner.types.clock import CERTAIN_SDS, Delay
 from tuner.types.records import DataError
 
 STATED_ODDS = 1000.0
@@ -27,14 +28,18 @@ REFITTED_FAULTS = 3
 """Faults that are then tried on all windows."""
 UNSEEN_GAIN = 3.0
 """Change of the log-likelihood by a fault, nats, below which a recording cannot show it."""
-NEWTON_STEPS = 6
+NEWTON_STEPS = 10
 """Steps after which delays have settled."""
+STEP_PARTS = 1.0, 0.5, 0.25
+"""Parts of a step that are tried, until one is likelier."""
 OPEN_STEPS = 2
 """Of them those in which no reading counts as wrong."""
-ARM_SD = 1.0
-"""Prior sd of a lever arm about what is stated, or about zero, m."""
-CERTAIN_SDS = 4.0
-"""Sds from which a delay is not chance."""
+SETTLED_SDS = 0.3
+"""Step, in sds, below which they end."""
+FIXED_SD = 1e-9
+"""Prior sd of a delay that is none, s."""
+ARM_SD, STATED_ARM_SD = 1.0, 0.1
+"""Prior sd of a lever arm about zero, and about what is stated, m."""
 MOST_FAULTS = 4
 """Faults of whole streams that are looked for one after the other."""
 
@@ -77,12 +82,16 @@ def applied(found: Sequence[Found], streams: Streams) -> Streams:
 
 @dataclass(frozen=True)
 class Searched:
-    """What a search found: faults, fits with them and without, and faults that the recording cannot show."""
+    """What a search found: faults, fits with them and without, what the recording cannot show, and every delay.
+
+    A delay is that of a stream against the positions, under None that of all streams against the inertial unit.
+    """
 
     found: tuple[Found, ...]
     before: Fit
     after: Fit
     unseen: tuple[str, ...]
+    delays: Mapping[str | None, Delay]
 
 
 def searched(streams: Streams, name: str = "streams") -> Searched:
@@ -93,76 +102,158 @@ def searched(streams: Streams, name: str = "streams") -> Searched:
     DataError
         Where no window has inertial samples and positions.
     """
-    streams = _inside(replace(streams, imu=averaged(streams.imu)))
+    begun = _inside(replace(streams, imu=averaged(streams.imu)))
     found: list[Found] = []
-    first = now = fit(streams, every=True)
-    if not len(now.begin):
+    first = fit(begun, every=True)
+    if not len(first.begin):
         raise DataError(
             f"{name}: expected windows of {WINDOW_LENGTH:g} s with inertial samples and {LEAST_READINGS} positions or "
             "more, found none: the clocks of the streams do not meet, or the recording is too short"
         )
     unseen: tuple[str, ...] = ()
-    streams, now, constant = _installed(streams, now, {})
+    at = _installed(begun, first)
+    gain = at.gain
     for _ in range(MOST_FAULTS):
         whole = [one.move for one in found if one.begin is None and one.end is None]
         read = {(one.stream, one.fault) for one in whole if one.reading}  # no unit is taken twice
-        left = [one for one in moves(streams) if (one.stream, one.fault) not in read]
-        tried, unseen = _tried(streams, now, left)
-        wanted = (_refined(*one) for one in tried if one[0].gain > 0.0)
-        tried = [one for one in wanted if one is not None]
-        if not tried:
+        left = [one for one in moves(at.streams) if (one.stream, one.fault) not in read]
+        tried, unseen = _tried(at.streams, at.fit, left)
+        if not tried or tried[0][0].gain <= 0.0:
             break
         best, streams, now = tried[0]
-        rival = max((one for one, *_ in tried[1:]), key=lambda one: one.gain, default=None)
-        rest, other = (0.0, None) if rival is None else (max(rival.gain, 0.0), rival.move)
+        others = [
+            one for one, *_ in tried[1:] if best.move.delay is None or one.move.subject != best.move.subject
+        ]
+        rival = max(others, key=lambda one: one.gain, default=None)
+        rest, other = (0.0, None) if rival is None or rival.gain <= 0.0 else (rival.gain, rival.move)
         found.append(replace(best, over_next=best.gain - rest, rival=other))
-        streams, now, constant = _installed(streams, now, constant)
-    named = _joined(found, constant)
+        at = _installed(streams, now)
+        gain = max(gain, at.gain)
+    delays = _whole_delays(begun, at)
+    named = _joined(found, _constants(begun, at, delays, gain))
     unseen = tuple(one for one in unseen if one not in {each.move.subject for each in named})
-    return Searched(named, first, fit(streams, near=now, every=True), unseen)
+    return Searched(named, first, fit(at.streams, near=at.fit, every=True), unseen, delays)
 
 
-def _installed(
-    streams: Streams, now: Fit, known: Mapping[str, Found]
-) -> tuple[Streams, Fit, Mapping[str, Found]]:
+@dataclass(frozen=True)
+class _Settled:
+    """Delays and lever arm at their likeliest values, and sds, shape (c,); streams without them, and their fit."""
+
+    value: FloatArray
+    sd: FloatArray
+    streams: Streams
+    fit: Fit
+
+
+@dataclass(frozen=True)
+class _Installed:
+    """Streams without their delays and lever arm, as far as these are certain, and their fit.
+
+    Attributes
+    ----------
+    delays : mapping of str or None to Delay
+        What is left of the delay of each stream.
+    arm_sd : ndarray, shape (3,)
+        Sds of the lever arm, m.
+    gain : float
+        What all add to the log-likelihood, less their price, nats.
+    """
+
+    streams: Streams
+    fit: Fit
+    delays: Mapping[str | None, Delay]
+    arm_sd: FloatArray
+    gain: float
+
+
+def _installed(streams: Streams, now: Fit) -> _Installed:
     """Return streams with their delays and the lever arm of the receiver, as far as they are certain.
 
-    One delay is common to all against the inertial unit, each other stream has one against the positions.
+    One delay is common to all against the inertial unit, each other stream has one against the positions. One that the
+    likelihood does not pay for is zero when the others are estimated.
     """
     names, columns, prior = _columns(streams)
-    windows = windows_of(streams.imu)
-    total, start, moved = np.zeros(len(prior)), now, streams
-    for number in range(NEWTON_STEPS):
-        sizes = constants(moved, windows, now, columns, prior, gated=number >= OPEN_STEPS)
-        total = total + sizes.value
-        if not np.all(
-            np.abs(total[: len(names)]) < max(DELAYS)
-        ):  # beyond what leaves readings in their windows
-            return streams, start, known
-        moved = _with(streams, names, total)
-        now = fit(moved, windows, near=now)
-        if number >= OPEN_STEPS and np.all(np.abs(sizes.value) < 0.3 * sizes.sd):
-            break
     price = math.log(STATED_ODDS * len(prior))
-    gain = _earned(_gains(now, start)) - price
-    certain = np.abs(total) > CERTAIN_SDS * sizes.sd
-    certain &= sizes.sd < PRIOR_SHARE * prior
-    certain[len(names) :] = certain[len(names) :].any() and bool(np.all(sizes.sd < PRIOR_SHARE * prior))
-    if gain <= 0.0 or not certain.any():
-        return streams, start, known
-    total = np.where(certain, total, 0.0)
-    out = dict(known)
-    for k, stream in enumerate(names):
-        if certain[k]:
-            before = out.get(late(stream, 0.0).subject)
-            delay = float(total[k]) + (0.0 if before is None else before.move.delay or 0.0)
-            move = late(stream, delay, float(sizes.sd[k]))
-            out[move.subject] = Found(move, gain, math.inf)
-    moved = _with(streams, names, total)
-    if certain[-1]:
-        move = arm_of(np.array(moved.positions.arm), sizes.sd[len(names) :])
-        out[move.subject] = Found(move, gain, math.inf)
-    return moved, fit(moved, windows), out
+    nothing = np.zeros(len(prior))
+    best = _settled(_Settled(nothing, prior, streams, now), streams, columns, prior, OPEN_STEPS)
+    free = prior
+    delays: dict[str | None, Delay] = {}
+    for k in np.argsort(np.abs(best.value / best.sd)[: len(names)]):
+        one = Delay(float(best.value[k]), float(best.sd[k]))
+        only = np.arange(len(prior)) == k
+        value, fixed = np.where(only, 0.0, best.value), np.where(only, FIXED_SD, free)
+        moved = _with(streams, names, value)
+        begun = _Settled(value, fixed, moved, fit(moved, near=best.fit))
+        without = _settled(begun, streams, columns, fixed, 0)
+        paid = best.fit.total - without.fit.total > price
+        if not (one.certain and one.sd < PRIOR_SHARE * prior[k] and paid):
+            best, free = without, fixed
+            delays[names[k]] = Delay() if one.certain else one
+    kept = free > FIXED_SD
+    arm = slice(len(names), None)
+    kept[arm] = np.any(
+        np.abs(best.value) > CERTAIN_SDS * best.sd, where=np.arange(len(prior)) >= len(names)
+    ) and bool(np.all(best.sd[arm] < PRIOR_SHARE * prior[arm]))
+    moved = _with(streams, names, np.where(kept, best.value, 0.0))
+    after = fit(moved) if kept.any() else now  # from first guesses, as those of the faults that are tried
+    gain = _earned(_gains(after, now)) - price
+    found = kept & (gain > 0.0)
+    left = np.where(found, 0.0, best.value)
+    delays |= {name: Delay(float(left[k]), float(best.sd[k])) for k, name in enumerate(names) if kept[k]}
+    if not found.any():
+        return _Installed(streams, now, delays, best.sd[arm], 0.0)
+    return _Installed(moved, after, delays, best.sd[arm], gain)
+
+
+def _settled(
+    begun: _Settled,
+    streams: Streams,
+    columns: Callable[[Stream, Motion], FloatArray],
+    prior: FloatArray,
+    opened: int,
+) -> _Settled:
+    """Return constants where no step makes them likelier; in the first steps, `opened`, no reading counts as wrong."""
+    names = (None, *(one.name for one in streams.others))
+    windows, at = windows_of(streams.imu), begun
+    for number in range(NEWTON_STEPS):
+        sizes = constants(at.streams, windows, at.fit, columns, prior, gated=number >= opened)
+        at = replace(at, sd=sizes.sd)
+        if number >= opened and np.all(np.abs(sizes.value) < SETTLED_SDS * sizes.sd):
+            break
+        for part in STEP_PARTS:
+            value = at.value + part * sizes.value
+            if np.all(
+                np.abs(value[: len(names)]) < max(DELAYS)
+            ):  # beyond it leaves readings in other windows
+                moved = _with(streams, names, value)
+                found = fit(moved, windows, near=at.fit)
+                if found.total > at.fit.total:
+                    at = _Settled(value, sizes.sd, moved, found)
+                    break
+        else:
+            if number >= opened:
+                break
+    return at
+
+
+def _whole_delays(begun: Streams, at: _Installed) -> dict[str | None, Delay]:
+    """Return the delays of streams as they were recorded: what was taken out, and what is left."""
+    common = float(begun.positions.t[0] - at.streams.positions.t[0])
+    taken: dict[str | None, float] = {None: common}
+    for one, moved in zip(begun.others, at.streams.others, strict=True):
+        taken[one.name] = float(one.t[0] - moved.t[0]) - common
+    whole = {name: at.delays[name].beside(-value) for name, value in taken.items()}
+    return {name: one if taken[name] or not one.certain else Delay() for name, one in whole.items()}
+
+
+def _constants(
+    begun: Streams, at: _Installed, delays: Mapping[str | None, Delay], gain: float
+) -> dict[str, Found]:
+    """Return the delays and the lever arm that are certain, by their subject."""
+    certain = [late(name, one.value, one.sd) for name, one in delays.items() if one.certain]
+    if at.streams.positions.arm != begun.positions.arm:
+        certain.append(arm_of(np.array(at.streams.positions.arm), at.arm_sd))
+    return {move.subject: Found(move, gain, math.inf) for move in certain}
 
 
 def _columns(
@@ -185,23 +276,13 @@ def _columns(
             out[..., len(names) :] = arm
         return out
 
-    return names, columns, np.concatenate([np.full(len(names), 1.0), np.full(3, ARM_SD)])
-
-
-def _refined(found: Found, streams: Streams, now: Fit) -> tuple[Found, Streams, Fit] | None:
-    """Return a fault; a delay that was tried at one size as the data determine it, or None where they do not."""
-    delay = found.move.delay
-    if delay is None:
-        return found, streams, now
-    names, columns, prior = _columns(streams)
-    windows = windows_of(streams.imu)
-    sizes = constants(streams, windows, now, columns, prior, gated=True)
-    k = 0 if found.move.stream == RECEIVER else names.index(found.move.stream)
-    fine, sd = float(sizes.value[k]), float(sizes.sd[k])
-    if sd > PRIOR_SHARE * prior[k] or abs(delay + fine) < CERTAIN_SDS * sd:
-        return None
-    moved = late(names[k], fine).mended(streams)
-    return replace(found, move=late(names[k], delay + fine, sd)), moved, fit(moved, windows, near=now)
+    return (
+        names,
+        columns,
+        np.concatenate(
+            [np.full(len(names), 1.0), np.full(3, STATED_ARM_SD if any(streams.positions.arm) else ARM_SD)]
+        ),
+    )
 
 
 def _inside(streams: Streams) -> Streams:
@@ -226,20 +307,16 @@ def _with(streams: Streams, names: Sequence[str | None], sizes: FloatArray) -> S
 
 
 def _joined(found: Sequence[Found], constant: Mapping[str, Found]) -> tuple[Found, ...]:
-    """Return the faults, each delay once: the sum of what the search tried and of the refinements behind it."""
+    """Return the faults, each delay once and of the size that it has in the end."""
     out: dict[str | Move, Found] = {}
-    for one in (*found, *constant.values()):
-        key = one.move if one.move.delay is None else one.move.subject
-        before = out.get(key)
-        if before is not None:
-            stream = None if one.move.stream == RECEIVER else one.move.stream
-            delay = (one.move.delay or 0.0) + (before.move.delay or 0.0)
-            one = replace(before, move=late(stream, delay, one.move.sd))
-        out[key] = one
-    # a search may have taken up a delay beside a fault that it found later
-    return tuple(
-        x for x in out.values() if x.move.sd is None or (x.move.size or 0.0) > CERTAIN_SDS * x.move.sd
-    )
+    for one in found:
+        if one.move.delay is None:
+            out[one.move] = one
+        # a search may have taken up a delay beside a fault that it found later
+        elif one.move.subject in constant:
+            before = out.get(one.move.subject, one)
+            out[one.move.subject] = replace(before, move=constant[one.move.subject].move)
+    return (*(one for subject, one in constant.items() if subject not in out), *out.values())
 
 
 def _tried(

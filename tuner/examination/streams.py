@@ -103,8 +103,8 @@ class Positions(Stream):
         return motion.position + self.by_arm(motion) @ np.array(self.arm), motion.by_position
 
     def by_time(self, motion: Motion) -> FloatArray:
-        """Return the velocity."""
-        return motion.velocity
+        """Return the velocity of the antenna."""
+        return np.asarray(motion.velocity + motion.attitude @ rotation.skew(motion.rate) @ np.array(self.arm))
 
     def by_arm(self, motion: Motion) -> FloatArray:
         """Return the attitude."""
@@ -140,8 +140,10 @@ class Velocities(Stream):
         return motion.velocity + self.by_arm(motion) @ np.array(self.arm), motion.by_velocity
 
     def by_time(self, motion: Motion) -> FloatArray:
-        """Return the acceleration."""
-        return motion.acceleration
+        """Return the acceleration of the antenna."""
+        turn = rotation.skew(motion.rate)
+        swing = turn @ turn + rotation.skew(motion.rate_change)
+        return np.asarray(motion.acceleration + motion.attitude @ swing @ np.array(self.arm))
 
     def by_arm(self, motion: Motion) -> FloatArray:
         """Return what the rate of turn makes of an arm."""

@@ -167,8 +167,8 @@ class Motion:
         North, east, down from the place of the window, m, m/s; the position as it is read, with its slow error.
     attitude : ndarray, shape (m, 3, 3)
         From the axes of the unit to north, east, down.
-    rate : ndarray, shape (m, 3)
-        Angular rate in the axes of the unit, rad/s.
+    rate, rate_change : ndarray, shape (m, 3)
+        Angular rate in the axes of the unit, rad/s, and its derivative by time.
     acceleration : ndarray, shape (m, 3)
         Of the unit, m/s², by differences of the prediction.
     by_position, by_velocity, by_attitude : ndarray, shape (m, 3, u)
@@ -179,6 +179,7 @@ class Motion:
     velocity: FloatArray
     attitude: FloatArray
     rate: FloatArray
+    rate_change: FloatArray
     acceleration: FloatArray
     by_position: FloatArray
     by_velocity: FloatArray
@@ -193,8 +194,8 @@ class Sampled:
     ----------
     window, tau : ndarray, shape (m,)
         Window of each time, and the time since its start, s.
-    rate, force : ndarray, shape (m, 3)
-        ω, rad/s, and R f, m/s².
+    rate, rate_change, force : ndarray, shape (m, 3)
+        ω, rad/s, its derivative by time, rad/s², and R f, m/s².
     attitude : ndarray, shape (m, 3, 3)
         R.
     vectors : ndarray, shape (m, 3, 5)
@@ -210,6 +211,7 @@ class Sampled:
     window: IntArray
     tau: FloatArray
     rate: FloatArray
+    rate_change: FloatArray
     force: FloatArray
     attitude: FloatArray
     vectors: FloatArray
@@ -265,10 +267,15 @@ def sampled(
     matrices = np.ascontiguousarray(sums[:, 15:].reshape(m, 4, 3, 3).swapaxes(1, 2).reshape(m, 3, 12))
     force = (later[:, :3] - left[:, :3]) / length
     attitude = windows.attitude[window, right - 1]
+    before, at, behind = (windows.rate[window, np.clip(right + k, 1, last)] for k in (-1, 0, 1))
+    change = 0.5 * (
+        behind - before
+    )  # a sample is the mean rate between two stamps, of which both ends are means
     return Sampled(
         window,
         tau,
-        windows.rate[window, right],
+        0.5 * (before + at) + share * change,
+        change / length,
         force,
         attitude,
         vectors,
@@ -312,7 +319,15 @@ def motion_of(at: Sampled, attitude: FloatArray, x: FloatArray) -> Motion:
     each = x[at.window][..., None]
     position, velocity = position + (by_position @ each)[..., 0], velocity + (by_velocity @ each)[..., 0]
     return Motion(
-        position, velocity, c @ at.attitude, at.rate, forced + g, by_position, by_velocity, by_attitude
+        position,
+        velocity,
+        c @ at.attitude,
+        at.rate,
+        at.rate_change,
+        forced + g,
+        by_position,
+        by_velocity,
+        by_attitude,
     )
 
 

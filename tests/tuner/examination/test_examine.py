@@ -12,6 +12,9 @@ import pytest
 
 import tuner
 from models.earth import ned_between
+from models.trajectory.motion import Trajectory
+from models.trajectory.profiles import Profile, Wave
+from tuner.catalogue.grades import load_gnss, load_grade
 from tuner.cli import run
 from tuner.examination.examine import Examination, examine, streams_of
 from tuner.examination.fit import fit
@@ -20,6 +23,7 @@ from tuner.examination.streams import Stream
 from tuner.examination.windows import Motion
 from tuner.formats.logs import write_drive
 from tuner.readers.drive import read_drive
+from tuner.simulation.drive import simulate_drive
 from tuner.simulation.simulate_source import simulate_source
 from tuner.types.records import DataError, Drive
 
@@ -129,6 +133,30 @@ def test_a_delay_of_the_receiver_is_within_its_interval(drive: Drive) -> None:
     low, high = found.repairs[0].interval or (0.0, 0.0)
     assert low < 0.7 < high
     assert high - low < 0.05
+
+
+def test_a_small_delay_and_none_have_intervals_that_hold_them(drive: Drive) -> None:
+    for delay in (0.0, 0.03):
+        late = replace(drive, gnss=replace(drive.gnss, t=drive.gnss.t + delay).rows(slice(5, -5)))
+        clock = examine(late).clock
+        assert abs(clock.delay.value - delay) < 5.0 * clock.delay.sd < 0.05
+        assert abs(clock.lag.value) < 5.0 * clock.lag.sd < 0.05
+
+
+def test_an_antenna_that_swings_with_the_steps_of_a_walker_shows_the_delay() -> None:
+    """The delay of 0.2 s was 0.10 s, and velocities 0.16 s early: derivatives were those of the unit."""
+    steps = Profile(waves=(Wave(0.03, 1.8),)), Profile(waves=(Wave(0.04, 0.9),))
+    speed = Profile(1.4, waves=(Wave(0.3, 1.0 / 40.0), Wave(0.15, 0.9)))
+    heading = Profile(waves=(Wave(2.0, 1.0 / 70.0), Wave(0.05, 0.9)))
+    walker = Trajectory("walker", 240.0, speed, heading, pitch=steps[0], roll=steps[1])
+    gnss, arm = replace(load_gnss("rtk"), interval=0.2), (0.6, 0.1, -1.0)
+    made = simulate_drive(load_grade("bmi088"), walker, gnss, rate=100.0, seed=5, lever_arm=arm, effects=())[
+        0
+    ]
+    found = examine(replace(made, gnss=replace(made.gnss, t=made.gnss.t + 0.2)))
+    assert abs(found.clock.delay.value - 0.2) < 5.0 * found.clock.delay.sd < 0.01
+    assert not found.clock.lag.certain
+    assert len(found.repairs) == 1
 
 
 def test_repeated_readings_are_left_out(drive: Drive) -> None:

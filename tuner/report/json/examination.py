@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from tuner.examination.examine import Examination
@@ -19,4 +20,9 @@ def examination_json(found: Examination) -> dict[str, Any]:
         "noise": dump(found.noise),
         "vibration": {name: list(pair) for name, pair in found.vibration.items()},
         "unseen": list(found.unseen),
+        "delays": {
+            name: {"value": one.value, "interval": list(one.interval), "unit": "s"}
+            for name, one in (("receiver", found.clock.delay), ("velocities", found.clock.lag))
+            if math.isfinite(one.sd)
+        },
     }

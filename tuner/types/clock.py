@@ -1,0 +1,41 @@
+"""How late the stamps of a receiver are against the inertial unit, as the streams of a drive show."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+HALF_INTERVAL = 1.96
+"""Half of a 95 % interval, in sds."""
+CERTAIN_SDS = 4.0
+"""Sds from which a delay is not chance."""
+
+
+@dataclass(frozen=True)
+class Delay:
+    """Delay of stamps and its sd, s: positive where they are late; an infinite sd where the drive does not show it."""
+
+    value: float = 0.0
+    sd: float = math.inf
+
+    @property
+    def certain(self) -> bool:
+        """Whether it is not chance."""
+        return abs(self.value) > CERTAIN_SDS * self.sd
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """95 % interval, s."""
+        return self.value - HALF_INTERVAL * self.sd, self.value + HALF_INTERVAL * self.sd
+
+    def beside(self, known: float) -> Delay:
+        """Return what remains beside a delay that was taken out, s."""
+        return replace(self, value=self.value - known) if known else self
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Delay of all fixes against the inertial unit, and lag of velocities behind positions."""
+
+    delay: Delay
+    lag: Delay
