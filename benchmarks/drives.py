@@ -36,9 +36,9 @@ from tuner.diagnosis.drive.outage_errors import OutageErrors, all_outages
 from tuner.diagnosis.drive.predictive_score import PredictiveScore, predictive_score
 from tuner.diagnosis.drive.score_tests import FITTED_SHARE
 from tuner.examination.examined_drive import examined_drive
+from tuner.formats.clock_words import clock_note
 from tuner.formats.outage_words import interval_words
 from tuner.navigation.data import USED, Solution
-from tuner.navigation.drive.clock import clock_of_drive
 from tuner.navigation.drive.run import Stretch, navigate
 from tuner.synthesis.from_drive import config_of_drive, stationary_noise
 from tuner.types import FilterConfig
@@ -151,14 +151,14 @@ def trusted(drive: Drive, began: FilterConfig) -> Drive:
     """Return a drive without those times of its reference at which it is wrong, as `tune --drive` judges by."""
     if drive.reference is None:
         return drive
-    run = configured_run(drive, began, clock_of_drive(drive))
+    run = configured_run(drive, began)
     return replace(drive, reference=trusted_reference(drive.reference, run.stretches, run.settings)[0])
 
 
 def judged(drive: Drive, config: FilterConfig, begin: float, *, adapt: bool = False) -> Judged | None:
     """Return the score of a configuration on the drive from a time on, by its reference."""
     try:
-        run = configured_run(drive, config, clock_of_drive(drive))
+        run = configured_run(drive, config)
         run, end = adapted(run) if adapt else run, float(drive.gnss.t[-1])
         score = predictive_score(run, begin, end)
         outages = all_outages(run, float(drive.gnss.t[0]), end)
@@ -174,7 +174,7 @@ def main() -> None:
         sys.exit("TUNER_DATA: expected a folder with recordings in 'drives', found none")
     clocks, scores, outages, changes = [], [], [], []
     for drive in drives(folder, sys.argv[1:]):
-        clocks.append(f"| {drive.name} | {clock_of_drive(drive).note} |")
+        clocks.append(f"| {drive.name} | {clock_note(drive.clock)} |")
         t = drive.gnss.t
         begin = float(t[0] + FITTED_SHARE * (t[-1] - t[0]))
         start = time.process_time()

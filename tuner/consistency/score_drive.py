@@ -36,9 +36,9 @@ from tuner.consistency.scores import (
 )
 from tuner.consistency.verdicts import verdicts
 from tuner.examination.examined_drive import examined_drive
+from tuner.formats.clock_words import stated_words
 from tuner.navigation.compensation import compensate, compensate_settings
 from tuner.navigation.data import GATED, WITHHELD, Solution
-from tuner.navigation.drive.clock import AGREEING, Clock, clock_left, remaining_clock
 from tuner.navigation.drive.run import Stretch, expect_settled, navigate, outage_windows, prepare
 from tuner.navigation.drive.vehicle_constraints import (
     MOUNTING_SD,
@@ -112,11 +112,10 @@ def drive_filter(
     drive: Drive,
     config: FilterConfig,
     *,
-    clock: Clock = AGREEING,
     states: Mapping[str, float] | None = None,
 ) -> tuple[FilterSettings, tuple[str, ...]]:
     """Return the filter of a configuration for a drive: with an unknown lever arm, and what its clock leaves open."""
-    open_delay = {"time_offset": clock.delay_sd} if clock.delay_sd else {}
+    open_delay = {"time_offset": drive.clock.delay.sd} if drive.clock.delay.certain else {}
     constants = {**open_delay, **config.constants, **(states or {})}
     arm, notes = drive.lever_arm, []
     if arm is not None and drive.mounting is None and any(arm):
@@ -170,20 +169,16 @@ def navigate_drive(
     gnss: GnssNoise | str | None = None,
     states: Mapping[str, float] | None = None,
     vehicle: Vehicle = UNCONSTRAINED,
-    measured: Clock | None = None,
 ) -> DriveResult:
-    """Filter a drive that was examined; see `navigate_recorded`. A clock `measured` before is that of this drive."""
+    """Filter a drive that was examined; see `navigate_recorded`."""
     as_reported = receiver_of(drive)
     config = config_for_drive(drive, config, gnss=gnss)
     drive = compensate(drive, config.compensation)
     if vehicle.sideways is not None:
         states = {"mounting": MOUNTING_SD, **(states or {})}
-    stage("finding the offset of the clocks", 0.55)
-    clock = None if measured is None else clock_left(measured, config.compensation)
-    clock = remaining_clock(drive, config.compensation) if clock is None else clock
-    settings, assumed = drive_filter(drive, config, clock=clock, states=states)
+    settings, assumed = drive_filter(drive, config, states=states)
     stage("aligning", 0.57)
-    stretches, notes = prepare(drive, settings, clock=clock)
+    stretches, notes = prepare(drive, settings)
     stage("filtering the drive", 0.62)
     solutions = navigate(stretches, settings, np.zeros((0, 2)))
     notes = (*notes, *_noisier_than_configured(stretches[0], config))
@@ -252,7 +247,7 @@ def navigate_drive(
         stretches,
         solutions,
         _estimates(settings, solutions[-1]),
-        (*drive.notes, *assumed, *notes),
+        (*drive.notes, *filter(None, [stated_words(config.compensation)]), *assumed, *notes),
     )
 
 

@@ -29,7 +29,8 @@ def examined_drive(
     Returns
     -------
     drive : Drive
-        Without what a filter must not begin with; its notes say what that was, its repairs all that was found.
+        Without what a filter must not begin with; its notes say what that was, its repairs all that was found, its
+        clock what delays its stamps have.
     examination : Examination or None
         None where the drive is too short to be examined.
 
@@ -48,4 +49,6 @@ def examined_drive(
         raise DataError(f"{recorded.source or recorded.name}: {found.undecided}")
     said = (NamedCause(f"before the filter: {repair_text(one)}") for one in found.before_filter)
     notes = (*recorded.notes, *one_line(said))
-    return possible_drive(replace(found.filtered, notes=notes, repairs=found.repairs)), found
+    return possible_drive(
+        replace(found.filtered, notes=notes, repairs=found.repairs, clock=found.clock)
+    ), found

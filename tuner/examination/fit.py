@@ -56,6 +56,8 @@ FITTED_RATE = 2.0
 """Readings of a stream a second that are fitted: errors of faster ones are much alike."""
 LEAST_SD = 1e-3
 """Least sd of readings, in their unit."""
+FIRST_WRONG = 0.05
+"""Probability that a reading is wrong, before anything is known."""
 LEAST_READINGS = 4
 """Positions of a window from which it says anything."""
 
@@ -279,7 +281,9 @@ class _Problem:
         for j, one in enumerate(self.placed):
             if one.stream.unit in ("m/s", "m") and one.local.shape[1] == 3 and len(one.row):
                 attitude = self._wahba(one, velocity=one.stream.unit == "m/s")
-                wrong = (np.full(len(x.row), 0.05 if i == j else 0.5) for i, x in enumerate(self.placed))
+                wrong = (
+                    np.full(len(x.row), FIRST_WRONG if i == j else 0.5) for i, x in enumerate(self.placed)
+                )
                 found.append(_Start(attitude, tuple(wrong)))
         return found
 
@@ -302,6 +306,9 @@ class _Problem:
         wrong = tuple(
             np.stack([one.wrong[j] for one in fits])[best[x.window], x.row] for j, x in enumerate(self.placed)
         )
+        wrong = tuple(
+            np.where(np.isnan(x), FIRST_WRONG, x) for x in wrong
+        )  # another window's with these stamps
         return _Start(attitude, wrong)
 
     def _wahba(self, one: _Placed, *, velocity: bool) -> FloatArray:
@@ -356,7 +363,7 @@ class _Problem:
         w, before = len(self.windows.begin), -np.inf
         noise = [
             Noise(
-                0.05,
+                FIRST_WRONG,
                 np.full(one.local.shape[1], one.stream.usual[0]),
                 np.full(one.local.shape[1], one.stream.usual[1]),
             )

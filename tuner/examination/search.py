@@ -8,10 +8,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import median_filter
+from scipy.special import expit
 
 from models.arrays import FloatArray, IntArray
 from models.earth import metres_per_radian
 from models.robust import normal_sd
+from tuner.examination.distant_clocks import distant_delay
 from tuner.examination.fit import FIRST_ROUNDS, LEAST_READINGS, Fit, constants, fit
 from tuner.examination.moves import DELAYS, Move, arm_of, exchanged, late, moves
 from tuner.examination.streams import Stream, Streams, Velocities
@@ -102,20 +104,29 @@ def searched(streams: Streams, name: str = "streams") -> Searched:
     DataError
         Where no window has inertial samples and positions.
     """
-    begun = _inside(replace(streams, imu=averaged(streams.imu)))
+    whole = replace(streams, imu=averaged(streams.imu))
+    recorded = _inside(whole)
     found: list[Found] = []
-    first = fit(begun, every=True)
+    first = fit(recorded, every=True)
     if not len(first.begin):
         raise DataError(
             f"{name}: expected windows of {WINDOW_LENGTH:g} s with inertial samples and {LEAST_READINGS} positions or "
             "more, found none: the clocks of the streams do not meet, or the recording is too short"
         )
     unseen: tuple[str, ...] = ()
-    at = _installed(begun, first)
+    begun, now = recorded, first
+    far = late(None, distant_delay(whole))
+    if far.delay:
+        near = _inside(far.mended(whole))
+        there = fit(near, every=True)
+        worth = _earned(_gains(there, first)) - math.log(STATED_ODDS)
+        if worth > 0.0:
+            found, begun, now = [Found(far, worth, math.inf)], near, there
+    at = _installed(recorded, begun, now)
     gain = at.gain
     for _ in range(MOST_FAULTS):
-        whole = [one.move for one in found if one.begin is None and one.end is None]
-        read = {(one.stream, one.fault) for one in whole if one.reading}  # no unit is taken twice
+        moved = [one.move for one in found if one.begin is None and one.end is None]
+        read = {(one.stream, one.fault) for one in moved if one.reading}  # no unit is taken twice
         left = [one for one in moves(at.streams) if (one.stream, one.fault) not in read]
         tried, unseen = _tried(at.streams, at.fit, left)
         if not tried or tried[0][0].gain <= 0.0:
@@ -127,10 +138,10 @@ def searched(streams: Streams, name: str = "streams") -> Searched:
         rival = max(others, key=lambda one: one.gain, default=None)
         rest, other = (0.0, None) if rival is None or rival.gain <= 0.0 else (rival.gain, rival.move)
         found.append(replace(best, over_next=best.gain - rest, rival=other))
-        at = _installed(streams, now)
+        at = _installed(recorded, streams, now)
         gain = max(gain, at.gain)
-    delays = _whole_delays(begun, at)
-    named = _joined(found, _constants(begun, at, delays, gain))
+    delays = _whole_delays(recorded, at)
+    named = _joined(found, _constants(recorded, at, delays, gain))
     unseen = tuple(one for one in unseen if one not in {each.move.subject for each in named})
     return Searched(named, first, fit(at.streams, near=at.fit, every=True), unseen, delays)
 
@@ -166,11 +177,11 @@ class _Installed:
     gain: float
 
 
-def _installed(streams: Streams, now: Fit) -> _Installed:
+def _installed(recorded: Streams, streams: Streams, now: Fit) -> _Installed:
     """Return streams with their delays and the lever arm of the receiver, as far as they are certain.
 
     One delay is common to all against the inertial unit, each other stream has one against the positions. One that the
-    likelihood does not pay for is zero when the others are estimated.
+    likelihood does not pay for is zero when the others are estimated, unless a part of it was taken out before.
     """
     names, columns, prior = _columns(streams)
     price = math.log(STATED_ODDS * len(prior))
@@ -178,16 +189,19 @@ def _installed(streams: Streams, now: Fit) -> _Installed:
     best = _settled(_Settled(nothing, prior, streams, now), streams, columns, prior, OPEN_STEPS)
     free = prior
     delays: dict[str | None, Delay] = {}
+    taken = _taken_out(recorded, streams)
     for k in np.argsort(np.abs(best.value / best.sd)[: len(names)]):
-        one = Delay(float(best.value[k]), float(best.sd[k]))
         only = np.arange(len(prior)) == k
         value, fixed = np.where(only, 0.0, best.value), np.where(only, FIXED_SD, free)
         moved = _with(streams, names, value)
         begun = _Settled(value, fixed, moved, fit(moved, near=best.fit))
         without = _settled(begun, streams, columns, fixed, 0)
-        paid = best.fit.total - without.fit.total > price
-        if not (one.certain and one.sd < PRIOR_SHARE * prior[k] and paid):
-            best, free = without, fixed
+        if without.fit.total > best.fit.total:  # a constant less is never likelier: there is a better optimum
+            again = _settled(without, streams, columns, free, 0)
+            best = max(best, again, key=lambda x: x.fit.total)
+        one, gain = Delay(float(best.value[k]), float(best.sd[k])), best.fit.total - without.fit.total
+        if not taken[names[k]] and not (one.certain and one.sd < PRIOR_SHARE * prior[k] and gain > price):
+            best, free = _averaged(best, without, gain + math.log(one.sd / prior[k])), fixed
             delays[names[k]] = Delay() if one.certain else one
     kept = free > FIXED_SD
     arm = slice(len(names), None)
@@ -203,6 +217,13 @@ def _installed(streams: Streams, now: Fit) -> _Installed:
     if not found.any():
         return _Installed(streams, now, delays, best.sd[arm], 0.0)
     return _Installed(moved, after, delays, best.sd[arm], gain)
+
+
+def _averaged(best: _Settled, without: _Settled, evidence: float) -> _Settled:
+    """Return constants without one that is not claimed, with sds of both models, weighed by their evidence, nats."""
+    share = float(expit(evidence))
+    more = share * ((best.value - without.value) ** 2 + best.sd**2 - without.sd**2)
+    return replace(without, sd=np.sqrt(np.maximum(without.sd**2 + more, without.sd**2)))
 
 
 def _settled(
@@ -236,12 +257,16 @@ def _settled(
     return at
 
 
-def _whole_delays(begun: Streams, at: _Installed) -> dict[str | None, Delay]:
+def _taken_out(recorded: Streams, streams: Streams) -> dict[str | None, float]:
+    """Return by how much stamps are earlier than as they were recorded, s."""
+    common = float(recorded.positions.t[0] - streams.positions.t[0])
+    pairs = zip(recorded.others, streams.others, strict=True)
+    return {None: common, **{one.name: float(one.t[0] - moved.t[0]) - common for one, moved in pairs}}
+
+
+def _whole_delays(recorded: Streams, at: _Installed) -> dict[str | None, Delay]:
     """Return the delays of streams as they were recorded: what was taken out, and what is left."""
-    common = float(begun.positions.t[0] - at.streams.positions.t[0])
-    taken: dict[str | None, float] = {None: common}
-    for one, moved in zip(begun.others, at.streams.others, strict=True):
-        taken[one.name] = float(one.t[0] - moved.t[0]) - common
+    taken = _taken_out(recorded, at.streams)
     whole = {name: at.delays[name].beside(-value) for name, value in taken.items()}
     return {name: one if taken[name] or not one.certain else Delay() for name, one in whole.items()}
 

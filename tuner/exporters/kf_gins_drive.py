@@ -38,11 +38,11 @@ from tuner.formats.yaml_text import Inline, Noted, yaml_text
 from tuner.navigation.compensation import compensate
 from tuner.navigation.data import Solution
 from tuner.navigation.determined import determined_state
-from tuner.navigation.drive.clock import Clock, clock_of_drive
 from tuner.navigation.drive.run import Stretch, navigate, prepare
 from tuner.navigation.fix_sd_model import GNSS_NOISE_SCALE, FixSdModel
 from tuner.navigation.settings import FilterSettings, total_bias
-from tuner.types import FilterConfig, GnssNoise
+from tuner.types import Compensation, FilterConfig, GnssNoise
+from tuner.types.clock import Delay
 from tuner.types.records import Drive, Reference
 
 SECONDS_PER_WEEK = 604800.0
@@ -75,10 +75,9 @@ def write_drive(drive: Drive, config: FilterConfig, path: Path) -> tuple[str, ..
         Where the drive cannot be aligned.
     """
     drive = compensate(drive, config.compensation)
-    clock, gnss = clock_of_drive(drive), drive.gnss
-    drive = replace(drive, gnss=replace(gnss, vel_n=np.full_like(gnss.vel_n, np.nan)))
-    run = _run(drive, config, clock)
-    run, undetermined = _with_what_is_shown(run, drive, config, clock)
+    gnss, clock = drive.gnss, replace(drive.clock, lag=Delay())  # of velocities that it does not read
+    drive = replace(drive, gnss=replace(gnss, vel_n=np.full_like(gnss.vel_n, np.nan)), clock=clock)
+    run, undetermined = _with_what_is_shown(_run(drive, config), drive, config)
     settings, stretches = run.settings, run.stretches
     notes = [*drive.notes, *run.notes, *undetermined]
     if GNSS_NOISE_SCALE in config.compensation.causes:
@@ -142,20 +141,18 @@ class _Run:
     notes: tuple[str, ...]
 
 
-def _run(
-    drive: Drive, config: FilterConfig, clock: Clock, arm: tuple[float, float, float] | None = None
-) -> _Run:
+def _run(drive: Drive, config: FilterConfig, arm: tuple[float, float, float] | None = None) -> _Run:
     """Filter a drive; with a lever arm, m, in place of an unknown one."""
     if arm is not None:
         drive = replace(drive, lever_arm=(0.0, 0.0, 0.0))
-    settings, assumed = drive_filter(drive, config, clock=clock)
+    settings, assumed = drive_filter(drive, config)
     settings = settings if arm is None else replace(settings, lever_arm=arm)
     if settings.fix_sd_models is not None:
         position, velocity = map(_not_below_own, settings.fix_sd_models)
         settings = replace(settings, fix_sd_models=(position, velocity))
     elif np.isfinite(drive.gnss.position_sd).any():
         settings = replace(settings, position_sd=None)  # KF-GINS uses the reported sds
-    stretches, found = prepare(drive, settings, clock=replace(clock, lag=0.0))
+    stretches, found = prepare(drive, settings)
     return _Run(settings, stretches, navigate(stretches, settings, NO_WINDOWS), (*assumed, *found))
 
 
@@ -166,9 +163,7 @@ def _not_below_own(model: FixSdModel) -> FixSdModel:
     return replace(model, horizontal=horizontal, vertical=vertical, exponent=1.0)
 
 
-def _with_what_is_shown(
-    run: _Run, drive: Drive, config: FilterConfig, clock: Clock
-) -> tuple[_Run, tuple[str, ...]]:
+def _with_what_is_shown(run: _Run, drive: Drive, config: FilterConfig) -> tuple[_Run, tuple[str, ...]]:
     """Return a run without the constants that the longest stretch does not determine, and what is left out in words.
 
     The filter runs again: the start that is written is consistent only with the constants that are written.
@@ -188,9 +183,9 @@ def _with_what_is_shown(
         )
     constants = {name: sd for name, sd in config.constants.items() if name not in shown or name in kept}
     if "time_offset" not in kept:
-        clock = replace(clock, delay_sd=0.0)
+        drive = compensate(drive, Compensation.parse({"time_offset.delay": drive.clock.delay.taken_out}))
         notes.append("no further delay of the fixes is taken out: this drive does not determine it")
-    return _run(drive, replace(config, constants=constants), clock, arm), tuple(notes)
+    return _run(drive, replace(config, constants=constants), arm), tuple(notes)
 
 
 def _settled(stretch: Stretch, solution: Solution) -> int:

@@ -58,7 +58,10 @@ def corrected_stamps(t: FloatArray, change: Correction) -> FloatArray:
 
 
 def compensate(drive: Drive, compensation: Compensation) -> Drive:
-    """Return the drive with known errors of stamps, frames, lever arm, mounting and sensors taken out."""
+    """Return the drive with known errors of stamps, frames, lever arm, mounting and sensors taken out.
+
+    Its clock is what remains; of a lag of velocities the filter takes out what is stated (`compensate_settings`).
+    """
     if not compensation:
         return drive
     change = correction(compensation)
@@ -77,7 +80,8 @@ def compensate(drive: Drive, compensation: Compensation) -> Drive:
             offset = drive.mounting.T @ offset
         x, y, z = (np.array(arm or (0.0, 0.0, 0.0)) + offset).tolist()
         arm = (x, y, z)
-    return replace(drive, rates=rates, gnss=gnss, lever_arm=arm)
+    clock = drive.clock.beside(change.fix_delay, change.velocity_lag)
+    return replace(drive, rates=rates, gnss=gnss, lever_arm=arm, clock=clock)
 
 
 def compensate_settings(settings: FilterSettings, compensation: Compensation) -> FilterSettings:

@@ -58,7 +58,6 @@ from tuner.types.records import DataError, Drive, Record
 
 if TYPE_CHECKING:
     from tuner.consistency.score_drive import DriveResult
-    from tuner.navigation.drive.clock import Clock
 
 CHECK_RUNS = 25
 """Simulated runs behind the verdict of `tune`: the position ratio is then known to 5 %, in half a minute."""
@@ -170,7 +169,7 @@ def tune(
         config = with_rest_and_motion(config, choice.config)
         config = replace(config, notes=(*config.notes, choice.note))
         stage("scoring the settings on the whole drive", 0.95)
-        measured, unmeasured = measured_or_reason(inputs.drive, config, progress, examined.clock)
+        measured, unmeasured = measured_or_reason(inputs.drive, config, progress)
     exports, kept_back = exports_of(config, wanted)
     stage("checking the filter on simulated drives", 1.0)
     aided = config.gnss is not None or not wanted
@@ -380,7 +379,7 @@ def configure(
 
 
 def measured_or_reason(
-    drive: Drive, config: FilterConfig, progress: Progress, clock: Clock | None = None
+    drive: Drive, config: FilterConfig, progress: Progress
 ) -> tuple[DriveResult | None, Mapping[str, str]]:
     """Return the filter of a configuration on the drive it was made for, or None and why it cannot be scored.
 
@@ -393,7 +392,7 @@ def measured_or_reason(
 
     progress("scoring the settings on the whole drive")
     try:
-        measured = navigate_drive(drive, config, measured=clock)
+        measured = navigate_drive(drive, config)
     except DataError as error:
         return None, {"scores on the drive": str(error)}
     if measured.consistency.diverged:

@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from models.filter_states import FILTER_STATES
+from tuner.formats.clock_words import clock_words
 from tuner.formats.customary_units import amount, digits
 from tuner.formats.parameter_words import parameter_words
 from tuner.report.titled_table import table_of
+from tuner.types.clock import Clock, Delay
 from tuner.types.honesty import ratio_text
 
 if TYPE_CHECKING:
@@ -20,7 +22,6 @@ if TYPE_CHECKING:
 
     from tuner.diagnosis.drive import ExaminedDrive
     from tuner.diagnosis.drive.held_out_choice import HeldOutChoice
-    from tuner.navigation.drive.clock import Clock
     from tuner.types import FilterConfig, Finding
     from tuner.types.compensation import Compensation
     from tuner.types.consistency import Outage
@@ -101,7 +102,6 @@ def fixes_parts(examined: ExaminedDrive, config: FilterConfig) -> list[Table | s
     """
     # load the navigation, which the answer on a log does without
     from tuner.navigation.compensation import compensate_settings
-    from tuner.navigation.drive.clock import AGREEING
     from tuner.navigation.drive.run import assumed_sds, reported_sds
     from tuner.navigation.settings import filter_settings
 
@@ -127,7 +127,7 @@ def fixes_parts(examined: ExaminedDrive, config: FilterConfig) -> list[Table | s
     names = (REPORTED, R_BESIDE_STATES, STATES, R_ALONE)[: 4 if any(lasting.values()) else 2]
     rows = zip(names, *columns.values(), strict=False)
     table = table_of(("sd of fixes: horizontal, down", *columns), rows, words=1 + len(columns))
-    return [table, *_delay_lines(examined.clock or AGREEING, config.compensation)]
+    return [table, *_delay_lines(examined.drive.clock, config.compensation)]
 
 
 def _level_text(sds: Iterable[float]) -> str:
@@ -150,9 +150,7 @@ def _lasting(config: FilterConfig) -> dict[str, list[tuple[float, float, float]]
 
 def _delay_lines(clock: Clock, applied: Compensation) -> list[str]:
     """Return the line on delays of fixes and velocities: what takes them out, and what does not; none without any."""
-    from tuner.navigation.drive.clock import Clock, clock_words
-
     delay, lag = (applied.value(cause, "delay") for cause in ("time_offset", "velocity_lag"))
-    taken = clock if (clock.delay, clock.lag) == (delay, lag) else Clock(delay, lag, (delay,) * 2, (lag,) * 2)
-    text = clock_words(taken)
+    measured = (clock.delay.taken_out, clock.lag.taken_out) == (delay, lag)
+    text = clock_words(clock if measured else Clock(Delay(delay, 0.0), Delay(lag, 0.0)))
     return [f"{text[:1].upper()}{text[1:]}: {DELAY_IS_IN}"] if text else []

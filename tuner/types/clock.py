@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 HALF_INTERVAL = 1.96
 """Half of a 95 % interval, in sds."""
@@ -24,6 +24,11 @@ class Delay:
         return abs(self.value) > CERTAIN_SDS * self.sd
 
     @property
+    def taken_out(self) -> float:
+        """What a filter takes out of the stamps, s: nothing where it may be chance."""
+        return self.value if self.certain else 0.0
+
+    @property
     def interval(self) -> tuple[float, float]:
         """95 % interval, s."""
         return self.value - HALF_INTERVAL * self.sd, self.value + HALF_INTERVAL * self.sd
@@ -37,5 +42,9 @@ class Delay:
 class Clock:
     """Delay of all fixes against the inertial unit, and lag of velocities behind positions."""
 
-    delay: Delay
-    lag: Delay
+    delay: Delay = field(default_factory=Delay)
+    lag: Delay = field(default_factory=Delay)
+
+    def beside(self, delay: float, lag: float) -> Clock:
+        """Return what remains beside a delay and a lag that were taken out, s."""
+        return Clock(self.delay.beside(delay), self.lag.beside(lag))

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from models.arrays import FloatArray
 from models.earth import without_jumps
+from tuner.types.clock import Clock
 from tuner.types.one_line import printable
 from tuner.types.repair import Repair
 
@@ -268,6 +269,8 @@ class Drive:
         Every repair that was made, with its count.
     repairs : tuple of Repair
         What was wrong with the streams and has been mended.
+    clock : Clock
+        Delays that its stamps have, as far as an examination knows them.
     """
 
     name: str
@@ -282,6 +285,7 @@ class Drive:
     digest: str = ""
     notes: tuple[str, ...] = ()
     repairs: tuple[Repair, ...] = ()
+    clock: Clock = field(default_factory=Clock)
 
     @property
     def unusable(self) -> str:

@@ -18,7 +18,7 @@ from models.trajectory.catalogue import TRAJECTORIES
 from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
 from tuner.cli import run
 from tuner.consistency.drive_scores import differences, errors, reference_at, reference_positions
-from tuner.consistency.score_drive import drive_filter, navigate_drive
+from tuner.consistency.score_drive import drive_filter, navigate_drive, navigate_recorded
 from tuner.navigation.data import Steps
 from tuner.navigation.drive.alignment import align, stationary_until
 from tuner.navigation.drive.run import initial_state, navigate, prepare
@@ -27,6 +27,7 @@ from tuner.readers.drive import read_drive
 from tuner.synthesis import synthesize
 from tuner.synthesis.from_drive import receiver_of
 from tuner.synthesis.load_config import load_config
+from tuner.types.clock import Clock, Delay
 from tuner.types.records import DataError, Gnss, Reference
 
 INTERVAL = 0.02
@@ -38,9 +39,14 @@ STILL = 40.0
 MEASURED = os.environ.get("TUNER_DATA")
 
 
+def timed(path):
+    """Return a drive whose delay is known as an examination knows it."""
+    return replace(read_drive(path), clock=Clock(Delay(DELAY, 0.003)))
+
+
 @pytest.fixture(scope="module")
 def result(configuration, file):
-    return navigate_drive(read_drive(file), configuration())
+    return navigate_drive(timed(file), configuration())
 
 
 def test_simulated_drive_is_navigated(result):
@@ -89,7 +95,7 @@ def test_clock_offset_and_biases_are_found(result):
 
 
 def test_constraints_help_through_outages_and_are_counted(configuration, file, result):
-    drive = read_drive(file)
+    drive = timed(file)
     found = navigate_drive(drive, configuration(), vehicle=Vehicle(0.1, 0.05))
     counted = constraint_counts(found.solutions)
     assert counted["non-holonomic"].used > 50
@@ -117,7 +123,7 @@ def test_sensors_noisier_than_configured_are_reported(configuration, file):
             for name, c in configuration().channels.items()
         },
     )
-    drive = read_drive(file)
+    drive = timed(file)
     assert any("noisier over 1 s" in note and "gyro_x" in note for note in navigate_drive(drive, quiet).notes)
     loud = replace(
         quiet,
@@ -142,7 +148,7 @@ def test_vehicle_that_never_stood_is_not_said_to_stand(configuration, saved, dat
     late = data["imu_t"] > 1000.0 + STILL + 60.0
     for name in ("imu_t", "gyro", "accel"):
         moving[name] = data[name][late]
-    drive = read_drive(saved(tmp_path / "moving.npz", moving, **PLACED))
+    drive = timed(saved(tmp_path / "moving.npz", moving, **PLACED))
     found = navigate_drive(drive, configuration(), vehicle=Vehicle(None, 0.05))
     assert constraint_counts(found.solutions) == {}
     assert any("never" in note for note in found.notes)
@@ -179,7 +185,7 @@ def test_sds_of_the_reference_count(configuration, saved, data, tmp_path):
     stating = dict(noisy, ref_vstd=np.full((n, 3), 0.3), ref_pstd=np.zeros((n, 3)), ref_astd=np.zeros((n, 3)))
     ratios = []
     for name, arrays_of in (("silent", noisy), ("stating", stating)):
-        drive = read_drive(saved(tmp_path / f"{name}.npz", arrays_of, **PLACED))
+        drive = timed(saved(tmp_path / f"{name}.npz", arrays_of, **PLACED))
         found = navigate_drive(drive, configuration())
         ratios.append({s.name: s.ratio for s in found.consistency.blocks}["velocity"])
     assert ratios[0] > 3.0
@@ -199,7 +205,7 @@ def test_few_wrong_attitudes_of_the_reference_do_not_spoil_the_rest(result, file
 
 
 def test_mounting_may_be_unknown(configuration, saved, data, tmp_path):
-    drive = read_drive(saved(tmp_path / "bare.npz", data))
+    drive = timed(saved(tmp_path / "bare.npz", data))
     assert drive.mounting is None
     found = navigate_drive(drive, configuration())
     assert not found.consistency.diverged
@@ -211,7 +217,7 @@ def test_mounting_may_be_unknown(configuration, saved, data, tmp_path):
 
 def test_without_reference_outages_are_scored_by_the_fixes(configuration, saved, data, tmp_path):
     bare = {name: values for name, values in data.items() if not name.startswith("ref")}
-    found = navigate_drive(read_drive(saved(tmp_path / "bare.npz", bare, **PLACED)), configuration())
+    found = navigate_drive(timed(saved(tmp_path / "bare.npz", bare, **PLACED)), configuration())
     # Instead of a reference there is the smoother, which the filter agrees with.
     assert [s.name for s in found.consistency.blocks] == ["position", "velocity", "attitude"]
     assert all(s.ratio < 1.5 for s in found.consistency.blocks)
@@ -225,7 +231,7 @@ def test_gap_starts_anew(configuration, saved, data, tmp_path):
     keep = (data["imu_t"] < 1200.0) | (data["imu_t"] > 1212.0)
     for name in ("imu_t", "gyro", "accel"):
         cut[name] = data[name][keep]
-    found = navigate_drive(read_drive(saved(tmp_path / "cut.npz", cut, **PLACED)), configuration())
+    found = navigate_drive(timed(saved(tmp_path / "cut.npz", cut, **PLACED)), configuration())
     assert len(found.stretches) == 2
     assert any("1 gaps" in note for note in found.notes)
     assert not found.consistency.diverged
@@ -236,7 +242,7 @@ def test_outliers_are_refused_and_counted(configuration, saved, data, tmp_path):
     llh = data["gnss_llh"].copy()
     llh[200::17, 2] += 60.0
     bad["gnss_llh"] = llh
-    found = navigate_drive(read_drive(saved(tmp_path / "bad.npz", bad, **PLACED)), configuration())
+    found = navigate_drive(timed(saved(tmp_path / "bad.npz", bad, **PLACED)), configuration())
     scored = len(range(200, len(llh), 17))
     assert found.consistency.gated == pytest.approx(scored / (len(llh) - STILL - 60.0), rel=0.15)
     assert abs(found.consistency.errors["position"].values[2]) < 1.0
@@ -318,7 +324,7 @@ def test_a_receiver_nobody_names_is_what_its_fixes_report(file):
 
 
 def test_a_drive_that_ends_before_the_filter_settles_is_refused(file, configuration):
-    drive = read_drive(file)
+    drive = timed(file)
     short = replace(drive, gnss=drive.gnss.rows(drive.gnss.t < drive.gnss.t[0] + 75.0))
     with pytest.raises(DataError, match="nothing is left to judge it by"):
         navigate_drive(short, configuration())
@@ -373,7 +379,7 @@ SHORT_DRIVE = "stim300_rtk_20180419_sharp"
 def test_measured_drives_are_navigated(name):
     grade, receiver = DRIVES[name]
     config = synthesize(grade_identification(load_grade(grade)), gnss=load_gnss(receiver))
-    found = navigate_drive(read_drive(Path(str(MEASURED)) / "drives" / f"{name}.npz"), config)
+    found = navigate_recorded(Path(str(MEASURED)) / "drives" / f"{name}.npz", config)
     assert not found.consistency.diverged
     assert found.consistency.outages
     assert found.consistency.verdicts

@@ -25,7 +25,6 @@ from tuner.identification import identify
 from tuner.identification.identify_source import identify_source
 from tuner.invariants import violations
 from tuner.limits import SCREEN_LINES, SHOWN_FINDINGS
-from tuner.navigation.drive.clock import Clock
 from tuner.report.claims import claims_of
 from tuner.report.document import document
 from tuner.report.drive_answer import choice_parts, fixes_parts, found_text
@@ -46,6 +45,7 @@ from tuner.synthesis.from_drive import load_config
 from tuner.tune_result import TuneResult
 from tuner.types import BoundUsed, Coefficient, Diagnosis, DriveDiagnosis, Finding, Unexplained
 from tuner.types.borrowed import with_borrowed
+from tuner.types.clock import Clock, Delay
 from tuner.types.compensation import Compensation
 from tuner.types.consistency import Consistency, Outage, Score
 from tuner.types.identification import TermEstimate
@@ -365,8 +365,8 @@ def test_sds_and_delay_of_the_fixes_stand_in_metres_and_seconds():
     )
     sds = np.tile([2.0, 2.0, 8.0], (5, 1))
     gnss = Gnss(np.arange(5.0), np.zeros((5, 3)), np.zeros((5, 3)), sds, 0.01 * sds)
-    clock = Clock(0.1, -0.05, (0.08, 0.12), (-0.06, -0.04))
-    examined = SimpleNamespace(drive=SimpleNamespace(gnss=gnss), clock=clock)
+    clock = Clock(Delay(0.1, 0.02 / 1.96), Delay(-0.05, 0.01 / 1.96))
+    examined = SimpleNamespace(drive=SimpleNamespace(gnss=gnss, clock=clock))
     table, delay = fixes_parts(examined, config)
     rows, positions, velocities = (list(column.cells) for column in table.columns)
     assert rows[1:] == [
@@ -384,10 +384,8 @@ def test_sds_and_delay_of_the_fixes_stand_in_metres_and_seconds():
         in delay
     )
     assert delay.endswith("for other filters take it out once")
-    unknown = SimpleNamespace(gnss=replace(gnss, velocity_sd=np.full((5, 3), np.nan)))
-    (table,) = fixes_parts(
-        SimpleNamespace(drive=unknown, clock=None), replace(config, compensation=Compensation())
-    )
+    unknown = SimpleNamespace(gnss=replace(gnss, velocity_sd=np.full((5, 3), np.nan)), clock=Clock())
+    (table,) = fixes_parts(SimpleNamespace(drive=unknown), replace(config, compensation=Compensation()))
     assert [str(next(iter(column.cells))).endswith("ASSUMED") for column in table.columns[1:]] == [
         False,
         True,

@@ -21,7 +21,6 @@ from tuner.diagnosis.drive.staying_errors import (
     VELOCITY,
 )
 from tuner.formats.outage_words import PREDICTED_RATIOS
-from tuner.navigation.drive.clock import Clock
 from tuner.stages import counted
 from tuner.types import FilterConfig
 from tuner.types.records import DataError, Drive
@@ -98,7 +97,6 @@ class Trial:
     """A drive on which configurations are scored; runs of configurations that differ in their noise share a name."""
 
     drive: Drive
-    clock: Clock
     begin: float
     cut: float
     end: float
@@ -107,8 +105,8 @@ class Trial:
     def run_of(self, name: str, config: FilterConfig) -> ConfiguredRun:
         """Return the run of a configuration."""
         if name not in self.runs:
-            self.runs[name] = configured_run(self.drive, config, self.clock)
-        return with_other_noise(self.runs[name], self.drive, config, self.clock)
+            self.runs[name] = configured_run(self.drive, config)
+        return with_other_noise(self.runs[name], self.drive, config)
 
     def score(self, name: str, config: FilterConfig, begin: float, end: float) -> PredictiveScore | None:
         """Return its score between two times; None where a filter is lost, or no outage fits."""

@@ -15,7 +15,6 @@ from tuner.consistency.drive_scores import reference_positions
 from tuner.consistency.score_drive import drive_filter
 from tuner.navigation.compensation import compensate
 from tuner.navigation.data import Solution
-from tuner.navigation.drive.clock import Clock
 from tuner.navigation.drive.run import (
     Stretch,
     assumed_sds,
@@ -50,7 +49,7 @@ class ConfiguredRun:
     of_antenna: bool = False
 
 
-def configured_run(drive: Drive, config: FilterConfig, clock: Clock) -> ConfiguredRun:
+def configured_run(drive: Drive, config: FilterConfig) -> ConfiguredRun:
     """Prepare a drive as `navigate` does.
 
     Parameters
@@ -59,13 +58,11 @@ def configured_run(drive: Drive, config: FilterConfig, clock: Clock) -> Configur
         As examined, its stamps as they are.
     config : FilterConfig
         The filter.
-    clock : Clock
-        Of this drive, in place of what the configuration says of clocks.
     """
-    drive, settings = _drive_and_settings(drive, config, clock)
+    drive, settings = _drive_and_settings(drive, config)
     stretches: list[Stretch] = []
     solutions: list[Solution] = []
-    for stretch in prepare(drive, settings, clock=clock)[0]:
+    for stretch in prepare(drive, settings)[0]:
         before = solutions[-1] if solutions else None
         stretches.append(at_stamps(stretch, settings, before))
         solutions.append(filtered(stretches[-1], settings, before))
@@ -99,17 +96,17 @@ def antenna(settings: FilterSettings, solution: Solution, rows: NDArray[np.intp]
     return np.asarray((mat @ np.broadcast_to(arm, (len(rows), 3))[..., None])[..., 0])
 
 
-def with_other_noise(run: ConfiguredRun, drive: Drive, config: FilterConfig, clock: Clock) -> ConfiguredRun:
+def with_other_noise(run: ConfiguredRun, drive: Drive, config: FilterConfig) -> ConfiguredRun:
     """Return a run with a configuration that differs in its noise only: alignment and velocities are kept.
 
     Parameters
     ----------
     run : ConfiguredRun
-        Of the same drive and clock under a configuration with the same lever arm and sensor errors.
-    drive, config, clock
+        Of the same drive under a configuration with the same lever arm and sensor errors.
+    drive, config
         As of `configured_run`.
     """
-    settings = _drive_and_settings(drive, config, clock)[1]
+    settings = _drive_and_settings(drive, config)[1]
     stretches = tuple(
         replace(s, fixes=replace(s.fixes, sd=assumed_sds(s.reported_sd, s.solution, settings)))
         for s in run.stretches
@@ -117,8 +114,6 @@ def with_other_noise(run: ConfiguredRun, drive: Drive, config: FilterConfig, clo
     return replace(run, settings=settings, stretches=stretches)
 
 
-def _drive_and_settings(drive: Drive, config: FilterConfig, clock: Clock) -> tuple[Drive, FilterSettings]:
-    compensation = config.compensation.without(("time_offset", "velocity_lag"))
-    config = replace(config, compensation=compensation)
-    drive = compensate(drive, compensation)
-    return drive, drive_filter(drive, config, clock=clock)[0]
+def _drive_and_settings(drive: Drive, config: FilterConfig) -> tuple[Drive, FilterSettings]:
+    drive = compensate(drive, config.compensation)
+    return drive, drive_filter(drive, config)[0]

@@ -15,17 +15,13 @@ from tuner.diagnosis.drive.causes.mounting import mounting, untestable_causes
 from tuner.diagnosis.drive.causes.quantizer import coarse_quantizer_notes
 from tuner.diagnosis.drive.causes.registry import significance_threshold
 from tuner.diagnosis.drive.causes.sensor_bias import biases_beyond_prior
-from tuner.diagnosis.drive.causes.time_offset import (
-    clock_coefficients,
-    coarse_clock_search,
-)
+from tuner.diagnosis.drive.causes.time_offset import clock_coefficients, delays_of
 from tuner.diagnosis.drive.findings import finding, inseparable_causes
 from tuner.diagnosis.drive.held_out_gain import held_out_gain
 from tuner.diagnosis.drive.hypothesis import (
     FilterRun,
     Hypothesis,
     in_sensor_axes,
-    placed_in_sensor_axes,
     run_filter,
 )
 from tuner.diagnosis.drive.hypothesis_tests import Candidate
@@ -33,8 +29,8 @@ from tuner.diagnosis.drive.linear_model.likelihood import as_configured, evaluat
 from tuner.diagnosis.drive.plausibility import plausible
 from tuner.diagnosis.drive.posterior_check import with_something_else
 from tuner.diagnosis.drive.search import SearchResult, search_causes
+from tuner.formats.clock_words import clock_note
 from tuner.formats.diagnosis import config_finding
-from tuner.navigation.drive.clock import Clock
 from tuner.navigation.drive.run import expect_settled
 from tuner.navigation.drive.vehicle_constraints import turned_from
 from tuner.stages import stage, task
@@ -44,12 +40,11 @@ from tuner.types.records import DataError, Drive
 
 @dataclass(frozen=True)
 class ExaminedDrive:
-    """A drive with its diagnosis: as filtered, the runs before and after, the result, and the clock by the motion."""
+    """A drive with its diagnosis: as filtered, the runs before and after, and the result."""
 
     drive: Drive
     search: SearchResult
     diagnosis: DriveDiagnosis
-    clock: Clock | None = None
 
 
 def diagnose_drive(
@@ -106,19 +101,16 @@ def _examine(
     base = run_filter(sensor, Hypothesis.first(sensor, config, config.compensation))
     spans = [float(np.ptp(solution.t)) for solution in base.solutions]
     expect_settled(bool(base.linearized.counted.any()), drive.source or drive.name, spans)
-    # A lever arm counts for the clocks only in axes that are known.
-    stage("finding the offset of the clocks", 0.2)
-    coarse, clock = coarse_clock_search(placed_in_sensor_axes(drive), base.hypothesis)
     stage("searching for causes", 0.85)
-    outcome = search_causes(sensor, base, coarse, progress)
-    measured = clock_coefficients(clock, config.compensation)
+    outcome = search_causes(sensor, base, delays_of(drive.clock, config.compensation), progress)
+    measured = clock_coefficients(drive.clock, config.compensation)
     outcome = replace(
         outcome,
         accepted=tuple(replace(a, parameters=measured.get(a.cause, a.parameters)) for a in outcome.accepted),
     )
     notes = (
         *base.notes,
-        *((clock.note,) if clock.note else ()),
+        *filter(None, [clock_note(drive.clock)]),
         *outcome.notes,
         *coarse_quantizer_notes(sensor),
     )
@@ -134,7 +126,7 @@ def _examine(
     diagnosis = replace(diagnosis, unexplained=(*diagnosis.unexplained, *beyond))
     if turned := _turned_axes(drive, outcome.final):
         diagnosis = replace(diagnosis, unexplained=(*diagnosis.unexplained, turned))
-    return ExaminedDrive(sensor, outcome, diagnosis, clock)
+    return ExaminedDrive(sensor, outcome, diagnosis)
 
 
 def _turned_axes(drive: Drive, run: FilterRun) -> Unexplained | None:

@@ -53,7 +53,6 @@ from tuner.diagnosis.drive.noise_factors import (
 from tuner.diagnosis.drive.outage_errors import OutageErrors, all_outages, outage_pairs
 from tuner.diagnosis.drive.predictive_score import PredictiveScore
 from tuner.diagnosis.drive.score_tests import FITTED_SHARE
-from tuner.navigation.drive.clock import Clock, clock_of_drive
 from tuner.navigation.fix_sd_model import GNSS_NOISE_SCALE
 from tuner.stages import stage, task
 from tuner.types import FilterConfig
@@ -118,15 +117,14 @@ def choose_config(
     progress : callable
         Called with what is being done.
     """
-    clock = (not before.compensation and examined.clock) or clock_of_drive(drive)
-    before, after = with_clock(before, clock), with_clock(after, clock)
+    before, after = with_clock(before, drive.clock), with_clock(after, drive.clock)
     begin, end = float(drive.gnss.t[0]), float(drive.gnss.t[-1])
-    drive = _with_trusted_reference(drive, before, clock)
-    trial = Trial(drive, clock, begin, begin + FITTED_SHARE * (end - begin), end)
+    drive = _with_trusted_reference(drive, before)
+    trial = Trial(drive, begin, begin + FITTED_SHARE * (end - begin), end)
 
     progress("fitting the noise to outages of the first part of the drive")
     stage("fitting the noise to outages of the first part of the drive", 0.5)
-    written = _written(examined, before, with_clock(_refitted(examined, after), clock))
+    written = _written(examined, before, with_clock(_refitted(examined, after), drive.clock))
     candidates = first_candidates(trial, _fitted(examined, written, trial.cut))
     begun = trial.score(BEGINNING, before, trial.cut, end)
     if begun is None or not candidates:
@@ -153,7 +151,6 @@ def choose_config(
         late = _since(outages, trial.cut)
         note = _note(BEGINNING, begun, begun, {}, late)
         return HeldOutChoice(before, BEGINNING, {}, begun, begun, note=note)
-    chosen = _as_written(trial, begun, outages, chosen)
     rivals = [each[0] for each in known.values() if each is not None]
     despite = _despite(chosen, rivals)
     return replace(chosen, despite=despite, note=f"{chosen.note}; {despite}" if despite else chosen.note)
@@ -198,12 +195,12 @@ def first_of_best(
     return chosen
 
 
-def _with_trusted_reference(drive: Drive, config: FilterConfig, clock: Clock) -> Drive:
+def _with_trusted_reference(drive: Drive, config: FilterConfig) -> Drive:
     """Return a drive without those times of its reference at which it is wrong."""
     if drive.reference is None:
         return drive
     try:
-        run = configured_run(drive, config, clock)
+        run = configured_run(drive, config)
         return replace(drive, reference=trusted_reference(drive.reference, run.stretches, run.settings)[0])
     except DataError:
         return drive
@@ -221,20 +218,6 @@ def _refitted(examined: ExaminedDrive, after: FilterConfig) -> FilterConfig:
     except DataError:
         return after
     return as_estimated(examined, replace(after, compensation=examined.search.determined(found.compensation)))
-
-
-def _as_written(
-    trial: Trial, begun: PredictiveScore, before: Mapping[float, OutageErrors], chosen: HeldOutChoice
-) -> HeldOutChoice:
-    """Return a choice with the errors of what is written: its values are those of the whole drive."""
-    name = f"{chosen.kept}, as written"
-    late = trial.score(name, chosen.config, trial.cut, trial.end)
-    if late is None:
-        return chosen
-    after = all_outages(trial.run_of(name, chosen.config), trial.begin, trial.end)
-    pairs, blind = outage_pairs(before, after), _since(after, trial.cut)
-    note = _note(chosen.kept, begun, late, pairs, blind)
-    return replace(chosen, after=late, outages=pairs, note=note)
 
 
 def _written(examined: ExaminedDrive, before: FilterConfig, after: FilterConfig) -> dict[str, FilterConfig]:
@@ -280,17 +263,17 @@ def _judged(
     late = trial.score(one.name, config, trial.cut, trial.end)
     if late is None or not is_better(begun, late):
         return None
-    after = all_outages(trial.run_of(one.name, config), trial.begin, trial.end)
+    parts, name = [one.first, late], one.name
+    if name != BEGINNING:  # what is written has values of the whole drive
+        name, config = f"{name}, as written", with_noise_factors(written, one.factors)
+        late = trial.score(name, config, trial.cut, trial.end)
+        if late is None or not is_better(begun, late):
+            return None
+        parts.append(late)
+    after = all_outages(trial.run_of(name, config), trial.begin, trial.end)
     pairs = outage_pairs(before, after)
     if any(change_interval(pair, 2.0 * WORSE_PROBABILITY - 1.0)[0] > 0.0 for pair in pairs.values()):
         return None
-    parts = [one.first, late]
-    if one.name != BEGINNING:  # what is written has values of the whole drive
-        name = f"{one.name}, as written"
-        again = trial.score(name, with_noise_factors(written, one.factors), trial.cut, trial.end)
-        if again is None or not is_better(begun, again):
-            return None
-        parts.append(again)
     kept = f"{one.name}, factors for outages" if one.factors else one.name
     blind = _since(after, trial.cut)
     chosen, note = with_recorded_factors(written, one.factors), _note(kept, begun, late, pairs, blind)

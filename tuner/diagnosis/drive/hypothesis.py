@@ -35,6 +35,7 @@ from tuner.navigation.drive.thinning import irregular_rows
 from tuner.navigation.fix_sd_model import GNSS_NOISE_SCALE, FixSdModel
 from tuner.navigation.settings import FilterSettings, filter_settings
 from tuner.types import ChannelNoise, Compensation, FilterConfig, Parameter
+from tuner.types.clock import Clock
 from tuner.types.records import Drive
 
 MAX_FIXES = 1000
@@ -217,12 +218,6 @@ def in_sensor_axes(drive: Drive) -> Drive:
     return replace(drive, mounting=None, lever_arm=arm)
 
 
-def placed_in_sensor_axes(drive: Drive) -> Drive:
-    """Return the drive in the axes of its sensor, with a mounting of none where the axes of its lever arm are known."""
-    moved = in_sensor_axes(drive)
-    return moved if drive.mounting is None else replace(moved, mounting=np.eye(3))
-
-
 def filter_settings_of(drive: Drive, hypothesis: Hypothesis) -> FilterSettings:
     """Return the filter of a hypothesis for a compensated drive, with the sds that the receiver reports."""
     arm = drive.lever_arm or (0.0, 0.0, 0.0)
@@ -235,7 +230,7 @@ def filter_settings_of(drive: Drive, hypothesis: Hypothesis) -> FilterSettings:
 
 def corrected_drive(drive: Drive, hypothesis: Hypothesis) -> Drive:
     """Return the drive as a hypothesis has it: compensated, without jumps, without the fixes left out."""
-    drive = compensate(drive, hypothesis.compensation)
+    drive = replace(compensate(drive, hypothesis.compensation), clock=Clock())  # that is the hypothesis's own
     gnss = drive.gnss
     for jump in hypothesis.jumps:
         first = 0 if jump.sensor == "gyro" else 3

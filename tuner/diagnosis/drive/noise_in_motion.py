@@ -16,7 +16,6 @@ import numpy as np
 from tuner.diagnosis.drive.candidates import MIN_GAIN, Trial
 from tuner.diagnosis.drive.score_tests import FITTED_SHARE
 from tuner.examination.examine import Examination
-from tuner.navigation.drive.clock import AGREEING
 from tuner.synthesis import inflate
 from tuner.types import Enlargement, FilterConfig, Quantity
 from tuner.types.records import Drive
@@ -56,7 +55,7 @@ def with_noise_in_motion(drive: Drive, config: FilterConfig, examination: Examin
     if not larger:
         return config
     begin, end = float(drive.gnss.t[0]), float(drive.gnss.t[-1])
-    trial = Trial(drive, AGREEING, begin, begin + FITTED_SHARE * (end - begin), end)
+    trial = Trial(drive, begin, begin + FITTED_SHARE * (end - begin), end)
     shaken = inflate(config, larger)
     stated, moving = (
         trial.candidate(name, one, {}) for name, one in (("stated", config), ("moving", shaken))

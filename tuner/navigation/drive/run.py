@@ -26,14 +26,15 @@ from models.error_state import Linearization
 from models.imu_errors import calibration
 from models.measurements import position_fix, velocity_fix
 from models.strapdown import NavigationState
+from tuner.formats.clock_words import clock_note, clock_words
 from tuner.formats.customary_units import digits
 from tuner.navigation import engine
 from tuner.navigation.data import Constraints, Fixes, Solution, Steps, split_at
 from tuner.navigation.drive.alignment import Alignment, align, velocities
-from tuner.navigation.drive.clock import AGREEING, Clock
 from tuner.navigation.drive.sampling_rate import rate_note
 from tuner.navigation.drive.velocity_latency import advanced, interpolated, velocities_at
 from tuner.navigation.settings import FilterSettings
+from tuner.types.clock import Clock
 from tuner.types.named_cause import NamedCause
 from tuner.types.records import DataError, Drive, Gnss
 
@@ -96,34 +97,32 @@ class Stretch:
 
 def _clock_note(clock: Clock, gnss: Gnss) -> str:
     """Return what is known of the clocks; what is taken out is a cause, with the errors that it makes."""
-    effects = []
-    if clock.delay:
+    effects, delay, lag = [], clock.delay.taken_out, clock.lag.taken_out
+    if delay:
         speed = float(np.sqrt(np.mean(np.sum(velocities(gnss)[:, :2] ** 2, axis=1))))
-        size = digits(abs(clock.delay) * speed, 2)
+        size = digits(abs(delay) * speed, 2)
         effects.append(f"{size} m along the track at {digits(speed, 2)} m/s, the rms speed of this drive")
-    if clock.lag:
-        effects.append(f"velocities err by {digits(abs(clock.lag), 2)} m/s a m/s² of acceleration")
+    if lag:
+        effects.append(f"velocities err by {digits(abs(lag), 2)} m/s a m/s² of acceleration")
     if not effects:
-        return clock.note
-    what, _, done = clock.note.rpartition(": ")
+        return clock_note(clock)
     return NamedCause.of(
-        what, "certain", ", ".join(effects), f"{done}, not of the recording: subtract it from its stamps once"
+        f"{clock_words(clock)}, as the motion shows",
+        "certain",
+        ", ".join(effects),
+        "taken out of this run, not of the recording: subtract it from its stamps once",
     )
 
 
-def prepare(
-    drive: Drive, settings: FilterSettings, *, clock: Clock = AGREEING
-) -> tuple[tuple[Stretch, ...], tuple[str, ...]]:
+def prepare(drive: Drive, settings: FilterSettings) -> tuple[tuple[Stretch, ...], tuple[str, ...]]:
     """Cut a drive into stretches and align each.
 
     Parameters
     ----------
     drive : Drive
-        The drive.
+        The drive; delays of its clock that are certain are taken out.
     settings : FilterSettings
         Lever arm and, where the receiver reports no sds, those of the configuration.
-    clock : Clock
-        Delay and lag of the fixes, which are taken out.
 
     Returns
     -------
@@ -138,8 +137,8 @@ def prepare(
         Where no stretch can be aligned.
     """
     notes: list[str] = []
-    if clock.note:
-        notes.append(_clock_note(clock, drive.gnss))
+    if known := _clock_note(drive.clock, drive.gnss):
+        notes.append(known)
     mounting = np.eye(3) if drive.mounting is None else drive.mounting
     rates = np.hstack([drive.rates[:, :3] @ mounting, drive.rates[:, 3:] @ mounting])
     dt = np.diff(drive.imu_t)
@@ -162,7 +161,7 @@ def prepare(
             continue
         steps = Steps(float(t[0]), np.diff(t), rates[first + 1 : last] * np.diff(t)[:, None])
         try:
-            stretch = _aligned_stretch(steps, drive.gnss, settings, clock)
+            stretch = _aligned_stretch(steps, drive.gnss, settings, drive.clock)
         except DataError as error:
             failure = str(error)
             notes.append(f"the stretch from {t[0]:.1f} to {t[-1]:.1f} s left out: {error}")
@@ -343,14 +342,11 @@ def _aligned_stretch(steps: Steps, gnss: Gnss, settings: FilterSettings, clock: 
     at = settings.model.layout
     bias_sd = np.concatenate([settings.initial_sd[at["gyro_bias"]], settings.initial_sd[at["accel_bias"]]])
     together = own
-    if clock.lag and np.count_nonzero(np.isfinite(own.vel_n).all(axis=1)) > 1:
-        together = replace(own, vel_n=velocities_at(own.t, own.vel_n, own.t + clock.lag))
-    a = align(steps, _shifted(together, clock.delay), bias_sd=bias_sd)
-    return _timed(steps, own, replace(a, delay=clock.delay), settings, clock.lag)
-
-
-def _shifted(gnss: Gnss, delay: float) -> Gnss:
-    return replace(gnss, t=gnss.t - delay)
+    delay, lag = clock.delay.taken_out, clock.lag.taken_out
+    if lag and np.count_nonzero(np.isfinite(own.vel_n).all(axis=1)) > 1:
+        together = replace(own, vel_n=velocities_at(own.t, own.vel_n, own.t + lag))
+    a = align(steps, replace(together, t=own.t - delay), bias_sd=bias_sd)
+    return _timed(steps, own, replace(a, delay=delay), settings, lag)
 
 
 def _timed(steps: Steps, own: Gnss, a: Alignment, settings: FilterSettings, lag: float) -> Stretch:

@@ -12,7 +12,6 @@ from tuner.catalogue.grades import load_gnss, load_grade
 from tuner.diagnosis.drive.candidates import Trial
 from tuner.diagnosis.drive.noise_in_motion import with_noise_in_motion
 from tuner.examination.examine import examine
-from tuner.navigation.drive.clock import AGREEING
 from tuner.simulation.drive import simulate_drive
 from tuner.synthesis.load_config import load_config
 from tuner.types import Enlargement
@@ -48,7 +47,7 @@ def test_a_shaken_unit_begins_with_the_noise_in_motion(shaken):
         one for one in begun.inflations if isinstance(one, Enlargement) and one.causes == ("vibration",)
     ]
     assert {one.quantity.owner for one in records} == set(begun.channels)
-    trial = Trial(shaken, AGREEING, 0.0, 240.0, 400.0)
+    trial = Trial(shaken, 0.0, 240.0, 400.0)
     innovations = [
         trial.candidate(name, one, {}).first.innovations for name, one in (("a", stated), ("b", begun))
     ]

@@ -24,7 +24,6 @@ from tuner.diagnosis.drive.staying_errors import (
     described,
     with_staying_errors,
 )
-from tuner.navigation.drive.clock import AGREEING
 from tuner.simulation.drive import simulate_drive
 from tuner.synthesis.load_config import load_config
 from tuner.types.progress import silent
@@ -84,7 +83,7 @@ def test_a_filter_that_knows_errors_that_stay_is_no_worse_than_the_fixes(staying
 
 def test_outages_follow_one_another_over_the_whole_drive(staying):
     """Ten seconds fit n times after settling, each as if it were the only one; alike filters err alike."""
-    run = configured_run(staying, load_config("adis16465", gnss=RECEIVER), AGREEING)
+    run = configured_run(staying, load_config("adis16465", gnss=RECEIVER))
     found = all_outages(run, 0.0, SECONDS)
     pairs = outage_pairs(found, found)
     settled = run.stretches[0].settled

@@ -14,11 +14,11 @@ from models.trajectory.motion import imu_increments
 from tuner.catalogue.grades import load_gnss, load_grade
 from tuner.consistency.drive_scores import differences
 from tuner.consistency.score_drive import navigate_drive
+from tuner.examination.examine import examine
 from tuner.examination.examined_drive import examined_drive
 from tuner.formats.logs import write_drive
 from tuner.navigation.data import Steps
 from tuner.navigation.drive.alignment import align
-from tuner.navigation.drive.clock_offset import estimate_clock_offset
 from tuner.navigation.drive.free_of_gravity import free_of_gravity
 from tuner.readers.drive import read_drive
 from tuner.report.solution_files import local_track, solution_csv, tracks
@@ -67,12 +67,10 @@ def test_filter_is_consistent_and_its_checks_are_silent(drive):
 
 
 def test_clocks_agree_near_the_pole():
-    drive = _drive("89° N", city(240.0))
-    dt = np.diff(drive.imu_t)
-    steps = Steps(float(drive.imu_t[0]), dt, drive.rates[1:] * dt[:, None])
-    found = estimate_clock_offset(steps, drive.gnss, drive.lever_arm)
-    assert not found.significant
-    assert np.abs(found.delay).max() < 0.02
+    clock = examine(_drive("89° N", city(240.0))).clock
+    assert not clock.delay.certain
+    assert not clock.lag.certain
+    assert np.abs([clock.delay.value, clock.lag.value]).max() < 0.02
 
 
 @pytest.mark.parametrize("place", PLACES)

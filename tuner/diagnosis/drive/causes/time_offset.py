@@ -1,49 +1,35 @@
-"""Clock offset of a drive by its motion alone, from which the search for causes begins."""
+"""Delays of a drive by its motion alone, from which the search for causes begins."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-from tuner.diagnosis.drive.hypothesis import Hypothesis
-from tuner.navigation.compensation import compensate
-from tuner.navigation.drive.clock import Clock, remaining_clock
 from tuner.types import Coefficient, Compensation, FilterConfig, Parameter
-from tuner.types.records import Drive
+from tuner.types.clock import Clock, Delay
 
 OFFSET_DELAY, LAG_DELAY = Parameter("time_offset", "delay"), Parameter("velocity_lag", "delay")
 
 
-def coarse_clock_search(drive: Drive, start: Hypothesis) -> tuple[dict[Parameter, float], Clock]:
-    """Return delay and lag by the motion alone, and their clock; empty where clocks that agree are not refuted.
-
-    Parameters
-    ----------
-    drive : Drive
-        In the axes of the sensor.
-    start : Hypothesis
-        What is compensated already.
-    """
-    clock = remaining_clock(compensate(drive, start.compensation), start.compensation)
-    found = {OFFSET_DELAY: clock.delay, LAG_DELAY: clock.lag}
-    values = {p: start.compensation.get(p, 0.0) + value for p, value in found.items() if value}
-    return values, clock
+def delays_of(clock: Clock, start: Compensation) -> dict[Parameter, float]:
+    """Return the delays of a drive that are certain beside those that are compensated already, s."""
+    return {p: start.get(p, 0.0) + one.value for p, one in _certain(clock, start).items()}
 
 
 def clock_coefficients(clock: Clock, start: Compensation) -> dict[str, dict[str, Coefficient]]:
     """Return what a clock says of the parameters of its causes, by cause: the same whatever the filter's noise."""
-    measured = {OFFSET_DELAY: (clock.delay, clock.delay_interval), LAG_DELAY: (clock.lag, clock.lag_interval)}
     out = {}
-    for parameter, (value, (low, high)) in measured.items():
-        if value:
-            begun = start.get(parameter, 0.0)
-            coefficient = Coefficient.known(begun + value, begun + low, begun + high, "s")
-            out[parameter.cause] = {parameter.name: coefficient}
+    for p, one in _certain(clock, start).items():
+        begun, (low, high) = start.get(p, 0.0), one.interval
+        out[p.cause] = {p.name: Coefficient.known(begun + one.value, begun + low, begun + high, "s")}
     return out
 
 
 def with_clock(config: FilterConfig, clock: Clock) -> FilterConfig:
-    """Return a configuration whose delay and lag of the fixes are those of a clock, absent where not significant."""
-    compensation = config.compensation.without(("time_offset", "velocity_lag"))
-    values = {Parameter("time_offset", "delay"): clock.delay, Parameter("velocity_lag", "delay"): clock.lag}
-    described = {parameter: value for parameter, value in values.items() if value}
-    return replace(config, compensation=compensation.with_values(described))
+    """Return a configuration whose delay and lag of the fixes are those of a clock, absent where not certain."""
+    compensation = config.compensation.without((OFFSET_DELAY.cause, LAG_DELAY.cause))
+    return replace(config, compensation=compensation.with_values(delays_of(clock, Compensation())))
+
+
+def _certain(clock: Clock, start: Compensation) -> dict[Parameter, Delay]:
+    left = clock.beside(start.get(OFFSET_DELAY, 0.0), start.get(LAG_DELAY, 0.0))
+    return {p: one for p, one in ((OFFSET_DELAY, left.delay), (LAG_DELAY, left.lag)) if one.certain}

@@ -1,7 +1,7 @@
-"""Clocks that are too far apart for the search of an offset: 18 s between UTC and GPS time, or each from its own start.
+"""Clocks that are too far apart for windows to show it: 18 s between UTC and GPS time, or each from its own start.
 
 About the vertical a vehicle turns at the rate of its course. Both rates are correlated at every offset within
-`MAX_OFFSET`; where one beyond the search agrees far better than all within, whatever the search finds would be chance.
+`MAX_OFFSET`; where one beyond what windows show agrees far better than all within, the search begins there.
 """
 
 from __future__ import annotations
@@ -10,11 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.arrays import FloatArray
-from tuner.navigation.drive.clock_offset import MAX_CLOCK_OFFSET
-from tuner.types.records import DataError, Drive
+from tuner.examination.streams import Streams, Velocities
+from tuner.examination.windows import Inertial
 
-MAX_OFFSET, OFFSET_STEP = 60.0, 0.2
-"""Largest offset that is looked at, and spacing, s: leap seconds, or a logger that is switched on later."""
+NEAR, MAX_OFFSET, OFFSET_STEP = 3.0, 60.0, 0.2
+"""Offset from which windows do not show it, largest that is looked at, and spacing, s: leap seconds, or a logger that
+is switched on later.
+"""
 AVERAGING_TIME = 1.0
 """Time over which rates are taken, s: shorter than a turn, longer than a swing."""
 MIN_CORRELATION = 0.8
@@ -29,22 +31,19 @@ SLOW_SHARE, MAX_COURSE_RATE = 0.3, 2.0
 """Share of the usual speed below which a course is not known, and largest rate that is a turn, rad/s."""
 
 
-def refuse_distant_clocks(drive: Drive) -> None:
-    """Refuse a drive whose fixes and inertial samples turn alike only at an offset beyond the search.
-
-    Raises
-    ------
-    DataError
-        With the offset and what to do.
-    """
-    gnss, t = drive.gnss, drive.imu_t
-    known = np.isfinite(gnss.vel_n).all(axis=1)
-    if np.count_nonzero(known) < 2 or t[-1] - t[0] < MIN_TIME:
-        return
-    sampled = np.arange(t[0] + AVERAGING_TIME, t[-1] - AVERAGING_TIME, OFFSET_STEP)
-    rates = _turn_rate(drive, sampled)
-    at = np.arange(gnss.t[known][0], gnss.t[known][-1], OFFSET_STEP)
-    course, usable = _course_rate(gnss.t[known], gnss.vel_n[known], at)
+def distant_delay(streams: Streams) -> float:
+    """Return how late all stamps are where that is beyond what windows show, s; else, or where unknown, zero."""
+    vel = next((one for one in streams.others if isinstance(one, Velocities)), None)
+    imu = streams.imu
+    if vel is None or np.ptp(imu.t) < MIN_TIME:
+        return 0.0
+    known = np.isfinite(vel.values).all(axis=1)
+    if np.count_nonzero(known) < 2:
+        return 0.0
+    sampled = np.arange(imu.t[0] + AVERAGING_TIME, imu.t[-1] - AVERAGING_TIME, OFFSET_STEP)
+    rates = _turn_rate(imu, sampled)
+    at = np.arange(vel.t[known][0], vel.t[known][-1], OFFSET_STEP)
+    course, usable = _course_rate(vel.t[known], vel.values[known], at)
     offsets = np.arange(-MAX_OFFSET, MAX_OFFSET + 0.5 * OFFSET_STEP, OFFSET_STEP)
     found = np.full(len(offsets), -1.0)
     time = np.zeros(len(offsets))
@@ -54,29 +53,21 @@ def refuse_distant_clocks(drive: Drive) -> None:
         time[i] = OFFSET_STEP * np.count_nonzero(both)
         if time[i] > MIN_TIME and np.ptp(other[both]) > 0.0 and np.ptp(course[both]) > 0.0:
             found[i] = np.corrcoef(other[both], course[both])[0, 1]
-    within = np.abs(offsets) <= MAX_CLOCK_OFFSET
+    within = np.abs(offsets) <= NEAR
     best, usual = int(np.argmax(np.where(within, -1.0, found))), float(found[within].max())
     sd = 1.0 / np.sqrt(max(time[best] / CORRELATION_TIME - 3.0, 1.0))
-    if found[best] < MIN_CORRELATION:
-        return
-    ahead = np.diff(np.arctanh(np.clip([usual, found[best]], 0.0, 1.0 - 1e-9)))
-    if ahead < MIN_ADVANTAGE * sd:
-        return
-    raise DataError(
-        f"{drive.source or drive.name}: fixes and inertial samples turn alike where fixes are {offsets[best]:+.1f} s "
-        f"late (correlation {found[best]:.2f}; {max(usual, 0.0):.2f} within {MAX_CLOCK_OFFSET:g} s): put both on one "
-        "clock (GPS time is 18 s ahead of UTC)"
-    )
+    ahead = float(np.diff(np.arctanh(np.clip([usual, found[best]], 0.0, 1.0 - 1e-9)))[0])
+    return float(offsets[best]) if found[best] >= MIN_CORRELATION and ahead >= MIN_ADVANTAGE * sd else 0.0
 
 
-def _turn_rate(drive: Drive, at: FloatArray) -> FloatArray:
+def _turn_rate(imu: Inertial, at: FloatArray) -> FloatArray:
     """Return the angular rate about the vertical at times, rad/s, mean bias taken out; up is where the force points."""
-    dt = np.diff(drive.imu_t)
-    sums = np.vstack([np.zeros(6), np.cumsum(drive.rates[1:] * dt[:, None], axis=0)])
+    dt = np.diff(imu.t)
+    sums = np.vstack([np.zeros(6), np.cumsum(imu.rates[1:] * dt[:, None], axis=0)])
 
     def mean(columns: slice, half: float) -> FloatArray:
         late, early = (
-            np.stack([np.interp(at + side * half, drive.imu_t, x) for x in sums[:, columns].T], axis=-1)
+            np.stack([np.interp(at + side * half, imu.t, x) for x in sums[:, columns].T], axis=-1)
             for side in (1.0, -1.0)
         )
         return np.asarray((late - early) / (2.0 * half))

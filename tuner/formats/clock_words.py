@@ -1,0 +1,44 @@
+"""Delays of a drive's fixes and velocities in words."""
+
+from __future__ import annotations
+
+import math
+
+from tuner.formats.customary_units import amount
+from tuner.types import Coefficient, Compensation
+from tuner.types.clock import Clock, Delay
+
+
+def clock_words(clock: Clock) -> str:
+    """Return the delay of the fixes and the lag of their velocities; empty where neither is certain."""
+    delay, lag = clock.delay, clock.lag
+    parts = {
+        f"fixes are stamped {_size(delay)} {'late' if delay.value > 0.0 else 'early'}": delay,
+        f"velocities are {_size(lag)} {'later' if lag.value > 0.0 else 'earlier'} than positions": lag,
+    }
+    return ", ".join(text for text, one in parts.items() if one.certain)
+
+
+def clock_note(clock: Clock) -> str:
+    """Return what is taken out of the stamps of a drive, or that nothing is; empty where the drive does not show it."""
+    if text := clock_words(clock):
+        return f"{text}, as the motion shows: taken out of this run"
+    if not math.isfinite(clock.delay.sd):
+        return ""
+    low, high = clock.delay.interval
+    return f"no delay of the fixes is taken out, as chance may make it: {low:+.3f} … {high:+.3f} s late"
+
+
+def stated_words(compensation: Compensation) -> str:
+    """Return the delays that settings state and that are taken out; empty without any."""
+    stated = {
+        "of the fixes": compensation.value("time_offset", "delay"),
+        "of velocities behind positions": compensation.value("velocity_lag", "delay"),
+    }
+    parts = [f"{value:+.3f} s {whose}" for whose, value in stated.items() if value]
+    return f"a delay of {' and '.join(parts)}, stated in the settings, is taken out" if parts else ""
+
+
+def _size(delay: Delay) -> str:
+    low, high = sorted(map(abs, delay.interval))
+    return amount(Coefficient(abs(delay.value), (low, high), None, "s"))
