@@ -115,9 +115,11 @@ def test_the_hidden_delay_is_named(found):
     assert not found["quiet"]
     delay = next(f for f in found["findings"] if f["cause"] == "time_offset")
     assert delay["channels"] == ["gnss"]
-    # 400 fixes at 12 m/s with 0.4 m and, at 1 m/s², 0.05 m/s: 1/√(400 (12²/0.4² + 1/0.05²)) = 1.4 ms; five of them.
-    assert delay["parameters"]["delay"]["value"] == pytest.approx(DELAY, abs=7e-3)
-    assert found["compensation"]["time_offset.delay"] == pytest.approx(DELAY, abs=7e-3)
+    value, (low, high) = (delay["parameters"]["delay"][name] for name in ("value", "interval"))
+    assert abs(value - DELAY) < 5.0 / 1.96 * 0.5 * (high - low)
+    assert high - low < 0.05
+    # 450 fixes at 12 m/s with 1.5 m and, at 1 m/s², 0.05 m/s: 1/√(450 (12²/1.5² + 1/0.05²)) = 2.2 ms; five of them.
+    assert found["compensation"]["time_offset.delay"] == pytest.approx(DELAY, abs=0.011)
 
 
 def test_the_gain_is_that_of_the_part_held_out(found):

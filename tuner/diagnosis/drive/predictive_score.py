@@ -23,7 +23,7 @@ from models.arrays import FloatArray
 from models.earth import ned_between
 from tuner.consistency.drive_scores import blocks, reference_positions
 from tuner.consistency.score_drive import OUTAGE_LENGTHS
-from tuner.consistency.scores import innovation_scores
+from tuner.consistency.scores import DIVERGED_REFUSED_SHARE, innovation_scores
 from tuner.diagnosis.drive.configured_run import ConfiguredRun, antenna
 from tuner.diagnosis.drive.outage_errors import (
     OutageErrors,
@@ -32,7 +32,7 @@ from tuner.diagnosis.drive.outage_errors import (
     position_errors,
     with_outages,
 )
-from tuner.navigation.data import Solution
+from tuner.navigation.data import GATED, Solution
 from tuner.navigation.drive.run import (
     RECOVERY_TIME,
     Stretch,
@@ -94,7 +94,7 @@ class PredictiveScore:
 
 
 def predictive_score(run: ConfiguredRun, begin: float, end: float) -> PredictiveScore | None:
-    """Score a filter between two times on the clock of the inertial unit, s; None where no outage fits."""
+    """Score a filter between two times on the clock of the inertial unit, s; None if it is lost or no outage fits."""
     stretches = tuple(_until(s, end) for s in run.stretches if s.fixes.t[0] < end)
     run = replace(run, stretches=stretches)
     windows = {
@@ -103,6 +103,9 @@ def predictive_score(run: ConfiguredRun, begin: float, end: float) -> Predictive
         if len(found := outage_windows(stretches, seconds, begin=begin, end=end)) > 1
     }
     solutions, ends = with_outages(run, [window for each in windows.values() for window in each])
+    refused = np.concatenate([one.use[one.t >= begin, 0] == GATED for one in solutions])
+    if np.mean(refused) > DIVERGED_REFUSED_SHARE:
+        return None
     outages = [errors_at(run, seconds, each, ends) for seconds, each in windows.items()]
     tracked = [_tracked(run, s, solution, begin) for s, solution in zip(stretches, solutions, strict=True)]
     t, square, density, alone = (np.concatenate(part) for part in zip(*tracked, strict=True))
@@ -168,7 +171,9 @@ def _tracked(
     aided = np.diff(solution.t, prepend=-np.inf) < min(OUTAGE_LENGTHS)
     rows = np.flatnonzero((solution.t >= max(begin, stretch.settled)) & aided)
     error, covariance = position_errors(run, solution, rows)
-    good = np.isfinite(error).all(axis=1) & (solution.use[rows, 0] > 0)
+    good = np.isfinite(error).all(axis=1)
+    if run.reference is None:  # a refused fix does not say where the vehicle is
+        good &= solution.use[rows, 0] > 0
     error, covariance, rows = error[good], covariance[good], rows[good]
     square, off = np.sum(error**2, axis=1), np.zeros(len(rows))
     if run.reference is not None:
