@@ -56,6 +56,7 @@ from tuner.diagnosis.drive.score_tests import FITTED_SHARE
 from tuner.navigation.fix_sd_model import GNSS_NOISE_SCALE
 from tuner.stages import stage, task
 from tuner.types import FilterConfig
+from tuner.types.clock import Clock
 from tuner.types.progress import Progress
 from tuner.types.records import DataError, Drive
 
@@ -125,7 +126,7 @@ def choose_config(
     progress("fitting the noise to outages of the first part of the drive")
     stage("fitting the noise to outages of the first part of the drive", 0.5)
     written = _written(examined, before, with_clock(_refitted(examined, after), drive.clock))
-    candidates = first_candidates(trial, _fitted(examined, written, trial.cut))
+    candidates = first_candidates(trial, _fitted(examined, written, trial.cut, drive.clock))
     begun = trial.score(BEGINNING, before, trial.cut, end)
     if begun is None or not candidates:
         if after == before:
@@ -231,7 +232,7 @@ def _written(examined: ExaminedDrive, before: FilterConfig, after: FilterConfig)
 
 
 def _fitted(
-    examined: ExaminedDrive, written: Mapping[str, FilterConfig], cut: float
+    examined: ExaminedDrive, written: Mapping[str, FilterConfig], cut: float, clock: Clock
 ) -> dict[str, FilterConfig]:
     """Return the same configurations with values fitted before a time, s; without those that cannot be fitted."""
     fitted = {BEGINNING: written[BEGINNING]}
@@ -242,7 +243,8 @@ def _fitted(
     except DataError:
         return fitted
     compensation = examined.search.determined(part.compensation)
-    found = fitted["with the findings"] = replace(written["with the findings"], compensation=compensation)
+    found = with_clock(replace(written["with the findings"], compensation=compensation), clock)
+    fitted["with the findings"] = found
     if SDS_FOUND in written:
         fitted[SDS_FOUND] = with_sds_of(written[BEGINNING], found)
     return fitted
@@ -257,26 +259,27 @@ def _judged(
 ) -> tuple[HeldOutChoice, Rank] | None:
     """Return a candidate as it is written; None where the last part, or errors in outages, speak against it.
 
-    Its rank is that of the worst of the first part, the last part, and the last part as it is written.
+    Written are values of the whole drive, or those of the first part where these predict the last better: a fit to more
+    of a drive that predicts that less has failed. Its rank is that of the worst of all parts.
     """
-    config = with_noise_factors(one.config, one.factors)
-    late = trial.score(one.name, config, trial.cut, trial.end)
+    name, config = one.name, with_noise_factors(one.config, one.factors)
+    late, base = trial.score(name, config, trial.cut, trial.end), one.config
     if late is None or not is_better(begun, late):
         return None
-    parts, name = [one.first, late], one.name
-    if name != BEGINNING:  # what is written has values of the whole drive
-        name, config = f"{name}, as written", with_noise_factors(written, one.factors)
-        late = trial.score(name, config, trial.cut, trial.end)
-        if late is None or not is_better(begun, late):
-            return None
-        parts.append(late)
+    parts = [one.first, late]
+    if name != BEGINNING:
+        whole, of_whole = f"{name}, of the whole drive", with_noise_factors(written, one.factors)
+        again = trial.score(whole, of_whole, trial.cut, trial.end)
+        if again is not None and again.nats >= late.nats:
+            name, config, base, late = whole, of_whole, written, again
+            parts.append(again)
     after = all_outages(trial.run_of(name, config), trial.begin, trial.end)
     pairs = outage_pairs(before, after)
     if any(change_interval(pair, 2.0 * WORSE_PROBABILITY - 1.0)[0] > 0.0 for pair in pairs.values()):
         return None
     kept = f"{one.name}, factors for outages" if one.factors else one.name
     blind = _since(after, trial.cut)
-    chosen, note = with_recorded_factors(written, one.factors), _note(kept, begun, late, pairs, blind)
+    chosen, note = with_recorded_factors(base, one.factors), _note(kept, begun, late, pairs, blind)
     rank = rank_of(parts, list(after.values()))
     return HeldOutChoice(chosen, kept, one.factors, begun, late, pairs, note), rank
 
