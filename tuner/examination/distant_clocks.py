@@ -13,7 +13,7 @@ from models.arrays import FloatArray
 from tuner.examination.streams import Streams, Velocities
 from tuner.examination.windows import Inertial
 
-NEAR, MAX_OFFSET, OFFSET_STEP = 3.0, 60.0, 0.2
+WINDOW_OFFSET, MAX_OFFSET, OFFSET_STEP = 3.0, 60.0, 0.2
 """Offset from which windows do not show it, largest that is looked at, and spacing, s: leap seconds, or a logger that
 is switched on later.
 """
@@ -53,7 +53,7 @@ def distant_delay(streams: Streams) -> float:
         time[i] = OFFSET_STEP * np.count_nonzero(both)
         if time[i] > MIN_TIME and np.ptp(other[both]) > 0.0 and np.ptp(course[both]) > 0.0:
             found[i] = np.corrcoef(other[both], course[both])[0, 1]
-    within = np.abs(offsets) <= NEAR
+    within = np.abs(offsets) <= WINDOW_OFFSET
     best, usual = int(np.argmax(np.where(within, -1.0, found))), float(found[within].max())
     sd = 1.0 / np.sqrt(max(time[best] / CORRELATION_TIME - 3.0, 1.0))
     ahead = float(np.diff(np.arctanh(np.clip([usual, found[best]], 0.0, 1.0 - 1e-9)))[0])

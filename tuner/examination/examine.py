@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from models.arrays import FloatArray
 from models.earth import ned_between
 from tuner.examination.fit import Fit, Noise
-from tuner.examination.moves import HALF_INTERVAL, LEVER_ARM, TRIADS
-from tuner.examination.search import STATED_ODDS, Found, applied, searched
+from tuner.examination.moves import HALF_INTERVAL, LEVER_ARM, STATED_ODDS, TRIADS
+from tuner.examination.search import Found, applied, searched
 from tuner.examination.streams import Positions, Stream, Streams, Velocities
 from tuner.examination.windows import WINDOW_LENGTH, Inertial
 from tuner.limits import LOST_SHARE, TOLERATED_RATIO

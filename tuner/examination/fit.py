@@ -35,6 +35,7 @@ from tuner.examination.windows import (
     sampled,
     windows_of,
 )
+from tuner.types.clock import CERTAIN_SDS
 
 MOST_ROUNDS = 12
 """Rounds after which a fit ends in any case."""
@@ -125,6 +126,22 @@ class Fit:
     def total(self) -> float:
         """Bound of all windows, nats."""
         return float(self.bound.sum())
+
+    def gains_over(self, other: Fit) -> FloatArray:
+        """Return how much higher the bound of each window of another fit is here, nats; a window not here has 0."""
+        gains = -other.bound.copy()
+        _, own, its = np.intersect1d(self.begin, other.begin, return_indices=True)
+        gains[its] += self.bound[own]
+        return gains
+
+
+def earned(gains: FloatArray) -> float:
+    """Return the gain of all windows, nats, less what chance gives where errors are not as modelled.
+
+    What undoes a fault loses in no window but by chance, and chance gains as often as it loses: the losses say how far
+    a sum of both scatters.
+    """
+    return float(gains.sum() - CERTAIN_SDS * np.sqrt(2.0 * np.sum(np.minimum(gains, 0.0) ** 2)))
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,8 @@ HALF_INTERVAL = 1.96
 """Half of a 95 % interval, in sds."""
 LARGEST_PLACE = np.array([0.5 * np.pi, 2.0 * np.pi])
 """Latitude and longitude beyond which there are none, rad."""
+STATED_ODDS = 1000.0
+"""Odds of what a file states of its units, axes and clocks."""
 DELAYS = (-2.0, -1.0, -0.5, -0.25, 0.25, 0.5, 1.0, 2.0)
 """Delays from which the search begins, s."""
 Change = Callable[[FloatArray], FloatArray]

@@ -3,45 +3,30 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import median_filter
-from scipy.special import expit
 
 from models.arrays import FloatArray, IntArray
 from models.earth import metres_per_radian
 from models.robust import normal_sd
 from tuner.examination.distant_clocks import distant_delay
-from tuner.examination.fit import FIRST_ROUNDS, LEAST_READINGS, Fit, constants, fit
-from tuner.examination.moves import DELAYS, Move, arm_of, exchanged, late, moves
+from tuner.examination.fit import FIRST_ROUNDS, LEAST_READINGS, Fit, earned, fit
+from tuner.examination.installation import certain_moves, installed, whole_delays
+from tuner.examination.moves import DELAYS, STATED_ODDS, Move, exchanged, late, moves
 from tuner.examination.streams import Stream, Streams, Velocities
-from tuner.examination.windows import WINDOW_LENGTH, Motion, averaged, windows_of
-from tuner.limits import PRIOR_SHARE
+from tuner.examination.windows import WINDOW_LENGTH, averaged, windows_of
 from tuner.types.clock import CERTAIN_SDS, Delay
 from tuner.types.records import DataError
 
-STATED_ODDS = 1000.0
-"""Odds of what a file states of its units, axes and clocks."""
 SCREENED_WINDOWS = 16
 """Windows on which every fault is tried first."""
 REFITTED_FAULTS = 3
 """Faults that are then tried on all windows."""
 UNSEEN_GAIN = 3.0
 """Change of the log-likelihood by a fault, nats, below which a recording cannot show it."""
-NEWTON_STEPS = 10
-"""Steps after which delays have settled."""
-STEP_PARTS = 1.0, 0.5, 0.25
-"""Parts of a step that are tried, until one is likelier."""
-OPEN_STEPS = 2
-"""Of them those in which no reading counts as wrong."""
-SETTLED_SDS = 0.3
-"""Step, in sds, below which they end."""
-FIXED_SD = 1e-9
-"""Prior sd of a delay that is none, s."""
-ARM_SD, STATED_ARM_SD = 1.0, 0.1
-"""Prior sd of a lever arm about zero, and about what is stated, m."""
 MOST_FAULTS = 4
 """Faults of whole streams that are looked for one after the other."""
 
@@ -119,10 +104,10 @@ def searched(streams: Streams, name: str = "streams") -> Searched:
     if far.delay:
         near = _inside(far.mended(whole))
         there = fit(near, every=True)
-        worth = _earned(_gains(there, first)) - math.log(STATED_ODDS)
+        worth = earned(there.gains_over(first)) - math.log(STATED_ODDS)
         if worth > 0.0:
             found, begun, now = [Found(far, worth, math.inf)], near, there
-    at = _installed(recorded, begun, now)
+    at = installed(recorded, begun, now)
     gain = at.gain
     for _ in range(MOST_FAULTS):
         moved = [one.move for one in found if one.begin is None and one.end is None]
@@ -138,176 +123,12 @@ def searched(streams: Streams, name: str = "streams") -> Searched:
         rival = max(others, key=lambda one: one.gain, default=None)
         rest, other = (0.0, None) if rival is None or rival.gain <= 0.0 else (rival.gain, rival.move)
         found.append(replace(best, over_next=best.gain - rest, rival=other))
-        at = _installed(recorded, streams, now)
+        at = installed(recorded, streams, now)
         gain = max(gain, at.gain)
-    delays = _whole_delays(recorded, at)
-    named = _joined(found, _constants(recorded, at, delays, gain))
+    delays = whole_delays(recorded, at)
+    named = _joined(found, certain_moves(recorded, at, delays), gain)
     unseen = tuple(one for one in unseen if one not in {each.move.subject for each in named})
     return Searched(named, first, fit(at.streams, near=at.fit, every=True), unseen, delays)
-
-
-@dataclass(frozen=True)
-class _Settled:
-    """Delays and lever arm at their likeliest values, and sds, shape (c,); streams without them, and their fit."""
-
-    value: FloatArray
-    sd: FloatArray
-    streams: Streams
-    fit: Fit
-
-
-@dataclass(frozen=True)
-class _Installed:
-    """Streams without their delays and lever arm, as far as these are certain, and their fit.
-
-    Attributes
-    ----------
-    delays : mapping of str or None to Delay
-        What is left of the delay of each stream.
-    arm_sd : ndarray, shape (3,)
-        Sds of the lever arm, m.
-    gain : float
-        What all add to the log-likelihood, less their price, nats.
-    """
-
-    streams: Streams
-    fit: Fit
-    delays: Mapping[str | None, Delay]
-    arm_sd: FloatArray
-    gain: float
-
-
-def _installed(recorded: Streams, streams: Streams, now: Fit) -> _Installed:
-    """Return streams with their delays and the lever arm of the receiver, as far as they are certain.
-
-    One delay is common to all against the inertial unit, each other stream has one against the positions. One that the
-    likelihood does not pay for is zero when the others are estimated, unless a part of it was taken out before.
-    """
-    names, columns, prior = _columns(streams)
-    price = math.log(STATED_ODDS * len(prior))
-    nothing = np.zeros(len(prior))
-    best = _settled(_Settled(nothing, prior, streams, now), streams, columns, prior, OPEN_STEPS)
-    free = prior
-    delays: dict[str | None, Delay] = {}
-    taken = _taken_out(recorded, streams)
-    for k in np.argsort(np.abs(best.value / best.sd)[: len(names)]):
-        only = np.arange(len(prior)) == k
-        value, fixed = np.where(only, 0.0, best.value), np.where(only, FIXED_SD, free)
-        moved = _with(streams, names, value)
-        begun = _Settled(value, fixed, moved, fit(moved, near=best.fit))
-        without = _settled(begun, streams, columns, fixed, 0)
-        if without.fit.total > best.fit.total:  # a constant less is never likelier: there is a better optimum
-            again = _settled(without, streams, columns, free, 0)
-            best = max(best, again, key=lambda x: x.fit.total)
-        one, gain = Delay(float(best.value[k]), float(best.sd[k])), best.fit.total - without.fit.total
-        if not taken[names[k]] and not (one.certain and one.sd < PRIOR_SHARE * prior[k] and gain > price):
-            best, free = _averaged(best, without, gain + math.log(one.sd / prior[k])), fixed
-            delays[names[k]] = Delay() if one.certain else one
-    kept = free > FIXED_SD
-    arm = slice(len(names), None)
-    kept[arm] = np.any(
-        np.abs(best.value) > CERTAIN_SDS * best.sd, where=np.arange(len(prior)) >= len(names)
-    ) and bool(np.all(best.sd[arm] < PRIOR_SHARE * prior[arm]))
-    moved = _with(streams, names, np.where(kept, best.value, 0.0))
-    after = fit(moved) if kept.any() else now  # from first guesses, as those of the faults that are tried
-    gain = _earned(_gains(after, now)) - price
-    found = kept & (gain > 0.0)
-    left = np.where(found, 0.0, best.value)
-    delays |= {name: Delay(float(left[k]), float(best.sd[k])) for k, name in enumerate(names) if kept[k]}
-    if not found.any():
-        return _Installed(streams, now, delays, best.sd[arm], 0.0)
-    return _Installed(moved, after, delays, best.sd[arm], gain)
-
-
-def _averaged(best: _Settled, without: _Settled, evidence: float) -> _Settled:
-    """Return constants without one that is not claimed, with sds of both models, weighed by their evidence, nats."""
-    share = float(expit(evidence))
-    more = share * ((best.value - without.value) ** 2 + best.sd**2 - without.sd**2)
-    return replace(without, sd=np.sqrt(np.maximum(without.sd**2 + more, without.sd**2)))
-
-
-def _settled(
-    begun: _Settled,
-    streams: Streams,
-    columns: Callable[[Stream, Motion], FloatArray],
-    prior: FloatArray,
-    opened: int,
-) -> _Settled:
-    """Return constants where no step makes them likelier; in the first steps, `opened`, no reading counts as wrong."""
-    names = (None, *(one.name for one in streams.others))
-    windows, at = windows_of(streams.imu), begun
-    for number in range(NEWTON_STEPS):
-        sizes = constants(at.streams, windows, at.fit, columns, prior, gated=number >= opened)
-        at = replace(at, sd=sizes.sd)
-        if number >= opened and np.all(np.abs(sizes.value) < SETTLED_SDS * sizes.sd):
-            break
-        for part in STEP_PARTS:
-            value = at.value + part * sizes.value
-            if np.all(
-                np.abs(value[: len(names)]) < max(DELAYS)
-            ):  # beyond it leaves readings in other windows
-                moved = _with(streams, names, value)
-                found = fit(moved, windows, near=at.fit)
-                if found.total > at.fit.total:
-                    at = _Settled(value, sizes.sd, moved, found)
-                    break
-        else:
-            if number >= opened:
-                break
-    return at
-
-
-def _taken_out(recorded: Streams, streams: Streams) -> dict[str | None, float]:
-    """Return by how much stamps are earlier than as they were recorded, s."""
-    common = float(recorded.positions.t[0] - streams.positions.t[0])
-    pairs = zip(recorded.others, streams.others, strict=True)
-    return {None: common, **{one.name: float(one.t[0] - moved.t[0]) - common for one, moved in pairs}}
-
-
-def _whole_delays(recorded: Streams, at: _Installed) -> dict[str | None, Delay]:
-    """Return the delays of streams as they were recorded: what was taken out, and what is left."""
-    taken = _taken_out(recorded, at.streams)
-    whole = {name: at.delays[name].beside(-value) for name, value in taken.items()}
-    return {name: one if taken[name] or not one.certain else Delay() for name, one in whole.items()}
-
-
-def _constants(
-    begun: Streams, at: _Installed, delays: Mapping[str | None, Delay], gain: float
-) -> dict[str, Found]:
-    """Return the delays and the lever arm that are certain, by their subject."""
-    certain = [late(name, one.value, one.sd) for name, one in delays.items() if one.certain]
-    if at.streams.positions.arm != begun.positions.arm:
-        certain.append(arm_of(np.array(at.streams.positions.arm), at.arm_sd))
-    return {move.subject: Found(move, gain, math.inf) for move in certain}
-
-
-def _columns(
-    streams: Streams,
-) -> tuple[tuple[str | None, ...], Callable[[Stream, Motion], FloatArray], FloatArray]:
-    """Return whose delays are estimated (None: of all streams together), derivatives, and prior sds.
-
-    Derivatives and sds are those of the delays, s, and behind them of a lever arm, m.
-    """
-    names = (None, *(one.name for one in streams.others))
-
-    def columns(one: Stream, motion: Motion) -> FloatArray:
-        rate, arm = one.by_time(motion), one.by_arm(motion)
-        out = np.zeros((len(motion.position), one.values.shape[1], len(names) + 3))
-        if rate is not None:
-            out[..., 0] = -rate
-            if one.name in names:
-                out[..., names.index(one.name)] = -rate
-        if arm is not None:
-            out[..., len(names) :] = arm
-        return out
-
-    return (
-        names,
-        columns,
-        np.concatenate(
-            [np.full(len(names), 1.0), np.full(3, STATED_ARM_SD if any(streams.positions.arm) else ARM_SD)]
-        ),
-    )
 
 
 def _inside(streams: Streams) -> Streams:
@@ -324,15 +145,8 @@ def _inside(streams: Streams) -> Streams:
     return streams
 
 
-def _with(streams: Streams, names: Sequence[str | None], sizes: FloatArray) -> Streams:
-    """Return streams without delays, s, and with the rest of a lever arm, m."""
-    for stream, delay in zip(names, sizes, strict=False):
-        streams = late(stream, float(delay)).mended(streams)
-    return arm_of(np.array(streams.positions.arm) + sizes[len(names) :], np.zeros(3)).mended(streams)
-
-
-def _joined(found: Sequence[Found], constant: Mapping[str, Found]) -> tuple[Found, ...]:
-    """Return the faults, each delay once and of the size that it has in the end."""
+def _joined(found: Sequence[Found], constant: Mapping[str, Move], gain: float) -> tuple[Found, ...]:
+    """Return the faults, each delay once and of the size that it has in the end; all constants gain together, nats."""
     out: dict[str | Move, Found] = {}
     for one in found:
         if one.move.delay is None:
@@ -340,8 +154,9 @@ def _joined(found: Sequence[Found], constant: Mapping[str, Found]) -> tuple[Foun
         # a search may have taken up a delay beside a fault that it found later
         elif one.move.subject in constant:
             before = out.get(one.move.subject, one)
-            out[one.move.subject] = replace(before, move=constant[one.move.subject].move)
-    return (*(one for subject, one in constant.items() if subject not in out), *out.values())
+            out[one.move.subject] = replace(before, move=constant[one.move.subject])
+    rest = [Found(move, gain, math.inf) for subject, move in constant.items() if subject not in out]
+    return (*rest, *out.values())
 
 
 def _tried(
@@ -357,7 +172,7 @@ def _tried(
     for fault in faults:
         mended = fault.mended(streams)
         own = integrated if mended.imu is streams.imu else windows_of(mended.imu, screen)
-        gains = _gains(fit(mended, own, FIRST_ROUNDS), base)
+        gains = fit(mended, own, FIRST_ROUNDS).gains_over(base)
         promise.append(_best_part(gains)[2])
         if fault.subject and abs(gains.sum()) < UNSEEN_GAIN:
             unseen.append(fault.subject)
@@ -375,8 +190,8 @@ def _whole_or_part(
     """Return a fault with all windows, or with those in which it is wanted."""
     mended = fault.mended(streams)
     whole = fit(mended)
-    gains = _gains(whole, now)
-    found = (Found(fault, _earned(gains) - price, 0.0), mended, whole)
+    gains = whole.gains_over(now)
+    found = (Found(fault, earned(gains) - price, 0.0), mended, whole)
     first, last, gain = _best_part(gains)
     everywhere = first == 0 and last == len(gains)
     if not fault.partial or everywhere or gain < max(whole.total - now.total, price) + part:
@@ -385,7 +200,7 @@ def _whole_or_part(
     end = None if last == len(gains) else _change(streams, mended, now.begin[last], rises=False)
     joined = between(streams, mended, begin, end)
     again = fit(joined)
-    other = (Found(fault, _earned(_gains(again, now)) - price - part, 0.0, begin, end), joined, again)
+    other = (Found(fault, earned(again.gains_over(now)) - price - part, 0.0, begin, end), joined, again)
     return max(found, other, key=lambda one: one[0].gain)
 
 
@@ -398,26 +213,6 @@ def _screen(streams: Streams, now: Fit) -> IntArray:
     activity = first.std(axis=1).sum(axis=1) * (0.1 + turned)
     groups = np.array_split(np.arange(len(used)), min(SCREENED_WINDOWS, len(used)))
     return np.array([used[g[np.argmax(activity[g])]] for g in groups])
-
-
-def _gains(one: Fit, other: Fit) -> FloatArray:
-    """Return the bound of the first fit less that of the second, window by window of the second, nats.
-
-    A window that the first fit has not counts as 0 there.
-    """
-    gains = -other.bound.copy()
-    _, own, its = np.intersect1d(one.begin, other.begin, return_indices=True)
-    gains[its] += one.bound[own]
-    return gains
-
-
-def _earned(gains: FloatArray) -> float:
-    """Return the gain of all windows, nats, less what chance gives where errors are not as modelled.
-
-    What undoes a fault loses in no window but by chance, and chance gains as often as it loses: the losses say how far
-    a sum of both scatters.
-    """
-    return float(gains.sum() - CERTAIN_SDS * math.sqrt(2.0 * np.sum(np.minimum(gains, 0.0) ** 2)))
 
 
 def _best_part(gains: FloatArray) -> tuple[int, int, float]:

@@ -9,8 +9,7 @@ import pytest
 
 from models.earth import metres_per_radian
 from tuner.examination.examine import streams_of
-from tuner.examination.fit import constants, fit
-from tuner.examination.search import _earned
+from tuner.examination.fit import constants, earned, fit
 from tuner.examination.streams import Positions, Stream, Streams
 from tuner.examination.windows import Motion, averaged, windows_of
 from tuner.simulation.simulate_source import simulate_source
@@ -88,8 +87,8 @@ def test_gains_that_scatter_about_zero_earn_nothing() -> None:
     """Windows that win and lose by errors outside the model sum to some size; a fault wins in all."""
     scatter = np.random.default_rng(8).normal(0.0, 4.0, (200, 40))
     assert (scatter.sum(axis=1) > 7.0).mean() > 0.2  # more than the odds of a statement
-    assert not any(_earned(one) > 0.0 for one in scatter)
-    assert _earned(np.abs(scatter[0])) == pytest.approx(np.abs(scatter[0]).sum())
+    assert not any(earned(one) > 0.0 for one in scatter)
+    assert earned(np.abs(scatter[0])) == pytest.approx(np.abs(scatter[0]).sum())
 
 
 def test_positions_that_never_change_are_no_readings() -> None:
