@@ -384,10 +384,10 @@ def _of_enlargements(config: FilterConfig) -> Iterator[Reason]:
             why = _causes_text(list(dict.fromkeys(cause for one in parts for cause in one.causes)))
             factor = math.prod(one.factor for one in parts)
             changed.setdefault((what, why), []).append((axis, factor))
-    texts = [
-        f"{what} of {axes_text([axis for axis, _ in alike])} × {range_text([size for _, size in alike])}{why}"
-        for (what, why), alike in changed.items()
-    ]
+    texts = []
+    for (what, why), alike in changed.items():
+        axes, factors = zip(*alike, strict=True)
+        texts.append(f"{what} of {axes_text(axes)} × {range_text(factors, significant=2)}{why}")
     if texts:
         head = "settings not as measured or stated"
         yield Reason(Use.USABLE_EXCEPT, f"{head}: {', '.join(texts)}".replace("of gnss", "of fixes"))
@@ -428,8 +428,9 @@ def _of_limits(config: FilterConfig) -> Iterator[Reason]:
         yield Reason(
             Use.USABLE_EXCEPT,
             f"{', '.join(f'{term} of {axes_text(axes)}' for term, axes in limited.items())}: not seen, half of the "
-            f"limit is ASSUMED (at the limit an axis drifts {range_text(ratios)} × as far in {UNAIDED_TIME:g} s as "
-            "without)" + (f"; a log of {digits(max(hours), 2)} h would show them" if hours else ""),
+            f"limit is ASSUMED (at the limit an axis drifts {range_text(ratios, significant=2)} × as far in "
+            f"{UNAIDED_TIME:g} s as without)"
+            + (f"; a log of {digits(max(hours), 2)} h would show them" if hours else ""),
         )
 
 

@@ -155,10 +155,10 @@ def amount(coefficient: Coefficient) -> str:
     return _said(coefficient, *_unit_for(coefficient.unit, number), "below", EXACT_DIGITS)
 
 
-def range_text(values: Collection[float], unit: str = "1") -> str:
+def range_text(values: Collection[float], unit: str = "1", significant: int = 3) -> str:
     """Return the least and the largest of values of an SI unit, once where they are alike, in a customary unit."""
     size, name = _unit_for(unit, max(values))
-    ends = dict.fromkeys(digits(one / size, 2) for one in (min(values), max(values)))
+    ends = dict.fromkeys(digits(one / size, significant) for one in (min(values), max(values)))
     return " to ".join(ends) + name
 
 

@@ -56,7 +56,7 @@ def meaning_text(meaning: str, figures: Mapping[str, Coefficient], *, ranges: bo
             known = [figures[name] for name in found]
             sizes = [abs(one.value) for one in known if one.value is not None]
             if ranges and len(sizes) == len(known) > 1:
-                text = range_text(sizes, known[0].unit)
+                text = range_text(sizes, known[0].unit, significant=2)
             else:
                 names = (said.removeprefix(begin.replace("_", " ")) for said in found.values())
                 text = ", ".join(

@@ -34,10 +34,6 @@ HEADS = ("score", "ratio", "for the filter", "verdict")
 """Of a table of scores."""
 IN_THE_TABLE = (VerdictCode.OPTIMISTIC, VerdictCode.PESSIMISTIC, VerdictCode.CORRELATED_INNOVATIONS)
 """Verdicts on one score each, which its row says."""
-OFF_WORDS = (
-    "optimistic: it errs more than it says; pessimistic: it errs less, or, of innovations, errors of the fixes stay "
-    "alike from fix to fix"
-)
 
 
 def consistency_answer(
@@ -169,7 +165,6 @@ def _bands(found: Consistency) -> list[Table | str]:
             if len(each.values) > 1
         ),
         *(f"  {verdict_text(verdict)}" for verdict in found.verdicts if verdict.code not in IN_THE_TABLE),
-        *([] if found.honesty.good else [f"  {OFF_WORDS}"]),
     ]
 
 

@@ -101,7 +101,6 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
         f"{idle} finding{'s' * (idle > 1)} in report.html change{'s' * (idle == 1)} no setting by 5 % or more"
         if idle
         else "",
-        *_done_before(result),
         *against_datasheet(result),
         *warning_lines(result.identification, predicted=result.predictions),
         *(f"No {part}: {why}" for part, why in result.absent.items() if part != OF_DRIVE_ALONE),
@@ -128,14 +127,6 @@ def noise_tables(result: TuneResult, files: Iterable[str]) -> list[Table]:
         measured_table(result.identification, result.config, curve, further=not entered, entered=True),
         *entered,
     ]
-
-
-def _done_before(result: TuneResult) -> list[str]:
-    """Return what was done to a drive before it was filtered, and what was assumed of it."""
-    if result.measured is None:
-        return []
-    notes = [note for note in separated(result.measured.notes)[1] if "the reference" not in note]
-    return [f"Before the drive was filtered: {'; '.join(notes)}"] if notes else []
 
 
 def withheld_lines(result: TuneResult) -> list[str]:
