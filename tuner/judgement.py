@@ -380,7 +380,7 @@ def _of_enlargements(config: FilterConfig) -> Iterator[Reason]:
     changed: dict[tuple[str, str], list[tuple[str, float]]] = {}
     for (axis, name), parts in settings.items():
         if any(_far(one.factor) for one in parts):
-            what = "sds" if axis == "gnss" else SETTING_WORDS.get(name, name)
+            what = f"{name.partition('_')[0]} sds" if axis == "gnss" else SETTING_WORDS.get(name, name)
             why = _causes_text(list(dict.fromkeys(cause for one in parts for cause in one.causes)))
             factor = math.prod(one.factor for one in parts)
             changed.setdefault((what, why), []).append((axis, factor))

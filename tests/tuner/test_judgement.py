@@ -173,8 +173,10 @@ def test_what_changes_a_setting_together_is_one_factor_in_the_verdict(known):
     noise = "white_density"
     shaken = (Enlargement(Quantity(f"gyro_{axis}", noise), 40.0, "", ("vibration",)) for axis in "xyz")
     scale = AppliedNoiseScale(Quantity("gyro", noise), 0.4, "", causes=("unknown",))
-    text = judge_settings(with_config(known, inflations=(*shaken, scale))).text
+    fixes = [AppliedNoiseScale(Quantity("gnss", f"{row}_sd"), 0.4, "") for row in ("position", "velocity")]
+    text = judge_settings(with_config(known, inflations=(*shaken, scale, *fixes))).text
     assert "white noise of gyro x y z × 16 (vibration, unknown)" in text
+    assert "position sds of fixes × 0.40, velocity sds of fixes × 0.40" in text  # both read "sds of fixes"
 
 
 def test_a_limit_names_its_term(known):
