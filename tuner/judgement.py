@@ -7,7 +7,7 @@ each with the best use that it leaves; the gravest decides (`judged`).
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -16,7 +16,7 @@ import numpy as np
 
 from tuner.catalogue.grades import receiver_or_default
 from tuner.formats.axis_words import axes_text
-from tuner.formats.customary_units import digits, percent
+from tuner.formats.customary_units import digits, percent, range_text
 from tuner.identification.identify_channel import CURVE_DISAGREES
 from tuner.limits import HONEST_RATIO, LOST_SHARE, SHOWN_CHANGE, TOLERATED_RATIO, WRONG_FACTOR
 from tuner.synthesis.equivalent_models import FILTER_MEMORY
@@ -58,8 +58,9 @@ SETTING_WORDS = {
     "white_density": "white noise",
     "markov": "bias states",
     "random_walk_density": "bias random walk",
+    "bias_instability_level": "bias instability",
 }
-"""Settings of a sensor, in words."""
+"""Settings of a sensor and terms behind them, in words."""
 UNAIDED_TIME = 60.0
 """Time without aiding over which a term that is only limited is judged, s."""
 NOT_SHOWN_AT_REST = "a log at rest cannot show scale factors, misalignment, delays or vibration of a vehicle"
@@ -366,26 +367,30 @@ def _of_unexplained(unexplained: Sequence[Unexplained]) -> Iterator[Reason]:
 
 
 def _of_enlargements(config: FilterConfig) -> Iterator[Reason]:
-    """Yield the settings that differ from what was measured or stated by more than `WRONG_FACTOR`, with the causes."""
-    changed: dict[str, dict[tuple[str, str], list[Enlargement | AppliedNoiseScale]]] = {}
+    """Yield the settings that differ from what was measured or stated by more than `WRONG_FACTOR`, with the causes.
+
+    Of a setting that several things change, such as vibration and a drive, it is one factor: their product.
+    """
+    settings: dict[tuple[str, str], list[Enlargement | AppliedNoiseScale]] = {}
     for one in config.inflations:
-        if isinstance(one, Enlargement | AppliedNoiseScale) and _far(one.factor):
-            by_drive = isinstance(one, AppliedNoiseScale)
-            head = "settings changed by the drive" if by_drive else "settings not as measured or stated"
-            what = "sds" if one.quantity.owner == "gnss" else one.quantity.field
-            changed.setdefault(head, {}).setdefault((what, _causes_text(one.causes)), []).append(one)
-    for head, found in changed.items():
-        texts = [
-            f"{SETTING_WORDS.get(what, what)} of {axes_text([one.quantity.owner for one in alike])} "
-            f"× {_range_text([one.factor for one in alike])}{why}"
-            for (what, why), alike in found.items()
-        ]
+        if isinstance(one, Enlargement | AppliedNoiseScale):
+            owner = one.quantity.owner  # a sensor stands for its axes
+            for axis in [each for each in config.channels if each.startswith(f"{owner}_")] or [owner]:
+                settings.setdefault((axis, one.quantity.field), []).append(one)
+    changed: dict[tuple[str, str], list[tuple[str, float]]] = {}
+    for (axis, name), parts in settings.items():
+        if any(_far(one.factor) for one in parts):
+            what = f"{name.partition('_')[0]} sds" if axis == "gnss" else SETTING_WORDS.get(name, name)
+            why = _causes_text(list(dict.fromkeys(cause for one in parts for cause in one.causes)))
+            factor = math.prod(one.factor for one in parts)
+            changed.setdefault((what, why), []).append((axis, factor))
+    texts = []
+    for (what, why), alike in changed.items():
+        axes, factors = zip(*alike, strict=True)
+        texts.append(f"{what} of {axes_text(axes)} × {range_text(factors, significant=2)}{why}")
+    if texts:
+        head = "settings not as measured or stated"
         yield Reason(Use.USABLE_EXCEPT, f"{head}: {', '.join(texts)}".replace("of gnss", "of fixes"))
-
-
-def _range_text(values: Collection[float]) -> str:
-    """Return the least and the largest of values, once where they are alike."""
-    return " to ".join(dict.fromkeys(digits(one, 2) for one in (min(values), max(values))))
 
 
 def _causes_text(causes: Sequence[str]) -> str:
@@ -399,7 +404,8 @@ def _of_limits(config: FilterConfig) -> Iterator[Reason]:
     or velocity after a minute without aiding, with the term at its limit, is at least `HONEST_RATIO` × that without it.
     """
     hidden: list[str] = []
-    limited: dict[str, float] = {}
+    limited: dict[str, list[str]] = {}
+    ratios: list[float] = []
     hours: list[float] = []
     for one in config.inflations:
         channel = config.channels.get(one.quantity.owner)
@@ -408,7 +414,9 @@ def _of_limits(config: FilterConfig) -> Iterator[Reason]:
         if one.quantity.field == "white.density":
             hidden.append(channel.axis)
         elif (ratio := limit_ratio(channel, one.quantity.field, one.factor)) >= HONEST_RATIO:
-            limited[channel.axis] = max(ratio, limited.get(channel.axis, 0.0))
+            term = SETTING_WORDS[one.quantity.field.replace(".", "_")]
+            limited.setdefault(term, []).append(channel.axis)
+            ratios.append(ratio)
             if (needed := hours_needed(one.reason)) is not None:
                 hours.append(needed)
     if hidden:
@@ -419,8 +427,9 @@ def _of_limits(config: FilterConfig) -> Iterator[Reason]:
     if limited:
         yield Reason(
             Use.USABLE_EXCEPT,
-            f"values of {axes_text(list(limited))} behind →: not seen, half of the limit is ASSUMED (at the "
-            f"limit an axis drifts {_range_text(limited.values())} × as far in {UNAIDED_TIME:g} s as without)"
+            f"{', '.join(f'{term} of {axes_text(axes)}' for term, axes in limited.items())}: not seen, half of the "
+            f"limit is ASSUMED (at the limit an axis drifts {range_text(ratios, significant=2)} × as far in "
+            f"{UNAIDED_TIME:g} s as without)"
             + (f"; a log of {digits(max(hours), 2)} h would show them" if hours else ""),
         )
 

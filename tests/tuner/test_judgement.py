@@ -24,6 +24,7 @@ from tuner.synthesis import synthesize
 from tuner.tune_result import TuneResult
 from tuner.types import (
     AppliedNoiseScale,
+    BoundUsed,
     ChannelNoise,
     Diagnosis,
     DriveDiagnosis,
@@ -155,7 +156,7 @@ def with_config(known, **what):
         ),
         (
             AppliedNoiseScale(Quantity("gyro", "white_density"), 190.0, "", causes=("unknown",)),
-            "settings changed by the drive: white noise of gyro × 190 (unknown)",
+            "settings not as measured or stated: white noise of gyro x y z × 190 (unknown)",
         ),
     ],
 )
@@ -165,6 +166,25 @@ def test_a_factor_on_a_setting_is_in_the_verdict(known, one, said):
     assert said in verdict.text
     small = replace(one, factor=1.3)
     assert judge_settings(with_config(known, inflations=(small,))).use is Use.USABLE
+
+
+def test_what_changes_a_setting_together_is_one_factor_in_the_verdict(known):
+    """It read "white noise of gyro x y z × 39 (vibration)", then "white noise of gyro × 0.43 (unknown)"."""
+    noise = "white_density"
+    shaken = (Enlargement(Quantity(f"gyro_{axis}", noise), 40.0, "", ("vibration",)) for axis in "xyz")
+    scale = AppliedNoiseScale(Quantity("gyro", noise), 0.4, "", causes=("unknown",))
+    fixes = [AppliedNoiseScale(Quantity("gnss", f"{row}_sd"), 0.4, "") for row in ("position", "velocity")]
+    text = judge_settings(with_config(known, inflations=(*shaken, scale, *fixes))).text
+    assert "white noise of gyro x y z × 16 (vibration, unknown)" in text
+    assert "position sds of fixes × 0.40, velocity sds of fixes × 0.40" in text  # both read "sds of fixes"
+
+
+def test_a_limit_names_its_term(known):
+    """It read "values of accel z behind →", on screens without a table that has →."""
+    limit = BoundUsed(Quantity("accel_z", "random_walk.density"), 0.1, "")
+    text = judge_settings(with_config(known, inflations=(limit,))).text
+    assert "bias random walk of accel z: not seen, half of the limit is ASSUMED" in text
+    assert "→" not in text
 
 
 def test_samples_that_are_left_out_are_in_the_verdict(known):

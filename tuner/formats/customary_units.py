@@ -6,6 +6,7 @@ Gyro: deg/√h, deg/h, deg/h/√h, deg/h², arcsec. Accelerometer: µg/√Hz, µ
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 
 from models.noise import TERMS
 from models.units import DEG, DEG_PER_HOUR, DEG_PER_SECOND, MICRO_G, MILLI_G, G, from_si
@@ -152,6 +153,13 @@ def amount(coefficient: Coefficient) -> str:
     if number is None:
         return "–"
     return _said(coefficient, *_unit_for(coefficient.unit, number), "below", EXACT_DIGITS)
+
+
+def range_text(values: Collection[float], unit: str = "1", significant: int = 3) -> str:
+    """Return the least and the largest of values of an SI unit, once where they are alike, in a customary unit."""
+    size, name = _unit_for(unit, max(values))
+    ends = dict.fromkeys(digits(one / size, significant) for one in (min(values), max(values)))
+    return " to ".join(ends) + name
 
 
 def _said(c: Coefficient, size: float, unit: str, below: str, exact: int) -> str:

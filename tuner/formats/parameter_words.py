@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 
-from tuner.formats.customary_units import digits
+from tuner.formats.customary_units import amount, digits, range_text
 from tuner.types import Coefficient
 from tuner.types.records import SOLUTIONS
 
@@ -27,6 +28,42 @@ def parameter_words(parameters: Mapping[str, Coefficient]) -> dict[str, str]:
         elif "_edge_" not in name and "_solution_" not in name:
             words[name] = plain
     return words
+
+
+def meaning_text(meaning: str, figures: Mapping[str, Coefficient], *, ranges: bool = False) -> str:
+    """Return what a cause means, with figures of it in their places.
+
+    Parameters
+    ----------
+    meaning : str
+        Clauses between commas. A place in a clause, ``{sd}``, is for the figures whose names begin so, ``{}`` for those
+        that no clause before it has; a clause with a place for which there is no figure is left out.
+    figures : mapping of str to Coefficient
+        SI, by name.
+    ranges : bool, optional
+        Whether figures that share a place are given as their range of magnitudes, not each.
+    """
+    left = parameter_words(figures)
+    clauses = []
+    for clause in meaning.split(", "):
+        before, *place = re.split(r"\{(\w*)\}", clause)
+        if not place:
+            clauses.append(clause)
+            continue
+        begin, behind = place
+        found = {name: left.pop(name) for name in [*left] if name.startswith(begin)}
+        if found:
+            known = [figures[name] for name in found]
+            sizes = [abs(one.value) for one in known if one.value is not None]
+            if ranges and len(sizes) == len(known) > 1:
+                text = range_text(sizes, known[0].unit, significant=2)
+            else:
+                names = (said.removeprefix(begin.replace("_", " ")) for said in found.values())
+                text = ", ".join(
+                    f"{name} {amount(one)}".strip() for name, one in zip(names, known, strict=True)
+                )
+            clauses.append(f"{before}{text}{behind}")
+    return ", ".join(clauses)
 
 
 def _fixes_of_class(parameters: Mapping[str, Coefficient], block: str, number: int) -> str:

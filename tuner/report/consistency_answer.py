@@ -30,19 +30,10 @@ from tuner.types.judgement import Use
 from tuner.types.named_cause import separated
 from tuner.types.verdict import Severity, VerdictCode
 
-HONEST_IS = (
-    f"honest: {1.0 / HONEST_RATIO:.2f} to {HONEST_RATIO:g} (attitude {1.0 / TOLERATED_RATIO:g} to "
-    f"{TOLERATED_RATIO:g}), or off by chance; blank: not judged"
-)
-"""What the rows of a table are judged by."""
 HEADS = ("score", "ratio", "for the filter", "verdict")
 """Of a table of scores."""
 IN_THE_TABLE = (VerdictCode.OPTIMISTIC, VerdictCode.PESSIMISTIC, VerdictCode.CORRELATED_INNOVATIONS)
 """Verdicts on one score each, which its row says."""
-OFF_WORDS = (
-    "optimistic: it errs more than it says; pessimistic: it errs less, or, of innovations, errors of the fixes stay "
-    "alike from fix to fix"
-)
 
 
 def consistency_answer(
@@ -73,7 +64,7 @@ def consistency_answer(
     said = [about, f"Verdict: {found.honesty.text}", *named]
     table = [_score_table(found)] if found.scores or found.errors else []
     return document(
-        [*said, *table, *_further(found), *to_do],
+        [*said, *table, *map(_legend, table), _further(found), *to_do],
         [*causes[SHOWN_FINDINGS:], *(f"Note: {note}" for note in others)],
         more=[*_bands(found), *more],
         beyond="every score with its band",
@@ -137,15 +128,23 @@ def _rms_text(one: RmsError, values: Iterable[float], names: Iterable[str] = (""
     return f"{', '.join(parts)} {unit}".strip()
 
 
-def _further(found: Consistency) -> list[str]:
-    """Return what the table does not show: what is judged, correlation of the innovations, refused fixes."""
+def _legend(table: Table) -> str:
+    """Return what the rows of a table are judged by; nothing of what it does not have."""
+    names, *_, verdicts = ([*map(str, column.cells)] for column in table.columns)
+    attitude = f" (attitude {1.0 / TOLERATED_RATIO:g} to {TOLERATED_RATIO:g})" * ("attitude, 3-D" in names)
+    honest = f"honest: {1.0 / HONEST_RATIO:.2f} to {HONEST_RATIO:g}{attitude}, or off by chance"
+    return f"{honest}{'; blank: not judged' * ('' in verdicts)}" if any(verdicts) else ""
+
+
+def _further(found: Consistency) -> str:
+    """Return what the table does not show: correlation of the innovations, refused fixes."""
     white = found.whiteness
     others = []
     if white is not None and not white.consistent:
         others.append(f"innovations correlated, {white.correlation:+.2f} at lag {white.lag}")
     if found.gated:
         others.append(f"{percent(found.gated)} of fixes refused")
-    return [HONEST_IS * bool(found.scores), "; ".join(others)]
+    return "; ".join(others)
 
 
 def _bands(found: Consistency) -> list[Table | str]:
@@ -166,7 +165,6 @@ def _bands(found: Consistency) -> list[Table | str]:
             if len(each.values) > 1
         ),
         *(f"  {verdict_text(verdict)}" for verdict in found.verdicts if verdict.code not in IN_THE_TABLE),
-        *([] if found.honesty.good else [f"  {OFF_WORDS}"]),
     ]
 
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from models.filter_states import FILTER_STATES
 from tuner.formats.clock_words import clock_words
-from tuner.formats.customary_units import amount, digits
-from tuner.formats.parameter_words import parameter_words
+from tuner.formats.customary_units import digits
+from tuner.formats.parameter_words import meaning_text
 from tuner.report.titled_table import table_of
 from tuner.types.clock import Clock, Delay
 from tuner.types.honesty import ratio_text
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 REPORTED, R_BESIDE_STATES, STATES, R_ALONE = (
     "reported by the receiver",
     "R of noise.yaml",
-    "its states for GNSS errors: sd; time",
+    "states for GNSS errors: sd; time",
     "R of a filter without such states",
 )
 """Rows of the sds of fixes."""
@@ -41,21 +41,12 @@ DELAY_IS_IN = (
 """What is done about a delay, and what is left to do."""
 
 
-def found_text(finding: Finding, *, sizes: bool = True) -> str:
-    """Return the cause of a finding, where it acts, what it is, and its figures or only that within its words."""
-    what, _, rest = finding.text.partition(": ")
-    words = rest.partition(" (")[0]
-    cause = finding.cause.replace("_", " ")
-    where = ", ".join(one for one in finding.channels if one not in cause)
-    subject = f"{cause} in {where}" if where else cause
-    figures = dict(finding.figures)
-    for name in finding.figures:
-        if (phrase := f" by the {name.replace('_', ' ')}") in words:  # the figure in its place
-            words = words.replace(phrase, f" by {amount(figures.pop(name))}", 1)
-            break
-    said = [f"{said} {amount(figures[name])}" for name, said in parameter_words(figures).items()]
-    text = f"{subject[:1].upper()}{subject[1:]}: {words or what}".removesuffix(": ")
-    return f"{text} ({', '.join(said)})" if said and sizes else text
+def found_text(finding: Finding, *, ranges: bool = False) -> str:
+    """Return what a finding of a drive is, in one sentence, with its figures or the ranges of those that are alike."""
+    from tuner.diagnosis.drive.causes.registry import DRIVE_CAUSES  # loads the diagnosis of drives
+
+    text = meaning_text(DRIVE_CAUSES[finding.cause].meaning, finding.figures, ranges=ranges)
+    return f"{text[:1].upper()}{text[1:]}"
 
 
 def choice_parts(choice: HeldOutChoice, scored: Sequence[Outage] = ()) -> list[Table | str]:

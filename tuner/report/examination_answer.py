@@ -51,14 +51,14 @@ def examination_verdict(found: Examination) -> tuple[bool, str]:
     return False, f"mend before any filter: {many} thing{'s' * (many > 1)}, the surest first"
 
 
-def vibration_lines(found: Examination, use: str = "which Q must hold") -> list[str]:
-    """Return how much noisier the samples are in motion than at rest, where that changes Q, and what `use` it has."""
+def vibration_lines(found: Examination) -> list[str]:
+    """Return how much noisier the samples are in motion than at rest, where that changes Q."""
     parts = [
         f"{name} {digits(moving / still, 2)} ×"
         for name, (still, moving) in found.vibration.items()
         if moving > WRONG_FACTOR * still > 0.0
     ]
-    return [f"Noise in motion: {', '.join(parts)} that at rest, {use}"] if parts else []
+    return [f"Noise in motion: {', '.join(parts)} that at rest, which Q must hold"] if parts else []
 
 
 def _noise_table(found: Examination) -> Table:

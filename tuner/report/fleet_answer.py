@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import pandas as pd
 from rich.table import Table
 
-from tuner.formats.customary_units import digits, phrase
+from tuner.formats.customary_units import digits, phrase, range_text
 from tuner.production.outliers import FALSE_NAMING, LEAST_UNITS, threshold
 from tuner.production.quantities import SYMBOLS, customary, is_logarithmic, pretty_unit, title
 from tuner.production.spread import spread_text
@@ -132,23 +132,19 @@ def _together(sensor: str, found: Sequence[Outlier], fleet: Fleet) -> str:
     for symbol in (symbol for symbol in SYMBOLS if symbol in axes):
         alike = axes[symbol]
         letters = " ".join(sorted(one.quantity.rpartition(".")[0].rpartition("_")[2] for one in alike))
-        ratios = sorted(one.value / one.median for one in alike)
+        ratios = [one.value / one.median for one in alike]
         name = alike[0].quantity
         unit = fleet.channel_units[name.rpartition(".")[0]]
-        values = _range(sorted(customary(one.value, one.quantity, unit) for one in alike))
+        values = range_text([customary(one.value, one.quantity, unit) for one in alike], significant=2)
         size = f"{values} {pretty_unit(name, unit)}"
-        parts.append(f"{IN_WORDS.get(symbol, symbol)} of {letters} {size}, × {_range(ratios)}")
-    scores = _range(sorted(one.score for one in found))
+        parts.append(
+            f"{IN_WORDS.get(symbol, symbol)} of {letters} {size}, × {range_text(ratios, significant=2)}"
+        )
+    scores = range_text([one.score for one in found], significant=2)
     limit = digits(found[0].threshold, 2)
     return (
         f"{sensor}: {', '.join(parts)} the median of the units ({scores} robust sds from it; limit {limit})"
     )
-
-
-def _range(values: Sequence[float]) -> str:
-    """Return the ends of sorted values, one where they read the same."""
-    low, high = digits(values[0], 2), digits(values[-1], 2)
-    return low if low == high else f"{low} to {high}"
 
 
 def judged_how(fleet: Fleet) -> str:

@@ -111,16 +111,6 @@ def view_of(result: object) -> View:
     return VIEWS[type(result)]
 
 
-def frame_of(result: object) -> pd.DataFrame:
-    """Return the numbers of a result."""
-    return view_of(result).frame(result)
-
-
-def figure_of(result: object) -> Figure:
-    """Return the figure of a result."""
-    return view_of(result).figure(result)
-
-
 def html_of(result: object) -> str:
     """Return the whole answer of a result for a notebook."""
     return tables_html(view_of(result).answer(result).whole)
@@ -180,7 +170,11 @@ def page_of(results: Mapping[str, object], title: str, command: str) -> str:
 def _part_of(result: object) -> Part:
     view = view_of(result)
     figure = view.figure(result)
-    drawn = [picture_of(figure, view.caption)] if any(panel.has_data() for panel in figure.axes) else []
+    drawn = (
+        [Picture.of(rendered(figure, "figure"), "figure", view.caption)]
+        if any(panel.has_data() for panel in figure.axes)
+        else []
+    )
     return Part(view.answer(result), drawn)
 
 
@@ -219,11 +213,6 @@ def pictures_of_solution(found: DriveResult, drive: Drive) -> Part:
     drawn = solution_pictures(found, drive, PAGE_SUFFIXES)
     captions = {name: words for name, words in SOLUTION_CAPTIONS.items() if f"{name}.svg" in drawn}
     return Part(document(()), [Picture.of(drawn, name, words) for name, words in captions.items()])
-
-
-def picture_of(figure: Figure, caption: str, name: str = "figure") -> Picture:
-    """Return a figure for a page: as charts to read values off where it can be, and as a picture for print."""
-    return Picture.of(rendered(figure, name), name, caption)
 
 
 SCORES_CAPTION = "True rms ÷ predicted sd of each score, with the band in which the filter is consistent"

@@ -16,6 +16,7 @@ from tuner.formats.customary_units import (
     digits,
     in_customary,
     pretty,
+    range_text,
     symbol,
 )
 from tuner.identification.comparison import LimitCheck
@@ -72,9 +73,7 @@ def _ratios_text(found: Iterable[tuple[str, str, float]]) -> str:
     for axis, name, ratio in found:
         terms.setdefault(NAMES.get(name, symbol(name)), {})[axis] = ratio
     return "; ".join(
-        f"{term} of {axes_text([*at])} "
-        f"{' to '.join(dict.fromkeys(map(digits, (min(at.values()), max(at.values())))))} ×"
-        for term, at in terms.items()
+        f"{term} of {axes_text([*at])} {range_text(at.values())} ×" for term, at in terms.items()
     )
 
 
@@ -244,7 +243,6 @@ def plan_answer(plans: StaticTestPlan, limited: str = "") -> Document:
     rows, hidden = [], []
     for (unit, name), found in groups.items():
         values = [in_customary(p.value, name, unit) for _, p in found]
-        ends = list(dict.fromkeys((digits(min(values)), digits(max(values)))))
         spread = max(p.relative_sd for _, p in found)
         hours = [p.hours for _, p in found]
         term = f"{sensor_or_axes([axis for axis, _ in found], list(plans))} {NAMES.get(name, symbol(name))}"
@@ -253,7 +251,7 @@ def plan_answer(plans: StaticTestPlan, limited: str = "") -> Document:
         rows.append(
             (
                 term,
-                f"{' to '.join(ends)} {pretty(customary_unit(name, unit))}",
+                f"{range_text(values)} {pretty(customary_unit(name, unit))}",
                 f"{digits(100 * spread, 2)} %" if spread < 10 else "> 1000 %",
                 "limit only" if term in hidden else "yes",
                 "more than 10 000" if None in hours else digits(max(h for h in hours if h is not None), 2),

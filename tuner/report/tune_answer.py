@@ -37,7 +37,7 @@ from tuner.report.terminal import LINE_WIDTH
 from tuner.report.tune_sections import setting_reasons, tune_sections
 from tuner.report.unexplained_words import unexplained_lines
 from tuner.synthesis.findings import judge_hidden
-from tuner.types import AppliedNoiseScale, Diagnosis, Enlargement
+from tuner.types import Diagnosis
 from tuner.types.named_cause import separated
 
 if TYPE_CHECKING:
@@ -73,13 +73,7 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
     signs = legend(*noise[:1])
     found, idle, doubted = found_lines(result)
     examined = result.diagnosis is not None or result.drive is not None
-    shaken = any(
-        "vibration" in one.causes
-        for one in result.config.inflations
-        if isinstance(one, Enlargement | AppliedNoiseScale)
-    )
-    use = "which noise.yaml holds" if shaken else "which Q must hold"
-    vibration = [] if result.examination is None else vibration_lines(result.examination, use)
+    vibration = [] if result.examination is None else vibration_lines(result.examination)
     mended = result.examination is not None and result.examination.before_filter
     nothing = [] if mended or vibration else ["Nothing was found that the noise terms do not explain"]
     further = len(found) - SHOWN_FINDINGS
@@ -91,7 +85,7 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
         recording_line(result),
         f"Verdict: {result.verdict.text}",
         *reference_lines(result),
-        *vibration,
+        *(vibration if "vibration" not in result.verdict.text else []),
         *noise[:1],
         signs,
         reason,
@@ -107,7 +101,6 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
         f"{idle} finding{'s' * (idle > 1)} in report.html change{'s' * (idle == 1)} no setting by 5 % or more"
         if idle
         else "",
-        *_done_before(result),
         *against_datasheet(result),
         *warning_lines(result.identification, predicted=result.predictions),
         *(f"No {part}: {why}" for part, why in result.absent.items() if part != OF_DRIVE_ALONE),
@@ -134,14 +127,6 @@ def noise_tables(result: TuneResult, files: Iterable[str]) -> list[Table]:
         measured_table(result.identification, result.config, curve, further=not entered, entered=True),
         *entered,
     ]
-
-
-def _done_before(result: TuneResult) -> list[str]:
-    """Return what was done to a drive before it was filtered, and what was assumed of it."""
-    if result.measured is None:
-        return []
-    notes = [note for note in separated(result.measured.notes)[1] if "the reference" not in note]
-    return [f"Before the drive was filtered: {'; '.join(notes)}"] if notes else []
 
 
 def withheld_lines(result: TuneResult) -> list[str]:
@@ -234,8 +219,10 @@ def found_lines(result: TuneResult) -> tuple[list[str], int, str]:
     rest = [one for one in known.unexplained if is_felt(one)]
     idle = len(found.idle) + (len(rest) < len(known.unexplained))
     of_drive = () if result.drive is None else result.drive.diagnosis.findings
+    delays = result.config.compensation  # which the line on the stamps of the fixes says
+    new = (one for one in of_drive if not delays.value(one.cause, "delay"))
     unexplained = (f"Not explained: {text}" for text in unexplained_lines(rest)[:1])
-    said = [*unexplained, *found.felt, *(found_text(one, sizes=False) for one in of_drive), *found.faults]
+    said = [*unexplained, *found.felt, *(found_text(one, ranges=True) for one in new), *found.faults]
     return said, idle, found.doubted
 
 

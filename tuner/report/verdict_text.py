@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -46,7 +45,12 @@ def verdict_text(verdict: Verdict) -> str:
         case VerdictCode.START_NOT_LINEAR:
             return _start(numbers)
         case VerdictCode.TRUTH_FAR:
-            parts = [_far(name, float(np.max(ratio))) for name, ratio in numbers.items()]
+            parts = [
+                f"{name}, configured as none"
+                if np.isinf(ratio).any()
+                else f"{name} {np.max(ratio):.2g} times as large"
+                for name, ratio in numbers.items()
+            ]
             return (
                 f"the simulated errors are far larger than the filter is configured for: {', '.join(parts)}"
             )
@@ -110,10 +114,6 @@ def _start(numbers: Mapping[str, float | tuple[float, ...]]) -> str:
         "than a linear filter always recovers from; let the vehicle stand to find the gyro biases first, and give it "
         "what is left of them as constants"
     )
-
-
-def _far(name: str, ratio: float) -> str:
-    return f"{name}, configured as none" if math.isinf(ratio) else f"{name} {ratio:.2g} times as large"
 
 
 def _spurious(verdict: Verdict) -> str:

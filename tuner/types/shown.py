@@ -22,12 +22,12 @@ class Shown:
 
     def plot(self) -> Figure:
         """Return the figure that goes with the result."""
-        figure: Figure = _views().figure_of(self)
+        figure: Figure = _views().view_of(self).figure(self)
         return figure
 
     def to_pandas(self) -> pd.DataFrame:
         """Return the numbers as a data frame: SI with a column for the unit, or the unit in the name of a column."""
-        frame: pd.DataFrame = _views().frame_of(self)
+        frame: pd.DataFrame = _views().view_of(self).frame(self)
         return frame
 
     def to_xarray(self) -> Any:

@@ -36,7 +36,14 @@ def test_each_row_that_decides_says_what_it_says_of_the_filter(ratio, freedom, s
     rows = rows_of(consistency_answer(found))
     assert rows["position, 3-D"] == rows["position after 60 s without fixes"] == said
     assert rows["gyro bias"].endswith(")")  # a bias decides nothing
-    assert any(line.startswith("honest: 0.67 to 1.5 (attitude 0.5 to 2)") for line in rows)
+    assert "honest: 0.67 to 1.5, or off by chance; blank: not judged" in rows
+
+
+def test_a_legend_says_what_the_table_has_and_no_more():
+    """It told the band of an attitude, and what a blank is, beneath tables without either."""
+    attitude = score("attitude", 1.0, 1e4)
+    found = Consistency(None, (attitude,), (), None, (), {}, 0.0, False, ())
+    assert "honest: 0.67 to 1.5 (attitude 0.5 to 2), or off by chance" in rows_of(consistency_answer(found))
 
 
 def test_without_a_truth_the_distances_to_the_smoother_decide_nothing():

@@ -13,6 +13,8 @@ from rich.table import Table
 
 from models.noise import GaussMarkov, NoiseModel, RandomWalk, White
 from tuner.catalogue.grades import load_gnss
+from tuner.diagnosis.drive.causes.base import ConstantCause
+from tuner.diagnosis.drive.causes.registry import DRIVE_CAUSES
 from tuner.diagnosis.drive.held_out_choice import HeldOutChoice
 from tuner.diagnosis.drive.outage_errors import OutageErrors
 from tuner.diagnosis.drive.predictive_score import PredictiveScore
@@ -20,6 +22,7 @@ from tuner.exporters import export
 from tuner.exporters.header import STATES_IN_PAIR
 from tuner.formats.axis_words import axes_text
 from tuner.formats.customary_units import digits, in_customary
+from tuner.formats.parameter_words import meaning_text
 from tuner.formats.reference_words import wrong_times_text
 from tuner.identification import identify
 from tuner.identification.identify_source import identify_source
@@ -37,16 +40,16 @@ from tuner.report.noise_table import (
     why_larger,
 )
 from tuner.report.terminal import fitted, text_of
-from tuner.report.tune_answer import settings_in_dialect, tune_answer
+from tuner.report.tune_answer import found_lines, settings_in_dialect, tune_answer
 from tuner.simulation.static import simulate
 from tuner.synthesis import synthesize
 from tuner.synthesis.equivalent_models import equivalent_noise
 from tuner.synthesis.from_drive import load_config
 from tuner.tune_result import TuneResult
-from tuner.types import BoundUsed, Coefficient, Diagnosis, DriveDiagnosis, Finding, Unexplained
+from tuner.types import BoundUsed, Coefficient, Diagnosis, DriveDiagnosis, Enlargement, Finding, Unexplained
 from tuner.types.borrowed import with_borrowed
 from tuner.types.clock import Clock, Delay
-from tuner.types.compensation import Compensation
+from tuner.types.compensation import Compensation, Parameter
 from tuner.types.consistency import Consistency, Outage, Score
 from tuner.types.identification import TermEstimate
 from tuner.types.inflation import Quantity
@@ -297,20 +300,83 @@ def test_what_a_drive_keeps_is_said(result):
     assert note in " ".join(text.split())
 
 
-def test_a_finding_of_a_drive_has_its_subject_size_and_interval():
-    """It read "Found: stamps … are late by the delay", or "Found (time constant 853 …)", of nothing."""
+@pytest.mark.parametrize(
+    ("cause", "figures", "said"),
+    [
+        (
+            "velocity_lag", {"delay": (0.057, 0.041, 0.073, "s")},
+            "Velocities are later than the positions beside them, by 0.057 ± 0.016 s, "
+            "as behind a filter of the receiver",
+        ),
+        (
+            "gnss_noise_scale",
+            {
+                "position_horizontal": (0.069, 0.065, 0.073, "1"),
+                "velocity_horizontal": (0.57, 0.54, 0.60, "1"),
+                "velocity_vertical": (0.37, 0.34, 0.40, "1"),
+            },
+            "Fixes do not err as assumed, positions horizontal 0.0690 ± 0.0040 × as much, "
+            "velocities 0.37 to 0.57 × as much",
+        ),
+        (
+            "bias_jump",
+            {
+                "time": (178.5, 175.0, 182.0, "s"),
+                "x": (-6.6e-3, -1e-2, -3.3e-3, "m/s^2"),
+                "z": (2.7e-3, 1e-3, 4.4e-3, "m/s^2"),
+            },
+            "A bias jumped, at 178.5 ± 3.5 s, by 275 to 673 µg",
+        ),
+        (
+            "correlated_gnss", {"time_constant": (853.0, 389.0, 2910.0, "s")},
+            "Errors of the positions stay from fix to fix, for some 853 (389 … 2910) s",
+        ),
+        ("sensor_bias", {"accel_z": (-0.3325, -0.3413, -0.3237, "m/s^2")}, None),
+        ("lever_arm", {}, "The antenna is not where the lever arm puts it"),
+    ],
+)  # fmt: skip
+def test_a_finding_of_a_drive_is_one_sentence_with_its_figures(cause, figures, said):
+    """It ended in "as large as assumed: true ÷ assumed", in "late by the delay", or said "a bias jumped" alone."""
+    known = {name: Coefficient.known(*one) for name, one in figures.items()}
+    text = found_text(Finding(cause, ("gnss",), "a statistic", 9.0, 1e-9, known, ""), ranges=True)
+    assert text == (said or "A constant bias is far beyond its prior, of accel z -33.91 ± 0.90 mg")
+
+
+@pytest.mark.parametrize("cause", list(DRIVE_CAUSES.values()), ids=list(DRIVE_CAUSES))
+def test_what_a_cause_of_a_drive_means_is_said_without_figures_too(cause):
+    text = meaning_text(cause.meaning, {})
+    assert text
+    assert not re.search("[{}÷]|by the ", text)
+    if issubclass(cause, ConstantCause):
+        figures = {name: Coefficient.known(0.1, 0.09, 0.11, unit) for name, unit in cause.units.items()}
+        each, ranges = (meaning_text(cause.meaning, figures, ranges=one) for one in (False, True))
+        assert each.count("±") == len(figures)
+        assert re.search(r"\d", ranges)
+
+
+def test_a_delay_that_the_line_on_stamps_says_is_no_finding_again(result):
+    """The screen said "Fixes are stamped 2.027 ± 0.059 s late" and, below, that they "are late by the delay"."""
     late = Finding(
-        "time_offset", ("gnss",), "a statistic", 9.0, 1e-9, {"delay": Coefficient.known(-0.199, -0.219, -0.178, "s")},
-        "time_offset in gnss: stamps of positions and velocities are late by the delay (delay)",
-    )  # fmt: skip
-    assert found_text(late).startswith(
-        "Time offset in gnss: stamps of positions and velocities are late by -0.199 ± 0.021 s"
+        "time_offset", ("gnss",), "", 9.0, 1e-9, {"delay": Coefficient.known(0.2, 0.1, 0.3, "s")}, "late"
     )
-    time = {"time_constant": Coefficient.known(853.0, 389.0, 2910.0, "s")}
-    lasting = replace(
-        late, cause="correlated_gnss", parameters=time, text="correlated_gnss in gnss: (time constant)"
-    )
-    assert found_text(lasting).startswith("Correlated gnss: ")
+    driven = SimpleNamespace(diagnosis=DriveDiagnosis((late,), result.config, result.config))
+    found = replace(result, drive=driven, diagnosis=None)
+    assert any("late, by" in line for line in found_lines(found)[0])
+    taken_out = Compensation({Parameter("time_offset", "delay"): 0.2})
+    config = replace(result.config, compensation=taken_out)
+    assert found_lines(replace(found, config=config))[0] == []
+
+
+def test_noise_in_motion_is_said_once(result):
+    """The verdict said "accel × 2.5 (vibration)" and a line below "accelerometer 13 × that at rest"."""
+    seen = SimpleNamespace(before_filter=(), vibration={"accelerometer": (1.0, 13.0)})
+    found = replace(result, examination=seen)
+    line = "Noise in motion: accelerometer 13 × that at rest, which Q must hold"
+    assert line in answer_lines(found, Path("out"))
+    larger = Enlargement(Quantity("gyro_x", "white_density"), 2.5, "", ("vibration",))
+    lines = answer_lines(replace(found, config=replace(result.config, inflations=(larger,))), Path("out"))
+    assert "white noise of gyro x × 2.5 (vibration)" in re.sub(r"\s+", " ", " ".join(lines))
+    assert not any(one.startswith("Noise in motion") for one in lines)
 
 
 def test_errors_before_and_after_name_what_they_are_of(result):
@@ -371,7 +437,7 @@ def test_sds_and_delay_of_the_fixes_stand_in_metres_and_seconds():
     rows, positions, velocities = (list(column.cells) for column in table.columns)
     assert rows[1:] == [
         "R of noise.yaml",
-        "its states for GNSS errors: sd; time",
+        "states for GNSS errors: sd; time",
         "R of a filter without such states",
     ]
     # R of a filter without states: root of 0.2² + 0.6² is below what the receiver reports, that of velocities is not.

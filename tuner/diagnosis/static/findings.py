@@ -19,7 +19,7 @@ from tuner.diagnosis.static.outcome import Accepted
 from tuner.diagnosis.static.search import SearchResult
 from tuner.formats.customary_units import amount
 from tuner.formats.grouping import grouped
-from tuner.formats.parameter_words import parameter_words
+from tuner.formats.parameter_words import meaning_text, parameter_words
 from tuner.types import Alternative, Coefficient, Enlargement, Finding, Quantity
 from tuner.types.diagnosis import of_each
 
@@ -253,7 +253,8 @@ def words(
         for name, said in parameter_words(parameters).items()
         for where, value in _by_axis(of_each(name, parameters[name], by_channel), parameters[name])
     )
-    return f"{cause} in {', '.join(channels)}: {meaning} ({figures})"
+    said = f"{cause} in {', '.join(channels)}: {meaning_text(meaning, {})}"
+    return f"{said} ({figures})" if figures else said
 
 
 def _by_axis(each: Mapping[str, Coefficient], shown: Coefficient) -> Sequence[tuple[str, Coefficient]]:

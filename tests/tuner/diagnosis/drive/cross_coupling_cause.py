@@ -37,7 +37,7 @@ class AccelCrossCoupling(ConstantCause):
     cause = "accel_cross_coupling"
     effect = AccelCrossCouplingEffect
     channels = ("accel",)
-    meaning = "an accelerometer feels the force along another axis"
+    meaning = "an accelerometer feels the force along another axis, by {}"
     consequence = "calibrate the axes of the accelerometers"
     units = dict.fromkeys(("xy",), "1")
     prior_sd, largest = 1e-2, 0.1

@@ -65,7 +65,7 @@ class DriveCause:
     channels: ClassVar[tuple[str, ...]]
     """Whose error it is: ``gnss``, ``imu``, ``gyro``."""
     meaning: ClassVar[str]
-    """What the cause is, in one sentence."""
+    """What the cause is, in one sentence: clauses between commas, those with figures as `meaning_text` fills them."""
     consequence: ClassVar[str]
     """What to change in a filter, in one sentence."""
     joins: ClassVar[Joins] = "preprocessing"

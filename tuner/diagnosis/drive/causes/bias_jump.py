@@ -163,7 +163,7 @@ class BiasJump(NoiseCause):
     cause = BIAS_JUMP
     effect = Effect
     channels = ("imu",)
-    meaning = "a bias jumped"
+    meaning = "a bias jumped, at {time}, by {}"
     consequence = "raise the drive of the bias at that time, or restart the filter"
     view = "slow means"
 

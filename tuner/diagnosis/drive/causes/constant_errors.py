@@ -27,7 +27,7 @@ class TimeOffset(ConstantCause):
     cause = "time_offset"
     effect = gnss.TimeOffset
     channels = ("gnss",)
-    meaning = "stamps of positions and velocities are late by the delay"
+    meaning = "stamps of positions and velocities are late, by {delay}"
     consequence = "shift the stamps of the recording, or give the filter a state for the delay, not both"
     units = dict.fromkeys(("delay",), "s")
     prior_sd, largest = 0.1, 3.0
@@ -44,7 +44,7 @@ class ClockDrift(ConstantCause):
     cause = "clock_drift"
     effect = gnss.ClockDrift
     channels = ("gnss",)
-    meaning = "the clock of the fixes runs at another rate: their delay grows by it every second"
+    meaning = "the clock of the fixes runs at another rate, their delay grows by {rate} s a second"
     consequence = "stretch the stamps, or take both from one clock"
     units = dict.fromkeys(("rate",), "1")
     prior_sd, largest = 1e-4, 0.01
@@ -61,7 +61,9 @@ class VelocityLag(ConstantCause):
     cause = "velocity_lag"
     effect = gnss_velocity.VelocityLag
     channels = ("gnss",)
-    meaning = "velocities are later than the positions beside them, as behind a filter of the receiver"
+    meaning = (
+        "velocities are later than the positions beside them, by {delay}, as behind a filter of the receiver"
+    )
     consequence = "use each velocity at its own time"
     units = dict.fromkeys(("delay",), "s")
     prior_sd, largest = 0.1, 1.5
@@ -78,7 +80,7 @@ class LeverArm(ConstantCause):
     cause = "lever_arm"
     effect = gnss.LeverArm
     channels = ("gnss",)
-    meaning = "the antenna is not where the lever arm puts it"
+    meaning = "the antenna is not where the lever arm puts it, off by {}"
     consequence = "correct the lever arm by this much, or give the filter states for it"
     units = dict.fromkeys(AXIS_NAMES, "m")
     prior_sd, largest = 1.0, 10.0
@@ -95,7 +97,7 @@ class GnssFrame(ConstantCause):
     cause = "gnss_frame"
     effect = gnss_velocity.GnssFrame
     channels = ("gnss",)
-    meaning = "velocities are given in axes turned against north-east-down"
+    meaning = "velocities are given in axes turned against north-east-down, by {}"
     consequence = "turn the velocities back"
     units = dict.fromkeys(ANGLE_NAMES, "rad")
     prior_sd, largest = 0.02, 3.2
@@ -112,7 +114,7 @@ class VelocityScale(ConstantCause):
     cause = "velocity_scale"
     effect = gnss_velocity.VelocityScale
     channels = ("gnss",)
-    meaning = "velocities are too large by the factor, too small where it is negative"
+    meaning = "velocities are not to scale, too large (negative: too small) by {factor} of them"
     consequence = "scale the velocities"
     units = dict.fromkeys(("factor",), "1")
     prior_sd, largest = 0.02, 0.2
@@ -129,7 +131,7 @@ class VerticalVelocity(ConstantCause):
     cause = "vertical_velocity"
     effect = gnss_velocity.VerticalVelocity
     channels = ("gnss",)
-    meaning = "velocities down exceed the rate at which the heights fall by the offset"
+    meaning = "velocities down exceed the rate at which the heights fall, by {offset}"
     consequence = "subtract it from the vertical velocities, or do not use them"
     units = dict.fromkeys(("offset",), "m/s")
     prior_sd, largest = 0.1, 2.0
@@ -148,7 +150,7 @@ class GyroScale(ConstantCause):
     cause = "gyro_scale"
     effect = imu.GyroScale
     channels = ("gyro",)
-    meaning = "scale factors of the gyros are off"
+    meaning = "scale factors of the gyros are off, by {}"
     consequence = "calibrate, or three states"
     units = dict.fromkeys(AXIS_NAMES, "1")
     prior_sd, largest = 5e-3, 0.1
@@ -160,7 +162,7 @@ class AccelScale(ConstantCause):
     cause = "accel_scale"
     effect = imu.AccelScale
     channels = ("accel",)
-    meaning = "scale factors of the accelerometers are off"
+    meaning = "scale factors of the accelerometers are off, by {}"
     consequence = "calibrate, or three states"
     units = dict.fromkeys(AXIS_NAMES, "1")
     prior_sd, largest = 5e-3, 0.1
@@ -172,7 +174,7 @@ class Misalignment(ConstantCause):
     cause = "misalignment"
     effect = imu.Misalignment
     channels = ("gyro",)
-    meaning = "the axes of the gyros are turned against those of the accelerometers"
+    meaning = "the axes of the gyros are turned against those of the accelerometers, by {}"
     consequence = "calibrate, or give the filter states for the misalignment"
     units = dict.fromkeys(ANGLE_NAMES, "rad")
     prior_sd, largest = 1e-2, 0.2
@@ -184,7 +186,7 @@ class GSensitivity(ConstantCause):
     cause = "g_sensitivity"
     effect = imu.GSensitivity
     channels = ("gyro",)
-    meaning = "the gyros feel specific force"
+    meaning = "the gyros feel specific force, by {}"
     consequence = "calibrate, or nine states"
     units = dict.fromkeys([a + b for a in AXIS_NAMES for b in AXIS_NAMES], "rad/s/(m/s^2)")
     prior_sd, largest = 2e-4, 0.01
@@ -196,7 +198,7 @@ class Gravity(ConstantCause):
     cause = "gravity"
     effect = imu.Gravity
     channels = ("imu",)
-    meaning = "gravity differs from the model"
+    meaning = "gravity differs from the model, by {offset}"
     consequence = "a better model of gravity, or a state"
     units = dict.fromkeys(("offset",), "m/s^2")
     prior_sd, largest = 1e-3, 0.02

@@ -149,7 +149,7 @@ class CorrelatedGnss(NoiseCause):
     cause = CORRELATED_GNSS
     effect = Effect
     channels = ("gnss",)
-    meaning = "errors of the positions stay for a while"
+    meaning = "errors of the positions stay from fix to fix, for some {time_constant}, with sd {sd}"
     consequence = "three Gauss–Markov states beside the white error"
     joins = "states"
     view = "slow means"

@@ -73,7 +73,7 @@ class CorrelatedVelocity(NoiseCause):
 
     cause = CAUSE_CODE
     channels = ("gnss",)
-    meaning = "errors of the velocities stay for a while"
+    meaning = "errors of the velocities stay from fix to fix, for some {time_constant}, with sd {sd}"
     consequence = "the state correlated_velocity of the filter beside the white error"
     joins = "states"
     rivals = (CORRELATED_GNSS,)

@@ -245,7 +245,7 @@ class GnssOutliers(SingleFixCause):
 
     cause = "gnss_outliers"
     effect = OutlierEffect
-    meaning = "some positions are far off"
+    meaning = "some positions are far off, a share of {fraction}, by {rms}"
     consequence = "keep the gate; leave these fixes out"
     view = "positions"
 
@@ -272,7 +272,7 @@ class GnssVelocity(SingleFixCause):
 
     cause = "gnss_velocity"
     effect = VelocityEffect
-    meaning = "some velocities contradict positions and inertial unit"
+    meaning = "some velocities contradict positions and inertial unit, a share of {fraction}, by {rms}"
     consequence = "do not use velocities of such fixes"
     view = "velocities"
     tested_with = "gnss_outliers"

@@ -28,7 +28,7 @@ from tuner.types import Coefficient, Finding, Inseparable
 
 CAUSE_CODE = "mounting"
 """Code of the cause."""
-CAUSE_MEANING = "the unit is turned in the vehicle against the mounting given"
+CAUSE_MEANING = "the unit is turned in the vehicle against the mounting given, by {}"
 CAUSE_CONSEQUENCE = "correct the mounting before axes of the vehicle are used"
 BLOCK_DURATION = 30.0
 """Length of the blocks whose means are compared, s: beyond the correlation time of most receiver errors."""

@@ -258,7 +258,7 @@ class GnssNoiseScale(NoiseCause):
     cause = "gnss_noise_scale"
     effect = effects.GnssNoiseScale
     channels = ("gnss",)
-    meaning = "errors of the fixes are not as large as assumed: true ÷ assumed"
+    meaning = "fixes do not err as assumed, positions {position} × as much, velocities {velocity} × as much"
     consequence = "scale the standard deviations of the fixes"
     joins = "measurement noise"
     is_noise_scale = True
@@ -281,7 +281,9 @@ class ImuNoiseScale(NoiseCause):
     cause = "imu_noise_scale"
     effect = ImuEffect
     channels = ("imu",)
-    meaning = "the noise of the sensors is not as configured: true ÷ assumed"
+    meaning = (
+        "sensors are not as noisy as configured, gyros {gyro} × as much, accelerometers {accel} × as much"
+    )
     consequence = "scale the densities"
     joins = "noise model"
     is_noise_scale = True

@@ -30,7 +30,7 @@ from tuner.types import Alternative, Coefficient, Enlargement, FilterConfig, Fin
 
 CAUSE_CODE = "sensor_bias"
 """Code of the cause."""
-CAUSE_MEANING = "a constant bias far beyond its prior"
+CAUSE_MEANING = "a constant bias is far beyond its prior, of gyro {gyro}, of accel {accel}"
 CAUSE_CONSEQUENCE = "widen the prior of the turn-on constant, or calibrate"
 
 LIKE_GYRO_BIAS = (Alternative("g_sensitivity", 1.0),)
