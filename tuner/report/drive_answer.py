@@ -35,8 +35,8 @@ REPORTED, R_BESIDE_STATES, STATES, R_ALONE = (
 )
 """Rows of the sds of fixes."""
 DELAY_IS_IN = (
-    "taken out by noise.yaml in tuner and in the KF-GINS export, not in the recording or mended.npz: for other filters "
-    "take it out once"
+    "taken out by noise.yaml in tuner and in the KF-GINS export, in no recording: for other filters take it out "
+    "once"
 )
 """What is done about a delay, and what is left to do."""
 
@@ -61,7 +61,7 @@ def choice_parts(choice: HeldOutChoice, scored: Sequence[Outage] = ()) -> list[T
     alone = "" if after.fixes_rms is None else f"(fixes alone {digits(after.fixes_rms)} m)"
     change = f"{after.tracking_rms / before.tracking_rms:.2f}"
     aided = "with fixes (last 40 %)", f"{digits(after.tracking_rms)} m", change, alone
-    heads = f"{error}, rms", "now", "now ÷ before (95 %)", "now ÷ predicted (95 %)"
+    heads = f"{error}, rms", "noise.yaml", "÷ pre-drive (95 %)", "÷ predicted (95 %)"
     despite = [f"{choice.despite[:1].upper()}{choice.despite[1:]}"] if choice.despite else []
     return [table_of(heads, [aided, *outage_rows(choice, scored)], words=len(heads)), *despite]
 

@@ -220,7 +220,11 @@ def found_lines(result: TuneResult) -> tuple[list[str], int, str]:
     idle = len(found.idle) + (len(rest) < len(known.unexplained))
     of_drive = () if result.drive is None else result.drive.diagnosis.findings
     delays = result.config.compensation  # which the line on the stamps of the fixes says
-    new = (one for one in of_drive if not delays.value(one.cause, "delay"))
+    new = (
+        one
+        for one in of_drive
+        if not delays.value(one.cause, "delay") and not (result.choice and result.choice.settles(one.cause))
+    )
     unexplained = (f"Not explained: {text}" for text in unexplained_lines(rest)[:1])
     said = [*unexplained, *found.felt, *(found_text(one, ranges=True) for one in new), *found.faults]
     return said, idle, found.doubted

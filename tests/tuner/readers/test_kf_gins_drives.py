@@ -19,6 +19,7 @@ from models.noise import GaussMarkov
 from models.units import from_si, to_si
 from tuner.cli import run
 from tuner.consistency.score_drive import navigate_drive
+from tuner.examination.examined_drive import examined_drive
 from tuner.exporters.kf_gins_drive import MIN_GAP, SECONDS_PER_WEEK, write_drive
 from tuner.readers import kf_gins_settings
 from tuner.readers.drive import read_drive
@@ -309,7 +310,7 @@ def test_components_of_a_lever_arm_that_the_drive_determines_are_written(
 ):
     # Level curves show where the antenna is forward; how high it is they cannot tell from the height of the road.
     file = saved(tmp_path / "good.npz", data, mounting_rpy_deg=(180.0, 3.0, 100.0))
-    notes = write_drive(read_drive(file), configuration(), tmp_path / "k.yaml")
+    notes = write_drive(examined_drive(file)[0], configuration(), tmp_path / "k.yaml")
     arm = yaml.safe_load((tmp_path / "k.yaml").read_text())["antlever"]
     assert arm[0] == pytest.approx(0.5, abs=0.3)
     assert arm[2] == 0.0

@@ -367,6 +367,19 @@ def test_a_delay_that_the_line_on_stamps_says_is_no_finding_again(result):
     assert found_lines(replace(found, config=config))[0] == []
 
 
+def test_noise_that_the_settings_have_is_no_finding_again(result):
+    """Read of one error of fixes: 0.14 m (R), 0.64 m (state), 1.3 to 3.1 m and 0.069 × as reported (findings)."""
+    stays = Finding(
+        "correlated_gnss", ("gnss",), "", 9.0, 1e-9, {"sd": Coefficient.known(2.0, 1.3, 3.1, "m")}, "stays"
+    )
+    driven = SimpleNamespace(diagnosis=DriveDiagnosis((stays,), result.config, result.config))
+    found = replace(
+        result, drive=driven, diagnosis=None, choice=replace(made_choice(result), kept="as it began")
+    )
+    assert any("stay from fix to fix" in line for line in found_lines(found)[0])
+    assert found_lines(replace(found, choice=replace(found.choice, kept="with the findings")))[0] == []
+
+
 def test_noise_in_motion_is_said_once(result):
     """The verdict said "accel × 2.5 (vibration)" and a line below "accelerometer 13 × that at rest"."""
     seen = SimpleNamespace(before_filter=(), vibration={"accelerometer": (1.0, 13.0)})
@@ -385,7 +398,7 @@ def test_errors_before_and_after_name_what_they_are_of(result):
     )
     text = text_of(choice_parts(result.choice, SCORED.outages))
     heads, with_fixes, unaided = (re.split(r" {2,}", line) for line in text.splitlines())
-    assert heads == ["error, rms", "now", "now ÷ before (95 %)", "now ÷ predicted (95 %)"]
+    assert heads == ["error, rms", "noise.yaml", "÷ pre-drive (95 %)", "÷ predicted (95 %)"]
     assert with_fixes == ["with fixes (last 40 %)", "1.00 m", "1.00", "(fixes alone 1.50 m)"]
     # Squares 4, 9, 4 became 1, 2, 1: roots of 4/17, and Student's interval of their differences 3, 7, 3 with 2 degrees.
     before, after = np.sqrt(17.0 / 3.0), np.sqrt(4.0 / 3.0)
@@ -445,10 +458,7 @@ def test_sds_and_delay_of_the_fixes_stand_in_metres_and_seconds():
     assert velocities == ["0.020, 0.080", "0.020, 0.080", "0.070, 0.070; 100 s", "0.073, 0.11"]
     assert delay.startswith("Fixes are stamped 0.100 ± 0.020 s late, velocities are 0.050 ± 0.010 s earlier")
     # It was taken out in one file, left in others, and nobody said where.
-    assert (
-        "taken out by noise.yaml in tuner and in the KF-GINS export, not in the recording or mended.npz"
-        in delay
-    )
+    assert "taken out by noise.yaml in tuner and in the KF-GINS export, in no recording" in delay
     assert delay.endswith("for other filters take it out once")
     unknown = SimpleNamespace(gnss=replace(gnss, velocity_sd=np.full((5, 3), np.nan)), clock=Clock())
     (table,) = fixes_parts(SimpleNamespace(drive=unknown), replace(config, compensation=Compensation()))

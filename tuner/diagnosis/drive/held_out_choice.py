@@ -40,6 +40,7 @@ from tuner.diagnosis.drive.candidates import (
     refined,
     rounds_of,
 )
+from tuner.diagnosis.drive.causes.registry import DRIVE_CAUSES
 from tuner.diagnosis.drive.causes.time_offset import with_clock
 from tuner.diagnosis.drive.config_after_drive import as_estimated, with_records
 from tuner.diagnosis.drive.configured_run import configured_run
@@ -99,6 +100,10 @@ class HeldOutChoice:
     outages: Mapping[float, FloatArray] = field(default_factory=lambda: MappingProxyType({}))
     note: str = ""
     despite: str = ""
+
+    def settles(self, cause: str) -> bool:
+        """Return whether what is found of a cause is in its settings: what joins the noise or states of a filter."""
+        return self.kept != BEGINNING and DRIVE_CAUSES[cause].joins != "preprocessing"
 
 
 @task()

@@ -169,7 +169,7 @@ def prepare(drive: Drive, settings: FilterSettings) -> tuple[tuple[Stretch, ...]
         stretches.append(stretch)
         a = stretch.alignment
         notes.append(
-            f"aligned for {a.t:.1f} s, from the motion and {a.still:.0f} s at rest: sd of the heading "
+            f"attitude at {a.t:.1f} s from the motion and {a.still:.0f} s at rest: sd of the heading "
             f"{np.degrees(a.heading_sd):.1f}°"
         )
     if not stretches:
