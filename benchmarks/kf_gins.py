@@ -14,6 +14,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,11 +25,12 @@ from models.earth import ned_between
 from models.strapdown import NavigationState
 from tuner.consistency.drive_scores import reference_at
 from tuner.consistency.score_drive import drive_filter
-from tuner.navigation.drive.clock import AGREEING, clock_of_drive
+from tuner.examination.examine import examine
 from tuner.navigation.drive.run import RECOVERY_TIME, navigate, prepare
 from tuner.readers import kf_gins_settings
 from tuner.readers.drive import read_drive
 from tuner.readers.text import find_dialect, read_numbers
+from tuner.types.clock import Clock
 from tuner.types.records import Drive
 
 FloatArray = NDArray[np.float64]
@@ -75,9 +77,10 @@ def ours(
     drive: Drive, settings: Path, windows: FloatArray, *, clocks_agree: bool
 ) -> tuple[FloatArray, Track]:
     """Return times of the fixes and what our filter says of them."""
-    clock = AGREEING if clocks_agree else clock_of_drive(drive)
-    filtering, _ = drive_filter(drive, kf_gins_settings.load(settings), clock=clock)
-    stretches, _ = prepare(drive, filtering, clock=clock)
+    clock = Clock() if clocks_agree else examine(drive).clock
+    drive = replace(drive, clock=clock)
+    filtering, _ = drive_filter(drive, kf_gins_settings.load(settings))
+    stretches, _ = prepare(drive, filtering)
     solution = navigate(stretches, filtering, windows)[0]
     sds = np.sqrt(np.diagonal(solution.covariance, axis1=1, axis2=2))[:, :9]
     return solution.t, (solution.state, np.hstack([sds[:, :6], np.degrees(sds[:, 6:9])]))
