@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from models.arrays import FloatArray
 from models.earth import ned_between
 from tuner.examination.fit import Fit, Noise
-from tuner.examination.moves import HALF_INTERVAL, LEVER_ARM, STATED_ODDS, TRIADS
+from tuner.examination.moves import LEVER_ARM, STATED_ODDS, TRIADS
 from tuner.examination.search import Found, applied, searched
 from tuner.examination.streams import Positions, Stream, Streams, Velocities
 from tuner.examination.windows import WINDOW_LENGTH, Inertial
 from tuner.limits import LOST_SHARE, TOLERATED_RATIO
 from tuner.segments.stand_stills import runs
-from tuner.types.clock import Clock, Delay
+from tuner.types.clock import HALF_INTERVAL, Clock, Delay
 from tuner.types.public import public
 from tuner.types.records import DataError, Drive, Gnss
 from tuner.types.repair import Repair

@@ -321,11 +321,10 @@ class _Problem:
         turned = [rotation.mat_from_rotvec(one.solution[:, TURN]) @ one.attitude for one in fits]
         attitude = np.stack(turned)[best, np.arange(len(best))]
         wrong = tuple(
-            np.stack([one.wrong[j] for one in fits])[best[x.window], x.row] for j, x in enumerate(self.placed)
+            # NaN: with the stamps of that fit it was no reading of these windows
+            np.nan_to_num(np.stack([one.wrong[j] for one in fits])[best[x.window], x.row], nan=FIRST_WRONG)
+            for j, x in enumerate(self.placed)
         )
-        wrong = tuple(
-            np.where(np.isnan(x), FIRST_WRONG, x) for x in wrong
-        )  # another window's with these stamps
         return _Start(attitude, wrong)
 
     def _wahba(self, one: _Placed, *, velocity: bool) -> FloatArray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,7 +13,7 @@ from models.arrays import FloatArray
 from tuner.examination.fit import Fit, constants, earned, fit
 from tuner.examination.moves import DELAYS, STATED_ODDS, Move, arm_of, late
 from tuner.examination.streams import Stream, Streams
-from tuner.examination.windows import Motion, windows_of
+from tuner.examination.windows import Motion, Windows, windows_of
 from tuner.limits import PRIOR_SHARE
 from tuner.types.clock import CERTAIN_SDS, Delay
 
@@ -68,33 +68,33 @@ def installed(recorded: Streams, streams: Streams, now: Fit) -> Installed:
     One delay is common to all against the inertial unit, each other stream has one against the positions. One that the
     likelihood does not pay for is zero when the others are estimated, unless a part of it was taken out before.
     """
-    names, columns, prior = _columns(streams)
+    problem = _Problem.of(streams)
+    names, prior, arm = problem.names, problem.prior, slice(len(problem.names), None)
     price = math.log(STATED_ODDS * len(prior))
-    nothing = np.zeros(len(prior))
-    best = _settled(_Settled(nothing, prior, streams, now), streams, columns, prior, OPEN_STEPS)
+    best = problem.settled(_Settled(np.zeros(len(prior)), prior, streams, now), prior, OPEN_STEPS)
     free = prior
     delays: dict[str | None, Delay] = {}
     taken = _taken_out(recorded, streams)
     for k in np.argsort(np.abs(best.value / best.sd)[: len(names)]):
         only = np.arange(len(prior)) == k
         value, fixed = np.where(only, 0.0, best.value), np.where(only, FIXED_SD, free)
-        moved = _with(streams, names, value)
-        begun = _Settled(value, fixed, moved, fit(moved, near=best.fit))
-        without = _settled(begun, streams, columns, fixed, 0)
+        moved = problem.without(value)
+        without = problem.settled(
+            _Settled(value, fixed, moved, fit(moved, problem.windows, near=best.fit)), fixed
+        )
         if without.fit.total > best.fit.total:  # a constant less is never likelier: there is a better optimum
-            again = _settled(without, streams, columns, free, 0)
-            best = max(best, again, key=lambda x: x.fit.total)
+            best = max(best, problem.settled(without, free), key=lambda x: x.fit.total)
         one, gain = Delay(float(best.value[k]), float(best.sd[k])), best.fit.total - without.fit.total
         if not taken[names[k]] and not (one.certain and one.sd < PRIOR_SHARE * prior[k] and gain > price):
             best, free = _averaged(best, without, gain + math.log(one.sd / prior[k])), fixed
             delays[names[k]] = Delay() if one.certain else one
     kept = free > FIXED_SD
-    arm = slice(len(names), None)
-    kept[arm] = np.any(
-        np.abs(best.value) > CERTAIN_SDS * best.sd, where=np.arange(len(prior)) >= len(names)
-    ) and bool(np.all(best.sd[arm] < PRIOR_SHARE * prior[arm]))
-    moved = _with(streams, names, np.where(kept, best.value, 0.0))
-    after = fit(moved) if kept.any() else now  # from first guesses, as those of the faults that are tried
+    kept[arm] = np.any(np.abs(best.value[arm]) > CERTAIN_SDS * best.sd[arm]) and np.all(
+        best.sd[arm] < PRIOR_SHARE * prior[arm]
+    )
+    moved = problem.without(np.where(kept, best.value, 0.0))
+    # from first guesses, as those of the faults that are tried
+    after = fit(moved, problem.windows) if kept.any() else now
     gain = earned(after.gains_over(now)) - price
     found = kept & (gain > 0.0)
     left = np.where(found, 0.0, best.value)
@@ -111,39 +111,80 @@ def _averaged(best: _Settled, without: _Settled, evidence: float) -> _Settled:
     return replace(without, sd=np.sqrt(np.maximum(without.sd**2 + more, without.sd**2)))
 
 
-def _settled(
-    begun: _Settled,
-    streams: Streams,
-    columns: Callable[[Stream, Motion], FloatArray],
-    prior: FloatArray,
-    opened: int,
-) -> _Settled:
-    """Return constants where no step makes them likelier; in the first steps, `opened`, no reading counts as wrong."""
-    names = (None, *(one.name for one in streams.others))
-    windows, at = windows_of(streams.imu), begun
-    for number in range(NEWTON_STEPS):
-        sizes = constants(at.streams, windows, at.fit, columns, prior, gated=number >= opened)
-        at = replace(at, sd=sizes.sd)
-        if number >= opened and np.all(np.abs(sizes.value) < SETTLED_SDS * sizes.sd):
-            break
-        for part in STEP_PARTS:
-            value = at.value + part * sizes.value
-            if np.all(
-                np.abs(value[: len(names)]) < max(DELAYS)
-            ):  # beyond it leaves readings in other windows
-                moved = _with(streams, names, value)
-                found = fit(moved, windows, near=at.fit)
+@dataclass(frozen=True)
+class _Problem:
+    """Streams of which delays and a lever arm are estimated.
+
+    Attributes
+    ----------
+    streams, windows : Streams, Windows
+        Before anything is taken out, and their inertial unit in windows.
+    names : tuple of str or None
+        Whose delays are estimated; None: of all streams together.
+    prior : ndarray, shape (c,)
+        Prior sds of these delays, s, and behind them of the lever arm, m.
+    """
+
+    streams: Streams
+    windows: Windows
+    names: tuple[str | None, ...]
+    prior: FloatArray
+
+    @staticmethod
+    def of(streams: Streams) -> _Problem:
+        names = (None, *(one.name for one in streams.others))
+        arm_sd = STATED_ARM_SD if any(streams.positions.arm) else ARM_SD
+        prior = np.repeat([1.0, arm_sd], [len(names), 3])
+        return _Problem(streams, windows_of(streams.imu), names, prior)
+
+    def columns(self, one: Stream, motion: Motion) -> FloatArray:
+        """Return the derivatives of what a stream reads by delays and lever arm, shape (m, d, c)."""
+        rate, arm = one.by_time(motion), one.by_arm(motion)
+        out = np.zeros((len(motion.position), one.values.shape[1], len(self.prior)))
+        if rate is not None:
+            out[..., 0] = -rate
+            if one.name in self.names:
+                out[..., self.names.index(one.name)] = -rate
+        if arm is not None:
+            out[..., len(self.names) :] = arm
+        return out
+
+    def without(self, sizes: FloatArray) -> Streams:
+        """Return the streams without delays, s, and with the rest of a lever arm, m."""
+        streams = self.streams
+        for name, delay in zip(self.names, sizes, strict=False):
+            streams = late(name, float(delay)).mended(streams)
+        arm = np.array(streams.positions.arm) + sizes[len(self.names) :]
+        return arm_of(arm, np.zeros(3)).mended(streams)
+
+    def settled(self, at: _Settled, free: FloatArray, opened: int = 0) -> _Settled:
+        """Return constants with prior sds `free` where no step makes them likelier, from others.
+
+        In the first steps, `opened`, no reading counts as wrong.
+        """
+        for number in range(NEWTON_STEPS):
+            gated = number >= opened
+            sizes = constants(at.streams, self.windows, at.fit, self.columns, free, gated=gated)
+            at = replace(at, sd=sizes.sd)
+            if gated and np.all(np.abs(sizes.value) < SETTLED_SDS * sizes.sd):
+                break
+            for part in STEP_PARTS:
+                value = at.value + part * sizes.value
+                if np.any(np.abs(value[: len(self.names)]) >= max(DELAYS)):
+                    continue  # it would leave readings in other windows
+                moved = self.without(value)
+                found = fit(moved, self.windows, near=at.fit)
                 if found.total > at.fit.total:
                     at = _Settled(value, sizes.sd, moved, found)
                     break
-        else:
-            if number >= opened:
-                break
-    return at
+            else:
+                if gated:
+                    break
+        return at
 
 
 def _taken_out(recorded: Streams, streams: Streams) -> dict[str | None, float]:
-    """Return by how much stamps are earlier than as they were recorded, s."""
+    """Return the delay of each stream that was already subtracted from its stamps, s."""
     common = float(recorded.positions.t[0] - streams.positions.t[0])
     pairs = zip(recorded.others, streams.others, strict=True)
     return {None: common, **{one.name: float(one.t[0] - moved.t[0]) - common for one, moved in pairs}}
@@ -162,39 +203,3 @@ def certain_moves(recorded: Streams, at: Installed, delays: Mapping[str | None, 
     if at.streams.positions.arm != recorded.positions.arm:
         certain.append(arm_of(np.array(at.streams.positions.arm), at.arm_sd))
     return {move.subject: move for move in certain}
-
-
-def _columns(
-    streams: Streams,
-) -> tuple[tuple[str | None, ...], Callable[[Stream, Motion], FloatArray], FloatArray]:
-    """Return whose delays are estimated (None: of all streams together), derivatives, and prior sds.
-
-    Derivatives and sds are those of the delays, s, and behind them of a lever arm, m.
-    """
-    names = (None, *(one.name for one in streams.others))
-
-    def columns(one: Stream, motion: Motion) -> FloatArray:
-        rate, arm = one.by_time(motion), one.by_arm(motion)
-        out = np.zeros((len(motion.position), one.values.shape[1], len(names) + 3))
-        if rate is not None:
-            out[..., 0] = -rate
-            if one.name in names:
-                out[..., names.index(one.name)] = -rate
-        if arm is not None:
-            out[..., len(names) :] = arm
-        return out
-
-    return (
-        names,
-        columns,
-        np.concatenate(
-            [np.full(len(names), 1.0), np.full(3, STATED_ARM_SD if any(streams.positions.arm) else ARM_SD)]
-        ),
-    )
-
-
-def _with(streams: Streams, names: Sequence[str | None], sizes: FloatArray) -> Streams:
-    """Return streams without delays, s, and with the rest of a lever arm, m."""
-    for stream, delay in zip(names, sizes, strict=False):
-        streams = late(stream, float(delay)).mended(streams)
-    return arm_of(np.array(streams.positions.arm) + sizes[len(names) :], np.zeros(3)).mended(streams)

@@ -13,14 +13,13 @@ from models.rotation import skew
 from models.units import FOOT, unit_value
 from tuner.examination.streams import Stream, Streams, Velocities
 from tuner.examination.windows import Motion
+from tuner.types.clock import HALF_INTERVAL
 
 AXES = "xyz"
 LEVER_ARM = "lever arm"
 RECEIVER = "receiver"
 TRIADS = {"gyro": slice(0, 3), "accelerometer": slice(3, 6), "inertial unit": slice(0, 6)}
 """Columns of the samples that have one fault."""
-HALF_INTERVAL = 1.96
-"""Half of a 95 % interval, in sds."""
 LARGEST_PLACE = np.array([0.5 * np.pi, 2.0 * np.pi])
 """Latitude and longitude beyond which there are none, rad."""
 STATED_ODDS = 1000.0

@@ -57,7 +57,6 @@ from tuner.diagnosis.drive.score_tests import FITTED_SHARE
 from tuner.navigation.fix_sd_model import GNSS_NOISE_SCALE
 from tuner.stages import stage, task
 from tuner.types import FilterConfig
-from tuner.types.clock import Clock
 from tuner.types.progress import Progress
 from tuner.types.records import DataError, Drive
 
@@ -131,7 +130,7 @@ def choose_config(
     progress("fitting the noise to outages of the first part of the drive")
     stage("fitting the noise to outages of the first part of the drive", 0.5)
     written = _written(examined, before, with_clock(_refitted(examined, after), drive.clock))
-    candidates = first_candidates(trial, _fitted(examined, written, trial.cut, drive.clock))
+    candidates = first_candidates(trial, _fitted(examined, written, trial.cut))
     begun = trial.score(BEGINNING, before, trial.cut, end)
     if begun is None or not candidates:
         if after == before:
@@ -237,7 +236,7 @@ def _written(examined: ExaminedDrive, before: FilterConfig, after: FilterConfig)
 
 
 def _fitted(
-    examined: ExaminedDrive, written: Mapping[str, FilterConfig], cut: float, clock: Clock
+    examined: ExaminedDrive, written: Mapping[str, FilterConfig], cut: float
 ) -> dict[str, FilterConfig]:
     """Return the same configurations with values fitted before a time, s; without those that cannot be fitted."""
     fitted = {BEGINNING: written[BEGINNING]}
@@ -248,7 +247,7 @@ def _fitted(
     except DataError:
         return fitted
     compensation = examined.search.determined(part.compensation)
-    found = with_clock(replace(written["with the findings"], compensation=compensation), clock)
+    found = with_clock(replace(written["with the findings"], compensation=compensation), examined.drive.clock)
     fitted["with the findings"] = found
     if SDS_FOUND in written:
         fitted[SDS_FOUND] = with_sds_of(written[BEGINNING], found)
