@@ -52,7 +52,7 @@ ABOUT = {
     "slow part": "the slow course of the bias",
 }
 """Parts of the samples that statistics are about, in words."""
-FOR_SETTINGS = "for the settings of a filter, if it is long enough, which `tune` says"
+FOR_SETTINGS = "for the settings of a filter, if long enough (`tune` says)"
 """What a log is for whose samples nothing speaks against."""
 SETTING_WORDS = {
     "white_density": "white noise",
@@ -407,6 +407,7 @@ def _of_limits(config: FilterConfig) -> Iterator[Reason]:
     limited: dict[str, list[str]] = {}
     ratios: list[float] = []
     hours: list[float] = []
+    others = False
     for one in config.inflations:
         channel = config.channels.get(one.quantity.owner)
         if not isinstance(one, BoundUsed) or channel is None or one.factor <= 0.0:
@@ -419,6 +420,8 @@ def _of_limits(config: FilterConfig) -> Iterator[Reason]:
             ratios.append(ratio)
             if (needed := hours_needed(one.reason)) is not None:
                 hours.append(needed)
+        else:
+            others = True
     if hidden:
         yield Reason(
             Use.USABLE_EXCEPT,
@@ -427,9 +430,9 @@ def _of_limits(config: FilterConfig) -> Iterator[Reason]:
     if limited:
         yield Reason(
             Use.USABLE_EXCEPT,
-            f"{', '.join(f'{term} of {axes_text(axes)}' for term, axes in limited.items())}: not seen, half of the "
-            f"limit is ASSUMED (at the limit an axis drifts {range_text(ratios, significant=2)} × as far in "
-            f"{UNAIDED_TIME:g} s as without)"
+            f"{' and '.join(f'{term} ({axes_text(axes)})' for term, axes in limited.items())}: not seen, half of the "
+            f"limit is ASSUMED (limit instead of 0: {range_text(ratios, significant=2)} × the drift in "
+            f"{UNAIDED_TIME:g} s{f'; other limits < {HONEST_RATIO:g} ×' * others})"
             + (f"; a log of {digits(max(hours), 2)} h would show them" if hours else ""),
         )
 

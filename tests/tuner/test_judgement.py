@@ -183,7 +183,7 @@ def test_a_limit_names_its_term(known):
     """It read "values of accel z behind →", on screens without a table that has →."""
     limit = BoundUsed(Quantity("accel_z", "random_walk.density"), 0.1, "")
     text = judge_settings(with_config(known, inflations=(limit,))).text
-    assert "bias random walk of accel z: not seen, half of the limit is ASSUMED" in text
+    assert "bias random walk (accel z): not seen, half of the limit is ASSUMED" in text
     assert "→" not in text
 
 

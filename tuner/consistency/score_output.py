@@ -160,8 +160,9 @@ def score_outputs(
         causes = () if factor is None else (factor,)
     if why.misfit is not None and not (found.consistent or causes):
         notes.append(
-            f"no cause is sought: the sds are not those of any filter of position, velocity, attitude, biases and "
-            f"scale factors ({100.0 * why.misfit:.0f} % off, rms): this filter has further states, or no fixes"
+            f"no cause is sought: a filter with states of position, velocity, attitude, biases and scale factors, with "
+            f"any noise, states other sds ({100.0 * why.misfit:.0f} % off, rms): this filter has other states or uses "
+            "no such fixes"
         )
     found = replace(found, diverged=lost or far)
     return OutputScore(

@@ -37,7 +37,7 @@ def unscored_start(runs: Sequence[OutputErrors]) -> list[str]:
             ratio = math.sqrt(sum(means) / freedom)
             seconds = max(settling_time(run.t) for run in runs)
             notes.append(
-                f"{name}: true errors are {ratio:.2g} × those predicted in the first {seconds:.0f} s, which are not "
-                "scored: the start is less certain than the filter says"
+                f"in the first {seconds:.0f} s, which the table leaves out, {name} errs by {ratio:.2g} × what is "
+                "predicted: the start is less certain than the filter says"
             )
     return notes

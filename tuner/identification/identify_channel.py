@@ -363,10 +363,10 @@ def about_band(band: Band, interval: float) -> tuple[str, ...]:
     """Say what part of the record the terms do not describe."""
     if band.m == 1:
         return ()
-    part, side = 100.0 * abs(band.ratio - 1.0), "above" if band.ratio > 1.0 else "below"
+    part, side = 100.0 * abs(band.ratio - 1.0), "more" if band.ratio > 1.0 else "less"
     return (
-        f"below a cluster time of {band.m * interval:.3g} s no sum of noise terms follows the data (samples are "
-        f"{digits(part, 2)} % {side} it: a filter in the sensor, vibration or a spectral line): fitted to longer "
+        f"below a cluster time of {band.m * interval:.3g} s no sum of noise terms follows the data (samples scatter "
+        f"{digits(part, 2)} % {side}: a filter in the sensor, vibration or a spectral line): fitted to longer "
         f"ones, f ≤ {band.highest:.3g} Hz",
     )
 

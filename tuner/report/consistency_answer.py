@@ -111,7 +111,7 @@ def _judged(one: Score) -> str:
     """Return what a score says of the filter."""
     if is_off(one):
         return Use.OPTIMISTIC if one.ratio > 1.0 else Use.PESSIMISTIC
-    return Use.HONEST if shows_dishonesty(one) else "too short"
+    return Use.HONEST if shows_dishonesty(one) else "undecided"
 
 
 def _name(one: Score, found: Consistency) -> str:
@@ -132,8 +132,10 @@ def _legend(table: Table) -> str:
     """Return what the rows of a table are judged by; nothing of what it does not have."""
     names, *_, verdicts = ([*map(str, column.cells)] for column in table.columns)
     attitude = f" (attitude {1.0 / TOLERATED_RATIO:g} to {TOLERATED_RATIO:g})" * ("attitude, 3-D" in names)
-    honest = f"honest: {1.0 / HONEST_RATIO:.2f} to {HONEST_RATIO:g}{attitude}, or off by chance"
-    return f"{honest}{'; blank: not judged' * ('' in verdicts)}" if any(verdicts) else ""
+    honest = f"honest: {1.0 / HONEST_RATIO:.2f} to {HONEST_RATIO:g}{attitude}, or as far off as chance allows"
+    others = {"undecided": "undecided: too little data", "": "blank: not judged"}
+    said = "; ".join([honest, *(text for word, text in others.items() if word in verdicts)])
+    return said if any(verdicts) else ""
 
 
 def _further(found: Consistency) -> str:

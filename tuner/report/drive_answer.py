@@ -27,13 +27,14 @@ if TYPE_CHECKING:
     from tuner.types.consistency import Outage
 
 
-REPORTED, R_BESIDE_STATES, STATES, R_ALONE = (
-    "reported by the receiver",
-    "R of noise.yaml",
+REPORTED = "reported by the receiver"
+WITH_STATES = (
+    "R of noise.yaml, with its states",
     "states for GNSS errors: sd; time",
-    "R of a filter without such states",
+    "R without states, as KF-GINS",
 )
-"""Rows of the sds of fixes."""
+WITHOUT_STATES = ("R of noise.yaml",)
+"""Rows of the sds of fixes, where noise.yaml has states for GNSS errors and where it has none."""
 DELAY_IS_IN = (
     "taken out by noise.yaml in tuner and in the KF-GINS export, in no recording: for other filters take it out "
     "once"
@@ -115,8 +116,8 @@ def fixes_parts(examined: ExaminedDrive, config: FilterConfig) -> list[Table | s
                 or "none",
                 _level_text(np.maximum(whole, known * stated)),
             )
-    names = (REPORTED, R_BESIDE_STATES, STATES, R_ALONE)[: 4 if any(lasting.values()) else 2]
-    rows = zip(names, *columns.values(), strict=False)
+    names = WITH_STATES if any(lasting.values()) else WITHOUT_STATES
+    rows = zip((REPORTED, *names), *columns.values(), strict=False)
     table = table_of(("sd of fixes: horizontal, down", *columns), rows, words=1 + len(columns))
     return [table, *_delay_lines(examined.drive.clock, config.compensation)]
 

@@ -98,7 +98,7 @@ def outlier_text(outlier: Outlier, fleet: Fleet) -> str:
         if is_logarithmic(name)
         else f"{'+' if value > median else '−'}{digits(abs(value - median))}"
     )
-    score = f"{digits(outlier.score, 2)} robust sds from it; limit {digits(outlier.threshold, 2)}"
+    score = _distance_text([outlier])
     return f"{title(name)} {digits(value)} {pretty_unit(name, unit)}, fleet {digits(median)} ({distance}; {score})"
 
 
@@ -140,10 +140,14 @@ def _together(sensor: str, found: Sequence[Outlier], fleet: Fleet) -> str:
         parts.append(
             f"{IN_WORDS.get(symbol, symbol)} of {letters} {size}, × {range_text(ratios, significant=2)}"
         )
+    return f"{sensor}: {', '.join(parts)} the median of the units ({_distance_text(found)})"
+
+
+def _distance_text(found: Sequence[Outlier]) -> str:
+    """Return how far numbers lie from the median of a fleet, in sds of its units, and how far sound units may lie."""
     scores = range_text([one.score for one in found], significant=2)
-    limit = digits(found[0].threshold, 2)
     return (
-        f"{sensor}: {', '.join(parts)} the median of the units ({scores} robust sds from it; limit {limit})"
+        f"{scores} sds of the other units from it; a sound unit stays within {digits(found[0].threshold, 2)}"
     )
 
 

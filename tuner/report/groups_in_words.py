@@ -61,7 +61,7 @@ def certainty(finding: Finding) -> str:
 def _entry(changes: str) -> str:
     """Return the changed entry without what is said of how it changes."""
     entry = changes.partition(",")[0].partition(":")[0]
-    return "changes no setting" if entry == "no entry" else f"changes the {entry}"
+    return "concerns no setting" if entry == "no entry" else f"setting concerned: {entry}"
 
 
 @dataclass(frozen=True)

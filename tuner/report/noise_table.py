@@ -34,7 +34,7 @@ another sensor's sheet; in place of an unknown one."""
 LEGEND = {
     "±": "± ( ): 95 % interval",
     "<": "<: not seen, 95 % limit",
-    TAKEN: f"{TAKEN}: taken for it, ASSUMED",
+    TAKEN: f"{TAKEN}: in the settings, ASSUMED",
     LENT: f"{LENT}: of the sensor named above, ASSUMED",
     ROUGH: f"{ROUGH}: read off the Allan curve, no interval",
     UNKNOWN: f"{UNKNOWN}: unknown",
@@ -183,8 +183,8 @@ def why_larger(config: FilterConfig, files: Iterable[str]) -> str:
     least, most = min(one.mismatch[0] for one in found), max(one.mismatch[1] for one in found)
     longest = digits(max(one.longest for one in found), 2)
     return (
-        "To enter: two numbers an axis stand for all its terms, so each is larger (their drift: "
-        f"{least:.2f} to {most:.2f} × that of the terms in {longest} s); enlarge for vibration only"
+        "To enter, larger than measured: two numbers an axis give the drift of all its terms "
+        f"({least:.2f} to {most:.2f} × it, up to {longest} s); enlarge further for vibration only"
     )
 
 

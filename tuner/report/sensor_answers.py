@@ -49,7 +49,7 @@ def comparison_answer(found: SensorComparison) -> Document:
     ]
     table = terms_table(rows)
     return document(
-        [*_drift(found), table, f"{legend(table)}; without a sign: stated".removeprefix("; ")],
+        [*_drift(found), table, f"{legend(table)}; a number alone: stated".removeprefix("; ")],
         [
             *map(limit_text, found.limits),
             _differences(found),
@@ -109,7 +109,7 @@ def _drift(found: SensorComparison) -> list[Table | str]:
     errors = [(lacks, f"{name} {digits(one.free[ANSWERED_TIME], 2)} m") for lacks, name, one in known]
     said = ", ".join(text for lacks, text in errors if not lacks)
     if least := ", ".join(f"{text} or more" for lacks, text in errors if lacks):
-        least = f"without a rank, as no bias random walk is stated: {least}"
+        least = f"no rank, as its bias random walk is not stated: {least}"
     kinds = (("without fixes", times), ("non-holonomic", times))
     heads = [f"{kind * (time == times[0])}\n{time:g} s" for kind, each in kinds for time in each]
     rows = [

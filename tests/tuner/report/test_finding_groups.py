@@ -50,7 +50,7 @@ def test_findings_are_ranked_by_the_drift_that_they_cause():
     assert [line.split()[0] for line in told.felt] == ["Warmup", "Step"]
     assert set(told.idle) == {"lowpass in gyro x", "heavy tails in gyro x", "clipping in accel y"}
     assert (
-        "without fixes one axis drifts 5.0 m in 60 s, 1.0 m without this; changes the bias states"
+        "without fixes one axis drifts 5.0 m in 60 s, 1.0 m without this; setting concerned: bias states"
         in told.felt[0]
     )
 

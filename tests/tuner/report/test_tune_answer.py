@@ -172,7 +172,7 @@ def test_what_is_taken_for_a_limit_stands_beside_it(result, limited):
     assert (
         cells == [shown[axis] for axis in AXES][: 3 if len(limited) == 1 else 1]
     )  # axes alike share a column
-    assert ("→: taken for it, ASSUMED" in legend(table)) == bool(limited)
+    assert ("→: in the settings, ASSUMED" in legend(table)) == bool(limited)
     assert "→" not in text_of([measured_table(found, config)])  # `identify` takes nothing
 
 
@@ -227,7 +227,7 @@ def test_one_reason_stands_for_all_numbers_that_are_larger_than_measured(result)
     config = replace(result.config, channels=channels)
     pairs = [equivalent_noise(one).mismatch for one in channels.values()]
     why = why_larger(config, ("kalibr.yaml",))
-    assert "two numbers an axis stand for all its terms, so each is larger" in why
+    assert "larger than measured: two numbers an axis give the drift of all its terms" in why
     assert f"{min(low for low, _ in pairs):.2f} to {max(high for _, high in pairs):.2f} ×" in why
     whole = {
         axis: replace(one, markov=()) for axis, one in channels.items()
@@ -247,7 +247,7 @@ def test_one_reason_stands_for_all_numbers_that_are_larger_than_measured(result)
     files = {"kalibr.yaml": f"# {STATES_IN_PAIR}\nnoise: 1.0\n", "mine.txt": "noise: 1.0\n"}
     for dialect, said in (("kalibr", True), ("mine", False)):
         lines = answer_lines(replace(full, exports=files), Path("out"), dialect)
-        assert any(line.startswith("To enter: ") for line in lines) == said
+        assert any(line.startswith("To enter, larger") for line in lines) == said
 
 
 def test_a_filter_named_shows_its_own_keys(result):
@@ -449,9 +449,9 @@ def test_sds_and_delay_of_the_fixes_stand_in_metres_and_seconds():
     table, delay = fixes_parts(examined, config)
     rows, positions, velocities = (list(column.cells) for column in table.columns)
     assert rows[1:] == [
-        "R of noise.yaml",
+        "R of noise.yaml, with its states",
         "states for GNSS errors: sd; time",
-        "R of a filter without such states",
+        "R without states, as KF-GINS",
     ]
     # R of a filter without states: root of 0.2² + 0.6² is below what the receiver reports, that of velocities is not.
     assert positions == ["2.0, 8.0", "0.20, 4.0", "0.60, 1.2; 30 s", "2.0, 8.0"]
