@@ -224,19 +224,24 @@ def innovation_scores(
     *,
     tests: int = TEST_COUNT,
 ) -> tuple[Score, ...]:
-    """Score innovations of used fixes, groups of (k, 6), (k, 6, 6), (k, 2): all, position, velocity."""
-    parts: dict[str, list[FloatArray]] = {"nis": [], "nis_position": [], "nis_velocity": []}
-    for z, s, u in zip(innovation, covariance, use, strict=True):
-        s = s.astype(float)
-        both, position, velocity = (u == USED).all(axis=-1), u[:, 0] == USED, u[:, 1] == USED
-        parts["nis"].append(squares(z[both], s[both].astype(float)))
-        parts["nis_position"].append(squares(z[position, :3], s[position][:, :3, :3].astype(float)))
-        parts["nis_velocity"].append(squares(z[velocity, 3:], s[velocity][:, 3:, 3:].astype(float)))
-    return tuple(
-        score(name, groups, 6 if name == "nis" else 3, tests=tests)
-        for name, groups in parts.items()
-        if sum(len(group) for group in groups) > 1
-    )
+    """Score innovations of used fixes, groups of (k, 6), (k, 6, 6), (k, 2): all, position, velocity.
+
+    A component that is NaN is missing; squares are those of as many components as most fixes have.
+    """
+    parts = {"nis": slice(0, 6), "nis_position": slice(0, 3), "nis_velocity": slice(3, 6)}
+    scores = []
+    for name, own in parts.items():
+        groups, counts = [], [np.zeros(0)]
+        for z, s, u in zip(innovation, covariance, use, strict=True):
+            used = (u[:, own.start // 3 : own.stop // 3] == USED).all(axis=-1)
+            counts.append(np.isfinite(z[used, own]).sum(axis=1))
+            own_squares = squares(np.nan_to_num(z[used, own]), s[used][:, own, own].astype(float))
+            groups.append(own_squares / np.maximum(counts[-1], 1))
+        known = np.concatenate(counts)
+        if len(known) > 1:
+            dof = int(np.median(known))
+            scores.append(score(name, [dof * one for one in groups], dof, tests=tests))
+    return tuple(scores)
 
 
 def whiteness(
@@ -259,7 +264,7 @@ def whiteness(
             used = u[:, column] == USED
             e = np.zeros((len(z), 3))
             lower = np.linalg.cholesky(s[used][:, own, own].astype(float))
-            e[used] = np.linalg.solve(lower, z[used][:, own, None])[..., 0]
+            e[used] = np.linalg.solve(lower, np.nan_to_num(z[used][:, own, None]))[..., 0]
             for lag in range(MAX_LAG + 1):
                 near = t[lag:] - t[: len(t) - lag] < (lag + 0.5) * interval
                 pairs = used[lag:] & used[: len(t) - lag] & near

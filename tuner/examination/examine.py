@@ -14,7 +14,7 @@ from models.earth import ned_between
 from tuner.examination.fit import Fit, Noise
 from tuner.examination.moves import LEVER_ARM, STATED_ODDS, TRIADS
 from tuner.examination.search import Found, applied, searched
-from tuner.examination.streams import Positions, Stream, Streams, Velocities
+from tuner.examination.streams import HorizontalVelocities, Positions, Stream, Streams, Velocities
 from tuner.examination.windows import WINDOW_LENGTH, Inertial
 from tuner.limits import LOST_SHARE, TOLERATED_RATIO
 from tuner.segments.stand_stills import runs
@@ -123,9 +123,11 @@ def streams_of(drive: Drive) -> Streams:
         x, y, z = drive.mounting @ np.array(drive.lever_arm)
         arm = (float(x), float(y), float(z))
     positions = Positions(gnss.t, gnss.llh, _stated(gnss.position_sd), "fixes", arm)
-    there = np.isfinite(gnss.vel_n).all(axis=1).any()
-    velocities = Velocities(gnss.t, gnss.vel_n, _stated(gnss.velocity_sd), "velocities", arm)
-    return Streams(Inertial(drive.imu_t, drive.rates), positions, (velocities,) if there else ())
+    whole = np.isfinite(gnss.vel_n[:, 2]).any()
+    kind, many = (Velocities, 3) if whole else (HorizontalVelocities, 2)
+    velocities = kind(gnss.t, gnss.vel_n[:, :many], _stated(gnss.velocity_sd[:, :many]), "velocities", arm)
+    others = (velocities,) if gnss.has_velocity.any() else ()
+    return Streams(Inertial(drive.imu_t, drive.rates), positions, others)
 
 
 def _stated(sd: FloatArray) -> FloatArray | None:
@@ -169,7 +171,7 @@ def examine(drive: Drive) -> Examination:
         repaired.all, fit.noise, fit.wrong, fit.left, fit.worth, strict=True
     ):
         repeats, wrong, zero = (
-            _repeats(stream),
+            _repeats(stream, np.interp(stream.t, *_travelled(repaired.positions)) > MOVING_SPEED),
             _wrong(stream, noise, far, left, worth),
             _zero_sds(stream, noise),
         )
@@ -279,13 +281,14 @@ def _mended(
     if sds[0] is not None:
         position_sd = np.broadcast_to(sds[0], positions.values.shape)
     for stream, gone, sd in zip(streams.others, lost[1:], sds[1:], strict=True):
-        velocities = np.where(gone[:, None], np.nan, stream.values)
+        values = np.where(gone[:, None], np.nan, stream.values)
         if np.any(stream.t != positions.t):  # a fix has one stamp
-            there = np.isfinite(velocities).all(axis=1)
-            velocities = np.column_stack(
-                [np.interp(positions.t, stream.t[there], x) for x in velocities[there].T]
-            )
-        velocity_sd = velocity_sd if sd is None else np.broadcast_to(sd, velocities.shape)
+            there = np.isfinite(values).all(axis=1)
+            values = np.column_stack([np.interp(positions.t, stream.t[there], x) for x in values[there].T])
+        velocities, velocity_sd = velocities.copy(), velocity_sd.copy()
+        velocities[:, : values.shape[1]] = values
+        if sd is not None:
+            velocity_sd[:, : len(sd)] = sd
     position_sd, velocity_sd = position_sd * factors[0], velocity_sd * factors[-1]
     if variances:
         position_sd, velocity_sd = np.sqrt(position_sd), np.sqrt(velocity_sd)
@@ -294,14 +297,26 @@ def _mended(
     return replace(drive, rates=streams.imu.rates, gnss=fixes.rows(~lost[0] & inside))
 
 
-def _repeats(stream: Stream) -> Repair | None:
-    """Return how many readings repeat the one before exactly, where chance and the lattice of the numbers cannot."""
-    rows = stream.repeats
+def _travelled(positions: Positions) -> tuple[FloatArray, FloatArray]:
+    """Return stamps and the speed over ten seconds about each, m/s."""
+    t = positions.t
+    ahead = np.searchsorted(t, t + 5.0).clip(0, len(t) - 1)
+    behind = np.searchsorted(t, t - 5.0).clip(0, len(t) - 1)
+    way = ned_between(positions.values[ahead], positions.values[behind])
+    return t, np.linalg.norm(way, axis=1) / np.maximum(t[ahead] - t[behind], 1.0)
+
+
+def _repeats(stream: Stream, moving: NDArray[np.bool_]) -> Repair | None:
+    """Return how many readings repeat the one before exactly, where chance and the lattice of the numbers cannot.
+
+    Velocities of zero while a vehicle stands are held there by the receiver, and right.
+    """
+    rows = stream.repeats & (moving | stream.values.any(axis=1))
     share = float(rows.mean())
     if share <= LOST_SHARE:
         return None
     longest = max(stop - start for start, stop in runs(rows, [(0, len(rows))]))
-    if not np.any(stream.values[rows] != stream.values[0]):
+    if stream.repeats[1:].all():
         what = "zero" if not stream.values.any() else "the same"
         return Repair(stream.name, f"are {what} in all {len(rows)} rows: no measurement", "left out")
     how = "" if longest == 1 else f", up to {longest} in a row"
@@ -457,11 +472,7 @@ def _vibration(drive: Drive, streams: Streams) -> dict[str, tuple[float, float]]
         axis=1
     ) / math.sqrt(2.0)
     t = drive.imu_t[: blocks * many : many] + 0.5
-    p = streams.positions
-    ahead = np.searchsorted(p.t, t + 5.0).clip(0, len(p.t) - 1)
-    behind = np.searchsorted(p.t, t - 5.0).clip(0, len(p.t) - 1)
-    lasted = np.maximum(p.t[ahead] - p.t[behind], 1.0)
-    speed = np.linalg.norm(ned_between(p.values[ahead], p.values[behind]), axis=1) / lasted
+    speed = np.interp(t, *_travelled(streams.positions))
     moving = speed > MOVING_SPEED
     out: dict[str, tuple[float, float]] = {}
     if moving.sum() < 2 * STILL_SECONDS or blocks < 2 * STILL_SECONDS:

@@ -296,7 +296,7 @@ class _Problem:
         """Return rotations of the windows by a stream, and with which probability readings then begin as wrong."""
         found = []
         for j, one in enumerate(self.placed):
-            if one.stream.unit in ("m/s", "m") and one.local.shape[1] == 3 and len(one.row):
+            if one.stream.unit in ("m/s", "m") and len(one.row):
                 attitude = self._wahba(one, velocity=one.stream.unit == "m/s")
                 wrong = (
                     np.full(len(x.row), FIRST_WRONG if i == j else 0.5) for i, x in enumerate(self.placed)
@@ -335,7 +335,8 @@ class _Problem:
         w = len(self.windows.begin)
         g = of_the_earth(self.places, self.speeds)[2]
         tau, there = one.spread(one.tau, w), one.spread(np.ones(len(one.tau)), w)
-        values = one.spread(one.local, w)
+        # a vertical velocity that is missing changes little beside gravity
+        values = one.spread(np.pad(one.local, ((0, 0), (0, 3 - one.local.shape[1]))), w)
         own = one.spread(one.at.vectors[..., 0 if velocity else 1], w)
         most = tau.shape[1]
         gap = max(1, most // 5)

@@ -11,7 +11,7 @@ import numpy as np
 from models.arrays import FloatArray
 from models.rotation import skew
 from models.units import FOOT, unit_value
-from tuner.examination.streams import Stream, Streams, Velocities
+from tuner.examination.streams import HorizontalVelocities, Stream, Streams, Velocities
 from tuner.examination.windows import Motion
 from tuner.types.clock import HALF_INTERVAL
 
@@ -104,7 +104,7 @@ def moves(streams: Streams) -> Iterator[Move]:
             yield replace(fault, partial=False)
     for one in streams.others:
         if isinstance(one, Velocities):
-            yield from _velocity_moves(one.name)
+            yield from _velocity_moves(one.name, whole=not isinstance(one, HorizontalVelocities))
     for delay in DELAYS:
         yield late(None, delay)
         for one in streams.others:
@@ -146,14 +146,18 @@ def _units(name: str, verb: str, read_as: str, units: Mapping[str, float]) -> It
         yield _of(name, f"{verb} in {unit}, read as {read_as}", f"multiplied by {factor:.6g}", _times(factor))
 
 
-def _velocity_moves(name: str) -> Iterator[Move]:
+def _velocity_moves(name: str, *, whole: bool) -> Iterator[Move]:
+    """Return faults of velocities, whole ones or horizontal ones alone."""
     units = {"knots": "kn", **{unit: unit for unit in ("km/h", "mph", "ft/s", "cm/s", "mm/s")}}
     yield from _units(name, "are", "m/s", {word: unit_value(unit) for word, unit in units.items()})
+    yield _of(name, "are speed and course", "turned into north and east", _from_course)
+    if not whole:
+        yield _of(name, "are east, north", "put in the order north, east", _from_east_north_up)
+        return
     up = "have the wrong vertical sign: they point up, not down"
     down, subject = "third component multiplied by −1", "vertical sign of the velocities"
     yield _of(name, up, down, _times(1.0, 1.0, -1.0), subject)
     yield _of(name, "are east, north, up", "put in the order north, east, down", _from_east_north_up)
-    yield _of(name, "are speed and course", "turned into north and east", _from_course)
     yield Move(
         name,
         "are in the axes of the unit, not north, east, down",
@@ -200,9 +204,7 @@ def _of(name: str, fault: str, repair: str, change: Change, subject: str = "") -
     def mended(streams: Streams) -> Streams:
         part = TRIADS.get(name)
         if part is None:
-            return exchanged(
-                streams, name, lambda x: x.with_values(change(x.values), log_jacobian(change, x.values))
-            )
+            return exchanged(streams, name, lambda x: _changed(x, change))
         rates = streams.imu.rates.copy()
         rates[:, part] = change(rates[:, part])
         return replace(streams, imu=replace(streams.imu, rates=rates))
@@ -210,11 +212,19 @@ def _of(name: str, fault: str, repair: str, change: Change, subject: str = "") -
     return Move(name, fault, repair, mended, subject=subject, reading=True)
 
 
-def log_jacobian(change: Change, values: FloatArray) -> FloatArray:
-    """Return the logarithm of the Jacobian of a change of triples by differences, shape (k,)."""
+def _changed(stream: Stream, change: Change) -> Stream:
+    """Return a stream after a change of triples; of pairs the third number is zero."""
+    d = stream.values.shape[1]
+    triples = np.pad(stream.values, ((0, 0), (0, 3 - d)))
+    return stream.with_values(change(triples)[:, :d], log_jacobian(change, triples, d))
+
+
+def log_jacobian(change: Change, values: FloatArray, d: int = 3) -> FloatArray:
+    """Return the logarithm of the Jacobian of a change of triples, of their first d numbers, by differences, (k,)."""
     step = 1e-6
     columns = [
-        (change(values + step * one) - change(values - step * one)) / (2.0 * step) for one in np.eye(3)
+        (change(values + step * one) - change(values - step * one))[:, :d] / (2.0 * step)
+        for one in np.eye(3)[:d]
     ]
     size = np.abs(np.linalg.det(np.nan_to_num(np.stack(columns, axis=-1))))
     return np.asarray(np.log(np.maximum(size, 1e-12)))

@@ -305,7 +305,8 @@ def _speeds(streams: Streams, t: FloatArray) -> FloatArray:
     for one in streams.others:
         if isinstance(one, Velocities) and one.readings.sum() > 1:
             rows = one.readings
-            return np.column_stack([np.interp(t, one.t[rows], x) for x in one.values[rows].T])
+            known = np.column_stack([np.interp(t, one.t[rows], x) for x in one.values[rows].T])
+            return np.pad(known, ((0, 0), (0, 3 - known.shape[1])))
     rows = streams.positions.readings
     values = streams.positions.values[rows]
     smooth = np.gradient(values, streams.positions.t[rows], axis=0) * metres_per_radian(values)

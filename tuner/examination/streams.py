@@ -137,17 +137,28 @@ class Velocities(Stream):
 
     def seen(self, motion: Motion) -> tuple[FloatArray, FloatArray]:
         """Return the velocity of the antenna."""
-        return motion.velocity + self.by_arm(motion) @ np.array(self.arm), motion.by_velocity
+        turn = motion.attitude @ rotation.skew(motion.rate)
+        return self._own(motion.velocity + turn @ np.array(self.arm)), self._own(motion.by_velocity)
 
     def by_time(self, motion: Motion) -> FloatArray:
         """Return the acceleration of the antenna."""
         turn = rotation.skew(motion.rate)
         swing = turn @ turn + rotation.skew(motion.rate_change)
-        return np.asarray(motion.acceleration + motion.attitude @ swing @ np.array(self.arm))
+        return self._own(motion.acceleration + motion.attitude @ swing @ np.array(self.arm))
 
     def by_arm(self, motion: Motion) -> FloatArray:
         """Return what the rate of turn makes of an arm."""
-        return np.asarray(motion.attitude @ rotation.skew(motion.rate))
+        return self._own(motion.attitude @ rotation.skew(motion.rate))
+
+    def _own(self, values: FloatArray) -> FloatArray:
+        """Return the components that are read."""
+        return np.asarray(values[:, : self.values.shape[1]])
+
+
+class HorizontalVelocities(Velocities):
+    """North, east, m/s: all that speed and course say."""
+
+    groups = (("", (0, 1)),)
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ References
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Mapping
 from typing import Literal
@@ -53,6 +54,9 @@ EXACT_SAMPLES = 20_000
 
 SIGNIFICANCE_LEVEL = 0.01
 """Size of the tests that separate an ARMA model from white noise."""
+
+START_LEFT = 1e-6
+"""Share of the errors of a start from rest that residuals may keep."""
 
 _TESTED_LAGS = 20
 """Lags of the portmanteau test, the number usual for it; a quarter of a shorter record."""
@@ -247,8 +251,14 @@ def _whiteness(best: Order, p_white: float, scores: Mapping[Order, float], white
 
 
 def _residual_report(y: FloatArray, fit: WhittleArma) -> tuple[str, ...]:
-    """Test the one-step residuals for correlation and normality, in words."""
-    residual = y - one_step(y, fit.ar, fit.ma)
+    """Test the one-step residuals for correlation and normality, in words.
+
+    They begin where those of the start from rest, which decay as the largest zero to the number of samples, are gone;
+    half of the series at most is left out.
+    """
+    slowest = float(np.abs(np.roots([1.0, *fit.ma])).max(initial=0.0))
+    begun = math.ceil(math.log(START_LEFT) / math.log(slowest)) if 0.0 < slowest < 1.0 else 0
+    residual = (y - one_step(y, fit.ar, fit.ma))[min(begun, len(y) // 2) :]
     if not np.ptp(residual) > 0.0:
         return ("residuals: none",)
     n, lags = len(residual), min(_TESTED_LAGS, len(residual) // 4)

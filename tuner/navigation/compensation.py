@@ -70,7 +70,11 @@ def compensate(drive: Drive, compensation: Compensation) -> Drive:
     gnss = replace(
         gnss,
         t=corrected_stamps(gnss.t, change),
-        vel_n=(gnss.vel_n - change.velocity_offset) @ change.velocity_rotation,
+        vel_n=np.where(
+            np.isfinite(gnss.vel_n),
+            np.nan_to_num(gnss.vel_n - change.velocity_offset) @ change.velocity_rotation,
+            np.nan,
+        ),
     )
     if drive.mounting is not None:
         drive = replace(drive, mounting=drive.mounting @ change.mounting)

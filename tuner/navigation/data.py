@@ -54,7 +54,7 @@ class Fixes:
     llh : ndarray, shape (k, 3)
         Latitude, longitude, rad, height, m.
     vel_n : ndarray, shape (k, 3)
-        m/s; NaN where there is none.
+        m/s; NaN where there is none, down alone where there are horizontal ones.
     sd : ndarray, shape (k, 6)
         Standard deviations the filter assumes: north, east, down, m, and m/s.
     withheld : ndarray of bool, shape (k,)
@@ -117,7 +117,7 @@ class Solution:
     covariance : ndarray, shape (k, 15, 15)
         Of position, velocity, attitude errors and of the total biases (`settings.total_bias`).
     innovation : ndarray, shape (k, 6)
-        Fix minus prediction: position, velocity; 0 where the fix has none.
+        Fix minus prediction: position, velocity; 0 where the fix has none, NaN of a component that is missing.
     innovation_covariance : ndarray, shape (k, 6, 6)
         As the filter predicts it.
     use : ndarray of int, shape (k, 2)

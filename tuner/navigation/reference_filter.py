@@ -287,10 +287,12 @@ def _update(
     mat_nb = rotation.mat_from_quat(state.quat_nb)
     at = Linearization(state.llh, state.vel_n, mat_nb, rates[:3], rates[3:], sensor)
     parts = [position_fix(model, at, x, fixes.llh[i], lever_arm=settings.lever_arm)]
-    if np.isfinite(fixes.vel_n[i]).all():
+    if np.isfinite(fixes.vel_n[i, :2]).all():
         parts.append(velocity_fix(model, at, x, fixes.vel_n[i], lever_arm=settings.lever_arm))
     z, h = np.concatenate([part.z for part in parts]), np.vstack([part.H for part in parts])
-    r = np.diag(fixes.sd[i, : len(z)] ** 2)
+    missing = np.isnan(z)
+    z, h = np.where(missing, 0.0, z), np.where(missing[:, None], 0.0, h)
+    r = np.diag(np.where(missing, 1.0, fixes.sd[i, : len(z)] ** 2))
     s = h @ kf.P @ h.T + r
     use = np.full(2, ABSENT)
     for g in range(len(parts)):
@@ -306,7 +308,7 @@ def _update(
         state = corrected(state, correction[:9])
         x[9:] += correction[9:]
     innovation, spread = np.zeros(6), np.zeros((6, 6))
-    innovation[: len(z)], spread[: len(z), : len(z)] = z, s
+    innovation[: len(z)], spread[: len(z), : len(z)] = np.where(missing, np.nan, z), s
     m, further = total_bias(model), np.flatnonzero(error_rows(model) >= 15)
     own_covariance = kf.P[np.ix_(further, further)]
     row = (state, x.copy(), m @ kf.P @ m.T, innovation, spread, own_covariance, use)

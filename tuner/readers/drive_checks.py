@@ -158,7 +158,7 @@ def _positions(drive: Drive, notes: list[str]) -> NDArray[np.bool_]:
 
 
 def _velocities(drive: Drive, notes: list[str]) -> NDArray[np.bool_]:
-    speed = np.nan_to_num(np.linalg.norm(drive.gnss.vel_n, axis=1))
+    speed = np.linalg.norm(np.nan_to_num(drive.gnss.vel_n), axis=1)
     return _impossible(drive, drive.gnss.t, speed, "velocities of", MAX_OUTLIER_SHARE, "m/s", notes)
 
 

@@ -17,7 +17,7 @@ from tuner.formats.customary_units import customary_unit, digits, in_customary, 
 from tuner.report.curve_panels import draw_banded, name_allan_axes
 from tuner.report.figure_files import new_figure
 from tuner.types import ChannelIdentification, Identification
-from tuner.types.prediction import PredictedBlock
+from tuner.types.prediction import BlockSource, PredictedBlock
 
 MEASURED_COLOUR = "#1f5fa8"
 MODEL_COLOUR = "#c2410c"
@@ -53,7 +53,10 @@ def allan_figure(
     predictions: Mapping[str, PredictedBlock] = MappingProxyType({}),
     stated: Mapping[str, ChannelIdentification] = MappingProxyType({}),
 ) -> Figure:
-    """Draw every channel of an identification, with what settings predict and a data sheet states where it is known."""
+    """Draw every channel of an identification, with what settings predict and a data sheet states where it is known.
+
+    Terms of an axis that do not predict its curve, so that its settings are fitted to the curve, are not drawn.
+    """
     channels = list(identification.channels.values())
     units = list(dict.fromkeys(c.unit for c in channels))
     rows = [[c for c in channels if c.unit == unit] for unit in units]
@@ -100,14 +103,15 @@ def _draw_channel(
         y = one * np.sqrt(predicted.block.allan_variance(tau, predicted.measured.interval))
         panel.plot(tau, y, color=PREDICTED_COLOUR, lw=2.6, alpha=0.45, label="what the settings predict")
     fine = np.geomspace(curve.tau[0], curve.tau[-1], 200)
+    refuted = predicted is not None and predicted.source is not BlockSource.LIKELIHOOD
     for known, colour, style, label in (
         (channel, MODEL_COLOUR, "-", "identified terms"),
         (stated, STATED_COLOUR, "-.", "data sheet"),
     ):
-        if known is not None and known.model.terms:
+        if known is not None and known.model.terms and not (known is channel and refuted):
             y = one * np.sqrt(known.model.allan_variance(fine))
             panel.plot(fine, y, style, color=colour, lw=1.3, label=label)
-    for k, term in enumerate(channel.model.terms):
+    for k, term in enumerate(() if refuted else channel.model.terms):
         variance = term.allan_variance(fine)
         colour, y = TERM_COLOURS.get(term.name, "0.4"), one * np.sqrt(variance)
         style = TERM_STYLES[k % len(TERM_STYLES)]

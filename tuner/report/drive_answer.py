@@ -103,16 +103,22 @@ def fixes_parts(examined: ExaminedDrive, config: FilterConfig) -> list[Table | s
     both = reported_sds(gnss, settings), assumed_sds(raw, gnss.solution, settings)
     lasting = _lasting(config)
     columns = {}
-    for name, block in (("positions, m", slice(0, 3)), ("velocities, m/s", slice(3, 6))):
+    for name, values, block in (
+        ("positions, m", gnss.llh, slice(0, 3)),
+        ("velocities, m/s", gnss.vel_n, slice(3, 6)),
+    ):
         states = lasting.get(name, ())
-        if states or np.isfinite(gnss.vel_n).any():
-            known, used = (np.median(one[:, block], axis=0) for one in both)
+        if (there := np.isfinite(values).any(axis=0)).any():
+            known, used = (np.where(there, np.median(one[:, block], axis=0), np.nan) for one in both)
             stated = bool((raw[:, block] > 0.0).any())
             whole = np.sqrt(used**2 + sum(np.array([sd, sd, down]) ** 2 for sd, down, _ in states))
             columns[name] = (
                 _level_text(known) + " ASSUMED" * (not stated),
                 _level_text(used),
-                "; ".join(f"{_level_text([sd, sd, down])}; {digits(t, 2)} s" for sd, down, t in states)
+                "; ".join(
+                    f"{_level_text(np.where(there, [sd, sd, down], np.nan))}; {digits(t, 2)} s"
+                    for sd, down, t in states
+                )
                 or "none",
                 _level_text(np.maximum(whole, known * stated)),
             )
@@ -123,9 +129,10 @@ def fixes_parts(examined: ExaminedDrive, config: FilterConfig) -> list[Table | s
 
 
 def _level_text(sds: Iterable[float]) -> str:
-    """Return a sd of an axis in the horizontal, and that down."""
+    """Return a sd of an axis in the horizontal, and that down where there is one."""
     north, east, down = sds
-    return f"{digits(math.hypot(north, east) / math.sqrt(2.0), 2)}, {digits(down, 2)}"
+    parts = math.hypot(north, east) / math.sqrt(2.0), down
+    return ", ".join(digits(one, 2) for one in parts if math.isfinite(one))
 
 
 def _lasting(config: FilterConfig) -> dict[str, list[tuple[float, float, float]]]:

@@ -16,7 +16,7 @@ from models.probability import chi2_quantile
 from tuner.diagnosis.drive import ExaminedDrive
 from tuner.diagnosis.drive.causes.registry import DRIVE_CAUSES
 from tuner.diagnosis.drive.hypothesis import FilterRun
-from tuner.navigation.data import WITHHELD
+from tuner.navigation.data import ABSENT, WITHHELD
 from tuner.navigation.drive.run import navigate, outage_windows
 from tuner.report.curve_panels import draw_banded
 from tuner.report.drive_cause_panels import (
@@ -96,7 +96,7 @@ def _innovations(passes: tuple[FilterRun, FilterRun], row: int, panel: Axes) -> 
     reach = 0.0
     for found, colour, label in zip(passes, ("0.7", AFTER_COLOUR), ("before", "after"), strict=True):
         for number, solution in enumerate(found.solutions):
-            there = solution.use[:, row // 3] != 0
+            there = (solution.use[:, row // 3] != ABSENT) & np.isfinite(solution.innovation[:, row])
             if not there.any():
                 continue
             t, z = solution.t[there], solution.innovation[there, row]

@@ -78,6 +78,7 @@ from tuner.types import (
 from tuner.types.consistency import Check, Consistency
 from tuner.types.diagnosis import DriveDiagnosis
 from tuner.types.fleet import Fleet
+from tuner.types.prediction import PredictedBlock
 from tuner.types.records import DataError, Drive, Record
 
 
@@ -165,6 +166,22 @@ def page_of(results: Mapping[str, object], title: str, command: str) -> str:
         (r.consistency.honesty for r in results.values() if isinstance(r, Check | DriveResult)), None
     )
     return write_sections_page(title, sections, command, judged)
+
+
+def identified_part(
+    found: Identification, answer: Document, predictions: Mapping[str, PredictedBlock]
+) -> Part:
+    """Return the part of a page on a log whose settings are known: the answer of the terminal, and their curves."""
+    return Part(
+        answer,
+        [
+            Picture.of(
+                rendered(allan_figure(found, predictions=predictions), "figure"),
+                "figure",
+                VIEWS[TuneResult].caption,
+            )
+        ],
+    )
 
 
 def _part_of(result: object) -> Part:

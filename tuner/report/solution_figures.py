@@ -13,7 +13,7 @@ from models.arrays import FloatArray
 from tuner.consistency.drive_scores import differences, stated
 from tuner.consistency.score_drive import DriveResult
 from tuner.formats.customary_units import since
-from tuner.navigation.data import GATED, USED
+from tuner.navigation.data import ABSENT, GATED, USED
 from tuner.report.curve_panels import draw_banded
 from tuner.report.figure_files import new_figure, rendered
 from tuner.report.solution_files import local_track, tracks
@@ -98,7 +98,7 @@ def _innovations(found: DriveResult) -> list[_Part]:
     parts = []
     for stretch, solution in zip(found.stretches, found.solutions, strict=True):
         sd = np.sqrt(np.diagonal(solution.innovation_covariance, axis1=1, axis2=2))
-        use = np.repeat(solution.use, 3, axis=1)
+        use = np.where(np.isfinite(solution.innovation), np.repeat(solution.use, 3, axis=1), ABSENT)
         parts.append(_Part(solution.t, solution.innovation, sd, use == USED, use == GATED, stretch.settled))
     return parts
 

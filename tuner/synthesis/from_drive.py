@@ -206,8 +206,7 @@ def _speed(drive: Drive, t: FloatArray) -> FloatArray:
     These are so far apart that their scatter s, from second differences, makes √2 s/T ≪ `STATIONARY_SPEED`.
     """
     gnss = drive.gnss
-    speed = np.linalg.norm(gnss.vel_n, axis=1)
-    known = np.isfinite(speed)
+    speed, known = np.linalg.norm(np.nan_to_num(gnss.vel_n), axis=1), gnss.has_velocity
     if np.count_nonzero(known) > 2:
         return np.asarray(np.interp(t, gnss.t[known], speed[known], left=np.inf, right=np.inf))
     metres = distance_along(gnss.llh)[:, :2]

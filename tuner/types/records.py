@@ -184,7 +184,7 @@ class Gnss:
     llh : ndarray, shape (k, 3)
         Latitude, longitude, rad, height, m; made without jumps at the date line.
     vel_n : ndarray, shape (k, 3)
-        North, east, down, m/s; NaN where there is none.
+        North, east, down, m/s; NaN where there is none, down alone where speed and course are all there is.
     position_sd, velocity_sd : ndarray, shape (k, 3)
         As the receiver reports them, north, east, down; NaN where it does not.
     solution : ndarray, shape (k,)
@@ -205,6 +205,11 @@ class Gnss:
 
     def __len__(self) -> int:
         return len(self.t)
+
+    @property
+    def has_velocity(self) -> NDArray[np.bool_]:
+        """Which fixes have a velocity, of all three components or the horizontal ones, shape (k,)."""
+        return np.asarray(np.isfinite(self.vel_n[:, :2]).all(axis=1))
 
     def rows(self, which: NDArray[np.bool_] | NDArray[np.intp] | slice) -> Gnss:
         """Return some of the fixes."""

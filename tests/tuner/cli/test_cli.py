@@ -16,6 +16,8 @@ from tuner.formats.configuration import load_config
 from tuner.formats.logs import write_log
 from tuner.readers import read
 from tuner.simulation.effect_spec import read_effect
+from tuner.synthesis.prediction import hold_to_records
+from tuner.types.prediction import BlockSource
 
 
 @pytest.fixture(scope="module")
@@ -296,3 +298,18 @@ def test_a_figure_is_drawn(axis, tmp_path):
         == 0
     )
     assert figure.read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_page_of_identify_says_what_the_terminal_says(short, tmp_path, capsys, monkeypatch):
+    """Of a log whose terms do not predict its curve the page said "usable" and other numbers than the terminal."""
+
+    def by_curve(config, records):
+        config, found = hold_to_records(config, records)
+        return config, {axis: replace(one, source=BlockSource.CURVE) for axis, one in found.items()}
+
+    monkeypatch.setattr("tuner.synthesis.prediction.hold_to_records", by_curve)
+    page = tmp_path / "page.html"
+    assert run(["identify", str(first_axis(short, tmp_path / "one.npz")), "--page", str(page)]) == 0
+    said = "usable except: gyro x, whose terms do not predict the Allan curve"
+    assert said in " ".join(capsys.readouterr().out.split())
+    assert said in page.read_text()

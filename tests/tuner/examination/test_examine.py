@@ -94,6 +94,26 @@ def test_a_fault_of_a_whole_stream_is_named_and_mended(drive: Drive, words: str)
     assert np.allclose(found.mended.rates, drive.rates)
 
 
+def horizontal(vel: np.ndarray) -> np.ndarray:
+    """Return velocities of which speed and course are all that is known."""
+    return np.column_stack([vel[:, :2], np.full(len(vel), np.nan)])
+
+
+def test_speed_and_course_alone_are_held_against_the_others(drive: Drive) -> None:
+    """Without a vertical velocity none was read: a phone's velocities were neither examined nor filtered."""
+    right = examine(with_velocities(drive, horizontal))
+    assert not right.repairs
+    sizes = {one.stream: one for one in right.noise if not one.part}
+    assert sizes["velocities"].sd == pytest.approx(drive.gnss.velocity_sd[0, 0], rel=0.25)
+    assert "vertical sign of the velocities" not in right.unseen
+    wrong = with_velocities(drive, lambda v: horizontal(3.6 * v))
+    found = examine(wrong)
+    assert "velocities are in km/h, read as m/s" in first(found)
+    assert np.allclose(found.mended.gnss.vel_n, horizontal(drive.gnss.vel_n), atol=1e-3, equal_nan=True)
+    swapped = examine(with_velocities(drive, lambda v: horizontal(v[:, [1, 0, 2]])))
+    assert "velocities are east, north" in first(swapped)
+
+
 def test_a_unit_that_changes_is_named_with_the_time(drive: Drive) -> None:
     found = examine(with_rates(drive, [180.0 / np.pi] * 3 + [1.0] * 3, begin=180.0))
     assert "gyro is in deg/s" in first(found)

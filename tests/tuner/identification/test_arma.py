@@ -121,6 +121,15 @@ def test_one_step_prediction_leaves_the_innovations():
     assert one_step(y, (), ()) == pytest.approx(np.zeros(500))
 
 
+def test_residuals_of_a_slow_zero_begin_behind_the_start_from_rest():
+    """Three zeros near 0.9 left tens of sds in the first samples: Ljung–Box 30 400, kurtosis 540 of a right model."""
+    e = np.random.default_rng(9).standard_normal(21_000)
+    y = lfilter((1.0, 2.537, 2.174, 0.627), (1.0, -0.437, 0.171, -0.051), e)[1000:]
+    said = " ".join(fit_arma(y, 0.01, "rad/s").steps)
+    assert "no correlation left" in said
+    assert ": normal" in said
+
+
 @pytest.mark.parametrize(
     ("ar", "ma", "expected"),
     [((), (), "white"), ((0.8,), (), "AR(1)"), ((), (0.7,), "MA(1)"), ((0.9,), (-0.5,), "ARMA")],

@@ -15,6 +15,7 @@ from models.noise import GaussMarkov
 from models.trajectory.catalogue import TRAJECTORIES
 from models.trajectory.motion import imu_increments
 from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
+from tuner.consistency.scores import innovation_scores
 from tuner.navigation import engine
 from tuner.navigation import reference_filter as reference
 from tuner.navigation.data import GATED, USED, WITHHELD, Constraints, Fixes, Steps, split_at
@@ -68,6 +69,7 @@ def flight(settings, trajectory, duration, *, seed=0, offset=0.003, noisy=True):
     if noisy:
         vel = vel + 0.05 * rng.standard_normal(vel.shape)
         vel[::7] = np.nan
+        vel[3::7, 2] = np.nan  # speed and course
     sd = np.tile([1.5, 1.5, 3.0, 0.05, 0.05, 0.1], (len(t), 1))
     start = motion.evaluate([0.0]).at(0)
     return motion, start, steps, Fixes(t, after, llh, vel, sd)
@@ -111,6 +113,30 @@ def test_engine_equals_filter(trajectory, make, options):
         assert_same(settings, engine.run(settings, begin, steps, own), found)
 
 
+def test_a_missing_vertical_velocity_says_nothing():
+    """Speed and course of a phone were left out whole; a component of sd 10⁵ m/s is as good as none."""
+    settings = filter_settings(configuration(), lever_arm=LEVER)
+    _, start, steps, fixes = flight(settings, "city", 30.0)
+    vel, sd = fixes.vel_n.copy(), fixes.sd.copy()
+    vel[np.isfinite(vel[:, 2]), 2], sd[:, 5] = 0.0, 1e5
+    blank = vel.copy()
+    blank[:, 2] = np.nan
+    known, missing = (
+        engine.run(settings, start, steps, replace(fixes, vel_n=one, sd=sd)) for one in (vel, blank)
+    )
+    sd = np.sqrt(np.einsum("kii->ki", known.covariance))
+    assert np.all(np.abs(navigation_error(known.state, missing.state)) < 1e-6 * sd[:, :9])
+    assert np.allclose(known.covariance, missing.covariance, rtol=1e-6, atol=1e-12)
+    there = missing.use[:, 1] == USED
+    assert there.any()
+    assert np.isnan(missing.innovation[there, 5]).all()
+    scores = {
+        one.name: one
+        for one in innovation_scores([missing.innovation], [missing.innovation_covariance], [missing.use])
+    }
+    assert (scores["nis"].dof, scores["nis_position"].dof, scores["nis_velocity"].dof) == (5, 3, 2)
+
+
 def test_engine_equals_filter_long_after_fast_states_have_decayed():
     settings = filter_settings(ramped(configuration()))
     _, start, steps, fixes = flight(settings, "city", 9.0)
@@ -129,7 +155,8 @@ def assert_same(settings, a, b):
     final = np.sqrt(np.diag(a.final_covariance))
     assert np.all(np.abs(a.final_covariance - b.final_covariance) <= 1e-9 * np.outer(final, final) + 1e-300)
     spread = np.sqrt(np.einsum("kii->ki", a.innovation_covariance))
-    assert np.all(np.abs(a.innovation - b.innovation) <= 1e-9 * spread)
+    np.testing.assert_array_equal(np.isnan(a.innovation), np.isnan(b.innovation))
+    assert np.all(np.abs(np.nan_to_num(a.innovation - b.innovation)) <= 1e-9 * spread)
     np.testing.assert_array_equal(a.use, b.use)
 
 

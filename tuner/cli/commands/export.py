@@ -91,7 +91,9 @@ def command(
         text = export(load_config(config), dialect, interval=interval, step=step, **how)
         if output_file is not None:
             write_text(output_file, text)
-            messages.say(f"wrote {output_file}")
+            empty = all(line.startswith("#") for line in text.splitlines())
+            kept = ": no parameter, as each keeps its stock value for the reason it gives" if empty else ""
+            messages.say(f"wrote {output_file}{kept}")
         elif output.tables:
             sys.stdout.write(text)
     output.write({"schema": "tuner.export/1", "dialect": dialect, "text": text})

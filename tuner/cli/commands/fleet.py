@@ -36,7 +36,7 @@ from tuner.stages import stage
     help="Processes; default one for each core.",
 )
 @click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler that does the work instead of --jobs.")
-@strict("a unit is not PASS, or cannot be used")
+@strict("a unit is not PASS, stands apart, or cannot be used")
 @verbose
 @noise_terms
 @latitude
@@ -85,4 +85,5 @@ def command(
         elif measured:
             answer = answer.then("tune", measured[0], *reading.words)
         show(answer, whole=verbose)
-    return 1 if strict and any(u.error or u.verdict not in ("", "PASS") for u in result.units) else 0
+    failed = looked_at(result) or any(u.verdict not in ("", "PASS") for u in result.units)
+    return 1 if strict and failed else 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -28,6 +29,10 @@ from tuner.stages import counted, stage
 
 if TYPE_CHECKING:
     from tuner.identification.arma import Likelihood
+    from tuner.report.document import Document
+    from tuner.report.result_views import Part
+    from tuner.types import Identification
+    from tuner.types.prediction import PredictedBlock
 
 ARMA_LIKELIHOODS: Mapping[str, Likelihood | None] = MappingProxyType(
     {"fast": "fast", "exact": "exact", "off": None}
@@ -141,7 +146,13 @@ def command(
     for one in found:
         lawful(one)
     names = [source_name(log) for log in logs]
-    page("Noise of " + ", ".join(names), dict(zip(names, found, strict=True)))
+    answers = [
+        identification_answer(name, one, *(written or ()))
+        for name, one, written in zip(names, found, settings, strict=True)
+    ]
+    predictions = [{} if written is None else written[1] for written in settings]
+    parts = map(partial(partial, _part), found, answers, predictions)
+    page("Noise of " + ", ".join(names), dict(zip(names, parts, strict=True)))
     if len(found) > 1:
         output.write(pooled_json(names, found, pool(found)))
     else:
@@ -152,16 +163,18 @@ def command(
         from tuner.report.allan_figure import allan_figure
         from tuner.report.figure_files import write_figure
 
-        for name, one in zip(names, found, strict=True):
+        for name, one, predicted in zip(names, found, predictions, strict=True):
             path = figure if len(found) == 1 else figure.with_stem(f"{figure.stem}-{name}")
-            write_figure(allan_figure(one, title=name), path)
+            write_figure(allan_figure(one, title=name, predictions=predicted), path)
             messages.say(f"wrote {path}")
     if output.tables:
-        answers = [
-            identification_answer(name, one, *(written or ()))
-            for name, one, written in zip(names, found, settings, strict=True)
-        ]
         several = len(answers) > 1
         answer = pooled_answer(pool(found), names, answers) if several else answers[0]
         show(answer.then("compare" if several else "tune", *logs, *reading.words), whole=verbose)
     return exit_status
+
+
+def _part(found: Identification, answer: Document, predictions: Mapping[str, PredictedBlock]) -> Part:
+    from tuner.report.result_views import identified_part  # loads what draws
+
+    return identified_part(found, answer, predictions)

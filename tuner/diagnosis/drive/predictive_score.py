@@ -133,7 +133,7 @@ def _innovation_ratios(
         [one.innovation_covariance[rows] for one, rows in groups],
         [one.use[rows] for one, rows in groups],
     )
-    found = [one for one in scores if one.dof == 3 and one.ratio > 0.0]
+    found = [one for one in scores if one.name != "nis" and one.ratio > 0.0]
     low, high = INNOVATION_RATIOS
     ends = [[float(np.sqrt(end / one.dof)) for end in one.band] for one in found]
     return tuple(one.ratio for one in found), tuple((min(low, a), max(high, b)) for a, b in ends)

@@ -102,9 +102,12 @@ class Alignment:
 
 
 def velocities(gnss: Gnss) -> FloatArray:
-    """Return the velocity at every fix, differences of positions where the receiver gives none; (k, 3)."""
+    """Return the velocity at every fix, differences of positions where the receiver gives none; (k, 3).
+
+    A vertical velocity alone that is missing is taken as zero: it changes less than noisy heights say.
+    """
     slope = np.gradient(distance_along(gnss.llh), gnss.t, axis=0)
-    return np.where(np.isfinite(gnss.vel_n), gnss.vel_n, slope)
+    return np.where(gnss.has_velocity[:, None], np.nan_to_num(gnss.vel_n), slope)
 
 
 def stationary_until(gnss: Gnss) -> float:
@@ -295,7 +298,7 @@ def _positions_are_better(gnss: Gnss) -> bool:
         np.nanmedian(sd[:, :2]) if np.isfinite(sd).any() else np.nan
         for sd in (gnss.position_sd, gnss.velocity_sd)
     )
-    if not np.isfinite(gnss.vel_n).any():
+    if not gnss.has_velocity.any():
         return True
     return bool(np.sqrt(6.0) * position / WINDOW_DURATION < np.sqrt(2.0) * velocity)
 

@@ -319,7 +319,7 @@ def _initial_covariance(
     at, a = settings.model.layout, stretch.alignment
     sd = stretch.fixes.sd[0]
     p[range(3), range(3)] = np.maximum(sd[:3], settings.initial_sd[at["position"]]) ** 2
-    unknown = 0.0 if np.isfinite(stretch.fixes.vel_n[0]).all() else DIFFERENCED_VELOCITY_SD
+    unknown = np.where(np.isfinite(stretch.fixes.vel_n[0]), 0.0, DIFFERENCED_VELOCITY_SD)
     p[range(3, 6), range(3, 6)] = np.maximum(sd[3:], settings.initial_sd[at["velocity"]]) ** 2 + unknown**2
     tilt = max(a.tilt_sd, TILT_FLOOR, float(settings.initial_sd[at["attitude"]][0]))
     p[6, 6] = p[7, 7] = tilt**2
@@ -343,7 +343,7 @@ def _aligned_stretch(steps: Steps, gnss: Gnss, settings: FilterSettings, clock: 
     bias_sd = np.concatenate([settings.initial_sd[at["gyro_bias"]], settings.initial_sd[at["accel_bias"]]])
     together = own
     delay, lag = clock.delay.taken_out, clock.lag.taken_out
-    if lag and np.count_nonzero(np.isfinite(own.vel_n).all(axis=1)) > 1:
+    if lag and np.count_nonzero(own.has_velocity) > 1:
         together = replace(own, vel_n=velocities_at(own.t, own.vel_n, own.t + lag))
     a = align(steps, replace(together, t=own.t - delay), bias_sd=bias_sd)
     return _timed(steps, own, replace(a, delay=delay), settings, lag)

@@ -21,7 +21,7 @@ from tuner.navigation.data import Fixes, Solution, Steps
 
 def interpolated(fixes: Fixes, lag: float) -> Fixes:
     """Return the fixes with velocities between theirs: for a first pass, whose attitude is near enough."""
-    known = np.isfinite(fixes.vel_n).all(axis=1)
+    known = np.isfinite(fixes.vel_n[:, 0])
     if np.count_nonzero(known) < 2:
         return fixes
     vel = np.full_like(fixes.vel_n, np.nan)
@@ -31,7 +31,7 @@ def interpolated(fixes: Fixes, lag: float) -> Fixes:
 
 def velocities_at(t: FloatArray, vel_n: FloatArray, wanted: FloatArray) -> FloatArray:
     """Return velocities (k, 3) given at times (k,), NaN where unknown, at other times (m,) by interpolation."""
-    known = np.isfinite(vel_n).all(axis=1)
+    known = np.isfinite(vel_n[:, 0])
     return np.stack([np.interp(wanted, t[known], v) for v in vel_n[known].T], axis=-1)
 
 

@@ -78,7 +78,7 @@ def filter_together(
             NavigationState(output.values[j, :, :3], output.values[j, :, 3:6], output.values[j, :, 6:10]),
             output.values[j, :, 16:],
             output.P[j, :, :15, :15],
-            output.values[j, :, 10:16],
+            np.where(np.isnan(own.values[:, :6]), np.nan, output.values[j, :, 10:16]),
             output.S[j],
             output.use[j],
             NavigationState(state[:3, j], state[3:6, j], state[6:10, j]),
@@ -86,5 +86,5 @@ def filter_together(
             m.P[:n, :n, j],
             further_covariance=output.P[j, :, 15:, 15:],
         )
-        for j in range(w)
+        for j, own in enumerate(rows)
     )

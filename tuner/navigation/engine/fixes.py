@@ -38,6 +38,7 @@ from tuner.navigation.engine.state import (
     INNOVATION,
     INNOVATION_ROWS,
     INVERSE_ROW,
+    JACOBIAN_ROWS,
     LIMITS,
     POSITION_ROW,
     REFUSED_ROW,
@@ -85,7 +86,10 @@ def new_output(w: int, e: int, lay: Layout) -> Output:
 
 @merged
 def model_fix(m: Any, w: int, alone: bool | None, full: bool | None) -> None:
-    """Set z and H of the measurement of filter w in the scratch; only a filter that is alone has constraints."""
+    """Set z and H of the measurement of filter w in the scratch; only a filter that is alone has constraints.
+
+    A component that is NaN says nothing: a row of zeros, of any sd.
+    """
     N, T = m.rows, m.scratch
     for j in range(m.size):
         T[ESTIMATES, j] = m.states[ESTIMATE, j, w]
@@ -100,6 +104,11 @@ def model_fix(m: Any, w: int, alone: bool | None, full: bool | None) -> None:
         constraint_model(m, pos, vel, quat)
     else:
         fix_model(m, pos, vel, quat, full)
+    for c in range(6):
+        if np.isnan(m.fix[c]):
+            T[INNOVATION, c] = 0.0
+            for j in range(m.size):
+                T[JACOBIAN_ROWS + c, j] = 0.0
 
 
 @block

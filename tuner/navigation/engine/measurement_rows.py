@@ -40,9 +40,9 @@ class Measurements(NamedTuple):
 
 def measurements(settings: FilterSettings, fixes: Fixes, constraints: Constraints | None) -> Measurements:
     """Return fixes, and constraints after those of the same instant."""
-    velocity: NDArray[np.bool_] = np.isfinite(fixes.vel_n.sum(axis=1))
+    velocity = np.asarray(np.isfinite(fixes.vel_n[:, :2]).all(axis=1))
     values = np.concatenate([fixes.llh, np.where(velocity[:, None], fixes.vel_n, 0.0)], axis=1)
-    sd = np.ascontiguousarray(np.where(np.isfinite(fixes.sd), fixes.sd, 0.0))
+    sd = np.ascontiguousarray(np.where(np.isfinite(values), np.nan_to_num(fixes.sd), 1.0))
     available = 1 + velocity.astype(np.int64)
     t = np.ascontiguousarray(fixes.t, dtype=float)
     if constraints is None:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
 
 from tuner.navigation.drive import alignment
-from tuner.types.records import DataError
+from tuner.types.records import DataError, Gnss
 
 
 def test_the_refusal_quotes_speeds_and_heading(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -17,7 +16,7 @@ def test_the_refusal_quotes_speeds_and_heading(monkeypatch: pytest.MonkeyPatch) 
     t = np.arange(0.0, 60.0)
     north = np.linspace(0.0, 15.0, len(t))
     vel = np.column_stack([north, 0.0 * t, 0.0 * t])
-    gnss: Any = SimpleNamespace(t=t, vel_n=vel, llh=np.zeros((len(t), 3)))
+    gnss = Gnss(t, np.zeros((len(t), 3)), vel, np.full((len(t), 3), np.nan), np.full((len(t), 3), np.nan))
     found = SimpleNamespace(heading_sd=np.radians(75.0))
     monkeypatch.setattr(alignment, "align_once", lambda *_: found)
     with pytest.raises(DataError, match=r"heading to 75°, .*speed of the fixes is 0.375 to 14.6 m/s"):

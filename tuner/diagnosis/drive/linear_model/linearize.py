@@ -170,13 +170,14 @@ def _part(
     correction = solution.parameters - out.x
     correction[:, :9] = navigation_error(solution.state, before)
     h, d = _jacobians(settings, out, solution.t - middle)
-    use = np.repeat(solution.use, 3, axis=1)
+    there = np.isfinite(solution.innovation)
+    use = np.where(there, np.repeat(solution.use, 3, axis=1), ABSENT)
     return LinearizedRun(
         solution.t,
         out.phi,
         noise,
         h,
-        solution.innovation,
+        np.nan_to_num(solution.innovation),
         stretch.fixes.sd,
         reported,
         use != ABSENT,
