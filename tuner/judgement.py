@@ -87,7 +87,7 @@ def judge_settings(known: Settings) -> Judgement:
         *(Reason(Use.DO_NOT_USE, why) for why in lacking_slow_bias(known.config).values()),
         *(Reason(Use.DO_NOT_USE, f"too short for {why}") for why in _too_short_for(known.identification)),
         *_of_drive(known),
-        *_of_simulation(known.check, assumed=known.config.gnss is None),
+        *_of_simulation(known.check, of_less=known.config.gnss is None or _measured(known)),
         *_of_predictions(known.predictions),
         *_of_reading(known.identification),
         *_of_losses(known.identification),
@@ -264,11 +264,19 @@ def _worse_than_before(choice: HeldOutChoice) -> Iterator[Reason]:
             yield Reason(Use.DO_NOT_USE, f"worse than the settings it began from: {change}")
 
 
-def _of_simulation(check: Check | None, *, assumed: bool) -> Iterator[Reason]:
-    """Yield what simulated drives say against settings; with an `assumed` receiver only against use on such drives."""
+def _measured(known: Settings) -> bool:
+    """Return whether a drive shows how the filter errs, which counts more than simulated drives."""
+    return known.measured is not None and known.measured.honesty.use not in (Use.DO_NOT_USE, Use.TOO_SHORT)
+
+
+def _of_simulation(check: Check | None, *, of_less: bool) -> Iterator[Reason]:
+    """Yield what simulated drives say against settings.
+
+    Where their receiver is assumed, or a recorded drive says more, they speak `of_less`: against use on such drives.
+    """
     if check is not None:
         for one in _of_scores(check.consistency, "in simulation"):
-            yield Reason(Use.USABLE_EXCEPT, f"drives with GNSS: {one.text}") if assumed else one
+            yield Reason(Use.USABLE_EXCEPT, f"drives with GNSS: {one.text}") if of_less else one
 
 
 def _of_scores(found: Consistency, where: str) -> Iterator[Reason]:

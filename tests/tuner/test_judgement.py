@@ -36,6 +36,7 @@ from tuner.types.consistency import Consistency, MeanError, Outage, RmsError, Sc
 from tuner.types.diagnosis import START
 from tuner.types.honesty import shows_dishonesty
 from tuner.types.judgement import Use
+from tuner.types.verdict import Severity, Verdict, VerdictCode
 
 MANY = 1e5
 
@@ -254,6 +255,19 @@ def test_beyond_twice_their_prediction_settings_are_not_used(known, ratio, use):
     assert judge_settings(replace(checked, config=named)).use is use
     # A receiver that nobody named, on a city drive, says nothing of a tag on an animal, sampled at 1 Hz.
     assert judge_settings(checked).text.startswith("usable except: drives with GNSS: in simulation")
+    # Nor against a recorded drive: one of 25 simulated runs refused settings that are honest where they are used.
+    lost = replace(
+        scores(),
+        diverged=True,
+        verdicts=(
+            Verdict(VerdictCode.RUNS_DIVERGED, Severity.DIVERGED, numbers={"diverged_runs": 1, "runs": 25}),
+        ),
+    )
+    lost = replace(known, config=named, check=SimpleNamespace(consistency=lost))
+    said = "in simulation the filter diverged in 1 of 25 runs"
+    assert judge_settings(lost).text == f"do not use: {said}"
+    driven = replace(lost, measured=scores(scored("position", 1.0), scored("velocity", 1.0)))
+    assert judge_settings(driven).text == f"usable except: drives with GNSS: {said}"
 
 
 def test_demanded_terms_that_the_curve_contradicts_are_not_used(known):

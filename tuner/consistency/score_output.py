@@ -160,9 +160,8 @@ def score_outputs(
         causes = () if factor is None else (factor,)
     if why.misfit is not None and not (found.consistent or causes):
         notes.append(
-            f"no cause is sought: a filter with states of position, velocity, attitude, biases and scale factors, with "
-            f"any noise, states other sds ({100.0 * why.misfit:.0f} % off, rms): this filter has other states or uses "
-            "no such fixes"
+            "no cause is sought: no filter with states of position, velocity, attitude, biases and scale factors that "
+            f"uses such fixes has these sds, whatever its noise ({100.0 * why.misfit:.0f} % off, rms)"
         )
     found = replace(found, diverged=lost or far)
     return OutputScore(

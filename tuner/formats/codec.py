@@ -55,14 +55,11 @@ T = TypeVar("T")
 
 
 class Form(Protocol):
-    """A dataclass with the keys of a document, standing for another one."""
+    """A dataclass with the keys of a document, standing for another one; where it is read, too, with ``restored()``."""
 
     @classmethod
     def of(cls, value: Any, /) -> Self:
         """Return the form of a value."""
-
-    def restored(self) -> Any:
-        """Return the value of a form."""
 
 
 F = TypeVar("F", bound=Form)
@@ -111,10 +108,13 @@ def stored_form(kind: type[Any]) -> Callable[[type[F]], type[F]]:
     """Declare the decorated dataclass as the form in which documents have `kind`."""
 
     def declare(form: type[F]) -> type[F]:
+        made: Any = form
         store(
             kind,
             dump=lambda value: _CONVERTER.unstructure(form.of(value)),
-            load=lambda content: _CONVERTER.structure(content, form).restored(),
+            load=(lambda content: _CONVERTER.structure(content, made).restored())
+            if hasattr(form, "restored")
+            else None,
         )
         return form
 

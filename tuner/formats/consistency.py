@@ -1,4 +1,4 @@
-"""Scores of a filter as JSON, schema ``tuner.consistency/1``, and back.
+"""Scores of a filter as JSON, schema ``tuner.consistency/1``.
 
 Of a filter that diverged only the verdicts and the share of fixes refused are stored. Verdicts are codes with numbers
 under ``verdict_codes``; `tuner.report` adds them as sentences. A number of a verdict that is null is infinite: a ratio
@@ -12,8 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, Self, TypeAlias
 
-from tuner.formats.codec import dump, load, store, stored_form, structured
-from tuner.formats.document_errors import refuse, shown
+from tuner.formats.codec import dump, stored_form
 from tuner.types.consistency import Consistency, MeanError, Outage, RmsError, Score, Whiteness
 from tuner.types.verdict import Explanation, Severity, Verdict, VerdictCode
 
@@ -22,18 +21,6 @@ def scores_json(found: Consistency) -> dict[str, Any]:
     """Return scores and verdicts as plain values."""
     content: dict[str, Any] = dump(found)
     return content
-
-
-def load_consistency(content: object, *, source: str) -> Consistency:
-    """Return the scores and verdicts of plain values.
-
-    Raises
-    ------
-    DataError
-        One line: file, place, expected, found, what to do.
-    """
-    advice = "write the file anew with 'tuner check CONFIG --json FILE'"
-    return load(content, Consistency, source=source, advice=advice)
 
 
 @stored_form(Score)
@@ -64,10 +51,6 @@ class _ScoreForm:
             score.certain,
         )
 
-    def restored(self) -> Score:
-        """Return the score."""
-        return Score(self.name, self.mean, self.dof, self.effective_dof, self.band, self.certain_dof)
-
 
 @stored_form(Whiteness)
 @dataclass(frozen=True)
@@ -84,10 +67,6 @@ class _WhitenessForm:
     def of(cls, white: Whiteness, /) -> Self:
         """Return the form of an autocorrelation."""
         return cls(white.part, white.lag, white.correlation, (-white.band, white.band), white.consistent)
-
-    def restored(self) -> Whiteness:
-        """Return the autocorrelation."""
-        return Whiteness(self.part, self.lag, self.correlation, self.band[1])
 
 
 @stored_form(Outage)
@@ -122,10 +101,6 @@ class _OutageForm:
             outage.interval,
         )
 
-    def restored(self) -> Outage:
-        """Return the outage."""
-        return Outage(self.seconds, self.rms_m, self.predicted_m, self.score, self.windows, self.interval)
-
 
 _Numbers: TypeAlias = float | tuple[float, ...]
 
@@ -153,10 +128,6 @@ class _VerdictForm:
             tuple(explanation.source for explanation in verdict.explanations),
             verdict.explanations,
         )
-
-    def restored(self) -> Verdict:
-        """Return the verdict."""
-        return Verdict(self.code, self.severity, self.subject or "", self.numbers, self.explained_by)
 
 
 @stored_form(Consistency)
@@ -198,22 +169,6 @@ class _ConsistencyForm:
             mean_errors=found.mean_errors,
         )
 
-    def restored(self) -> Consistency:
-        """Return the scores."""
-        whole = () if self.nis is None else (self.nis,)
-        return Consistency(
-            nees=self.nees,
-            blocks=tuple(self.blocks.values()),
-            nis=(*whole, *self.nis_parts.values()),
-            whiteness=self.whiteness,
-            outages=self.outage,
-            errors=dict(_error(key, values) for key, values in self.errors.items()),
-            gated=self.gated,
-            diverged=self.diverged,
-            verdicts=self.verdict_codes,
-            mean_errors=self.mean_errors,
-        )
-
 
 def _error_key(name: str, one: RmsError) -> str:
     """Return the stored name of errors: ``position_rms_m``, ``position_innovation_rms_m``, of a state ``name_rms``."""
@@ -221,25 +176,3 @@ def _error_key(name: str, one: RmsError) -> str:
         return f"{name}_rms"
     what = f"{name.removeprefix('nis_')}_innovation" if name.startswith("nis_") else name
     return f"{what}_rms_{one.unit.replace('/', '_')}"
-
-
-def _error(key: str, values: tuple[float, ...]) -> tuple[str, RmsError]:
-    """Return the errors of a stored name by the name of their score."""
-    what, _, unit = f"{key}_".rpartition("_rms_")
-    name = f"nis_{what.removesuffix('_innovation')}" if unit and what.endswith("_innovation") else what
-    return name, RmsError(values, unit.removesuffix("_").replace("_", "/"))
-
-
-def _load_numbers(content: object) -> _Numbers:
-    """Return one number or several; null is infinite."""
-    if isinstance(content, list):
-        numbers = structured(content, tuple[float, ...])
-        return tuple(math.inf if math.isnan(number) else number for number in numbers)
-    if content is None:
-        return math.inf
-    if isinstance(content, bool) or not isinstance(content, int | float):
-        refuse("a number, a list of numbers or null", shown(content))
-    return content
-
-
-store(_Numbers, load=_load_numbers)

@@ -1,4 +1,4 @@
-"""Diagnoses of static logs and of drives as JSON, schema ``tuner.diagnosis/1``, and back.
+"""Diagnoses of static logs and of drives as JSON, schema ``tuner.diagnosis/1``.
 
 A diagnosis of a drive also has ``inseparable``, ``gain``, ``credited``, ``demands`` (the estimates of noise scales),
 ``compensation``, and the configurations ``before`` and ``after``.
@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, Self
 
 from models.noise import NoiseModel
-from tuner.formats.codec import dump, load, stored_form
+from tuner.formats.codec import dump, stored_form
 from tuner.types import (
     Alternative,
     Coefficient,
@@ -34,20 +34,6 @@ def diagnosis_json(diagnosis: Diagnosis | DriveDiagnosis) -> dict[str, Any]:
     """Return a diagnosis as plain values."""
     content: dict[str, Any] = dump(diagnosis)
     return content
-
-
-def load_diagnosis(content: object, *, source: str) -> Diagnosis | DriveDiagnosis:
-    """Return the diagnosis of plain values, of a drive where it has the configuration ``after``.
-
-    Raises
-    ------
-    DataError
-        One line: file, place, expected, found, what to do.
-    """
-    of_drive = isinstance(content, Mapping) and "after" in content
-    kind: type[Diagnosis | DriveDiagnosis] = DriveDiagnosis if of_drive else Diagnosis
-    advice = "write the file anew with 'tuner diagnose --json FILE'"
-    return load(content, kind, source=source, advice=advice)
 
 
 def config_finding(finding: Finding) -> dict[str, Any]:
@@ -161,10 +147,6 @@ class _DiagnosisForm:
         """Return the form of a diagnosis."""
         return cls(quiet=diagnosis.quiet, **vars(diagnosis))
 
-    def restored(self) -> Diagnosis:
-        """Return the diagnosis."""
-        return Diagnosis(self.findings, self.unexplained, self.notes, self.models, self.base, self.parts)
-
 
 @dataclass(frozen=True)
 class _StatedForm:
@@ -219,19 +201,6 @@ class _NoiseScaleForm:
             one.text,
         )
 
-    def restored(self) -> NoiseScaleEstimate:
-        """Return the estimate."""
-        return NoiseScaleEstimate(
-            self.quantity,
-            self.stated.value,
-            self.stated.unit,
-            self.factor,
-            self.factor_with_findings,
-            self.causes,
-            self.identifiable,
-            self.text,
-        )
-
 
 @stored_form(DriveDiagnosis)
 @dataclass(frozen=True, kw_only=True)
@@ -262,9 +231,3 @@ class _DriveDiagnosisForm:
             compensation=diagnosis.compensation,
             **entries,
         )
-
-    def restored(self) -> DriveDiagnosis:
-        """Return the diagnosis."""
-        derived = {"schema", "quiet", "credited", "demands", "compensation"}
-        entries = {key: value for key, value in vars(self).items() if key not in derived}
-        return DriveDiagnosis(noise_scales=self.demands, **entries)

@@ -138,7 +138,7 @@ def _together(sensor: str, found: Sequence[Outlier], fleet: Fleet) -> str:
         values = range_text([customary(one.value, one.quantity, unit) for one in alike], significant=2)
         size = f"{values} {pretty_unit(name, unit)}"
         parts.append(
-            f"{IN_WORDS.get(symbol, symbol)} of {letters} {size}, × {range_text(ratios, significant=2)}"
+            f"{IN_WORDS.get(symbol, symbol)} of {letters} {size}, {range_text(ratios, significant=2)} ×"
         )
     return f"{sensor}: {', '.join(parts)} the median of the units ({_distance_text(found)})"
 

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 from models.probability import chi2_beyond, chi2_quantile
 from tuner.limits import HONEST_RATIO, TEST_POWER, TOLERATED_RATIO
 from tuner.types.judgement import Judgement, Reason, Use, judged
+from tuner.types.verdict import VerdictCode
 
 if TYPE_CHECKING:
     from tuner.types.consistency import Consistency, Score
@@ -43,7 +44,9 @@ NAMES = {
 def honesty(found: Consistency) -> Judgement:
     """Return whether a filter is honest, optimistic or pessimistic, or its scores are too short to judge it."""
     if found.diverged:
-        return Judgement(Use.DO_NOT_USE, ("the filter diverged",))
+        runs = [one.numbers for one in found.verdicts if one.code is VerdictCode.RUNS_DIVERGED]
+        many = f" in {runs[0]['diverged_runs']} of {runs[0]['runs']} runs" if runs else ""
+        return Judgement(Use.DO_NOT_USE, (f"the filter diverged{many}",))
     scores = list(claims(found))
     known = {one.score.name: one.interval for one in found.outages}
     said = {

@@ -12,42 +12,16 @@ from hypothesis import strategies as st
 
 from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
 from tuner.formats.configuration import config_json, load_config
-from tuner.formats.diagnosis import diagnosis_json, load_diagnosis
 from tuner.formats.documents import json_text
 from tuner.formats.identification import identification_json, load_identification
 from tuner.synthesis import synthesize
-from tuner.types import (
-    Alternative,
-    Coefficient,
-    Diagnosis,
-    DriveDiagnosis,
-    Enlargement,
-    Finding,
-    Gain,
-    Quantity,
-)
 from tuner.types.records import DataError
 
 IDENTIFICATION = grade_identification(load_grade("mpu9250"))
 CONFIG = synthesize(IDENTIFICATION, gnss=load_gnss("rtk"), seed=0)
-FINDING = Finding(
-    cause="temperature",
-    channels=("gyro_x",),
-    statistic="slope",
-    value=9.0,
-    p_value=1e-6,
-    parameters={"slope": Coefficient(1.0, (0.5, 1.5), None, "rad/s/K")},
-    text="follows the temperature",
-    gain=Gain("60/40", 1.0, 2.0, 3.0, {"psd": (0.1, 0.9)}, {"rms [m]": (2.0, 1.0)}),
-    alternatives=(Alternative("ramp", 0.5),),
-    inflations=(Enlargement(Quantity("gyro_x", "white_density"), 2.0, "because"),),
-)
-MODELS = {axis: channel.model for axis, channel in IDENTIFICATION.channels.items()}
 DOCUMENTS: dict[str, tuple[dict[str, Any], Callable[..., object]]] = {
     "identification": (identification_json(IDENTIFICATION), load_identification),
     "configuration": (config_json(CONFIG), load_config),
-    "diagnosis": (diagnosis_json(Diagnosis((FINDING,), models=MODELS)), load_diagnosis),
-    "drive": (diagnosis_json(DriveDiagnosis((FINDING,), CONFIG, CONFIG)), load_diagnosis),
 }
 
 plain = st.recursive(

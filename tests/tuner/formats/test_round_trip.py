@@ -1,4 +1,4 @@
-"""Every stored result is read back equal: load(dump(x)) == x, through JSON text without NaN or infinity."""
+"""What is read back is equal: load(dump(x)) == x, through JSON without NaN or infinity; others hold what they show."""
 
 from __future__ import annotations
 
@@ -33,10 +33,11 @@ from tests.tuner.formats.arbitrary_results import (
     verdicts,
 )
 from tuner.formats import noise_yaml
+from tuner.formats.codec import dump
 from tuner.formats.configuration import config_json, load_config
-from tuner.formats.consistency import load_consistency, scores_json
-from tuner.formats.curves import curves_json, load_curves
-from tuner.formats.diagnosis import diagnosis_json, load_diagnosis
+from tuner.formats.consistency import scores_json
+from tuner.formats.curves import curves_json
+from tuner.formats.diagnosis import diagnosis_json
 from tuner.formats.documents import json_text
 from tuner.formats.identification import identification_json, load_identification
 from tuner.types import (
@@ -119,7 +120,7 @@ def structure(content: Any) -> Any:
 def test_diagnosis(found: Diagnosis) -> None:
     content = stored(diagnosis_json(found))
     assert content["quiet"] == found.quiet
-    assert same(load_diagnosis(content, source="a.json"), found)
+    assert len(content["findings"]) == len(found.findings)
 
 
 @thorough
@@ -137,7 +138,9 @@ def test_diagnosis(found: Diagnosis) -> None:
     )
 )
 def test_diagnosis_of_a_drive(found: DriveDiagnosis) -> None:
-    assert same(load_diagnosis(stored(diagnosis_json(found)), source="a.json"), found)
+    content = stored(diagnosis_json(found))
+    assert content["credited"] == found.credited
+    assert [one["factor"] for one in content["demands"]] == [dump(one.plain) for one in found.noise_scales]
 
 
 axes = st.tuples(numbers, numbers, numbers)
@@ -166,23 +169,23 @@ rms = st.builds(RmsError, axes, st.sampled_from(("m", "m/s", "rad")))
 def test_consistency(found: Consistency) -> None:
     content = stored(scores_json(found))
     assert content["consistent"] == found.consistent
-    assert same(load_consistency(content, source="a.json"), found.shown)
-
-
-def axis_of(curve: AllanCurve | Spectrum | Correlogram, j: int) -> AllanCurve | Spectrum | Correlogram:
-    axes, only = (curve.axes[j],), slice(j, j + 1)
-    if isinstance(curve, Spectrum):
-        return dataclasses.replace(curve, density=curve.density[:, only], axes=axes)
-    if isinstance(curve, Correlogram):
-        return dataclasses.replace(curve, value=curve.value[:, only], axes=axes)
-    return curve.axis(axes[0])
+    assert [one["score"] for one in content["outage"]] == [dump(one.score) for one in found.shown.outages]
 
 
 @thorough
 @given(curves())
 def test_curves(curve: AllanCurve | Spectrum | Correlogram) -> None:
-    found = load_curves(stored(curves_json([curve])), source="a.json")
-    assert same(found, {axis: axis_of(curve, j) for j, axis in enumerate(curve.axes)})
+    channels = stored(curves_json([curve]))["channels"]
+    assert list(channels) == list(curve.axes)
+    name, values = (
+        ("deviation", curve.deviation())
+        if isinstance(curve, AllanCurve)
+        else ("density", curve.density)
+        if isinstance(curve, Spectrum)
+        else ("value", curve.value)
+    )
+    for axis, column in zip(curve.axes, values.T, strict=True):
+        assert same(np.array(channels[axis][name], dtype=float), column)
 
 
 def example() -> Identification:

@@ -227,7 +227,7 @@ def test_one_reason_stands_for_all_numbers_that_are_larger_than_measured(result)
     config = replace(result.config, channels=channels)
     pairs = [equivalent_noise(one).mismatch for one in channels.values()]
     why = why_larger(config, ("kalibr.yaml",))
-    assert "larger than measured: two numbers an axis give the drift of all its terms" in why
+    assert "larger than above: two numbers an axis give the drift of all its terms" in why
     assert f"{min(low for low, _ in pairs):.2f} to {max(high for _, high in pairs):.2f} ×" in why
     whole = {
         axis: replace(one, markov=()) for axis, one in channels.items()

@@ -106,11 +106,12 @@ def _clock_note(clock: Clock, gnss: Gnss) -> str:
         effects.append(f"velocities err by {digits(abs(lag), 2)} m/s a m/s² of acceleration")
     if not effects:
         return clock_note(clock)
+    shift = "subtract it from" if (delay or lag) > 0.0 else "add it to"
     return NamedCause.of(
         f"{clock_words(clock)}, as the motion shows",
         "certain",
         ", ".join(effects),
-        "taken out of this run, not of the recording: subtract it from its stamps once",
+        f"taken out of this run, not of the recording: {shift} its stamps once",
     )
 
 
