@@ -1,6 +1,7 @@
 """Alignment of a drive: attitude from gravity and motion, gyro bias from standing still.
 
-Gravity determines the tilt, speed changes the heading, both at once: over windows of some seconds the specific force,
+Gravity determines the tilt, speed changes the heading, both at once: over windows of some seconds, as long as give the
+heading the smallest sd, the specific force,
 rotated by the gyros into the body frame b₀ of the start, must be the change of velocity less gravity, in the axes n of
 the first fix, fixed to the Earth (`free_of_gravity`)::
 
@@ -46,9 +47,9 @@ STATIONARY_SPEED = 0.3
 """Speed below which a vehicle is stationary, m/s, if the receiver is no noisier."""
 STATIONARY_MARGIN = 2.0
 """Time cut from the end of a stationary part, s: speeds lag behind the first motion."""
-WINDOW_DURATION = 2.0
-"""Length of the windows, s."""
-MIN_STATIONARY_POOR_GYROS, MIN_STATIONARY, SUFFICIENT_STATIONARY = 1.0, 2.0 * WINDOW_DURATION, 30.0
+WINDOW_DURATIONS = 2.0, 5.0, 10.0
+"""Lengths of windows, s: short ones show quick turns, in long ones noisy positions determine a change of velocity."""
+MIN_STATIONARY_POOR_GYROS, MIN_STATIONARY, SUFFICIENT_STATIONARY = 1.0, 4.0, 30.0
 """Stationary times, s, from which poor gyros' biases are estimated, good gyros' biases, and biases from rest alone."""
 FIRST_MOTION = 60.0
 """Time in motion that the alignment uses first, s; doubled until the heading is good enough."""
@@ -142,7 +143,12 @@ def align(steps: Steps, gnss: Gnss, *, bias_sd: FloatArray = KNOWN_BIAS_SD) -> A
     """
     moving, length = FIRST_MOTION, float(gnss.t[-1] - gnss.t[0])
     while True:
-        found = align_once(steps, gnss, moving, bias_sd)
+        tried = [
+            align_once(steps, gnss, moving, bias_sd, by_position=by_position, duration=duration)
+            for by_position in ([True, False] if gnss.has_velocity.any() else [True])
+            for duration in WINDOW_DURATIONS
+        ]
+        found = min(filter(None, tried), key=lambda one: one.heading_sd, default=None)
         enough = MAX_HEADING_SD if moving >= length else GOOD_HEADING_SD
         if found is not None and found.heading_sd < enough:
             return found
@@ -166,8 +172,14 @@ def align_once(
     gnss: Gnss,
     moving: float,
     bias_sd: FloatArray = KNOWN_BIAS_SD,
+    *,
+    by_position: bool,
+    duration: float,
 ) -> Alignment | None:
-    """Return the alignment at the first fix from a given length of motion, s; None where no two fixes are apart."""
+    """Return the alignment at the first fix from a given length of motion, s; None where no two fixes are apart.
+
+    Changes of velocity over windows of a duration, s, are those of the velocities or second differences of positions.
+    """
     if len(gnss) < 2:
         return None
     ends = steps.ends()
@@ -185,10 +197,9 @@ def align_once(
     window = slice(back, min(int(last), len(steps.dt)))
     inside = (gnss.t >= begin) & (gnss.t <= stop)
     fix_t = gnss.t[inside]
-    by_position = _positions_are_better(gnss)
     position, velocity = free_of_gravity(fix_t, gnss.llh[inside], velocities(gnss)[inside], inertial=False)
     measured = position if by_position else velocity
-    length = _length(fix_t)
+    length = _length(fix_t, duration)
     windows = _windows(fix_t, 3 if by_position else 2, length)
     if not len(windows):
         return None
@@ -292,27 +303,16 @@ def _sd_at_rest(steps: Steps, quiet: NDArray[np.intp]) -> FloatArray:
     return np.asarray(np.std(means, axis=0, ddof=1) / np.sqrt(count))
 
 
-def _positions_are_better(gnss: Gnss) -> bool:
-    """Whether second differences of positions determine changes of velocity better than the velocities do."""
-    position, velocity = (
-        np.nanmedian(sd[:, :2]) if np.isfinite(sd).any() else np.nan
-        for sd in (gnss.position_sd, gnss.velocity_sd)
-    )
-    if not gnss.has_velocity.any():
-        return True
-    return bool(np.sqrt(6.0) * position / WINDOW_DURATION < np.sqrt(2.0) * velocity)
-
-
 def _reported_variance(gnss: Gnss, by_position: bool, length: float) -> float:
     """Return the variance of a change of velocity by the reported sds, 0 where there are none."""
     sd, times = (gnss.position_sd, 6.0 / length**2) if by_position else (gnss.velocity_sd, 2.0)
     return float(np.nanmedian(sd[:, :2])) ** 2 * times if np.isfinite(sd[:, :2]).any() else 0.0
 
 
-def _length(t: FloatArray) -> float:
-    """Return the length of windows: the number of fix intervals nearest to `WINDOW_DURATION`, at least one, s."""
-    interval = float(np.median(np.diff(t))) if len(t) > 1 else WINDOW_DURATION
-    return interval * max(1, round(WINDOW_DURATION / interval))
+def _length(t: FloatArray, duration: float) -> float:
+    """Return the length of windows: the number of fix intervals nearest to a duration, at least one, s."""
+    interval = float(np.median(np.diff(t))) if len(t) > 1 else duration
+    return interval * max(1, round(duration / interval))
 
 
 def _windows(t: FloatArray, points: int, length: float) -> NDArray[np.intp]:

@@ -96,6 +96,22 @@ def test_fixes_some_seconds_apart_tell_the_heading(interval):
     assert abs(off) < 5.0 * max(alignment.heading_sd, np.radians(2.0))
 
 
+def test_noisy_positions_tell_the_heading_in_long_windows():
+    """In windows of 2 s the positions of a phone left 30°; three of 18 clean drives had no start that a filter can take."""
+    receiver = replace(load_gnss("spp"), position_sd=(3.0, 3.0, 4.5), interval=0.2)
+    simulated, _ = simulate_drive(
+        load_grade("mpu9250"), TRAJECTORIES["city"](400.0), receiver, rate=50.0, seed=4
+    )
+    t = simulated.imu_t
+    steps = Steps(float(t[0]), np.diff(t), simulated.rates[1:] * np.diff(t)[:, None])
+    alignment = align(steps, _without_velocities(simulated).gnss, bias_sd=np.repeat([0.05, 0.3], 3))
+    at = int(np.argmin(np.abs(simulated.reference.t - alignment.t)))
+    off = rotation.rpy_from_quat(alignment.quat_nb)[2] - simulated.reference.rpy[at, 2]
+    off = (off + np.pi) % (2.0 * np.pi) - np.pi
+    assert alignment.heading_sd < np.radians(12.0)
+    assert abs(off) < 3.0 * alignment.heading_sd
+
+
 @pytest.fixture(scope="module")
 def coarse():
     """A sensor with gyro biases of 3°/s, a receiver of 2.5 m, and the configuration of a filter for both."""

@@ -18,11 +18,11 @@ def test_the_refusal_quotes_speeds_and_heading(monkeypatch: pytest.MonkeyPatch) 
     vel = np.column_stack([north, 0.0 * t, 0.0 * t])
     gnss = Gnss(t, np.zeros((len(t), 3)), vel, np.full((len(t), 3), np.nan), np.full((len(t), 3), np.nan))
     found = SimpleNamespace(heading_sd=np.radians(75.0))
-    monkeypatch.setattr(alignment, "align_once", lambda *_: found)
+    monkeypatch.setattr(alignment, "align_once", lambda *_, **__: found)
     with pytest.raises(DataError, match=r"heading to 75°, .*speed of the fixes is 0.375 to 14.6 m/s"):
         alignment.align(None, gnss)  # type: ignore[arg-type]
     unknown = SimpleNamespace(heading_sd=np.radians(5.09e7))  # more than a turn is no knowledge
     for nothing in (None, unknown):
-        monkeypatch.setattr(alignment, "align_once", lambda *_, nothing=nothing: nothing)
+        monkeypatch.setattr(alignment, "align_once", lambda *_, nothing=nothing, **__: nothing)
         with pytest.raises(DataError, match="no part of the drive determines the heading"):
             alignment.align(None, gnss)  # type: ignore[arg-type]
