@@ -439,8 +439,8 @@ def _of_limits(config: FilterConfig) -> Iterator[Reason]:
         yield Reason(
             Use.USABLE_EXCEPT,
             f"{' and '.join(f'{term} ({axes_text(axes)})' for term, axes in limited.items())}: not seen, half of the "
-            f"limit is ASSUMED (limit instead of 0: {range_text(ratios, significant=2)} × the drift in "
-            f"{UNAIDED_TIME:g} s{f'; other limits < {HONEST_RATIO:g} ×' * others})"
+            f"limit is ASSUMED (drift in {UNAIDED_TIME:g} s: at the limit {range_text(ratios, significant=2)} × that "
+            f"at 0{f'; other limits < {HONEST_RATIO:g} ×' * others})"
             + (f"; a log of {digits(max(hours), 2)} h would show them" if hours else ""),
         )
 

@@ -132,7 +132,7 @@ def _legend(table: Table) -> str:
     """Return what the rows of a table are judged by; nothing of what it does not have."""
     names, *_, verdicts = ([*map(str, column.cells)] for column in table.columns)
     attitude = f" (attitude {1.0 / TOLERATED_RATIO:g} to {TOLERATED_RATIO:g})" * ("attitude, 3-D" in names)
-    honest = f"honest: {1.0 / HONEST_RATIO:.2f} to {HONEST_RATIO:g}{attitude}, or as far off as chance allows"
+    honest = f"honest: {1.0 / HONEST_RATIO:.2f} to {HONEST_RATIO:g}{attitude}, or explained by chance"
     others = {"undecided": "undecided: too little data", "": "blank: not judged"}
     said = "; ".join([honest, *(text for word, text in others.items() if word in verdicts)])
     return said if any(verdicts) else ""

@@ -36,8 +36,8 @@ WITH_STATES = (
 WITHOUT_STATES = ("R of noise.yaml",)
 """Rows of the sds of fixes, where noise.yaml has states for GNSS errors and where it has none."""
 DELAY_IS_IN = (
-    "taken out by noise.yaml in tuner and in the KF-GINS export, in no recording: for other filters take it out "
-    "once"
+    "tuner with noise.yaml and the KF-GINS export take that out; the recording still has it, so for another filter "
+    "move its stamps"
 )
 """What is done about a delay, and what is left to do."""
 

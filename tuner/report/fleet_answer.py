@@ -98,7 +98,7 @@ def outlier_text(outlier: Outlier, fleet: Fleet) -> str:
         if is_logarithmic(name)
         else f"{'+' if value > median else '−'}{digits(abs(value - median))}"
     )
-    score = _distance_text([outlier])
+    score = _distance_text([outlier], len(fleet.units))
     return f"{title(name)} {digits(value)} {pretty_unit(name, unit)}, fleet {digits(median)} ({distance}; {score})"
 
 
@@ -140,15 +140,14 @@ def _together(sensor: str, found: Sequence[Outlier], fleet: Fleet) -> str:
         parts.append(
             f"{IN_WORDS.get(symbol, symbol)} of {letters} {size}, {range_text(ratios, significant=2)} ×"
         )
-    return f"{sensor}: {', '.join(parts)} the median of the units ({_distance_text(found)})"
+    return f"{sensor}: {', '.join(parts)} the median of the units ({_distance_text(found, len(fleet.units))})"
 
 
-def _distance_text(found: Sequence[Outlier]) -> str:
+def _distance_text(found: Sequence[Outlier], count: int) -> str:
     """Return how far numbers lie from the median of a fleet, in sds of its units, and how far sound units may lie."""
     scores = range_text([one.score for one in found], significant=2)
-    return (
-        f"{scores} sds of the other units from it; a sound unit stays within {digits(found[0].threshold, 2)}"
-    )
+    sure = f"a sound one of {count} stays within {digits(found[0].threshold, 2)}"
+    return f"{scores} sds of the other units from it; {sure}"
 
 
 def judged_how(fleet: Fleet) -> str:

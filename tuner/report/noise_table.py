@@ -183,8 +183,8 @@ def why_larger(config: FilterConfig, files: Iterable[str]) -> str:
     least, most = min(one.mismatch[0] for one in found), max(one.mismatch[1] for one in found)
     longest = digits(max(one.longest for one in found), 2)
     return (
-        "To enter, larger than above: two numbers an axis give the drift of all its terms "
-        f"({least:.2f} to {most:.2f} × it, up to {longest} s); enlarge further for vibration only"
+        "To enter: the filter lacks some terms above, so its two numbers an axis are larger "
+        f"({least:.2f} to {most:.2f} × their drift up to {longest} s); enlarge for vibration only"
     )
 
 

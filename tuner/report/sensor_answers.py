@@ -109,7 +109,7 @@ def _drift(found: SensorComparison) -> list[Table | str]:
     errors = [(lacks, f"{name} {digits(one.free[ANSWERED_TIME], 2)} m") for lacks, name, one in known]
     said = ", ".join(text for lacks, text in errors if not lacks)
     if least := ", ".join(f"{text} or more" for lacks, text in errors if lacks):
-        least = f"no rank, as its bias random walk is not stated: {least}"
+        least += " (no rank: its bias random walk is not stated)"
     kinds = (("without fixes", times), ("non-holonomic", times))
     heads = [f"{kind * (time == times[0])}\n{time:g} s" for kind, each in kinds for time in each]
     rows = [

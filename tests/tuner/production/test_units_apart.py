@@ -97,7 +97,7 @@ def test_a_unit_three_times_as_noisy_in_several_axes_is_one_line():
     (line,) = reasons(units[7], lot)
     # Factors of 3 known to 1 %, and the median of twenty: 2.9 to 3.1.
     assert re.match(
-        r"gyro: white noise of x y z .*, × (2\.9|3\.0|3\.1).*, Allan deviation at 10 s of x y z .*, × (2\.9|3\.0|3\.1)",
+        r"gyro: white noise of x y z .*, (2\.9|3\.0|3\.1) ×.*, Allan deviation at 10 s of x y z .*, (2\.9|3\.0|3\.1) ×",
         line,
     )
 

@@ -37,7 +37,7 @@ def test_each_row_that_decides_says_what_it_says_of_the_filter(ratio, freedom, s
     assert rows["position, 3-D"] == rows["position after 60 s without fixes"] == said
     assert rows["gyro bias"].endswith(")")  # a bias decides nothing
     undecided = "undecided: too little data; " * (said == "undecided")
-    legend = f"honest: 0.67 to 1.5, or as far off as chance allows; {undecided}blank: not judged"
+    legend = f"honest: 0.67 to 1.5, or explained by chance; {undecided}blank: not judged"
     assert legend in " ".join(line.strip() for line in fitted(consistency_answer(found)))
 
 
@@ -45,7 +45,7 @@ def test_a_legend_says_what_the_table_has_and_no_more():
     """It told the band of an attitude, and what a blank is, beneath tables without either."""
     attitude = score("attitude", 1.0, 1e4)
     found = Consistency(None, (attitude,), (), None, (), {}, 0.0, False, ())
-    legend = "honest: 0.67 to 1.5 (attitude 0.5 to 2), or as far off as chance allows"
+    legend = "honest: 0.67 to 1.5 (attitude 0.5 to 2), or explained by chance"
     assert legend in rows_of(consistency_answer(found))
 
 
@@ -72,7 +72,7 @@ def test_a_sensor_of_which_a_term_is_unknown_has_no_rank():
     """ "icm20602 ≥ 35 m, mpu9250 51 m" was read as: the first is better."""
     text = " ".join(" ".join(fitted(comparison_answer(compare("mpu9250", "icm20602")))).split())
     assert (
-        "errs by: mpu9250 51 m; no rank, as its bias random walk is not stated: icm20602 35 m or more" in text
+        "errs by: mpu9250 51 m; icm20602 35 m or more (no rank: its bias random walk is not stated)" in text
     )
     assert text.index("mpu9250 1.6") < text.index("icm20602 ≥ 1.5")
     assert "≥: at least" in text

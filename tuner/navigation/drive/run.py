@@ -111,7 +111,7 @@ def _clock_note(clock: Clock, gnss: Gnss) -> str:
         f"{clock_words(clock)}, as the motion shows",
         "certain",
         ", ".join(effects),
-        f"taken out of this run, not of the recording: {shift} its stamps once",
+        f"taken out of this run; the recording still has it: for another filter {shift} its stamps",
     )
 
 
