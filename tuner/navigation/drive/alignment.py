@@ -52,9 +52,9 @@ WINDOW_DURATIONS = 2.0, 5.0, 10.0
 MIN_STATIONARY_POOR_GYROS, MIN_STATIONARY, SUFFICIENT_STATIONARY = 1.0, 4.0, 30.0
 """Stationary times, s, from which poor gyros' biases are estimated, good gyros' biases, and biases from rest alone."""
 FIRST_MOTION = 60.0
-"""Time in motion that the alignment uses first, s; doubled until the heading is good enough."""
-GOOD_HEADING_SD, MAX_HEADING_SD = math.radians(12.0), math.radians(60.0)
-"""Sd of the heading above which more motion is used, and above which there is no heading, rad."""
+"""Time in motion that the alignment uses first, s; doubled as long as that makes the heading surer."""
+GOOD_HEADING_SD, MAX_HEADING_SD = math.radians(3.0), math.radians(60.0)
+"""Sd of the heading below which no more motion is looked at, and above which there is no heading, rad."""
 MAX_STATIONARY = 120.0
 """Longest part of a stationary period that is used, s."""
 MIN_SECONDS_AT_REST = 10
@@ -125,7 +125,7 @@ def stationary_until(gnss: Gnss) -> float:
 
 
 def align(steps: Steps, gnss: Gnss, *, bias_sd: FloatArray = KNOWN_BIAS_SD) -> Alignment:
-    """Align with as much motion as it takes: one, two, four, … minutes.
+    """Align with one, two, four, … minutes of motion, as long as more of it makes the heading surer.
 
     Parameters
     ----------
@@ -142,29 +142,31 @@ def align(steps: Steps, gnss: Gnss, *, bias_sd: FloatArray = KNOWN_BIAS_SD) -> A
         Where motion does not determine the heading: with its sd and the speeds of the fixes.
     """
     moving, length = FIRST_MOTION, float(gnss.t[-1] - gnss.t[0])
+    best, found = math.inf, None
     while True:
         tried = [
             align_once(steps, gnss, moving, bias_sd, by_position=by_position, duration=duration)
             for by_position in ([True, False] if gnss.has_velocity.any() else [True])
             for duration in WINDOW_DURATIONS
         ]
-        found = min(filter(None, tried), key=lambda one: one.heading_sd, default=None)
-        enough = MAX_HEADING_SD if moving >= length else GOOD_HEADING_SD
-        if found is not None and found.heading_sd < enough:
-            return found
-        if moving >= length:
-            speed = np.hypot(*velocities(gnss)[:, :2].T)
-            low, high = np.percentile(speed, [2.5, 97.5])
-            known = (
-                "no part of the drive determines the heading"
-                if found is None or found.heading_sd > math.pi
-                else f"specific force and fixes together determine the heading to {np.degrees(found.heading_sd):.3g}°"
-            )
-            raise DataError(
-                f"the heading cannot be found from the motion: {known}, {np.degrees(enough):.3g}° are needed; the "
-                f"speed of the fixes is {low:.3g} to {high:.3g} m/s"
-            )
+        found = min(filter(None, [found, *tried]), key=lambda one: one.heading_sd, default=None)
+        last, best = best, math.inf if found is None else found.heading_sd
+        if moving >= length or best < GOOD_HEADING_SD or MAX_HEADING_SD > best == last:
+            break
         moving *= 2.0
+    if found is not None and best < MAX_HEADING_SD:
+        return found
+    speed = np.hypot(*velocities(gnss)[:, :2].T)
+    low, high = np.percentile(speed, [2.5, 97.5])
+    known = (
+        "no part of the drive determines the heading"
+        if best > math.pi
+        else f"specific force and fixes together determine the heading to {np.degrees(best):.3g}°"
+    )
+    raise DataError(
+        f"the heading cannot be found from the motion: {known}, {np.degrees(MAX_HEADING_SD):.3g}° are needed; the "
+        f"speed of the fixes is {low:.3g} to {high:.3g} m/s"
+    )
 
 
 def align_once(
