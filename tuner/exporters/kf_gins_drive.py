@@ -33,6 +33,7 @@ from models.units import from_si
 from tuner.consistency.score_drive import drive_filter
 from tuner.exporters.dialect import Target
 from tuner.exporters.kf_gins import entries, header
+from tuner.formats.clock_words import stated_words
 from tuner.formats.files import whole_file, write_text
 from tuner.formats.yaml_text import Inline, Noted, yaml_text
 from tuner.navigation.compensation import compensate
@@ -42,7 +43,7 @@ from tuner.navigation.drive.run import Stretch, navigate, prepare
 from tuner.navigation.fix_sd_model import GNSS_NOISE_SCALE, FixSdModel
 from tuner.navigation.settings import FilterSettings, total_bias
 from tuner.types import Compensation, FilterConfig, GnssNoise
-from tuner.types.clock import Delay
+from tuner.types.clock import Clock, Delay
 from tuner.types.records import Drive, Reference
 
 SECONDS_PER_WEEK = 604800.0
@@ -75,11 +76,14 @@ def write_drive(drive: Drive, config: FilterConfig, path: Path) -> tuple[str, ..
         Where the drive cannot be aligned.
     """
     drive = compensate(drive, config.compensation)
-    gnss, clock = drive.gnss, replace(drive.clock, lag=Delay())  # of velocities that it does not read
+    gnss, taken_out = drive.gnss, stated_words(config.compensation)
+    clock = replace(drive.clock, lag=Delay())  # of velocities that it does not read
+    if taken_out and not clock.delay.certain:
+        clock = Clock()
     drive = replace(drive, gnss=replace(gnss, vel_n=np.full_like(gnss.vel_n, np.nan)), clock=clock)
     run, undetermined = _with_what_is_shown(_run(drive, config), drive, config)
     settings, stretches = run.settings, run.stretches
-    notes = [*drive.notes, *run.notes, *undetermined]
+    notes = [*drive.notes, *filter(None, [taken_out]), *run.notes, *undetermined]
     if GNSS_NOISE_SCALE in config.compensation.causes:
         notes.append(
             "sds of the fixes are not below the receiver's own: smaller ones need states that KF-GINS lacks"

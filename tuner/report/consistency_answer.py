@@ -134,8 +134,8 @@ def _legend(table: Table) -> str:
     attitude = f" (attitude {1.0 / TOLERATED_RATIO:g} to {TOLERATED_RATIO:g})" * ("attitude, 3-D" in names)
     honest = f"honest: {1.0 / HONEST_RATIO:.2f} to {HONEST_RATIO:g}{attitude}, or explained by chance"
     others = {"undecided": "undecided: too little data", "": "blank: not judged"}
-    said = "; ".join([honest, *(text for word, text in others.items() if word in verdicts)])
-    return said if any(verdicts) else ""
+    own = (text for word, text in others.items() if word in verdicts)
+    return "; ".join([honest, *own]) if any(verdicts) else ""
 
 
 def _further(found: Consistency) -> str:

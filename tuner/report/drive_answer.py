@@ -27,21 +27,6 @@ if TYPE_CHECKING:
     from tuner.types.consistency import Outage
 
 
-REPORTED = "reported by the receiver"
-WITH_STATES = (
-    "R of noise.yaml, with its states",
-    "states for GNSS errors: sd; time",
-    "R without states, as KF-GINS",
-)
-WITHOUT_STATES = ("R of noise.yaml",)
-"""Rows of the sds of fixes, where noise.yaml has states for GNSS errors and where it has none."""
-DELAY_IS_IN = (
-    "tuner with noise.yaml and the KF-GINS export take that out; the recording still has it, so for another filter "
-    "move its stamps"
-)
-"""What is done about a delay, and what is left to do."""
-
-
 def found_text(finding: Finding, *, ranges: bool = False) -> str:
     """Return what a finding of a drive is, in one sentence, with its figures or the ranges of those that are alike."""
     from tuner.diagnosis.drive.causes.registry import DRIVE_CAUSES  # loads the diagnosis of drives
@@ -122,8 +107,13 @@ def fixes_parts(examined: ExaminedDrive, config: FilterConfig) -> list[Table | s
                 or "none",
                 _level_text(np.maximum(whole, known * stated)),
             )
-    names = WITH_STATES if any(lasting.values()) else WITHOUT_STATES
-    rows = zip((REPORTED, *names), *columns.values(), strict=False)
+    with_states = (
+        "R of noise.yaml, with its states",
+        "states for GNSS errors: sd; time",
+        "R without states, as KF-GINS",
+    )
+    own = with_states if any(lasting.values()) else ["R of noise.yaml"]
+    rows = zip(["reported by the receiver", *own], *columns.values(), strict=False)
     table = table_of(("sd of fixes: horizontal, down", *columns), rows, words=1 + len(columns))
     return [table, *_delay_lines(examined.drive.clock, config.compensation)]
 
@@ -152,4 +142,11 @@ def _delay_lines(clock: Clock, applied: Compensation) -> list[str]:
     delay, lag = (applied.value(cause, "delay") for cause in ("time_offset", "velocity_lag"))
     measured = (clock.delay.taken_out, clock.lag.taken_out) == (delay, lag)
     text = clock_words(clock if measured else Clock(Delay(delay, 0.0), Delay(lag, 0.0)))
-    return [f"{text[:1].upper()}{text[1:]}: {DELAY_IS_IN}"] if text else []
+    return (
+        []
+        if not text
+        else [
+            f"{text[:1].upper()}{text[1:]}: tuner with noise.yaml and the KF-GINS export take that out; the recording "
+            "still has it, so for another filter move its stamps"
+        ]
+    )

@@ -14,7 +14,6 @@ from tuner.report.titled_table import table_of
 
 MENDED = "mended.npz"
 """File of a mended drive."""
-NOISE_HEADS = ("noise from reading to reading", "measured", "reported", "measured ÷ reported")
 SHOWN_REPAIRS = 3
 """Repairs on a screen."""
 
@@ -68,4 +67,5 @@ def _noise_table(found: Examination) -> Table:
         stated = "none" if one.reported is None else f"{digits(one.reported)} {one.unit}"
         ratio = f"{one.sd / one.reported:.2g}" if one.reported else ""
         rows.append((name, f"{digits(one.sd)} {one.unit}", stated, ratio))
-    return table_of(NOISE_HEADS, rows, words=len(NOISE_HEADS))
+    heads = "noise from reading to reading", "measured", "reported", "measured ÷ reported"
+    return table_of(heads, rows, words=len(heads))

@@ -146,8 +146,10 @@ def _together(sensor: str, found: Sequence[Outlier], fleet: Fleet) -> str:
 def _distance_text(found: Sequence[Outlier], count: int) -> str:
     """Return how far numbers lie from the median of a fleet, in sds of its units, and how far sound units may lie."""
     scores = range_text([one.score for one in found], significant=2)
-    sure = f"a sound one of {count} stays within {digits(found[0].threshold, 2)}"
-    return f"{scores} sds of the other units from it; {sure}"
+    return (
+        f"{scores} sds of the other units from it; a sound one of {count} stays within "
+        f"{digits(found[0].threshold, 2)}"
+    )
 
 
 def judged_how(fleet: Fleet) -> str:

@@ -105,7 +105,11 @@ def entries_tables(config: FilterConfig, files: Iterable[str]) -> list[Table]:
         tables.append(table_of((f"{PAIR}, to enter", "rms of the axes", "that is"), rows, words=3))
     if FADING in files:
         noise = kf_gins.entries(config, target)["imunoise"]
-        rows = [_of_fading(key, noise[key]) for key in _FADING_KEYS if key in noise]
+        rows = [
+            [f"{key}, {noise[key].note.partition(';')[0]}", *(f"{x:.4g}" for x in noise[key].value.value)]
+            for key in _FADING_KEYS
+            if key in noise
+        ]
         heads = ["x", "y", "z"] if any(len(set(row[1:])) > 1 for row in rows) else ["each axis"]
         rows.append(["corrtime, h", f"{noise['corrtime'].value:.4g} {ASSUMED}", "", ""])
         lines = [row[: 1 + len(heads)] for row in rows]
@@ -118,11 +122,6 @@ def _of_pair(key: str, one: Noted) -> list[str]:
     name, unit = WALK if key.endswith("walk") else WHITE, "rad/s" if key.startswith("gyro") else "m/s^2"
     value = f"{digits(in_customary(one.value, name, unit))} {pretty(customary_unit(name, unit))}"
     return [key, f"{one.value:.4g} {one.note.partition(',')[0]}", value]
-
-
-def _of_fading(key: str, one: Noted) -> list[str]:
-    """Return a line of `FADING`: key with unit, and a value an axis."""
-    return [f"{key}, {one.note.partition(';')[0]}", *(f"{x:.4g}" for x in one.value.value)]
 
 
 def states_tables(config: FilterConfig) -> list[Table]:

@@ -233,7 +233,6 @@ def pictures_of_solution(found: DriveResult, drive: Drive) -> Part:
 
 
 SCORES_CAPTION = "True rms ÷ predicted sd of each score, with the band in which the filter is consistent"
-CURVE_CAPTION = "The curve with its 95 % interval"
 VIEWS: dict[type, View] = {
     TuneResult: View(
         lambda r: settings_frame(r.config),
@@ -336,7 +335,11 @@ VIEWS: dict[type, View] = {
     ),
     **{
         kind: View(
-            curve_frame, ("axis", along), curve_figure, CURVE_CAPTION, lambda c: curve_answer([c], c.axes)
+            curve_frame,
+            ("axis", along),
+            curve_figure,
+            "The curve with its 95 % interval",
+            lambda c: curve_answer([c], c.axes),
         )
         for kind, along in ((AllanCurve, "tau"), (Spectrum, "frequency"), (Correlogram, "lag"))
     },

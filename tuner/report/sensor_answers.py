@@ -108,8 +108,9 @@ def _drift(found: SensorComparison) -> list[Table | str]:
     known.sort(key=lambda each: (each[0], each[2].free[times[-1]]))
     errors = [(lacks, f"{name} {digits(one.free[ANSWERED_TIME], 2)} m") for lacks, name, one in known]
     said = ", ".join(text for lacks, text in errors if not lacks)
-    if least := ", ".join(f"{text} or more" for lacks, text in errors if lacks):
-        least += " (no rank: its bias random walk is not stated)"
+    least = ", ".join(
+        f"{text} or more (no rank: its bias random walk is not stated)" for lacks, text in errors if lacks
+    )
     kinds = (("without fixes", times), ("non-holonomic", times))
     heads = [f"{kind * (time == times[0])}\n{time:g} s" for kind, each in kinds for time in each]
     rows = [

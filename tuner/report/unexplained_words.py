@@ -23,8 +23,10 @@ def unexplained_parts(unexplained: Sequence[Unexplained]) -> list[tuple[str, Une
     """
     parts: list[tuple[str, Unexplained]] = []
     said: set[tuple[str, ...]] = set()
-    for about in dict.fromkeys(map(_part, sorted(unexplained, key=lambda one: -one.nats))):
-        tests = [one for one in unexplained if _part(one) == about]
+    for about in dict.fromkeys(
+        one.about or one.statistic for one in sorted(unexplained, key=lambda one: -one.nats)
+    ):
+        tests = [one for one in unexplained if (one.about or one.statistic) == about]
         axes = list(dict.fromkeys(axis for one in tests for axis in one.channels))
         largest = max(tests, key=lambda one: one.nats)
         felt = max(tests, key=lambda one: max((a / b for a, b in one.drift.values() if b), default=0.0))
@@ -39,11 +41,6 @@ def unexplained_parts(unexplained: Sequence[Unexplained]) -> list[tuple[str, Une
             said.add(felt.channels)
         parts.append((line, largest))
     return parts
-
-
-def _part(one: Unexplained) -> str:
-    """Return what of the samples a statistic is about."""
-    return one.about or one.statistic
 
 
 def _left_text(drift: Mapping[str, tuple[float, float]]) -> str:
