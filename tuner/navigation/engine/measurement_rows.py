@@ -42,7 +42,8 @@ def measurements(settings: FilterSettings, fixes: Fixes, constraints: Constraint
     """Return fixes, and constraints after those of the same instant."""
     velocity = np.asarray(np.isfinite(fixes.vel_n[:, :2]).all(axis=1))
     values = np.concatenate([fixes.llh, np.where(velocity[:, None], fixes.vel_n, 0.0)], axis=1)
-    sd = np.ascontiguousarray(np.where(np.isfinite(values), np.nan_to_num(fixes.sd), 1.0))
+    sd = np.where(np.isfinite(fixes.sd), fixes.sd, 0.0)
+    sd = np.ascontiguousarray(np.where(np.isfinite(values), sd, 1.0))
     available = 1 + velocity.astype(np.int64)
     t = np.ascontiguousarray(fixes.t, dtype=float)
     if constraints is None:
