@@ -309,7 +309,7 @@ def _travelled(positions: Positions) -> tuple[FloatArray, FloatArray]:
 def _repeats(stream: Stream, moving: NDArray[np.bool_]) -> Repair | None:
     """Return how many readings repeat the one before exactly, where chance and the lattice of the numbers cannot.
 
-    Velocities of zero while a vehicle stands are held there by the receiver, and right.
+    Velocities of zero while a vehicle stands are put there by the receiver, and right.
     """
     rows = stream.repeats & (moving | stream.values.any(axis=1))
     share = float(rows.mean())

@@ -98,7 +98,7 @@ def outlier_text(outlier: Outlier, fleet: Fleet) -> str:
         if is_logarithmic(name)
         else f"{'+' if value > median else '−'}{digits(abs(value - median))}"
     )
-    score = _distance_text([outlier], len(fleet.units))
+    score = _distance_text([outlier])
     return f"{title(name)} {digits(value)} {pretty_unit(name, unit)}, fleet {digits(median)} ({distance}; {score})"
 
 
@@ -140,15 +140,15 @@ def _together(sensor: str, found: Sequence[Outlier], fleet: Fleet) -> str:
         parts.append(
             f"{IN_WORDS.get(symbol, symbol)} of {letters} {size}, {range_text(ratios, significant=2)} ×"
         )
-    return f"{sensor}: {', '.join(parts)} the median of the units ({_distance_text(found, len(fleet.units))})"
+    return f"{sensor}: {', '.join(parts)} the median of the units ({_distance_text(found)})"
 
 
-def _distance_text(found: Sequence[Outlier], count: int) -> str:
-    """Return how far numbers lie from the median of a fleet, in sds of its units, and how far sound units may lie."""
+def _distance_text(found: Sequence[Outlier]) -> str:
+    """Return how far numbers lie from the median of a fleet, in sds of its units, and how far chance reaches."""
     scores = range_text([one.score for one in found], significant=2)
     return (
-        f"{scores} sds of the other units from it; a sound one of {count} stays within "
-        f"{digits(found[0].threshold, 2)}"
+        f"{scores} sds of the other units; chance reaches {digits(found[0].threshold, 2)} in one of "
+        f"{1.0 / FALSE_NAMING:g} lots"
     )
 
 
