@@ -238,8 +238,7 @@ def innovation_scores(
             own_squares = squares(np.nan_to_num(z[used, own]), s[used][:, own, own].astype(float))
             groups.append(own_squares / np.maximum(counts[-1], 1))
         known = np.concatenate(counts)
-        if len(known) > 1:
-            dof = int(np.median(known))
+        if len(known) > 1 and (dof := int(np.median(known))):
             scores.append(score(name, [dof * one for one in groups], dof, tests=tests))
     return tuple(scores)
 

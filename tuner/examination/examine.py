@@ -123,7 +123,7 @@ def streams_of(drive: Drive) -> Streams:
         x, y, z = drive.mounting @ np.array(drive.lever_arm)
         arm = (float(x), float(y), float(z))
     positions = Positions(gnss.t, gnss.llh, _stated(gnss.position_sd), "fixes", arm)
-    whole = np.isfinite(gnss.vel_n[:, 2]).any()
+    whole = np.isfinite(gnss.vel_n).all(axis=1).sum() > 0.5 * gnss.has_velocity.sum()
     kind, many = (Velocities, 3) if whole else (HorizontalVelocities, 2)
     velocities = kind(gnss.t, gnss.vel_n[:, :many], _stated(gnss.velocity_sd[:, :many]), "velocities", arm)
     others = (velocities,) if gnss.has_velocity.any() else ()
@@ -311,7 +311,9 @@ def _repeats(stream: Stream, moving: NDArray[np.bool_]) -> Repair | None:
 
     Velocities of zero while a vehicle stands are put there by the receiver, and right.
     """
-    rows = stream.repeats & (moving | stream.values.any(axis=1))
+    rows = stream.repeats
+    if not rows[1:].all():
+        rows = rows & (moving | stream.values.any(axis=1))
     share = float(rows.mean())
     if share <= LOST_SHARE:
         return None

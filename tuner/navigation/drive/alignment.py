@@ -208,6 +208,9 @@ def align_once(
     span = fix_t[windows[:, 1]] - fix_t[windows[:, 0]]
     beta = _change(measured, windows, span)
     share, reported = float(np.median(np.diff(fix_t))) / length, _reported_variance(gnss, by_position, length)
+    alone = share * len(windows)  # neighbours overlap
+    if alone <= 1.0:
+        return None
 
     def changes(rotated: RotatedSteps, *, derivative: bool = False) -> FloatArray:
         return _change(rotated.at(fix_t, position=by_position, derivative=derivative), windows, span)
@@ -224,7 +227,8 @@ def align_once(
     alpha = changes(rotated)
     mat = wahba(alpha, beta)
     off = np.sum((beta - alpha @ mat.T) ** 2, axis=1)
-    cost = float(np.mean(np.minimum(off, outlier_limit(off))))
+    # Three components a window determine the rotation.
+    cost = float(np.mean(np.minimum(off, outlier_limit(off)))) * alone / (alone - 1.0)
     # Speed changes determine the heading: stationary windows show the receiver's noise. Neighbouring
     # windows overlap, so a window counts by its share.
     level = np.sum(beta[:, :2] ** 2, axis=1)

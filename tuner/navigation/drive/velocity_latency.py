@@ -24,15 +24,17 @@ def interpolated(fixes: Fixes, lag: float) -> Fixes:
     known = np.isfinite(fixes.vel_n[:, 0])
     if np.count_nonzero(known) < 2:
         return fixes
-    vel = np.full_like(fixes.vel_n, np.nan)
-    vel[known] = velocities_at(fixes.t, fixes.vel_n, fixes.t[known] + lag)
-    return replace(fixes, vel_n=vel)
+    there = velocities_at(fixes.t, fixes.vel_n, fixes.t + lag)
+    return replace(fixes, vel_n=np.where(np.isfinite(fixes.vel_n), there, np.nan))
 
 
 def velocities_at(t: FloatArray, vel_n: FloatArray, wanted: FloatArray) -> FloatArray:
     """Return velocities (k, 3) given at times (k,), NaN where unknown, at other times (m,) by interpolation."""
-    known = np.isfinite(vel_n[:, 0])
-    return np.stack([np.interp(wanted, t[known], v) for v in vel_n[known].T], axis=-1)
+    out = np.full((len(wanted), 3), np.nan)
+    for column, v in zip(out.T, vel_n.T, strict=True):
+        if (known := np.isfinite(v)).any():
+            column[:] = np.interp(wanted, t[known], v[known])
+    return out
 
 
 def advanced(fixes: Fixes, steps: Steps, solution: Solution, lag: float) -> Fixes:
