@@ -205,7 +205,7 @@ def _without_cause(unexplained: Sequence[Unexplained]) -> list[Reason]:
     """Return what of the samples is not explained, one reason a part of them."""
     parts: dict[str, list[Unexplained]] = {}
     for one in unexplained:
-        parts.setdefault(one.about or one.statistic, []).append(one)
+        parts.setdefault(one.part, []).append(one)
     return [Reason(Use.NOT_EXPLAINED, _unexplained_text(tests)) for tests in parts.values()]
 
 

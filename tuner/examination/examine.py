@@ -167,11 +167,12 @@ def examine(drive: Drive) -> Examination:
     ]
     sure = [one for one in sure if one.move.subject != LEVER_ARM]
     counted, lost, stale, sds = [], [], [], []
+    travelled = _travelled(repaired.positions)
     for stream, noise, far, left, worth in zip(
         repaired.all, fit.noise, fit.wrong, fit.left, fit.worth, strict=True
     ):
         repeats, wrong, zero = (
-            _repeats(stream, np.interp(stream.t, *_travelled(repaired.positions)) > MOVING_SPEED),
+            _repeats(stream, np.interp(stream.t, *travelled) > MOVING_SPEED),
             _wrong(stream, noise, far, left, worth),
             _zero_sds(stream, noise),
         )
@@ -312,13 +313,14 @@ def _repeats(stream: Stream, moving: NDArray[np.bool_]) -> Repair | None:
     Velocities of zero while a vehicle stands are put there by the receiver, and right.
     """
     rows = stream.repeats
-    if not rows[1:].all():
+    throughout = rows[1:].all()
+    if not throughout:
         rows = rows & (moving | stream.values.any(axis=1))
     share = float(rows.mean())
     if share <= LOST_SHARE:
         return None
     longest = max(stop - start for start, stop in runs(rows, [(0, len(rows))]))
-    if stream.repeats[1:].all():
+    if throughout:
         what = "zero" if not stream.values.any() else "the same"
         return Repair(stream.name, f"are {what} in all {len(rows)} rows: no measurement", "left out")
     how = "" if longest == 1 else f", up to {longest} in a row"

@@ -35,7 +35,7 @@ class _ScoreForm:
     ratio: float
     effective_dof: float
     consistent: bool
-    certain_dof: float | None = None
+    certain_dof: float | None
 
     @classmethod
     def of(cls, score: Score, /) -> Self:
@@ -82,7 +82,7 @@ class _OutageForm:
     windows: int
     consistent: bool
     score: Score
-    interval: tuple[float, float] = (0.0, math.inf)
+    interval: tuple[float, float]
 
     @classmethod
     def of(cls, outage: Outage, /) -> Self:
@@ -114,8 +114,8 @@ class _VerdictForm:
     severity: Severity
     subject: str | None
     numbers: Mapping[str, _Numbers]
-    explanations: tuple[str, ...] = ()
-    explained_by: tuple[Explanation, ...] = ()
+    explanations: tuple[str, ...]
+    explained_by: tuple[Explanation, ...]
 
     @classmethod
     def of(cls, verdict: Verdict, /) -> Self:
@@ -138,7 +138,7 @@ class _ConsistencyForm:
     schema: Literal["tuner.consistency/1"] = "tuner.consistency/1"
     consistent: bool
     diverged: bool
-    verdict_codes: tuple[Verdict, ...] = ()
+    verdict_codes: tuple[Verdict, ...]
     nees: Score | None
     blocks: Mapping[str, Score]
     nis: Score | None
@@ -147,7 +147,7 @@ class _ConsistencyForm:
     outage: tuple[Outage, ...]
     errors: Mapping[str, tuple[float, ...]]
     gated: float
-    mean_errors: tuple[MeanError, ...] = ()
+    mean_errors: tuple[MeanError, ...]
 
     @classmethod
     def of(cls, found: Consistency, /) -> Self:

@@ -28,7 +28,7 @@ class _AllanForm:
     lower: FloatArray
     upper: FloatArray
     dof: FloatArray
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...]
 
 
 @dataclass(frozen=True)

@@ -137,10 +137,10 @@ class _DiagnosisForm:
     quiet: bool
     findings: tuple[Finding, ...]
     unexplained: tuple[Unexplained, ...]
-    notes: tuple[str, ...] = ()
-    models: Mapping[str, NoiseModel] = field(default_factory=dict)
-    base: Mapping[str, NoiseModel] = field(default_factory=dict)
-    parts: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    notes: tuple[str, ...]
+    models: Mapping[str, NoiseModel]
+    base: Mapping[str, NoiseModel]
+    parts: Mapping[str, tuple[float, float]]
 
     @classmethod
     def of(cls, diagnosis: Diagnosis, /) -> Self:
@@ -211,11 +211,11 @@ class _DriveDiagnosisForm:
     quiet: bool
     findings: tuple[Finding, ...]
     unexplained: tuple[Unexplained, ...]
-    inseparable: tuple[Inseparable, ...] = ()
-    notes: tuple[str, ...] = ()
-    gain: Gain | None = None
+    inseparable: tuple[Inseparable, ...]
+    notes: tuple[str, ...]
+    gain: Gain | None
     credited: bool
-    demands: tuple[NoiseScaleEstimate, ...] = ()
+    demands: tuple[NoiseScaleEstimate, ...]
     compensation: Compensation
     before: FilterConfig
     after: FilterConfig

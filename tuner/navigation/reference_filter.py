@@ -54,6 +54,7 @@ from tuner.navigation.data import (
     Steps,
 )
 from tuner.navigation.settings import FilterSettings, chi2_gate, error_rows, total_bias
+from tuner.types.records import velocity_known
 
 
 @dataclass(frozen=True)
@@ -287,7 +288,7 @@ def _update(
     mat_nb = rotation.mat_from_quat(state.quat_nb)
     at = Linearization(state.llh, state.vel_n, mat_nb, rates[:3], rates[3:], sensor)
     parts = [position_fix(model, at, x, fixes.llh[i], lever_arm=settings.lever_arm)]
-    if np.isfinite(fixes.vel_n[i, :2]).all():
+    if velocity_known(fixes.vel_n[i : i + 1]).all():
         parts.append(velocity_fix(model, at, x, fixes.vel_n[i], lever_arm=settings.lever_arm))
     z, h = np.concatenate([part.z for part in parts]), np.vstack([part.H for part in parts])
     missing = np.isnan(z)

@@ -142,11 +142,8 @@ def _delay_lines(clock: Clock, applied: Compensation) -> list[str]:
     delay, lag = (applied.value(cause, "delay") for cause in ("time_offset", "velocity_lag"))
     measured = (clock.delay.taken_out, clock.lag.taken_out) == (delay, lag)
     text = clock_words(clock if measured else Clock(Delay(delay, 0.0), Delay(lag, 0.0)))
-    return (
-        []
-        if not text
-        else [
-            f"{text[:1].upper()}{text[1:]}: tuner with noise.yaml and the KF-GINS export take that out; the recording "
-            "still has it, so for another filter move its stamps"
-        ]
+    done = (
+        "tuner with noise.yaml and the KF-GINS export take that out; the recording still has it, so for another filter "
+        "move its stamps"
     )
+    return [f"{text[:1].upper()}{text[1:]}: {done}"] if text else []

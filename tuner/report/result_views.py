@@ -78,7 +78,6 @@ from tuner.types import (
 from tuner.types.consistency import Check, Consistency
 from tuner.types.diagnosis import DriveDiagnosis
 from tuner.types.fleet import Fleet
-from tuner.types.prediction import PredictedBlock
 from tuner.types.records import DataError, Drive, Record
 
 
@@ -168,31 +167,15 @@ def page_of(results: Mapping[str, object], title: str, command: str) -> str:
     return write_sections_page(title, sections, command, judged)
 
 
-def identified_part(
-    found: Identification, answer: Document, predictions: Mapping[str, PredictedBlock]
-) -> Part:
-    """Return the part of a page on a log whose settings are known: the answer of the terminal, and their curves."""
-    return Part(
-        answer,
-        [
-            Picture.of(
-                rendered(allan_figure(found, predictions=predictions), "figure"),
-                "figure",
-                VIEWS[TuneResult].caption,
-            )
-        ],
-    )
-
-
 def _part_of(result: object) -> Part:
     view = view_of(result)
-    figure = view.figure(result)
-    drawn = (
-        [Picture.of(rendered(figure, "figure"), "figure", view.caption)]
-        if any(panel.has_data() for panel in figure.axes)
-        else []
-    )
-    return Part(view.answer(result), drawn)
+    return pictured(view.answer(result), view.figure(result), view.caption)
+
+
+def pictured(answer: Document, figure: Figure, caption: str) -> Part:
+    """Return an answer and its figure, where that has anything drawn."""
+    drawn = any(panel.has_data() for panel in figure.axes)
+    return Part(answer, [Picture.of(rendered(figure, "figure"), "figure", caption)] if drawn else [])
 
 
 def pictures_of_findings(records: Sequence[Record], diagnosis: Diagnosis) -> Part:

@@ -23,10 +23,8 @@ def unexplained_parts(unexplained: Sequence[Unexplained]) -> list[tuple[str, Une
     """
     parts: list[tuple[str, Unexplained]] = []
     said: set[tuple[str, ...]] = set()
-    for about in dict.fromkeys(
-        one.about or one.statistic for one in sorted(unexplained, key=lambda one: -one.nats)
-    ):
-        tests = [one for one in unexplained if (one.about or one.statistic) == about]
+    for about in dict.fromkeys(one.part for one in sorted(unexplained, key=lambda one: -one.nats)):
+        tests = [one for one in unexplained if one.part == about]
         axes = list(dict.fromkeys(axis for one in tests for axis in one.channels))
         largest = max(tests, key=lambda one: one.nats)
         felt = max(tests, key=lambda one: max((a / b for a, b in one.drift.values() if b), default=0.0))

@@ -168,6 +168,11 @@ class Unexplained:
     drift: Mapping[str, tuple[float, float]] = field(default_factory=lambda: MappingProxyType({}))
     about: str = ""
 
+    @property
+    def part(self) -> str:
+        """What of the samples it is about, where that is not said the statistic."""
+        return self.about or self.statistic
+
 
 def only_determined(
     findings: tuple[Finding, ...], unexplained: tuple[Unexplained, ...]

@@ -173,6 +173,11 @@ SOLUTIONS: Mapping[int, str] = MappingProxyType(
 """Classes of solution by their number: the quality of a GGA sentence (NMEA 0183), with 3 as RTKLIB uses it."""
 
 
+def velocity_known(vel_n: FloatArray) -> NDArray[np.bool_]:
+    """Return which velocities, shape (k, 3), are known: all of them or, of speed and course, north and east; (k,)."""
+    return np.asarray(np.isfinite(vel_n[:, :2]).all(axis=1))
+
+
 @dataclass(frozen=True)
 class Gnss:
     """Fixes of a satellite receiver (SI), in order of time.
@@ -208,8 +213,8 @@ class Gnss:
 
     @property
     def has_velocity(self) -> NDArray[np.bool_]:
-        """Which fixes have a velocity, of all three components or the horizontal ones, shape (k,)."""
-        return np.asarray(np.isfinite(self.vel_n[:, :2]).all(axis=1))
+        """Which fixes have a velocity, shape (k,)."""
+        return velocity_known(self.vel_n)
 
     def rows(self, which: NDArray[np.bool_] | NDArray[np.intp] | slice) -> Gnss:
         """Return some of the fixes."""

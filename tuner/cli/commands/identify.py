@@ -151,8 +151,11 @@ def command(
         for name, one, written in zip(names, found, settings, strict=True)
     ]
     predictions = [{} if written is None else written[1] for written in settings]
-    parts = map(partial(partial, _part), found, answers, predictions)
-    page("Noise of " + ", ".join(names), dict(zip(names, parts, strict=True)))
+    parts = {
+        name: partial(_part, one, answer, predicted)
+        for name, one, answer, predicted in zip(names, found, answers, predictions, strict=True)
+    }
+    page("Noise of " + ", ".join(names), parts)
     if len(found) > 1:
         output.write(pooled_json(names, found, pool(found)))
     else:
@@ -175,6 +178,9 @@ def command(
 
 
 def _part(found: Identification, answer: Document, predictions: Mapping[str, PredictedBlock]) -> Part:
-    from tuner.report.result_views import identified_part  # loads what draws
+    """Return the part of a page on a log: the answer of the terminal, and its curves with those of its settings."""
+    from tuner.report.allan_figure import allan_figure  # loads what draws
+    from tuner.report.result_views import VIEWS, pictured
+    from tuner.tune_result import TuneResult
 
-    return identified_part(found, answer, predictions)
+    return pictured(answer, allan_figure(found, predictions=predictions), VIEWS[TuneResult].caption)

@@ -1,7 +1,6 @@
 """Alignment of a drive: attitude from gravity and motion, gyro bias from standing still.
 
-Gravity determines the tilt, speed changes the heading, both at once: over windows of some seconds, as long as give the
-heading the smallest sd, the specific force,
+Gravity determines the tilt, speed changes the heading, both at once: over windows of some seconds the specific force,
 rotated by the gyros into the body frame b₀ of the start, must be the change of velocity less gravity, in the axes n of
 the first fix, fixed to the Earth (`free_of_gravity`)::
 
@@ -142,16 +141,17 @@ def align(steps: Steps, gnss: Gnss, *, bias_sd: FloatArray = KNOWN_BIAS_SD) -> A
         Where motion does not determine the heading: with its sd and the speeds of the fixes.
     """
     moving, length = FIRST_MOTION, float(gnss.t[-1] - gnss.t[0])
-    best, found = math.inf, None
+    found: Alignment | None = None
     while True:
+        before = found
         tried = [
             align_once(steps, gnss, moving, bias_sd, by_position=by_position, duration=duration)
             for by_position in ([True, False] if gnss.has_velocity.any() else [True])
             for duration in WINDOW_DURATIONS
         ]
         found = min(filter(None, [found, *tried]), key=lambda one: one.heading_sd, default=None)
-        last, best = best, math.inf if found is None else found.heading_sd
-        if moving >= length or best < GOOD_HEADING_SD or MAX_HEADING_SD > best == last:
+        best = math.inf if found is None else found.heading_sd
+        if moving >= length or best < GOOD_HEADING_SD or (found is before and best < MAX_HEADING_SD):
             break
         moving *= 2.0
     if found is not None and best < MAX_HEADING_SD:
@@ -208,8 +208,8 @@ def align_once(
     span = fix_t[windows[:, 1]] - fix_t[windows[:, 0]]
     beta = _change(measured, windows, span)
     share, reported = float(np.median(np.diff(fix_t))) / length, _reported_variance(gnss, by_position, length)
-    alone = share * len(windows)  # neighbours overlap
-    if alone <= 1.0:
+    independent = share * len(windows)  # neighbours overlap
+    if independent <= 1.0:
         return None
 
     def changes(rotated: RotatedSteps, *, derivative: bool = False) -> FloatArray:
@@ -227,8 +227,8 @@ def align_once(
     alpha = changes(rotated)
     mat = wahba(alpha, beta)
     off = np.sum((beta - alpha @ mat.T) ** 2, axis=1)
-    # Three components a window determine the rotation.
-    cost = float(np.mean(np.minimum(off, outlier_limit(off)))) * alone / (alone - 1.0)
+    # The rotation takes three degrees of freedom, those of one window.
+    cost = float(np.mean(np.minimum(off, outlier_limit(off)))) * independent / (independent - 1.0)
     # Speed changes determine the heading: stationary windows show the receiver's noise. Neighbouring
     # windows overlap, so a window counts by its share.
     level = np.sum(beta[:, :2] ** 2, axis=1)

@@ -17,12 +17,12 @@ from models import rotation
 from models.arrays import FloatArray
 from models.earth import earth_rate, gravity, transport_rate
 from tuner.navigation.data import Fixes, Solution, Steps
+from tuner.types.records import velocity_known
 
 
 def interpolated(fixes: Fixes, lag: float) -> Fixes:
     """Return the fixes with velocities between theirs: for a first pass, whose attitude is near enough."""
-    known = np.isfinite(fixes.vel_n[:, 0])
-    if np.count_nonzero(known) < 2:
+    if np.count_nonzero(velocity_known(fixes.vel_n)) < 2:
         return fixes
     there = velocities_at(fixes.t, fixes.vel_n, fixes.t + lag)
     return replace(fixes, vel_n=np.where(np.isfinite(fixes.vel_n), there, np.nan))

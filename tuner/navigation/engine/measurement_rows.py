@@ -22,6 +22,7 @@ from tuner.navigation.engine.layout import (
     STATE_COLUMN,
 )
 from tuner.navigation.settings import FilterSettings, chi2_gate
+from tuner.types.records import velocity_known
 
 Scalar = TypeVar("Scalar", np.float64, np.int64, np.bool_)
 
@@ -40,7 +41,7 @@ class Measurements(NamedTuple):
 
 def measurements(settings: FilterSettings, fixes: Fixes, constraints: Constraints | None) -> Measurements:
     """Return fixes, and constraints after those of the same instant."""
-    velocity = np.asarray(np.isfinite(fixes.vel_n[:, :2]).all(axis=1))
+    velocity = velocity_known(fixes.vel_n)
     values = np.concatenate([fixes.llh, np.where(velocity[:, None], fixes.vel_n, 0.0)], axis=1)
     sd = np.where(np.isfinite(fixes.sd), fixes.sd, 0.0)
     sd = np.ascontiguousarray(np.where(np.isfinite(values), sd, 1.0))
