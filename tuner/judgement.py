@@ -246,6 +246,24 @@ def _of_drive(known: Settings) -> Iterator[Reason]:
             )
 
 
+def judge_export(found: Consistency, fixes_alone: float) -> Judgement:
+    """Return for what the settings of another filter can be used that runs on a drive.
+
+    Parameters
+    ----------
+    found : Consistency
+        Its scores by what is known of the truth.
+    fixes_alone : float
+        Rms error of the fixes themselves, position in three axes, m; infinite where no reference shows it.
+    """
+    reasons = list(_of_scores(found, "on this drive"))
+    error = math.hypot(*found.errors["position"].values)
+    if error > WRONG_FACTOR * fixes_alone:
+        text = f"its position errs by {digits(error)} m, the fixes alone by {digits(fixes_alone)} m"
+        reasons.append(Reason(Use.DO_NOT_USE, text))
+    return judged(Use.USABLE, reasons) if reasons else Judgement(Use.USABLE, found.honesty.reasons)
+
+
 def _worse_than_before(choice: HeldOutChoice) -> Iterator[Reason]:
     """Yield where settings err more than those they began from: with fixes, and in outages beyond their scatter."""
     from tuner.diagnosis.drive.held_out_gain import change_interval  # loads the diagnosis of drives

@@ -295,7 +295,13 @@ def _mended(
         position_sd, velocity_sd = np.sqrt(position_sd), np.sqrt(velocity_sd)
     fixes = Gnss(positions.t, positions.values, velocities, position_sd, velocity_sd, gnss.solution)
     inside = (fixes.t >= drive.imu_t[0]) & (fixes.t <= drive.imu_t[-1])
-    return replace(drive, rates=streams.imu.rates, gnss=fixes.rows(~lost[0] & inside))
+    turned = not np.array_equal(streams.imu.rates, drive.rates)
+    return replace(
+        drive,
+        rates=streams.imu.rates,
+        gnss=fixes.rows(~lost[0] & inside),
+        start=None if turned else drive.start,
+    )
 
 
 def _travelled(positions: Positions) -> tuple[FloatArray, FloatArray]:

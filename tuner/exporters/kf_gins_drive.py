@@ -8,9 +8,9 @@ NAME-truth.nav  where the drive has a reference: week 0, seconds, latitude, long
 NAME.yaml       paths, rate, start, and the configuration
 ==============  ===========================================================================================
 
-KF-GINS neither aligns itself nor estimates clocks and lever arm, it knows no gap, and of the receiver it takes
-positions only. So our filter takes the positions of the drive; what is written begins where it has settled, with its
-estimates and sds. The sds of the fixes are the receiver's own, larger only where fixes of a class are wrong by more:
+KF-GINS neither aligns itself nor estimates clocks and lever arm, it knows no gap and no gate, and of the receiver it
+takes positions only. So our filter takes the positions of the drive; what is written begins where it has settled, with
+its estimates and sds. The sds of the fixes are the receiver's own, larger only where fixes of a class are wrong by more:
 factors below 1 hold only beside states that KF-GINS has not. The rest of a delay and an unknown lever arm are what our
 filter makes of the whole drive where that determines them (`tuner.navigation.determined`); else they are 0, and the arm
 is to be measured. Of several stretches the longest is written, and gaps within it are filled with the last rates.
@@ -20,9 +20,10 @@ Source: README.md, sections 2.1 to 2.3, of https://github.com/i2Nav-WHU/KF-GINS.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -58,8 +59,35 @@ CONSTANTS = ("lever_arm", "time_offset", "gyro_scale", "accel_scale")
 ARM = ("forward", "right", "down")
 
 
-def write_drive(drive: Drive, config: FilterConfig, path: Path) -> tuple[str, ...]:
-    """Write a drive and its configuration for KF-GINS; return what was found and done.
+@dataclass(frozen=True)
+class DriveFiles:
+    """What KF-GINS reads of a drive.
+
+    Attributes
+    ----------
+    begin : float
+        Time of the first inertial row on the clock of the drive, s.
+    imu, fixes : ndarray, shapes (n, 7), (k, 7)
+        Rows of the two files, in their units.
+    truth : ndarray, shape (r, 11), or None
+        Those of the reference.
+    tree : mapping of str to Any
+        Entries of the YAML but for paths.
+    header, notes : tuple of str
+        Comments of the YAML: where its numbers come from, and what was found and done.
+    """
+
+    begin: float
+    imu: FloatArray
+    fixes: FloatArray
+    truth: FloatArray | None
+    tree: Mapping[str, Any]
+    header: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def drive_files(drive: Drive, config: FilterConfig) -> DriveFiles:
+    """Return a drive and its configuration as KF-GINS reads them.
 
     Parameters
     ----------
@@ -67,8 +95,6 @@ def write_drive(drive: Drive, config: FilterConfig, path: Path) -> tuple[str, ..
         The drive.
     config : FilterConfig
         The configuration of both filters.
-    path : Path
-        The YAML; the other files are written beside it.
 
     Raises
     ------
@@ -88,8 +114,6 @@ def write_drive(drive: Drive, config: FilterConfig, path: Path) -> tuple[str, ..
         notes.append(
             "sds of the fixes are not below the receiver's own: smaller ones need states that KF-GINS lacks"
         )
-    if "gnss_position" in settings.model.layout:
-        notes.append("KF-GINS knows no correlated error of the receiver: its position sds will be too small")
     if drive.mounting is None:
         notes.append("the mounting is unknown: axes are those of the sensor")
     k = max(range(len(stretches)), key=lambda i: len(stretches[i].fixes))
@@ -105,24 +129,15 @@ def write_drive(drive: Drive, config: FilterConfig, path: Path) -> tuple[str, ..
     if "lever_arm" in at:
         arm = arm + last[at["lever_arm"]]
         notes.append("antlever is what the filter makes of the whole drive")
-    files = {name: path.with_name(f"{path.stem}-{name}") for name in ("imu.txt", "gnss.txt", "truth.nav")}
     ends = (float(solution.t[first]), float(stretch.steps.ends()[-1]))
-    _table(files["imu.txt"], _inertial(drive, ends, begin, rate), ("%.9f", *["%.12e"] * 6))
     left = float(last[at["time_offset"]][0]) if "time_offset" in at else 0.0
     fixes = _fixes(stretch, first, begin - left)
     if config.gnss is not None and not np.isfinite(gnss.position_sd).any():
         fixes[:, 4:] = np.hypot(
             fixes[:, 4:], _staying_sds(config.gnss)
         )  # KF-GINS has no state for what stays
-    _table(files["gnss.txt"], fixes, ("%.9f", *["%.12f"] * 2, *["%.6f"] * 4))
-    if drive.reference is not None:
-        rows = _truth(drive.reference, begin)
-        _table(files["truth.nav"], rows, ("%d", "%.9f", *["%.12f"] * 2, *["%.6f"] * 7))
     target = Target(config.interval)
     tree = {
-        "imupath": str(files["imu.txt"]),
-        "gnsspath": str(files["gnss.txt"]),
-        "outputpath": str(path.parent),
         "imudatalen": 7,
         "imudatarate": Noted(rate, "Hz"),
         "starttime": Noted(round(ends[0] + begin, 9), "s; the first row of the inertial file"),
@@ -131,8 +146,32 @@ def write_drive(drive: Drive, config: FilterConfig, path: Path) -> tuple[str, ..
         **entries(config, target),
         **_start(settings, solution, first),
     }
-    write_text(path, yaml_text(tree, header=(*header(config, target), *notes)))
-    return tuple(notes)
+    return DriveFiles(
+        ends[0],
+        _inertial(drive, ends, begin, rate),
+        fixes,
+        None if drive.reference is None else _truth(drive.reference, begin),
+        tree,
+        header(config, target),
+        tuple(notes),
+    )
+
+
+def write_drive(files: DriveFiles, path: Path) -> None:
+    """Write a drive for KF-GINS: the YAML, and its other files beside it, which it names by their whole paths."""
+    named = {name: path.with_name(f"{path.stem}-{name}") for name in ("imu.txt", "gnss.txt", "truth.nav")}
+    _table(named["imu.txt"], files.imu, ("%.9f", *["%.12e"] * 6))
+    _table(named["gnss.txt"], files.fixes, ("%.9f", *["%.12f"] * 2, *["%.6f"] * 4))
+    if files.truth is not None:
+        _table(named["truth.nav"], files.truth, ("%d", "%.9f", *["%.12f"] * 2, *["%.6f"] * 7))
+    paths = {
+        "imupath": str(named["imu.txt"].resolve()),
+        "gnsspath": str(named["gnss.txt"].resolve()),
+        "outputpath": str(path.parent.resolve()),
+    }
+    write_text(
+        path, yaml_text({**paths, **files.tree}, header=tuple(dict.fromkeys((*files.header, *files.notes))))
+    )
 
 
 @dataclass(frozen=True)

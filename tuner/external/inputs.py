@@ -19,7 +19,7 @@ from models.arrays import FloatArray
 from tuner.exporters import export
 from tuner.exporters.dialect import Target
 from tuner.exporters.kf_gins import entries
-from tuner.exporters.kf_gins_drive import write_drive
+from tuner.exporters.kf_gins_drive import drive_files, write_drive
 from tuner.formats.documents import parse_yaml
 from tuner.formats.files import write_text
 from tuner.formats.yaml_text import yaml_text
@@ -95,12 +95,13 @@ def inputs_of(drive: Drive, config: FilterConfig, dialect: str, folder: Path) ->
     """
     if dialect == "kf-gins":
         path = folder / "drive.yaml"
-        notes = write_drive(drive, config, path)
+        files = drive_files(drive, config)
+        write_drive(files, path)
         tree = parse_yaml(path.read_text(encoding="utf-8"), source=str(path), expected="settings of KF-GINS")
         rows = np.loadtxt(tree["gnsspath"], ndmin=2)
         llh = np.column_stack([np.radians(rows[:, 1:3]), rows[:, 3]])
         fixes = Fixes(rows[:, 0], llh, rows[:, 4:7], np.array(tree["antlever"], dtype=float))
-        return Inputs(drive, dialect, fixes, tree, notes)
+        return Inputs(drive, dialect, fixes, tree, files.notes)
     gnss = drive.gnss
     stated = np.isfinite(gnss.position_sd) & (gnss.position_sd > 0.0)
     if not stated.all() and config.gnss is None:

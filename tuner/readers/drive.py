@@ -49,7 +49,7 @@ from tuner.types.arguments import expect
 from tuner.types.named_cause import NamedCause, one_line
 from tuner.types.number_ranges import LONGEST_LEVER_ARM
 from tuner.types.one_line import printable
-from tuner.types.records import DataError, Drive, Gnss, Record, Reference
+from tuner.types.records import DataError, Drive, Gnss, Record, Reference, Start
 from tuner.types.repair import Repair
 
 CONTENT = "a drive: arrays and settings, one row a sample or fix"
@@ -286,6 +286,7 @@ def _kf_gins(path: Path) -> Drive:
         found.truth,
         mounting=np.eye(3),
         lever_arm=found.lever_arm,
+        start=found.start,
         notes=found.notes,
     )
 
@@ -298,6 +299,7 @@ def _drive(
     *,
     mounting: FloatArray | None = None,
     lever_arm: tuple[float, float, float] | None = None,
+    start: FloatArray | None = None,
     notes: tuple[str, ...] = (),
 ) -> Drive:
     """Clean the streams and put them on one clock."""
@@ -346,7 +348,13 @@ def _drive(
         digest(path / "imu.csv" if (path / "imu.csv").is_file() else path),
         one_line(messages),
         tuple(repairs),
+        start=None if start is None else _start(start, begin),
     )
+
+
+def _start(row: FloatArray, begin: float) -> Start:
+    llh = np.array([*np.radians(row[1:3]), row[3]])
+    return Start(float(row[0] - begin), llh, row[4:7], np.radians(row[7:10]))
 
 
 def _resolve_zeros(sd: FloatArray) -> None:

@@ -12,10 +12,11 @@ initaccscale ppm
 antlever                        from the unit to the antenna, forward, right, down, m
 NAME-truth.nav, or truth.nav    optional, beside the YAML: week, t, latitude, longitude deg, height m, velocity north
                                 east down m/s, roll, pitch, yaw deg
+initpos deg deg m, initvel m/s, the start: position, velocity north, east, down, roll pitch yaw, at starttime; where
+initatt deg                     one is missing, the drive is aligned from its own fixes
 ==============================  ===============================================================================
 
-Commas, blanks or tabs separate the columns. Position, velocity and attitude of the start are not read: a drive is
-aligned from its own fixes.
+Commas, blanks or tabs separate the columns.
 
 Source: README.md (2.2), dataset/kf-gins.yaml, src/fileio and src/kf-gins/gi_engine.cpp of
 https://github.com/i2Nav-WHU/KF-GINS (facts only).
@@ -60,6 +61,8 @@ class KfGins:
         t, latitude and longitude deg, height m, velocity m/s, angles deg.
     lever_arm : tuple of 3 floats or None
         m.
+    start : ndarray, shape (10,), or None
+        t, latitude and longitude deg, height m, velocity m/s, angles deg.
     notes : tuple of str
         What was left out and taken out.
     """
@@ -68,6 +71,7 @@ class KfGins:
     fixes: FloatArray
     truth: FloatArray | None
     lever_arm: tuple[float, float, float] | None
+    start: FloatArray | None
     notes: tuple[str, ...]
 
 
@@ -106,6 +110,7 @@ def read_kf_gins(path: Path) -> KfGins:
         np.column_stack([fixes[:, :4], blank, sds, blank]),
         _truth(path),
         settings.antlever,
+        _start(settings),
         tuple(notes),
     )
 
@@ -120,6 +125,9 @@ class _Settings:
     starttime: Finite | None = None
     endtime: Finite = -1.0
     antlever: LeverArm | None = None
+    initpos: Vector3 | None = None
+    initvel: Vector3 | None = None
+    initatt: Vector3 | None = None
     initgyrbias: Vector3 = (0.0, 0.0, 0.0)
     initaccbias: Vector3 = (0.0, 0.0, 0.0)
     initgyrscale: Vector3 = (0.0, 0.0, 0.0)
@@ -138,6 +146,14 @@ def _settings(path: Path) -> _Settings:
     if not isinstance(found, dict) or not {"imupath", "gnsspath"} <= found.keys():
         raise DataError(f"{path}: expected a YAML of KF-GINS with imupath and gnsspath")
     return load(found, _Settings, source=str(path))
+
+
+def _start(settings: _Settings) -> FloatArray | None:
+    """Return time, position, velocity and angles of the start, shape (10,); None where one of them is not stated."""
+    t, parts = settings.starttime, (settings.initpos, settings.initvel, settings.initatt)
+    if t is None or any(part is None for part in parts):
+        return None
+    return np.concatenate([[t], *(part for part in parts if part is not None)])
 
 
 def _six(settings: _Settings, entries: tuple[tuple[str, str], ...]) -> FloatArray:

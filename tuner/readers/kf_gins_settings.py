@@ -1,6 +1,7 @@
 """Settings of KF-GINS (``kf-gins.yaml``) as a filter configuration, so that one filter runs in both programs.
 
-Each axis becomes one Gauss–Markov state; what the initial sd exceeds it by is a constant; scale factors are states.
+Each axis becomes one Gauss–Markov state; what the initial sd exceeds it by is a constant; scale factors are states of
+the same time constant.
 `tuner.exporters.kf_gins` writes such files.
 """
 
@@ -112,4 +113,5 @@ def _configuration(name: str, stated: _Settings) -> FilterConfig:
         None,
         notes=("read from settings of KF-GINS",),
         constants=scales,
+        time_constants=dict.fromkeys(scales, 3600.0 * noise.corrtime),
     )

@@ -252,6 +252,28 @@ class Reference:
 
 
 @dataclass(frozen=True)
+class Start:
+    """Position, velocity and attitude of a vehicle as a file states them for one time (SI).
+
+    Attributes
+    ----------
+    t : float
+        Time, s, on the clock of the inertial record.
+    llh : ndarray, shape (3,)
+        Latitude, longitude, rad, height, m.
+    vel_n : ndarray, shape (3,)
+        North, east, down, m/s.
+    rpy : ndarray, shape (3,)
+        Roll, pitch, yaw, rad.
+    """
+
+    t: float
+    llh: FloatArray
+    vel_n: FloatArray
+    rpy: FloatArray
+
+
+@dataclass(frozen=True)
 class Drive:
     """A measured drive: inertial samples, fixes and perhaps a reference.
 
@@ -281,6 +303,8 @@ class Drive:
         What was wrong with the streams and has been mended.
     clock : Clock
         Delays that its stamps have, as far as an examination knows them.
+    start : Start or None
+        Where the vehicle is at a time, as the file states it; None: to be found by an alignment.
     """
 
     name: str
@@ -296,6 +320,7 @@ class Drive:
     notes: tuple[str, ...] = ()
     repairs: tuple[Repair, ...] = ()
     clock: Clock = field(default_factory=Clock)
+    start: Start | None = None
 
     @property
     def unusable(self) -> str:

@@ -102,10 +102,13 @@ def command(
 def _write_with_drive(config: str, drive: str, path: Path, messages: Messages) -> None:
     """Write settings of KF-GINS and, beside them, the drive as KF-GINS reads it."""
     from tuner.examination.examined_drive import examined_drive
+    from tuner.exporters.judged_drive import judged_drive
     from tuner.exporters.kf_gins_drive import write_drive
     from tuner.synthesis.from_drive import config_for_drive
 
     measured, _ = examined_drive(drive, messages.say)
-    for note in write_drive(measured, config_for_drive(measured, config), path):
+    files, _ = judged_drive(measured, config_for_drive(measured, config))
+    write_drive(files, path)
+    for note in files.notes:
         messages.say(note)
     messages.say(f"wrote {path} and its files")

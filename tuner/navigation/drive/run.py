@@ -29,14 +29,14 @@ from models.strapdown import NavigationState
 from tuner.formats.clock_words import clock_note, clock_words
 from tuner.formats.customary_units import digits
 from tuner.navigation import engine
-from tuner.navigation.data import Constraints, Fixes, Solution, Steps, split_at
+from tuner.navigation.data import TIME_TOLERANCE, Constraints, Fixes, Solution, Steps, split_at
 from tuner.navigation.drive.alignment import Alignment, align, velocities
 from tuner.navigation.drive.sampling_rate import rate_note
 from tuner.navigation.drive.velocity_latency import advanced, interpolated, velocities_at
 from tuner.navigation.settings import FilterSettings
 from tuner.types.clock import Clock
 from tuner.types.named_cause import NamedCause
-from tuner.types.records import DataError, Drive, Gnss
+from tuner.types.records import DataError, Drive, Gnss, Start
 
 MAX_BRIDGED_GAP = 0.5
 """Longest gap of the inertial samples that is bridged, s."""
@@ -78,6 +78,8 @@ class Stretch:
         Sds of the fixes as the receiver reports them, NaN where it reports none.
     solution : ndarray, shape (k,)
         Classes of solution that it states, NaN where none.
+    stated : bool
+        Whether the start is that of the file, with the sds of the configuration, and no alignment's.
     """
 
     steps: Steps
@@ -88,6 +90,7 @@ class Stretch:
     constraints: Constraints | None = None
     reported_sd: FloatArray = field(default_factory=lambda: np.full((0, 6), np.nan))
     solution: FloatArray = field(default_factory=lambda: np.zeros(0))
+    stated: bool = False
 
     @property
     def settled(self) -> float:
@@ -162,7 +165,7 @@ def prepare(drive: Drive, settings: FilterSettings) -> tuple[tuple[Stretch, ...]
             continue
         steps = Steps(float(t[0]), np.diff(t), rates[first + 1 : last] * np.diff(t)[:, None])
         try:
-            stretch = _aligned_stretch(steps, drive.gnss, settings, drive.clock)
+            stretch = _aligned_stretch(steps, drive.gnss, settings, drive.clock, drive.start)
         except DataError as error:
             failure = str(error)
             notes.append(f"the stretch from {t[0]:.1f} to {t[-1]:.1f} s left out: {error}")
@@ -170,7 +173,9 @@ def prepare(drive: Drive, settings: FilterSettings) -> tuple[tuple[Stretch, ...]
         stretches.append(stretch)
         a = stretch.alignment
         notes.append(
-            f"attitude at {a.t:.1f} s from the motion and {a.still:.0f} s at rest: sd of the heading "
+            f"position, velocity and attitude at {a.t:.1f} s as the file states them"
+            if stretch.stated
+            else f"attitude at {a.t:.1f} s from the motion and {a.still:.0f} s at rest: sd of the heading "
             f"{np.degrees(a.heading_sd):.1f}°"
         )
     if not stretches:
@@ -281,6 +286,8 @@ def _wandering(settings: FilterSettings) -> FloatArray:
 
 def initial_state(settings: FilterSettings, stretch: Stretch, parameters: FloatArray) -> NavigationState:
     """Return the start of a stretch where lever arm, delay and other states (n,) are known."""
+    if stretch.stated:
+        return stretch.start
     start, z = stretch.start, _first_fix(settings, stretch, parameters)[0]
     return NavigationState(llh_displaced(start.llh, z[:3]), start.vel_n + z[3:], start.quat_nb)
 
@@ -317,6 +324,9 @@ def _initial_covariance(
     p = covariance.copy()
     p[:9, :] = 0.0
     p[:, :9] = 0.0
+    if stretch.stated:
+        p[range(9), range(9)] = settings.initial_sd[:9] ** 2
+        return p
     at, a = settings.model.layout, stretch.alignment
     sd = stretch.fixes.sd[0]
     p[range(3), range(3)] = np.maximum(sd[:3], settings.initial_sd[at["position"]]) ** 2
@@ -330,8 +340,10 @@ def _initial_covariance(
     return among @ p @ among.T
 
 
-def _aligned_stretch(steps: Steps, gnss: Gnss, settings: FilterSettings, clock: Clock) -> Stretch:
-    """Align a stretch, its fixes on the clock of the inertial unit."""
+def _aligned_stretch(
+    steps: Steps, gnss: Gnss, settings: FilterSettings, clock: Clock, stated: Start | None
+) -> Stretch:
+    """Align a stretch, its fixes on the clock of the inertial unit; one with a stated start begins there."""
     ends = steps.ends()
     inside = (gnss.t > ends[0]) & (gnss.t < ends[-1])
     own = gnss.rows(inside)
@@ -346,17 +358,25 @@ def _aligned_stretch(steps: Steps, gnss: Gnss, settings: FilterSettings, clock: 
     delay, lag = clock.delay.taken_out, clock.lag.taken_out
     if lag and np.count_nonzero(own.has_velocity) > 1:
         together = replace(own, vel_n=velocities_at(own.t, own.vel_n, own.t + lag))
+    if stated is not None and ends[0] - TIME_TOLERANCE <= stated.t < ends[-1]:
+        tilt_sd, _, heading_sd = settings.initial_sd[at["attitude"]]
+        quat = rotation.quat_from_rpy(stated.rpy)
+        a = Alignment(stated.t, quat, heading_sd, tilt_sd, np.zeros(3), delay, 0.0, np.zeros(3))
+        return _timed(steps, own, a, settings, lag, stated)
     a = align(steps, replace(together, t=own.t - delay), bias_sd=bias_sd)
     return _timed(steps, own, replace(a, delay=delay), settings, lag)
 
 
-def _timed(steps: Steps, own: Gnss, a: Alignment, settings: FilterSettings, lag: float) -> Stretch:
-    """Put fixes on the clock of the inertial unit and cut the steps to begin with the first."""
+def _timed(
+    steps: Steps, own: Gnss, a: Alignment, settings: FilterSettings, lag: float, stated: Start | None = None
+) -> Stretch:
+    """Put fixes on the clock of the inertial unit and cut the steps to begin with the first, or the stated start."""
     ends = steps.ends()
     t = own.t - a.delay
-    keep = (t > ends[0]) & (t < ends[-1])
+    keep = (t > (ends[0] if stated is None else stated.t)) & (t < ends[-1])
     own, t = own.rows(keep), t[keep]
-    first = max(0, int(np.searchsorted(ends, t[0], side="right")) - 1)
+    begin = t[0] if stated is None else stated.t + TIME_TOLERANCE
+    first = max(0, int(np.searchsorted(ends, begin, side="right")) - 1)
     # The attitude holds at another step than the first fix may fall on: turn it by the gyros between.
     quat = _attitude_at(steps, a, first)
     steps = Steps(float(ends[first]), steps.dt[first:], steps.increments[first:])
@@ -364,6 +384,9 @@ def _timed(steps: Steps, own: Gnss, a: Alignment, settings: FilterSettings, lag:
     settled = a.t + a.still + SETTLING_TIME
     raw = np.hstack([own.position_sd, own.velocity_sd])
     fixes = Fixes(t, after, own.llh, own.vel_n, assumed_sds(raw, own.solution, settings), trusted=t < settled)
+    if stated is not None:
+        start = NavigationState(stated.llh, stated.vel_n, quat)
+        return Stretch(split, fixes, start, a, lag, reported_sd=raw, solution=own.solution, stated=True)
     mat_nb, vel = rotation.mat_from_quat(quat), velocities(own)[0]
     arm = np.array(settings.lever_arm)
     vel = vel - mat_nb @ np.cross(_first_rates(steps)[:3] - a.gyro_bias, arm)

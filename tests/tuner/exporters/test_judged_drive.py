@@ -1,0 +1,146 @@
+"""What is written for KF-GINS errs as its filter predicts, by a truth that the writer did not see."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import yaml
+
+from models import rotation
+from models.noise import GaussMarkov
+from tuner.cli import run
+from tuner.exporters.judged_drive import as_read, compared, consistency, judged_drive
+from tuner.exporters.kf_gins_drive import drive_files, write_drive
+from tuner.judgement import judge_export
+from tuner.navigation.drive.run import initial_estimates, initial_state
+from tuner.readers.drive import read_drive
+from tuner.types.judgement import Use
+from tuner.types.consistency import Consistency, RmsError, Score
+from tuner.types.records import DataError
+
+HONEST = 2.0
+"""True ÷ predicted, or its inverse, up to which settings are written."""
+
+
+def lasting(data, *, sd, time_constant, white, seed=4):
+    """Return the arrays of a drive whose fixes err by a white and a lasting part, m, and report the white one."""
+    rng = np.random.default_rng(seed)
+    keep, drawn = np.exp(-1.0 / time_constant), rng.standard_normal((len(data["gnss_t"]), 3))
+    error = np.zeros_like(drawn)
+    error[0] = sd * drawn[0]
+    for k in range(1, len(drawn)):
+        error[k] = keep * error[k - 1] + np.sqrt(1.0 - keep**2) * sd * drawn[k]
+    error += white * rng.standard_normal(error.shape)
+    truth = np.column_stack(
+        [
+            np.interp(data["gnss_t"] - 0.15, data["ref_t"], data["ref_llh"][:, i], left=data["ref_llh"][0, i])
+            for i in range(3)
+        ]
+    )
+    metres = np.array([1.11e5, 1.11e5 * np.cos(np.radians(truth[0, 0])), -1.0])
+    return {
+        **data,
+        "gnss_llh": truth + error / metres,
+        "gnss_pstd": np.full((len(truth), 3), white),
+    }
+
+
+@pytest.fixture(scope="module")
+def poor(data, saved, tmp_path_factory):
+    """A drive whose fixes scatter by 0.05 m beside errors of 1.2 m that last: its file, and the one without a truth."""
+    folder = tmp_path_factory.mktemp("poor")
+    arrays = lasting(data, sd=1.2, time_constant=200.0, white=0.05)
+    blind = {key: value for key, value in arrays.items() if not key.startswith("ref_")}
+    same = {"lever_arm_frd_m": (0.0, 0.0, 0.0), "mounting_rpy_deg": (180.0, 3.0, 100.0)}
+    return saved(folder / "poor.npz", arrays, **same), saved(folder / "blind.npz", blind, **same)
+
+
+def with_lasting(config):
+    """Return a configuration of that unit, white noise and constant biases, that knows how these fixes err."""
+    channels = {
+        axis: replace(noise, white_density=1.2e-4 if noise.unit == "rad/s" else 3e-3)
+        for axis, noise in config.channels.items()
+    }
+    known = replace(
+        config.gnss,
+        position_sd=(0.05, 0.05, 0.05),
+        correlated=(GaussMarkov(1.2, 200.0),),
+    )
+    return replace(config, channels=channels, gnss=known)
+
+
+def test_a_start_that_a_file_states_is_where_the_filter_begins(configuration, file, tmp_path):
+    # Seen: aligned anew from positions, our form of KF-GINS had a heading 15° off beside 2° of the program.
+    write_drive(drive_files(read_drive(file), configuration()), tmp_path / "k.yaml")
+    stated = yaml.safe_load((tmp_path / "k.yaml").read_text(encoding="utf-8"))
+    stretch, settings = as_read(tmp_path / "k.yaml")
+    x, p = initial_estimates(settings, stretch, None)
+    start = initial_state(settings, stretch, x)
+    assert stretch.steps.start == pytest.approx(0.0, abs=1e-6)
+    angles = np.degrees(rotation.rpy_from_quat(start.quat_nb))
+    np.testing.assert_allclose(angles % 360.0, np.array(stated["initatt"]) % 360.0)
+    np.testing.assert_allclose(start.vel_n, stated["initvel"])
+    np.testing.assert_allclose(np.sqrt(np.diag(p))[3:6], max(stated["initvelstd"]))
+    del stated["initatt"]
+    (tmp_path / "k.yaml").write_text(yaml.safe_dump(stated), encoding="utf-8")
+    assert not as_read(tmp_path / "k.yaml")[0].stated
+
+
+@pytest.mark.parametrize("which", [0, 1])
+def test_errors_of_fixes_that_last_are_in_their_sds(drive_config, poor, tmp_path, which):
+    """With a reference and without one; judged by the truth, which the second file does not have."""
+    files, verdict = judged_drive(read_drive(poor[which]), with_lasting(drive_config))
+    assert verdict.use in (Use.USABLE, Use.USABLE_EXCEPT)
+    assert files.fixes[:, 4].min() > 0.5
+    seen = drive_files(read_drive(poor[0]), with_lasting(drive_config))
+    for fixes, honest in ((files.fixes, True), (seen.fixes, False)):
+        write_drive(replace(seen, fixes=fixes), tmp_path / "k.yaml")
+        stretch, settings = as_read(tmp_path / "k.yaml")
+        truth = read_drive(tmp_path / "k.yaml").reference
+        ratio = consistency(compared(stretch, settings, truth)).blocks[0].ratio
+        assert (1.0 / HONEST < ratio < HONEST) == honest
+
+
+def test_fixes_that_our_filter_refuses_are_left_out(configuration, data, saved, tmp_path):
+    far = data["gnss_llh"].copy()
+    far[200:400:20, 2] += 60.0
+    same = {"lever_arm_frd_m": (0.5, -0.3, -1.2), "mounting_rpy_deg": (180.0, 3.0, 100.0)}
+    file = saved(tmp_path / "far.npz", {**data, "gnss_llh": far}, **same)
+    files, _ = judged_drive(read_drive(file), configuration())
+    assert any("fixes, which our filter refuses, are left out" in note for note in files.notes)
+    assert np.ptp(files.fixes[:, 3]) < 50.0
+
+
+def test_what_errs_by_more_than_it_predicts_or_than_the_fixes_is_not_written():
+    def found(ratio, error=1.0):
+        score = Score("position", 3.0 * ratio**2, 3, 300.0, (2.5, 3.5), 300.0)
+        return Consistency(
+            None, (score,), (), None, (), {"position": RmsError((error, 0.0, 0.0))}, 0.0, False
+        )
+
+    assert judge_export(found(1.0), np.inf).use is Use.USABLE
+    assert judge_export(found(1.7), np.inf).use is Use.USABLE_EXCEPT
+    assert judge_export(found(2.5), np.inf).use is Use.DO_NOT_USE
+    assert judge_export(found(0.4), np.inf).use is Use.DO_NOT_USE
+    worse = judge_export(found(1.0, error=1.5), 1.0)
+    assert worse.use is Use.DO_NOT_USE
+    assert "its position errs by 1.5" in worse.reasons[0]
+
+
+def test_nothing_is_written_where_the_verdict_forbids_it(configuration, poor, tmp_path, monkeypatch, capsys):
+    from tuner.exporters import judged_drive as module
+    from tuner.types.judgement import Judgement
+
+    monkeypatch.setattr(
+        module, "judge_export", lambda *_: Judgement(Use.DO_NOT_USE, ("errs 25 × its prediction",))
+    )
+    with pytest.raises(DataError, match="nothing is written for kf-gins"):
+        judged_drive(read_drive(poor[0]), configuration())
+    assert (
+        run(["export", "mpu9250", "--to", "kf-gins", "--drive", str(poor[0]), "-o", str(tmp_path / "k.yaml")])
+        == 2
+    )
+    assert "errs 25 × its prediction" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())

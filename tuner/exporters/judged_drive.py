@@ -1,0 +1,315 @@
+"""A drive for KF-GINS, judged in the form in which that program will use it before anything is written.
+
+The files are filtered as KF-GINS does (`as_read`): from the start that they state, with one Gauss–Markov state a bias,
+every fix used with its own sd, and no state for errors of the receiver that last. What such a filter lacks has to be in
+its sds. So a variance s² is added to that of every fix, horizontal and vertical each for itself: the one with the best
+expected log score of what *that* filter predicts, by the best that is known of the truth. That is the reference of the
+drive, else the filter with all states of the configuration; its estimate x has the covariance P, and x̂ of the poorer
+filter C::
+
+    J(s) = mean of  ln det C + tr C⁻¹ (d dᵀ + P)        d = x − x̂
+
+over position and velocity with fixes and the position after 10 and 60 s without, equally weighted. The log score is
+proper: it rewards small errors and punishes dishonesty of both kinds [1]_.
+
+References
+----------
+.. [1] T. Gneiting, A. E. Raftery, Strictly proper scoring rules, prediction, and estimation, JASA 102 (2007).
+"""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models import rotation
+from models.arrays import FloatArray
+from models.earth import ned_between
+from tuner.consistency.drive_scores import blocks, on_clock_of, reference_at, settled, stated
+from tuner.consistency.reference_check import trusted_reference
+from tuner.consistency.score_drive import OUTAGE_LENGTHS, drive_filter
+from tuner.consistency.scores import outage_score, score
+from tuner.exporters.kf_gins_drive import DriveFiles, drive_files, write_drive
+from tuner.formats.customary_units import digits
+from tuner.judgement import judge_export
+from tuner.navigation.compensation import compensate
+from tuner.navigation.data import GATED, Solution
+from tuner.navigation.drive.run import Stretch, navigate, outage_windows, prepare
+from tuner.navigation.settings import FilterSettings
+from tuner.readers import kf_gins_settings
+from tuner.readers.drive import read_drive
+from tuner.types import FilterConfig, GnssNoise
+from tuner.types.consistency import ERROR_UNITS, Consistency, RmsError
+from tuner.types.judgement import Judgement, Use
+from tuner.types.records import DataError, Drive, Reference
+
+EVERY_FIX = GnssNoise((0.0, 0.0, 0.0), None, 1.0, gate=1e6)
+"""What KF-GINS assumes of a receiver: the sds of each fix, and no gate."""
+TRIED_SDS = (0.0, *np.geomspace(0.1, 1000.0, 17).tolist())
+"""Values of s that are tried, in medians of the sds of the fixes."""
+SCORED = 0.0, 10.0, 60.0
+"""Times without fixes by whose errors s is chosen, s."""
+PARTS = (slice(0, 2), slice(2, 3))
+"""Components that are horizontal and vertical."""
+NO_WINDOWS = np.zeros((0, 2))
+SAME_TIME = 0.02
+"""Times of one fix differ by less, s: by the rest of a delay that a filter estimates."""
+
+
+def judged_drive(drive: Drive, config: FilterConfig) -> tuple[DriveFiles, Judgement]:
+    """Return a drive for KF-GINS with sds for a filter without states of the receiver, and for what it can be used.
+
+    Parameters
+    ----------
+    drive : Drive
+        The drive, examined.
+    config : FilterConfig
+        The settings with all their states.
+
+    Raises
+    ------
+    DataError
+        Where the drive cannot be aligned, or what would be written errs by more than twice its prediction or more than
+        the fixes do.
+    """
+    files = drive_files(drive, config)
+    known, refused = best_known(drive, config)
+    known = replace(known, t=known.t - files.begin)
+    files = _without(files, refused - files.begin)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "kf-gins.yaml"
+        write_drive(files, path)
+        stretch, settings = as_read(path)
+    added = added_sds(stretch, settings, known)
+    files, stretch = _with_added(files, added), _wider(stretch, added)
+    pairs = compared(stretch, settings, known)
+    alone = fixes_alone(stretch, known) if drive.reference is not None else math.inf
+    verdict = judge_export(consistency(pairs), alone)
+    if verdict.use is Use.DO_NOT_USE:
+        raise DataError(
+            f"{drive.source or drive.name}: nothing is written for kf-gins, whose filter has no state for errors of "
+            f"fixes that last: {verdict.reasons[0]}; noise.yaml serves filters that have such states"
+        )
+    against = "the filter with all states, as there is no reference" if math.isinf(alone) else "the reference"
+    fixes = "" if math.isinf(alone) else f"the fixes alone {digits(alone)} m; "
+    head = (
+        f"Verdict: {verdict.use.value}: as KF-GINS uses these files on this drive: {verdict.reasons[0]}",
+        f"position against {against}: {fixes}{'; '.join(map(_words, pairs))}",
+    )
+    return replace(files, header=(*head, *files.header), notes=(*head, *files.notes)), verdict
+
+
+def best_known(drive: Drive, config: FilterConfig) -> tuple[Reference, FloatArray]:
+    """Return the reference of a drive, else the filter with all its states with its sds, and which fixes that refuses.
+
+    Returns
+    -------
+    known : Reference
+        On the clock of the inertial unit.
+    refused : ndarray, shape (r,)
+        Times of fixes, s.
+    """
+    drive = compensate(drive, config.compensation)
+    settings, _ = drive_filter(drive, config)
+    stretches, _ = prepare(drive, settings)
+    solutions = navigate(stretches, settings, NO_WINDOWS)
+    refused = np.concatenate([s.t[s.use[:, 0] == GATED] for s in solutions])
+    reference = drive.reference
+    if reference is not None:
+        reference, _ = trusted_reference(reference, stretches, settings)
+    if reference is not None:
+        scored = [settled(*pair) for pair in zip(stretches, solutions, strict=True)]
+        return on_clock_of(reference, solutions, scored)[0], refused
+    t, llh, vel_n, rpy, sd = (
+        np.concatenate(parts)
+        for parts in zip(
+            *(
+                (
+                    s.t,
+                    s.state.llh,
+                    s.state.vel_n,
+                    rotation.rpy_from_quat(s.state.quat_nb),
+                    np.sqrt(np.diagonal(s.covariance, axis1=1, axis2=2)[:, :9]),
+                )
+                for s in solutions
+            ),
+            strict=True,
+        )
+    )
+    return Reference(t, llh, vel_n, rpy, sd), refused
+
+
+@dataclass(frozen=True)
+class Compared:
+    """Errors of a filter and what it predicts of them.
+
+    Attributes
+    ----------
+    seconds : float
+        Time without fixes, s; 0 with them.
+    error : ndarray, shape (r, c)
+        Of position and velocity with fixes, else of the position at the ends of outages, m, m/s.
+    unknown : ndarray, shape (r, c)
+        Variances with which the truth is known.
+    covariance : ndarray, shape (r, c, c)
+        As the filter predicts it.
+    lengths : tuple of int
+        Rows of each independent group.
+    """
+
+    seconds: float
+    error: FloatArray
+    unknown: FloatArray
+    covariance: FloatArray
+    lengths: tuple[int, ...]
+
+    def squares(self, own: slice) -> FloatArray:
+        """Return tr C⁻¹ (d dᵀ + P) of some components, shape (r,)."""
+        d, c = self.error[:, own], self.covariance[:, own, own]
+        spread = d[:, :, None] * d[:, None, :] + self.unknown[:, own, None] * np.eye(d.shape[1])
+        return np.asarray(np.trace(np.linalg.solve(c, spread), axis1=1, axis2=2))
+
+    def cost(self, part: slice) -> float:
+        """Return J, horizontal or vertical."""
+        total = 0.0
+        for first in range(0, self.error.shape[1], 3):
+            own = slice(first + part.start, first + part.stop)
+            terms = np.linalg.slogdet(self.covariance[:, own, own])[1] + self.squares(own)
+            total += float(np.mean(terms)) if len(terms) else 0.0
+        return total
+
+
+def compared(stretch: Stretch, settings: FilterSettings, known: Reference) -> tuple[Compared, ...]:
+    """Return what a filter errs and predicts with fixes, and after 10, 30 and 60 s without."""
+    (whole,) = navigate((stretch,), settings, NO_WINDOWS)
+    groups = [rows for _, rows in blocks(whole, settled(stretch, whole))]
+    found = [_compared(0.0, whole, np.concatenate(groups), known, [len(rows) for rows in groups])]
+    for length in OUTAGE_LENGTHS:
+        windows = np.array(outage_windows((stretch,), length)).reshape(-1, 2)
+        (run,) = navigate((stretch,), settings, windows)
+        inside = (run.t[:, None] > windows[:, 0]) & (run.t[:, None] <= windows[:, 1])
+        ends = np.array([np.flatnonzero(one)[-1] for one in inside.T if one.any()], dtype=int)
+        if len(ends):
+            found.append(_compared(length, run, ends, known, [1] * len(ends)))
+    return tuple(found)
+
+
+def _compared(
+    seconds: float, run: Solution, rows: NDArray[np.intp], known: Reference, lengths: Sequence[int]
+) -> Compared:
+    size = 3 if seconds else 6
+    llh, vel_n, _ = reference_at(known, run.t[rows])
+    error = np.hstack([ned_between(llh, run.state.llh[rows]), vel_n - run.state.vel_n[rows]])[:, :size]
+    there = np.isfinite(error).all(axis=1)
+    group = np.repeat(np.arange(len(lengths)), lengths)[there]
+    kept = rows[there]
+    return Compared(
+        seconds,
+        error[there],
+        stated(known, run.t[kept])[:, :size],
+        run.covariance[kept][:, :size, :size],
+        tuple(np.bincount(group, minlength=len(lengths)).tolist()),
+    )
+
+
+def added_sds(stretch: Stretch, settings: FilterSettings, known: Reference) -> tuple[float, float]:
+    """Return the sds horizontal and vertical, m, that fixes need in a filter without states of the receiver.
+
+    Parameters
+    ----------
+    stretch : Stretch
+        The drive as the filter takes it.
+    settings : FilterSettings
+        The filter.
+    known : Reference
+        What is known of the truth, with its sds.
+    """
+    typical = np.median(stretch.fixes.sd[:, :3], axis=0)
+    usual = float(np.sqrt(np.mean(typical[:2] ** 2))), float(typical[2])
+    costs = []
+    for factor in TRIED_SDS:
+        found = compared(_wider(stretch, (factor * usual[0], factor * usual[1])), settings, known)
+        costs.append([sum(one.cost(part) for one in found if one.seconds in SCORED) for part in PARTS])
+    best = np.argmin(np.nan_to_num(np.array(costs), nan=np.inf), axis=0)
+    return TRIED_SDS[best[0]] * usual[0], TRIED_SDS[best[1]] * usual[1]
+
+
+def consistency(found: Sequence[Compared]) -> Consistency:
+    """Return the scores of what a filter errs by what it predicts."""
+    aided, *outages = found
+    parts = {name: slice(3 * i, 3 * i + 3) for i, name in enumerate(("position", "velocity"))}
+    ends = np.cumsum(aided.lengths)[:-1]
+    return Consistency(
+        None,
+        tuple(score(name, np.split(aided.squares(own), ends), 3) for name, own in parts.items()),
+        (),
+        None,
+        tuple(
+            outage_score(one.seconds, list(one.error[:, None]), list(one.covariance[:, None]))
+            for one in outages
+        ),
+        {name: RmsError.of(aided.error[:, own], ERROR_UNITS[name]) for name, own in parts.items()},
+        0.0,
+        False,
+    )
+
+
+def _words(one: Compared) -> str:
+    """Return the rms error of the position, and that ÷ predicted."""
+    position = slice(0, 3)
+    error = math.sqrt(float(np.mean(np.sum(one.error[:, position] ** 2, axis=1))))
+    ratio = math.sqrt(float(np.mean(one.squares(position))) / 3.0)
+    when = f"after {one.seconds:g} s without" if one.seconds else "with fixes"
+    return f"{when} {digits(error)} m, {ratio:.2f} × predicted"
+
+
+def fixes_alone(stretch: Stretch, known: Reference) -> float:
+    """Return the rms error of the fixes themselves, position in three axes, m, after the filter has settled."""
+    fixes = stretch.fixes
+    rows = fixes.t >= stretch.settled
+    apart = ned_between(reference_at(known, fixes.t[rows])[0], fixes.llh[rows])
+    return float(np.sqrt(np.nanmean(np.sum(apart**2, axis=1))))
+
+
+def as_read(path: Path) -> tuple[Stretch, FilterSettings]:
+    """Return the stretch and the filter of a YAML as KF-GINS uses them."""
+    drive = read_drive(path)
+    settings, _ = drive_filter(drive, replace(kf_gins_settings.load(path), gnss=EVERY_FIX))
+    return prepare(drive, settings)[0][0], settings
+
+
+def _wider(stretch: Stretch, added: tuple[float, float]) -> Stretch:
+    """Return a stretch with a variance added to those of its fixes, given as sds horizontal and vertical, m."""
+    sd = stretch.fixes.sd.copy()
+    sd[:, :3] = np.hypot(sd[:, :3], [added[0], *added])
+    return replace(stretch, fixes=replace(stretch.fixes, sd=sd))
+
+
+def _with_added(files: DriveFiles, added: tuple[float, float]) -> DriveFiles:
+    """Return files with a variance added to those of the fixes, given as sds horizontal and vertical, m."""
+    if not any(added):
+        return files
+    fixes = files.fixes.copy()
+    fixes[:, 4:] = np.hypot(fixes[:, 4:], [added[0], *added])
+    horizontal, vertical = (digits(one, 2) for one in added)
+    note = (
+        f"sds of the fixes: the receiver's own and, for errors that last, of which KF-GINS has no states, {horizontal} "
+        f"m horizontal and {vertical} m vertical (root of the sum of squares)"
+    )
+    return replace(files, fixes=fixes, notes=(*files.notes, note))
+
+
+def _without(files: DriveFiles, refused: FloatArray) -> DriveFiles:
+    """Return files without the fixes of some times since their start: KF-GINS has no gate."""
+    since = files.fixes[:, 0] - files.imu[0, 0]
+    lost = (np.abs(since[:, None] - refused) < SAME_TIME).any(axis=1)
+    if not lost.any():
+        return files
+    note = f"{lost.sum()} of {len(since)} fixes, which our filter refuses, are left out: KF-GINS has no gate"
+    return replace(files, fixes=files.fixes[~lost], notes=(*files.notes, note))
