@@ -259,7 +259,7 @@ def judge_export(found: Consistency, fixes_alone: float) -> Judgement:
     reasons = list(_of_scores(found, "on this drive"))
     error = math.hypot(*found.errors["position"].values)
     if error > WRONG_FACTOR * fixes_alone:
-        text = f"its position errs by {digits(error)} m, the fixes alone by {digits(fixes_alone)} m"
+        text = f"errs by {digits(error)} m on this drive, the fixes alone by {digits(fixes_alone)} m"
         reasons.append(Reason(Use.DO_NOT_USE, text))
     return judged(Use.USABLE, reasons) if reasons else Judgement(Use.USABLE, found.honesty.reasons)
 

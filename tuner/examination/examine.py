@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from models.arrays import FloatArray
 from models.earth import ned_between
 from tuner.examination.fit import Fit, Noise
-from tuner.examination.moves import LEVER_ARM, STATED_ODDS, TRIADS
+from tuner.examination.moves import AXES, CLOCK_OF_UNIT, LEVER_ARM, STATED_ODDS, TRIADS
 from tuner.examination.search import Found, applied, searched
 from tuner.examination.streams import HorizontalVelocities, Positions, Stream, Streams, Velocities
-from tuner.examination.windows import WINDOW_LENGTH, Inertial
+from tuner.examination.windows import LONGEST_STEP, WINDOW_LENGTH, Inertial
 from tuner.limits import LOST_SHARE, TOLERATED_RATIO
 from tuner.segments.stand_stills import runs
 from tuner.types.clock import HALF_INTERVAL, Clock, Delay
@@ -32,6 +32,8 @@ CERTAIN_ODDS = math.log(STATED_ODDS)
 """Log odds from which a fault is certain: those of what a file states."""
 MOVING_SPEED = 2.0
 """Speed above which the noise in motion is taken, m/s."""
+COARSE_LEVELS = 20
+"""Values on either side of zero from which the last one is not that of rest."""
 STILL_SECONDS = 5
 """Seconds of the quietest stretch, whose noise is that at rest."""
 
@@ -190,6 +192,8 @@ def examine(drive: Drive) -> Examination:
     else:
         counted.append(variances)
     counted += [] if frozen is None else [frozen[0]]
+    jumps = sum(one.move.size or 0.0 for one in search.found if one.move.stream == CLOCK_OF_UNIT)
+    counted += [*_gaps(drive.imu_t, jumps), *_saturated(drive)]
     vibration = _vibration(drive, repaired)
     first = _in_order(drive, [*counted, *map(_of_search, sure)])
     all_of = _in_order(drive, [*counted, *repairs])
@@ -440,6 +444,43 @@ def _frozen(imu: Inertial) -> tuple[Repair, NDArray[np.bool_]] | None:
     begin, end = float(imu.t[long[0][0]]), float(imu.t[long[-1][1] - 1])
     fault = f"gives {what} for {seconds:.3g} s: frozen, no measurement, from {begin:.0f} to {end:.0f} s"
     return Repair("inertial unit", fault, "left out", size=seconds, unit="s", begin=begin, end=end), rows
+
+
+def _gaps(t: FloatArray, jumps: float) -> list[Repair]:
+    """Return for how long the inertial unit lacks samples, where stamps that only jump take some of it, s."""
+    steps = np.diff(t)
+    usual = float(np.median(steps))
+    gaps = steps[steps > max(LONGEST_STEP, 3.0 * usual)] - usual
+    lost = float(gaps.sum()) - jumps
+    if lost <= LOST_SHARE * float(np.ptp(t)):
+        return []
+    many = "one gap" if len(gaps) == 1 else f"{len(gaps)} gaps, the longest {gaps.max():.2g} s"
+    fault = f"has no samples for {lost:.3g} s, in {many}"
+    return [Repair("inertial unit", fault, "", size=lost, unit="s")]
+
+
+def _saturated(drive: Drive) -> list[Repair]:
+    """Return which axes are saturated: far more often at an end of their range than just before it.
+
+    A density that falls towards its end puts at most half of the samples of its last two values on the last.
+    """
+    found = []
+    for i, values in enumerate(drive.rates.T):
+        levels, counts = np.unique(values, return_counts=True)
+        at = 0
+        for end, before in ((0, 1), (-1, -2)) if len(levels) > 2 * COARSE_LEVELS else ():
+            both = counts[end] + counts[before]
+            p = counts[end] / both
+            odds = both * (math.log(2.0 * p) + (1.0 / p - 1.0) * p * math.log(max(1.0 / p - 1.0, 1e-9)))
+            at += int(counts[end]) if p > 0.5 and odds > CERTAIN_ODDS else 0
+        if at > LOST_SHARE * len(values):
+            most = float(np.abs(values).max())
+            shown = f"{math.degrees(most):.4g} deg/s" if i < 3 else f"{most:.4g} m/s²"
+            share = at / len(values)
+            fault = f"{AXES[i % 3]} is saturated in {100.0 * share:.2g} % of the samples, at {shown}"
+            name = ("gyro", "accelerometer")[i // 3]
+            found.append(Repair(name, fault, "", size=share, unit="share"))
+    return found
 
 
 def _variances(streams: Streams, fit: Fit) -> Repair | None:

@@ -447,16 +447,19 @@ class _Problem:
         )
 
     def judged(self, streams: Streams, found: Fit) -> Fit:
-        """Return a fit with the residuals and probabilities of every reading."""
-        wrong, left = [], []
+        """Return a fit with the residuals of every reading, and which are wrong by the noise of all of them."""
+        wrong, left, worth = [], [], []
         for one, noise in zip(streams.all, found.noise, strict=True):
             placed = _placed(one, one.readings, self.windows, self.places, self.speeds)
             linear = placed.linear(motion_of(placed.at, found.attitude, found.unknowns), found.unknowns)
             e = linear.residuals(found.solution)
-            chance = _mixture(e**2, noise)[1]
+            alike = np.ones(len(e))
+            of_all = self._noise(placed, _mixture(e**2, noise)[1], alike, e**2)
+            chance = _mixture(e**2, of_all)[1]
+            worth.append(_worth(e**2, alike, of_all))
             wrong.append(_whole(chance, placed.row, len(one.t)))
             left.append(_whole(e, placed.row, len(one.t)))
-        return replace(found, wrong=tuple(wrong), left=tuple(left))
+        return replace(found, wrong=tuple(wrong), left=tuple(left), worth=tuple(worth))
 
     def _branch(
         self,
@@ -585,8 +588,9 @@ def _whole(values: FloatArray, rows: IntArray, count: int) -> FloatArray:
 def _fitted(one: Stream) -> NDArray[np.bool_]:
     """Return which readings of a stream are fitted, some `FITTED_RATE` a second: the same ones whatever its delay."""
     rows = np.flatnonzero(one.readings)
+    many = max(round(1.0 / (FITTED_RATE * one.interval) - 1e-6), 1)  # the same of stamps that rounding moves
     kept = np.zeros(len(one.t), dtype=bool)
-    kept[rows[:: max(round(1.0 / (FITTED_RATE * one.interval)), 1)]] = True
+    kept[rows[::many]] = True
     return kept
 
 

@@ -18,6 +18,7 @@ from tuner.types.clock import HALF_INTERVAL
 AXES = "xyz"
 LEVER_ARM = "lever arm"
 RECEIVER = "receiver"
+CLOCK_OF_UNIT = "clock of the inertial unit"
 TRIADS = {"gyro": slice(0, 3), "accelerometer": slice(3, 6), "inertial unit": slice(0, 6)}
 """Columns of the samples that have one fault."""
 LARGEST_PLACE = np.array([0.5 * np.pi, 2.0 * np.pi])
@@ -150,7 +151,9 @@ def _velocity_moves(name: str, *, whole: bool) -> Iterator[Move]:
     """Return faults of velocities, whole ones or horizontal ones alone."""
     units = {"knots": "kn", **{unit: unit for unit in ("km/h", "mph", "ft/s", "cm/s", "mm/s")}}
     yield from _units(name, "are", "m/s", {word: unit_value(unit) for word, unit in units.items()})
-    yield _of(name, "are speed and course", "turned into north and east", _from_course)
+    for unit, one in (("", 1.0), (" in rad", 180.0 / np.pi)):
+        course = _from_course(one)
+        yield _of(name, f"are speed and course{unit}", "turned into north and east", course)
     if not whole:
         yield _of(name, "are east, north", "put in the order north, east", _from_east_north_up)
         return
@@ -193,9 +196,14 @@ def _from_east_north_up(x: FloatArray) -> FloatArray:
     return np.asarray(x[:, [1, 0, 2]] * np.array([1.0, 1.0, -1.0]))
 
 
-def _from_course(x: FloatArray) -> FloatArray:
-    course = np.radians(x[:, 1])
-    return np.column_stack([x[:, 0] * np.cos(course), x[:, 0] * np.sin(course), x[:, 2]])
+def _from_course(unit: float) -> Change:
+    """Return what turns speed and course into north and east; the unit of the course is so many degrees."""
+
+    def change(x: FloatArray) -> FloatArray:
+        course = np.radians(unit * x[:, 1])
+        return np.column_stack([x[:, 0] * np.cos(course), x[:, 0] * np.sin(course), x[:, 2]])
+
+    return change
 
 
 def _of(name: str, fault: str, repair: str, change: Change, subject: str = "") -> Move:
@@ -263,6 +271,27 @@ def late(stream: str | None, delay: float, sd: float | None = None) -> Move:
         sd=sd,
         unit="s",
         delay=delay,
+    )
+
+
+def jumped(begin: float, ahead: float) -> Move:
+    """Return that stamps of the inertial unit jump ahead by a time at another, s, without a sample lost."""
+
+    def mended(streams: Streams) -> Streams:
+        for one in streams.all:
+            streams = exchanged(
+                streams, one.name, lambda x: replace(x, t=x.t + np.where(x.t > begin, ahead, 0.0))
+            )
+        return streams
+
+    return Move(
+        CLOCK_OF_UNIT,
+        f"jumps ahead by {ahead:.3f} s at {begin:.1f} s: no sample is lost there",
+        f"stamps of the receiver behind it moved by {ahead:+.3f} s",
+        mended,
+        partial=False,
+        size=ahead,
+        unit="s",
     )
 
 

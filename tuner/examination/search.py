@@ -15,9 +15,9 @@ from models.robust import normal_sd
 from tuner.examination.distant_clocks import distant_delay
 from tuner.examination.fit import FIRST_ROUNDS, LEAST_READINGS, Fit, earned, fit
 from tuner.examination.installation import certain_moves, installed, whole_delays
-from tuner.examination.moves import DELAYS, STATED_ODDS, Move, exchanged, late, moves
+from tuner.examination.moves import DELAYS, STATED_ODDS, TRIADS, Move, exchanged, jumped, late, moves
 from tuner.examination.streams import Stream, Streams, Velocities
-from tuner.examination.windows import WINDOW_LENGTH, averaged, windows_of
+from tuner.examination.windows import LONGEST_STEP, WINDOW_LENGTH, Inertial, averaged, windows_of
 from tuner.types.clock import CERTAIN_SDS, Delay
 from tuner.types.records import DataError
 
@@ -100,13 +100,15 @@ def searched(streams: Streams, name: str = "streams") -> Searched:
         )
     unseen: tuple[str, ...] = ()
     begun, now = recorded, first
-    far = late(None, distant_delay(whole))
-    if far.delay:
-        near = _inside(far.mended(whole))
-        there = fit(near, every=True)
-        worth = earned(there.gains_over(first)) - math.log(STATED_ODDS)
+    clocks = [late(None, delay) for delay in (distant_delay(whole),) if delay]
+    for move in [*clocks, *_jumps(streams.imu)]:
+        shifted = move.mended(whole)
+        as_read = _best_fit(_inside(whole, shifted), now)
+        worth = earned(_best_fit(_inside(shifted, whole), now).gains_over(as_read)) - math.log(STATED_ODDS)
         if worth > 0.0:
-            found, begun, now = [Found(far, worth, math.inf)], near, there
+            found.append(Found(move, worth, math.inf))
+            whole, begun = shifted, _inside(shifted)
+            now = fit(begun, every=True)
     at = installed(recorded, begun, now)
     gain = at.gain
     for _ in range(MOST_FAULTS):
@@ -114,15 +116,23 @@ def searched(streams: Streams, name: str = "streams") -> Searched:
         read = {(one.stream, one.fault) for one in moved if one.reading}  # no unit is taken twice
         left = [one for one in moves(at.streams) if (one.stream, one.fault) not in read]
         tried, unseen = _tried(at.streams, at.fit, left)
-        if not tried or tried[0][0].gain <= 0.0:
+        better = [one for one in tried if one[0].gain > 0.0]
+        while better and not _says_more_than_none(*better[0]):
+            better = better[1:]
+        if not better:
             break
-        best, streams, now = tried[0]
+        best, streams, now = better[0]
         others = [
-            one for one, *_ in tried[1:] if best.move.delay is None or one.move.subject != best.move.subject
+            one for one, *_ in better[1:] if best.move.delay is None or one.move.subject != best.move.subject
         ]
         rival = max(others, key=lambda one: one.gain, default=None)
-        rest, other = (0.0, None) if rival is None or rival.gain <= 0.0 else (rival.gain, rival.move)
+        rest, other = (0.0, None) if rival is None else (rival.gain, rival.move)
         found.append(replace(best, over_next=best.gain - rest, rival=other))
+        for one in found[:-1]:  # what a later fault makes superfluous
+            others = [each for each in found if each is not one]
+            without = applied(others, recorded)
+            if (there := fit(without)).total > now.total:
+                found, streams, now = others, without, there
         at = installed(recorded, streams, now)
         gain = max(gain, at.gain)
     delays = whole_delays(recorded, at)
@@ -131,18 +141,37 @@ def searched(streams: Streams, name: str = "streams") -> Searched:
     return Searched(named, first, fit(at.streams, near=at.fit, every=True), unseen, delays)
 
 
-def _inside(streams: Streams) -> Streams:
-    """Return streams without readings that a delay would bring out of all windows: their number must not change."""
+def _best_fit(streams: Streams, near: Fit) -> Fit:
+    """Return the likelier of two fits: one that begins anew, and one that begins near another."""
+    return max(fit(streams), fit(streams, near=near), key=lambda one: one.total)
+
+
+def _jumps(imu: Inertial) -> list[Move]:
+    """Return that the clock of the unit jumped where its stamps have a gap, of the longest gaps some."""
+    steps = np.diff(imu.t)
+    usual = float(np.median(steps))
+    long = np.flatnonzero(steps > max(LONGEST_STEP, 3.0 * usual))
+    longest = long[np.argsort(steps[long])[::-1][:MOST_FAULTS]]
+    return [jumped(float(imu.t[k]), float(steps[k]) - usual) for k in longest]
+
+
+def _inside(streams: Streams, *same: Streams) -> Streams:
+    """Return streams without readings that a delay would bring out of all windows: their number must not change.
+
+    Those go, too, that lie outside all windows in other streams of the same rows.
+    """
     windows = windows_of(streams.imu)
     reach = max(DELAYS) + 0.1
 
     def inside(one: Stream) -> Stream:
-        kept = np.all([windows.found(one.t + shift) >= 0 for shift in (-reach, 0.0, reach)], axis=0)
+        rows = [each.t for other in (streams, *same) for each in other.all if each.name == one.name]
+        kept = np.all([windows.found(t + shift) >= 0 for t in rows for shift in (-reach, 0.0, reach)], axis=0)
         return one.with_values(np.where(kept[:, None], one.values, np.nan))
 
+    out = streams
     for one in streams.all:
-        streams = exchanged(streams, one.name, inside)
-    return streams
+        out = exchanged(out, one.name, inside)
+    return out
 
 
 def _joined(found: Sequence[Found], constant: Mapping[str, Move], gain: float) -> tuple[Found, ...]:
@@ -202,6 +231,18 @@ def _whole_or_part(
     again = fit(joined)
     other = (Found(fault, earned(again.gains_over(now)) - price - part, 0.0, begin, end), joined, again)
     return max(found, other, key=lambda one: one[0].gain)
+
+
+def _says_more_than_none(found: Found, streams: Streams, mended: Fit) -> bool:
+    """Return whether a triad, mended, explains more than one that measures nothing: small numbers have little noise."""
+    part = TRIADS.get(found.move.stream)
+    if part is None:
+        return True
+    rates = streams.imu.rates.copy()
+    rates[:, part] = 0.0
+    silent = replace(streams, imu=replace(streams.imu, rates=rates))
+    none = fit(between(streams, silent, found.begin, found.end))
+    return mended.total > none.total + math.log(STATED_ODDS)
 
 
 def _screen(streams: Streams, now: Fit) -> IntArray:

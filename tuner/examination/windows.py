@@ -30,8 +30,8 @@ KNOT_LENGTH = 2.0
 """Time over which the acceleration error of a window is constant, s."""
 MAX_RATE = 50.0
 """Samples a second that are integrated, Hz: faster ones are averaged before."""
-GAP_FACTOR = 1.2
-"""Time that a window of samples may take, in lengths: more has a gap."""
+LONGEST_STEP = 0.2
+"""Time between samples from which a window has a gap, s, or three usual ones where these are longer."""
 POSITION, VELOCITY, TURN, ACCEL_BIAS, GYRO_BIAS = (slice(i, i + 3) for i in range(0, 15, 3))
 """Columns of the unknowns of a window."""
 KNOTS = int(WINDOW_LENGTH / KNOT_LENGTH)
@@ -117,11 +117,12 @@ def averaged(imu: Inertial, rate: float = MAX_RATE) -> Inertial:
 
 def windows_of(imu: Inertial, only: IntArray | None = None) -> Windows:
     """Cut samples into windows without gaps, all or only some by their number, and integrate them."""
-    n = round(WINDOW_LENGTH / float(np.median(np.diff(imu.t))))
+    usual = float(np.median(np.diff(imu.t)))
+    n = round(WINDOW_LENGTH / usual)
     first = np.arange(0, len(imu.t) - n, n)
     rows = first[:, None] + np.arange(n + 1)
     t = imu.t[rows]
-    whole = t[:, -1] - t[:, 0] < GAP_FACTOR * WINDOW_LENGTH
+    whole = np.diff(t, axis=1).max(axis=1, initial=0.0) < max(LONGEST_STEP, 3.0 * usual)
     whole = np.flatnonzero(whole) if only is None else np.flatnonzero(whole)[only]
     t, rates = t[whole], imu.rates[rows[whole]]
     begin = t[:, 0]

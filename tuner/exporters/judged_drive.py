@@ -93,8 +93,9 @@ def judged_drive(drive: Drive, config: FilterConfig) -> tuple[DriveFiles, Judgem
     verdict = judge_export(consistency(pairs), alone)
     if verdict.use is Use.DO_NOT_USE:
         raise DataError(
-            f"{drive.source or drive.name}: nothing is written for kf-gins, whose filter has no state for errors of "
-            f"fixes that last: {verdict.reasons[0]}; noise.yaml serves filters that have such states"
+            f"{drive.source or drive.name}: nothing is written for kf-gins: its filter, without states for errors of fixes "
+            f"that last, {verdict.reasons[0]}; `tuner tune --drive` fits settings to a drive, `tuner navigate` shows what "
+            "they do in a filter that has such states"
         )
     against = "the filter with all states, as there is no reference" if math.isinf(alone) else "the reference"
     fixes = "" if math.isinf(alone) else f"the fixes alone {digits(alone)} m; "

@@ -10,7 +10,7 @@ NAME.yaml       paths, rate, start, and the configuration
 
 KF-GINS neither aligns itself nor estimates clocks and lever arm, it knows no gap and no gate, and of the receiver it
 takes positions only. So our filter takes the positions of the drive; what is written begins where it has settled, with
-its estimates and sds. The sds of the fixes are the receiver's own, larger only where fixes of a class are wrong by more:
+its estimates and sds. The sds of the fixes are the receiver's own, larger where fixes of a class are wrong by more:
 factors below 1 hold only beside states that KF-GINS has not. The rest of a delay and an unknown lever arm are what our
 filter makes of the whole drive where that determines them (`tuner.navigation.determined`); else they are 0, and the arm
 is to be measured. Of several stretches the longest is written, and gaps within it are filled with the last rates.

@@ -104,7 +104,7 @@ def ordered(
         notes.append(f"{bad} unreadable {name} rows removed")
     rows = rows[good]
     if repairs is not None:
-        rows[:, 0] = _unwrapped(name, rows[:, 0], repairs)
+        rows[:, 0] = _not_set_back(name, _unwrapped(name, rows[:, 0], repairs), repairs)
     behind = np.flatnonzero(rows[:, 0] < np.maximum.accumulate(rows[:, 0]))
     if len(behind) > MAX_DISORDERED_SHARE * len(rows):
         raise DataError(
@@ -134,6 +134,26 @@ def _unwrapped(name: str, t: FloatArray, repairs: list[Repair]) -> FloatArray:
             done = f"{period:.10g} s added behind it"
             repairs.append(Repair(f"clock of the {name}", fault, done, size=period, unit="s"))
             return np.asarray(t + period * np.append(0.0, np.cumsum(anew)))
+    return t
+
+
+def _not_set_back(name: str, t: FloatArray, repairs: list[Repair]) -> FloatArray:
+    """Return stamps of a clock that goes on where it was set back: rows go on from there at its usual step.
+
+    Behind rows that only came late stamps jump ahead again by as much; a clock that was reset is another matter.
+    """
+    steps = np.diff(t)
+    usual = float(np.median(steps))
+    for k in np.flatnonzero(steps < -usual).tolist():
+        back = usual - steps[k]
+        again = np.flatnonzero(t[k + 1 :] >= t[k])
+        until = k + 1 + (int(again[0]) if len(again) else len(t) - k - 1)
+        few = 2 < until - k < MAX_DISORDERED_SHARE * len(t)
+        if few and steps[k + 1 : until].max() < 2.0 * usual + 0.5 * back:
+            fault = f"is set back by {back:.3f} s at row {k + 2}"
+            done = f"{back:.3f} s added behind it"
+            repairs.append(Repair(f"clock of the {name}", fault, done, size=back, unit="s"))
+            t = t + np.where(np.arange(len(t)) > k, back, 0.0)
     return t
 
 

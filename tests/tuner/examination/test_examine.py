@@ -17,9 +17,9 @@ from models.trajectory.profiles import Profile, Wave
 from tuner.catalogue.grades import load_gnss, load_grade
 from tuner.cli import run
 from tuner.examination.examine import Examination, examine, streams_of
-from tuner.examination.fit import fit
+from tuner.examination.fit import _fitted, fit
 from tuner.examination.search import searched
-from tuner.examination.streams import Stream
+from tuner.examination.streams import Stream, Velocities
 from tuner.examination.windows import Motion
 from tuner.formats.logs import write_drive
 from tuner.readers.drive import read_drive
@@ -81,6 +81,9 @@ FAULTS = {
             [np.hypot(v[:, 0], v[:, 1]), np.degrees(np.arctan2(v[:, 1], v[:, 0])) % 360.0, v[:, 2]]
         ),
     ),
+    "speed and course in rad": lambda d: with_velocities(
+        d, lambda v: np.column_stack([np.hypot(v[:, 0], v[:, 1]), np.arctan2(v[:, 1], v[:, 0]), v[:, 2]])
+    ),
     "gyro z has the wrong sign": lambda d: with_rates(d, [1.0, 1.0, -1.0, 1.0, 1.0, 1.0]),
     "accelerometer has the sign of gravity": lambda d: with_rates(d, [1.0] * 3 + [-1.0] * 3),
 }
@@ -92,6 +95,41 @@ def test_a_fault_of_a_whole_stream_is_named_and_mended(drive: Drive, words: str)
     assert words in first(found)
     assert np.allclose(found.mended.gnss.vel_n, drive.gnss.vel_n, atol=1e-3, equal_nan=True)
     assert np.allclose(found.mended.rates, drive.rates)
+
+
+def test_stamps_that_jump_are_told_from_samples_that_are_lost(drive: Drive) -> None:
+    jumped = examine(replace(drive, imu_t=drive.imu_t + np.where(drive.imu_t > 150.0, 2.66, 0.0)))
+    assert "clock of the inertial unit jumps ahead by 2.66" in first(jumped)
+    late = jumped.mended.gnss.t > 155.0
+    assert np.allclose(
+        jumped.mended.gnss.t[late] - 2.66, drive.gnss.t[drive.gnss.t > 152.4][: late.sum()], atol=0.03
+    )
+    kept = (drive.imu_t < 150.0) | (drive.imu_t > 157.99)
+    lost = examine(replace(drive, imu_t=drive.imu_t[kept], rates=drive.rates[kept]))
+    assert [one.fault for one in lost.repairs] == ["has no samples for 8 s, in one gap"]
+
+
+def test_an_axis_at_the_end_of_its_range_is_saturated(drive: Drive) -> None:
+    # Seen: a quarter of the samples of a gyro clipped in the turns, and nothing was named.
+    rates = drive.rates.copy()
+    most = float(np.quantile(np.abs(rates[:, 2]), 0.93))
+    rates[:, 2] = rates[:, 2].clip(-most, most)
+    found = examine(replace(drive, rates=rates))
+    assert f"gyro z is saturated in 7 % of the samples, at {np.degrees(most):.4g} deg/s" in first(found)
+    assert not any("saturated" in one.fault for one in examine(drive).repairs)
+
+
+def test_wrong_readings_are_told_where_the_fit_looks_at_none_of_them() -> None:
+    # Seen: every tenth velocity wrong at 10 Hz, of which every fifth is fitted, and nothing was named.
+    gnss = replace(load_gnss("rtk"), interval=0.1)
+    right = simulate_drive(load_grade("bmi088"), Trajectory("car", 120.0, Profile(8.0, waves=(Wave(3.0, 0.05),)),
+        Profile(waves=(Wave(1.0, 0.03),))), gnss, rate=50.0, seed=3, effects=())[0]  # fmt: skip
+    vel = right.gnss.vel_n.copy()
+    vel[3::10] += [6.0, -5.0, 0.0]
+    found = examine(replace(right, gnss=replace(right.gnss, vel_n=vel)))
+    assert "velocities are wrong in 10 %" in first(found)
+    stamps = right.gnss.t * (1.0 + 1e-12)
+    assert np.array_equal(_fitted(Velocities(stamps, vel)), _fitted(Velocities(right.gnss.t, vel)))
 
 
 def horizontal(vel: np.ndarray) -> np.ndarray:

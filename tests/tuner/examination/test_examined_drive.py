@@ -135,7 +135,7 @@ def test_every_command_with_a_filter_begins_without_what_was_found(saved, data, 
         assert "Before the filter: Accelerometer is in g, read as m/s² (certain); mended copy: multip" in said
         assert "Before the filter: Gyro has its axes exchanged against the accelerometer" in said
     assert not json.loads(stored.read_text(encoding="utf-8"))["diverged"]
-    export = ["export", "mpu9250", "--to", "kf-gins", "--drive", str(path), "-o", str(out)]
+    export = ["export", "bmi088", "--to", "kf-gins", "--drive", str(path), "-o", str(out)]
     assert run([*export, "--quiet"]) == 0
     assert "before the filter: Gyro has its axes exchanged" in out.read_text(encoding="utf-8")
     force = np.loadtxt(tmp_path / "kf-gins-imu.txt")[5:, 4:].mean(axis=0)

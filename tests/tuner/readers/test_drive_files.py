@@ -14,6 +14,7 @@ from tuner.formats import noise_yaml
 from tuner.formats.digits import DEFAULT_DIGITS
 from tuner.identification import identify
 from tuner.readers.drive import read_drive
+from tuner.readers.drive_tables import ordered
 from tuner.readers.source_kind import source_name
 from tuner.synthesis.equivalent_models import equivalent_noise
 from tuner.synthesis.load_config import load_config
@@ -260,3 +261,22 @@ def test_malformed_settings_are_refused_in_one_line(tmp_path, text):
     with pytest.raises(DataError, match="wrong") as caught:
         read_drive(tmp_path / "wrong.yaml")
     assert "\n" not in str(caught.value)
+
+
+def test_a_clock_that_was_set_back_goes_on(tmp_path):
+    # Seen: samples of two times sorted into one another, as if packets had come late.
+    t = 0.01 * np.arange(1, 6001)
+    rows = np.column_stack(
+        [np.where(t > 40.0, t - 1.1, t), np.random.default_rng(0).standard_normal((6000, 6))]
+    )
+    repairs = []
+    found = ordered(tmp_path, "IMU", rows.copy(), rows, [], repairs)
+    np.testing.assert_allclose(found[:, 0], t, atol=1e-9)
+    assert [one.fault for one in repairs] == ["is set back by 1.100 s at row 4001"]
+    late = np.column_stack([t, rows[:, 1:]])
+    late[4000:4100, 0], late[4100:4120, 0] = t[4020:4120], t[4000:4020]  # packets in another order
+    notes, repairs = [], []
+    np.testing.assert_allclose(
+        ordered(tmp_path, "IMU", late.copy(), late, notes, repairs)[:, 0], t, atol=1e-9
+    )
+    assert not repairs

@@ -266,7 +266,9 @@ def test_sds_of_the_fixes_are_those_of_the_receiver(configuration, file, tmp_pat
     factors = Compensation.parse(
         {"gnss_noise_scale.position_horizontal": 0.067, "gnss_noise_scale.position_vertical": 0.02}
     )
-    notes = written_drive(read_drive(file), replace(configuration(), compensation=factors), tmp_path / "k.yaml")
+    notes = written_drive(
+        read_drive(file), replace(configuration(), compensation=factors), tmp_path / "k.yaml"
+    )
     fixes = np.loadtxt(tmp_path / "k-gnss.txt")
     np.testing.assert_allclose(fixes[:, 4:], np.tile([0.4, 0.4, 0.8], (len(fixes), 1)))
     assert any("not below the receiver's own" in note for note in notes)
