@@ -123,6 +123,12 @@ def _ginav(text: str, sensor: str) -> Step:
     return Step(1.0 / v["sample_rate"], v[white] / v["sample_rate"], v[walk] / v["sample_rate"])
 
 
+def _fifteen_state(text: str, sensor: str) -> Step:
+    v = from_yaml(text)
+    white, walk = {"gyro": ("attitude", "gyro_bias"), "accel": ("velocity", "accel_bias")}[sensor]
+    return Step(v["interval"], v["Q_per_step"][white][0], v["Q_per_step"][walk][0])
+
+
 def _psins(text: str, sensor: str) -> Step:
     v = from_assignments(text)
     micro_g = 1e-6 * 9.7803267715
@@ -366,6 +372,12 @@ FILTERS = (
         "borglab/gtsam gtsam/navigation/CombinedImuFactor.cpp:146–190",
         _gtsam,
         run="GTSAM 4.3.0 and 4.2.2: 0.9991 to 1.0000; test_gtsam.py",
+    ),
+    Filter(
+        "15-state",
+        "attitude gyro_bias velocity accel_bias",
+        "Groves, Principles of GNSS, Inertial, and Multisensor Systems, 2nd ed., 14.2.6",
+        _fifteen_state,
     ),
     Filter(
         "px4",

@@ -79,7 +79,7 @@ def judged_drive(drive: Drive, config: FilterConfig) -> tuple[DriveFiles, Judgem
         the fixes do.
     """
     files = drive_files(drive, config)
-    known, refused = best_known(drive, config)
+    known, refused, measured = best_known(drive, config)
     known = replace(known, t=known.t - files.begin)
     files = _without(files, refused - files.begin)
     with tempfile.TemporaryDirectory() as folder:
@@ -89,16 +89,16 @@ def judged_drive(drive: Drive, config: FilterConfig) -> tuple[DriveFiles, Judgem
     added = added_sds(stretch, settings, known)
     files, stretch = _with_added(files, added), _wider(stretch, added)
     pairs = compared(stretch, settings, known)
-    alone = fixes_alone(stretch, known) if drive.reference is not None else math.inf
+    alone = fixes_alone(stretch, known) if measured else math.inf
     verdict = judge_export(consistency(pairs), alone)
     if verdict.use is Use.DO_NOT_USE:
+        whose = "its filter, without states for errors of fixes that last,"
         raise DataError(
-            f"{drive.source or drive.name}: nothing is written for kf-gins: its filter, without states for errors of fixes "
-            f"that last, {verdict.reasons[0]}; `tuner tune --drive` fits settings to a drive, `tuner navigate` shows what "
-            "they do in a filter that has such states"
+            f"{drive.source or drive.name}: nothing is written for kf-gins: {whose} {verdict.reasons[0]}; `tuner tune "
+            "--drive` fits settings to a drive, `tuner navigate` shows what they do in a filter that has such states"
         )
-    against = "the filter with all states, as there is no reference" if math.isinf(alone) else "the reference"
-    fixes = "" if math.isinf(alone) else f"the fixes alone {digits(alone)} m; "
+    against = "the reference" if measured else "the filter with all states, as there is no reference"
+    fixes = f"the fixes alone {digits(alone)} m; " if measured else ""
     head = (
         f"Verdict: {verdict.use.value}: as KF-GINS uses these files on this drive: {verdict.reasons[0]}",
         f"position against {against}: {fixes}{'; '.join(map(_words, pairs))}",
@@ -106,7 +106,7 @@ def judged_drive(drive: Drive, config: FilterConfig) -> tuple[DriveFiles, Judgem
     return replace(files, header=(*head, *files.header), notes=(*head, *files.notes)), verdict
 
 
-def best_known(drive: Drive, config: FilterConfig) -> tuple[Reference, FloatArray]:
+def best_known(drive: Drive, config: FilterConfig) -> tuple[Reference, FloatArray, bool]:
     """Return the reference of a drive, else the filter with all its states with its sds, and which fixes that refuses.
 
     Returns
@@ -115,6 +115,8 @@ def best_known(drive: Drive, config: FilterConfig) -> tuple[Reference, FloatArra
         On the clock of the inertial unit.
     refused : ndarray, shape (r,)
         Times of fixes, s.
+    measured : bool
+        Whether it is the reference.
     """
     drive = compensate(drive, config.compensation)
     settings, _ = drive_filter(drive, config)
@@ -126,7 +128,7 @@ def best_known(drive: Drive, config: FilterConfig) -> tuple[Reference, FloatArra
         reference, _ = trusted_reference(reference, stretches, settings)
     if reference is not None:
         scored = [settled(*pair) for pair in zip(stretches, solutions, strict=True)]
-        return on_clock_of(reference, solutions, scored)[0], refused
+        return on_clock_of(reference, solutions, scored)[0], refused, True
     t, llh, vel_n, rpy, sd = (
         np.concatenate(parts)
         for parts in zip(
@@ -143,7 +145,7 @@ def best_known(drive: Drive, config: FilterConfig) -> tuple[Reference, FloatArra
             strict=True,
         )
     )
-    return Reference(t, llh, vel_n, rpy, sd), refused
+    return Reference(t, llh, vel_n, rpy, sd), refused, False
 
 
 @dataclass(frozen=True)

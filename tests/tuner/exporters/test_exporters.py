@@ -37,9 +37,11 @@ from tests.tuner.exporters.made_by_hand import (
     written,
 )
 from tuner.exporters import export
+from tuner.exporters.dialect import Target
+from tuner.exporters.fifteen_state import diagonals
 from tuner.synthesis import equivalent_noise
 from tuner.synthesis.load_config import load_config
-from tuner.types import BoundUsed, FilterConfig, Quantity
+from tuner.types import BoundUsed, FilterConfig, GnssNoise, Quantity
 
 
 def test_the_equivalent_walk_here_is_the_driving_density() -> None:
@@ -376,3 +378,26 @@ def test_pyins_gets_no_walk_of_a_bias_without_sd() -> None:
     }
     gyro = written("pyins", replace(CONFIG, channels=known)).split("accel_model")[0]
     assert python_values(gyro)["bias_sd"] == near([1e-6 * math.sqrt(MEMORY)] * 3)
+
+
+def test_the_table_of_15_states_is_the_settings_squared() -> None:
+    # Q of a step is that of a second × dt; R holds what lasts; φ and the noise of a step keep σ (Groves 14.2.6).
+    receiver = GnssNoise(
+        (1.0, 1.0, 2.0), (0.1, 0.1, 0.2), 1.0, 5.0, (GaussMarkov(2.0, 60.0),), correlated_down=1.5
+    )
+    config = replace(CONFIG, gnss=receiver)
+    found = yaml.safe_load(written("15-state", config))
+    for name, rows in found["Q_per_second"].items():
+        assert found["Q_per_step"][name] == pytest.approx(np.array(rows) * DT, rel=1e-5)
+    assert found["R"]["position"] == pytest.approx([5.0, 5.0, 13.0])
+    assert found["R"]["velocity"] == pytest.approx([0.01, 0.01, 0.04])
+    for axis, one in found["gauss_markov"].items():
+        assert one["N"] == pytest.approx(config.channels[axis].white_density)
+        for state in one["states"]:
+            assert state["step_sd"] ** 2 == pytest.approx(
+                state["sd"] ** 2 * (1.0 - state["phi"] ** 2), rel=1e-3
+            )
+    arrays = diagonals(config, Target(DT))
+    assert arrays["P0"][9:12] == pytest.approx(found["P0"]["gyro_bias"], rel=1e-5)
+    assert len(diagonals(replace(config, gnss=None), Target(DT))["R"]) == 0
+    assert "R" not in yaml.safe_load(written("15-state", replace(config, gnss=None)))

@@ -126,7 +126,7 @@ def test_what_errs_by_more_than_it_predicts_or_than_the_fixes_is_not_written():
     assert judge_export(found(0.4), np.inf).use is Use.DO_NOT_USE
     worse = judge_export(found(1.0, error=1.5), 1.0)
     assert worse.use is Use.DO_NOT_USE
-    assert "errs by 1.5 m on this drive" in worse.reasons[0]
+    assert "errs by 1.50 m on this drive" in worse.reasons[0]
 
 
 def test_nothing_is_written_where_the_verdict_forbids_it(configuration, poor, tmp_path, monkeypatch, capsys):
