@@ -246,18 +246,17 @@ def _of_drive(known: Settings) -> Iterator[Reason]:
             )
 
 
-def judge_export(found: Consistency, fixes_alone: float) -> Judgement:
+def judge_export(found: Consistency, error: float, fixes_alone: float) -> Judgement:
     """Return for what the settings of another filter can be used that runs on a drive.
 
     Parameters
     ----------
     found : Consistency
         Its scores by what is known of the truth.
-    fixes_alone : float
-        Rms error of the fixes themselves, position in three axes, m; infinite where no reference shows it.
+    error, fixes_alone : float
+        Rms errors with fixes and of the fixes themselves, position in three axes, m.
     """
     reasons = list(_of_scores(found, "on this drive"))
-    error = math.hypot(*found.errors["position"].values)
     if error > WRONG_FACTOR * fixes_alone:
         text = f"errs by {digits(error)} m on this drive, the fixes alone by {digits(fixes_alone)} m"
         reasons.append(Reason(Use.DO_NOT_USE, text))

@@ -32,8 +32,8 @@ CERTAIN_ODDS = math.log(STATED_ODDS)
 """Log odds from which a fault is certain: those of what a file states."""
 MOVING_SPEED = 2.0
 """Speed above which the noise in motion is taken, m/s."""
-COARSE_LEVELS = 20
-"""Values on either side of zero from which the last one is not that of rest."""
+FULL_SCALE_STEPS = 1000
+"""Steps from zero at which a range may end: nearer, rest, steady turns and swings put as much on the last value."""
 STILL_SECONDS = 5
 """Seconds of the quietest stretch, whose noise is that at rest."""
 
@@ -467,14 +467,15 @@ def _saturated(drive: Drive) -> list[Repair]:
     found = []
     for i, values in enumerate(drive.rates.T):
         levels, counts = np.unique(values, return_counts=True)
-        at = 0
-        for end, before in ((0, 1), (-1, -2)) if len(levels) > 2 * COARSE_LEVELS else ():
+        at, most = 0, 0.0
+        for end, before in ((0, 1), (-1, -2)) if len(levels) > 2 else ():
             both = counts[end] + counts[before]
             p = counts[end] / both
-            odds = both * (math.log(2.0 * p) + (1.0 / p - 1.0) * p * math.log(max(1.0 / p - 1.0, 1e-9)))
-            at += int(counts[end]) if p > 0.5 and odds > CERTAIN_ODDS else 0
+            odds = both * (math.log(2.0 * p) + (1.0 - p) * math.log(max(1.0 / p - 1.0, 1e-9)))
+            far = abs(levels[end]) > FULL_SCALE_STEPS * np.diff(levels).min()
+            if far and p > 0.5 and odds > CERTAIN_ODDS:
+                at, most = at + int(counts[end]), float(abs(levels[end]))
         if at > LOST_SHARE * len(values):
-            most = float(np.abs(values).max())
             shown = f"{math.degrees(most):.4g} deg/s" if i < 3 else f"{most:.4g} m/s²"
             share = at / len(values)
             fault = f"{AXES[i % 3]} is saturated in {100.0 * share:.2g} % of the samples, at {shown}"

@@ -7,7 +7,7 @@ The states are errors of position, velocity and attitude, and biases of gyros an
     R             sd² of a fix, and of errors of the receiver that last, for which there is no state
     P0            sd² at the start; of a bias its constant and its Gauss–Markov states together
 
-Velocity and attitude are driven in the axes of the unit; where three axes are alike they are so in any axes. N and K
+The noise of velocity and attitude is that of the axes of the unit; of three that are alike it is that of any. N and K
 stand for all terms of the bias (`tuner.synthesis.equivalent_models`): N as measured beside a small K predicts too
 little drift. A filter with Gauss–Markov states takes `gauss_markov`, its N and K included: b(k+1) = φ b(k) + w,
 φ = exp(−dt/T), var w = σ² (1 − φ²). `diagonals` has the same as arrays.

@@ -34,13 +34,13 @@ from models.earth import ned_between
 from tuner.consistency.drive_scores import blocks, on_clock_of, reference_at, settled, stated
 from tuner.consistency.reference_check import trusted_reference
 from tuner.consistency.score_drive import OUTAGE_LENGTHS, drive_filter
-from tuner.consistency.scores import outage_score, score
-from tuner.exporters.kf_gins_drive import DriveFiles, drive_files, write_drive
+from tuner.consistency.scores import DIVERGED_REFUSED_SHARE, outage_score, score
+from tuner.exporters.kf_gins_drive import DriveFiles, drive_files, truth_rows, write_drive
 from tuner.formats.customary_units import digits
 from tuner.judgement import judge_export
 from tuner.navigation.compensation import compensate
 from tuner.navigation.data import GATED, Solution
-from tuner.navigation.drive.run import Stretch, navigate, outage_windows, prepare
+from tuner.navigation.drive.run import Stretch, expect_settled, navigate, outage_windows, prepare
 from tuner.navigation.settings import FilterSettings
 from tuner.readers import kf_gins_settings
 from tuner.readers.drive import read_drive
@@ -80,7 +80,10 @@ def judged_drive(drive: Drive, config: FilterConfig) -> tuple[DriveFiles, Judgem
     """
     files = drive_files(drive, config)
     known, refused, measured = best_known(drive, config)
+    if measured:
+        files = replace(files, truth=truth_rows(known, files.imu[0, 0] - files.begin))
     known = replace(known, t=known.t - files.begin)
+    count = len(files.fixes)
     files = _without(files, refused - files.begin)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "kf-gins.yaml"
@@ -89,8 +92,8 @@ def judged_drive(drive: Drive, config: FilterConfig) -> tuple[DriveFiles, Judgem
     added = added_sds(stretch, settings, known)
     files, stretch = _with_added(files, added), _wider(stretch, added)
     pairs = compared(stretch, settings, known)
-    alone = fixes_alone(stretch, known) if measured else math.inf
-    verdict = judge_export(consistency(pairs), alone)
+    alone = fixes_alone(stretch, known)
+    verdict = judge_export(consistency(pairs, 1.0 - len(files.fixes) / count), pairs[0].rms, alone)
     if verdict.use is Use.DO_NOT_USE:
         whose = "its filter, without states for errors of fixes that last,"
         raise DataError(
@@ -98,10 +101,9 @@ def judged_drive(drive: Drive, config: FilterConfig) -> tuple[DriveFiles, Judgem
             "--drive` fits settings to a drive, `tuner navigate` shows what they do in a filter that has such states"
         )
     against = "the reference" if measured else "the filter with all states, as there is no reference"
-    fixes = f"the fixes alone {digits(alone)} m; " if measured else ""
     head = (
         f"Verdict: {verdict.use.value}: as KF-GINS uses these files on this drive: {verdict.reasons[0]}",
-        f"position against {against}: {fixes}{'; '.join(map(_words, pairs))}",
+        f"position against {against}: the fixes alone {digits(alone)} m; {'; '.join(map(_words, pairs))}",
     )
     return replace(files, header=(*head, *files.header), notes=(*head, *files.notes)), verdict
 
@@ -126,8 +128,11 @@ def best_known(drive: Drive, config: FilterConfig) -> tuple[Reference, FloatArra
     reference = drive.reference
     if reference is not None:
         reference, _ = trusted_reference(reference, stretches, settings)
+    scored = [settled(*pair) for pair in zip(stretches, solutions, strict=True)]
+    expect_settled(
+        any(len(rows) > 1 for rows in scored), drive.source, [float(np.ptp(s.t)) for s in solutions]
+    )
     if reference is not None:
-        scored = [settled(*pair) for pair in zip(stretches, solutions, strict=True)]
         return on_clock_of(reference, solutions, scored)[0], refused, True
     t, llh, vel_n, rpy, sd = (
         np.concatenate(parts)
@@ -172,6 +177,11 @@ class Compared:
     covariance: FloatArray
     lengths: tuple[int, ...]
 
+    @property
+    def rms(self) -> float:
+        """Rms error of the position in three axes, what is unknown of the truth included, m."""
+        return math.sqrt(float(np.mean(np.sum(self.error[:, :3] ** 2 + self.unknown[:, :3], axis=1))))
+
     def squares(self, own: slice) -> FloatArray:
         """Return tr C⁻¹ (d dᵀ + P) of some components, shape (r,)."""
         d, c = self.error[:, own], self.covariance[:, own, own]
@@ -192,15 +202,15 @@ def compared(stretch: Stretch, settings: FilterSettings, known: Reference) -> tu
     """Return what a filter errs and predicts with fixes, and after 10, 30 and 60 s without."""
     (whole,) = navigate((stretch,), settings, NO_WINDOWS)
     groups = [rows for _, rows in blocks(whole, settled(stretch, whole))]
+    expect_settled(bool(groups), "what would be written", [float(np.ptp(whole.t))])
     found = [_compared(0.0, whole, np.concatenate(groups), known, [len(rows) for rows in groups])]
     for length in OUTAGE_LENGTHS:
         windows = np.array(outage_windows((stretch,), length)).reshape(-1, 2)
         (run,) = navigate((stretch,), settings, windows)
         inside = (run.t[:, None] > windows[:, 0]) & (run.t[:, None] <= windows[:, 1])
         ends = np.array([np.flatnonzero(one)[-1] for one in inside.T if one.any()], dtype=int)
-        if len(ends):
-            found.append(_compared(length, run, ends, known, [1] * len(ends)))
-    return tuple(found)
+        found.append(_compared(length, run, ends, known, [1] * len(ends)))
+    return tuple(one for one in found if len(one.error))
 
 
 def _compared(
@@ -243,8 +253,8 @@ def added_sds(stretch: Stretch, settings: FilterSettings, known: Reference) -> t
     return TRIED_SDS[best[0]] * usual[0], TRIED_SDS[best[1]] * usual[1]
 
 
-def consistency(found: Sequence[Compared]) -> Consistency:
-    """Return the scores of what a filter errs by what it predicts."""
+def consistency(found: Sequence[Compared], refused: float = 0.0) -> Consistency:
+    """Return the scores of what a filter errs by what it predicts; `refused` is the share of the fixes left out."""
     aided, *outages = found
     parts = {name: slice(3 * i, 3 * i + 3) for i, name in enumerate(("position", "velocity"))}
     ends = np.cumsum(aided.lengths)[:-1]
@@ -258,26 +268,25 @@ def consistency(found: Sequence[Compared]) -> Consistency:
             for one in outages
         ),
         {name: RmsError.of(aided.error[:, own], ERROR_UNITS[name]) for name, own in parts.items()},
-        0.0,
-        False,
+        refused,
+        refused > DIVERGED_REFUSED_SHARE,
     )
 
 
 def _words(one: Compared) -> str:
     """Return the rms error of the position, and that ÷ predicted."""
-    position = slice(0, 3)
-    error = math.sqrt(float(np.mean(np.sum(one.error[:, position] ** 2, axis=1))))
-    ratio = math.sqrt(float(np.mean(one.squares(position))) / 3.0)
+    ratio = math.sqrt(float(np.mean(one.squares(slice(0, 3)))) / 3.0)
     when = f"after {one.seconds:g} s without" if one.seconds else "with fixes"
-    return f"{when} {digits(error)} m, {ratio:.2f} × predicted"
+    return f"{when} {digits(one.rms)} m, {ratio:.2f} × predicted"
 
 
 def fixes_alone(stretch: Stretch, known: Reference) -> float:
-    """Return the rms error of the fixes themselves, position in three axes, m, after the filter has settled."""
+    """Return the rms error of the fixes themselves, as `Compared.rms`, after the filter has settled, m."""
     fixes = stretch.fixes
     rows = fixes.t >= stretch.settled
-    apart = ned_between(reference_at(known, fixes.t[rows])[0], fixes.llh[rows])
-    return float(np.sqrt(np.nanmean(np.sum(apart**2, axis=1))))
+    t = fixes.t[rows]
+    apart = ned_between(reference_at(known, t)[0], fixes.llh[rows])
+    return float(np.sqrt(np.nanmean(np.sum(apart**2 + stated(known, t)[:, :3], axis=1))))
 
 
 def as_read(path: Path) -> tuple[Stretch, FilterSettings]:

@@ -45,7 +45,7 @@ from tuner.navigation.fix_sd_model import GNSS_NOISE_SCALE, FixSdModel
 from tuner.navigation.settings import FilterSettings, total_bias
 from tuner.types import Compensation, FilterConfig, GnssNoise
 from tuner.types.clock import Clock, Delay
-from tuner.types.records import Drive, Reference
+from tuner.types.records import DataError, Drive, Reference
 
 SECONDS_PER_WEEK = 604800.0
 """s: KF-GINS refuses later stamps."""
@@ -150,7 +150,7 @@ def drive_files(drive: Drive, config: FilterConfig) -> DriveFiles:
         ends[0],
         _inertial(drive, ends, begin, rate),
         fixes,
-        None if drive.reference is None else _truth(drive.reference, begin),
+        None if drive.reference is None else truth_rows(drive.reference, begin),
         tree,
         header(config, target),
         tuple(notes),
@@ -160,6 +160,10 @@ def drive_files(drive: Drive, config: FilterConfig) -> DriveFiles:
 def write_drive(files: DriveFiles, path: Path) -> None:
     """Write a drive for KF-GINS: the YAML, and its other files beside it, which it names by their whole paths."""
     named = {name: path.with_name(f"{path.stem}-{name}") for name in ("imu.txt", "gnss.txt", "truth.nav")}
+    for one in (path, *named.values()):
+        if one.is_dir():
+            raise DataError(f"{one}: expected a file to write, found a folder; nothing is written")
+    named["truth.nav"].unlink(missing_ok=True)  # of another drive it would be read as the truth of this one
     _table(named["imu.txt"], files.imu, ("%.9f", *["%.12e"] * 6))
     _table(named["gnss.txt"], files.fixes, ("%.9f", *["%.12f"] * 2, *["%.6f"] * 4))
     if files.truth is not None:
@@ -274,7 +278,7 @@ def _staying_sds(gnss: GnssNoise) -> FloatArray:
     return sd * np.array([1.0, 1.0, gnss.correlated_down])
 
 
-def _truth(reference: Reference, begin: float) -> FloatArray:
+def truth_rows(reference: Reference, begin: float) -> FloatArray:
     """Return week, t, position, velocity and angles of a reference, shape (n, 11)."""
     week = np.zeros(len(reference.t))
     angles = np.degrees(reference.rpy)

@@ -140,7 +140,8 @@ def _unwrapped(name: str, t: FloatArray, repairs: list[Repair]) -> FloatArray:
 def _not_set_back(name: str, t: FloatArray, repairs: list[Repair]) -> FloatArray:
     """Return stamps of a clock that goes on where it was set back: rows go on from there at its usual step.
 
-    Behind rows that only came late stamps jump ahead again by as much; a clock that was reset is another matter.
+    Stamps of packets in another order, or that are wrong for a while, jump ahead as well, before it or behind it; a
+    clock that was reset is another matter.
     """
     steps = np.diff(t)
     usual = float(np.median(steps))
@@ -148,8 +149,9 @@ def _not_set_back(name: str, t: FloatArray, repairs: list[Repair]) -> FloatArray
         back = usual - steps[k]
         again = np.flatnonzero(t[k + 1 :] >= t[k])
         until = k + 1 + (int(again[0]) if len(again) else len(t) - k - 1)
-        few = 2 < until - k < MAX_DISORDERED_SHARE * len(t)
-        if few and steps[k + 1 : until].max() < 2.0 * usual + 0.5 * back:
+        begin = max(int(np.argmax(t[: k + 1] >= t[k + 1])) - 1, 0)
+        ahead = max(steps[begin:k].max(initial=0.0), steps[k + 1 : until].max(initial=0.0))
+        if 2 < until - k < MAX_DISORDERED_SHARE * len(t) and ahead < 0.5 * back:
             fault = f"is set back by {back:.3f} s at row {k + 2}"
             done = f"{back:.3f} s added behind it"
             repairs.append(Repair(f"clock of the {name}", fault, done, size=back, unit="s"))

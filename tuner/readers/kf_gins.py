@@ -110,7 +110,7 @@ def read_kf_gins(path: Path) -> KfGins:
         np.column_stack([fixes[:, :4], blank, sds, blank]),
         _truth(path),
         settings.antlever,
-        _start(settings),
+        _start(settings, imu[:, 0], notes),
         tuple(notes),
     )
 
@@ -148,12 +148,21 @@ def _settings(path: Path) -> _Settings:
     return load(found, _Settings, source=str(path))
 
 
-def _start(settings: _Settings) -> FloatArray | None:
-    """Return time, position, velocity and angles of the start, shape (10,); None where one of them is not stated."""
-    t, parts = settings.starttime, (settings.initpos, settings.initvel, settings.initatt)
-    if t is None or any(part is None for part in parts):
+def _start(settings: _Settings, t: FloatArray, notes: list[str]) -> FloatArray | None:
+    """Return time, position, velocity and angles of the start, shape (10,), at the first inertial row of the run.
+
+    None where one of them is not stated, or states a time before the record, which KF-GINS refuses.
+    """
+    begin, parts = settings.starttime, (settings.initpos, settings.initvel, settings.initatt)
+    if begin is None or any(part is None for part in parts) or begin > t[-1]:
         return None
-    return np.concatenate([[t], *(part for part in parts if part is not None)])
+    if begin < t[0]:
+        notes.append(
+            f"starttime is {t[0] - begin:.3f} s before the inertial record: the stated start is not used"
+        )
+        return None
+    first = t[np.searchsorted(t, begin)]
+    return np.concatenate([[first], *(part for part in parts if part is not None)])
 
 
 def _six(settings: _Settings, entries: tuple[tuple[str, str], ...]) -> FloatArray:

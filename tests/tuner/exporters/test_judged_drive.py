@@ -114,19 +114,39 @@ def test_fixes_that_our_filter_refuses_are_left_out(configuration, data, saved, 
 
 
 def test_what_errs_by_more_than_it_predicts_or_than_the_fixes_is_not_written():
-    def found(ratio, error=1.0):
+    def found(ratio, refused=0.0):
         score = Score("position", 3.0 * ratio**2, 3, 300.0, (2.5, 3.5), 300.0)
-        return Consistency(
-            None, (score,), (), None, (), {"position": RmsError((error, 0.0, 0.0))}, 0.0, False
-        )
+        errors = {"position": RmsError((1.0, 0.0, 0.0))}
+        return Consistency(None, (score,), (), None, (), errors, refused, refused > 0.5)
 
-    assert judge_export(found(1.0), np.inf).use is Use.USABLE
-    assert judge_export(found(1.7), np.inf).use is Use.USABLE_EXCEPT
-    assert judge_export(found(2.5), np.inf).use is Use.DO_NOT_USE
-    assert judge_export(found(0.4), np.inf).use is Use.DO_NOT_USE
-    worse = judge_export(found(1.0, error=1.5), 1.0)
+    assert judge_export(found(1.0), 1.0, 1.0).use is Use.USABLE
+    assert judge_export(found(1.7), 1.0, 1.0).use is Use.USABLE_EXCEPT
+    assert judge_export(found(2.5), 1.0, 1.0).use is Use.DO_NOT_USE
+    assert judge_export(found(0.4), 1.0, 1.0).use is Use.DO_NOT_USE
+    assert judge_export(found(1.0, refused=0.6), 1.0, 1.0).use is Use.DO_NOT_USE
+    worse = judge_export(found(1.0), 1.5, 1.0)
     assert worse.use is Use.DO_NOT_USE
     assert "errs by 1.50 m on this drive" in worse.reasons[0]
+
+
+def test_what_cannot_be_judged_or_would_be_written_over_is_refused_in_one_line(
+    configuration, data, saved, file, tmp_path, capsys
+):
+    same = {"lever_arm_frd_m": (0.5, -0.3, -1.2), "mounting_rpy_deg": (180.0, 3.0, 100.0)}
+    early = data["gnss_t"] < 1110.0
+    few = {key: value[early] if key.startswith("gnss") else value for key, value in data.items()}
+    short = saved(tmp_path / "short.npz", few, **same)
+    with pytest.raises(DataError, match="expected fixes beyond 60 s after the start"):
+        judged_drive(read_drive(short), configuration())
+    write_drive(drive_files(read_drive(file), configuration()), tmp_path / "k.yaml")
+    k = str(tmp_path / "k.yaml")
+    assert run(["export", "mpu9250", "--to", "kf-gins", "--drive", k, "-o", k]) == 2
+    assert "expected another file than -o" in capsys.readouterr().err
+    stated = yaml.safe_load((tmp_path / "k.yaml").read_text(encoding="utf-8"))
+    stated["initpos"][0] += 1.0
+    (tmp_path / "far.yaml").write_text(yaml.safe_dump(stated), encoding="utf-8")
+    assert run(["navigate", str(tmp_path / "far.yaml"), "--config", k, "--quiet"]) == 2
+    assert "(initpos) 111 km from it" in capsys.readouterr().err
 
 
 def test_nothing_is_written_where_the_verdict_forbids_it(configuration, poor, tmp_path, monkeypatch, capsys):

@@ -83,6 +83,8 @@ def command(
             raise click.UsageError(
                 "--rate, --step, --memory: expected without --drive, which states its own rate"
             )
+        if Path(drive).resolve() == output_file.resolve():
+            raise click.UsageError("--drive: expected another file than -o, which would be written over")
         _write_with_drive(config, drive, output_file, messages)
         text = output_file.read_text("utf-8")
     else:

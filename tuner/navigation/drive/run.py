@@ -21,7 +21,7 @@ import numpy as np
 
 from models import rotation
 from models.arrays import FloatArray
-from models.earth import llh_displaced
+from models.earth import llh_displaced, ned_between
 from models.error_state import Linearization
 from models.imu_errors import calibration
 from models.measurements import position_fix, velocity_fix
@@ -52,6 +52,8 @@ DIFFERENCED_VELOCITY_SD = 2.0
 """Sd of a velocity that is the difference of two positions, m/s."""
 RECOVERY_TIME = 30.0
 """Time with fixes between two outages, s: in it the filter becomes as accurate as before."""
+FARTHEST_START = 1e3
+"""Distance from the first fix beyond which a stated position is that of another drive, m."""
 SETTLING_TIME = 60.0
 """Time in motion during which the gate rejects no fixes, s: the start may be wrong, not they."""
 
@@ -359,6 +361,11 @@ def _aligned_stretch(
     if lag and np.count_nonzero(own.has_velocity) > 1:
         together = replace(own, vel_n=velocities_at(own.t, own.vel_n, own.t + lag))
     if stated is not None and ends[0] - TIME_TOLERANCE <= stated.t < ends[-1]:
+        far = float(np.linalg.norm(ned_between(own.llh[0], stated.llh)))
+        if far > FARTHEST_START:
+            raise DataError(
+                f"expected a start near the first fix, found the stated position (initpos) {far / 1e3:.3g} km from it"
+            )
         tilt_sd, _, heading_sd = settings.initial_sd[at["attitude"]]
         quat = rotation.quat_from_rpy(stated.rpy)
         a = Alignment(stated.t, quat, heading_sd, tilt_sd, np.zeros(3), delay, 0.0, np.zeros(3))
