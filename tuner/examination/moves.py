@@ -21,6 +21,8 @@ RECEIVER = "receiver"
 CLOCK_OF_UNIT = "clock of the inertial unit"
 TRIADS = {"gyro": slice(0, 3), "accelerometer": slice(3, 6), "inertial unit": slice(0, 6)}
 """Columns of the samples that have one fault."""
+LARGEST_COURSE = 360.01
+"""Course beyond which there is none, deg, as it is rounded."""
 LARGEST_PLACE = np.array([0.5 * np.pi, 2.0 * np.pi])
 """Latitude and longitude beyond which there are none, rad."""
 STATED_ODDS = 1000.0
@@ -105,7 +107,7 @@ def moves(streams: Streams) -> Iterator[Move]:
             yield replace(fault, partial=False)
     for one in streams.others:
         if isinstance(one, Velocities):
-            yield from _velocity_moves(one.name, whole=not isinstance(one, HorizontalVelocities))
+            yield from _velocity_moves(one, whole=not isinstance(one, HorizontalVelocities))
     for delay in DELAYS:
         yield late(None, delay)
         for one in streams.others:
@@ -147,13 +149,15 @@ def _units(name: str, verb: str, read_as: str, units: Mapping[str, float]) -> It
         yield _of(name, f"{verb} in {unit}, read as {read_as}", f"multiplied by {factor:.6g}", _times(factor))
 
 
-def _velocity_moves(name: str, *, whole: bool) -> Iterator[Move]:
+def _velocity_moves(stream: Velocities, *, whole: bool) -> Iterator[Move]:
     """Return faults of velocities, whole ones or horizontal ones alone."""
+    name = stream.name
     units = {"knots": "kn", **{unit: unit for unit in ("km/h", "mph", "ft/s", "cm/s", "mm/s")}}
     yield from _units(name, "are", "m/s", {word: unit_value(unit) for word, unit in units.items()})
     for unit, one in (("", 1.0), (" in rad", 180.0 / np.pi)):
         course = _from_course(one)
-        yield _of(name, f"are speed and course{unit}", "turned into north and east", course)
+        if one * np.nanmax(np.abs(stream.values[:, 1])) <= LARGEST_COURSE:
+            yield _of(name, f"are speed and course{unit}", "turned into north and east", course)
     if not whole:
         yield _of(name, "are east, north", "put in the order north, east", _from_east_north_up)
         return
