@@ -57,7 +57,7 @@ def vibration_lines(found: Examination) -> list[str]:
         for name, (still, moving) in found.vibration.items()
         if moving > WRONG_FACTOR * still > 0.0
     ]
-    return [f"Noise in motion: {', '.join(parts)} that at rest, which Q must hold"] if parts else []
+    return [f"Noise in motion: {', '.join(parts)} that at rest; Q needs what of it adds up"] if parts else []
 
 
 def _noise_table(found: Examination) -> Table:

@@ -27,6 +27,8 @@ from tuner.types.records import DataError, Drive
 
 BEGINNING = "as it began"
 """Name of the configuration before the drive."""
+UNIT = ("white", "bias")
+"""Noise of the inertial unit as a whole, which is moved first: of an unknown unit both are unknown alike."""
 STEPS = (3.0, 3.0**0.5)
 """Factors by which a setting is moved: a third of a decade is far, its root is what outages of a drive tell apart."""
 MIN_GAIN = 3.0
@@ -52,6 +54,8 @@ SD_STEPS = 3
 """Steps to sds that innovations do not contradict: each halves what is left where half of an innovation is the fix."""
 MAX_TRACKING_RATIO = 1.05
 """Position error with fixes, after ÷ before, above which it counts as worse: 5 % are lost in the scatter of a drive."""
+SCATTER = float(np.log(MAX_TRACKING_RATIO))
+"""Change of |ln| of an innovation ratio that says nothing."""
 
 
 class Rank(IntEnum):
@@ -245,9 +249,9 @@ def _with_other_sizes(trial: Trial, one: Candidate) -> Iterator[Candidate]:
     if POSITION in one.factors and not low <= ratios[0] <= high:
         changes.append((DRIFT_FACTORS[0] if ratios[0] > high else 1.0 / DRIFT_FACTORS[0], (POSITION,)))
     if max(ratios) > high:
-        changes += [(factor, ("white", "bias")) for factor in DRIFT_FACTORS]
+        changes += [(factor, UNIT) for factor in DRIFT_FACTORS]
     elif min(ratios) < low:
-        changes += [(1.0 / factor, ("white", "bias")) for factor in DRIFT_FACTORS]
+        changes += [(1.0 / factor, UNIT) for factor in DRIFT_FACTORS]
     for factor, names in changes:
         more = {name: one.factors.get(name, 1.0) * factor for name in names}
         if (found := trial.candidate(one.name, one.config, {**one.factors, **more})) is not None:
@@ -269,31 +273,33 @@ def _fit_factors(
     """
     factors, nats = dict(best.factors), best.first.nats
     distance = best.first.innovation_distance
-    gains: dict[str, list[float]] = {}
+    gains: dict[tuple[str, ...], list[float]] = {}
+    single = ((name,) for name in (*FACTORS, *(own for own in STAYING if POSITION in factors)))
+    moves = UNIT, *single
     for step in STEPS:
-        for name in counted((*FACTORS, *(own for own in STAYING if POSITION in factors))):
-            if _top_of_parabola(gains.get(name, [])) < MIN_GAIN:
+        for names in counted(moves):
+            if _top_of_parabola(gains.get(names, [])) < MIN_GAIN:
                 continue
-            gains[name] = []
+            gains[names] = []
             for direction in (step, 1.0 / step):
                 moved = False
                 for _ in range(MAX_MOVES):
-                    trial = {**factors, name: factors.get(name, 1.0) * direction}
+                    trial = {**factors, **{name: factors.get(name, 1.0) * direction for name in names}}
                     found = score(with_noise_factors(best.config, trial))
-                    gains[name].append(-np.inf if found is None else found.nats - nats)
+                    gains[names].append(-np.inf if found is None else found.nats - nats)
                     if found is None or found.nats < nats + MIN_GAIN:
                         break
-                    if found.innovation_distance > distance:
+                    if found.innovation_distance > distance + SCATTER:
                         break
                     factors, nats, moved = trial, found.nats, True
-                    distance = found.innovation_distance
+                    distance = min(distance, found.innovation_distance)
                 if moved:
-                    gains[name] = []
+                    gains[names] = []
                     break
     for name in reversed([name for name in factors if factors[name] != best.factors.get(name, 1.0)]):
         trial = {**factors, name: best.factors.get(name, 1.0)}
         found = score(with_noise_factors(best.config, trial))
-        if found and found.nats > nats - MIN_GAIN and found.innovation_distance <= distance:
+        if found and found.nats > nats - MIN_GAIN and found.innovation_distance <= distance + SCATTER:
             factors = trial
     return {
         name: value for name, value in factors.items() if name in FIRST_STAYING or abs(np.log(value)) > 1e-6

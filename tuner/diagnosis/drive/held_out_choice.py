@@ -34,7 +34,6 @@ from tuner.diagnosis.drive.candidates import (
     Candidate,
     Rank,
     Trial,
-    by_nats,
     first_candidates,
     in_order,
     refined,
@@ -136,8 +135,7 @@ def choose_config(
         if after == before:
             return HeldOutChoice(before, BEGINNING, note=f"{TOO_SHORT}: they stay as they began")
         return HeldOutChoice(after, "with the findings", note=NOT_JUDGED)
-    best = max(candidates, key=by_nats)
-    candidates = in_order([*candidates, *refined(trial, best)])
+    candidates = in_order([*candidates, *refined(trial, in_order(candidates)[0])])
     progress("judging the configurations on the last part of the drive")
 
     stage("judging the settings on the last part of the drive", 1.0)

@@ -224,6 +224,29 @@ def test_no_factor_for_outages_contradicts_the_innovations(right):
     assert in_order([best, simpler, alike])[0] is alike
 
 
+def test_noise_of_a_unit_moves_as_a_whole(right):
+    """White noise or bias alone gains nothing, both 25 nats: an unknown unit kept the noise of a tenfold one."""
+
+    def score(name, config, begin, end):
+        white, sd = (
+            np.log(getattr(one, field) / getattr(start, field))
+            for one, start, field in (
+                (config.channels["gyro_x"], right.channels["gyro_x"], "white_density"),
+                (config.channels["gyro_x"].markov[0], right.channels["gyro_x"].markov[0], "sd"),
+            )
+        )
+        off = (white + 2.0) ** 2 + (sd + 2.0) ** 2 + 40.0 * (white - sd) ** 2
+        ratio = 0.7 - 0.001 * (white < -0.1)  # innovations hardly change: that is no contradiction
+        return replace(_score(10.0, 1.0, nats=30.0 - 5.0 * off), innovations=(ratio, 1.0))
+
+    def candidate(name, config, factors):
+        return Candidate(name, config, factors, score(name, with_noise_factors(config, factors), 0.0, 1.0))
+
+    trial: Any = SimpleNamespace(score=score, candidate=candidate, begin=0.0, cut=1.0)
+    (found,) = refined(trial, candidate("a", right, {}))
+    assert found.factors["white"] == found.factors["bias"] == pytest.approx(1.0 / 9.0)
+
+
 def test_factors_that_became_idle_go_back(right):
     """The first factor gains 5 nats, a second one 4 more; without the first, the second is worth 8 of these 9."""
 
