@@ -20,20 +20,21 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from tests.consumers.examples import EXAMPLES, LAGS, modelled_allan_variance, text_of
 from tests.consumers.filters import FILTERS, Filter
 from tests.consumers.simulators import SIMULATORS, Simulator
-from tuner.synthesis.error_growth import fading_growth, modelled_growth
+from tuner.synthesis.error_growth import modelled_growth
 
 CLUSTER_TIMES = np.array([1.0, 3.0, 10.0, 30.0, 100.0, 300.0])
 
 HEAD = """# What the consumers make of our numbers
 
 Every number of `tuner export`, in the program that reads it. The law is: what the program predicts or draws ÷ what
-the configuration models = 1. Two configurations are exported at 100 Hz, for a filter that renews its biases in 96
-s:
+the configuration models = 1. Two configurations are exported at 100 Hz:
 
 - *walk*: white noise and a random walk, N = 2e-4 rad/s/√Hz and 3e-3 m/s²/√Hz, K = 3e-6 rad/s²/√Hz and 5e-5
   m/s³/√Hz. Every filter with a bias can hold it, and the ratio has to be 1.
 - *flicker*: the built-in grade icm20602, whose flicker is four Gauss–Markov states in our configuration. No
-  consumer has as many: the ratio is what two numbers, or one state, leave, and the header of each export states it.
+  consumer has as many. Two numbers, or one state, stand for them: those with which a filter predicts best that gets
+  the usual fixes of the program, camera, lidar, RTK or GNSS (`tuner.synthesis.projection`); the header of each export
+  states its true ÷ predicted errors. So the ratio of the drift alone differs between them.
 
 This page is written by `python benchmarks/consumers.py > docs/consumers.md`; `pytest tests/consumers` checks it,
 and runs GTSAM, gnss-ins-sim, pyins, OpenCV, yaml-cpp and Octave where they are installed. Code that was compiled or
@@ -43,11 +44,7 @@ snapshots that were read, 2023 to 2026; the numbers are those of *walk*.
 ## Filters
 
 Sd of an angle (gyro) or velocity (accelerometer) some time after the bias was last estimated, predicted by the filter
-÷ modelled; the estimate holds of each state what is the best constant for 96 s. Exports take the two numbers, N and
-K, whose largest mismatch between 1 and 96 s is least; a search over all pairs finds none nearer than
-{two} for the gyro of *flicker*. White noise with one fading state could reach {one}, at T = {time:.0f} s;
-exports take the longest T of the configuration: with so short a one a filter forgets a turn-on bias that it never
-observed.
+÷ modelled; the estimate holds of each state what is the best constant for 96 s.
 """
 
 SIMULATED = """
@@ -132,35 +129,10 @@ def deviation(simulator: Simulator, example: str) -> str:
     return "<br>".join(cells)
 
 
-def nearest() -> tuple[str, str, float]:
-    """Return how near two numbers, and one fading state, come to the gyro of flicker, and the state's T, s."""
-    channel = EXAMPLES["flicker"]().channels["gyro_x"]
-    lags = np.geomspace(1.0, LAGS[-1], 24)
-    modelled = modelled_growth(channel, lags, memory=LAGS[-1])
-    white = (channel.white_density * np.geomspace(0.7, 7.0, 100))[:, None, None] ** 2 * lags
-    walks = np.geomspace(1e-6, 1e-4, 300)[None, :, None] ** 2 * lags**3 / 3.0
-    two, _ = _least(white + walks, modelled)
-    fits = []
-    for time in np.geomspace(3.0, 3000.0, 40):
-        shape = fading_growth(0.0, 1.0, time, lags)
-        sds = np.geomspace(1e-5, 1e-2, 160)[None, :, None] ** 2 * shape
-        fits.append((*_least(white + sds, modelled), time))
-    one, _, time = min(fits, key=lambda fit: fit[1])
-    return two, one, time
-
-
-def _least(predicted: np.ndarray, modelled: np.ndarray) -> tuple[str, float]:
-    ratio = np.sqrt(predicted / modelled)
-    worst = np.abs(np.log(ratio)).max(axis=-1)
-    best = ratio[np.unravel_index(int(worst.argmin()), worst.shape)]
-    return f"{best.min():.2f} … {best.max():.2f}", float(worst.min())
-
-
 def table() -> Iterator[str]:
     """Yield the lines of the page."""
     horizons = ", ".join(f"{lag:g}" for lag in LAGS)
-    two, one, time = nearest()
-    yield HEAD.format(two=two, one=one, time=time)
+    yield HEAD
     yield f"| dialect | numbers | use | how | *walk* at {horizons} s | *flicker* |"
     yield "|---|---|---|---|---|---|"
     for program in FILTERS:

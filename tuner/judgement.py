@@ -19,7 +19,6 @@ from tuner.formats.axis_words import axes_text
 from tuner.formats.customary_units import digits, percent, range_text
 from tuner.identification.identify_channel import CURVE_DISAGREES
 from tuner.limits import HONEST_RATIO, LOST_SHARE, SHOWN_CHANGE, TOLERATED_RATIO, WRONG_FACTOR
-from tuner.synthesis.equivalent_models import FILTER_MEMORY
 from tuner.synthesis.error_growth import modelled_growth
 from tuner.synthesis.from_drive import FROM_FIXES
 from tuner.synthesis.sufficient import lacking_slow_bias
@@ -471,7 +470,7 @@ def _of_ramps(config: FilterConfig) -> Iterator[Reason]:
     for channel in config.channels.values():
         rates = [t.coefficients["rate"].value for t in channel.identified if t.name == "ramp"]
         moved = sum(abs(rate or 0.0) for rate in rates) * 0.5 * UNAIDED_TIME**2
-        noise = float(modelled_growth(channel, UNAIDED_TIME, memory=FILTER_MEMORY))
+        noise = float(modelled_growth(channel, UNAIDED_TIME))
         if moved**2 > (HONEST_RATIO**2 - 1.0) * noise:
             felt.append(channel.axis)
     if felt:
@@ -501,7 +500,7 @@ def limit_ratio(channel: ChannelNoise, term: str, factor: float) -> float:
         least = replace(channel, markov=())
     else:
         return 0.0
-    high, low = (float(modelled_growth(one, UNAIDED_TIME, memory=FILTER_MEMORY)) for one in (most, least))
+    high, low = (float(modelled_growth(one, UNAIDED_TIME)) for one in (most, least))
     return math.sqrt(high / low) if low > 0.0 else math.inf
 
 

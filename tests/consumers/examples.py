@@ -43,8 +43,8 @@ EXAMPLES = {"walk": walking, "flicker": laddered}
 
 @functools.cache
 def text_of(name: str, dialect: str) -> str:
-    """Return the export of an example for a filter with the memory of the longest horizon."""
-    return export(EXAMPLES[name](), dialect, memory=float(LAGS[-1]))
+    """Return the export of an example."""
+    return export(EXAMPLES[name](), dialect)
 
 
 def modelled_allan_variance(channel: ChannelNoise, tau: np.ndarray) -> np.ndarray:

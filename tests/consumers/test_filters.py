@@ -6,9 +6,6 @@ configuration, is two numbers or one state in theirs: what these can do at best 
 
 from __future__ import annotations
 
-import math
-import re
-
 import numpy as np
 import pytest
 
@@ -18,6 +15,7 @@ from tests.consumers.filters import FILTERS, Filter
 from tests.consumers.simulators import SIMULATORS
 from tuner.exporters import DIALECTS, export
 from tuner.synthesis.error_growth import modelled_growth
+from tuner.synthesis.projection import AUTOPILOT, CAMERA, GNSS, LIDAR, Aiding
 
 BY_NAME = {program.dialect: program for program in FILTERS}
 FADING = ("kf-gins", "ob-gins", "navego")
@@ -41,8 +39,10 @@ def ratios(program: Filter, example: str, sensor: str) -> np.ndarray:
 @pytest.mark.parametrize("sensor", ["gyro", "accel"])
 @pytest.mark.parametrize("dialect", BY_NAME)
 def test_white_noise_and_walk_are_predicted_as_modelled(dialect: str, sensor: str) -> None:
-    # Six digits of the export and the Euler step of a fading bias (dt/T = 3e-6) leave a thousandth.
-    assert ratios(BY_NAME[dialect], "walk", sensor) == pytest.approx(np.ones(LAGS.size), abs=2e-3)
+    # Six digits of the export and the Euler step of a fading bias (dt/T = 3e-6) leave a thousandth; a state that fades
+    # in 1 h is not quite a walk.
+    off = 1e-2 if dialect in FADING else 2e-3
+    assert ratios(BY_NAME[dialect], "walk", sensor) == pytest.approx(np.ones(LAGS.size), abs=off)
 
 
 @pytest.mark.parametrize("rate", [10.0, 4000.0])
@@ -52,7 +52,7 @@ def test_the_rate_of_the_target_changes_no_prediction(
 ) -> None:
     program, lags = BY_NAME[dialect], LAGS[:2]
     monkeypatch.setattr(filters, "STEP", 1.0 / rate)
-    text = export(EXAMPLES["walk"](), dialect, interval=1.0 / rate, memory=float(LAGS[-1]))
+    text = export(EXAMPLES["walk"](), dialect, interval=1.0 / rate)
     for sensor in ("gyro", "accel"):
         channel = EXAMPLES["walk"]().channels[f"{sensor}_x"]
         modelled = modelled_growth(channel, lags, memory=LAGS[-1])
@@ -62,22 +62,11 @@ def test_the_rate_of_the_target_changes_no_prediction(
 
 
 @pytest.mark.parametrize("sensor", ["gyro", "accel"])
-@pytest.mark.parametrize("dialect", FADING)
-def test_one_state_does_what_its_header_says(dialect: str, sensor: str) -> None:
-    name = {"gyro": "gyroscopes", "accel": "accelerometers"}[sensor]
-    said = re.search(
-        rf"{name}: .*? (\d\.\d\d) at 1 s, (\d\.\d\d) at 10 s, (\d\.\d\d) at 96 s", text_of("flicker", dialect)
-    )
-    found = ratios(BY_NAME[dialect], "flicker", sensor)
-    assert found[2] == pytest.approx(float(said[3]), abs=0.01)
-    # 1.2 and 12 s here, 1 and 10 s there: the ratio changes by less than a tenth of itself.
-    assert found[:2] == pytest.approx([float(said[1]), float(said[2])], rel=0.1)
-
-
-@pytest.mark.parametrize("sensor", ["gyro", "accel"])
-def test_two_numbers_for_flicker_are_the_same_in_every_filter(sensor: str) -> None:
-    others = [p for p in FILTERS if p.has_bias and p.dialect not in FADING]
-    found = np.array([ratios(program, "flicker", sensor) for program in others])
+@pytest.mark.parametrize("aiding", [GNSS, AUTOPILOT, CAMERA, LIDAR], ids=lambda one: one.words)
+def test_two_numbers_for_flicker_are_the_same_in_every_filter_with_the_same_fixes(
+    aiding: Aiding, sensor: str
+) -> None:
+    others = [p for p in FILTERS if p.has_bias and DIALECTS[p.dialect].aiding == aiding]
+    found = np.array([ratios(one, "flicker", sensor) for one in others if one.dialect not in FADING])
+    assert len(found) > 1
     assert np.ptp(found, axis=0).max() < 2e-3
-    # The nearest that two numbers come, by a search of their own (docs/consumers.md): 0.72 … 1.39 for the gyros.
-    assert np.abs(np.log(found)).max() < math.log(1.0 / 0.72) + 0.01

@@ -48,7 +48,6 @@ from tuner.exporters.header import SENSORS
 from tuner.exporters.triad_values import triad
 from tuner.exporters.withheld import withheld
 from tuner.formats import noise_yaml
-from tuner.synthesis.equivalent_models import FILTER_MEMORY
 from tuner.synthesis.load_config import load_config
 from tuner.types import FilterConfig
 from tuner.types.number_ranges import Positive
@@ -110,7 +109,6 @@ def export(
     *,
     interval: Positive | None = None,
     step: Positive | None = None,
-    memory: Positive = FILTER_MEMORY,
 ) -> str:
     """Return a configuration as text of a dialect.
 
@@ -126,14 +124,12 @@ def export(
     step : float, optional
         Prediction step of the target, s, for filters that predict at another rate than the IMU's; default the
         target's own.
-    memory : float, optional
-        Time over which the target renews its biases, s: where a random walk or one state stands for more.
 
     Raises
     ------
     DataError
         For an unknown dialect, a sensor that the target cannot do without, an axis without white noise, settings that
-        are `withheld`, and an interval, a step or a memory that is not positive.
+        are `withheld`, and an interval or a step that is not positive.
     """
     declared = dialect_named(dialect)
     if not isinstance(config, FilterConfig):
@@ -151,8 +147,7 @@ def export(
         )
     if why := withheld(config):
         raise DataError(f"{config.name}: nothing is written for {dialect}: {why}")
-    target = Target(interval or config.interval, step, memory, rate_named=interval is not None)
-    return declared.write(config, target)
+    return declared.write(config, declared.target(config, interval, step))
 
 
 def dialect_named(name: str) -> Dialect:

@@ -17,6 +17,7 @@ from tuner.exporters.dialect import Dialect, Target
 from tuner.exporters.header import provenance
 from tuner.exporters.triad_values import Figure, triad, walk, white
 from tuner.formats.yaml_text import comment
+from tuner.synthesis.projection import AUTOPILOT
 from tuner.types import FilterConfig
 
 _PARAMETERS = {
@@ -54,13 +55,13 @@ def write(config: FilterConfig, target: Target) -> str:
     factor = 1.0 / math.sqrt(step)
     figures: dict[str, Figure] = {}
     if gyro := triad(config, "gyro"):
-        figures["EK3_GYRO_P_NSE"] = white(gyro, "rad/s; N/√dt", factor=factor, memory=target.memory)
+        figures["EK3_GYRO_P_NSE"] = white(gyro, "rad/s; N/√dt", target, factor=factor)
         figures["EK3_GBIAS_P_NSE"] = walk(config, gyro, "rad/s²; K/√dt", target, factor=factor)
     if accel := triad(config, "accel"):
-        figures["EK3_ACC_P_NSE"] = white(accel, "m/s²; N/√dt", factor=factor, memory=target.memory)
+        figures["EK3_ACC_P_NSE"] = white(accel, "m/s²; N/√dt", target, factor=factor)
         figures["EK3_ABIAS_P_NSE"] = walk(config, accel, "m/s³; K/√dt", target, factor=factor)
     lines = [
-        *provenance(config, "ArduPilot EKF3 parameters", walk_memory=target.memory),
+        *provenance(config, "ArduPilot EKF3 parameters", target),
         f"dt = {step:g} s, the step of the filter {reason}",
         *parameter_lines(figures, _PARAMETERS, config, _RELEASE),
     ]
@@ -69,5 +70,10 @@ def write(config: FilterConfig, target: Target) -> str:
 
 
 DIALECT = Dialect(
-    "ardupilot", "ArduPilot EKF3 parameters", "rad/s, rad/s², m/s², m/s³ (per filter step)", write, needs=()
+    "ardupilot",
+    "ArduPilot EKF3 parameters",
+    "rad/s, rad/s², m/s², m/s³ (per filter step)",
+    write,
+    needs=(),
+    aiding=AUTOPILOT,
 )

@@ -18,8 +18,11 @@ from dataclasses import dataclass
 
 from models.registry import Registry
 from tuner.formats.digits import CLOCK_DIGITS, rounded
-from tuner.synthesis.equivalent_models import FILTER_MEMORY
-from tuner.types import FilterConfig
+from tuner.synthesis.projection import GNSS, Aiding, projected
+from tuner.types import ChannelNoise, FilterConfig
+
+DEFAULT_TIME_CONSTANT = 3600.0
+"""Time constant, s, of one-state targets where the configuration has no Gauss–Markov state."""
 
 
 @dataclass(frozen=True)
@@ -32,21 +35,32 @@ class Target:
         Sampling interval of the IMU it reads, s.
     step : float, optional
         Prediction step of the filter, s, where it was named; a dialect knows its filter's own.
-    memory : float
-        Time over which it renews its biases, s.
+    aiding : Aiding
+        Fixes that it usually gets.
+    fading_time : float or None
+        Time constant, s, of the one state that stands for its bias; None where that is a random walk.
     rate_named : bool
         Whether `interval` was named, or is that of the log.
     """
 
     interval: float
     step: float | None = None
-    memory: float = FILTER_MEMORY
+    aiding: Aiding = GNSS
+    fading_time: float | None = None
     rate_named: bool = False
 
     @property
     def rate(self) -> float:
         """Sampling rate of the IMU it reads, Hz."""
         return rounded(1.0 / self.interval, digits=CLOCK_DIGITS)
+
+    def white_density(self, channel: ChannelNoise) -> float:
+        """Return the white noise with which it predicts best, unit/√Hz."""
+        return projected(channel, self.aiding, self.fading_time).white_density
+
+    def bias(self, channel: ChannelNoise) -> float:
+        """Return the density of the random walk with which it predicts best, unit/√s, or σ of its one state, unit."""
+        return projected(channel, self.aiding, self.fading_time).bias
 
 
 @dataclass(frozen=True)
@@ -66,6 +80,10 @@ class Dialect:
     needs : tuple of str
         Sensors without which the program would go on with numbers of its own: a configuration that lacks one of
         them is refused. Empty where the settings of one sensor stand alone.
+    aiding : Aiding
+        Fixes that the program usually gets, by its documentation or its examples.
+    fading : bool
+        Whether its biases are Gauss–Markov states of one time constant; else they are random walks.
     """
 
     name: str
@@ -73,6 +91,21 @@ class Dialect:
     units: str
     write: Callable[[FilterConfig, Target], str]
     needs: tuple[str, ...] = ("gyro", "accel")
+    aiding: Aiding = GNSS
+    fading: bool = False
+
+    def target(
+        self, config: FilterConfig, interval: float | None = None, step: float | None = None
+    ) -> Target:
+        """Return the filter that reads the settings, at the rate of the log unless another is named."""
+        time = longest_time(config) if self.fading else None
+        return Target(interval or config.interval, step, self.aiding, time, rate_named=interval is not None)
+
+
+def longest_time(config: FilterConfig) -> float:
+    """Return the longest time constant of the configuration, s, for targets with one; 1 h without any."""
+    times = [state.time_constant for channel in config.channels.values() for state in channel.markov]
+    return rounded(max(times, default=DEFAULT_TIME_CONSTANT))
 
 
 def _check(dialect: object) -> None:

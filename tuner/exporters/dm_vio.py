@@ -14,6 +14,7 @@ from tuner.exporters import kalibr
 from tuner.exporters.dialect import Dialect, Target
 from tuner.exporters.header import provenance
 from tuner.formats.yaml_text import Noted, yaml_text
+from tuner.synthesis.projection import CAMERA
 from tuner.types import FilterConfig
 
 _INTEGRATION_SIGMA = 1e-6
@@ -27,10 +28,10 @@ def write(config: FilterConfig, target: Target) -> str:
         "integration_sigma": Noted(_INTEGRATION_SIGMA, "m/√s; the default of 0.316227 is 0.3 m after 1 s"),
     }
     header = (
-        *provenance(config, "DM-VIO: noise entries of the settings", walk_memory=target.memory),
+        *provenance(config, "DM-VIO: noise entries of the settings", target),
         "the sensor's own numbers; those of DM-VIO's examples are larger, tuned beside its photometric weights",
     )
     return yaml_text(entries, header=header)
 
 
-DIALECT = Dialect("dm-vio", "DM-VIO settings", f"{kalibr.DIALECT.units}, m/√s", write)
+DIALECT = Dialect("dm-vio", "DM-VIO settings", f"{kalibr.DIALECT.units}, m/√s", write, aiding=CAMERA)

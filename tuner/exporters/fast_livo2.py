@@ -14,10 +14,10 @@ import math
 from typing import Any
 
 from tuner.exporters.dialect import Dialect, Target
-from tuner.exporters.header import mismatch_words, provenance
+from tuner.exporters.header import predicted_words, provenance
 from tuner.exporters.triad_values import mean, triad
 from tuner.formats.yaml_text import yaml_text
-from tuner.synthesis.error_growth import walk_growth
+from tuner.synthesis.projection import LIDAR, Projected
 from tuner.types import FilterConfig
 
 _FIXED_BIAS_VARIANCE = 1e-4
@@ -37,9 +37,9 @@ def write(config: FilterConfig, target: Target) -> str:
         *provenance(config, "FAST-LIVO2: imu entries"),
         f"dt = {target.interval:g} s of the IMU",
         f"its bias walks are fixed in the source: K = {walk:.3g} rad/s²/√Hz and {walk:.3g} m/s³/√Hz at this rate",
-        *mismatch_words(config, lambda c, lag: walk_growth(c.white_density, walk, lag), target.memory),
+        *predicted_words(config, lambda c: Projected(c.white_density, walk), target),
     )
     return yaml_text({"imu": entries}, header=header)
 
 
-DIALECT = Dialect("fast-livo2", "FAST-LIVO2 YAML", "(m/s²)², (rad/s)² (per IMU step)", write)
+DIALECT = Dialect("fast-livo2", "FAST-LIVO2 YAML", "(m/s²)², (rad/s)² (per IMU step)", write, aiding=LIDAR)

@@ -12,7 +12,7 @@ from tuner.exporters.dialect import Dialect, Target
 from tuner.exporters.header import provenance
 from tuner.exporters.triad_values import limited, mean, triad
 from tuner.formats.yaml_text import yaml_text
-from tuner.synthesis.equivalent_models import equivalent_random_walk, equivalent_white_density
+from tuner.synthesis.projection import LIDAR
 from tuner.types import ChannelNoise, FilterConfig
 
 
@@ -20,10 +20,10 @@ def entries(config: FilterConfig, target: Target) -> dict[str, Any]:
     """Return the four variances by FAST-LIO's names."""
 
     def white(channel: ChannelNoise) -> float:
-        return equivalent_white_density(channel, memory=target.memory) ** 2 / target.interval
+        return target.white_density(channel) ** 2 / target.interval
 
     def walk(channel: ChannelNoise) -> float:
-        return equivalent_random_walk(channel, memory=target.memory) ** 2 / target.interval
+        return target.bias(channel) ** 2 / target.interval
 
     found: dict[str, Any] = {}
     quantities: tuple[tuple[str, str, str, Callable[[ChannelNoise], float]], ...] = (
@@ -42,7 +42,7 @@ def entries(config: FilterConfig, target: Target) -> dict[str, Any]:
 def header(config: FilterConfig, target: Target, title: str) -> tuple[str, ...]:
     """Return the comment lines before the entries."""
     return (
-        *provenance(config, title, walk_memory=target.memory),
+        *provenance(config, title, target),
         f"dt = {target.interval:g} s of the IMU",
     )
 
@@ -60,5 +60,5 @@ def write_ros2(config: FilterConfig, target: Target) -> str:
 
 
 _UNITS = "(rad/s)², (rad/s²)², (m/s²)², (m/s³)² (per IMU step)"
-DIALECT = Dialect("fastlio", "FAST-LIO and FAST-LIO2 YAML", _UNITS, write)
-ROS2 = Dialect("fastlio-ros2", "FAST-LIO2 parameters of ROS 2", _UNITS, write_ros2)
+DIALECT = Dialect("fastlio", "FAST-LIO and FAST-LIO2 YAML", _UNITS, write, aiding=LIDAR)
+ROS2 = Dialect("fastlio-ros2", "FAST-LIO2 parameters of ROS 2", _UNITS, write_ros2, aiding=LIDAR)

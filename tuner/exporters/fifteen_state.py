@@ -8,7 +8,7 @@ The states are errors of position, velocity and attitude, and biases of gyros an
     P0            sd² at the start; of a bias its constant and its Gauss–Markov states together
 
 The noise of velocity and attitude is that of the axes of the unit; of three that are alike it is that of any. N and K
-stand for all terms of the bias (`tuner.synthesis.equivalent_models`): N as measured beside a small K predicts too
+stand for all terms of the bias (`tuner.synthesis.projection`): N as measured beside a small K predicts too
 little drift. A filter with Gauss–Markov states takes `gauss_markov`, its N and K included: b(k+1) = φ b(k) + w,
 φ = exp(−dt/T), var w = σ² (1 − φ²). `diagonals` has the same as arrays.
 
@@ -30,7 +30,6 @@ from tuner.exporters.header import provenance
 from tuner.exporters.triad_values import initial_bias_sd, limited, triad, triple
 from tuner.formats.digits import rounded
 from tuner.formats.yaml_text import Inline, Noted, yaml_text
-from tuner.synthesis.equivalent_models import equivalent_random_walk, equivalent_white_density
 from tuner.types import ChannelNoise, FilterConfig
 
 STATES = ("position", "velocity", "attitude", "gyro_bias", "accel_bias")
@@ -51,16 +50,11 @@ def diagonals(config: FilterConfig, target: Target) -> Mapping[str, FloatArray]:
     """Return Q a second, Q a step and P0, shape (15,), and R, shape (6,), or (0,) without a receiver; SI, by name."""
     gyro, accel = triad(config, "gyro"), triad(config, "accel")
     first, gnss = config.initial, config.gnss
-    memory = target.memory
     drive = np.zeros(15)
     for row, channels in ((3, accel), (6, gyro)):
-        drive[row : row + 3], _ = triple(
-            channels, lambda c: equivalent_white_density(c, memory=memory) ** 2, ""
-        )
+        drive[row : row + 3], _ = triple(channels, lambda c: target.white_density(c) ** 2, "")
     for row, channels in ((9, gyro), (12, accel)):
-        drive[row : row + 3], _ = triple(
-            channels, lambda c: equivalent_random_walk(c, memory=memory) ** 2, ""
-        )
+        drive[row : row + 3], _ = triple(channels, lambda c: target.bias(c) ** 2, "")
     start = np.array([*[first.position] * 3, *[first.velocity] * 3, first.tilt, first.tilt, first.heading])
     biases = [value for channels in (gyro, accel) for value in triple(channels, initial_bias_sd, "")[0]]
     fix = np.zeros(0)
@@ -106,7 +100,7 @@ def write(config: FilterConfig, target: Target) -> str:
     if len(found["R"]):
         tree["R"] = rows(found["R"], {name: SQUARES[name] for name in STATES[:2]})
     title = "15 states: diagonals of Q, R and P0 in SI units; position has no noise of its own"
-    return yaml_text(tree, header=provenance(config, title, walk_memory=target.memory))
+    return yaml_text(tree, header=provenance(config, title, target))
 
 
 def _markov(channel: ChannelNoise, interval: float) -> dict[str, Any]:

@@ -12,31 +12,23 @@ from tuner.exporters.dialect import Dialect, Target
 from tuner.exporters.header import provenance
 from tuner.exporters.scripts import commented
 from tuner.exporters.triad_values import initial_bias_sd, limited, mean, rms, triad
-from tuner.synthesis.equivalent_models import equivalent_random_walk, equivalent_white_density
-from tuner.types import ChannelNoise, FilterConfig
+from tuner.types import FilterConfig
 
 
 def write(config: FilterConfig, target: Target) -> str:
     """Return the lines of the INS options that follow from the sensor."""
-
-    def white(channel: ChannelNoise) -> float:
-        return equivalent_white_density(channel, memory=target.memory) ** 2
-
-    def walk(channel: ChannelNoise) -> float:
-        return equivalent_random_walk(channel, memory=target.memory) ** 2
-
     gyro, accel = triad(config, "gyro"), triad(config, "accel")
     figures = {
         "init_bg_unc": rms(gyro, initial_bias_sd, "rad/s; constant and states together"),
         "init_ba_unc": rms(accel, initial_bias_sd, "m/s^2; constant and states together"),
-        "psd_gyro": mean(gyro, white, "rad^2/s; N^2"),
-        "psd_acce": mean(accel, white, "m^2/s^3; N^2"),
-        "psd_bg": mean(gyro, walk, limited(config, gyro, "rad^2/s^3; K^2")),
-        "psd_ba": mean(accel, walk, limited(config, accel, "m^2/s^5; K^2")),
+        "psd_gyro": mean(gyro, lambda c: target.white_density(c) ** 2, "rad^2/s; N^2"),
+        "psd_acce": mean(accel, lambda c: target.white_density(c) ** 2, "m^2/s^3; N^2"),
+        "psd_bg": mean(gyro, lambda c: target.bias(c) ** 2, limited(config, gyro, "rad^2/s^3; K^2")),
+        "psd_ba": mean(accel, lambda c: target.bias(c) ** 2, limited(config, accel, "m^2/s^5; K^2")),
     }
     lines = [f"sample_rate   =     {target.rate:<24.10g} % imu sample rate (Hz)\n"]
     lines += [f"{key:<14}=     {figure.value:<24.9g} % {figure.note}\n" for key, figure in figures.items()]
-    header = provenance(config, "GINav: entries of the INS options", walk_memory=target.memory)
+    header = provenance(config, "GINav: entries of the INS options", target)
     return commented(header, "#") + "".join(lines)
 
 

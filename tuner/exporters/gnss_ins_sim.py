@@ -10,11 +10,11 @@ Source: Aceinna/gnss-ins-sim gnss_ins_sim/pathgen/pathgen.py (acc_gen, gyro_gen,
 from __future__ import annotations
 
 from models.units import from_si
-from tuner.exporters.dialect import Dialect, Target
+from tuner.exporters.dialect import Dialect, Target, longest_time
 from tuner.exporters.header import provenance
 from tuner.exporters.one_state import drawn_words, simulated_state
 from tuner.exporters.scripts import commented, vector
-from tuner.exporters.triad_values import longest_time, triad, triple
+from tuner.exporters.triad_values import triad, triple
 from tuner.types import FilterConfig
 
 

@@ -15,8 +15,7 @@ from tuner.exporters.dialect import Dialect, Target
 from tuner.exporters.header import provenance
 from tuner.exporters.scripts import commented, vector
 from tuner.exporters.triad_values import limited, triad, triple
-from tuner.synthesis.equivalent_models import equivalent_random_walk, equivalent_white_density
-from tuner.types import ChannelNoise, FilterConfig
+from tuner.types import FilterConfig
 
 _INTEGRATION_COVARIANCE = 1e-12
 """Error of the integration itself, m²/s: small beside any noise, and enough to keep the covariance regular."""
@@ -24,13 +23,6 @@ _INTEGRATION_COVARIANCE = 1e-12
 
 def write(config: FilterConfig, target: Target) -> str:
     """Return a Python module with ``params()``."""
-
-    def walk(channel: ChannelNoise) -> float:
-        return equivalent_random_walk(channel, memory=target.memory) ** 2
-
-    def density(channel: ChannelNoise) -> float:
-        return equivalent_white_density(channel, memory=target.memory) ** 2
-
     lines = []
     priors = []
     for sensor, noise, bias in (
@@ -38,8 +30,8 @@ def write(config: FilterConfig, target: Target) -> str:
         ("gyro", "Gyroscope", "BiasOmega"),
     ):
         channels = triad(config, sensor)
-        white, _ = triple(channels, density, "")
-        drive, _ = triple(channels, walk, "")
+        white, _ = triple(channels, lambda c: target.white_density(c) ** 2, "")
+        drive, _ = triple(channels, lambda c: target.bias(c) ** 2, "")
         prior, _ = triple(channels, lambda c: c.constant_sd, "")
         priors += prior
         lines.append(f"p.set{noise}Covariance(np.diag({vector(white)}))  # N²\n")
@@ -52,7 +44,7 @@ def write(config: FilterConfig, target: Target) -> str:
         "    p.setBiasAccOmegaInit(np.zeros((6, 6)))\n",
         "return p\n",
     ]
-    header = provenance(config, "GTSAM preintegration parameters", walk_memory=target.memory)
+    header = provenance(config, "GTSAM preintegration parameters", target)
     start = (
         "import gtsam\nimport numpy as np\n\n\ndef params():\n"
         '    """Return parameters for a frame with z up; densities in SI."""\n'

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator
 
-from models.arrays import FloatArray
+from tuner.exporters.dialect import Target
 from tuner.exporters.triad_values import triad
 from tuner.formats.customary_units import phrase
-from tuner.synthesis.equivalent_models import (
+from tuner.synthesis.error_growth import structure_function
+from tuner.synthesis.projection import (
     STILL_SHARE,
-    EquivalentNoise,
-    equivalent_noise,
-    structure_function,
+    STILL_TIME,
+    Projected,
+    errors_by_prediction,
+    projected,
 )
-from tuner.synthesis.error_growth import fading_growth, modelled_growth
 from tuner.types import ChannelNoise, Coefficient, FilterConfig
 from tuner.types.borrowed import borrowed_words, white_is_measured
 
@@ -24,11 +24,9 @@ SENSORS = {"gyro": "gyroscopes", "accel": "accelerometers"}
 
 STATES_IN_PAIR = "Gauss–Markov states are in N and K"
 """What the header says of a file whose two numbers stand for all states."""
-REPORTED_LAGS = (1.0, 10.0)
-"""Lags, s, at which exports say how far their prediction is off, beside the memory of the filter."""
 
 
-def provenance(config: FilterConfig, title: str, *, walk_memory: float | None = None) -> tuple[str, ...]:
+def provenance(config: FilterConfig, title: str, target: Target | None = None) -> tuple[str, ...]:
     """Return the header of an export, without comment marks.
 
     Parameters
@@ -37,13 +35,13 @@ def provenance(config: FilterConfig, title: str, *, walk_memory: float | None = 
         What is exported.
     title : str
         What the file is.
-    walk_memory : float, optional
-        Memory, s, where white noise and a random walk of the target stand for Gauss–Markov states.
+    target : Target, optional
+        The filter, where two of its numbers stand for all states of an axis.
     """
-    return tuple(_provenance(config, title, walk_memory))
+    return tuple(_provenance(config, title, target))
 
 
-def _provenance(config: FilterConfig, title: str, walk_memory: float | None) -> Iterator[str]:
+def _provenance(config: FilterConfig, title: str, target: Target | None) -> Iterator[str]:
     yield title
     measured = any(white_is_measured(config, axis) for axis in config.channels)
     of_sheet = not measured and any(channel.identified for channel in config.channels.values())
@@ -66,18 +64,12 @@ def _provenance(config: FilterConfig, title: str, walk_memory: float | None) -> 
             for axis, value in config.noise.items()
         )
         yield f"N is that in motion, for rest and motion alike; at rest N of {rest}"
-    if walk_memory is not None and any(channel.markov for channel in config.channels.values()):
-        yield (
-            f"{STATES_IN_PAIR}, for a filter with a memory τ of {walk_memory:g} s (assumed): those "
-            "whose prediction of the integrated error is nearest"
-        )
-        for axis, channel in config.channels.items():
-            if channel.markov:
-                yield _equivalence(axis, channel, walk_memory)
+    if target is not None:
+        yield from _projected_words(config, target)
     if still := [axis for axis, channel in config.channels.items() if not structure_function(channel, 1.0)]:
         yield (
             f"{', '.join(still)}: no wander of the bias identified; one of {100.0 * STILL_SHARE:g} % of white noise "
-            "in the variance of the integrated error over the memory stands in, as no target may get 0"
+            f"in the variance of the integrated error after {STILL_TIME:g} s stands in, as no target may get 0"
         )
     for sensor, name in SENSORS.items():
         if not triad(config, sensor):
@@ -85,12 +77,25 @@ def _provenance(config: FilterConfig, title: str, walk_memory: float | None) -> 
     yield from _inflations(config)
 
 
-def _equivalence(axis: str, channel: ChannelNoise, memory: float) -> str:
-    """Say what stands for the states of an axis, and how well."""
-    found = equivalent_noise(channel, memory=memory)
-    white = _figure(found.white_density, "white.density", channel.unit)
-    walk = _figure(found.bias, "random_walk.density", channel.unit)
-    return f"{axis}: N = {white}, K = {walk}; {_mismatch(found)}"
+def _projected_words(config: FilterConfig, target: Target) -> Iterator[str]:
+    """Yield what stands for the states of each axis, and how well a filter predicts with it."""
+    if target.fading_time is None and not any(channel.markov for channel in config.channels.values()):
+        return
+    what = (
+        STATES_IN_PAIR if target.fading_time is None else f"one T = {target.fading_time:g} s for all states"
+    )
+    name, quantity = ("K", "random_walk.density") if target.fading_time is None else ("σ", "gauss_markov.sd")
+    yield f"{what}; a filter that is aided by {target.aiding.words} (assumed) predicts best with"
+    for axis, channel in config.channels.items():
+        white, bias = (
+            _figure(value, of, channel.unit)
+            for value, of in (
+                (target.white_density(channel), "white.density"),
+                (target.bias(channel), quantity),
+            )
+        )
+        yield f"{axis}: N = {white}, {name} = {bias}"
+    yield from predicted_words(config, lambda c: projected(c, target.aiding, target.fading_time), target)
 
 
 def _figure(value: float, quantity: str, unit: str) -> str:
@@ -98,41 +103,20 @@ def _figure(value: float, quantity: str, unit: str) -> str:
     return phrase(Coefficient(value, None, None, unit), quantity, unit)
 
 
-def _mismatch(found: EquivalentNoise) -> str:
-    low, high = found.mismatch
-    return (
-        f"predicted ÷ modelled sd of the integrated error {low:.2f} … {high:.2f} from {found.shortest:g} to "
-        f"{found.longest:g} s, the least that two numbers can do"
-    )
-
-
-def fading_words(config: FilterConfig, time: float, memory: float) -> Iterator[str]:
-    """Yield how one fading state of time constant `time`, s, was chosen, and its prediction at some lags."""
-    yield (
-        f"one T = {time:g} s for all states; N and σ are those whose prediction of the integrated error is nearest "
-        f"from 1 s to {memory:g} s (assumed memory of the filter)"
-    )
-
-    def predicted(channel: ChannelNoise, lag: float) -> FloatArray:
-        found = equivalent_noise(channel, memory=memory, fading_time=time)
-        return fading_growth(found.white_density, found.bias, time, lag)
-
-    yield from mismatch_words(config, predicted, memory)
-
-
-def mismatch_words(
-    config: FilterConfig, predicted: Callable[[ChannelNoise, float], FloatArray], memory: float
+def predicted_words(
+    config: FilterConfig, pair: Callable[[ChannelNoise], Projected], target: Target
 ) -> Iterator[str]:
-    """Yield how far a target's prediction of the integrated error is off, by sensor; `predicted` is its variance."""
+    """Yield true ÷ predicted errors of a filter with two numbers an axis: by sensor, of the axis furthest from 1."""
     for sensor, name in SENSORS.items():
         if channels := triad(config, sensor):
-            ratios = []
-            for lag in (*REPORTED_LAGS, memory):
-                modelled = sum(modelled_growth(c, lag, memory=memory) for c in channels)
-                ratios.append(
-                    f"{math.sqrt(sum(predicted(c, lag) for c in channels) / modelled):.2f} at {lag:g} s"
-                )
-            yield f"{name}: predicted ÷ modelled sd of the integrated error {', '.join(ratios)}"
+            ratios = [errors_by_prediction(c, target.aiding, pair(c), target.fading_time) for c in channels]
+            worst = {key: max((one[key] for one in ratios), key=_distance) for key in ratios[0]}
+            words = ", ".join(f"{key} {ratio:.2f}" for key, ratio in worst.items())
+            yield f"{name}: true ÷ predicted error with fixes and after a time without: {words}"
+
+
+def _distance(ratio: float) -> float:
+    return max(ratio, 1.0 / ratio)
 
 
 def _inflations(config: FilterConfig) -> Iterator[str]:

@@ -17,6 +17,7 @@ from tuner.exporters.dialect import Dialect, Target
 from tuner.exporters.header import provenance
 from tuner.exporters.triad_values import triad, walk, white
 from tuner.formats.yaml_text import Noted, yaml_text
+from tuner.synthesis.projection import CAMERA
 from tuner.types import FilterConfig
 
 
@@ -24,14 +25,14 @@ def write(config: FilterConfig, target: Target) -> str:
     """Return the parameters of the node."""
     gyro, accel = triad(config, "gyro"), triad(config, "accel")
     entries: dict[str, Any] = {
-        "gyro_noise_density": white(gyro, "rad/s/√Hz, N", memory=target.memory).noted(),
+        "gyro_noise_density": white(gyro, "rad/s/√Hz, N", target).noted(),
         "gyro_random_walk": walk(config, gyro, "rad/s²/√Hz, K", target).noted(),
-        "accel_noise_density": white(accel, "m/s²/√Hz, N", memory=target.memory).noted(),
+        "accel_noise_density": white(accel, "m/s²/√Hz, N", target).noted(),
         "accel_random_walk": walk(config, accel, "m/s³/√Hz, K", target).noted(),
         "calibration_frequency": Noted(target.rate, "Hz; has to be that of the IMU: K²/f is added a sample"),
     }
     header = (
-        *provenance(config, "Isaac ROS Visual SLAM: IMU parameters of the node", walk_memory=target.memory),
+        *provenance(config, "Isaac ROS Visual SLAM: IMU parameters of the node", target),
         "cuVSLAM multiplies the information of the IMU by penalties of its own, which are not here",
     )
     return yaml_text({"/**": {"ros__parameters": entries}}, header=header)
@@ -42,4 +43,5 @@ DIALECT = Dialect(
     "Isaac ROS Visual SLAM parameters of ROS 2",
     "rad/s/√Hz, rad/s²/√Hz, m/s²/√Hz, m/s³/√Hz, Hz (continuous)",
     write,
+    aiding=CAMERA,
 )

@@ -9,7 +9,9 @@ filter C::
 
     J(s) = mean of  ln det C + tr C⁻¹ (d dᵀ + P)        d = x − x̂
 
-over position and velocity with fixes and the position after 10 and 60 s without, equally weighted. The log score is
+over position and velocity with fixes and the position after 10 and 60 s without, equally weighted. No filter sees an
+error of all fixes that outlasts the drive. Without a reference P holds it as the variance that the receiver states and
+that does not show from fix to fix (`unseen_sds`): what is unknown is not zero. The log score is
 proper: it rewards small errors and punishes dishonesty of both kinds [1]_.
 
 References
@@ -35,6 +37,7 @@ from tuner.consistency.drive_scores import blocks, on_clock_of, reference_at, se
 from tuner.consistency.reference_check import trusted_reference
 from tuner.consistency.score_drive import OUTAGE_LENGTHS, drive_filter
 from tuner.consistency.scores import DIVERGED_REFUSED_SHARE, outage_score, score
+from tuner.examination.examine import StreamNoise
 from tuner.exporters.kf_gins_drive import DriveFiles, drive_files, truth_rows, write_drive
 from tuner.formats.customary_units import digits
 from tuner.judgement import judge_export
@@ -62,7 +65,9 @@ SAME_TIME = 0.02
 """Times of one fix differ by less, s: by the rest of a delay that a filter estimates."""
 
 
-def judged_drive(drive: Drive, config: FilterConfig) -> tuple[DriveFiles, Judgement]:
+def judged_drive(
+    drive: Drive, config: FilterConfig, noise: Sequence[StreamNoise] = ()
+) -> tuple[DriveFiles, Judgement]:
     """Return a drive for KF-GINS with sds for a filter without states of the receiver, and for what it can be used.
 
     Parameters
@@ -71,6 +76,8 @@ def judged_drive(drive: Drive, config: FilterConfig) -> tuple[DriveFiles, Judgem
         The drive, examined.
     config : FilterConfig
         The settings with all their states.
+    noise : sequence of StreamNoise, optional
+        That of the streams, as examined.
 
     Raises
     ------
@@ -82,6 +89,10 @@ def judged_drive(drive: Drive, config: FilterConfig) -> tuple[DriveFiles, Judgem
     known, refused, measured = best_known(drive, config)
     if measured:
         files = replace(files, truth=truth_rows(known, files.imu[0, 0] - files.begin))
+    elif known.sd is not None:
+        sd = known.sd.copy()
+        sd[:, :3] = np.hypot(sd[:, :3], unseen_sds(noise, config))
+        known = replace(known, sd=sd)
     known = replace(known, t=known.t - files.begin)
     count = len(files.fixes)
     files = _without(files, refused - files.begin)
@@ -151,6 +162,20 @@ def best_known(drive: Drive, config: FilterConfig) -> tuple[Reference, FloatArra
         )
     )
     return Reference(t, llh, vel_n, rpy, sd), refused, False
+
+
+def unseen_sds(noise: Sequence[StreamNoise], config: FilterConfig) -> FloatArray:
+    """Return the sds north, east, down, m, that a receiver states and that neither its readings nor its states show."""
+    unseen = np.zeros(3)
+    shown = np.zeros(3)
+    if config.gnss is not None:
+        lasting = math.hypot(*(state.sd for state in config.gnss.correlated))
+        shown = lasting * np.array([1.0, 1.0, config.gnss.correlated_down])
+    for one in noise:
+        if one.stream == "fixes" and one.reported is not None:
+            own = slice(2, 3) if one.part == "vertical" else slice(0, 2)
+            unseen[own] = np.maximum(one.reported**2 - one.sd**2 - shown[own] ** 2, 0.0)
+    return np.sqrt(unseen)
 
 
 @dataclass(frozen=True)

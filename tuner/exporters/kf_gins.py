@@ -2,7 +2,7 @@
 
 arw deg/√h = N·(180/π)·60, vrw m/s/√h = N·60, gbstd deg/h = σ·(180/π)·3600, abstd mGal = σ/1e-5, corrtime h = T/3600;
 the filter forms 2σ²/T and lets the variance fade, while it keeps its estimate. Its one T is the longest time constant
-of the configuration (1 h without any); N and σ are those of `tuner.synthesis.equivalent_models`. Its one state is the
+of the configuration (1 h without any); N and σ are those of `tuner.synthesis.projection`. Its one state is the
 whole bias, so the initial sd is that of constant and states together; the sds of scale factors are those of the grade
 that the configuration comes from, or of the built-in one whose noise is nearest: a static log does not show them.
 
@@ -19,54 +19,45 @@ from collections.abc import Callable
 from typing import Any
 
 from models.units import from_si
-from tuner.exporters.dialect import Dialect, Target
-from tuner.exporters.header import fading_words, provenance
+from tuner.exporters.dialect import Dialect, Target, longest_time
+from tuner.exporters.header import provenance
 from tuner.exporters.scale_factors import scale_factor
-from tuner.exporters.triad_values import initial_bias_sd, limited, longest_time, triad, triple
+from tuner.exporters.triad_values import initial_bias_sd, limited, triad, triple
 from tuner.formats.digits import rounded
 from tuner.formats.yaml_text import Inline, Noted, yaml_text
-from tuner.synthesis.equivalent_models import equivalent_noise
+from tuner.synthesis.projection import RTK
 from tuner.types import ChannelNoise, FilterConfig
+
+TITLE = "KF-GINS: entries of kf-gins.yaml"
+"""First line of the file."""
 
 
 def write(config: FilterConfig, target: Target) -> str:
     """Return the entries of KF-GINS that follow from a configuration: noise, and sds of the start."""
-    return yaml_text(entries(config, target), header=header(config, target))
-
-
-def header(
-    config: FilterConfig, target: Target, title: str = "KF-GINS: entries of kf-gins.yaml"
-) -> tuple[str, ...]:
-    """Return the comment lines before the entries."""
-    return (*provenance(config, title), *fading_words(config, longest_time(config), target.memory))
+    return yaml_text(entries(config, target), header=provenance(config, TITLE, target))
 
 
 def entries(config: FilterConfig, target: Target) -> dict[str, Any]:
     """Return the entries as a tree for `yaml_text`."""
     time_constant = longest_time(config)
     gyro, accel = triad(config, "gyro"), triad(config, "accel")
-
-    def sd(channel: ChannelNoise) -> float:
-        return equivalent_noise(channel, memory=target.memory, fading_time=time_constant).bias
-
-    def density(channel: ChannelNoise) -> float:
-        return equivalent_noise(channel, memory=target.memory, fading_time=time_constant).white_density
-
     noise: dict[str, Any] = {}
     start: dict[str, Any] = {}
     if gyro:
-        noise["arw"] = _axes(gyro, lambda c: from_si(density(c), "deg/sqrt(h)"), "deg/√h; N·(180/π)·60")
+        noise["arw"] = _axes(
+            gyro, lambda c: from_si(target.white_density(c), "deg/sqrt(h)"), "deg/√h; N·(180/π)·60"
+        )
         noise["gbstd"] = _axes(
-            gyro, lambda c: from_si(sd(c), "deg/h"), limited(config, gyro, "deg/h; σ·(180/π)·3600")
+            gyro, lambda c: from_si(target.bias(c), "deg/h"), limited(config, gyro, "deg/h; σ·(180/π)·3600")
         )
         noise["gsstd"] = _scale(config, "gyro_scale")
         start["initbgstd"] = _axes(
             gyro, lambda c: from_si(initial_bias_sd(c), "deg/h"), "deg/h; constant and states together"
         )
     if accel:
-        noise["vrw"] = _axes(accel, lambda c: from_si(density(c), "m/s/sqrt(h)"), "m/s/√h; N·60")
+        noise["vrw"] = _axes(accel, lambda c: from_si(target.white_density(c), "m/s/sqrt(h)"), "m/s/√h; N·60")
         noise["abstd"] = _axes(
-            accel, lambda c: from_si(sd(c), "mGal"), limited(config, accel, "mGal; σ/1e-5")
+            accel, lambda c: from_si(target.bias(c), "mGal"), limited(config, accel, "mGal; σ/1e-5")
         )
         noise["asstd"] = _scale(config, "accel_scale")
         start["initbastd"] = _axes(
@@ -91,4 +82,6 @@ def _scale(config: FilterConfig, name: str) -> Noted:
     return Noted(Inline([rounded(1e6 * sd)] * 3), f"ppm; {reason}")
 
 
-DIALECT = Dialect("kf-gins", "KF-GINS kf-gins.yaml", "deg/√h, m/s/√h, deg/h, mGal, ppm, h", write)
+DIALECT = Dialect(
+    "kf-gins", "KF-GINS kf-gins.yaml", "deg/√h, m/s/√h, deg/h, mGal, ppm, h", write, aiding=RTK, fading=True
+)

@@ -32,8 +32,8 @@ from models.arrays import FloatArray
 from models.earth import in_degrees
 from models.units import from_si
 from tuner.consistency.score_drive import drive_filter
-from tuner.exporters.dialect import Target
-from tuner.exporters.kf_gins import entries, header
+from tuner.exporters.header import provenance
+from tuner.exporters.kf_gins import DIALECT, TITLE, entries
 from tuner.formats.clock_words import stated_words
 from tuner.formats.files import whole_file, write_text
 from tuner.formats.yaml_text import Inline, Noted, yaml_text
@@ -43,6 +43,7 @@ from tuner.navigation.determined import determined_state
 from tuner.navigation.drive.run import Stretch, navigate, prepare
 from tuner.navigation.fix_sd_model import GNSS_NOISE_SCALE, FixSdModel
 from tuner.navigation.settings import FilterSettings, total_bias
+from tuner.synthesis.projection import Aiding
 from tuner.types import Compensation, FilterConfig, GnssNoise
 from tuner.types.clock import Clock, Delay
 from tuner.types.records import DataError, Drive, Reference
@@ -136,7 +137,10 @@ def drive_files(drive: Drive, config: FilterConfig) -> DriveFiles:
         fixes[:, 4:] = np.hypot(
             fixes[:, 4:], _staying_sds(config.gnss)
         )  # KF-GINS has no state for what stays
-    target = Target(config.interval)
+    aiding = Aiding(
+        "the fixes of this drive", float(np.median(np.diff(fixes[:, 0]))), float(np.median(fixes[:, 4:6]))
+    )
+    target = replace(DIALECT.target(config), aiding=aiding)
     tree = {
         "imudatalen": 7,
         "imudatarate": Noted(rate, "Hz"),
@@ -152,7 +156,7 @@ def drive_files(drive: Drive, config: FilterConfig) -> DriveFiles:
         fixes,
         None if drive.reference is None else truth_rows(drive.reference, begin),
         tree,
-        header(config, target),
+        provenance(config, TITLE, target),
         tuple(notes),
     )
 

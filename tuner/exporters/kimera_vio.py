@@ -19,6 +19,7 @@ from tuner.exporters.dialect import Dialect, Target
 from tuner.exporters.header import provenance
 from tuner.exporters.triad_values import initial_bias_sd, rms, triad
 from tuner.formats.yaml_text import Inline, Noted, yaml_text
+from tuner.synthesis.projection import CAMERA
 from tuner.types import FilterConfig
 
 _INTEGRATION_SIGMA = 1e-6
@@ -37,10 +38,10 @@ def write(config: FilterConfig, target: Target) -> str:
         "n_gravity": Noted(Inline([0.0, 0.0, -STANDARD_GRAVITY]), "m/s²"),
     }
     header = (
-        *provenance(config, "Kimera-VIO: noise entries of ImuParams.yaml", walk_memory=target.memory),
+        *provenance(config, "Kimera-VIO: noise entries of ImuParams.yaml", target),
         f"BackendParams.yaml: initialGyroBiasSigma: {gyro:g} (rad/s), initialAccBiasSigma: {accel:g} (m/s²)",
     )
     return "%YAML:1.0\n" + yaml_text(entries, header=header)
 
 
-DIALECT = Dialect("kimera-vio", "Kimera-VIO ImuParams.yaml", kalibr.DIALECT.units, write)
+DIALECT = Dialect("kimera-vio", "Kimera-VIO ImuParams.yaml", kalibr.DIALECT.units, write, aiding=CAMERA)

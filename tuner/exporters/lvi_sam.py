@@ -18,7 +18,7 @@ from tuner.types import FilterConfig
 
 def write_lidar(config: FilterConfig, target: Target) -> str:
     """Return the IMU entries of params_lidar.yaml."""
-    header = provenance(config, "LVI-SAM: IMU entries of params_lidar.yaml", walk_memory=target.memory)
+    header = provenance(config, "LVI-SAM: IMU entries of params_lidar.yaml", target)
     return yaml_text({"lvi_sam": liosam.entries(config, target)}, header=header)
 
 
@@ -27,5 +27,13 @@ def write_camera(config: FilterConfig, target: Target) -> str:
     return vins.text(config, target, "LVI-SAM: IMU entries of params_camera.yaml")
 
 
-LIDAR = Dialect("lvi-sam", "LVI-SAM params_lidar.yaml", liosam.DIALECT.units, write_lidar)
-CAMERA = Dialect("lvi-sam-camera", "LVI-SAM params_camera.yaml", vins.DIALECT.units, write_camera)
+LIDAR = Dialect(
+    "lvi-sam", "LVI-SAM params_lidar.yaml", liosam.DIALECT.units, write_lidar, aiding=liosam.DIALECT.aiding
+)
+CAMERA = Dialect(
+    "lvi-sam-camera",
+    "LVI-SAM params_camera.yaml",
+    vins.DIALECT.units,
+    write_camera,
+    aiding=vins.DIALECT.aiding,
+)

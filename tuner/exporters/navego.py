@@ -13,32 +13,28 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from tuner.exporters.dialect import Dialect, Target
-from tuner.exporters.header import fading_words, provenance
+from tuner.exporters.dialect import Dialect, Target, longest_time
+from tuner.exporters.header import provenance
 from tuner.exporters.scripts import commented, vector
-from tuner.exporters.triad_values import initial_bias_sd, longest_time, triad, triple
-from tuner.synthesis.equivalent_models import equivalent_noise
+from tuner.exporters.triad_values import initial_bias_sd, triad, triple
 from tuner.types import ChannelNoise, FilterConfig
 
 
 def write(config: FilterConfig, target: Target) -> str:
     """Return a script that defines ``imu``."""
     time = longest_time(config)
-
-    def sd(channel: ChannelNoise) -> float:
-        return equivalent_noise(channel, memory=target.memory, fading_time=time).bias
-
-    def density(channel: ChannelNoise) -> float:
-        return equivalent_noise(channel, memory=target.memory, fading_time=time).white_density
-
     quantities: tuple[tuple[str, Callable[[ChannelNoise], float], str], ...] = (
-        ("{0}rw", density, "{1}/√Hz; N"),
+        ("{0}rw", target.white_density, "{1}/√Hz; N"),
         ("{0}rrw", lambda _: 0.0, "{1}/√s; of the simulator, where it would count the bias twice"),
-        ("{2}_std", lambda c: density(c) / math.sqrt(target.interval), "{1}; N/√dt, sd of a sample"),
+        (
+            "{2}_std",
+            lambda c: target.white_density(c) / math.sqrt(target.interval),
+            "{1}; N/√dt, sd of a sample",
+        ),
         ("{2}b_sta", lambda _: 0.0, "{1}; subtracted from every sample: write a measured mean, or zero"),
         ("{2}b_dyn", initial_bias_sd, "{1}; first estimate and initial sd; NaveGo's simulator wants σ here"),
         ("{2}b_corr", lambda _: time, "s; T"),
-        ("{2}b_psd", lambda c: sd(c) * math.sqrt(2.0 / time), "{1}/√s; σ√(2/T)"),
+        ("{2}b_psd", lambda c: target.bias(c) * math.sqrt(2.0 / time), "{1}/√s; σ√(2/T)"),
     )
     lines = []
     for sensor, names in (("gyro", ("a", "rad/s", "g")), ("accel", ("v", "m/s²", "a"))):
@@ -47,8 +43,7 @@ def write(config: FilterConfig, target: Target) -> str:
                 values, words = triple(channels, quantity, note.format(*names))
                 lines.append(f"imu.{key.format(*names)} = {vector(values)}; % {words}\n")
     lines.append(f"imu.freq = {target.rate!r}; % Hz\n")
-    header = (*provenance(config, "NaveGo IMU structure"), *fading_words(config, time, target.memory))
-    return commented(header, "%") + "".join(lines)
+    return commented(provenance(config, "NaveGo IMU structure", target), "%") + "".join(lines)
 
 
 DIALECT = Dialect(
@@ -56,4 +51,5 @@ DIALECT = Dialect(
     "NaveGo IMU structure (MATLAB script)",
     "rad/√s, m/s/√s, rad/s, m/s², s, rad/s/√s, m/s²/√s",
     write,
+    fading=True,
 )

@@ -13,38 +13,33 @@ from __future__ import annotations
 from typing import Any
 
 from models.units import from_si
-from tuner.exporters import kf_gins
-from tuner.exporters.dialect import Dialect, Target
-from tuner.exporters.triad_values import longest_time, rms, triad
+from tuner.exporters.dialect import Dialect, Target, longest_time
+from tuner.exporters.header import provenance
+from tuner.exporters.triad_values import rms, triad
 from tuner.formats.digits import rounded
 from tuner.formats.yaml_text import Noted, yaml_text
-from tuner.synthesis.equivalent_models import equivalent_noise
-from tuner.types import ChannelNoise, FilterConfig
+from tuner.synthesis.projection import RTK
+from tuner.types import FilterConfig
 
 
 def write(config: FilterConfig, target: Target) -> str:
     """Return the entries ``imumodel``."""
     time_constant = longest_time(config)
-
-    def sd(channel: ChannelNoise) -> float:
-        return equivalent_noise(channel, memory=target.memory, fading_time=time_constant).bias
-
-    def density(channel: ChannelNoise) -> float:
-        return equivalent_noise(channel, memory=target.memory, fading_time=time_constant).white_density
-
     gyro, accel = triad(config, "gyro"), triad(config, "accel")
     entries: dict[str, Any] = {
-        "arw": rms(gyro, lambda c: from_si(density(c), "deg/sqrt(h)"), "deg/√h; N").noted(),
-        "vrw": rms(accel, lambda c: from_si(density(c), "m/s/sqrt(h)"), "m/s/√h; N").noted(),
-        "gbstd": rms(gyro, lambda c: from_si(sd(c), "deg/h"), "deg/h; σ").noted(),
-        "abstd": rms(accel, lambda c: from_si(sd(c), "mGal"), "mGal; σ").noted(),
+        "arw": rms(gyro, lambda c: from_si(target.white_density(c), "deg/sqrt(h)"), "deg/√h; N").noted(),
+        "vrw": rms(accel, lambda c: from_si(target.white_density(c), "m/s/sqrt(h)"), "m/s/√h; N").noted(),
+        "gbstd": rms(gyro, lambda c: from_si(target.bias(c), "deg/h"), "deg/h; σ").noted(),
+        "abstd": rms(accel, lambda c: from_si(target.bias(c), "mGal"), "mGal; σ").noted(),
         "corrtime": Noted(rounded(time_constant / 3600.0), "h; T"),
     }
     header = (
-        *kf_gins.header(config, target, "OB_GINS, IC-GVINS: entries imumodel"),
+        *provenance(config, "OB_GINS, IC-GVINS: entries imumodel", target),
         "at rest IC-GVINS starts with a gyro-bias prior of 3 gbstd: enlarge gbstd where the turn-on is larger",
     )
     return yaml_text({"imumodel": entries}, header=header)
 
 
-DIALECT = Dialect("ob-gins", "OB_GINS and IC-GVINS YAML", "deg/√h, m/s/√h, deg/h, mGal, h", write)
+DIALECT = Dialect(
+    "ob-gins", "OB_GINS and IC-GVINS YAML", "deg/√h, m/s/√h, deg/h, mGal, h", write, aiding=RTK, fading=True
+)

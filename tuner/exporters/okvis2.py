@@ -16,6 +16,7 @@ from tuner.exporters.dialect import Dialect, Target
 from tuner.exporters.header import provenance
 from tuner.exporters.triad_values import initial_bias_sd, rms, triad, walk, white
 from tuner.formats.yaml_text import Noted, yaml_text
+from tuner.synthesis.projection import CAMERA
 from tuner.types import FilterConfig
 
 
@@ -24,13 +25,13 @@ def write(config: FilterConfig, target: Target) -> str:
     entries: dict[str, Any] = {}
     for sensor, letter, unit, rate in (("gyro", "g", "rad/s", "rad/s²"), ("accel", "a", "m/s²", "m/s³")):
         channels = triad(config, sensor)
-        entries[f"sigma_{letter}_c"] = white(channels, f"{unit}/√Hz; N", memory=target.memory).noted()
+        entries[f"sigma_{letter}_c"] = white(channels, f"{unit}/√Hz; N", target).noted()
         entries[f"sigma_{letter}w_c"] = walk(config, channels, f"{rate}/√Hz; K", target).noted()
         entries[f"sigma_b{letter}"] = rms(
             channels, initial_bias_sd, f"{unit}; constant and states together"
         ).noted()
     entries["g"] = Noted(STANDARD_GRAVITY, "m/s²")
-    header = provenance(config, "OKVIS2: noise entries of imu_parameters", walk_memory=target.memory)
+    header = provenance(config, "OKVIS2: noise entries of imu_parameters", target)
     return "%YAML:1.0\n" + yaml_text({"imu_parameters": entries}, header=header)
 
 
@@ -39,4 +40,5 @@ DIALECT = Dialect(
     "OKVIS2 YAML",
     "rad/s/√Hz, rad/s²/√Hz, rad/s, m/s²/√Hz, m/s³/√Hz, m/s² (continuous)",
     write,
+    aiding=CAMERA,
 )

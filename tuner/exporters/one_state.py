@@ -1,11 +1,8 @@
-"""One Gauss–Markov state for a bias that has more: as a simulator draws it, and as a filter lets it fade.
+"""One Gauss–Markov state for a bias that has more: as a simulator draws it.
 
 A simulator with one state is right where its samples have the Allan deviation of the model. σ and T are chosen
 together so that the largest mismatch |ln(drawn ÷ modelled)| between 1 s and the horizon is smallest; white noise
 counts, as it hides what lies below it.
-
-A filter with one fading state gets white noise and σ by `tuner.synthesis.equivalent_models`, with the longest T of the
-configuration, as a short one would let it forget a turn-on bias that it never observed.
 """
 
 from __future__ import annotations
@@ -20,7 +17,7 @@ from models.arrays import FloatArray
 from models.noise import GaussMarkov
 from models.units import unit_of_samples
 from tuner.formats.digits import rounded
-from tuner.synthesis.equivalent_models import equivalent_random_walk
+from tuner.synthesis.projection import still_walk
 from tuner.types import ChannelNoise
 
 SIMULATED_HORIZON = 300.0
@@ -86,7 +83,7 @@ def simulated_state(channel: ChannelNoise, *, preferred: float) -> OneState:
     lags = cluster_times()
     still, bias = allan_variances(channel, lags)
     if not bias.any():
-        sd = equivalent_random_walk(channel, memory=SIMULATED_HORIZON) * math.sqrt(preferred / 2.0)
+        sd = still_walk(channel) * math.sqrt(preferred / 2.0)
         return _fitted(sd, preferred, still, still, lags)
     centre_sd = math.log(math.sqrt(float(bias.max())))
     centre_time = math.log(preferred)

@@ -9,6 +9,7 @@ from tuner.exporters import kalibr
 from tuner.exporters.dialect import Dialect, Target
 from tuner.exporters.header import provenance
 from tuner.formats.yaml_text import Inline, Noted, yaml_text
+from tuner.synthesis.projection import CAMERA
 from tuner.types import FilterConfig
 
 
@@ -29,8 +30,8 @@ def write(config: FilterConfig, target: Target) -> str:
         **intrinsics,
         "Tg": [Inline([0.0, 0.0, 0.0])] * 3,
     }
-    header = provenance(config, "OpenVINS kalibr_imu_chain.yaml", walk_memory=target.memory)
+    header = provenance(config, "OpenVINS kalibr_imu_chain.yaml", target)
     return "%YAML:1.0\n" + yaml_text({"imu0": imu}, header=header)
 
 
-DIALECT = Dialect("openvins", "OpenVINS kalibr_imu_chain.yaml", kalibr.DIALECT.units, write)
+DIALECT = Dialect("openvins", "OpenVINS kalibr_imu_chain.yaml", kalibr.DIALECT.units, write, aiding=CAMERA)

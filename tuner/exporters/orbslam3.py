@@ -13,19 +13,20 @@ from tuner.exporters.dialect import Dialect, Target
 from tuner.exporters.header import provenance
 from tuner.exporters.triad_values import triad, walk, white
 from tuner.formats.yaml_text import Noted, yaml_text
+from tuner.synthesis.projection import CAMERA
 from tuner.types import FilterConfig
 
 
 def _write(config: FilterConfig, target: Target, first: dict[str, Any], frequency: float) -> str:
     entries = dict(first)
     if gyro := triad(config, "gyro"):
-        entries["IMU.NoiseGyro"] = white(gyro, "rad/s/√Hz; N", memory=target.memory).noted()
+        entries["IMU.NoiseGyro"] = white(gyro, "rad/s/√Hz; N", target).noted()
         entries["IMU.GyroWalk"] = walk(config, gyro, "rad/s²/√Hz; K", target).noted()
     if accel := triad(config, "accel"):
-        entries["IMU.NoiseAcc"] = white(accel, "m/s²/√Hz; N", memory=target.memory).noted()
+        entries["IMU.NoiseAcc"] = white(accel, "m/s²/√Hz; N", target).noted()
         entries["IMU.AccWalk"] = walk(config, accel, "m/s³/√Hz; K", target).noted()
     entries["IMU.Frequency"] = Noted(frequency, "Hz")
-    header = provenance(config, "ORB-SLAM3: IMU entries of the settings file", walk_memory=target.memory)
+    header = provenance(config, "ORB-SLAM3: IMU entries of the settings file", target)
     return "%YAML:1.0\n" + yaml_text(entries, header=header)
 
 
@@ -40,5 +41,7 @@ def write_unversioned(config: FilterConfig, target: Target) -> str:
 
 
 _UNITS = "rad/s/√Hz, rad/s²/√Hz, m/s²/√Hz, m/s³/√Hz (continuous)"
-DIALECT = Dialect("orbslam3", "ORB-SLAM3 settings, File.version 1.0", _UNITS, write)
-UNVERSIONED = Dialect("orbslam3-old", "ORB-SLAM3 settings without File.version", _UNITS, write_unversioned)
+DIALECT = Dialect("orbslam3", "ORB-SLAM3 settings, File.version 1.0", _UNITS, write, aiding=CAMERA)
+UNVERSIONED = Dialect(
+    "orbslam3-old", "ORB-SLAM3 settings without File.version", _UNITS, write_unversioned, aiding=CAMERA
+)

@@ -13,6 +13,7 @@ from __future__ import annotations
 from tuner.exporters import fastlio
 from tuner.exporters.dialect import Dialect, Target
 from tuner.formats.yaml_text import yaml_text
+from tuner.synthesis.projection import LIDAR
 from tuner.types import FilterConfig
 
 _KEYS = {
@@ -33,4 +34,4 @@ def write(config: FilterConfig, target: Target) -> str:
     return yaml_text({"mapping": {key: known[same] for key, same in _KEYS.items()}}, header=header)
 
 
-DIALECT = Dialect("point-lio", "Point-LIO YAML", fastlio.DIALECT.units, write)
+DIALECT = Dialect("point-lio", "Point-LIO YAML", fastlio.DIALECT.units, write, aiding=LIDAR)

@@ -13,11 +13,10 @@ import math
 from collections.abc import Callable
 
 from models.units import from_si
-from tuner.exporters.dialect import Dialect, Target
+from tuner.exporters.dialect import Dialect, Target, longest_time
 from tuner.exporters.header import provenance
 from tuner.exporters.scripts import commented, vector
-from tuner.exporters.triad_values import initial_bias_sd, limited, longest_time, triad, triple
-from tuner.synthesis.equivalent_models import equivalent_random_walk, equivalent_white_density
+from tuner.exporters.triad_values import initial_bias_sd, limited, triad, triple
 from tuner.types import ChannelNoise, FilterConfig
 
 _MICRO_G = 1e-6 * 9.7803267715
@@ -28,18 +27,15 @@ def write(config: FilterConfig, target: Target) -> str:
     """Return a script that defines ``imuerr``."""
     time = longest_time(config)
 
-    def density(channel: ChannelNoise) -> float:
-        return equivalent_white_density(channel, memory=target.memory)
-
     def sd(channel: ChannelNoise) -> float:
-        return equivalent_random_walk(channel, memory=target.memory) * math.sqrt(time / 2.0)
+        return target.bias(channel) * math.sqrt(time / 2.0)
 
     gyro, accel = triad(config, "gyro"), triad(config, "accel")
     quantities: tuple[tuple[str, tuple[ChannelNoise, ...], Callable[[ChannelNoise], float], str], ...] = (
         ("eb", gyro, lambda c: from_si(initial_bias_sd(c), "deg/h"), "deg/h; constant and states together"),
         ("db", accel, lambda c: initial_bias_sd(c) / _MICRO_G, "ug; constant and states together"),
-        ("web", gyro, lambda c: from_si(density(c), "deg/sqrt(h)"), "deg/√h; N"),
-        ("wdb", accel, lambda c: density(c) / _MICRO_G, "ug/√Hz; N"),
+        ("web", gyro, lambda c: from_si(target.white_density(c), "deg/sqrt(h)"), "deg/√h; N"),
+        ("wdb", accel, lambda c: target.white_density(c) / _MICRO_G, "ug/√Hz; N"),
         ("sqrtR0G", gyro, lambda c: from_si(sd(c), "deg/h"), limited(config, gyro, "deg/h; K·√(T/2)")),
         ("TauG", gyro, lambda _: time, "s; T"),
         ("sqrtR0A", accel, lambda c: sd(c) / _MICRO_G, limited(config, accel, "ug; K·√(T/2)")),
@@ -51,7 +47,7 @@ def write(config: FilterConfig, target: Target) -> str:
         lines.append(f"{name} = {vector(values)}'; % {words}\n")
     names = ", ".join(name for name, *_ in quantities)
     header = (
-        *provenance(config, "PSINS error settings", walk_memory=target.memory),
+        *provenance(config, "PSINS error settings", target),
         "of the filters of kfinit only those with bias noise, such as kfinit186, use sqrtR0G and sqrtR0A",
     )
     return commented(header, "%") + "".join(lines) + f"imuerr = imuerrset({names});\n"

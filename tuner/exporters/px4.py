@@ -17,6 +17,7 @@ from tuner.exporters.dialect import Dialect, Target
 from tuner.exporters.header import provenance
 from tuner.exporters.triad_values import Figure, rms, triad, walk, white
 from tuner.formats.yaml_text import comment
+from tuner.synthesis.projection import AUTOPILOT
 from tuner.types import FilterConfig
 
 _PARAMETERS = {
@@ -47,15 +48,15 @@ def write(config: FilterConfig, target: Target) -> str:
     factor = 1.0 / math.sqrt(step)
     figures: dict[str, Figure] = {}
     if gyro := triad(config, "gyro"):
-        figures["EKF2_GYR_NOISE"] = white(gyro, "rad/s; N/√dt", factor=factor, memory=target.memory)
+        figures["EKF2_GYR_NOISE"] = white(gyro, "rad/s; N/√dt", target, factor=factor)
         figures["EKF2_GYR_B_NOISE"] = walk(config, gyro, "rad/s²; K/√dt", target, factor=factor)
         figures["EKF2_GBIAS_INIT"] = rms(gyro, lambda c: c.constant_sd, "rad/s; turn-on sd")
     if accel := triad(config, "accel"):
-        figures["EKF2_ACC_NOISE"] = white(accel, "m/s²; N/√dt", factor=factor, memory=target.memory)
+        figures["EKF2_ACC_NOISE"] = white(accel, "m/s²; N/√dt", target, factor=factor)
         figures["EKF2_ACC_B_NOISE"] = walk(config, accel, "m/s³; K/√dt", target, factor=factor)
         figures["EKF2_ABIAS_INIT"] = rms(accel, lambda c: c.constant_sd, "m/s²; turn-on sd")
     lines = [
-        *provenance(config, "PX4 EKF2 parameters", walk_memory=target.memory),
+        *provenance(config, "PX4 EKF2 parameters", target),
         f"dt = {step:g} s, the prediction step: EKF2_PREDICT_US = {1e6 * step:g}, stock 10000",
         *parameter_lines(figures, _PARAMETERS, config, _RELEASE),
     ]
@@ -65,5 +66,10 @@ def write(config: FilterConfig, target: Target) -> str:
 
 
 DIALECT = Dialect(
-    "px4", "PX4 EKF2 parameters", "rad/s, rad/s², m/s², m/s³ (per prediction step)", write, needs=()
+    "px4",
+    "PX4 EKF2 parameters",
+    "rad/s, rad/s², m/s², m/s³ (per prediction step)",
+    write,
+    needs=(),
+    aiding=AUTOPILOT,
 )

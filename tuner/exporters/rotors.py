@@ -12,11 +12,11 @@ from __future__ import annotations
 
 import math
 
-from tuner.exporters.dialect import Dialect, Target
+from tuner.exporters.dialect import Dialect, Target, longest_time
 from tuner.exporters.header import provenance
 from tuner.exporters.one_state import drawn_words, simulated_state
 from tuner.exporters.scripts import xml_comment
-from tuner.exporters.triad_values import longest_time, pooled, triad
+from tuner.exporters.triad_values import pooled, triad
 from tuner.formats.digits import rounded
 from tuner.types import FilterConfig
 

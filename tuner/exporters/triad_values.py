@@ -1,9 +1,8 @@
 """Numbers of a dialect: the axes of a triad combined to one figure, with its unit, formula and spread in words.
 
 One value for three axes is their rms: the noise power of the triad is then right, and the spread stands in
-the comment. Random-walk-only targets get the white noise and the walk that stand for the modelled bias over the memory
-of the filter (`tuner.synthesis.equivalent_models`). Figures follow from several numbers and have no interval of their
-own: they carry `tuner.formats.digits.DEFAULT_DIGITS`.
+the comment. White noise and walk are those with which the target predicts best (`tuner.synthesis.projection`). Figures
+follow from several numbers and have no interval of their own: they carry `tuner.formats.digits.DEFAULT_DIGITS`.
 """
 
 from __future__ import annotations
@@ -16,11 +15,7 @@ from models.noise import GaussMarkov
 from tuner.exporters.dialect import Target
 from tuner.formats.digits import rounded
 from tuner.formats.yaml_text import Noted
-from tuner.synthesis.equivalent_models import FILTER_MEMORY, equivalent_random_walk, equivalent_white_density
 from tuner.types import ChannelNoise, FilterConfig
-
-DEFAULT_TIME_CONSTANT = 3600.0
-"""Time constant, s, of one-state targets where the configuration has no Gauss–Markov state."""
 
 
 @dataclass(frozen=True)
@@ -89,22 +84,14 @@ def pooled(channels: tuple[ChannelNoise, ...]) -> ChannelNoise:
     )
 
 
-def longest_time(config: FilterConfig) -> float:
-    """Return the longest time constant of the configuration, s, for targets with one; 1 h without any."""
-    times = [state.time_constant for channel in config.channels.values() for state in channel.markov]
-    return rounded(max(times, default=DEFAULT_TIME_CONSTANT))
-
-
 def initial_bias_sd(channel: ChannelNoise) -> float:
     """Return the sd of constant and bias states together, for targets with one state for the bias."""
     return math.hypot(channel.constant_sd, *(state.sd for state in channel.markov))
 
 
-def white(
-    channels: tuple[ChannelNoise, ...], note: str, *, factor: float = 1.0, memory: float = FILTER_MEMORY
-) -> Figure:
-    """Return the equivalent white density of a filter with some memory, s, times a factor; rms of the axes."""
-    return rms(channels, lambda channel: factor * equivalent_white_density(channel, memory=memory), note)
+def white(channels: tuple[ChannelNoise, ...], note: str, target: Target, *, factor: float = 1.0) -> Figure:
+    """Return the white density of a target times a factor, rms of the axes."""
+    return rms(channels, lambda channel: factor * target.white_density(channel), note)
 
 
 def walk(
@@ -115,12 +102,8 @@ def walk(
     *,
     factor: float = 1.0,
 ) -> Figure:
-    """Return the density of the equivalent random walk times a factor, rms of the axes."""
-    return rms(
-        channels,
-        lambda channel: factor * equivalent_random_walk(channel, memory=target.memory),
-        limited(config, channels, note),
-    )
+    """Return the density of the random walk of a target times a factor, rms of the axes."""
+    return rms(channels, lambda channel: factor * target.bias(channel), limited(config, channels, note))
 
 
 def limited(config: FilterConfig, channels: tuple[ChannelNoise, ...], note: str) -> str:

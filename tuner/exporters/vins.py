@@ -16,6 +16,7 @@ from tuner.exporters.dialect import Dialect, Target
 from tuner.exporters.header import provenance
 from tuner.exporters.triad_values import triad, walk, white
 from tuner.formats.yaml_text import Noted, yaml_text
+from tuner.synthesis.projection import CAMERA
 from tuner.types import FilterConfig
 
 
@@ -29,14 +30,14 @@ def text(config: FilterConfig, target: Target, title: str) -> str:
     density, drive = math.sqrt(2.0 / target.interval), 1.0 / math.sqrt(target.interval)
     entries: dict[str, Any] = {}
     if accel := triad(config, "accel"):
-        entries["acc_n"] = white(accel, "m/s²; N·√(2/dt)", factor=density, memory=target.memory).noted()
+        entries["acc_n"] = white(accel, "m/s²; N·√(2/dt)", target, factor=density).noted()
         entries["acc_w"] = walk(config, accel, "m/s³; K/√dt", target, factor=drive).noted()
     if gyro := triad(config, "gyro"):
-        entries["gyr_n"] = white(gyro, "rad/s; N·√(2/dt)", factor=density, memory=target.memory).noted()
+        entries["gyr_n"] = white(gyro, "rad/s; N·√(2/dt)", target, factor=density).noted()
         entries["gyr_w"] = walk(config, gyro, "rad/s²; K/√dt", target, factor=drive).noted()
     entries["g_norm"] = Noted(STANDARD_GRAVITY, "m/s²")
     header = (
-        *provenance(config, title, walk_memory=target.memory),
+        *provenance(config, title, target),
         f"dt = {target.interval:g} s of the IMU",
     )
     return "%YAML:1.0\n" + yaml_text(entries, header=header)
@@ -47,4 +48,5 @@ DIALECT = Dialect(
     "VINS-Mono, VINS-Fusion, GVINS YAML",
     "rad/s, rad/s², m/s², m/s³ (per IMU sample, mid-point)",
     write,
+    aiding=CAMERA,
 )

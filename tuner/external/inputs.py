@@ -17,8 +17,7 @@ import numpy as np
 
 from models.arrays import FloatArray
 from tuner.exporters import export
-from tuner.exporters.dialect import Target
-from tuner.exporters.kf_gins import entries
+from tuner.exporters.kf_gins import DIALECT, entries
 from tuner.exporters.kf_gins_drive import drive_files, write_drive
 from tuner.formats.documents import parse_yaml
 from tuner.formats.files import write_text
@@ -78,7 +77,7 @@ class Inputs:
             np.column_stack([fixes.t, places, fix_factor * fixes.sd]),
             fmt=["%.9f", *["%.12f"] * 2, *["%.6f"] * 4],
         )
-        noise = entries(config, Target(_interval(self.drive)))["imunoise"]
+        noise = entries(config, DIALECT.target(config, _interval(self.drive)))["imunoise"]
         settings = {**tree, "gnsspath": str(gnss), "outputpath": str(folder), "imunoise": noise}
         path = folder / "kf-gins.yaml"
         write_text(path, yaml_text(settings))

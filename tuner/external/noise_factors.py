@@ -1,6 +1,6 @@
 """The few factors that are moved: noise of gyros and accelerometers, wander of their biases, sds of fixes.
 
-A program with white noise and one kind of bias gets two numbers an axis (`tuner.synthesis.equivalent_models`); the
+A program with white noise and one kind of bias gets two numbers an axis (`tuner.synthesis.projection`); the
 factors act on these two, so that what is exported is what is multiplied.
 """
 
@@ -10,24 +10,24 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 
-from tuner.synthesis.equivalent_models import equivalent_noise
+from tuner.exporters.dialect import Dialect
 from tuner.types import ChannelNoise, Enlargement, FilterConfig, Quantity
 
 NOISE_FACTORS = ("gyro noise", "accelerometer noise", "bias walks", "fix sds")
 """What is multiplied: white densities of either sensor, walks of all biases, sds of the fixes (R by the square)."""
 
 
-def with_two_numbers(config: FilterConfig, *, memory: float) -> FilterConfig:
+def with_two_numbers(config: FilterConfig, dialect: Dialect) -> FilterConfig:
     """Return a configuration with white noise and a random walk alone, for programs that hold no more."""
+    target = replace(dialect.target(config), fading_time=None)
 
     def reduced(channel: ChannelNoise) -> ChannelNoise:
-        found = equivalent_noise(channel, memory=memory)
         start = math.hypot(channel.constant_sd, *(state.sd for state in channel.markov))
         return replace(
             channel,
-            white_density=found.white_density,
+            white_density=target.white_density(channel),
             markov=(),
-            random_walk_density=found.bias,
+            random_walk_density=target.bias(channel),
             constant_sd=start,
         )
 

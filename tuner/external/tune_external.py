@@ -23,7 +23,6 @@ from tuner.external.program import Program
 from tuner.external.search import GRADIENT_BLOCKS, MAX_RUNS, Found, search
 from tuner.readers.estimate import in_order, read_estimate
 from tuner.readers.estimate_columns import Frames, assemble
-from tuner.synthesis.equivalent_models import FILTER_MEMORY
 from tuner.types import FilterConfig
 from tuner.types.filter_output import FilterOutput
 from tuner.types.records import DataError, Drive
@@ -117,7 +116,7 @@ def tune_external(
         raise DataError(
             "--filter: expected {output}, the path of what the program writes, without ending, found none"
         )
-    begin = config if dialect == "native" else with_two_numbers(config, memory=FILTER_MEMORY)
+    begin = config if dialect == "native" else with_two_numbers(config, DIALECTS[dialect])
     with tempfile.TemporaryDirectory(prefix="tuner-filter-") as name:
         scratch = Path(name)
         inputs = inputs_of(drive, begin, dialect, scratch)

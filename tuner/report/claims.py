@@ -9,7 +9,7 @@ import yaml
 
 from tuner.consistency.score_drive import DriveResult
 from tuner.consistency.score_output import OutputScore
-from tuner.exporters.dialect import Target
+from tuner.exporters import kalibr
 from tuner.exporters.triad_values import triad, walk, white
 from tuner.formats.customary_units import digits
 from tuner.invariants import Claims, Statement, violations
@@ -113,7 +113,8 @@ def _written(result: TuneResult) -> Iterator[Statement]:
     written = yaml.safe_load(result.exports[PAIR]) if PAIR in result.exports else {}
     for sensor, name in {"gyro": "gyroscope", "accel": "accelerometer"}.items():
         if channels := triad(result.config, sensor) if written else ():
-            shown = white(channels, ""), walk(result.config, channels, "", Target(result.config.interval))
+            target = kalibr.DIALECT.target(result.config)
+            shown = white(channels, "", target), walk(result.config, channels, "", target)
             for key, one in zip((f"{name}_noise_density", f"{name}_random_walk"), shown, strict=True):
                 yield Statement(key, "on the screen", one.value)
                 yield Statement(key, f"in {PAIR}", written[key])

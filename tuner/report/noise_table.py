@@ -7,13 +7,12 @@ from collections.abc import Iterable, Mapping
 from rich.table import Table
 
 from tuner.exporters import kalibr, kf_gins
-from tuner.exporters.dialect import Target
-from tuner.exporters.triad_values import longest_time
+from tuner.exporters.dialect import Dialect
 from tuner.formats.customary_units import customary_unit, digits, in_customary, pretty, with_interval
 from tuner.formats.yaml_text import Noted
 from tuner.report.coefficient_text import coefficients_of
 from tuner.report.titled_table import table_of
-from tuner.synthesis.equivalent_models import equivalent_noise
+from tuner.synthesis.projection import errors_by_prediction, projected
 from tuner.types import BoundUsed, ChannelNoise, Coefficient, FilterConfig, Identification, Quantity
 from tuner.types.borrowed import BORROWED
 
@@ -43,6 +42,7 @@ ASSUMED = "ASSUMED"
 """Behind a number that nothing measures."""
 PAIR, FADING = "kalibr.yaml", "kf-gins.yaml"
 """Files whose numbers stand beside the measured ones: white noise with a random walk, and with a Gauss–Markov bias."""
+SHOWN_FILES: Mapping[str, Dialect] = {PAIR: kalibr.DIALECT, FADING: kf_gins.DIALECT}
 WIDEST_CELL = 15
 """Characters of a cell with which three axes have room in a terminal; longer ones have fewer digits."""
 NARROW_INTERVAL = 0.05
@@ -97,14 +97,13 @@ def entries_tables(config: FilterConfig, files: Iterable[str]) -> list[Table]:
 
     Numbers of `PAIR` have their customary units, too.
     """
-    target = Target(config.interval)
     tables = []
     if PAIR in files:
-        written = kalibr.noise_entries(config, target)
+        written = kalibr.noise_entries(config, kalibr.DIALECT.target(config))
         rows = [_of_pair(key, written[key]) for key in sorted(written, key=lambda key: key[:5] == "accel")]
         tables.append(table_of((f"{PAIR}, to enter", "rms of the axes", "that is"), rows, words=3))
     if FADING in files:
-        noise = kf_gins.entries(config, target)["imunoise"]
+        noise = kf_gins.entries(config, kf_gins.DIALECT.target(config))["imunoise"]
         rows = [
             [f"{key}, {noise[key].note.partition(';')[0]}", *(f"{x:.4g}" for x in noise[key].value.value)]
             for key in _FADING_KEYS
@@ -170,20 +169,21 @@ def why_larger(config: FilterConfig, files: Iterable[str]) -> str:
 
     Empty where no filter has fewer numbers than there are terms.
     """
-    filters = {PAIR: None, FADING: longest_time(config)}
+    targets = [dialect.target(config) for file, dialect in SHOWN_FILES.items() if file in files]
     found = [
-        equivalent_noise(channel, fading_time=filters[file])
-        for file in filters.keys() & {*files}
+        ratio
+        for one in targets
         for channel in config.channels.values()
         if channel.markov
+        for ratio in errors_by_prediction(
+            channel, one.aiding, projected(channel, one.aiding, one.fading_time), one.fading_time
+        ).values()
     ]
     if not found:
         return ""
-    least, most = min(one.mismatch[0] for one in found), max(one.mismatch[1] for one in found)
-    longest = digits(max(one.longest for one in found), 2)
     return (
-        "To enter: the filter lacks some terms above, so its two numbers an axis are larger "
-        f"({least:.2f} to {most:.2f} × their drift up to {longest} s); enlarge for vibration only"
+        "To enter: the filter lacks some terms above, so its numbers are larger: with its usual fixes "
+        f"it errs by {min(found):.2f} to {max(found):.2f} × predicted; enlarge for vibration only"
     )
 
 

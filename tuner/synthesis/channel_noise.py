@@ -39,7 +39,7 @@ from models.noise import (
 from models.noise.bias_instability import ALLAN_FLOOR
 from models.noise.bounded_white_noise import BOUNDED_SHARE, bounded_white_density
 from tuner.synthesis.bias_states import BOUND, RULES, FlickerView, bounding_state, spectrum_bound
-from tuner.synthesis.equivalent_models import structure_function
+from tuner.synthesis.error_growth import structure_function
 from tuner.types import (
     ArmaFit,
     BoundUsed,

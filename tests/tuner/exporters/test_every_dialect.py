@@ -13,7 +13,6 @@ from tests.tuner.exporters.made_by_hand import (
     CONFIG,
     DT,
     N_GYRO,
-    S_GYRO,
     TIME,
     entries,
     make,
@@ -116,13 +115,12 @@ def test_no_dialect_carries_more_digits_than_it_should(dialect: str) -> None:
 
 
 def test_fast_livo2_is_told_what_its_fixed_walk_predicts() -> None:
-    text = export(CONFIG, "fast-livo2", memory=100.0)
+    text = export(CONFIG, "fast-livo2")
     assert yaml.safe_load(text)["imu"]["gyr_cov"] == near(N_GYRO**2 / DT)
-    # LIVMapper.cpp fixes 1e-4 (rad/s²)² a step: K = 1e-3 at 100 Hz, σ√(2/T) = 1.7e-6 in the configuration.
-    modelled = N_GYRO**2 * 100.0 + S_GYRO**2 * 2.0 / TIME * 100.0**3 / 3.0
-    ratio = math.sqrt((N_GYRO**2 * 100.0 + 1e-6 * 100.0**3 / 3.0) / modelled)
-    said = re.search(r"gyroscopes: predicted .* (\d+\.\d\d) at 100 s", text)
-    assert float(said[1]) == pytest.approx(ratio, rel=0.05)
+    # LIVMapper.cpp fixes 1e-4 (rad/s²)² a step: K = 1e-3 at 100 Hz, σ√(2/T) = 1.7e-6 in the configuration. The filter
+    # believes in a drift of the bias that is 600 times as large.
+    said = re.search(r"gyroscopes: true ÷ predicted .* 60 s (\d+\.\d\d)", text)
+    assert float(said[1]) < 0.5
 
 
 def test_settings_that_are_fitted_to_the_curve_say_so_beside_the_identified_terms() -> None:

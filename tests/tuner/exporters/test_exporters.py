@@ -24,7 +24,6 @@ from tests.tuner.exporters.made_by_hand import (
     DT,
     K_ACCEL,
     K_GYRO,
-    MEMORY,
     N_ACCEL,
     N_GYRO,
     S_ACCEL,
@@ -39,13 +38,9 @@ from tests.tuner.exporters.made_by_hand import (
 from tuner.exporters import export
 from tuner.exporters.dialect import Target
 from tuner.exporters.fifteen_state import diagonals
-from tuner.synthesis import equivalent_noise
 from tuner.synthesis.load_config import load_config
+from tuner.synthesis.projection import GNSS, RTK, STILL_TIME, projected
 from tuner.types import BoundUsed, FilterConfig, GnssNoise, Quantity
-
-
-def test_the_equivalent_walk_here_is_the_driving_density() -> None:
-    assert pytest.approx(S_GYRO * math.sqrt(2.0 / TIME), rel=0.01) == K_GYRO
 
 
 @pytest.mark.parametrize("dialect", ["kalibr", "openvins"])
@@ -115,30 +110,31 @@ def test_fastlio_takes_variances_of_a_step(dialect: str) -> None:
     assert DT**2 * found["b_acc_cov"] == near(K_ACCEL**2 * DT)
 
 
-FADING_GYRO, FADING_ACCEL = (
-    equivalent_noise(CONFIG.channels[axis], memory=MEMORY, fading_time=TIME).bias
-    for axis in ("gyro_x", "accel_x")
-)
+PAIRS = [projected(CONFIG.channels[axis], RTK, TIME) for axis in ("gyro_x", "accel_x")]
+FADING_GYRO, FADING_ACCEL = (one.bias for one in PAIRS)
+WHITE_GYRO, WHITE_ACCEL = (one.white_density for one in PAIRS)
 
 
-def test_the_fading_state_here_is_that_of_the_configuration_before_it_fades() -> None:
-    assert pytest.approx(S_GYRO, rel=0.01) == FADING_GYRO
-    assert pytest.approx(S_ACCEL, rel=0.01) == FADING_ACCEL
+def test_the_fading_state_here_is_nearly_that_of_the_configuration() -> None:
+    assert pytest.approx([S_GYRO, S_ACCEL], rel=0.01) == [FADING_GYRO, FADING_ACCEL]
+    assert pytest.approx([N_GYRO, N_ACCEL], rel=0.02) == [WHITE_GYRO, WHITE_ACCEL]
 
 
 def test_kf_gins_takes_customary_units_and_one_time_constant() -> None:
     found = entries("kf-gins")
     noise = found["imunoise"]
-    assert noise["arw"] == near([2e-4 * 180.0 / math.pi * 60.0] * 3)
-    assert noise["vrw"] == near([0.18] * 3)
+    assert noise["arw"] == near([WHITE_GYRO * 180.0 / math.pi * 60.0] * 3)
+    assert noise["vrw"] == near([60.0 * WHITE_ACCEL] * 3)
     assert noise["gbstd"] == near([FADING_GYRO * 180.0 / math.pi * 3600.0] * 3)
     assert noise["abstd"] == near([FADING_ACCEL * 1e5] * 3)
-    assert noise["corrtime"] == near(0.5)
+    assert noise["corrtime"] == near(TIME / 3600.0)
     # One state is the whole bias, constant and Gauss–Markov together (src/kf-gins/gi_engine.cpp, initialize).
     assert found["initbgstd"] == near([math.hypot(1e-3, 5e-5) * 180.0 / math.pi * 3600.0] * 3)
     assert found["initbastd"] == near([math.hypot(0.05, 4e-4) * 1e5] * 3)
-    assert "assumed memory" in written("kf-gins")
-    assert "gyroscopes: predicted ÷ modelled sd of the integrated error 1.00 at 1 s" in written("kf-gins")
+    assert "aided by RTK positions at 1 Hz, 2 cm (assumed)" in written("kf-gins")
+    assert "gyroscopes: true ÷ predicted error with fixes and after a time without: position 1.00" in written(
+        "kf-gins"
+    )
 
 
 def test_kf_gins_gets_the_scale_factors_of_the_grade_or_of_the_nearest() -> None:
@@ -180,18 +176,19 @@ def test_kf_gins_refits_at_its_time_constant() -> None:
     mixed["gyro_x"] = replace(mixed["gyro_x"], markov=(GaussMarkov(S_GYRO, 100.0),))
     noise = entries("kf-gins", replace(CONFIG, channels=mixed))["imunoise"]
     sd = noise["gbstd"][0] * DEG / 3600.0
-    # Both begin as a walk of the same driving density, 2σ²/T; the shorter T is worth a little less over the memory.
-    assert 0.8 < sd / (S_GYRO * math.sqrt(TIME / 100.0)) < 1.0
+    # Both begin as a walk of the same driving density, 2σ²/T; the shorter T is worth less.
+    assert 0.4 < sd / (S_GYRO * math.sqrt(TIME / 100.0)) < 1.0
     assert noise["gbstd"][1] == near(FADING_GYRO * 180.0 / math.pi * 3600.0)
 
 
 def test_navego_gives_its_filter_the_driving_density() -> None:
     found = python_values(written("navego"))
-    assert found["arw"] == near([2e-4] * 3)
-    assert found["vrw"] == near([3e-3] * 3)
-    assert found["gb_psd"] == near([FADING_GYRO * math.sqrt(2.0 / TIME)] * 3)
-    assert found["ab_psd"] == near([FADING_ACCEL * math.sqrt(2.0 / TIME)] * 3)
-    assert found["g_std"] == near([2e-3] * 3)
+    gyro, accel = (projected(CONFIG.channels[axis], GNSS, TIME) for axis in ("gyro_x", "accel_x"))
+    assert found["arw"] == near([gyro.white_density] * 3)
+    assert found["vrw"] == near([accel.white_density] * 3)
+    assert found["gb_psd"] == near([gyro.bias * math.sqrt(2.0 / TIME)] * 3)
+    assert found["ab_psd"] == near([accel.bias * math.sqrt(2.0 / TIME)] * 3)
+    assert found["g_std"] == near([10.0 * gyro.white_density] * 3)
     assert found["gb_corr"] == near([TIME] * 3)
     # ins_gnss.m subtracts gb_sta from every sample, starts from gb_dyn, and squares it into P0.
     assert found["ab_sta"] == found["gb_sta"] == [0.0] * 3
@@ -208,7 +205,7 @@ def test_gtsam_takes_densities_squared() -> None:
     assert found["setAccelerometerCovariance"] == near([9e-6] * 3)
     assert found["setBiasOmegaCovariance"] == near([K_GYRO**2] * 3)
     assert found["setBiasAccCovariance"] == near([K_ACCEL**2] * 3)
-    assert found["Sigmas"] == near([B_ACCEL] * 3 + [B_GYRO] * 3)
+    assert found["Sigmas"] == near([math.hypot(B_ACCEL, S_ACCEL)] * 3 + [math.hypot(B_GYRO, S_GYRO)] * 3)
     # Up to 4.2 the "initial" covariance is noise of every step, and 4.3 has none.
     assert 'if hasattr(p, "setBiasAccOmegaInit")' in text
     assert "setBiasAccOmegaInit(np.zeros((6, 6)))" in text
@@ -274,7 +271,7 @@ def test_each_autopilot_has_a_step_of_its_own() -> None:
         inflations=(),
     )
     for rate, step in ((400.0, 0.0125), (300.0, 4.0 / 300.0), (100.0, 0.01), (50.0, 0.02)):
-        found = export(white, "ardupilot", interval=1.0 / rate, memory=MEMORY)
+        found = export(white, "ardupilot", interval=1.0 / rate)
         assert f"EK3_GYRO_P_NSE,{2e-4 / math.sqrt(step):.6g}"[:20] in found
     assert f"{2e-4 / math.sqrt(0.012):.6g}" in export(white, "ardupilot")
     assert f"{2e-4 / math.sqrt(0.01):.6g}" in export(white, "px4")
@@ -377,7 +374,7 @@ def test_pyins_gets_no_walk_of_a_bias_without_sd() -> None:
         for axis, channel in CONFIG.channels.items()
     }
     gyro = written("pyins", replace(CONFIG, channels=known)).split("accel_model")[0]
-    assert python_values(gyro)["bias_sd"] == near([1e-6 * math.sqrt(MEMORY)] * 3)
+    assert python_values(gyro)["bias_sd"] == near([1e-6 * math.sqrt(STILL_TIME)] * 3)
 
 
 def test_the_table_of_15_states_is_the_settings_squared() -> None:

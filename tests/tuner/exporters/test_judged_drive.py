@@ -11,7 +11,8 @@ import yaml
 from models import rotation
 from models.noise import GaussMarkov
 from tuner.cli import run
-from tuner.exporters.judged_drive import as_read, compared, consistency, judged_drive
+from tuner.examination.examine import StreamNoise
+from tuner.exporters.judged_drive import as_read, compared, consistency, judged_drive, unseen_sds
 from tuner.exporters.kf_gins_drive import drive_files, write_drive
 from tuner.judgement import judge_export
 from tuner.navigation.drive.run import initial_estimates, initial_state
@@ -101,6 +102,19 @@ def test_errors_of_fixes_that_last_are_in_their_sds(drive_config, poor, tmp_path
         truth = read_drive(tmp_path / "k.yaml").reference
         ratio = consistency(compared(stretch, settings, truth)).blocks[0].ratio
         assert (1.0 / HONEST < ratio < HONEST) == honest
+
+
+def test_what_a_receiver_states_and_its_readings_do_not_show_is_not_zero(drive_config):
+    """Fixes of 1.0 m from reading to reading, stated with 1.4 m: 1.0 m that no filter sees; drives err by 2 to 3 ×."""
+    noise = (
+        StreamNoise("fixes", "", 1.0, 1.4, "m"),
+        StreamNoise("fixes", "vertical", 3.0, 2.0, "m"),
+        StreamNoise("velocities", "", 0.1, 9.0, "m/s"),
+    )
+    plain = replace(drive_config, gnss=replace(drive_config.gnss, correlated=()))
+    assert unseen_sds(noise, plain) == pytest.approx([0.96**0.5, 0.96**0.5, 0.0])
+    # Where states of the filter hold an error that lasts, only the rest is unseen.
+    assert unseen_sds(noise, with_lasting(drive_config))[0] < 0.98
 
 
 def test_fixes_that_our_filter_refuses_are_left_out(configuration, data, saved, tmp_path):

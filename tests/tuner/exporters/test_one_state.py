@@ -11,7 +11,7 @@ from models.noise import GaussMarkov
 from tuner.exporters.one_state import simulated_state
 from tuner.exporters.simulated_flicker import simulated_flicker
 from tuner.synthesis import structure_function
-from tuner.synthesis.error_growth import estimated_share, fading_growth, modelled_growth, walk_growth
+from tuner.synthesis.error_growth import estimated_share, modelled_growth, walk_growth
 from tuner.types import ChannelNoise
 
 LADDER = tuple(GaussMarkov(5e-5, time) for time in (1.0, 10.0, 100.0, 1000.0))
@@ -35,16 +35,11 @@ def test_growth_is_the_double_sum_of_the_covariance(lag: float) -> None:
     walk = RICH.random_walk_density**2 * np.minimum(s[:, None], s)
     expected = RICH.white_density**2 * lag + (kept + walk).sum() * (lag / n) ** 2
     assert modelled_growth(RICH, lag, memory=100.0) == pytest.approx(expected, rel=2e-3)
-    faded = np.exp(-np.abs(s[:, None] - s) / 300.0) - np.exp(-(s[:, None] + s) / 300.0)
-    assert fading_growth(0.0, 2e-5, 300.0, lag) == pytest.approx(
-        4e-10 * faded.sum() * (lag / n) ** 2, rel=2e-3
-    )
 
 
 def test_a_state_that_fades_slowly_is_a_walk() -> None:
     state = GaussMarkov(2e-5, 1e6)
     walk = walk_growth(1e-4, state.driving_density, 50.0)
-    assert fading_growth(1e-4, state.sd, state.time_constant, 50.0) == pytest.approx(walk, rel=1e-3)
     one = ChannelNoise("gyro_x", "rad/s", 1e-4, (state,), 0.0, 0.0)
     assert modelled_growth(one, 50.0, memory=100.0) == pytest.approx(walk, rel=1e-3)
 
@@ -54,8 +49,6 @@ def test_series_and_closed_form_meet() -> None:
     assert modelled_growth(one, 0.999, memory=0.01) / modelled_growth(
         one, 1.001, memory=0.01
     ) == pytest.approx((0.999 / 1.001) ** 3, rel=2e-3)
-    low, high = (fading_growth(0.0, 1.0, 1000.0, lag) for lag in (0.999, 1.001))
-    assert low / high == pytest.approx((0.999 / 1.001) ** 3, rel=2e-3)
 
 
 def test_one_state_is_found_as_itself() -> None:

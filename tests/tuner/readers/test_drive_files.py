@@ -16,8 +16,8 @@ from tuner.identification import identify
 from tuner.readers.drive import read_drive
 from tuner.readers.drive_tables import ordered
 from tuner.readers.source_kind import source_name
-from tuner.synthesis.equivalent_models import equivalent_noise
 from tuner.synthesis.load_config import load_config
+from tuner.synthesis.projection import RTK, projected
 from tuner.types.records import DataError, Record
 
 LEVER = (0.5, -0.3, -1.2)
@@ -127,12 +127,11 @@ def test_one_file_of_kf_gins_is_drive_and_configuration(configuration, arrays, t
     exported = export(config, "kf-gins")
     settings = write_kf_gins(tmp_path, arrays(150.0), exported)
     theirs = load_config(settings)
-    memory = 100.0  # over which the single state predicts about the errors of the states it stands for
     for name, ours in config.channels.items():
         channel = theirs.channels[name]
         (state,) = channel.markov
         assert state.time_constant == pytest.approx(max(m.time_constant for m in ours.markov))
-        expected = equivalent_noise(ours, memory=memory, fading_time=state.time_constant)
+        expected = projected(ours, RTK, state.time_constant)
         assert channel.white_density == pytest.approx(expected.white_density, rel=SIX_DIGITS)
         assert state.sd == pytest.approx(expected.bias, rel=SIX_DIGITS)
         whole = np.sqrt(ours.constant_sd**2 + sum(m.sd**2 for m in ours.markov))

@@ -43,8 +43,8 @@ from tuner.report.terminal import fitted, text_of
 from tuner.report.tune_answer import found_lines, settings_in_dialect, tune_answer
 from tuner.simulation.static import simulate
 from tuner.synthesis import synthesize
-from tuner.synthesis.equivalent_models import equivalent_noise
 from tuner.synthesis.from_drive import load_config
+from tuner.synthesis.projection import CAMERA, errors_by_prediction, projected
 from tuner.tune_result import TuneResult
 from tuner.types import BoundUsed, Coefficient, Diagnosis, DriveDiagnosis, Enlargement, Finding, Unexplained
 from tuner.types.borrowed import with_borrowed
@@ -225,10 +225,14 @@ def test_one_reason_stands_for_all_numbers_that_are_larger_than_measured(result)
         for axis, one in result.config.channels.items()
     }
     config = replace(result.config, channels=channels)
-    pairs = [equivalent_noise(one).mismatch for one in channels.values()]
+    errors = [
+        ratio
+        for one in channels.values()
+        for ratio in errors_by_prediction(one, CAMERA, projected(one, CAMERA)).values()
+    ]
     why = why_larger(config, ("kalibr.yaml",))
-    assert "the filter lacks some terms above, so its two numbers an axis are larger" in why
-    assert f"{min(low for low, _ in pairs):.2f} to {max(high for _, high in pairs):.2f} ×" in why
+    assert "the filter lacks some terms above, so its numbers are larger" in why
+    assert f"{min(errors):.2f} to {max(errors):.2f} × predicted" in why
     whole = {
         axis: replace(one, markov=()) for axis, one in channels.items()
     }  # nothing stands for another term
@@ -384,7 +388,7 @@ def test_noise_in_motion_is_said_once(result):
     """The verdict said "accel × 2.5 (vibration)" and a line below "accelerometer 13 × that at rest"."""
     seen = SimpleNamespace(before_filter=(), vibration={"accelerometer": (1.0, 13.0)})
     found = replace(result, examination=seen)
-    line = "Noise in motion: accelerometer 13 × that at rest, which Q must hold"
+    line = "Noise in motion: accelerometer 13 × that at rest; Q needs what of it adds up"
     assert line in answer_lines(found, Path("out"))
     larger = Enlargement(Quantity("gyro_x", "white_density"), 2.5, "", ("vibration",))
     lines = answer_lines(replace(found, config=replace(result.config, inflations=(larger,))), Path("out"))

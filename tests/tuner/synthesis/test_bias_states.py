@@ -1,4 +1,4 @@
-"""Bias states: flicker ladder, single states, the bounding state, equivalent models, process noise."""
+"""Bias states: flicker ladder, single states, the bounding state, process noise."""
 
 from __future__ import annotations
 
@@ -14,11 +14,8 @@ from tuner.synthesis import (
     axis_states,
     axis_system,
     bounding_state,
-    equivalent_noise,
-    equivalent_random_walk,
 )
 from tuner.synthesis.bias_states import FlickerView, spectrum_bound
-from tuner.synthesis.error_growth import fading_growth, modelled_growth, walk_growth
 from tuner.types import ChannelNoise
 
 VIEW = FlickerView(
@@ -149,65 +146,6 @@ def test_bounding_state_of_a_point_is_the_point() -> None:
     assert bounding_state((1.0, 2.0), (50.0, 50.0)) == GaussMarkov(2.0, 50.0)
     with pytest.raises(ValueError, match="time_constant"):
         bounding_state((1.0, 2.0), (0.0, 50.0))
-
-
-@pytest.mark.parametrize("memory", [1.0, 10.0, 100.0])
-def test_states_that_outlast_the_memory_are_a_walk(memory: float) -> None:
-    rich = channel(markov=(GaussMarkov(2e-5, 3e5), GaussMarkov(1e-5, 1e6)), random_walk_density=1e-7)
-    found = equivalent_noise(rich, memory=memory)
-    assert found.bias**2 == pytest.approx(1e-14 + 2.0 * (4e-10 / 3e5 + 1e-10 / 1e6), rel=1e-3)
-    assert found.white_density == pytest.approx(rich.white_density, rel=1e-6)
-
-
-@pytest.mark.parametrize("time", [0.01, 0.1])
-def test_a_state_that_is_forgotten_at_once_is_white_noise_and_no_walk(time: float) -> None:
-    """White noise of a Gauss–Markov process at long times: S(0) = 2σ²T (IEEE Std 952, Annex C)."""
-    fast = channel(markov=(GaussMarkov(2e-3, time),), random_walk_density=1e-7)
-    found = equivalent_noise(fast)
-    # Within the first T of the shortest lag, 1 s, the state is not yet forgotten: 3T/2 of its growth is missing.
-    assert found.white_density**2 == pytest.approx(fast.white_density**2 + 8e-6 * time, rel=2.0 * time)
-    # The walk makes up for no more, at the end of the memory.
-    assert found.bias**2 * 1e4 / 3.0 < 1.5 * time * found.white_density**2
-
-
-@pytest.mark.parametrize("fading", [None, 300.0])
-@pytest.mark.parametrize(
-    "states",
-    [
-        ((3e-5, 30.0),),
-        ((1e-5, 10.0), (1e-5, 100.0), (1e-5, 1000.0)),
-        ((5e-5, 5.0), (1e-5, 60.0)),
-    ],
-)
-def test_no_other_two_numbers_predict_the_integrated_error_better(states, fading) -> None:
-    """Against a search over all N that are not below that of the configuration and all K, or σ."""
-    rich = channel(markov=tuple(GaussMarkov(sd, time) for sd, time in states), white_density=5e-5)
-    found = equivalent_noise(rich, fading_time=fading)
-    lags = np.geomspace(1.0, 100.0, 41)
-    shape = walk_growth(0.0, 1.0, lags) if fading is None else fading_growth(0.0, 1.0, fading, lags)
-    white = rich.white_density**2 * np.geomspace(1.0, 100.0, 200)[:, None, None] * lags
-    bias = found.bias**2 * np.geomspace(0.01, 100.0, 400)[None, :, None] * shape
-    ratio = np.sqrt((white + bias) / modelled_growth(rich, lags, memory=100.0))
-    least = float(np.abs(np.log(ratio)).max(axis=2).min())
-    assert max(abs(math.log(r)) for r in found.mismatch) <= least + 1e-6
-    own = np.sqrt(
-        (found.white_density**2 * lags + found.bias**2 * shape) / modelled_growth(rich, lags, memory=100.0)
-    )
-    assert found.mismatch == pytest.approx((own.min(), own.max()), rel=1e-9)
-
-
-def test_equivalents_keep_what_needs_no_conversion() -> None:
-    assert equivalent_random_walk(channel(random_walk_density=3e-7), memory=50.0) == pytest.approx(3e-7)
-    one = channel(markov=(GaussMarkov(2e-5, 300.0),))
-    # τ ≪ T: K² = 2σ²/T
-    assert equivalent_random_walk(one, memory=0.01) == pytest.approx(one.markov[0].driving_density, rel=1e-2)
-
-
-def test_equivalent_walk_of_a_still_bias_is_small_and_positive() -> None:
-    still = channel()
-    memory = 100.0
-    walk = equivalent_random_walk(still, memory=memory)
-    assert walk**2 * memory**3 / 3.0 == pytest.approx(0.01 * still.white_density**2 * memory)
 
 
 def test_noise_of_a_step_has_the_closed_forms() -> None:

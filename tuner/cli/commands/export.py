@@ -35,12 +35,6 @@ from tuner.cli.progress import Messages
     metavar="SECONDS",
     help="Prediction step of that filter; default what it is stated to use.",
 )
-@click.option(
-    "--memory",
-    type=POSITIVE,
-    metavar="SECONDS",
-    help="Time over which that filter renews its estimates of biases; default 100.",
-)
 @click.option("--list", "list_dialects", is_flag=True, help="List the dialects and their units.")
 @common
 def command(
@@ -50,7 +44,6 @@ def command(
     drive: str | None,
     rate: float | None,
     step: float | None,
-    memory: float | None,
     list_dialects: bool,
     seed: int,  # noqa: ARG001
     output: Output,
@@ -79,18 +72,15 @@ def command(
     if drive is not None:
         if dialect != "kf-gins" or output_file is None:
             raise click.UsageError("--drive: expected --to kf-gins and -o FILE with it")
-        if (rate, step, memory) != (None, None, None):
-            raise click.UsageError(
-                "--rate, --step, --memory: expected without --drive, which states its own rate"
-            )
+        if (rate, step) != (None, None):
+            raise click.UsageError("--rate, --step: expected without --drive, which states its own rate")
         if Path(drive).resolve() == output_file.resolve():
             raise click.UsageError("--drive: expected another file than -o, which would be written over")
         _write_with_drive(config, drive, output_file, messages)
         text = output_file.read_text("utf-8")
     else:
         interval = None if rate is None else 1.0 / rate
-        how = {} if memory is None else {"memory": memory}
-        text = export(load_config(config), dialect, interval=interval, step=step, **how)
+        text = export(load_config(config), dialect, interval=interval, step=step)
         if output_file is not None:
             write_text(output_file, text)
             empty = all(line.startswith("#") for line in text.splitlines())
@@ -108,8 +98,9 @@ def _write_with_drive(config: str, drive: str, path: Path, messages: Messages) -
     from tuner.exporters.kf_gins_drive import write_drive
     from tuner.synthesis.from_drive import config_for_drive
 
-    measured, _ = examined_drive(drive, messages.say)
-    files, _ = judged_drive(measured, config_for_drive(measured, config))
+    measured, found = examined_drive(drive, messages.say)
+    noise = () if found is None else found.noise
+    files, _ = judged_drive(measured, config_for_drive(measured, config), noise)
     write_drive(files, path)
     for note in files.notes:
         messages.say(note)
