@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from models import rotation
 from models.arrays import FloatArray
-from models.earth import distance_along, earth_rate, gravity
+from models.earth import EARTH_RATE, distance_along, earth_rate, gravity
 from tuner.navigation.data import Steps
 from tuner.navigation.drive.alignment_in_motion import (
     BiasEstimate,
@@ -193,7 +193,7 @@ def align_once(
     unknown = bias_sd if bias_sd[:3].max() * (stop - begin) > MIN_BIAS_ROTATION else KNOWN_BIAS_SD
     down = float(gravity(np.sin(gnss.llh[0, 0]), gnss.llh[0, 2]))
     whole = slice(*np.searchsorted(ends, [begin, still_end]).tolist())
-    rest = _measured_at_rest(steps, whole, still_end - begin, down, unknown)
+    rest = _measured_at_rest(steps, whole, still_end - begin, down, bias_sd, unknown)
     unknown = rest.unknown_sd
     back = max(0, int(np.searchsorted(ends, begin)) - 1)
     window = slice(back, min(int(last), len(steps.dt)))
@@ -280,33 +280,39 @@ class _AtRest:
 
 
 def _measured_at_rest(
-    steps: Steps, still: slice, duration: float, down: float, unknown: FloatArray
+    steps: Steps, still: slice, duration: float, down: float, prior_sd: FloatArray, unknown: FloatArray
 ) -> _AtRest:
-    """Return what the samples of a stand-still show of biases with prior sds `unknown`, in gravity `down`, m/s²."""
+    """Return what the samples of a stand-still show of biases, in gravity `down`, m/s².
+
+    `prior_sd` and `unknown`, shape (6,), are the sds of the biases, and those that motion is to determine.
+    """
     quiet = steady_steps(steps, still)
     rest = duration - float(steps.dt[still].sum() - steps.dt[quiet].sum())
     bias, excess, bias_sd = np.zeros(6), np.zeros(3), np.full(3, np.inf)
     if rest > MIN_STATIONARY or (rest >= MIN_STATIONARY_POOR_GYROS and unknown.any()):
         means = steps.increments[quiet].sum(axis=0) / steps.dt[quiet].sum()
-        bias[:3], force = means[:3], float(np.linalg.norm(means[3:]))
+        force = float(np.linalg.norm(means[3:]))
+        # Who turns on the spot is not at rest: seconds scatter more than biases. Gyros feel the Earth turn, too.
+        seconds = _seconds_at_rest(steps, quiet)
+        prior = prior_sd[:3] ** 2 + EARTH_RATE**2
+        unsure = seconds.var(axis=0) / len(seconds) if len(seconds) else 0.0
+        bias[:3] = means[:3] * prior / (prior + unsure)
         if rest > SUFFICIENT_STATIONARY or not unknown.any():
             excess, unknown = means[3:] * (1.0 - down / force), KNOWN_BIAS_SD
-            bias_sd = _sd_at_rest(steps, quiet)
+            if len(seconds) >= MIN_SECONDS_AT_REST:
+                bias_sd = np.std(seconds, axis=0, ddof=1) / math.sqrt(len(seconds))
         else:  # noise counts as one value a second: what shakes a unit at rest is not white
             scatter = np.std(steps.increments[quiet, :3] / steps.dt[quiet, None], axis=0)
             unknown = np.concatenate([np.minimum(unknown[:3], scatter / np.sqrt(rest)), unknown[3:]])
     return _AtRest(rest, bias, excess, bias_sd, unknown)
 
 
-def _sd_at_rest(steps: Steps, quiet: NDArray[np.intp]) -> FloatArray:
-    """Return the sd of the mean of the gyros at rest from that of means over a second, infinite below ten of them."""
+def _seconds_at_rest(steps: Steps, quiet: NDArray[np.intp]) -> FloatArray:
+    """Return the mean rates of the gyros in each second at rest, shape (s, 3)."""
     second = max(1, round(1.0 / float(np.median(steps.dt[quiet])))) if steps.dt[quiet].size else 1
-    count = len(steps.dt[quiet]) // second
-    if count < MIN_SECONDS_AT_REST:
-        return np.full(3, np.inf)
+    count = len(quiet) // second
     rates = steps.increments[quiet][: count * second, :3] / steps.dt[quiet][: count * second, None]
-    means = rates.reshape(count, second, 3).mean(axis=1)
-    return np.asarray(np.std(means, axis=0, ddof=1) / np.sqrt(count))
+    return np.asarray(rates.reshape(count, second, 3).mean(axis=1))
 
 
 def _reported_variance(gnss: Gnss, by_position: bool, length: float) -> float:
