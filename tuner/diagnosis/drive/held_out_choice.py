@@ -2,9 +2,9 @@
 
 Candidates are the configuration as it began, the same with the sds of the fixes as found, and the one with all
 findings, each as it is and with errors of the receiver that stay (`staying_errors`). The one that predicts outages of
-the first part best (`predictive_score`) also gets factors on its noise: innovations a tenth of a second ahead do not
-show what adds up over a minute, such as vibration that turns into bias. Factors are found one after another, by steps
-of 3 and then of √3, each kept where it gains `MIN_GAIN`.
+the first part best (`predictive_score`), and the one whose innovations fit best, also get factors on their noise:
+innovations a tenth of a second ahead do not show what adds up over a minute, such as vibration that turns into bias.
+Factors are found one after another, by steps of 3 and then of √3, each kept where it gains `MIN_GAIN`.
 
 On the last part a candidate replaces the beginning only where its log density is larger and nothing that a user reads
 is worse: positions with fixes, and errors in outages of the whole drive, compared in pairs (`outage_pairs`). Candidates
@@ -34,6 +34,7 @@ from tuner.diagnosis.drive.candidates import (
     Candidate,
     Rank,
     Trial,
+    by_nats,
     first_candidates,
     in_order,
     refined,
@@ -135,7 +136,9 @@ def choose_config(
         if after == before:
             return HeldOutChoice(before, BEGINNING, note=f"{TOO_SHORT}: they stay as they began")
         return HeldOutChoice(after, "with the findings", note=NOT_JUDGED)
-    candidates = in_order([*candidates, *refined(trial, in_order(candidates)[0])])
+    first, best = in_order(candidates)[0], max(candidates, key=by_nats)
+    begun_from = [first] if first is best else [first, best]
+    candidates = in_order([*candidates, *(more for one in begun_from for more in refined(trial, one))])
     progress("judging the configurations on the last part of the drive")
 
     stage("judging the settings on the last part of the drive", 1.0)
