@@ -60,7 +60,8 @@ TAIL = """
 The figure multiplies N alone (gyro, GNSS at 1 Hz): where one error is predicted rightly, another is not, as white noise
 grows with the root of the time and flicker faster. It takes another K as well, and which pair is right depends on
 the fixes: often fixed filters (cameras) need less white noise than rarely fixed ones, as slow noise has less
-time to grow. With both, all errors lie within some 15 % of what is predicted.
+time to grow. With both, the errors of this
+grade lie within some 15 % of what is predicted, each axis with numbers of its own.
 
 The same holds for one Gauss–Markov state. Hand-tuned KF-GINS settings of four sensors with RTK positions (i2Nav
 awesome-gins-datasets) have bias sds of 2.5 to 20 × B; those chosen here by the covariance alone differ from

@@ -15,7 +15,7 @@ from tuner.examination.fit import Fit, Noise
 from tuner.examination.moves import AXES, CLOCK_OF_UNIT, LEVER_ARM, STATED_ODDS, TRIADS
 from tuner.examination.search import Found, applied, searched
 from tuner.examination.streams import HorizontalVelocities, Positions, Stream, Streams, Velocities
-from tuner.examination.windows import LONGEST_STEP, WINDOW_LENGTH, Inertial
+from tuner.examination.windows import WINDOW_LENGTH, Inertial, longest_step
 from tuner.limits import LOST_SHARE, TOLERATED_RATIO
 from tuner.segments.stand_stills import runs
 from tuner.types.clock import HALF_INTERVAL, Clock, Delay
@@ -449,8 +449,7 @@ def _frozen(imu: Inertial) -> tuple[Repair, NDArray[np.bool_]] | None:
 def _gaps(t: FloatArray, jumps: float) -> list[Repair]:
     """Return for how long the inertial unit lacks samples, where stamps that only jump take some of it, s."""
     steps = np.diff(t)
-    usual = float(np.median(steps))
-    gaps = steps[steps > max(LONGEST_STEP, 3.0 * usual)] - usual
+    gaps = steps[steps > longest_step(steps)] - float(np.median(steps))
     lost = float(gaps.sum()) - jumps
     if lost <= LOST_SHARE * float(np.ptp(t)):
         return []

@@ -17,7 +17,7 @@ from tuner.examination.fit import FIRST_ROUNDS, LEAST_READINGS, Fit, earned, fit
 from tuner.examination.installation import certain_moves, installed, whole_delays
 from tuner.examination.moves import DELAYS, STATED_ODDS, TRIADS, Move, exchanged, jumped, late, moves
 from tuner.examination.streams import Stream, Streams, Velocities
-from tuner.examination.windows import LONGEST_STEP, WINDOW_LENGTH, Inertial, averaged, windows_of
+from tuner.examination.windows import WINDOW_LENGTH, Inertial, averaged, longest_step, windows_of
 from tuner.types.clock import CERTAIN_SDS, Delay
 from tuner.types.records import DataError
 
@@ -150,7 +150,7 @@ def _jumps(imu: Inertial) -> list[Move]:
     """Return that the clock of the unit jumped where its stamps have a gap, of the longest gaps some."""
     steps = np.diff(imu.t)
     usual = float(np.median(steps))
-    long = np.flatnonzero(steps > max(LONGEST_STEP, 3.0 * usual))
+    long = np.flatnonzero(steps > longest_step(steps))
     longest = long[np.argsort(steps[long])[::-1][:MOST_FAULTS]]
     return [jumped(float(imu.t[k]), float(steps[k]) - usual) for k in longest]
 

@@ -115,6 +115,11 @@ def averaged(imu: Inertial, rate: float = MAX_RATE) -> Inertial:
     return Inertial(imu.t[many - 1 : n * many : many], rates, many * imu.many)
 
 
+def longest_step(steps: FloatArray) -> float:
+    """Return the time between samples from which there is a gap, s."""
+    return max(LONGEST_STEP, 3.0 * float(np.median(steps)))
+
+
 def windows_of(imu: Inertial, only: IntArray | None = None) -> Windows:
     """Cut samples into windows without gaps, all or only some by their number, and integrate them."""
     usual = float(np.median(np.diff(imu.t)))
@@ -122,7 +127,7 @@ def windows_of(imu: Inertial, only: IntArray | None = None) -> Windows:
     first = np.arange(0, len(imu.t) - n, n)
     rows = first[:, None] + np.arange(n + 1)
     t = imu.t[rows]
-    whole = np.diff(t, axis=1).max(axis=1, initial=0.0) < max(LONGEST_STEP, 3.0 * usual)
+    whole = np.diff(t, axis=1).max(axis=1, initial=0.0) < longest_step(np.diff(imu.t))
     whole = np.flatnonzero(whole) if only is None else np.flatnonzero(whole)[only]
     t, rates = t[whole], imu.rates[rows[whole]]
     begin = t[:, 0]

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 from models.registry import Registry
 from tuner.formats.digits import CLOCK_DIGITS, rounded
-from tuner.synthesis.projection import GNSS, Aiding, projected
+from tuner.synthesis.projection import GNSS, Aiding, Projected, errors_by_prediction, projected
 from tuner.types import ChannelNoise, FilterConfig
 
 DEFAULT_TIME_CONSTANT = 3600.0
@@ -54,13 +54,21 @@ class Target:
         """Sampling rate of the IMU it reads, Hz."""
         return rounded(1.0 / self.interval, digits=CLOCK_DIGITS)
 
+    def pair(self, channel: ChannelNoise) -> Projected:
+        """Return the two numbers of an axis with which it predicts best."""
+        return projected(channel, self.aiding, self.fading_time)
+
+    def errors(self, channel: ChannelNoise, pair: Projected) -> dict[str, float]:
+        """Return true ÷ predicted sd of each quantity with two numbers of an axis, by its name."""
+        return errors_by_prediction(channel, self.aiding, pair, self.fading_time)
+
     def white_density(self, channel: ChannelNoise) -> float:
         """Return the white noise with which it predicts best, unit/√Hz."""
-        return projected(channel, self.aiding, self.fading_time).white_density
+        return self.pair(channel).white_density
 
     def bias(self, channel: ChannelNoise) -> float:
         """Return the density of the random walk with which it predicts best, unit/√s, or σ of its one state, unit."""
-        return projected(channel, self.aiding, self.fading_time).bias
+        return self.pair(channel).bias
 
 
 @dataclass(frozen=True)

@@ -8,19 +8,12 @@ from tuner.exporters.dialect import Target
 from tuner.exporters.triad_values import triad
 from tuner.formats.customary_units import phrase
 from tuner.synthesis.error_growth import structure_function
-from tuner.synthesis.projection import (
-    STILL_SHARE,
-    STILL_TIME,
-    Projected,
-    errors_by_prediction,
-    projected,
-)
+from tuner.synthesis.projection import STILL_SHARE, STILL_TIME, Projected
 from tuner.types import ChannelNoise, Coefficient, FilterConfig
 from tuner.types.borrowed import borrowed_words, white_is_measured
 
 SENSORS = {"gyro": "gyroscopes", "accel": "accelerometers"}
 """Prefix of the axes of the two triads, and their name."""
-
 
 STATES_IN_PAIR = "Gauss–Markov states are in N and K"
 """What the header says of a file whose two numbers stand for all states."""
@@ -87,15 +80,10 @@ def _projected_words(config: FilterConfig, target: Target) -> Iterator[str]:
     name, quantity = ("K", "random_walk.density") if target.fading_time is None else ("σ", "gauss_markov.sd")
     yield f"{what}; a filter that is aided by {target.aiding.words} (assumed) predicts best with"
     for axis, channel in config.channels.items():
-        white, bias = (
-            _figure(value, of, channel.unit)
-            for value, of in (
-                (target.white_density(channel), "white.density"),
-                (target.bias(channel), quantity),
-            )
-        )
-        yield f"{axis}: N = {white}, {name} = {bias}"
-    yield from predicted_words(config, lambda c: projected(c, target.aiding, target.fading_time), target)
+        pair = target.pair(channel)
+        white = _figure(pair.white_density, "white.density", channel.unit)
+        yield f"{axis}: N = {white}, {name} = {_figure(pair.bias, quantity, channel.unit)}"
+    yield from predicted_words(config, target.pair, target)
 
 
 def _figure(value: float, quantity: str, unit: str) -> str:
@@ -109,7 +97,7 @@ def predicted_words(
     """Yield true ÷ predicted errors of a filter with two numbers an axis: by sensor, of the axis furthest from 1."""
     for sensor, name in SENSORS.items():
         if channels := triad(config, sensor):
-            ratios = [errors_by_prediction(c, target.aiding, pair(c), target.fading_time) for c in channels]
+            ratios = [target.errors(channel, pair(channel)) for channel in channels]
             worst = {key: max((one[key] for one in ratios), key=_distance) for key in ratios[0]}
             words = ", ".join(f"{key} {ratio:.2f}" for key, ratio in worst.items())
             yield f"{name}: true ÷ predicted error with fixes and after a time without: {words}"

@@ -187,7 +187,7 @@ def _rest(one: Deviations, other: Deviations, until: float) -> tuple[Deviations,
 def _reference_gain(
     untouched: FilterOutput, tuned: FilterOutput, truth: FilterOutput | None, until: float
 ) -> float | None:
-    """Return by how much the errors against the reference of the rest of the drive are likelier, nats an epoch."""
+    """Mean gain of the log-likelihood of an epoch, nats: errors against the reference, rest of the drive."""
     one, other = errors_of(untouched, truth), errors_of(tuned, truth)
     if one is None or other is None or one.z.shape[1] != other.z.shape[1]:
         return None

@@ -12,7 +12,6 @@ from tuner.formats.customary_units import customary_unit, digits, in_customary, 
 from tuner.formats.yaml_text import Noted
 from tuner.report.coefficient_text import coefficients_of
 from tuner.report.titled_table import table_of
-from tuner.synthesis.projection import errors_by_prediction, projected
 from tuner.types import BoundUsed, ChannelNoise, Coefficient, FilterConfig, Identification, Quantity
 from tuner.types.borrowed import BORROWED
 
@@ -175,9 +174,7 @@ def why_larger(config: FilterConfig, files: Iterable[str]) -> str:
         for one in targets
         for channel in config.channels.values()
         if channel.markov
-        for ratio in errors_by_prediction(
-            channel, one.aiding, projected(channel, one.aiding, one.fading_time), one.fading_time
-        ).values()
+        for ratio in one.errors(channel, one.pair(channel)).values()
     ]
     if not found:
         return ""

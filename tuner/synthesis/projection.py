@@ -10,9 +10,9 @@ log score,
 
 over angle, velocity and position with fixes and position after 10 and 60 s without: a proper score (Gneiting and
 Raftery 2007, section 4), among settings whose errors, geometric mean, are within `WORST_ERROR` of the smallest.
-No number is below what white noise alone needs, and none is zero, by which filters divide.
+No number is zero, by which filters divide.
 
-Sources: van Loan (1978) for noise over an interval; Anderson and Moore (1979), section 6.7, for the Riccati equation by
+Sources: Anderson and Moore (1979), section 6.7, for the Riccati equation by
 doubling; Gelb (1974), section 7.2, for true errors of a filter with fewer states.
 """
 
@@ -23,10 +23,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import expm
 
 from models.arrays import FloatArray
 from models.noise import GaussMarkov
+from models.statespace import StateSpace, discretize
 from models.units import STANDARD_GRAVITY
 from tuner.types import ChannelNoise
 
@@ -37,7 +37,7 @@ STILL_TIME, STILL_SHARE = 1000.0, 0.01
 WORST_ERROR = 1.25
 """Error ÷ the smallest that two numbers reach up to which they are compared by their score."""
 _SEARCH_PASSES, _SEARCH_POINTS = 6, 17
-"""Grid search in ln N and ln K: each pass spans two steps of the one before."""
+"""Grid search in ln N and ln K: each pass spans two steps of the one before to either side."""
 _LEAST_SHARE = 1e-6
 """Share of what all states could be, in N², below which it is not looked for."""
 _MAX_DOUBLINGS, _SETTLED_SHARE = 50, 1e-12
@@ -157,9 +157,8 @@ def _searched(
     for _ in range(_SEARCH_PASSES):
         grid = np.meshgrid(*np.linspace(low, high, _SEARCH_POINTS, axis=-1), indexing="ij")
         tried = np.stack([one.ravel() for one in grid], axis=-1)
-        with np.errstate(
-            over="ignore", invalid="ignore", divide="ignore"
-        ):  # a pair that is no filter is not finite
+        # The variances of a pair that makes no filter are not finite.
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             predicted, true = variances(model, aiding, fading_time, np.exp(2.0 * tried))
             score = (np.log(predicted) + true / predicted).sum(axis=1)
             error = np.log(true).mean(axis=1)
@@ -228,19 +227,10 @@ def _steps(
     for i, time in enumerate(times):
         a[[chain, n + i], n + i] = -1.0 / time
         into[2 + i, chain] = 1.0
-    return expm(a * length), np.stack([_noise_over(a, np.outer(one, one), length) for one in into])
-
-
-def _noise_over(a: FloatArray, drive: FloatArray, length: float) -> FloatArray:
-    """Return the covariance that a white drive makes in a time (van Loan 1978)."""
-    n = len(a)
-    short = length / 2.0 ** max(math.ceil(math.log2(np.abs(a).sum(axis=1).max() * length)), 0)
-    both = expm(np.block([[-a, drive], [np.zeros((n, n)), a.T]]) * short)
-    move = both[n:, n:].T
-    found: FloatArray = move @ both[:n, n:]
-    while short < 0.75 * length:
-        found, move, short = found + move @ found @ move.T, move @ move, 2.0 * short
-    return found
+    none = np.zeros_like(a)
+    systems = (StateSpace(a, drive[:, None], none, np.eye(1), none) for drive in into)
+    moves, noise = zip(*(discretize(one, length) for one in systems), strict=True)
+    return moves[0], np.stack(noise)
 
 
 def _steady(f: FloatArray, h: FloatArray, q: FloatArray, r: FloatArray) -> FloatArray:

@@ -137,8 +137,8 @@ def choose_config(
             return HeldOutChoice(before, BEGINNING, note=f"{TOO_SHORT}: they stay as they began")
         return HeldOutChoice(after, "with the findings", note=NOT_JUDGED)
     first, best = in_order(candidates)[0], max(candidates, key=by_nats)
-    begun_from = [first] if first is best else [first, best]
-    candidates = in_order([*candidates, *(more for one in begun_from for more in refined(trial, one))])
+    starts = (first,) if first is best else (first, best)
+    candidates = in_order([*candidates, *(more for one in starts for more in refined(trial, one))])
     progress("judging the configurations on the last part of the drive")
 
     stage("judging the settings on the last part of the drive", 1.0)
