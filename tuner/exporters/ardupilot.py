@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 
-from tuner.exporters.autopilot import Parameter, loaded, parameter_lines
+from tuner.exporters.autopilot import Parameter, given, loaded, parameter_lines
 from tuner.exporters.dialect import Dialect, Target
 from tuner.exporters.header import provenance
 from tuner.exporters.triad_values import Figure, triad, walk, white
@@ -52,20 +52,24 @@ def write(config: FilterConfig, target: Target) -> str:
     else:
         step = _TARGET_STEP
         reason = "that it aims at; name the loop's rate (--rate 400 takes 12.5 ms, --rate 50 takes 20 ms)"
-    factor = 1.0 / math.sqrt(step)
+
+    def per_step(density: float) -> float:
+        return density / math.sqrt(step)
+
     figures: dict[str, Figure] = {}
     if gyro := triad(config, "gyro"):
-        figures["EK3_GYRO_P_NSE"] = white(gyro, "rad/s; N/√dt", target, factor=factor)
-        figures["EK3_GBIAS_P_NSE"] = walk(config, gyro, "rad/s²; K/√dt", target, factor=factor)
+        figures["EK3_GYRO_P_NSE"] = white(gyro, "rad/s; N/√dt", target, per_step)
+        figures["EK3_GBIAS_P_NSE"] = walk(config, gyro, "rad/s²; K/√dt", target, per_step)
     if accel := triad(config, "accel"):
-        figures["EK3_ACC_P_NSE"] = white(accel, "m/s²; N/√dt", target, factor=factor)
-        figures["EK3_ABIAS_P_NSE"] = walk(config, accel, "m/s³; K/√dt", target, factor=factor)
+        figures["EK3_ACC_P_NSE"] = white(accel, "m/s²; N/√dt", target, per_step)
+        figures["EK3_ABIAS_P_NSE"] = walk(config, accel, "m/s³; K/√dt", target, per_step)
+    values = loaded(figures, _PARAMETERS, config)
     lines = [
-        *provenance(config, "ArduPilot EKF3 parameters", target),
+        *provenance(config, "ArduPilot EKF3 parameters", target, given(values, _PARAMETERS)),
         f"dt = {step:g} s, the step of the filter {reason}",
         *parameter_lines(figures, _PARAMETERS, config, _RELEASE),
     ]
-    parameters = [f"{name},{value:.9g}" for name, value in loaded(figures, _PARAMETERS, config).items()]
+    parameters = [f"{name},{value:.9g}" for name, value in values.items()]
     return "".join(f"{line}\n" for line in (*map(comment, lines), *parameters))
 
 
@@ -76,4 +80,5 @@ DIALECT = Dialect(
     write,
     needs=(),
     aiding=AUTOPILOT,
+    shared=True,
 )

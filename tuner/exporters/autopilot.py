@@ -43,6 +43,12 @@ def loaded(
     }
 
 
+def given(values: Mapping[str, float], parameters: Mapping[str, Parameter]) -> list[str]:
+    """Return the sensors whose white noise and walk are both loaded."""
+    pairs = {(one.sensor, one.setting) for name, one in parameters.items() if name in values}
+    return [one for one in dict(pairs) if {(one, "white"), (one, "walk")} <= pairs]
+
+
 def parameter_lines(
     figures: Mapping[str, Figure], parameters: Mapping[str, Parameter], config: FilterConfig, release: str
 ) -> Iterator[str]:

@@ -18,7 +18,15 @@ from dataclasses import dataclass
 
 from models.registry import Registry
 from tuner.formats.digits import CLOCK_DIGITS, rounded
-from tuner.synthesis.projection import GNSS, Aiding, Projected, errors_by_prediction, projected
+from tuner.synthesis.projection import (
+    GNSS,
+    HORIZONS,
+    Aiding,
+    Projected,
+    errors_by_prediction,
+    pooled,
+    projected,
+)
 from tuner.types import ChannelNoise, FilterConfig
 
 DEFAULT_TIME_CONSTANT = 3600.0
@@ -41,6 +49,8 @@ class Target:
         Time constant, s, of the one state that stands for its bias; None where that is a random walk.
     rate_named : bool
         Whether `interval` was named, or is that of the log.
+    shared : bool
+        Whether the axes of a sensor have one number.
     """
 
     interval: float
@@ -48,6 +58,7 @@ class Target:
     aiding: Aiding = GNSS
     fading_time: float | None = None
     rate_named: bool = False
+    shared: bool = False
 
     @property
     def rate(self) -> float:
@@ -57,6 +68,12 @@ class Target:
     def pair(self, channel: ChannelNoise) -> Projected:
         """Return the two numbers of an axis with which it predicts best."""
         return projected(channel, self.aiding, self.fading_time)
+
+    def pairs(self, channels: tuple[ChannelNoise, ...]) -> tuple[Projected, ...]:
+        """Return the two numbers that it is given for each axis of a sensor."""
+        if self.shared:
+            return (self.pair(pooled(channels)),) * len(channels)
+        return tuple(map(self.pair, channels))
 
     def errors(self, channel: ChannelNoise, pair: Projected) -> dict[str, float]:
         """Return true ÷ predicted sd of each quantity with two numbers of an axis, by its name."""
@@ -92,6 +109,8 @@ class Dialect:
         Fixes that the program usually gets, by its documentation or its examples.
     fading : bool
         Whether its biases are Gauss–Markov states of one time constant; else they are random walks.
+    shared : bool
+        Whether it has one number for the axes of a sensor.
     """
 
     name: str
@@ -101,19 +120,30 @@ class Dialect:
     needs: tuple[str, ...] = ("gyro", "accel")
     aiding: Aiding = GNSS
     fading: bool = False
+    shared: bool = False
 
     def target(
         self, config: FilterConfig, interval: float | None = None, step: float | None = None
     ) -> Target:
         """Return the filter that reads the settings, at the rate of the log unless another is named."""
         time = longest_time(config) if self.fading else None
-        return Target(interval or config.interval, step, self.aiding, time, rate_named=interval is not None)
+        named = interval is not None
+        return Target(interval or config.interval, step, self.aiding, time, named, self.shared)
 
 
 def longest_time(config: FilterConfig) -> float:
-    """Return the longest time constant of the configuration, s, for targets with one; 1 h without any."""
-    times = [state.time_constant for channel in config.channels.values() for state in channel.markov]
-    return rounded(max(times, default=DEFAULT_TIME_CONSTANT))
+    """Return the longest time constant of the configuration, s, for targets with one.
+
+    It is 1 h without states that outlast the longest time without fixes: shorter ones act as white noise, and a filter
+    whose bias fades between two fixes is unstable.
+    """
+    return rounded(max(lasting_times(config), default=DEFAULT_TIME_CONSTANT))
+
+
+def lasting_times(config: FilterConfig) -> list[float]:
+    """Return the time constants of states that outlast the longest time without fixes, s."""
+    times = (state.time_constant for channel in config.channels.values() for state in channel.markov)
+    return [time for time in times if time > HORIZONS[-1]]
 
 
 def _check(dialect: object) -> None:

@@ -34,4 +34,6 @@ def write(config: FilterConfig, target: Target) -> str:
     return yaml_text(entries, header=header)
 
 
-DIALECT = Dialect("dm-vio", "DM-VIO settings", f"{kalibr.DIALECT.units}, m/√s", write, aiding=CAMERA)
+DIALECT = Dialect(
+    "dm-vio", "DM-VIO settings", f"{kalibr.DIALECT.units}, m/√s", write, aiding=CAMERA, shared=True
+)

@@ -15,8 +15,9 @@ from typing import Any
 
 from tuner.exporters.dialect import Dialect, Target
 from tuner.exporters.header import predicted_words, provenance
-from tuner.exporters.triad_values import mean, triad
-from tuner.formats.yaml_text import yaml_text
+from tuner.exporters.triad_values import rms, triad
+from tuner.formats.digits import rounded
+from tuner.formats.yaml_text import Noted, yaml_text
 from tuner.synthesis.projection import LIDAR, Projected
 from tuner.types import FilterConfig
 
@@ -27,19 +28,22 @@ _FIXED_BIAS_VARIANCE = 1e-4
 def write(config: FilterConfig, target: Target) -> str:
     """Return the two variances that FAST-LIVO2 reads."""
     walk = math.sqrt(_FIXED_BIAS_VARIANCE * target.interval)
-    entries: dict[str, Any] = {
-        key: mean(
-            triad(config, sensor), lambda c: c.white_density**2 / target.interval, f"{unit}; N²/dt"
-        ).noted()
-        for key, sensor, unit in (("acc_cov", "accel", "(m/s²)²"), ("gyr_cov", "gyro", "(rad/s)²"))
-    }
+    entries: dict[str, Any] = {}
+    pairs: dict[str, list[Projected]] = {}
+    for key, sensor, unit in (("acc_cov", "accel", "(m/s²)²"), ("gyr_cov", "gyro", "(rad/s)²")):
+        channels = triad(config, sensor)
+        own = rms(channels, lambda c: c.white_density, "").value
+        entries[key] = Noted(rounded(own**2 / target.interval), f"{unit}; N²/dt; for all axes")
+        pairs[sensor] = [Projected(own, walk)] * len(channels)
     header = (
         *provenance(config, "FAST-LIVO2: imu entries"),
         f"dt = {target.interval:g} s of the IMU",
         f"its bias walks are fixed in the source: K = {walk:.3g} rad/s²/√Hz and {walk:.3g} m/s³/√Hz at this rate",
-        *predicted_words(config, lambda c: Projected(c.white_density, walk), target),
+        *predicted_words(config, target, pairs),
     )
     return yaml_text({"imu": entries}, header=header)
 
 
-DIALECT = Dialect("fast-livo2", "FAST-LIVO2 YAML", "(m/s²)², (rad/s)² (per IMU step)", write, aiding=LIDAR)
+DIALECT = Dialect(
+    "fast-livo2", "FAST-LIVO2 YAML", "(m/s²)², (rad/s)² (per IMU step)", write, aiding=LIDAR, shared=True
+)

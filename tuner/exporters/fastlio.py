@@ -5,37 +5,30 @@ acc_cov, gyr_cov = N² / dt        b_acc_cov, b_gyr_cov = K² / dt
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 from tuner.exporters.dialect import Dialect, Target
 from tuner.exporters.header import provenance
-from tuner.exporters.triad_values import limited, mean, triad
+from tuner.exporters.triad_values import triad, walk, white
 from tuner.formats.yaml_text import yaml_text
 from tuner.synthesis.projection import LIDAR
-from tuner.types import ChannelNoise, FilterConfig
+from tuner.types import FilterConfig
 
 
 def entries(config: FilterConfig, target: Target) -> dict[str, Any]:
     """Return the four variances by FAST-LIO's names."""
 
-    def white(channel: ChannelNoise) -> float:
-        return target.white_density(channel) ** 2 / target.interval
-
-    def walk(channel: ChannelNoise) -> float:
-        return target.bias(channel) ** 2 / target.interval
+    def per_step(density: float) -> float:
+        return density**2 / target.interval
 
     found: dict[str, Any] = {}
-    quantities: tuple[tuple[str, str, str, Callable[[ChannelNoise], float]], ...] = (
-        ("acc_cov", "accel", "(m/s²)²; N²/dt", white),
-        ("gyr_cov", "gyro", "(rad/s)²; N²/dt", white),
-        ("b_acc_cov", "accel", "(m/s³)²; K²/dt", walk),
-        ("b_gyr_cov", "gyro", "(rad/s²)²; K²/dt", walk),
-    )
-    for key, sensor, note, quantity in quantities:
+    for sensor, letters, sample, rate in (
+        ("accel", "acc", "(m/s²)²", "(m/s³)²"),
+        ("gyro", "gyr", "(rad/s)²", "(rad/s²)²"),
+    ):
         if channels := triad(config, sensor):
-            words = limited(config, channels, note) if quantity is walk else note
-            found[key] = mean(channels, quantity, words).noted()
+            found[f"{letters}_cov"] = white(channels, f"{sample}; N²/dt", target, per_step).noted()
+            found[f"b_{letters}_cov"] = walk(config, channels, f"{rate}; K²/dt", target, per_step).noted()
     return found
 
 
@@ -60,5 +53,5 @@ def write_ros2(config: FilterConfig, target: Target) -> str:
 
 
 _UNITS = "(rad/s)², (rad/s²)², (m/s²)², (m/s³)² (per IMU step)"
-DIALECT = Dialect("fastlio", "FAST-LIO and FAST-LIO2 YAML", _UNITS, write, aiding=LIDAR)
-ROS2 = Dialect("fastlio-ros2", "FAST-LIO2 parameters of ROS 2", _UNITS, write_ros2, aiding=LIDAR)
+DIALECT = Dialect("fastlio", "FAST-LIO and FAST-LIO2 YAML", _UNITS, write, aiding=LIDAR, shared=True)
+ROS2 = Dialect("fastlio-ros2", "FAST-LIO2 parameters of ROS 2", _UNITS, write_ros2, aiding=LIDAR, shared=True)

@@ -100,7 +100,8 @@ def write(config: FilterConfig, target: Target) -> str:
     if len(found["R"]):
         tree["R"] = rows(found["R"], {name: SQUARES[name] for name in STATES[:2]})
     title = "15 states: diagonals of Q, R and P0 in SI units; position has no noise of its own"
-    return yaml_text(tree, header=provenance(config, title, target))
+    other = "gauss_markov, for filters with these states, stands in place of N and K of Q, not beside them"
+    return yaml_text(tree, header=(*provenance(config, title, target), other))
 
 
 def _markov(channel: ChannelNoise, interval: float) -> dict[str, Any]:

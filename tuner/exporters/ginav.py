@@ -11,7 +11,7 @@ from __future__ import annotations
 from tuner.exporters.dialect import Dialect, Target
 from tuner.exporters.header import provenance
 from tuner.exporters.scripts import commented
-from tuner.exporters.triad_values import initial_bias_sd, limited, mean, rms, triad
+from tuner.exporters.triad_values import initial_bias_sd, rms, triad, walk, white
 from tuner.types import FilterConfig
 
 
@@ -21,10 +21,10 @@ def write(config: FilterConfig, target: Target) -> str:
     figures = {
         "init_bg_unc": rms(gyro, initial_bias_sd, "rad/s; constant and states together"),
         "init_ba_unc": rms(accel, initial_bias_sd, "m/s^2; constant and states together"),
-        "psd_gyro": mean(gyro, lambda c: target.white_density(c) ** 2, "rad^2/s; N^2"),
-        "psd_acce": mean(accel, lambda c: target.white_density(c) ** 2, "m^2/s^3; N^2"),
-        "psd_bg": mean(gyro, lambda c: target.bias(c) ** 2, limited(config, gyro, "rad^2/s^3; K^2")),
-        "psd_ba": mean(accel, lambda c: target.bias(c) ** 2, limited(config, accel, "m^2/s^5; K^2")),
+        "psd_gyro": white(gyro, "rad^2/s; N^2", target, lambda n: n**2),
+        "psd_acce": white(accel, "m^2/s^3; N^2", target, lambda n: n**2),
+        "psd_bg": walk(config, gyro, "rad^2/s^3; K^2", target, lambda k: k**2),
+        "psd_ba": walk(config, accel, "m^2/s^5; K^2", target, lambda k: k**2),
     }
     lines = [f"sample_rate   =     {target.rate:<24.10g} % imu sample rate (Hz)\n"]
     lines += [f"{key:<14}=     {figure.value:<24.9g} % {figure.note}\n" for key, figure in figures.items()]
@@ -32,4 +32,6 @@ def write(config: FilterConfig, target: Target) -> str:
     return commented(header, "#") + "".join(lines)
 
 
-DIALECT = Dialect("ginav", "GINav configuration", "Hz, rad/s, m/s², rad²/s, m²/s³, rad²/s³, m²/s⁵", write)
+DIALECT = Dialect(
+    "ginav", "GINav configuration", "Hz, rad/s, m/s², rad²/s, m²/s³, rad²/s³, m²/s⁵", write, shared=True
+)

@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-from tuner.exporters.dialect import Target
+from tuner.exporters.dialect import Target, lasting_times
 from tuner.exporters.triad_values import triad
 from tuner.formats.customary_units import phrase
 from tuner.synthesis.error_growth import structure_function
-from tuner.synthesis.projection import STILL_SHARE, STILL_TIME, Projected
-from tuner.types import ChannelNoise, Coefficient, FilterConfig
+from tuner.synthesis.projection import HORIZONS, STILL_SHARE, STILL_TIME, BiasModel, Projected
+from tuner.types import Coefficient, FilterConfig
 from tuner.types.borrowed import borrowed_words, white_is_measured
 
 SENSORS = {"gyro": "gyroscopes", "accel": "accelerometers"}
 """Prefix of the axes of the two triads, and their name."""
 
-STATES_IN_PAIR = "Gauss–Markov states are in N and K"
-"""What the header says of a file whose two numbers stand for all states."""
+RATIO = "true ÷ predicted error"
+"""What the header states of two numbers that stand for another model."""
 
 
-def provenance(config: FilterConfig, title: str, target: Target | None = None) -> tuple[str, ...]:
+def provenance(
+    config: FilterConfig, title: str, target: Target | None = None, loaded: Iterable[str] = tuple(SENSORS)
+) -> tuple[str, ...]:
     """Return the header of an export, without comment marks.
 
     Parameters
@@ -30,11 +33,15 @@ def provenance(config: FilterConfig, title: str, target: Target | None = None) -
         What the file is.
     target : Target, optional
         The filter, where two of its numbers stand for all states of an axis.
+    loaded : iterable of str, optional
+        Keys of `SENSORS` whose two numbers it is given; by default both.
     """
-    return tuple(_provenance(config, title, target))
+    return tuple(_provenance(config, title, target, loaded))
 
 
-def _provenance(config: FilterConfig, title: str, target: Target | None) -> Iterator[str]:
+def _provenance(
+    config: FilterConfig, title: str, target: Target | None, loaded: Iterable[str]
+) -> Iterator[str]:
     yield title
     measured = any(white_is_measured(config, axis) for axis in config.channels)
     of_sheet = not measured and any(channel.identified for channel in config.channels.values())
@@ -58,7 +65,7 @@ def _provenance(config: FilterConfig, title: str, target: Target | None) -> Iter
         )
         yield f"N is that in motion, for rest and motion alike; at rest N of {rest}"
     if target is not None:
-        yield from _projected_words(config, target)
+        yield from _projected_words(config, target, loaded)
     if still := [axis for axis, channel in config.channels.items() if not structure_function(channel, 1.0)]:
         yield (
             f"{', '.join(still)}: no wander of the bias identified; one of {100.0 * STILL_SHARE:g} % of white noise "
@@ -70,20 +77,32 @@ def _provenance(config: FilterConfig, title: str, target: Target | None) -> Iter
     yield from _inflations(config)
 
 
-def _projected_words(config: FilterConfig, target: Target) -> Iterator[str]:
-    """Yield what stands for the states of each axis, and how well a filter predicts with it."""
-    if target.fading_time is None and not any(channel.markov for channel in config.channels.values()):
+def _projected_words(config: FilterConfig, target: Target, loaded: Iterable[str]) -> Iterator[str]:
+    """Yield what stands for the noise of each axis, and how well a filter predicts with it."""
+    pairs = {sensor: target.pairs(channels) for sensor in loaded if (channels := triad(config, sensor))}
+    axes = {sensor: triad(config, sensor) for sensor in pairs}
+    if target.fading_time is not None:
+        assumed = "" if lasting_times(config) else f" (ASSUMED: none is longer than {HORIZONS[-1]:g} s)"
+        what = f"one T = {target.fading_time:g} s for all states{assumed}"
+        name, quantity = "σ", "gauss_markov.sd"
+    elif any(channel.markov for channels in axes.values() for channel in channels):
+        what, name, quantity = "Gauss–Markov states are in N and K", "K", "random_walk.density"
+    elif any(len(set(map(BiasModel.of, channels))) > 1 for channels in axes.values()) and target.shared:
+        what, name, quantity = "one N and one K for all axes", "K", "random_walk.density"
+    else:
         return
-    what = (
-        STATES_IN_PAIR if target.fading_time is None else f"one T = {target.fading_time:g} s for all states"
-    )
-    name, quantity = ("K", "random_walk.density") if target.fading_time is None else ("σ", "gauss_markov.sd")
     yield f"{what}; a filter that is aided by {target.aiding.words} (assumed) predicts best with"
-    for axis, channel in config.channels.items():
-        pair = target.pair(channel)
-        white = _figure(pair.white_density, "white.density", channel.unit)
-        yield f"{axis}: N = {white}, {name} = {_figure(pair.bias, quantity, channel.unit)}"
-    yield from predicted_words(config, target.pair, target)
+    for sensor, channels in axes.items():
+        words = [
+            f"N = {_figure(pair.white_density, 'white.density', channel.unit)}, "
+            f"{name} = {_figure(pair.bias, quantity, channel.unit)}"
+            for channel, pair in zip(channels, pairs[sensor], strict=True)
+        ]
+        if target.shared:
+            yield f"{SENSORS[sensor]}, one number for all axes: {words[0]}"
+        else:
+            yield from (f"{channel.axis}: {text}" for channel, text in zip(channels, words, strict=True))
+    yield from predicted_words(config, target, pairs)
 
 
 def _figure(value: float, quantity: str, unit: str) -> str:
@@ -92,19 +111,20 @@ def _figure(value: float, quantity: str, unit: str) -> str:
 
 
 def predicted_words(
-    config: FilterConfig, pair: Callable[[ChannelNoise], Projected], target: Target
+    config: FilterConfig, target: Target, pairs: Mapping[str, Sequence[Projected]]
 ) -> Iterator[str]:
-    """Yield true ÷ predicted errors of a filter with two numbers an axis: by sensor, of the axis furthest from 1."""
-    for sensor, name in SENSORS.items():
-        if channels := triad(config, sensor):
-            ratios = [target.errors(channel, pair(channel)) for channel in channels]
-            worst = {key: max((one[key] for one in ratios), key=_distance) for key in ratios[0]}
-            words = ", ".join(f"{key} {ratio:.2f}" for key, ratio in worst.items())
-            yield f"{name}: true ÷ predicted error with fixes and after a time without: {words}"
+    """Yield true ÷ predicted errors of a filter with two numbers an axis, by sensor: the range over its axes."""
+    for sensor, numbers in pairs.items():
+        ratios = [target.errors(*one) for one in zip(triad(config, sensor), numbers, strict=True)]
+        ranges = {key: sorted({f"{one[key]:.2f}" for one in ratios}, key=float) for key in ratios[0]}
+        words = ", ".join(f"{key} {' to '.join(found[:1] + found[1:][-1:])}" for key, found in ranges.items())
+        yield f"{SENSORS[sensor]}: {RATIO}: {words}"
 
 
-def _distance(ratio: float) -> float:
-    return max(ratio, 1.0 / ratio)
+def stated_ratios(text: str) -> list[float]:
+    """Return the ratios that the header of a file states."""
+    lines = [line.partition(RATIO)[2] for line in text.splitlines() if RATIO in line]
+    return [float(one) for line in lines for one in re.findall(r"\d+\.\d\d", line)]
 
 
 def _inflations(config: FilterConfig) -> Iterator[str]:

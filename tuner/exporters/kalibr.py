@@ -44,4 +44,5 @@ DIALECT = Dialect(
     "rad/s/√Hz, rad/s²/√Hz, m/s²/√Hz, m/s³/√Hz (continuous)",
     write,
     aiding=CAMERA,
+    shared=True,
 )

@@ -44,4 +44,6 @@ def write(config: FilterConfig, target: Target) -> str:
     return "%YAML:1.0\n" + yaml_text(entries, header=header)
 
 
-DIALECT = Dialect("kimera-vio", "Kimera-VIO ImuParams.yaml", kalibr.DIALECT.units, write, aiding=CAMERA)
+DIALECT = Dialect(
+    "kimera-vio", "Kimera-VIO ImuParams.yaml", kalibr.DIALECT.units, write, aiding=CAMERA, shared=True
+)

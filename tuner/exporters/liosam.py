@@ -42,5 +42,5 @@ def write_ros2(config: FilterConfig, target: Target) -> str:
 
 
 _UNITS = "rad/s/√Hz, rad/s²/√Hz, m/s²/√Hz, m/s³/√Hz (continuous)"
-DIALECT = Dialect("liosam", "LIO-SAM params.yaml", _UNITS, write, aiding=LIDAR)
-ROS2 = Dialect("liosam-ros2", "LIO-SAM params.yaml of ROS 2", _UNITS, write_ros2, aiding=LIDAR)
+DIALECT = Dialect("liosam", "LIO-SAM params.yaml", _UNITS, write, aiding=LIDAR, shared=True)
+ROS2 = Dialect("liosam-ros2", "LIO-SAM params.yaml of ROS 2", _UNITS, write_ros2, aiding=LIDAR, shared=True)

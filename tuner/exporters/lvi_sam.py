@@ -28,7 +28,12 @@ def write_camera(config: FilterConfig, target: Target) -> str:
 
 
 LIDAR = Dialect(
-    "lvi-sam", "LVI-SAM params_lidar.yaml", liosam.DIALECT.units, write_lidar, aiding=liosam.DIALECT.aiding
+    "lvi-sam",
+    "LVI-SAM params_lidar.yaml",
+    liosam.DIALECT.units,
+    write_lidar,
+    aiding=liosam.DIALECT.aiding,
+    shared=True,
 )
 CAMERA = Dialect(
     "lvi-sam-camera",
@@ -36,4 +41,5 @@ CAMERA = Dialect(
     vins.DIALECT.units,
     write_camera,
     aiding=vins.DIALECT.aiding,
+    shared=True,
 )

@@ -36,4 +36,5 @@ DIALECT = Dialect(
     "m/s²/√Hz, m/s³/√Hz, rad/s/√Hz, rad/s²/√Hz (continuous)",
     write,
     aiding=CAMERA,
+    shared=True,
 )

@@ -15,7 +15,7 @@ from typing import Any
 from models.units import from_si
 from tuner.exporters.dialect import Dialect, Target, longest_time
 from tuner.exporters.header import provenance
-from tuner.exporters.triad_values import rms, triad
+from tuner.exporters.triad_values import triad, walk, white
 from tuner.formats.digits import rounded
 from tuner.formats.yaml_text import Noted, yaml_text
 from tuner.synthesis.projection import RTK
@@ -27,10 +27,10 @@ def write(config: FilterConfig, target: Target) -> str:
     time_constant = longest_time(config)
     gyro, accel = triad(config, "gyro"), triad(config, "accel")
     entries: dict[str, Any] = {
-        "arw": rms(gyro, lambda c: from_si(target.white_density(c), "deg/sqrt(h)"), "deg/√h; N").noted(),
-        "vrw": rms(accel, lambda c: from_si(target.white_density(c), "m/s/sqrt(h)"), "m/s/√h; N").noted(),
-        "gbstd": rms(gyro, lambda c: from_si(target.bias(c), "deg/h"), "deg/h; σ").noted(),
-        "abstd": rms(accel, lambda c: from_si(target.bias(c), "mGal"), "mGal; σ").noted(),
+        "arw": white(gyro, "deg/√h; N", target, lambda n: from_si(n, "deg/sqrt(h)")).noted(),
+        "vrw": white(accel, "m/s/√h; N", target, lambda n: from_si(n, "m/s/sqrt(h)")).noted(),
+        "gbstd": walk(config, gyro, "deg/h; σ", target, lambda s: from_si(s, "deg/h")).noted(),
+        "abstd": walk(config, accel, "mGal; σ", target, lambda s: from_si(s, "mGal")).noted(),
         "corrtime": Noted(rounded(time_constant / 3600.0), "h; T"),
     }
     header = (
@@ -41,5 +41,11 @@ def write(config: FilterConfig, target: Target) -> str:
 
 
 DIALECT = Dialect(
-    "ob-gins", "OB_GINS and IC-GVINS YAML", "deg/√h, m/s/√h, deg/h, mGal, h", write, aiding=RTK, fading=True
+    "ob-gins",
+    "OB_GINS and IC-GVINS YAML",
+    "deg/√h, m/s/√h, deg/h, mGal, h",
+    write,
+    aiding=RTK,
+    fading=True,
+    shared=True,
 )

@@ -41,4 +41,5 @@ DIALECT = Dialect(
     "rad/s/√Hz, rad/s²/√Hz, rad/s, m/s²/√Hz, m/s³/√Hz, m/s² (continuous)",
     write,
     aiding=CAMERA,
+    shared=True,
 )

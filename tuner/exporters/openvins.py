@@ -34,4 +34,6 @@ def write(config: FilterConfig, target: Target) -> str:
     return "%YAML:1.0\n" + yaml_text({"imu0": imu}, header=header)
 
 
-DIALECT = Dialect("openvins", "OpenVINS kalibr_imu_chain.yaml", kalibr.DIALECT.units, write, aiding=CAMERA)
+DIALECT = Dialect(
+    "openvins", "OpenVINS kalibr_imu_chain.yaml", kalibr.DIALECT.units, write, aiding=CAMERA, shared=True
+)

@@ -41,7 +41,14 @@ def write_unversioned(config: FilterConfig, target: Target) -> str:
 
 
 _UNITS = "rad/s/√Hz, rad/s²/√Hz, m/s²/√Hz, m/s³/√Hz (continuous)"
-DIALECT = Dialect("orbslam3", "ORB-SLAM3 settings, File.version 1.0", _UNITS, write, aiding=CAMERA)
+DIALECT = Dialect(
+    "orbslam3", "ORB-SLAM3 settings, File.version 1.0", _UNITS, write, aiding=CAMERA, shared=True
+)
 UNVERSIONED = Dialect(
-    "orbslam3-old", "ORB-SLAM3 settings without File.version", _UNITS, write_unversioned, aiding=CAMERA
+    "orbslam3-old",
+    "ORB-SLAM3 settings without File.version",
+    _UNITS,
+    write_unversioned,
+    aiding=CAMERA,
+    shared=True,
 )

@@ -34,4 +34,4 @@ def write(config: FilterConfig, target: Target) -> str:
     return yaml_text({"mapping": {key: known[same] for key, same in _KEYS.items()}}, header=header)
 
 
-DIALECT = Dialect("point-lio", "Point-LIO YAML", fastlio.DIALECT.units, write, aiding=LIDAR)
+DIALECT = Dialect("point-lio", "Point-LIO YAML", fastlio.DIALECT.units, write, aiding=LIDAR, shared=True)

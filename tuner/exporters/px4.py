@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 
-from tuner.exporters.autopilot import Parameter, loaded, parameter_lines
+from tuner.exporters.autopilot import Parameter, given, loaded, parameter_lines
 from tuner.exporters.dialect import Dialect, Target
 from tuner.exporters.header import provenance
 from tuner.exporters.triad_values import Figure, rms, triad, walk, white
@@ -45,22 +45,25 @@ _REAL_TYPE_CODE = 9
 def write(config: FilterConfig, target: Target) -> str:
     """Return a parameter file: vehicle, component, name, value, type, by tabs; comments where stock is kept."""
     step = _PREDICTION_STEP if target.step is None else target.step
-    factor = 1.0 / math.sqrt(step)
+
+    def per_step(density: float) -> float:
+        return density / math.sqrt(step)
+
     figures: dict[str, Figure] = {}
     if gyro := triad(config, "gyro"):
-        figures["EKF2_GYR_NOISE"] = white(gyro, "rad/s; N/√dt", target, factor=factor)
-        figures["EKF2_GYR_B_NOISE"] = walk(config, gyro, "rad/s²; K/√dt", target, factor=factor)
+        figures["EKF2_GYR_NOISE"] = white(gyro, "rad/s; N/√dt", target, per_step)
+        figures["EKF2_GYR_B_NOISE"] = walk(config, gyro, "rad/s²; K/√dt", target, per_step)
         figures["EKF2_GBIAS_INIT"] = rms(gyro, lambda c: c.constant_sd, "rad/s; turn-on sd")
     if accel := triad(config, "accel"):
-        figures["EKF2_ACC_NOISE"] = white(accel, "m/s²; N/√dt", target, factor=factor)
-        figures["EKF2_ACC_B_NOISE"] = walk(config, accel, "m/s³; K/√dt", target, factor=factor)
+        figures["EKF2_ACC_NOISE"] = white(accel, "m/s²; N/√dt", target, per_step)
+        figures["EKF2_ACC_B_NOISE"] = walk(config, accel, "m/s³; K/√dt", target, per_step)
         figures["EKF2_ABIAS_INIT"] = rms(accel, lambda c: c.constant_sd, "m/s²; turn-on sd")
+    values = loaded(figures, _PARAMETERS, config)
     lines = [
-        *provenance(config, "PX4 EKF2 parameters", target),
+        *provenance(config, "PX4 EKF2 parameters", target, given(values, _PARAMETERS)),
         f"dt = {step:g} s, the prediction step: EKF2_PREDICT_US = {1e6 * step:g}, stock 10000",
         *parameter_lines(figures, _PARAMETERS, config, _RELEASE),
     ]
-    values = loaded(figures, _PARAMETERS, config)
     parameters = [f"1\t1\t{name}\t{value:.9g}\t{_REAL_TYPE_CODE}" for name, value in values.items()]
     return "".join(f"{line}\n" for line in (*map(comment, lines), *parameters))
 
@@ -72,4 +75,5 @@ DIALECT = Dialect(
     write,
     needs=(),
     aiding=AUTOPILOT,
+    shared=True,
 )

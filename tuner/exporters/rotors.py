@@ -16,8 +16,9 @@ from tuner.exporters.dialect import Dialect, Target, longest_time
 from tuner.exporters.header import provenance
 from tuner.exporters.one_state import drawn_words, simulated_state
 from tuner.exporters.scripts import xml_comment
-from tuner.exporters.triad_values import pooled, triad
+from tuner.exporters.triad_values import triad
 from tuner.formats.digits import rounded
+from tuner.synthesis.projection import pooled
 from tuner.types import FilterConfig
 
 _RANDOM_WALK_KEYS = {

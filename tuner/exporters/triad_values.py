@@ -1,26 +1,26 @@
 """Numbers of a dialect: the axes of a triad combined to one figure, with its unit, formula and spread in words.
 
-One value for three axes is their rms: the noise power of the triad is then right, and the spread stands in
-the comment. White noise and walk are those with which the target predicts best (`tuner.synthesis.projection`). Figures
-follow from several numbers and have no interval of their own: they carry `tuner.formats.digits.DEFAULT_DIGITS`.
+White noise and walk are those with which the target predicts best (`tuner.synthesis.projection`), for all axes of a
+sensor where it has one number; an initial sd for three axes is their rms. Figures follow from several numbers and have
+no interval of their own: they carry `tuner.formats.digits.DEFAULT_DIGITS`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 
-from models.noise import GaussMarkov
 from tuner.exporters.dialect import Target
 from tuner.formats.digits import rounded
 from tuner.formats.yaml_text import Noted
+from tuner.synthesis.projection import pooled
 from tuner.types import ChannelNoise, FilterConfig
 
 
 @dataclass(frozen=True)
 class Figure:
-    """One number of a dialect: rms of the axes, and in words its unit, formula and spread."""
+    """One number of a dialect for all axes, and in words its unit, formula and spread."""
 
     value: float
     note: str
@@ -44,14 +44,6 @@ def rms(channels: tuple[ChannelNoise, ...], quantity: Callable[[ChannelNoise], f
     return Figure(rounded(value), f"{note}; rms of {_spread(channels, values)}")
 
 
-def mean(channels: tuple[ChannelNoise, ...], quantity: Callable[[ChannelNoise], float], note: str) -> Figure:
-    """Return the mean of a variance over the axes, with its spread in the note."""
-    values = [quantity(channel) for channel in channels]
-    if len(set(values)) == 1:
-        return Figure(rounded(values[0]), note if len(values) == 1 else f"{note}; the same on all axes")
-    return Figure(rounded(sum(values) / len(values)), f"{note}; mean of {_spread(channels, values)}")
-
-
 def _spread(channels: tuple[ChannelNoise, ...], values: list[float]) -> str:
     return ", ".join(f"{c.axis.rpartition('_')[2]} {v:.4g}" for c, v in zip(channels, values, strict=True))
 
@@ -66,32 +58,23 @@ def triple(
     return [figure.value] * 3, f"{figure.note} ({len(channels)} of 3 axes known)"
 
 
-def pooled(channels: tuple[ChannelNoise, ...]) -> ChannelNoise:
-    """Return one channel with the mean noise power of several, for targets with one set of numbers a sensor."""
-    n = len(channels)
-
-    def root(values: Iterable[float]) -> float:
-        return math.sqrt(sum(value * value for value in values) / n)
-
-    states = (state for channel in channels for state in channel.markov)
-    return ChannelNoise(
-        channels[0].axis.partition("_")[0],
-        channels[0].unit,
-        root(channel.white_density for channel in channels),
-        tuple(GaussMarkov(state.sd / math.sqrt(n), state.time_constant) for state in states),
-        root(channel.random_walk_density for channel in channels),
-        root(channel.constant_sd for channel in channels),
-    )
-
-
 def initial_bias_sd(channel: ChannelNoise) -> float:
     """Return the sd of constant and bias states together, for targets with one state for the bias."""
     return math.hypot(channel.constant_sd, *(state.sd for state in channel.markov))
 
 
-def white(channels: tuple[ChannelNoise, ...], note: str, target: Target, *, factor: float = 1.0) -> Figure:
-    """Return the white density of a target times a factor, rms of the axes."""
-    return rms(channels, lambda channel: factor * target.white_density(channel), note)
+def _same(value: float) -> float:
+    return value
+
+
+def white(
+    channels: tuple[ChannelNoise, ...],
+    note: str,
+    target: Target,
+    form: Callable[[float], float] = _same,
+) -> Figure:
+    """Return the one white density of a target in the form that it reads, by default as it is."""
+    return _for_all(channels, target.pair(pooled(channels)).white_density, note, form)
 
 
 def walk(
@@ -99,11 +82,16 @@ def walk(
     channels: tuple[ChannelNoise, ...],
     note: str,
     target: Target,
-    *,
-    factor: float = 1.0,
+    form: Callable[[float], float] = _same,
 ) -> Figure:
-    """Return the density of the random walk of a target times a factor, rms of the axes."""
-    return rms(channels, lambda channel: factor * target.bias(channel), limited(config, channels, note))
+    """Return the one random walk, or σ, of a target in the form that it reads, by default as it is."""
+    return _for_all(channels, target.pair(pooled(channels)).bias, limited(config, channels, note), form)
+
+
+def _for_all(
+    channels: tuple[ChannelNoise, ...], value: float, note: str, form: Callable[[float], float]
+) -> Figure:
+    return Figure(rounded(form(value)), f"{note}; for all axes" if len(channels) > 1 else note)
 
 
 def limited(config: FilterConfig, channels: tuple[ChannelNoise, ...], note: str) -> str:

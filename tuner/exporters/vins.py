@@ -30,11 +30,11 @@ def text(config: FilterConfig, target: Target, title: str) -> str:
     density, drive = math.sqrt(2.0 / target.interval), 1.0 / math.sqrt(target.interval)
     entries: dict[str, Any] = {}
     if accel := triad(config, "accel"):
-        entries["acc_n"] = white(accel, "m/s²; N·√(2/dt)", target, factor=density).noted()
-        entries["acc_w"] = walk(config, accel, "m/s³; K/√dt", target, factor=drive).noted()
+        entries["acc_n"] = white(accel, "m/s²; N·√(2/dt)", target, lambda n: n * density).noted()
+        entries["acc_w"] = walk(config, accel, "m/s³; K/√dt", target, lambda k: k * drive).noted()
     if gyro := triad(config, "gyro"):
-        entries["gyr_n"] = white(gyro, "rad/s; N·√(2/dt)", target, factor=density).noted()
-        entries["gyr_w"] = walk(config, gyro, "rad/s²; K/√dt", target, factor=drive).noted()
+        entries["gyr_n"] = white(gyro, "rad/s; N·√(2/dt)", target, lambda n: n * density).noted()
+        entries["gyr_w"] = walk(config, gyro, "rad/s²; K/√dt", target, lambda k: k * drive).noted()
     entries["g_norm"] = Noted(STANDARD_GRAVITY, "m/s²")
     header = (
         *provenance(config, title, target),
@@ -49,4 +49,5 @@ DIALECT = Dialect(
     "rad/s, rad/s², m/s², m/s³ (per IMU sample, mid-point)",
     write,
     aiding=CAMERA,
+    shared=True,
 )

@@ -95,7 +95,7 @@ def write_page(
         "standing": STANDING[result.verdict.use],
         "facts": _facts(result),
         "measured": blocks([*measured, *fixes[:1]]),
-        "legend": ". ".join(filter(None, (legend(*measured), why_larger(result.config, result.exports)))),
+        "legend": ". ".join(filter(None, (legend(*measured), why_larger(result.exports.values())))),
         "states": blocks(states := states_tables(result.config)),
         "marks": legend(*states),
         "against": [*fixes[1:], *against_datasheet(result)],

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from rich.table import Table
 
 from tuner.exporters import kalibr, kf_gins
-from tuner.exporters.dialect import Dialect
+from tuner.exporters.header import stated_ratios
 from tuner.formats.customary_units import customary_unit, digits, in_customary, pretty, with_interval
 from tuner.formats.yaml_text import Noted
 from tuner.report.coefficient_text import coefficients_of
@@ -41,7 +41,6 @@ ASSUMED = "ASSUMED"
 """Behind a number that nothing measures."""
 PAIR, FADING = "kalibr.yaml", "kf-gins.yaml"
 """Files whose numbers stand beside the measured ones: white noise with a random walk, and with a Gauss–Markov bias."""
-SHOWN_FILES: Mapping[str, Dialect] = {PAIR: kalibr.DIALECT, FADING: kf_gins.DIALECT}
 WIDEST_CELL = 15
 """Characters of a cell with which three axes have room in a terminal; longer ones have fewer digits."""
 NARROW_INTERVAL = 0.05
@@ -100,7 +99,7 @@ def entries_tables(config: FilterConfig, files: Iterable[str]) -> list[Table]:
     if PAIR in files:
         written = kalibr.noise_entries(config, kalibr.DIALECT.target(config))
         rows = [_of_pair(key, written[key]) for key in sorted(written, key=lambda key: key[:5] == "accel")]
-        tables.append(table_of((f"{PAIR}, to enter", "rms of the axes", "that is"), rows, words=3))
+        tables.append(table_of((f"{PAIR}, to enter", "one for all axes", "that is"), rows, words=3))
     if FADING in files:
         noise = kf_gins.entries(config, kf_gins.DIALECT.target(config))["imunoise"]
         rows = [
@@ -163,24 +162,17 @@ def legend(*tables: Table) -> str:
     return "; ".join(text for sign, text in LEGEND.items() if sign in signs)
 
 
-def why_larger(config: FilterConfig, files: Iterable[str]) -> str:
-    """Return why the numbers of other filters are larger than the terms that were measured, and how well they predict.
+def why_larger(texts: Iterable[str]) -> str:
+    """Return why numbers to enter are larger than the terms measured, and how well they predict by their files.
 
-    Empty where no filter has fewer numbers than there are terms.
+    Empty where no file has fewer numbers than there are terms.
     """
-    targets = [dialect.target(config) for file, dialect in SHOWN_FILES.items() if file in files]
-    found = [
-        ratio
-        for one in targets
-        for channel in config.channels.values()
-        if channel.markov
-        for ratio in one.errors(channel, one.pair(channel)).values()
-    ]
+    found = [ratio for text in texts for ratio in stated_ratios(text)]
     if not found:
         return ""
     return (
-        "To enter: the filter lacks some terms above, so its numbers are larger: with its usual fixes "
-        f"it errs by {min(found):.2f} to {max(found):.2f} × predicted; enlarge for vibration only"
+        "To enter: these numbers stand for all terms above and are larger: with usual fixes "
+        f"true errors are {min(found):.2f} to {max(found):.2f} × predicted; enlarge for vibration only"
     )
 
 

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 from rich.table import Table
 
-from tuner.exporters.header import STATES_IN_PAIR
 from tuner.formats.reference_words import reference_line
 from tuner.identification.comparison import compare_identifications, limit_checks
 from tuner.judgement import curve_axes, is_felt
@@ -49,7 +48,7 @@ COMMENTS = ("#", "//", "%", "<!--", "/*", "*")
 """How lines of comments begin in the dialects."""
 OF_DRIVE_ALONE = "static diagnosis"
 """What lacks where a drive stands in for the log, which the line of the recording says."""
-SAID_ABOVE = ("the same on all axes", "rests on a 95 % limit")
+SAID_ABOVE = ("the same on all axes", "for all axes", "rests on a 95 % limit")
 """How remarks on a setting of a file begin that the table of an answer says."""
 NOISE_YAML = "noise.yaml"
 """The file of all settings, from which those of other filters are made."""
@@ -78,8 +77,8 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
     nothing = [] if mended or vibration else ["Nothing was found that the noise terms do not explain"]
     further = len(found) - SHOWN_FINDINGS
     own = Path(keys[0].removesuffix(":")).name if len(keys) > 1 else ""
-    pairs = any(STATES_IN_PAIR in text for name, text in result.exports.items() if own in ("", name))
-    reason = why_larger(result.config, files or (PAIR,)) if noise and pairs else ""
+    shown = (own,) if own else (PAIR, FADING)
+    reason = why_larger(result.exports[name] for name in shown if name in result.exports)
     scored = () if result.measured is None else result.measured.consistency.outages
     said: list[Table | str] = [
         recording_line(result),

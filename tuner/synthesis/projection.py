@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,8 +28,9 @@ import numpy as np
 from models.arrays import FloatArray
 from models.noise import GaussMarkov
 from models.statespace import StateSpace, discretize
-from models.units import STANDARD_GRAVITY
+from models.units import STANDARD_GRAVITY, unit_of_samples
 from tuner.types import ChannelNoise
+from tuner.types.records import DataError
 
 HORIZONS = 10.0, 60.0
 """Times without fixes after which the position is scored, s: outages that filters are compared by."""
@@ -118,12 +120,41 @@ def projected(channel: ChannelNoise, aiding: Aiding, fading_time: float | None =
     fading_time : float, optional
         Time constant of the one state that the filter lets fade, s; by default its bias is a random walk.
     """
-    least = still_walk(channel)
+    least = channel.random_walk_density or still_walk(channel)
     scale = 1.0 if fading_time is None else math.sqrt(0.5 * fading_time)
     if not channel.markov and (fading_time is None or not channel.random_walk_density):
-        return Projected(channel.white_density, scale * max(channel.random_walk_density, least))
-    white, walk = _searched(BiasModel.of(channel), aiding, fading_time, least)
+        return Projected(channel.white_density, scale * least)
+    try:
+        white, walk = _searched(BiasModel.of(channel), aiding, fading_time, least)
+    except (ArithmeticError, np.linalg.LinAlgError):
+        raise DataError(
+            f"{channel.axis}: white noise of {channel.white_density:g} {unit_of_samples(channel.axis)}/√Hz: expected "
+            f"one with which a filter of {aiding.words} has a finite covariance: enter the unit's own, or its sheet's"
+        ) from None
     return Projected(white, scale * walk)
+
+
+def pooled(channels: tuple[ChannelNoise, ...]) -> ChannelNoise:
+    """Return one channel with the mean noise power of several.
+
+    Variances are linear in noise powers, so that its pair has the best total score of all channels with one pair.
+    """
+
+    def root(values: Iterable[float]) -> float:
+        return math.sqrt(sum(value * value for value in values) / len(channels))
+
+    states: dict[float, list[float]] = {}
+    for channel in channels:
+        for state in channel.markov:
+            states.setdefault(state.time_constant, []).append(state.sd)
+    return ChannelNoise(
+        channels[0].axis.partition("_")[0],
+        channels[0].unit,
+        root(channel.white_density for channel in channels),
+        tuple(GaussMarkov(root(sds), time) for time, sds in states.items()),
+        root(channel.random_walk_density for channel in channels),
+        root(channel.constant_sd for channel in channels),
+    )
 
 
 def still_walk(channel: ChannelNoise) -> float:
@@ -138,7 +169,8 @@ def errors_by_prediction(
     drive = pair.bias * (1.0 if fading_time is None else math.sqrt(2.0 / fading_time))
     model, squares = BiasModel.of(channel), np.array([[pair.white_density**2, drive**2]])
     predicted, true = variances(model, aiding, fading_time, squares)
-    names = [*("position", "velocity", "angle")[: model.integrals], *(f"{time:g} s" for time in HORIZONS)]
+    later = (f"position {time:g} s after the last fix" for time in HORIZONS)
+    names = [*("position", "velocity", "angle")[: model.integrals], *later]
     return dict(zip(names, np.sqrt(true / predicted)[0].tolist(), strict=True))
 
 
@@ -146,14 +178,14 @@ def errors_by_prediction(
 def _searched(
     model: BiasModel, aiding: Aiding, fading_time: float | None, least: float
 ) -> tuple[float, float]:
-    """Return N and the density of the drive of the bias with the best score."""
+    """Return N and the density of the drive of the bias with the best score; `ArithmeticError` where none is finite."""
     (white, walk), times = model.noise, [state.time_constant for state in model.states]
     sizes = 2.0 * np.array([state.sd for state in model.states]) ** 2
-    # A state acts as white noise within the times that are scored, and as a walk where a fix comes within its time.
+    # A state acts as white noise within the times that are scored, and as a walk before it fades.
     slow = float(sizes @ np.minimum(times, HORIZONS[-1]))
-    walk += float(sizes @ (times / np.add(times, aiding.interval) ** 2)) + least**2
-    low = 0.5 * np.log([max(white, _LEAST_SHARE * slow), least**2])
-    high = 0.5 * np.log([white + slow, walk])
+    walk += float(sizes @ np.reciprocal(times)) + least**2
+    low = least_logs = 0.5 * np.log([max(white, _LEAST_SHARE * slow), least**2])
+    high = most_logs = 0.5 * np.log([white + slow, walk])
     for _ in range(_SEARCH_PASSES):
         grid = np.meshgrid(*np.linspace(low, high, _SEARCH_POINTS, axis=-1), indexing="ij")
         tried = np.stack([one.ravel() for one in grid], axis=-1)
@@ -166,8 +198,11 @@ def _searched(
         allowed = error <= error.min() + 2.0 * math.log(WORST_ERROR)
         best = tried[int(np.argmin(np.where(allowed, score, np.inf)))]
         step = 2.0 * (high - low) / (_SEARCH_POINTS - 1)
-        low, high = best - step, best + step
+        low, high = np.maximum(best - step, least_logs), np.minimum(best + step, most_logs)
     found = np.exp(best)
+    with np.errstate(all="ignore"):
+        if not np.isfinite(variances(model, aiding, fading_time, found[None] ** 2)).all():
+            raise ArithmeticError
     return float(found[0]), float(found[1])
 
 

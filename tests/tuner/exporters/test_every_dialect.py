@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 import re
 from dataclasses import replace
 
 import pytest
 import yaml
 
+from models.noise import GaussMarkov
 from tests.tuner.exporters.made_by_hand import (
     CONFIG,
     DT,
@@ -20,8 +20,10 @@ from tests.tuner.exporters.made_by_hand import (
     written,
 )
 from tuner.exporters import DIALECTS, export
+from tuner.exporters.header import stated_ratios
 from tuner.formats.digits import CLOCK_DIGITS
 from tuner.synthesis.load_config import load_config
+from tuner.synthesis.projection import Projected
 from tuner.types import FilterConfig
 from tuner.types.records import DataError
 
@@ -62,14 +64,64 @@ def test_one_axis_is_enough(dialect: str) -> None:
     assert "N = 0.688 deg/√h" in written(dialect, replace(CONFIG, channels=one))
 
 
-def test_axes_are_combined_as_rms_with_their_spread() -> None:
-    text = written("kalibr", make(spread=0.5))
+def uneven() -> FilterConfig:
+    """Return settings of a sheet with tenfold wander of the bias of gyro x."""
+    config = load_config("icm20602")
+    one = config.channels["gyro_x"]
+    worse = replace(one, markov=tuple(replace(state, sd=10.0 * state.sd) for state in one.markov))
+    return replace(config, channels={**config.channels, "gyro_x": worse})
+
+
+def test_a_file_with_one_number_states_the_errors_that_follow_from_it() -> None:
+    """The header had 0.87 to 1.11, of numbers by axis; the rms in the file makes 0.25 to 1.83."""
+    config = uneven()
+    text = export(config, "kalibr")
     found = yaml.safe_load(text)
-    assert found["gyroscope_noise_density"] == near(N_GYRO * math.sqrt((0.25 + 1.0 + 2.25) / 3.0))
-    assert "rms of x 0.0001, y 0.0002, z 0.0003" in text
-    assert entries("fastlio", make(spread=0.5))["mapping"]["gyr_cov"] == near(
-        found["gyroscope_noise_density"] ** 2 / DT
-    )
+    target = DIALECTS["kalibr"].target(config)
+    ratios = [
+        ratio
+        for axis, channel in config.channels.items()
+        for name in ("gyroscope" if axis.startswith("gyro") else "accelerometer",)
+        for ratio in target.errors(
+            channel, Projected(found[f"{name}_noise_density"], found[f"{name}_random_walk"])
+        ).values()
+    ]
+    stated = stated_ratios(text)
+    assert (min(stated), max(stated)) == pytest.approx((min(ratios), max(ratios)), abs=0.006)
+    assert min(stated) < 0.5
+    assert max(stated) > 1.5
+
+
+@pytest.mark.parametrize("dialect", OTHERS)
+def test_a_dialect_declares_whether_all_axes_have_one_number(dialect: str) -> None:
+    assert ("; for all axes" in export(uneven(), dialect)) == DIALECTS[dialect].shared
+
+
+@pytest.mark.parametrize("dialect", ["px4", "ardupilot"])
+def test_numbers_that_are_not_loaded_have_no_ratio(dialect: str) -> None:
+    text = export(uneven(), dialect)
+    assert "keep stock" in text
+    assert not stated_ratios(text)
+    assert stated_ratios(export(uneven(), "fastlio"))
+
+
+@pytest.mark.parametrize("dialect", [name for name, one in DIALECTS.items() if one.fading])
+def test_a_state_that_fades_between_fixes_is_not_the_one_of_the_filter(dialect: str) -> None:
+    """Its T of 20 ms was that of the filter: "nan" and a bound of the search were written."""
+    config = load_config("icm20602")
+    brief = {axis: replace(c, markov=(GaussMarkov(3e-4, 0.02),)) for axis, c in config.channels.items()}
+    text = export(replace(config, channels=brief), dialect)
+    assert "one T = 3600 s for all states (ASSUMED: none is longer than 60 s)" in text
+    assert 0.9 < min(stated_ratios(text)) <= max(stated_ratios(text)) < 1.1
+
+
+def test_noise_that_makes_no_filter_is_refused() -> None:
+    nothing = {
+        axis: replace(c, white_density=1e-30, markov=(GaussMarkov(1e-30, 100.0),), random_walk_density=0.0)
+        for axis, c in CONFIG.channels.items()
+    }
+    with pytest.raises(DataError, match="white noise of 1e-30 rad/s/√Hz: expected one with which"):
+        export(replace(CONFIG, channels=nothing), "kalibr")
 
 
 def test_no_dialect_gets_a_zero_noise_from_a_still_bias() -> None:
@@ -119,7 +171,7 @@ def test_fast_livo2_is_told_what_its_fixed_walk_predicts() -> None:
     assert yaml.safe_load(text)["imu"]["gyr_cov"] == near(N_GYRO**2 / DT)
     # LIVMapper.cpp fixes 1e-4 (rad/s²)² a step: K = 1e-3 at 100 Hz, σ√(2/T) = 1.7e-6 in the configuration. The filter
     # believes in a drift of the bias that is 600 times as large.
-    said = re.search(r"gyroscopes: true ÷ predicted .* 60 s (\d+\.\d\d)", text)
+    said = re.search(r"gyroscopes: true ÷ predicted .* 60 s after the last fix (\d+\.\d\d)", text)
     assert float(said[1]) < 0.5
 
 

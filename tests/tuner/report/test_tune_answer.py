@@ -19,7 +19,7 @@ from tuner.diagnosis.drive.held_out_choice import HeldOutChoice
 from tuner.diagnosis.drive.outage_errors import OutageErrors
 from tuner.diagnosis.drive.predictive_score import PredictiveScore
 from tuner.exporters import export
-from tuner.exporters.header import STATES_IN_PAIR
+from tuner.exporters.header import RATIO
 from tuner.formats.axis_words import axes_text
 from tuner.formats.customary_units import digits, in_customary
 from tuner.formats.parameter_words import meaning_text
@@ -44,7 +44,6 @@ from tuner.report.tune_answer import found_lines, settings_in_dialect, tune_answ
 from tuner.simulation.static import simulate
 from tuner.synthesis import synthesize
 from tuner.synthesis.from_drive import load_config
-from tuner.synthesis.projection import CAMERA, errors_by_prediction, projected
 from tuner.tune_result import TuneResult
 from tuner.types import BoundUsed, Coefficient, Diagnosis, DriveDiagnosis, Enlargement, Finding, Unexplained
 from tuner.types.borrowed import with_borrowed
@@ -127,7 +126,7 @@ def test_axes_that_are_alike_in_everything_share_a_column():
     tables = measured_table(found), *entries_tables(config, ("kalibr.yaml", "kf-gins.yaml"))
     heads = [[str(column.header) for column in table.columns] for table in tables]
     assert heads[0] == ["", "stated, each axis"]
-    assert heads[1] == ["kalibr.yaml, to enter", "rms of the axes", "that is"]
+    assert heads[1] == ["kalibr.yaml, to enter", "one for all axes", "that is"]
     assert heads[2] == ["kf-gins.yaml, to enter", "each axis"]
 
 
@@ -220,38 +219,30 @@ def test_a_wrong_reference_is_said_beneath_the_verdict_of_the_drive(result, code
 
 def test_one_reason_stands_for_all_numbers_that_are_larger_than_measured(result):
     """White noise alone had a reason; the random walk, 2 to 10 times the measured one, had none."""
-    channels = {
-        axis: replace(one, markov=(GaussMarkov(2.0 * one.white_density, 30.0),))
-        for axis, one in result.config.channels.items()
-    }
-    config = replace(result.config, channels=channels)
-    errors = [
-        ratio
-        for one in channels.values()
-        for ratio in errors_by_prediction(one, CAMERA, projected(one, CAMERA)).values()
-    ]
-    why = why_larger(config, ("kalibr.yaml",))
-    assert "the filter lacks some terms above, so its numbers are larger" in why
-    assert f"{min(errors):.2f} to {max(errors):.2f} × predicted" in why
-    whole = {
-        axis: replace(one, markov=()) for axis, one in channels.items()
-    }  # nothing stands for another term
-    assert why_larger(config, ()) == why_larger(replace(config, channels=whole), ("kalibr.yaml",)) == ""
+    stated = f"# {RATIO}: position 0.91 to 1.00, position 10 s after the last fix 1.12"
+    why = why_larger([stated, "noise: 1.0"])
+    assert "these numbers stand for all terms above and are larger" in why
+    assert "true errors are 0.91 to 1.12 × predicted" in why
+    assert why_larger(["noise: 1.0"]) == ""  # nothing stands for another term
     # On a full screen there was no room for the reason.
     one = result.diagnosis.findings[-1]
     found = tuple(replace(one, channels=(axis,), drift={"60 s": (9.0, 1.0)}) for axis in AXES * 3)
     full = replace(
         result,
-        config=config,
         diagnosis=replace(result.diagnosis, findings=found),
-        exports={"kalibr.yaml": STATES_IN_PAIR, "noise.yaml": ""},
+        exports={"kalibr.yaml": stated, "noise.yaml": ""},
     )
     assert why.replace(" ", "") in "".join(answer_lines(full, Path("out"))).replace(" ", "")
-    # `--to kalibr` had no reason; a filter that has all states needs none.
-    files = {"kalibr.yaml": f"# {STATES_IN_PAIR}\nnoise: 1.0\n", "mine.txt": "noise: 1.0\n"}
-    for dialect, said in (("kalibr", True), ("mine", False)):
-        lines = answer_lines(replace(full, exports=files), Path("out"), dialect)
-        assert any(line.startswith("To enter: the filter") for line in lines) == said
+    # `--to kalibr` had no reason, `--to fastlio` that of Kalibr; a filter that has all states needs none.
+    files = {
+        "kalibr.yaml": f"{stated}\nnoise: 1.0\n",
+        "mine.txt": "noise: 1.0\n",
+        "fastlio.txt": f"# {RATIO}: position 0.77\nnoise: 1.0\n",
+    }
+    for dialect, said in (("kalibr", "0.91 to 1.12"), ("mine", ""), ("fastlio", "0.77 to 0.77")):
+        lines = "".join(answer_lines(replace(full, exports=files), Path("out"), dialect))
+        assert ("To enter: these" in lines) == bool(said)
+        assert said.replace(" ", "") in lines.replace(" ", "")
 
 
 def test_a_filter_named_shows_its_own_keys(result):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -21,7 +22,9 @@ from tuner.synthesis.projection import (
     BiasModel,
     Projected,
     errors_by_prediction,
+    pooled,
     projected,
+    still_walk,
     variances,
 )
 from tuner.types import ChannelNoise
@@ -88,7 +91,7 @@ def simulated(
     for horizon in (10.0, 60.0):
         for _ in range(round((horizon - (horizon > 10.0) * 10.0) / dt)):
             e, p, states, walk = ahead(e, p, states, walk)
-        found[f"{horizon:g} s"] = math.sqrt(float((e[0] ** 2).mean()) / p[0, 0])
+        found[f"position {horizon:g} s after the last fix"] = math.sqrt(float((e[0] ** 2).mean()) / p[0, 0])
     return found
 
 
@@ -138,10 +141,43 @@ def test_no_pair_nearby_has_a_better_score(channel, fading) -> None:
     assert int(np.argmin(scores)) == 0
 
 
+def test_one_pair_for_all_axes_has_the_best_score_of_all() -> None:
+    """True variances are linear in noise powers, so that the pair of their mean has the best sum of scores."""
+    axes = tuple(
+        replace(GYRO, markov=tuple(replace(s, sd=f * s.sd) for s in LADDER)) for f in (10.0, 1.0, 1.0)
+    )
+    best = projected(pooled(axes), GNSS)
+    tried = np.array(
+        [(1.0, 1.0), (1.02, 1.0), (0.98, 1.0), (1.0, 1.05), (1.0, 0.95), (1.05, 0.95), (0.95, 1.05)]
+    )
+    squares = (tried * [best.white_density, best.bias]) ** 2
+    scores = 0.0
+    for one in axes:
+        predicted, true = variances(BiasModel.of(one), GNSS, None, squares)
+        scores = scores + (np.log(predicted) + true / predicted).sum(axis=1)
+    assert int(np.argmin(scores)) == 0
+    assert pooled((GYRO, GYRO)).white_density == pytest.approx(GYRO.white_density)
+
+
+@pytest.mark.parametrize("aiding", AIDINGS, ids=NAMES)
+@pytest.mark.parametrize("time", [0.5, 5.0, 30.0])
+def test_numbers_stay_between_the_least_and_all_that_is_configured(aiding, time) -> None:
+    """The search left its first bounds: N came out at 0.60 of the one configured, K at 0.12 of the least."""
+    short = replace(GYRO, markov=(GaussMarkov(3e-4, time),))
+    for fading in (None, 3600.0):
+        found = projected(short, aiding, fading)
+        drive = found.bias * (1.0 if fading is None else math.sqrt(2.0 / fading))
+        assert short.white_density <= found.white_density * 1.001
+        assert still_walk(short) <= drive * 1.001
+
+
 @pytest.mark.parametrize("aiding", AIDINGS, ids=NAMES)
 def test_what_a_filter_can_hold_is_kept(aiding) -> None:
     walk = ChannelNoise("gyro_x", "rad/s", 2e-4, (), 3e-7, 1e-3)
     assert projected(walk, aiding) == Projected(2e-4, 3e-7)
+    # A walk below that of a bias that never moved was enlarged 17 times, and nothing said so.
+    least = replace(walk, random_walk_density=1e-9)
+    assert projected(least, aiding) == Projected(2e-4, 1e-9)
     slow = ChannelNoise("accel_x", "m/s^2", 1e-3, (GaussMarkov(1e-2, 1e7),), 0.0, 1e-3)
     assert projected(slow, aiding).white_density == pytest.approx(1e-3, rel=2e-3)
     assert projected(slow, aiding).bias == pytest.approx(slow.markov[0].driving_density, rel=1e-2)
