@@ -112,7 +112,9 @@ def draw() -> None:
     plt.rcParams["svg.hashsalt"] = "two-numbers"
     figure, axes = plt.subplots(figsize=(7.0, 3.6), layout="constrained")
     for name in curves[0]:
-        (line,) = axes.loglog(FACTORS, [curve[name] for curve in curves], label=name.removesuffix(" after the last fix"))
+        (line,) = axes.loglog(
+            FACTORS, [curve[name] for curve in curves], label=name.removesuffix(" after the last fix")
+        )
         axes.plot(best.white_density / one.white_density, chosen[name], "o", color=line.get_color())
     axes.axhline(1.0, color="0.6", lw=0.8)
     axes.set(xlabel="factor on N; dots: both numbers as tuner writes them", ylabel="true ÷ predicted error")

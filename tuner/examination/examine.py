@@ -14,7 +14,7 @@ from models.earth import ned_between
 from tuner.examination.fit import Fit, Noise
 from tuner.examination.moves import AXES, CLOCK_OF_UNIT, LEVER_ARM, STATED_ODDS, TRIADS
 from tuner.examination.search import Found, applied, searched
-from tuner.examination.streams import HorizontalVelocities, Positions, Stream, Streams, Velocities
+from tuner.examination.streams import Positions, Stream, Streams, receiver_streams
 from tuner.examination.windows import WINDOW_LENGTH, Inertial, longest_step
 from tuner.limits import LOST_SHARE, TOLERATED_RATIO
 from tuner.segments.stand_stills import runs
@@ -119,21 +119,11 @@ class Examination(Shown):
 
 def streams_of(drive: Drive) -> Streams:
     """Return the streams of a drive."""
-    gnss = drive.gnss
     arm = (0.0, 0.0, 0.0)
     if drive.lever_arm is not None and drive.mounting is not None:
         x, y, z = drive.mounting @ np.array(drive.lever_arm)
         arm = (float(x), float(y), float(z))
-    positions = Positions(gnss.t, gnss.llh, _stated(gnss.position_sd), "fixes", arm)
-    whole = np.isfinite(gnss.vel_n).all(axis=1).sum() > 0.5 * gnss.has_velocity.sum()
-    kind, many = (Velocities, 3) if whole else (HorizontalVelocities, 2)
-    velocities = kind(gnss.t, gnss.vel_n[:, :many], _stated(gnss.velocity_sd[:, :many]), "velocities", arm)
-    others = (velocities,) if gnss.has_velocity.any() else ()
-    return Streams(Inertial(drive.imu_t, drive.rates), positions, others)
-
-
-def _stated(sd: FloatArray) -> FloatArray | None:
-    return sd if np.isfinite(sd).any() else None
+    return Streams(Inertial(drive.imu_t, drive.rates), *receiver_streams(drive.gnss, arm))
 
 
 @public("examine")

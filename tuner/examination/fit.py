@@ -153,7 +153,7 @@ class _Start:
 
 
 @dataclass(frozen=True)
-class _Placed:
+class Placed:
     """Readings of a stream in windows, as a table of windows by readings."""
 
     stream: Stream
@@ -171,20 +171,20 @@ class _Placed:
         table[self.window, self.place] = values
         return table
 
-    def linear(self, found: Motion, x: FloatArray, more: FloatArray | None = None) -> _Linear:
+    def linear(self, found: Motion, x: FloatArray, more: FloatArray | None = None) -> Linear:
         """Return what readings say of the unknowns, linear about those of a motion, and of constants by `more`."""
         predicted, by = self.stream.seen(found)
         left = self.local - predicted + (by @ x[self.window][..., None])[..., 0]
         by = by if more is None else np.concatenate([by, more], axis=-1)
         w, u = len(x), by.shape[-1]
-        return _Linear(self, self.spread(left, w).reshape(w, -1), self.spread(by, w).reshape(w, -1, u))
+        return Linear(self, self.spread(left, w).reshape(w, -1), self.spread(by, w).reshape(w, -1, u))
 
 
 @dataclass(frozen=True)
-class _Linear:
+class Linear:
     """What readings say of the unknowns of windows, as tables, shapes (w, k) and (w, k, u), zeros where none is."""
 
-    of: _Placed
+    of: Placed
     left: FloatArray
     by: FloatArray
 
@@ -231,7 +231,7 @@ def fit(
         Of streams that differ little, from which the rounds begin where it has the same windows.
     """
     windows = windows_of(averaged(streams.imu)) if windows is None else windows
-    problem = _Problem.of(streams, windows)
+    problem = Problem.of(streams, windows)
     if near is not None and np.array_equal(near.begin, problem.windows.begin):
         found = problem.solved(problem.joined([near]), rounds, near, free=True)
     elif guesses := problem.first_guesses():
@@ -242,17 +242,18 @@ def fit(
 
 
 @dataclass(frozen=True)
-class _Problem:
+class Problem:
     """Windows with readings, before anything is estimated."""
 
     windows: Windows
-    placed: tuple[_Placed, ...]
+    placed: tuple[Placed, ...]
     rows: tuple[int, ...]
     places: FloatArray
     speeds: FloatArray
 
     @staticmethod
-    def of(streams: Streams, windows: Windows) -> _Problem:
+    def of(streams: Streams, windows: Windows) -> Problem:
+        """Return those of the windows that have positions, and the readings in them."""
         positions = streams.positions
         window = np.where(_fitted(positions), windows.found(positions.t), -1)
         count = np.bincount(window[window >= 0], minlength=len(windows.begin))
@@ -268,7 +269,7 @@ class _Problem:
             steps = np.gradient(places, axis=0) * metres_per_radian(places) / np.gradient(kept.begin)[:, None]
             speeds = np.clip(steps, -1e3, 1e3)
         placed = tuple(_placed(one, _fitted(one), kept, places, speeds) for one in streams.all)
-        return _Problem(kept, placed, tuple(len(one.t) for one in streams.all), places, speeds)
+        return Problem(kept, placed, tuple(len(one.t) for one in streams.all), places, speeds)
 
     def nothing(self) -> Fit:
         """Return a fit of no window."""
@@ -327,7 +328,7 @@ class _Problem:
         )
         return _Start(attitude, wrong)
 
-    def _wahba(self, one: _Placed, *, velocity: bool) -> FloatArray:
+    def _wahba(self, one: Placed, *, velocity: bool) -> FloatArray:
         """Return the rotations that bring sums of specific force to changes of velocity, or of mean velocity.
 
         Wahba's problem by singular values, with weights of a Cauchy distribution about the median misfit.
@@ -461,9 +462,47 @@ class _Problem:
             left.append(_whole(e, placed.row, len(one.t)))
         return replace(found, wrong=tuple(wrong), left=tuple(left), worth=tuple(worth))
 
+    def eliminated(
+        self,
+        found: Fit,
+        linear: Callable[[Placed], Linear],
+        precision: FloatArray,
+        many: int,
+        *,
+        gated: bool = True,
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return what windows say of constants c, with their own unknowns eliminated: A, b and squares.
+
+        Shapes (w, many, many), (w, many) and (w,): the least weighted squares of a window are squares − 2 b'c + c'A c.
+
+        `linear` returns what the readings of a stream say of the unknowns of windows, of this prior precision, shape
+        (w, u), and of the constants. Unless it is gated, wrong readings count as much as right ones.
+        """
+        w, u = precision.shape
+        h = np.zeros((w, u + many, u + many))
+        diagonal = np.arange(u)
+        h[:, diagonal, diagonal] = precision
+        y = np.zeros((w, u + many))
+        squares = np.zeros(w)
+        for one, noise, wrong in zip(self.placed, found.noise, found.wrong, strict=True):
+            chance, sound = wrong[one.row, None], 1.0 - found.unsound[one.window, None]
+            chance = chance if gated else np.zeros_like(chance)
+            all_of = (
+                noise.sd**2 if gated else (1.0 - noise.wrong) * noise.sd**2 + noise.wrong * noise.wrong_sd**2
+            )
+            weight = sound * ((1.0 - chance) / all_of + chance / noise.wrong_sd**2)
+            seen = linear(one)
+            matrix, vector = seen.equations(weight)
+            h, y = h + matrix, y + vector
+            squares += (seen.left**2 * one.spread(weight, w).reshape(w, -1)).sum(axis=1)
+        inverse = np.linalg.inv(h[:, :u, :u])
+        through, own = h[:, u:, :u] @ inverse, y[:, :u]
+        squares -= np.einsum("wi,wij,wj->w", own, inverse, own)
+        return h[:, u:, u:] - through @ h[:, :u, u:], y[:, u:] - (through @ own[..., None])[..., 0], squares
+
     def _branch(
         self,
-        seen: Sequence[_Linear],
+        seen: Sequence[Linear],
         chance: Sequence[FloatArray],
         noise: Sequence[Noise],
         errors: tuple[float, float],
@@ -519,7 +558,7 @@ class _Problem:
             precision,
         )
 
-    def _noise(self, one: _Placed, chance: FloatArray, share: FloatArray, squares: FloatArray) -> Noise:
+    def _noise(self, one: Placed, chance: FloatArray, share: FloatArray, squares: FloatArray) -> Noise:
         """Return the share of wrong readings and both sds by group, from the probabilities of two branches."""
         wrong = chance * share
         right = (1.0 - chance) * share
@@ -596,7 +635,7 @@ def _fitted(one: Stream) -> NDArray[np.bool_]:
 
 def _placed(
     one: Stream, which: NDArray[np.bool_], windows: Windows, places: FloatArray, speeds: FloatArray
-) -> _Placed:
+) -> Placed:
     """Return those readings of a stream that lie in windows."""
     window = np.where(which, windows.found(one.t), -1)
     rows = np.flatnonzero(window >= 0)
@@ -604,7 +643,7 @@ def _placed(
     tau = one.t[rows] - windows.begin[of]
     place = np.arange(len(rows)) - np.searchsorted(of, of)
     local = one.local(places[np.maximum(window, 0)])[rows] if len(places) else one.values[rows]
-    return _Placed(one, len(one.t), rows, of, place, tau, local, sampled(windows, of, tau, places, speeds))
+    return Placed(one, len(one.t), rows, of, place, tau, local, sampled(windows, of, tau, places, speeds))
 
 
 @dataclass(frozen=True)
@@ -647,24 +686,15 @@ def constants(
     gated : bool
         Whether wrong readings count less. Where a constant is far off, it is what makes them wrong.
     """
-    problem = _Problem.of(streams, windows)
-    w, u, c = len(problem.windows.begin), UNKNOWNS, len(prior)
-    h = np.zeros((w, u + c, u + c))
-    diagonal = np.arange(u)
-    h[:, diagonal, diagonal] = found.precision
-    y = np.zeros((w, u + c))
-    for one, noise, wrong in zip(problem.placed, found.noise, found.wrong, strict=True):
+    problem = Problem.of(streams, windows)
+    w = len(problem.windows.begin)
+
+    def linear(one: Placed) -> Linear:
         motion = motion_of(one.at, found.attitude, found.unknowns)
-        chance, sound = wrong[one.row, None], 1.0 - found.unsound[one.window, None]
-        chance = chance if gated else np.zeros_like(chance)
-        all_of = noise.sd**2 if gated else (1.0 - noise.wrong) * noise.sd**2 + noise.wrong * noise.wrong_sd**2
-        weight = sound * ((1.0 - chance) / all_of + chance / noise.wrong_sd**2)
-        linear = one.linear(motion, found.unknowns, columns(one.stream, motion))
-        matrix, vector = linear.equations(weight)
-        h, y = h + matrix, y + vector
-    through = h[:, u:, :u] @ np.linalg.inv(h[:, :u, :u])
-    information = h[:, u:, u:] - through @ h[:, :u, u:]
-    score = (y[:, u:] - (through @ y[:, :u, None])[..., 0])[..., None]
+        return one.linear(motion, found.unknowns, columns(one.stream, motion))
+
+    information, scores, _ = problem.eliminated(found, linear, found.precision, len(prior), gated=gated)
+    score = scores[..., None]
     value, sd = _estimated(information, score, prior)
     (first, its), (second, whose) = (
         _estimated(information[k], score[k], prior) for k in (slice(w // 2), slice(w // 2, None))

@@ -14,6 +14,7 @@ from models import rotation
 from models.arrays import FloatArray
 from models.earth import metres_per_radian
 from tuner.examination.windows import WINDOW_LENGTH, Inertial, Motion
+from tuner.types.records import Gnss
 
 
 @dataclass(frozen=True)
@@ -173,3 +174,18 @@ class Streams:
     def all(self) -> tuple[Stream, ...]:
         """Every stream of readings, the positions first."""
         return (self.positions, *self.others)
+
+
+def receiver_streams(
+    gnss: Gnss, arm: tuple[float, float, float] = (0.0, 0.0, 0.0)
+) -> tuple[Positions, tuple[Stream, ...]]:
+    """Return the positions of a receiver, and its velocities where it has any; `arm` as of `Stream`."""
+    positions = Positions(gnss.t, gnss.llh, _stated(gnss.position_sd), "fixes", arm)
+    whole = np.isfinite(gnss.vel_n).all(axis=1).sum() > 0.5 * gnss.has_velocity.sum()
+    kind, many = (Velocities, 3) if whole else (HorizontalVelocities, 2)
+    velocities = kind(gnss.t, gnss.vel_n[:, :many], _stated(gnss.velocity_sd[:, :many]), "velocities", arm)
+    return positions, ((velocities,) if gnss.has_velocity.any() else ())
+
+
+def _stated(sd: FloatArray) -> FloatArray | None:
+    return sd if np.isfinite(sd).any() else None

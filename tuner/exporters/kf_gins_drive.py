@@ -130,7 +130,9 @@ def drive_files(drive: Drive, config: FilterConfig) -> DriveFiles:
     if "lever_arm" in at:
         arm = arm + last[at["lever_arm"]]
         notes.append("antlever is what the filter makes of the whole drive")
-    notes.append("sds that KF-GINS states of its biases are not judged: in simulated drives half of their errors")
+    notes.append(
+        "sds that KF-GINS states of its biases are not judged: in simulated drives half of their errors"
+    )
     ends = (float(solution.t[first]), float(stretch.steps.ends()[-1]))
     left = float(last[at["time_offset"]][0]) if "time_offset" in at else 0.0
     fixes = _fixes(stretch, first, begin - left)

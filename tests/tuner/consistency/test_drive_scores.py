@@ -287,7 +287,7 @@ def test_alignment_needs_motion(data):
         data["gnss_vstd"][:k],
     )
     with pytest.raises(DataError, match="speed"):
-        align(steps, still)
+        align(steps, still, bias_sd=np.repeat([0.05, 0.3], 3))
 
 
 @pytest.mark.parametrize(

@@ -122,7 +122,8 @@ def test_a_stand_still_tells_the_bias_without_the_rate_of_the_earth():
     motion = Trajectory("start", 130.0, level, turn)
     drive, key = simulate_drive(load_grade("rlg"), motion, RECEIVER, rate=RATE, seed=2)
     t, gnss = drive.imu_t, drive.gnss
-    found = align(Steps(0.0, np.diff(t), drive.rates[1:] / RATE), gnss)
+    increments = Steps(0.0, np.diff(t), drive.rates[1:] / RATE)
+    found = align(increments, gnss, bias_sd=np.repeat([1e-6, 1e-3], 3))
     truth = [key["channels"][f"gyro_{axis}"]["constant"] for axis in "xyz"]
     np.testing.assert_allclose(found.gyro_bias, truth, atol=0.02 * EARTH_RATE)
 

@@ -1,44 +1,27 @@
-"""Alignment of a drive: attitude from gravity and motion, gyro bias from standing still.
+"""Alignment of a drive: attitude and biases at its start, from windows of motion and from standing still.
 
-Gravity determines the tilt, speed changes the heading, both at once: over windows of some seconds the specific force,
-rotated by the gyros into the body frame b₀ of the start, must be the change of velocity less gravity, in the axes n of
-the first fix, fixed to the Earth (`free_of_gravity`)::
-
-    α_j = ∫ C_b0b f dt            β_j = Δv_j − γ Δt e_D            β_j = C_nb0 α_j        (Wahba)
-
-The attitude follows by singular values [2]_, for any mounting of the unit. While the fixes stand still, the mean of the
-gyros less the Earth rate is their bias; where they hardly do, the windows determine it beside the attitude
-(`alignment_in_motion`).
-
-References
-----------
-.. [1] M. Wu, Y. Wu, X. Hu, D. Hu, Optimization-based alignment for inertial navigation systems, Aerospace
-       Science and Technology 15 (2011).
-.. [2] F. L. Markley, Attitude determination using vector observations and the singular value decomposition,
-       J. Astronautical Sciences 36 (1988).
+In windows of ten seconds the unit predicts positions and velocities up to its attitude and biases
+(`tuner.examination.windows`); what all windows have in common is the attitude at the start and the biases
+(`tuner.navigation.drive.common_attitude`), whatever the mounting. Where the fixes stand still, the mean of the gyros
+less the Earth rate is their bias, or that and a turn about the vertical: fixes do not show who turns on the spot. The
+likelier of both is taken.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from models import rotation
 from models.arrays import FloatArray
-from models.earth import EARTH_RATE, distance_along, earth_rate, gravity
+from models.earth import distance_along
+from tuner.examination.fit import fit
+from tuner.examination.streams import Streams, receiver_streams
+from tuner.examination.windows import Inertial, averaged, windows_of
 from tuner.navigation.data import Steps
-from tuner.navigation.drive.alignment_in_motion import (
-    BiasEstimate,
-    RotatedSteps,
-    biases_from_motion,
-    outlier_limit,
-    rotate_steps,
-    wahba,
-)
-from tuner.navigation.drive.free_of_gravity import free_of_gravity
+from tuner.navigation.drive.common_attitude import Attitude, BiasPrior, attitude_at
 from tuner.navigation.drive.steady_rest import steady_steps
 from tuner.types.records import DataError, Gnss
 
@@ -46,24 +29,22 @@ STATIONARY_SPEED = 0.3
 """Speed below which a vehicle is stationary, m/s, if the receiver is no noisier."""
 STATIONARY_MARGIN = 2.0
 """Time cut from the end of a stationary part, s: speeds lag behind the first motion."""
-WINDOW_DURATIONS = 2.0, 5.0, 10.0
-"""Lengths of windows, s: short ones show quick turns, in long ones noisy positions determine a change of velocity."""
-MIN_STATIONARY_POOR_GYROS, MIN_STATIONARY, SUFFICIENT_STATIONARY = 1.0, 4.0, 30.0
-"""Stationary times, s, from which poor gyros' biases are estimated, good gyros' biases, and biases from rest alone."""
-FIRST_MOTION = 60.0
-"""Time in motion that the alignment uses first, s; doubled as long as that makes the heading surer."""
-GOOD_HEADING_SD, MAX_HEADING_SD = math.radians(3.0), math.radians(60.0)
-"""Sd of the heading below which no more motion is looked at, and above which there is no heading, rad."""
 MAX_STATIONARY = 120.0
 """Longest part of a stationary period that is used, s."""
-MIN_SECONDS_AT_REST = 10
-"""Seconds at rest from which their scatter gives the sd of the mean of the gyros."""
-MIN_BIAS_ROTATION = math.radians(2.0)
-"""Rotation by the gyro biases from which they are estimated from motion, rad."""
-
-
-KNOWN_BIAS_SD = np.zeros(6)
-"""Sds of biases that are known."""
+MIN_SECONDS_AT_REST = 4
+"""Seconds at rest from which their mean is one of the gyros."""
+SURE_SECONDS_AT_REST = 30
+"""Seconds at rest from which their scatter gives the sds of the biases of gyros."""
+FIRST_MOTION = 60.0
+"""Time in motion that the alignment uses first, s; doubled as long as the heading is not sure."""
+GOOD_HEADING_SD, MAX_HEADING_SD = math.radians(3.0), math.radians(30.0)
+"""Sd of the heading below which no more motion is looked at, and above which noise alone may give it, rad."""
+TURN_RATE, TURN_COST = 0.3, 3.0
+"""Sd of the rate of who turns on the spot, rad/s, and how much less likely that is than a rest, nats."""
+MOST_PASSES, SMALL_CHANGE = 10, 0.3
+"""Windows are linear in biases: they are integrated anew without those found until these change by less, in sds."""
+LEAST_BIAS_SD = 1e-6
+"""Least prior sd of a bias, rad/s or m/s²."""
 
 
 @dataclass(frozen=True)
@@ -79,13 +60,13 @@ class Alignment:
     heading_sd, tilt_sd : float
         rad.
     gyro_bias : ndarray, shape (3,)
-        rad/s; zeros where the vehicle was never stationary.
+        rad/s.
     delay : float
         Delay of the fixes that was taken out, s: positive where their stamps are late.
     still : float
         Time it was stationary before, s.
     accel_bias : ndarray, shape (3,)
-        Excess of the specific force at rest over gravity, along itself, m/s².
+        m/s².
     gyro_bias_sd : ndarray, shape (3,)
         Sd of the gyro biases as measured at rest, rad/s; infinite where the vehicle hardly stood.
     """
@@ -123,8 +104,8 @@ def stationary_until(gnss: Gnss) -> float:
     return float(max(gnss.t[0], gnss.t[first] - STATIONARY_MARGIN))
 
 
-def align(steps: Steps, gnss: Gnss, *, bias_sd: FloatArray = KNOWN_BIAS_SD) -> Alignment:
-    """Align with one, two, four, … minutes of motion, as long as more of it makes the heading surer.
+def align(steps: Steps, gnss: Gnss, *, bias_sd: FloatArray) -> Alignment:
+    """Align with one, two, four, … minutes of motion, until they make the heading sure.
 
     Parameters
     ----------
@@ -133,213 +114,105 @@ def align(steps: Steps, gnss: Gnss, *, bias_sd: FloatArray = KNOWN_BIAS_SD) -> A
     gnss : Gnss
         Fixes on the same clock, within the steps.
     bias_sd : ndarray, shape (6,)
-        Prior sds of the biases of gyros and accelerometers; motion determines them where the vehicle is hardly at rest.
+        Prior sds of the biases of gyros, rad/s, and accelerometers, m/s².
 
     Raises
     ------
     DataError
         Where motion does not determine the heading: with its sd and the speeds of the fixes.
     """
-    moving, length = FIRST_MOTION, float(gnss.t[-1] - gnss.t[0])
-    found: Alignment | None = None
-    while True:
-        before = found
-        tried = [
-            align_once(steps, gnss, moving, bias_sd, by_position=by_position, duration=duration)
-            for by_position in ([True, False] if gnss.has_velocity.any() else [True])
-            for duration in WINDOW_DURATIONS
-        ]
-        found = min(filter(None, [found, *tried]), key=lambda one: one.heading_sd, default=None)
-        best = math.inf if found is None else found.heading_sd
-        if moving >= length or best < GOOD_HEADING_SD or (found is before and best < MAX_HEADING_SD):
-            break
-        moving *= 2.0
-    if found is not None and best < MAX_HEADING_SD:
-        return found
-    speed = np.hypot(*velocities(gnss)[:, :2].T)
-    low, high = np.percentile(speed, [2.5, 97.5])
+    still_end = stationary_until(gnss)
+    begin = max(float(gnss.t[0]), still_end - MAX_STATIONARY, steps.start)
+    seconds = _seconds_at_rest(steps, begin, still_end)
+    sd = np.maximum(np.append(bias_sd[3:], bias_sd[:3]), LEAST_BIAS_SD)
+    found: Attitude | None = None
+    heading_sd, moving, end = math.inf, FIRST_MOTION, begin
+    while end < gnss.t[-1] and heading_sd > GOOD_HEADING_SD:
+        end, moving = still_end + moving, 2.0 * moving
+        found, rested = _likeliest(steps, gnss, (begin, end), sd, seconds)
+        heading_sd = math.inf if found is None else math.sqrt(found.covariance[2, 2])
+    if found is None or heading_sd > MAX_HEADING_SD:
+        raise DataError(_no_heading(heading_sd, gnss))
+    sure = rested and len(seconds) >= SURE_SECONDS_AT_REST
+    return Alignment(
+        found.t,
+        rotation.quat_from_mat(found.mat),
+        heading_sd,
+        math.sqrt(float(np.diag(found.covariance)[:2].mean())),
+        found.bias[3:],
+        0.0,
+        float(len(seconds)),
+        found.bias[:3],
+        np.sqrt(np.diag(_mean_at_rest(seconds)[1])) if sure else np.full(3, np.inf),
+    )
+
+
+def _no_heading(sd: float, gnss: Gnss) -> str:
+    """Return why there is no heading: its sd, rad, and the speeds of the fixes."""
+    low, high = np.percentile(np.hypot(*velocities(gnss)[:, :2].T), [2.5, 97.5])
     known = (
         "no part of the drive determines the heading"
-        if best > math.pi
-        else f"specific force and fixes together determine the heading to {np.degrees(best):.3g}°"
+        if sd > math.pi
+        else f"specific force and fixes together determine the heading to {math.degrees(sd):.3g}°"
     )
-    raise DataError(
-        f"the heading cannot be found from the motion: {known}, {np.degrees(MAX_HEADING_SD):.3g}° are needed; the "
+    return (
+        f"the heading cannot be found from the motion: {known}, {math.degrees(MAX_HEADING_SD):.3g}° are needed; the "
         f"speed of the fixes is {low:.3g} to {high:.3g} m/s"
     )
 
 
-def align_once(
-    steps: Steps,
-    gnss: Gnss,
-    moving: float,
-    bias_sd: FloatArray = KNOWN_BIAS_SD,
-    *,
-    by_position: bool,
-    duration: float,
-) -> Alignment | None:
-    """Return the alignment at the first fix from a given length of motion, s; None where no two fixes are apart.
+def _likeliest(
+    steps: Steps, gnss: Gnss, span: tuple[float, float], sd: FloatArray, seconds: FloatArray
+) -> tuple[Attitude | None, bool]:
+    """Return the likeliest attitude at the begin of a span, s, and whether the unit rested; None where none is known.
 
-    Changes of velocity over windows of a duration, s, are those of the velocities or second differences of positions.
+    `sd` are prior sds of the biases of accelerometers and gyros, shape (6,), `seconds` as of `_seconds_at_rest`.
     """
-    if len(gnss) < 2:
-        return None
-    ends = steps.ends()
-    still_end = stationary_until(gnss)
-    begin = max(float(gnss.t[0]), still_end - MAX_STATIONARY)
-    stop = min(still_end + STATIONARY_MARGIN + moving, float(gnss.t[-1]), float(ends[-1]))
-    last = np.searchsorted(ends, stop + 0.1)
-    # Biases that rotate the unit by less than an alignment resolves are not estimated.
-    unknown = bias_sd if bias_sd[:3].max() * (stop - begin) > MIN_BIAS_ROTATION else KNOWN_BIAS_SD
-    down = float(gravity(np.sin(gnss.llh[0, 0]), gnss.llh[0, 2]))
-    whole = slice(*np.searchsorted(ends, [begin, still_end]).tolist())
-    rest = _measured_at_rest(steps, whole, still_end - begin, down, bias_sd, unknown)
-    unknown = rest.unknown_sd
-    back = max(0, int(np.searchsorted(ends, begin)) - 1)
-    window = slice(back, min(int(last), len(steps.dt)))
-    inside = (gnss.t >= begin) & (gnss.t <= stop)
-    fix_t = gnss.t[inside]
-    position, velocity = free_of_gravity(fix_t, gnss.llh[inside], velocities(gnss)[inside], inertial=False)
-    measured = position if by_position else velocity
-    length = _length(fix_t, duration)
-    windows = _windows(fix_t, 3 if by_position else 2, length)
-    if not len(windows):
-        return None
-    span = fix_t[windows[:, 1]] - fix_t[windows[:, 0]]
-    beta = _change(measured, windows, span)
-    share, reported = float(np.median(np.diff(fix_t))) / length, _reported_variance(gnss, by_position, length)
-    independent = share * len(windows)  # neighbours overlap
-    if independent <= 1.0:
-        return None
-
-    def changes(rotated: RotatedSteps, *, derivative: bool = False) -> FloatArray:
-        return _change(rotated.at(fix_t, position=by_position, derivative=derivative), windows, span)
-
-    def felt(bias: FloatArray) -> tuple[FloatArray, FloatArray]:
-        rotated = rotate_steps(steps, window, bias)
-        return changes(rotated), changes(rotated, derivative=True)
-
-    found = BiasEstimate(rest.bias, np.zeros((9, 9)))
-    if unknown.any():
-        times = fix_t[windows[:, -1]] - fix_t[0]
-        found = biases_from_motion(felt, beta, times, rest.bias, unknown, share, reported)
-    rotated = rotate_steps(steps, window, found.bias)
-    alpha = changes(rotated)
-    mat = wahba(alpha, beta)
-    off = np.sum((beta - alpha @ mat.T) ** 2, axis=1)
-    # The rotation takes three degrees of freedom, those of one window.
-    cost = float(np.mean(np.minimum(off, outlier_limit(off)))) * independent / (independent - 1.0)
-    # Speed changes determine the heading: stationary windows show the receiver's noise. Neighbouring
-    # windows overlap, so a window counts by its share.
-    level = np.sum(beta[:, :2] ** 2, axis=1)
-    stationary = fix_t[windows[:, -1]] <= max(still_end, begin)
-    noise = float(np.mean(level[stationary])) if np.count_nonzero(stationary) > 3 else 0.0
-    change = float(np.sum(level - noise)) * share
-    heading_sd = math.sqrt(cost / max(change, 0.1 * cost))
-    k = int(np.argmin(np.abs(rotated.t - fix_t[0])))
-    quat = rotation.quat_multiply(rotation.quat_from_mat(mat), rotated.quat[k])
-    bias = found.bias[:3]
-    if bias.any():  # the gyros feel the Earth turn
-        lat = float(gnss.llh[0, 0])
-        bias = bias - rotation.mat_from_quat(quat).T @ np.array(earth_rate(np.sin(lat), np.cos(lat)))
-    misfit = float(np.sqrt(cost / 3.0))
-    return Alignment(
-        float(rotated.t[k]),
-        quat,
-        max(heading_sd, float(np.sqrt(found.covariance[2, 2]))),
-        max(misfit / (9.8 * length), float(np.sqrt(np.diag(found.covariance)[:2].mean()))),
-        bias,
-        0.0,
-        rest.duration,
-        rest.accel_excess + found.bias[3:],
-        rest.gyro_bias_sd,
-    )
+    ends = steps.ends()[1:]
+    some = slice(*np.searchsorted(ends, span).tolist())
+    rates, receiver = steps.increments[some] / steps.dt[some, None], receiver_streams(gnss)
+    rests = _hypotheses(seconds) if len(seconds) >= MIN_SECONDS_AT_REST else {False: None}
+    bias, found, rested = np.zeros(6), None, False
+    for _ in range(MOST_PASSES):
+        unit = Inertial(ends[some], rates - np.append(bias[3:], bias[:3]))
+        streams = Streams(unit, *receiver)
+        windows = windows_of(averaged(unit))
+        own = fit(streams, windows)
+        tried = []
+        for kind, rest in rests.items():
+            left = None if rest is None else (rest[0] - bias[3:], rest[1])
+            one = attitude_at(streams, windows, own, span[0], BiasPrior(-bias, sd, left))
+            if one is None:
+                return None, False
+            tried.append((one.cost + (0.0 if kind else TURN_COST), kind, one))
+        _, rested, one = min(tried, key=lambda x: x[0])
+        bias = bias + one.bias
+        found = replace(one, bias=bias)
+        if np.all(np.abs(one.bias) < SMALL_CHANGE * np.sqrt(np.diag(one.covariance)[3:])):
+            break
+    return found, rested
 
 
-@dataclass(frozen=True)
-class _AtRest:
-    """What samples at rest show of the biases.
-
-    Attributes
-    ----------
-    duration : float
-        Time at rest, s, without the parts that are not steady.
-    bias : ndarray, shape (6,)
-        Means of the gyros, rad/s, and zeros; zeros throughout where the time is too short.
-    accel_excess, gyro_bias_sd : ndarray, shape (3,)
-        As `Alignment.accel_bias` and `Alignment.gyro_bias_sd`.
-    unknown_sd : ndarray, shape (6,)
-        Sds of what is left of the biases for the motion to determine; zeros where they are known.
-    """
-
-    duration: float
-    bias: FloatArray
-    accel_excess: FloatArray
-    gyro_bias_sd: FloatArray
-    unknown_sd: FloatArray
-
-
-def _measured_at_rest(
-    steps: Steps, still: slice, duration: float, down: float, prior_sd: FloatArray, unknown: FloatArray
-) -> _AtRest:
-    """Return what the samples of a stand-still show of biases, in gravity `down`, m/s².
-
-    `prior_sd` and `unknown`, shape (6,), are the sds of the biases, and those that motion is to determine.
-    """
-    quiet = steady_steps(steps, still)
-    rest = duration - float(steps.dt[still].sum() - steps.dt[quiet].sum())
-    bias, excess, bias_sd = np.zeros(6), np.zeros(3), np.full(3, np.inf)
-    if rest > MIN_STATIONARY or (rest >= MIN_STATIONARY_POOR_GYROS and unknown.any()):
-        means = steps.increments[quiet].sum(axis=0) / steps.dt[quiet].sum()
-        force = float(np.linalg.norm(means[3:]))
-        # Who turns on the spot is not at rest: seconds scatter more than biases. Gyros feel the Earth turn, too.
-        seconds = _seconds_at_rest(steps, quiet)
-        prior = prior_sd[:3] ** 2 + EARTH_RATE**2
-        unsure = seconds.var(axis=0) / len(seconds) if len(seconds) else 0.0
-        bias[:3] = means[:3] * prior / (prior + unsure)
-        if rest > SUFFICIENT_STATIONARY or not unknown.any():
-            excess, unknown = means[3:] * (1.0 - down / force), KNOWN_BIAS_SD
-            if len(seconds) >= MIN_SECONDS_AT_REST:
-                bias_sd = np.std(seconds, axis=0, ddof=1) / math.sqrt(len(seconds))
-        else:  # noise counts as one value a second: what shakes a unit at rest is not white
-            scatter = np.std(steps.increments[quiet, :3] / steps.dt[quiet, None], axis=0)
-            unknown = np.concatenate([np.minimum(unknown[:3], scatter / np.sqrt(rest)), unknown[3:]])
-    return _AtRest(rest, bias, excess, bias_sd, unknown)
-
-
-def _seconds_at_rest(steps: Steps, quiet: NDArray[np.intp]) -> FloatArray:
-    """Return the mean rates of the gyros in each second at rest, shape (s, 3)."""
-    second = max(1, round(1.0 / float(np.median(steps.dt[quiet])))) if steps.dt[quiet].size else 1
+def _seconds_at_rest(steps: Steps, begin: float, end: float) -> FloatArray:
+    """Return the mean rates and forces of each second at rest between two times, s; shape (s, 6)."""
+    quiet = steady_steps(steps, slice(*np.searchsorted(steps.ends(), [begin, end]).tolist()))
+    second = max(1, round(1.0 / float(np.median(steps.dt))))
     count = len(quiet) // second
-    rates = steps.increments[quiet][: count * second, :3] / steps.dt[quiet][: count * second, None]
-    return np.asarray(rates.reshape(count, second, 3).mean(axis=1))
+    rates = (steps.increments[quiet] / steps.dt[quiet, None])[: count * second]
+    return np.asarray(rates.reshape(count, second, 6).mean(axis=1))
 
 
-def _reported_variance(gnss: Gnss, by_position: bool, length: float) -> float:
-    """Return the variance of a change of velocity by the reported sds, 0 where there are none."""
-    sd, times = (gnss.position_sd, 6.0 / length**2) if by_position else (gnss.velocity_sd, 2.0)
-    return float(np.nanmedian(sd[:, :2])) ** 2 * times if np.isfinite(sd[:, :2]).any() else 0.0
+def _mean_at_rest(seconds: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the mean of the gyros over seconds at rest, rad/s, and its covariance."""
+    scatter = np.var(seconds[:, :3], axis=0, ddof=1) / len(seconds)
+    return seconds[:, :3].mean(axis=0), np.diag(scatter + LEAST_BIAS_SD**2)
 
 
-def _length(t: FloatArray, duration: float) -> float:
-    """Return the length of windows: the number of fix intervals nearest to a duration, at least one, s."""
-    interval = float(np.median(np.diff(t))) if len(t) > 1 else duration
-    return interval * max(1, round(duration / interval))
-
-
-def _windows(t: FloatArray, points: int, length: float) -> NDArray[np.intp]:
-    """Return the fixes at the ends (and between) of neighbouring windows of a length, s, without gaps."""
-    rows = [np.arange(len(t))]
-    for i in range(1, points):
-        rows.append(np.searchsorted(t, t + i * length - 1e-6))
-    windows = np.stack(rows, axis=-1)
-    windows = windows[windows[:, -1] < len(t)]
-    lengths = np.diff(t[windows], axis=1)
-    return windows[np.all(np.abs(lengths - length) < 0.25 * length, axis=1)]
-
-
-def _change(y: FloatArray, windows: NDArray[np.intp], span: FloatArray) -> FloatArray:
-    """Return the change over windows: of y, or, with three points, of its slope; shape (w, 3)."""
-    if windows.shape[1] == 2:
-        return np.asarray(y[windows[:, 1]] - y[windows[:, 0]])
-    return np.asarray((y[windows[:, 2]] - 2.0 * y[windows[:, 1]] + y[windows[:, 0]]) / span[:, None])
+def _hypotheses(seconds: FloatArray) -> dict[bool, tuple[FloatArray, FloatArray] | None]:
+    """Return the mean of the gyros and its covariance as a bias, by whether the unit rests or turns."""
+    mean, covariance = _mean_at_rest(seconds)
+    up = seconds[:, 3:].mean(axis=0)
+    return {
+        True: (mean, covariance),
+        False: (mean, covariance + TURN_RATE**2 * np.outer(up, up) / (up @ up)),
+    }

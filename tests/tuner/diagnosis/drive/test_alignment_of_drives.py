@@ -89,7 +89,7 @@ def test_fixes_some_seconds_apart_tell_the_heading(interval):
     )
     t = simulated.imu_t
     steps = Steps(float(t[0]), np.diff(t), simulated.rates[1:] * np.diff(t)[:, None])
-    alignment = align(steps, simulated.gnss)
+    alignment = align(steps, simulated.gnss, bias_sd=np.repeat([1e-3, 0.02], 3))
     heading = rotation.rpy_from_quat(alignment.quat_nb)[2]
     at = int(np.argmin(np.abs(simulated.reference.t - alignment.t)))
     off = (heading - simulated.reference.rpy[at, 2] + np.pi) % (2.0 * np.pi) - np.pi
@@ -122,7 +122,7 @@ def test_noisy_positions_tell_the_heading_in_long_windows():
 @pytest.mark.parametrize("seed", range(4))
 def test_few_windows_are_not_surer_than_they_are(seed):
     """One window of 10 s fits any rotation: headings erred by up to 14 sds."""
-    alignment, off = _aligned(22.0, 1.0, seed)
+    alignment, off = _aligned(42.0, 1.0, seed)
     assert abs(off) < 3.0 * alignment.heading_sd
 
 
@@ -159,14 +159,14 @@ def test_a_clean_drive_that_stood_three_seconds_has_no_finding(coarse):
 
 
 def test_gyros_better_than_the_rate_of_the_earth_are_accepted():
-    """Begun in motion, what they feel of the Earth is no bias."""
+    """Begun in motion, what they feel of the Earth, 7e-5 rad/s, is no bias."""
     simulated, _ = simulate_drive(
         load_grade("kvh1750"), TRAJECTORIES["s_turns"](120.0), load_gnss("rtk"), rate=50.0, seed=3
     )
     t = simulated.imu_t
     steps = Steps(float(t[0]), np.diff(t), simulated.rates[1:] * np.diff(t)[:, None])
     alignment = align(steps, simulated.gnss, bias_sd=np.array([5e-6] * 3 + [0.02] * 3))
-    assert not alignment.gyro_bias.any()
+    assert np.abs(alignment.gyro_bias).max() < 1e-5
 
 
 @pytest.mark.slow

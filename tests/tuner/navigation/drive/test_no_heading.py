@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from tuner.navigation.data import Steps
 from tuner.navigation.drive import alignment
 from tuner.types.records import DataError, Gnss
 
@@ -17,12 +18,13 @@ def test_the_refusal_quotes_speeds_and_heading(monkeypatch: pytest.MonkeyPatch) 
     north = np.linspace(0.0, 15.0, len(t))
     vel = np.column_stack([north, 0.0 * t, 0.0 * t])
     gnss = Gnss(t, np.zeros((len(t), 3)), vel, np.full((len(t), 3), np.nan), np.full((len(t), 3), np.nan))
-    found = SimpleNamespace(heading_sd=np.radians(75.0))
-    monkeypatch.setattr(alignment, "align_once", lambda *_, **__: found)
-    with pytest.raises(DataError, match=r"heading to 75°, .*speed of the fixes is 0.375 to 14.6 m/s"):
-        alignment.align(None, gnss)  # type: ignore[arg-type]
-    unknown = SimpleNamespace(heading_sd=np.radians(5.09e7))  # more than a turn is no knowledge
-    for nothing in (None, unknown):
-        monkeypatch.setattr(alignment, "align_once", lambda *_, nothing=nothing, **__: nothing)
-        with pytest.raises(DataError, match="no part of the drive determines the heading"):
-            alignment.align(None, gnss)  # type: ignore[arg-type]
+    steps = Steps(0.0, np.full(600, 0.1), np.zeros((600, 6)))
+    for sd, words in (
+        (np.radians(75.0), r"heading to 75°, .*speed of the fixes is 0.375 to 14.6 m/s"),
+        (np.radians(5e7), "no part of the drive determines the heading"),  # more than a turn is no knowledge
+        (None, "no part of the drive determines the heading"),
+    ):
+        found = None if sd is None else SimpleNamespace(covariance=np.eye(9) * sd**2)
+        monkeypatch.setattr(alignment, "_likeliest", lambda *_, found=found: (found, False))
+        with pytest.raises(DataError, match=words):
+            alignment.align(steps, gnss, bias_sd=np.ones(6))
