@@ -22,3 +22,5 @@ SCREEN_LINES = 30
 """Lines of a screen."""
 TEST_POWER = 0.9
 """Probability with which data must show an error of `HONEST_RATIO` before a filter is called honest."""
+ENGINE_DIFFERENCE = 1e-4
+"""Difference of two engines ÷ stated sd up to which they agree: rounding is up to 3e-6 where RTK follows an outage."""

@@ -392,6 +392,7 @@ def verbs() -> dict[str, Verb]:
                 "runs": a_count(1, 1000),
                 "seed": a_count(),
                 "budget": flag,
+                "engine": one_of("compiled", "filterpy"),
             },
         ),
         "navigate": (

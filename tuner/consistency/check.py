@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 from models.filter_states import FILTER_STATES, Origin
 from models.trajectory.motion import Motion
@@ -21,6 +22,7 @@ from tuner.consistency.attribution.sensitivity import (
     score_sensitivity,
     with_correlated_fixes,
 )
+from tuner.consistency.compare_engines import compare_engines
 from tuner.consistency.divergence import divergence
 from tuner.consistency.error_budget import error_budget
 from tuner.consistency.false_observability import spurious_information
@@ -64,6 +66,7 @@ def check(
     runs: Count = DEFAULT_RUNS,
     seed: Whole = 0,
     budget: bool = False,
+    engine: Literal["compiled", "filterpy"] = "compiled",
 ) -> Check:
     """Run a configured filter on many simulated switch-ons and score its errors against its covariances.
 
@@ -87,11 +90,15 @@ def check(
         Seed of all randomness.
     budget : bool
         Whether the error budget is wanted in any case.
+    engine : {"compiled", "filterpy"}
+        ``filterpy``: the first runs, as many as it takes half a minute for, are filtered by
+        `tuner.navigation.reference_filter`, too; `Check.engines` says whether both agree. The scores are in any case
+        those of all runs in the compiled filter.
 
     Raises
     ------
     DataError
-        Where the configuration lacks an axis.
+        Where the configuration lacks an axis, and where there is no compiled filter to compare filterpy with.
     """
     if not isinstance(config, FilterConfig):
         config = load_config(config, default_gnss=DEFAULT_RECEIVER)
@@ -124,6 +131,10 @@ def check(
         plan = replace(plan, start_sd=real.start_sd, lever_arm=arm, delay=delay)
     stage(f"filtering {runs} simulated runs", 0.8)
     simulated = simulate(settings, sensor, plan, runs=runs, seed=seed)
+    compared = None
+    if engine == "filterpy":
+        stage("filtering the first runs with filterpy", 0.82)
+        compared = compare_engines(settings, sensor, plan, runs=runs, seed=seed)
     stage("scoring the filter", 0.84)
     settled = _settled_scores(settings, plan, simulated)
     found = settled
@@ -135,9 +146,15 @@ def check(
         if constant:
             why = Verdict(VerdictCode.EXPLAINED, Severity.EXPLANATION, explanations=constant)
             reasons = (why, *reasons)
-        return Check(replace(found, verdicts=reasons), settings.size, tuple(notes), explanations=constant)
+        return Check(
+            replace(found, verdicts=reasons),
+            settings.size,
+            tuple(notes),
+            explanations=constant,
+            engines=compared,
+        )
     if found.consistent and not budget:
-        return Check(replace(found, verdicts=verdicts(found)), settings.size, tuple(notes))
+        return Check(replace(found, verdicts=verdicts(found)), settings.size, tuple(notes), engines=compared)
     stage("computing the share of each error source", 0.9)
     shares = error_budget(settings, plan)
     seen = observability(settings, shares.final)
@@ -161,7 +178,9 @@ def check(
             others = _wrong_settings(settings, plan, simulated, settled, effects)
             explanations += tuple(one for one in others if one.source not in named)
         reasons = with_explanations(found, explanations)
-    return Check(replace(found, verdicts=reasons), settings.size, tuple(notes), shares, seen, explanations)
+    return Check(
+        replace(found, verdicts=reasons), settings.size, tuple(notes), shares, seen, explanations, compared
+    )
 
 
 def _settled_scores(settings: FilterSettings, plan: Scenario, runs: Runs) -> Consistency:

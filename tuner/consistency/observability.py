@@ -46,7 +46,7 @@ def observability(settings: FilterSettings, final: FloatArray) -> Observability:
     final : ndarray, shape (n, n)
         P after the last fix.
     """
-    names, m = _view(settings)
+    names, m = physical_states(settings)
     after, before = m @ final @ m.T, m**2 @ settings.initial_sd**2
     sd = np.sqrt(np.diag(after))
     left = dict(zip(names, (sd / np.where(before > 0.0, np.sqrt(before), np.inf)).tolist(), strict=True))
@@ -68,8 +68,12 @@ def observability(settings: FilterSettings, final: FloatArray) -> Observability:
     return Observability(left, tuple(weak))
 
 
-def _view(settings: FilterSettings) -> tuple[list[str], FloatArray]:
-    """Return names of the physical states and the matrix from the filter's states to them."""
+def physical_states(settings: FilterSettings) -> tuple[list[str], FloatArray]:
+    """Return names of the physical states, in the order of the errors of a simulated run, and the matrix to them.
+
+    The matrix, shape (15 + r, n), takes the states of the filter to position, velocity, attitude, total biases and
+    the r further states.
+    """
     model = settings.model
     names, rows = list(NAMES), [total_bias(model)]
     for name in further_states(model):

@@ -20,6 +20,7 @@ from tuner.report.verdict_text import observability_text, score_title, verdict_t
 from tuner.types.consistency import (
     Check,
     Consistency,
+    EngineComparison,
     ErrorBudget,
     Observability,
     RmsError,
@@ -78,7 +79,19 @@ def check_answer(found: Check, about: str = "") -> Document:
         if found.budget is None or found.observability is None
         else budget_tables(found.budget, found.observability)
     )
-    return consistency_answer(found.consistency, found.notes, about=about, more=shares)
+    line = "" if found.engines is None else engine_line(found.engines)
+    return consistency_answer(found.consistency, found.notes, [line], about, shares)
+
+
+def engine_line(found: EngineComparison) -> str:
+    """Return whether filterpy and the compiled filter agree, by how much they differ at most, and where they do not."""
+    size = f"{found.difference:.1e} sd"
+    if found.agree:
+        return (
+            f"Engines agree: filterpy and compiled within {size}, in {found.runs} of {found.simulated} runs"
+        )
+    where = f"{found.state}, {size}, run {found.run} at {found.t:g} s"
+    return f"Engines differ: filterpy and compiled in {where}: trust no score"
 
 
 def explanation_lines(found: Consistency) -> list[str]:

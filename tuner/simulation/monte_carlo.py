@@ -7,8 +7,10 @@ own, spawned from the seed: the answer does not depend on the number of threads.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -111,6 +113,33 @@ def simulate(
     return out
 
 
+def solutions_by(
+    filtered: Callable[..., Solution],
+    settings: FilterSettings,
+    sensor: Sensor,
+    plan: Scenario,
+    *,
+    runs: int,
+    seed: int,
+) -> list[Solution]:
+    """Return what one function says of simulated runs: the same runs, whatever the function.
+
+    Starts, fixes and slow sensor errors are those of the first runs of `simulate` with that seed; the white noise of
+    the sensor is drawn by numpy.
+
+    Parameters
+    ----------
+    filtered : function
+        `run` of `tuner.navigation.engine` or of `tuner.navigation.reference_filter`.
+    settings, sensor, plan, runs, seed
+        As of `simulate`.
+    """
+    fixes = _as_assumed(settings, plan, *antenna_fixes(settings, plan, {}))
+    each = partial(engine.run_each, filtered)
+    streams = np.random.default_rng(seed).spawn(runs)
+    return [_together(settings, sensor, plan, fixes, [own], each)[0][1] for own in streams]
+
+
 def scenario_fixes(settings: FilterSettings, plan: Scenario) -> Fixes:
     """Return the error-free fixes of a scenario whose installation is as the filter assumes, outages withheld."""
     return _as_assumed(settings, plan, *perfect_fixes(plan.motion, plan.times, lever_arm=settings.lever_arm))
@@ -170,8 +199,9 @@ def _together(
     plan: Scenario,
     perfect: Fixes,
     streams: list[np.random.Generator],
+    filtering: Callable[..., tuple[Solution, ...]] = engine.run_together,
 ) -> list[tuple[FloatArray, Solution]]:
-    """Draw and filter some runs at once; return errors (k, 15 + r) and solution of each."""
+    """Draw some runs and filter them by `filtering`; return errors (k, 15 + r) and solution of each."""
     steps, interval = plan.steps, float(plan.steps.dt[0])
     smoothing = resolution(settings, sensor)
     starts, fixes, errors, biases, others = [], [], [], [], []
@@ -193,7 +223,7 @@ def _together(
         errors.append(own)
         biases.append(bias)
         others.append(values)
-    solutions = engine.run_together(settings, starts, steps, fixes, errors=errors)
+    solutions = filtering(settings, starts, steps, fixes, errors=errors)
     total = total_bias(settings.model)[9:]
     return [
         (

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from models.arrays import FloatArray
 from models.probability import chi2_quantile
+from tuner.limits import ENGINE_DIFFERENCE
 from tuner.types.honesty import honesty
 from tuner.types.judgement import Judgement
 from tuner.types.shown import Shown
@@ -286,6 +287,37 @@ class Observability:
     weak: tuple[WeakDirection, ...]
 
 
+@dataclass(frozen=True)
+class EngineComparison:
+    """How far the readable filter and the compiled one are apart on the same simulated runs.
+
+    Attributes
+    ----------
+    runs, simulated : int
+        Runs that both filtered, of those that the compiled one did.
+    difference : float
+        The largest difference at a fix ÷ sd that the readable filter states; NaN where one states no variance.
+    state : str
+        Estimate of which it is, or sd of an estimate.
+    run : int
+        Number of its run, from 1.
+    t : float
+        Its time from the start, s.
+    """
+
+    runs: int
+    simulated: int
+    difference: float
+    state: str
+    run: int
+    t: float
+
+    @property
+    def agree(self) -> bool:
+        """Whether rounding explains the difference."""
+        return self.difference <= ENGINE_DIFFERENCE
+
+
 @dataclass(frozen=True, repr=False)
 class Check(Shown):
     """The outcome of a Monte-Carlo check of a configuration.
@@ -304,6 +336,8 @@ class Check(Shown):
         What the trajectory shows of the states; beside the budget.
     explanations : tuple of Explanation
         What would explain the scores of an inconsistent filter, the likeliest first.
+    engines : EngineComparison or None
+        Whether filterpy gives the same answers; where it was wanted.
     """
 
     consistency: Consistency
@@ -312,3 +346,9 @@ class Check(Shown):
     budget: ErrorBudget | None = None
     observability: Observability | None = None
     explanations: tuple[Explanation, ...] = ()
+    engines: EngineComparison | None = None
+
+    @property
+    def honest(self) -> bool:
+        """Whether the filter is shown to be honest, and no other engine contradicts its scores."""
+        return self.consistency.honesty.good and (self.engines is None or self.engines.agree)

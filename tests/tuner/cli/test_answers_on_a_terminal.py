@@ -36,6 +36,7 @@ COMMANDS = {
     "dialects": ("export", "--list"),
     "dialects of": ("export", "mpu9250"),
     "check": ("check", "mpu9250", "--runs", "2", "--duration", "300"),
+    "check --engine": ("check", "mpu9250", "--runs", "2", "--duration", "60", "--engine", "filterpy"),
     "check --budget": ("check", "mpu9250", "--runs", "2", "--duration", "300", "--budget"),
 }
 LONGER = ("--verbose", "curve", "grades", "dialects", "--budget")

@@ -8,7 +8,7 @@ hundred times slower, and a line says so once.
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib import import_module
@@ -111,9 +111,7 @@ def run_together(
     if compiled is None:
         from tuner.navigation import reference_filter  # loaded when used: filterpy is slow to import
 
-        drawn = [steps] * len(starts) if errors is None else [disturbed(steps, one) for one in errors]
-        each = zip(starts, drawn, fixes, strict=True)
-        return tuple(reference_filter.run(settings, start, own, some) for start, own, some in each)
+        return run_each(reference_filter.run, settings, starts, steps, fixes, errors=errors)
     answers: list[Solution] = []
     rows = [measurements(settings, own, None) for own in fixes]
     for first in range(0, len(starts), BATCH_SIZE):
@@ -124,6 +122,32 @@ def run_together(
         )
         answers.extend(block[: len(starts) - first])
     return tuple(answers)
+
+
+def run_each(
+    filtered: Callable[[FilterSettings, NavigationState, Steps, Fixes], Solution],
+    settings: FilterSettings,
+    starts: Sequence[NavigationState],
+    steps: Steps,
+    fixes: Sequence[Fixes],
+    *,
+    errors: Sequence[SensorErrors] | None = None,
+) -> tuple[Solution, ...]:
+    """Filter as `run_together`, one after another by `filtered`: the filters of both engines have the same increments.
+
+    Parameters
+    ----------
+    filtered : function
+        `run` of this module or of `tuner.navigation.reference_filter`.
+    """
+    drawn = [steps] * len(starts) if errors is None else [disturbed(steps, one) for one in errors]
+    each = zip(starts, drawn, fixes, strict=True)
+    return tuple(filtered(settings, start, own, some) for start, own, some in each)
+
+
+def is_compiled() -> bool:
+    """Return whether the compiled filter can be loaded: else `run` and `run_together` are the reference filter."""
+    return _compiled() is not None
 
 
 def disturbed(steps: Steps, errors: SensorErrors) -> Steps:

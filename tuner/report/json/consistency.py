@@ -54,6 +54,8 @@ def explanation_json(explanation: Explanation) -> dict[str, Any]:
 def check_json(found: Check, *, source: Mapping[str, Any], budget: bool) -> dict[str, Any]:
     """Return scores, causes and, where wanted, the error budget of a Monte-Carlo check."""
     content = consistency_json(found.consistency, source=source, notes=found.notes)
+    if found.engines is not None:
+        content["engines"] = {**dump(found.engines), "agree": found.engines.agree}
     content["causes"] = [explanation_json(explanation) for explanation in found.explanations]
     if budget and found.budget is not None and found.observability is not None:
         content["budget"] = budget_json(found.budget, found.observability)
