@@ -41,7 +41,7 @@ GOOD_HEADING_SD, MAX_HEADING_SD = math.radians(3.0), math.radians(30.0)
 """Sd of the heading below which no more motion is looked at, and above which noise alone may give it, rad."""
 TURN_RATE, TURN_COST = 0.3, 3.0
 """Sd of the rate of who turns on the spot, rad/s, and how much less likely that is than a rest, nats."""
-MOST_PASSES, SMALL_CHANGE = 10, 0.3
+MOST_PASSES, SMALL_CHANGE = 10, 0.03
 """Windows are linear in biases: they are integrated anew without those found until these change by less, in sds."""
 LEAST_BIAS_SD = 1e-6
 """Least prior sd of a bias, rad/s or m/s²."""
@@ -122,7 +122,8 @@ def align(steps: Steps, gnss: Gnss, *, bias_sd: FloatArray) -> Alignment:
         Where motion does not determine the heading: with its sd and the speeds of the fixes.
     """
     still_end = stationary_until(gnss)
-    begin = max(float(gnss.t[0]), still_end - MAX_STATIONARY, steps.start)
+    ends = steps.ends()[1:]
+    begin = float(ends[np.argmin(np.abs(ends - max(float(gnss.t[0]), still_end - MAX_STATIONARY)))])
     seconds = _seconds_at_rest(steps, begin, still_end)
     sd = np.maximum(np.append(bias_sd[3:], bias_sd[:3]), LEAST_BIAS_SD)
     found: Attitude | None = None

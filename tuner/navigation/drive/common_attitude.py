@@ -37,7 +37,7 @@ COMMON = 9
 """What windows have in common: three angles, biases of accelerometers and of gyros."""
 FREEDOM = 4.0
 """Degrees of freedom of the distribution of windows, and of the biases of gyros about their prior."""
-MOST_STEPS, LEAST_GAIN = 20, 0.01
+MOST_STEPS, LEAST_GAIN = 20, 1e-3
 """Steps of Gauss–Newton, and the gain of one below which they end, nats."""
 LARGEST_TURN, LEAST_SHARE = 0.5, 0.02
 """Turn of a step, rad, up to which it is taken as a whole, and the least share of it that is tried."""
@@ -103,11 +103,12 @@ def attitude_at(
 
 @dataclass(frozen=True)
 class _Step:
-    """Attitude and biases, the next step from them, shape (9,), and their covariance and cost as `Attitude`."""
+    """Attitude and biases, the next step from them, shape (9,), its gain, nats, their covariance and cost."""
 
     mat: FloatArray
     bias: FloatArray
     step: FloatArray
+    gain: float
     covariance: FloatArray
     cost: float
 
@@ -208,16 +209,17 @@ class _Joint:
         """Return the answer of some windows by steps that raise the likelihood."""
         here = self._at(mat, bias, least, some)
         for _ in range(MOST_STEPS):
+            if here.gain < LEAST_GAIN:
+                break
             share = min(1.0, LARGEST_TURN / max(float(np.linalg.norm(here.step[:3])), UNKNOWN))
             there = here
             while there.cost >= here.cost and share > LEAST_SHARE:
                 turn = rotation.mat_from_rotvec(share * here.step[None, :3])[0]
                 there = self._at(turn @ here.mat, here.bias + share * here.step[3:], least, some)
                 share *= 0.4
-            gain = here.cost - there.cost
-            here = there if gain > 0.0 else here
-            if gain < LEAST_GAIN:
+            if there.cost >= here.cost:
                 break
+            here = there
         return here
 
     def _at(self, mat: FloatArray, bias: FloatArray, least: FloatArray, some: IntArray) -> _Step:
@@ -245,7 +247,8 @@ class _Joint:
             cost += 0.5 * float(off @ inverse @ off + np.linalg.slogdet(covariance)[1])
         inverse = np.asarray(np.linalg.inv(a + UNKNOWN * np.eye(COMMON)))
         scatter = each @ inverse
-        return _Step(mat, bias, inverse @ y, inverse + scatter.T @ scatter, cost)
+        step = inverse @ y
+        return _Step(mat, bias, step, 0.5 * float(y @ step), inverse + scatter.T @ scatter, cost)
 
 
 def attitudes(angles: FloatArray) -> FloatArray:
