@@ -7,7 +7,7 @@ from pathlib import Path
 
 from tuner.examination.examine import Examination, examine
 from tuner.formats.repair_words import repair_text
-from tuner.readers.drive import read_drive
+from tuner.readers.drive import read_drive, with_mounting
 from tuner.readers.drive_checks import possible_drive
 from tuner.types.named_cause import NamedCause, one_line
 from tuner.types.progress import Progress, silent
@@ -15,7 +15,10 @@ from tuner.types.records import DataError, Drive
 
 
 def examined_drive(
-    drive: Drive | str | Path, progress: Progress = silent
+    drive: Drive | str | Path,
+    progress: Progress = silent,
+    *,
+    lever_arm: tuple[float, float, float] | None = None,
 ) -> tuple[Drive, Examination | None]:
     """Read a recorded drive and examine its streams.
 
@@ -25,6 +28,8 @@ def examined_drive(
         As recorded, or where it is stored.
     progress : callable, optional
         Called with what is being done.
+    lever_arm : tuple of 3 floats, optional
+        As the user states it, in place of that of the drive; see `with_mounting`.
 
     Returns
     -------
@@ -37,9 +42,11 @@ def examined_drive(
     Raises
     ------
     DataError
-        Where its numbers are possible in no unit, or the streams agree in two readings of one of them.
+        Where its numbers are possible in no unit, the streams agree in two readings of one of them, or the lever arm is
+        refused.
     """
     recorded = drive if isinstance(drive, Drive) else read_drive(drive)
+    recorded = with_mounting(recorded, lever_arm=lever_arm)
     progress("examining the drive")
     try:
         found = examine(recorded)

@@ -38,18 +38,21 @@ from tuner.consistency.reference_check import trusted_reference
 from tuner.consistency.score_drive import OUTAGE_LENGTHS, drive_filter
 from tuner.consistency.scores import DIVERGED_REFUSED_SHARE, outage_score, score
 from tuner.examination.examine import StreamNoise
+from tuner.examination.examined_drive import examined_drive
 from tuner.exporters.kf_gins_drive import DriveFiles, drive_files, truth_rows, write_drive
 from tuner.formats.customary_units import digits
 from tuner.judgement import judge_export
-from tuner.navigation.compensation import compensate
+from tuner.navigation.compensation import compensate, with_stated_arm
 from tuner.navigation.data import GATED, Solution
 from tuner.navigation.drive.run import Stretch, expect_settled, navigate, outage_windows, prepare
 from tuner.navigation.settings import FilterSettings
 from tuner.readers import kf_gins_settings
 from tuner.readers.drive import read_drive
+from tuner.synthesis.from_drive import config_for_drive
 from tuner.types import FilterConfig, GnssNoise
 from tuner.types.consistency import ERROR_UNITS, Consistency, RmsError
 from tuner.types.judgement import Judgement, Use
+from tuner.types.progress import Progress, silent
 from tuner.types.records import DataError, Drive, Reference
 
 EVERY_FIX = GnssNoise((0.0, 0.0, 0.0), None, 1.0, gate=1e6)
@@ -63,6 +66,38 @@ PARTS = (slice(0, 2), slice(2, 3))
 NO_WINDOWS = np.zeros((0, 2))
 SAME_TIME = 0.02
 """Times of one fix differ by less, s: by the rest of a delay that a filter estimates."""
+
+
+def export_drive(
+    drive: Drive | str | Path,
+    config: FilterConfig | str | Path,
+    *,
+    lever_arm: tuple[float, float, float] | None = None,
+    progress: Progress = silent,
+) -> tuple[DriveFiles, Judgement]:
+    """Examine a recorded drive and return it for KF-GINS, judged; see `judged_drive`.
+
+    Parameters
+    ----------
+    drive : Drive, str or Path
+        As recorded, or where it is stored.
+    config : FilterConfig, str or Path
+        The settings, their file or the name of a built-in grade.
+    lever_arm : tuple of 3 floats, optional
+        From the inertial unit to the antenna, forward, right, down, m: it goes before that of the drive and before its
+        corrections in the settings.
+    progress : callable, optional
+        Called with what is being done.
+
+    Raises
+    ------
+    DataError
+        As `judged_drive`, and for a lever arm that `with_mounting` refuses.
+    """
+    measured, found = examined_drive(drive, progress, lever_arm=lever_arm)
+    settings, left_out = with_stated_arm(config_for_drive(measured, config), lever_arm)
+    measured = replace(measured, notes=(*measured.notes, *left_out))
+    return judged_drive(measured, settings, () if found is None else found.noise)
 
 
 def judged_drive(

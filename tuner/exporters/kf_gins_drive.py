@@ -233,7 +233,8 @@ def _with_what_is_shown(run: _Run, drive: Drive, config: FilterConfig) -> tuple[
         arm = np.where(shown["lever_arm"], solution.final_parameters[at["lever_arm"]], 0.0).tolist()
         lost = ", ".join(name for name, one in zip(ARM, shown["lever_arm"], strict=True) if not one)
         notes.append(
-            f"antlever {lost}: 0, as this drive does not determine it; measure it from the IMU to the antenna"
+            f"antlever {lost}: 0, as this drive does not determine it; measure it from the IMU to the antenna and "
+            "state it by --lever-arm"
         )
     constants = {name: sd for name, sd in config.constants.items() if name not in shown or name in kept}
     if "time_offset" not in kept:

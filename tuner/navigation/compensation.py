@@ -32,8 +32,12 @@ from models.effects.drive.base import Correction
 from models.effects.drive.gnss import middle_of
 from tuner.navigation.fix_sd_model import GNSS_NOISE_SCALE, fix_sd_model
 from tuner.navigation.settings import FilterSettings
-from tuner.types import Compensation
+from tuner.types import Compensation, FilterConfig
 from tuner.types.records import Drive
+
+LEVER_ARM = "lever_arm"
+"""Code of the cause, and name of the state."""
+AS_STATED = "the lever arm is used as stated: what a drive showed of it, in the settings, is left out"
 
 
 def correction(compensation: Compensation) -> Correction:
@@ -86,6 +90,25 @@ def compensate(drive: Drive, compensation: Compensation) -> Drive:
         arm = (x, y, z)
     clock = drive.clock.beside(change.fix_delay, change.velocity_lag)
     return replace(drive, rates=rates, gnss=gnss, lever_arm=arm, clock=clock)
+
+
+def with_stated_arm(
+    config: FilterConfig, lever_arm: tuple[float, float, float] | None
+) -> tuple[FilterConfig, tuple[str, ...]]:
+    """Return a configuration that moves no lever arm where the user states one, and what is left out in words.
+
+    Parameters
+    ----------
+    config : FilterConfig
+        Settings; a correction of theirs is of the lever arm that their drive stated.
+    lever_arm : tuple of 3 floats or None
+        As the user states it, m.
+    """
+    if lever_arm is None or LEVER_ARM not in (*config.compensation.causes, *config.constants):
+        return config, ()
+    constants = {name: sd for name, sd in config.constants.items() if name != LEVER_ARM}
+    compensation = config.compensation.without({LEVER_ARM})
+    return replace(config, compensation=compensation, constants=constants), (AS_STATED,)
 
 
 def compensate_settings(settings: FilterSettings, compensation: Compensation) -> FilterSettings:

@@ -26,6 +26,7 @@ from tuner.formats.prediction import prediction_json
 from tuner.identification import identify
 from tuner.identification.identify import with_terms_found
 from tuner.identification.identify_source import identify_source, receiver_of_source, records_name
+from tuner.navigation.compensation import with_stated_arm
 from tuner.pipeline.compile_ahead import compiled_ahead
 from tuner.readers import read
 from tuner.readers.source_kind import is_log, source_name
@@ -77,6 +78,7 @@ def tune(
     log: str | Path | Sequence[Record] | Identification | None = None,
     *,
     drive: str | Path | Drive | None = None,
+    lever_arm: tuple[float, float, float] | None = None,
     horizon: Positive = 1000.0,
     complete: str | SensorGrade | None = None,
     datasheet: str | Path | None = None,
@@ -98,6 +100,9 @@ def tune(
         are the log; without a drive either, a simulated unit with a hidden effect, drawn from the seed.
     drive : str, Path or Drive, optional
         A measured drive of the unit: what it shows enters the configuration.
+    lever_arm : tuple of 3 floats, optional
+        From the inertial unit to the antenna of that drive, forward, right, down, m, in place of what the drive states;
+        it is used as stated, also where the drive shows another.
     horizon : float, optional
         Longest time the filter must predict without aiding, s.
     complete : str or SensorGrade, optional
@@ -129,12 +134,14 @@ def tune(
     Raises
     ------
     DataError
-        Where log, drive, grade or receiver cannot be used: one line.
+        Where log, drive, grade or receiver cannot be used, or a lever arm is stated without a drive: one line.
     """
+    if lever_arm is not None and drive is None:
+        raise DataError("--lever-arm: expected a drive (--drive) with it")
     wanted = [] if dialect is None else [dialect_named(dialect).name]
     completion = load_grade(complete) if isinstance(complete, str) else complete
     stated = None if datasheet is None else identify_source(datasheet)
-    inputs = gather_inputs(log, drive, gnss, seed=seed, progress=progress)
+    inputs = gather_inputs(log, drive, gnss, lever_arm, seed=seed, progress=progress)
     stage("identifying and diagnosing the log", 0.9 if inputs.drive is None else 0.15)
     with compiled_ahead(log=bool(inputs.records), check=inputs.receiver is not None or not wanted):
         noise = identify_and_diagnose(
@@ -166,8 +173,8 @@ def tune(
         began, found = (config_after_drive(examined, kept=kept) for kept in (False, True))
         stage("choosing the settings of the drive", 0.85)
         choice = choose_config(inputs.drive, examined, began, found, progress)
-        config = with_rest_and_motion(config, choice.config)
-        config = replace(config, notes=(*config.notes, choice.note))
+        config, left_out = with_stated_arm(with_rest_and_motion(config, choice.config), lever_arm)
+        config = replace(config, notes=(*config.notes, choice.note, *left_out))
         stage("scoring the settings on the whole drive", 0.95)
         measured, unmeasured = measured_or_reason(inputs.drive, config, progress)
     exports, kept_back = exports_of(config, wanted)
@@ -228,12 +235,15 @@ def gather_inputs(
     log: str | Path | Sequence[Record] | Identification | None,
     drive: str | Path | Drive | None,
     gnss: str | Path | GnssNoise | None,
+    lever_arm: tuple[float, float, float] | None = None,
     *,
     seed: int,
     progress: Progress,
 ) -> TuneInputs:
     """Read what is named by a path, choose name and receiver, and simulate where there is neither log nor drive."""
-    measured, examination = (None, None) if drive is None else examined_drive(drive, progress)
+    measured, examination = (
+        (None, None) if drive is None else examined_drive(drive, progress, lever_arm=lever_arm)
+    )
     key: Mapping[str, Any] | None = None
     records: tuple[Record, ...] = ()
     source: str | Path | Identification | None = None

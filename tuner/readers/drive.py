@@ -145,20 +145,26 @@ def with_mounting(
     Raises
     ------
     DataError
-        For an unknown frame, or a lever arm longer than `LONGEST_LEVER_ARM`.
+        For an unknown frame, or a lever arm that is not three numbers, is longer than `LONGEST_LEVER_ARM`, or is of
+        a unit whose axes in the vehicle nothing states.
     """
     if frame is not None and frame.upper() not in FRAMES:
         raise DataError(f"--imu-frame {frame}: expected one of {' '.join(FRAMES)}")
-    if lever_arm is not None and max(map(abs, lever_arm)) > LONGEST_LEVER_ARM:
+    stated = mounting_of(frame, rpy_deg)
+    mounting = drive.mounting if stated is None else stated
+    if lever_arm is None:
+        return replace(drive, mounting=mounting)
+    where = f"--lever-arm {','.join(f'{x:g}' for x in lever_arm)}"
+    if len(lever_arm) != 3:
+        raise DataError(f"{where}: expected three numbers")
+    if max(map(abs, lever_arm)) > LONGEST_LEVER_ARM:
+        raise DataError(f"{where}: expected {LONGEST_LEVER_ARM:g} m at most")
+    if mounting is None and any(lever_arm):
         raise DataError(
-            f"--lever-arm {','.join(f'{x:g}' for x in lever_arm)}: expected {LONGEST_LEVER_ARM:g} m at most"
+            f"{where}: expected a drive that states the axes of the unit in the vehicle, as an NPZ does by imu_frame, "
+            "found none; state them by --imu-frame"
         )
-    mounting = mounting_of(frame, rpy_deg)
-    return replace(
-        drive,
-        mounting=drive.mounting if mounting is None else mounting,
-        lever_arm=drive.lever_arm if lever_arm is None else lever_arm,
-    )
+    return replace(drive, mounting=mounting, lever_arm=lever_arm)
 
 
 def _messages(path: Path) -> Drive:

@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from tuner.cli.commands.options import POSITIVE, Output, common
+from tuner.cli.commands.options import lever_arm as with_lever_arm
 from tuner.cli.progress import Messages
 
 
@@ -26,6 +27,7 @@ from tuner.cli.progress import Messages
     metavar="DRIVE",
     help="With --to kf-gins -o FILE: also write this drive, beside FILE, as KF-GINS reads it.",
 )
+@with_lever_arm
 @click.option(
     "--rate", type=POSITIVE, metavar="HZ", help="Rate of the IMU that DIALECT reads; default that of the log."
 )
@@ -42,6 +44,7 @@ def command(
     dialect: str | None,
     output_file: Path | None,
     drive: str | None,
+    lever_arm: tuple[float, float, float] | None,
     rate: float | None,
     step: float | None,
     list_dialects: bool,
@@ -69,6 +72,8 @@ def command(
         raise click.UsageError("export: expected CONFIG and --to DIALECT; --list shows the dialects")
     if dialect not in DIALECTS:
         raise click.UsageError(f"--to: {DIALECTS.unknown(dialect)}")
+    if lever_arm is not None and drive is None:
+        raise click.UsageError("--lever-arm: expected --drive DRIVE with it")
     if drive is not None:
         if dialect != "kf-gins" or output_file is None:
             raise click.UsageError("--drive: expected --to kf-gins and -o FILE with it")
@@ -76,7 +81,7 @@ def command(
             raise click.UsageError("--rate, --step: expected without --drive, which states its own rate")
         if Path(drive).resolve() == output_file.resolve():
             raise click.UsageError("--drive: expected another file than -o, which would be written over")
-        _write_with_drive(config, drive, output_file, messages)
+        _write_with_drive(config, drive, lever_arm, output_file, messages)
         text = output_file.read_text("utf-8")
     else:
         interval = None if rate is None else 1.0 / rate
@@ -91,16 +96,14 @@ def command(
     output.write({"schema": "tuner.export/1", "dialect": dialect, "text": text})
 
 
-def _write_with_drive(config: str, drive: str, path: Path, messages: Messages) -> None:
+def _write_with_drive(
+    config: str, drive: str, lever_arm: tuple[float, float, float] | None, path: Path, messages: Messages
+) -> None:
     """Write settings of KF-GINS and, beside them, the drive as KF-GINS reads it."""
-    from tuner.examination.examined_drive import examined_drive
-    from tuner.exporters.judged_drive import judged_drive
+    from tuner.exporters.judged_drive import export_drive
     from tuner.exporters.kf_gins_drive import write_drive
-    from tuner.synthesis.from_drive import config_for_drive
 
-    measured, found = examined_drive(drive, messages.say)
-    noise = () if found is None else found.noise
-    files, _ = judged_drive(measured, config_for_drive(measured, config), noise)
+    files, _ = export_drive(drive, config, lever_arm=lever_arm, progress=messages.say)
     write_drive(files, path)
     for note in files.notes:
         messages.say(note)

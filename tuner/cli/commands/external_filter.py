@@ -50,6 +50,7 @@ def tune_filter(
     *,
     dialect: str | None,
     drive: str | None,
+    lever_arm: tuple[float, float, float] | None,
     gnss: str | None,
     time_limit: float,
     how: dict[str, Any],
@@ -65,7 +66,8 @@ def tune_filter(
     from tuner.formats import noise_yaml
     from tuner.formats.documents import json_text
     from tuner.formats.file_set import MANIFEST, digests, write_set
-    from tuner.readers.drive import read_drive
+    from tuner.navigation.compensation import with_stated_arm
+    from tuner.readers.drive import read_drive, with_mounting
     from tuner.readers.drive_checks import possible_drive
     from tuner.readers.source_kind import is_log
     from tuner.report.external_tables import external_json, external_tables
@@ -75,7 +77,8 @@ def tune_filter(
     if drive is None or dialect is None:
         raise click.UsageError("--filter: expected --drive DRIVE and --to DIALECT with it")
     program = program_of(filter_command, time_limit=time_limit)
-    measured = possible_drive(read_drive(drive))  # the program filters it as it is
+    # The program filters the drive as it is.
+    measured = possible_drive(with_mounting(read_drive(drive), lever_arm=lever_arm))
     if log is None:
         config = config_of_drive(measured, stationary_noise(measured))
     elif is_log(log):
@@ -84,6 +87,7 @@ def tune_filter(
         config = config_for_drive(measured, found.config)
     else:
         config = config_for_drive(measured, log, gnss=gnss)
+    config, _ = with_stated_arm(config, lever_arm)
     stage("running the filter with other settings", 1.0)
     advance = messages.count("runs at most") or (lambda _done, _total: None)
     result = tune_external(program, measured, config, dialect, path=drive, progress=advance)

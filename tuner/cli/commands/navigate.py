@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -19,6 +20,7 @@ from tuner.cli.commands.options import (
     three_numbers,
     verbose,
 )
+from tuner.cli.commands.options import lever_arm as with_lever_arm
 from tuner.cli.progress import Messages
 from tuner.stages import stage
 
@@ -39,12 +41,7 @@ from tuner.stages import stage
     metavar="R,P,Y",
     help="Mounting angles, deg: v_sensor = Rz Ry Rx v_vehicle.",
 )
-@click.option(
-    "--lever-arm",
-    callback=three_numbers,
-    metavar="X,Y,Z",
-    help="From the sensor to the antenna: forward, right, down, m.",
-)
+@with_lever_arm
 @click.option(
     "--state",
     "states",
@@ -106,6 +103,7 @@ def command(
     """
     from tuner.consistency.score_drive import navigate_drive
     from tuner.examination.examined_drive import examined_drive
+    from tuner.navigation.compensation import with_stated_arm
     from tuner.navigation.drive.vehicle_constraints import Vehicle
     from tuner.readers.drive import read_drive, with_mounting
     from tuner.readers.source_kind import with_name
@@ -115,6 +113,7 @@ def command(
     from tuner.report.json.navigation import navigation_json
     from tuner.report.solution_set import attitude_text, write_solution
     from tuner.report.terminal import show
+    from tuner.synthesis.from_drive import config_for_drive
 
     stage("reading the drive", 0.1)
     recorded = with_mounting(read_drive(drive), frame=imu_frame, rpy_deg=mounting_rpy, lever_arm=lever_arm)
@@ -123,7 +122,9 @@ def command(
     messages.say("navigating")
     vehicle = Vehicle(non_holonomic, zero_velocity)
     stage("filtering the drive", 0.95)
-    found = navigate_drive(measured, config, gnss=gnss, states=states, vehicle=vehicle)
+    settings, left_out = with_stated_arm(config_for_drive(measured, config, gnss=gnss), lever_arm)
+    measured = replace(measured, notes=(*measured.notes, *left_out))
+    found = navigate_drive(measured, settings, states=states, vehicle=vehicle)
     lawful(found)
     stage("writing", 1.0)
     if directory is not None:

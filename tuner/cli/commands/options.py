@@ -211,6 +211,17 @@ def latitude(command: Command) -> Command:
     return option(command)
 
 
+def lever_arm(command: Command) -> Command:
+    """Add ``--lever-arm``; the command receives three numbers, m, or None."""
+    option = click.option(
+        "--lever-arm",
+        callback=three_numbers,
+        metavar="X,Y,Z",
+        help="From the sensor to the antenna: forward, right, down, m.",
+    )
+    return option(command)
+
+
 def replicas(command: Command) -> Command:
     """Add ``--replicas``."""
     option = click.option(

@@ -25,6 +25,7 @@ from tuner.cli.commands.options import (
     strict,
     verbose,
 )
+from tuner.cli.commands.options import lever_arm as with_lever_arm
 from tuner.cli.progress import Messages
 from tuner.stages import stage
 
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
     metavar="DRIVE",
     help="Measured drive of the same unit: what it shows to be wrong enters the configuration.",
 )
+@with_lever_arm
 @click.option("--complete", metavar="GRADE", help="Built-in grade that stands in for a sensor the log lacks.")
 @click.option(
     "--datasheet", metavar="GRADE|SHEET", help="Data sheet to compare the log with, also on the page."
@@ -92,6 +94,7 @@ def command(
             log,
             dialect=dialect,
             drive=how.pop("drive"),
+            lever_arm=how.pop("lever_arm"),
             gnss=how.pop("gnss"),
             time_limit=filter_timeout,
             how=how,
@@ -110,17 +113,23 @@ def command(
     write_tune_result(result, directory, stated_command(click.get_current_context().obj))
     output.write(tune_json(result))
     if output.tables:
-        following = _following(result, (log, *reading.words), how["drive"], dialect, directory)
+        arm = [] if how["lever_arm"] is None else ["--lever-arm", ",".join(map(str, how["lever_arm"]))]
+        following = _following(result, (log, *reading.words), how["drive"], arm, dialect, directory)
         show(tune_answer(result, directory, dialect).then(*following), whole=verbose)
     return 1 if strict and not result.verdict.good else 0
 
 
 def _following(
-    result: TuneResult, log: Sequence[str | None], drive: str | None, dialect: str | None, directory: Path
+    result: TuneResult,
+    log: Sequence[str | None],
+    drive: str | None,
+    arm: Sequence[str],
+    dialect: str | None,
+    directory: Path,
 ) -> Sequence[str]:
     """Return the command that follows: of a sheet how long to record, of a drive its files for KF-GINS.
 
-    `log` is what was tuned, with the options that read it.
+    `log` is what was tuned, with the options that read it; `arm` states the lever arm of the drive.
     """
     from tuner.report.examination_answer import MENDED
 
@@ -134,5 +143,5 @@ def _following(
         file = directory / "kf-gins" / "kf-gins.yaml"
         if result.examination is not None and result.examination.before_filter:
             drive = str(directory / MENDED)
-        return ["export", config, "--to", "kf-gins", "--drive", drive, "-o", str(file)]
+        return ["export", config, "--to", "kf-gins", "--drive", drive, *arm, "-o", str(file)]
     return ["export", config] if dialect is None else ["check", config]
