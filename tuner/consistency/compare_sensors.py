@@ -12,7 +12,8 @@ from tuner.consistency.outage_drift import OutageDrift, outage_drift
 from tuner.identification.compare_sources import Source, compare_sources
 from tuner.identification.comparison import Comparison, LimitCheck, limit_checks
 from tuner.synthesis import synthesize
-from tuner.synthesis.sufficient import why_insufficient
+from tuner.synthesis.sufficient import SENSORS, why_insufficient
+from tuner.types import Identification
 from tuner.types.progress import Progress, silent
 from tuner.types.public import public
 from tuner.types.shown import Shown
@@ -33,7 +34,7 @@ class SensorComparison(Shown):
     drift : tuple of OutageDrift or None
         One a source; None for those that lack an axis or a slow bias.
     unranked : mapping of str to str
-        Sources without a drift for want of a slow bias, each with the reason.
+        Sources without a drift, each with the reason.
     """
 
     noise: Comparison
@@ -72,10 +73,14 @@ def compare(
     receiver = load_gnss(gnss)
     noise = compare_sources(*sources, by=by, progress=progress)
     configs = [synthesize(source, gnss=receiver) for source in noise.sources]
-    lacking = [why_insufficient(source) for source in noise.sources]
-    drift = tuple(
-        outage_drift(config) if len(config.channels) == 6 and not why else None
-        for config, why in zip(configs, lacking, strict=True)
-    )
+    lacking = [_lacking_sensor(source) or why_insufficient(source) for source in noise.sources]
+    drift = tuple(None if why else outage_drift(config) for config, why in zip(configs, lacking, strict=True))
     unranked = {name: why for name, why in zip(noise.names, lacking, strict=True) if why}
     return SensorComparison(noise, limit_checks(noise), gnss, drift, MappingProxyType(unranked))
+
+
+def _lacking_sensor(source: Identification) -> str:
+    """Return of which sensor axes are missing, in words; empty where it has all six."""
+    own = {name: sum(axis.startswith(sensor) for axis in source.channels) for sensor, name in SENSORS.items()}
+    lost = [name for name, count in own.items() if count < 3]
+    return f"{' and '.join(lost)} of three axes are needed, found fewer" if lost else ""

@@ -10,6 +10,7 @@ from tuner.exporters.triad_values import triad
 from tuner.formats.customary_units import phrase
 from tuner.synthesis.error_growth import structure_function
 from tuner.synthesis.projection import HORIZONS, STILL_SHARE, STILL_TIME, BiasModel, Projected
+from tuner.synthesis.sufficient import unstated_terms
 from tuner.types import Coefficient, FilterConfig
 from tuner.types.borrowed import borrowed_words, white_is_measured
 
@@ -48,6 +49,8 @@ def _provenance(
     intervals = "numbers of a sheet, not of a unit" if of_sheet else "95 % intervals in brackets"
     yield f"from {config.name}; densities are two-sided; {intervals}"
     yield from borrowed_words(config)
+    if of_sheet and (lost := unstated_terms(config)):
+        yield f"{' and '.join(lost)} not stated: true errors are at least those that these numbers predict"
     for axis, channel in config.channels.items():
         known = "; ".join(
             f"{term.name} {phrase(coefficient, f'{term.name}.{name}', channel.unit)}"

@@ -6,7 +6,6 @@ from collections.abc import Iterable, Sequence
 
 from rich.table import Table
 
-from models.noise import RandomWalk
 from models.sensors import SensorGrade
 from tuner.consistency.choose_grade import GradeChoice, RankedGrade
 from tuner.consistency.compare_sensors import SensorComparison
@@ -28,7 +27,8 @@ from tuner.report.identification_tables import identification_tables
 from tuner.report.noise_table import FLICKER, NAMES, WHITE, legend
 from tuner.report.terms_rows import MAIN_TERMS, channel_row, joined_rows
 from tuner.report.titled_table import table_of, titled_table
-from tuner.types import FilterConfig, Identification
+from tuner.synthesis.sufficient import unstated_terms
+from tuner.types import FilterConfig
 
 NEAREST_GRADES = 3
 """Grades of an answer: the last that keeps the limit and two that do not."""
@@ -100,21 +100,26 @@ def _drift(found: SensorComparison) -> list[Table | str]:
     That of a source that lacks a slow term is at least as large as stated, so that it has no rank.
     """
     sources = zip(found.noise.names, found.drift, found.noise.sources, strict=True)
-    known = [(_lacks_walk(source), name, one) for name, one, source in sources if one is not None]
+    known = [
+        (" and ".join(unstated_terms(source)), name, one) for name, one, source in sources if one is not None
+    ]
     unranked = [f"{name} has no rank: {why}" for name, why in found.unranked.items()]
     if not known:
         return ["Verdict: not comparable: no source has six axes with white noise and a slow bias", *unranked]
     times = list(known[0][2].free)
-    known.sort(key=lambda each: (each[0], each[2].free[times[-1]]))
+    known.sort(key=lambda each: (bool(each[0]), each[2].free[times[-1]]))
     errors = [(lacks, f"{name} {digits(one.free[ANSWERED_TIME], 2)} m") for lacks, name, one in known]
     said = ", ".join(text for lacks, text in errors if not lacks)
     least = ", ".join(
-        f"{text} or more (no rank: its bias random walk is not stated)" for lacks, text in errors if lacks
+        f"{text} or more (no rank: its {lacks} is not stated)" for lacks, text in errors if lacks
     )
     kinds = (("without fixes", times), ("non-holonomic", times))
     heads = [f"{kind * (time == times[0])}\n{time:g} s" for kind, each in kinds for time in each]
     rows = [
-        (name, *(f"{AT_LEAST * lacks}{digits(x, 2)}" for x in (*one.free.values(), *one.wheels.values())))
+        (
+            name,
+            *(f"{AT_LEAST * bool(lacks)}{digits(x, 2)}" for x in (*one.free.values(), *one.wheels.values())),
+        )
         for lacks, name, one in known
     ]
     about = (
@@ -132,14 +137,9 @@ def steadiest(found: SensorComparison) -> int:
     drifts = {
         number: one.free[max(one.free)]
         for number, (one, source) in enumerate(zip(found.drift, found.noise.sources, strict=True))
-        if one is not None and not _lacks_walk(source)
+        if one is not None and not unstated_terms(source)
     }
     return min(drifts, key=lambda number: drifts[number], default=0)
-
-
-def _lacks_walk(source: Identification) -> bool:
-    """Return whether some axis has neither a value nor a limit of its bias random walk."""
-    return not all(any(t.name == RandomWalk.name for t in one.terms) for one in source.channels.values())
 
 
 def choice_answer(found: GradeChoice) -> Document:
@@ -147,9 +147,10 @@ def choice_answer(found: GradeChoice) -> Document:
     kept, count = len(found.kept), len(found.ranking)
     with_wheels = "with" if found.wheels else "without"
     before = f"horizontal, rms; {found.receiver} fixes before; {with_wheels} a non-holonomic constraint"
+    least = any(unstated_terms(one.config) for one in found.ranking[:kept])
     verdict = (
-        f"Verdict: {kept or 'none'} of {count} built-in sensors stay{'s' * (kept <= 1)} within {found.limit:g} m "
-        f"after {found.outage:g} s without fixes ({before})"
+        f"Verdict: {'at most ' * least}{kept or 'none'} of {count} built-in sensors stay{'s' * (kept <= 1)} within "
+        f"{found.limit:g} m after {found.outage:g} s without fixes ({before})"
     )
     first = max(0, min(kept - 1, count - NEAREST_GRADES))
     nearest = found.ranking[first : first + NEAREST_GRADES]
@@ -166,6 +167,9 @@ def choice_answer(found: GradeChoice) -> Document:
             f"{gyro_n} deg/√h, B {gyro_b} deg/h; accel white noise {accel_n} µg/√Hz, B {accel_b} µg"
         )
     about = "B: bias instability. Scale factors and misalignments are not included."
+    about += f" {AT_LEAST.strip()}: at least, as its sheet leaves a slow term out." * any(
+        unstated_terms(one.config) for one in nearest
+    )
     answer = document(
         [
             f"{verdict}. The nearest:" if count > len(nearest) else verdict,
@@ -185,8 +189,8 @@ def _ranking(found: GradeChoice, shown: Sequence[RankedGrade]) -> Table:
     rows = (
         (
             one.name,
-            digits(one.error, 2),
-            "yes" if one.error <= found.limit else "no",
+            f"{AT_LEAST * bool(unstated_terms(one.config))}{digits(one.error, 2)}",
+            "no" if one.error > found.limit else "open" if unstated_terms(one.config) else "yes",
             *(digits(value) if value > 0.0 else "–" for value in noise_of(one.config, 1.0)),
         )
         for one in shown

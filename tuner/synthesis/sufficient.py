@@ -9,11 +9,11 @@ import math
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from models.noise import LowPassWhite, Quantization, Ramp, Sinusoid, White
+from models.noise import LowPassWhite, Quantization, Ramp, RandomWalk, Sinusoid, White
 from models.noise.bias_instability import ALLAN_FLOOR
 from tuner.catalogue.grades import grade_names, load_grade
 from tuner.formats.customary_units import customary_unit, digits, in_customary, pretty
-from tuner.types import FilterConfig, Identification
+from tuner.types import ChannelNoise, FilterConfig, Identification
 
 SENSORS: Mapping[str, str] = MappingProxyType({"gyro": "gyroscopes", "accel": "accelerometers"})
 """Prefix of the axes of the two triads, and their name."""
@@ -52,6 +52,25 @@ def why_insufficient(source: Identification | FilterConfig) -> str | None:
     """Return in one line why a filter cannot be configured from some noise, and what would do; None where it can."""
     reasons = "; ".join(lacking_slow_bias(source).values())
     return f"{reasons}. {WITHOUT_SLOW_BIAS}" if reasons else None
+
+
+def unstated_terms(source: Identification | FilterConfig) -> tuple[str, ...]:
+    """Return the slow terms, in words, of which some axis has neither a value nor a limit.
+
+    What is predicted without such a term is a least error: the term is unknown and not zero.
+
+    Parameters
+    ----------
+    source : Identification or FilterConfig
+        Noise of a sensor, or settings made from it.
+    """
+    axes = [
+        {term.name for term in (one.identified if isinstance(one, ChannelNoise) else one.terms)}
+        for one in source.channels.values()
+    ]
+    walk = all(RandomWalk.name in terms for terms in axes)
+    flicker = all(terms - NO_SLOW_BIAS - {RandomWalk.name} for terms in axes)
+    return ("bias instability",) * (not flicker) + ("bias random walk",) * (not walk)
 
 
 def _has_slow_bias(source: Identification | FilterConfig, axis: str) -> bool:

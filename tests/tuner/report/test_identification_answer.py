@@ -108,7 +108,7 @@ def test_the_table_of_a_comparison_and_of_a_choice_fit_a_terminal():
     assert every.row_count == len(ranking)
     told = lines(answer)
     assert len(told) <= SCREEN_LINES
-    assert "Verdict: 4 of 8 built-in sensors stay within 2 m" in " ".join(told)
+    assert "Verdict: at most 4 of 8 built-in sensors stay within 2 m" in " ".join(told)
     assert "The nearest:" in " ".join(" ".join(told).split())
     assert [line.split()[0] for line in told if line.startswith("grade")] == [
         "grade4",

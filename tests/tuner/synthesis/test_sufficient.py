@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import pytest
 
+from models.noise import NoiseModel, White
 from tuner import choose, compare, tune
 from tuner.catalogue.grades import grade_identification, load_grade
 from tuner.exporters import export, withheld
+from tuner.identification import identify
 from tuner.identification.identify_source import identify_source
 from tuner.report.result_set import tune_files
-from tuner.report.sensor_answers import comparison_answer
+from tuner.report.sensor_answers import choice_answer, comparison_answer, steadiest
+from tuner.report.terminal import fitted
+from tuner.simulation.static import simulate
 from tuner.synthesis import synthesize
-from tuner.synthesis.sufficient import lacking_slow_bias
+from tuner.synthesis.sufficient import lacking_slow_bias, unstated_terms
 from tuner.types import Identification
 from tuner.types.borrowed import borrowed, borrowed_words
+from tuner.types.records import DataError
 
 SHEET = """format: tuner-datasheet/1
 name: whiteonly
@@ -76,6 +81,94 @@ def test_compare_and_choose_give_such_a_sheet_no_rank(sheet):
         "whiteonly has no rank" in text for text in comparison_answer(found).parts if isinstance(text, str)
     )
     assert "rlg" not in {one.name for one in choose().ranking}  # its gyroscopes state white noise alone
+
+
+NUMBERS = {
+    "gyro": {
+        "noise_density": "{value: 0.007, unit: deg/s/√Hz}",
+        "bias_instability": "{value: 8, unit: deg/h}",
+        "random_walk": "{value: 4, unit: deg/h/√h}",
+        "turn_on_sd": "{value: 0.5, unit: deg/s}",
+    },
+    "accel": {
+        "noise_density": "{value: 0.06, unit: m/s/√h}",
+        "bias_instability": "{value: 40, unit: µg}",
+        "random_walk": "{value: 20, unit: ug/√h}",
+        "turn_on_sd": "{value: 3, unit: mg}",
+    },
+}
+SLOW = ("bias_instability", "random_walk")
+
+
+@pytest.fixture
+def sheet_of(tmp_path):
+    """Return the function that writes a sheet with some entries of each sensor."""
+
+    def write(name, **entries):
+        parts = (
+            f"{sensor}:\n" + "".join(f"  {one}: {NUMBERS[sensor][one]}\n" for one in chosen)
+            for sensor, chosen in entries.items()
+        )
+        path = tmp_path / f"{name}.yaml"
+        head = f"format: tuner-datasheet/1\nname: {name}\nrate: 100\n"
+        path.write_text(head + "".join(parts), encoding="utf-8")
+        return path
+
+    return write
+
+
+@pytest.mark.parametrize("dialect", ["kf-gins", "kalibr", "px4"])
+@pytest.mark.parametrize("gyro", [(), SLOW[:1], SLOW[1:], SLOW])
+@pytest.mark.parametrize("accel", [(), SLOW[:1], SLOW[1:], SLOW])
+def test_of_a_sheet_either_a_slow_term_of_each_sensor_is_known_or_nothing_is_written(
+    sheet_of, gyro, accel, dialect
+):
+    """A sheet with one slow term was written as if the other were zero, without a word."""
+    white = ("noise_density", "turn_on_sd")
+    config = synthesize(identify_source(sheet_of("partial", gyro=white + gyro, accel=white + accel)))
+    unknown = {"bias instability": SLOW[0], "bias random walk": SLOW[1]}
+    lost = [words for words, name in unknown.items() if name not in gyro or name not in accel]
+    if not (gyro and accel):
+        with pytest.raises(DataError, match="neither bias instability nor bias random walk") as refused:
+            export(config, dialect)
+        assert "\n" not in str(refused.value)
+        return
+    text = export(config, dialect)
+    assert (f"# {' and '.join(lost)} not stated: true errors are at least" in text) == bool(lost)
+    assert unstated_terms(config) == tuple(lost)
+
+
+def test_a_sheet_without_bias_instability_has_no_rank(sheet_of):
+    """A sheet from which the bias instability was deleted drifted 15 m in place of 31 m, and was the steadiest."""
+    without = ("noise_density", "random_walk", "turn_on_sd")
+    short, whole = sheet_of("short", gyro=without, accel=without), sheet_of("whole", **NUMBERS)
+    found = compare(short, whole)
+    assert found.drift[0].free[60.0] < found.drift[1].free[60.0]
+    assert steadiest(found) == 1
+    (verdict, *_) = comparison_answer(found).parts
+    assert verdict.endswith("m or more (no rank: its bias instability is not stated)")
+    assert verdict.index("by: whole") < verdict.index("; short")
+
+
+def test_a_sensor_that_is_not_there_is_named(sheet_of):
+    """A sheet of gyroscopes alone was missing from the ranks, and nothing said why."""
+    found = compare(sheet_of("gyros", gyro=NUMBERS["gyro"]), "icm20602")
+    assert found.drift[0] is None
+    assert found.unranked == {"gyros": "accelerometers of three axes are needed, found fewer"}
+
+
+def test_grades_of_which_a_term_is_unknown_keep_a_limit_at_most():
+    """A sheet without a bias random walk kept a limit as if that were zero: 5 of 12 stay within, adis16465 yes."""
+    found = choose(60.0, 20.0)
+    told = fitted(choice_answer(found))
+    assert told[0].startswith("Verdict: at most 5 of 12 built-in sensors")
+    assert any(line.split()[:4] == ["adis16465", "≥", "11", "open"] for line in told)
+    assert any(line.split()[:4] == ["bmi088", "≥", "29", "no"] for line in told)
+
+
+def test_a_short_log_states_limits_of_what_it_does_not_show():
+    records, _ = simulate({"gyro_x": NoiseModel([White(1e-4)])}, duration=20.0, rate=100.0, seed=1)
+    assert unstated_terms(identify(records)) == ()
 
 
 def test_terms_of_a_built_in_sensor_are_named_by_axis():

@@ -12,6 +12,7 @@ from tuner.formats.identification import identification_json
 from tuner.formats.noise_terms import coefficient_json
 from tuner.identification.gnss_receiver import ReceiverErrors
 from tuner.identification.record_length import Plan
+from tuner.synthesis.sufficient import unstated_terms
 from tuner.types import Identification, PooledChannel, PooledCoefficient
 
 
@@ -93,6 +94,7 @@ def comparison_json(found: SensorComparison) -> dict[str, Any]:
             }
             for one in found.drift
         ],
+        "not_stated": [list(unstated_terms(source)) for source in comparison.sources],
         "unranked": dict(found.unranked),
     }
 
@@ -106,7 +108,12 @@ def choice_json(found: GradeChoice) -> dict[str, Any]:
         "receiver": found.receiver,
         "wheels": found.wheels,
         "ranking": [
-            {"grade": one.name, "error_m": one.error, "kept": one.error <= found.limit}
+            {
+                "grade": one.name,
+                "error_m": one.error,
+                "kept": one.error <= found.limit,
+                "not_stated": list(unstated_terms(one.config)),
+            }
             for one in found.ranking
         ],
         "just_enough": None
