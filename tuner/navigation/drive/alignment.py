@@ -17,9 +17,9 @@ import numpy as np
 from models import rotation
 from models.arrays import FloatArray
 from models.earth import distance_along
-from tuner.examination.fit import fit
+from tuner.examination.fit import LEAST_READINGS, fit
 from tuner.examination.streams import Streams, receiver_streams
-from tuner.examination.windows import Inertial, averaged, windows_of
+from tuner.examination.windows import WINDOW_LENGTH, Inertial, averaged, windows_of
 from tuner.navigation.data import Steps
 from tuner.navigation.drive.common_attitude import Attitude, BiasPrior, attitude_at
 from tuner.navigation.drive.steady_rest import steady_steps
@@ -119,7 +119,7 @@ def align(steps: Steps, gnss: Gnss, *, bias_sd: FloatArray) -> Alignment:
     Raises
     ------
     DataError
-        Where motion does not determine the heading: with its sd and the speeds of the fixes.
+        Where motion does not determine the heading: with its sd and the speeds of the fixes; where fixes are too rare.
     """
     still_end = stationary_until(gnss)
     ends = steps.ends()[1:]
@@ -132,7 +132,12 @@ def align(steps: Steps, gnss: Gnss, *, bias_sd: FloatArray) -> Alignment:
         end, moving = still_end + moving, 2.0 * moving
         found, rested = _likeliest(steps, gnss, (begin, end), sd, seconds)
         heading_sd = math.inf if found is None else math.sqrt(found.covariance[2, 2])
-    if found is None or heading_sd > MAX_HEADING_SD:
+    if found is None:
+        raise DataError(
+            f"expected {LEAST_READINGS} fixes or more in {WINDOW_LENGTH:g} s of inertial samples without a gap, found "
+            f"one in {float(np.median(np.diff(gnss.t))):.3g} s; give fixes more often"
+        )
+    if heading_sd > MAX_HEADING_SD:
         raise DataError(_no_heading(heading_sd, gnss))
     sure = rested and len(seconds) >= SURE_SECONDS_AT_REST
     return Alignment(
