@@ -171,7 +171,7 @@ def why_larger(texts: Iterable[str]) -> str:
     if not found:
         return ""
     return (
-        "To enter: these numbers stand for all terms above and are larger: with usual fixes "
+        "To enter: these stand in for all terms above, hence mostly larger: with usual fixes "
         f"true errors are {min(found):.2f} to {max(found):.2f} × predicted; enlarge for vibration only"
     )
 

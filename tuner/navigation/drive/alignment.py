@@ -38,7 +38,7 @@ SURE_SECONDS_AT_REST = 30
 FIRST_MOTION = 60.0
 """Time in motion that the alignment uses first, s; doubled as long as the heading is not sure."""
 GOOD_HEADING_SD, MAX_HEADING_SD = math.radians(3.0), math.radians(30.0)
-"""Sd of the heading below which no more motion is looked at, and above which noise alone may give it, rad."""
+"""Sd of the heading below which no more motion is looked at, and above which no filter is linear in it, rad."""
 TURN_RATE, TURN_COST = 0.3, 3.0
 """Sd of the rate of who turns on the spot, rad/s, and how much less likely that is than a rest, nats."""
 MOST_PASSES, SMALL_CHANGE = 10, 0.03
@@ -119,7 +119,8 @@ def align(steps: Steps, gnss: Gnss, *, bias_sd: FloatArray) -> Alignment:
     Raises
     ------
     DataError
-        Where motion does not determine the heading: with its sd and the speeds of the fixes; where fixes are too rare.
+        Where motion does not determine the heading: with its sd and the speeds of the fixes; where no window holds
+        enough fixes.
     """
     still_end = stationary_until(gnss)
     ends = steps.ends()[1:]
@@ -134,8 +135,9 @@ def align(steps: Steps, gnss: Gnss, *, bias_sd: FloatArray) -> Alignment:
         heading_sd = math.inf if found is None else math.sqrt(found.covariance[2, 2])
     if found is None:
         raise DataError(
-            f"expected {LEAST_READINGS} fixes or more in {WINDOW_LENGTH:g} s of inertial samples without a gap, found "
-            f"one in {float(np.median(np.diff(gnss.t))):.3g} s; give fixes more often"
+            f"expected {WINDOW_LENGTH:g} s of inertial samples without a gap that hold {LEAST_READINGS} fixes or more, "
+            f"found none: fixes come every {float(np.median(np.diff(gnss.t))):.3g} s, inertial samples last "
+            f"{float(steps.dt.sum()):.3g} s, their longest step is {float(steps.dt.max()):.3g} s"
         )
     if heading_sd > MAX_HEADING_SD:
         raise DataError(_no_heading(heading_sd, gnss))
@@ -162,8 +164,8 @@ def _no_heading(sd: float, gnss: Gnss) -> str:
         else f"specific force and fixes together determine the heading to {math.degrees(sd):.3g}°"
     )
     return (
-        f"the heading cannot be found from the motion: {known}, {math.degrees(MAX_HEADING_SD):.3g}° are needed; the "
-        f"speed of the fixes is {low:.3g} to {high:.3g} m/s"
+        f"the heading cannot be found from the motion: {known}, {math.degrees(MAX_HEADING_SD):.3g}° or less are "
+        f"needed; the speed of the fixes is {low:.3g} to {high:.3g} m/s"
     )
 
 

@@ -33,9 +33,9 @@ from tuner.examination.windows import (
     of_the_earth,
 )
 
-COMMON = 9
+COMMON_UNKNOWNS = 9
 """What windows have in common: three angles, biases of accelerometers and of gyros."""
-FREEDOM = 4.0
+WINDOW_FREEDOM = 4.0
 """Degrees of freedom of the distribution of windows, and of the biases of gyros about their prior."""
 MOST_STEPS, LEAST_GAIN = 20, 1e-3
 """Steps of Gauss–Newton, and the gain of one below which they end, nats."""
@@ -45,9 +45,11 @@ VERTICAL_STARTS = 0.0, -1.0, 1.0, -2.0, 2.0, -3.0, 3.0
 """Biases of the vertical gyro to begin from, in prior sds."""
 AMBIGUOUS_TURN = 0.1
 """Turn of a window by a bias of one prior sd from which several are tried, rad."""
-FIXED = 1e12
+RIVAL_NATS = 12.5
+"""Log-likelihood ratio from which another heading is excluded, that of five sds, nats."""
+FIXED_PRECISION = 1e12
 """Precision of what a window does not have for itself."""
-UNKNOWN = 1e-9
+LEAST_INFORMATION = 1e-9
 """Information of what nothing determines."""
 
 
@@ -132,7 +134,8 @@ class _Joint:
         some = slice(rows.min(), rows.max() + 1)
         rates, carried, _ = of_the_earth(problem.places, problem.speeds)
         turned = [np.eye(3)]
-        for turn in rotation.mat_from_rotvec(-rates * np.diff(times)[:, None]):
+        between = np.vstack([rates[:1], 0.5 * (rates[1:] + rates[:-1])])
+        for turn in rotation.mat_from_rotvec(-between * np.diff(times)[:, None]):
             turned.append(turn @ turned[-1])
         own = Inertial(imu.t[some], imu.rates[some], imu.many)
         return _Joint(
@@ -162,7 +165,7 @@ class _Joint:
         whole[:, TURN] = -arms @ bias[3:]
         precision = self.found.precision.copy()
         for common in (TURN, ACCEL_BIAS, GYRO_BIAS):
-            precision[:, common] = FIXED
+            precision[:, common] = FIXED_PRECISION
 
         def linear(one: Placed) -> Linear:
             motion = motion_of(one.at, mats, x)
@@ -173,14 +176,14 @@ class _Joint:
             more = np.concatenate([seen[..., TURN] @ turned[k], seen[..., ACCEL_BIAS], gyro], axis=-1)
             return one.linear(motion, whole, more)
 
-        return self.problem.eliminated(self.found, linear, precision, COMMON)
+        return self.problem.eliminated(self.found, linear, precision, COMMON_UNKNOWNS)
 
     def solved(self) -> Attitude:
         """Return the answer by steps from the window that is surest of the heading, over ever more windows about it."""
         still = np.zeros_like(self.turned)
         own = rotation.mat_from_rotvec(self.found.solution[:, TURN]) @ self.found.attitude
         a, b, squares = self.equations(own, still + np.eye(3), still, np.zeros(6))
-        inverse = np.linalg.inv(a + UNKNOWN * np.eye(COMMON))
+        inverse = np.linalg.inv(a + LEAST_INFORMATION * np.eye(COMMON_UNKNOWNS))
         least = squares - np.einsum("wi,wij,wj->w", b, inverse, b)
         start = int(np.argmin(inverse[:, 2, 2]))
         order = np.argsort(np.abs(np.arange(len(own)) - start), kind="stable")
@@ -194,7 +197,14 @@ class _Joint:
                 mat, bias = here.mat, here.bias
             answers.append(here)
         best = min(answers, key=lambda one: one.cost)
-        return Attitude(float(self.imu.t[self.at[0]]), best.mat, best.bias, best.covariance, best.cost)
+        for turn in rotation.mat_from_rotvec([[0.0, 0.0, 0.5 * k * np.pi] for k in (1, 2, 3)]):
+            answers.append(self._stepped(turn @ best.mat, best.bias, least, order))
+        best = min(answers, key=lambda one: one.cost)
+        # the heading may be that of any answer that is hardly less likely: a vehicle that moves evenly has many
+        rivals = [one.mat @ best.mat.T for one in answers if one.cost < best.cost + RIVAL_NATS]
+        covariance = best.covariance.copy()
+        covariance[2, 2] += np.max(rotation.rotvec_from_mat(np.array(rivals))[:, 2] ** 2)
+        return Attitude(float(self.imu.t[self.at[0]]), best.mat, best.bias, covariance, best.cost)
 
     def _first_biases(self, down: FloatArray) -> list[FloatArray]:
         """Return biases to begin from: gravity tells turns about level axes; about the vertical several may fit."""
@@ -211,7 +221,7 @@ class _Joint:
         for _ in range(MOST_STEPS):
             if here.gain < LEAST_GAIN:
                 break
-            share = min(1.0, LARGEST_TURN / max(float(np.linalg.norm(here.step[:3])), UNKNOWN))
+            share = min(1.0, LARGEST_TURN / max(float(np.linalg.norm(here.step[:3])), LEAST_INFORMATION))
             there = here
             while there.cost >= here.cost and share > LEAST_SHARE:
                 turn = rotation.mat_from_rotvec(share * here.step[None, :3])[0]
@@ -229,23 +239,28 @@ class _Joint:
         now = np.append(np.zeros(3), bias)
         left = score - np.einsum("wij,j->wi", information, now)
         far = np.maximum(squares - (score + left) @ now - least, 0.0)[some]
-        weight = (FREEDOM + COMMON) / (FREEDOM + far)
+        weight = (WINDOW_FREEDOM + COMMON_UNKNOWNS) / (WINDOW_FREEDOM + far)
         each = weight[:, None] * left[some]
         a = np.einsum("w,wij->ij", weight, information[some])
         y = each.sum(axis=0)
         z = (bias - self.prior.mean) / self.prior.sd
-        known = np.repeat([1.0, (FREEDOM + 3.0) / (FREEDOM + z[3:] @ z[3:])], 3) / self.prior.sd**2
+        known = (
+            np.repeat([1.0, (WINDOW_FREEDOM + 3.0) / (WINDOW_FREEDOM + z[3:] @ z[3:])], 3) / self.prior.sd**2
+        )
         a[range(3, 9), range(3, 9)] += known
         y[3:] += known * (self.prior.mean - bias)
-        cost = 0.5 * (FREEDOM + COMMON) * float(np.log1p(far / FREEDOM).sum()) + 0.5 * float(z[:3] @ z[:3])
-        cost += 0.5 * (FREEDOM + 3.0) * float(np.log1p(z[3:] @ z[3:] / FREEDOM))
+        cost = 0.5 * (WINDOW_FREEDOM + COMMON_UNKNOWNS) * float(
+            np.log1p(far / WINDOW_FREEDOM).sum()
+        ) + 0.5 * float(z[:3] @ z[:3])
+        cost += 0.5 * (WINDOW_FREEDOM + 3.0) * float(np.log1p(z[3:] @ z[3:] / WINDOW_FREEDOM))
         if self.prior.rest is not None:
             mean, covariance = self.prior.rest
             inverse, off = np.linalg.inv(covariance), mean - mat.T @ self.earth - bias[3:]
-            a[6:, 6:] += inverse
-            y[6:] += inverse @ off
+            by = np.hstack([mat.T @ rotation.skew(self.earth), np.zeros((3, 3)), np.eye(3)])
+            a += by.T @ inverse @ by
+            y += by.T @ inverse @ off
             cost += 0.5 * float(off @ inverse @ off + np.linalg.slogdet(covariance)[1])
-        inverse = np.asarray(np.linalg.inv(a + UNKNOWN * np.eye(COMMON)))
+        inverse = np.asarray(np.linalg.inv(a + LEAST_INFORMATION * np.eye(COMMON_UNKNOWNS)))
         scatter = each @ inverse
         step = inverse @ y
         return _Step(mat, bias, step, 0.5 * float(y @ step), inverse + scatter.T @ scatter, cost)
