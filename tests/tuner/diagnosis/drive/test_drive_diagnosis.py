@@ -191,5 +191,7 @@ def test_a_clock_ten_times_too_fast_leaves_nothing_to_judge_by(simulated, drive_
     imu_t = 0.1 * drive.imu_t
     inside = drive.gnss.t <= imu_t[-1]
     short = replace(drive, imu_t=imu_t, rates=drive.rates, gnss=drive.gnss.rows(inside))
-    with pytest.raises(DataError, match=r"expected fixes beyond 60 s after the start|heading cannot be found"):
+    with pytest.raises(
+        DataError, match=r"expected fixes beyond 60 s after the start|heading cannot be found"
+    ):
         diagnose_drive(short, drive_config)
