@@ -82,8 +82,8 @@ def _provenance(
 
 def _projected_words(config: FilterConfig, target: Target, loaded: Iterable[str]) -> Iterator[str]:
     """Yield what stands for the noise of each axis, and how well a filter predicts with it."""
-    pairs = {sensor: target.pairs(channels) for sensor in loaded if (channels := triad(config, sensor))}
-    axes = {sensor: triad(config, sensor) for sensor in pairs}
+    axes = {sensor: channels for sensor in loaded if (channels := triad(config, sensor))}
+    pairs = {sensor: target.pairs(channels) for sensor, channels in axes.items()}
     if target.fading_time is not None:
         assumed = "" if lasting_times(config) else f" (ASSUMED: none is longer than {HORIZONS[-1]:g} s)"
         what = f"one T = {target.fading_time:g} s for all states{assumed}"

@@ -145,7 +145,7 @@ class _Joint:
     def rotated(self, bias: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return R and D of each window by the gyros less a bias, shape (w, 3, 3)."""
         step = np.diff(self.imu.t)[:, None]
-        mats = rotation.mat_from_quat(attitudes((self.imu.rates[1:, :3] - bias) * step))
+        mats = rotation.mat_from_quat(_attitudes((self.imu.rates[1:, :3] - bias) * step))
         sums = np.zeros_like(mats)
         np.cumsum(0.5 * (mats[1:] + mats[:-1]) * step[..., None], axis=0, out=sums[1:])
         here, others = self.at[0], self.at[1:]
@@ -266,7 +266,7 @@ class _Joint:
         return _Step(mat, bias, step, 0.5 * float(y @ step), inverse + scatter.T @ scatter, cost)
 
 
-def attitudes(angles: FloatArray) -> FloatArray:
+def _attitudes(angles: FloatArray) -> FloatArray:
     """Return the attitudes before, between and after turns (n, 3), rad; shape (n + 1, 4)."""
     quat = np.vstack([[1.0, 0.0, 0.0, 0.0], rotation.quat_from_rotvec(angles)])
     reach = 1
