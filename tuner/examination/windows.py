@@ -8,7 +8,7 @@ Position and velocity at τ after the start are then linear in the start (p₀, 
 at the start, biases of the accelerometer b_a and of the gyro b_g, and an acceleration error that is constant over each
 `KNOT_LENGTH` seconds; positions are read with a slow error whose rate is constant likewise::
 
-    v(τ) = v₀ + C U + γ τ − ω_in × C U₁ − (2 ω_ie + ω_en) × (p(τ) − p₀) − [C U]× φ − C A b_a + C B b_g + a(τ)
+    v(τ) = v₀ + C U + γ τ − ω_in × C U₁ − (2 ω_ie + ω_en) × (p(τ) − p₀) − [C (U − A b_a + B b_g)]× φ − C A b_a + C B b_g + a(τ)
 
 Coordinates are curvilinear north, east, down from the first position of the window, so that velocities are their rates
 (Groves, 2nd ed., section 5.4; increments as in section 5.5.4 without coning, which ten seconds do not show).
@@ -34,6 +34,8 @@ LONGEST_STEP = 0.2
 """Time between samples from which a window has a gap, s, or three usual ones where these are longer."""
 POSITION, VELOCITY, TURN, ACCEL_BIAS, GYRO_BIAS = (slice(i, i + 3) for i in range(0, 15, 3))
 """Columns of the unknowns of a window."""
+BIASES = slice(ACCEL_BIAS.start, GYRO_BIAS.stop)
+"""Columns of both biases."""
 KNOTS = int(WINDOW_LENGTH / KNOT_LENGTH)
 """Spans of a window in which errors are constant."""
 ERRORS = slice(15, 15 + 3 * KNOTS), slice(15 + 3 * KNOTS, 15 + 6 * KNOTS)
@@ -317,9 +319,13 @@ def motion_of(at: Sampled, attitude: FloatArray, x: FloatArray) -> Motion:
         at.by_position.copy(),
         np.zeros_like(at.by_velocity),
     )
-    by_velocity[..., TURN], by_position[..., TURN] = -rotation.skew(v), -rotation.skew(p)
     by_velocity[..., ACCEL_BIAS], by_position[..., ACCEL_BIAS] = -a, -a1
     by_velocity[..., GYRO_BIAS], by_position[..., GYRO_BIAS] = b, b1
+    biases = x[at.window, BIASES][..., None]
+    by_velocity[..., TURN], by_position[..., TURN] = (  # what biases add turns with the attitude
+        -rotation.skew(own + (by[..., BIASES] @ biases)[..., 0])
+        for own, by in ((v, by_velocity), (p, by_position))
+    )
     by_attitude[..., TURN], by_attitude[..., GYRO_BIAS] = np.eye(3), -a
     forced = (c @ at.force[..., None])[..., 0]
     each = x[at.window][..., None]

@@ -169,8 +169,6 @@ class _Joint:
 
         def linear(one: Placed) -> Linear:
             motion = motion_of(one.at, mats, x)
-            for by in (motion.by_velocity, motion.by_position):  # what biases add turns with the attitude
-                by[..., TURN] -= rotation.skew(by[..., ACCEL_BIAS] @ bias[:3] + by[..., GYRO_BIAS] @ bias[3:])
             seen, k = one.stream.seen(motion)[1], one.window
             gyro = seen[..., GYRO_BIAS] - seen[..., TURN] @ arms[k]
             more = np.concatenate([seen[..., TURN] @ turned[k], seen[..., ACCEL_BIAS], gyro], axis=-1)
