@@ -8,7 +8,8 @@ Position and velocity at τ after the start are then linear in the start (p₀, 
 at the start, biases of the accelerometer b_a and of the gyro b_g, and an acceleration error that is constant over each
 `KNOT_LENGTH` seconds; positions are read with a slow error whose rate is constant likewise::
 
-    v(τ) = v₀ + C U + γ τ − ω_in × C U₁ − (2 ω_ie + ω_en) × (p(τ) − p₀) − [C (U − A b_a + B b_g)]× φ − C A b_a + C B b_g + a(τ)
+    v(τ) = v₀ + C U + γ τ − ω_in × C U₁ − (2 ω_ie + ω_en) × (p(τ) − p₀) + C u − [C (U + u)]× φ + a(τ)
+    u = B b_g − A b_a
 
 Coordinates are curvilinear north, east, down from the first position of the window, so that velocities are their rates
 (Groves, 2nd ed., section 5.4; increments as in section 5.5.4 without coning, which ten seconds do not show).

@@ -18,7 +18,7 @@ from tuner.catalogue.grades import DEFAULT_RECEIVER, load_grade
 from tuner.diagnosis import diagnose
 from tuner.diagnosis.data_quality.frozen_left_out import without_long_frozen
 from tuner.diagnosis.data_quality.overflow import without_overflow
-from tuner.diagnosis.static.position_drift import found_signals
+from tuner.diagnosis.static.position_drift import found_signals, without_events
 from tuner.examination.examined_drive import examined_drive
 from tuner.exporters import DIALECTS, dialect_named, export, lacking, withheld
 from tuner.formats import noise_yaml
@@ -38,6 +38,7 @@ from tuner.stages import stage, task
 from tuner.synthesis import inflate, synthesize
 from tuner.synthesis.calibration import with_calibration
 from tuner.synthesis.findings import (
+    EVENTS,
     findings_for_config,
     terms_found,
     with_notes_on_findings,
@@ -332,10 +333,11 @@ def identified_again(
 ) -> tuple[tuple[Record, ...], Identification]:
     """Return records and their noise without what the findings take out of them; as given where they take nothing.
 
-    Wrapped samples are put back; frozen readings, where long, and motion are left out, unless too little would be left.
+    Wrapped samples are put back, events are taken out; frozen readings, where long, and motion are left out, unless too
+    little would be left.
     """
     widths = {axis: one.value for one in findings if one.cause == "overflow" for axis in one.channels}
-    back = (without_overflow(record, widths) for record in still)
+    back = (without_events(without_overflow(record, widths), findings) for record in still)
     whole = tuple(one for record in back for one in without_long_frozen(record, findings))
     resting = tuple(without_motion(record, findings) for record in whole)
 
@@ -376,7 +378,8 @@ def configure(
         seed=seed,
         findings=() if noise.diagnosis is None else findings_for_config(noise.diagnosis),
     )
-    signals = {} if noise.diagnosis is None else found_signals(noise.diagnosis.findings, noise.still)
+    lasting = () if noise.diagnosis is None else noise.diagnosis.findings
+    signals = found_signals([one for one in lasting if one.cause not in EVENTS], noise.still)
     config, predictions = hold_to_records(config, noise.still, signals)
     stored = {axis: prediction_json(found, curve=False) for axis, found in predictions.items()}
     config = replace(config, provenance={**config.provenance, "prediction": stored})

@@ -129,7 +129,7 @@ def _group(findings: tuple[Finding, ...], span: float | None) -> FindingGroup:
     largest = max(findings, key=lambda one: max((a - b for a, b in one.drift.values()), default=0.0))
     what = f"{' and '.join(causes).replace('_', ' ')} in {axes_text(axes)}"
     title = ": ".join(filter(None, (what, _count(findings, causes, span))))
-    figures = _figures(findings[0].parameters) if len(findings) == 1 else ""
+    figures = parameter_text(findings[0].parameters) if len(findings) == 1 else ""
     return FindingGroup(
         title, figures, findings, changed_entry(causes[0]), largest.drift, _white_ratio(findings, span)
     )
@@ -154,7 +154,7 @@ def _white_ratio(findings: tuple[Finding, ...], span: float | None) -> float:
     return max(ratios, key=lambda ratio: abs(log(ratio)), default=1.0)
 
 
-def _figures(known: Mapping[str, Coefficient]) -> str:
+def parameter_text(known: Mapping[str, Coefficient]) -> str:
     """Return the parameters of a finding behind its name."""
     figures = ", ".join(f"{said} {amount(known[name])}" for name, said in parameter_words(known).items())
     return f" ({figures})" if figures else ""

@@ -17,6 +17,7 @@ from tuner.report.finding_groups import (
     finding_groups,
     white_text,
 )
+from tuner.synthesis.findings import is_no_noise
 from tuner.types import Finding
 
 
@@ -71,7 +72,8 @@ class FindingsInWords:
     Attributes
     ----------
     felt : tuple of str
-        Those that take motion away or change white noise or drift by `SHOWN_CHANGE`, the most first.
+        Those that take motion away or change white noise or drift by `SHOWN_CHANGE`, the most first; of what is no
+        noise the numbers are without it.
     faults : tuple of str
         Samples at fault to an effect that is not known, or more than `LOST_SHARE` of them.
     idle : tuple of str
@@ -97,7 +99,11 @@ def findings_in_words(
     """Return findings of a log of a length, s, by what they change, with or without their figures."""
     refuted = [one for one in findings if contradicted(one)]
     groups = finding_groups([one for one in findings if one not in refuted], span)
-    felt = [one for one in groups if one.in_motion or one.worth >= log(1.0 + SHOWN_CHANGE)]
+    felt = [
+        one
+        for one in groups
+        if one.in_motion or one.worth >= log(1.0 + SHOWN_CHANGE) or any(map(is_no_noise, one.findings))
+    ]
     faults = [one for one in groups if one not in felt and _is_fault(one)]
     idle = [one for one in groups if one not in felt and one not in faults]
     return FindingsInWords(

@@ -18,6 +18,7 @@ from tuner.report.diagnosis_answer import diagnosis_answer
 from tuner.report.document import Document, document
 from tuner.report.drive_answer import choice_parts, fixes_parts, found_text
 from tuner.report.examination_answer import MENDED, vibration_lines
+from tuner.report.finding_groups import finding_groups, parameter_text
 from tuner.report.groups_in_words import findings_in_words
 from tuner.report.identification_answer import warning_lines
 from tuner.report.identification_tables import identification_tables
@@ -35,7 +36,7 @@ from tuner.report.static_diagnosis_tables import hidden_effect_lines
 from tuner.report.terminal import LINE_WIDTH
 from tuner.report.tune_sections import setting_reasons, tune_sections
 from tuner.report.unexplained_words import unexplained_lines
-from tuner.synthesis.findings import judge_hidden
+from tuner.synthesis.findings import is_no_noise, judge_hidden
 from tuner.types import Diagnosis
 from tuner.types.named_cause import separated
 
@@ -83,6 +84,7 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
     said: list[Table | str] = [
         recording_line(result),
         f"Verdict: {result.verdict.text}",
+        left_out_line(result),
         *reference_lines(result),
         *(vibration if "vibration" not in result.verdict.text else []),
         *noise[:1],
@@ -198,6 +200,16 @@ def recording_line(result: TuneResult) -> str:
     return "; ".join(said)
 
 
+def left_out_line(result: TuneResult) -> str:
+    """Return which events and wrong readings the numbers leave out; empty for none."""
+    found = [one for one in (result.diagnosis or Diagnosis(())).findings if is_no_noise(one)]
+    groups = finding_groups(found)
+    said = "; ".join(
+        f"{one.title}{one.figures or parameter_text(one.findings[0].parameters)}" for one in groups
+    )
+    return f"Left out of the numbers, as it is no noise; the filter meets it: {said}" if said else ""
+
+
 def against_datasheet(result: TuneResult) -> list[str]:
     """Return whether the unit keeps its data sheet, where one was given."""
     if result.datasheet is None:
@@ -214,7 +226,7 @@ def found_lines(result: TuneResult) -> tuple[list[str], int, str]:
     """
     known = result.diagnosis or Diagnosis(())
     span = max((record.span for record in result.records), default=None)
-    found = findings_in_words(known.findings, span, figures=False)
+    found = findings_in_words([one for one in known.findings if not is_no_noise(one)], span, figures=False)
     rest = [one for one in known.unexplained if is_felt(one)]
     idle = len(found.idle) + (len(rest) < len(known.unexplained))
     of_drive = () if result.drive is None else result.drive.diagnosis.findings

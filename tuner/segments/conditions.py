@@ -16,6 +16,7 @@ from scipy.ndimage import uniform_filter1d
 from tuner.segments.error_codes import find_error_codes, without_error_codes
 from tuner.segments.stand_stills import MIN_PART_SECONDS, MIN_SECONDS
 from tuner.segments.stationary import Segments, cut_to_still, find_motion
+from tuner.segments.wrong_readings import find_wrong_readings, without_wrong_readings
 from tuner.types.records import DataError, Record
 
 MAX_PARTS = 8
@@ -86,8 +87,9 @@ def at_rest(records: Sequence[Record], say: Callable[[str], None] = lambda _: No
 
 
 def without_codes(records: Sequence[Record]) -> tuple[Record, ...]:
-    """Return the records with other rows in place of error codes, which are no motion; those without any as given."""
-    return tuple(without_error_codes(record, find_error_codes(record)) for record in records)
+    """Return the records with other rows in place of error codes and wrong readings, which are no motion."""
+    coded = [without_error_codes(record, find_error_codes(record)) for record in records]
+    return tuple(without_wrong_readings(record, find_wrong_readings(record)) for record in coded)
 
 
 def expect_rest(records: Sequence[Record]) -> None:

@@ -177,24 +177,40 @@ def without_error_codes(record: Record, found: Sequence[ErrorCodes]) -> Record:
 
     Level, law, quantizer and correlation of the axes stay; N loses nothing by it, as the rows are drawn at random.
     """
-    if not found:
-        return record
-    y, noise = record.y.copy(order="F"), np.random.default_rng(DRAWING_SEED)
-    lost = np.any([one.rows for one in found], axis=0)
-    good = np.flatnonzero(~lost)
-    for one in found:
-        rows = np.flatnonzero(one.rows)
-        apart = noise.integers(*REACH_SAMPLES, len(rows)) * noise.choice((-1, 1), len(rows))
-        place = np.searchsorted(good, rows) + apart
-        outside = (place < 0) | (place >= len(good))
-        place = np.clip(np.where(outside, place - 2 * apart, place), 0, len(good) - 1)
-        for column in map(record.axes.index, one.values):
-            y[rows, column] = record.y[good[place], column]
     notes = [
         f"{', '.join(one.values)}: {one.describe(record)}: error codes, left out: other rows near by stand there"
         for one in found
     ]
-    gone = {axis for one in found for axis in one.values}
+    return with_other_rows(record, [(one.rows, tuple(one.values)) for one in found], notes)
+
+
+def with_other_rows(
+    record: Record, lost: Sequence[tuple[BoolArray, tuple[str, ...]]], notes: Sequence[str]
+) -> Record:
+    """Return a record in which another row of the same axes, near by, stands in place of each that is lost.
+
+    Parameters
+    ----------
+    record : Record
+        Samples.
+    lost : sequence of (ndarray of bool, shape (n,), tuple of str)
+        Rows, and the axes that they are lost of.
+    notes : sequence of str
+        What to say of them.
+    """
+    if not lost:
+        return record
+    y, noise = record.y.copy(order="F"), np.random.default_rng(DRAWING_SEED)
+    good = np.flatnonzero(~np.any([rows for rows, _ in lost], axis=0))
+    for these, axes in lost:
+        rows = np.flatnonzero(these)
+        apart = noise.integers(*REACH_SAMPLES, len(rows)) * noise.choice((-1, 1), len(rows))
+        place = np.searchsorted(good, rows) + apart
+        outside = (place < 0) | (place >= len(good))
+        place = np.clip(np.where(outside, place - 2 * apart, place), 0, len(good) - 1)
+        for column in map(record.axes.index, axes):
+            y[rows, column] = record.y[good[place], column]
+    gone = {axis for _, axes in lost for axis in axes}
     short = {axis: clusters for axis, clusters in record.short_clusters.items() if axis not in gone}
     return replace(record, y=y, notes=(*record.notes, *notes), short_clusters=short)
 

@@ -7,6 +7,8 @@ line                            the terms are chosen beside a sinusoid
 gauss_markov, telegraph         the terms are chosen beside a Gauss–Markov process
 motion                          its stretches are left out: it is no noise of the sensor
 overflow                        its samples are put back by the range of the register
+error_code, wrong readings      other rows near by stand in their place from the first
+step, recovery                  what they add to the samples is taken out: an event is no noise
 all others                      as it is: a filter that does not compensate them meets them; a note says so
 ==============================  ====================================================================
 
@@ -39,10 +41,19 @@ from tuner.types.records import Record
 
 MOTION = "motion"
 """The finding whose stretches tell nothing of the noise of the sensor."""
-TAKEN_OUT = (MOTION, "overflow", "error_code")
+EVENTS = ("step", "recovery")
+"""Findings that happened once: no noise, whatever a filter does about them."""
+TAKEN_OUT = (MOTION, "overflow", *EVENTS)
 """Findings that are no longer in the samples when these are identified again."""
+LEFT_OUT = "left_out"
+"""Key of the extension of a finding whose samples are left out before any noise is judged."""
 WORTH_SAYING = 1.02
 """Factor up to which nothing is inflated."""
+
+
+def is_no_noise(finding: Finding) -> bool:
+    """Return whether the settings are those of samples without what was found: wrong readings and events."""
+    return finding.cause in EVENTS or LEFT_OUT in finding.extension
 
 
 def terms_found(diagnosis: Diagnosis) -> dict[str, tuple[str, ...]]:
@@ -84,7 +95,9 @@ def with_notes_on_findings(
     notes = list(identification.notes)
     for axis, channel in identification.channels.items():
         causes = dict.fromkeys(
-            f.cause for f in diagnosis.findings if axis in f.channels and _in_segments(f, axis, records)
+            f.cause
+            for f in diagnosis.findings
+            if axis in f.channels and LEFT_OUT not in f.extension and _in_segments(f, axis, records)
         )
         left = [cause for cause in causes if cause not in TAKEN_OUT and not _is_identified(cause)]
         if left:

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.arrays import FloatArray
+from models.probability import chi2_quantile
 from tuner.diagnosis.data_quality.copied_samples import Lines, Packets, find_lines, find_packets
 from tuner.diagnosis.data_quality.copied_stretches import find_copied_stretches
 from tuner.diagnosis.data_quality.frozen import Frozen, cut, frozen, together
@@ -30,9 +31,13 @@ from tuner.diagnosis.data_quality.saturation import rails
 from tuner.diagnosis.data_quality.slower_source import find_slower_source, new_readings
 from tuner.formats.customary_units import percent
 from tuner.segments.error_codes import ErrorCodes, find_error_codes, without_error_codes
+from tuner.segments.wrong_readings import WrongReadings, find_wrong_readings, without_wrong_readings
 from tuner.types import Coefficient
+from tuner.types.clock import HALF_INTERVAL
 from tuner.types.records import Record
 
+MEDIAN_OVER_MEAN_SD = math.sqrt(0.5 * math.pi)
+"""Sd of the median ÷ that of the mean of normal values."""
 MIN_JITTER = 1e-3
 """Jitter of the time stamps that is a finding, share of the interval.
 
@@ -59,7 +64,7 @@ class DataQualityTest:
     Attributes
     ----------
     cause : str
-        ``duplicates timing overflow clipping lattice repeated_packets interpolated error_code``.
+        ``duplicates timing overflow clipping lattice repeated_packets interpolated error_code spikes``.
     channels : tuple of str
         Axes it concerns.
     statistic : float
@@ -133,9 +138,27 @@ def data_quality_tests(record: Record) -> tuple[DataQualityTest, ...]:
 
 
 def without_codes(record: Record) -> tuple[Record, tuple[DataQualityTest, ...]]:
-    """Return a record with other rows in place of error codes, and the tests that found these."""
-    found = find_error_codes(record)
-    return without_error_codes(record, found), tuple(_error_code_test(record, one) for one in found)
+    """Return a record with other rows in place of error codes and wrong readings, and the tests that found these."""
+    codes = find_error_codes(record)
+    coded = without_error_codes(record, codes)
+    wrong = find_wrong_readings(coded)
+    tests = [_error_code_test(record, one) for one in codes] + [_wrong_test(coded, one) for one in wrong]
+    return without_wrong_readings(coded, wrong), tuple(tests)
+
+
+def _wrong_test(record: Record, found: WrongReadings) -> DataQualityTest:
+    """Return the test of wrong readings of an axis: how many a second, and their median size."""
+    count, size = len(found.sizes), float(np.median(found.sizes))
+    low, high = (float(0.5 * chi2_quantile(p, 2.0 * n)) for p, n in ((0.025, count), (0.975, count + 1)))
+    seconds = len(record) * record.interval
+    half = HALF_INTERVAL * MEDIAN_OVER_MEAN_SD * float(np.std(found.sizes)) / math.sqrt(count)
+    parameters = {
+        "rate": Coefficient.known(count / seconds, low / seconds, high / seconds, "1/s"),
+        "size": Coefficient.known(size, max(size - half, 0.0), size + half, record.unit),
+    }
+    return DataQualityTest(
+        "spikes", (found.axis,), float(count), found.p_value, parameters, text=found.describe(record)
+    )
 
 
 def _error_code_test(record: Record, found: ErrorCodes) -> DataQualityTest:

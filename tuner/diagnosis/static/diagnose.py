@@ -33,6 +33,7 @@ from tuner.jobs import each
 from tuner.segments.conditions import without_knocks
 from tuner.segments.stationary import Segments
 from tuner.stages import stage, task
+from tuner.synthesis.findings import LEFT_OUT
 from tuner.types import Diagnosis, Finding, Identification, Unexplained
 from tuner.types.arguments import RECORDS, expect_records
 from tuner.types.diagnosis import only_determined
@@ -381,5 +382,6 @@ def _finding(test: DataQualityTest) -> Finding:
         f"{test.cause} in {', '.join(test.channels)}: {cause.meaning} ({test.text})",
         cause.consequence,
         {"cause": test.cause, "joins": joins(test.cause)}
-        | ({"level": test.level} if test.level is not None else {}),
+        | ({"level": test.level} if test.level is not None else {})
+        | ({LEFT_OUT: True} if test.cause == "spikes" else {}),
     )

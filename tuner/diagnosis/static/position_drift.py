@@ -32,7 +32,7 @@ from tuner.curves.allan import overlapping_allan
 from tuner.diagnosis.static.causes.temperature import COVARIATE
 from tuner.diagnosis.static.channel import BLOCK_COUNT
 from tuner.diagnosis.static.model.covariate import code_step, smoothed, typical_repeats
-from tuner.synthesis.findings import without_motion
+from tuner.synthesis.findings import EVENTS, without_motion
 from tuner.types import Finding
 from tuner.types.records import Record
 
@@ -213,6 +213,21 @@ def found_signals(
                 causes, total = signals.get(axis, ((), np.zeros_like(signal)))
                 signals[axis] = (*causes, finding.cause), total + signal
     return signals
+
+
+def without_events(record: Record, findings: Sequence[Finding]) -> Record:
+    """Return a record without what events that were found add to its samples, which is no noise, and say so."""
+    signals = found_signals([finding for finding in findings if finding.cause in EVENTS], [record])
+    if not signals:
+        return record
+    y = record.y.copy(order="F")
+    for axis, (_, signal) in signals.items():
+        y[:, record.axes.index(axis)] -= signal
+    notes = [
+        f"{axis}: {', '.join(dict.fromkeys(causes))} taken out before the noise was identified: an event is no noise"
+        for axis, (causes, _) in signals.items()
+    ]
+    return replace(record, y=y, notes=(*record.notes, *notes))
 
 
 def found_signal(cause: str, values: Mapping[str, float], record: Record, axis: str) -> FloatArray | None:

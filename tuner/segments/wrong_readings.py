@@ -1,0 +1,147 @@
+"""Wrong readings: samples that stand alone, far from those beside them, more often than any noise puts them there.
+
+A law of noise of finite variance falls off at least as the power −3 of the distance d: beyond a level L it has at most
+a third of the samples between L/2 and L. So where m₁ samples lie beyond L, and m₂ between L/2 and L, the chance is
+that of
+
+    m₁ or more of m₁ + m₂ in a binomial law of probability 1/4
+
+for any noise, however heavy its tails. d is the distance from the median of the samples beside it, in units of the
+usual distance of neighbours near by, at least a step of the quantizer, so that neither slow noise nor noise that swells
+takes part. A sample is alone where most of those beside it are right: what lasts is a motion, or a burst. Where all of
+these take longer than a hand may move, nothing is said.
+
+A filter meets a wrong reading as an outlier, for its gate; it is no noise, and no motion. Where wrong readings have a
+share of the variance that changes the noise, they are left out before either is judged.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import bdtrc
+
+from models.arrays import BoolArray, FloatArray
+from tuner.formats.customary_units import percent, range_text
+from tuner.limits import SHOWN_CHANGE
+from tuner.segments.error_codes import with_other_rows
+from tuner.types.records import Record
+
+BESIDE = 4
+"""Samples on either side by whose median one is judged."""
+SHORTEST_MOVEMENT = 1.0
+"""Time that a movement by hand takes, s."""
+NEAR_BY = 256
+"""Samples whose neighbours have one usual distance."""
+LEVELS = 8.0 * math.sqrt(2.0) ** np.arange(24)
+"""Distances L that are tried, in usual ones: nearer ones lie within what a law of noise may have."""
+LEAST_JUMP = 3.0
+"""Distance from a neighbour, in usual ones, that a sample at half the nearest L has."""
+MAX_P_VALUE = 1e-6
+"""Chance of wrong readings in noise: with all levels and axes of a log a thousandth at most."""
+HEAVIEST_TAIL = 0.25
+"""Largest share of the samples beyond L/2 that lie beyond L, in noise of finite variance."""
+
+
+@dataclass(frozen=True)
+class WrongReadings:
+    """Rows in which an axis holds wrong readings.
+
+    Attributes
+    ----------
+    axis : str
+        Which.
+    rows : ndarray of bool, shape (n,)
+        Their rows.
+    sizes : ndarray, shape (m,)
+        Distances from the samples beside them, unit.
+    p_value : float
+        Chance of so many in noise.
+    """
+
+    axis: str
+    rows: BoolArray
+    sizes: FloatArray
+    p_value: float
+
+    def describe(self, record: Record) -> str:
+        """Return how many they are and how far off."""
+        count = len(self.sizes)
+        return (
+            f"{count} single samples, {percent(count / len(record), 3)} of all, are off by "
+            f"{range_text([float(np.median(self.sizes))], record.unit)} (median)"
+        )
+
+
+def find_wrong_readings(record: Record) -> tuple[WrongReadings, ...]:
+    """Return the axes of a record that have wrong readings, and where."""
+    if 2 * BESIDE * record.interval > SHORTEST_MOVEMENT:
+        return ()
+    found = (_of_axis(axis, record.column(axis)) for axis in record.axes)
+    return tuple(one for one in found if one is not None)
+
+
+def without_wrong_readings(record: Record, found: Sequence[WrongReadings]) -> Record:
+    """Return a record in which other rows near by stand in place of wrong readings, and says so."""
+    notes = [
+        f"{one.axis}: {one.describe(record)}: wrong readings, left out: other rows near by stand there"
+        for one in found
+    ]
+    return with_other_rows(record, [(one.rows, (one.axis,)) for one in found], notes)
+
+
+def _of_axis(axis: str, y: FloatArray) -> WrongReadings | None:
+    """Return the wrong readings of samples (n,); None where there are none that matter."""
+    new = np.append(True, np.diff(y) != 0.0)
+    values = y[new]  # what repeats the sample before is no reading of its own
+    if len(values) <= NEAR_BY:
+        return None
+    change = np.abs(np.diff(values))
+    usual = _usual(change, float(change.min()))
+    jump = np.maximum(np.append(change, 0.0), np.append(0.0, change))
+    far = np.flatnonzero(jump > LEAST_JUMP * usual)
+    middle = np.clip(far, BESIDE, len(values) - 1 - BESIDE)
+    beside = middle[:, None] + np.delete(np.arange(-BESIDE, BESIDE + 1), BESIDE)
+    off = values[far] - np.median(values[beside], axis=1)
+    distance = np.abs(off) / usual[far]
+    is_far = np.zeros(len(values), dtype=bool)
+    is_far[far[distance > 0.5 * LEVELS[0]]] = True
+    alone = is_far[beside].sum(axis=1) < BESIDE
+    far, off, distance = far[alone], off[alone], distance[alone]
+    ordered = np.sort(distance)
+    beyond, half = (len(ordered) - np.searchsorted(ordered, x * LEVELS, side="right") for x in (1.0, 0.5))
+    chance = np.where(beyond > 0, bdtrc(beyond - 1.0, np.maximum(half, 1), HEAVIEST_TAIL), 1.0)
+    sure = np.flatnonzero(chance < MAX_P_VALUE)
+    if not len(sure):
+        return None
+    wrong = distance > LEVELS[sure[0]]
+    noise = 0.5 * float(np.mean(np.square(change[change < LEVELS[0] * usual[1:]])))
+    more = float(np.sum(np.square(off[wrong]))) / (noise * len(y))
+    if math.sqrt(1.0 + more) < 1.0 + SHOWN_CHANGE or _cut_off(off[wrong], off[~wrong]):
+        return None
+    rows = np.zeros(len(y), dtype=bool)
+    rows[np.flatnonzero(new)[far[wrong]]] = True
+    return WrongReadings(axis, rows, np.abs(off[wrong]), float(chance[sure[0]]))
+
+
+def _cut_off(wrong: FloatArray, right: FloatArray) -> bool:
+    """Return whether right ones lack on the side from which all wrong ones come: a register that overflows."""
+    side = np.sign(wrong[0])
+    if np.any(np.sign(wrong) != side):
+        return False
+    same, other = (np.count_nonzero(side * right > 0.0), np.count_nonzero(side * right < 0.0))
+    return bool(bdtrc(same - 1.0, max(same + other, 1), 0.5) < MAX_P_VALUE) if same else False
+
+
+def _usual(change: FloatArray, step: float) -> FloatArray:
+    """Return the usual distance of neighbours at each of them, at least a step; shape (n + 1,)."""
+    blocks = len(change) // NEAR_BY or 1
+    size = min(NEAR_BY, len(change))
+    median = (
+        np.median(change[: blocks * size].reshape(blocks, size), axis=1) / 0.954
+    )  # of normal changes, in sds
+    each = np.hypot(median, step)
+    return each[np.minimum(np.arange(len(change) + 1) // size, blocks - 1)]
