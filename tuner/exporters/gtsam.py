@@ -47,7 +47,10 @@ def write(config: FilterConfig, target: Target) -> str:
     header = provenance(config, "GTSAM preintegration parameters", target)
     start = (
         "import gtsam\nimport numpy as np\n\n\ndef params():\n"
-        '    """Return parameters for a frame with z up; densities in SI."""\n'
+        '    """Return parameters for a frame with z up that does not turn; densities in SI.\n\n'
+        "    Of tactical grades setOmegaCoriolis has to take the Earth's rate out.\n"
+        "    A GPSFactor takes the errors of fixes as white: where they last, its sds are too small.\n"
+        '    """\n'
         f"    p = gtsam.PreintegrationCombinedParams.MakeSharedU({STANDARD_GRAVITY})  # m/s²\n"
     )
     bias = (

@@ -21,13 +21,13 @@ from tuner.readers.allan_curve import is_curve, read_curve
 from tuner.readers.assemble import checked, even, plan_of
 from tuner.readers.block_means import read_means, reduction
 from tuner.readers.column_mapping import parse_columns
-from tuner.readers.columns import Progress, digest
+from tuner.readers.columns import Listing, Progress, digest
 from tuner.readers.log_format import FORMATS, LogFormat, columns_of, file_of, log_folder
 from tuner.readers.logs_in_memory import Table, in_python, list_table
 from tuner.readers.messages import ardupilot, rosbag, ulog
 from tuner.readers.options import Options
 from tuner.readers.readings import advised
-from tuner.readers.refusal import Refusal
+from tuner.readers.refusal import Refusal, RowsApart
 from tuner.readers.source_kind import unit_of_log
 from tuner.readers.time_range import between
 from tuner.types.arguments import expect
@@ -131,10 +131,7 @@ def read(
         try:
             listing, identity = list_table(path)
             try:
-                plan = plan_of(listing, options)
-                return between(
-                    checked(listing, plan, even(listing, plan, identity, options), options), begin, end
-                )
+                return between(_records(listing, options, identity), begin, end)
             except Refusal as refusal:
                 raise DataError(advised(refusal, listing, options)) from None
         except DataError as error:
@@ -155,13 +152,23 @@ def read(
     listing = columns_of(path, progress, unit_name)
     with input_guard(path, "a log"), np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         try:
-            plan = plan_of(listing, options)
-            how = reduction(listing, plan, memory)
+            how = reduction(listing, plan_of(listing, options), memory)
             if how is not None:
-                return read_means(listing, plan, digest(path), options, how, begin, end)
-            records = checked(listing, plan, even(listing, plan, digest(path), options), options)
+                return read_means(listing, plan_of(listing, options), digest(path), options, how, begin, end)
+            records = _records(listing, options, digest(path))
         except Refusal as refusal:
             raise DataError(advised(refusal, listing, options)) from None
         if unit_name:
             records = tuple(replace(record, source=printable(str(named))) for record in records)
         return between(records, begin, end)
+
+
+def _records(listing: Listing, options: Options, identity: str) -> tuple[Record, ...]:
+    """Return the records of a listing; sensors that stand in different rows each by itself, with a clock of its own."""
+    plan = plan_of(listing, options)
+    try:
+        return checked(listing, plan, even(listing, plan, identity, options), options)
+    except RowsApart as apart:
+        columns = ({**(options.columns or {}), **change.columns} for change in apart.changes)
+        each = (_records(listing, replace(options, columns=one), identity) for one in columns)
+        return tuple(record for records in each for record in records)

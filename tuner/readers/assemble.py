@@ -18,7 +18,7 @@ from tuner.readers.column_units import UnitChoice, sensor_unit
 from tuner.readers.columns import Listing, Part
 from tuner.readers.constant_axes import without_constant_axes
 from tuner.readers.options import STAMP, Options, stated_rate
-from tuner.readers.refusal import Change, Refusal
+from tuner.readers.refusal import Change, Refusal, RowsApart
 from tuner.readers.sample_grid import Columns, sample_grid
 from tuner.readers.sensor_columns import NO_COLUMN, Layout, choose, exchanged
 from tuner.readers.time_base import Timebase
@@ -54,7 +54,7 @@ class EvenRecords:
     """Records on an even grid whose units and values were not judged yet, with what is to be said of them.
 
     These are notes, assumptions, those that the samples speak against, the rows that hold no measurement, how many of
-    these are at the beginning and at the end, and readings of an unusual clock.
+    these are at the beginning and at the end, readings of an unusual clock, and how far this is set back at the end, s.
     """
 
     records: tuple[Record, ...]
@@ -64,6 +64,7 @@ class EvenRecords:
     bad: tuple[BadRows, ...] = ()
     edges: tuple[int, int] = (0, 0)
     changes: tuple[Change, ...] = ()
+    late: float = 0.0
 
 
 def plan_of(listing: Listing, options: Options) -> Plan:
@@ -102,7 +103,7 @@ def even(
         columns = Columns(groups, axes, valid, time, covariates.pop("week", None), within)
         grid = sample_grid(listing, layout.time, columns, rate, options, notes, bad)
     except Refusal as error:
-        raise Refusal(f"{listing.path}: {error}", error.changes) from None
+        raise type(error)(f"{listing.path}: {error}", error.changes) from None
     except DataError as error:
         raise DataError(f"{listing.path}: {error}") from None
     base, origin, clock = grid.base, grid.origin, grid.clock
@@ -147,11 +148,14 @@ def even(
         )
     kept = base.rows
     edges = (0, 0) if kept is None else (int(kept.min()), len(blocks[0]) - 1 - int(kept.max()))
-    found = EvenRecords(tuple(records), tuple(notes), bad=tuple(bad), edges=edges)
+    found = EvenRecords(tuple(records), tuple(notes), bad=tuple(bad), edges=edges, late=base.late)
     if clock is None:
         return found
     return replace(
-        found, assumptions=clock.assumptions, contradicted=clock.contradicted, changes=clock.changes
+        found,
+        assumptions=(*clock.assumptions, *base.assumptions),
+        contradicted=clock.contradicted,
+        changes=clock.changes,
     )
 
 
@@ -272,7 +276,7 @@ def _valid_rows(
         (masks["gyro"] ^ masks["accel"])[first:last]
     ) > count:
         sizes = ", ".join(f"{name} in {np.count_nonzero(masks[name])}" for name in ("gyro", "accel"))
-        raise Refusal(
+        raise RowsApart(
             f"gyro and accel stand in different rows ({sizes} of {count}), as two topics in one table do: they cannot "
             "be read together",
             [Change(columns={name: NO_COLUMN}) for name in ("accel", "gyro")],

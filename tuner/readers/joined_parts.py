@@ -71,6 +71,7 @@ class JoinedParts:
         self._differences = np.zeros(int(math.log2(size)), np.int64)
         self._sums = np.zeros((len(self._rest), len(self._differences)))
         self._last: float | None = None
+        self._late = 0.0
         self._samples = 0
         self._interval = 0.0
         self._gaps, self._unread, self._lost, self._bridged = 0, 0, 0, 0
@@ -79,7 +80,8 @@ class JoinedParts:
 
     def add(self, row: int, found: EvenRecords) -> None:
         """Take in the next part, whose first row is number `row`."""
-        record = found.records[0]
+        record = replace(found.records[0], t=found.records[0].t + self._late)
+        self._late += found.late
         self._timing.append(record.timing)
         self._parts.append((row, replace(found, records=())))
         interval = self._interval / self._samples if self._samples else record.interval
@@ -210,7 +212,10 @@ class JoinedParts:
         return EvenRecords(
             tuple(records),
             (*_common([(row, found.notes) for row, found in self._parts]), *notes),
-            (*([said] if self._size > 1 else []), *self._parts[0][1].assumptions),
+            (
+                *([said] if self._size > 1 else []),
+                *dict.fromkeys(a for _, one in self._parts for a in one.assumptions),
+            ),
             self._parts[0][1].contradicted,
         )
 

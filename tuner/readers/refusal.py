@@ -110,3 +110,7 @@ class Refusal(DataError):
     def __init__(self, measured: str, changes: Sequence[Change] = ()) -> None:
         super().__init__(measured)
         self.changes = tuple(changes)
+
+
+class RowsApart(Refusal):
+    """Sensors that stand in different rows of one table: each of the changes reads one of them."""

@@ -102,7 +102,8 @@ def choose(listing: Listing, *, columns: Mapping[str, str] | None = None) -> Lay
         channels["week"] = week
     used = {part.array for sensor in sensors for part in sensor.parts}
     used |= {channel.part.array for channel in channels.values()}
-    if unused := [array for array in listing.shapes if array not in used]:
+    unread = (array for array in listing.shapes if array not in used)
+    if unused := [array for array in unread if names.sensor_of(parsed[array].plain) not in absent]:
         for name in set(names.SENSORS) - absent - {sensor.name for sensor in sensors}:
             like = [array for array in unused if names.sensor_of(parsed[array].plain) == name]
             if len(like) >= len("xyz"):

@@ -75,6 +75,10 @@ class Timebase:
         Sample number of each kept row; None where no gap was bridged (N = n).
     duplicates, disordered, gaps, missing, bridged : int
         Rows dropped, rows out of order, gaps, samples missing in them, samples made by bridges.
+    set_back : int
+        How often the clock was set back: rows follow one another there.
+    late : float
+        By how much it still is at the end, s.
     unread : int
         Gaps that only rows without a number make: their stamps are there.
     jitter : float
@@ -96,6 +100,8 @@ class Timebase:
     positions: IntArray | None = None
     duplicates: int = 0
     disordered: int = 0
+    set_back: int = 0
+    late: float = 0.0
     gaps: int = 0
     unread: int = 0
     missing: int = 0
@@ -138,6 +144,13 @@ class Timebase:
             return self.regrid(column)
         kept = column if self.rows is None else column[self.rows]
         return bridged(kept, self.positions, self.segments, stream)
+
+    @property
+    def assumptions(self) -> tuple[str, ...]:
+        """Return what is assumed of a clock that was set back."""
+        often = "once" if self.set_back == 1 else f"{self.set_back} times"
+        rows = f"rows follow one another at {1.0 / self.interval:.6g} Hz, whatever their stamps"
+        return (f"the clock was set back {often}: {rows}",) if self.set_back else ()
 
     def notes(self, *, even: bool = True) -> tuple[str, ...]:
         """Return every repair in words, with its count; `even`: whether the grid takes the place of the stamps."""
@@ -227,7 +240,7 @@ def stamped_timebase(
         rows = np.flatnonzero(usable)
     t = stamps if rows is None else stamps[rows]
     _require(len(t))
-    t, rows, disordered, twice = in_order(t, rows)
+    t, rows, disordered, (back, late) = in_order(t, rows)
     t, rows, duplicates, batch = without_duplicates(t, rows, equal)
     _require(len(t))
     if batch > 0.0 and (different := round((t[-1] - t[0]) / batch) + 1) < MIN_BATCHES:
@@ -248,7 +261,9 @@ def stamped_timebase(
     if max(batch, resolution) > base.rounding:
         base = replace(base, rounding=max(batch, resolution))
     unread = 0 if rows is None else _unread(np.diff(rows), at, size)
-    return replace(base, rows=rows, disordered=disordered, duplicates=duplicates + twice, unread=unread)
+    return replace(
+        base, rows=rows, disordered=disordered, duplicates=duplicates, set_back=back, late=late, unread=unread
+    )
 
 
 def _unread(ahead: IntArray, at: IntArray, size: IntArray) -> int:

@@ -8,7 +8,8 @@ wrong stamps
     belongs: its stamp is replaced by the mean of theirs.
 order
     Other stamps behind an earlier one are sorted; more than 10 % of them is a clock that was reset, not disorder. A run
-    of rows whose time rows before it have, as of a clock that was set back a little, is dropped as duplicates are.
+    of rows whose time rows before it have is one of a clock that was set back: rows follow one another, so it goes on
+    after the row before, and so do all later rows unless the clock is set on again behind it.
 duplicates
     Of rows with one stamp and equal values the first stays. Rows with one stamp and different values are
     dropped too where they are rare (1 %); where they are the rule, the stamps are coarser than the sampling
@@ -42,6 +43,8 @@ _MIN_SET_BACK = 32
 """Rows in a row behind an earlier stamp that may be of a clock set back: jitter puts few in a row in another order."""
 _MIN_COVERED = 0.5
 """Rows that have the time of such a run ÷ its own, from which it is one: 1, and 0 of a packet that came late."""
+_SET_ON_ROWS, _MAX_STEP = 3, 1.5
+"""Rows behind such a run within which the clock is set on again, and the step ÷ the usual one that does it."""
 _SHIFT_ROWS = 32
 """Rows on either side whose lower quartiles measure a shift of the clock: chosen to average the jitter of stamps."""
 _DELAY_CANDIDATES = 8
@@ -91,36 +94,44 @@ def without_wrong_stamps(t: FloatArray) -> tuple[FloatArray, int]:
     return mended, len(wrong)
 
 
-def in_order(t: FloatArray, rows: IntArray | None) -> tuple[FloatArray, IntArray | None, int, int]:
-    """Return stamps in order, their rows, how many were behind an earlier stamp, and how many came twice: dropped."""
+def in_order(
+    t: FloatArray, rows: IntArray | None
+) -> tuple[FloatArray, IntArray | None, int, tuple[int, float]]:
+    """Return stamps in order, their rows, and how many were behind an earlier one.
+
+    Behind them stands how often the clock was set back, and by how much, s, it still is at the end.
+    """
     if (t[1:] >= t[:-1]).all():
-        return t, rows, 0, 0
+        return t, rows, 0, (0, 0.0)
     behind = np.flatnonzero(t < np.maximum.accumulate(t))
     if len(behind) > _MAX_DISORDERED_SHARE * len(t):
         raise DataError(
             f"time runs backwards at row {behind[0] + 1} and stays behind for {len(behind)} of {len(t)} rows (a clock "
             "that was reset?): split the log there, or leave the time column out by --columns t=none --rate HZ"
         )
-    twice = _twice(t, behind)
-    order = np.argsort(t, kind="stable")
-    if len(twice):
-        order = order[~np.isin(order, twice)]
-    return t[order], order if rows is None else rows[order], len(behind) - len(twice), len(twice)
+    mended, back = _gone_on(t, behind)
+    left = int(np.count_nonzero(mended < np.maximum.accumulate(mended)))
+    order = np.argsort(mended, kind="stable")
+    late = float(mended[-1] - t[-1])
+    return mended[order], order if rows is None else rows[order], left, (back, late)
 
 
-def _twice(t: FloatArray, behind: IntArray) -> IntArray:
-    """Return the rows of long runs behind an earlier stamp whose time others have, shape (m,)."""
-    ordered = np.delete(t, behind)
-    found = [np.zeros(0, np.int64)]
+def _gone_on(t: FloatArray, behind: IntArray) -> tuple[FloatArray, int]:
+    """Return stamps of a clock that is not set back, and how often it was, by rows behind an earlier stamp."""
+    ordered, usual = np.delete(t, behind), float(np.median(np.diff(t)))
+    mended, back = t.copy(), 0
     for run in np.split(behind, np.flatnonzero(np.diff(behind) > 1) + 1):
-        inside = (
-            np.searchsorted(ordered, t[run].max(), side="right") - np.searchsorted(ordered, t[run].min())
-            if len(run) >= _MIN_SET_BACK
-            else 0
-        )
-        if inside > _MIN_COVERED * len(run):
-            found.append(run)
-    return np.concatenate(found)
+        if len(run) < _MIN_SET_BACK:
+            continue
+        inside = np.searchsorted(ordered, t[run].max(), side="right") - np.searchsorted(ordered, t[run].min())
+        if inside <= _MIN_COVERED * len(run):
+            continue
+        first, end = int(run[0]), int(run[-1]) + 1
+        late = mended[first - 1] + usual - mended[first]
+        jumps = np.flatnonzero(np.diff(t[end - 1 : end + _SET_ON_ROWS]) > _MAX_STEP * usual)
+        mended[first : end + int(jumps[0]) if len(jumps) else len(t)] += late
+        back += 1
+    return mended, back
 
 
 def without_duplicates(

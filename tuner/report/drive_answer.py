@@ -75,7 +75,7 @@ def fixes_parts(examined: ExaminedDrive, config: FilterConfig) -> list[Table | s
     """Return the sds of the fixes as reported and as a filter is given them, and what is taken out as delay.
 
     Of sds that differ from fix to fix these are medians. Beside states for errors that last the filter has sds of the
-    rest; one without such states has the whole, and not less than the receiver reports.
+    rest. No sd of a fix alone stands for what lasts: which one serves a filter without states, its export judges.
     """
     # load the navigation, which the answer on a log does without
     from tuner.navigation.compensation import compensate_settings
@@ -96,7 +96,6 @@ def fixes_parts(examined: ExaminedDrive, config: FilterConfig) -> list[Table | s
         if (there := np.isfinite(values).any(axis=0)).any():
             known, used = (np.where(there, np.median(one[:, block], axis=0), np.nan) for one in both)
             stated = bool((raw[:, block] > 0.0).any())
-            whole = np.sqrt(used**2 + sum(np.array([sd, sd, down]) ** 2 for sd, down, _ in states))
             columns[name] = (
                 _level_text(known) + " ASSUMED" * (not stated),
                 _level_text(used),
@@ -105,12 +104,12 @@ def fixes_parts(examined: ExaminedDrive, config: FilterConfig) -> list[Table | s
                     for sd, down, t in states
                 )
                 or "none",
-                _level_text(np.maximum(whole, known * stated)),
+                "" if columns else "by export --to kf-gins",
             )
     with_states = (
         "R of noise.yaml, with its states",
         "states for GNSS errors: sd; time",
-        "R without states, as KF-GINS",
+        "R of a filter without states",
     )
     own = with_states if any(lasting.values()) else ["R of noise.yaml"]
     rows = zip(["reported by the receiver", *own], *columns.values(), strict=False)

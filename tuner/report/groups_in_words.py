@@ -17,7 +17,7 @@ from tuner.report.finding_groups import (
     finding_groups,
     white_text,
 )
-from tuner.synthesis.findings import is_no_noise
+from tuner.synthesis.findings import LEFT_OUT
 from tuner.types import Finding
 
 
@@ -72,8 +72,7 @@ class FindingsInWords:
     Attributes
     ----------
     felt : tuple of str
-        Those that take motion away or change white noise or drift by `SHOWN_CHANGE`, the most first; of what is no
-        noise the numbers are without it.
+        Those that take motion away or change white noise or drift by `SHOWN_CHANGE`, the most first.
     faults : tuple of str
         Samples at fault to an effect that is not known, or more than `LOST_SHARE` of them.
     idle : tuple of str
@@ -99,11 +98,7 @@ def findings_in_words(
     """Return findings of a log of a length, s, by what they change, with or without their figures."""
     refuted = [one for one in findings if contradicted(one)]
     groups = finding_groups([one for one in findings if one not in refuted], span)
-    felt = [
-        one
-        for one in groups
-        if one.in_motion or one.worth >= log(1.0 + SHOWN_CHANGE) or any(map(is_no_noise, one.findings))
-    ]
+    felt = [one for one in groups if changes_much(one)]
     faults = [one for one in groups if one not in felt and _is_fault(one)]
     idle = [one for one in groups if one not in felt and one not in faults]
     return FindingsInWords(
@@ -112,6 +107,12 @@ def findings_in_words(
         tuple(f"{one.title}{one.figures * figures}" for one in idle),
         tuple(one.title for one in finding_groups(refuted, span)),
     )
+
+
+def changes_much(group: FindingGroup) -> bool:
+    """Return whether findings take motion away, or change white noise or drift by `SHOWN_CHANGE`."""
+    left_out = any(LEFT_OUT in one.extension for one in group.findings)
+    return bool(group.in_motion) or left_out or group.worth >= log(1.0 + SHOWN_CHANGE)
 
 
 def _is_fault(group: FindingGroup) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,8 +18,8 @@ from tuner.report.diagnosis_answer import diagnosis_answer
 from tuner.report.document import Document, document
 from tuner.report.drive_answer import choice_parts, fixes_parts, found_text
 from tuner.report.examination_answer import MENDED, vibration_lines
-from tuner.report.finding_groups import finding_groups, parameter_text
-from tuner.report.groups_in_words import findings_in_words
+from tuner.report.finding_groups import FindingGroup, finding_groups, parameter_text
+from tuner.report.groups_in_words import changes_much, findings_in_words
 from tuner.report.identification_answer import warning_lines
 from tuner.report.identification_tables import identification_tables
 from tuner.report.noise_table import (
@@ -45,6 +45,8 @@ if TYPE_CHECKING:
 
 MAX_KEYS = 7
 """Lines of another filter's settings that an answer shows; of more, only the file is named."""
+MAX_LEFT_OUT = 2
+"""Kinds of events and wrong readings that an answer names, those of most effect."""
 COMMENTS = ("#", "//", "%", "<!--", "/*", "*")
 """How lines of comments begin in the dialects."""
 OF_DRIVE_ALONE = "static diagnosis"
@@ -84,7 +86,7 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
     said: list[Table | str] = [
         recording_line(result),
         f"Verdict: {result.verdict.text}",
-        left_out_line(result),
+        left_out_line(left_out_groups(result.diagnosis)),
         *reference_lines(result),
         *(vibration if "vibration" not in result.verdict.text else []),
         *noise[:1],
@@ -200,14 +202,22 @@ def recording_line(result: TuneResult) -> str:
     return "; ".join(said)
 
 
-def left_out_line(result: TuneResult) -> str:
+def left_out_groups(diagnosis: Diagnosis | None) -> list[FindingGroup]:
+    """Return the events and wrong readings without which the numbers are, those that change much."""
+    found = [] if diagnosis is None else [one for one in diagnosis.findings if is_no_noise(one)]
+    return [group for group in finding_groups(found) if changes_much(group)]
+
+
+def left_out_line(groups: Sequence[FindingGroup]) -> str:
     """Return which events and wrong readings the numbers leave out; empty for none."""
-    found = [one for one in (result.diagnosis or Diagnosis(())).findings if is_no_noise(one)]
-    groups = finding_groups(found)
-    said = "; ".join(
-        f"{one.title}{one.figures or parameter_text(one.findings[0].parameters)}" for one in groups
+    said = [
+        f"{one.title}{one.figures or parameter_text(one.findings[0].parameters)}"
+        for one in groups[:MAX_LEFT_OUT]
+    ]
+    said += [f"{len(groups) - MAX_LEFT_OUT} more"] * (len(groups) > MAX_LEFT_OUT)
+    return (
+        f"Left out of the numbers, as it is no noise; the filter meets it: {'; '.join(said)}" if said else ""
     )
-    return f"Left out of the numbers, as it is no noise; the filter meets it: {said}" if said else ""
 
 
 def against_datasheet(result: TuneResult) -> list[str]:
@@ -226,7 +236,8 @@ def found_lines(result: TuneResult) -> tuple[list[str], int, str]:
     """
     known = result.diagnosis or Diagnosis(())
     span = max((record.span for record in result.records), default=None)
-    found = findings_in_words([one for one in known.findings if not is_no_noise(one)], span, figures=False)
+    told = [one for group in left_out_groups(known) for one in group.findings]
+    found = findings_in_words([one for one in known.findings if one not in told], span, figures=False)
     rest = [one for one in known.unexplained if is_felt(one)]
     idle = len(found.idle) + (len(rest) < len(known.unexplained))
     of_drive = () if result.drive is None else result.drive.diagnosis.findings

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import bdtrc
 
-from models.arrays import BoolArray, FloatArray
+from models.arrays import BoolArray, FloatArray, IntArray
 from tuner.formats.customary_units import percent, range_text
 from tuner.limits import SHOWN_CHANGE
 from tuner.segments.error_codes import with_other_rows
@@ -102,14 +102,21 @@ def _of_axis(axis: str, y: FloatArray) -> WrongReadings | None:
     change = np.abs(np.diff(values))
     usual = _usual(change, float(change.min()))
     jump = np.maximum(np.append(change, 0.0), np.append(0.0, change))
+    near = np.arange(-BESIDE, BESIDE + 1)
+
+    def off_at(places: IntArray) -> FloatArray:
+        middle = np.clip(places, BESIDE, len(values) - 1 - BESIDE)
+        return values[places] - np.median(values[middle[:, None] + np.delete(near, BESIDE)], axis=1)
+
     far = np.flatnonzero(jump > LEAST_JUMP * usual)
-    middle = np.clip(far, BESIDE, len(values) - 1 - BESIDE)
-    beside = middle[:, None] + np.delete(np.arange(-BESIDE, BESIDE + 1), BESIDE)
-    off = values[far] - np.median(values[beside], axis=1)
+    far = far[np.abs(off_at(far)) > 0.5 * LEVELS[0] * usual[far]]
+    far = np.unique(np.clip(far[:, None] + near, 0, len(values) - 1))  # the middle of a bump has no jump
+    off = off_at(far)
     distance = np.abs(off) / usual[far]
     is_far = np.zeros(len(values), dtype=bool)
-    is_far[far[distance > 0.5 * LEVELS[0]]] = True
-    alone = is_far[beside].sum(axis=1) < BESIDE
+    is_far[far] = distance > 0.5 * LEVELS[0]
+    beside = np.convolve(is_far, np.ones(len(near)), "same")[far] - is_far[far]
+    alone = is_far[far] & (beside < BESIDE)
     far, off, distance = far[alone], off[alone], distance[alone]
     ordered = np.sort(distance)
     beyond, half = (len(ordered) - np.searchsorted(ordered, x * LEVELS, side="right") for x in (1.0, 0.5))
@@ -120,20 +127,25 @@ def _of_axis(axis: str, y: FloatArray) -> WrongReadings | None:
     wrong = distance > LEVELS[sure[0]]
     noise = 0.5 * float(np.mean(np.square(change[change < LEVELS[0] * usual[1:]])))
     more = float(np.sum(np.square(off[wrong]))) / (noise * len(y))
-    if math.sqrt(1.0 + more) < 1.0 + SHOWN_CHANGE or _cut_off(off[wrong], off[~wrong]):
+    rows = np.zeros(len(values), dtype=bool)
+    rows[far[wrong]] = True
+    if math.sqrt(1.0 + more) < 1.0 + SHOWN_CHANGE or _cut_off(off[wrong], _about_level(values)[~rows]):
         return None
-    rows = np.zeros(len(y), dtype=bool)
-    rows[np.flatnonzero(new)[far[wrong]]] = True
+    rows = rows[np.cumsum(new) - 1]  # with what repeats them
     return WrongReadings(axis, rows, np.abs(off[wrong]), float(chance[sure[0]]))
 
 
 def _cut_off(wrong: FloatArray, right: FloatArray) -> bool:
-    """Return whether right ones lack on the side from which all wrong ones come: a register that overflows."""
+    """Return whether all wrong ones come from one side, on which right ones end before their tail on the other does.
+
+    So it is where a register overflows. Of symmetrical noise each sample beyond all of one side is on the other side
+    by a chance of 1/2.
+    """
     side = np.sign(wrong[0])
     if np.any(np.sign(wrong) != side):
         return False
-    same, other = (np.count_nonzero(side * right > 0.0), np.count_nonzero(side * right < 0.0))
-    return bool(bdtrc(same - 1.0, max(same + other, 1), 0.5) < MAX_P_VALUE) if same else False
+    beyond = int(np.count_nonzero(side * right > -np.min(side * right)))
+    return 0.5**beyond < MAX_P_VALUE
 
 
 def _usual(change: FloatArray, step: float) -> FloatArray:
@@ -145,3 +157,9 @@ def _usual(change: FloatArray, step: float) -> FloatArray:
     )  # of normal changes, in sds
     each = np.hypot(median, step)
     return each[np.minimum(np.arange(len(change) + 1) // size, blocks - 1)]
+
+
+def _about_level(values: FloatArray) -> FloatArray:
+    """Return samples less the median of those near by."""
+    pieces = np.array_split(values, max(len(values) // NEAR_BY, 1))
+    return np.concatenate([piece - np.median(piece) for piece in pieces])

@@ -43,7 +43,7 @@ MOTION = "motion"
 """The finding whose stretches tell nothing of the noise of the sensor."""
 EVENTS = ("step", "recovery")
 """Findings that happened once: no noise, whatever a filter does about them."""
-TAKEN_OUT = (MOTION, "overflow", *EVENTS)
+TAKEN_OUT = (MOTION, "overflow", "error_code", *EVENTS)
 """Findings that are no longer in the samples when these are identified again."""
 LEFT_OUT = "left_out"
 """Key of the extension of a finding whose samples are left out before any noise is judged."""

@@ -177,7 +177,9 @@ def test_what_is_taken_for_a_limit_stands_beside_it(result, limited):
 
 def test_of_many_findings_the_five_of_most_effect_stand_on_the_screen(result):
     one = result.diagnosis.findings[-1]
-    causes = [(cause, axis) for cause in ("step", "recovery", "telegraph") for axis in ("gyro_x", "accel_y")]
+    causes = [
+        (cause, axis) for cause in ("warmup", "temperature", "telegraph") for axis in ("gyro_x", "accel_y")
+    ]
     found = [
         replace(one, cause=cause, channels=(axis,), parameters={}, drift={"60 s": (10.0 + i, 1.0)})
         for i, (cause, axis) in enumerate(causes)
@@ -255,9 +257,10 @@ def test_a_filter_named_shows_its_own_keys(result):
     assert not any("kalibr.yaml" in line for line in lines)
 
 
-def test_the_finding_that_moves_the_position_most_stands_first(result):
+def test_an_event_that_the_numbers_leave_out_stands_behind_the_verdict(result):
     text = " ".join("\n".join(answer_lines(result, Path("out"))).split())
-    assert "without fixes one axis drifts 31 m in 60 s, 12 m without this" in text
+    assert "Left out of the numbers, as it is no noise; the filter meets it: step in gyro" in text
+    assert text.index("Verdict") < text.index("Left out") < text.index("white noise, deg")
     assert "Line in gyro" not in text  # a line changes no setting: it is in report.html
     assert "1 finding in report.html changes no setting" in text
 
@@ -446,11 +449,11 @@ def test_sds_and_delay_of_the_fixes_stand_in_metres_and_seconds():
     assert rows[1:] == [
         "R of noise.yaml, with its states",
         "states for GNSS errors: sd; time",
-        "R without states, as KF-GINS",
+        "R of a filter without states",
     ]
-    # R of a filter without states: root of 0.2² + 0.6² is below what the receiver reports, that of velocities is not.
-    assert positions == ["2.0, 8.0", "0.20, 4.0", "0.60, 1.2; 30 s", "2.0, 8.0"]
-    assert velocities == ["0.020, 0.080", "0.020, 0.080", "0.070, 0.070; 100 s", "0.073, 0.11"]
+    # No sd of a single fix stands for what lasts: GTSAM with 2.0 m was sure to a tenth of its error.
+    assert positions == ["2.0, 8.0", "0.20, 4.0", "0.60, 1.2; 30 s", "by export --to kf-gins"]
+    assert velocities == ["0.020, 0.080", "0.020, 0.080", "0.070, 0.070; 100 s", ""]
     assert delay.startswith("Fixes are stamped 0.100 ± 0.020 s late, velocities are 0.050 ± 0.010 s earlier")
     # It was taken out in one file, left in others, and nobody said where.
     assert delay.endswith("the recording still has it, so for another filter move its stamps")

@@ -1,0 +1,95 @@
+"""Wrong readings: told from every law of noise of finite variance, and left out of it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.tuner.segments.test_error_codes import record
+from tuner.diagnosis import diagnose
+from tuner.identification import identify
+from tuner.pipeline import identified_again
+from tuner.segments.conditions import at_rest
+from tuner.segments.wrong_readings import find_wrong_readings
+
+COUNT = 100_000
+STEP = 0.25
+
+
+def noise(seed: int) -> np.ndarray:
+    return np.random.default_rng(seed).standard_normal(COUNT)
+
+
+def rows(seed: int, share: float) -> np.ndarray:
+    return np.random.default_rng(seed).random(COUNT) < share
+
+
+@pytest.mark.parametrize("share", [2e-3, 2e-2])
+@pytest.mark.parametrize("size", [20.0, 300.0])
+@pytest.mark.parametrize("one_sided", [False, True])
+def test_single_samples_far_off_are_found_and_the_noise_is_that_without(share, size, one_sided):
+    y, wrong = noise(1), rows(2, share)
+    signs = 1.0 if one_sided else np.random.default_rng(3).choice([-1.0, 1.0], COUNT)
+    y[wrong] += (signs * size)[wrong] if np.ndim(signs) else size
+    log = record(np.round(y / STEP)[:, None] * STEP)
+    (found,) = find_wrong_readings(log)
+    assert np.mean(found.rows[wrong]) > 0.99  # but for several side by side
+    assert not found.rows[~wrong].any()
+    (still,) = at_rest((log,))
+    assert np.std(still.y) == pytest.approx(np.std(noise(1)), rel=0.01)
+
+
+@pytest.mark.parametrize(
+    "y",
+    [
+        noise(1),
+        np.cumsum(noise(2)),
+        np.round(0.2 * noise(3)),
+        np.random.default_rng(4).standard_t(2.5, COUNT),
+        np.where(rows(5, 0.2), 3.0, 1.0) * noise(5),
+        np.where(np.arange(COUNT) % 5000 < 1000, 20.0, 1.0) * noise(6),
+        np.repeat(noise(7)[: COUNT // 10], 10),
+        np.convolve(noise(8), np.ones(10) / 10, "same"),
+        np.exp(noise(9)),
+        noise(10) + np.where(np.arange(COUNT) % 3000 < 5, 30.0, 0.0),
+        np.mod(noise(11) + 17.5, 20.0),
+    ],
+    ids=[
+        "white",
+        "walk",
+        "codes",
+        "t",
+        "widths",
+        "swells",
+        "held",
+        "filtered",
+        "skewed",
+        "bumps",
+        "overflow",
+    ],
+)
+def test_noise_bursts_bumps_and_what_a_register_wraps_are_no_wrong_readings(y):
+    assert find_wrong_readings(record(y[:, None])) == ()
+
+
+def test_samples_too_far_apart_to_tell_a_movement_are_not_judged():
+    y, wrong = noise(1), rows(2, 1e-3)
+    y[wrong] += 50.0
+    log = record(y[:, None])
+    slow = type(log)("gyro", np.arange(COUNT) * 1.0, log.y, log.axes, log.unit, 1.0)
+    assert find_wrong_readings(log)
+    assert find_wrong_readings(slow) == ()
+
+
+def test_a_step_that_is_named_is_no_random_walk():
+    """rosflight_firmware issue 166: the bias is set to zero while the log runs."""
+    y = 0.01 * noise(1)
+    y[COUNT // 3 :] += 1.0
+    log = record(y[:, None])
+    found = identify((log,))
+    diagnosis = diagnose(log, identification=found)
+    assert {one.cause for one in diagnosis.findings} == {"step"}
+    _, again = identified_again((log,), found, diagnosis.findings, terms=None, latitude=None)
+    (axis,) = log.axes
+    assert found.channels[axis].model.allan_variance(np.array([100.0]))[0] > 1e-2
+    assert again.channels[axis].model.allan_variance(np.array([100.0]))[0] < 1e-6
