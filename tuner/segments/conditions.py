@@ -16,6 +16,7 @@ from scipy.ndimage import uniform_filter1d
 from tuner.segments.error_codes import find_error_codes, without_error_codes
 from tuner.segments.stand_stills import MIN_PART_SECONDS, MIN_SECONDS
 from tuner.segments.stationary import Segments, cut_to_still, find_motion
+from tuner.segments.withheld_noise import expect_noise
 from tuner.segments.wrong_readings import find_wrong_readings, without_wrong_readings
 from tuner.types.records import DataError, Record
 
@@ -68,7 +69,7 @@ def at_rest(records: Sequence[Record], say: Callable[[str], None] = lambda _: No
     Raises
     ------
     DataError
-        Nothing stands still.
+        Nothing stands still, or the noise was taken out of the samples.
     """
 
     def cut(group: Sequence[Record]) -> Sequence[Record]:
@@ -83,6 +84,7 @@ def at_rest(records: Sequence[Record], say: Callable[[str], None] = lambda _: No
         note for new, old in zip(answer, records, strict=True) for note in new.notes if note not in old.notes
     ):
         say(line)
+    expect_noise(answer)
     return answer
 
 

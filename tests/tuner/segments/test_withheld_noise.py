@@ -1,0 +1,79 @@
+"""Noise that a program withheld or took out is not read; what sensors and quantizers do to theirs is no such thing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from tests.tuner.segments.test_error_codes import record
+from tuner.segments.conditions import at_rest
+from tuner.segments.withheld_noise import dead_zone, high_pass
+from tuner.types.records import DataError
+
+COUNT = 90_000
+FLICKER = ([1.0], [1.0, -0.98])
+
+
+def noise(seed: int = 1) -> np.ndarray:
+    return np.random.default_rng(seed).standard_normal(COUNT)
+
+
+def test_rates_that_a_fusion_gives_as_zero_are_refused():
+    """BNO055_SensorAPI issue 12: 99 % are zero, and none lies between zero and 0.25 deg/s."""
+    y = 0.0973 * noise()
+    y[np.abs(y) < 0.25] = 0.0
+    y = np.round(16.0 * y) / 16.0
+    assert dead_zone(y) == 0.25
+    with pytest.raises(
+        DataError, match=r"accel x read 0 where they are smaller than .* a dead zone, .*fusion"
+    ):
+        at_rest((record(y[:, None]),))
+
+
+@pytest.mark.parametrize(
+    "y",
+    [
+        np.round(noise()),
+        np.round(0.2 * noise()),
+        0.1 * np.round(noise()) + 0.0 * noise(),
+        np.where(np.arange(COUNT) < COUNT // 2, 0.0, 5.0 + noise()),
+        np.where(np.random.default_rng(2).random(COUNT) < 0.4, 0.0, noise()),
+        np.zeros(COUNT),
+    ],
+    ids=["codes", "coarse", "step", "off at first", "lost rows", "off"],
+)
+def test_zeros_of_a_quantizer_and_of_lost_samples_are_no_dead_zone(y):
+    assert dead_zone(y) == 0.0
+
+
+@pytest.mark.parametrize("gain", [0.03, 0.01, 0.003])
+def test_a_bias_that_is_learnt_and_subtracted_is_a_high_pass(gain):
+    """RTIMULib issue 1: gain 0.01 a sample."""
+    y = noise() + 1e-3 * np.cumsum(noise(2))
+    learnt = y - lfilter([gain], [1.0, gain - 1.0], y)
+    assert high_pass([y]) == 1.0
+    assert high_pass([learnt]) > 2.0
+    if gain == 0.01:
+        with pytest.raises(DataError, match=r"a high-pass, as where a program learns the bias"):
+            at_rest((record(learnt[:, None]),))
+
+
+@pytest.mark.parametrize(
+    "y",
+    [
+        noise(),
+        np.cumsum(noise()),
+        noise() + 0.3 * lfilter(*FLICKER, noise(2)),
+        np.convolve(noise(), np.ones(8) / 8.0, "same"),
+        noise() + np.diff(3.0 * noise(2), prepend=0.0),
+        np.repeat(noise()[: COUNT // 10], 10),
+        np.round(0.3 * noise()),
+        noise() + 3.0 * np.sin(2.0 * np.pi * 0.21 * np.arange(COUNT)),
+        lfilter([1.0], [1.0, 0.5, 0.8], noise()),
+        np.random.default_rng(4).standard_t(3.0, COUNT),
+    ],
+    ids=["white", "walk", "flicker", "filtered", "angles", "held", "codes", "line", "resonance", "tails"],
+)
+def test_what_sensors_do_to_their_noise_is_no_high_pass(y):
+    assert high_pass([y]) == 1.0
