@@ -87,7 +87,7 @@ def fixes_parts(examined: ExaminedDrive, config: FilterConfig) -> list[Table | s
     raw = np.hstack([gnss.position_sd, gnss.velocity_sd])
     both = reported_sds(gnss, settings), assumed_sds(raw, gnss.solution, settings)
     lasting = _lasting(config)
-    columns = {}
+    columns: dict[str, tuple[str, ...]] = {}
     for name, values, block in (
         ("positions, m", gnss.llh, slice(0, 3)),
         ("velocities, m/s", gnss.vel_n, slice(3, 6)),

@@ -52,14 +52,14 @@ def expect_noise(records: Sequence[Record]) -> None:
         zones = {axis: zone for axis in record.axes if (zone := dead_zone(record.column(axis))) > 0.0}
         if zones:
             raise DataError(
-                f"{record.source}: {axes_text(zones)} read 0 where they are smaller than "
+                f"{record.source}: {axes_text(list(zones))} read 0 where they are smaller than "
                 f"{range_text(zones.values(), record.unit)}, a dead zone, which withholds the noise: record samples "
                 f"without fusion or threshold{other}"
             )
         falls = {axis: fall for axis in record.axes if (fall := high_pass(record.pieces(axis))) > 1.0}
         if falls:
             raise DataError(
-                f"{record.source}: {axes_text(falls)}: noise at low frequencies is up to "
+                f"{record.source}: {axes_text(list(falls))}: noise at low frequencies is up to "
                 f"{digits(max(falls.values()), 2)} times weaker than the white noise above them, a high-pass, as where "
                 f"a program learns the bias at rest and subtracts it: record samples as the sensor gives them{other}"
             )

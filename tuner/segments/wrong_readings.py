@@ -106,7 +106,9 @@ def _of_axis(axis: str, y: FloatArray) -> WrongReadings | None:
 
     def off_at(places: IntArray) -> FloatArray:
         middle = np.clip(places, BESIDE, len(values) - 1 - BESIDE)
-        return values[places] - np.median(values[middle[:, None] + np.delete(near, BESIDE)], axis=1)
+        beside: FloatArray = np.median(values[middle[:, None] + np.delete(near, BESIDE)], axis=1)
+        off: FloatArray = values[places] - beside
+        return off
 
     far = np.flatnonzero(jump > LEAST_JUMP * usual)
     far = far[np.abs(off_at(far)) > 0.5 * LEVELS[0] * usual[far]]
@@ -115,8 +117,8 @@ def _of_axis(axis: str, y: FloatArray) -> WrongReadings | None:
     distance = np.abs(off) / usual[far]
     is_far = np.zeros(len(values), dtype=bool)
     is_far[far] = distance > 0.5 * LEVELS[0]
-    beside = np.convolve(is_far, np.ones(len(near)), "same")[far] - is_far[far]
-    alone = is_far[far] & (beside < BESIDE)
+    many = np.convolve(is_far, np.ones(len(near)), "same")[far] - is_far[far]
+    alone = is_far[far] & (many < BESIDE)
     far, off, distance = far[alone], off[alone], distance[alone]
     ordered = np.sort(distance)
     beyond, half = (len(ordered) - np.searchsorted(ordered, x * LEVELS, side="right") for x in (1.0, 0.5))

@@ -11,6 +11,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from hashlib import blake2b
 
 import numpy as np
 
@@ -43,6 +45,8 @@ TURN_RATE, TURN_COST = 0.3, 3.0
 """Sd of the rate of who turns on the spot, rad/s, and how much less likely that is than a rest, nats."""
 MOST_PASSES, SMALL_CHANGE = 10, 0.03
 """Windows are linear in biases: they are integrated anew without those found until these change by less, in sds."""
+SPANS_KNOWN = 8
+"""Spans whose attitude is remembered: hypotheses of a drive differ in what does not change it."""
 LEAST_BIAS_SD = 1e-6
 """Least prior sd of a bias, rad/s or m/s²."""
 
@@ -131,7 +135,7 @@ def align(steps: Steps, gnss: Gnss, *, bias_sd: FloatArray) -> Alignment:
     heading_sd, moving, end = math.inf, FIRST_MOTION, begin
     while end < gnss.t[-1] and heading_sd > GOOD_HEADING_SD:
         end, moving = still_end + moving, 2.0 * moving
-        found, rested = _likeliest(steps, gnss, (begin, end), sd, seconds)
+        found, rested = _likeliest(_Span.of(steps, gnss, (begin, end), sd, seconds))
         heading_sd = math.inf if found is None else math.sqrt(found.covariance[2, 2])
     if found is None:
         raise DataError(
@@ -169,27 +173,68 @@ def _no_heading(sd: float, gnss: Gnss) -> str:
     )
 
 
-def _likeliest(
-    steps: Steps, gnss: Gnss, span: tuple[float, float], sd: FloatArray, seconds: FloatArray
-) -> tuple[Attitude | None, bool]:
-    """Return the likeliest attitude at the begin of a span, s, and whether the unit rested; None where none is known.
+@dataclass(frozen=True)
+class _Span:
+    """Samples and readings of a span, equal to others of the same content.
 
-    `sd` are prior sds of the biases of accelerometers and gyros, shape (6,), `seconds` as of `_seconds_at_rest`.
+    Attributes
+    ----------
+    digest : bytes
+        Of the content.
+    unit : Inertial
+        Samples.
+    gnss : Gnss
+        Fixes.
+    sd : ndarray, shape (6,)
+        Prior sds of the biases of accelerometers and gyros.
+    seconds : ndarray, shape (s, 6)
+        As of `_seconds_at_rest`.
     """
-    ends = steps.ends()[1:]
-    some = slice(*np.searchsorted(ends, span).tolist())
-    rates, receiver = steps.increments[some] / steps.dt[some, None], receiver_streams(gnss)
+
+    digest: bytes
+    unit: Inertial = field(compare=False)
+    gnss: Gnss = field(compare=False)
+    sd: FloatArray = field(compare=False)
+    seconds: FloatArray = field(compare=False)
+
+    @staticmethod
+    def of(steps: Steps, gnss: Gnss, span: tuple[float, float], sd: FloatArray, seconds: FloatArray) -> _Span:
+        ends = steps.ends()[1:]
+        some = slice(*np.searchsorted(ends, span).tolist())
+        unit = Inertial(ends[some], steps.increments[some] / steps.dt[some, None])
+        own = gnss.rows((gnss.t >= span[0]) & (gnss.t <= span[1]))
+        digest = blake2b()
+        for x in (
+            unit.t,
+            unit.rates,
+            own.t,
+            own.llh,
+            own.vel_n,
+            own.position_sd,
+            own.velocity_sd,
+            sd,
+            seconds,
+        ):
+            digest.update(np.ascontiguousarray(x).data)
+        return _Span(digest.digest(), unit, own, sd, seconds)
+
+
+@lru_cache(maxsize=SPANS_KNOWN)
+def _likeliest(span: _Span) -> tuple[Attitude | None, bool]:
+    """Return the likeliest attitude at the begin of a span, and whether the unit rested; None where none is known."""
+    unit, sd, seconds = span.unit, span.sd, span.seconds
+    receiver = receiver_streams(span.gnss)
     rests = _hypotheses(seconds) if len(seconds) >= MIN_SECONDS_AT_REST else {False: None}
     bias, found, rested = np.zeros(6), None, False
     for _ in range(MOST_PASSES):
-        unit = Inertial(ends[some], rates - np.append(bias[3:], bias[:3]))
-        streams = Streams(unit, *receiver)
-        windows = windows_of(averaged(unit))
+        less = replace(unit, rates=unit.rates - np.append(bias[3:], bias[:3]))
+        streams = Streams(less, *receiver)
+        windows = windows_of(averaged(less))
         own = fit(streams, windows)
         tried = []
         for kind, rest in rests.items():
             left = None if rest is None else (rest[0] - bias[3:], rest[1])
-            one = attitude_at(streams, windows, own, span[0], BiasPrior(-bias, sd, left))
+            one = attitude_at(streams, windows, own, float(unit.t[0]), BiasPrior(-bias, sd, left))
             if one is None:
                 return None, False
             tried.append((one.cost + (0.0 if kind else TURN_COST), kind, one))
