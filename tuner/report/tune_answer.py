@@ -236,8 +236,8 @@ def found_lines(result: TuneResult) -> tuple[list[str], int, str]:
     """
     known = result.diagnosis or Diagnosis(())
     span = max((record.span for record in result.records), default=None)
-    told = [one for group in left_out_groups(known) for one in group.findings]
-    found = findings_in_words([one for one in known.findings if one not in told], span, figures=False)
+    left_out = [one for group in left_out_groups(known) for one in group.findings]
+    found = findings_in_words([one for one in known.findings if one not in left_out], span, figures=False)
     rest = [one for one in known.unexplained if is_felt(one)]
     idle = len(found.idle) + (len(rest) < len(known.unexplained))
     of_drive = () if result.drive is None else result.drive.diagnosis.findings

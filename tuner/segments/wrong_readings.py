@@ -30,13 +30,13 @@ from tuner.limits import SHOWN_CHANGE
 from tuner.segments.error_codes import with_other_rows
 from tuner.types.records import Record
 
-BESIDE = 4
+SAMPLES_BESIDE = 4
 """Samples on either side by whose median one is judged."""
 SHORTEST_MOVEMENT = 1.0
 """Time that a movement by hand takes, s."""
 NEAR_BY = 256
 """Samples whose neighbours have one usual distance."""
-LEVELS = 8.0 * math.sqrt(2.0) ** np.arange(24)
+TRIED_LEVELS = 8.0 * math.sqrt(2.0) ** np.arange(24)
 """Distances L that are tried, in usual ones: nearer ones lie within what a law of noise may have."""
 LEAST_JUMP = 3.0
 """Distance from a neighbour, in usual ones, that a sample at half the nearest L has."""
@@ -78,7 +78,7 @@ class WrongReadings:
 
 def find_wrong_readings(record: Record) -> tuple[WrongReadings, ...]:
     """Return the axes of a record that have wrong readings, and where."""
-    if 2 * BESIDE * record.interval > SHORTEST_MOVEMENT:
+    if 2 * SAMPLES_BESIDE * record.interval > SHORTEST_MOVEMENT:
         return ()
     found = (_of_axis(axis, record.column(axis)) for axis in record.axes)
     return tuple(one for one in found if one is not None)
@@ -102,32 +102,34 @@ def _of_axis(axis: str, y: FloatArray) -> WrongReadings | None:
     change = np.abs(np.diff(values))
     usual = _usual(change, float(change.min()))
     jump = np.maximum(np.append(change, 0.0), np.append(0.0, change))
-    near = np.arange(-BESIDE, BESIDE + 1)
+    near = np.arange(-SAMPLES_BESIDE, SAMPLES_BESIDE + 1)
 
     def off_at(places: IntArray) -> FloatArray:
-        middle = np.clip(places, BESIDE, len(values) - 1 - BESIDE)
-        beside: FloatArray = np.median(values[middle[:, None] + np.delete(near, BESIDE)], axis=1)
+        middle = np.clip(places, SAMPLES_BESIDE, len(values) - 1 - SAMPLES_BESIDE)
+        beside: FloatArray = np.median(values[middle[:, None] + np.delete(near, SAMPLES_BESIDE)], axis=1)
         off: FloatArray = values[places] - beside
         return off
 
     far = np.flatnonzero(jump > LEAST_JUMP * usual)
-    far = far[np.abs(off_at(far)) > 0.5 * LEVELS[0] * usual[far]]
+    far = far[np.abs(off_at(far)) > 0.5 * TRIED_LEVELS[0] * usual[far]]
     far = np.unique(np.clip(far[:, None] + near, 0, len(values) - 1))  # the middle of a bump has no jump
     off = off_at(far)
     distance = np.abs(off) / usual[far]
     is_far = np.zeros(len(values), dtype=bool)
-    is_far[far] = distance > 0.5 * LEVELS[0]
+    is_far[far] = distance > 0.5 * TRIED_LEVELS[0]
     many = np.convolve(is_far, np.ones(len(near)), "same")[far] - is_far[far]
-    alone = is_far[far] & (many < BESIDE)
+    alone = is_far[far] & (many < SAMPLES_BESIDE)
     far, off, distance = far[alone], off[alone], distance[alone]
     ordered = np.sort(distance)
-    beyond, half = (len(ordered) - np.searchsorted(ordered, x * LEVELS, side="right") for x in (1.0, 0.5))
+    beyond, half = (
+        len(ordered) - np.searchsorted(ordered, x * TRIED_LEVELS, side="right") for x in (1.0, 0.5)
+    )
     chance = np.where(beyond > 0, bdtrc(beyond - 1.0, np.maximum(half, 1), HEAVIEST_TAIL), 1.0)
     sure = np.flatnonzero(chance < MAX_P_VALUE)
     if not len(sure):
         return None
-    wrong = distance > LEVELS[sure[0]]
-    noise = 0.5 * float(np.mean(np.square(change[change < LEVELS[0] * usual[1:]])))
+    wrong = distance > TRIED_LEVELS[sure[0]]
+    noise = 0.5 * float(np.mean(np.square(change[change < TRIED_LEVELS[0] * usual[1:]])))
     more = float(np.sum(np.square(off[wrong]))) / (noise * len(y))
     rows = np.zeros(len(values), dtype=bool)
     rows[far[wrong]] = True
