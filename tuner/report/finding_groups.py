@@ -20,6 +20,7 @@ from tuner.formats.axis_words import axes_text
 from tuner.formats.customary_units import amount, digits
 from tuner.formats.grouping import grouped
 from tuner.formats.parameter_words import parameter_words
+from tuner.synthesis.findings import EVENTS
 from tuner.types import Coefficient, Finding
 
 MIN_DRIFT_CHANGE = 1.01
@@ -207,6 +208,8 @@ def comb_spacing(lines: Sequence[float]) -> float | None:
 def changed_entry(cause: str) -> str:
     """Return the entry of a configuration that a cause changes, in words, from what its effect declares."""
     effect = EFFECTS.get(cause)
+    if cause in EVENTS:
+        return "no entry: an event, which the settings leave out"
     if cause in LASTING or (effect is not None and effect.deterministic):
         return "bias states and random walk, smaller once it is compensated"
     if cause == "cross_axis":

@@ -37,7 +37,7 @@ def effect_in_words(group: FindingGroup, *, figures: bool = True) -> str:
         certainty(group.findings[0]),
         group.in_motion,
         white_text(group.white),
-        drift_text(_most_moved(group.drift)),
+        "" if _left_out(group) else drift_text(_most_moved(group.drift)),
         _entry(group.changes),
     ]
     return f"{'; '.join(part for part in parts if part)}{group.figures * figures}".lstrip()
@@ -111,8 +111,12 @@ def findings_in_words(
 
 def changes_much(group: FindingGroup) -> bool:
     """Return whether findings take motion away, or change white noise or drift by `SHOWN_CHANGE`."""
-    left_out = any(LEFT_OUT in one.extension for one in group.findings)
-    return bool(group.in_motion) or left_out or group.worth >= log(1.0 + SHOWN_CHANGE)
+    return bool(group.in_motion) or _left_out(group) or group.worth >= log(1.0 + SHOWN_CHANGE)
+
+
+def _left_out(group: FindingGroup) -> bool:
+    """Return whether samples of these findings are left out before any noise is judged: no drift shows them."""
+    return any(LEFT_OUT in one.extension for one in group.findings)
 
 
 def _is_fault(group: FindingGroup) -> bool:

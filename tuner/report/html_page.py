@@ -34,6 +34,8 @@ from tuner.report.page_findings import findings_content
 from tuner.report.page_parts import Picture, blocks
 from tuner.report.tune_answer import (
     against_datasheet,
+    left_out_groups,
+    left_out_text,
     noise_tables,
     recording_line,
 )
@@ -218,7 +220,10 @@ def _facts(result: TuneResult) -> list[tuple[str, str]]:
         for record in result.records
         if record.timing.get(key)
     )
-    facts = [("Recording", recording_line(result))]
+    facts = [
+        ("Recording", recording_line(result)),
+        ("Left out", left_out_text(left_out_groups(result.diagnosis))),
+    ]
     if result.records:
         repairs = dict.fromkeys(note for record in result.records for note in record.notes)
         facts.append(("Time stamps", "; ".join(wrong) or "no gap, no repetition"))

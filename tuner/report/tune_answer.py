@@ -74,6 +74,7 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
     noise = noise_tables(result, files) if result.exports else []
     signs = legend(*noise[:1])
     found, idle, doubted = found_lines(result)
+    left_out = left_out_text(left_out_groups(result.diagnosis))
     examined = result.diagnosis is not None or result.drive is not None
     vibration = [] if result.examination is None else vibration_lines(result.examination)
     mended = result.examination is not None and result.examination.before_filter
@@ -86,7 +87,7 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
     said: list[Table | str] = [
         recording_line(result),
         f"Verdict: {result.verdict.text}",
-        left_out_line(left_out_groups(result.diagnosis)),
+        f"Left out of the numbers, as it is no noise; the filter meets it: {left_out}" if left_out else "",
         *reference_lines(result),
         *(vibration if "vibration" not in result.verdict.text else []),
         *noise[:1],
@@ -208,7 +209,7 @@ def left_out_groups(diagnosis: Diagnosis | None) -> list[FindingGroup]:
     return [group for group in finding_groups(found) if changes_much(group)]
 
 
-def left_out_line(groups: Sequence[FindingGroup]) -> str:
+def left_out_text(groups: Sequence[FindingGroup]) -> str:
     """Return which events and wrong readings the numbers leave out; empty for none."""
     said = [
         f"{one.title}{one.figures or parameter_text(one.findings[0].parameters)}"
