@@ -38,8 +38,8 @@ from tuner.stages import stage, task
 from tuner.synthesis import inflate, synthesize
 from tuner.synthesis.calibration import with_calibration
 from tuner.synthesis.findings import (
-    EVENTS,
     findings_for_config,
+    left_out,
     terms_found,
     with_notes_on_findings,
     without_motion,
@@ -378,8 +378,8 @@ def configure(
         seed=seed,
         findings=() if noise.diagnosis is None else findings_for_config(noise.diagnosis),
     )
-    lasting = () if noise.diagnosis is None else noise.diagnosis.findings
-    signals = found_signals([one for one in lasting if one.cause not in EVENTS], noise.still)
+    found = () if noise.diagnosis is None else noise.diagnosis.findings
+    signals = found_signals([one for one in found if one not in left_out(found)], noise.still)
     config, predictions = hold_to_records(config, noise.still, signals)
     stored = {axis: prediction_json(found, curve=False) for axis, found in predictions.items()}
     config = replace(config, provenance={**config.provenance, "prediction": stored})

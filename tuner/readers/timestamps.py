@@ -43,8 +43,11 @@ _MIN_SET_BACK = 32
 """Rows in a row behind an earlier stamp that may be of a clock set back: jitter puts few in a row in another order."""
 _MIN_COVERED = 0.5
 """Rows that have the time of such a run ÷ its own, from which it is one: 1, and 0 of a packet that came late."""
-_SET_ON_ROWS, _MAX_STEP = 3, 1.5
-"""Rows behind such a run within which the clock is set on again, and the step ÷ the usual one that does it."""
+_SET_ON_ROWS, _SET_ON_SHARE = 3, 0.05
+"""Rows behind such a run within which the clock is set on again, if it is; how near a later step has to be to what it
+was set back by, steps or share of it, to set it on."""
+_RATE_SHARE, _RATE_ROWS = 0.25, 4096
+"""Share of the rows, or rows, over which steps are averaged for the usual one: many rows may share a stamp."""
 _SHIFT_ROWS = 32
 """Rows on either side whose lower quartiles measure a shift of the clock: chosen to average the jitter of stamps."""
 _DELAY_CANDIDATES = 8
@@ -118,7 +121,7 @@ def in_order(
 
 def _gone_on(t: FloatArray, behind: IntArray) -> tuple[FloatArray, int]:
     """Return stamps of a clock that is not set back, and how often it was, by rows behind an earlier stamp."""
-    ordered, usual = np.delete(t, behind), float(np.median(np.diff(t)))
+    ordered, usual = np.delete(t, behind), _usual_step(t)
     mended, back = t.copy(), 0
     for run in np.split(behind, np.flatnonzero(np.diff(behind) > 1) + 1):
         if len(run) < _MIN_SET_BACK:
@@ -128,10 +131,22 @@ def _gone_on(t: FloatArray, behind: IntArray) -> tuple[FloatArray, int]:
             continue
         first, end = int(run[0]), int(run[-1]) + 1
         late = mended[first - 1] + usual - mended[first]
-        jumps = np.flatnonzero(np.diff(t[end - 1 : end + _SET_ON_ROWS]) > _MAX_STEP * usual)
-        mended[first : end + int(jumps[0]) if len(jumps) else len(t)] += late
+        behind_it = min(end + _SET_ON_ROWS, len(t) - 1)
+        goes_on = mended[first - 1] + usual * (behind_it - first + 1)  # as rows follow one another
+        if abs(mended[behind_it] - goes_on) < abs(mended[behind_it] + late - goes_on):
+            end += int(np.argmax(np.diff(t[end - 1 : behind_it + 1])))
+        else:
+            on = np.abs(np.diff(mended[end:]) - late - usual) < max(_SET_ON_ROWS * usual, _SET_ON_SHARE * late)
+            end = end + 1 + int(np.argmax(on)) if on.any() else len(t)
+        mended[first:end] += late
         back += 1
     return mended, back
+
+
+def _usual_step(t: FloatArray) -> float:
+    """Return the usual time from row to row, s, whatever rows share a stamp."""
+    rows = min(_RATE_ROWS, max(int(_RATE_SHARE * len(t)), 1))
+    return float(np.median(t[rows:] - t[:-rows])) / rows
 
 
 def without_duplicates(

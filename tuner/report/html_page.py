@@ -222,7 +222,7 @@ def _facts(result: TuneResult) -> list[tuple[str, str]]:
     )
     facts = [
         ("Recording", recording_line(result)),
-        ("Left out", left_out_text(left_out_groups(result.diagnosis))),
+        ("Not in the settings", left_out_text(left_out_groups(result.diagnosis))),
     ]
     if result.records:
         repairs = dict.fromkeys(note for record in result.records for note in record.notes)

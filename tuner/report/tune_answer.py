@@ -36,7 +36,7 @@ from tuner.report.static_diagnosis_tables import hidden_effect_lines
 from tuner.report.terminal import LINE_WIDTH
 from tuner.report.tune_sections import setting_reasons, tune_sections
 from tuner.report.unexplained_words import unexplained_lines
-from tuner.synthesis.findings import is_no_noise, judge_hidden
+from tuner.synthesis.findings import judge_hidden, left_out
 from tuner.types import Diagnosis
 from tuner.types.named_cause import separated
 
@@ -74,7 +74,7 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
     noise = noise_tables(result, files) if result.exports else []
     signs = legend(*noise[:1])
     found, idle, doubted = found_lines(result)
-    left_out = left_out_text(left_out_groups(result.diagnosis))
+    without = left_out_text(left_out_groups(result.diagnosis))
     examined = result.diagnosis is not None or result.drive is not None
     vibration = [] if result.examination is None else vibration_lines(result.examination)
     mended = result.examination is not None and result.examination.before_filter
@@ -87,7 +87,7 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
     said: list[Table | str] = [
         recording_line(result),
         f"Verdict: {result.verdict.text}",
-        f"Left out of the numbers, as it is no noise; the filter meets it: {left_out}" if left_out else "",
+        f"Not in the settings, as it is no noise, but your filter meets it: {without}" if without else "",
         *reference_lines(result),
         *(vibration if "vibration" not in result.verdict.text else []),
         *noise[:1],
@@ -205,20 +205,18 @@ def recording_line(result: TuneResult) -> str:
 
 def left_out_groups(diagnosis: Diagnosis | None) -> list[FindingGroup]:
     """Return the events and wrong readings without which the numbers are, those that change much."""
-    found = [] if diagnosis is None else [one for one in diagnosis.findings if is_no_noise(one)]
+    found = [] if diagnosis is None else left_out(diagnosis.findings)
     return [group for group in finding_groups(found) if changes_much(group)]
 
 
 def left_out_text(groups: Sequence[FindingGroup]) -> str:
-    """Return which events and wrong readings the numbers leave out; empty for none."""
+    """Return which events and wrong readings the settings leave out; empty for none."""
     said = [
         f"{one.title}{one.figures or parameter_text(one.findings[0].parameters)}"
         for one in groups[:MAX_LEFT_OUT]
     ]
     said += [f"{len(groups) - MAX_LEFT_OUT} more"] * (len(groups) > MAX_LEFT_OUT)
-    return (
-        f"Left out of the numbers, as it is no noise; the filter meets it: {'; '.join(said)}" if said else ""
-    )
+    return "; ".join(said)
 
 
 def against_datasheet(result: TuneResult) -> list[str]:
@@ -237,8 +235,8 @@ def found_lines(result: TuneResult) -> tuple[list[str], int, str]:
     """
     known = result.diagnosis or Diagnosis(())
     span = max((record.span for record in result.records), default=None)
-    left_out = [one for group in left_out_groups(known) for one in group.findings]
-    found = findings_in_words([one for one in known.findings if one not in left_out], span, figures=False)
+    without = [one for group in left_out_groups(known) for one in group.findings]
+    found = findings_in_words([one for one in known.findings if one not in without], span, figures=False)
     rest = [one for one in known.unexplained if is_felt(one)]
     idle = len(found.idle) + (len(rest) < len(known.unexplained))
     of_drive = () if result.drive is None else result.drive.diagnosis.findings

@@ -4,10 +4,11 @@ dead zone
     Rates near zero are given as zero. A law of noise with its mode near zero has at least as many samples in (0, w) as
     in [w, 2w), w the smallest reading that is not zero: of k samples there, none below w has the chance 2^−k.
 bias taken out
-    A program learns the bias while the sensor rests, and subtracts it: a high-pass. White noise is flat up to half the
-    rate, and every other noise of a sensor is larger at low frequencies [1]_; what a quantizer of angles adds is not
-    flat at high ones. So a spectrum that is flat over the three highest octaves and lower in one below them is that of
-    a high-pass: a mean of m ordinates ÷ that of the flat part has the law of a χ² of 2m degrees of freedom ÷ 2m.
+    A program learns the bias while the sensor rests, and subtracts it: a high-pass below the frequencies of motion.
+    Every noise of a sensor but the white one is larger at low frequencies [1]_. So a spectrum that is flat over three
+    octaves above 2 Hz (of slow logs over those below half the rate) and lower in one below them is that of a
+    high-pass: a mean of m ordinates ÷ that of the flat part has the law of a χ² of 2m degrees of freedom ÷ 2m. What
+    filters, mounts and vibration do at higher frequencies takes no part.
 
 References
 ----------
@@ -16,7 +17,9 @@ References
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
+from itertools import pairwise
 
 import numpy as np
 from scipy.special import gammainc
@@ -29,12 +32,17 @@ from tuner.types.records import DataError, Record
 
 MIN_ZERO_SHARE = 0.3
 """Share of samples of exactly zero from which a dead zone is looked for."""
-MAX_P_VALUE = 1e-9
-"""Chance of samples from which nothing was taken."""
+MAX_P_VALUE = 1e-6
+"""Chance of samples from which nothing was taken; with all octaves and axes of a log a ten-thousandth at most."""
+NEXT_LEVELS, LEAST_CODES = 8, 2.5
+"""Levels beside a dead zone whose distances are those of codes, and its least width in codes: printed digits part two
+codes unevenly, and one may lack."""
 SIDES_ALIKE = 0.01
 """Share of the readings beside a dead zone that lie on its emptier side, at least."""
-FLAT_OCTAVES, MAX_STEP = 3, 1.1
-"""Octaves below half the rate that are white, and the largest ratio of the power of two of them."""
+SLOWEST_MOTION = 2.0
+"""Frequency below which a program that learns a bias takes it, Hz: a faster one would take the motion, too."""
+FLAT_OCTAVES, MAX_STEP = 3, 1.25
+"""Octaves above it that are white, and the largest ratio of the power of two of them."""
 MIN_ORDINATES = 32
 """Ordinates of the lowest octave."""
 
@@ -56,7 +64,11 @@ def expect_noise(records: Sequence[Record]) -> None:
                 f"{range_text(zones.values(), record.unit)}, a dead zone, which withholds the noise: record samples "
                 f"without fusion or threshold{other}"
             )
-        falls = {axis: fall for axis in record.axes if (fall := high_pass(record.pieces(axis))) > 1.0}
+        falls = {
+            axis: fall
+            for axis in record.axes
+            if (fall := high_pass(record.pieces(axis), record.interval)) > 1.0
+        }
         if falls:
             raise DataError(
                 f"{record.source}: {axes_text(list(falls))}: noise at low frequencies is up to "
@@ -72,8 +84,8 @@ def dead_zone(y: FloatArray) -> float:
         return 0.0
     size = np.abs(given)
     smallest = float(size.min())
-    levels = np.unique(size)
-    if len(levels) < 2 or smallest < 1.5 * float(np.diff(levels).min()):
+    steps = np.diff(np.unique(size)[: NEXT_LEVELS + 1])
+    if not len(steps) or smallest < LEAST_CODES * float(np.median(steps)):
         return 0.0
     positive = float(np.mean(given > 0.0))
     beside = int(np.count_nonzero(size < 2.0 * smallest))
@@ -81,22 +93,23 @@ def dead_zone(y: FloatArray) -> float:
     return smallest if alike and 0.5**beside < MAX_P_VALUE else 0.0
 
 
-def high_pass(pieces: Iterable[FloatArray]) -> float:
+def high_pass(pieces: Iterable[FloatArray], interval: float) -> float:
     """Return white power ÷ the least of an octave below it, of the longest of pieces (n,); 1 where nothing is less."""
     y = max(pieces, key=len, default=np.zeros(0))
-    if len(y) < MIN_ORDINATES * 2 ** (FLAT_OCTAVES + 2):
+    power = np.abs(np.fft.rfft((y - y.mean()) * np.hanning(len(y)))[1:]) ** 2 if len(y) else y
+    lowest = round(min(SLOWEST_MOTION * interval, 0.5 ** (FLAT_OCTAVES + 1)) * len(y))
+    edges = lowest * 2 ** np.arange(FLAT_OCTAVES + 1)
+    if lowest // 2 < MIN_ORDINATES:
         return 1.0
-    power = np.abs(np.fft.rfft((y - y.mean()) * np.hanning(len(y)))[1:-1]) ** 2
-    octaves, top = [], len(power)
-    while top // 2 >= MIN_ORDINATES:
-        octaves.append(power[top // 2 : top])
-        top //= 2
-    level = np.array([float(one.mean()) for one in octaves])
-    flat = level[:FLAT_OCTAVES]
+    # the median of ordinates, which are exponential, does not see lines
+    flat = np.array([np.median(power[a:b]) / math.log(2.0) for a, b in pairwise(edges.tolist())])
     if flat.min() <= 0.0 or flat.max() > MAX_STEP * flat.min():
         return 1.0
-    below = level[FLAT_OCTAVES:] / flat.mean()
-    count = np.array([len(one) for one in octaves[FLAT_OCTAVES:]]) / 2.0  # a window makes two ordinates one
-    least = int(np.argmin(below))
-    chance = float(gammainc(count[least], count[least] * below[least]))
-    return float(1.0 / below[least]) if chance < MAX_P_VALUE and below[least] * WRONG_FACTOR**2 < 1.0 else 1.0
+    least, chance, top = 1.0, 1.0, lowest
+    while top // 2 >= MIN_ORDINATES:
+        ratio = float(power[top // 2 : top].mean() / flat.mean())
+        count = 0.5 * (top - top // 2)  # a window makes two ordinates one
+        if ratio < least:
+            least, chance = ratio, float(gammainc(count, count * ratio))
+        top //= 2
+    return 1.0 / least if chance < MAX_P_VALUE and least * WRONG_FACTOR**2 < 1.0 else 1.0

@@ -6,10 +6,11 @@ that of
 
     m₁ or more of m₁ + m₂ in a binomial law of probability 1/4
 
-for any noise, however heavy its tails. d is the distance from the median of the samples beside it, in units of the
-usual distance of neighbours near by, at least a step of the quantizer, so that neither slow noise nor noise that swells
-takes part. A sample is alone where most of those beside it are right: what lasts is a motion, or a burst. Where all of
-these take longer than a hand may move, nothing is said.
+for any noise whose tails have begun there: L has to lie beyond 6 sds of all that is left. d is the distance from the
+medians of the samples before and behind it, the smaller of both, in units of the usual distance of neighbours near by
+that differ: neither steps nor slow noise nor noise that swells takes part. A sample is alone where most of those beside
+it are right: what lasts is a motion, or a burst. Where many lie side by side, or all of these take longer than a hand
+may move, nothing is said.
 
 A filter meets a wrong reading as an outlier, for its gate; it is no noise, and no motion. Where wrong readings have a
 share of the variance that changes the noise, they are left out before either is judged.
@@ -31,7 +32,7 @@ from tuner.segments.error_codes import with_other_rows
 from tuner.types.records import Record
 
 SAMPLES_BESIDE = 4
-"""Samples on either side by whose median one is judged."""
+"""Samples on either side by whose medians one is judged."""
 SHORTEST_MOVEMENT = 1.0
 """Time that a movement by hand takes, s."""
 NEAR_BY = 256
@@ -40,6 +41,12 @@ TRIED_LEVELS = 8.0 * math.sqrt(2.0) ** np.arange(24)
 """Distances L that are tried, in usual ones: nearer ones lie within what a law of noise may have."""
 LEAST_JUMP = 3.0
 """Distance from a neighbour, in usual ones, that a sample at half the nearest L has."""
+MIN_ALONE, MAX_SHARE = 0.7, 0.05
+"""Share of the samples beyond L that stand alone, and of all samples that are beyond: more are a process of its own."""
+LEAST_SDS = 6.0
+"""Distance of a wrong reading in sds of all that is left."""
+NORMAL_CHANGE = 0.954
+"""Median distance of neighbours ÷ sd of normal samples."""
 MAX_P_VALUE = 1e-6
 """Chance of wrong readings in noise: with all levels and axes of a log a thousandth at most."""
 HEAVIEST_TAIL = 0.25
@@ -100,15 +107,19 @@ def _of_axis(axis: str, y: FloatArray) -> WrongReadings | None:
     if len(values) <= NEAR_BY:
         return None
     change = np.abs(np.diff(values))
-    usual = _usual(change, float(change.min()))
+    usual = _usual(change)
     jump = np.maximum(np.append(change, 0.0), np.append(0.0, change))
     near = np.arange(-SAMPLES_BESIDE, SAMPLES_BESIDE + 1)
 
     def off_at(places: IntArray) -> FloatArray:
-        middle = np.clip(places, SAMPLES_BESIDE, len(values) - 1 - SAMPLES_BESIDE)
-        beside: FloatArray = np.median(values[middle[:, None] + np.delete(near, SAMPLES_BESIDE)], axis=1)
-        off: FloatArray = values[places] - beside
-        return off
+        """Return the distances from the samples before and behind, the smaller of both; 0 between two levels."""
+        middle = np.clip(places, SAMPLES_BESIDE, len(values) - 1 - SAMPLES_BESIDE)[:, None]
+        before, behind = (
+            values[places] - np.median(values[middle + side], axis=1)
+            for side in (near[:SAMPLES_BESIDE], near[SAMPLES_BESIDE + 1 :])
+        )
+        smaller = np.where(np.abs(before) < np.abs(behind), before, behind)
+        return np.asarray(np.where(before * behind > 0.0, smaller, 0.0))
 
     far = np.flatnonzero(jump > LEAST_JUMP * usual)
     far = far[np.abs(off_at(far)) > 0.5 * TRIED_LEVELS[0] * usual[far]]
@@ -119,24 +130,31 @@ def _of_axis(axis: str, y: FloatArray) -> WrongReadings | None:
     is_far[far] = distance > 0.5 * TRIED_LEVELS[0]
     many = np.convolve(is_far, np.ones(len(near)), "same")[far] - is_far[far]
     alone = is_far[far] & (many < SAMPLES_BESIDE)
+    every, ordered = np.sort(distance), np.sort(distance[alone])
     far, off, distance = far[alone], off[alone], distance[alone]
-    ordered = np.sort(distance)
-    beyond, half = (
-        len(ordered) - np.searchsorted(ordered, x * TRIED_LEVELS, side="right") for x in (1.0, 0.5)
-    )
+    beyond, half = (_beyond(ordered, x) for x in (1.0, 0.5))
     chance = np.where(beyond > 0, bdtrc(beyond - 1.0, np.maximum(half, 1), HEAVIEST_TAIL), 1.0)
-    sure = np.flatnonzero(chance < MAX_P_VALUE)
-    if not len(sure):
+    single = (beyond >= MIN_ALONE * _beyond(every, 1.0)) & (beyond <= MAX_SHARE * len(values))
+    for level in TRIED_LEVELS[(chance < MAX_P_VALUE) & single]:
+        rows = np.zeros(len(values), dtype=bool)
+        rows[far[distance > level]] = True
+        noise = 0.5 * float(np.mean(np.square(change[~(rows[1:] | rows[:-1])])))
+        if level * float(np.median(usual)) > LEAST_SDS * math.sqrt(noise):  # apart from all that is left
+            break
+    else:
         return None
-    wrong = distance > TRIED_LEVELS[sure[0]]
-    noise = 0.5 * float(np.mean(np.square(change[change < TRIED_LEVELS[0] * usual[1:]])))
+    wrong = distance > level
     more = float(np.sum(np.square(off[wrong]))) / (noise * len(y))
-    rows = np.zeros(len(values), dtype=bool)
-    rows[far[wrong]] = True
-    if math.sqrt(1.0 + more) < 1.0 + SHOWN_CHANGE or _cut_off(off[wrong], _about_level(values)[~rows]):
+    left = _about_level(values)[~is_far]
+    if math.sqrt(1.0 + more) < 1.0 + SHOWN_CHANGE or _cut_off(off[wrong], left):
         return None
     rows = rows[np.cumsum(new) - 1]  # with what repeats them
-    return WrongReadings(axis, rows, np.abs(off[wrong]), float(chance[sure[0]]))
+    return WrongReadings(axis, rows, np.abs(off[wrong]), float(chance[level == TRIED_LEVELS][0]))
+
+
+def _beyond(ordered: FloatArray, factor: float) -> IntArray:
+    """Return how many of sorted distances lie beyond each level, or a part of it."""
+    return len(ordered) - np.searchsorted(ordered, factor * TRIED_LEVELS, side="right")
 
 
 def _cut_off(wrong: FloatArray, right: FloatArray) -> bool:
@@ -152,15 +170,12 @@ def _cut_off(wrong: FloatArray, right: FloatArray) -> bool:
     return 0.5**beyond < MAX_P_VALUE
 
 
-def _usual(change: FloatArray, step: float) -> FloatArray:
-    """Return the usual distance of neighbours at each of them, at least a step; shape (n + 1,)."""
+def _usual(change: FloatArray) -> FloatArray:
+    """Return the usual distance of neighbours at each of them, in sds of normal samples; shape (n + 1,)."""
     blocks = len(change) // NEAR_BY or 1
     size = min(NEAR_BY, len(change))
-    median = (
-        np.median(change[: blocks * size].reshape(blocks, size), axis=1) / 0.954
-    )  # of normal changes, in sds
-    each = np.hypot(median, step)
-    return each[np.minimum(np.arange(len(change) + 1) // size, blocks - 1)]
+    each = np.median(change[: blocks * size].reshape(blocks, size), axis=1) / NORMAL_CHANGE
+    return np.asarray(each[np.minimum(np.arange(len(change) + 1) // size, blocks - 1)])
 
 
 def _about_level(values: FloatArray) -> FloatArray:

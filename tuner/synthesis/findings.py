@@ -8,7 +8,7 @@ gauss_markov, telegraph         the terms are chosen beside a Gauss–Markov pro
 motion                          its stretches are left out: it is no noise of the sensor
 overflow                        its samples are put back by the range of the register
 error_code, wrong readings      other rows near by stand in their place from the first
-step, recovery                  what they add to the samples is taken out: an event is no noise
+step, recovery                  what they add to the samples is taken out where an axis has one: an event is no noise
 all others                      as it is: a filter that does not compensate them meets them; a note says so
 ==============================  ====================================================================
 
@@ -17,6 +17,7 @@ Which term stands for a cause is a fact of its effect (`models.effects.Effect.id
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -42,8 +43,8 @@ from tuner.types.records import Record
 MOTION = "motion"
 """The finding whose stretches tell nothing of the noise of the sensor."""
 EVENTS = ("step", "recovery")
-"""Findings that happened once: no noise, whatever a filter does about them."""
-TAKEN_OUT = (MOTION, "overflow", "error_code", *EVENTS)
+"""Findings that happen once: no noise, whatever a filter does about them; several are a noise of their own."""
+TAKEN_OUT = (MOTION, "overflow", "error_code")
 """Findings that are no longer in the samples when these are identified again."""
 LEFT_OUT = "left_out"
 """Key of the extension of a finding whose samples are left out before any noise is judged."""
@@ -51,9 +52,15 @@ WORTH_SAYING = 1.02
 """Factor up to which nothing is inflated."""
 
 
-def is_no_noise(finding: Finding) -> bool:
-    """Return whether the settings are those of samples without what was found: wrong readings and events."""
-    return finding.cause in EVENTS or LEFT_OUT in finding.extension
+def left_out(findings: Sequence[Finding]) -> list[Finding]:
+    """Return the findings without which the settings are: wrong readings, and events that no axis has two of."""
+    many = Counter(axis for one in findings if one.cause in EVENTS for axis in one.channels)
+    return [
+        one
+        for one in findings
+        if LEFT_OUT in one.extension
+        or (one.cause in EVENTS and all(many[axis] == 1 for axis in one.channels))
+    ]
 
 
 def terms_found(diagnosis: Diagnosis) -> dict[str, tuple[str, ...]]:
@@ -92,12 +99,12 @@ def with_notes_on_findings(
     A filter that does not compensate them meets them, so they stay in its noise. Events outside of the segments of
     `records`, those identified, are not in it.
     """
-    notes = list(identification.notes)
+    notes, gone = list(identification.notes), left_out(diagnosis.findings)
     for axis, channel in identification.channels.items():
         causes = dict.fromkeys(
             f.cause
             for f in diagnosis.findings
-            if axis in f.channels and LEFT_OUT not in f.extension and _in_segments(f, axis, records)
+            if axis in f.channels and f not in gone and _in_segments(f, axis, records)
         )
         left = [cause for cause in causes if cause not in TAKEN_OUT and not _is_identified(cause)]
         if left:

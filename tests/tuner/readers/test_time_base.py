@@ -247,3 +247,25 @@ def test_stamps_of_bursts_are_those_of_arrival_where_nothing_is_lost(kind, rate,
     found = stamped_timebase(stamps)
     assert 1.0 / found.interval == pytest.approx(rate, rel=5e-3)
     assert len(found.segments) > gaps if gaps else len(found.segments) == 1
+
+
+@pytest.mark.parametrize("stamp", [0.0, 0.001, 0.1, 1.0])
+@pytest.mark.parametrize("set_back", ["for good", "and on again soon", "and on again later"])
+def test_rows_follow_one_another_where_a_clock_was_set_back(stamp, set_back):
+    """Payload-SDK issue 433: 1.9 s once a minute; stamps of ms, of 0.1 s and of whole seconds."""
+    if stamp >= 0.1 and set_back != "for good":
+        pytest.skip("the size of the jumps is known to a stamp")
+    t = np.arange(60_000) / 100.0
+    t = t if stamp == 0.0 else np.floor(t / stamp + 1e-9) * stamp
+    if set_back == "for good":
+        t[30_000:] -= 50.0
+    elif set_back == "and on again later":
+        t[30_000:32_000] -= 15.0
+    else:
+        for first in range(3_000, 60_000, 6_000):
+            t[first : first + 95] -= 1.9
+    base = stamped_timebase(t)
+    assert base.interval == pytest.approx(0.01, rel=4e-3)
+    assert base.t[-1] - base.t[0] == pytest.approx(600.0, abs=2.0)
+    assert base.missing == base.duplicates == 0
+    assert base.set_back == (10 if "soon" in set_back else 1)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,7 @@ from tuner.identification import identify
 from tuner.pipeline import identified_again
 from tuner.segments.conditions import at_rest
 from tuner.segments.wrong_readings import find_wrong_readings
+from tuner.synthesis.findings import left_out
 
 COUNT = 100_000
 STEP = 0.25
@@ -53,6 +56,7 @@ def test_single_samples_far_off_are_found_and_the_noise_is_that_without(share, s
         np.exp(noise(9)),
         noise(10) + np.where(np.arange(COUNT) % 3000 < 5, 30.0, 0.0),
         np.mod(noise(11) + 17.5, 20.0),
+        0.02 * noise(1) + np.cumsum(np.where(rows(5, 2e-4), 1.0, 0.0) * noise(6)),
     ],
     ids=[
         "white",
@@ -66,6 +70,7 @@ def test_single_samples_far_off_are_found_and_the_noise_is_that_without(share, s
         "skewed",
         "bumps",
         "overflow",
+        "steps",
     ],
 )
 def test_noise_bursts_bumps_and_what_a_register_wraps_are_no_wrong_readings(y):
@@ -93,3 +98,16 @@ def test_a_step_that_is_named_is_no_random_walk():
     (axis,) = log.axes
     assert found.channels[axis].model.allan_variance(np.array([100.0]))[0] > 1e-2
     assert again.channels[axis].model.allan_variance(np.array([100.0]))[0] < 1e-6
+
+
+def test_several_steps_of_an_axis_are_noise():
+    """A bias that jumps every two minutes: without its steps the random walk would be a third of what it is."""
+    jumps = np.where(np.random.default_rng(5).random(COUNT) < 1e-4, 1.0, 0.0) * noise(6)
+    log = record((0.02 * noise(1) + np.cumsum(jumps))[:, None])
+    found = identify((log,))
+    steps = [replace(one, cause="step") for one in diagnose(log, identification=found).findings[:1]] * 2
+    assert left_out(steps[:1]) == steps[:1]
+    assert left_out(steps) == []
+    (same,), again = identified_again((log,), found, steps, terms=None, latitude=None)
+    assert same is log
+    assert again is found

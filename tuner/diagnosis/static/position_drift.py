@@ -32,7 +32,7 @@ from tuner.curves.allan import overlapping_allan
 from tuner.diagnosis.static.causes.temperature import COVARIATE
 from tuner.diagnosis.static.channel import BLOCK_COUNT
 from tuner.diagnosis.static.model.covariate import code_step, smoothed, typical_repeats
-from tuner.synthesis.findings import EVENTS, without_motion
+from tuner.synthesis.findings import EVENTS, left_out, without_motion
 from tuner.types import Finding
 from tuner.types.records import Record
 
@@ -217,7 +217,7 @@ def found_signals(
 
 def without_events(record: Record, findings: Sequence[Finding]) -> Record:
     """Return a record without what events that were found add to its samples, which is no noise, and say so."""
-    signals = found_signals([finding for finding in findings if finding.cause in EVENTS], [record])
+    signals = found_signals([one for one in left_out(findings) if one.cause in EVENTS], [record])
     if not signals:
         return record
     y = record.y.copy(order="F")
