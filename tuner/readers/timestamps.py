@@ -136,7 +136,9 @@ def _gone_on(t: FloatArray, behind: IntArray) -> tuple[FloatArray, int]:
         if abs(mended[behind_it] - goes_on) < abs(mended[behind_it] + late - goes_on):
             end += int(np.argmax(np.diff(t[end - 1 : behind_it + 1])))
         else:
-            on = np.abs(np.diff(mended[end:]) - late - usual) < max(_SET_ON_ROWS * usual, _SET_ON_SHARE * late)
+            on = np.abs(np.diff(mended[end:]) - late - usual) < max(
+                _SET_ON_ROWS * usual, _SET_ON_SHARE * late
+            )
             end = end + 1 + int(np.argmax(on)) if on.any() else len(t)
         mended[first:end] += late
         back += 1
