@@ -12,6 +12,7 @@ References
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -21,6 +22,8 @@ from scipy.special import betainc, fdtrc, gammainc, gammaincc, gammaincinv, ndtr
 from models.arrays import FloatArray
 
 Numbers = TypeVar("Numbers", float, FloatArray)
+MEDIAN_OVER_MEAN_SD = math.sqrt(0.5 * math.pi)
+"""Sd of the median ÷ that of the mean of normal values."""
 
 
 def normal_below(z: float) -> float:
@@ -65,6 +68,12 @@ def chi2_quantile(p: float, freedom: Numbers) -> Numbers:
     """Return what χ² is below with the chance `p`, for each number of degrees of freedom."""
     found: Numbers = 2.0 * gammaincinv(0.5 * freedom, p)
     return found
+
+
+def poisson_interval(count: int) -> tuple[float, float]:
+    """Return the 95 % interval of the mean of a Poisson law from one count (Garwood 1936)."""
+    low, high = (0.5 * chi2_quantile(p, 2.0 * n) for p, n in ((0.025, count), (0.975, count + 1)))
+    return float(low), float(high)
 
 
 def student_quantile(p: float, freedom: Numbers) -> Numbers:

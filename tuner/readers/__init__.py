@@ -18,7 +18,7 @@ import numpy as np
 from tuner.formats.guard import input_guard
 from tuner.readers import hdf5, kitti, mat, npz, parquet, phone_folders, text
 from tuner.readers.allan_curve import is_curve, read_curve
-from tuner.readers.assemble import checked, even, plan_of
+from tuner.readers.assemble import Plan, checked, even, plan_of
 from tuner.readers.block_means import read_means, reduction
 from tuner.readers.column_mapping import parse_columns
 from tuner.readers.columns import Listing, Progress, digest
@@ -131,7 +131,7 @@ def read(
         try:
             listing, identity = list_table(path)
             try:
-                return between(_records(listing, options, identity), begin, end)
+                return between(_records(listing, plan_of(listing, options), identity, options), begin, end)
             except Refusal as refusal:
                 raise DataError(advised(refusal, listing, options)) from None
         except DataError as error:
@@ -152,10 +152,11 @@ def read(
     listing = columns_of(path, progress, unit_name)
     with input_guard(path, "a log"), np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         try:
-            how = reduction(listing, plan_of(listing, options), memory)
+            plan = plan_of(listing, options)
+            how = reduction(listing, plan, memory)
             if how is not None:
-                return read_means(listing, plan_of(listing, options), digest(path), options, how, begin, end)
-            records = _records(listing, options, digest(path))
+                return read_means(listing, plan, digest(path), options, how, begin, end)
+            records = _records(listing, plan, digest(path), options)
         except Refusal as refusal:
             raise DataError(advised(refusal, listing, options)) from None
         if unit_name:
@@ -163,12 +164,14 @@ def read(
         return between(records, begin, end)
 
 
-def _records(listing: Listing, options: Options, identity: str) -> tuple[Record, ...]:
+def _records(listing: Listing, plan: Plan, identity: str, options: Options) -> tuple[Record, ...]:
     """Return the records of a listing; sensors that stand in different rows each by itself, with a clock of its own."""
-    plan = plan_of(listing, options)
     try:
         return checked(listing, plan, even(listing, plan, identity, options), options)
     except RowsApart as apart:
-        columns = ({**(options.columns or {}), **change.columns} for change in apart.changes)
-        each = (_records(listing, replace(options, columns=one), identity) for one in columns)
+        alone = (
+            replace(options, columns={**(options.columns or {}), **change.columns})
+            for change in apart.changes
+        )
+        each = (_records(listing, plan_of(listing, one), identity, one) for one in alone)
         return tuple(record for records in each for record in records)

@@ -96,11 +96,11 @@ def dead_zone(y: FloatArray) -> float:
 def high_pass(pieces: Iterable[FloatArray], interval: float) -> float:
     """Return white power ÷ the least of an octave below it, of the longest of pieces (n,); 1 where nothing is less."""
     y = max(pieces, key=len, default=np.zeros(0))
-    power = np.abs(np.fft.rfft((y - y.mean()) * np.hanning(len(y)))[1:]) ** 2 if len(y) else y
     lowest = round(min(SLOWEST_MOTION * interval, 0.5 ** (FLAT_OCTAVES + 1)) * len(y))
     edges = lowest * 2 ** np.arange(FLAT_OCTAVES + 1)
     if lowest // 2 < MIN_ORDINATES:
         return 1.0
+    power = np.abs(np.fft.rfft((y - y.mean()) * np.hanning(len(y)))[1:]) ** 2
     # the median of ordinates, which are exponential, does not see lines
     flat = np.array([np.median(power[a:b]) / math.log(2.0) for a, b in pairwise(edges.tolist())])
     if flat.min() <= 0.0 or flat.max() > MAX_STEP * flat.min():

@@ -172,13 +172,12 @@ def _cut_off(wrong: FloatArray, right: FloatArray) -> bool:
 
 def _usual(change: FloatArray) -> FloatArray:
     """Return the usual distance of neighbours at each of them, in sds of normal samples; shape (n + 1,)."""
-    blocks = len(change) // NEAR_BY or 1
-    size = min(NEAR_BY, len(change))
-    each = np.median(change[: blocks * size].reshape(blocks, size), axis=1) / NORMAL_CHANGE
-    return np.asarray(each[np.minimum(np.arange(len(change) + 1) // size, blocks - 1)])
+    blocks = len(change) // NEAR_BY
+    each = np.median(change[: blocks * NEAR_BY].reshape(blocks, NEAR_BY), axis=1) / NORMAL_CHANGE
+    return np.asarray(each[np.minimum(np.arange(len(change) + 1) // NEAR_BY, blocks - 1)])
 
 
 def _about_level(values: FloatArray) -> FloatArray:
     """Return samples less the median of those near by."""
-    pieces = np.array_split(values, max(len(values) // NEAR_BY, 1))
+    pieces = np.array_split(values, len(values) // NEAR_BY)
     return np.concatenate([piece - np.median(piece) for piece in pieces])

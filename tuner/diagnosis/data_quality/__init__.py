@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.arrays import FloatArray
-from models.probability import chi2_quantile
+from models.probability import MEDIAN_OVER_MEAN_SD, poisson_interval
 from tuner.diagnosis.data_quality.copied_samples import Lines, Packets, find_lines, find_packets
 from tuner.diagnosis.data_quality.copied_stretches import find_copied_stretches
 from tuner.diagnosis.data_quality.frozen import Frozen, cut, frozen, together
@@ -36,8 +36,6 @@ from tuner.types import Coefficient
 from tuner.types.clock import HALF_INTERVAL
 from tuner.types.records import Record
 
-MEDIAN_OVER_MEAN_SD = math.sqrt(0.5 * math.pi)
-"""Sd of the median ÷ that of the mean of normal values."""
 MIN_JITTER = 1e-3
 """Jitter of the time stamps that is a finding, share of the interval.
 
@@ -149,7 +147,7 @@ def without_codes(record: Record) -> tuple[Record, tuple[DataQualityTest, ...]]:
 def _wrong_test(record: Record, found: WrongReadings) -> DataQualityTest:
     """Return the test of wrong readings of an axis: how many a second, and their median size."""
     count, size = len(found.sizes), float(np.median(found.sizes))
-    low, high = (float(0.5 * chi2_quantile(p, 2.0 * n)) for p, n in ((0.025, count), (0.975, count + 1)))
+    low, high = poisson_interval(count)
     seconds = len(record) * record.interval
     half = HALF_INTERVAL * MEDIAN_OVER_MEAN_SD * float(np.std(found.sizes)) / math.sqrt(count)
     parameters = {

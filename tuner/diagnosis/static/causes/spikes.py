@@ -15,7 +15,13 @@ from scipy.special import expit
 
 from models.arrays import FloatArray, SignedArray
 from models.effects.static.events import Spikes as Effect
-from models.probability import chi2_quantile, normal_beyond, normal_density, poisson_at_least
+from models.probability import (
+    MEDIAN_OVER_MEAN_SD,
+    normal_beyond,
+    normal_density,
+    poisson_at_least,
+    poisson_interval,
+)
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.fitted_channel import FittedChannel
@@ -118,9 +124,9 @@ def extension(fitted: FittedChannel) -> Spikes:
 def _taken_out(places: SignedArray, sizes: FloatArray, span: float, white: float, by_chance: float) -> Spikes:
     """Return spikes at these places, of these sizes in noise of a white sd; so many are there by chance."""
     count = len(places)
-    low, high = (float(0.5 * chi2_quantile(p, 2.0 * n)) for p, n in ((0.025, count), (0.975, count + 1)))
+    low, high = poisson_interval(count)
     middle = float(np.median(sizes))
-    spread = (1.2533 * float(np.std(sizes)) + white) / float(np.sqrt(max(count, 1)))
+    spread = (MEDIAN_OVER_MEAN_SD * float(np.std(sizes)) + white) / float(np.sqrt(max(count, 1)))
     return Spikes(
         tuple(places.tolist()),
         values={
