@@ -38,7 +38,7 @@ from tuner.types.borrowed import borrowed_words
 from tuner.types.coefficient import hours_needed
 from tuner.types.consistency import Check, Consistency
 from tuner.types.diagnosis import START
-from tuner.types.honesty import claims, is_off, need_text, shows_dishonesty
+from tuner.types.honesty import claims, is_off, need_text, off_reasons, shows_dishonesty
 from tuner.types.judgement import Judgement, Reason, Use, judged
 from tuner.types.prediction import BlockSource, PredictedBlock
 
@@ -302,9 +302,9 @@ def _of_scores(found: Consistency, where: str) -> Iterator[Reason]:
         yield Reason(Use.DO_NOT_USE, f"{where} {verdict.reasons[0]}")
     elif verdict.use in (Use.OPTIMISTIC, Use.PESSIMISTIC):
         off = [one for one in claims(found) if is_off(one) and one.name != "attitude"]
-        far = any(_far(one.ratio, TOLERATED_RATIO) for one in off)
+        far = off_reasons(found, [one for one in off if _far(one.ratio, TOLERATED_RATIO)])
         use = Use.DO_NOT_USE if far else Use.USABLE_EXCEPT
-        yield Reason(use, f"{where} {verdict.reasons[0]}")
+        yield Reason(use, f"{where} {far[0].text if far else verdict.reasons[0]}")
     elif verdict.use is Use.TOO_SHORT:
         scores = [one for one in claims(found) if not shows_dishonesty(one)]
         yield Reason(

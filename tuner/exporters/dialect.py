@@ -12,6 +12,7 @@ Another package names it in its ``pyproject.toml``::
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -30,7 +31,11 @@ from tuner.synthesis.projection import (
 from tuner.types import ChannelNoise, FilterConfig
 
 DEFAULT_TIME_CONSTANT = 3600.0
-"""Time constant, s, of one-state targets where the configuration has no Gauss–Markov state."""
+"""Time constant, s, of simulators with one state where the configuration has no Gauss–Markov state."""
+LASTING_TIME = 86400.0
+"""Time constant, s, with which the one state of a filter is a random walk: a day is longer than drives."""
+WALK_SD = math.sqrt(0.5 * LASTING_TIME)
+"""σ of that state ÷ K of the random walk that it is, √s."""
 
 
 @dataclass(frozen=True)
@@ -45,8 +50,6 @@ class Target:
         Prediction step of the filter, s, where it was named; a dialect knows its filter's own.
     aiding : Aiding
         Fixes that it usually gets.
-    fading_time : float or None
-        Time constant, s, of the one state that stands for its bias; None where that is a random walk.
     rate_named : bool
         Whether `interval` was named, or is that of the log.
     shared : bool
@@ -56,7 +59,6 @@ class Target:
     interval: float
     step: float | None = None
     aiding: Aiding = GNSS
-    fading_time: float | None = None
     rate_named: bool = False
     shared: bool = False
 
@@ -67,7 +69,7 @@ class Target:
 
     def pair(self, channel: ChannelNoise) -> Projected:
         """Return the two numbers of an axis with which it predicts best."""
-        return projected(channel, self.aiding, self.fading_time)
+        return projected(channel, self.aiding)
 
     def pairs(self, channels: tuple[ChannelNoise, ...]) -> tuple[Projected, ...]:
         """Return the two numbers that it is given for each axis of a sensor."""
@@ -77,14 +79,14 @@ class Target:
 
     def errors(self, channel: ChannelNoise, pair: Projected) -> dict[str, float]:
         """Return true ÷ predicted sd of each quantity with two numbers of an axis, by its name."""
-        return errors_by_prediction(channel, self.aiding, pair, self.fading_time)
+        return errors_by_prediction(channel, self.aiding, pair)
 
     def white_density(self, channel: ChannelNoise) -> float:
         """Return the white noise with which it predicts best, unit/√Hz."""
         return self.pair(channel).white_density
 
     def bias(self, channel: ChannelNoise) -> float:
-        """Return the density of the random walk with which it predicts best, unit/√s, or σ of its one state, unit."""
+        """Return the density of the random walk with which it predicts best, unit/√s."""
         return self.pair(channel).bias
 
 
@@ -107,8 +109,6 @@ class Dialect:
         them is refused. Empty where the settings of one sensor stand alone.
     aiding : Aiding
         Fixes that the program usually gets, by its documentation or its examples.
-    fading : bool
-        Whether its biases are Gauss–Markov states of one time constant; else they are random walks.
     shared : bool
         Whether it has one number for the axes of a sensor.
     """
@@ -119,31 +119,23 @@ class Dialect:
     write: Callable[[FilterConfig, Target], str]
     needs: tuple[str, ...] = ("gyro", "accel")
     aiding: Aiding = GNSS
-    fading: bool = False
     shared: bool = False
 
     def target(
         self, config: FilterConfig, interval: float | None = None, step: float | None = None
     ) -> Target:
         """Return the filter that reads the settings, at the rate of the log unless another is named."""
-        time = longest_time(config) if self.fading else None
         named = interval is not None
-        return Target(interval or config.interval, step, self.aiding, time, named, self.shared)
+        return Target(interval or config.interval, step, self.aiding, named, self.shared)
 
 
 def longest_time(config: FilterConfig) -> float:
-    """Return the longest time constant of the configuration, s, for targets with one.
+    """Return the longest time constant of the configuration, s, for simulators with one.
 
-    It is 1 h without states that outlast the longest time without fixes: shorter ones act as white noise, and a filter
-    whose bias fades between two fixes is unstable.
+    It is 1 h without states that outlast the longest time without fixes: shorter ones act as white noise.
     """
-    return rounded(max(lasting_times(config), default=DEFAULT_TIME_CONSTANT))
-
-
-def lasting_times(config: FilterConfig) -> list[float]:
-    """Return the time constants of states that outlast the longest time without fixes, s."""
     times = (state.time_constant for channel in config.channels.values() for state in channel.markov)
-    return [time for time in times if time > HORIZONS[-1]]
+    return rounded(max((time for time in times if time > HORIZONS[-1]), default=DEFAULT_TIME_CONSTANT))
 
 
 def _check(dialect: object) -> None:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-from tuner.exporters.dialect import Target, lasting_times
+from tuner.exporters.dialect import Target
 from tuner.exporters.triad_values import triad
 from tuner.formats.customary_units import phrase
 from tuner.synthesis.error_growth import structure_function
-from tuner.synthesis.projection import HORIZONS, STILL_SHARE, STILL_TIME, BiasModel, Projected
+from tuner.synthesis.projection import STILL_SHARE, STILL_TIME, BiasModel, Projected
 from tuner.synthesis.sufficient import unstated_terms
 from tuner.types import Coefficient, FilterConfig
 from tuner.types.borrowed import borrowed_words, white_is_measured
@@ -84,21 +84,17 @@ def _projected_words(config: FilterConfig, target: Target, loaded: Iterable[str]
     """Yield what stands for the noise of each axis, and how well a filter predicts with it."""
     axes = {sensor: channels for sensor in loaded if (channels := triad(config, sensor))}
     pairs = {sensor: target.pairs(channels) for sensor, channels in axes.items()}
-    if target.fading_time is not None:
-        assumed = "" if lasting_times(config) else f" (ASSUMED: none is longer than {HORIZONS[-1]:g} s)"
-        what = f"one T = {target.fading_time:g} s for all states{assumed}"
-        name, quantity = "σ", "gauss_markov.sd"
-    elif any(channel.markov for channels in axes.values() for channel in channels):
-        what, name, quantity = "Gauss–Markov states are in N and K", "K", "random_walk.density"
+    if any(channel.markov for channels in axes.values() for channel in channels):
+        what = "Gauss–Markov states are in N and K"
     elif any(len(set(map(BiasModel.of, channels))) > 1 for channels in axes.values()) and target.shared:
-        what, name, quantity = "one N and one K for all axes", "K", "random_walk.density"
+        what = "one N and one K for all axes"
     else:
         return
     yield f"{what}; a filter that is aided by {target.aiding.words} (assumed) predicts best with"
     for sensor, channels in axes.items():
         words = [
             f"N = {_figure(pair.white_density, 'white.density', channel.unit)}, "
-            f"{name} = {_figure(pair.bias, quantity, channel.unit)}"
+            f"K = {_figure(pair.bias, 'random_walk.density', channel.unit)}"
             for channel, pair in zip(channels, pairs[sensor], strict=True)
         ]
         if target.shared:

@@ -9,10 +9,13 @@ filter C::
 
     J(s) = mean of  ln det C + tr C⁻¹ (d dᵀ + P)        d = x − x̂
 
-over position and velocity with fixes and the position after 10 and 60 s without, equally weighted. No filter sees an
-error of all fixes that outlasts the drive. Without a reference P holds it as the variance that the receiver states and
-that does not show from fix to fix (`unseen_sds`): what is unknown is not zero. The log score is
-proper: it rewards small errors and punishes dishonesty of both kinds [1]_.
+over position and velocity with fixes and the position after 10 and 60 s without, equally weighted. By the same score
+white noise, walk of the biases and scale factors of all axes get a factor each: built-in grades, which stand in for
+what nobody measured, are too coarse or too fine for a unit by as much. A factor f costs (ln f / ln 3)² over the number
+of blocks with fixes: the noise of a class is known to a factor of 3, and a short drive changes little of it. No filter
+sees an error of all fixes that outlasts the drive. Without a reference P holds it as the variance that the receiver
+states and that does not show from fix to fix (`unseen_sds`): what is unknown is not zero. The log score is proper: it
+rewards small errors and punishes dishonesty of both kinds [1]_.
 
 References
 ----------
@@ -25,6 +28,7 @@ import math
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -41,6 +45,8 @@ from tuner.examination.examine import StreamNoise
 from tuner.examination.examined_drive import examined_drive
 from tuner.exporters.kf_gins_drive import DriveFiles, drive_files, truth_rows, write_drive
 from tuner.formats.customary_units import digits
+from tuner.formats.digits import rounded
+from tuner.formats.yaml_text import Inline, Noted
 from tuner.judgement import judge_export
 from tuner.navigation.compensation import compensate, with_stated_arm
 from tuner.navigation.data import GATED, Solution
@@ -61,6 +67,10 @@ TRIED_SDS = (0.0, *np.geomspace(0.1, 1000.0, 17).tolist())
 """Values of s that are tried, in medians of the sds of the fixes."""
 SCORED = 0.0, 10.0, 60.0
 """Times without fixes by whose errors s is chosen, s."""
+NOISE_SPREAD = 3.0
+"""Factor by which the noise of a unit differs from what is known of its class, one sd."""
+NOISE_STEPS = (3.0, 3.0**0.5)
+"""Factors by which noise is moved: its root is what the outages of a drive tell apart."""
 PARTS = (slice(0, 2), slice(2, 3))
 """Components that are horizontal and vertical."""
 NO_WINDOWS = np.zeros((0, 2))
@@ -135,8 +145,8 @@ def judged_drive(
         path = Path(folder) / "kf-gins.yaml"
         write_drive(files, path)
         stretch, settings = as_read(path)
-    added = added_sds(stretch, settings, known)
-    files, stretch = _with_added(files, added), _wider(stretch, added)
+    best = chosen(stretch, settings, known)
+    files, (stretch, settings) = _with_chosen(files, best), best.of(stretch, settings)
     pairs = compared(stretch, settings, known)
     alone = fixes_alone(stretch, known)
     verdict = judge_export(consistency(pairs, 1.0 - len(files.fixes) / count), pairs[0].rms, alone)
@@ -240,7 +250,12 @@ class Compared:
     @property
     def rms(self) -> float:
         """Rms error of the position in three axes, what is unknown of the truth included, m."""
-        return math.sqrt(float(np.mean(np.sum(self.error[:, :3] ** 2 + self.unknown[:, :3], axis=1))))
+        return math.sqrt(float(np.mean(np.sum(self.spread[:, :3] ** 2, axis=1))))
+
+    @property
+    def spread(self) -> FloatArray:
+        """Rms errors, what is unknown of the truth included, shape (r, c)."""
+        return np.asarray(np.sqrt(self.error**2 + self.unknown))
 
     def squares(self, own: slice) -> FloatArray:
         """Return tr C⁻¹ (d dᵀ + P) of some components, shape (r,)."""
@@ -258,13 +273,18 @@ class Compared:
         return total
 
 
-def compared(stretch: Stretch, settings: FilterSettings, known: Reference) -> tuple[Compared, ...]:
-    """Return what a filter errs and predicts with fixes, and after 10, 30 and 60 s without."""
+def compared(
+    stretch: Stretch,
+    settings: FilterSettings,
+    known: Reference,
+    lengths: Sequence[float] = OUTAGE_LENGTHS,
+) -> tuple[Compared, ...]:
+    """Return what a filter errs and predicts with fixes, and after some times without, s."""
     (whole,) = navigate((stretch,), settings, NO_WINDOWS)
     groups = [rows for _, rows in blocks(whole, settled(stretch, whole))]
     expect_settled(bool(groups), "what would be written", [float(np.ptp(whole.t))])
     found = [_compared(0.0, whole, np.concatenate(groups), known, [len(rows) for rows in groups])]
-    for length in OUTAGE_LENGTHS:
+    for length in lengths:
         windows = np.array(outage_windows((stretch,), length)).reshape(-1, 2)
         (run,) = navigate((stretch,), settings, windows)
         inside = (run.t[:, None] > windows[:, 0]) & (run.t[:, None] <= windows[:, 1])
@@ -291,8 +311,49 @@ def _compared(
     )
 
 
-def added_sds(stretch: Stretch, settings: FilterSettings, known: Reference) -> tuple[float, float]:
-    """Return the sds horizontal and vertical, m, that fixes need in a filter without states of the receiver.
+@dataclass(frozen=True)
+class Chosen:
+    """What a filter gets instead of the states that it lacks.
+
+    Attributes
+    ----------
+    added : tuple of 2 floats
+        Sds added to those of the fixes, horizontal and vertical, m (root of the sum of squares).
+    white, bias, scale : float
+        Factors on white noise, on what drives the biases, and on the sds of scale factors at the start, all axes.
+    """
+
+    added: tuple[float, float] = (0.0, 0.0)
+    white: float = 1.0
+    bias: float = 1.0
+    scale: float = 1.0
+
+    @property
+    def factors(self) -> FloatArray:
+        """All factors, shape (3,)."""
+        return np.array([self.white, self.bias, self.scale])
+
+    def of(self, stretch: Stretch, settings: FilterSettings) -> tuple[Stretch, FilterSettings]:
+        """Return a stretch and a filter with it."""
+        model, at = settings.model, settings.model.layout
+        drive, first = model.driving_density.copy(), settings.initial_sd.copy()
+        for sensor in ("gyro", "accel"):
+            for block in (f"{sensor}_bias", f"{sensor}_markov"):
+                if block in at:
+                    drive[at[block]] *= self.bias
+            if f"{sensor}_scale" in at:
+                first[at[f"{sensor}_scale"]] *= self.scale
+        model = replace(
+            model,
+            gyro_density=self.white * model.gyro_density,
+            accel_density=self.white * model.accel_density,
+            driving_density=drive,
+        )
+        return _wider(stretch, self.added), replace(settings, model=model, initial_sd=first)
+
+
+def chosen(stretch: Stretch, settings: FilterSettings, known: Reference) -> Chosen:
+    """Return the settings of the best expected log score: sds first, then noise by steps, then sds again.
 
     Parameters
     ----------
@@ -305,12 +366,31 @@ def added_sds(stretch: Stretch, settings: FilterSettings, known: Reference) -> t
     """
     typical = np.median(stretch.fixes.sd[:, :3], axis=0)
     usual = float(np.sqrt(np.mean(typical[:2] ** 2))), float(typical[2])
-    costs = []
-    for factor in TRIED_SDS:
-        found = compared(_wider(stretch, (factor * usual[0], factor * usual[1])), settings, known)
-        costs.append([sum(one.cost(part) for one in found if one.seconds in SCORED) for part in PARTS])
-    best = np.argmin(np.nan_to_num(np.array(costs), nan=np.inf), axis=0)
-    return TRIED_SDS[best[0]] * usual[0], TRIED_SDS[best[1]] * usual[1]
+
+    def costs(one: Chosen) -> FloatArray:
+        found = compared(*one.of(stretch, settings), known, SCORED[1:])
+        spread = float(np.sum(np.log(one.factors) ** 2)) / math.log(NOISE_SPREAD) ** 2
+        penalty = spread / len(PARTS) / len(found[0].lengths)
+        parts = [sum(each.cost(part) for each in found) + penalty for part in PARTS]
+        return np.asarray(np.nan_to_num(np.array(parts), nan=np.inf))
+
+    def with_sds(one: Chosen) -> Chosen:
+        tried = [(factor * usual[0], factor * usual[1]) for factor in TRIED_SDS]
+        best = np.argmin([costs(replace(one, added=added)) for added in tried], axis=0)
+        return replace(one, added=(tried[best[0]][0], tried[best[1]][1]))
+
+    best = with_sds(Chosen())
+    least = float(costs(best).sum())
+    for step, name in product(NOISE_STEPS, ("bias", "white", "scale")):
+        for factor in (step, 1.0 / step):
+            before = least
+            while (
+                cost := float(costs(moved := replace(best, **{name: factor * getattr(best, name)})).sum())
+            ) < least:
+                best, least = moved, cost
+            if least < before:
+                break
+    return best if (best.factors == 1.0).all() else with_sds(best)
 
 
 def consistency(found: Sequence[Compared], refused: float = 0.0) -> Consistency:
@@ -324,7 +404,7 @@ def consistency(found: Sequence[Compared], refused: float = 0.0) -> Consistency:
         (),
         None,
         tuple(
-            outage_score(one.seconds, list(one.error[:, None]), list(one.covariance[:, None]))
+            outage_score(one.seconds, list(one.spread[:, None]), list(one.covariance[:, None]))
             for one in outages
         ),
         {name: RmsError.of(aided.error[:, own], ERROR_UNITS[name]) for name, own in parts.items()},
@@ -363,18 +443,31 @@ def _wider(stretch: Stretch, added: tuple[float, float]) -> Stretch:
     return replace(stretch, fixes=replace(stretch.fixes, sd=sd))
 
 
-def _with_added(files: DriveFiles, added: tuple[float, float]) -> DriveFiles:
-    """Return files with a variance added to those of the fixes, given as sds horizontal and vertical, m."""
-    if not any(added):
-        return files
-    fixes = files.fixes.copy()
-    fixes[:, 4:] = np.hypot(fixes[:, 4:], [added[0], *added])
-    horizontal, vertical = (digits(one, 2) for one in added)
-    note = (
-        f"sds of the fixes: the receiver's own and, for errors that last, of which KF-GINS has no states, {horizontal} "
-        f"m horizontal and {vertical} m vertical (root of the sum of squares)"
+def _with_chosen(files: DriveFiles, best: Chosen) -> DriveFiles:
+    """Return files with what was chosen for a filter that lacks states."""
+    fixes, notes = files.fixes.copy(), []
+    fixes[:, 4:] = np.hypot(fixes[:, 4:], [best.added[0], *best.added])
+    if any(best.added):
+        horizontal, vertical = (digits(one, 2) for one in best.added)
+        notes.append(
+            "sds of the fixes: the receiver's own and, for errors that last, of which KF-GINS has no states, "
+            f"{horizontal} m horizontal and {vertical} m vertical (root of the sum of squares)"
+        )
+    tree = {**files.tree, "imunoise": dict(files.tree["imunoise"])}
+    changed = (
+        (tree["imunoise"], ("arw", "vrw"), best.white),
+        (tree["imunoise"], ("gbstd", "abstd"), best.bias),
+        (tree, ("initsgstd", "initsastd"), best.scale),
     )
-    return replace(files, fixes=fixes, notes=(*files.notes, note))
+    for own, names, factor in changed:
+        if factor != 1.0:
+            for name in names:
+                values = [rounded(factor * one) for one in own[name].value.value]
+                own[name] = Noted(Inline(values), own[name].note)
+            notes.append(
+                f"{' and '.join(names)} are {digits(factor, 2)} × those of the configuration, as this drive shows"
+            )
+    return replace(files, fixes=fixes, tree=tree, notes=(*files.notes, *notes))
 
 
 def _without(files: DriveFiles, refused: FloatArray) -> DriveFiles:

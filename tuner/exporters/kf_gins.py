@@ -1,9 +1,11 @@
 """KF-GINS ``kf-gins.yaml``: white noise and Gauss–Markov biases with one correlation time.
 
 arw deg/√h = N·(180/π)·60, vrw m/s/√h = N·60, gbstd deg/h = σ·(180/π)·3600, abstd mGal = σ/1e-5, corrtime h = T/3600;
-the filter forms 2σ²/T and lets the variance fade, while it keeps its estimate. Its one T is the longest time constant
-of the configuration (1 h without any); N and σ are those of `tuner.synthesis.projection`. Its one state is the
-whole bias, so the initial sd is that of constant and states together; the sds of scale factors are those of the grade
+the filter forms 2σ²/T and lets the variance fade, while it keeps its estimate. It has one T for biases, which wander,
+and for scale factors, which do not: with that of a bias, a constant of 3 % wanders by 0.01 g within a minute. So T
+is a day: biases are random walks, σ = K·√(T/2), scale factors are constants without noise, and what is
+known of both is in the sds of the start. N and K are those of `tuner.synthesis.projection`. The one state is the
+whole bias, so its initial sd is that of constant and states together; the sds of scale factors are those of the grade
 that the configuration comes from, or of the built-in one whose noise is nearest: a static log does not show them.
 
 `tuner.readers.kf_gins_settings` reads such a file back; `tuner.exporters.kf_gins_drive` writes the drive beside it.
@@ -19,7 +21,7 @@ from collections.abc import Callable
 from typing import Any
 
 from models.units import from_si
-from tuner.exporters.dialect import Dialect, Target, longest_time
+from tuner.exporters.dialect import LASTING_TIME, WALK_SD, Dialect, Target
 from tuner.exporters.header import provenance
 from tuner.exporters.scale_factors import scale_factor
 from tuner.exporters.triad_values import initial_bias_sd, limited, triad, triple
@@ -30,6 +32,8 @@ from tuner.types import ChannelNoise, FilterConfig
 
 TITLE = "KF-GINS: entries of kf-gins.yaml"
 """First line of the file."""
+CONSTANT = Noted(Inline([0.0] * 3), "ppm; constants: what is not known of them is in the sd of the start")
+"""Noise that drives a scale factor."""
 
 
 def write(config: FilterConfig, target: Target) -> str:
@@ -39,7 +43,6 @@ def write(config: FilterConfig, target: Target) -> str:
 
 def entries(config: FilterConfig, target: Target) -> dict[str, Any]:
     """Return the entries as a tree for `yaml_text`."""
-    time_constant = longest_time(config)
     gyro, accel = triad(config, "gyro"), triad(config, "accel")
     noise: dict[str, Any] = {}
     start: dict[str, Any] = {}
@@ -48,22 +51,30 @@ def entries(config: FilterConfig, target: Target) -> dict[str, Any]:
             gyro, lambda c: from_si(target.white_density(c), "deg/sqrt(h)"), "deg/√h; N·(180/π)·60"
         )
         noise["gbstd"] = _axes(
-            gyro, lambda c: from_si(target.bias(c), "deg/h"), limited(config, gyro, "deg/h; σ·(180/π)·3600")
+            gyro,
+            lambda c: from_si(WALK_SD * target.bias(c), "deg/h"),
+            limited(config, gyro, "deg/h; K·√(T/2)·(180/π)·3600"),
         )
-        noise["gsstd"] = _scale(config, "gyro_scale")
+        noise["gsstd"] = CONSTANT
+        start["initsgstd"] = _scale(config, "gyro_scale")
         start["initbgstd"] = _axes(
             gyro, lambda c: from_si(initial_bias_sd(c), "deg/h"), "deg/h; constant and states together"
         )
     if accel:
         noise["vrw"] = _axes(accel, lambda c: from_si(target.white_density(c), "m/s/sqrt(h)"), "m/s/√h; N·60")
         noise["abstd"] = _axes(
-            accel, lambda c: from_si(target.bias(c), "mGal"), limited(config, accel, "mGal; σ/1e-5")
+            accel,
+            lambda c: from_si(WALK_SD * target.bias(c), "mGal"),
+            limited(config, accel, "mGal; K·√(T/2)/1e-5"),
         )
-        noise["asstd"] = _scale(config, "accel_scale")
+        noise["asstd"] = CONSTANT
+        start["initsastd"] = _scale(config, "accel_scale")
         start["initbastd"] = _axes(
             accel, lambda c: from_si(initial_bias_sd(c), "mGal"), "mGal; constant and states together"
         )
-    noise["corrtime"] = Noted(rounded(time_constant / 3600.0), "h; T/3600, one for all states")
+    noise["corrtime"] = Noted(
+        rounded(LASTING_TIME / 3600.0), "h; T, one for all states: biases walk, scale factors stay"
+    )
     first = config.initial
     tilt, heading = rounded(math.degrees(first.tilt)), rounded(math.degrees(first.heading))
     start["initposstd"] = Noted(Inline([rounded(first.position)] * 3), "m; north, east, down")
@@ -82,6 +93,4 @@ def _scale(config: FilterConfig, name: str) -> Noted:
     return Noted(Inline([rounded(1e6 * sd)] * 3), f"ppm; {reason}")
 
 
-DIALECT = Dialect(
-    "kf-gins", "KF-GINS kf-gins.yaml", "deg/√h, m/s/√h, deg/h, mGal, ppm, h", write, aiding=RTK, fading=True
-)
+DIALECT = Dialect("kf-gins", "KF-GINS kf-gins.yaml", "deg/√h, m/s/√h, deg/h, mGal, ppm, h", write, aiding=RTK)

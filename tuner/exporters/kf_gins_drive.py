@@ -318,8 +318,11 @@ def _start(settings: FilterSettings, solution: Solution, k: int) -> dict[str, No
         "initvelstd": (sd[3:6], "m/s; north, east, down"),
         "initattstd": (np.degrees(sd[6:9]), "deg; about north, east, down"),
         "initbgstd": (drifts(sd[9:12]), "deg/h"),
-        "initbastd": (gals(sd[12:]), "mGal"),
+        "initbastd": (gals(sd[12:15]), "mGal"),
     }
+    for name, entry in (("gyro_scale", "initsgstd"), ("accel_scale", "initsastd")):
+        if name in at:
+            values[entry] = 1e6 * sd[at[name]], "ppm"
     return {name: Noted(Inline(value.tolist()), note) for name, (value, note) in values.items()}
 
 

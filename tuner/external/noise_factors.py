@@ -19,7 +19,7 @@ NOISE_FACTORS = ("gyro noise", "accelerometer noise", "bias walks", "fix sds")
 
 def with_two_numbers(config: FilterConfig, dialect: Dialect) -> FilterConfig:
     """Return a configuration with white noise and a random walk alone, for programs that hold no more."""
-    target = replace(dialect.target(config), fading_time=None)
+    target = dialect.target(config)
 
     def reduced(channel: ChannelNoise) -> ChannelNoise:
         start = math.hypot(channel.constant_sd, *(state.sd for state in channel.markov))

@@ -1,7 +1,8 @@
 """Settings of KF-GINS (``kf-gins.yaml``) as a filter configuration, so that one filter runs in both programs.
 
-Each axis becomes one Gauss–Markov state; what the initial sd exceeds it by is a constant; scale factors are states of
-the same time constant.
+Each axis becomes one Gauss–Markov state; what the initial sd exceeds it by is a constant. One that starts below its sd
+is the random walk that it is until it has grown. Scale factors are states of the same time constant, without noise
+constants.
 `tuner.exporters.kf_gins` writes such files.
 """
 
@@ -91,11 +92,11 @@ def _configuration(name: str, stated: _Settings) -> FilterConfig:
         for i, axis in enumerate("xyz"):
             state = GaussMarkov(to_si(sd[i], units[1]), 3600.0 * noise.corrtime)
             first = to_si((start or sd)[i], units[1])
-            constant = math.sqrt(max(first**2 - state.sd**2, 0.0))
+            below = first < state.sd
+            constant = first if below else math.sqrt(first**2 - state.sd**2)
+            walk, states = (state.driving_density, ()) if below else (0.0, (state,))
             channel = f"{sensor}_{axis}"
-            channels[channel] = ChannelNoise(
-                channel, unit, to_si(white[i], units[0]), (state,), 0.0, constant
-            )
+            channels[channel] = ChannelNoise(channel, unit, to_si(white[i], units[0]), states, walk, constant)
     attitude = [to_si(sd, "deg") for sd in stated.initattstd]
     scales = {
         name: 1e-6 * max(of_start or sds)
@@ -113,5 +114,9 @@ def _configuration(name: str, stated: _Settings) -> FilterConfig:
         None,
         notes=("read from settings of KF-GINS",),
         constants=scales,
-        time_constants=dict.fromkeys(scales, 3600.0 * noise.corrtime),
+        time_constants={
+            name: 3600.0 * noise.corrtime
+            for name, density in (("gyro_scale", noise.gsstd), ("accel_scale", noise.asstd))
+            if name in scales and any(density or ())
+        },
     )

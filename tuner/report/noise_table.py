@@ -108,7 +108,7 @@ def entries_tables(config: FilterConfig, files: Iterable[str]) -> list[Table]:
             if key in noise
         ]
         heads = ["x", "y", "z"] if any(len(set(row[1:])) > 1 for row in rows) else ["each axis"]
-        rows.append(["corrtime, h", f"{noise['corrtime'].value:.4g} {ASSUMED}", "", ""])
+        rows.append(["corrtime, h", f"{noise['corrtime'].value:.4g}: a walk", "", ""])
         lines = [row[: 1 + len(heads)] for row in rows]
         tables.append(table_of((f"{FADING}, to enter", *heads), lines, words=4))
     return tables

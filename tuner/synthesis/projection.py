@@ -1,4 +1,4 @@
-"""Settings for a filter with fewer bias states than the model: white noise and a random walk, or one fading state.
+"""Settings for a filter with fewer bias states than the model: white noise and a random walk.
 
 The filter predicts with two numbers an axis; what it then errs follows from the whole model. Both are linear, so that
 the covariance of the filter and that of its true errors are exact, without a simulation. One axis is a chain: the bias
@@ -83,7 +83,7 @@ class Projected:
     white_density : float
         N, unit/√Hz.
     bias : float
-        K of a random walk, unit/√s, or σ of a fading state, unit; never 0.
+        K of a random walk, unit/√s; never 0.
     """
 
     white_density: float
@@ -108,7 +108,7 @@ class BiasModel:
         return cls(3 if channel.axis.startswith("gyro") else 2, squares, channel.markov)
 
 
-def projected(channel: ChannelNoise, aiding: Aiding, fading_time: float | None = None) -> Projected:
+def projected(channel: ChannelNoise, aiding: Aiding) -> Projected:
     """Return the two numbers with which a filter without other states predicts best.
 
     Parameters
@@ -117,21 +117,18 @@ def projected(channel: ChannelNoise, aiding: Aiding, fading_time: float | None =
         Settings of the axis.
     aiding : Aiding
         Fixes that the filter gets.
-    fading_time : float, optional
-        Time constant of the one state that the filter lets fade, s; by default its bias is a random walk.
     """
     least = channel.random_walk_density or still_walk(channel)
-    scale = 1.0 if fading_time is None else math.sqrt(0.5 * fading_time)
-    if not channel.markov and (fading_time is None or not channel.random_walk_density):
-        return Projected(channel.white_density, scale * least)
+    if not channel.markov:
+        return Projected(channel.white_density, least)
     try:
-        white, walk = _searched(BiasModel.of(channel), aiding, fading_time, least)
+        white, walk = _searched(BiasModel.of(channel), aiding, least)
     except (ArithmeticError, np.linalg.LinAlgError):
         raise DataError(
             f"{channel.axis}: white noise of {channel.white_density:g} {unit_of_samples(channel.axis)}/√Hz: expected "
             f"one with which a filter of {aiding.words} has a finite covariance: enter the unit's own, or its sheet's"
         ) from None
-    return Projected(white, scale * walk)
+    return Projected(white, walk)
 
 
 def pooled(channels: tuple[ChannelNoise, ...]) -> ChannelNoise:
@@ -162,22 +159,17 @@ def still_walk(channel: ChannelNoise) -> float:
     return math.sqrt(3.0 * STILL_SHARE) * channel.white_density / STILL_TIME
 
 
-def errors_by_prediction(
-    channel: ChannelNoise, aiding: Aiding, pair: Projected, fading_time: float | None = None
-) -> dict[str, float]:
+def errors_by_prediction(channel: ChannelNoise, aiding: Aiding, pair: Projected) -> dict[str, float]:
     """Return true ÷ predicted sd of each quantity of a filter with two numbers, by its name."""
-    drive = pair.bias * (1.0 if fading_time is None else math.sqrt(2.0 / fading_time))
-    model, squares = BiasModel.of(channel), np.array([[pair.white_density**2, drive**2]])
-    predicted, true = variances(model, aiding, fading_time, squares)
+    model, squares = BiasModel.of(channel), np.array([[pair.white_density**2, pair.bias**2]])
+    predicted, true = variances(model, aiding, squares)
     later = (f"position {time:g} s after the last fix" for time in HORIZONS)
     names = [*("position", "velocity", "angle")[: model.integrals], *later]
     return dict(zip(names, np.sqrt(true / predicted)[0].tolist(), strict=True))
 
 
 @functools.lru_cache(maxsize=256)
-def _searched(
-    model: BiasModel, aiding: Aiding, fading_time: float | None, least: float
-) -> tuple[float, float]:
+def _searched(model: BiasModel, aiding: Aiding, least: float) -> tuple[float, float]:
     """Return N and the density of the drive of the bias with the best score; `ArithmeticError` where none is finite."""
     (white, walk), times = model.noise, [state.time_constant for state in model.states]
     sizes = 2.0 * np.array([state.sd for state in model.states]) ** 2
@@ -191,7 +183,7 @@ def _searched(
         tried = np.stack([one.ravel() for one in grid], axis=-1)
         # The variances of a pair that makes no filter are not finite.
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            predicted, true = variances(model, aiding, fading_time, np.exp(2.0 * tried))
+            predicted, true = variances(model, aiding, np.exp(2.0 * tried))
             score = (np.log(predicted) + true / predicted).sum(axis=1)
             error = np.log(true).mean(axis=1)
         score, error = (np.where(np.isfinite(score), x, np.inf) for x in (score, error))
@@ -201,14 +193,12 @@ def _searched(
         low, high = np.maximum(best - step, least_logs), np.minimum(best + step, most_logs)
     found = np.exp(best)
     with np.errstate(all="ignore"):
-        if not np.isfinite(variances(model, aiding, fading_time, found[None] ** 2)).all():
+        if not np.isfinite(variances(model, aiding, found[None] ** 2)).all():
             raise ArithmeticError
     return float(found[0]), float(found[1])
 
 
-def variances(
-    model: BiasModel, aiding: Aiding, fading_time: float | None, squares: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def variances(model: BiasModel, aiding: Aiding, squares: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return predicted and true variances of all quantities in the steady state, shape (b, q).
 
     `squares` are N² and the squared density that drives the bias, shape (b, 2). The errors of the filter are position,
@@ -217,7 +207,7 @@ def variances(
     chain, n = model.integrals, model.integrals + 1
     times = tuple(state.time_constant for state in model.states)
     density = np.array([*model.noise, *(state.driving_density**2 for state in model.states)])
-    whole, own = _steps(chain, times, None, aiding.interval), _steps(chain, (), fading_time, aiding.interval)
+    whole, own = _steps(chain, times, aiding.interval), _steps(chain, (), aiding.interval)
     sds = np.array([aiding.position, aiding.velocity, aiding.angle])[:chain]
     seen = np.eye(n)[:chain][np.isfinite(sds)]
     r = np.diag(sds[np.isfinite(sds)] ** 2)
@@ -237,16 +227,14 @@ def variances(
     columns = np.arange(chain)
     sizes, errors = [expected[:, columns, columns]], [true[:, columns, columns]]
     for horizon in HORIZONS:
-        (f, q), (g, d) = _steps(chain, (), fading_time, horizon), _steps(chain, times, None, horizon)
+        (f, q), (g, d) = _steps(chain, (), horizon), _steps(chain, times, horizon)
         sizes.append((expected @ f[0] @ f[0] + squares @ q[:, 0, 0])[:, None])
         errors.append((true @ g[0] @ g[0] + density @ d[:, 0, 0])[:, None])
     return np.hstack(sizes), np.hstack(errors)
 
 
 @functools.lru_cache(maxsize=256)
-def _steps(
-    chain: int, times: tuple[float, ...], fading_time: float | None, length: float
-) -> tuple[FloatArray, FloatArray]:
+def _steps(chain: int, times: tuple[float, ...], length: float) -> tuple[FloatArray, FloatArray]:
     """Return the transition over a time, shape (s, s), and the noise of unit drives, shape (d, s, s).
 
     Drives are white noise, a random walk of the bias and one for each state, which enters the bias as well.
@@ -257,8 +245,6 @@ def _steps(
     a[np.arange(chain), np.arange(1, n)] = 1.0
     if chain > 2:
         a[1, 2] = STANDARD_GRAVITY
-    if fading_time is not None:
-        a[chain, chain] = -1.0 / fading_time
     for i, time in enumerate(times):
         a[[chain, n + i], n + i] = -1.0 / time
         into[2 + i, chain] = 1.0

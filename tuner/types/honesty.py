@@ -14,7 +14,7 @@ Others are too short to judge, and the verdict says how much more data would do.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from models.probability import chi2_beyond, chi2_quantile
@@ -48,23 +48,14 @@ def honesty(found: Consistency) -> Judgement:
         many = f" in {runs[0]['diverged_runs']} of {runs[0]['runs']} runs" if runs else ""
         return Judgement(Use.DO_NOT_USE, (f"the filter diverged{many}",))
     scores = list(claims(found))
-    known = {one.score.name: one.interval for one in found.outages}
-    said = {
-        one.name: f"{claim_name(one.name, has_truth=found.has_truth)} "
-        f"{ratio_text(one.ratio, known.get(one.name, one.interval))}"
-        for one in scores
-    }
-    off = sorted(filter(is_off, scores), key=lambda one: -abs(math.log(max(one.ratio, 1e-9))))
-    what = "error" if found.has_truth else "distance"
-    kinds = {Use.OPTIMISTIC: "more", Use.PESSIMISTIC: "less"}
     reasons = [
-        Reason(use, f"errs {kinds[use]} than predicted, {what} ÷ predicted: {', '.join(texts)}")
-        for use in kinds
-        if (texts := _first([said[one.name] for one in off if (one.ratio > 1.0) == (use is Use.OPTIMISTIC)]))
-    ]
-    reasons += [
-        Reason(Use.OPTIMISTIC, f"the {one.part} error has a constant part of {one.ratio:.2f} predicted sds")
-        for one in found.mean_errors
+        *off_reasons(found, filter(is_off, scores)),
+        *(
+            Reason(
+                Use.OPTIMISTIC, f"the {one.part} error has a constant part of {one.ratio:.2f} predicted sds"
+            )
+            for one in found.mean_errors
+        ),
     ]
     if reasons:
         return judged(Use.HONEST, reasons)
@@ -77,6 +68,23 @@ def honesty(found: Consistency) -> Judgement:
     return Judgement(
         Use.HONEST, (_right_text(found, sure), *([f"too short to judge: {lacking}"] if weak else []))
     )
+
+
+def off_reasons(found: Consistency, off: Iterable[Score]) -> list[Reason]:
+    """Return what some scores say against the honesty of a filter, the farthest first: errs more, errs less."""
+    known = {one.score.name: one.interval for one in found.outages}
+    texts: dict[Use, list[str]] = {Use.OPTIMISTIC: [], Use.PESSIMISTIC: []}
+    for one in sorted(off, key=lambda one: -abs(math.log(max(one.ratio, 1e-9)))):
+        ratio = ratio_text(one.ratio, known.get(one.name, one.interval))
+        name = claim_name(one.name, has_truth=found.has_truth)
+        texts[Use.OPTIMISTIC if one.ratio > 1.0 else Use.PESSIMISTIC].append(f"{name} {ratio}")
+    what = "error" if found.has_truth else "distance"
+    kinds = {Use.OPTIMISTIC: "more", Use.PESSIMISTIC: "less"}
+    return [
+        Reason(use, f"errs {kinds[use]} than predicted, {what} ÷ predicted: {', '.join(_first(each))}")
+        for use, each in texts.items()
+        if each
+    ]
 
 
 def _first(texts: Sequence[str]) -> list[str]:

@@ -67,7 +67,7 @@ def walking(config: FilterConfig) -> FilterConfig:
     return replace(config, channels=channels)
 
 
-ONE_STATE = ("native", "kf-gins", "ob-gins", "navego", "gazebo", "gnss-ins-sim", "matlab", "rotors", "airsim")
+ONE_STATE = ("native", "gazebo", "gnss-ins-sim", "matlab", "rotors", "airsim")
 
 
 def written(dialect: str, config: FilterConfig = CONFIG) -> str:

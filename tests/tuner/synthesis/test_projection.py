@@ -38,9 +38,7 @@ AIDINGS = [GNSS, RTK, AUTOPILOT, CAMERA, LIDAR]
 NAMES = [one.words for one in AIDINGS]
 
 
-def simulated(
-    channel: ChannelNoise, aiding: Aiding, pair: Projected, fading: float | None
-) -> dict[str, float]:
+def simulated(channel: ChannelNoise, aiding: Aiding, pair: Projected) -> dict[str, float]:
     """Return true ÷ predicted of a filter that runs sample by sample on drawn noise (Gelb 1974, section 4.2)."""
     rng, runs, dt = np.random.default_rng(7), 300, 0.1 * aiding.interval
     chain, rate = (3, STANDARD_GRAVITY) if channel.axis.startswith("gyro") else (2, 1.0)
@@ -51,10 +49,9 @@ def simulated(
     if chain == 3:
         f[2, 3] = dt
     own = f.copy()
-    own[-1, -1] = 1.0 if fading is None else math.exp(-dt / fading)
     q = np.zeros((n, n))
     q[chain - 1, chain - 1] = pair.white_density**2 * dt
-    q[-1, -1] = pair.bias**2 * (dt if fading is None else 2.0 * dt / fading)
+    q[-1, -1] = pair.bias**2 * dt
     rows = np.flatnonzero(np.isfinite([aiding.position, aiding.velocity, aiding.angle][:chain]))
     h = np.eye(n)[rows]
     sds = np.array([aiding.position, aiding.velocity, aiding.angle])[rows]
@@ -95,13 +92,12 @@ def simulated(
     return found
 
 
-@pytest.mark.parametrize("fading", [None, 1000.0])
 @pytest.mark.parametrize("channel", [GYRO, ACCEL], ids=["gyro", "accel"])
 @pytest.mark.parametrize("aiding", [GNSS, LIDAR], ids=["gnss", "lidar"])
-def test_errors_and_predictions_are_those_of_a_filter_that_runs(aiding, channel, fading) -> None:
-    pair = projected(channel, aiding, fading)
-    found = errors_by_prediction(channel, aiding, pair, fading)
-    ran = simulated(channel, aiding, pair, fading)
+def test_errors_and_predictions_are_those_of_a_filter_that_runs(aiding, channel) -> None:
+    pair = projected(channel, aiding)
+    found = errors_by_prediction(channel, aiding, pair)
+    ran = simulated(channel, aiding, pair)
     assert found.keys() == ran.keys()
     # 300 runs: the sd of a ratio of sds is 4 %; after a time without fixes there is one value a run.
     assert [ran[key] for key in found] == pytest.approx(list(found.values()), rel=0.13)
@@ -110,9 +106,8 @@ def test_errors_and_predictions_are_those_of_a_filter_that_runs(aiding, channel,
 @pytest.mark.parametrize("channel", [GYRO, ACCEL], ids=["gyro", "accel"])
 @pytest.mark.parametrize("aiding", AIDINGS, ids=NAMES)
 def test_two_numbers_predict_flicker_within_a_sixth(aiding, channel) -> None:
-    for fading in (None, 1000.0):
-        found = errors_by_prediction(channel, aiding, projected(channel, aiding, fading), fading)
-        assert 0.84 < min(found.values()) <= max(found.values()) < 1.2
+    found = errors_by_prediction(channel, aiding, projected(channel, aiding))
+    assert 0.84 < min(found.values()) <= max(found.values()) < 1.2
 
 
 @pytest.mark.parametrize("channel", [GYRO, ACCEL], ids=["gyro", "accel"])
@@ -127,16 +122,14 @@ def test_white_noise_as_measured_beside_a_small_walk_predicts_too_little(aiding,
     assert min(tenfold.values()) < 0.8
 
 
-@pytest.mark.parametrize("fading", [None, 1000.0])
 @pytest.mark.parametrize("channel", [GYRO, ACCEL], ids=["gyro", "accel"])
-def test_no_pair_nearby_has_a_better_score(channel, fading) -> None:
-    best = projected(channel, GNSS, fading)
-    drive = best.bias * (1.0 if fading is None else math.sqrt(2.0 / fading))
+def test_no_pair_nearby_has_a_better_score(channel) -> None:
+    best = projected(channel, GNSS)
     tried = np.array(
         [(1.0, 1.0), (1.02, 1.0), (0.98, 1.0), (1.0, 1.05), (1.0, 0.95), (1.05, 0.95), (0.95, 1.05)]
     )
-    squares = (tried * [best.white_density, drive]) ** 2
-    predicted, true = variances(BiasModel.of(channel), GNSS, fading, squares)
+    squares = (tried * [best.white_density, best.bias]) ** 2
+    predicted, true = variances(BiasModel.of(channel), GNSS, squares)
     scores = (np.log(predicted) + true / predicted).sum(axis=1)
     assert int(np.argmin(scores)) == 0
 
@@ -153,7 +146,7 @@ def test_one_pair_for_all_axes_has_the_best_score_of_all() -> None:
     squares = (tried * [best.white_density, best.bias]) ** 2
     scores = 0.0
     for one in axes:
-        predicted, true = variances(BiasModel.of(one), GNSS, None, squares)
+        predicted, true = variances(BiasModel.of(one), GNSS, squares)
         scores = scores + (np.log(predicted) + true / predicted).sum(axis=1)
     assert int(np.argmin(scores)) == 0
     assert pooled((GYRO, GYRO)).white_density == pytest.approx(GYRO.white_density)
@@ -164,11 +157,9 @@ def test_one_pair_for_all_axes_has_the_best_score_of_all() -> None:
 def test_numbers_stay_between_the_least_and_all_that_is_configured(aiding, time) -> None:
     """The search left its first bounds: N came out at 0.60 of the one configured, K at 0.12 of the least."""
     short = replace(GYRO, markov=(GaussMarkov(3e-4, time),))
-    for fading in (None, 3600.0):
-        found = projected(short, aiding, fading)
-        drive = found.bias * (1.0 if fading is None else math.sqrt(2.0 / fading))
-        assert short.white_density <= found.white_density * 1.001
-        assert still_walk(short) <= drive * 1.001
+    found = projected(short, aiding)
+    assert short.white_density <= found.white_density * 1.001
+    assert still_walk(short) <= found.bias * 1.001
 
 
 @pytest.mark.parametrize("aiding", AIDINGS, ids=NAMES)
@@ -186,12 +177,8 @@ def test_what_a_filter_can_hold_is_kept(aiding) -> None:
     assert projected(fast, aiding).white_density == pytest.approx(math.sqrt(1e-6 + 2e-6), rel=2e-2)
 
 
-@pytest.mark.parametrize("fading", [None, 3600.0])
-def test_no_bias_is_zero(fading) -> None:
+def test_no_bias_is_zero() -> None:
     still = ChannelNoise("gyro_x", "rad/s", 2e-4, (), 0.0, 1e-3)
-    found = projected(still, GNSS, fading)
-    drive = found.bias * (1.0 if fading is None else math.sqrt(2.0 / fading))
-    assert drive**2 * STILL_TIME**3 / 3.0 == pytest.approx(STILL_SHARE * 4e-8 * STILL_TIME)
-    assert list(errors_by_prediction(still, GNSS, found, fading).values()) == pytest.approx(
-        [1.0] * 5, abs=0.02
-    )
+    found = projected(still, GNSS)
+    assert found.bias**2 * STILL_TIME**3 / 3.0 == pytest.approx(STILL_SHARE * 4e-8 * STILL_TIME)
+    assert list(errors_by_prediction(still, GNSS, found).values()) == pytest.approx([1.0] * 5, abs=0.02)
