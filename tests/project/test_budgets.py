@@ -35,7 +35,9 @@ def test_every_room_keeps_its_budget() -> None:
     budgets = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["budgets"]
     sizes: Counter[str] = Counter()
     for top in ("models", "tuner", "tests", "examples"):
-        for path in (ROOT / top).rglob("*.py"):
+        for path in sorted((ROOT / top).rglob("*.py")):
+            if path.parent == ROOT / "tests/cases":  # recordings, counted by nobody
+                continue
             sizes[room_of(path)] += statements(path)
     assert sizes.keys() == budgets.keys()
     over = {room: f"{n} of {budgets[room]}" for room, n in sizes.items() if n > budgets[room]}

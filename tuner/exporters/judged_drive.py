@@ -148,6 +148,10 @@ def judged_drive(
     best = chosen(stretch, settings, known)
     files, (stretch, settings) = _with_chosen(files, best), best.of(stretch, settings)
     pairs = compared(stretch, settings, known)
+    if not pairs or pairs[0].seconds:
+        raise DataError(
+            f"{drive.source or drive.name}: nothing is written for kf-gins: its filter loses this drive"
+        )
     alone = fixes_alone(stretch, known)
     verdict = judge_export(consistency(pairs, 1.0 - len(files.fixes) / count), pairs[0].rms, alone)
     if verdict.use is Use.DO_NOT_USE:
@@ -369,6 +373,8 @@ def chosen(stretch: Stretch, settings: FilterSettings, known: Reference) -> Chos
 
     def costs(one: Chosen) -> FloatArray:
         found = compared(*one.of(stretch, settings), known, SCORED[1:])
+        if not found or found[0].seconds:  # the filter is lost
+            return np.full(len(PARTS), np.inf)
         spread = float(np.sum(np.log(one.factors) ** 2)) / math.log(NOISE_SPREAD) ** 2
         penalty = spread / len(PARTS) / len(found[0].lengths)
         parts = [sum(each.cost(part) for each in found) + penalty for part in PARTS]

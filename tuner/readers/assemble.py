@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from models.arrays import BoolArray, FloatArray
 from models.units import unit_value
+from tuner.formats.axis_words import axes_text
 from tuner.readers import column_names as names
 from tuner.readers.bad_rows import BadRows, LogRows, expect_few
 from tuner.readers.column_units import UnitChoice, sensor_unit
@@ -24,6 +25,7 @@ from tuner.readers.sensor_columns import NO_COLUMN, Layout, choose, exchanged
 from tuner.readers.time_base import Timebase
 from tuner.readers.unit_checks import check_units
 from tuner.readers.value_checks import about_limiting_step, limiting_step
+from tuner.readers.words import as_signed
 from tuner.types.one_line import printable
 from tuner.types.records import DataError, Record
 
@@ -94,6 +96,7 @@ def even(
     notes: list[str] = []
     bad: list[BadRows] = []
     time, blocks, covariates = _load(listing, plan, options)
+    blocks, words = as_signed(blocks, [sensor.axes for sensor in layout.sensors])
     rate = options.rate if options.rate is not None else stated_rate(listing.meta)
     groups = {s.name: block for s, block in zip(layout.sensors, blocks, strict=True)}
     within = within or LogRows(0, len(blocks[0]))
@@ -148,12 +151,12 @@ def even(
         )
     kept = base.rows
     edges = (0, 0) if kept is None else (int(kept.min()), len(blocks[0]) - 1 - int(kept.max()))
-    found = EvenRecords(tuple(records), tuple(notes), bad=tuple(bad), edges=edges, late=base.late)
+    found = EvenRecords(tuple(records), tuple(notes), tuple(words), (), tuple(bad), edges, (), base.late)
     if clock is None:
         return found
     return replace(
         found,
-        assumptions=(*clock.assumptions, *base.assumptions),
+        assumptions=(*words, *clock.assumptions, *base.assumptions),
         contradicted=clock.contradicted,
         changes=clock.changes,
     )
@@ -173,9 +176,10 @@ def checked(
             f"{listing.path}: every axis is constant: a sensor that was off, or the wrong columns; "
             "choose others with --columns"
         )
+    varying = [one for record in single for one in _telling(record)]
     remarks, said_first = check_units(
         str(listing.path),
-        single,
+        varying,
         plan.units,
         assume_si=options.assume_si,
         tried=options.tried,
@@ -191,18 +195,30 @@ def checked(
             notes.append(about_limiting_step(axis, step, one.unit))
     first = [said_first[record.name] for record in live if record.name in said_first]
     assumptions = [*(one.text for one in first), *assumptions]
-    contradicted = (*(one.contradicted for one in first if one.contradicted), *found.contradicted)
+    contradicted = [*(one.contradicted for one in first if one.contradicted), *found.contradicted]
+    kept = {axis for record in live for axis in record.axes}
+    if lost := [axis for record in records for axis in record.axes if axis not in kept]:
+        contradicted.append(f"{axes_text(lost)}, left out: constant, no measurement")
     said = tuple(dict.fromkeys(printable(note) for note in [*assumptions, *notes]))
     return tuple(
         replace(
             record,
             notes=said,
             assumptions=tuple(assumptions),
-            contradicted=contradicted,
+            contradicted=tuple(contradicted),
             limiting_steps=MappingProxyType({axis: steps[axis] for axis in record.axes if axis in steps}),
         )
         for record in live
     )
+
+
+def _telling(record: Record) -> list[Record]:
+    """Return a sensor without what says nothing of its unit: constant gyroscopes; a constant axis may hold gravity."""
+    live = np.ptp(record.y, axis=0) > 0.0
+    if record.name == "accel" or live.all():
+        return [record] if live.any() else []
+    axes = tuple(axis for axis, moves in zip(record.axes, live, strict=True) if moves)
+    return [replace(record, y=record.y[:, live], axes=axes)] if axes else []
 
 
 def _load(

@@ -21,8 +21,9 @@ STEMS: Mapping[str, tuple[str, ...]] = {
         "w_rs_s", "wb", "wibb", "w", "g", "dtheta", "dang", "delta_angle", "del_ang", "delang", "dth",
     ),
     "accel": (
-        "accel", "acc", "acceleration", "accelerometer", "linear_acceleration", "specific_force", "lin_acc",
-        "a_rs_s", "fb", "fibb", "a", "f", "dvel", "delta_velocity", "delta_vel", "del_vel", "delvel", "dv",
+        "accel", "acc", "accel_ln", "accel_wr", "acc_smooth", "acceleration", "accelerometer", "linear_acceleration",
+        "specific_force", "lin_acc", "a_rs_s", "fb", "fibb", "a", "f", "dvel", "delta_velocity", "delta_vel", "del_vel",
+        "delvel", "dv",
     ),
 }  # fmt: skip
 """Names of a sensor before the axis; the first is ours, the last lines are increments."""
@@ -48,6 +49,8 @@ TIME = (
     "time",
     "timestamp",
     "timestamps",
+    "timestamp_unix",
+    "ts",
     "stamp",
     "elapsed",
     "seconds",
@@ -72,6 +75,7 @@ TIME = (
     "utc",
     "epoch",
     "time_startup",
+    "time_boot",
     "zeit",
     "temps",
     "tiempo",
@@ -138,7 +142,8 @@ _SPELLINGS: Mapping[str, tuple[str, ...]] = {
     "rad": ("rad", "radian", "radians"),
     "deg": ("deg", "°", "degree", "degrees"),
     "arcsec": ("arcsec", "as", "arcseconds", '"'),
-    "m/s^2": ("m/s^2", "m/s2", "m/sec^2", "m/sec2", "m/sec²", "m/sec/sec", "meter/second^2", "meters/second^2", "n/kg",
+    "m/s^2": ("m/s^2", "m/(s^2)",
+              "m/s2", "m/sec^2", "m/sec2", "m/sec²", "m/sec/sec", "meter/second^2", "meters/second^2", "n/kg",
               "m s-2", "m.s-2", "m/s²", "m/s/s", "m s^-2", "m*s^-2", "m.s^-2", "mps2", "m_s2",
               "mpss", "ms2", "ms^-2", "m/s**2"),
     "g": ("g", "gn", "g0"),
@@ -173,6 +178,7 @@ UNITS_BY_NAME: Mapping[str, tuple[str, ...]] = {"sample_time_fine": ("0.1 ms", "
 """Clocks whose unit is one of their maker's: Xsens counts ticks of 0.1 ms (MTi) or microseconds (DOT)."""
 _BRACKET = re.compile(r"^(?P<name>.*?)\s*[\[({](?P<unit>[^\])}]*)[\])}]\s*$")
 _AXIS = re.compile(r"^(?P<stem>.+?)_?(?P<axis>[xyz])$")
+_AXIS_FIRST = re.compile(r"^(?P<axis>[xyz])(?P<stem>acc|gyro)$")
 
 
 @dataclass(frozen=True)
@@ -227,7 +233,8 @@ def parse_name(written: str) -> ColumnName:
     name, unit = (match["name"], match["unit"].strip() or None) if match else (written, None)
     if match and _INDEX.match(name) is not None:
         return ColumnName(written, parse_name(name).plain, unit)
-    plain = re.sub(r"[^a-z0-9]+", "_", re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower()).strip("_")
+    words = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z]{2})", "_", name)
+    plain = re.sub(r"[^a-z0-9]+", "_", words.lower()).strip("_")
     if unit is None:
         for tail in (2, 1):
             parts = plain.rsplit("_", tail)
@@ -253,6 +260,12 @@ def role_of(name: ColumnName) -> tuple[str, int] | None:
     ``gyro_x``.
     """
     role = _role_of(name.plain)
+    if (
+        role is not None
+        and role[0] == "t"
+        and known_unit(name.unit or "s") in _SPELLINGS.keys() - TIME_UNITS.keys()
+    ):
+        return None  # T(°) is no clock
     *path, last = re.split("[/.]", name.written)
     if role is None and path:
         found = _role_of(parse_name(last).plain)
@@ -266,9 +279,16 @@ def _role_of(plain: str) -> tuple[str, int] | None:
             return role, 0
         if any(plain.endswith(f"_{a}") for a in aliases if len(a) > 3):
             return role, 1
-    if plain.endswith("_raw") and _AXIS.match(plain.removesuffix("_raw")):
-        found = _role_of(plain.removesuffix("_raw"))
-        return None if found is None else (found[0], 1)
+    for ending in ("_raw", "_cal"):
+        bare = plain.removesuffix(ending)
+        if (
+            bare != plain
+            and (_AXIS.match(bare) or ending == "_cal")
+            and (found := _role_of(bare)) is not None
+        ):
+            return found[0], 1
+    if (first := _AXIS_FIRST.match(plain)) is not None:  # MAVLink: xacc
+        return _role_of(f"{first['stem']}_{first['axis']}")
     match = _AXIS.match(plain)
     stem, suffix = (match["stem"], f"_{match['axis']}") if match else (plain, "")
     if stem == "alpha" and suffix:  # Kalibr's name of the specific force, elsewhere the angular acceleration

@@ -354,12 +354,14 @@ def _drive(
         digest(path / "imu.csv" if (path / "imu.csv").is_file() else path),
         one_line(messages),
         tuple(repairs),
-        start=None if start is None else _start(start, begin),
+        start=None if start is None else _start(start, begin, float(gnss.llh[0, 1])),
     )
 
 
-def _start(row: FloatArray, begin: float) -> Start:
+def _start(row: FloatArray, begin: float, longitude: float) -> Start:
+    """Return a start, on the side of the date line on which the first fix is, rad."""
     llh = np.array([*np.radians(row[1:3]), row[3]])
+    llh[1] += 2.0 * np.pi * np.round((longitude - llh[1]) / (2.0 * np.pi))
     return Start(float(row[0] - begin), llh, row[4:7], np.radians(row[7:10]))
 
 

@@ -1,8 +1,8 @@
 """Settings of KF-GINS (``kf-gins.yaml``) as a filter configuration, so that one filter runs in both programs.
 
-Each axis becomes one Gauss–Markov state; what the initial sd exceeds it by is a constant. One that starts below its sd
-is the random walk that it is until it has grown. Scale factors are states of the same time constant, without noise
-constants.
+Each axis becomes one Gauss–Markov state; what the initial sd exceeds it by is a constant. Those of a sensor of which
+one starts below its sd are the random walks that they are until they have grown. Scale factors are states of the same
+time constant, without noise constants.
 `tuner.exporters.kf_gins` writes such files.
 """
 
@@ -89,14 +89,14 @@ def _configuration(name: str, stated: _Settings) -> FilterConfig:
         ("gyro", "rad/s", noise.arw, noise.gbstd, stated.initbgstd, ("deg/sqrt(h)", "deg/h")),
         ("accel", "m/s^2", noise.vrw, noise.abstd, stated.initbastd, ("m/s/sqrt(h)", "mGal")),
     ):
-        for i, axis in enumerate("xyz"):
-            state = GaussMarkov(to_si(sd[i], units[1]), 3600.0 * noise.corrtime)
-            first = to_si((start or sd)[i], units[1])
-            below = first < state.sd
-            constant = first if below else math.sqrt(first**2 - state.sd**2)
+        sds, starts = ([to_si(x, units[1]) for x in values] for values in (sd, start or sd))
+        below = any(first < own for first, own in zip(starts, sds, strict=True))
+        for axis, density, own, first in zip("xyz", white, sds, starts, strict=True):
+            state = GaussMarkov(own, 3600.0 * noise.corrtime)
+            constant = first if below else math.sqrt(first**2 - own**2)
             walk, states = (state.driving_density, ()) if below else (0.0, (state,))
             channel = f"{sensor}_{axis}"
-            channels[channel] = ChannelNoise(channel, unit, to_si(white[i], units[0]), states, walk, constant)
+            channels[channel] = ChannelNoise(channel, unit, to_si(density, units[0]), states, walk, constant)
     attitude = [to_si(sd, "deg") for sd in stated.initattstd]
     scales = {
         name: 1e-6 * max(of_start or sds)

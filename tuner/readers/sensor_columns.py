@@ -142,6 +142,11 @@ def _nothing_found(listing: Listing) -> DataError:
         for gyro, accel in (("3:6", "0:3"), ("0:3", "3:6"))
         if wide is not None
     ]
+    if wide is not None and listing.shapes[wide][1] == 1 + 6:
+        changes = [
+            Change(columns={"t": f"{wide}[0]", "gyro": f"{wide}[{gyro}]", "accel": f"{wide}[{accel}]"})
+            for gyro, accel in (("4:7", "1:4"), ("1:4", "4:7"))
+        ]
     why = "; ".join([note for note in listing.notes if "left out" in note][:3])
     found = (
         f"{listing.path}: no gyro or accel column: expected names such as gyro_x or an (n, 3) array gyro, "

@@ -34,6 +34,7 @@ from tuner.readers.text_dialect import (
     plain_text,
     split_line,
 )
+from tuner.readers.text_rows import list_rows
 from tuner.readers.text_stamps import STAMP, seconds_of_stamps
 from tuner.types.records import DataError
 
@@ -57,6 +58,8 @@ _KF_GINS_COLUMNS = (
 def list_text(path: Path, progress: Progress | None = None) -> Listing:
     """Return the columns of a text log; its `load` parses the file."""
     dialect = find_dialect(path)
+    if (by_rows := list_rows(path, dialect)) is not None:
+        return by_rows
     names = dialect.names
     notes: tuple[str, ...] = ()
     guessed: frozenset[str] = frozenset()
@@ -86,7 +89,11 @@ def list_text(path: Path, progress: Progress | None = None) -> Listing:
         since = f"since {day} 00:00 UTC" if day else "of the day"
         notes += (f"'{names[j]}' holds {'dates' if day else 'clock times'}: read as seconds {since}",)
     meta: dict[str, float] = {} if dialect.rate is None else {"rate_hz": dialect.rate}
-    for role, key, lsb in (("gyro", "gscale", "rad/s"), ("accel", "ascale", "g")):
+    for role, key, lsb in (
+        ("gyro", "gscale", "rad/s"),
+        ("gyro", "rscale", "deg/s"),
+        ("accel", "ascale", "g"),
+    ):
         if key in dialect.scales:
             meta[f"{role}_lsb_{lsb}"] = dialect.scales[key]
             units |= {

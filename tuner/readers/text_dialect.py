@@ -67,7 +67,8 @@ class Dialect:
     rate : float or None
         Sampling rate that is stated above the header, Hz.
     scales : mapping of str to float
-        ``tscale``, ``gscale`` and ``ascale`` above the header of a GCSV: s, rad/s and g in one count.
+        ``tscale``, ``gscale`` and ``ascale`` above the header of a GCSV: s, rad/s and g in one count; ``rscale``
+        deg/s in one, and ``ascale``, above that of a blackbox log.
     """
 
     names: tuple[str, ...]
@@ -125,8 +126,8 @@ def find_dialect(path: Path) -> Dialect:
         raise DataError(f"{path}: no row of numbers: expected a header and rows of numbers, found '{found}'")
     skip = next((i + 1 for i in range(at - 1, -1, -1) if lines[i].strip()), 0)
     dialect = _dialect(path, lines[skip - 1] if skip else None, lines[at].strip(), skip)
-    if skip > 1:
-        dialect = _with_units_below(dialect, lines[skip - 2])
+    for above in lines[max(skip - 3, 0) : max(skip - 1, 0)]:
+        dialect = _with_units_below(dialect, above)
     rate = next((m["hz"] for line in lines[:skip] if (m := _STATED_RATE.search(line))), None)
     return replace(
         dialect,
@@ -134,8 +135,17 @@ def find_dialect(path: Path) -> Dialect:
         if any(_has_decimal_comma(line, dialect.separator) for line in lines[at:-1] or lines[at:])
         else ".",
         rate=None if rate is None else float(rate.replace(",", ".")),
-        scales={m["key"]: float(m["value"]) for line in lines[:skip] if (m := _SCALE.match(line.strip()))},
+        scales={m["key"]: float(m["value"]) for line in lines[:skip] if (m := _SCALE.match(line.strip()))}
+        | _blackbox_scales(lines[:skip]),
     )
+
+
+def _blackbox_scales(lines: list[str]) -> dict[str, float]:
+    """Return g and deg/s in one count above the header of a blackbox log; deg/s where its float is 1."""
+    stated = dict(cells for line in lines if len(cells := [x.strip(' "') for x in line.split(",")]) == 2)
+    gravity, rate = stated.get("acc_1G", ""), stated.get("gyro_scale", "")
+    scales = {"ascale": 1.0 / float(gravity)} if gravity.isdecimal() and int(gravity) else {}
+    return scales | ({"rscale": 1.0} if rate == "0x3f800000" else {})
 
 
 def _decoded(head: bytes) -> str:
@@ -157,7 +167,8 @@ def _dialect(path: Path, above: str | None, data: str, skip: int) -> Dialect:
         return Dialect(unnamed, separator, skip, False, dates)
     bare = above.strip().lstrip("#%").strip()
     names_with_blanks = [bare] if len(cells) == 1 else re.split(r"\s{2,}", bare)
-    for header in (split_line(bare, separator), split_line(bare, _separator(bare)), names_with_blanks):
+    headers = split_line(bare, separator), split_line(bare, _separator(bare)), names_with_blanks
+    for header in headers[1:2] if len(cells) == 1 and _separator(bare) else headers:
         if len(header) == len(cells) - 1 and not cells[-1].strip():
             header.append("")
         if len(header) == len(cells):
@@ -166,26 +177,27 @@ def _dialect(path: Path, above: str | None, data: str, skip: int) -> Dialect:
             return Dialect(named, separator, skip, True, dates)
     if above.lstrip().startswith(("#", "%")):
         return Dialect(unnamed, separator, skip, False, dates)
+    names = split_line(bare, _separator(bare))
+    empty = f"; {', '.join(names[1:3])} have no values" if len(cells) == 1 else ""
     raise DataError(
-        f"{path}:{skip}: the header names {len(split_line(bare, _separator(bare)))} columns, "
-        f"the row below it has {len(cells)} (separated by {_shown(separator)})"
+        f"{path}:{skip}: the header names {len(names)} columns, the row below it has {len(cells)} (separated by "
+        f"{_shown(separator)}){empty}"
     )
 
 
 def _with_units_below(dialect: Dialect, above: str) -> Dialect:
     """Return the dialect with the names of the line above, where the last line of the header has their units."""
-    units = [name.strip(" []()") for name in dialect.names]
+    bare = [name.strip(" []()") for name in dialect.names]
+    units = [known_unit(name) or known_unit(unit) for name, unit in zip(dialect.names, bare, strict=True)]
     header = [
         printable(name.strip().strip('"').strip())
         for name in split_line(above.strip().lstrip("#%").strip(), dialect.separator)
     ]
-    stated = [known_unit(unit) is not None for unit in units]
-    unnamed = [not unit or unit == "-" or unit == f"c{j + 1}" for j, unit in enumerate(units)]
-    if len(header) != len(units) or not any(stated) or not all(map(operator.or_, stated, unnamed)):
+    unnamed = [not unit or unit == "-" or unit == f"c{j + 1}" for j, unit in enumerate(bare)]
+    stated = [unit is not None for unit in units]
+    if len(set(header)) != len(units) or not any(stated) or not all(map(operator.or_, stated, unnamed)):
         return dialect
-    names = (
-        f"{name} [{unit}]" if fits else name for name, unit, fits in zip(header, units, stated, strict=True)
-    )
+    names = (f"{name} [{unit}]" if unit else name for name, unit in zip(header, units, strict=True))
     return replace(dialect, names=tuple(names))
 
 

@@ -8,7 +8,8 @@ from typing import Any
 
 MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 STAMP = re.compile(
-    r"(?:(?P<day>\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{4}|\d{1,2}[- ][A-Za-z]{3}[- ]\d{4})[T ]+)?"
+    r"(?:(?P<day>\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.](?:\d{4}|\d{2})|\d{1,2}[- ][A-Za-z]{3}[- ]\d{4})"
+    r"[T ]+)?"
     r"(?P<clock>\d{1,2}:\d{2}:\d{2}|\d{1,2}:\d{2}(?=[.,]\d))(?P<part>[.,:]\d{1,9})?(?: ?(?P<half>[AaPp][Mm]))?"
     r"(?P<zone>Z|UTC|[+-]\d{2}:?\d{2})?"
 )

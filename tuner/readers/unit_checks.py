@@ -7,7 +7,7 @@ nobody         refused, unless gravity confirms the accelerometers; a gyroscope 
                leave open is read in SI, and the result says by how much another unit would be off
 file           refused where gravity is off by more than `WRONG_FACTOR`, or where no gyroscope at rest has such noise or
                bias; said first where gravity is off by less
-user           refused where it is off by more than `MAX_UNIT_FACTOR`, else said first
+user           gravity as of a file; the rates of gyroscopes are refused where nothing that moves has them
 =============  ===================================================================================================
 
 A refusal carries the readings that may be meant; `tuner.readers.readings` tries them, and then every judgement here
@@ -223,15 +223,19 @@ class _Judge:
             return Assumption(confirmed) if choice.basis == "assumed" else None
         if choice.basis == "assumed":
             raise self.refusal(
-                f"{reads} where gravity is 9.81, and nothing states its unit", self.by_gravity()
+                f"{reads} where gravity is 9.81, and nothing states its unit",
+                self.by_gravity() or ([self.scaled()] if _at_rest(found, record) else []),
             )
         if len(record.axes) != 3 and not self.tried:
             return None
         still = _at_rest(found, record)
         far = max(ratio, 1.0 / ratio) if ratio > 0.0 else math.inf
-        lenient = choice.basis == "user" and not self.tried
-        absurd = ratio > MAX_UNIT_FACTOR or (far > MAX_UNIT_FACTOR and still and not lenient)
-        if absurd or (self.tried and ratio > 0.0) or (still and not lenient and far > WRONG_FACTOR):
+        clipped = bool(np.any(np.ptp(record.y, axis=0) == 0.0))
+        if (
+            ratio > MAX_UNIT_FACTOR
+            or (self.tried and ratio > 0.0)
+            or (still and not clipped and far > WRONG_FACTOR)
+        ):
             changes = [c for c in self.by_gravity() if same_kind(c.unit["accel"], choice.unit)]
             if (increment := INCREMENT_OF.get(choice.unit)) is not None and gyro is not None:
                 both = {"accel": increment, "gyro": INCREMENT_OF.get(gyro.unit, "")}
@@ -242,7 +246,7 @@ class _Judge:
                 f"{reads} at rest, {ratio:.3g} × gravity: the unit {choice.unit} is wrong by {far:.3g}x",
                 changes,
             )
-        if still:
+        if still and not clipped:
             return Assumption(
                 f"{reads} at rest in {choice.unit}, {ratio:.3g} × gravity: its unit or its scale is wrong",
                 f"accel, which reads {ratio:.3g} × gravity at rest",

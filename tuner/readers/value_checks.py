@@ -95,7 +95,13 @@ def without_spikes(
     axis, column, mine = next((a, c, f) for a, c, f in zip(axes, columns, found, strict=True) if len(f))
     place = f"first: {axis} {column[mine[0]]:.4g} in data row {within.first + mine[0] + 1}"
     what = f"a reading more than {SPIKE_DISTANCE:g} noise sds from its neighbours"
-    bad.append(BadRows(len(every), what, place, MAX_SPIKE_SHARE, "remove them"))
+    off = np.abs(column - np.nanmean(column)) / max(float(np.ptp(column[rows])), 1e-300)
+    cure = "remove them"
+    if np.mean(off[rows] > 0.25) > 1.0 - MAX_SPIKE_SHARE:
+        cure = (
+            f"{axis} jumps from one end of its range to the other: give its codes their sign, or leave it out"
+        )
+    bad.append(BadRows(len(every), what, place, MAX_SPIKE_SHARE, cure))
     expect_few(bad, within.count)
     notes.append(f"{len(every)} rows hold {what} ({place}): they count as missing samples")
     usable = np.ones(count, bool) if valid is None else valid.copy()

@@ -13,7 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
+from tuner.formats.axis_words import axes_text
+from tuner.readers.time_base import MAX_BRIDGED_GAP
 from tuner.segments.error_codes import find_error_codes, without_error_codes
+from tuner.segments.frozen import cut, frozen
 from tuner.segments.stand_stills import MIN_PART_SECONDS, MIN_SECONDS
 from tuner.segments.stationary import Segments, cut_to_still, find_motion
 from tuner.segments.withheld_noise import expect_noise
@@ -72,20 +75,35 @@ def at_rest(records: Sequence[Record], say: Callable[[str], None] = lambda _: No
         Nothing stands still, or the noise was taken out of the samples.
     """
 
-    def cut(group: Sequence[Record]) -> Sequence[Record]:
+    def resting(group: Sequence[Record]) -> Sequence[Record]:
         try:
             motion = find_motion(group)
         except DataError:
             return group
         return cut_to_still(group, motion)
 
-    answer = _by_clock(without_codes(records), cut)
+    answer = _by_clock(tuple(map(_while_measured, without_codes(records))), resting)
     for line in dict.fromkeys(
         note for new, old in zip(answer, records, strict=True) for note in new.notes if note not in old.notes
     ):
         say(line)
     expect_noise(answer)
     return answer
+
+
+def _while_measured(record: Record) -> Record:
+    """Return a record without the long stretches in which all its axes are frozen: no rest, but no measurement."""
+    found = [frozen(record, axis) for axis in record.axes]
+    one = found[0]
+    if one is None or not all(other is not None and one.alike(other) for other in found):
+        return record
+    long = [(a, b) for a, b in one.stretches if b - a > MAX_BRIDGED_GAP]
+    left = cut(record.segments, long)
+    if not long or sum(b - a for a, b in left) < MIN_PART_SAMPLES:
+        return record
+    seconds = sum(b - a for a, b in long) * record.interval
+    note = f"{axes_text(record.axes)}: frozen for {seconds:.3g} s of {len(record) * record.interval:.3g} s, left out"
+    return replace(record, segments=left, notes=(*record.notes, note))
 
 
 def without_codes(records: Sequence[Record]) -> tuple[Record, ...]:

@@ -189,6 +189,8 @@ def with_other_rows(
 ) -> Record:
     """Return a record in which another row of the same axes, near by, stands in place of each that is lost.
 
+    It is the one before where the other axes of all lost rows repeat it: such rows hold no measurement of their own.
+
     Parameters
     ----------
     record : Record
@@ -208,6 +210,10 @@ def with_other_rows(
         place = np.searchsorted(good, rows) + apart
         outside = (place < 0) | (place >= len(good))
         place = np.clip(np.where(outside, place - 2 * apart, place), 0, len(good) - 1)
+        before = np.maximum(rows - 1, 0)
+        others = [j for j, axis in enumerate(record.axes) if axis not in axes]
+        if others and np.array_equal(record.y[rows][:, others], record.y[before][:, others]):
+            place = np.searchsorted(good, before)
         for column in map(record.axes.index, axes):
             y[rows, column] = record.y[good[place], column]
     gone = {axis for _, axes in lost for axis in axes}

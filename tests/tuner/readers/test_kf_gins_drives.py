@@ -142,14 +142,28 @@ def test_a_state_that_starts_below_its_sd_is_the_walk_that_it_is_until_it_has_gr
         initsgstd=[300.0] * 3,
     )
     found = kf_gins_settings.load(settings)
-    grown, even, walk = (found.channels[f"gyro_{axis}"] for axis in "xyz")
-    assert grown.constant_sd == pytest.approx(to_si(4.0, "deg/h"))
-    assert even.constant_sd == 0.0
-    assert walk.constant_sd == pytest.approx(to_si(5.0, "deg/h"))
-    assert not walk.markov
-    assert walk.random_walk_density == pytest.approx(to_si(13.0, "deg/h") * (2.0 / 86400.0) ** 0.5)
+    for axis, sd in zip("xyz", noise["gbstd"], strict=True):
+        walk = found.channels[f"gyro_{axis}"]
+        assert not walk.markov
+        assert walk.constant_sd == pytest.approx(to_si(5.0, "deg/h"))
+        assert walk.random_walk_density == pytest.approx(to_si(sd, "deg/h") * (2.0 / 86400.0) ** 0.5)
+    assert found.channels["accel_x"].markov[0].sd == pytest.approx(to_si(10.0, "mGal"))
     assert found.constants == pytest.approx({"gyro_scale": 3e-4, "accel_scale": 3e-5})
     assert found.time_constants == {"accel_scale": 86400.0}
+
+
+def test_a_start_beyond_the_date_line_is_beside_the_fixes(tmp_path):
+    """Fixes were brought to 179.99°, the start stayed at −180.01°: the filter was lost, "tuple index out of range"."""
+    t = np.arange(1000.5, 1029.0)
+    gnss = np.column_stack([t, np.tile([35.8, -180.01, 300.0, 0.01, 0.02, 0.03], (len(t), 1))])
+    start = {
+        "initpos": [35.8, -180.01, 300.0],
+        "initvel": [0.0] * 3,
+        "initatt": [0.0] * 3,
+        "starttime": 1000.01,
+    }
+    drive = read_drive(layout(tmp_path, gnss=gnss, **start))
+    assert drive.start.llh[1] == pytest.approx(drive.gnss.llh[0, 1])
 
 
 @pytest.fixture(scope="module")

@@ -53,6 +53,17 @@ def test_only_what_stands_still_is_kept_and_said():
     assert "moved" in said[0]
 
 
+def test_a_sensor_that_stopped_is_at_rest_while_it_measured():
+    """Rates of zero from the middle on were taken for the rest of a log, and the sensor for one that never varied."""
+    log = moved(loud=1.0)
+    y = 1e-3 * np.random.default_rng(4).standard_normal(log.y.shape)
+    y[12_600:] = 0.0
+    said = []
+    (kept,) = at_rest([replace(log, y=y)], said.append)
+    assert kept.segments == ((0, 12_600),)
+    assert said == ["gyro x y z: frozen for 168 s of 420 s, left out"]
+
+
 def test_a_log_at_rest_is_left_alone():
     record = warmed()
     assert at_rest([record]) == (record,)

@@ -53,6 +53,16 @@ def test_a_row_of_zeros_in_seven_is_one_finding_and_no_noise():
     assert with_notes_on_findings(again, diagnosis, (log,)).notes == again.notes
 
 
+def test_rows_that_repeat_the_others_hold_no_measurement_where_two_axes_have_a_code():
+    """Each sample twice, in every second row a code in two axes: their white noise was the third axis's ÷ √2."""
+    y = samples().repeat(2, axis=0)
+    y[1::2, :2] = -32.768
+    found = identify(at_rest((record(y),)))
+    whites = [next(m for m in found.channels[a].model.terms if isinstance(m, White)) for a in found.channels]
+    assert whites[0].density == pytest.approx(whites[2].density, rel=0.1)
+    assert whites[1].density == pytest.approx(whites[2].density, rel=0.1)
+
+
 @pytest.mark.parametrize(("code", "share"), [(0.5, 0.001), (3.0, 0.003), (-6.0, 0.003), (50.0, 0.0005)])
 def test_a_code_of_any_value_in_irregular_rows_is_found(code, share):
     rng = np.random.default_rng(2)

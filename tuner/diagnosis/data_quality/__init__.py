@@ -1,8 +1,8 @@
 """Data quality: tests of the samples themselves, before any noise is modelled.
 
 Each test is exact or free of the distribution of the noise: frozen readings
-(`tuner.diagnosis.data_quality.frozen`), repeated samples (`tuner.diagnosis.data_quality.repeated_samples`), saturation
-(`tuner.diagnosis.data_quality.saturation`), the quantizer (`tuner.diagnosis.data_quality.quantizer`) and the time
+(`tuner.segments.frozen`), repeated samples (`tuner.diagnosis.data_quality.repeated_samples`), saturation
+(`tuner.diagnosis.data_quality.saturation`), the quantizer (`tuner.segments.quantizer`) and the time
 stamps. A quantizer whose step is at most two white sd is a note: it only adds step²/12 to the variance. All other
 tests use the samples outside of frozen stretches; where samples repeat the one before, saturation and quantizer are
 tested on those that do not.
@@ -22,15 +22,15 @@ from models.arrays import FloatArray
 from models.probability import MEDIAN_OVER_MEAN_SD, poisson_interval
 from tuner.diagnosis.data_quality.copied_samples import Lines, Packets, find_lines, find_packets
 from tuner.diagnosis.data_quality.copied_stretches import find_copied_stretches
-from tuner.diagnosis.data_quality.frozen import Frozen, cut, frozen, together
 from tuner.diagnosis.data_quality.overflow import find_overflow, unwrapped
-from tuner.diagnosis.data_quality.quantizer import quantizer_step, read_codes
 from tuner.diagnosis.data_quality.repeated_samples import find_repeated_samples
 from tuner.diagnosis.data_quality.resampled import find_resampled
 from tuner.diagnosis.data_quality.saturation import rails
 from tuner.diagnosis.data_quality.slower_source import find_slower_source, new_readings
 from tuner.formats.customary_units import percent
 from tuner.segments.error_codes import ErrorCodes, find_error_codes, without_error_codes
+from tuner.segments.frozen import Frozen, cut, frozen, together
+from tuner.segments.quantizer import quantizer_step, read_codes
 from tuner.segments.wrong_readings import WrongReadings, find_wrong_readings, without_wrong_readings
 from tuner.types import Coefficient
 from tuner.types.clock import HALF_INTERVAL

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from tuner.diagnosis.data_quality.frozen import cut, frozen
 from tuner.readers.time_base import MAX_BRIDGED_GAP
 from tuner.segments.conditions import MIN_PART_SAMPLES
+from tuner.segments.frozen import cut, frozen
 from tuner.segments.stationary import Segments
 from tuner.types import Finding
 from tuner.types.records import Record

@@ -36,7 +36,7 @@ from scipy.special import ndtr
 
 from models.arrays import FloatArray
 from models.probability import negative_binomial_at_least, poisson_at_least
-from tuner.diagnosis.data_quality.quantizer import MIN_NOISE_VARIANCE, fast_part
+from tuner.segments.quantizer import MIN_NOISE_VARIANCE, fast_part
 
 PREDICTION_ORDER = 32
 """Order of the autoregression that predicts a sample; chosen to whiten the filtered noise of digital sensors."""

@@ -23,7 +23,6 @@ import numpy as np
 from models.arrays import FloatArray
 from models.noise import BiasInstability, RandomWalk
 from tuner.diagnosis.cause import Group
-from tuner.diagnosis.data_quality.quantizer import may_be_uneven
 from tuner.diagnosis.static.ambiguous_causes import NEAR_TWIN_NATS, THERMAL
 from tuner.diagnosis.static.causes.base import Extension
 from tuner.diagnosis.static.causes.comb import Comb
@@ -39,6 +38,7 @@ from tuner.diagnosis.static.model.slow_likelihood import FLICKER
 from tuner.diagnosis.static.outcome import UNKNOWN, Accepted
 from tuner.diagnosis.static.search import SearchResult, group_of
 from tuner.identification.fisher_scoring import minimise
+from tuner.segments.quantizer import may_be_uneven
 from tuner.types import Alternative
 
 LATTICE = "lattice"

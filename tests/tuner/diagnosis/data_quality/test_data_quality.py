@@ -14,9 +14,9 @@ from models.effects import Samples, hide
 from models.effects.static.sampling import Clipping, Duplicates, Quantizer
 from models.noise import BiasInstability, NoiseModel, RandomWalk, White
 from tuner.diagnosis.data_quality import DataQualityTest, data_quality_tests
-from tuner.diagnosis.data_quality.quantizer import may_be_uneven, quantizer_step, read_codes
 from tuner.diagnosis.data_quality.repeated_samples import chance_equality, find_repeated_samples
 from tuner.diagnosis.data_quality.saturation import rails
+from tuner.segments.quantizer import may_be_uneven, quantizer_step, read_codes
 from tuner.simulation.static import Channel, simulate
 from tuner.types.records import Record
 

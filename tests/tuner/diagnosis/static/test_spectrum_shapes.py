@@ -12,7 +12,6 @@ from scipy.signal import butter, lfilter, sosfilt
 from models.effects.static.spectral import Vibration
 from tests.cramer_rao import butterworth_gain, spectral_bound
 from tuner.diagnosis import diagnose
-from tuner.diagnosis.data_quality.quantizer import quantizer_step
 from tuner.diagnosis.data_quality.repeated_samples import find_repeated_samples
 from tuner.diagnosis.static.causes import vibration
 from tuner.diagnosis.static.causes.burst import Burst
@@ -30,6 +29,7 @@ from tuner.diagnosis.static.spectrum.filters import (
     is_mean,
 )
 from tuner.diagnosis.static.spectrum.shape import few_shapes, many_shapes
+from tuner.segments.quantizer import quantizer_step
 from tuner.types import Coefficient
 from tuner.types.records import Record
 

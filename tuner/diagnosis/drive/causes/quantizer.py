@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tuner.diagnosis.data_quality.quantizer import quantizer_step
+from tuner.segments.quantizer import quantizer_step
 from tuner.types.records import Drive
 
 SENSORS = {"gyro": (slice(0, 3), "rad/s"), "accel": (slice(3, 6), "m/s²")}

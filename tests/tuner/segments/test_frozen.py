@@ -13,7 +13,7 @@ from models.effects import Samples, hide
 from models.effects.static.sampling import Duplicates, Quantizer
 from tuner.diagnosis import diagnose
 from tuner.diagnosis.data_quality import data_quality_tests
-from tuner.diagnosis.data_quality.frozen import cut, frozen
+from tuner.segments.frozen import cut, frozen
 from tuner.types.records import Record
 
 INTERVAL, N = 0.01, 120_000

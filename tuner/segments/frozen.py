@@ -32,7 +32,7 @@ from scipy.optimize import brentq
 from scipy.special import erf, gammainc, ndtr
 
 from models.arrays import FloatArray, IntArray
-from tuner.diagnosis.data_quality.quantizer import quantizer_step
+from tuner.segments.quantizer import quantizer_step
 from tuner.types.records import Record
 
 Range = tuple[int, int]
