@@ -25,6 +25,8 @@ OPEN_STEPS = 2
 """Of them those in which no reading counts as wrong."""
 SETTLED_SDS = 0.3
 """Step, in sds, below which they end."""
+NEAR_DELAYS = tuple(delay for delay in DELAYS if abs(delay) <= 0.5)
+"""Common delays from which the search begins as well, s: at a steady speed a lever arm stands for a part of one."""
 FIXED_SD = 1e-9
 """Prior sd of a delay that is none, s."""
 ARM_SD, STATED_ARM_SD = 1.0, 0.1
@@ -71,7 +73,9 @@ def installed(recorded: Streams, streams: Streams, now: Fit) -> Installed:
     problem = _Problem.of(streams)
     names, prior, arm = problem.names, problem.prior, slice(len(problem.names), None)
     price = math.log(STATED_ODDS * len(prior))
-    best = problem.settled(_Settled(np.zeros(len(prior)), prior, streams, now), prior, OPEN_STEPS)
+    best = max(
+        (problem.settled(at, prior, OPEN_STEPS) for at in problem.starts(now)), key=lambda at: at.fit.total
+    )
     free = prior
     delays: dict[str | None, Delay] = {}
     taken = _taken_out(recorded, streams)
@@ -156,6 +160,16 @@ class _Problem:
             streams = late(name, float(delay)).mended(streams)
         arm = np.array(streams.positions.arm) + sizes[len(self.names) :]
         return arm_of(arm, np.zeros(3)).mended(streams)
+
+    def starts(self, now: Fit) -> list[_Settled]:
+        """Return nothing, and beside it the likeliest common delay of some: a lever arm stands for half of one."""
+        tried = [np.where(np.arange(len(self.prior)), 0.0, delay) for delay in NEAR_DELAYS]
+        found = [_Settled(np.zeros(len(self.prior)), self.prior, self.streams, now)]
+        for value in tried:
+            moved = self.without(value)
+            found.append(_Settled(value, self.prior, moved, fit(moved, self.windows, near=now)))
+        likeliest = max(found, key=lambda at: at.fit.total)
+        return [found[0]] if likeliest is found[0] else [found[0], likeliest]
 
     def settled(self, at: _Settled, free: FloatArray, opened: int = 0) -> _Settled:
         """Return constants with prior sds `free` where no step makes them likelier, from others.
