@@ -32,7 +32,7 @@ def predicted(instability: float, walk: float) -> float:
         instability * DEG_PER_HOUR / ALLAN_FLOOR, white, 0.0, 1.0, horizon=1000.0, interval=0.005
     )
     noise = ChannelNoise("gyro_x", "rad/s", white, RULES["ladder"].states(view), 0.0, 1e-3)
-    return projected(noise, RTK, 3600.0).bias / DEG_PER_HOUR
+    return projected(noise, RTK).bias * (0.5 * 3600.0) ** 0.5 / DEG_PER_HOUR  # T = 1 h, driven by 2σ²/T
 
 
 def test_hand_tuned_sds_are_those_of_one_slow_state_for_flicker() -> None:
