@@ -224,7 +224,7 @@ class _Judge:
         if choice.basis == "assumed":
             raise self.refusal(
                 f"{reads} where gravity is 9.81, and nothing states its unit",
-                self.by_gravity() or ([self.scaled()] if _at_rest(found, record) else []),
+                self.by_gravity() or ([self.scaled()] if ratio > 1.0 and _at_rest(found, record) else []),
             )
         if len(record.axes) != 3 and not self.tried:
             return None
