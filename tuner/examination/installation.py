@@ -162,10 +162,10 @@ class _Problem:
         return arm_of(arm, np.zeros(3)).mended(streams)
 
     def starts(self, now: Fit) -> list[_Settled]:
-        """Return nothing, and beside it the likeliest common delay of some: a lever arm stands for half of one."""
-        tried = [np.where(np.arange(len(self.prior)), 0.0, delay) for delay in NEAR_DELAYS]
+        """Return where the search begins: at no delay, and at the likeliest of `NEAR_DELAYS` if that is likelier."""
         found = [_Settled(np.zeros(len(self.prior)), self.prior, self.streams, now)]
-        for value in tried:
+        for delay in NEAR_DELAYS:
+            value = np.where(np.arange(len(self.prior)), 0.0, delay)
             moved = self.without(value)
             found.append(_Settled(value, self.prior, moved, fit(moved, self.windows, near=now)))
         likeliest = max(found, key=lambda at: at.fit.total)

@@ -148,7 +148,7 @@ def judged_drive(
     best = chosen(stretch, settings, known)
     files, (stretch, settings) = _with_chosen(files, best), best.of(stretch, settings)
     pairs = compared(stretch, settings, known)
-    if not pairs or pairs[0].seconds:
+    if not pairs:
         raise DataError(
             f"{drive.source or drive.name}: nothing is written for kf-gins: its filter loses this drive"
         )
@@ -283,7 +283,7 @@ def compared(
     known: Reference,
     lengths: Sequence[float] = OUTAGE_LENGTHS,
 ) -> tuple[Compared, ...]:
-    """Return what a filter errs and predicts with fixes, and after some times without, s."""
+    """Return what a filter errs and predicts with fixes, and after some times without, s; nothing where it is lost."""
     (whole,) = navigate((stretch,), settings, NO_WINDOWS)
     groups = [rows for _, rows in blocks(whole, settled(stretch, whole))]
     expect_settled(bool(groups), "what would be written", [float(np.ptp(whole.t))])
@@ -294,7 +294,7 @@ def compared(
         inside = (run.t[:, None] > windows[:, 0]) & (run.t[:, None] <= windows[:, 1])
         ends = np.array([np.flatnonzero(one)[-1] for one in inside.T if one.any()], dtype=int)
         found.append(_compared(length, run, ends, known, [1] * len(ends)))
-    return tuple(one for one in found if len(one.error))
+    return tuple(one for one in found if len(one.error)) if len(found[0].error) else ()
 
 
 def _compared(
@@ -373,7 +373,7 @@ def chosen(stretch: Stretch, settings: FilterSettings, known: Reference) -> Chos
 
     def costs(one: Chosen) -> FloatArray:
         found = compared(*one.of(stretch, settings), known, SCORED[1:])
-        if not found or found[0].seconds:  # the filter is lost
+        if not found:
             return np.full(len(PARTS), np.inf)
         spread = float(np.sum(np.log(one.factors) ** 2)) / math.log(NOISE_SPREAD) ** 2
         penalty = spread / len(PARTS) / len(found[0].lengths)

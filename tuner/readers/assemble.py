@@ -151,12 +151,14 @@ def even(
         )
     kept = base.rows
     edges = (0, 0) if kept is None else (int(kept.min()), len(blocks[0]) - 1 - int(kept.max()))
-    found = EvenRecords(tuple(records), tuple(notes), tuple(words), (), tuple(bad), edges, (), base.late)
+    found = EvenRecords(
+        tuple(records), tuple(notes), tuple(words), bad=tuple(bad), edges=edges, late=base.late
+    )
     if clock is None:
         return found
     return replace(
         found,
-        assumptions=(*words, *clock.assumptions, *base.assumptions),
+        assumptions=(*found.assumptions, *clock.assumptions, *base.assumptions),
         contradicted=clock.contradicted,
         changes=clock.changes,
     )

@@ -142,7 +142,7 @@ def _nothing_found(listing: Listing) -> DataError:
         for gyro, accel in (("3:6", "0:3"), ("0:3", "3:6"))
         if wide is not None
     ]
-    if wide is not None and listing.shapes[wide][1] == 1 + 6:
+    if wide is not None and listing.shapes[wide][1] == 7:  # time before both triads
         changes = [
             Change(columns={"t": f"{wide}[0]", "gyro": f"{wide}[{gyro}]", "accel": f"{wide}[{accel}]"})
             for gyro, accel in (("4:7", "1:4"), ("1:4", "4:7"))

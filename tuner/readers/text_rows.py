@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from models.arrays import FloatArray
-from tuner.readers.column_names import SENSORS, parse_name, role_of, sensor_of
+from tuner.readers.column_names import parse_name, role_of, sensor_of
 from tuner.readers.columns import Listing, listing_of_arrays
 from tuner.readers.text_dialect import Dialect, is_number, open_bytes
 
@@ -22,8 +22,6 @@ MAX_CELLS = 32
 
 def list_rows(path: Path, dialect: Dialect) -> Listing | None:
     """Return the columns of a text whose rows name a sensor first; None for others."""
-    import pandas as pd
-
     if dialect.separator is None or len(dialect.names) < 5:
         return None
     with open_bytes(path) as file:
@@ -31,6 +29,8 @@ def list_rows(path: Path, dialect: Dialect) -> Listing | None:
         first = file.readline().decode("utf-8", errors="replace").split(dialect.separator)[0].strip()
         if is_number(first) or sensor_of(parse_name(first).plain) is None:
             return None
+        import pandas as pd  # most texts are none of these
+
         file.seek(0)
         rows = pd.read_csv(
             file,
@@ -68,7 +68,6 @@ def _cells(line: str, separator: str) -> list[str]:
 
 def _of_row(names: list[str], sensor: str) -> Mapping[str, tuple[int, str]]:
     """Return the cells of time and axes of a row, and how they are named, from the names above; else those in order."""
-    assert sensor in SENSORS
     found = {"t": (1, ""), **{f"{sensor}_{axis}": (2 + i, "") for i, axis in enumerate("xyz")}}
     for number, name in reversed(list(enumerate(names[1:], start=1))):
         parsed = parse_name(name)

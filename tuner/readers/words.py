@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from models.arrays import FloatArray
 from models.robust import normal_sd
 from tuner.formats.axis_words import axes_text
+from tuner.readers.unit_evidence import STEP_SAMPLES
 
 MIN_BITS, MAX_BITS = 8, 32
 """Bits of the words of converters."""
@@ -42,7 +43,7 @@ def as_signed(
     if width := next(filter(None, widths), None):
         unsigned = [j for j, y in enumerate(columns) if np.nanmin(y) >= 0.0 and np.nanmax(y) <= width]
         for j in unsigned:
-            there = np.isfinite(columns[j])
+            columns[j], there = columns[j].copy(), np.isfinite(columns[j])
             whole = np.unwrap(columns[j][there], period=width) if widths[j] else columns[j][there]
             columns[j][there] = whole - width * np.round(np.median(whole) / width)
         text = (
@@ -57,8 +58,8 @@ def as_signed(
 
 def _width(y: FloatArray) -> float | None:
     """Return the range of whole numbers from zero on that jump by it and by nothing else; None for others."""
-    some = y[np.isfinite(y)]
-    if len(some) < 2 or some.min() < 0.0 or np.any(some != np.rint(some)):
+    some = _counts(y)
+    if len(some) < 2 or some.min() < 0.0:
         return None
     width = 2.0 ** np.ceil(np.log2(some.max() + 1.0))
     far = np.abs(np.diff(some)) > 0.75 * width
@@ -67,14 +68,19 @@ def _width(y: FloatArray) -> float | None:
     return float(width) if np.abs(np.diff(np.unwrap(some, period=width))).max() < 0.25 * width else None
 
 
+def _counts(y: FloatArray) -> FloatArray:
+    """Return the numbers among samples where all are whole, else none; the first decide for most logs."""
+    for some in (y[:STEP_SAMPLES], y):
+        known = some[np.isfinite(some)]
+        if np.any(known != np.rint(known)):
+            return np.zeros(0)
+    return known
+
+
 def _exchanged(y: FloatArray) -> FloatArray | None:
     """Return counts of 16 bits with their bytes exchanged, where that is what they are; else None."""
-    if (
-        len(y) < 2
-        or not np.all(y == np.rint(y))
-        or np.abs(y).max() >= 2.0**16
-        or normal_sd(np.diff(y)) < 256.0
-    ):
+    some = _counts(y)
+    if len(some) < max(len(y), 2) or np.abs(y).max() >= 2.0**16 or normal_sd(np.diff(y)) < 256.0:
         return None
     other = (y.astype(np.int64) & 0xFFFF).astype(np.uint16).byteswap().view(np.int16).astype(float)
     return other if EXCHANGED_RATIO * normal_sd(np.diff(other)) < normal_sd(np.diff(y)) else None
