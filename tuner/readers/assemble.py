@@ -21,7 +21,7 @@ from tuner.readers.constant_axes import without_constant_axes
 from tuner.readers.options import STAMP, Options, stated_rate
 from tuner.readers.refusal import Change, Refusal, RowsApart
 from tuner.readers.sample_grid import Columns, sample_grid
-from tuner.readers.sensor_columns import NO_COLUMN, Layout, choose, exchanged
+from tuner.readers.sensor_columns import NO_COLUMN, Layout, choose, exchanged, of_mavlink
 from tuner.readers.time_base import Timebase
 from tuner.readers.unit_checks import check_units
 from tuner.readers.value_checks import about_limiting_step, limiting_step
@@ -186,7 +186,7 @@ def checked(
         assume_si=options.assume_si,
         tried=options.tried,
         kinds=options.requested != "sums",
-        others=(*found.changes, *exchanged(plan.layout)),
+        others=(*found.changes, *of_mavlink(plan.layout), *exchanged(plan.layout)),
     )
     notes += remarks
     live = without_constant_axes(records, notes, keep=options.constant_axes)

@@ -303,6 +303,11 @@ def _role_of(plain: str) -> tuple[str, int] | None:
     return None
 
 
+def is_mavlink(name: str) -> bool:
+    """Return whether a column has a name of MAVLink's, such as ``xgyro``: whole numbers there are mg and mrad/s."""
+    return _AXIS_FIRST.match(parse_name(name).plain) is not None
+
+
 def sensor_of(plain: str) -> str | None:
     """Return the sensor whose name an array's begins with or contains as a word, such as ``gyro_dps_1``."""
     words = f"_{plain}_"

@@ -133,6 +133,16 @@ def exchanged(layout: Layout) -> tuple[Change, ...]:
     return (Change(columns=columns),)
 
 
+def of_mavlink(layout: Layout) -> tuple[Change, ...]:
+    """Return the units of MAVLink's scaled readings for columns that have its names; none for others."""
+    parts = [str(part) for sensor in layout.sensors for part in sensor.parts]
+    if not all(names.is_mavlink(part) for part in parts):
+        return ()
+    units = {"accel": "mg", "gyro": "mrad/s"}
+    there = {sensor.name: units[sensor.name] for sensor in layout.sensors}
+    return (Change(there, when=f"where {parts[0]} is a scaled reading of MAVLink"),)
+
+
 def _nothing_found(listing: Listing) -> DataError:
     """Return the refusal of a file without a sensor, with the columns of a wide array as readings."""
     wide = next((name for name, shape in listing.shapes.items() if len(shape) == 2 and shape[1] >= 6), None)

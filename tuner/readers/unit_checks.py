@@ -125,11 +125,9 @@ def check_units(
             tried and choice.basis == "file" and choice.unit in CUSTOMARY_UNITS
         )
         if unsure and whole_numbers(record.y, si_value(choice.unit, record.interval)):
-            clocks = [change for change in others if "t" in change.columns]
+            known = [change for change in others if "t" in change.columns or change.unit]
             stated = f"in {choice.unit} is stated" if choice.basis == "file" else "nothing states their size"
-            raise Refusal(
-                f"{source}: {_COUNTS.format(record.name)}, and {stated}", (*judge.counts(), *clocks)
-            )
+            raise Refusal(f"{source}: {_COUNTS.format(record.name)}, and {stated}", (*known, *judge.counts()))
         if record.name == "accel":
             if (first := judge.accel(choices.get("gyro"))) is not None:
                 said["accel"] = first
@@ -151,9 +149,11 @@ def _exchanged(records: Sequence[Record], sizes: Mapping[str, Sizes]) -> str:
     if full.keys() != {"gyro", "accel"}:
         return ""
     gyro, accel = sizes["gyro"], sizes["accel"]
-    if accel.norm > STANDARD_GRAVITY / MAX_UNIT_FACTOR or gyro.mean < MAX_BIAS:
-        return ""
-    if not _at_rest(gyro, full["gyro"]) or _at_rest(accel, full["accel"]):
+    if (
+        WRONG_FACTOR * accel.norm > STANDARD_GRAVITY
+        or gyro.mean < MAX_BIAS
+        or not _at_rest(gyro, full["gyro"])
+    ):
         return ""
     return (
         f"accel reads {accel.norm:.3g} m/s^2 where gravity is 9.81, and gyro as steady as gravity "

@@ -6,7 +6,7 @@ dead zone
 bias taken out
     A program learns the bias while the sensor rests, and subtracts it: a high-pass below the frequencies of motion.
     Every noise of a sensor but the white one is larger at low frequencies [1]_. So a spectrum that is flat over three
-    octaves above 2 Hz (of slow logs over those below half the rate) and lower in one below them is that of a
+    octaves above 2 Hz (of slow logs over those below half the rate) and lower below some frequency is that of a
     high-pass: a mean of m ordinates ÷ that of the flat part has the law of a χ² of 2m degrees of freedom ÷ 2m. What
     filters, mounts and vibration do at higher frequencies takes no part.
 
@@ -94,7 +94,7 @@ def dead_zone(y: FloatArray) -> float:
 
 
 def high_pass(pieces: Iterable[FloatArray], interval: float) -> float:
-    """Return white power ÷ the least of an octave below it, of the longest of pieces (n,); 1 where nothing is less."""
+    """Return white power ÷ that below the frequency under which it is least likely, of the longest piece (n,), or 1."""
     y = max(pieces, key=len, default=np.zeros(0))
     lowest = round(min(SLOWEST_MOTION * interval, 0.5 ** (FLAT_OCTAVES + 1)) * len(y))
     edges = lowest * 2 ** np.arange(FLAT_OCTAVES + 1)
@@ -106,10 +106,9 @@ def high_pass(pieces: Iterable[FloatArray], interval: float) -> float:
     if flat.min() <= 0.0 or flat.max() > MAX_STEP * flat.min():
         return 1.0
     least, chance, top = 1.0, 1.0, lowest
-    while top // 2 >= MIN_ORDINATES:
-        ratio = float(power[top // 2 : top].mean() / flat.mean())
-        count = 0.5 * (top - top // 2)  # a window makes two ordinates one
-        if ratio < least:
-            least, chance = ratio, float(gammainc(count, count * ratio))
+    while top > 1:
+        ratio, count = float(power[:top].mean() / flat.mean()), 0.5 * top  # a window makes two ordinates one
+        if (unlikely := float(gammainc(count, count * ratio))) < chance:
+            least, chance = ratio, unlikely
         top //= 2
     return 1.0 / least if chance < MAX_P_VALUE and least * WRONG_FACTOR**2 < 1.0 else 1.0

@@ -169,6 +169,15 @@ def test_no_block_is_without_white_noise() -> None:
     assert found.block.white_density == pytest.approx(np.sqrt(2.0 * 0.6), rel=0.15)
 
 
+def test_white_noise_that_the_likelihood_measured_is_not_bent_by_a_warm_up() -> None:
+    """No sum of terms has the curve of an exponential: a fit to it gave 0.77 of the white noise."""
+    t = 0.01 * np.arange(65_000)
+    y = 10.0 * np.random.default_rng(0).standard_normal(len(t)) - 150.0 * np.exp(-t / 111.0)
+    found = choose_block([y], 0.01, NoiseBlock(1.0, (), 1e-3))
+    assert found is not None
+    assert found.block.white_density == pytest.approx(1.0, rel=0.05)
+
+
 def test_a_short_record_is_not_judged() -> None:
     assert choose_block([np.random.default_rng(0).standard_normal(200)], INTERVAL, None) is None
 

@@ -82,6 +82,22 @@ def test_triads_that_are_exchanged_with_their_registers_have_no_reading(tmp_path
     assert "--" not in message
 
 
+def test_a_steady_bias_in_place_of_gravity_is_exchanged_all_the_same(tmp_path: Path) -> None:
+    """A rate of 1 deg/s, scaled as accelerometers, is as steady as gravity, but a hundredth of it."""
+    raw = ACCEL / 9.80665 * 1.1, 0.2 + GYRO
+    refused(write(tmp_path / "log.csv", rows(T, *raw), SI), "63 deg/s: the columns .* may be exchanged")
+
+
+def test_whole_numbers_under_names_of_mavlink_have_its_units_among_the_readings(tmp_path: Path) -> None:
+    """ArduPilot issue 15652: the gyroscopes' count could not be stated from the log alone."""
+    counts = np.rint(1e3 * GYRO), np.rint(1e3 * ACCEL / 9.80665)
+    path = write(tmp_path / "log.csv", rows(T, *counts), "t [s],xgyro,ygyro,zgyro,xacc,yacc,zacc")
+    message = refused(path, "where xgyro is a scaled reading of MAVLink")
+    gyro, accel = read(path, **advice(message.split(" where xgyro")[0]))  # type: ignore[arg-type]
+    np.testing.assert_allclose(gyro.y, 1e-3 * counts[0])
+    np.testing.assert_allclose(accel.y, 9.80665e-3 * counts[1])
+
+
 def test_increments_that_are_called_rates_are_named_together(tmp_path: Path) -> None:
     path = write(tmp_path / "log.csv", rows(T, 0.01 * GYRO, 0.01 * ACCEL), SI)
     assert advice(refused(path, "0.01 × gravity")) == {"accel_unit": "m/s", "gyro_unit": "rad"}

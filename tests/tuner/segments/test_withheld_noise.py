@@ -77,3 +77,9 @@ def test_a_bias_that_is_learnt_and_subtracted_is_a_high_pass(gain):
 )
 def test_what_sensors_do_to_their_noise_is_no_high_pass(y):
     assert high_pass([y], 0.01) == 1.0
+
+
+def test_a_high_pass_shows_in_all_frequencies_below_it_together():
+    """A second learnt in eight minutes: no single octave below has enough ordinates."""
+    y, gain = noise()[:48_000], 0.01
+    assert high_pass([y - lfilter([gain], [1.0, gain - 1.0], y)], 0.01) > 4.0

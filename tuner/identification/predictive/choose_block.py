@@ -51,12 +51,13 @@ def choose_block(
         first = _judged(BlockSource.LIKELIHOOD, kept, measured, pieces)
         if first.passes:
             return first
-    fitted = _from_curve(BlockSource.CURVE, free, excess, measured, pieces)
+    white = 0.0 if proposed is None else proposed.white_density
+    fitted = _from_curve(BlockSource.CURVE, free, excess, measured, pieces, white)
     bands = octave_bands(interval, float(measured.tau[0]))
     if not fitted.curve.passes and bands:
         both = (*excess, *bands)
         free = fit_curve(measured, both)
-        wider = _from_curve(BlockSource.CURVE_WITH_MOTION, free, both, measured, pieces)
+        wider = _from_curve(BlockSource.CURVE_WITH_MOTION, free, both, measured, pieces, white)
         if wider.curve.passes:
             fitted = wider
     if first is None:
@@ -72,16 +73,18 @@ def _from_curve(
     excess: Sequence[SpectralExcess],
     measured: MeasuredAllan,
     pieces: Sequence[FloatArray],
+    white: float,
 ) -> PredictedBlock:
     """Return the fitted block with its random walk raised; as it was fitted where only that predicts the record.
 
-    States faster than a filter can follow become white noise. Where that predicts the curve at short clusters wrongly,
-    and no block without such states predicts it, it is judged from ten of their time constants on.
+    `white` is the white noise of the likelihood, 0 for none. States faster than a filter can follow become white noise.
+    Where that predicts the curve at short clusters wrongly, and no block without such states predicts it, it is judged
+    from ten of their time constants on.
     """
     fast = [state.time_constant for state in fitted.states if state.time_constant <= FASTEST_STATE]
 
     def judged(block: NoiseBlock, shortest: float) -> PredictedBlock:
-        written = _with_white_noise(block.without_fast_states(), measured)
+        written = _with_white_noise(block.without_fast_states(), measured, white)
         return _judged(source, written, measured, pieces, shortest=shortest)
 
     raised, later = raise_random_walk(fitted, measured), WHITE_FROM * max(fast, default=0.0)
@@ -97,11 +100,15 @@ def _from_curve(
     return results[-2]  # with the random walk raised
 
 
-def _with_white_noise(block: NoiseBlock, measured: MeasuredAllan) -> NoiseBlock:
-    """Return the block with white noise: half of the smallest σ(τ)√τ where the curve shows none."""
-    if block.white_density > 0.0:
-        return block
-    return replace(block, white_density=bounded_white_density(measured.tau, measured.variance))
+def _with_white_noise(block: NoiseBlock, measured: MeasuredAllan, white: float) -> NoiseBlock:
+    """Return the block with the white noise of the likelihood as far as the curve allows that, if its own is smaller.
+
+    The curve allows the smallest σ(τ)√τ; half of that stands where neither shows any. The course of a bias that no sum
+    of terms describes bends a fit to the curve, and its smallest part most.
+    """
+    half = bounded_white_density(measured.tau, measured.variance)
+    known = max(block.white_density, min(white, 2.0 * half))
+    return replace(block, white_density=known if known > 0.0 else half)
 
 
 def _judged(
