@@ -25,7 +25,7 @@ from tuner.diagnosis.static.reported_noise import noise_after, noise_before
 from tuner.diagnosis.static.search import SearchResult, search_causes
 from tuner.diagnosis.static.second_log import as_coarse, expect_comparable, second_channel
 from tuner.diagnosis.static.sidebands import with_sidebands
-from tuner.diagnosis.static.smooth_shapes import smooth as smooth_shapes
+from tuner.diagnosis.static.slow_shapes import smooth as smooth_shapes
 from tuner.diagnosis.static.something_else import about, with_unknown
 from tuner.diagnosis.static.spectrum import aliasing as sampling
 from tuner.formats.customary_units import stamp

@@ -2,13 +2,10 @@
 
 When no other test rejects, the noise is fitted under a saturated mean (temperature and its lags, transients,
 and the best pair at the noise as fitted): if that gains more than chance at 2 %, all pairs of templates are
-scored with this noise, and the best pair is judged by a likelihood ratio with the noise refitted, χ²₂ times
-the number of pairs that differ.
+scored with this noise, and the likeliest of the best, the noise refitted, is worth a trial.
 """
 
 from __future__ import annotations
-
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,18 +18,14 @@ from tuner.diagnosis.static.causes.step import Step
 from tuner.diagnosis.static.causes.template import Template
 from tuner.diagnosis.static.hypothesis_tests import is_open
 from tuner.diagnosis.static.model.dct import block_transform
-from tuner.diagnosis.static.model.fitted_channel import FittedChannel, extended, without
-from tuner.diagnosis.static.model.null_distributions import SLOW_RATIO_FACTOR
-from tuner.diagnosis.static.outcome import TestResult
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel, extended
 
-PAIR = "pair"
-"""Name of the test in results."""
 OMNIBUS_LEVEL = 0.02
 """Chance below which a saturated mean is worth a search for pairs: one record in fifty costs that time in vain."""
 
 
-def test(fitted: FittedChannel) -> TestResult | None:
-    """Search for a masked pair; None where there is no room for one."""
+def test(fitted: FittedChannel) -> tuple[Extension, ...] | None:
+    """Return the likeliest masked pair; None where there is no room for one, or nothing promises it."""
     candidates = [] if fitted.count("telegraph") else _candidates(fitted)
     if len(candidates) < 2:
         return None
@@ -48,71 +41,23 @@ def test(fitted: FittedChannel) -> TestResult | None:
         return None
     first = _best_pairs(fitted, candidates, columns, full.expected)
     judged = [(fitted.refit(columns[:, list(pair)]).log_likelihood, pair) for pair in first[:3]]
-    value, pair = max(judged, key=lambda item: item[0])
-    ratio = max(0.0, 2.0 * (value - fitted.fit.log_likelihood))
-    price = float(np.prod([_number(candidates[i]) for i in pair]))
-    p_value = min(1.0, price * chi2_beyond(SLOW_RATIO_FACTOR * ratio, 2))
-    gain = 0.5 * ratio - float(np.log(price)) - 0.5 * float(np.log(fitted.channel.blocks))
-    return TestResult(
-        PAIR,
-        p_value,
-        gain,
-        ratio,
-        "likelihood ratio of a pair of slow templates",
-        lambda: _extensions(fitted, [candidates[i] for i in pair]),
-    )
-
-
-def replacing_pair(fitted: FittedChannel, threshold: float) -> tuple[int, TestResult] | None:
-    """Return the one slow extension that a pair should replace, and the result of that pair; None where none should.
-
-    One of two effects that hide each other may have been accepted alone, in the shape of both.
-    """
-    slow = [
-        i
-        for i, x in enumerate(fitted.extensions)
-        if x.cause in _causes() and not (isinstance(x, Step) and x.taken)
-    ]
-    if len(slow) != 1:
-        return None
-    fewer = without(fitted, slow[0])
-    pair = test(fewer)
-    if pair is None:
-        return None
-    places = Step.different_in_pairs
-    ratio = pair.statistic - 2.0 * max(0.0, fitted.fit.log_likelihood - fewer.fit.log_likelihood)
-    p_value = min(1.0, places * chi2_beyond(SLOW_RATIO_FACTOR * max(ratio, 0.0), 1))
-    if p_value > threshold or 0.5 * ratio < np.log(places) + 0.25 * np.log(fitted.channel.blocks):
-        return None
-    return slow[0], replace(pair, p_value=min(pair.p_value, p_value))
-
-
-def _causes() -> dict[str, type[Template]]:
-    """Return the causes that can mask each other, by code."""
-    return {
-        code: cause
-        for code, cause in CAUSES.items()
-        if issubclass(cause, Template) and cause.different_in_pairs is not None
-    }
-
-
-def _number(candidate: Template) -> float:
-    """Return how many candidates of its kind differ."""
-    return 1.0 if candidate.different_in_pairs is None else candidate.different_in_pairs
+    pair = max(judged, key=lambda item: item[0])[1]
+    one = candidates[pair[0]].likeliest(extended(fitted, candidates[pair[1]]))
+    return one, candidates[pair[1]].likeliest(extended(fitted, one))
 
 
 def _candidates(fitted: FittedChannel) -> list[Template]:
     """Return what is tried of every cause that is still open."""
     out: list[Template] = []
-    for code, cause in _causes().items():
-        if cause.applies(fitted.channel) and is_open(fitted, code):
+    for code, cause in CAUSES.items():
+        if issubclass(cause, Template) and cause.applies(fitted.channel) and is_open(fitted, code):
             out += cause.candidates_in_pairs(fitted.channel)
     return out
 
 
 def _saturating(candidates: list[Template]) -> list[int]:
     """Return the candidates of a saturated mean: some of everything that is smooth."""
-    smooth = [i for i, c in enumerate(candidates) if not c.abrupt]
+    smooth = [i for i, c in enumerate(candidates) if not isinstance(c, Step)]
     return smooth[:1] + smooth[2::3]
 
 
@@ -135,7 +80,7 @@ def _best_pairs(
     square = score**2
     value = np.outer(square, diagonal) + np.outer(diagonal, square) - 2.0 * np.outer(score, score) * gram
     value = np.where(np.triu(allowed, 1), value / np.where(allowed, determinant, 1.0), -np.inf)
-    price = np.log([_number(c) for c in candidates])
+    price = np.array([c.choice(fitted.channel) for c in candidates])
     value = value - 2.0 * (price[:, None] + price[None, :])
     order = np.argsort(value, axis=None)[::-1][:40]
     pairs = [(int(i), int(j)) for i, j in zip(*np.unravel_index(order, value.shape), strict=True)]
@@ -151,10 +96,3 @@ def _exclusive(candidates: list[Template]) -> NDArray[np.bool_]:
     return np.array(
         [[c.repeats == 1 and code in (c.cause, *c.excludes) for code in codes] for c in candidates]
     )
-
-
-def _extensions(fitted: FittedChannel, chosen: list[Template]) -> tuple[Extension, ...]:
-    """Return the extensions of a pair, each placed with the other one in the model."""
-    one = chosen[0].likeliest(extended(fitted, chosen[1]))
-    other = chosen[1].likeliest(extended(fitted, one))
-    return one, other

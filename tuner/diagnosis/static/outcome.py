@@ -14,6 +14,14 @@ UNKNOWN = "unknown"
 """Code of what is none of the causes, in a list of alternatives."""
 NO_GAIN = -9.0
 """Gain, nats, of what was not worth a fit: below any that a fit could give by chance, so that it is never chosen."""
+ALTERNATIVE_NATS = 3.0
+"""Nats within which a rival counts as an alternative: a likelihood ratio of 20, the usual 5 %."""
+NEAR_TWIN_NATS = 10.0
+"""Nats within which two slow shapes, or two shapes of the fast spectrum, are alternatives.
+
+Errors of what they are functions of (a thermometer's lag and noise, a transient that is no exponential, a filter of
+another order) cost a true one that much.
+"""
 LEAST_CHANCE = 1e-300
 """Smallest p-value that is a number; its 690 nats are then a lower bound."""
 

@@ -316,6 +316,12 @@ def _coefficients(fitted: FittedChannel, columns: FloatArray) -> FloatArray:
     return block_transform(columns, fitted.cleaned, fitted.track.singles)
 
 
+def harmless_ratio(fitted: FittedChannel) -> float:
+    """Return the likelihood ratio that the slow causes of a model may leave."""
+    size = fitted.fit.beta[1:] ** 2 / np.diag(fitted.fit.beta_covariance)[1:]
+    return HARMLESS_SHARE * float(size.sum())
+
+
 def _course(fitted: FittedChannel) -> tuple[TestResult, ...]:
     """Test the course of the bias beside the slow causes that were accepted; nothing where there are none."""
     channel = fitted.channel
@@ -343,8 +349,7 @@ def _course(fitted: FittedChannel) -> tuple[TestResult, ...]:
     new = new[:, size > MIN_NEW_SHARE]
     if not new.shape[1]:
         return ()
-    size = fitted.fit.beta[1:] ** 2 / np.diag(fitted.fit.beta_covariance)[1:]
-    ratio = 2.0 * (fitted.refit(new).log_likelihood - fitted.fit.log_likelihood)
-    ratio = max(SLOW_RATIO_FACTOR * ratio - HARMLESS_SHARE * float(size.sum()), 0.0)
+    ratio = 2.0 * SLOW_RATIO_FACTOR * (fitted.refit(new).log_likelihood - fitted.fit.log_likelihood)
+    ratio = max(ratio - harmless_ratio(fitted), 0.0)
     place = f"beside {', '.join(x.cause for x in fitted.extensions if isinstance(x, Template))}"
     return (_result("course", ratio, new.shape[1], "course of the bias", place),)

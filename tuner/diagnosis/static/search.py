@@ -13,20 +13,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tuner.diagnosis.cause import Group
-from tuner.diagnosis.static.ambiguous_causes import (
-    ALTERNATIVE_NATS,
-    NEAR_TWIN_NATS,
-    behind_thermometer,
-    measured_first,
-    twins,
-    warming_box,
-    with_curve,
-    with_lag,
-    with_one_lag,
-    with_steps,
-    without_lag,
-    without_line_of_resonance,
-)
 from tuner.diagnosis.static.causes import spikes, step
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.causes.burst import Burst
@@ -34,6 +20,7 @@ from tuner.diagnosis.static.causes.chirp import Sweep
 from tuner.diagnosis.static.causes.motion import Motion
 from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.diagnosis.static.causes.step import Step
+from tuner.diagnosis.static.causes.template import Template
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.hypothesis_tests import (
     CERTAIN_GAIN,
@@ -43,17 +30,18 @@ from tuner.diagnosis.static.hypothesis_tests import (
     significant,
     with_tests_anew,
 )
-from tuner.diagnosis.static.masked_pairs import PAIR, replacing_pair
-from tuner.diagnosis.static.masked_pairs import test as pair_test
+from tuner.diagnosis.static.line_of_resonance import without_line_of_resonance
 from tuner.diagnosis.static.model.fitted_channel import FittedChannel, fit_channel, relabelled, without
 from tuner.diagnosis.static.model.profile_likelihood import first_column
-from tuner.diagnosis.static.outcome import Accepted, TestResult
+from tuner.diagnosis.static.outcome import ALTERNATIVE_NATS, NEAR_TWIN_NATS, Accepted, TestResult
 from tuner.diagnosis.static.residual_checks import checks
-from tuner.diagnosis.static.smooth_shapes import measured_first as measured_shapes
+from tuner.diagnosis.static.slow_shapes import settled
 from tuner.diagnosis.static.variance.quantized_noise import hides_noise
 from tuner.stages import stage, task
 from tuner.types import Alternative
 
+SPECTRUM_TWINS = frozenset({"lowpass", "colour"})
+"""Shapes of the fast spectrum that differ in the order of a filter only."""
 MAX_PASSES = 16
 """Largest number of passes; chosen to bound the search above the number of causes that one record has."""
 MAX_REFITS = 2
@@ -114,10 +102,7 @@ def search_causes(channel: Channel, threshold: float, given: tuple[Extension, ..
             break
     stage("", 1.0)
     found, accepted = _prune(now.found, list(now.accepted), threshold)
-    found, accepted = without_lag(found, accepted)
-    found, accepted = with_curve(*with_one_lag(found, accepted))
-    found, accepted = with_steps(*without_line_of_resonance(found, accepted))
-    found, accepted = measured_shapes(found, accepted, threshold)
+    found, accepted = without_line_of_resonance(found, accepted)
     tested = (*now.results, *checks(found))  # before caches are lost
     found = with_joint_estimates(found)
     estimated = found.extensions[len(found.extensions) - len(accepted) :]
@@ -185,19 +170,11 @@ def _after_pass(last: _Progress, threshold: float) -> _Progress:
         accepted = [*accepted[: -last.fresh], *known]
     candidates = _candidates(results, threshold)
     if not candidates:
-        masked = pair_test(found)
-        candidates = [masked] if masked and significant(masked, threshold) and masked.gain > 0 else []
-    better = None if candidates else replacing_pair(found, threshold)
-    if better is not None:
-        found = without(found, better[0])
-        del accepted[better[0] - given]
-        candidates = [better[1]]
-    if not candidates:
-        return _Progress(base, found, tuple(accepted), bare, done=True)
+        moved, accepted = settled(found, accepted, threshold, pairs=True)
+        return _Progress(base, moved, tuple(accepted), bare, done=moved is found)
     candidates = _eligible(candidates)
     broad = [result for result in candidates if is_broad(result.cause)]
-    chosen = [measured_first(result, candidates) for result in _clearest(candidates)]
-    chosen = [warming_box(found, behind_thermometer(found, one, threshold), threshold) for one in chosen]
+    chosen = _clearest(candidates)
     paths = any(result.cause == "telegraph" for result in chosen)
     jumps = [result for result in candidates if result in chosen or (paths and result.cause == "step")]
     wider = _wider(found, jumps, given)
@@ -224,15 +201,15 @@ def _after_pass(last: _Progress, threshold: float) -> _Progress:
         if all(a is b for a, b in zip(refits, found.extensions, strict=True)):
             break
         found = fit_channel(channel, refits, starts=found.starts, near=found)
-    if any(x.cause == "temperature" for x in new):
-        found, accepted = with_lag(found, accepted)
+    if any(isinstance(x, Template) for x in new):
+        found, accepted = settled(found, accepted, threshold)
+        if sorted(x.cause for x in found.extensions) == sorted(x.cause for x in last.found.extensions):
+            return _Progress(base, found, tuple(accepted), bare, done=True)
     return _Progress(base, found, tuple(accepted), bare, quiet, len(new))
 
 
 def group_of(cause: str) -> Group | None:
-    """Return the group of a cause, or of the test of masked pairs; None for a statistic that no cause owns."""
-    if cause == PAIR:
-        return "slow part"
+    """Return the group of a cause; None for a statistic that no cause owns."""
     declared = CAUSES.get(cause)
     return None if declared is None else declared.group
 
@@ -359,7 +336,9 @@ def _with_rivals(
         and significant(a, threshold)
         and a.gain
         > max(
-            one.result.gain - (NEAR_TWIN_NATS if twins(one.result.cause, a.cause) else ALTERNATIVE_NATS), 0.0
+            one.result.gain
+            - (NEAR_TWIN_NATS if {one.result.cause, a.cause} == SPECTRUM_TWINS else ALTERNATIVE_NATS),
+            0.0,
         )
     }
     if one.result.cause == "gauss_markov":

@@ -2,7 +2,7 @@
 
 Errors of a thermometer and the noise of an axis decide between near twins by a few nats, differently in each axis. So
 axes in which something smooth was found are judged together: each shape is fitted to all of them, what time constant
-it has in common. It is taken by those that lose no more than `NEAR_TWIN_NATS` by it; what was measured comes first.
+it has in common, and that of most evidence in all of them is taken by those that lose no more than `NEAR_TWIN_NATS`.
 """
 
 from __future__ import annotations
@@ -12,22 +12,22 @@ from dataclasses import replace
 
 import numpy as np
 
-from tuner.diagnosis.static.ambiguous_causes import NEAR_TWIN_NATS
 from tuner.diagnosis.static.causes.temperature import COVARIATE
 from tuner.diagnosis.static.causes.temperature_times_time import UNNAMED
 from tuner.diagnosis.static.causes.warmup import Warmup
 from tuner.diagnosis.static.model.fitted_channel import FittedChannel, fit_channel
-from tuner.diagnosis.static.outcome import Accepted
+from tuner.diagnosis.static.outcome import NEAR_TWIN_NATS, Accepted
 from tuner.diagnosis.static.search import SearchResult, with_joint_estimates
-from tuner.diagnosis.static.smooth_shapes import (
+from tuner.diagnosis.static.slow_shapes import (
     SMOOTH,
     Shapes,
     beside,
+    evidence,
     judged,
     sets,
     smooth,
-    value,
     without_smooth,
+    worth,
 )
 from tuner.types import Alternative
 
@@ -53,16 +53,22 @@ def with_shared_shape(outcomes: Mapping[str, SearchResult]) -> dict[str, SearchR
     if len(concerned) < 2 or agreed or not measured:
         return {}
     bare = {axis: without_smooth(one.final) for axis, one in concerned.items()}
-    own = {axis: value(one.final, smooth(one.accepted)) for axis, one in concerned.items()}
-    best: tuple[int, Shapes, dict[str, FittedChannel]] = (1, (), {})
-    for shapes in sets(list(bare.values())):
-        fits = {axis: beside(b, shapes) for axis, b in bare.items()}
-        agree = {axis: fit for axis, fit in fits.items() if value(fit, shapes) > own[axis] - NEAR_TWIN_NATS}
-        if len(agree) > best[0]:
-            best = (len(agree), shapes, agree)
-    _, shapes, fits = best
+    own = {axis: evidence(one.final) for axis, one in concerned.items()}
+    tried = [
+        (shapes, {axis: beside(b, shapes) for axis, b in bare.items()})
+        for shapes in sets(list(bare.values()))
+    ]
+
+    def total(of: tuple[Shapes, dict[str, FittedChannel]]) -> float:
+        """Return the evidence of all axes with shapes; one that loses `NEAR_TWIN_NATS` by them keeps its own."""
+        return sum(max(evidence(fit), own[axis] - NEAR_TWIN_NATS) for axis, fit in of[1].items())
+
+    shapes, fits = max(tried, key=total)
+    fits = {axis: fit for axis, fit in fits.items() if evidence(fit) > own[axis] - NEAR_TWIN_NATS}
+    if len(fits) < 2:
+        return {}
     return {
-        axis: _changed(outcomes[axis], bare[axis], fit, shapes, own[axis])
+        axis: _changed(outcomes[axis], bare[axis], fit, shapes, worth(concerned[axis].final))
         for axis, fit in fits.items()
         if {x.cause for x in smooth(outcomes[axis].accepted)} != {x.cause for x in shapes}
     }
@@ -74,7 +80,7 @@ def _changed(
     """Return an outcome with the shared shapes in place of its own, which stay among the alternatives."""
     given = len(outcome.final.extensions) - len(outcome.accepted)
     kept = [a for a in outcome.accepted if not isinstance(a.extension, SMOOTH)]
-    weight = float(np.exp(min(own - value(fit, shapes), 0.0)))
+    weight = float(np.exp(min(own - worth(fit), 0.0)))
     causes = {x.cause for x in shapes}
     others = tuple(
         Alternative(x.cause, weight) for x in smooth(outcome.accepted) if x.named and x.cause not in causes

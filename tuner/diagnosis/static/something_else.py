@@ -23,7 +23,6 @@ import numpy as np
 from models.arrays import FloatArray
 from models.noise import BiasInstability, RandomWalk
 from tuner.diagnosis.cause import Group
-from tuner.diagnosis.static.ambiguous_causes import NEAR_TWIN_NATS, THERMAL
 from tuner.diagnosis.static.causes.base import Extension
 from tuner.diagnosis.static.causes.comb import Comb
 from tuner.diagnosis.static.causes.line import Line, resonance_lead
@@ -32,10 +31,10 @@ from tuner.diagnosis.static.causes.transients import Transients
 from tuner.diagnosis.static.causes.vibration import Vibration
 from tuner.diagnosis.static.causes.warmup import Warmup
 from tuner.diagnosis.static.channel import Channel
-from tuner.diagnosis.static.model.fitted_channel import FittedChannel, extended, fit_channel, without
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel, fit_channel, without
 from tuner.diagnosis.static.model.score_scan import scan
 from tuner.diagnosis.static.model.slow_likelihood import FLICKER
-from tuner.diagnosis.static.outcome import UNKNOWN, Accepted
+from tuner.diagnosis.static.outcome import NEAR_TWIN_NATS, UNKNOWN, Accepted
 from tuner.diagnosis.static.search import SearchResult, group_of
 from tuner.identification.fisher_scoring import minimise
 from tuner.segments.quantizer import may_be_uneven
@@ -98,7 +97,6 @@ def with_unknown(outcome: SearchResult) -> tuple[Accepted, ...]:
         known = tuple(a for a in accepted.alternatives if a.cause != UNKNOWN)
         unknown = (Alternative(UNKNOWN, weight),) if weight else ()
         twin = (
-            *_transient_twin(outcome.final, index, accepted),
             *_line_twin(outcome.final, index, accepted),
             *_code_twin(outcome.final.channel, accepted),
         )
@@ -119,18 +117,6 @@ def groups(extension: Extension, channel: Channel) -> set[Group | None]:
 def about(cause: str) -> tuple[Group | None, ...]:
     """Return the groups of the causes that a test is about, by the name of its cause or statistic; the first most."""
     return OF_GROUPS.get(cause, (group_of(cause),))
-
-
-def _transient_twin(fitted: FittedChannel, index: int, accepted: Accepted) -> tuple[Alternative, ...]:
-    """Return a warm-up as the twin of a function of the temperature that explains no more than it does."""
-    known = {a.cause for a in accepted.alternatives} | {x.cause for x in fitted.extensions}
-    if not isinstance(accepted.extension, THERMAL) or Warmup.cause in known:
-        return ()
-    bare, tried = without(fitted, index), Warmup.candidates(fitted.channel)
-    scores, _ = scan(bare, np.stack([one.template(fitted.channel) for one in tried], axis=1))
-    likeliest = tried[scores.best].likeliest(bare)
-    lead = extended(bare, likeliest).fit.log_likelihood - fitted.fit.log_likelihood
-    return (Alternative(Warmup.cause, float(np.exp(min(lead, 0.0)))),) if lead > -NEAR_TWIN_NATS else ()
 
 
 def _code_twin(channel: Channel, accepted: Accepted) -> tuple[Alternative, ...]:

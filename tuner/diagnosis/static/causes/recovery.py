@@ -54,7 +54,6 @@ class Recovery(TimeConstantTemplate):
     repeats = 4
     contained_in = ("telegraph",)
     happens_once = True
-    abrupt = True
     size = ("size", "{u}")
     statistic = "likelihood ratio of a transient after an event"
     first: int = 0
@@ -91,6 +90,11 @@ class Recovery(TimeConstantTemplate):
         return np.geomspace(shortest, MAX_SHARE * channel.span, TIME_CONSTANTS)
 
     @classmethod
+    def choice(cls, channel: Channel) -> float:
+        """Return the price of a place and a time constant, nats."""
+        return float(np.log(channel.blocks / 8.0) + np.log(0.5 * TIME_CONSTANTS))
+
+    @classmethod
     def test(cls, fitted: FittedChannel) -> TestResult | None:
         """Search for a transient of any time constant at any block boundary.
 
@@ -108,8 +112,7 @@ class Recovery(TimeConstantTemplate):
         found = cls(float(constants[which]), (best.best + 1) * channel.block).likeliest(fitted)
         template = block_transform(found.columns(channel), fitted.cleaned, fitted.track.singles)
         correlation = np.concatenate([one.correlation for one in scans])
-        price = float(np.log(channel.blocks / 8.0) + np.log(0.5 * TIME_CONSTANTS))
-        result = judge(fitted, template[:, 0], correlation, price=price)
+        result = judge(fitted, template[:, 0], correlation, price=cls.choice(channel))
         ratio = result.ratio / found.noise_ratio(fitted.cleaned)
         gain = result.gain - 0.5 * (result.ratio - ratio)
         chance = davies(SLOW_RATIO_FACTOR * ratio, correlation)

@@ -64,8 +64,6 @@ class Step(Template):
     happens_once = True
     size = ("size", "{u}")
     statistic = "likelihood ratio of a step"
-    different_in_pairs = 60.0
-    abrupt = True
     first: int
     jump: float = 0.0
     taken: float = 0.0
@@ -86,6 +84,11 @@ class Step(Template):
         return [cls(int(m) * channel.block) for m in places]
 
     @classmethod
+    def choice(cls, channel: Channel) -> float:
+        """Return the price of a place, nats."""
+        return float(np.log(channel.blocks / 8.0))
+
+    @classmethod
     def test(cls, fitted: FittedChannel) -> TestResult:
         """Search for a jump of the slow track."""
         scores, channel = scan_steps(fitted), fitted.channel
@@ -94,7 +97,7 @@ class Step(Template):
         boundary = scores.best + 1
         best = cls(boundary * channel.block)
         template = block_transform(best.columns(channel), fitted.cleaned, fitted.track.singles)
-        result = judge(fitted, template[:, 0], scores.correlation, price=float(np.log(channel.blocks / 8.0)))
+        result = judge(fitted, template[:, 0], scores.correlation, price=cls.choice(channel))
 
         def propose() -> tuple[Step]:
             return (replace(best, values={"time": jump.likely_time(fitted, scores, boundary)}),)

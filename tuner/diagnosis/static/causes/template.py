@@ -36,10 +36,6 @@ class Template(Extension):
     """Nats that the choice among the candidates costs: the log of how many of them differ."""
     covariate: ClassVar[str | None] = None
     """The measured quantity that it is a function of."""
-    different_in_pairs: ClassVar[float | None] = None
-    """How many of the candidates for a pair differ; None where pairs of causes that mask each other leave it out."""
-    abrupt: ClassVar[bool] = False
-    """Whether the function jumps; the noise fit can absorb a sum of smooth ones."""
 
     def template(self, channel: Channel) -> FloatArray:
         """Return the function on the blocks, shape (M,)."""
@@ -51,9 +47,19 @@ class Template(Extension):
         return (cls(),)
 
     @classmethod
-    def candidates_in_pairs(cls, channel: Channel) -> Sequence[Self]:
-        """Return the candidates for pairs with another cause."""
-        return cls.candidates(channel)
+    def candidates_in_pairs(cls, channel: Channel) -> Sequence[Self]:  # noqa: ARG003
+        """Return the candidates for pairs of causes that mask each other; none where it is not tried in them."""
+        return ()
+
+    @classmethod
+    def choice(cls, channel: Channel) -> float:  # noqa: ARG003
+        """Return the nats that the choice among the candidates costs in a channel."""
+        return cls.price
+
+    def cost(self, channel: Channel) -> float:
+        """Return the price of its free numbers, nats; for a size half a log of √M, as many as count of M blocks."""
+        sizes = int(self.columns(channel).shape[1])
+        return self.choice(channel) + 0.25 * sizes * float(np.log(channel.blocks))
 
     @classmethod
     def applies(cls, channel: Channel) -> bool:
@@ -71,7 +77,7 @@ class Template(Extension):
         best = scores.best
         if not scores.promising:
             return TestResult(cls.cause, 1.0, NO_GAIN, float(scores.score[best] ** 2), cls.statistic)
-        result = judge(fitted, templates[:, best], scores.correlation, price=cls.price)
+        result = judge(fitted, templates[:, best], scores.correlation, price=cls.choice(channel))
         return TestResult(
             cls.cause, result.p_value, result.gain, result.ratio, cls.statistic,
             lambda: (tried[best].likeliest(fitted),),

@@ -75,7 +75,6 @@ class ThermalLag(TimeConstantTemplate):
     size = ("slope", "{u}/K")
     statistic = "likelihood ratio of a lagging temperature"
     price = float(np.log(8.0))
-    different_in_pairs = 3.0
     view = "temperature"
     defining = MappingProxyType({"time_constant": MAX_LAG_RATIO})
     family = Thermal
@@ -136,13 +135,14 @@ class ThermalLag(TimeConstantTemplate):
         return np.asarray(np.exp(-channel.block_time / self.time_constant))
 
     def with_joint_estimate(self, fitted: FittedChannel, index: int, size: Value) -> Self:
-        """Take slope and lag from the joint fit."""
+        """Take slopes and lag from the joint fit; what the lag leaves open of one slope it leaves open of the other."""
         joint = super().with_joint_estimate(fitted, index, size)
         if not self.prompt:
             return joint
         at = first_column(fitted, index) + 1
         sd = float(np.sqrt(fitted.fit.beta_covariance[at, at]))
-        prompt_slope = Value.of(float(fitted.fit.beta[at]), sd, "{u}/K")
+        drift = 0.5 * (joint.values["slope"].upper - joint.values["slope"].lower)
+        prompt_slope = Value.of(float(fitted.fit.beta[at]), sd, "{u}/K").widened_by(drift)
         return replace(joint, values={**joint.values, "prompt_slope": prompt_slope})
 
 
@@ -152,13 +152,8 @@ def further_ratio(fitted: FittedChannel, template: FloatArray) -> float:
     return 2.0 * SLOW_RATIO_FACTOR * (fit.log_likelihood - fitted.fit.log_likelihood)
 
 
-def beside_temperature(fitted: FittedChannel) -> tuple[ThermalLag, float]:
-    """Return the lag that explains most beside a temperature that the fitted model has, and its likelihood ratio.
-
-    The bias then follows the temperature in two ways, one of them late.
-    """
+def likeliest_beside(fitted: FittedChannel) -> ThermalLag:
+    """Return the lag that scores most beside the temperature of a model: the bias then follows it in two ways."""
     tried = ThermalLag.candidates(fitted.channel)
     scores, _ = scan(fitted, np.stack([one.late(fitted.channel) for one in tried], axis=1))
-    best = tried[scores.best]
-    ratio = further_ratio(fitted, best.late(fitted.channel)) if scores.promising else 0.0
-    return replace(best, prompt=True), ratio
+    return replace(tried[scores.best], prompt=True)

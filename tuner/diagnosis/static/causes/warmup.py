@@ -27,7 +27,6 @@ class Warmup(TimeConstantTemplate):
     size = ("amplitude", "{u}")
     statistic = "likelihood ratio of an exponential transient"
     price = float(np.log(5.0))
-    different_in_pairs = 5.0
 
     def template(self, channel: Channel) -> NDArray[np.float64]:
         """Return the transient on the blocks, shape (M,)."""

@@ -7,11 +7,11 @@ from scipy.signal import lfilter
 
 from tests.tuner.diagnosis.static.test_large_changes import COUNT, RATE, T, found, noise
 from tests.tuner.diagnosis.static.test_spectrum_shapes import fitted
-from tuner.diagnosis.static.ambiguous_causes import with_steps
 from tuner.diagnosis.static.causes.recovery import Recovery
 from tuner.diagnosis.static.channel import channel
 from tuner.diagnosis.static.model.fitted_channel import fit_channel
 from tuner.diagnosis.static.outcome import Accepted, TestResult
+from tuner.diagnosis.static.slow_shapes import settled
 from tuner.diagnosis.static.spectrum.shape import few_shapes, many_shapes
 from tuner.types import Diagnosis
 from tuner.types.records import Record
@@ -35,7 +35,7 @@ def test_recoveries_that_explain_no_more_than_steps_are_steps():
     decays = tuple(Recovery(0.8 * T[-1], int(at * RATE)) for at in (150.0, 250.0))
     before = fit_channel(samples, decays)
     taken = TestResult("recovery", 1e-9, 40.0, 100.0, "")
-    after, accepted = with_steps(before, [Accepted(one, taken) for one in decays])
+    after, accepted = settled(before, [Accepted(one, taken) for one in decays], 1e-4)
     assert [one.cause for one in after.extensions] == ["step", "step"]
     assert [one.extension for one in accepted] == list(after.extensions)
     assert after.fit.log_likelihood > before.fit.log_likelihood
@@ -48,7 +48,7 @@ def test_a_step_on_slow_noise_is_no_recovery_that_hardly_decays():
     samples = channel(Record("gyro", T, 1e-3 * y[:, None], ("gyro_x",), "rad/s", 1.0 / RATE), "gyro_x")
     decay = Recovery(0.33 * T[-1], at)
     before = fit_channel(samples, (decay,))
-    after, (one,) = with_steps(before, [Accepted(decay, TestResult("recovery", 1e-9, 40.0, 100.0, ""))])
+    after, (one,) = settled(before, [Accepted(decay, TestResult("recovery", 1e-9, 40.0, 100.0, ""))], 1e-4)
     assert 3.0 < before.fit.log_likelihood - after.fit.log_likelihood < 10.0
     assert one.extension.cause == "step"
     assert [a.cause for a in one.alternatives] == ["recovery"]
