@@ -13,11 +13,11 @@ from examples.papers.results import Curve, Item, Panel, Picture, judge, untestab
 from examples.papers.sampling import Settings, estimate, record_from
 from examples.papers.subjects import FIBRE_OPTIC_PAPER
 from examples.papers.theo import LABELS, less_one, spread, variances
+from examples.papers.unweighted_fit import unweighted_fit
 from models.arrays import FloatArray
 from models.noise import NoiseModel, Quantization, Ramp, White
 from models.units import DEG_PER_HOUR
 from tuner.curves import curve
-from tuner.identification.allan_leastsquares import unweighted
 from tuner.types.records import Record
 
 
@@ -127,8 +127,7 @@ def _worse(pair: FloatArray) -> float:
 def _squared_ramp(record: Record) -> float:
     """Return R² of the paper's fit to the ThêoH curve, negative where the fit is."""
     found = curve(record, "theoh", noise="white")
-    rate = unweighted(found.tau, found.variance[:, 0])["ramp"]
-    return float(np.sign(rate) * rate**2)
+    return 2.0 * float(unweighted_fit(found.tau, found.variance[:, 0])[-1])
 
 
 def theo_br_ratio(model: NoiseModel, n: int, t0: float, m: int) -> float:

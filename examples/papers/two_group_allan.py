@@ -11,12 +11,12 @@ import numpy as np
 from examples.papers.results import Claim, Curve, Item, Panel, Picture, judge, untestable
 from examples.papers.sampling import Settings, estimate, realisations, record_from
 from examples.papers.subjects import MEMS_PAPER, NOISE_NAMES, UNIT_NOISES
+from examples.papers.unweighted_fit import POWERS, unweighted_fit
 from models.arrays import FloatArray
 from models.noise import BiasInstability, NoiseModel, Ramp, RandomWalk, Term, White
 from tuner.curves import curve
 from tuner.curves import difference_dof as differences
 from tuner.curves.allan import allan, overlapping_allan, two_group_allan
-from tuner.identification.allan_leastsquares import unweighted
 
 PRINTED_VARIANCE, PRINTED_MEAN = 0.0063, 3.0478
 """Equation 16, (deg/s)²; figure 2, deg/s."""
@@ -125,13 +125,7 @@ def _drift(settings: Settings) -> tuple[Panel, Panel]:
     record = record_from(PRINTED_MEAN + model.sample(n, 0.01, settings.rng("mems-drift")), 0.01)
     found = curve(record, "twogroup", noise=model)
     classic = curve(record, "adev", noise=model)
-    powers = unweighted(found.tau, found.variance[:, 0])
-    scale = {"quantization": np.sqrt(3.0), "white": 1.0, "bias_instability": 0.664, "random_walk": 3**-0.5}
-    scale["ramp"] = 2.0**-0.5
-    exponents = {"quantization": -2, "white": -1, "bias_instability": 0, "random_walk": 1, "ramp": 2}
-    fit = sum(
-        np.sign(v) * (scale[name] * v) ** 2 * found.tau ** exponents[name] for name, v in powers.items()
-    )
+    fit = found.tau[:, None] ** POWERS @ unweighted_fit(found.tau, found.variance[:, 0])
     low, high = found.interval()
     seen = slice(0, None, max(1, n // 3000))
     return (

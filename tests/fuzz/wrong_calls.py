@@ -289,7 +289,7 @@ def verbs() -> dict[str, Verb]:
     receiver = optional(is_a(TYPES.GnssNoise))
     identifying = {
         "terms": TERMS,
-        "method": one_of("likelihood", "leastsquares", "slopes", "unweighted"),
+        "method": one_of("likelihood", "leastsquares", "slopes"),
         "arma": optional(one_of("fast", "exact")),
         "latitude": LATITUDE,
     }

@@ -1,6 +1,6 @@
-"""Least squares on the Allan curve: unweighted as in the papers, weighted, and generalised.
+"""Least squares on the Allan curve, weighted and generalised.
 
-The weighted forms fit the logarithm of overlapping Allan variances V_i at octaves τ_i ≤ T/4::
+Both fit the logarithm of overlapping Allan variances V_i at octaves τ_i ≤ T/4::
 
     Σ_i w_i [ln V_i − b_i − ln Σ_terms AVAR(τ_i; θ)]²,   b_i = ψ(v_i/2) − ln(v_i/2),   1/w_i = ψ'(v_i/2)
 
@@ -8,9 +8,6 @@ b is the mean and ψ' the variance of ln(χ²_v/v); the degrees of freedom v com
 curve under the fitted model (`tuner.identification.allan_covariance`). Neighbouring octaves are correlated by about
 one half: the covariance of the estimates is the sandwich H Jᵀ W Σ W J H, H = (Jᵀ W J)⁻¹, which widens naive
 intervals by half. Generalised least squares takes W = Σ⁻¹; its χ² judges whether the terms explain the curve.
-
-The unweighted fit σ² = Σ_n A_n τⁿ, n = −2 … 2, gives every point the same absolute weight, so that the steep
-ends rule; it is kept for comparison and has no intervals.
 
 References
 ----------
@@ -31,11 +28,7 @@ from models.noise import NoiseModel
 from models.probability import chi2_beyond, chi2_quantile, normal_reach
 from tuner.identification.allan_covariance import allan_covariance
 from tuner.identification.allan_octaves import CurveProblem, OctaveCurve
-from tuner.identification.estimates import BASE
 from tuner.types import LEVEL
-
-_POWERS_OF_TAU = range(-2, 3)
-"""Power of τ in the Allan variance of each of the five base terms."""
 
 _RELATIVE_PRECISION = 1e-9
 """Relative precision of a computed Allan variance."""
@@ -135,34 +128,6 @@ def fit(curve: OctaveCurve, start: NoiseModel, *, generalised: bool = False) -> 
         dof,
         np.exp(0.5 * residual),
     )
-
-
-def unweighted(tau: FloatArray, variance: FloatArray, *, of_deviation: bool = False) -> dict[str, float]:
-    """Fit σ² = Σ A_n τⁿ, n = −2 … 2, with equal absolute weights, as the papers do.
-
-    Parameters
-    ----------
-    tau, variance : ndarray, shape (k,)
-        Cluster times, s, and Allan variances; at least five points.
-    of_deviation : bool
-        Fit σ = Σ A_n τ^(n/2) instead, as common tools do. Variances add, deviations do not: where two terms
-        meet the coefficients are wrong by design.
-
-    Returns
-    -------
-    dict of str to float
-        By term: the coefficient that makes A_n τⁿ the Allan variance of that term, negative where A_n is
-        negative (then the term has no meaning).
-    """
-    order = 0.5 if of_deviation else 1.0
-    design = np.stack([tau.astype(float) ** (order * power) for power in _POWERS_OF_TAU], axis=1)
-    scale = np.linalg.norm(design, axis=0)
-    amplitudes = np.linalg.lstsq(design / scale, variance**order, rcond=None)[0] / scale
-    units = [float(term.allan_variance(np.ones(1))[0]) for term in BASE.values()]
-    return {
-        name: float(np.copysign(abs(a) ** (0.5 / order) / np.sqrt(unit), a))
-        for name, a, unit in zip(BASE, amplitudes, units, strict=True)
-    }
 
 
 def log_covariance(model: NoiseModel, curve: OctaveCurve) -> tuple[FloatArray, FloatArray]:

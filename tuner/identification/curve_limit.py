@@ -72,11 +72,11 @@ def _lowered(estimate: TermEstimate, factor: float, tau: float) -> TermEstimate:
     """Return the estimate with its amplitude, the first parameter, and the interval of that multiplied."""
     (name, amplitude), *others = estimate.coefficients.items()
     assert amplitude.value is not None
-    value, ends = factor * amplitude.value, amplitude.interval
+    assert amplitude.interval is not None
+    value = factor * amplitude.value
     reason = (
         f"{amplitude.value:.4g} was fitted; {factor:.3g} of it is the most that the Allan deviation "
         f"at {tau:.3g} s allows"
     )
-    interval = None if ends is None else (factor * ends[0], value)
-    lowered = replace(amplitude, value=value, interval=interval, reason=reason)
+    lowered = replace(amplitude, value=value, interval=(factor * amplitude.interval[0], value), reason=reason)
     return TermEstimate(estimate.name, {name: lowered, **dict(others)})

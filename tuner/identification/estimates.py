@@ -1,12 +1,12 @@
 """From fitted parameters to what a user sees: every term with its coefficients, their intervals or bounds.
 
-The five ways to coefficients (`likelihood`, `leastsquares`, `slopes`, `unweighted`, and a tabulated
-curve) end in one form, `Estimates`: the model, the logarithms' covariance, and one `TermEstimate` a term.
+The four ways to coefficients (`likelihood`, `leastsquares`, `slopes`, and a tabulated curve) end in one form,
+`Estimates`: the model, the logarithms' covariance, and one `TermEstimate` a term.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -106,28 +106,6 @@ def from_segments(estimates: Estimates, segments: Sequence[Segment]) -> Estimate
     """
     read = {segment.term: segment for segment in segments}
     spread = 2.0 * normal_reach(LEVEL)
-    answers = {
-        name: (s.value, s.interval, (np.log(s.interval[1] / s.interval[0]) / spread) ** 2, _stretch(s))
-        for name, s in read.items()
-    }
-    return _replaced(estimates, answers, "no stretch of the curve has its slope")
-
-
-def from_powers(estimates: Estimates, coefficients: Mapping[str, float]) -> Estimates:
-    """Return estimates whose coefficients are those of the unweighted fit, which has no intervals."""
-    answers = {
-        name: (value, None, np.nan, "unweighted fit: no interval")
-        for name, value in coefficients.items()
-        if value > 0.0
-    }
-    return _replaced(estimates, answers, "the unweighted fit gives a negative variance")
-
-
-_Answer = tuple[float, Interval | None, float, str]
-
-
-def _replaced(estimates: Estimates, answers: Mapping[str, _Answer], missing: str) -> Estimates:
-    """Return estimates with the answers of another method in place of those of the five power-law terms."""
     terms: list[TermEstimate] = []
     kept: list[Term] = []
     variances: list[float] = []
@@ -136,20 +114,21 @@ def _replaced(estimates: Estimates, answers: Mapping[str, _Answer], missing: str
             terms.append(estimate)
             continue
         (name, own), *others = estimate.coefficients.items()
+        segment = read.get(estimate.name)
         if estimate.name not in BASE:
             kept.append(term)
             variances += [np.nan] * (1 + len(others))
             terms.append(estimate)
-        elif estimate.name in answers:
-            value, ends, variance, reason = answers[estimate.name]
-            kept.append(term.scaled(value / float(getattr(term, name))))
-            variances.append(variance)
-            terms.append(
-                TermEstimate(estimate.name, {name: Coefficient(value, ends, None, own.unit, reason)})
-            )
+        elif segment is not None:
+            low, high = segment.interval
+            kept.append(term.scaled(segment.value / float(getattr(term, name))))
+            variances.append((np.log(high / low) / spread) ** 2)
+            coefficient = Coefficient.known(segment.value, low, high, own.unit, _stretch(segment))
+            terms.append(TermEstimate(estimate.name, {name: coefficient}))
         else:
-            high = own.interval[1] if own.interval else np.inf
-            terms.append(TermEstimate(estimate.name, {name: Coefficient.bounded(high, own.unit, missing)}))
+            upper = own.interval[1] if own.interval else np.inf
+            missing = Coefficient.bounded(upper, own.unit, "no stretch of the curve has its slope")
+            terms.append(TermEstimate(estimate.name, {name: missing}))
     model = NoiseModel(tuple(kept))
     return Estimates(model, tuple(terms), model.parameters, np.diag(variances))
 

@@ -42,7 +42,7 @@ def identify(
     terms : sequence of str, optional
         Fit exactly this sum of terms to every channel instead of choosing one.
     method : str
-        Where the coefficients come from: ``likelihood``, ``leastsquares``, ``slopes`` or ``unweighted``.
+        Where the coefficients come from: ``likelihood``, ``leastsquares`` or ``slopes``.
     arma : str, optional
         Time-series model beside the sum of terms: ``fast``, ``exact`` or None.
     latitude : float, optional

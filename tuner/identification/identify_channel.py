@@ -18,12 +18,12 @@ from models.noise import TERMS, GaussMarkov, NoiseModel, Quantization, Sinusoid
 from models.noise.bias_instability import ALLAN_FLOOR
 from tuner.curves import curve as empirical_curve
 from tuner.formats.customary_units import digits
-from tuner.identification.allan_leastsquares import Misfit, misfit, unweighted
+from tuner.identification.allan_leastsquares import Misfit, misfit
 from tuner.identification.allan_leastsquares import fit as fit_curve
 from tuner.identification.allan_octaves import OctaveCurve
 from tuner.identification.arma import MIN_SAMPLES, Likelihood, fit_arma
 from tuner.identification.curve_limit import below_the_curve
-from tuner.identification.estimates import ALLOWS_NONE, BASE, Estimates, from_fit, from_powers, from_segments
+from tuner.identification.estimates import ALLOWS_NONE, BASE, Estimates, from_fit, from_segments
 from tuner.identification.law_of_samples import variance_by_law
 from tuner.identification.likelihood import (
     LikelihoodFit,
@@ -51,7 +51,7 @@ from tuner.readers.value_checks import about_limiting_step
 from tuner.types import AllanCurve, Candidate, ChannelIdentification, Coefficient, TermEstimate
 from tuner.types.records import DataError, Record
 
-METHODS = ("likelihood", "leastsquares", "slopes", "unweighted")
+METHODS = ("likelihood", "leastsquares", "slopes")
 
 
 def identify_channel(
@@ -76,7 +76,7 @@ def identify_channel(
     further : sequence of str
         Terms beside those that are chosen: ``sinusoid`` or ``gauss_markov``, as a diagnosis found them.
     method : str
-        Where the coefficients come from: ``likelihood``, ``leastsquares``, ``slopes`` or ``unweighted``.
+        Where the coefficients come from: ``likelihood``, ``leastsquares`` or ``slopes``.
     arma : str, optional
         Time-series model beside the sum of terms: ``fast``, ``exact`` or None.
 
@@ -258,8 +258,6 @@ def _by_method(
     estimates = from_fit(chosen.model, chosen.covariance, chosen.intervals, allan.unit, forced=forced)
     if method == "slopes":
         return from_segments(estimates, read_segments(allan.tau, allan.deviation()[:, 0], allan.dof[:, 0]))
-    if method == "unweighted":
-        return from_powers(estimates, unweighted(allan.tau, allan.variance[:, 0]))
     return estimates
 
 

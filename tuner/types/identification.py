@@ -80,7 +80,7 @@ class ChannelIdentification:
     interval, span : float
         Sampling interval and time covered, s.
     method : str
-        ``likelihood``, ``leastsquares``, ``slopes``, ``unweighted`` or ``curve``.
+        ``likelihood``, ``leastsquares``, ``slopes`` or ``curve``.
     model : NoiseModel
         Sum of the terms that the data contain.
     terms : tuple of TermEstimate

@@ -11,7 +11,8 @@ from examples.papers.results import absent, exact, judge, rounded, untestable
 from examples.papers.sampling import estimate, mean_of, ratio_of_means, share_of
 from examples.papers.segments import relative_sd_of_sigma
 from examples.papers.timeseries import MODEL, stays_white
-from models.noise import Quantization, Ramp
+from examples.papers.unweighted_fit import unweighted_fit
+from models.noise import BiasInstability, NoiseModel, Quantization, Ramp, RandomWalk, White
 from tuner.curves.theo import theo1
 from tuner.curves.total import total
 from tuner.types import Coefficient
@@ -151,3 +152,12 @@ def test_how_often_equation_16_stays_white() -> None:
     assert stays_white(n) == pytest.approx(kept / runs, abs=5.0 * np.sqrt(0.034 * 0.966 / runs))
     assert stays_white(20_000) < stays_white(2000)
     assert stays_white(23_000) > 0.5 > stays_white(24_000)
+
+
+def test_unweighted_fit_of_an_exact_curve() -> None:
+    terms = (Quantization(0.005), White(0.05), BiasInstability(0.05), RandomWalk(0.002), Ramp(1e-5))
+    tau = 0.01 * 2.0 ** np.arange(20)
+    wanted = [float(term.allan_variance(1.0)) for term in terms]
+    assert unweighted_fit(tau, NoiseModel(terms).allan_variance(tau)) == pytest.approx(wanted, rel=2e-6)
+    tau = 2.0 ** np.arange(12)
+    assert unweighted_fit(tau, 1.0 / tau - 0.3 / 4096.0)[2] < 0.0

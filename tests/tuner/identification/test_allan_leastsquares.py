@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from models.noise import BiasInstability, GaussMarkov, NoiseModel, Quantization, Ramp, RandomWalk, White
-from tuner.identification.allan_leastsquares import fit, misfit, unweighted
+from tuner.identification.allan_leastsquares import fit, misfit
 from tuner.identification.allan_octaves import OctaveCurve
 from tuner.types.records import DataError
 
@@ -104,30 +104,6 @@ def test_tolerance_grants_a_relative_deviation():
     curve = exact_curve(MIXED)
     assert misfit(curve, MIXED.scaled(1.02)).p_value < 1e-6
     assert misfit(curve, MIXED.scaled(1.02), tolerance=0.02).p_value > 0.05
-
-
-def test_unweighted_fit_of_an_exact_curve():
-    model = NoiseModel(
-        (Quantization(0.005), White(0.05), BiasInstability(0.05), RandomWalk(0.002), Ramp(1e-5))
-    )
-    tau = 0.01 * 2.0 ** np.arange(20)
-    found = unweighted(tau, model.allan_variance(tau))
-    wanted = {t.name: getattr(t, t.PARAMETERS[0]) for t in model.terms}
-    assert found == pytest.approx(wanted, rel=1e-6)
-
-
-def test_deviations_do_not_add():
-    tau = 0.01 * 2.0 ** np.arange(20)
-    white = White(0.05).allan_variance(tau)
-    assert unweighted(tau, white, of_deviation=True)["white"] == pytest.approx(0.05, rel=1e-6)
-    both = white + RandomWalk(0.002).allan_variance(tau)
-    assert unweighted(tau, both)["random_walk"] == pytest.approx(0.002, rel=1e-6)
-    assert unweighted(tau, both, of_deviation=True)["random_walk"] != pytest.approx(0.002, rel=0.02)
-
-
-def test_unweighted_fit_keeps_the_sign_of_a_power():
-    tau = 2.0 ** np.arange(12)
-    assert unweighted(tau, 1.0 / tau - 0.3 / 4096.0)["bias_instability"] < 0.0
 
 
 @pytest.mark.parametrize("pieces", [[np.zeros(7)], [], [np.full(100, 2.5)]])

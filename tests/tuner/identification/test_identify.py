@@ -59,13 +59,10 @@ def test_every_base_term_has_an_answer(channel):
 
 def test_methods_agree_on_what_there_is():
     y = record(sampled())
-    by_method = {
-        m: identify_channel(y, "gyro_x", method=m, arma=None) for m in ("slopes", "unweighted", "likelihood")
-    }
+    by_method = {m: identify_channel(y, "gyro_x", method=m, arma=None) for m in ("slopes", "likelihood")}
     for found in by_method.values():
         assert found.term("white").coefficients["density"].value == pytest.approx(1e-3, rel=0.1)
     assert "slope" in by_method["slopes"].term("white").coefficients["density"].reason
-    assert by_method["unweighted"].term("white").coefficients["density"].interval is None
 
 
 def test_deviation_at_ten_seconds_and_minimum(channel):
@@ -207,7 +204,7 @@ def test_json_has_every_key_and_no_nan():
     gyro = record(
         np.stack([sampled(n=20_000), np.zeros(20_000)], axis=1), ("gyro_x", "gyro_y"), source="a/b.csv"
     )
-    for method in ("likelihood", "unweighted", "slopes"):
+    for method in ("likelihood", "slopes"):
         found = identify((gyro,), method=method)
         content = json.loads(json.dumps(identification_json(found), allow_nan=False))
         assert content["schema"] == "tuner.identification/1"
@@ -237,7 +234,7 @@ def test_useless_logs_are_refused_in_one_line():
         identify((double, replace(double)), arma=None)
 
 
-@pytest.mark.parametrize("method", ["likelihood", "leastsquares", "slopes", "unweighted"])
+@pytest.mark.parametrize("method", ["likelihood", "leastsquares", "slopes"])
 @pytest.mark.parametrize("kind", ["shortest", "few levels", "ramp", "spike", "alternating"])
 def test_odd_records_have_an_answer(kind, method):
     e = np.random.default_rng(8).standard_normal(3000)

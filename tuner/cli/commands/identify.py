@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 ARMA_LIKELIHOODS: Mapping[str, Likelihood | None] = MappingProxyType(
     {"fast": "fast", "exact": "exact", "off": None}
 )
-METHODS = ("likelihood", "leastsquares", "slopes", "unweighted")
+METHODS = ("likelihood", "leastsquares", "slopes")
 
 
 @click.command("identify", short_help="Noise terms of a log, with intervals.")
