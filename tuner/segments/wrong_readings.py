@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import bdtrc
@@ -33,6 +33,8 @@ from tuner.types.records import Record
 
 SAMPLES_BESIDE = 4
 """Samples on either side by whose medians one is judged."""
+WIDTHS = (1, 4, 16)
+"""Samples of a wrong reading: a filter behind it spreads a single one over some."""
 SHORTEST_MOVEMENT = 1.0
 """Time that a movement by hand takes, s."""
 NEAR_BY = 256
@@ -78,17 +80,44 @@ class WrongReadings:
         """Return how many they are and how far off."""
         count = len(self.sizes)
         return (
-            f"{count} single samples, {percent(count / len(record), 3)} of all, are off by "
+            f"{count} single readings, {percent(float(np.mean(self.rows)), 3)} of all samples, are off by "
             f"{range_text([float(np.median(self.sizes))], record.unit)} (median)"
         )
 
 
 def find_wrong_readings(record: Record) -> tuple[WrongReadings, ...]:
-    """Return the axes of a record that have wrong readings, and where."""
-    if 2 * SAMPLES_BESIDE * record.interval > SHORTEST_MOVEMENT:
-        return ()
-    found = (_of_axis(axis, record.column(axis)) for axis in record.axes)
+    """Return the axes of a record that have wrong readings, and where: single ones, else some side by side."""
+    widths = [width for width in WIDTHS if 2 * SAMPLES_BESIDE * width * record.interval <= SHORTEST_MOVEMENT]
+    found = (
+        next((one for width in widths if (one := _wide(axis, record, width)) is not None), None)
+        for axis in record.axes
+    )
     return tuple(one for one in found if one is not None)
+
+
+def _wide(axis: str, record: Record, width: int) -> WrongReadings | None:
+    """Return the wrong readings of an axis that last so many samples, by their means; a motion shows in other axes."""
+    y = record.column(axis)
+    if width == 1:
+        return _of_axis(axis, y)
+    means = {
+        name: record.column(name)[: len(y) // width * width].reshape(-1, width).mean(axis=1)
+        for name in record.axes
+    }
+    one = _of_axis(axis, means.pop(axis)) if len(means) > 1 else None
+    if one is None:
+        return None
+    for other in means.values():
+        change = np.abs(np.diff(other, append=0.0))
+        if np.median(change[one.rows]) > LEAST_JUMP * np.median(change):
+            return None
+    there = np.repeat(
+        np.convolve(one.rows, np.ones(3), "same") > 0.0, width
+    )  # a pulse reaches beside its mean
+    rows = np.append(there, np.zeros(len(y) - len(there), dtype=bool))
+    about = _about_level(y)
+    off = about[rows][np.abs(about[rows]) > one.sizes.min()]
+    return None if len(off) and _cut_off(off, about[~rows]) else replace(one, rows=rows)
 
 
 def without_wrong_readings(record: Record, found: Sequence[WrongReadings]) -> Record:

@@ -111,3 +111,26 @@ def test_several_steps_of_an_axis_are_noise():
     (same,), again = identified_again((log,), found, steps, terms=None, latitude=None)
     assert same is log
     assert again is found
+
+
+def pulses(width: int) -> np.ndarray:
+    return np.convolve(rows(7, 2e-4), 60.0 * np.hanning(width + 2)[1:-1], "same")
+
+
+def test_readings_that_a_filter_spread_over_some_samples_are_found():
+    """Full-scale readings behind a low-pass: their samples were motion in parts, and noise in the rest."""
+    still = np.stack([noise(1), noise(2), noise(3)], axis=1)
+    (found,) = find_wrong_readings(record(still + pulses(7)[:, None] * [0.0, 0.0, 1.0]))
+    assert found.axis.endswith("z")
+    assert np.mean(found.rows[pulses(7) > 8.0]) > 0.95
+    assert np.mean(found.rows) < 25.0 * 2e-4  # twelve or sixteen samples each
+
+
+def test_what_two_axes_show_for_some_samples_is_motion():
+    still = np.stack([noise(1), noise(2), noise(3)], axis=1)
+    assert find_wrong_readings(record(still + pulses(7)[:, None] * [0.0, 0.3, 1.0])) == ()
+
+
+def test_a_register_that_overflows_beside_others_has_no_wrong_readings():
+    still = np.stack([noise(1), noise(2), np.mod(noise(11) + 17.5, 20.0)], axis=1)
+    assert find_wrong_readings(record(still)) == ()
