@@ -97,9 +97,10 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
         *noise[1:],
         *([] if result.drive is None else fixes_parts(result.drive, result.config)),
         *([] if result.choice is None else choice_parts(result.choice, scored)),
+        *found[:1],
     ]
     remarks = [
-        *(found[:SHOWN_FINDINGS] or nothing * (examined and not idle and not doubted)),
+        *(found[1:SHOWN_FINDINGS] or nothing * (not found and examined and not idle and not doubted)),
         doubted,
         f"{further} more finding{'s' * (further > 1)} in report.html" if further > 0 else "",
         f"{idle} finding{'s' * (idle > 1)} in report.html change{'s' * (idle == 1)} no setting by 5 % or more"
