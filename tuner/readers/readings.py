@@ -15,11 +15,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from models.units import STANDARD_GRAVITY
 from tuner.readers.assemble import checked, even, plan_of
 from tuner.readers.columns import Listing, Part
 from tuner.readers.options import Options
 from tuner.readers.refusal import Change, Refusal
-from tuner.types.records import DataError
+from tuner.readers.unit_evidence import GRAVITY_TOLERANCE, sizes_of
+from tuner.types.records import DataError, Record
 
 Block = NDArray[Any]
 
@@ -116,15 +118,23 @@ def _other_samples(part: Listing, options: Options) -> str:
     for other in OTHERS:
         for change in other.changes:
             try:
-                _try(part, with_change(options, change), other.made)
+                records = _try(part, with_change(options, change), other.made)
             except DataError:
                 continue
-            return other.words
+            if all(one.name != "accel" or len(one.axes) < 3 or _is_gravity(one) for one in records):
+                return other.words
     return ""
 
 
-def _try(listing: Listing, options: Options, made: Callable[[str, Block], Block] | None = None) -> None:
-    """Read the beginning of a log; `made` changes the samples of each sensor before they are judged."""
+def _is_gravity(accel: Record) -> bool:
+    """Return whether the mean specific force is gravity: a size that is advised must fit as a calibrated unit does."""
+    return abs(sizes_of(accel).norm / STANDARD_GRAVITY - 1.0) < GRAVITY_TOLERANCE
+
+
+def _try(
+    listing: Listing, options: Options, made: Callable[[str, Block], Block] | None = None
+) -> tuple[Record, ...]:
+    """Return the beginning of a log as read; `made` changes the samples of each sensor before they are judged."""
     plan = plan_of(listing, options)
 
     def load(groups: Sequence[Sequence[Part]]) -> tuple[Block, ...]:
@@ -135,7 +145,7 @@ def _try(listing: Listing, options: Options, made: Callable[[str, Block], Block]
         return (*samples, *(block[:FEW_ROWS] for block in blocks[len(names) :]))
 
     changed = listing if made is None else replace(listing, load=load)
-    checked(changed, plan, even(changed, plan, "", options), options)
+    return checked(changed, plan, even(changed, plan, "", options), options)
 
 
 def _beginning(listing: Listing) -> Listing:

@@ -98,6 +98,13 @@ def test_whole_numbers_under_names_of_mavlink_have_its_units_among_the_readings(
     np.testing.assert_allclose(accel.y, 9.80665e-3 * counts[1])
 
 
+def test_samples_of_0_6_times_gravity_are_not_half_of_what_was_measured(tmp_path: Path) -> None:
+    path = write(tmp_path / "log.csv", rows(T, GYRO, 0.6 * ACCEL), SI)
+    assert "twice as large" not in refused(path, "0.6 × gravity")
+    half = write(tmp_path / "half.csv", rows(T, GYRO, 0.5 * ACCEL), SI)
+    refused(half, "twice as large they fit")
+
+
 def test_increments_that_are_called_rates_are_named_together(tmp_path: Path) -> None:
     path = write(tmp_path / "log.csv", rows(T, 0.01 * GYRO, 0.01 * ACCEL), SI)
     assert advice(refused(path, "0.01 × gravity")) == {"accel_unit": "m/s", "gyro_unit": "rad"}
