@@ -13,6 +13,9 @@ from tuner.readers.options import Options
 from tuner.readers.sensor_columns import Sensor
 from tuner.types.records import DataError
 
+_SIZED = re.compile(r"(?P<inverse>1/)?(?P<number>\d+(?:\.\d+)?(?:e-?\d+)?)[ *·]*(?P<unit>\D.*)")
+"""A unit with the size of one count, such as ``1/131 deg/s``."""
+
 
 @dataclass(frozen=True)
 class UnitChoice:
@@ -67,6 +70,10 @@ def sensor_unit(listing: Listing, sensor: Sensor, options: Options, notes: list[
         return UnitChoice(unit, offset, 1.0, "user")
     if stated is not None:
         basis: Literal["file", "assumed"] = "assumed" if _only_named(listing, array) else "file"
+        if (sized := _SIZED.fullmatch(stated.strip())) and names.known_unit(sized["unit"]) in allowed:
+            size = float(sized["number"]) ** (-1.0 if sized["inverse"] else 1.0)
+            notes.append(f"{name}: counts times {size:.9g} {sized['unit']} (as the file states)")
+            return UnitChoice(names.unit_of(sized["unit"], allowed, what=what), offset, size, "file")
         if names.known_unit(stated) not in allowed:
             raise DataError(
                 f"{what}: unknown unit '{stated}': expected one of {', '.join(allowed)}; for another one pass "

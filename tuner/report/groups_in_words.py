@@ -55,8 +55,8 @@ def certainty(finding: Finding) -> str:
     if round(100.0 * share) == 100.0:
         return "certain" if finding.gain is not None and finding.gain.nats > 0.0 else ""
     near = (one for one in finding.alternatives if round(100.0 * one.score * share) > 0.0)
-    others = ("another cause" if one.cause == UNKNOWN else one.cause.replace("_", " ") for one in near)
-    return f"{percent(share)} likely, else {' or '.join(others)}"
+    others = ["another cause" if one.cause == UNKNOWN else one.cause.replace("_", " ") for one in near]
+    return f"{percent(share)} likely{', else ' * bool(others)}{' or '.join(others)}"
 
 
 def _entry(changes: str) -> str:

@@ -137,3 +137,12 @@ def test_gravity_goes_before_a_unit_that_a_user_states(samples, tmp_path):
         DataError, match=r"9\.79 × gravity: the unit g is wrong by 9\.79x: pass --accel-unit m/s"
     ):
         read(tmp_path / "log.csv", accel_unit="g")
+
+
+@pytest.mark.parametrize(("unit", "size"), [("1/131 deg/s", 1.0 / 131.0), ("0.0625 deg/s", 0.0625)])
+def test_a_unit_may_state_the_size_of_a_count(samples, tmp_path, unit, size):
+    gyro, accel = samples
+    counts = np.rint(np.degrees(gyro) / size)
+    head = ",".join(["t [s]", *(f"g{a} [{unit}]" for a in "xyz"), *(f"a{a} [m/s^2]" for a in "xyz")])
+    found = written(tmp_path / "log.csv", head, [np.arange(N) / RATE, counts, accel])
+    np.testing.assert_allclose(found["gyro"].y, np.radians(size * counts), rtol=1e-6)

@@ -13,10 +13,10 @@ from tuner.diagnosis.static.position_drift import position_drift, with_drifts
 from tuner.diagnosis.static.spectrum.filters import MEAN_CUTOFFS
 from tuner.formats.parameter_words import parameter_words
 from tuner.report.finding_groups import comb_spacing, finding_groups
-from tuner.report.groups_in_words import findings_in_words, group_in_words
+from tuner.report.groups_in_words import certainty, findings_in_words, group_in_words
 from tuner.report.unexplained_words import unexplained_lines
 from tuner.simulation.static import simulate
-from tuner.types import Coefficient, Finding, Gain, Unexplained
+from tuner.types import Alternative, Coefficient, Finding, Gain, Unexplained
 
 HOUR = 3600.0
 
@@ -224,3 +224,12 @@ def test_parameters_are_named_in_words():
         "velocity horizontal of fixes reported to 0.200 m/s and more",
         "time constant",
     ]
+
+
+def test_rivals_too_weak_to_be_named_end_no_sentence():
+    """Two with 0.3 % each: "99 % likely, else " was printed."""
+    weak = tuple(Alternative(name, 0.004) for name in ("warmup", "step"))
+    one = replace(finding("temperature", "accel_x"), alternatives=weak)
+    assert certainty(one) == "99 % likely"
+    clear = replace(one, alternatives=(Alternative("warmup", 0.25),))
+    assert certainty(clear) == "80 % likely, else warmup"
