@@ -150,6 +150,7 @@ def drive_files(drive: Drive, config: FilterConfig) -> DriveFiles:
         "starttime": Noted(round(ends[0] + begin, 9), "s; the first row of the inertial file"),
         "endtime": Noted(-1, "to the end"),
         "antlever": Noted(Inline(arm.tolist()), "m; forward, right, down"),
+        "compensated": Noted(True, "what the configuration takes out of the drive is taken out"),
         **entries(config, target),
         **_start(settings, solution, first),
     }

@@ -285,7 +285,7 @@ def _truth_beside(path: Path, imu: FloatArray) -> tuple[FloatArray | None, tuple
 
 def _kf_gins(path: Path) -> Drive:
     found = read_kf_gins(path)
-    return _drive(
+    drive = _drive(
         path,
         found.imu,
         found.fixes,
@@ -295,6 +295,7 @@ def _kf_gins(path: Path) -> Drive:
         start=found.start,
         notes=found.notes,
     )
+    return replace(drive, compensated=found.compensated)
 
 
 def _drive(

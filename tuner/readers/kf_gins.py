@@ -12,6 +12,7 @@ initaccscale ppm
 antlever                        from the unit to the antenna, forward, right, down, m
 NAME-truth.nav, or truth.nav    optional, beside the YAML: week, t, latitude, longitude deg, height m, velocity north
                                 east down m/s, roll, pitch, yaw deg
+compensated                     our own entry: what a configuration takes out of the drive is taken out
 initpos deg deg m, initvel m/s, the start: position, velocity north, east, down, roll pitch yaw, at starttime; where
 initatt deg                     one is missing, the drive is aligned from its own fixes
 ==============================  ===============================================================================
@@ -65,6 +66,8 @@ class KfGins:
         t, latitude and longitude deg, height m, velocity m/s, angles deg.
     notes : tuple of str
         What was left out and taken out.
+    compensated : bool
+        Whether it was written without what a configuration takes out.
     """
 
     imu: FloatArray
@@ -73,6 +76,7 @@ class KfGins:
     lever_arm: tuple[float, float, float] | None
     start: FloatArray | None
     notes: tuple[str, ...]
+    compensated: bool = False
 
 
 def read_kf_gins(path: Path) -> KfGins:
@@ -112,6 +116,7 @@ def read_kf_gins(path: Path) -> KfGins:
         settings.antlever,
         _start(settings, imu[:, 0], notes),
         tuple(notes),
+        settings.compensated,
     )
 
 
@@ -132,6 +137,7 @@ class _Settings:
     initaccbias: Vector3 = (0.0, 0.0, 0.0)
     initgyrscale: Vector3 = (0.0, 0.0, 0.0)
     initaccscale: Vector3 = (0.0, 0.0, 0.0)
+    compensated: bool = False
 
 
 def _settings(path: Path) -> _Settings:

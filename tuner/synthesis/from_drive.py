@@ -27,7 +27,7 @@ from tuner.catalogue.grades import (
 )
 from tuner.synthesis.load_config import load_config
 from tuner.synthesis.synthesize import synthesize
-from tuner.types import Coefficient, FilterConfig, GnssNoise, Identification, TermEstimate
+from tuner.types import Coefficient, Compensation, FilterConfig, GnssNoise, Identification, TermEstimate
 from tuner.types.borrowed import with_borrowed
 from tuner.types.records import Drive
 
@@ -140,6 +140,8 @@ def config_for_drive(
 ) -> FilterConfig:
     """Return the configuration to filter a drive with; a grade gets the receiver that the fixes of the drive report.
 
+    What is taken out of a drive already is not taken out again.
+
     Parameters
     ----------
     drive : Drive
@@ -151,8 +153,10 @@ def config_for_drive(
     """
     receiver = load_gnss(gnss) if isinstance(gnss, str) else gnss
     if isinstance(config, FilterConfig):
-        return config if receiver is None else replace(config, gnss=receiver)
-    return load_config(config, gnss=receiver, default_gnss=receiver_of(drive))
+        found = config if receiver is None else replace(config, gnss=receiver)
+    else:
+        found = load_config(config, gnss=receiver, default_gnss=receiver_of(drive))
+    return replace(found, compensation=Compensation()) if drive.compensated else found
 
 
 def receiver_of(drive: Drive) -> GnssNoise:

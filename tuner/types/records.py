@@ -305,6 +305,8 @@ class Drive:
         Delays that its stamps have, as far as an examination knows them.
     start : Start or None
         Where the vehicle is at a time, as the file states it; None: to be found by an alignment.
+    compensated : bool
+        Whether what a configuration takes out of a drive is taken out of this one.
     """
 
     name: str
@@ -321,6 +323,7 @@ class Drive:
     repairs: tuple[Repair, ...] = ()
     clock: Clock = field(default_factory=Clock)
     start: Start | None = None
+    compensated: bool = False
 
     @property
     def unusable(self) -> str:

@@ -16,8 +16,10 @@ from tuner.identification import identify
 from tuner.readers.drive import read_drive
 from tuner.readers.drive_tables import ordered
 from tuner.readers.source_kind import source_name
+from tuner.synthesis.from_drive import config_for_drive
 from tuner.synthesis.load_config import load_config
 from tuner.synthesis.projection import RTK, projected
+from tuner.types import Compensation
 from tuner.types.records import DataError, Record
 
 LEVER = (0.5, -0.3, -1.2)
@@ -120,6 +122,14 @@ def test_kf_gins_files_are_read(data, file, tmp_path):
     np.testing.assert_allclose(a.rates, b.rates, atol=1e-6)
     assert b.lever_arm == LEVER
     assert np.isnan(b.gnss.vel_n).all()
+
+
+def test_what_is_taken_out_of_files_of_kf_gins_is_not_taken_out_again(data, configuration, tmp_path):
+    """A delay was taken out in the export, and by `navigate kf-gins.yaml --config noise.yaml` again."""
+    config = replace(configuration(), compensation=Compensation.parse({"time_offset.delay": 0.2}))
+    for entry, left in (("", 1), ("compensated: true\n", 0)):
+        drive = read_drive(write_kf_gins(tmp_path, data, entry))
+        assert len(config_for_drive(drive, config).compensation) == left
 
 
 def test_one_file_of_kf_gins_is_drive_and_configuration(configuration, arrays, tmp_path):
