@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from tuner.exporters.dialect import Target
 from tuner.exporters.triad_values import triad
-from tuner.formats.customary_units import phrase
+from tuner.formats.customary_units import digits, phrase
 from tuner.synthesis.error_growth import structure_function
 from tuner.synthesis.projection import STILL_SHARE, STILL_TIME, BiasModel, Projected
 from tuner.synthesis.sufficient import unstated_terms
@@ -61,6 +61,11 @@ def _provenance(
         fitted = why.removeprefix("not used") if why.startswith("not used") else ""
         white = _figure(channel.white_density, "white.density", channel.unit)
         yield f"{axis}: N = {white}{fitted}; {'stated' if of_sheet else 'identified'}: {known or 'nothing'}"
+    if config.compensation:
+        taken = ", ".join(
+            f"{name} {digits(value, 3)}" for name, value in config.compensation.as_text().items()
+        )
+        yield f"not in these settings, take it out of the data before the filter (SI): {taken}"
     if config.noise_in_motion:
         rest = ", ".join(
             f"{axis} {_figure(value, 'white.density', config.channels[axis].unit)}"

@@ -160,7 +160,7 @@ def drive_files(drive: Drive, config: FilterConfig) -> DriveFiles:
         fixes,
         None if drive.reference is None else truth_rows(drive.reference, begin),
         tree,
-        provenance(config, TITLE, target),
+        provenance(replace(config, compensation=Compensation()), TITLE, target),  # it is taken out
         tuple(notes),
     )
 

@@ -39,7 +39,7 @@ from tuner.exporters.dialect import Target
 from tuner.exporters.fifteen_state import diagonals
 from tuner.synthesis.load_config import load_config
 from tuner.synthesis.projection import STILL_TIME
-from tuner.types import BoundUsed, FilterConfig, GnssNoise, Quantity
+from tuner.types import BoundUsed, Compensation, FilterConfig, GnssNoise, Quantity
 
 
 @pytest.mark.parametrize("dialect", ["kalibr", "openvins"])
@@ -378,3 +378,11 @@ def test_the_table_of_15_states_is_the_settings_squared() -> None:
     assert arrays["P0"][9:12] == pytest.approx(found["P0"]["gyro_bias"], rel=1e-5)
     assert len(diagonals(replace(config, gnss=None), Target(DT))["R"]) == 0
     assert "R" not in yaml.safe_load(written("15-state", replace(config, gnss=None)))
+
+
+@pytest.mark.parametrize("dialect", ["gtsam", "kalibr", "navego"])
+def test_what_is_taken_out_of_the_data_is_said_where_no_setting_holds_it(dialect: str) -> None:
+    """A user of GTSAM had the noise of a drive, and nothing of the 0.2 s by which its fixes were late."""
+    taken = replace(CONFIG, compensation=Compensation.parse({"time_offset.delay": 0.2}))
+    assert "take it out of the data before the filter (SI): time_offset.delay 0.200" in export(taken, dialect)
+    assert "take it out" not in export(CONFIG, dialect)
