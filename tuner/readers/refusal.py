@@ -47,16 +47,16 @@ class Change:
     when: str = ""
 
     def clashes(self, other: Change) -> bool:
-        """Return whether both state the same thing, or exchange axes whose unit is then a rare one, or counts.
+        """Return whether both state the same thing, or exchange axes whose unit is then a rare one, counts, or stated.
 
         Among enough units some fit any numbers: two surprises at once show neither.
         """
         if self.scale and other.columns.keys() - {"t"}:
             return True
         both = self.with_(other)
-        if any("_" in role for role in both.columns) and not set(CUSTOMARY_UNITS).issuperset(
-            both.unit.values()
-        ):
+        stated = any(" [" in column for column in both.columns.values())
+        rare = not set(CUSTOMARY_UNITS).issuperset(both.unit.values())
+        if any("_" in role for role in both.columns) and both.unit and (stated or rare):
             return True
         pairs = ((self.unit, other.unit), (self.columns, other.columns))
         return any(not a.keys().isdisjoint(b) for a, b in pairs)
