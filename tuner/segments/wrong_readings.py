@@ -6,11 +6,11 @@ that of
 
     m₁ or more of m₁ + m₂ in a binomial law of probability 1/4
 
-for any noise whose tails have begun there: L has to lie beyond 6 sds of all that is left. d is the distance from the
-medians of the samples before and behind it, the smaller of both, in units of the usual distance of neighbours near by
-that differ: neither steps nor slow noise nor noise that swells takes part. A sample is alone where most of those beside
-it are right: what lasts is a motion, or a burst. Where many lie side by side, or all of these take longer than a hand
-may move, nothing is said.
+for any noise whose tails have begun there, and with L/2ʲ in place of L/2 that of probability 1/4ʲ: L has to lie beyond
+6 sds of all that is left. d is the distance from the medians of the samples before and behind it, the smaller of both,
+in units of the usual distance of neighbours near by that differ: neither steps nor slow noise nor noise that swells
+takes part. A sample is alone where most of those beside it are right: what lasts is a motion, or a burst. Where many
+lie side by side, or all of these take longer than a hand may move, nothing is said.
 
 A filter meets a wrong reading as an outlier, for its gate; it is no noise, and no motion. Where wrong readings have a
 share of the variance that changes the noise, they are left out before either is judged.
@@ -55,6 +55,10 @@ HEAVIEST_TAIL = 0.25
 """Largest share of the samples beyond L/2 that lie beyond L, in noise of finite variance."""
 
 
+OCTAVES = range(1, 12)
+"""Octaves of the distance that are judged at once: where several are empty below few readings, these are far apart."""
+
+
 @dataclass(frozen=True)
 class WrongReadings:
     """Rows in which an axis holds wrong readings.
@@ -80,19 +84,25 @@ class WrongReadings:
         """Return how many they are and how far off."""
         count = len(self.sizes)
         return (
-            f"{count} single readings, {percent(float(np.mean(self.rows)), 3)} of all samples, are off by "
+            f"{count} readings, {percent(float(np.mean(self.rows)), 3)} of all samples, are off by "
             f"{range_text([float(np.median(self.sizes))], record.unit)} (median)"
         )
 
 
 def find_wrong_readings(record: Record) -> tuple[WrongReadings, ...]:
-    """Return the axes of a record that have wrong readings, and where: single ones, else some side by side."""
+    """Return the axes of a record that have wrong readings, and where: single ones, or some side by side."""
     widths = [width for width in WIDTHS if 2 * SAMPLES_BESIDE * width * record.interval <= SHORTEST_MOVEMENT]
-    found = (
-        next((one for width in widths if (one := _wide(axis, record, width)) is not None), None)
-        for axis in record.axes
-    )
-    return tuple(one for one in found if one is not None)
+    return tuple(one for axis in record.axes if (one := _narrowest(axis, record, widths)) is not None)
+
+
+def _narrowest(axis: str, record: Record, widths: Sequence[int]) -> WrongReadings | None:
+    """Return the wrong readings of an axis, as narrow as they leave its noise what wider ones do."""
+    about, best, least = _about_level(record.column(axis)), None, math.inf
+    for one in filter(None, (_wide(axis, record, width) for width in widths)):
+        left = float(np.std(about[~one.rows]))
+        if (1.0 + SHOWN_CHANGE) * left < least:
+            best, least = one, left
+    return best
 
 
 def _wide(axis: str, record: Record, width: int) -> WrongReadings | None:
@@ -161,8 +171,11 @@ def _of_axis(axis: str, y: FloatArray) -> WrongReadings | None:
     alone = is_far[far] & (many < SAMPLES_BESIDE)
     every, ordered = np.sort(distance), np.sort(distance[alone])
     far, off, distance = far[alone], off[alone], distance[alone]
-    beyond, half = (_beyond(ordered, x) for x in (1.0, 0.5))
-    chance = np.where(beyond > 0, bdtrc(beyond - 1.0, np.maximum(half, 1), HEAVIEST_TAIL), 1.0)
+    beyond, chance = _beyond(ordered, 1.0), np.ones(len(TRIED_LEVELS))
+    for octaves in OCTAVES:
+        judged = (beyond > 0) & (0.5**octaves * TRIED_LEVELS >= 0.5 * TRIED_LEVELS[0])
+        tail = bdtrc(beyond - 1.0, np.maximum(_beyond(ordered, 0.5**octaves), 1), HEAVIEST_TAIL**octaves)
+        chance = np.where(judged, np.minimum(chance, tail), chance)
     single = (beyond >= MIN_ALONE * _beyond(every, 1.0)) & (beyond <= MAX_SHARE * len(values))
     for level in TRIED_LEVELS[(chance < MAX_P_VALUE) & single]:
         rows = np.zeros(len(values), dtype=bool)

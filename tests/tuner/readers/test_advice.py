@@ -91,7 +91,9 @@ def test_a_steady_bias_in_place_of_gravity_is_exchanged_all_the_same(tmp_path: P
 def test_two_statements_are_not_wrong_at_once(tmp_path: Path) -> None:
     """Exchanged triads in other units than the stated ones: among enough units some fit any numbers."""
     drift = 9.80665 * np.array([0.06, -0.05, 0.07]) + GYRO
-    head = "t [s],accel_x [m/s^2],accel_y [m/s^2],accel_z [m/s^2],gyro_x [deg/s],gyro_y [deg/s],gyro_z [deg/s]"
+    head = (
+        "t [s],accel_x [m/s^2],accel_y [m/s^2],accel_z [m/s^2],gyro_x [deg/s],gyro_y [deg/s],gyro_z [deg/s]"
+    )
     path = write(tmp_path / "log.csv", rows(T, 1.61 * ACCEL, drift), head)
     assert "--columns" not in refused(path, "1.61 × gravity")
 

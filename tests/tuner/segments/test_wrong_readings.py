@@ -134,3 +134,11 @@ def test_what_two_axes_show_for_some_samples_is_motion():
 def test_a_register_that_overflows_beside_others_has_no_wrong_readings():
     still = np.stack([noise(1), noise(2), np.mod(noise(11) + 17.5, 20.0)], axis=1)
     assert find_wrong_readings(record(still)) == ()
+
+
+def test_three_readings_far_beyond_all_others_are_wrong_ones():
+    """Of one octave three say nothing, of eight empty ones that each noise would fill they do: (4^−8)^3."""
+    y = noise(1)
+    y[[20_000, 50_000, 80_000]] += [3000.0, -3000.0, 3000.0]
+    (found,) = find_wrong_readings(record(y[:, None]))
+    assert list(np.flatnonzero(found.rows)) == [20_000, 50_000, 80_000]
