@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -45,7 +46,8 @@ def sensor_unit(listing: Listing, sensor: Sensor, options: Options, notes: list[
     what = f"{listing.path}: {name}"
     stated = sensor.unit
     unit = names.unit_of(option, allowed, what=f"--{name}-unit") if option is not None else None
-    counts = stated is not None and names.is_count(stated)
+    sized = None if stated is None else _size_of_count(stated, allowed)
+    counts = sized is not None or (stated is not None and names.is_count(stated))
     offset = 0.0
     array = sensor.parts[0].array
     if array in listing.unsigned and (counts or scale is not None):
@@ -59,7 +61,7 @@ def sensor_unit(listing: Listing, sensor: Sensor, options: Options, notes: list[
         notes.append(f"{name}: counts times {scale:.9g} {unit}")
         return UnitChoice(unit, offset, scale, "user")
     if counts or (stated is None and array in listing.integer and _lsb(listing.meta, name) is not None):
-        lsb = _lsb(listing.meta, name)
+        lsb = sized or _lsb(listing.meta, name)
         if lsb is None:
             raise DataError(
                 f"{what}: '{array}' holds counts: pass --{name}-scale, the {unit or allowed[0]} in one count"
@@ -70,10 +72,6 @@ def sensor_unit(listing: Listing, sensor: Sensor, options: Options, notes: list[
         return UnitChoice(unit, offset, 1.0, "user")
     if stated is not None:
         basis: Literal["file", "assumed"] = "assumed" if _only_named(listing, array) else "file"
-        if (sized := _SIZED.fullmatch(stated.strip())) and names.known_unit(sized["unit"]) in allowed:
-            size = float(sized["number"]) ** (-1.0 if sized["inverse"] else 1.0)
-            notes.append(f"{name}: counts times {size:.9g} {sized['unit']} (as the file states)")
-            return UnitChoice(names.unit_of(sized["unit"], allowed, what=what), offset, size, "file")
         if names.known_unit(stated) not in allowed:
             raise DataError(
                 f"{what}: unknown unit '{stated}': expected one of {', '.join(allowed)}; for another one pass "
@@ -82,6 +80,18 @@ def sensor_unit(listing: Listing, sensor: Sensor, options: Options, notes: list[
         return UnitChoice(names.unit_of(stated, allowed, what=what), offset, 1.0, basis)
     found = _unit_in_meta(listing.meta, name, notes)
     return UnitChoice(allowed[0], offset) if found is None else UnitChoice(found, offset, 1.0, "file")
+
+
+def _size_of_count(stated: str, allowed: Sequence[str]) -> tuple[float, str] | None:
+    """Return size and unit of one count from a unit such as ``1/131 deg/s``; None where it states none."""
+    found = _SIZED.fullmatch(stated.strip())
+    unit = names.known_unit(found["unit"]) if found else None
+    if found is None or unit is None or unit not in allowed:
+        return None
+    size = float(found["number"])
+    if not 0.0 < size < math.inf:
+        return None
+    return (1.0 / size if found["inverse"] else size), unit
 
 
 def _only_named(listing: Listing, array: str) -> bool:

@@ -25,7 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from models.earth import EARTH_RATE
-from models.units import STANDARD_GRAVITY
+from models.units import STANDARD_GRAVITY, unit_value
 from tuner.limits import WRONG_FACTOR
 from tuner.readers.clock_unit import Assumption
 from tuner.readers.column_names import INCREMENT_OF, INCREMENT_UNITS, UNITS
@@ -109,7 +109,7 @@ def check_units(
     sizes = {record.name: sizes_of(record) for record in records}
     for record in records:
         _check_range(source, record)
-    if (text := _exchanged(records, sizes)) and not assume_si:
+    if (text := _exchanged(records, sizes, choices)) and not assume_si:
         raise Refusal(f"{source}: {text}", others)
     requested = [n for n, choice in choices.items() if choice.basis == "requested"]
     judged = sorted((r for r in records if r.name not in requested), key=lambda r: r.name)
@@ -143,8 +143,13 @@ def check_units(
 _COUNTS = "{} holds whole numbers, as counts do"
 
 
-def _exchanged(records: Sequence[Record], sizes: Mapping[str, Sizes]) -> str:
-    """Return what shows that gyroscopes stand where accelerometers should; "" where nothing does."""
+def _exchanged(
+    records: Sequence[Record], sizes: Mapping[str, Sizes], choices: Mapping[str, UnitChoice]
+) -> str:
+    """Return what shows that gyroscopes stand where accelerometers should; "" where nothing does.
+
+    What is gravity in another unit is no gyroscope.
+    """
     full = {r.name: r for r in records if len(r.axes) == 3}
     if full.keys() != {"gyro", "accel"}:
         return ""
@@ -153,6 +158,13 @@ def _exchanged(records: Sequence[Record], sizes: Mapping[str, Sizes]) -> str:
         WRONG_FACTOR * accel.norm > STANDARD_GRAVITY
         or gyro.mean < MAX_BIAS
         or not _at_rest(gyro, full["gyro"])
+    ):
+        return ""
+    raw = accel.norm / si_value(choices["accel"].unit, full["accel"].interval)
+    if any(
+        abs(raw * unit_value(unit) / STANDARD_GRAVITY - 1.0) < GRAVITY_TOLERANCE
+        for unit in UNITS["accel"]
+        if unit not in INCREMENT_UNITS
     ):
         return ""
     return (

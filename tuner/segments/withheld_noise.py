@@ -43,8 +43,8 @@ SLOWEST_MOTION = 2.0
 """Frequency below which a program that learns a bias takes it, Hz: a faster one would take the motion, too."""
 FLAT_OCTAVES, MAX_STEP = 3, 1.25
 """Octaves above it that are white, and the largest ratio of the power of two of them."""
-MIN_ORDINATES = 32
-"""Ordinates of the lowest octave."""
+MIN_ORDINATES, LEAST_BAND = 32, 8
+"""Ordinates of the lowest white octave, and of the narrowest band below: fewer are low without the mean in any log."""
 
 
 def expect_noise(records: Sequence[Record]) -> None:
@@ -94,7 +94,7 @@ def dead_zone(y: FloatArray) -> float:
 
 
 def high_pass(pieces: Iterable[FloatArray], interval: float) -> float:
-    """Return white power ÷ that below the frequency under which it is least likely, of the longest piece (n,), or 1."""
+    """Return white power ÷ the least below any frequency that noise has in no case, of the longest piece (n,), or 1."""
     y = max(pieces, key=len, default=np.zeros(0))
     lowest = round(min(SLOWEST_MOTION * interval, 0.5 ** (FLAT_OCTAVES + 1)) * len(y))
     edges = lowest * 2 ** np.arange(FLAT_OCTAVES + 1)
@@ -105,10 +105,10 @@ def high_pass(pieces: Iterable[FloatArray], interval: float) -> float:
     flat = np.array([np.median(power[a:b]) / math.log(2.0) for a, b in pairwise(edges.tolist())])
     if flat.min() <= 0.0 or flat.max() > MAX_STEP * flat.min():
         return 1.0
-    least, chance, top = 1.0, 1.0, lowest
-    while top > 1:
+    least, top = 1.0, lowest
+    while top >= LEAST_BAND:
         ratio, count = float(power[:top].mean() / flat.mean()), 0.5 * top  # a window makes two ordinates one
-        if (unlikely := float(gammainc(count, count * ratio))) < chance:
-            least, chance = ratio, unlikely
+        if gammainc(count, count * ratio) < MAX_P_VALUE:
+            least = min(least, ratio)
         top //= 2
-    return 1.0 / least if chance < MAX_P_VALUE and least * WRONG_FACTOR**2 < 1.0 else 1.0
+    return 1.0 / least if least * WRONG_FACTOR**2 < 1.0 else 1.0

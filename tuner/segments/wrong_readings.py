@@ -33,7 +33,7 @@ from tuner.types.records import Record
 
 SAMPLES_BESIDE = 4
 """Samples on either side by whose medians one is judged."""
-WIDTHS = (1, 4, 16)
+WIDTHS = (1, 4)
 """Samples of a wrong reading: a filter behind it spreads a single one over some."""
 SHORTEST_MOVEMENT = 1.0
 """Time that a movement by hand takes, s."""
@@ -92,6 +92,8 @@ class WrongReadings:
 def find_wrong_readings(record: Record) -> tuple[WrongReadings, ...]:
     """Return the axes of a record that have wrong readings, and where: single ones, or some side by side."""
     widths = [width for width in WIDTHS if 2 * SAMPLES_BESIDE * width * record.interval <= SHORTEST_MOVEMENT]
+    if len(record) <= NEAR_BY:
+        return ()
     return tuple(one for axis in record.axes if (one := _narrowest(axis, record, widths)) is not None)
 
 
@@ -114,11 +116,12 @@ def _wide(axis: str, record: Record, width: int) -> WrongReadings | None:
         name: record.column(name)[: len(y) // width * width].reshape(-1, width).mean(axis=1)
         for name in record.axes
     }
-    one = _of_axis(axis, means.pop(axis)) if len(means) > 1 else None
+    short = len(means) < 2 or len(y) <= width * NEAR_BY
+    one = None if short else _of_axis(axis, means.pop(axis))
     if one is None:
         return None
     for other in means.values():
-        change = np.abs(np.diff(other, append=0.0))
+        change = np.abs(np.diff(other, append=other[-1:]))
         if np.median(change[one.rows]) > LEAST_JUMP * np.median(change):
             return None
     there = np.repeat(
@@ -164,7 +167,9 @@ def _of_axis(axis: str, y: FloatArray) -> WrongReadings | None:
     far = far[np.abs(off_at(far)) > 0.5 * TRIED_LEVELS[0] * usual[far]]
     far = np.unique(np.clip(far[:, None] + near, 0, len(values) - 1))  # the middle of a bump has no jump
     off = off_at(far)
-    distance = np.abs(off) / usual[far]
+    runs = np.diff(np.flatnonzero(new), append=len(y))
+    lasts = runs[far] > SAMPLES_BESIDE * np.median(runs)  # a stuck register
+    distance = np.where(lasts, 0.0, np.abs(off) / usual[far])
     is_far = np.zeros(len(values), dtype=bool)
     is_far[far] = distance > 0.5 * TRIED_LEVELS[0]
     many = np.convolve(is_far, np.ones(len(near)), "same")[far] - is_far[far]

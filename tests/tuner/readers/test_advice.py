@@ -88,6 +88,16 @@ def test_a_steady_bias_in_place_of_gravity_is_exchanged_all_the_same(tmp_path: P
     refused(write(tmp_path / "log.csv", rows(T, *raw), SI), "63 deg/s: the columns .* may be exchanged")
 
 
+def test_gravity_in_another_unit_is_no_exchanged_gyroscope(tmp_path: Path) -> None:
+    """Accelerometers in g beside a bias of 3 deg/s, neither unit stated."""
+    path = write(
+        tmp_path / "log.csv",
+        rows(T, np.degrees(GYRO) + np.array([3.0, 0.0, 0.0]), ACCEL / 9.80665),
+        "t,gx,gy,gz,ax,ay,az",
+    )
+    assert "exchanged" not in refused(path, "--accel-unit g --gyro-unit deg/s")
+
+
 def test_two_statements_are_not_wrong_at_once(tmp_path: Path) -> None:
     """Exchanged triads in other units than the stated ones: among enough units some fit any numbers."""
     drift = 9.80665 * np.array([0.06, -0.05, 0.07]) + GYRO

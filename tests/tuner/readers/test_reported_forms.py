@@ -146,3 +146,10 @@ def test_a_unit_may_state_the_size_of_a_count(samples, tmp_path, unit, size):
     head = ",".join(["t [s]", *(f"g{a} [{unit}]" for a in "xyz"), *(f"a{a} [m/s^2]" for a in "xyz")])
     found = written(tmp_path / "log.csv", head, [np.arange(N) / RATE, counts, accel])
     np.testing.assert_allclose(found["gyro"].y, np.radians(size * counts), rtol=1e-6)
+
+
+@pytest.mark.parametrize("unit", ["1/0 deg/s", "0 deg/s", "1e400 deg/s"])
+def test_a_size_of_no_count_is_refused(samples, tmp_path, unit):
+    head = ",".join(["t [s]", *(f"g{a} [{unit}]" for a in "xyz"), *(f"a{a} [m/s^2]" for a in "xyz")])
+    with pytest.raises(DataError, match="unknown unit"):
+        written(tmp_path / "log.csv", head, [np.arange(N) / RATE, *samples])

@@ -142,3 +142,8 @@ def test_three_readings_far_beyond_all_others_are_wrong_ones():
     y[[20_000, 50_000, 80_000]] += [3000.0, -3000.0, 3000.0]
     (found,) = find_wrong_readings(record(y[:, None]))
     assert list(np.flatnonzero(found.rows)) == [20_000, 50_000, 80_000]
+
+
+@pytest.mark.parametrize("count", [1, 3, 12, 300])
+def test_short_logs_have_none(count):
+    assert find_wrong_readings(record(np.stack([noise(s)[:count] for s in (1, 2, 3)], axis=1))) == ()

@@ -35,7 +35,7 @@ from tuner.diagnosis.static.model.fitted_channel import FittedChannel, fit_chann
 from tuner.diagnosis.static.model.profile_likelihood import first_column
 from tuner.diagnosis.static.outcome import ALTERNATIVE_NATS, NEAR_TWIN_NATS, Accepted, TestResult
 from tuner.diagnosis.static.residual_checks import checks
-from tuner.diagnosis.static.slow_shapes import settled
+from tuner.diagnosis.static.slow_shapes import judged, settled
 from tuner.diagnosis.static.variance.quantized_noise import hides_noise
 from tuner.stages import stage, task
 from tuner.types import Alternative
@@ -203,7 +203,8 @@ def _after_pass(last: _Progress, threshold: float) -> _Progress:
         found = fit_channel(channel, refits, starts=found.starts, near=found)
     if any(isinstance(x, Template) for x in new):
         found, accepted = settled(found, accepted, threshold)
-        if sorted(x.cause for x in found.extensions) == sorted(x.cause for x in last.found.extensions):
+        same = sorted(x.cause for x in found.extensions) == sorted(x.cause for x in last.found.extensions)
+        if same and all(result in chosen for result in candidates):
             return _Progress(base, found, tuple(accepted), bare, done=True)
     return _Progress(base, found, tuple(accepted), bare, quiet, len(new))
 
@@ -367,7 +368,9 @@ def _prune(
             at += 1
             continue
         fewer = without(fitted, given + at)
-        result = retest(fewer, accepted[at].extension.cause)
+        own = fitted.extensions[given + at]
+        slow = isinstance(own, Template)
+        result = judged(fewer, fitted, (own,), "") if slow else retest(fewer, own.cause)
         if result is not None and not (significant(result, threshold) and result.gain > 0):
             fitted = fewer
             accepted = [a for i, a in enumerate(accepted) if i != at]

@@ -30,7 +30,7 @@ from tuner.diagnosis.static.causes.template import Template
 from tuner.diagnosis.static.causes.thermal_lag import ThermalLag, likeliest_beside
 from tuner.diagnosis.static.causes.warmup import Warmup
 from tuner.diagnosis.static.hypothesis_tests import is_open
-from tuner.diagnosis.static.model.fitted_channel import FittedChannel, fit_channel
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel, fit_channel, relabelled
 from tuner.diagnosis.static.model.null_distributions import SLOW_RATIO_FACTOR
 from tuner.diagnosis.static.model.score_scan import scan
 from tuner.diagnosis.static.outcome import NEAR_TWIN_NATS, UNKNOWN, Accepted, TestResult
@@ -150,7 +150,10 @@ def _moves(
     names = {accepted[i].extension.cause for i in removed}
     least = max(worth(fitted) - worth(bare) - 2.0 * NEAR_TWIN_NATS, 0.0)
     for shapes in (*(_candidates(bare, least) if removed else ()), *(_masked(bare) if pairs else ())):
-        if {x.cause for x in shapes} == names and len(shapes) == len(removed):
+        same = {x.cause for x in shapes} == names and len(shapes) == len(removed)
+        if same or not all(
+            is_open(relabelled(bare, (*bare.extensions, *shapes[:i])), x.cause) for i, x in enumerate(shapes)
+        ):
             continue
         fit = refitted(beside(bare, shapes))
         result = judged(bare, fit, shapes, f"likelihood ratio of {' and '.join(x.cause for x in shapes)}")
@@ -278,5 +281,7 @@ def together(tried: Sequence[Shape], bare: Sequence[FittedChannel]) -> Shape:
 def judged(bare: FittedChannel, fit: FittedChannel, shapes: Shapes, name: str) -> TestResult:
     """Return the result of a test of shapes, all of them against none, for the first of them."""
     ratio = 2.0 * max(fit.fit.log_likelihood - bare.fit.log_likelihood, 0.0)
-    p_value = chi2_beyond(SLOW_RATIO_FACTOR * ratio, len(shapes))
+    sizes = _sizes(fit) - _sizes(bare)
+    choices = float(np.exp(_choice(fit) - _choice(bare)))
+    p_value = min(1.0, choices * chi2_beyond(SLOW_RATIO_FACTOR * ratio, sizes))
     return TestResult(shapes[0].cause, p_value, max(worth(fit) - worth(bare), 0.0), ratio, name)
