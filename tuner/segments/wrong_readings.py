@@ -33,7 +33,7 @@ from tuner.types.records import Record
 
 SAMPLES_BESIDE = 4
 """Samples on either side by whose medians one is judged."""
-WIDTHS = (1, 4)
+TRIED_WIDTHS = (1, 4)
 """Samples of a wrong reading: a filter behind it spreads a single one over some."""
 SHORTEST_MOVEMENT = 1.0
 """Time that a movement by hand takes, s."""
@@ -55,7 +55,7 @@ HEAVIEST_TAIL = 0.25
 """Largest share of the samples beyond L/2 that lie beyond L, in noise of finite variance."""
 
 
-OCTAVES = range(1, 12)
+EMPTY_OCTAVES = range(1, 12)
 """Octaves of the distance that are judged at once: where several are empty below few readings, these are far apart."""
 
 
@@ -91,7 +91,9 @@ class WrongReadings:
 
 def find_wrong_readings(record: Record) -> tuple[WrongReadings, ...]:
     """Return the axes of a record that have wrong readings, and where: single ones, or some side by side."""
-    widths = [width for width in WIDTHS if 2 * SAMPLES_BESIDE * width * record.interval <= SHORTEST_MOVEMENT]
+    widths = [
+        width for width in TRIED_WIDTHS if 2 * SAMPLES_BESIDE * width * record.interval <= SHORTEST_MOVEMENT
+    ]
     if len(record) <= NEAR_BY:
         return ()
     return tuple(one for axis in record.axes if (one := _narrowest(axis, record, widths)) is not None)
@@ -177,7 +179,7 @@ def _of_axis(axis: str, y: FloatArray) -> WrongReadings | None:
     every, ordered = np.sort(distance), np.sort(distance[alone])
     far, off, distance = far[alone], off[alone], distance[alone]
     beyond, chance = _beyond(ordered, 1.0), np.ones(len(TRIED_LEVELS))
-    for octaves in OCTAVES:
+    for octaves in EMPTY_OCTAVES:
         judged = (beyond > 0) & (0.5**octaves * TRIED_LEVELS >= 0.5 * TRIED_LEVELS[0])
         tail = bdtrc(beyond - 1.0, np.maximum(_beyond(ordered, 0.5**octaves), 1), HEAVIEST_TAIL**octaves)
         chance = np.where(judged, np.minimum(chance, tail), chance)
