@@ -53,8 +53,6 @@ MAX_P_VALUE = 1e-6
 """Chance of wrong readings in noise: with all levels and axes of a log a thousandth at most."""
 HEAVIEST_TAIL = 0.25
 """Largest share of the samples beyond L/2 that lie beyond L, in noise of finite variance."""
-
-
 EMPTY_OCTAVES = range(1, 12)
 """Octaves of the distance that are judged at once: where several are empty below few readings, these are far apart."""
 
@@ -100,9 +98,12 @@ def find_wrong_readings(record: Record) -> tuple[WrongReadings, ...]:
 
 
 def _narrowest(axis: str, record: Record, widths: Sequence[int]) -> WrongReadings | None:
-    """Return the wrong readings of an axis, as narrow as they leave its noise what wider ones do."""
+    """Return the wrong readings of an axis, the narrowest that leave as little noise as wider ones."""
+    found = [one for width in widths if (one := _wide(axis, record, width)) is not None]
+    if len(found) < 2:
+        return found[0] if found else None
     about, best, least = _about_level(record.column(axis)), None, math.inf
-    for one in filter(None, (_wide(axis, record, width) for width in widths)):
+    for one in found:
         left = float(np.std(about[~one.rows]))
         if (1.0 + SHOWN_CHANGE) * left < least:
             best, least = one, left
@@ -114,22 +115,23 @@ def _wide(axis: str, record: Record, width: int) -> WrongReadings | None:
     y = record.column(axis)
     if width == 1:
         return _of_axis(axis, y)
-    means = {
-        name: record.column(name)[: len(y) // width * width].reshape(-1, width).mean(axis=1)
-        for name in record.axes
-    }
-    short = len(means) < 2 or len(y) <= width * NEAR_BY
-    one = None if short else _of_axis(axis, means.pop(axis))
+    if len(record.axes) < 2 or len(y) <= width * NEAR_BY:
+        return None
+
+    def means(name: str) -> FloatArray:
+        return np.asarray(record.column(name)[: len(y) // width * width].reshape(-1, width).mean(axis=1))
+
+    one = _of_axis(axis, means(axis))
     if one is None:
         return None
-    for other in means.values():
-        change = np.abs(np.diff(other, append=other[-1:]))
-        if np.median(change[one.rows]) > LEAST_JUMP * np.median(change):
+    for other in record.axes:
+        mean = means(other)
+        change = np.abs(np.diff(mean, append=mean[-1:]))
+        if other != axis and np.median(change[one.rows]) > LEAST_JUMP * np.median(change):
             return None
-    there = np.repeat(
-        np.convolve(one.rows, np.ones(3), "same") > 0.0, width
-    )  # a pulse reaches beside its mean
-    rows = np.append(there, np.zeros(len(y) - len(there), dtype=bool))
+    reached = np.convolve(one.rows, np.ones(3), "same") > 0.0  # a pulse reaches beside its mean
+    rows = np.zeros(len(y), dtype=bool)
+    rows[: len(reached) * width] = np.repeat(reached, width)
     about = _about_level(y)
     off = about[rows][np.abs(about[rows]) > one.sizes.min()]
     return None if len(off) and _cut_off(off, about[~rows]) else replace(one, rows=rows)

@@ -6,9 +6,11 @@ import numpy as np
 
 from tuner.diagnosis.static.causes.line import Line
 from tuner.diagnosis.static.causes.vibration import Vibration
-from tuner.diagnosis.static.model.fitted_channel import FittedChannel, fit_channel, without
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel, refitted, without
 from tuner.diagnosis.static.outcome import Accepted
 
+MAX_REFITS = 2
+"""Largest number of refits without the line: the resonance takes up what it had."""
 LINE_PRICE = 1.5
 """Price of a line, logs of the number of samples: half of one for amplitude and phase each, one for the frequency."""
 
@@ -28,17 +30,11 @@ def without_line_of_resonance(
             abs(tone.frequency - x.frequency) < x.frequency / x.quality for x in resonances
         ):
             continue
-        other = _refitted(_refitted(without(fitted, given + at)))
+        other = refitted(without(fitted, given + at), MAX_REFITS)
         lead = _spectrum_likelihood(fitted) - _spectrum_likelihood(other)
         if lead < LINE_PRICE * float(np.log(len(fitted.channel))):
             return without_line_of_resonance(other, [*accepted[:at], *accepted[at + 1 :]])
     return fitted, accepted
-
-
-def _refitted(fitted: FittedChannel) -> FittedChannel:
-    """Return the model with every extension fitted again beside the others."""
-    refits = tuple(x.refit(fitted, i) for i, x in enumerate(fitted.extensions))
-    return fit_channel(fitted.channel, refits, starts=fitted.starts, near=fitted)
 
 
 def _spectrum_likelihood(fitted: FittedChannel) -> float:

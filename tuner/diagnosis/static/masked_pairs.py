@@ -24,21 +24,21 @@ OMNIBUS_LEVEL = 0.02
 """Chance below which a saturated mean is worth a search for pairs: one record in fifty costs that time in vain."""
 
 
-def test(fitted: FittedChannel) -> tuple[Extension, ...] | None:
-    """Return the likeliest masked pair; None where there is no room for one, or nothing promises it."""
+def likeliest_pair(fitted: FittedChannel) -> tuple[Extension, ...]:
+    """Return the likeliest masked pair; nothing where there is no room for one, or nothing promises it."""
     candidates = [] if fitted.count("telegraph") else _candidates(fitted)
     if len(candidates) < 2:
-        return None
+        return ()
     templates = np.stack([c.template(fitted.channel) for c in candidates], axis=1)
     columns = block_transform(templates, fitted.cleaned, fitted.track.singles)
     hint = _best_pairs(fitted, candidates, columns, fitted.fit.expected)
     chosen = sorted({*_saturating(candidates), *hint[0]}) if hint else []
     if not chosen:
-        return None
+        return ()
     full = fitted.refit(columns[:, chosen])
     ratio = max(0.0, 2.0 * (full.log_likelihood - fitted.fit.log_likelihood))
     if chi2_beyond(ratio, len(chosen)) > OMNIBUS_LEVEL:
-        return None
+        return ()
     first = _best_pairs(fitted, candidates, columns, full.expected)
     judged = [(fitted.refit(columns[:, list(pair)]).log_likelihood, pair) for pair in first[:3]]
     pair = max(judged, key=lambda item: item[0])[1]

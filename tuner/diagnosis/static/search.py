@@ -31,7 +31,13 @@ from tuner.diagnosis.static.hypothesis_tests import (
     with_tests_anew,
 )
 from tuner.diagnosis.static.line_of_resonance import without_line_of_resonance
-from tuner.diagnosis.static.model.fitted_channel import FittedChannel, fit_channel, relabelled, without
+from tuner.diagnosis.static.model.fitted_channel import (
+    FittedChannel,
+    fit_channel,
+    refitted,
+    relabelled,
+    without,
+)
 from tuner.diagnosis.static.model.profile_likelihood import first_column
 from tuner.diagnosis.static.outcome import ALTERNATIVE_NATS, NEAR_TWIN_NATS, Accepted, TestResult
 from tuner.diagnosis.static.residual_checks import checks
@@ -196,11 +202,7 @@ def _after_pass(last: _Progress, threshold: float) -> _Progress:
         base = relabelled(base, base.extensions)  # without what was computed from it, ten times its size
     starts = None if any(x.broad for x in new) else found.starts
     found = fit_channel(channel, (*found.extensions, *new), starts=starts, near=found)
-    for _ in range(MAX_REFITS if any(x.group == "fast spectrum" for x in new) else 1):
-        refits = tuple(x.refit(found, i) for i, x in enumerate(found.extensions))
-        if all(a is b for a, b in zip(refits, found.extensions, strict=True)):
-            break
-        found = fit_channel(channel, refits, starts=found.starts, near=found)
+    found = refitted(found, MAX_REFITS if any(x.group == "fast spectrum" for x in new) else 1)
     if any(isinstance(x, Template) for x in new):
         found, accepted = settled(found, accepted, threshold)
         same = sorted(x.cause for x in found.extensions) == sorted(x.cause for x in last.found.extensions)

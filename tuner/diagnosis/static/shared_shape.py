@@ -15,13 +15,12 @@ import numpy as np
 from tuner.diagnosis.static.causes.temperature import COVARIATE
 from tuner.diagnosis.static.causes.temperature_times_time import UNNAMED
 from tuner.diagnosis.static.causes.warmup import Warmup
-from tuner.diagnosis.static.model.fitted_channel import FittedChannel, fit_channel
+from tuner.diagnosis.static.model.fitted_channel import FittedChannel, extended, with_extensions
 from tuner.diagnosis.static.outcome import NEAR_TWIN_NATS, Accepted
 from tuner.diagnosis.static.search import SearchResult, with_joint_estimates
 from tuner.diagnosis.static.slow_shapes import (
     SMOOTH,
     Shapes,
-    beside,
     evidence,
     judged,
     sets,
@@ -55,7 +54,7 @@ def with_shared_shape(outcomes: Mapping[str, SearchResult]) -> dict[str, SearchR
     bare = {axis: without_smooth(one.final) for axis, one in concerned.items()}
     own = {axis: evidence(one.final) for axis, one in concerned.items()}
     tried = [
-        (shapes, {axis: beside(b, shapes) for axis, b in bare.items()})
+        (shapes, {axis: extended(b, *shapes) for axis, b in bare.items()})
         for shapes in sets(list(bare.values()))
     ]
 
@@ -87,12 +86,7 @@ def _changed(
     )
     refits = fit
     if len(shapes) == 1:
-        refits = fit_channel(
-            fit.channel,
-            (*bare.extensions, shapes[0].refit(fit, len(bare.extensions))),
-            starts=fit.starts,
-            near=fit,
-        )
+        refits = with_extensions(fit, (*bare.extensions, shapes[0].refit(fit, len(bare.extensions))))
     final = with_joint_estimates(refits)
     name = f"likelihood ratio of {' and '.join(x.cause for x in shapes)}, as other axes have it"
     result = judged(bare, fit, shapes, name)

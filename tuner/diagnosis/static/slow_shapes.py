@@ -16,7 +16,6 @@ from typing import TypeVar
 import numpy as np
 
 from models.probability import chi2_beyond
-from tuner.diagnosis.static import masked_pairs
 from tuner.diagnosis.static.causes.base import Extension
 from tuner.diagnosis.static.causes.hysteresis import Hysteresis
 from tuner.diagnosis.static.causes.recovery import Recovery
@@ -30,7 +29,14 @@ from tuner.diagnosis.static.causes.template import Template
 from tuner.diagnosis.static.causes.thermal_lag import ThermalLag, likeliest_beside
 from tuner.diagnosis.static.causes.warmup import Warmup
 from tuner.diagnosis.static.hypothesis_tests import is_open
-from tuner.diagnosis.static.model.fitted_channel import FittedChannel, fit_channel, relabelled
+from tuner.diagnosis.static.masked_pairs import likeliest_pair
+from tuner.diagnosis.static.model.fitted_channel import (
+    FittedChannel,
+    extended,
+    refitted,
+    relabelled,
+    with_extensions,
+)
 from tuner.diagnosis.static.model.null_distributions import SLOW_RATIO_FACTOR
 from tuner.diagnosis.static.model.score_scan import scan
 from tuner.diagnosis.static.outcome import NEAR_TWIN_NATS, UNKNOWN, Accepted, TestResult
@@ -146,27 +152,21 @@ def _moves(
 ) -> Iterator[tuple[FittedChannel, list[Accepted]]]:
     """Give the models with other shapes in place of some of those accepted, all fitted again, and what is accepted."""
     kept = [one for i, one in enumerate(accepted) if i not in removed]
-    bare = beside(fitted, (*fitted.extensions[:given], *(one.extension for one in kept)), whole=True)
+    bare = with_extensions(fitted, (*fitted.extensions[:given], *(one.extension for one in kept)))
     names = {accepted[i].extension.cause for i in removed}
     least = max(worth(fitted) - worth(bare) - 2.0 * NEAR_TWIN_NATS, 0.0)
-    for shapes in (*(_candidates(bare, least) if removed else ()), *(_masked(bare) if pairs else ())):
+    hidden = likeliest_pair(bare) if pairs else ()
+    for shapes in (*(_candidates(bare, least) if removed else ()), *((hidden,) if hidden else ())):
         same = {x.cause for x in shapes} == names and len(shapes) == len(removed)
         if same or not all(
             is_open(relabelled(bare, (*bare.extensions, *shapes[:i])), x.cause) for i, x in enumerate(shapes)
         ):
             continue
-        fit = refitted(beside(bare, shapes))
+        fit = refitted(extended(bare, *shapes), MAX_REFITS)
         result = judged(bare, fit, shapes, f"likelihood ratio of {' and '.join(x.cause for x in shapes)}")
         own = [replace(one, extension=x) for one, x in zip(kept, fit.extensions[given:], strict=False)]
         new = [Accepted(x, replace(result, cause=x.cause)) for x in fit.extensions[given + len(kept) :]]
         yield fit, [*own, *new]
-
-
-def _masked(bare: FittedChannel) -> Iterator[Shapes]:
-    """Give the pair that hides itself in the noise, where there is one."""
-    masked = masked_pairs.test(bare)
-    if masked is not None:
-        yield masked
 
 
 def _candidates(bare: FittedChannel, least: float) -> Iterator[Shapes]:
@@ -179,7 +179,7 @@ def _candidates(bare: FittedChannel, least: float) -> Iterator[Shapes]:
     if COVARIATE in bare.channel.covariates and not bare.count(*(cause.cause for cause in THERMAL)):
         yield Temperature(), TemperatureRate()
         yield Temperature(), TemperatureSquared()
-        other = beside(bare, (Temperature(),))
+        other = extended(bare, Temperature())
         yield (likeliest_beside(other),)
         yield Temperature(), together(Warmup.candidates(bare.channel), [other])
         if alike := warming_alike(bare.channel):
@@ -242,23 +242,7 @@ def smooth(accepted: Iterable[Accepted]) -> Shapes:
 
 def without_smooth(fitted: FittedChannel) -> FittedChannel:
     """Return a model without its smooth shapes."""
-    return beside(fitted, tuple(x for x in fitted.extensions if not isinstance(x, SMOOTH)), whole=True)
-
-
-def beside(fitted: FittedChannel, shapes: Shapes, *, whole: bool = False) -> FittedChannel:
-    """Return a model with further shapes, or, where they are the `whole`, with these alone."""
-    extensions = shapes if whole else (*fitted.extensions, *shapes)
-    return fit_channel(fitted.channel, extensions, starts=fitted.starts, near=fitted)
-
-
-def refitted(fitted: FittedChannel) -> FittedChannel:
-    """Return a model with the parameters of every extension fitted again beside the others, until none moves."""
-    for _ in range(MAX_REFITS):
-        refits = tuple(x.refit(fitted, i) for i, x in enumerate(fitted.extensions))
-        if all(a is b for a, b in zip(refits, fitted.extensions, strict=True)):
-            break
-        fitted = beside(fitted, refits, whole=True)
-    return fitted
+    return with_extensions(fitted, tuple(x for x in fitted.extensions if not isinstance(x, SMOOTH)))
 
 
 def sets(bare: Sequence[FittedChannel]) -> list[Shapes]:

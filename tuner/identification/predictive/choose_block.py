@@ -101,10 +101,10 @@ def _from_curve(
 
 
 def _with_white_noise(block: NoiseBlock, measured: MeasuredAllan, white: float) -> NoiseBlock:
-    """Return the block with the white noise of the likelihood as far as the curve allows that, if its own is smaller.
+    """Return the block with at least the white noise of the likelihood, or with as much as the Allan curve allows.
 
-    The curve allows the smallest σ(τ)√τ; half of that stands where neither shows any. The course of a bias that no sum
-    of terms describes bends a fit to the curve, and its smallest part most.
+    The curve allows the smallest σ(τ)√τ. Half of that is taken where neither shows any white noise. A bias whose course
+    is no sum of terms bends a fit to the curve, and the smallest term most.
     """
     half = bounded_white_density(measured.tau, measured.variance)
     known = max(block.white_density, min(white, 2.0 * half))

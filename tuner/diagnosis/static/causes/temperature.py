@@ -67,7 +67,7 @@ class Temperature(Template):
         return centred(channel)
 
     def refit(self, fitted: FittedChannel, index: int) -> Self:
-        """Fit the time constant of the warming again, as far as the readings follow that one as closely."""
+        """Fit the time constant of the warming again; keep it if the readings follow the new one less closely."""
         if not self.time_constant:
             return self
         channel = fitted.channel

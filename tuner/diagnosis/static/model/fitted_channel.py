@@ -379,15 +379,29 @@ def fit_channel(
     return FittedChannel(channel, cleaned, extensions, track, tuple(fits), a, same, made)
 
 
+def with_extensions(fitted: FittedChannel, extensions: tuple[Extension, ...]) -> FittedChannel:
+    """Return the channel fitted with these extensions, from its fit."""
+    return fit_channel(fitted.channel, extensions, starts=fitted.starts, near=fitted)
+
+
 def without(fitted: FittedChannel, index: int) -> FittedChannel:
     """Return the channel fitted with one extension less."""
-    kept = tuple(x for i, x in enumerate(fitted.extensions) if i != index)
-    return fit_channel(fitted.channel, kept, starts=fitted.starts, near=fitted)
+    return with_extensions(fitted, tuple(x for i, x in enumerate(fitted.extensions) if i != index))
 
 
-def extended(fitted: FittedChannel, extension: Extension) -> FittedChannel:
-    """Return the channel fitted with one extension more."""
-    return fit_channel(fitted.channel, (*fitted.extensions, extension), starts=fitted.starts, near=fitted)
+def extended(fitted: FittedChannel, *more: Extension) -> FittedChannel:
+    """Return the channel fitted with further extensions."""
+    return with_extensions(fitted, (*fitted.extensions, *more))
+
+
+def refitted(fitted: FittedChannel, most: int) -> FittedChannel:
+    """Return the channel with every extension fitted again beside the others, so often at most, until none changes."""
+    for _ in range(most):
+        refits = tuple(x.refit(fitted, i) for i, x in enumerate(fitted.extensions))
+        if all(a is b for a, b in zip(refits, fitted.extensions, strict=True)):
+            break
+        fitted = with_extensions(fitted, refits)
+    return fitted
 
 
 def relabelled(fitted: FittedChannel, extensions: tuple[Extension, ...]) -> FittedChannel:
