@@ -71,7 +71,7 @@ def hypothesis_tests(fitted: FittedChannel, known: tuple[TestResult, ...] = ()) 
     results = [
         by_cause[code] if code in by_cause else cause.test(fitted)
         for code, cause in CAUSES.extensions().items()
-        if not cause.tested_first and is_open(fitted, code)
+        if is_open(fitted, code)
     ]
     return (
         *(result for result in results if result is not None),

@@ -16,7 +16,6 @@ from tuner.diagnosis.cause import Group
 from tuner.diagnosis.static.causes import spikes, step
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.causes.burst import Burst
-from tuner.diagnosis.static.causes.chirp import Sweep
 from tuner.diagnosis.static.causes.motion import Motion
 from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.diagnosis.static.causes.step import Step
@@ -42,7 +41,6 @@ from tuner.diagnosis.static.model.profile_likelihood import first_column
 from tuner.diagnosis.static.outcome import ALTERNATIVE_NATS, NEAR_TWIN_NATS, Accepted, TestResult
 from tuner.diagnosis.static.residual_checks import checks
 from tuner.diagnosis.static.slow_shapes import judged, settled
-from tuner.diagnosis.static.variance.quantized_noise import hides_noise
 from tuner.stages import stage, task
 from tuner.types import Alternative
 
@@ -100,7 +98,7 @@ def search_causes(channel: Channel, threshold: float, given: tuple[Extension, ..
     given : tuple of Extension
         What is known beforehand, such as stretches of motion.
     """
-    now, swept = _begun(channel, threshold, given)
+    now = _begun(channel, given)
     for passed in range(MAX_PASSES):
         stage("", 1.0 - PASS_SHARE ** (passed + 1))
         now = _after_pass(now, threshold)
@@ -114,7 +112,7 @@ def search_causes(channel: Channel, threshold: float, given: tuple[Extension, ..
     estimated = found.extensions[len(found.extensions) - len(accepted) :]
     accepted = [replace(a, extension=x) for a, x in zip(accepted, estimated, strict=True)]
     nameless = [a.result for a in accepted if not a.extension.named]
-    left = (*swept, *nameless, *(a for a in tested if significant(a, threshold) and a.propose is None))
+    left = (*nameless, *(a for a in tested if significant(a, threshold) and a.propose is None))
     return SearchResult(relabelled(now.base, now.base.extensions), found, tuple(accepted), left)
 
 
@@ -135,10 +133,8 @@ class _Progress:
     done: bool = False
 
 
-def _begun(
-    channel: Channel, threshold: float, given: tuple[Extension, ...]
-) -> tuple[_Progress, tuple[TestResult, ...]]:
-    """Return the search before its first pass, gross spikes and steps accepted, and the tests that found a sweep."""
+def _begun(channel: Channel, given: tuple[Extension, ...]) -> _Progress:
+    """Return the search before its first pass, gross spikes and steps accepted."""
     gross = spikes.gross(channel)
     accepted = (
         [Accepted(x, gross.without_proposal) for x in gross.propose()] if gross and gross.propose else []
@@ -151,14 +147,7 @@ def _begun(
         accepted += [Accepted(x, jumped.without_proposal) for x in jumped.propose()]
         off = tuple(one.extension for one in accepted)
         found = fit_channel(channel, (*given, *off))
-    sweeps = () if hides_noise(found) else (Sweep.test(found),)
-    swept = [result for result in sweeps if significant(result, threshold)]
-    for result in swept:
-        assert result.propose is not None
-        given = (*given, *result.propose())
-        base = fit_channel(channel, given)
-        found = fit_channel(channel, (*given, *off)) if off else base
-    return _Progress(base, found, tuple(accepted)), tuple(result.without_proposal for result in swept)
+    return _Progress(base, found, tuple(accepted))
 
 
 def _after_pass(last: _Progress, threshold: float) -> _Progress:

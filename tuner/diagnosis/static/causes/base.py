@@ -117,8 +117,6 @@ class Extension(Cause):
     """Whether it is accepted only where no other cause gains more: what others leave looks like it."""
     broad: ClassVar[bool] = False
     """Whether it shapes the whole fast spectrum: it is accepted alone, and the noise is then fitted afresh."""
-    tested_first: ClassVar[bool] = False
-    """Whether it is tested once, before all others, and not again."""
     defining: ClassVar[Mapping[str, float]] = MappingProxyType({})
     """Parameters without which the name says nothing, each with the largest ratio of the ends of its interval."""
     family: ClassVar[type[Cause] | None] = None

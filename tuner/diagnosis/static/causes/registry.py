@@ -21,7 +21,6 @@ from tuner.diagnosis.data_quality.causes import (
 from tuner.diagnosis.registry_of_causes import RegistryOfCauses
 from tuner.diagnosis.static.causes.base import Extension
 from tuner.diagnosis.static.causes.burst import Burst
-from tuner.diagnosis.static.causes.chirp import Sweep
 from tuner.diagnosis.static.causes.colour import Colour
 from tuner.diagnosis.static.causes.comb import Comb
 from tuner.diagnosis.static.causes.cross_axis import CrossAxis
@@ -78,7 +77,7 @@ CAUSES = CauseRegistry("cause", "tuner.causes", base=Cause, effects=EFFECTS, lac
 CAUSES.extend(
     (
         Line, Temperature, ThermalLag, Step, Warmup, MountTilt, Ageing, Telegraph, MoreMarkov, Spikes, HeavyTails,
-        Burst, VarianceDrift, Vibration, LowPass, Colour, Sweep, Motion, CrossAxis, Thermal, Duplicates, Timing,
+        Burst, VarianceDrift, Vibration, LowPass, Colour, Motion, CrossAxis, Thermal, Duplicates, Timing,
         Overflow, Clipping, Quantizer, RepeatedPackets, Interpolated, SkewedNoise, PeriodicVariance, TemperatureSquared,
         TemperatureRate, Hysteresis, Comb, Recovery, Transients,
         ErrorCode,
