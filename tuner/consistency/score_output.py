@@ -12,13 +12,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from models.arrays import FloatArray
+from tuner.consistency.constant_errors import constant_errors, unit_of_sds
 from tuner.consistency.correlated_errors import time_score, whitened
-from tuner.consistency.frame_differences import differences_of_frames, errors_in_one_frame, matters
+from tuner.consistency.frame_differences import errors_in_one_frame
 from tuner.consistency.one_factor import one_factor
 from tuner.consistency.output_causes import Explanations, explain
 from tuner.consistency.output_errors import OutputErrors
 from tuner.consistency.output_scores import (
     MIN_INDEPENDENT_RUNS,
+    aided_rows,
     error_scores,
     outage_scores,
     output_innovation_scores,
@@ -30,7 +32,7 @@ from tuner.consistency.scores import DIVERGED_RATIO, score
 from tuner.consistency.trajectory_alignment import Alignment
 from tuner.consistency.unscored_start import unscored_start
 from tuner.consistency.verdicts import verdicts
-from tuner.consistency.wrong_conventions import unit_of_sds
+from tuner.limits import TOLERATED_RATIO
 from tuner.stages import stage, task
 from tuner.types.consistency import Consistency, RmsError, Score
 from tuner.types.filter_output import FilterOutput
@@ -61,6 +63,8 @@ class OutputScore(Shown):
         What was scored.
     notes : tuple of str
         What was assumed, found and done.
+    without_constants : Consistency or None
+        Scores without the constants among the causes; None where there are none.
     """
 
     consistency: Consistency
@@ -70,6 +74,7 @@ class OutputScore(Shown):
     runs: tuple[OutputErrors, ...]
     outputs: tuple[FilterOutput, ...]
     notes: tuple[str, ...]
+    without_constants: Consistency | None = None
 
 
 @task()
@@ -121,9 +126,6 @@ def score_outputs(
     if every:
         offset, runs = errors_in_one_frame(outputs, every, how, align_time, align_body)
         notes += [note for run in runs for note in run.notes]
-        if offset is not None and not offset.removed and matters(offset, runs):
-            shifted = errors_in_one_frame(outputs, every, how, align_time=True, align_body=align_body)[1]
-            notes.append(_about_offset(offset, helps=not _is_far(_scores(shifted, []))))
     stage("scoring", 0.35)
     innovative = [output for output in outputs if output.has_innovations]
     if not runs and not innovative:
@@ -132,10 +134,12 @@ def score_outputs(
             "neither: there is nothing to score by"
         )
     found = _scores(runs, innovative)
-    notes += [
-        note for s in found.blocks if s.name == "attitude" and (note := unit_of_sds(s.ratio)) is not None
-    ]
-    notes += unscored_start(runs)
+    constants: tuple[OutputCause, ...] = ()
+    rest, left = runs, found
+    if runs and found.blocks and not found.consistent:
+        constants, rest = constant_errors(outputs, every, how, runs, offset)
+        units, rest = unit_of_sds(rest)
+        constants, left = (*constants, *units), _scores(rest, innovative)
     if runs and not found.blocks:
         sds = [np.diagonal(one.covariance, axis1=1, axis2=2) for one in runs]
         stated = any(np.isfinite(one.error * sd).any() for one, sd in zip(runs, sds, strict=True))
@@ -146,24 +150,29 @@ def score_outputs(
     lost = any(_not_finite(output) for output in outputs)
     why = Explanations()
     if not lost:
-        errors = runs or [_without_truth(o) for o in innovative]
-        why = explain(errors, only_means=found.consistent, sensor_noise=sensor_noise)
-    found = replace(found, mean_errors=why.means)
-    causes = () if found.consistent else _without_contradicted(why.causes, found.scores)
-    if runs and not (found.consistent or causes or lost):
-        causes = differences_of_frames(outputs, every, how, runs, offset, found)
+        if constants and not (_is_far(found) and not _is_far(left)):  # a model of the filter knows better
+            why = explain(runs, only_means=False, sensor_noise=sensor_noise)
+            if why.causes:
+                constants, rest, left = (), runs, found
+        errors = rest or [_without_truth(o) for o in innovative]
+        if not why.causes:
+            why = explain(errors, only_means=left.consistent, sensor_noise=sensor_noise)
+    notes += unscored_start(rest)
+    found, left = (replace(one, mean_errors=why.means) for one in (found, left))
+    causes = () if left.consistent else _without_contradicted(why.causes, left.scores)
+    grow = _is_far(left) and not causes and _grow(rest)
     stage("scoring each state", 1.0)
     states = state_scores(runs) if runs else ()
-    far = _is_far(found) and not causes
-    if not (found.consistent or causes or lost or far):
-        factor = one_factor(found.scores, states)
+    if not (left.consistent or causes or lost or grow):
+        factor = one_factor(left.scores, state_scores(rest) if rest else ())
         causes = () if factor is None else (factor,)
-    if why.misfit is not None and not (found.consistent or causes):
+    causes = (*constants, *causes)
+    if why.misfit is not None and not (left.consistent or causes):
         notes.append(
             "no cause is sought: no filter with states of position, velocity, attitude, biases and scale factors that "
             f"uses such fixes has these sds, whatever its noise ({100.0 * why.misfit:.0f} % off, rms)"
         )
-    found = replace(found, diverged=lost or far)
+    found = replace(found, diverged=lost or grow)
     return OutputScore(
         replace(found, verdicts=_verdicts(found, lost=lost, named=bool(causes) or why.misfit is not None)),
         states,
@@ -172,6 +181,7 @@ def score_outputs(
         tuple(runs),
         tuple(outputs),
         tuple(dict.fromkeys(notes)),
+        left if constants else None,
     )
 
 
@@ -180,14 +190,15 @@ def _is_far(found: Consistency) -> bool:
     return any(score.ratio > DIVERGED_RATIO for score in found.scores)
 
 
-def _about_offset(offset: TimeOffset, *, helps: bool) -> str:
-    """Say how late or early the estimate is, where that stays in its errors, and what --align-time was tried to do."""
-    late = "late" if offset.value > 0.0 else "early"
-    low, high = sorted(map(abs, offset.interval))
-    return (
-        f"the estimate is {abs(offset.value):.3g} s ({low:.3g} … {high:.3g}) {late} against the truth; "
-        f"{'--align-time takes it out' if helps else 'taken out, the errors stay those of a filter that diverged'}"
-    )
+def _grow(runs: Sequence[OutputErrors]) -> bool:
+    """Return whether the errors of a block are far larger in the last third of the runs than in the first."""
+    for first in range(0, 9, 3):
+        errors = [run.error[aided_rows(run.t, run.estimate.outages), first : first + 3] for run in runs]
+        parts = [np.array_split(e[np.isfinite(e).all(axis=1)], 3) for e in errors]
+        begin, end = (np.concatenate([part[at] for part in parts]) for at in (0, 2))
+        if len(begin) and np.mean(end**2) > TOLERATED_RATIO**2 * np.mean(begin**2):
+            return True
+    return False
 
 
 def _scores(runs: Sequence[OutputErrors], innovative: Sequence[FilterOutput]) -> Consistency:

@@ -32,8 +32,10 @@ OFFSET_BLOCKS = 10
 """Parts of a record whose time offsets give the interval of their mean."""
 COARSE_OFFSET_STEP = 0.05
 """Step of the search for a time offset, s: motion of vehicles is linear over it."""
-MAX_TIME_OFFSET = 3.0
-"""Largest time offset that is looked for, s: stamps by another clock differ by more and do not overlap."""
+MAX_COARSE_STEPS = 1 << 20
+"""Largest number of steps of that search: records of hours have longer ones."""
+AS_GOOD_RATIO = 1.5
+"""Mean square difference of speeds ÷ the least one up to which an offset nearer to 0 goes before."""
 MIN_MISFIT_RATIO = 4.0
 """Mean square difference of speeds ÷ what the truth leaves open half-way between rows: below it nothing is sought."""
 FIT_ROUNDS = 3
@@ -108,40 +110,58 @@ def _squares(e: FloatArray, x: FloatArray, parts: int) -> tuple[FloatArray, Floa
 def find_time_offset(estimate: FilterOutput, truth: FilterOutput) -> float | None:
     """Return the delay of the stamps of an estimate, s; None where nothing moves, or between rows of the truth.
 
-    The offset with the least squared difference of speeds, and of attitudes where there are no velocities; to a
-    thousandth of a second. Speeds do not depend on the frame.
+    The offset with the least squared difference of speeds, which do not depend on the frame, at any lag at which the
+    two share half of the shorter one; of several that are as good the smallest, as where a course repeats.
     """
     a, b = _speed(estimate), _speed(truth)
     good_a, good_b = np.isfinite(a), np.isfinite(b)
     if np.count_nonzero(good_a) < 10 or np.count_nonzero(good_b) < 10 or np.nanstd(b) < 1e-3:
         return None
     ta, tb, a, b = estimate.t[good_a], truth.t[good_b], a[good_a], b[good_b]
-    ta = ta.copy()
-    inside = (ta >= tb[0] + MAX_TIME_OFFSET) & (ta <= tb[-1] - MAX_TIME_OFFSET) & _far_from_gaps(ta, tb)
-    if np.count_nonzero(inside) < 10:
-        return None
-    ta, a = ta[inside], a[inside]
 
     def misfit(offset: float) -> float:
-        return float(np.mean((a - np.interp(ta - offset, tb, b)) ** 2))
+        there = _at(ta - offset, tb, b)
+        return float(np.mean((a - there)[np.isfinite(there)] ** 2)) if np.isfinite(there).any() else np.inf
 
     between = interpolation_variance(truth, 0.5 * (truth.t[1:] + truth.t[:-1]))[:, 3:6].sum(axis=1)
     if misfit(0.0) < MIN_MISFIT_RATIO * float(np.mean(between)):
         return None
-    grid = np.arange(-MAX_TIME_OFFSET, MAX_TIME_OFFSET + 1e-9, COARSE_OFFSET_STEP)
-    values = [misfit(x) for x in grid]
-    best = int(np.argmin(values))
+    step = max(COARSE_OFFSET_STEP, (max(ta[-1], tb[-1]) - min(ta[0], tb[0])) / MAX_COARSE_STEPS)
+    first = min(ta[0], tb[0])
+    grid = first + step * np.arange(int((max(ta[-1], tb[-1]) - first) / step) + 1)
+    lags, values = _misfits(_at(grid, ta, a), _at(grid, tb, b))
+    if not len(lags):
+        return None
+    likely = np.flatnonzero(values <= AS_GOOD_RATIO * values.min())
+    best = step * float(lags[likely[np.argmin(np.abs(lags[likely]))]])
     from scipy.optimize import minimize_scalar  # loaded when used: slow to import
 
-    low, high = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
-    return float(minimize_scalar(misfit, bounds=(low, high), method="bounded", options={"xatol": 1e-4}).x)
+    bounds = (best - 2.0 * step, best + 2.0 * step)
+    return float(minimize_scalar(misfit, bounds=bounds, method="bounded", options={"xatol": 1e-4}).x)
 
 
-def _far_from_gaps(t: FloatArray, rows: FloatArray) -> NDArray[np.bool_]:
-    """Return which times are farther than any offset from gaps between rows: across them there is no speed."""
-    long = np.diff(rows) > MAX_GAP_INTERVALS * float(np.median(np.diff(rows)))
-    begins, ends = rows[:-1][long] - MAX_TIME_OFFSET, rows[1:][long] + MAX_TIME_OFFSET
-    return np.asarray(np.searchsorted(begins, t) == np.searchsorted(ends, t))
+def _at(t: FloatArray, rows: FloatArray, values: FloatArray) -> FloatArray:
+    """Return values between rows, NaN outside of them and in their gaps; shape of `t`."""
+    after = np.clip(np.searchsorted(rows, t), 1, len(rows) - 1)
+    usual = MAX_GAP_INTERVALS * float(np.median(np.diff(rows)))
+    lost = (rows[after] - rows[after - 1] > usual) | (t < rows[0]) | (t > rows[-1])
+    return np.where(lost, np.nan, np.interp(t, rows, values))
+
+
+def _misfits(a: FloatArray, b: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
+    """Return lags of a behind b, steps, at which half of the shorter is shared, and mean squares of a − b there."""
+    size = 1 << (2 * len(a) - 1).bit_length()
+
+    def product(x: FloatArray, y: FloatArray) -> FloatArray:
+        return np.asarray(np.fft.irfft(np.fft.rfft(x, size) * np.fft.rfft(y, size).conj(), size))
+
+    known_a, known_b = (np.isfinite(x).astype(float) for x in (a, b))
+    a, b = np.nan_to_num(a), np.nan_to_num(b)
+    shared = product(known_a, known_b)
+    enough = np.flatnonzero(shared > 0.5 * min(known_a.sum(), known_b.sum()))
+    square = product(a**2, known_b) + product(known_a, b**2) - 2.0 * product(a, b)
+    lags = np.where(enough < size // 2, enough, enough - size)
+    return lags, np.maximum(square[enough] / shared[enough], 0.0)
 
 
 def _speed(given: FilterOutput) -> FloatArray:

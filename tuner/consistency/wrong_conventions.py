@@ -7,7 +7,6 @@ truth, or velocities to the change of the positions, cannot be chance: the outpu
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -23,10 +22,6 @@ from tuner.types.records import DataError
 MIN_IMPROVEMENT = 5.0
 """Rms error as taken ÷ in another convention, from which that is refused: of wrong ones it is tens to thousands, and of
 right ones below 1, as all of these conventions move a vehicle by far more than a filter errs."""
-RADIAN_IN_DEGREES = math.degrees(1.0)
-"""Degrees of a radian."""
-MAX_UNIT_MISMATCH = 0.25
-"""Relative distance of a ratio from that of two units within which it is taken for it."""
 MIN_ROWS = 20
 """Epochs from which conventions are compared."""
 WORLDS = ("NED", "ENU", "NWU")
@@ -46,29 +41,18 @@ def refuse_wrong_conventions(estimate: FilterOutput, truth: FilterOutput) -> Non
     estimate, truth : FilterOutput
         At the same times, in one frame.
     """
+    place, other = _place(estimate, estimate), _place(truth, estimate)
+    if place is not None and other is not None:
+        _tell(estimate, "positions", _about_mean(place - other), _positions(estimate, truth, place, other))
     for one, option in ((estimate, "--frame"), (truth, "--truth-frame")):
         place = _place(one, one)
         if place is not None and np.isfinite(one.vel_n).any():
             moved = np.gradient(place, one.t, axis=0)
             others = _velocities(one, moved, option)
             _tell(one, "velocities", one.vel_n - moved, others, "their own positions", moved)
-    place, other = _place(estimate, estimate), _place(truth, estimate)
-    if place is not None and other is not None:
-        _tell(estimate, "positions", place - other, _positions(estimate, truth, place, other))
     others = _velocities(estimate, truth.vel_n, "--frame")
     _tell(estimate, "velocities", estimate.vel_n - truth.vel_n, others, size=truth.vel_n)
     _tell(estimate, "attitudes", _turns(estimate.quat_nb, truth.quat_nb), _attitudes(estimate, truth.quat_nb))
-
-
-def unit_of_sds(attitude_ratio: float) -> str | None:
-    """Return a note where true ÷ predicted errors of the attitude are about those of sds read in the wrong unit."""
-    for factor, found, taken in ((RADIAN_IN_DEGREES, "rad", "deg"), (1.0 / RADIAN_IN_DEGREES, "deg", "rad")):
-        if abs(attitude_ratio / factor - 1.0) < MAX_UNIT_MISMATCH:
-            return (
-                f"errors of the attitude are {attitude_ratio:.3g} times their sds, about {factor:.3g}: sds in {found} "
-                f"that were read in {taken}? Name the columns 'sd_roll [{found}]', …"
-            )
-    return None
 
 
 def _tell(
@@ -108,16 +92,20 @@ def _place(one: FilterOutput, origin: FilterOutput) -> FloatArray | None:
     return one.local if origin.llh is None else None
 
 
+def _about_mean(error: FloatArray) -> FloatArray:
+    """Return errors less their mean: another origin or datum is no other convention."""
+    return np.asarray(error - np.nanmean(error, axis=0)) if np.isfinite(error).any() else error
+
+
 def _positions(
     estimate: FilterOutput, truth: FilterOutput, place: FloatArray, other: FloatArray
 ) -> Iterator[tuple[str, str, FloatArray]]:
     if estimate.llh is None or truth.llh is None:
         for name, mat in _worlds(estimate.axes.positions):
-            yield f"as {name}", f"name the columns x, y, z with --frame {name}", place @ mat.T - other
-        # An offset of the height may look so, too: its changes have to agree.
-        down, up = (float(np.nanstd(sign * place[:, 2] - other[:, 2])) for sign in (1.0, -1.0))
-        if down > MIN_IMPROVEMENT * up:
-            yield "with d upwards", "change the sign of d", place * _UPWARD - other
+            cure = f"name the columns x, y, z with --frame {name}"
+            yield f"as {name}", cure, _about_mean(place @ mat.T - other)
+        yield "with d upwards", "change the sign of d", _about_mean(place * _UPWARD - other)
+        yield "with n and e exchanged", "exchange n and e", _about_mean(place[:, [1, 0, 2]] - other)
         return
     degrees = np.degrees(estimate.llh[:, :2])
     for words, cure, pair in (
@@ -126,7 +114,7 @@ def _positions(
     ):
         if np.abs(pair[:, 0]).max() < 0.5 * np.pi:
             llh = np.column_stack([pair, estimate.llh[:, 2]])
-            yield words, cure, ned_between(llh, truth.llh)
+            yield words, cure, _about_mean(ned_between(llh, truth.llh))
 
 
 def _velocities(one: FilterOutput, want: FloatArray, option: str) -> Iterator[tuple[str, str, FloatArray]]:

@@ -43,6 +43,7 @@ def consistency_answer(
     to_do: Sequence[str] = (),
     about: str = "",
     more: Iterable[Table | str] = (),
+    causes: Sequence[str] = (),
 ) -> Document:
     """Return the verdict on a filter with its reason, its scores and errors, what to do, and notes that have room.
 
@@ -53,20 +54,23 @@ def consistency_answer(
     notes : sequence of str, optional
         What was repaired, found and assumed; causes that it names stand behind the verdict.
     to_do : sequence of str, optional
-        What explains the verdict and what to change, and where files are.
+        What to do, and where files are.
     about : str, optional
         What was scored on what.
     more : iterable of Table or str, optional
         What is known beside the scores.
+    causes : sequence of str, optional
+        What explains the verdict and what to change.
     """
     found = found.shown
-    causes, others = separated(notes)
-    named = [*reference_line(notes), *causes[:SHOWN_FINDINGS], *explanation_lines(found)]
+    faults, others = separated(notes)
+    reasons = [] if causes else explanation_lines(found)
+    named = [*reference_line(notes), *faults[:SHOWN_FINDINGS], *causes, *reasons]
     said = [about, f"Verdict: {found.honesty.text}", *named]
     table = [_score_table(found)] if found.scores or found.errors else []
     return document(
         [*said, *table, *map(_legend, table), _further(found), *to_do],
-        [*causes[SHOWN_FINDINGS:], *(f"Note: {note}" for note in others)],
+        [*faults[SHOWN_FINDINGS:], *(f"Note: {note}" for note in others)],
         more=[*_bands(found), *more],
         beyond="every score with its band",
     )

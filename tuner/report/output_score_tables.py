@@ -13,8 +13,18 @@ from tuner.report.titled_table import titled_table
 
 def output_score_answer(found: OutputScore) -> Document:
     """Return verdict, scores and errors, and of each cause what to change."""
-    to_do = [f"{cause_text(cause)}: {change_text(cause)}" for cause in found.causes]
-    return consistency_answer(found.consistency, found.notes, to_do, more=states_table(found))
+    causes = [_sentence(f"{cause_text(cause)}: {change_text(cause)}") for cause in found.causes]
+    without = found.without_constants
+    if without is not None:
+        causes.insert(
+            sum(cause.constant for cause in found.causes), f"Without it: {without.shown.honesty.text}"
+        )
+    return consistency_answer(found.consistency, found.notes, causes=causes, more=states_table(found))
+
+
+def _sentence(text: str) -> str:
+    """Return a text that begins with a capital letter."""
+    return text[:1].upper() + text[1:]
 
 
 def states_table(found: OutputScore) -> list[Table]:

@@ -15,7 +15,8 @@ class OutputCause:
     ----------
     cause : str
         Code: ``gnss_noise_scale`` (R), ``imu_noise_scale`` (Q), ``noise_scale`` (both), ``time_constant``,
-        ``missing_state``, ``correlated_gnss``, ``time_offset``, ``lever_arm``, ``gnss_frame``, ``mounting``.
+        ``missing_state``, ``correlated_gnss``, ``time_offset``, ``lever_arm``, ``gnss_frame``, ``mounting``,
+        ``unit_of_sds``.
     size : float
         How large it is, in `unit`: of scales, true ÷ assumed sd; of vectors, the length.
     interval : (float, float)
@@ -30,6 +31,8 @@ class OutputCause:
         Which part of the filter it is about, such as ``gyro bias noise``; empty where the code says it.
     alternatives : tuple of OutputCause
         What the errors do not distinguish from it, the likeliest first.
+    constant : bool
+        Whether it is a constant between the estimate and its truth, found before any noise.
     """
 
     cause: str
@@ -40,6 +43,7 @@ class OutputCause:
     parameters: Mapping[str, tuple[float, float, float]] = field(default_factory=lambda: MappingProxyType({}))
     subject: str = ""
     alternatives: tuple[OutputCause, ...] = ()
+    constant: bool = False
 
 
 @dataclass(frozen=True)

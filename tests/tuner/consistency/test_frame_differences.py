@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -13,11 +11,10 @@ from models.earth import llh_displaced
 from models.trajectory.motion import Trajectory
 from models.trajectory.profiles import Profile, Wave
 from tuner.consistency.correlated_errors import absorbed_shares
-from tuner.consistency.frame_differences import differences_of_frames, errors_in_one_frame
+from tuner.consistency.frame_differences import errors_in_one_frame
 from tuner.consistency.output_scores import error_scores
 from tuner.consistency.time_alignment import find_time_offset
 from tuner.consistency.trajectory_alignment import Alignment, at_times, difference, interpolation_variance
-from tuner.types.consistency import Consistency
 from tuner.types.filter_output import filter_output
 
 DURATION = 400.0
@@ -149,31 +146,6 @@ def test_optimistic_filters_stay_accused_by_a_turned_and_late_reference():
     t = np.arange(0.37, DURATION, 0.1)
     turned = at(t, late=0.2, body=(0.01, -0.03, 0.06))
     assert not consistent(errors_in_one_frame([honest(5, 1.5)], [turned], NONE, True, True)[1])
-
-
-@pytest.mark.parametrize(
-    ("truth", "causes"),
-    [
-        ({"late": 0.2}, ["time_offset"]),
-        ({"body": (0.0, 0.0, 0.05)}, ["mounting"]),
-        ({"late": -0.3, "body": (0.02, 0.0, 0.05)}, ["time_offset", "mounting"]),
-    ],
-)
-def test_where_only_clock_or_body_differ_that_is_named(truth, causes):
-    reference, output = at(np.arange(0.37, DURATION, 0.1), **truth), honest(6)
-    offset, runs = errors_in_one_frame([output], [reference], NONE, False, False)
-    assert not consistent(runs)
-    nees, blocks = error_scores(runs)
-    found = Consistency(nees, blocks, (), None, (), {}, 0.0, False)
-    named = differences_of_frames([output], [reference], NONE, runs, offset, found)
-    assert [one.cause for one in named] == causes
-    for one in named:
-        true = -truth["late"] if one.cause == "time_offset" else np.linalg.norm(truth["body"])
-        low, high = one.interval
-        assert one.size == pytest.approx(true, abs=1.5 * (high - low))
-    wrong = replace(output, covariance=0.3 * output.covariance)
-    offset, runs = errors_in_one_frame([wrong], [reference], NONE, False, False)
-    assert differences_of_frames([wrong], [reference], NONE, runs, offset, found) == ()
 
 
 @pytest.mark.parametrize("seed", [29, 53, 65, 149])

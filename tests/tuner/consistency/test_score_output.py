@@ -27,7 +27,7 @@ from tuner.simulation.scenario import scenario
 from tuner.synthesis import synthesize
 from tuner.types.consistency import Score
 from tuner.types.filter_output import filter_output
-from tuner.types.output_score import OutputCause, TimeOffset
+from tuner.types.output_score import OutputCause
 from tuner.types.records import DataError
 from tuner.types.verdict import VerdictCode
 
@@ -198,20 +198,17 @@ def test_where_no_cause_is_sought_none_is_missed(monkeypatch):
     truth, estimate = wandering(400)
     monkeypatch.setattr(score_output, "explain", lambda *_, **__: Explanations(misfit=0.07))
     monkeypatch.setattr(score_output, "one_factor", lambda *_: None)
-    monkeypatch.setattr(score_output, "differences_of_frames", lambda *_: ())
     found = score_outputs([estimate], [filter_output("truth", truth.t, local=truth.local)])
     assert any("no cause is sought" in note for note in found.notes)
     assert VerdictCode.NOT_EXPLAINED not in [one.code for one in found.consistency.verdicts]
 
 
-def test_an_offset_is_advised_only_where_taking_it_out_helps(monkeypatch):
-    """An output of another course was "2.55 s late; --align-time takes it out", and diverged with it, too."""
+def test_errors_that_grow_diverge_and_large_ones_that_stay_do_not(monkeypatch):
+    """A datum 50 m off was "diverged"; errors that 400 s bring to 800 m are."""
+    monkeypatch.setattr(score_output, "explain", lambda *_, **__: Explanations(misfit=0.07))
     truth, estimate = wandering(400)
-    lost = replace(estimate, local=estimate.local[::-1])
-    offset = TimeOffset(2.55, (2.49, 2.61), removed=False)
-    kept = score_output.errors_in_one_frame
-    monkeypatch.setattr(score_output, "errors_in_one_frame", lambda *a, **k: (offset, kept(*a, **k)[1]))
-    monkeypatch.setattr(score_output, "matters", lambda *_: True)
-    for one, advice in ((lost, "taken out, the errors stay"), (estimate, "--align-time takes it out")):
-        found = score_outputs([one], [filter_output("truth", truth.t, local=truth.local)])
-        assert any(advice in note for note in found.notes)
+    reference = filter_output("truth", truth.t, local=truth.local)
+    growing = replace(estimate, local=estimate.local + np.outer(np.exp(truth.t / 60.0), [1.0, -1.0, 0.0]))
+    assert score_outputs([growing], [reference]).consistency.diverged
+    far = replace(estimate, local=estimate.local + 50.0 * np.random.default_rng(1).standard_normal((400, 3)))
+    assert not score_outputs([far], [reference]).consistency.diverged

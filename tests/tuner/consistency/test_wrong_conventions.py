@@ -11,6 +11,7 @@ from models import rotation
 from tuner.consistency.output_errors import output_errors
 from tuner.consistency.score_output import score_outputs
 from tuner.readers.estimate_columns import Frames, assemble
+from tuner.report.output_cause_text import change_text
 from tuner.types.filter_output import filter_output
 from tuner.types.records import DataError
 
@@ -45,6 +46,7 @@ WRONG = {
     "FLU": ({"quat_nb": rotation.quat_from_mat(MAT @ np.diag([1.0, -1.0, -1.0]))}, "--frame NED --body FLU"),
     "rad": ({"quat_nb": rotation.quat_from_rpy(np.radians(rotation.rpy_from_quat(Q)))}, r"'roll \[rad\]'"),
     "positions ENU": ({"local": LOCAL @ ENU, "vel_n": VEL @ ENU}, "positions fit the truth .* --frame ENU"),
+    "n and e": ({"local": LOCAL[:, [1, 0, 2]]}, "positions fit the truth .* exchange n and e"),
     "velocities ENU": ({"vel_n": VEL @ ENU}, "velocities fit their own positions .* --frame ENU"),
     "km/h": ({"vel_n": 3.6 * VEL}, r"'vn \[km/h\]'"),
     "body": ({"vel_n": np.einsum("nji,nj->ni", MAT, VEL)}, "along the axes of the body"),
@@ -93,8 +95,9 @@ def test_radians_taken_as_degrees_and_exchanged_columns_of_latitude_are_told():
 def test_sds_of_the_attitude_in_another_unit_are_told(factor, unit):
     cov = np.full((len(T), 15, 15), np.nan)
     cov[:, 6:9, 6:9] = (0.01 * factor) ** 2 * np.eye(3)
-    notes = score_outputs([replace(estimate(), covariance=cov)], [TRUTH]).notes
-    assert any(f"'sd_roll [{unit}]'" in note for note in notes)
+    (cause,) = score_outputs([replace(estimate(), covariance=cov)], [TRUTH]).causes
+    assert cause.cause == "unit_of_sds"
+    assert change_text(cause) == f"name the columns 'sd_roll [{unit}]', …"
 
 
 def test_a_file_scored_against_itself_has_no_errors():

@@ -107,8 +107,11 @@ def hypotheses(
         process = f"{name} bias noise"
         if all(title in time_constants for title in titles):
             stretched = {
-                factor: _summed(unmodelled, titles, ExplanationKind.TIME_CONSTANT, factor)
+                factor: column
                 for factor in TIME_CONSTANT_FACTORS
+                if np.isfinite(
+                    column := _summed(unmodelled, titles, ExplanationKind.TIME_CONSTANT, factor)
+                ).all()
             }
             states = np.sum([own[sensors[title]] for title in titles], axis=0)
             answer.append(_stretched(process, base, states, stretched))

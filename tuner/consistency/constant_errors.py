@@ -1,0 +1,338 @@
+"""Constants between an estimate and its truth: clocks, datums, lever arms, frames and units of sds, before any noise.
+
+An offset of the clocks or of the height, the arm to another point of the vehicle, turned axes act on all epochs alike.
+Each has columns D of derivatives of the errors, known from the motion, and its size by least squares::
+
+    w = (errors, D x) ÷ sd        S = mean of w² of a block        gain = Σ ½ ν ln(S_before/S_after) − ½ k ln Σ ν
+
+over position, velocity and attitude, with the ν independent components of each (`correlated_errors`). The sds of a
+block may be wrong by any one factor: they weigh epochs against each other, no more. The constant of most gain is taken
+out, and the search goes on. Intervals are those of the jackknife over parts of the record.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from models import rotation
+from models.arrays import FloatArray
+from models.probability import student_quantile
+from tuner.consistency.correlated_errors import independent_count
+from tuner.consistency.frame_differences import errors_in_one_frame
+from tuner.consistency.output_causes import MAX_CAUSES, MIN_GAIN
+from tuner.consistency.output_errors import OutputErrors
+from tuner.consistency.output_scores import aided_rows, error_scores, state_scores
+from tuner.consistency.trajectory_alignment import Alignment
+from tuner.consistency.wrong_conventions import MIN_IMPROVEMENT
+from tuner.limits import SHOWN_CHANGE, WRONG_FACTOR
+from tuner.types.filter_output import BLOCKS, FilterOutput
+from tuner.types.output_score import OutputCause, TimeOffset
+
+PARTS = 10
+"""Parts of a record whose scatter gives the interval of a constant."""
+STATES = 9
+"""Position, velocity and attitude: what a constant acts on."""
+CLOCK = "stamps of the output or of the truth"
+"""Subject of an offset of the clocks."""
+RADIAN = math.degrees(1.0)
+"""Degrees of a radian."""
+
+
+class Constant(NamedTuple):
+    """A constant that errors of an output may have: the code and subject of its cause, its parts and their columns."""
+
+    cause: str
+    subject: str
+    unit: str
+    parts: tuple[str, ...]
+    columns: Callable[[OutputErrors], FloatArray]
+    """Derivatives of the errors by the parts, shape (n, 9, k)."""
+
+
+class Fitted(NamedTuple):
+    """A constant with what it gains, nats, and the errors without it."""
+
+    cause: OutputCause
+    rest: list[OutputErrors]
+
+
+def _offset(run: OutputErrors) -> FloatArray:
+    """Return derivatives by how far north, east and down the estimate is of the truth."""
+    found = np.zeros((len(run), STATES, 3))
+    found[:, :3] = -np.eye(3)
+    return found
+
+
+def _height(run: OutputErrors) -> FloatArray:
+    """Return the derivative by how far up the estimate is."""
+    return -_offset(run)[..., 2:]
+
+
+def _antenna(run: OutputErrors) -> FloatArray:
+    """Return derivatives by how far forward, right and down the positions are of those of the truth."""
+    found = np.zeros((len(run), STATES, 3))
+    found[:, :3] = -rotation.mat_from_quat(run.estimate.quat_nb)
+    return found
+
+
+def _point(run: OutputErrors) -> FloatArray:
+    """Return derivatives by how far forward, right and down the point of positions and velocities is."""
+    found, arm = _antenna(run), rotation.mat_from_quat(run.estimate.quat_nb)
+    if not run.estimate.vel_of_body:
+        found[:, 3:6] = -np.cross(run.rate[:, None, 6:9], np.swapaxes(arm, 1, 2)).swapaxes(1, 2)
+    return found
+
+
+def _turn(run: OutputErrors) -> FloatArray:
+    """Return the derivative by a turn of positions and velocities about the vertical of the first point."""
+    found = np.zeros((len(run), STATES, 1))
+    moved = _travelled(run)
+    for own, of in ((slice(0, 3), moved), (slice(3, 6), run.estimate.vel_n)):
+        found[:, own, 0] = -np.cross([0.0, 0.0, 1.0], of)
+    return found
+
+
+def _turned_world(run: OutputErrors) -> FloatArray:
+    """Return the derivative by a turn of all that an estimate states about the vertical of the first point."""
+    found = _turn(run)
+    found[:, 8, 0] = -1.0
+    return found
+
+
+def _travelled(run: OutputErrors) -> FloatArray:
+    """Return the way since the first epoch, m, by the velocities of the truth; shape (n, 3)."""
+    speed = np.nan_to_num(run.rate[:, :3])
+    steps = 0.5 * (speed[1:] + speed[:-1]) * np.diff(run.t)[:, None]
+    return np.vstack([np.zeros(3), np.cumsum(steps, axis=0)])
+
+
+def _body(run: OutputErrors) -> FloatArray:
+    """Return derivatives by a rotation from the body of the estimate to that of the truth."""
+    found = np.zeros((len(run), STATES, 3))
+    found[:, 6:9] = rotation.mat_from_quat(run.estimate.quat_nb)
+    return found
+
+
+CONSTANTS = (
+    Constant("gnss_frame", "height", "m", ("up",), _height),
+    Constant("gnss_frame", "offset", "m", ("north", "east", "down"), _offset),
+    Constant("lever_arm", "output", "m", ("x", "y", "z"), _antenna),
+    Constant("lever_arm", "output", "m", ("x", "y", "z"), _point),
+    Constant("gnss_frame", "rotation", "rad", ("yaw",), _turn),
+    Constant("gnss_frame", "rotation", "rad", ("yaw",), _turned_world),
+    Constant("mounting", "", "rad", ("roll", "pitch", "yaw"), _body),
+)
+"""Constants that act linearly, the simplest first."""
+
+
+def constant_errors(
+    outputs: Sequence[FilterOutput],
+    truths: Sequence[FilterOutput],
+    how: Alignment,
+    runs: Sequence[OutputErrors],
+    offset: TimeOffset | None,
+) -> tuple[tuple[OutputCause, ...], list[OutputErrors]]:
+    """Return the constants between estimates and truths that matter, the clearest first, and the errors without them.
+
+    Parameters
+    ----------
+    outputs, truths : sequence of FilterOutput
+        What is compared, a truth for each output.
+    how : Alignment
+        What is taken out of the positions.
+    runs : sequence of OutputErrors
+        Their errors.
+    offset : TimeOffset or None
+        Offset of the clocks, where one was found.
+    """
+    rest, body = list(runs), any(run.body is not None for run in runs)
+    found: list[OutputCause] = []
+    while len(found) < MAX_CAUSES:
+        taken = {(one.cause, one.subject) for one in found}
+        tried = [
+            fit
+            for constant in CONSTANTS
+            if (constant.cause, constant.subject) not in taken and not (body and constant.cause == "mounting")
+            if (fit := _fitted(rest, constant)) is not None
+        ]
+        if offset is not None and not offset.removed and not found:
+            shifted = errors_in_one_frame(outputs, truths, how, align_time=True, align_body=body)
+            if shifted[0] is not None and np.prod(shifted[0].interval) > 0.0:
+                size, interval = shifted[0].value, shifted[0].interval
+                cause = OutputCause(
+                    "time_offset", size, interval, "s", _gain(rest, shifted[1], 1), {}, CLOCK, (), True
+                )
+                tried.append(Fitted(cause, shifted[1]))
+        best = None
+        for one in tried:
+            more = one.cause.gain > (best.cause.gain if best else MIN_GAIN)
+            best = one if more and _matters(best.rest if best else rest, one.rest) else best
+        if best is None:
+            break
+        found.append(best.cause)
+        rest = best.rest
+    return tuple(found), rest
+
+
+def _fitted(runs: Sequence[OutputErrors], constant: Constant) -> Fitted | None:
+    """Return a constant at its likeliest size, None where the errors do not show it."""
+    tables = []
+    for run in runs:
+        columns = constant.columns(run)
+        error, sd = run.error[:, :STATES], _sds(run)
+        known = np.isfinite(error) & np.isfinite(columns).all(axis=2)
+        known[np.setdiff1d(np.arange(len(run)), aided_rows(run.t, run.estimate.outages))] = False
+        w = np.where(known, error / sd, 0.0)
+        x = np.where(known[..., None], columns / sd[..., None], 0.0)
+        for rows in np.array_split(np.arange(len(run)), max(2, PARTS // len(runs))):
+            tables.append(
+                (np.einsum("njk,njl->kl", x[rows], x[rows]), np.einsum("njk,nj->k", x[rows], w[rows]))
+            )
+    squares, products = (np.stack(one) for one in zip(*tables, strict=True))
+    whole = squares.sum(axis=0)
+    if np.linalg.matrix_rank(whole, hermitian=True) != len(whole):
+        return None
+    value = np.linalg.solve(whole, products.sum(axis=0))
+    left = [
+        np.linalg.lstsq(whole - square, products.sum(axis=0) - product, rcond=None)[0]
+        for square, product in zip(squares, products, strict=True)
+    ]
+    off = np.stack(left) - np.mean(left, axis=0)
+    covariance = (len(left) - 1) / len(left) * off.T @ off
+    wide = float(student_quantile(0.975, len(left) - 1))
+    rest = [_without(run, constant.columns(run), value) for run in runs]
+    length = float(np.linalg.norm(value))
+    spread = wide * math.sqrt(float(value @ covariance @ value)) / max(length, 1e-300)
+    if spread > length:
+        return None
+    each = wide * np.sqrt(np.diag(covariance))
+    size = float(value[0]) if len(value) == 1 else length
+    parts = {
+        name: (float(v), float(v - half), float(v + half))
+        for name, v, half in zip(constant.parts, value, each, strict=True)
+    }
+    gain = _gain(runs, rest, len(value))
+    cause = OutputCause(
+        constant.cause,
+        size,
+        (size - spread, size + spread),
+        constant.unit,
+        gain,
+        parts,
+        constant.subject,
+        (),
+        True,
+    )
+    return Fitted(cause, rest)
+
+
+def _without(run: OutputErrors, columns: FloatArray, value: FloatArray) -> OutputErrors:
+    """Return the errors without a constant, whose derivatives join those of what was taken out."""
+    error, more = run.error.copy(), np.zeros((len(run), 15, len(value)))
+    more[:, :STATES] = np.nan_to_num(columns)
+    error[:, :STATES] -= columns @ value
+    return replace(run, error=error, directions=np.concatenate([run.directions, more], axis=2))
+
+
+def _sds(run: OutputErrors) -> FloatArray:
+    """Return the sds of position, velocity and attitude, shape (n, 9); 1 for states of which not all are stated."""
+    variance = np.einsum("kii->ki", run.covariance)[:, :STATES]
+    stated = np.all(variance > 0.0, axis=0)
+    return np.sqrt(np.where(stated, variance, 1.0))
+
+
+def _blocks(runs: Sequence[OutputErrors]) -> Iterator[list[FloatArray]]:
+    """Give the whitened errors of all runs, shape (n, 3) each, of position, velocity and attitude."""
+    for first in range(0, STATES, 3):
+        own = slice(first, first + 3)
+        parts = []
+        for run in runs:
+            rows = aided_rows(run.t, run.estimate.outages)
+            w = (run.error[:, own] / _sds(run)[:, own])[rows]
+            parts.append(w[np.isfinite(w).all(axis=1)])
+        yield [part for part in parts if len(part) > 1]
+
+
+def _squares(runs: Sequence[OutputErrors]) -> list[tuple[float, float]]:
+    """Return mean square and number of independent components of the whitened errors of each block; 0, 0 of none."""
+    return [
+        (
+            float(np.mean(np.concatenate(parts) ** 2)),
+            sum(3.0 * independent_count(part) for part in parts),
+        )
+        if parts
+        else (0.0, 0.0)
+        for parts in _blocks(runs)
+    ]
+
+
+def _gain(before: Sequence[OutputErrors], after: Sequence[OutputErrors], numbers: int) -> float:
+    """Return the log likelihood that errors gain without constants, less the price of these numbers, nats."""
+    pairs = [
+        (s, r, n) for (s, _), (r, n) in zip(_squares(before), _squares(after), strict=True) if s * r > 0.0
+    ]
+    total = sum(n for *_, n in pairs)
+    return sum(0.5 * n * math.log(s / r) for s, r, n in pairs) - 0.5 * numbers * math.log(max(total, 1.0))
+
+
+def _matters(before: Sequence[OutputErrors], after: Sequence[OutputErrors]) -> bool:
+    """Return whether the rms errors of a block are smaller without a constant by a change that is shown."""
+    pairs = zip(_squares(before), _squares(after), strict=True)
+    return any(s > 0.0 and math.sqrt(r / s) < 1.0 - SHOWN_CHANGE for (s, _), (r, _) in pairs)
+
+
+def unit_of_sds(runs: Sequence[OutputErrors]) -> tuple[tuple[OutputCause, ...], list[OutputErrors]]:
+    """Return in which other unit sds are stated, or that they are variances, and the errors with sds as meant.
+
+    That is so where the errors of each state fit its sd then within `WRONG_FACTOR`, and those of a block are
+    `MIN_IMPROVEMENT` off before: a filter may be wrong by any factor, and meets that of a unit in all by chance only.
+    """
+    blocks = {one.name: one for one in error_scores(runs)[1] if one.name in BLOCKS[:3]}
+    worst = max(blocks.values(), key=lambda one: abs(math.log(max(one.ratio, 1e-300))), default=None)
+    if worst is None or 1.0 / MIN_IMPROVEMENT < worst.ratio < MIN_IMPROVEMENT:
+        return (), list(runs)
+    for subject, readings in READINGS.items():
+        meant = {name: of for name, of in readings.items() if name in blocks}
+        if worst.name not in meant:
+            continue
+        tried = list(runs)
+        for name, of in meant.items():
+            tried = [_with_sds(run, BLOCKS.index(name), of) for run in tried]
+        each = [one.ratio for one in state_scores(tried) if one.name.rpartition("_")[0] in meant]
+        if min(each, default=0.0) > 1.0 / WRONG_FACTOR and max(each) < WRONG_FACTOR:
+            gain = 0.5 * worst.effective * (worst.mean / worst.dof - 1.0 - math.log(worst.mean / worst.dof))
+            return (
+                (OutputCause("unit_of_sds", worst.ratio, worst.interval, "1", gain, {}, subject, (), True),),
+                tried,
+            )
+    return (), list(runs)
+
+
+Reading = Callable[[FloatArray], FloatArray]
+"""Makes the sds that are meant of those that were taken."""
+READINGS: dict[str, dict[str, Reading]] = {
+    "attitude in rad": {"attitude": lambda sd: sd * RADIAN},
+    "attitude in deg": {"attitude": lambda sd: sd / RADIAN},
+    "variances": {"position": np.sqrt, "velocity": np.sqrt, "attitude": np.sqrt},
+    "variances in deg²": {
+        "position": np.sqrt,
+        "velocity": np.sqrt,
+        "attitude": lambda sd: np.sqrt(sd / RADIAN),
+    },
+    "sds in columns of variances": {"position": np.square, "velocity": np.square, "attitude": np.square},
+}
+"""What sds may be instead, by the name of the block."""
+
+
+def _with_sds(run: OutputErrors, block: int, of: Reading) -> OutputErrors:
+    """Return errors whose covariance has other sds of a block of the estimate, correlations as they are."""
+    own = slice(3 * block, 3 * block + 3)
+    factor = np.ones((len(run), 15))
+    sd = np.sqrt(np.einsum("kii->ki", run.estimate.covariance)[:, own])
+    factor[:, own] = np.where(sd > 0.0, of(sd) / np.where(sd > 0.0, sd, 1.0), 1.0)
+    return replace(run, covariance=factor[:, :, None] * run.covariance * factor[:, None, :])
