@@ -18,11 +18,11 @@ SENSORS = ("gyro", "accel")
 STEMS: Mapping[str, tuple[str, ...]] = {
     "gyro": (
         "gyro", "gyr", "gyroscope", "angular_velocity", "angular_rate", "ang_vel", "angvel", "omega", "rate",
-        "w_rs_s", "wb", "wibb", "w", "g", "dtheta", "dang", "delta_angle", "del_ang", "delang", "dth",
+        "w_rs_s", "wb", "wibb", "w", "g", "gy", "dtheta", "dang", "delta_angle", "del_ang", "delang", "dth",
     ),
     "accel": (
         "accel", "acc", "accel_ln", "accel_wr", "acc_smooth", "acceleration", "accelerometer", "linear_acceleration",
-        "specific_force", "lin_acc", "a_rs_s", "fb", "fibb", "a", "f", "dvel", "delta_velocity", "delta_vel", "del_vel",
+        "specific_force", "lin_acc", "a_rs_s", "fb", "fibb", "a", "ac", "f", "dvel", "delta_velocity", "delta_vel", "del_vel",
         "delvel", "dv",
     ),
 }  # fmt: skip
@@ -82,6 +82,8 @@ TIME = (
     "tempo",
     "sample_time_fine",
 )
+TIME_WORDS = ("millis", "milliseconds", "msec", "ms", "micros", "microseconds", "usec", "us")
+"""Units of time that are the name of a column, as of the clocks of an Arduino."""
 WEEK = ("week", "gps_week", "gpsweek", "week_number", "wn", "weekno")
 TIME_OF_WEEK = (
     "tow",
@@ -244,7 +246,7 @@ def parse_name(written: str) -> ColumnName:
                 rate = not increments(parts[0]) and (_role_of(parts[0]) or ("",))[0].startswith("gyro")
                 angle = rate and found in _RATE_OF
                 return ColumnName(written, parts[0], _RATE_OF[found] if angle else found, angle)
-    return ColumnName(written, plain, unit)
+    return ColumnName(written, plain, _UNIT_OF[plain] if unit is None and plain in TIME_WORDS else unit)
 
 
 def without_unit(written: str) -> str:
@@ -274,6 +276,8 @@ def role_of(name: ColumnName) -> tuple[str, int] | None:
 
 
 def _role_of(plain: str) -> tuple[str, int] | None:
+    if plain in TIME_WORDS:
+        return "t", 1
     for role, aliases in (("t", TIME), ("temperature", TEMPERATURE)):
         if plain in aliases:
             return role, 0

@@ -1,11 +1,12 @@
 """Samples from which a program took the noise, so that it cannot be read in them.
 
 dead zone
-    Rates near zero are given as zero. A law of noise with its mode near zero has at least as many samples in (0, w) as
+    Rates near zero are given as zero, or changes near zero are not given. A law of noise with its mode near zero has at least as many samples in (0, w) as
     in [w, 2w), w the smallest reading that is not zero: of k samples there, none below w has the chance 2^−k.
 bias taken out
     A program learns the bias while the sensor rests, and subtracts it: a high-pass below the frequencies of motion.
-    Every noise of a sensor but the white one is larger at low frequencies [1]_. So a spectrum that is flat over three
+    Every noise of a sensor but the white one is larger at low frequencies [1]_, in each axis and in all together. So a
+    spectrum that is flat over three
     octaves above 2 Hz (of slow logs over those below half the rate) and lower below some frequency is that of a
     high-pass: a mean of m ordinates ÷ that of the flat part has the law of a χ² of 2m degrees of freedom ÷ 2m. What
     filters, mounts and vibration do at higher frequencies takes no part.
@@ -18,7 +19,7 @@ References
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -34,9 +35,9 @@ MIN_ZERO_SHARE = 0.3
 """Share of samples of exactly zero from which a dead zone is looked for."""
 MAX_P_VALUE = 1e-6
 """Chance of samples from which nothing was taken; with all octaves and axes of a log a ten-thousandth at most."""
-NEXT_LEVELS, LEAST_CODES = 8, 2.5
-"""Levels beside a dead zone whose distances are those of codes, and its least width in codes: printed digits part two
-codes unevenly, and one may lack."""
+NEXT_LEVELS, LEAST_CODES = 3, 1.9
+"""Distances of the next levels beside a dead zone, of which the largest is that of codes, and its least width in codes:
+one lacks at least, and printed digits part codes unevenly."""
 SIDES_ALIKE = 0.01
 """Share of the readings beside a dead zone that lie on its emptier side, at least."""
 SLOWEST_MOTION = 2.0
@@ -58,16 +59,26 @@ def expect_noise(records: Sequence[Record]) -> None:
     for record in records:
         other = f"; --columns {record.name}=none reads the other sensor alone" if len(records) > 1 else ""
         zones = {axis: zone for axis in record.axes if (zone := dead_zone(record.column(axis))) > 0.0}
+        held = {axis: zone for axis in record.axes if (zone := dead_zone(np.diff(record.column(axis)))) > 0.0}
+        if held and not zones:
+            raise DataError(
+                f"{record.source}: {axes_text(list(held))} stay at a reading until it changes by "
+                f"{range_text(held.values(), record.unit)}, a dead zone of changes (hysteresis), which withholds the "
+                f"noise: record samples without a threshold{other}"
+            )
         if zones:
             raise DataError(
                 f"{record.source}: {axes_text(list(zones))} read 0 where they are smaller than "
                 f"{range_text(zones.values(), record.unit)}, a dead zone, which withholds the noise: record samples "
                 f"without fusion or threshold{other}"
             )
+        longest = {axis: max(record.pieces(axis), key=len, default=np.zeros(0)) for axis in record.axes}
+        tried = [*((axis,) for axis in record.axes), record.axes]
         falls = {
             axis: fall
-            for axis in record.axes
-            if (fall := high_pass(record.pieces(axis), record.interval)) > 1.0
+            for axes in tried
+            if (fall := high_pass([longest[axis] for axis in axes], record.interval)) > 1.0
+            for axis in axes
         }
         if falls:
             raise DataError(
@@ -85,7 +96,7 @@ def dead_zone(y: FloatArray) -> float:
     size = np.abs(given)
     smallest = float(size.min())
     steps = np.diff(np.unique(size)[: NEXT_LEVELS + 1])
-    if not len(steps) or smallest < LEAST_CODES * float(np.median(steps)):
+    if not len(steps) or smallest < LEAST_CODES * float(steps.max()):
         return 0.0
     positive = float(np.mean(given > 0.0))
     beside = int(np.count_nonzero(size < 2.0 * smallest))
@@ -93,22 +104,36 @@ def dead_zone(y: FloatArray) -> float:
     return smallest if alike and 0.5**beside < MAX_P_VALUE else 0.0
 
 
-def high_pass(pieces: Iterable[FloatArray], interval: float) -> float:
-    """Return white power ÷ the least below any frequency that noise has in no case, of the longest piece (n,), or 1."""
-    y = max(pieces, key=len, default=np.zeros(0))
-    lowest = round(min(SLOWEST_MOTION * interval, 0.5 ** (FLAT_OCTAVES + 1)) * len(y))
+def high_pass(columns: Sequence[FloatArray], interval: float) -> float:
+    """Return white power ÷ the least below any frequency that noise has in no case, of axes (n,) together, or 1."""
+    below = [one for one in (_power_below(y, interval) for y in columns) if len(one)]
+    if not below:
+        return 1.0
+    ratio, least = np.mean(below, axis=0), 1.0
+    for place, one in enumerate(ratio.tolist()):
+        count = (
+            0.5 * len(below) * (_lowest(len(columns[0]), interval) >> place)
+        )  # a window makes two ordinates one
+        if gammainc(count, count * one) < MAX_P_VALUE:
+            least = min(least, one)
+    return 1.0 / least if least * WRONG_FACTOR**2 < 1.0 else 1.0
+
+
+def _lowest(n: int, interval: float) -> int:
+    """Return the ordinate, of n samples, above which the noise has to be white."""
+    return round(min(SLOWEST_MOTION * interval, 0.5 ** (FLAT_OCTAVES + 1)) * n)
+
+
+def _power_below(y: FloatArray, interval: float) -> FloatArray:
+    """Return mean powers below a frequency, its half, quarter … ÷ that above it; none where that is not white."""
+    lowest = _lowest(len(y), interval)
     edges = lowest * 2 ** np.arange(FLAT_OCTAVES + 1)
     if lowest // 2 < MIN_ORDINATES:
-        return 1.0
+        return np.empty(0)
     power = np.abs(np.fft.rfft((y - y.mean()) * np.hanning(len(y)))[1:]) ** 2
     # the median of ordinates, which are exponential, does not see lines
     flat = np.array([np.median(power[a:b]) / math.log(2.0) for a, b in pairwise(edges.tolist())])
     if flat.min() <= 0.0 or flat.max() > MAX_STEP * flat.min():
-        return 1.0
-    least, top = 1.0, lowest
-    while top >= LEAST_BAND:
-        ratio, count = float(power[:top].mean() / flat.mean()), 0.5 * top  # a window makes two ordinates one
-        if gammainc(count, count * ratio) < MAX_P_VALUE:
-            least = min(least, ratio)
-        top //= 2
-    return 1.0 / least if least * WRONG_FACTOR**2 < 1.0 else 1.0
+        return np.empty(0)
+    octaves = int(math.log2(lowest / LEAST_BAND)) + 1
+    return np.array([power[: lowest >> octave].mean() for octave in range(octaves)]) / flat.mean()
