@@ -32,7 +32,7 @@ from tuner.types import (
     Quantity,
     Unexplained,
 )
-from tuner.types.consistency import Consistency, MeanError, Outage, RmsError, Score
+from tuner.types.consistency import Consistency, Outage, RmsError, Score
 from tuner.types.diagnosis import START
 from tuner.types.honesty import shows_dishonesty
 from tuner.types.judgement import Use
@@ -124,11 +124,6 @@ def test_without_a_truth_distances_to_fixes_are_no_errors():
     assert verdict.use is Use.HONEST  # the smoother decides nothing
     assert "distances to the fixes 1.00 × predicted, up to 10 s without fixes" in verdict.text
     assert "error" not in verdict.text
-
-
-def test_a_constant_error_is_not_honest():
-    found = scores(scored("position", 1.2), mean_errors=(MeanError("position", 1.3, 0.4),))
-    assert "constant part of 1.30 predicted sds" in found.honesty.text
 
 
 @pytest.fixture(scope="module")

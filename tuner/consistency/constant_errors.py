@@ -29,7 +29,8 @@ from tuner.consistency.output_errors import OutputErrors
 from tuner.consistency.output_scores import aided_rows, error_scores, state_scores
 from tuner.consistency.trajectory_alignment import Alignment
 from tuner.consistency.wrong_conventions import MIN_IMPROVEMENT
-from tuner.limits import SHOWN_CHANGE, WRONG_FACTOR
+from tuner.limits import SHOWN_CHANGE, TOLERATED_RATIO
+from tuner.types.consistency import Score
 from tuner.types.filter_output import BLOCKS, FilterOutput
 from tuner.types.output_score import OutputCause, TimeOffset
 
@@ -89,11 +90,14 @@ def _point(run: OutputErrors) -> FloatArray:
 
 
 def _turn(run: OutputErrors) -> FloatArray:
-    """Return the derivative by a turn of positions and velocities about the vertical of the first point."""
-    found = np.zeros((len(run), STATES, 1))
-    moved = _travelled(run)
-    for own, of in ((slice(0, 3), moved), (slice(3, 6), run.estimate.vel_n)):
+    """Return derivatives by a turn of positions and velocities about the vertical of the first point, and their scale.
+
+    A map has both, and a turn by many degrees shortens the way that it began with.
+    """
+    found = np.zeros((len(run), STATES, 2))
+    for own, of in ((slice(0, 3), _travelled(run)), (slice(3, 6), run.estimate.vel_n)):
         found[:, own, 0] = -np.cross([0.0, 0.0, 1.0], of)
+        found[:, own, 1] = -of * [1.0, 1.0, 0.0]
     return found
 
 
@@ -123,8 +127,8 @@ CONSTANTS = (
     Constant("gnss_frame", "offset", "m", ("north", "east", "down"), _offset),
     Constant("lever_arm", "output", "m", ("x", "y", "z"), _antenna),
     Constant("lever_arm", "output", "m", ("x", "y", "z"), _point),
-    Constant("gnss_frame", "rotation", "rad", ("yaw",), _turn),
-    Constant("gnss_frame", "rotation", "rad", ("yaw",), _turned_world),
+    Constant("gnss_frame", "rotation", "rad", ("yaw", "scale"), _turn),
+    Constant("gnss_frame", "rotation", "rad", ("yaw", "scale"), _turned_world),
     Constant("mounting", "", "rad", ("roll", "pitch", "yaw"), _body),
 )
 """Constants that act linearly, the simplest first."""
@@ -206,12 +210,14 @@ def _fitted(runs: Sequence[OutputErrors], constant: Constant) -> Fitted | None:
     covariance = (len(left) - 1) / len(left) * off.T @ off
     wide = float(student_quantile(0.975, len(left) - 1))
     rest = [_without(run, constant.columns(run), value) for run in runs]
-    length = float(np.linalg.norm(value))
-    spread = wide * math.sqrt(float(value @ covariance @ value)) / max(length, 1e-300)
+    vector = value if len(value) == 3 else value[:1]  # a turn, whatever the scale
+    length = float(np.linalg.norm(vector))
+    own = covariance[: len(vector), : len(vector)]
+    spread = wide * math.sqrt(float(vector @ own @ vector)) / max(length, 1e-300)
     if spread > length:
         return None
     each = wide * np.sqrt(np.diag(covariance))
-    size = float(value[0]) if len(value) == 1 else length
+    size = length if len(vector) == 3 else float(value[0])
     parts = {
         name: (float(v), float(v - half), float(v + half))
         for name, v, half in zip(constant.parts, value, each, strict=True)
@@ -289,42 +295,53 @@ def _matters(before: Sequence[OutputErrors], after: Sequence[OutputErrors]) -> b
 def unit_of_sds(runs: Sequence[OutputErrors]) -> tuple[tuple[OutputCause, ...], list[OutputErrors]]:
     """Return in which other unit sds are stated, or that they are variances, and the errors with sds as meant.
 
-    That is so where the errors of each state fit its sd then within `WRONG_FACTOR`, and those of a block are
-    `MIN_IMPROVEMENT` off before: a filter may be wrong by any factor, and meets that of a unit in all by chance only.
+    That is so where the errors of each state of these blocks fit its sd then within `TOLERATED_RATIO`, and no block is
+    `MIN_IMPROVEMENT` off any more, as one was: a filter may be wrong by any factor, and meets that of a unit in all its
+    states by chance only.
     """
-    blocks = {one.name: one for one in error_scores(runs)[1] if one.name in BLOCKS[:3]}
-    worst = max(blocks.values(), key=lambda one: abs(math.log(max(one.ratio, 1e-300))), default=None)
-    if worst is None or 1.0 / MIN_IMPROVEMENT < worst.ratio < MIN_IMPROVEMENT:
+    worst = _worst(runs)
+    if worst is None:
         return (), list(runs)
-    for subject, readings in READINGS.items():
-        meant = {name: of for name, of in readings.items() if name in blocks}
-        if worst.name not in meant:
-            continue
+    for subject, meant in READINGS.items():
         tried = list(runs)
         for name, of in meant.items():
             tried = [_with_sds(run, BLOCKS.index(name), of) for run in tried]
         each = [one.ratio for one in state_scores(tried) if one.name.rpartition("_")[0] in meant]
-        if min(each, default=0.0) > 1.0 / WRONG_FACTOR and max(each) < WRONG_FACTOR:
+        if (
+            worst.name in meant
+            and min(each) > 1.0 / TOLERATED_RATIO
+            and max(each) < TOLERATED_RATIO
+            and _worst(tried) is None
+        ):
             gain = 0.5 * worst.effective * (worst.mean / worst.dof - 1.0 - math.log(worst.mean / worst.dof))
-            return (
-                (OutputCause("unit_of_sds", worst.ratio, worst.interval, "1", gain, {}, subject, (), True),),
-                tried,
-            )
+            cause = OutputCause("unit_of_sds", worst.ratio, worst.interval, "1", gain, {}, subject, (), True)
+            return (cause,), tried
     return (), list(runs)
+
+
+def _worst(runs: Sequence[OutputErrors]) -> Score | None:
+    """Return the score of the block that is off most; None where none is off by `MIN_IMPROVEMENT`."""
+    blocks = [one for one in error_scores(runs)[1] if one.name in BLOCKS[:3] and one.ratio > 0.0]
+    worst = max(blocks, key=lambda one: abs(math.log(one.ratio)), default=None)
+    if worst is None or 1.0 / MIN_IMPROVEMENT < worst.ratio < MIN_IMPROVEMENT:
+        return None
+    return worst
 
 
 Reading = Callable[[FloatArray], FloatArray]
 """Makes the sds that are meant of those that were taken."""
+IN_DEGREES: tuple[Reading, Reading] = (lambda sd: np.sqrt(sd / RADIAN), lambda sd: RADIAN * sd**2)
+"""What roots and squares of numbers in deg mean."""
 READINGS: dict[str, dict[str, Reading]] = {
     "attitude in rad": {"attitude": lambda sd: sd * RADIAN},
     "attitude in deg": {"attitude": lambda sd: sd / RADIAN},
     "variances": {"position": np.sqrt, "velocity": np.sqrt, "attitude": np.sqrt},
-    "variances in deg²": {
-        "position": np.sqrt,
-        "velocity": np.sqrt,
-        "attitude": lambda sd: np.sqrt(sd / RADIAN),
-    },
-    "sds in columns of variances": {"position": np.square, "velocity": np.square, "attitude": np.square},
+    "variances in deg²": {"position": np.sqrt, "velocity": np.sqrt, "attitude": IN_DEGREES[0]},
+    "roots": {"position": np.square, "velocity": np.square, "attitude": np.square},
+    "roots in deg": {"position": np.square, "velocity": np.square, "attitude": IN_DEGREES[1]},
+    "position variances": {"position": np.sqrt},
+    "velocity variances": {"velocity": np.sqrt},
+    "attitude variances": {"attitude": IN_DEGREES[0]},
 }
 """What sds may be instead, by the name of the block."""
 

@@ -89,11 +89,13 @@ def _mildest(most: Score | None, least: Score | None) -> Score | None:
 def _error_scores(runs: Sequence[OutputErrors]) -> tuple[Score | None, tuple[Score, ...]]:
     many = len(runs) >= MIN_INDEPENDENT_RUNS
     known = [i for i in range(len(BLOCKS)) if all(known_epochs(run, i).any() for run in runs)]
-    if not known:
+    if not any(np.isfinite(run.error[:, :9]).any() for run in runs):
         raise DataError(
-            "expected an estimate and a truth of the same position, velocity or attitude, and sds of its errors, found "
-            "none: name their columns by --columns and --truth-columns"
+            "expected an estimate and a truth of the same position, velocity or attitude, found none: name their "
+            "columns by --columns and --truth-columns"
         )
+    if not known:
+        return None, ()
     chosen = [_scored_rows(run, known, thin=many) for run in runs]
     parts: dict[str, list[FloatArray]] = {"nees": [], **{BLOCKS[i]: [] for i in known}}
     fitted: dict[str, list[FloatArray]] = {name: [] for name in parts}

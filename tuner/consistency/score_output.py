@@ -16,8 +16,9 @@ from tuner.consistency.constant_errors import constant_errors, unit_of_sds
 from tuner.consistency.correlated_errors import time_score, whitened
 from tuner.consistency.frame_differences import errors_in_one_frame
 from tuner.consistency.one_factor import one_factor
-from tuner.consistency.output_causes import Explanations, explain
+from tuner.consistency.output_causes import OF_INSTALLATION, Explanations, explain
 from tuner.consistency.output_errors import OutputErrors
+from tuner.consistency.output_rows import with_stated_sds, without_repeats
 from tuner.consistency.output_scores import (
     MIN_INDEPENDENT_RUNS,
     aided_rows,
@@ -36,6 +37,7 @@ from tuner.limits import TOLERATED_RATIO
 from tuner.stages import stage, task
 from tuner.types.consistency import Consistency, RmsError, Score
 from tuner.types.filter_output import FilterOutput
+from tuner.types.judgement import Use
 from tuner.types.output_score import OutputCause, TimeOffset
 from tuner.types.public import public
 from tuner.types.records import DataError
@@ -113,7 +115,10 @@ def score_outputs(
         Where there is nothing to score, in one line.
     """
     windows = np.asarray(outages, dtype=float).reshape(-1, 2)
-    outputs = [replace(o, outages=np.concatenate([o.outages, windows])) for o in outputs]
+    outputs = [
+        with_stated_sds(without_repeats(replace(o, outages=np.concatenate([o.outages, windows]))))
+        for o in outputs
+    ]
     stage("comparing with the truth", 0.2)
     if len(truths) not in (0, 1, len(outputs)):
         raise DataError(
@@ -136,8 +141,9 @@ def score_outputs(
     found = _scores(runs, innovative)
     constants: tuple[OutputCause, ...] = ()
     rest, left = runs, found
-    if runs and found.blocks and not found.consistent:
-        constants, rest = constant_errors(outputs, every, how, runs, offset)
+    if runs and found.blocks:
+        if any(one.ratio > 1.0 for one in found.scores) and not _fits(found):
+            constants, rest = constant_errors(outputs, every, how, runs, offset)
         units, rest = unit_of_sds(rest)
         constants, left = (*constants, *units), _scores(rest, innovative)
     if runs and not found.blocks:
@@ -150,20 +156,24 @@ def score_outputs(
     lost = any(_not_finite(output) for output in outputs)
     why = Explanations()
     if not lost:
-        if constants and not (_is_far(found) and not _is_far(left)):  # a model of the filter knows better
-            why = explain(runs, only_means=False, sensor_noise=sensor_noise)
-            if why.causes:
+        if constants and not (_is_far(found) and not _is_far(left)):
+            why = explain(runs, sensor_noise=sensor_noise)
+            known = why.causes and (why.causes[0].cause in OF_INSTALLATION or not left.consistent)
+            if known:  # a model of the filter tells its fixes from its output
+                one = left.consistent
                 constants, rest, left = (), runs, found
+                why = replace(why, causes=why.causes[:1]) if one else why
+            else:
+                why = Explanations()
         errors = rest or [_without_truth(o) for o in innovative]
-        if not why.causes:
-            why = explain(errors, only_means=left.consistent, sensor_noise=sensor_noise)
+        if not (why.causes or _explained(left, constants)):
+            why = explain(errors, sensor_noise=sensor_noise)
     notes += unscored_start(rest)
-    found, left = (replace(one, mean_errors=why.means) for one in (found, left))
-    causes = () if left.consistent else _without_contradicted(why.causes, left.scores)
+    causes = _without_contradicted(why.causes, left.scores)
     grow = _is_far(left) and not causes and _grow(rest)
     stage("scoring each state", 1.0)
     states = state_scores(runs) if runs else ()
-    if not (left.consistent or causes or lost or grow):
+    if not (_explained(left, constants) or causes or lost or grow):
         factor = one_factor(left.scores, state_scores(rest) if rest else ())
         causes = () if factor is None else (factor,)
     causes = (*constants, *causes)
@@ -183,6 +193,16 @@ def score_outputs(
         tuple(dict.fromkeys(notes)),
         left if constants else None,
     )
+
+
+def _fits(found: Consistency) -> bool:
+    """Return whether nothing speaks against the filter, nor calls it optimistic or pessimistic."""
+    return found.consistent and found.honesty.use not in (Use.OPTIMISTIC, Use.PESSIMISTIC)
+
+
+def _explained(left: Consistency, constants: Sequence[OutputCause]) -> bool:
+    """Return whether scores without constants leave nothing to explain."""
+    return _fits(left) or (bool(constants) and left.honesty.good)
 
 
 def _is_far(found: Consistency) -> bool:

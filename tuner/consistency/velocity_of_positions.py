@@ -44,7 +44,7 @@ def velocity_contradiction(
     found = _beyond_stated(truth, between)
     own = np.einsum("kii->ki", estimate.covariance)[:, 3:6]
     spread = np.where(own > 0.0, own, 0.0).sum(axis=0) / np.maximum((own > 0.0).sum(axis=0), 1)
-    found = np.where(found > MATTERING_SHARE**2 * spread, found, 0.0)
+    found = np.where((spread > 0.0) & (found > MATTERING_SHARE**2 * spread), found, 0.0)
     if not found.any():
         return found, ()
     sizes = ", ".join(

@@ -27,9 +27,6 @@ def verdicts(found: Consistency) -> tuple[Verdict, ...]:
     if white is not None and not white.consistent:
         numbers = {"correlation": white.correlation, "lag": white.lag, "band": white.band}
         answer.append(Verdict(VerdictCode.CORRELATED_INNOVATIONS, Severity.INCONSISTENT, white.part, numbers))
-    for mean in found.mean_errors:
-        numbers = {"ratio": mean.ratio, "limit": mean.limit}
-        answer.append(Verdict(VerdictCode.MEAN_ERROR, Severity.INCONSISTENT, mean.part, numbers))
     return tuple(answer) or (Verdict(VerdictCode.CONSISTENT, Severity.CONSISTENT),)
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any, Literal, Self, TypeAlias
 
 from tuner.formats.codec import dump, stored_form
-from tuner.types.consistency import Consistency, MeanError, Outage, RmsError, Score, Whiteness
+from tuner.types.consistency import Consistency, Outage, RmsError, Score, Whiteness
 from tuner.types.verdict import Explanation, Severity, Verdict, VerdictCode
 
 
@@ -147,7 +147,6 @@ class _ConsistencyForm:
     outage: tuple[Outage, ...]
     errors: Mapping[str, tuple[float, ...]]
     gated: float
-    mean_errors: tuple[MeanError, ...]
 
     @classmethod
     def of(cls, found: Consistency, /) -> Self:
@@ -166,7 +165,6 @@ class _ConsistencyForm:
             outage=found.outages,
             errors={_error_key(name, one): one.values for name, one in found.errors.items()},
             gated=found.gated,
-            mean_errors=found.mean_errors,
         )
 
 

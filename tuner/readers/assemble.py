@@ -62,10 +62,8 @@ class EvenRecords:
     records: tuple[Record, ...]
     notes: tuple[str, ...]
     assumptions: tuple[str, ...] = ()
-    contradicted: tuple[str, ...] = ()
     bad: tuple[BadRows, ...] = ()
     edges: tuple[int, int] = (0, 0)
-    changes: tuple[Change, ...] = ()
     late: float = 0.0
 
 
@@ -146,6 +144,7 @@ def even(
                 source=printable(listing.path.name),
                 digest=digest,
                 timing=MappingProxyType(timing),
+                broken=MappingProxyType(_broken(bad, sensor.axes, factor)),
                 stamp_course=course,
             )
         )
@@ -159,8 +158,6 @@ def even(
     return replace(
         found,
         assumptions=(*found.assumptions, *clock.assumptions, *base.assumptions),
-        contradicted=clock.contradicted,
-        changes=clock.changes,
     )
 
 
@@ -186,7 +183,7 @@ def checked(
         assume_si=options.assume_si,
         tried=options.tried,
         kinds=options.requested != "sums",
-        others=(*found.changes, *of_mavlink(plan.layout), *exchanged(plan.layout)),
+        others=(*of_mavlink(plan.layout), *exchanged(plan.layout)),
     )
     notes += remarks
     live = without_constant_axes(records, notes, keep=options.constant_axes)
@@ -197,7 +194,7 @@ def checked(
             notes.append(about_limiting_step(axis, step, one.unit))
     first = [said_first[record.name] for record in live if record.name in said_first]
     assumptions = [*(one.text for one in first), *assumptions]
-    contradicted = [*(one.contradicted for one in first if one.contradicted), *found.contradicted]
+    contradicted = [one.contradicted for one in first if one.contradicted]
     kept = {axis for record in live for axis in record.axes}
     if lost := [axis for record in records for axis in record.axes if axis not in kept]:
         contradicted.append(f"{axes_text(lost)}, left out: constant, no measurement")
@@ -357,6 +354,12 @@ def _regridded(base: Timebase, block: NDArray[Any], offset: float, factor: float
     if factor != 1.0:
         y *= factor
     return y
+
+
+def _broken(bad: Sequence[BadRows], axes: Sequence[str], factor: float) -> dict[str, tuple[int, float]]:
+    """Return by axis how many readings are broken, and how far off they are, in SI (median)."""
+    off = {axis: values for one in bad for axis, values in one.off.items() if axis in axes}
+    return {axis: (len(values), abs(factor) * float(np.median(values))) for axis, values in off.items()}
 
 
 def _timing(base: Timebase, rate: float | None) -> dict[str, float]:

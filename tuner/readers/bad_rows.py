@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
+from models.arrays import FloatArray
 from tuner.types.records import DataError
 
 
@@ -32,6 +33,8 @@ class BadRows:
         Share of the log from which it is refused.
     cure : str
         What to do then.
+    off : mapping of str to ndarray
+        By axis, how far readings are off, in the unit of the file; none of rows that hold no number.
     """
 
     number: int
@@ -39,6 +42,7 @@ class BadRows:
     place: str
     max_share: float
     cure: str
+    off: Mapping[str, FloatArray] = field(default_factory=dict)
 
 
 def expect_few(found: Sequence[BadRows], count: int) -> None:

@@ -37,14 +37,6 @@ RATE_TOLERANCE = 0.05
 
 
 @dataclass(frozen=True)
-class Assumption:
-    """What is said first of how a log is read, and what of it the samples speak against; "" for nothing."""
-
-    text: str
-    contradicted: str = ""
-
-
-@dataclass(frozen=True)
 class TimeUnit:
     """Seconds in one unit of the stamps, and what to say about it."""
 
@@ -135,18 +127,11 @@ def time_in(unit: str, name: str) -> Change:
     return Change(columns={"t": f"{without_unit(name)} [{unit.removeprefix('ticks of ')}]"})
 
 
-def unusual_rate(unit: str, step: float) -> Assumption | None:
-    """Return what is assumed with a stated unit that gives a rate few logs have, where another gives a usual one."""
+def is_unusual(unit: str, step: float) -> bool:
+    """Return whether a stated unit gives a rate few logs have, where another gives a usual one."""
     rate = 1.0 / (step * STATED_BY_RATE.get(unit, CANDIDATES["ticks of 0.1 ms"])) if step > 0.0 else 1.0
-    usual = [(u, 1.0 / (step * f)) for u, f in CANDIDATES.items() if step > 0.0 and _usual(step * f)]
-    if RATES_WITHOUT_REMARK[0] <= rate <= RATES_WITHOUT_REMARK[1] or not usual:
-        return None
-    other, hz = usual[0]
-    return Assumption(
-        f"time in {unit}, as the file states: {rate:.6g} Hz; were the stamps in {other}, it would be {hz:.6g} Hz, and "
-        "every time and coefficient another",
-        f"all numbers, if the stamps are in {other} ({hz:.4g} Hz), not in {unit} ({rate:.4g} Hz)",
-    )
+    unusual = not RATES_WITHOUT_REMARK[0] <= rate <= RATES_WITHOUT_REMARK[1]
+    return unusual and any(_usual(step * factor) for factor in CANDIDATES.values())
 
 
 def _counts(time: NDArray[np.float64] | NDArray[np.int64], step: float) -> bool:

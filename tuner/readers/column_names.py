@@ -22,8 +22,8 @@ STEMS: Mapping[str, tuple[str, ...]] = {
     ),
     "accel": (
         "accel", "acc", "accel_ln", "accel_wr", "acc_smooth", "acceleration", "accelerometer", "linear_acceleration",
-        "specific_force", "lin_acc", "a_rs_s", "fb", "fibb", "a", "ac", "f", "dvel", "delta_velocity", "delta_vel", "del_vel",
-        "delvel", "dv",
+        "specific_force", "lin_acc", "a_rs_s", "fb", "fibb", "a", "ac", "f", "dvel", "delta_velocity", "delta_vel",
+        "del_vel", "delvel", "dv",
     ),
 }  # fmt: skip
 """Names of a sensor before the axis; the first is ours, the last lines are increments."""

@@ -131,7 +131,7 @@ def assemble(
     parts += [_Part(3, eye, ("vn", "ve", "vd")), _Part(3, world.mat_nw, ("vx", "vy", "vz"))]
     attitude = _attitude(source, values, rpy, world.mat_nw, mat_bf)
     if attitude is not None:
-        parts.append(attitude[1])
+        parts += attitude[1]
     parts.append(_Part(6, eye, ("phi_n", "phi_e", "phi_d")))
     body = np.asarray(np.broadcast_to(mat_bf, (n, 3, 3)))
     bias = np.full((n, 6), np.nan)
@@ -210,8 +210,8 @@ def _attitude(
     rpy: FloatArray | None,
     mat_nw: FloatArray,
     mat_bf: FloatArray,
-) -> tuple[FloatArray, _Part] | None:
-    """Return the attitude, shape (n, 4), by angles or else by quaternions, and the part of its covariance."""
+) -> tuple[FloatArray, list[_Part]] | None:
+    """Return the attitude, shape (n, 4), by angles or else by quaternions, and what its covariance may be of."""
     if rpy is not None:
         if np.nanmax(np.abs(rpy[:, 1])) > 0.5 * np.pi * (1.0 + ANGLE_ROUNDING):
             worst = math.degrees(float(np.nanmax(np.abs(rpy[:, 1]))))
@@ -219,7 +219,7 @@ def _attitude(
                 f"{source}: expected a pitch within ±90 deg, found {worst:.4g} deg: state the unit of its column"
             )
         quat = rotation.quat_from_mat(rotation.mat_from_rpy(rpy) @ mat_bf.T)
-        return quat, _Part(6, rotvec_of_angles(rpy), ("roll", "pitch", "yaw"))
+        return quat, [_Part(6, rotvec_of_angles(rpy), ("roll", "pitch", "yaw"))]
     if any(name not in values for name in QUATERNION):
         return None
     q = np.column_stack([values[name] for name in QUATERNION])
@@ -230,7 +230,11 @@ def _attitude(
         )
     q = q / length
     quat = rotation.quat_from_mat(mat_nw @ rotation.mat_from_quat(q) @ mat_bf.T)
-    return quat, _Part(6, mat_nw @ _rotvec_of_quaternion(q), QUATERNION)
+    angles = rotvec_of_angles(rotation.rpy_from_quat(quat))
+    return quat, [
+        _Part(6, mat_nw @ _rotvec_of_quaternion(q), QUATERNION),
+        _Part(6, angles, ("roll", "pitch", "yaw")),
+    ]
 
 
 def _thinned(

@@ -20,12 +20,12 @@ from tuner.readers.clock_unit import (
     LONGEST_SPAN,
     MAX_RATE,
     MIN_RATE,
-    RATES_WITHOUT_REMARK,
+    is_unusual,
     other_units,
+    time_in,
     unit_of_stamps,
-    unusual_rate,
 )
-from tuner.readers.refusal import Change, Refusal
+from tuner.readers.refusal import Refusal
 from tuner.types.records import DataError
 
 Stamps = NDArray[np.float64] | NDArray[np.int64]
@@ -71,12 +71,10 @@ class Clock:
         Mean step of the stamps, s, gaps apart.
     resolution : float
         To which stamps of single precision are rounded, s; 0 where that does not show.
-    notes, assumptions, contradicted : tuple of str
-        What was done, what nobody states, and what the samples speak against.
+    notes, assumptions : tuple of str
+        What was done, and what nobody states.
     factor : float
         Seconds in one unit of the stamps in the file.
-    changes : tuple of Change
-        Readings in another unit, where the rate in the one stated is unusual.
     """
 
     origin: float
@@ -86,9 +84,7 @@ class Clock:
     resolution: float
     notes: tuple[str, ...]
     assumptions: tuple[str, ...]
-    contradicted: tuple[str, ...]
     factor: float = 1.0
-    changes: tuple[Change, ...] = ()
 
 
 def read_clock(
@@ -127,8 +123,6 @@ def read_clock(
         raise DataError(f"time column '{name}' holds no number")
     notes: list[str] = []
     assumptions: list[str] = []
-    contradicted: tuple[str, ...] = ()
-    changes: tuple[Change, ...] = ()
     on = finite & _set(time, finite)
     if (unset := int(np.count_nonzero(finite & ~on))) > 0:
         notes.append(
@@ -153,13 +147,13 @@ def read_clock(
         assumptions += found.assumptions
     elif unit is not None and rate is None and not (by_user or by_type):
         stated = names.unit_of(unit, names.TIME_UNITS, what=name)
-        if (remark := unusual_rate(stated, step)) is not None:
-            changes = tuple(other_units(name, step, float(np.median(clock))))
-            if 1.0 / (step * factor) > RATES_WITHOUT_REMARK[1] and changes:
-                hz = f"{1.0 / (step * factor):.4g} Hz in {stated}, as the file states"
-                raise Refusal(f"time column '{name}': {hz}, is no rate of an inertial sensor", changes)
-            assumptions.append(remark.text)
-            contradicted = (remark.contradicted,)
+        changes = other_units(name, step, float(np.median(clock))) if is_unusual(stated, step) else []
+        if changes:
+            hz = f"{1.0 / (step * factor):.4g} Hz in {stated}, as the file states"
+            raise Refusal(
+                f"time column '{name}': {hz}, is no rate of an inertial sensor",
+                [*changes, time_in(stated, name)],
+            )
     first = clock[0]
     resolution = factor * _single_precision(clock, step, name, notes, factor)
     relative: FloatArray = np.subtract(time, first).astype(float, copy=False)
@@ -184,9 +178,7 @@ def read_clock(
         resolution,
         tuple(notes),
         tuple(assumptions),
-        contradicted,
         factor,
-        changes,
     )
 
 

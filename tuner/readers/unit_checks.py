@@ -27,7 +27,6 @@ import numpy as np
 from models.earth import EARTH_RATE
 from models.units import STANDARD_GRAVITY, unit_value
 from tuner.limits import WRONG_FACTOR
-from tuner.readers.clock_unit import Assumption
 from tuner.readers.column_names import INCREMENT_OF, INCREMENT_UNITS, UNITS
 from tuner.readers.column_units import UnitChoice
 from tuner.readers.refusal import CUSTOMARY_UNITS, Change, Refusal
@@ -177,6 +176,14 @@ def _at_rest(found: Sizes, accel: Record) -> bool:
     """Return whether what is read as accelerometers shows a unit that keeps still: one direction, little noise."""
     aligned = found.mean > MIN_ALIGNED * found.norm
     return len(accel.axes) == 3 and found.mean > STEADY_RATIO * found.noise and aligned
+
+
+@dataclass(frozen=True)
+class Assumption:
+    """What is said first of how a log is read, and what of it the samples speak against; "" for nothing."""
+
+    text: str
+    contradicted: str = ""
 
 
 @dataclass(frozen=True)

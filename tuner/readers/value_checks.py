@@ -101,7 +101,12 @@ def without_spikes(
         cure = (
             f"{axis} jumps from one end of its range to the other: give its codes their sign, or leave it out"
         )
-    bad.append(BadRows(len(every), what, place, MAX_SPIKE_SHARE, cure))
+    far = {
+        a: np.abs(c[f].astype(float) - np.nanmedian(c))
+        for a, c, f in zip(axes, columns, found, strict=True)
+        if len(f)
+    }
+    bad.append(BadRows(len(every), what, place, MAX_SPIKE_SHARE, cure, far))
     expect_few(bad, within.count)
     notes.append(f"{len(every)} rows hold {what} ({place}): they count as missing samples")
     usable = np.ones(count, bool) if valid is None else valid.copy()

@@ -18,7 +18,7 @@ _NAMES = {
     "time_offset": "delay",
     "lever_arm": "lever arm",
     "gnss_frame": "frame of the positions",
-    "mounting": "frame of the body",
+    "mounting": "attitudes, the body turned",
     "gnss_frame of height": "heights, a constant offset",
     "gnss_frame of offset": "positions, a constant offset",
     "gnss_frame of rotation": "positions, turned",
@@ -57,17 +57,20 @@ READINGS = {
     "attitude in deg": "sds of the attitude are in deg",
     "variances": "stated sds are variances",
     "variances in deg²": "stated sds are variances, of the attitude in deg²",
-    "sds in columns of variances": "columns of variances hold sds",
+    "roots": "stated sds are roots of sds, as of sds in columns of variances",
+    "roots in deg": "stated sds are roots of sds, as of sds in columns of variances",
+    "position variances": "stated sds of positions are variances",
+    "velocity variances": "stated sds of velocities are variances",
+    "attitude variances": "stated sds of attitudes are variances in deg²",
 }
 """What sds are instead."""
 UNIT_CURES = {
     "attitude in rad": "name the columns 'sd_roll [rad]', …",
     "attitude in deg": "name the columns 'sd_roll [deg]', …",
-    "variances": "write their square roots, or name the columns as variances",
-    "variances in deg²": "write their square roots, or name the columns as variances",
-    "sds in columns of variances": "write their squares, or name the columns as sds",
 }
-"""What to do about sds that are something else."""
+"""What to do about sds in another unit."""
+_ROOTS = "write their square roots, or name the columns as variances"
+_SQUARES = "write their squares, or name the columns as sds"
 LEAP_SECONDS = 18.0
 """GPS time less UTC since 2017, s."""
 MAX_STAMP_ERROR = 0.5
@@ -112,6 +115,6 @@ def change_text(cause: OutputCause) -> str:
         high="high" if cause.size > 0.0 else "low",
         degrees=f"{math.degrees(cause.size):+.3g}",
         leap=f"; GPS time and UTC are {LEAP_SECONDS:g} s apart" if leaps else "",
-        unit_cure=UNIT_CURES.get(cause.subject, ""),
+        unit_cure=UNIT_CURES.get(cause.subject, _ROOTS if "variances" in cause.subject else _SQUARES),
         parts=", ".join(f"{name} {value:+.3g}" for name, (value, _, _) in cause.parameters.items()),
     )

@@ -67,11 +67,6 @@ def verdict_text(verdict: Verdict) -> str:
                 f"the {verdict.subject} innovations are correlated: {numbers['correlation']:+.2f} "
                 f"at lag {numbers['lag']}, where white ones stay within ±{numbers['band']:.2f}"
             )
-        case VerdictCode.MEAN_ERROR:
-            return (
-                f"the {verdict.subject} error has a mean that a constant explains: {numbers['ratio']:.2f} × the "
-                f"predicted sd (rms), where {numbers['limit']:.2f} is within the margin"
-            )
         case VerdictCode.CONSISTENT:
             return "no score contradicts the filter: none is shown to be 10 % from its prediction"
 

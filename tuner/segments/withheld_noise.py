@@ -1,15 +1,15 @@
 """Samples from which a program took the noise, so that it cannot be read in them.
 
 dead zone
-    Rates near zero are given as zero, or changes near zero are not given. A law of noise with its mode near zero has at least as many samples in (0, w) as
-    in [w, 2w), w the smallest reading that is not zero: of k samples there, none below w has the chance 2^−k.
+    Rates near zero are given as zero, or changes near zero are not given. A law of noise with its mode near zero has at
+    least as many samples in (0, w) as in [w, 2w), w the smallest reading that is not zero: of k samples there, none
+    below w has the chance 2^−k.
 bias taken out
     A program learns the bias while the sensor rests, and subtracts it: a high-pass below the frequencies of motion.
     Every noise of a sensor but the white one is larger at low frequencies [1]_, in each axis and in all together. So a
-    spectrum that is flat over three
-    octaves above 2 Hz (of slow logs over those below half the rate) and lower below some frequency is that of a
-    high-pass: a mean of m ordinates ÷ that of the flat part has the law of a χ² of 2m degrees of freedom ÷ 2m. What
-    filters, mounts and vibration do at higher frequencies takes no part.
+    spectrum that is flat over three octaves above 2 Hz (of slow logs over those below half the rate) and lower below
+    some frequency is that of a high-pass: a mean of m ordinates ÷ that of the flat part has the law of a χ² of 2m
+    degrees of freedom ÷ 2m. What filters, mounts and vibration do at higher frequencies takes no part.
 
 References
 ----------
@@ -38,6 +38,8 @@ MAX_P_VALUE = 1e-6
 NEXT_LEVELS, LEAST_CODES = 3, 1.9
 """Distances of the next levels beside a dead zone, of which the largest is that of codes, and its least width in codes:
 one lacks at least, and printed digits part codes unevenly."""
+LEVEL_DIGITS = 6
+"""Digits to which levels ÷ the smallest are compared."""
 SIDES_ALIKE = 0.01
 """Share of the readings beside a dead zone that lie on its emptier side, at least."""
 SLOWEST_MOTION = 2.0
@@ -95,8 +97,11 @@ def dead_zone(y: FloatArray) -> float:
         return 0.0
     size = np.abs(given)
     smallest = float(size.min())
-    steps = np.diff(np.unique(size)[: NEXT_LEVELS + 1])
-    if not len(steps) or smallest < LEAST_CODES * float(steps.max()):
+    levels = np.unique(
+        np.round(size / smallest, LEVEL_DIGITS)
+    )  # differences of one code differ in their last digits
+    steps = np.diff(levels[: NEXT_LEVELS + 1])
+    if not len(steps) or LEAST_CODES * float(steps.max()) > 1.0:
         return 0.0
     positive = float(np.mean(given > 0.0))
     beside = int(np.count_nonzero(size < 2.0 * smallest))
@@ -136,4 +141,5 @@ def _power_below(y: FloatArray, interval: float) -> FloatArray:
     if flat.min() <= 0.0 or flat.max() > MAX_STEP * flat.min():
         return np.empty(0)
     octaves = int(math.log2(lowest / LEAST_BAND)) + 1
-    return np.array([power[: lowest >> octave].mean() for octave in range(octaves)]) / flat.mean()
+    below = np.array([power[: lowest >> octave].mean() for octave in range(octaves)])
+    return np.asarray(below / flat.mean())

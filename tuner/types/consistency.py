@@ -112,25 +112,6 @@ class Whiteness:
         return abs(self.correlation) <= self.band
 
 
-@dataclass(frozen=True)
-class MeanError:
-    """A mean of the errors of a part, as a delay, a lever arm or another frame makes it, beyond the margin.
-
-    Attributes
-    ----------
-    part : str
-        ``position``, ``velocity`` or ``attitude``.
-    ratio : float
-        Rms of the mean ÷ predicted sd.
-    limit : float
-        Ratio below which the rms of the errors stays within the margin.
-    """
-
-    part: str
-    ratio: float
-    limit: float
-
-
 ERROR_UNITS = {"position": "m", "velocity": "m/s", "attitude": "rad"}
 """Unit of the errors of each quantity of three axes, in the order of the state."""
 
@@ -172,8 +153,6 @@ class Consistency(Shown):
         Whether the filter diverged.
     verdicts : tuple of Verdict
         Reasons first, then scores, the largest deviation first.
-    mean_errors : tuple of MeanError
-        Parts whose errors have a mean beyond the margin; only looked for in the output of other filters.
     """
 
     nees: Score | None
@@ -185,7 +164,6 @@ class Consistency(Shown):
     gated: float
     diverged: bool
     verdicts: tuple[Verdict, ...] = ()
-    mean_errors: tuple[MeanError, ...] = ()
 
     @property
     def shown(self) -> Consistency:
@@ -215,7 +193,7 @@ class Consistency(Shown):
         """Whether nothing speaks against the filter."""
         white = self.whiteness is None or self.whiteness.consistent
         scores = all(score.consistent for score in self.scores)
-        return white and scores and not self.diverged and not self.mean_errors
+        return white and scores and not self.diverged
 
 
 @dataclass(frozen=True)

@@ -48,15 +48,7 @@ def honesty(found: Consistency) -> Judgement:
         many = f" in {runs[0]['diverged_runs']} of {runs[0]['runs']} runs" if runs else ""
         return Judgement(Use.DO_NOT_USE, (f"the filter diverged{many}",))
     scores = list(claims(found))
-    reasons = [
-        *off_reasons(found, filter(is_off, scores)),
-        *(
-            Reason(
-                Use.OPTIMISTIC, f"the {one.part} error has a constant part of {one.ratio:.2f} predicted sds"
-            )
-            for one in found.mean_errors
-        ),
-    ]
+    reasons = off_reasons(found, filter(is_off, scores))
     if reasons:
         return judged(Use.HONEST, reasons)
     sure = [one for one in scores if shows_dishonesty(one)]

@@ -86,6 +86,8 @@ class Record:
         By axis, the Allan variances of clusters shorter than the interval, from all samples of such a log.
     limiting_steps : mapping of str to float
         Quantizer step of each axis whose noise it hides, unit.
+    broken : mapping of str to (int, float)
+        By axis, readings that no sensor makes and that count as missing: how many, and how far off, unit (median).
     stamp_course : ndarray, shape (k, 4), optional
         What a figure shows of the stamps, in pieces of time: time, smallest and largest distance of a stamp from the
         even clock, s, samples that are missing.
@@ -108,6 +110,7 @@ class Record:
     samples_a_mean: int = 1
     short_clusters: Mapping[str, ShortClusters] = field(default_factory=lambda: MappingProxyType({}))
     limiting_steps: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    broken: Mapping[str, tuple[int, float]] = field(default_factory=lambda: MappingProxyType({}))
     stamp_course: FloatArray | None = None
 
     def __post_init__(self) -> None:

@@ -115,7 +115,7 @@ def test_a_lag_is_found_anywhere_and_the_nearest_where_the_course_repeats():
     assert find_time_offset(replace(truth, t=t + 5.0), truth) == pytest.approx(5.0, abs=0.01)
 
 
-@pytest.mark.parametrize(("power", "subject"), [(2.0, "variances"), (0.5, "sds in columns of variances")])
+@pytest.mark.parametrize(("power", "subject"), [(2.0, "variances"), (0.5, "roots")])
 def test_variances_in_place_of_sds_are_told_and_other_factors_are_not(power, subject):
     output, truth = honest(2), reference()
     squared = output.covariance.copy()

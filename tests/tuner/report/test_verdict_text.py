@@ -124,10 +124,6 @@ VERDICTS = {
         "velocity",
         {"correlation": -0.25, "lag": 3, "band": 0.12},
     ),
-    "the position error has a mean that a constant explains: 0.62 × the predicted sd (rms), where 0.46 is within the "
-    "margin": Verdict(
-        VerdictCode.MEAN_ERROR, Severity.INCONSISTENT, "position", {"ratio": 0.62, "limit": 0.46}
-    ),
     "no score contradicts the filter: none is shown to be 10 % from its prediction": Verdict(
         VerdictCode.CONSISTENT, Severity.CONSISTENT
     ),

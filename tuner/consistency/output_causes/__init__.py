@@ -28,7 +28,6 @@ from tuner.consistency.output_causes.true_noise import TrueNoise
 from tuner.consistency.output_errors import OutputErrors
 from tuner.consistency.scores import EQUIVALENCE_MARGIN
 from tuner.stages import counted
-from tuner.types.consistency import MeanError
 from tuner.types.output_score import OutputCause
 
 MIN_GAIN = 15.0
@@ -63,14 +62,11 @@ class Explanations:
     ----------
     causes : tuple of OutputCause
         One after another as they were found.
-    means : tuple of MeanError
-        Constants that shift the errors by more than the margin of the scores.
     misfit : float or None
         Rms difference of the logarithms of its sds and those of the nearest filter, where that is too large.
     """
 
     causes: tuple[OutputCause, ...] = ()
-    means: tuple[MeanError, ...] = ()
     misfit: float | None = None
 
 
@@ -84,17 +80,13 @@ class _Fit:
     names: tuple[str, ...]
 
 
-def explain(
-    runs: Sequence[OutputErrors], *, only_means: bool, sensor_noise: tuple[float, float] | None = None
-) -> Explanations:
+def explain(runs: Sequence[OutputErrors], *, sensor_noise: tuple[float, float] | None = None) -> Explanations:
     """Return what explains the errors of runs of one filter; nothing where its sds are not those of such a filter.
 
     Parameters
     ----------
     runs : sequence of OutputErrors
         The runs.
-    only_means : bool
-        Whether only constants are looked for: where no score speaks against the filter.
     sensor_noise : (float, float), optional
         White densities of gyros and accelerometers at rest, from a log of the unit. In motion they are no smaller: a
         hypothesis with less is less likely by as much.
@@ -115,11 +107,8 @@ def explain(
     base = TrueNoise()
     fixed: tuple[str, ...] = ()
     causes: list[OutputCause] = []
-    means: list[MeanError] = []
     while len(causes) < MAX_CAUSES:
-        fits = _candidates(
-            models, base, fixed, known, [] if only_means else scale_hypotheses(models[0], base)
-        )
+        fits = _candidates(models, base, fixed, known, scale_hypotheses(models[0], base))
         fits = _with_sensor_noise(fits, base, model, None if models[0].of_body else sensor_noise)
         fits = [fit for fit in fits if fit.cause.cause not in {c.cause for c in causes}]
         least = max(MIN_GAIN, FURTHER_SHARE * causes[0].gain if causes else 0.0)
@@ -128,10 +117,8 @@ def explain(
         best = fits[0]
         rivals = [f.cause for f in fits[1:] if f.cause.gain > best.cause.gain - SHORTLIST_NATS]
         causes.append(replace(best.cause, alternatives=tuple(rivals)))
-        if best.names:
-            means += _mean_errors(models[0], best)
         base, fixed = best.base, (*fixed, *best.names)
-    return Explanations(tuple(causes), tuple(means))
+    return Explanations(tuple(causes))
 
 
 def _with_sensor_noise(
@@ -217,6 +204,8 @@ _CONSTANTS = {
     "rotation of body": ("mounting", "rad", ("roll", "pitch", "yaw"), ""),
 }
 """Cause, unit, names of parameters and subject of the constants."""
+OF_INSTALLATION = frozenset(cause for cause, *_ in _CONSTANTS.values())
+"""Causes that are constants."""
 
 
 def _constant(
@@ -336,15 +325,3 @@ def _shifts(model: ErrorModel, fit: _Fit) -> bool:
     error = np.where(model.known, model.seen / model.sds, 0.0)
     left = np.where(model.known, error - _shift(model, fit), 0.0)
     return float(np.sum(left**2)) < float(np.sum(error**2))
-
-
-def _mean_errors(model: ErrorModel, fit: _Fit) -> list[MeanError]:
-    """Return the blocks whose errors a constant shifts by more than the margin of the scores."""
-    shift = _shift(model, fit)
-    found = []
-    limit = math.sqrt((1.0 + EQUIVALENCE_MARGIN) ** 2 - 1.0)
-    for i, name in enumerate(("position", "velocity", "attitude")):
-        ratio = float(np.sqrt(np.mean(shift[:, 3 * i : 3 * i + 3] ** 2)))
-        if ratio > limit:
-            found.append(MeanError(name, ratio, limit))
-    return found

@@ -27,7 +27,7 @@ from tuner.diagnosis.data_quality.repeated_samples import find_repeated_samples
 from tuner.diagnosis.data_quality.resampled import find_resampled
 from tuner.diagnosis.data_quality.saturation import rails
 from tuner.diagnosis.data_quality.slower_source import find_slower_source, new_readings
-from tuner.formats.customary_units import percent
+from tuner.formats.customary_units import digits, percent
 from tuner.segments.error_codes import ErrorCodes, find_error_codes, without_error_codes
 from tuner.segments.frozen import Frozen, cut, frozen, together
 from tuner.segments.quantizer import quantizer_step, read_codes
@@ -141,22 +141,35 @@ def without_codes(record: Record) -> tuple[Record, tuple[DataQualityTest, ...]]:
     coded = without_error_codes(record, codes)
     wrong = find_wrong_readings(coded)
     tests = [_error_code_test(record, one) for one in codes] + [_wrong_test(coded, one) for one in wrong]
+    tests += [_broken_test(record, axis, *one) for axis, one in record.broken.items()]
     return without_wrong_readings(coded, wrong), tuple(tests)
 
 
 def _wrong_test(record: Record, found: WrongReadings) -> DataQualityTest:
     """Return the test of wrong readings of an axis: how many a second, and their median size."""
     count, size = len(found.sizes), float(np.median(found.sizes))
-    low, high = poisson_interval(count)
-    seconds = len(record) * record.interval
     half = HALF_INTERVAL * MEDIAN_OVER_MEAN_SD * float(np.std(found.sizes)) / math.sqrt(count)
     parameters = {
-        "rate": Coefficient.known(count / seconds, low / seconds, high / seconds, "1/s"),
+        "rate": _rate(record, count),
         "size": Coefficient.known(size, max(size - half, 0.0), size + half, record.unit),
     }
     return DataQualityTest(
         "spikes", (found.axis,), float(count), found.p_value, parameters, text=found.describe(record)
     )
+
+
+def _broken_test(record: Record, axis: str, count: int, size: float) -> DataQualityTest:
+    """Return the test of readings that no sensor makes, which the reader left out."""
+    parameters = {"rate": _rate(record, count), "size": Coefficient.known(size, size, size, record.unit)}
+    text = f"{count} readings are off by {digits(size, 3)} {record.unit} (median)"
+    return DataQualityTest("spikes", (axis,), float(count), 0.0, parameters, text=text)
+
+
+def _rate(record: Record, count: int) -> Coefficient:
+    """Return how often something occurs that was counted."""
+    low, high = poisson_interval(count)
+    seconds = len(record) * record.interval
+    return Coefficient.known(count / seconds, low / seconds, high / seconds, "1/s")
 
 
 def _error_code_test(record: Record, found: ErrorCodes) -> DataQualityTest:

@@ -1,0 +1,52 @@
+"""Rows and sds of an output that are none: rows that repeat the one before, and sds of zero."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from models.arrays import FloatArray
+from tuner.formats.customary_units import percent
+from tuner.types.filter_output import BLOCKS, FilterOutput
+
+
+def without_repeats(output: FilterOutput) -> FilterOutput:
+    """Return an output without rows that state what the one before does, digit for digit, with a note of how many.
+
+    A filter that runs changes its last digits. Where it does not, as one that writes none, all rows stay.
+    """
+    place = output.llh if output.llh is not None else output.local
+    stated = [
+        one for one in (place, output.vel_n, output.quat_nb) if one is not None and np.isfinite(one).any()
+    ]
+    if not stated or len(output) < 2:
+        return output
+    table = np.concatenate(stated, axis=1)
+    again = np.concatenate([[False], ((table[1:] == table[:-1]) | np.isnan(table[1:])).all(axis=1)])
+    moving = np.ptp(np.nan_to_num(table), axis=0).max() > 0.0
+    if not again.any() or not moving:
+        return output
+    note = f"{percent(float(again.mean()))} of its rows repeat the one before: they are left out"
+    return replace(output.rows(~again), notes=(*output.notes, f"{output.name}: {note}"))
+
+
+def with_stated_sds(output: FilterOutput) -> FilterOutput:
+    """Return an output whose sds of zero are not stated, with a note of which: no filter is certain."""
+    variance = np.einsum("kii->ki", output.covariance)
+    zero = [(i, name) for i, name in enumerate(BLOCKS) if _none_but_zero(variance[:, 3 * i : 3 * i + 3])]
+    if not zero:
+        return output
+    covariance = output.covariance.copy()
+    for i, _ in zero:
+        covariance[:, 3 * i : 3 * i + 3] = np.nan
+        covariance[:, :, 3 * i : 3 * i + 3] = np.nan
+    names = " and ".join(name.replace("_", " ") for _, name in zero)
+    note = f"{output.name}: sds of {names} are zero in all rows: taken as not stated; write what the filter predicts"
+    return replace(output, covariance=covariance, notes=(*output.notes, note))
+
+
+def _none_but_zero(variance: FloatArray) -> bool:
+    """Return whether variances, shape (n, 3), are stated and zero."""
+    known = variance[np.isfinite(variance)]
+    return len(known) > 0 and not known.any()
