@@ -18,15 +18,16 @@ import numpy as np
 
 from models.arrays import BoolArray, FloatArray, IntArray
 from models.robust import normal_sd
+from tuner.limits import WRONG_FACTOR
 from tuner.readers.gap_bridges import bridged
 from tuner.readers.timestamps import in_order, interval_and_gaps, without_duplicates
 from tuner.types.records import DataError
 
 MAX_BRIDGED_GAP = 100
 """Longest gap of a log at rest that is bridged, samples: a second without radio at 100 Hz."""
-MAX_BRIDGED_SHARE = 0.2
-"""Largest share of the samples of such a log that may come from bridges: at the longest cluster times, where white
-noise matters least, its density then seems 20 % larger."""
+MAX_BRIDGED_SHARE = WRONG_FACTOR - 1.0
+"""Largest number of bridges ÷ samples of such a log: at the longest cluster times, where white noise matters least, its
+density then seems by that share larger."""
 MAX_BRIDGED_IN_MOTION, MAX_SHARE_IN_MOTION = 5, 0.01
 """The same of a vehicle, by straight lines: what it did meanwhile is unknown."""
 MIN_SEGMENT_SAMPLES = 3

@@ -38,6 +38,8 @@ from tuner.types.records import Record
 
 OUTAGES = (60.0, 1000.0)
 """Durations without fixes, s: a tunnel, and a sixth of a Schuler period."""
+SHORT_OUTAGE = 10.0
+"""Duration of logs in which these do not fit, s: a bridge."""
 MIN_MEANS = 4
 """Durations that must fit into a stretch for its Allan deviation to say anything."""
 
@@ -130,9 +132,11 @@ def _samples(h: float, interval: float) -> int:
 
 def _allan(pieces: Sequence[FloatArray], interval: float) -> dict[float, float]:
     """Return the Allan variance at each duration that fits, pooled over stretches without a gap."""
-    found = {}
-    for h in OUTAGES:
+    found: dict[float, float] = {}
+    for h in (*OUTAGES, SHORT_OUTAGE):
         m = _samples(h, interval)
+        if h == SHORT_OUTAGE and found:
+            break
         long = [piece for piece in pieces if len(piece) >= MIN_MEANS * m]
         if m >= 1 and long:
             weight = [len(piece) - 2 * m + 1 for piece in long]
