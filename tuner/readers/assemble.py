@@ -194,7 +194,7 @@ def checked(
             notes.append(about_limiting_step(axis, step, one.unit))
     first = [said_first[record.name] for record in live if record.name in said_first]
     assumptions = [*(one.text for one in first), *assumptions]
-    contradicted = [one.contradicted for one in first if one.contradicted]
+    contradicted = [*(one.contradicted for one in first if one.contradicted), *plan.layout.unread]
     kept = {axis for record in live for axis in record.axes}
     if lost := [axis for record in records for axis in record.axes if axis not in kept]:
         contradicted.append(f"{axes_text(lost)}, left out: constant, no measurement")

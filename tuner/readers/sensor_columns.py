@@ -45,12 +45,13 @@ class Channel:
 
 @dataclass(frozen=True)
 class Layout:
-    """What to read: time (or None), sensors, and further channels on the same clock."""
+    """What to read: time (or None), sensors, further channels on the same clock, and sensors that may stand unread."""
 
     time: Channel | None
     sensors: tuple[Sensor, ...]
     covariates: Mapping[str, Channel]
     notes: tuple[str, ...]
+    unread: tuple[str, ...] = ()
 
 
 def choose(listing: Listing, *, columns: Mapping[str, str] | None = None) -> Layout:
@@ -102,18 +103,21 @@ def choose(listing: Listing, *, columns: Mapping[str, str] | None = None) -> Lay
         channels["week"] = week
     used = {part.array for sensor in sensors for part in sensor.parts}
     used |= {channel.part.array for channel in channels.values()}
-    unread = (array for array in listing.shapes if array not in used)
-    if unused := [array for array in unread if names.sensor_of(parsed[array].plain) not in absent]:
+    left = (array for array in listing.shapes if array not in used)
+    unread: list[str] = []
+    if unused := [array for array in left if names.sensor_of(parsed[array].plain) not in absent]:
         for name in set(names.SENSORS) - absent - {sensor.name for sensor in sensors}:
             like = [array for array in unused if names.sensor_of(parsed[array].plain) == name]
-            if len(like) >= len("xyz"):
-                notes.append(
+            like = like if len(like) >= len("xyz") else names.triple([(a, parsed[a].plain) for a in unused])
+            if like:
+                unread.append(
                     f"{name}: none of its columns is read, as no known name or unit fits {', '.join(like[:3])}: "
                     f"name them, such as by --columns '{name}_x=…'"
                 )
+        notes += unread
         more = f" and {len(unused) - MAX_NAMED} more" if len(unused) > MAX_NAMED else ""
         notes.append(f"columns not used: {', '.join(unused[:MAX_NAMED])}{more}")
-    return Layout(channels.pop("t", None), tuple(sensors), channels, tuple(notes))
+    return Layout(channels.pop("t", None), tuple(sensors), channels, tuple(notes), tuple(unread))
 
 
 def exchanged(layout: Layout) -> tuple[Change, ...]:

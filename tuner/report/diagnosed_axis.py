@@ -9,12 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from math import isclose
 
 import numpy as np
 
 from models.arrays import FloatArray
 from models.effects import EFFECTS, Samples
-from models.noise import NoiseModel
+from models.noise import Arma, NoiseModel
 from tuner.diagnosis.static.causes.motion import Motion
 from tuner.diagnosis.static.causes.vibration import Vibration
 from tuner.diagnosis.static.channel import Channel, channel
@@ -143,6 +144,8 @@ def diagnosed_axis(
             signals[finding.cause] = signals.get(finding.cause, np.zeros_like(y)) + (made - made.mean())
     empty = NoiseModel()
     before, after = diagnosis.base.get(axis, empty), diagnosis.models.get(axis, empty)
+    if any(isinstance(term, Arma) and not isclose(term.interval, ready.interval) for term in after.terms):
+        return None  # a model of what is new among repeated samples
     fitted = cache(lambda: fit_channel(ready))
     one = DiagnosedAxis(
         axis,

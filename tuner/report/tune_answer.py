@@ -78,7 +78,9 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
     examined = result.diagnosis is not None or result.drive is not None
     vibration = [] if result.examination is None else vibration_lines(result.examination)
     mended = result.examination is not None and result.examination.before_filter
-    nothing = [] if mended or vibration else ["Nothing was found that the noise terms do not explain"]
+    nothing = (
+        [] if mended or vibration or without else ["Nothing was found that the noise terms do not explain"]
+    )
     further = len(found) - SHOWN_FINDINGS
     own = Path(keys[0].removesuffix(":")).name if len(keys) > 1 else ""
     shown = (own,) if own else (PAIR, FADING)

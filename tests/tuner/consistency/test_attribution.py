@@ -18,7 +18,12 @@ from models.noise.bias_instability import flicker_ladder
 from models.trajectory.catalogue import TRAJECTORIES
 from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
 from tuner.consistency.attribution import attribute, likeliest
-from tuner.consistency.attribution.hypotheses import Hypothesis, hypotheses
+from tuner.consistency.attribution.hypotheses import (
+    TIME_CONSTANT_FACTORS,
+    Hypothesis,
+    UnmodelledNoise,
+    hypotheses,
+)
 from tuner.consistency.attribution.likelihood import whitened_products
 from tuner.consistency.attribution.sensitivity import score_sensitivity, variance_lost_by_averaging
 from tuner.consistency.error_budget import error_budget
@@ -144,6 +149,23 @@ def test_constants_of_both_sensors_are_one_cause():
     causes = attribute(evaluate(simulated, plan.outages), simulated, effects)
     assert causes[0].source == "turn-on biases of gyros and accelerometers"
     assert causes[0].ratio == pytest.approx(10.0, rel=0.3)
+
+
+def test_time_constants_that_no_step_can_follow_are_left_out():
+    """A thirtieth of the time constant was not finite, and ended in a traceback."""
+    own = {name: np.ones(4) for name in ("gyro bias noise", "accelerometer bias noise")}
+    unmodelled = {
+        UnmodelledNoise("gyro", ExplanationKind.TIME_CONSTANT, factor): np.full(
+            4, np.nan if factor < 0.1 else factor
+        )
+        for factor in TIME_CONSTANT_FACTORS
+    }
+    (one,) = (
+        h
+        for h in hypotheses(own, unmodelled, {"gyro": (1.0, 9.0)})
+        if h.kind is ExplanationKind.TIME_CONSTANT
+    )
+    assert np.isfinite(one.expected(one.bounds[0])).all()
 
 
 def test_nothing_is_named_where_nothing_fits():

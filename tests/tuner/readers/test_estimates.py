@@ -61,6 +61,16 @@ def test_csv_in_degrees_with_sds_in_their_units(tmp_path):
     assert np.isnan(sd[0, 12])
 
 
+def test_sds_of_angles_stand_beside_quaternions(tmp_path):
+    """They were dropped without a word, and an attitude 90° off was honest."""
+    one = np.ones(N)
+    angles = {"sd_roll": 0.1 * one, "sd_pitch": 0.2 * one, "sd_yaw": 0.3 * one}
+    by_angles = read_estimate(full_csv(tmp_path, **angles))
+    turned = dict(zip(("qw", "qx", "qy", "qz"), QUAT.T, strict=True))
+    found = read_estimate(csv(tmp_path / "q.csv", {"t": T, **turned, **angles}))
+    assert found.covariance[:, 6:9, 6:9] == pytest.approx(by_angles.covariance[:, 6:9, 6:9], abs=1e-12)
+
+
 @pytest.mark.parametrize("unit", ["m", "deg", None])
 def test_sds_of_latitude_in_metres_and_in_degrees_are_the_same(tmp_path, unit):
     metres = metres_per_radian(np.array([np.radians(48.0), 0.0, 500.0]))

@@ -61,6 +61,9 @@ def test_a_reading_that_no_sensor_makes_is_taken_out_and_counted(
     y[place, 1] += gyro
     f[place, 1] += accel
     record, other = read(write(tmp_path / "log.csv", rows(gyro=y, accel=f)))
+    count, size = (record.broken | other.broken)["gyro_y" if gyro else "accel_y"]
+    assert count == 1
+    assert size == pytest.approx(abs(gyro + accel), rel=0.01)
     assert np.abs(record.y).max() < 0.1
     assert np.abs(other.y).max() < 10.0
     axis = "gyro_y" if gyro else "accel_y"

@@ -31,6 +31,22 @@ def test_rates_that_a_fusion_gives_as_zero_are_refused():
         at_rest((record(y[:, None]),))
 
 
+def test_a_dead_zone_of_two_codes_is_one():
+    """97 % zeros beside codes ±2 and more, printed to three digits: it read as N 0.44 times."""
+    y = np.round(16.0 * 0.0583 * noise()) / 16.0
+    y[np.abs(y) < 0.1] = 0.0
+    assert dead_zone(np.round(y, 3)) == pytest.approx(0.125)
+
+
+def test_readings_that_are_held_until_they_change_are_refused():
+    """Each axis by itself, by 1.9 sd; they were rows that repeat, and N 1.7 times."""
+    y = np.round(noise() / 0.35) * 0.35
+    for i in range(1, COUNT):
+        y[i] = y[i] if abs(y[i] - y[i - 1]) > 1.9 else y[i - 1]
+    with pytest.raises(DataError, match=r"accel x stay at a reading until it changes .* \(hysteresis\)"):
+        at_rest((record(y[:, None]),))
+
+
 @pytest.mark.parametrize(
     "y",
     [
@@ -83,6 +99,15 @@ def test_a_high_pass_shows_in_all_frequencies_below_it_together():
     """A second learnt in eight minutes: no single octave below has enough ordinates."""
     y, gain = noise()[:48_000], 0.01
     assert high_pass([y - lfilter([gain], [1.0, gain - 1.0], y)], 0.01) > 4.0
+
+
+def test_a_slow_high_pass_shows_in_all_axes_together():
+    """Of 8 s, in a log of 15 minutes: no axis alone is sure, and N was "rough" and the walk 5 times too small."""
+    gain = 0.01 / 8.0
+    axes = [y - lfilter([gain], [1.0, gain - 1.0], y) for y in map(noise, (1, 2, 3))]
+    assert high_pass(axes[:1], 0.01) == 1.0
+    assert high_pass(axes, 0.01) > 2.0
+    assert high_pass([noise(seed) for seed in (4, 5, 6)], 0.01) == 1.0
 
 
 def test_a_high_pass_shows_in_long_logs_as_well():
