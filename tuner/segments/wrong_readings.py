@@ -33,7 +33,7 @@ from tuner.types.records import Record
 
 SAMPLES_BESIDE = 4
 """Samples on either side by whose medians one is judged."""
-TRIED_WIDTHS = (1, 4)
+TRIED_WIDTHS = (1, 4, 16)
 """Samples of a wrong reading: a filter behind it spreads a single one over some."""
 SHORTEST_MOVEMENT = 1.0
 """Time that a movement by hand takes, s."""
@@ -133,8 +133,21 @@ def _wide(axis: str, record: Record, width: int) -> WrongReadings | None:
     rows = np.zeros(len(y), dtype=bool)
     rows[: len(reached) * width] = np.repeat(reached, width)
     about = _about_level(y)
+    rows = _with_ringing(rows, about, width)
     off = about[rows][np.abs(about[rows]) > one.sizes.min()]
     return None if len(off) and _cut_off(off, about[~rows]) else replace(one, rows=rows)
+
+
+def _with_ringing(rows: BoolArray, about: FloatArray, width: int) -> BoolArray:
+    """Return the rows of wrong readings with those close by that are no noise: how a filter rings and decays."""
+    far = np.abs(about) > LEAST_SDS * float(np.std(about[~rows]))
+    while True:
+        near = np.convolve(rows, np.ones(2 * width + 1), "same") > 0.0
+        more = near & far & ~rows
+        if not more.any():
+            return rows
+        rows = np.convolve(rows | more, np.ones(3), "same") > 0.0
+        far = np.abs(about) > LEAST_SDS * float(np.std(about[~rows]))
 
 
 def without_wrong_readings(record: Record, found: Sequence[WrongReadings]) -> Record:

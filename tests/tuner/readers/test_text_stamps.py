@@ -78,7 +78,7 @@ def test_a_sensor_that_cannot_be_read_is_named(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("name", "unit"), [("millis", 1e-3), ("micros()", 1e-6), ("ms", 1e-3)])
 def test_clocks_and_sensors_have_the_names_of_an_arduino(tmp_path: Path, name: str, unit: float) -> None:
     """``millis`` was no clock, and then one in 0.1 ms; GyX was no sensor."""
-    rows = np.column_stack([np.rint(np.arange(COUNT) / RATE / unit), GYRO, GYRO + [0.0, 0.0, 9.81]])
+    rows = np.column_stack([np.rint(np.arange(COUNT) / RATE / unit), GYRO, GYRO + np.array([0.0, 0.0, 9.81])])
     header = f"{name}," + ",".join([f"Gy{a} [rad/s]" for a in "XYZ"] + [f"Ac{a} [m/s^2]" for a in "XYZ"])
     np.savetxt(tmp_path / "log.csv", rows, delimiter=",", header=header, comments="")
     gyro, accel = read(tmp_path / "log.csv")

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from tests.tuner.segments.test_error_codes import record
 from tuner.diagnosis import diagnose
@@ -124,6 +125,22 @@ def test_readings_that_a_filter_spread_over_some_samples_are_found():
     assert found.axis.endswith("z")
     assert np.mean(found.rows[pulses(7) > 8.0]) > 0.95
     assert np.mean(found.rows) < 25.0 * 2e-4  # twelve or sixteen samples each
+
+
+@pytest.mark.parametrize(
+    ("filtered", "rate"),
+    [(([1.0], [1.0, 0.4, 0.35]), 200.0), (([1.0], [1.0, -0.75]), 1000.0)],
+    ids=["rings", "decays"],
+)
+def test_what_a_filter_rings_and_decays_belongs_to_a_wrong_reading(filtered, rate):
+    """Rows beside the pulses stayed: N was 2.3 times, or "the sensor moved in 44 %"."""
+    struck = np.where(rows(12, 3e-4), 2000.0, 0.0)
+    still = np.stack([noise(1), noise(2), noise(3)], axis=1)
+    y = still + lfilter(*filtered, struck)[:, None] * [0.0, 1.0, 0.0]
+    fast = replace(record(y), t=np.arange(COUNT) / rate, interval=1.0 / rate)
+    (found,) = find_wrong_readings(fast)
+    assert np.abs(y[~found.rows, 1]).max() < 10.0
+    assert found.rows.mean() < 0.06
 
 
 def test_what_two_axes_show_for_some_samples_is_motion():
