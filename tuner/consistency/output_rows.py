@@ -23,7 +23,8 @@ def without_repeats(output: FilterOutput) -> FilterOutput:
     if not stated or len(output) < 2:
         return output
     table = np.concatenate(stated, axis=1)
-    again = np.concatenate([[False], ((table[1:] == table[:-1]) | np.isnan(table[1:])).all(axis=1)])
+    same = (table[1:] == table[:-1]) | (np.isnan(table[1:]) & np.isnan(table[:-1]))
+    again = np.concatenate([[False], same.all(axis=1) & np.isfinite(table[1:]).any(axis=1)])
     moving = np.ptp(np.nan_to_num(table), axis=0).max() > 0.0
     if not again.any() or not moving:
         return output

@@ -1,4 +1,4 @@
-"""MATLAB logs: arrays or structs of arrays; v4 by scipy, v5 to v7 by `tuner.readers.mat5`, v7.3 (HDF5) by h5py.
+"""MATLAB logs: arrays or structs of arrays; v4 to v7 by scipy, v7.3 (HDF5) by h5py.
 
 The fields of a struct are named ``imu/fb``; the names of NaveGo (``t fb wb``) are among the aliases. MATLAB's
 v7.3 stores arrays turned round; they are turned back.
@@ -13,10 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tuner.formats.guard import input_guard
+from tuner.readers.child_process import BYTES_A_SECOND, LONGEST_LISTING, check_in_child
 from tuner.readers.columns import Listing, listing_of_arrays
 from tuner.readers.hdf5 import SIGNATURE, read_hdf5
 from tuner.readers.log_format import LogFormat
-from tuner.readers.mat5 import HEADER_BYTES, read_mat5
+
+HEADER_BYTES = 128
+"""Length of the header of v5 and later: its last bytes are version and byte order."""
 
 
 def list_mat(path: Path) -> Listing:
@@ -29,29 +32,33 @@ def list_mat(path: Path) -> Listing:
         return read_hdf5(path, turned=False)
     if head[124:128] in (b"\x00\x02IM", b"\x02\x00MI"):
         return read_hdf5(path, turned=True)
+    import scipy.io
+
+    def load() -> dict[str, Any]:
+        return dict(scipy.io.loadmat(path, simplify_cells=True))
+
+    # The library ends the process on some damaged files.
+    check_in_child(str(path), load, seconds=LONGEST_LISTING + path.stat().st_size / BYTES_A_SECOND)
     arrays: dict[str, NDArray[Any]] = {}
     meta: dict[str, Any] = {}
-    if head[126:128] in (b"IM", b"MI"):
-        for name, value in read_mat5(path.read_bytes(), source=str(path)):
-            _keep(name, value, arrays, meta)
-    else:
-        import scipy.io
-
-        with input_guard(path, "a MAT file"):
-            for name, value in scipy.io.loadmat(path, struct_as_record=True, squeeze_me=True).items():
-                if not name.startswith("__"):
-                    _keep(name, value, arrays, meta)
+    with input_guard(path, "a MAT file"):
+        for name, value in load().items():
+            if not name.startswith("__"):
+                _keep(name, value, arrays, meta)
     return listing_of_arrays(path, arrays, units={}, meta=meta)
 
 
 def _keep(name: str, value: object, arrays: dict[str, NDArray[Any]], meta: dict[str, Any]) -> None:
-    """Put numeric arrays into `arrays` and single values into `meta`."""
-    if isinstance(value, str):
+    """Put numeric arrays into `arrays` and single values and texts into `meta`; fields of structs by their path."""
+    if isinstance(value, dict):
+        for key, field in value.items():
+            _keep(f"{name}/{key}", field, arrays, meta)
+    elif isinstance(value, str):
         meta[name.rsplit("/", 1)[-1]] = value
     elif isinstance(value, np.ndarray) and value.dtype.kind in "iuf" and value.size > 1:
-        arrays[name] = value.squeeze()
-    elif isinstance(value, np.ndarray | np.generic) and value.size == 1 and value.dtype.kind in "iuf":
-        meta[name.rsplit("/", 1)[-1]] = value.item()
+        arrays[name] = value.astype(value.dtype.newbyteorder("="), copy=False)
+    elif np.isscalar(value) and np.asarray(value).dtype.kind in "iuf":
+        meta[name.rsplit("/", 1)[-1]] = value
 
 
 FORMAT = LogFormat(

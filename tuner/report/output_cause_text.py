@@ -34,6 +34,7 @@ _CHANGES = {
     "time_constant": "multiply the time constants{of_subject} by {size:.3g}",
     "missing_state": "add a state{of_subject} of sd {size:.3g} {unit}",
     "time_offset": "shift the stamps of the fixes by {back:+.3g} s, or give the filter this delay",
+    "time_offset of stamps of the output": "shift the stamps of the output by {back:+.3g} s{leap}",
     "time_offset of stamps of the output or of the truth": (
         "shift the stamps of the output by {back:+.3g} s, or score with --align-time if the truth is late{leap}"
     ),
@@ -42,7 +43,7 @@ _CHANGES = {
         "the estimate is too {high} throughout: another datum (ellipsoid, mean sea level) or antenna height?"
     ),
     "gnss_frame of offset": "the estimate is off by {parts} m throughout: put both into one datum and origin",
-    "gnss_frame of rotation": "positions are turned by {degrees} deg about the vertical: grid north in one of the two?",
+    "gnss_frame of rotation": "positions are turned by {degrees} deg: grid north in one of the two?",
     "lever_arm of output": (
         "the point of the output is off by {parts} m (forward, right, down) from that of the truth: another antenna, "
         "or a lever arm that the filter lacks"
@@ -113,7 +114,11 @@ def change_text(cause: OutputCause) -> str:
         of_subject=f" of {cause.subject}" if cause.subject else "",
         fixes=cause.subject or "the fixes",
         high="high" if cause.size > 0.0 else "low",
-        degrees=f"{math.degrees(cause.size):+.3g}",
+        degrees=", ".join(
+            f"{name} {math.degrees(value):+.3g}"
+            for name, (value, _, _) in cause.parameters.items()
+            if name != "scale"
+        ),
         leap=f"; GPS time and UTC are {LEAP_SECONDS:g} s apart" if leaps else "",
         unit_cure=UNIT_CURES.get(cause.subject, _ROOTS if "variances" in cause.subject else _SQUARES),
         parts=", ".join(f"{name} {value:+.3g}" for name, (value, _, _) in cause.parameters.items()),

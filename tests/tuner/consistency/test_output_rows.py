@@ -26,6 +26,15 @@ def test_every_second_row_that_repeats_is_left_out_and_said():
     assert found.notes == ("out: 50 % of its rows repeat the one before: they are left out",)
 
 
+def test_a_filter_that_ends_in_no_numbers_diverged():
+    """Its rows repeat nothing."""
+    place = PLACE.copy()
+    place[-50:] = np.nan
+    assert score_outputs(
+        [output(place)], [filter_output("truth", np.arange(float(N)), local=PLACE)]
+    ).consistency.diverged
+
+
 def test_rows_that_differ_and_a_unit_that_never_moves_stay():
     assert without_repeats(output()).notes == ()
     assert len(without_repeats(output(np.ones((N, 3))))) == N
