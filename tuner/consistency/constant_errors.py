@@ -34,13 +34,13 @@ from tuner.types.consistency import Score
 from tuner.types.filter_output import BLOCKS, FilterOutput
 from tuner.types.output_score import OutputCause, TimeOffset
 
-PARTS = 10
+JACKKNIFE_PARTS = 10
 """Parts of a record whose scatter gives the interval of a constant."""
-STATES = 9
+FITTED_STATES = 9
 """Position, velocity and attitude: what a constant acts on."""
 CLOCK = "stamps of the output or of the truth"
 """Subject of an offset of the clocks."""
-RADIAN = math.degrees(1.0)
+RADIAN_IN_DEGREES = math.degrees(1.0)
 """Degrees of a radian."""
 
 
@@ -64,7 +64,7 @@ class Fitted(NamedTuple):
 
 def _offset(run: OutputErrors) -> FloatArray:
     """Return derivatives by how far north, east and down the estimate is of the truth."""
-    found = np.zeros((len(run), STATES, 3))
+    found = np.zeros((len(run), FITTED_STATES, 3))
     found[:, :3] = -np.eye(3)
     return found
 
@@ -76,7 +76,7 @@ def _height(run: OutputErrors) -> FloatArray:
 
 def _antenna(run: OutputErrors) -> FloatArray:
     """Return derivatives by how far forward, right and down the positions are of those of the truth."""
-    found = np.zeros((len(run), STATES, 3))
+    found = np.zeros((len(run), FITTED_STATES, 3))
     found[:, :3] = -rotation.mat_from_quat(run.estimate.quat_nb)
     return found
 
@@ -94,7 +94,7 @@ def _turn(run: OutputErrors) -> FloatArray:
 
     A map has both, and a turn by many degrees shortens the way that it began with.
     """
-    found = np.zeros((len(run), STATES, 2))
+    found = np.zeros((len(run), FITTED_STATES, 2))
     for own, of in ((slice(0, 3), _travelled(run)), (slice(3, 6), run.estimate.vel_n)):
         found[:, own, 0] = -np.cross([0.0, 0.0, 1.0], of)
         found[:, own, 1] = -of * [1.0, 1.0, 0.0]
@@ -117,7 +117,7 @@ def _travelled(run: OutputErrors) -> FloatArray:
 
 def _body(run: OutputErrors) -> FloatArray:
     """Return derivatives by a rotation from the body of the estimate to that of the truth."""
-    found = np.zeros((len(run), STATES, 3))
+    found = np.zeros((len(run), FITTED_STATES, 3))
     found[:, 6:9] = rotation.mat_from_quat(run.estimate.quat_nb)
     return found
 
@@ -188,12 +188,12 @@ def _fitted(runs: Sequence[OutputErrors], constant: Constant) -> Fitted | None:
     tables = []
     for run in runs:
         columns = constant.columns(run)
-        error, sd = run.error[:, :STATES], _sds(run)
+        error, sd = run.error[:, :FITTED_STATES], _sds(run)
         known = np.isfinite(error) & np.isfinite(columns).all(axis=2)
         known[np.setdiff1d(np.arange(len(run)), aided_rows(run.t, run.estimate.outages))] = False
         w = np.where(known, error / sd, 0.0)
         x = np.where(known[..., None], columns / sd[..., None], 0.0)
-        for rows in np.array_split(np.arange(len(run)), max(2, PARTS // len(runs))):
+        for rows in np.array_split(np.arange(len(run)), max(2, JACKKNIFE_PARTS // len(runs))):
             tables.append(
                 (np.einsum("njk,njl->kl", x[rows], x[rows]), np.einsum("njk,nj->k", x[rows], w[rows]))
             )
@@ -240,21 +240,21 @@ def _fitted(runs: Sequence[OutputErrors], constant: Constant) -> Fitted | None:
 def _without(run: OutputErrors, columns: FloatArray, value: FloatArray) -> OutputErrors:
     """Return the errors without a constant, whose derivatives join those of what was taken out."""
     error, more = run.error.copy(), np.zeros((len(run), 15, len(value)))
-    more[:, :STATES] = np.nan_to_num(columns)
-    error[:, :STATES] -= columns @ value
+    more[:, :FITTED_STATES] = np.nan_to_num(columns)
+    error[:, :FITTED_STATES] -= columns @ value
     return replace(run, error=error, directions=np.concatenate([run.directions, more], axis=2))
 
 
 def _sds(run: OutputErrors) -> FloatArray:
     """Return the sds of position, velocity and attitude, shape (n, 9); 1 for states of which not all are stated."""
-    variance = np.einsum("kii->ki", run.covariance)[:, :STATES]
+    variance = np.einsum("kii->ki", run.covariance)[:, :FITTED_STATES]
     stated = np.all(variance > 0.0, axis=0)
     return np.sqrt(np.where(stated, variance, 1.0))
 
 
 def _blocks(runs: Sequence[OutputErrors]) -> Iterator[list[FloatArray]]:
     """Give the whitened errors of all runs, shape (n, 3) each, of position, velocity and attitude."""
-    for first in range(0, STATES, 3):
+    for first in range(0, FITTED_STATES, 3):
         own = slice(first, first + 3)
         parts = []
         for run in runs:
@@ -330,11 +330,14 @@ def _worst(runs: Sequence[OutputErrors]) -> Score | None:
 
 Reading = Callable[[FloatArray], FloatArray]
 """Makes the sds that are meant of those that were taken."""
-IN_DEGREES: tuple[Reading, Reading] = (lambda sd: np.sqrt(sd / RADIAN), lambda sd: RADIAN * sd**2)
+IN_DEGREES: tuple[Reading, Reading] = (
+    lambda sd: np.sqrt(sd / RADIAN_IN_DEGREES),
+    lambda sd: RADIAN_IN_DEGREES * sd**2,
+)
 """What roots and squares of numbers in deg mean."""
 READINGS: dict[str, dict[str, Reading]] = {
-    "attitude in rad": {"attitude": lambda sd: sd * RADIAN},
-    "attitude in deg": {"attitude": lambda sd: sd / RADIAN},
+    "attitude in rad": {"attitude": lambda sd: sd * RADIAN_IN_DEGREES},
+    "attitude in deg": {"attitude": lambda sd: sd / RADIAN_IN_DEGREES},
     "variances": {"position": np.sqrt, "velocity": np.sqrt, "attitude": np.sqrt},
     "variances in deg²": {"position": np.sqrt, "velocity": np.sqrt, "attitude": IN_DEGREES[0]},
     "roots": {"position": np.square, "velocity": np.square, "attitude": np.square},

@@ -61,11 +61,13 @@ def expect_noise(records: Sequence[Record]) -> None:
     for record in records:
         other = f"; --columns {record.name}=none reads the other sensor alone" if len(records) > 1 else ""
         zones = {axis: zone for axis in record.axes if (zone := dead_zone(record.column(axis))) > 0.0}
-        held = {axis: zone for axis in record.axes if (zone := dead_zone(np.diff(record.column(axis)))) > 0.0}
-        if held and not zones:
+        stuck = {
+            axis: zone for axis in record.axes if (zone := dead_zone(np.diff(record.column(axis)))) > 0.0
+        }
+        if stuck and not zones:
             raise DataError(
-                f"{record.source}: {axes_text(list(held))} stay at a reading until it changes by "
-                f"{range_text(held.values(), record.unit)}, a dead zone of changes (hysteresis), which withholds the "
+                f"{record.source}: {axes_text(list(stuck))} stay at a reading until it changes by "
+                f"{range_text(stuck.values(), record.unit)}, a dead zone of changes (hysteresis), which withholds the "
                 f"noise: record samples without a threshold{other}"
             )
         if zones:
