@@ -13,8 +13,9 @@ out, and the search goes on. Intervals are those of the jackknife over parts of 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -24,9 +25,10 @@ from models.arrays import FloatArray
 from models.probability import student_quantile
 from tuner.consistency.correlated_errors import independent_count
 from tuner.consistency.frame_differences import errors_in_one_frame
-from tuner.consistency.output_causes import MAX_CAUSES, MIN_GAIN
+from tuner.consistency.output_causes import INTERVAL_SDS, MAX_CAUSES, MIN_GAIN
 from tuner.consistency.output_errors import OutputErrors
 from tuner.consistency.output_scores import aided_rows, error_scores, state_scores
+from tuner.consistency.scores import DIVERGED_RATIO
 from tuner.consistency.trajectory_alignment import Alignment
 from tuner.consistency.wrong_conventions import MIN_IMPROVEMENT
 from tuner.limits import SHOWN_CHANGE, TOLERATED_RATIO
@@ -38,6 +40,8 @@ JACKKNIFE_PARTS = 10
 """Parts of a record whose scatter gives the interval of a constant."""
 FITTED_STATES = 9
 """Position, velocity and attitude: what a constant acts on."""
+LARGEST_TURN = 0.25 * math.pi
+"""Turn, rad, up to which errors are about linear in it."""
 CLOCK = "stamps of the output or of the truth"
 """Subject of an offset of the clocks."""
 RADIAN_IN_DEGREES = math.degrees(1.0)
@@ -51,6 +55,8 @@ class Constant(NamedTuple):
     subject: str
     unit: str
     parts: tuple[str, ...]
+    size: int
+    """First parts whose norm is its size; of one, its value."""
     columns: Callable[[OutputErrors], FloatArray]
     """Derivatives of the errors by the parts, shape (n, 9, k)."""
 
@@ -89,22 +95,25 @@ def _point(run: OutputErrors) -> FloatArray:
     return found
 
 
-def _turn(run: OutputErrors) -> FloatArray:
-    """Return derivatives by a turn of positions and velocities about the vertical of the first point, and their scale.
-
-    A map has both, and a turn by many degrees shortens the way that it began with.
-    """
-    found = np.zeros((len(run), FITTED_STATES, 2))
+def _scale(run: OutputErrors) -> FloatArray:
+    """Return derivatives by how much too long horizontal ways and velocities are, from a point north and east."""
+    found = np.zeros((len(run), FITTED_STATES, 3))
     for own, of in ((slice(0, 3), _travelled(run)), (slice(3, 6), run.estimate.vel_n)):
-        found[:, own, 0] = -np.cross([0.0, 0.0, 1.0], of)
-        found[:, own, 1] = -of * [1.0, 1.0, 0.0]
+        found[:, own, 0] = -of * [1.0, 1.0, 0.0]
+    found[:, :3, 1:] = -np.eye(3)[:, :2]
     return found
 
 
-def _turned_world(run: OutputErrors) -> FloatArray:
-    """Return the derivative by a turn of all that an estimate states about the vertical of the first point."""
-    found = _turn(run)
+def _turn(run: OutputErrors, blocks: int) -> FloatArray:
+    """Return derivatives by a turn of so many blocks about the vertical of any point, and by their scale.
+
+    A map has both, and a turn by many degrees shortens the way that it began with.
+    """
+    found = np.concatenate([np.zeros((len(run), FITTED_STATES, 1)), _scale(run)], axis=2)
+    for own, of in ((slice(0, 3), _travelled(run)), (slice(3, 6), run.estimate.vel_n)):
+        found[:, own, 0] = -np.cross([0.0, 0.0, 1.0], of)
     found[:, 8, 0] = -1.0
+    found[:, 3 * blocks :] = 0.0
     return found
 
 
@@ -123,13 +132,23 @@ def _body(run: OutputErrors) -> FloatArray:
 
 
 CONSTANTS = (
-    Constant("gnss_frame", "height", "m", ("up",), _height),
-    Constant("gnss_frame", "offset", "m", ("north", "east", "down"), _offset),
-    Constant("lever_arm", "output", "m", ("x", "y", "z"), _antenna),
-    Constant("lever_arm", "output", "m", ("x", "y", "z"), _point),
-    Constant("gnss_frame", "rotation", "rad", ("yaw", "scale"), _turn),
-    Constant("gnss_frame", "rotation", "rad", ("yaw", "scale"), _turned_world),
-    Constant("mounting", "", "rad", ("roll", "pitch", "yaw"), _body),
+    Constant("gnss_frame", "height", "m", ("up",), 1, _height),
+    Constant("gnss_frame", "offset", "m", ("north", "east", "down"), 3, _offset),
+    Constant("lever_arm", "output", "m", ("x", "y", "z"), 3, _antenna),
+    Constant("lever_arm", "output", "m", ("x", "y", "z"), 3, _point),
+    Constant("gnss_frame", "scale", "1", ("scale", "north", "east"), 1, _scale),
+    *(
+        Constant(
+            "gnss_frame",
+            "rotation",
+            "rad",
+            ("yaw", "scale", "north", "east"),
+            1,
+            partial(_turn, blocks=number),
+        )
+        for number in (1, 2, 3)
+    ),
+    Constant("mounting", "", "rad", ("roll", "pitch", "yaw"), 3, _body),
 )
 """Constants that act linearly, the simplest first."""
 
@@ -154,24 +173,28 @@ def constant_errors(
     offset : TimeOffset or None
         Offset of the clocks, where one was found.
     """
-    rest, body = list(runs), any(run.body is not None for run in runs)
+    rest = list(runs)
+    aligned = {
+        "time_offset": offset is None or offset.removed,
+        "mounting": any(run.body is not None for run in runs),
+    }
     found: list[OutputCause] = []
     while len(found) < MAX_CAUSES:
         taken = {(one.cause, one.subject) for one in found}
         tried = [
             fit
             for constant in CONSTANTS
-            if (constant.cause, constant.subject) not in taken and not (body and constant.cause == "mounting")
+            if (constant.cause, constant.subject) not in taken and not aligned.get(constant.cause)
             if (fit := _fitted(rest, constant)) is not None
         ]
-        if offset is not None and not offset.removed and not found:
-            shifted = errors_in_one_frame(outputs, truths, how, align_time=True, align_body=body)
-            if shifted[0] is not None and np.prod(shifted[0].interval) > 0.0:
-                size, interval = shifted[0].value, shifted[0].interval
-                cause = OutputCause(
-                    "time_offset", size, interval, "s", _gain(rest, shifted[1], 1), {}, CLOCK, (), True
-                )
-                tried.append(Fitted(cause, shifted[1]))
+        if all(
+            one.cause in aligned for one in found
+        ):  # these act as a whole, not linearly: before all others
+            tried += [
+                fit
+                for cause, known in aligned.items()
+                if not known and (fit := _aligned(outputs, truths, how, rest, aligned | {cause: True}, cause))
+            ]
         best = None
         for one in tried:
             more = one.cause.gain > (best.cause.gain if best else MIN_GAIN)
@@ -180,7 +203,39 @@ def constant_errors(
             break
         found.append(best.cause)
         rest = best.rest
-    return tuple(found), rest
+        aligned |= {best.cause.cause: True} if best.cause.cause in aligned else {}
+    return (tuple(found), rest) if _explain(runs, rest) else ((), list(runs))
+
+
+def _aligned(
+    outputs: Sequence[FilterOutput],
+    truths: Sequence[FilterOutput],
+    how: Alignment,
+    before: Sequence[OutputErrors],
+    wanted: Mapping[str, bool],
+    cause: str,
+) -> Fitted | None:
+    """Return an offset of the clocks or a rotation of the body, and the errors with these taken out as wanted."""
+    clock = wanted["time_offset"] and any(np.isfinite(run.rate[:, :FITTED_STATES]).any() for run in before)
+    offset, rest = errors_in_one_frame(outputs, truths, how, align_time=clock, align_body=wanted["mounting"])
+    gain = _gain(before, rest, 1 if cause == "time_offset" else 3)
+    if cause == "time_offset":
+        if offset is None or np.prod(offset.interval) <= 0.0:
+            return None
+        return Fitted(OutputCause(cause, offset.value, offset.interval, "s", gain, {}, CLOCK, (), True), rest)
+    body = rest[0].body
+    if body is None or not np.isfinite(body.vector).all():
+        return None
+    length = float(np.linalg.norm(body.vector))
+    wide = INTERVAL_SDS * body.sd
+    spread = float(np.linalg.norm(wide * body.vector)) / max(length, 1e-300)
+    parts = {
+        name: (float(v), float(v - w), float(v + w))
+        for name, v, w in zip(("roll", "pitch", "yaw"), body.vector, wide, strict=True)
+    }
+    return Fitted(
+        OutputCause(cause, length, (length - spread, length + spread), "rad", gain, parts, "", (), True), rest
+    )
 
 
 def _fitted(runs: Sequence[OutputErrors], constant: Constant) -> Fitted | None:
@@ -210,14 +265,14 @@ def _fitted(runs: Sequence[OutputErrors], constant: Constant) -> Fitted | None:
     covariance = (len(left) - 1) / len(left) * off.T @ off
     wide = float(student_quantile(0.975, len(left) - 1))
     rest = [_without(run, constant.columns(run), value) for run in runs]
-    vector = value if len(value) == 3 else value[:1]  # a turn, whatever the scale
+    vector = value[: constant.size]
     length = float(np.linalg.norm(vector))
     own = covariance[: len(vector), : len(vector)]
     spread = wide * math.sqrt(float(vector @ own @ vector)) / max(length, 1e-300)
-    if spread > length:
+    if spread > length or (constant.unit == "rad" and length > LARGEST_TURN):
         return None
     each = wide * np.sqrt(np.diag(covariance))
-    size = length if len(vector) == 3 else float(value[0])
+    size = length if constant.size > 1 else float(value[0])
     parts = {
         name: (float(v), float(v - half), float(v + half))
         for name, v, half in zip(constant.parts, value, each, strict=True)
@@ -284,6 +339,12 @@ def _gain(before: Sequence[OutputErrors], after: Sequence[OutputErrors], numbers
     ]
     total = sum(n for *_, n in pairs)
     return sum(0.5 * n * math.log(s / r) for s, r, n in pairs) - 0.5 * numbers * math.log(max(total, 1.0))
+
+
+def _explain(before: Sequence[OutputErrors], after: Sequence[OutputErrors]) -> bool:
+    """Return whether the errors of each block without constants are not far, or nearer by as much as makes them far."""
+    pairs = zip(_squares(before), _squares(after), strict=True)
+    return all(math.sqrt(r) < max(DIVERGED_RATIO, math.sqrt(s) / DIVERGED_RATIO) for (s, _), (r, _) in pairs)
 
 
 def _matters(before: Sequence[OutputErrors], after: Sequence[OutputErrors]) -> bool:

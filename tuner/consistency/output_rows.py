@@ -10,11 +10,14 @@ from models.arrays import FloatArray
 from tuner.formats.customary_units import percent
 from tuner.types.filter_output import BLOCKS, FilterOutput
 
+MOST_REPEATS = 3
+"""Rows that repeat one before by themselves: a logger that is faster than its filter writes no more."""
+
 
 def without_repeats(output: FilterOutput) -> FilterOutput:
     """Return an output without rows that state what the one before does, digit for digit, with a note of how many.
 
-    A filter that runs changes its last digits. Where it does not, as one that writes none, all rows stay.
+    A filter that runs changes its last digits. Where many rows on end repeat, it hangs or rests, and all stay.
     """
     place = output.llh if output.llh is not None else output.local
     stated = [
@@ -25,8 +28,8 @@ def without_repeats(output: FilterOutput) -> FilterOutput:
     table = np.concatenate(stated, axis=1)
     same = (table[1:] == table[:-1]) | (np.isnan(table[1:]) & np.isnan(table[:-1]))
     again = np.concatenate([[False], same.all(axis=1) & np.isfinite(table[1:]).any(axis=1)])
-    moving = np.ptp(np.nan_to_num(table), axis=0).max() > 0.0
-    if not again.any() or not moving:
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], again, [False]]).astype(int)))
+    if not again.any() or np.diff(edges)[::2].max() > MOST_REPEATS:  # at rest, or a filter that hangs
         return output
     note = f"{percent(float(again.mean()))} of its rows repeat the one before: they are left out"
     return replace(output.rows(~again), notes=(*output.notes, f"{output.name}: {note}"))
@@ -35,19 +38,25 @@ def without_repeats(output: FilterOutput) -> FilterOutput:
 def with_stated_sds(output: FilterOutput) -> FilterOutput:
     """Return an output whose sds of zero are not stated, with a note of which: no filter is certain."""
     variance = np.einsum("kii->ki", output.covariance)
-    zero = [(i, name) for i, name in enumerate(BLOCKS) if _none_but_zero(variance[:, 3 * i : 3 * i + 3])]
-    if not zero:
+    zero = np.array([_none_but_zero(one) for one in variance.T])
+    if not zero.any():
         return output
     covariance = output.covariance.copy()
-    for i, _ in zero:
-        covariance[:, 3 * i : 3 * i + 3] = np.nan
-        covariance[:, :, 3 * i : 3 * i + 3] = np.nan
-    names = " and ".join(name.replace("_", " ") for _, name in zero)
+    covariance[:, zero] = np.nan
+    covariance[:, :, zero] = np.nan
+    said = []
+    for i, block in enumerate(BLOCKS):
+        own, axes = zero[3 * i : 3 * i + 3], ("north", "east", "down") if i < 3 else ("x", "y", "z")
+        where = (
+            "" if own.all() else " " + " and ".join(axis for axis, one in zip(axes, own, strict=True) if one)
+        )
+        said += [f"{block.replace('_', ' ')}{where}"] if own.any() else []
+    names = " and ".join(said)
     note = f"{output.name}: sds of {names} are zero in all rows: taken as not stated; write what the filter predicts"
     return replace(output, covariance=covariance, notes=(*output.notes, note))
 
 
 def _none_but_zero(variance: FloatArray) -> bool:
-    """Return whether variances, shape (n, 3), are stated and zero."""
+    """Return whether variances, shape (n,), are stated and zero."""
     known = variance[np.isfinite(variance)]
     return len(known) > 0 and not known.any()

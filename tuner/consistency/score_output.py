@@ -168,7 +168,7 @@ def score_outputs(
         errors = rest or [_without_truth(o) for o in innovative]
         if not (why.causes or _explained(left, constants)):
             why = explain(errors, sensor_noise=sensor_noise)
-    notes += unscored_start(rest)
+    notes += unscored_start(rest, left.blocks)
     causes = _without_contradicted(why.causes, left.scores)
     grow = _is_far(left) and not causes and _grow(rest)
     stage("scoring each state", 1.0)
@@ -202,7 +202,7 @@ def _fits(found: Consistency) -> bool:
 
 def _explained(left: Consistency, constants: Sequence[OutputCause]) -> bool:
     """Return whether scores without constants leave nothing to explain."""
-    return _fits(left) or (bool(constants) and left.honesty.good)
+    return _fits(left) or (bool(constants) and left.honesty.good and not _is_far(left))
 
 
 def _is_far(found: Consistency) -> bool:

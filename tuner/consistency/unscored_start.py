@@ -14,15 +14,20 @@ import numpy as np
 from models.probability import chi2_quantile
 from tuner.consistency.output_errors import OutputErrors
 from tuner.consistency.output_scores import known_epochs, settling_time
+from tuner.limits import TOLERATED_RATIO
+from tuner.types.consistency import Score
 from tuner.types.filter_output import BLOCKS
 
 FALSE_ALARM = 1e-3
 """Probability that a consistent filter gets the note for a block."""
 
 
-def unscored_start(runs: Sequence[OutputErrors]) -> list[str]:
-    """Return notes on blocks whose errors in the time that is not scored exceed what is predicted, with their ratio."""
-    notes = []
+def unscored_start(runs: Sequence[OutputErrors], scores: Sequence[Score] = ()) -> list[str]:
+    """Return notes on blocks whose errors in the time that is not scored exceed what is predicted, with their ratio.
+
+    Blocks whose scores, after that time, are about as far off say nothing of the start.
+    """
+    notes, later = [], {one.name: one.ratio for one in scores}
     for block, name in enumerate(BLOCKS):
         own = slice(3 * block, 3 * block + 3)
         means = []
@@ -35,6 +40,8 @@ def unscored_start(runs: Sequence[OutputErrors]) -> list[str]:
         freedom = 3.0 * len(means)
         if means and sum(means) > chi2_quantile(1.0 - FALSE_ALARM, freedom):
             ratio = math.sqrt(sum(means) / freedom)
+            if ratio < TOLERATED_RATIO * later.get(name, 0.0):
+                continue
             seconds = max(settling_time(run.t) for run in runs)
             notes.append(
                 f"in the first {seconds:.0f} s, which the table leaves out, {name} errs by {ratio:.2g} × what is "

@@ -22,6 +22,7 @@ _NAMES = {
     "gnss_frame of height": "heights, a constant offset",
     "gnss_frame of offset": "positions, a constant offset",
     "gnss_frame of rotation": "positions, turned",
+    "gnss_frame of scale": "positions, scaled",
     "lever_arm of output": "lever arm of the output",
     "time_offset of stamps of the output or of the truth": "time stamps, a constant offset",
 }
@@ -44,6 +45,7 @@ _CHANGES = {
     ),
     "gnss_frame of offset": "the estimate is off by {parts} m throughout: put both into one datum and origin",
     "gnss_frame of rotation": "positions are turned by {degrees} deg: grid north in one of the two?",
+    "gnss_frame of scale": "the estimate's ways are {percent} % too long: a map projection in one of the two?",
     "lever_arm of output": (
         "the point of the output is off by {parts} m (forward, right, down) from that of the truth: another antenna, "
         "or a lever arm that the filter lacks"
@@ -65,6 +67,8 @@ READINGS = {
     "attitude variances": "stated sds of attitudes are variances in deg²",
 }
 """What sds are instead."""
+ANGLES = ("roll", "pitch", "yaw")
+"""Parameters of a rotation."""
 UNIT_CURES = {
     "attitude in rad": "name the columns 'sd_roll [rad]', …",
     "attitude in deg": "name the columns 'sd_roll [deg]', …",
@@ -96,7 +100,7 @@ def cause_text(cause: OutputCause) -> str:
     size = amount(Coefficient.known(cause.size, *cause.interval, cause.unit))
     if cause.cause == "unit_of_sds":
         return f"{cause_name(cause)}: errors are {size} times as large as the sds that were read"
-    if cause.unit == "1":
+    if cause.unit == "1" and cause.cause != "gnss_frame":
         size = f"true {'time' if cause.cause == 'time_constant' else 'sd'} {size} times the assumed"
     others = ", ".join(cause_name(other) for other in cause.alternatives[:MAX_ALTERNATIVES])
     return f"{cause_name(cause)}: {size}" + (f"; not distinguished from it: {others}" if others else "")
@@ -117,8 +121,9 @@ def change_text(cause: OutputCause) -> str:
         degrees=", ".join(
             f"{name} {math.degrees(value):+.3g}"
             for name, (value, _, _) in cause.parameters.items()
-            if name != "scale"
+            if name in ANGLES
         ),
+        percent=f"{100.0 * cause.size:+.3g}",
         leap=f"; GPS time and UTC are {LEAP_SECONDS:g} s apart" if leaps else "",
         unit_cure=UNIT_CURES.get(cause.subject, _ROOTS if "variances" in cause.subject else _SQUARES),
         parts=", ".join(f"{name} {value:+.3g}" for name, (value, _, _) in cause.parameters.items()),

@@ -16,9 +16,8 @@ def output_score_answer(found: OutputScore) -> Document:
     causes = [_sentence(f"{cause_text(cause)}: {change_text(cause)}") for cause in found.causes]
     without = found.without_constants
     if without is not None:
-        causes.insert(
-            sum(cause.constant for cause in found.causes), f"Without it: {without.shown.honesty.text}"
-        )
+        number = sum(cause.constant for cause in found.causes)
+        causes.insert(number, f"Without {'it' if number == 1 else 'them'}: {without.shown.honesty.text}")
     return consistency_answer(found.consistency, found.notes, causes=causes, more=states_table(found))
 
 

@@ -9,7 +9,7 @@ import pytest
 from scipy.signal import lfilter
 
 from models import rotation
-from models.earth import llh_displaced
+from models.earth import llh_displaced, ned_between
 from models.trajectory.motion import Trajectory
 from models.trajectory.profiles import Profile, Wave
 from tuner.consistency.constant_errors import unit_of_sds
@@ -75,11 +75,19 @@ def ahead(state):
     return state.mat_nb @ [0.9, -0.4, 0.2]
 
 
+def turned(state):
+    """Positions turned by 1.5° about a point 3 km south; velocities stay."""
+    place = ned_between(state.llh, llh_displaced(state.llh[:1], np.array([[-3000.0, 0.0, 0.0]]))[0])
+    return place @ rotation.mat_from_rotvec([0.0, 0.0, np.radians(1.5)]).T - place
+
+
 CASES = {
     "height": ({"moved": upwards}, ("gnss_frame", "height"), 47.6),
     "offset": ({"moved": aside}, ("gnss_frame", "offset"), np.hypot(1.5, 2.5)),
     "antenna": ({"moved": ahead}, ("lever_arm", "output"), np.sqrt(0.81 + 0.16 + 0.04)),
     "body": ({"body": (0.0, 0.02, -0.3)}, ("mounting", ""), np.hypot(0.02, 0.3)),
+    "backwards": ({"body": (0.0, 0.0, 3.13)}, ("mounting", ""), 3.13),
+    "grid": ({"moved": turned}, ("gnss_frame", "rotation"), np.radians(1.5)),
     "leap seconds": ({"late": 18.0}, ("time_offset", "stamps of the output or of the truth"), 18.0),
     "early": ({"late": -41.3}, ("time_offset", "stamps of the output or of the truth"), -41.3),
 }
@@ -96,7 +104,17 @@ def test_a_constant_is_named_and_a_filter_is_honest_without_it(case):
     assert (cause.cause, cause.subject) == name
     assert cause.interval[0] <= size <= cause.interval[1]
     assert cause.size == pytest.approx(size, rel=0.02)
-    assert found.without_constants.consistent
+    assert found.without_constants.honesty.good
+
+
+def test_a_filter_that_is_lost_has_no_constant():
+    """From a fifth of the record on it was 36 km off: "a constant offset", and honest without it."""
+    one = honest(1)
+    lost = one.llh.copy()
+    lost[80:] = llh_displaced(lost[80:], np.broadcast_to([3e4, 2e4, 0.0], (len(lost) - 80, 3)))
+    found = score_outputs([replace(one, llh=lost)], [reference()])
+    assert not found.consistency.honesty.good
+    assert found.without_constants is None
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -35,6 +35,20 @@ def test_a_filter_that_ends_in_no_numbers_diverged():
     ).consistency.diverged
 
 
+def test_a_filter_that_hangs_repeats_no_rows():
+    """It was honest: the rows in which it stood while the vehicle went on were left out."""
+    place = PLACE.copy()
+    place[100:] = place[100]
+    assert len(without_repeats(output(place))) == N
+
+
+def test_a_zero_of_one_axis_is_told():
+    covariance = output().covariance.copy()
+    covariance[:, 2, 2] = 0.0
+    (note,) = with_stated_sds(replace(output(), covariance=covariance)).notes
+    assert note.startswith("out: sds of position down are zero in all rows")
+
+
 def test_rows_that_differ_and_a_unit_that_never_moves_stay():
     assert without_repeats(output()).notes == ()
     assert len(without_repeats(output(np.ones((N, 3))))) == N
