@@ -31,7 +31,7 @@ from tuner.consistency.output_scores import aided_rows, error_scores, state_scor
 from tuner.consistency.scores import DIVERGED_RATIO
 from tuner.consistency.trajectory_alignment import Alignment
 from tuner.consistency.wrong_conventions import MIN_IMPROVEMENT
-from tuner.limits import SHOWN_CHANGE, TOLERATED_RATIO
+from tuner.limits import HONEST_RATIO, SHOWN_CHANGE, TOLERATED_RATIO
 from tuner.types.consistency import Score
 from tuner.types.filter_output import BLOCKS, FilterOutput
 from tuner.types.output_score import OutputCause, TimeOffset
@@ -195,10 +195,11 @@ def constant_errors(
                 for cause, known in aligned.items()
                 if not known and (fit := _aligned(outputs, truths, how, rest, aligned | {cause: True}, cause))
             ]
-        best = None
+        best, known = None, (False, MIN_GAIN)  # what leaves nothing far off goes before what gains more
         for one in tried:
-            more = one.cause.gain > (best.cause.gain if best else MIN_GAIN)
-            best = one if more and _matters(best.rest if best else rest, one.rest) else best
+            mine = (_explain(rest, one.rest), one.cause.gain)
+            if one.cause.gain > MIN_GAIN and mine > known and _matters(best.rest if best else rest, one.rest):
+                best, known = one, mine
         if best is None:
             break
         found.append(best.cause)
@@ -348,9 +349,9 @@ def _explain(before: Sequence[OutputErrors], after: Sequence[OutputErrors]) -> b
 
 
 def _matters(before: Sequence[OutputErrors], after: Sequence[OutputErrors]) -> bool:
-    """Return whether the rms errors of a block are smaller without a constant by a change that is shown."""
+    """Return whether errors of a block that are not honest are smaller without a constant by a change that is shown."""
     pairs = zip(_squares(before), _squares(after), strict=True)
-    return any(s > 0.0 and math.sqrt(r / s) < 1.0 - SHOWN_CHANGE for (s, _), (r, _) in pairs)
+    return any(s > HONEST_RATIO**2 and math.sqrt(r / s) < 1.0 - SHOWN_CHANGE for (s, _), (r, _) in pairs)
 
 
 def unit_of_sds(runs: Sequence[OutputErrors]) -> tuple[tuple[OutputCause, ...], list[OutputErrors]]:
