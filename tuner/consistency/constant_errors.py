@@ -365,20 +365,35 @@ def unit_of_sds(runs: Sequence[OutputErrors]) -> tuple[tuple[OutputCause, ...], 
     if worst is None:
         return (), list(runs)
     for subject, meant in READINGS.items():
+        if worst.name not in meant:
+            continue
         tried = list(runs)
         for name, of in meant.items():
             tried = [_with_sds(run, BLOCKS.index(name), of) for run in tried]
         each = [one.ratio for one in state_scores(tried) if one.name.rpartition("_")[0] in meant]
-        if (
-            worst.name in meant
-            and min(each) > 1.0 / TOLERATED_RATIO
-            and max(each) < TOLERATED_RATIO
-            and _worst(tried) is None
-        ):
+        near = min(each) > 1.0 / TOLERATED_RATIO and max(each) < TOLERATED_RATIO
+        alone = len(meant) == 1 and not subject.startswith("attitude in")
+        if near and _worst(tried) is None and not (alone and _shape_gain(runs, tried, worst.name) < MIN_GAIN):
             gain = 0.5 * worst.effective * (worst.mean / worst.dof - 1.0 - math.log(worst.mean / worst.dof))
             cause = OutputCause("unit_of_sds", worst.ratio, worst.interval, "1", gain, {}, subject, (), True)
             return (cause,), tried
     return (), list(runs)
+
+
+def _shape_gain(before: Sequence[OutputErrors], after: Sequence[OutputErrors], block: str) -> float:
+    """Return the log likelihood that errors of a block gain by other sds, each times the factor that fits best, nats.
+
+    Constant sds, whose roots are as constant, gain nothing.
+    """
+    own = slice(3 * BLOCKS.index(block), 3 * BLOCKS.index(block) + 3)
+    costs = []
+    for runs in (before, after):
+        pairs = [(run.error[:, own], _sds(run)[:, own]) for run in runs]
+        e, sd = (np.concatenate(one) for one in zip(*pairs, strict=True))
+        known = np.isfinite(e)
+        costs.append(0.5 * math.log(np.mean((e[known] / sd[known]) ** 2)) + float(np.mean(np.log(sd[known]))))
+    index = BLOCKS.index(block)
+    return (costs[0] - costs[1]) * _squares(after)[index][1]
 
 
 def _worst(runs: Sequence[OutputErrors]) -> Score | None:

@@ -48,6 +48,7 @@ def errors_in_one_frame(
                 one_body=not align_body,
                 half_way=half_way[id(truth)],
                 curves=curves[id(truth)],
+                tried=shift is not None,
             )
             for (output, truth), shift in zip(pairs, shifts, strict=True)
         ]

@@ -120,6 +120,7 @@ def output_errors(
     one_body: bool = True,
     half_way: tuple[FloatArray, FloatArray] | None = None,
     curves: Curves | None = None,
+    tried: bool = False,
 ) -> OutputErrors:
     """Return the errors of an estimate.
 
@@ -137,6 +138,8 @@ def output_errors(
         `half_way_variances` of the truth, where they are known: they take most of the time.
     curves : Curves, optional
         Cubics through the truth, where they are known.
+    tried : bool
+        Whether the offset is only tried: errors at a wrong one are those of no convention.
 
     Raises
     ------
@@ -168,7 +171,8 @@ def output_errors(
     if not one_body:
         there, body = in_axes_of(there, moved)
         done = (*done, *body.note(moved.name, there.name))
-    refuse_wrong_conventions(moved, there)
+    if not tried:
+        refuse_wrong_conventions(moved, there)
     noted = _note_between(between, moved, truth)
     own = truth.rows((truth.t >= begin - 1e-9) & (truth.t <= end + 1e-9))
     wrong, said = velocity_contradiction(own, moved, np.mean(between[:, 3:6], axis=0))

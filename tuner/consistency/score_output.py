@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from models.arrays import FloatArray
-from tuner.consistency.constant_errors import constant_errors, unit_of_sds
+from tuner.consistency.constant_errors import LARGEST_TURN, constant_errors, unit_of_sds
 from tuner.consistency.correlated_errors import time_score, whitened
 from tuner.consistency.frame_differences import errors_in_one_frame
 from tuner.consistency.one_factor import one_factor
-from tuner.consistency.output_causes import OF_INSTALLATION, Explanations, explain
+from tuner.consistency.output_causes import Explanations, explain
 from tuner.consistency.output_errors import OutputErrors
 from tuner.consistency.output_rows import with_stated_sds, without_repeats
 from tuner.consistency.output_scores import (
@@ -33,7 +33,7 @@ from tuner.consistency.scores import DIVERGED_RATIO, score
 from tuner.consistency.trajectory_alignment import Alignment
 from tuner.consistency.unscored_start import unscored_start
 from tuner.consistency.verdicts import verdicts
-from tuner.limits import TOLERATED_RATIO
+from tuner.limits import HONEST_RATIO, TOLERATED_RATIO
 from tuner.stages import stage, task
 from tuner.types.consistency import Consistency, RmsError, Score
 from tuner.types.filter_output import FilterOutput
@@ -142,7 +142,7 @@ def score_outputs(
     constants: tuple[OutputCause, ...] = ()
     rest, left = runs, found
     if runs and found.blocks:
-        if any(one.ratio > 1.0 for one in found.scores) and not _fits(found):
+        if not _fits(found) or any(one.ratio > HONEST_RATIO for one in found.scores):
             constants, rest = constant_errors(outputs, every, how, runs, offset)
         units, rest = unit_of_sds(rest)
         constants, left = (*constants, *units), _scores(rest, innovative)
@@ -158,8 +158,9 @@ def score_outputs(
     if not lost:
         if constants and not (_is_far(found) and not _is_far(left)):
             why = explain(runs, sensor_noise=sensor_noise)
-            known = why.causes and (why.causes[0].cause in OF_INSTALLATION or not left.consistent)
-            if known:  # a model of the filter tells its fixes from its output
+            if why.causes and (
+                why.causes[0].subject == "fixes" or not left.consistent
+            ):  # a model of the filter tells its fixes from its output
                 one = left.consistent
                 constants, rest, left = (), runs, found
                 why = replace(why, causes=why.causes[:1]) if one else why
@@ -357,5 +358,7 @@ def _without_contradicted(causes: Sequence[OutputCause], scores: Sequence[Score]
             after = [first.ratio / size for size in cause.interval]
             if max(after) < low or min(after) > high:
                 break
+        if cause.unit == "rad" and cause.size > LARGEST_TURN:  # the model is linear
+            break
         kept.append(cause)
     return tuple(kept)

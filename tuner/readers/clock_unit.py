@@ -20,8 +20,8 @@ MIN_RATE, MAX_RATE = 0.01, 1e6
 """Rates of inertial logs, Hz, that are possible at all."""
 USUAL_RATES = (20.0, 4000.0)
 """Rates of inertial sensors, Hz, of which at most one unit of the table gives one: they are 1000 apart."""
-RATES_WITHOUT_REMARK = (1.0, 2e4)
-"""Rates, Hz, beyond which a stated unit of time is remarked: a factor of five and more from the usual ones."""
+POSSIBLE_RATES = (1.0, 2e4)
+"""Rates, Hz, beyond which another unit of time is offered: a factor of five and more from the usual ones."""
 LONGEST_SPAN = 366 * 86400.0
 """The longest span of a log, s."""
 SINCE_1970 = (20 * 365.25 * 86400.0, 130 * 365.25 * 86400.0)
@@ -115,7 +115,7 @@ def other_units(name: str, step: float, middle: float, among: Iterable[str] = CA
     fitting = [
         unit
         for unit in among
-        if RATES_WITHOUT_REMARK[0] <= 1.0 / (step * STATED_BY_RATE.get(unit, 1e-4)) <= RATES_WITHOUT_REMARK[1]
+        if POSSIBLE_RATES[0] <= 1.0 / (step * STATED_BY_RATE.get(unit, 1e-4)) <= POSSIBLE_RATES[1]
         and abs(middle) * STATED_BY_RATE.get(unit, 1e-4) < SINCE_1970[1]
     ]
     usual = [unit for unit in fitting if _usual(step * STATED_BY_RATE.get(unit, 1e-4))]
@@ -130,7 +130,7 @@ def time_in(unit: str, name: str) -> Change:
 def is_unusual(unit: str, step: float) -> bool:
     """Return whether a stated unit gives a rate few logs have, where another gives a usual one."""
     rate = 1.0 / (step * STATED_BY_RATE.get(unit, CANDIDATES["ticks of 0.1 ms"])) if step > 0.0 else 1.0
-    unusual = not RATES_WITHOUT_REMARK[0] <= rate <= RATES_WITHOUT_REMARK[1]
+    unusual = not POSSIBLE_RATES[0] <= rate <= POSSIBLE_RATES[1]
     return unusual and any(_usual(step * factor) for factor in CANDIDATES.values())
 
 

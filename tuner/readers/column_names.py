@@ -8,7 +8,7 @@ entry of their own: a name is lowered, everything but letters and digits becomes
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from tuner.types.records import DataError
@@ -84,8 +84,6 @@ TIME = (
 )
 TIME_WORDS = ("millis", "milliseconds", "msec", "ms", "micros", "microseconds", "usec", "us")
 """Units of time that are the name of a column, as of the clocks of an Arduino."""
-FIELDS = ("mag", "b", "m")
-"""How names of magnetometers begin."""
 WEEK = ("week", "gps_week", "gpsweek", "week_number", "wn", "weekno")
 TIME_OF_WEEK = (
     "tow",
@@ -307,15 +305,6 @@ def _role_of(plain: str) -> tuple[str, int] | None:
         if any(stem.endswith(f"_{s}") for s in words):
             return sensor + suffix, 1
     return None
-
-
-def triple(columns: Sequence[tuple[str, str]]) -> list[str]:
-    """Return the first columns that are x, y and z of one thing, no magnetometer, of pairs of column and plain name."""
-    axes: dict[str, list[str]] = {}
-    for column, plain in columns:
-        if (match := _AXIS.match(plain)) is not None and not match["stem"].startswith(FIELDS):
-            axes.setdefault(match["stem"], []).append(column)
-    return next((one for one in axes.values() if len(one) == len("xyz")), [])
 
 
 def is_mavlink(name: str) -> bool:

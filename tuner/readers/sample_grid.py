@@ -142,7 +142,7 @@ def _clock(
         unit = "ms" if milliseconds else "s"
         time = time + (week - week[0]) * SECONDS_OF_WEEK * (1000.0 if milliseconds else 1.0)
     mapped = (options.columns or {}).get("t", "")
-    by_user = options.rate is not None or ("[" in mapped and mapped not in listing.shapes)
+    by_user = options.rate is not None or "[" in mapped
     by_type = channel.part.array in listing.units
     return read_clock(time, name=str(channel.part), unit=unit, rate=rate, by_user=by_user, by_type=by_type)
 

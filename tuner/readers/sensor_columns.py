@@ -108,8 +108,7 @@ def choose(listing: Listing, *, columns: Mapping[str, str] | None = None) -> Lay
     if unused := [array for array in left if names.sensor_of(parsed[array].plain) not in absent]:
         for name in set(names.SENSORS) - absent - {sensor.name for sensor in sensors}:
             like = [array for array in unused if names.sensor_of(parsed[array].plain) == name]
-            like = like if len(like) >= len("xyz") else names.triple([(a, parsed[a].plain) for a in unused])
-            if like:
+            if len(like) >= len("xyz"):
                 unread.append(
                     f"{name}: none of its columns is read, as no known name or unit fits {', '.join(like[:3])}: "
                     f"name them, such as by --columns '{name}_x=…'"

@@ -151,7 +151,7 @@ def read_clock(
         if changes:
             hz = f"{1.0 / (step * factor):.4g} Hz in {stated}, as the file states"
             raise Refusal(
-                f"time column '{name}': {hz}, is no rate of an inertial sensor",
+                f"time column '{name}': {hz}, is a rate that few inertial sensors have",
                 [*changes, time_in(stated, name)],
             )
     first = clock[0]

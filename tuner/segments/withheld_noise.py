@@ -38,8 +38,8 @@ MAX_P_VALUE = 1e-6
 NEXT_LEVELS, LEAST_CODES = 3, 1.9
 """Distances of the next levels beside a dead zone, of which the largest is that of codes, and its least width in codes:
 one lacks at least, and printed digits part codes unevenly."""
-LEVEL_DIGITS = 6
-"""Digits to which levels ÷ the smallest are compared."""
+LEVEL_DIGITS = 2
+"""Digits to which levels ÷ the smallest are compared: differences of one code in single precision are one level."""
 SIDES_ALIKE = 0.01
 """Share of the readings beside a dead zone that lie on its emptier side, at least."""
 SLOWEST_MOTION = 2.0

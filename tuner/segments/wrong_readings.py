@@ -35,6 +35,8 @@ SAMPLES_BESIDE = 4
 """Samples on either side by whose medians one is judged."""
 TRIED_WIDTHS = (1, 4, 16)
 """Samples of a wrong reading: a filter behind it spreads a single one over some."""
+RINGING_ROUNDS = 3
+"""Times that the noise beside the ringing of a filter is taken again."""
 SHORTEST_MOVEMENT = 1.0
 """Time that a movement by hand takes, s."""
 NEAR_BY = 256
@@ -140,14 +142,17 @@ def _wide(axis: str, record: Record, width: int) -> WrongReadings | None:
 
 def _with_ringing(rows: BoolArray, about: FloatArray, width: int) -> BoolArray:
     """Return the rows of wrong readings with those close by that are no noise: how a filter rings and decays."""
-    far = np.abs(about) > LEAST_SDS * float(np.std(about[~rows]))
-    while True:
-        near = np.convolve(rows, np.ones(2 * width + 1), "same") > 0.0
-        more = near & far & ~rows
-        if not more.any():
-            return rows
-        rows = np.convolve(rows | more, np.ones(3), "same") > 0.0
-        far = np.abs(about) > LEAST_SDS * float(np.std(about[~rows]))
+    for _ in range(RINGING_ROUNDS):  # without some of it the noise is smaller, and more of it shows
+        far = rows | (np.abs(about) > LEAST_SDS * float(np.std(about[~rows])))
+        places = np.flatnonzero(far)
+        begins = np.append(0, np.flatnonzero(np.diff(places) > width) + 1)
+        struck = np.logical_or.reduceat(rows[places], begins)
+        ends = np.append(begins[1:], len(places)) - 1
+        change = np.zeros(len(rows) + 1, dtype=int)
+        np.add.at(change, places[begins[struck]], 1)
+        np.add.at(change, places[ends[struck]] + 1, -1)
+        rows = np.cumsum(change[:-1]) > 0
+    return rows
 
 
 def without_wrong_readings(record: Record, found: Sequence[WrongReadings]) -> Record:

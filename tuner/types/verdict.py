@@ -47,7 +47,6 @@ class VerdictCode(StrEnum):
     """As `OPTIMISTIC`."""
     CORRELATED_INNOVATIONS = "correlated_innovations"
     """Of the part `subject`: `correlation`, `lag`, `band`."""
-    """Of the part `subject`: `ratio` of the rms of the mean to the predicted sd, `limit`."""
     CONSISTENT = "consistent"
 
 

@@ -12,10 +12,12 @@ from models import rotation
 from models.earth import llh_displaced, ned_between
 from models.trajectory.motion import Trajectory
 from models.trajectory.profiles import Profile, Wave
-from tuner.consistency.constant_errors import unit_of_sds
+from tuner.consistency.constant_errors import constant_errors, unit_of_sds
+from tuner.consistency.frame_differences import errors_in_one_frame
 from tuner.consistency.output_errors import output_errors
 from tuner.consistency.score_output import score_outputs
 from tuner.consistency.time_alignment import find_time_offset
+from tuner.consistency.trajectory_alignment import Alignment
 from tuner.types.filter_output import filter_output
 
 DURATION = 400.0
@@ -119,9 +121,20 @@ def test_a_filter_that_is_lost_has_no_constant():
 
 @pytest.mark.parametrize("seed", range(6))
 def test_a_filter_that_is_right_has_no_constant(seed):
-    found = score_outputs([honest(seed)], [reference()])
-    assert found.causes == ()
-    assert found.without_constants is None
+    outputs, truths = [honest(seed)], [reference()]
+    offset, runs = errors_in_one_frame(outputs, truths, Alignment.NONE, align_time=False, align_body=False)
+    assert constant_errors(outputs, truths, Alignment.NONE, runs, offset)[0] == ()
+    assert unit_of_sds(runs)[0] == ()
+    assert score_outputs(outputs, truths).without_constants is None
+
+
+def test_an_optimistic_filter_of_constant_sds_does_not_state_variances():
+    """Of 1 cm in place of 10 cm: the root of 0.01 is 0.1."""
+    one = honest(3)
+    wide = one.covariance.copy()
+    wide[:, :3, :3] = 0.01 * SDS[0] ** 2 * np.eye(3)
+    found = score_outputs([replace(one, covariance=wide)], [reference()])
+    assert all(cause.cause != "unit_of_sds" for cause in found.causes)
 
 
 def test_a_lag_is_found_anywhere_and_the_nearest_where_the_course_repeats():

@@ -196,10 +196,15 @@ def test_a_stated_unit_that_gives_an_unusual_rate_is_refused_with_the_usual_one(
     tmp_path: Path, name: str, size: float, right: str
 ) -> None:
     path = write(tmp_path / "log.csv", np.rint(size * S).tolist(), header=name)
-    with pytest.raises(DataError, match=rf"is no rate of an inertial sensor: pass .*\[{right}\]"):
+    with pytest.raises(DataError, match=rf"is a rate that few inertial sensors have: pass .*\[{right}\]"):
         read(path)
     (record,) = read(path, columns={"t": f"{name} [{right}]"})
     assert record.rate == pytest.approx(100.0)
+    (slow,) = read(
+        write(tmp_path / "slow.csv", (10.0 * np.arange(COUNT)).tolist(), header="t [s]"),
+        columns={"t": "t [s]"},
+    )
+    assert slow.rate == pytest.approx(0.1)  # as it is confirmed
 
 
 @pytest.mark.parametrize("begin", ["2024-05-01T12:00:00", 0])

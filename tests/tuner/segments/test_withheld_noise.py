@@ -53,11 +53,12 @@ def test_readings_that_are_held_until_they_change_are_refused():
         np.round(noise()),
         np.round(0.2 * noise()),
         0.1 * np.round(noise()) + 0.0 * noise(),
+        np.diff((0.000488 * np.round(0.7 * noise() + 1.0 / 0.000488)).astype(np.float32).astype(float)),
         np.where(np.arange(COUNT) < COUNT // 2, 0.0, 5.0 + noise()),
         np.where(np.random.default_rng(2).random(COUNT) < 0.4, 0.0, noise()),
         np.zeros(COUNT),
     ],
-    ids=["codes", "coarse", "step", "off at first", "lost rows", "off"],
+    ids=["codes", "coarse", "single precision", "step", "off at first", "lost rows", "off"],
 )
 def test_zeros_of_a_quantizer_and_of_lost_samples_are_no_dead_zone(y):
     assert dead_zone(y) == 0.0

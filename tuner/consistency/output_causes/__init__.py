@@ -204,8 +204,6 @@ _CONSTANTS = {
     "rotation of body": ("mounting", "rad", ("roll", "pitch", "yaw"), ""),
 }
 """Cause, unit, names of parameters and subject of the constants."""
-OF_INSTALLATION = frozenset(cause for cause, *_ in _CONSTANTS.values())
-"""Causes that are constants."""
 
 
 def _constant(

@@ -16,6 +16,12 @@ def output_score_json(found: OutputScore, *, source: Mapping[str, Any]) -> dict[
     """Return scores, verdicts, causes, states and offset of the clocks of a filter's output."""
     content = consistency_json(found.consistency, source=source, notes=found.notes)
     content["causes"] = [cause_json(cause) for cause in found.causes]
+    without = found.without_constants
+    content["without_constants"] = (
+        None
+        if without is None
+        else {"verdict": without.honesty.text, "ratios": {one.name: one.ratio for one in without.scores}}
+    )
     content["states"] = {} if found.consistency.diverged else {s.name: dump(s) for s in found.states}
     offset = found.time_offset
     content["time_offset"] = (
@@ -40,6 +46,7 @@ def cause_json(cause: OutputCause) -> dict[str, Any]:
         "interval": list(cause.interval),
         "unit": cause.unit,
         "gain": cause.gain,
+        "constant": cause.constant,
         "parameters": {
             name: {"value": value, "interval": [low, high]}
             for name, (value, low, high) in cause.parameters.items()
