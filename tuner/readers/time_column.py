@@ -20,6 +20,7 @@ from tuner.readers.clock_unit import (
     LONGEST_SPAN,
     MAX_RATE,
     MIN_RATE,
+    USUAL_RATES,
     is_unusual,
     other_units,
     time_in,
@@ -149,10 +150,11 @@ def read_clock(
         stated = names.unit_of(unit, names.TIME_UNITS, what=name)
         changes = other_units(name, step, float(np.median(clock))) if is_unusual(stated, step) else []
         if changes:
-            hz = f"{1.0 / (step * factor):.4g} Hz in {stated}, as the file states"
+            rare = MIN_RATE <= 1.0 / (step * factor) < USUAL_RATES[0]  # means over seconds
+            judged = "a rate that few inertial sensors have" if rare else "no rate of an inertial sensor"
             raise Refusal(
-                f"time column '{name}': {hz}, is a rate that few inertial sensors have",
-                [*changes, time_in(stated, name)],
+                f"time column '{name}': {1.0 / (step * factor):.4g} Hz in {stated}, as the file states, is {judged}",
+                [*changes, *([time_in(stated, name)] if rare else [])],
             )
     first = clock[0]
     resolution = factor * _single_precision(clock, step, name, notes, factor)
