@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tuner.diagnosis import diagnose
+from tuner.diagnosis.static.causes.burst import _reach
 from tuner.identification import identify
 from tuner.types import Diagnosis
 from tuner.types.records import Record
@@ -96,3 +97,9 @@ def test_a_burst_beside_an_identification_without_white_noise_enlarges_nothing()
     diagnosis = diagnose(one, identification=identified)
     assert [f.cause for f in diagnosis.findings] == ["burst"]
     assert diagnosis.inflations == ()
+
+
+def test_a_burst_of_few_samples_at_an_end_begins_there():
+    """Eight samples before its other edge no sample is left to begin at, which ended in a traceback."""
+    assert _reach(np.arange(101.0), 0, 5, 1.0, move_first=True) == (0, 0)
+    assert _reach(np.arange(101.0), 95, 100, 1.0, move_first=False) == (100, 100)

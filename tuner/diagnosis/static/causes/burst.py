@@ -261,7 +261,7 @@ def extension(fitted: FittedChannel, stretches: list[tuple[int, int]], which: in
     for a, b in stretches[:which] + stretches[which + 1 :]:
         square[a:b] = usual
     quiet, local = square[quietly], square[first:last]
-    ratio = float(local.mean() / quiet.mean())
+    ratio = max(float(local.mean() / quiet.mean()), 1.0 / len(local))  # of no noise at all, known to a sample
     kappa = float(np.var(quiet) / quiet.mean() ** 2)
     relative = float(np.sqrt(kappa / len(local) + kappa / len(quiet)))
     total = np.concatenate(([0.0], np.cumsum(square)))
@@ -298,6 +298,8 @@ def _reach(total: FloatArray, first: int, last: int, kappa: float, *, move_first
     width = max(64, last - first)
     place = np.unique(np.clip(np.linspace(edge - width, edge + width, 4001).astype(int), 0, n))
     place = place[place < last - 8] if move_first else place[place > first + 8]
+    if not len(place):  # at an end of the record, shorter than that
+        return edge, edge
     fixed = np.full(len(place), last if move_first else first)
     value = two_variances(total, place, fixed) if move_first else two_variances(total, fixed, place)
     near = np.flatnonzero(value > value.max() - EDGE_NATS * 0.5 * kappa)
