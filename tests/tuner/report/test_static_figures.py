@@ -287,3 +287,9 @@ def test_residuals_in_a_picture_are_those_of_the_whole_spectrum():
     f = np.arange(1.0, len(a)) / (2.0 * len(a) * log.interval)
     exact = inverse(np.append(0.0, a[1:] / np.sqrt(model.psd(f, interval=log.interval))), 1.0)
     assert np.allclose(subject.left * np.std(exact), exact * np.std(subject.left), atol=1e-3 * np.std(exact))
+
+
+def test_a_model_of_fewer_samples_is_in_no_picture_of_all():
+    """Repeated samples were dropped before the colour was fitted; its picture ended in a traceback."""
+    model = NoiseModel([Arma((0.5,), (), 1e-6, 0.037)])
+    assert diagnosed_axis(record(), "gyro_x", Diagnosis((), base={}, models={"gyro_x": model})) is None
