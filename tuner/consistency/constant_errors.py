@@ -29,6 +29,7 @@ from tuner.consistency.output_causes import INTERVAL_SDS, MAX_CAUSES, MIN_GAIN
 from tuner.consistency.output_errors import OutputErrors
 from tuner.consistency.output_scores import aided_rows, error_scores, state_scores
 from tuner.consistency.scores import DIVERGED_RATIO
+from tuner.consistency.time_alignment import OFFSET_BLOCKS
 from tuner.consistency.trajectory_alignment import Alignment
 from tuner.consistency.wrong_conventions import MIN_IMPROVEMENT
 from tuner.limits import HONEST_RATIO, SHOWN_CHANGE, TOLERATED_RATIO
@@ -36,8 +37,6 @@ from tuner.types.consistency import Score
 from tuner.types.filter_output import BLOCKS, FilterOutput
 from tuner.types.output_score import OutputCause, TimeOffset
 
-JACKKNIFE_PARTS = 10
-"""Parts of a record whose scatter gives the interval of a constant."""
 FITTED_STATES = 9
 """Position, velocity and attitude: what a constant acts on."""
 LARGEST_TURN = 0.25 * math.pi
@@ -61,11 +60,19 @@ class Constant(NamedTuple):
     """Derivatives of the errors by the parts, shape (n, 9, k)."""
 
 
+class Squares(NamedTuple):
+    """Mean square and number of independent components of the whitened errors of each block, shape (3,); 0 of none."""
+
+    mean: FloatArray
+    independent: FloatArray
+
+
 class Fitted(NamedTuple):
-    """A constant with what it gains, nats, and the errors without it."""
+    """A constant with what it gains, nats, and the errors without it and their squares."""
 
     cause: OutputCause
     rest: list[OutputErrors]
+    squares: Squares
 
 
 def _offset(run: OutputErrors) -> FloatArray:
@@ -173,7 +180,8 @@ def constant_errors(
     offset : TimeOffset or None
         Offset of the clocks, where one was found.
     """
-    rest = list(runs)
+    rest, squares = list(runs), _squares(runs)
+    first = squares
     aligned = {
         "time_offset": offset is None or offset.removed,
         "mounting": any(run.body is not None for run in runs),
@@ -185,71 +193,66 @@ def constant_errors(
             fit
             for constant in CONSTANTS
             if (constant.cause, constant.subject) not in taken and not aligned.get(constant.cause)
-            if (fit := _fitted(rest, constant)) is not None
+            if (fit := _fitted(rest, squares, constant)) is not None
         ]
-        if all(
-            one.cause in aligned for one in found
-        ):  # these act as a whole, not linearly: before all others
+        if all(one.cause in aligned for one in found):  # these do not act linearly: before all others
             tried += [
                 fit
                 for cause, known in aligned.items()
-                if not known and (fit := _aligned(outputs, truths, how, rest, aligned | {cause: True}, cause))
+                if not known
+                and (fit := _aligned(outputs, truths, how, rest, squares, aligned | {cause: True}, cause))
             ]
         best, known = None, (False, MIN_GAIN)  # what leaves nothing far off goes before what gains more
         for one in tried:
-            mine = (_explain(rest, one.rest), one.cause.gain)
-            if one.cause.gain > MIN_GAIN and mine > known and _matters(best.rest if best else rest, one.rest):
+            mine = (_explain(squares, one.squares), one.cause.gain)
+            more = one.cause.gain > MIN_GAIN and mine > known
+            if more and _matters(best.squares if best else squares, one.squares):
                 best, known = one, mine
         if best is None:
             break
         found.append(best.cause)
-        rest = best.rest
+        rest, squares = best.rest, best.squares
         aligned |= {best.cause.cause: True} if best.cause.cause in aligned else {}
-    return (tuple(found), rest) if _explain(runs, rest) else ((), list(runs))
+    return (tuple(found), rest) if _explain(first, squares) else ((), list(runs))
 
 
 def _aligned(
     outputs: Sequence[FilterOutput],
     truths: Sequence[FilterOutput],
     how: Alignment,
-    before: Sequence[OutputErrors],
+    runs: Sequence[OutputErrors],
+    before: Squares,
     wanted: Mapping[str, bool],
     cause: str,
 ) -> Fitted | None:
     """Return an offset of the clocks or a rotation of the body, and the errors with these taken out as wanted."""
-    clock = wanted["time_offset"] and any(np.isfinite(run.rate[:, :FITTED_STATES]).any() for run in before)
+    clock = wanted["time_offset"] and any(np.isfinite(run.rate[:, :FITTED_STATES]).any() for run in runs)
     offset, rest = errors_in_one_frame(outputs, truths, how, align_time=clock, align_body=wanted["mounting"])
-    gain = _gain(before, rest, 1 if cause == "time_offset" else 3)
+    squares = _squares(rest)
     if cause == "time_offset":
         if offset is None or np.prod(offset.interval) <= 0.0:
             return None
-        return Fitted(OutputCause(cause, offset.value, offset.interval, "s", gain, {}, CLOCK, (), True), rest)
+        gain = _gain(before, squares, 1)
+        late = OutputCause(cause, offset.value, offset.interval, "s", gain, {}, CLOCK, (), True)
+        return Fitted(late, rest, squares)
     body = rest[0].body
     if body is None or not np.isfinite(body.vector).all():
         return None
-    length = float(np.linalg.norm(body.vector))
-    wide = INTERVAL_SDS * body.sd
-    spread = float(np.linalg.norm(wide * body.vector)) / max(length, 1e-300)
-    parts = {
-        name: (float(v), float(v - w), float(v + w))
-        for name, v, w in zip(("roll", "pitch", "yaw"), body.vector, wide, strict=True)
-    }
-    return Fitted(
-        OutputCause(cause, length, (length - spread, length + spread), "rad", gain, parts, "", (), True), rest
-    )
+    found = _cause(CONSTANTS[-1], body.vector, np.diag(body.sd**2), INTERVAL_SDS, _gain(before, squares, 3))
+    return Fitted(found, rest, squares)
 
 
-def _fitted(runs: Sequence[OutputErrors], constant: Constant) -> Fitted | None:
+def _fitted(runs: Sequence[OutputErrors], before: Squares, constant: Constant) -> Fitted | None:
     """Return a constant at its likeliest size, None where the errors do not show it."""
     tables = []
-    for run in runs:
-        columns = constant.columns(run)
+    each = [constant.columns(run) for run in runs]
+    for run, columns in zip(runs, each, strict=True):
         error, sd = run.error[:, :FITTED_STATES], _sds(run)
         known = np.isfinite(error) & np.isfinite(columns).all(axis=2)
         known[np.setdiff1d(np.arange(len(run)), aided_rows(run.t, run.estimate.outages))] = False
         w = np.where(known, error / sd, 0.0)
         x = np.where(known[..., None], columns / sd[..., None], 0.0)
-        for rows in np.array_split(np.arange(len(run)), max(2, JACKKNIFE_PARTS // len(runs))):
+        for rows in np.array_split(np.arange(len(run)), max(2, OFFSET_BLOCKS // len(runs))):
             tables.append(
                 (np.einsum("njk,njl->kl", x[rows], x[rows]), np.einsum("njk,nj->k", x[rows], w[rows]))
             )
@@ -265,32 +268,30 @@ def _fitted(runs: Sequence[OutputErrors], constant: Constant) -> Fitted | None:
     off = np.stack(left) - np.mean(left, axis=0)
     covariance = (len(left) - 1) / len(left) * off.T @ off
     wide = float(student_quantile(0.975, len(left) - 1))
-    rest = [_without(run, constant.columns(run), value) for run in runs]
-    vector = value[: constant.size]
-    length = float(np.linalg.norm(vector))
-    own = covariance[: len(vector), : len(vector)]
-    spread = wide * math.sqrt(float(vector @ own @ vector)) / max(length, 1e-300)
-    if spread > length or (constant.unit == "rad" and length > LARGEST_TURN):
+    rest = [_without(run, columns, value) for run, columns in zip(runs, each, strict=True)]
+    after = _squares(rest)
+    found = _cause(constant, value, covariance, wide, _gain(before, after, len(value)))
+    low, high = found.interval
+    if 0.5 * (high - low) > abs(found.size) or (constant.unit == "rad" and abs(found.size) > LARGEST_TURN):
         return None
-    each = wide * np.sqrt(np.diag(covariance))
+    return Fitted(found, rest, after)
+
+
+def _cause(
+    constant: Constant, value: FloatArray, covariance: FloatArray, wide: float, gain: float
+) -> OutputCause:
+    """Return a constant of this value as a cause, with intervals of `wide` sds."""
+    vector, own = value[: constant.size], covariance[: constant.size, : constant.size]
+    length = float(np.linalg.norm(vector))
     size = length if constant.size > 1 else float(value[0])
+    spread = wide * math.sqrt(float(vector @ own @ vector)) / max(length, 1e-300)
+    halves = wide * np.sqrt(np.diag(covariance))
     parts = {
         name: (float(v), float(v - half), float(v + half))
-        for name, v, half in zip(constant.parts, value, each, strict=True)
+        for name, v, half in zip(constant.parts, value, halves, strict=True)
     }
-    gain = _gain(runs, rest, len(value))
-    cause = OutputCause(
-        constant.cause,
-        size,
-        (size - spread, size + spread),
-        constant.unit,
-        gain,
-        parts,
-        constant.subject,
-        (),
-        True,
-    )
-    return Fitted(cause, rest)
+    interval = (size - spread, size + spread)
+    return OutputCause(constant.cause, size, interval, constant.unit, gain, parts, constant.subject, (), True)
 
 
 def _without(run: OutputErrors, columns: FloatArray, value: FloatArray) -> OutputErrors:
@@ -320,48 +321,46 @@ def _blocks(runs: Sequence[OutputErrors]) -> Iterator[list[FloatArray]]:
         yield [part for part in parts if len(part) > 1]
 
 
-def _squares(runs: Sequence[OutputErrors]) -> list[tuple[float, float]]:
-    """Return mean square and number of independent components of the whitened errors of each block; 0, 0 of none."""
-    return [
-        (
-            float(np.mean(np.concatenate(parts) ** 2)),
-            sum(3.0 * independent_count(part) for part in parts),
-        )
-        if parts
-        else (0.0, 0.0)
-        for parts in _blocks(runs)
-    ]
+def _squares(runs: Sequence[OutputErrors]) -> Squares:
+    """Return the squares of the whitened errors of each block."""
+    blocks = list(_blocks(runs))
+    return Squares(
+        np.array([np.mean(np.concatenate(parts) ** 2) if parts else 0.0 for parts in blocks]),
+        np.array([sum(3.0 * independent_count(part) for part in parts) for parts in blocks]),
+    )
 
 
-def _gain(before: Sequence[OutputErrors], after: Sequence[OutputErrors], numbers: int) -> float:
+def _gain(before: Squares, after: Squares, numbers: int) -> float:
     """Return the log likelihood that errors gain without constants, less the price of these numbers, nats."""
-    pairs = [
-        (s, r, n) for (s, _), (r, n) in zip(_squares(before), _squares(after), strict=True) if s * r > 0.0
-    ]
-    total = sum(n for *_, n in pairs)
-    return sum(0.5 * n * math.log(s / r) for s, r, n in pairs) - 0.5 * numbers * math.log(max(total, 1.0))
+    known = before.mean * after.mean > 0.0
+    count = after.independent[known]
+    ratio = np.log(before.mean[known] / after.mean[known])
+    return float(0.5 * count @ ratio) - 0.5 * numbers * math.log(max(float(count.sum()), 1.0))
 
 
-def _explain(before: Sequence[OutputErrors], after: Sequence[OutputErrors]) -> bool:
+def _explain(before: Squares, after: Squares) -> bool:
     """Return whether the errors of each block without constants are not far, or nearer by as much as makes them far."""
-    pairs = zip(_squares(before), _squares(after), strict=True)
-    return all(math.sqrt(r) < max(DIVERGED_RATIO, math.sqrt(s) / DIVERGED_RATIO) for (s, _), (r, _) in pairs)
+    return bool(
+        (np.sqrt(after.mean) < np.maximum(DIVERGED_RATIO, np.sqrt(before.mean) / DIVERGED_RATIO)).all()
+    )
 
 
-def _matters(before: Sequence[OutputErrors], after: Sequence[OutputErrors]) -> bool:
+def _matters(before: Squares, after: Squares) -> bool:
     """Return whether errors of a block that are not honest are smaller without a constant by a change that is shown."""
-    pairs = zip(_squares(before), _squares(after), strict=True)
-    return any(s > HONEST_RATIO**2 and math.sqrt(r / s) < 1.0 - SHOWN_CHANGE for (s, _), (r, _) in pairs)
+    smaller = np.sqrt(after.mean) < (1.0 - SHOWN_CHANGE) * np.sqrt(before.mean)
+    return bool((smaller & (before.mean > HONEST_RATIO**2)).any())
 
 
-def unit_of_sds(runs: Sequence[OutputErrors]) -> tuple[tuple[OutputCause, ...], list[OutputErrors]]:
+def unit_of_sds(
+    runs: Sequence[OutputErrors], blocks: Sequence[Score]
+) -> tuple[tuple[OutputCause, ...], list[OutputErrors]]:
     """Return in which other unit sds are stated, or that they are variances, and the errors with sds as meant.
 
     That is so where the errors of each state of these blocks fit its sd then within `TOLERATED_RATIO`, and no block is
     `MIN_IMPROVEMENT` off any more, as one was: a filter may be wrong by any factor, and meets that of a unit in all its
-    states by chance only.
+    states by chance only. `blocks` are the scores of the runs.
     """
-    worst = _worst(runs)
+    worst = _worst(blocks)
     if worst is None:
         return (), list(runs)
     for subject, meant in READINGS.items():
@@ -373,7 +372,8 @@ def unit_of_sds(runs: Sequence[OutputErrors]) -> tuple[tuple[OutputCause, ...], 
         each = [one.ratio for one in state_scores(tried) if one.name.rpartition("_")[0] in meant]
         near = min(each) > 1.0 / TOLERATED_RATIO and max(each) < TOLERATED_RATIO
         alone = len(meant) == 1 and not subject.startswith("attitude in")
-        if near and _worst(tried) is None and not (alone and _shape_gain(runs, tried, worst.name) < MIN_GAIN):
+        shaped = not alone or _shape_gain(runs, tried, worst.name) >= MIN_GAIN
+        if near and shaped and _worst(error_scores(tried)[1]) is None:
             gain = 0.5 * worst.effective * (worst.mean / worst.dof - 1.0 - math.log(worst.mean / worst.dof))
             cause = OutputCause("unit_of_sds", worst.ratio, worst.interval, "1", gain, {}, subject, (), True)
             return (cause,), tried
@@ -385,21 +385,21 @@ def _shape_gain(before: Sequence[OutputErrors], after: Sequence[OutputErrors], b
 
     Constant sds, whose roots are as constant, gain nothing.
     """
-    own = slice(3 * BLOCKS.index(block), 3 * BLOCKS.index(block) + 3)
+    index = BLOCKS.index(block)
+    own = slice(3 * index, 3 * index + 3)
     costs = []
     for runs in (before, after):
         pairs = [(run.error[:, own], _sds(run)[:, own]) for run in runs]
         e, sd = (np.concatenate(one) for one in zip(*pairs, strict=True))
         known = np.isfinite(e)
         costs.append(0.5 * math.log(np.mean((e[known] / sd[known]) ** 2)) + float(np.mean(np.log(sd[known]))))
-    index = BLOCKS.index(block)
-    return (costs[0] - costs[1]) * _squares(after)[index][1]
+    return float((costs[0] - costs[1]) * _squares(after).independent[index])
 
 
-def _worst(runs: Sequence[OutputErrors]) -> Score | None:
+def _worst(blocks: Sequence[Score]) -> Score | None:
     """Return the score of the block that is off most; None where none is off by `MIN_IMPROVEMENT`."""
-    blocks = [one for one in error_scores(runs)[1] if one.name in BLOCKS[:3] and one.ratio > 0.0]
-    worst = max(blocks, key=lambda one: abs(math.log(one.ratio)), default=None)
+    known = [one for one in blocks if one.name in BLOCKS[:3] and one.ratio > 0.0]
+    worst = max(known, key=lambda one: abs(math.log(one.ratio)), default=None)
     if worst is None or 1.0 / MIN_IMPROVEMENT < worst.ratio < MIN_IMPROVEMENT:
         return None
     return worst

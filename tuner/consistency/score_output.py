@@ -144,8 +144,9 @@ def score_outputs(
     if runs and found.blocks:
         if not _fits(found) or any(one.ratio > HONEST_RATIO for one in found.scores):
             constants, rest = constant_errors(outputs, every, how, runs, offset)
-        units, rest = unit_of_sds(rest)
-        constants, left = (*constants, *units), _scores(rest, innovative)
+            left = _scores(rest, innovative) if constants else found
+        units, rest = unit_of_sds(rest, left.blocks)
+        constants, left = (*constants, *units), _scores(rest, innovative) if units else left
     if runs and not found.blocks:
         sds = [np.diagonal(one.covariance, axis1=1, axis2=2) for one in runs]
         stated = any(np.isfinite(one.error * sd).any() for one, sd in zip(runs, sds, strict=True))
@@ -158,14 +159,14 @@ def score_outputs(
     if not lost:
         if constants and not (_is_far(found) and not _is_far(left)):
             why = explain(runs, sensor_noise=sensor_noise)
-            if why.causes and (
-                why.causes[0].subject == "fixes" or not left.consistent
-            ):  # a model of the filter tells its fixes from its output
-                one = left.consistent
-                constants, rest, left = (), runs, found
-                why = replace(why, causes=why.causes[:1]) if one else why
-            else:
+            # a model of the filter tells its fixes from its output
+            known = bool(why.causes) and (why.causes[0].subject == "fixes" or not left.consistent)
+            if not known:
                 why = Explanations()
+            elif left.consistent:  # one constant explains all
+                why = replace(why, causes=why.causes[:1])
+            if known:
+                constants, rest, left = (), runs, found
         errors = rest or [_without_truth(o) for o in innovative]
         if not (why.causes or _explained(left, constants)):
             why = explain(errors, sensor_noise=sensor_noise)

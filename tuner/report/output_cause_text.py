@@ -25,6 +25,15 @@ _NAMES = {
     "gnss_frame of scale": "positions, scaled",
     "lever_arm of output": "lever arm of the output",
     "time_offset of stamps of the output or of the truth": "time stamps, a constant offset",
+    "unit_of_sds of attitude in rad": "sds of the attitude are in rad",
+    "unit_of_sds of attitude in deg": "sds of the attitude are in deg",
+    "unit_of_sds of variances": "stated sds are variances",
+    "unit_of_sds of variances in deg²": "stated sds are variances, of the attitude in deg²",
+    "unit_of_sds of roots": "stated sds are roots of sds, as of sds in columns of variances",
+    "unit_of_sds of roots in deg": "stated sds are roots of sds, as of sds in columns of variances",
+    "unit_of_sds of position variances": "stated sds of positions are variances",
+    "unit_of_sds of velocity variances": "stated sds of velocities are variances",
+    "unit_of_sds of attitude variances": "stated sds of attitudes are variances in deg²",
 }
 """Names by the code of the cause, or by code and subject."""
 _CHANGES = {
@@ -50,32 +59,17 @@ _CHANGES = {
         "the point of the output is off by {parts} m (forward, right, down) from that of the truth: another antenna, "
         "or a lever arm that the filter lacks"
     ),
-    "unit_of_sds": "{unit_cure}",
+    "unit_of_sds": "write their square roots, or name the columns as variances",
+    "unit_of_sds of attitude in rad": "name the columns 'sd_roll [rad]', …",
+    "unit_of_sds of attitude in deg": "name the columns 'sd_roll [deg]', …",
+    "unit_of_sds of roots": "write their squares, or name the columns as sds",
+    "unit_of_sds of roots in deg": "write their squares, or name the columns as sds",
     "gnss_frame": "put fixes and truth into one frame: {parts}",
     "mounting": "turn the body frame of the estimate: {parts} rad; --align-body takes a known difference out",
 }
 """What to change, by the code of the cause."""
-READINGS = {
-    "attitude in rad": "sds of the attitude are in rad",
-    "attitude in deg": "sds of the attitude are in deg",
-    "variances": "stated sds are variances",
-    "variances in deg²": "stated sds are variances, of the attitude in deg²",
-    "roots": "stated sds are roots of sds, as of sds in columns of variances",
-    "roots in deg": "stated sds are roots of sds, as of sds in columns of variances",
-    "position variances": "stated sds of positions are variances",
-    "velocity variances": "stated sds of velocities are variances",
-    "attitude variances": "stated sds of attitudes are variances in deg²",
-}
-"""What sds are instead."""
 ANGLES = ("roll", "pitch", "yaw")
 """Parameters of a rotation."""
-UNIT_CURES = {
-    "attitude in rad": "name the columns 'sd_roll [rad]', …",
-    "attitude in deg": "name the columns 'sd_roll [deg]', …",
-}
-"""What to do about sds in another unit."""
-_ROOTS = "write their square roots, or name the columns as variances"
-_SQUARES = "write their squares, or name the columns as sds"
 LEAP_SECONDS = 18.0
 """GPS time less UTC since 2017, s."""
 MAX_STAMP_ERROR = 0.5
@@ -86,11 +80,8 @@ MAX_ALTERNATIVES = 3
 
 def cause_name(cause: OutputCause) -> str:
     """Return the name of a cause in words."""
-    exact = _NAMES.get(f"{cause.cause} of {cause.subject}")
-    if exact is not None:
+    if exact := _NAMES.get(f"{cause.cause} of {cause.subject}"):
         return exact
-    if cause.cause == "unit_of_sds":
-        return READINGS[cause.subject]
     name = _NAMES.get(cause.cause, cause.cause.replace("_", " "))
     return f"{name} ({cause.subject})" if cause.subject else name
 
@@ -125,6 +116,5 @@ def change_text(cause: OutputCause) -> str:
         ),
         percent=f"{100.0 * cause.size:+.3g}",
         leap=f"; GPS time and UTC are {LEAP_SECONDS:g} s apart" if leaps else "",
-        unit_cure=UNIT_CURES.get(cause.subject, _ROOTS if "variances" in cause.subject else _SQUARES),
         parts=", ".join(f"{name} {value:+.3g}" for name, (value, _, _) in cause.parameters.items()),
     )

@@ -35,7 +35,7 @@ class VerdictCode(StrEnum):
     START_NOT_LINEAR = "initial_uncertainty_not_linear"
     """`attitude_sd`, `gyro_bias_sd`: three values each, rad and rad/s."""
     TRUTH_FAR = "truth_far_from_configuration"
-    """True ÷ configured sd by name of the quantity; infinite where none is configured."""
+    """True sd ÷ configured sd of each quantity, by its name; infinite where no sd is configured."""
     SPURIOUS_INFORMATION = "spurious_information"
     """Of `subject`: `filter_sd`, and `linear_sd` of linear covariance."""
     EXPLAINED = "explained"

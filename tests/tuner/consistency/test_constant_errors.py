@@ -15,6 +15,7 @@ from models.trajectory.profiles import Profile, Wave
 from tuner.consistency.constant_errors import constant_errors, unit_of_sds
 from tuner.consistency.frame_differences import errors_in_one_frame
 from tuner.consistency.output_errors import output_errors
+from tuner.consistency.output_scores import error_scores
 from tuner.consistency.score_output import score_outputs
 from tuner.consistency.time_alignment import find_time_offset
 from tuner.consistency.trajectory_alignment import Alignment
@@ -63,6 +64,10 @@ def honest(seed, *, late=0.0, moved=None, body=(0.0, 0.0, 0.0)):
         quat_nb=rotation.quat_multiply(quat, np.broadcast_to(rotation.quat_from_rotvec(body), (len(t), 4))),
         covariance=covariance,
     )
+
+
+def units_of(runs):
+    return unit_of_sds(runs, error_scores(runs)[1])
 
 
 def upwards(state):
@@ -124,7 +129,7 @@ def test_a_filter_that_is_right_has_no_constant(seed):
     outputs, truths = [honest(seed)], [reference()]
     offset, runs = errors_in_one_frame(outputs, truths, Alignment.NONE, align_time=False, align_body=False)
     assert constant_errors(outputs, truths, Alignment.NONE, runs, offset)[0] == ()
-    assert unit_of_sds(runs)[0] == ()
+    assert units_of(runs)[0] == ()
     assert score_outputs(outputs, truths).without_constants is None
 
 
@@ -151,7 +156,7 @@ def test_variances_in_place_of_sds_are_told_and_other_factors_are_not(power, sub
     output, truth = honest(2), reference()
     squared = output.covariance.copy()
     squared[:, :9, :9] = np.diag(SDS ** (2.0 * power))
-    (cause,), (rest,) = unit_of_sds([output_errors(replace(output, covariance=squared), truth)])
+    (cause,), (rest,) = units_of([output_errors(replace(output, covariance=squared), truth)])
     assert cause.subject == subject
     assert rest.covariance[5, 0, 0] == pytest.approx(SDS[0] ** 2, rel=0.1)
-    assert unit_of_sds([output_errors(replace(output, covariance=0.01 * output.covariance), truth)])[0] == ()
+    assert units_of([output_errors(replace(output, covariance=0.01 * output.covariance), truth)])[0] == ()

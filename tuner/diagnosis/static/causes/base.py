@@ -137,7 +137,7 @@ class Extension(Cause):
         return None
 
     def clean_samples(self, channel: Channel) -> Channel:
-        """Return the channel without the effect, as far as that is a matter of samples."""
+        """Return the channel with the effect subtracted from its samples; unchanged where it does not act on these."""
         return channel
 
     def columns(self, channel: Channel) -> FloatArray:
@@ -200,7 +200,7 @@ class Extension(Cause):
         return self.consequence
 
     def in_motion(self, interval: float) -> str:  # noqa: ARG002
-        """Return what it does to samples of motion, every `interval`, s, and no drift at rest shows; else empty."""
+        """Return in words how it spoils motion that is sampled every `interval`, s; empty where it does not."""
         return ""
 
     def refit(self, fitted: FittedChannel, index: int) -> Extension:  # noqa: ARG002
