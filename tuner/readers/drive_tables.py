@@ -79,6 +79,8 @@ UNITS: Mapping[tuple[str, ...], tuple[str, ...]] = {
     ),
 }
 """Units that may follow a name in brackets; without them the first holds."""
+MISSTATED = ("Vertical Accuracy (°)",)
+"""Headers that state no unit of the column: phyphox writes so above metres."""
 
 
 def ordered(
@@ -250,7 +252,7 @@ def _ours(written: str) -> str:
 def _unit(path: Path, name: str, header: str) -> float:
     """Return the size of the unit that a header states, in that which the column has without."""
     stated = parse_name(header).unit
-    if stated is None:
+    if stated is None or header.strip() in MISSTATED:
         return 1.0
     usual = next((units for units, columns in UNITS.items() if name in columns), ())
     try:

@@ -6,6 +6,7 @@ v7.3 stores arrays turned round; they are turned back.
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -35,17 +36,27 @@ def list_mat(path: Path) -> Listing:
     import scipy.io
 
     def load() -> dict[str, Any]:
-        return dict(scipy.io.loadmat(path, simplify_cells=True))
+        with warnings.catch_warnings():
+            warnings.simplefilter(
+                "ignore", scipy.io.matlab.MatReadWarning
+            )  # of objects, which share one name
+            return dict(scipy.io.loadmat(path, simplify_cells=True))
 
     # The library ends the process on some damaged files.
     check_in_child(str(path), load, seconds=LONGEST_LISTING + path.stat().st_size / BYTES_A_SECOND)
     arrays: dict[str, NDArray[Any]] = {}
     meta: dict[str, Any] = {}
+    notes: list[str] = []
     with input_guard(path, "a MAT file"):
         for name, value in load().items():
-            if not name.startswith("__"):
+            if isinstance(value, scipy.io.matlab.MatlabOpaque):
+                kind = str(value["s2"][0], "ascii", "replace")
+                notes.append(
+                    f"objects of MATLAB ({kind}) are left out: MATLAB's writetimetable or save writes their numbers"
+                )
+            elif not name.startswith("__"):
                 _keep(name, value, arrays, meta)
-    return listing_of_arrays(path, arrays, units={}, meta=meta)
+    return listing_of_arrays(path, arrays, units={}, meta=meta, notes=notes)
 
 
 def _keep(name: str, value: object, arrays: dict[str, NDArray[Any]], meta: dict[str, Any]) -> None:

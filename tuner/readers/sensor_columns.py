@@ -146,20 +146,27 @@ def of_mavlink(layout: Layout) -> tuple[Change, ...]:
     return (Change(there, when=f"where {parts[0]} is a scaled reading of MAVLink"),)
 
 
+_MATRICES: Mapping[int, tuple[Mapping[str, str], ...]] = {
+    3: ({"accel": "0:3"}, {"gyro": "0:3"}),
+    4: ({"t": "0", "accel": "1:4"}, {"t": "0", "gyro": "1:4"}),
+    6: ({"gyro": "3:6", "accel": "0:3"}, {"gyro": "0:3", "accel": "3:6"}),
+    7: ({"t": "0", "gyro": "4:7", "accel": "1:4"}, {"t": "0", "gyro": "1:4", "accel": "4:7"}),
+    8: ({"gyro": "3:6", "accel": "0:3"}, {"gyro": "0:3", "accel": "3:6"}),
+}
+"""What the columns of an array without names may be, by their number; 8 and more alike."""
+
+
 def _nothing_found(listing: Listing) -> DataError:
     """Return the refusal of a file without a sensor, with the columns of a wide array as readings."""
-    wide = next((name for name, shape in listing.shapes.items() if len(shape) == 2 and shape[1] >= 6), None)
+    wide = next((name for name, shape in listing.shapes.items() if len(shape) == 2 and shape[1] >= 3), None)
     single = next(iter(listing.shapes)) if len(listing.shapes) == 1 else "NAME"  # the first is often the time
+    width = 0 if wide is None else listing.shapes[wide][1]
+    layouts = _MATRICES.get(min(width, 8), ())
+    named = [parts for parts in layouts if any(role[:3] in str(wide).lower() for role in parts)]
     changes = [
-        Change(columns={"gyro": f"{wide}[{gyro}]", "accel": f"{wide}[{accel}]"})
-        for gyro, accel in (("3:6", "0:3"), ("0:3", "3:6"))
-        if wide is not None
+        Change(columns={role: f"{wide}[{part}]" for role, part in parts.items()})
+        for parts in named or layouts
     ]
-    if wide is not None and listing.shapes[wide][1] == 7:  # time before both triads
-        changes = [
-            Change(columns={"t": f"{wide}[0]", "gyro": f"{wide}[{gyro}]", "accel": f"{wide}[{accel}]"})
-            for gyro, accel in (("4:7", "1:4"), ("1:4", "4:7"))
-        ]
     why = "; ".join([note for note in listing.notes if "left out" in note][:3])
     found = (
         f"{listing.path}: no gyro or accel column: expected names such as gyro_x or an (n, 3) array gyro, "
@@ -167,6 +174,8 @@ def _nothing_found(listing: Listing) -> DataError:
     )
     if changes:
         return Refusal(found, changes)
+    if not listing.shapes:
+        return DataError(found)
     return DataError(f"{found}; map them with --columns, such as --columns 'gyro_x={single}'")
 
 

@@ -283,7 +283,7 @@ def _first_fault(path: Path, text: bytes, first: int, dialect: Dialect, used: Se
                 cure = ", or leave the column out by --columns t=none --rate HZ" if _is_time(name) else ""
                 return (
                     f"{path}:{number}:{j + 1}: expected a number in column '{name.written}', "
-                    f"found '{cell[:40]}': repair or remove the line{cure}"
+                    f"found '{cell[:40]}': repair or remove the line, or choose another column{cure}"
                 )
     return None
 

@@ -33,6 +33,7 @@ from tuner.readers.refusal import CUSTOMARY_UNITS, Change, Refusal
 from tuner.readers.unit_evidence import (
     CHECKED_SAMPLES,
     GRAVITY_TOLERANCE,
+    LARGEST_CHANGE,
     MAX_BIAS,
     MAX_STEADY_RATE,
     MAX_SUMMED,
@@ -173,9 +174,13 @@ def _exchanged(
 
 
 def _at_rest(found: Sizes, accel: Record) -> bool:
-    """Return whether what is read as accelerometers shows a unit that keeps still: one direction, little noise."""
+    """Return whether what is read as accelerometers shows a unit that keeps still: one direction, little noise.
+
+    A vehicle on level ground keeps its direction, too, but not its mean from one second to the next.
+    """
     aligned = found.mean > MIN_ALIGNED * found.norm
-    return len(accel.axes) == 3 and found.mean > STEADY_RATIO * found.noise and aligned
+    steady = found.change * STANDARD_GRAVITY < LARGEST_CHANGE["m/s^2"] * found.mean
+    return len(accel.axes) == 3 and found.mean > STEADY_RATIO * found.noise and aligned and steady
 
 
 @dataclass(frozen=True)

@@ -49,6 +49,11 @@ MAX_SUMMED = 0.5
 filter of n samples n²/8 over the record."""
 SURELY_SUMMED = 10.0
 """`Sizes.summed` that only sums of a bias have, hundreds and more: a drift of 1 deg/s in an hour has less than 1."""
+LARGEST_CHANGE = {"rad/s": 5e-3, "m/s^2": 0.1}
+"""Largest usual change of the mean from one second to the next of a sensor at rest, by unit: twice that of the noisiest
+gyroscopes sold (0.1 deg/s/√Hz) and seven times that of the noisiest accelerometers (1 mg/√Hz)."""
+MIN_BLOCK_SAMPLES = 32
+"""Fewest samples of such a second, where the rate is low."""
 CHECKED_SAMPLES = 20_000
 """Samples from which sizes are taken: medians are then known to 1 %."""
 STEP_SAMPLES = 4096
@@ -74,6 +79,8 @@ class Sizes:
     summed : float
         Variance of samples an eighth of the record apart ÷ that of neighbours ÷ the number of steps between them,
         median of the axes: about 1 or more where samples are sums, next to 0 where they are noise.
+    change : float
+        Usual change of the mean from one second to the next, of the axis that changes most.
     """
 
     norm: float
@@ -81,6 +88,7 @@ class Sizes:
     noise: float
     white: float
     summed: float
+    change: float
 
 
 def sizes_of(record: Record) -> Sizes:
@@ -97,7 +105,14 @@ def sizes_of(record: Record) -> Sizes:
         float(np.linalg.norm(robust)),
         float(quantized.max()) * math.sqrt(record.interval),
         float(np.median([_summed(y) for y in record.y.T])),
+        _change(record),
     )
+
+
+def _change(record: Record) -> float:
+    length = max(MIN_BLOCK_SAMPLES, round(1.0 / record.interval))
+    blocks = record.y[: len(record) // length * length].reshape(-1, length, record.y.shape[1]).mean(axis=1)
+    return float(normal_sd(np.diff(blocks, axis=0), axis=0).max()) if len(blocks) > 2 else 0.0
 
 
 def _summed(y: FloatArray) -> float:
@@ -119,13 +134,15 @@ def same_kind(one: str, other: str) -> bool:
 def units_with_gravity(raw: float, interval: float) -> list[str]:
     """Return the units in which a raw mean specific force is gravity, best first; increments last.
 
-    Where none is within `GRAVITY_TOLERANCE`, those within `WRONG_FACTOR`: consumer units without a calibration err by
-    a tenth, and their noise is right all the same.
+    Where none is within `GRAVITY_TOLERANCE`, the rates within `WRONG_FACTOR`: consumer units without a calibration err
+    by a tenth, and their noise is right all the same; sensors that give increments are calibrated.
     """
     ratios = {unit: raw * si_value(unit, interval) / STANDARD_GRAVITY for unit in UNITS["accel"]}
     near = {unit: abs(ratio - 1.0) for unit, ratio in ratios.items() if abs(ratio - 1.0) < GRAVITY_TOLERANCE}
     far = {
-        unit: abs(ratio - 1.0) for unit, ratio in ratios.items() if 1.0 / WRONG_FACTOR < ratio < WRONG_FACTOR
+        unit: abs(ratio - 1.0)
+        for unit, ratio in ratios.items()
+        if 1.0 / WRONG_FACTOR < ratio < WRONG_FACTOR and unit not in INCREMENT_UNITS
     }
     fitting = near or far
     return sorted(fitting, key=lambda unit: (unit in INCREMENT_UNITS, fitting[unit], unit))

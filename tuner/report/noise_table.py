@@ -72,7 +72,9 @@ def measured_table(
     entered : bool, optional
         Whether what is taken for a limit is shown beside it.
     """
-    fitted = {} if config is None else {axis: config.channels[axis] for axis in curve}
+    fitted = (
+        {} if config is None else {axis: (config.channels[axis], config.on_limit(axis)) for axis in curve}
+    )
     bounds = config.inflations if entered and config is not None else ()
     shares = {one.quantity: one.factor for one in bounds if isinstance(one, BoundUsed) and one.factor > 0.0}
     sensors = _sensors(found)
@@ -189,7 +191,7 @@ def _measured(
     sensor: str,
     axes: Mapping[str, str],
     found: Identification,
-    fitted: Mapping[str, ChannelNoise],
+    fitted: Mapping[str, tuple[ChannelNoise, Mapping[str, float]]],
     shares: Mapping[Quantity, float],
     *,
     further: bool,
@@ -200,11 +202,11 @@ def _measured(
     lent = found.source.get(BORROWED, {})
     for letter, axis in axes.items():
         if axis in fitted:
-            channel = fitted[axis]
-            for name, value in ((WHITE, channel.white_density), (WALK, channel.random_walk_density)):
-                cells[name, 0][letter] = (
-                    f"{digits(in_customary(value, name, unit))} {ROUGH}" if value else UNKNOWN
-                )
+            channel, limits = fitted[axis]
+            for name, field in ((WHITE, "white_density"), (WALK, "random_walk_density")):
+                value, share = in_customary(getattr(channel, field), name, unit), limits.get(field)
+                known = f"{digits(value)} {ROUGH}" if share is None else _taken(value / share, share)
+                cells[name, 0][letter] = known if value else UNKNOWN
             continue
         for (name, which), one in coefficients_of(found.channels[axis]).items():
             if (name, 0) in cells or (further and one.value is not None):
@@ -227,11 +229,16 @@ def _label(sensor: str, name: str, unit: str) -> str:
     return f"{sensor} {words}, {pretty(customary_unit(name, unit))}".removesuffix(", ")
 
 
+def _taken(limit: float, share: float) -> str:
+    """Return a limit with what is taken for it, its share."""
+    return f"< {digits(limit)} {TAKEN} {digits(share * limit)}"
+
+
 def _cell(one: Coefficient, name: str, unit: str, share: float | None) -> str:
     """Return a number with its interval, a limit with what is taken for it by its share, or that nothing is known."""
     if one.value is None and one.upper is not None:
         limit = in_customary(one.upper, name, unit)
-        return f"< {digits(limit)}" + ("" if share is None else f" {TAKEN} {digits(share * limit)}")
+        return f"< {digits(limit)}" if share is None else _taken(limit, share)
     if one.value is None:
         return UNKNOWN
     value = in_customary(one.value, name, unit)

@@ -38,6 +38,7 @@ from tuner.report.tune_sections import setting_reasons, tune_sections
 from tuner.report.unexplained_words import unexplained_lines
 from tuner.synthesis.findings import judge_hidden, left_out
 from tuner.types import Diagnosis
+from tuner.types.judgement import Use
 from tuner.types.named_cause import separated
 
 if TYPE_CHECKING:
@@ -78,9 +79,13 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
     examined = result.diagnosis is not None or result.drive is not None
     vibration = [] if result.examination is None else vibration_lines(result.examination)
     mended = result.examination is not None and result.examination.before_filter
-    nothing = (
-        [] if mended or vibration or without else ["Nothing was found that the noise terms do not explain"]
+    good = result.verdict.use in (Use.USABLE, Use.HONEST)
+    none = (
+        "Nothing was found that the noise terms do not explain"
+        if good
+        else "The search for causes found none"
     )
+    nothing = [] if mended or vibration or without else [none]
     further = len(found) - SHOWN_FINDINGS
     own = Path(keys[0].removesuffix(":")).name if len(keys) > 1 else ""
     shown = (own,) if own else (PAIR, FADING)

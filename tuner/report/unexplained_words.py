@@ -28,7 +28,7 @@ def unexplained_parts(unexplained: Sequence[Unexplained]) -> list[tuple[str, Une
         axes = list(dict.fromkeys(axis for one in tests for axis in one.channels))
         largest = max(tests, key=lambda one: one.nats)
         felt = max(tests, key=lambda one: max((a / b for a, b in one.drift.values() if b), default=0.0))
-        most = f", most in {axes_text(largest.channels)}" if len(axes) > 1 else ""
+        most = f", most in {axes_text(largest.channels)}" if set(axes) > set(largest.channels) else ""
         place = f", {largest.place}" if largest.place else ""
         line = f"{largest.statistic} in {axes_text(axes)}{most}{place}"
         if more := len({one.statistic for one in tests}) - 1:

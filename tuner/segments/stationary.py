@@ -31,6 +31,7 @@ import numpy as np
 from models.arrays import BoolArray, FloatArray, IntArray
 from models.robust import normal_sd
 from tuner.formats.customary_units import percent, stamp
+from tuner.readers.unit_evidence import LARGEST_CHANGE, MIN_BLOCK_SAMPLES
 from tuner.segments.block_moments import block_moments
 from tuner.segments.knock_bridges import bridge_knocks
 from tuner.segments.knocks import knocked
@@ -53,15 +54,10 @@ _OVER_WHITE_NOISE = 2.0
 show 1.0 to 1.4, moving ones 5 to 10; white noise alone, however large, is another unit."""
 _BLOCK_SECONDS = 1.0
 """Length of a block, s: the shortest movement of a hand."""
-_MIN_BLOCK_SAMPLES = 32
-"""Least length of a block in samples, where the rate is low."""
 _MIN_BLOCKS = 8
 """Fewest blocks of a record, and fewest samples of a block, whose variances can be compared."""
 _CERTAIN_MOTION = {"rad/s": 0.1, "m/s^2": 1.0}
 """Change of the mean rate, or sd within a block, that is motion on one channel alone; by unit."""
-_LARGEST_AT_REST = {"rad/s": 5e-3, "m/s^2": 0.1}
-"""Largest usual change of the mean from one block to the next of a sensor at rest, by unit: twice that of the noisiest
-gyroscopes sold (0.1 deg/s/√Hz) and seven times that of the noisiest accelerometers (1 mg/√Hz)."""
 
 
 @dataclass(frozen=True)
@@ -222,7 +218,7 @@ def _steady_motion(record: Record, still: Segments) -> str | None:
 
     A log that moves nearly all the time has no quiet quarter to compare with.
     """
-    if record.unit not in _LARGEST_AT_REST or not still:
+    if record.unit not in LARGEST_CHANGE or not still:
         return None
     bounds = _blocks(replace(record, segments=still))
     touching = bounds[1:, 0] == bounds[:-1, 1]
@@ -231,7 +227,7 @@ def _steady_motion(record: Record, still: Segments) -> str | None:
     mean, variance = _moments(record, bounds)
     change = normal_sd(np.diff(mean, axis=0)[touching], axis=0)
     white = np.sqrt(2.0 * np.median(variance, axis=0) / np.median(np.diff(bounds)))
-    smallest = np.sqrt(_LARGEST_AT_REST[record.unit] ** 2 + _rounding_variance(record))
+    smallest = np.sqrt(LARGEST_CHANGE[record.unit] ** 2 + _rounding_variance(record))
     limit = np.maximum(smallest, _OVER_WHITE_NOISE * white)
     worst, length = int(np.argmax(change / limit)), float(np.diff(bounds).mean()) * record.interval
     if change[worst] <= limit[worst]:
@@ -254,7 +250,7 @@ def _scatter(channels: int, probability: float) -> float:
 
 def _blocks(record: Record) -> IntArray:
     """Return first and last (exclusive) sample of each block, shape (b, 2); no block crosses a gap."""
-    length = max(_MIN_BLOCK_SAMPLES, round(_BLOCK_SECONDS * record.rate))
+    length = max(MIN_BLOCK_SAMPLES, round(_BLOCK_SECONDS * record.rate))
     edges = []
     for start, stop in record.segments:
         cut = np.linspace(start, stop, max(1, (stop - start) // length) + 1).astype(np.int64)

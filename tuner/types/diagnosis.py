@@ -180,7 +180,10 @@ def only_determined(
     """Return findings and what is unexplained, causes without a determined figure among the latter."""
     left = [one for one in findings if not one.determined]
     return tuple(one for one in findings if one.determined), (
-        *(Unexplained(one.statistic, one.channels, one.p_value) for one in left),
+        *(
+            Unexplained(f"{one.cause.replace('_', ' ')} of undetermined size", one.channels, one.p_value)
+            for one in left
+        ),
         *unexplained,
     )
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.io
 
 from tests.tuner.readers.plain_logs import ACCEL, COUNT, HEADER, T, notes, refused, rows, write
 from tuner.cli import run
@@ -221,6 +222,28 @@ def test_columns_of_a_wide_array_are_those_in_which_gravity_is_seen(tmp_path: Pa
     message = refused(tmp_path / "log.npz", "pass --columns 'gyro=imu0.0:3.,accel=imu0.3:6.'$")
     _, accel = read(tmp_path / "log.npz", rate=100.0, **advice(message))  # type: ignore[arg-type]
     np.testing.assert_array_equal(accel.y, ACCEL)
+
+
+def test_an_array_of_one_triad_and_its_time_is_read_by_the_advice(tmp_path: Path) -> None:
+    np.savez(tmp_path / "log.npz", accelBuffer=np.column_stack([T, ACCEL / 9.80665]))
+    message = refused(
+        tmp_path / "log.npz", "pass --columns 't=accelBuffer.0.,accel=accelBuffer.1:4.' --accel-unit g$"
+    )
+    (accel,) = read(tmp_path / "log.npz", **advice(message))  # type: ignore[arg-type]
+    np.testing.assert_allclose(accel.y, ACCEL)
+
+
+def test_objects_of_matlab_are_told_as_such(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A timetable of MATLAB Mobile: no array in it, so no columns to choose."""
+    fields = np.array([(b"a", b"MCOS", b"timetable", 0)], [(name, "O") for name in ("s0", "s1", "s2", "arr")])
+    monkeypatch.setattr(
+        scipy.io, "loadmat", lambda *_, **__: {"None": fields.view(scipy.io.matlab.MatlabOpaque)}
+    )
+    (tmp_path / "log.mat").write_bytes(b"MATLAB 5.0 MAT-file".ljust(128))
+    message = refused(
+        tmp_path / "log.mat", r"found no numbers \(objects of MATLAB \(timetable\) are left out"
+    )
+    assert "--columns" not in message
 
 
 def test_a_command_prints_the_advice_it_can_take(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -67,7 +67,7 @@ def phyphox(folder: Path) -> Path:
         _table(folder / f"{name}.csv", head, [T, *values.T])
     head = (
         '"Time (s)","Latitude (°)","Longitude (°)","Height (m)","Velocity (m/s)","Direction (°)",'
-        '"Horizontal Accuracy (m)","Vertical Accuracy (m)"'
+        '"Horizontal Accuracy (m)","Vertical Accuracy (°)"'  # phyphox itself writes degrees above metres
     )
     sds = [np.full(len(FIX_T), x) for x in (3.0, 5.0)]
     _table(folder / "Location.csv", head, [FIX_T, LAT, LON, 300.0 + 0.0 * FIX_T, SPEED, COURSE, *sds])

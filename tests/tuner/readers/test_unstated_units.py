@@ -166,3 +166,27 @@ def test_rare_samples_of_a_gyroscope_may_be_noisier(tmp_path: Path) -> None:
         write(tmp_path / "log.csv", rows(25.0 * T, y), HEADER.replace("t,", "t [s],")),
         "pass --gyro-unit deg/s, or",
     )
+
+
+def test_a_vehicle_on_level_ground_moves_though_gravity_keeps_its_direction(tmp_path: Path) -> None:
+    """A robot turns about the vertical, brakes and shakes by 3 deg/s: the unit that is stated is right, it moves."""
+    rng = np.random.default_rng(8)
+    turns = np.repeat(rng.normal(0.0, 0.3, COUNT // 100), 100)
+    gyro = rng.normal(0.0, 0.05, (COUNT, 3)) + np.outer(0.1 + turns, [0.0, 0.2, 1.0])
+    brakes = np.repeat(rng.normal(0.0, 0.2, (COUNT // 100, 3)), 100, axis=0)
+    header = ",".join(
+        ["t [s]", *(f"gyro_{a} [rad/s]" for a in "xyz"), *(f"accel_{a} [m/s^2]" for a in "xyz")]
+    )
+    drives = write(tmp_path / "drives.csv", rows(gyro=gyro, accel=ACCEL + brakes), header)
+    np.testing.assert_array_equal(read(drives)[0].y, gyro)
+    rests = write(tmp_path / "rests.csv", rows(gyro=gyro), header)
+    refused(rests, "the unit rad/s is wrong: pass --gyro-unit deg/s")
+
+
+def test_accelerometers_without_gravity_are_no_increments_in_feet(tmp_path: Path) -> None:
+    """0.355 ft/s in a sample of 10 ms are 1.1 gravity: what nobody states is not looked for beyond 10 %."""
+    accel = np.random.default_rng(9).normal(0.0, 1e-2, (COUNT, 3)) + np.array([0.0, 0.0, -0.355])
+    message = refused(
+        write(tmp_path / "log.csv", rows(gyro=0.1 * GYRO, accel=accel)), "where gravity is 9.81"
+    )
+    assert "--" not in message

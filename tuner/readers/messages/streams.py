@@ -7,6 +7,7 @@ names the others and how to choose one.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -187,10 +188,16 @@ def drive_of_log(path: Path, log: MessageLog) -> DriveArrays:
             f"{path}: expected gyroscope and accelerometer in one stream, found {', '.join(chosen.arrays)}"
         )
     if not log.is_drive:
-        counts = ", ".join(f"{s.name} with {len(s.rows)}" for s in log.fixes) or "none"
+        counts = ", ".join(f"{s.name} with {len(s.rows)}" for s in log.fixes) or "none that is read"
+        unread = not log.fixes and any(re.search("gps|gnss", topic.lower()) for topic in log.topics)
+        cure = (
+            "make a folder with imu.csv and gnss.csv of it"
+            if unread
+            else "at rest it is a log: `tuner tune FILE`"
+        )
         raise DataError(
             f"{path}: expected a receiver with {MIN_FIXES} fixes or more, found {counts} among {_some(log.topics)}; "
-            "without fixes it is a static log: `tuner tune FILE`"
+            f"{cure}"
         )
     fixes = max(log.fixes, key=lambda stream: len(stream.rows))
     imu = np.column_stack([chosen.seconds(), chosen.arrays["gyro"], chosen.arrays["accel"]])
