@@ -88,6 +88,7 @@ def judge_settings(known: Settings) -> Judgement:
         *_of_drive(known),
         *_of_simulation(known.check, of_less=known.config.gnss is None or _measured(known)),
         *_of_predictions(known.predictions),
+        *_of_compensation(known.predictions),
         *_of_reading(known.identification),
         *_of_losses(known.identification),
         *_of_lost_samples(() if known.diagnosis is None else known.diagnosis.findings),
@@ -132,7 +133,7 @@ def judge_noise(
     failed = curve_axes(predictions)
     unfit = Reason(
         Use.USABLE_EXCEPT,
-        f"{axes_text(failed)}, whose terms do not predict the Allan curve: its numbers are fitted to the curve",
+        f"{axes_text(failed)}, whose terms do not predict the Allan curve: numbers read off the curve stand for them",
     )
     short = [Reason(Use.USABLE_EXCEPT, why) for why in _too_short_for(found)]
     refuted = [
@@ -142,7 +143,13 @@ def judge_noise(
     ]
     if refuted:
         short.append(Reason(Use.DO_NOT_USE, f"the Allan curve contradicts the terms of {axes_text(refuted)}"))
-    return judged(Use.USABLE, [*short, *_of_reading(found), *([unfit] if failed else []), *_of_losses(found)])
+    said = [
+        *_of_reading(found),
+        *([unfit] if failed else []),
+        *_of_compensation(predictions),
+        *_of_losses(found),
+    ]
+    return judged(Use.USABLE, [*short, *said])
 
 
 def curve_axes(predictions: Mapping[str, PredictedBlock]) -> list[str]:
@@ -301,15 +308,26 @@ def _of_scores(found: Consistency, where: str) -> Iterator[Reason]:
     if verdict.use is Use.DO_NOT_USE:
         yield Reason(Use.DO_NOT_USE, f"{where} {verdict.reasons[0]}")
     elif verdict.use in (Use.OPTIMISTIC, Use.PESSIMISTIC):
-        off = [one for one in claims(found) if is_off(one) and one.name != "attitude"]
-        far = off_reasons(found, [one for one in off if _far(one.ratio, TOLERATED_RATIO)])
-        use = Use.DO_NOT_USE if far else Use.USABLE_EXCEPT
-        yield Reason(use, f"{where} {far[0].text if far else verdict.reasons[0]}")
+        off = [one for one in claims(found) if is_off(one)]
+        far = {one.ratio > 1.0 for one in off if one.name != "attitude" and _far(one.ratio, TOLERATED_RATIO)}
+        alike = off_reasons(found, [one for one in off if not far or (one.ratio > 1.0) in far])
+        yield Reason(Use.DO_NOT_USE if far else Use.USABLE_EXCEPT, f"{where} {alike[0].text}")
     elif verdict.use is Use.TOO_SHORT:
         scores = [one for one in claims(found) if not shows_dishonesty(one)]
         yield Reason(
             Use.USABLE_EXCEPT, f"{where} its errors, which are too short to judge{need_text(scores)}"
         )
+
+
+def _of_compensation(predictions: Mapping[str, PredictedBlock]) -> Iterator[Reason]:
+    """Yield axes whose settings are for samples without some signals, as none predict them as they are."""
+    axes: dict[tuple[str, ...], list[str]] = {}
+    for axis, one in predictions.items():
+        if one.without:
+            axes.setdefault(one.without, []).append(axis)
+    for causes, those in axes.items():
+        named = " and ".join(one.replace("_", " ") for one in causes)
+        yield Reason(Use.USABLE_EXCEPT, f"{axes_text(those)}, whose {named} your filter must take out first")
 
 
 def _of_predictions(predictions: Mapping[str, PredictedBlock]) -> Iterator[Reason]:
@@ -457,7 +475,7 @@ def _of_limits(config: FilterConfig) -> Iterator[Reason]:
             f"{' and '.join(f'{term} ({axes_text(axes)})' for term, axes in limited.items())}: not seen, half of the "
             f"limit is ASSUMED (drift in {UNAIDED_TIME:g} s: at the limit {range_text(ratios, significant=2)} × that "
             f"at 0{f'; other limits < {HONEST_RATIO:g} ×' * others})"
-            + (f"; a log of {digits(max(hours), 2)} h would show them" if hours else ""),
+            + (f"; a log of {digits(max(hours), 2)} h shows half as much" if hours else ""),
         )
 
 

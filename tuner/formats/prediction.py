@@ -62,6 +62,8 @@ def prediction_json(found: PredictedBlock, *, curve: bool) -> dict[str, Any]:
             "oscillation_sd": plain(found.block.oscillation_sd),
         },
     }
+    if found.without:
+        content["without"] = list(found.without)
     if found.rejected is not None:
         content["rejected"] = {
             "ratio": plain(found.rejected.worst),

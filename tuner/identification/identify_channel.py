@@ -116,7 +116,8 @@ def identify_channel(
     apart = contradiction(whole, band, estimates.model) if compared else None
     robust = apart is not None and apart.p_value < ROBUST_P_VALUE and method == "likelihood" and terms is None
     if robust and len(octaves.m) >= len(chosen.model.parameters):
-        estimates = _by_method(chosen, "leastsquares", octaves, allan, forced=False)
+        found = fit_curve(curve_within(noise.curve, band), without_lines(chosen.model))
+        estimates = from_fit(found.model, found.covariance, found.intervals, allan.unit, forced=False)
     warnings = () if apart is None else disagreement(apart, robust=robust)
     estimates = below_the_curve(
         estimates,
@@ -279,6 +280,8 @@ class ChosenNoise:
         Variance of the white power that comes from the law of the samples, unit⁴/Hz².
     lines : tuple of (float, float)
         Frequency, Hz, and amplitude, unit, of lines within the band that were left out of the fit.
+    curve : OctaveCurve
+        Of the segments without the sinusoids of the sum, which no curve in octaves can tell.
     """
 
     fit: LikelihoodFit
@@ -287,6 +290,12 @@ class ChosenNoise:
     candidates: tuple[Candidate, ...]
     law_variance: float
     lines: tuple[tuple[float, float], ...]
+    curve: OctaveCurve
+
+
+def without_lines(model: NoiseModel) -> NoiseModel:
+    """Return a sum without its sinusoids."""
+    return NoiseModel(tuple(term for term in model.terms if not isinstance(term, Sinusoid)))
 
 
 def choose_terms(pieces: Sequence[FloatArray], interval: float, further: Sequence[str] = ()) -> ChosenNoise:
@@ -328,7 +337,7 @@ def choose_terms(pieces: Sequence[FloatArray], interval: float, further: Sequenc
         absent = (below, *(b for b in absent if b.name != Quantization.name))
     bounds = tuple(b for b in absent if b.name not in chosen.terms)
     noise = with_lines(chosen, lines, rest, interval)
-    return ChosenNoise(noise, band, bounds, selection.candidates, data.law_variance, data.lines)
+    return ChosenNoise(noise, band, bounds, selection.candidates, data.law_variance, data.lines, curve)
 
 
 def _of_band(whole: CosinePeriodogram, pieces: Sequence[FloatArray], band: Band) -> CosinePeriodogram:
@@ -363,9 +372,9 @@ def about_band(band: Band, interval: float) -> tuple[str, ...]:
         return ()
     part, side = 100.0 * abs(band.ratio - 1.0), "more" if band.ratio > 1.0 else "less"
     return (
-        f"below a cluster time of {band.m * interval:.3g} s no sum of noise terms follows the data (samples scatter "
-        f"{digits(part, 2)} % {side}: a filter in the sensor, vibration or a spectral line): fitted to longer "
-        f"ones, f ≤ {band.highest:.3g} Hz",
+        f"below a cluster time of {band.m * interval:.3g} s no sum of noise terms follows the data (neighbours "
+        f"differ by {digits(part, 2)} % {side}: a filter in the sensor, vibration or a spectral line): fitted to "
+        f"longer ones, f ≤ {band.highest:.3g} Hz",
     )
 
 

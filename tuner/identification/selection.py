@@ -174,7 +174,7 @@ def _reason(term: Term, model: NoiseModel, data: CosinePeriodogram, twin: str | 
     if share[at] < ABSENT_SHARE:
         part = 100.0 * np.sqrt(share[at])
         return (
-            f"absent: at most {part:.2g} % of the Allan deviation at any cluster time up to {tau[-1]:.3g} s"
+            f"not seen: at most {part:.2g} % of the Allan deviation at any cluster time up to {tau[-1]:.3g} s"
         )
     if twin is not None:
         return f"hidden by a twin slope: {twin} explains the same part of the curve"

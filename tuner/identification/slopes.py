@@ -9,7 +9,8 @@ Where the log–log curve runs parallel to the line of a term, that line is read
     ramp              slope +1     R = σ(√2)
 
 The reading takes the curve of the sum for the curve of one term: it runs high by the share of its neighbours
-(B by 4 … 27 %) and needs a stretch where one term rules. It is a start and a picture, not an estimate.
+(B by 4 … 27 %) and needs a stretch where one term rules. It is a start and a picture, not an estimate. Terms follow
+one another as their slopes do: what lies flat before the white noise, as behind a low-pass filter, is no floor.
 
 References
 ----------
@@ -92,9 +93,10 @@ def read_segments(tau: FloatArray, deviation: FloatArray, dof: FloatArray) -> tu
     if len(x) < 3:
         return ()
     slope = _local_slope(x, y, v)
-    found = []
+    found: list[Segment] = []
     for term, wanted, read_at in _SLOPE_LINES:
-        run = _longest_run(np.abs(slope - wanted) <= _SLOPE_TOLERANCE, x)
+        later = x >= (np.log(found[-1].tau[1]) if found else -np.inf)
+        run = _longest_run(later & (np.abs(slope - wanted) <= _SLOPE_TOLERANCE), x)
         if run is None:
             continue
         weight = v[run] / np.sum(v[run])

@@ -31,8 +31,8 @@ from tuner.types.judgement import Use
 from tuner.types.named_cause import separated
 from tuner.types.verdict import Severity, VerdictCode
 
-HEADS = ("score", "ratio", "for the filter", "verdict")
-"""Of a table of scores."""
+HEADS = ("score", "ratio", "expected", "outside")
+"""Of a table of scores, of which not all decide the verdict."""
 IN_THE_TABLE = (VerdictCode.OPTIMISTIC, VerdictCode.PESSIMISTIC, VerdictCode.CORRELATED_INNOVATIONS)
 """Verdicts on one score each, which its row says."""
 
@@ -198,7 +198,7 @@ def score_rows(scores: Iterable[Score]) -> list[list[str]]:
     rows = []
     for one in scores:
         low, high = band_of(one)
-        said = "" if one.consistent else "optimistic" if one.ratio > 1.0 else "pessimistic"
+        said = "" if one.consistent else "above" if one.ratio > 1.0 else "below"
         rows.append([score_title(one.name), f"{one.ratio:.3f}", f"{low:.2f} … {high:.2f}", said])
     return rows
 

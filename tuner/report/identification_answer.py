@@ -12,7 +12,7 @@ from tuner.formats.axis_words import axes_text
 from tuner.formats.customary_units import customary_unit, digits, pretty, symbol
 from tuner.identification.identify import BY_DIAGNOSIS
 from tuner.identification.identify_channel import CURVE_DISAGREES
-from tuner.judgement import curve_axes, judge_noise
+from tuner.judgement import judge_noise
 from tuner.report.alike_sentences import alike_sentences
 from tuner.report.answer_layout import recording_text
 from tuner.report.document import Document, document
@@ -46,8 +46,7 @@ def identification_answer(
         The settings that `tune` would write, and how they predict the log. Of an axis whose terms do not predict its
         Allan curve the numbers are those of the curve.
     """
-    curve = curve_axes(predictions)
-    table = measured_table(found, config, curve)
+    table = measured_table(found, config, predictions)
     return document(
         [
             f"{name}: {recording_text(found)}",

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from types import MappingProxyType
 
+import numpy as np
 from rich.table import Table
 
 from tuner.exporters import kalibr, kf_gins
 from tuner.exporters.header import stated_ratios
 from tuner.formats.customary_units import customary_unit, digits, in_customary, pretty, with_interval
 from tuner.formats.yaml_text import Noted
+from tuner.identification.slopes import read_segments
+from tuner.judgement import curve_axes
 from tuner.report.coefficient_text import coefficients_of
 from tuner.report.titled_table import table_of
-from tuner.types import BoundUsed, ChannelNoise, Coefficient, FilterConfig, Identification, Quantity
+from tuner.types import BoundUsed, Coefficient, FilterConfig, Identification, Quantity
 from tuner.types.borrowed import BORROWED
+from tuner.types.prediction import PredictedBlock
 
 WHITE, FLICKER, WALK = "white.density", "bias_instability.level", "random_walk.density"
 NAMES = {
@@ -52,7 +57,7 @@ _FADING_KEYS = ("arw", "gbstd", "vrw", "abstd")
 def measured_table(
     found: Identification,
     config: FilterConfig | None = None,
-    curve: Iterable[str] = (),
+    predictions: Mapping[str, PredictedBlock] = MappingProxyType({}),
     *,
     further: bool = True,
     entered: bool = False,
@@ -65,23 +70,21 @@ def measured_table(
         Noise terms.
     config : FilterConfig, optional
         Settings made from them.
-    curve : iterable of str, optional
-        Axes whose terms do not predict their Allan curve: `config` has numbers that do.
+    predictions : mapping of str to PredictedBlock, optional
+        How settings predict the log: of an axis whose terms do not predict its Allan curve, what its slopes show.
     further : bool, optional
         Whether terms beside white noise, bias instability and random walk are shown.
     entered : bool, optional
         Whether what is taken for a limit is shown beside it.
     """
-    fitted = (
-        {} if config is None else {axis: (config.channels[axis], config.on_limit(axis)) for axis in curve}
-    )
+    read = {axis: _read_off(predictions[axis], found.channels[axis].unit) for axis in curve_axes(predictions)}
     bounds = config.inflations if entered and config is not None else ()
     shares = {one.quantity: one.factor for one in bounds if isinstance(one, BoundUsed) and one.factor > 0.0}
     sensors = _sensors(found)
     rows = [
         row
         for sensor, axes in sensors.items()
-        for row in _measured(sensor, axes, found, fitted, shares, further=further)
+        for row in _measured(sensor, axes, found, read, shares, further=further)
     ]
     known = "measured" if any(one.span > 0.0 for one in found.channels.values()) else "stated"
     letters = list(dict.fromkeys(letter for axes in sensors.values() for letter in axes))
@@ -173,8 +176,8 @@ def why_larger(texts: Iterable[str]) -> str:
     if not found:
         return ""
     return (
-        "To enter: these stand in for all terms above, hence mostly larger: with usual fixes "
-        f"true errors are {min(found):.2f} to {max(found):.2f} × predicted; enlarge for vibration only"
+        "To enter: few numbers stand for all terms, so most are larger; a linear filter with the usual fixes then errs "
+        f"by {min(found):.2f} to {max(found):.2f} × what it predicts; enlarge them for vibration only"
     )
 
 
@@ -191,7 +194,7 @@ def _measured(
     sensor: str,
     axes: Mapping[str, str],
     found: Identification,
-    fitted: Mapping[str, tuple[ChannelNoise, Mapping[str, float]]],
+    read: Mapping[str, Mapping[str, str]],
     shares: Mapping[Quantity, float],
     *,
     further: bool,
@@ -201,12 +204,9 @@ def _measured(
     unit = next(iter(found.channels[axis].unit for axis in axes.values()))
     lent = found.source.get(BORROWED, {})
     for letter, axis in axes.items():
-        if axis in fitted:
-            channel, limits = fitted[axis]
-            for name, field in ((WHITE, "white_density"), (WALK, "random_walk_density")):
-                value, share = in_customary(getattr(channel, field), name, unit), limits.get(field)
-                known = f"{digits(value)} {ROUGH}" if share is None else _taken(value / share, share)
-                cells[name, 0][letter] = known if value else UNKNOWN
+        if axis in read:
+            for name in (WHITE, FLICKER, WALK):
+                cells[name, 0][letter] = read[axis].get(name, UNKNOWN)
             continue
         for (name, which), one in coefficients_of(found.channels[axis]).items():
             if (name, 0) in cells or (further and one.value is not None):
@@ -223,27 +223,33 @@ def _measured(
     ]
 
 
+def _read_off(found: PredictedBlock, unit: str) -> dict[str, str]:
+    """Return the cells of an axis by what stands parallel to a term in its Allan curve."""
+    curve = found.measured
+    seen = read_segments(curve.tau, np.sqrt(curve.variance), curve.dof["white"])
+    names = {name.partition(".")[0]: name for name in (WHITE, FLICKER, WALK)}
+    cells = {names[one.term]: one.value for one in seen if one.term in names}
+    return {name: f"{digits(in_customary(value, name, unit))} {ROUGH}" for name, value in cells.items()}
+
+
 def _label(sensor: str, name: str, unit: str) -> str:
     """Return sensor, quantity and unit."""
     words = NAMES.get(name, name.replace(".", " ").replace("_", " "))
     return f"{sensor} {words}, {pretty(customary_unit(name, unit))}".removesuffix(", ")
 
 
-def _taken(limit: float, share: float) -> str:
-    """Return a limit with what is taken for it, its share."""
-    return f"< {digits(limit)} {TAKEN} {digits(share * limit)}"
-
-
 def _cell(one: Coefficient, name: str, unit: str, share: float | None) -> str:
     """Return a number with its interval, a limit with what is taken for it by its share, or that nothing is known."""
     if one.value is None and one.upper is not None:
         limit = in_customary(one.upper, name, unit)
-        return f"< {digits(limit)}" if share is None else _taken(limit, share)
+        return f"< {digits(limit)}" + ("" if share is None else f" {TAKEN} {digits(share * limit)}")
     if one.value is None:
         return UNKNOWN
     value = in_customary(one.value, name, unit)
     if one.interval is None:
         return digits(value)
+    if one.value in one.interval:  # lowered to what the Allan curve allows
+        return f"{digits(value)} {ROUGH}"
     low, high = (in_customary(end, name, unit) for end in one.interval)
     text = with_interval(value, low, high, between="–").replace(" ± ", " ±")
     if len(text) <= WIDEST_CELL:

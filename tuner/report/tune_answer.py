@@ -11,7 +11,7 @@ from rich.table import Table
 
 from tuner.formats.reference_words import reference_line
 from tuner.identification.comparison import compare_identifications, limit_checks
-from tuner.judgement import curve_axes, is_felt
+from tuner.judgement import is_felt
 from tuner.limits import SHOWN_FINDINGS
 from tuner.report.answer_layout import recording_text
 from tuner.report.diagnosis_answer import diagnosis_answer
@@ -126,7 +126,7 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
         more += diagnosis_answer(result.diagnosis).more
     for _, heading, content in tune_sections(result):
         more += [heading, *content]
-    end = [*withheld_lines(result), _file_line(result, directory, dialect)]
+    end = [*withheld_lines(result), _file_line(result, directory)]
     more += [note for note in result.config.notes if note not in result.identification.notes]
     return document(said, remarks, end, more, spare=[noise[2:], [*noise[:1], signs], [*noise[1:2], reason]])
 
@@ -134,9 +134,10 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
 def noise_tables(result: TuneResult, files: Iterable[str]) -> list[Table]:
     """Return the measured noise, and what to enter where these files are written."""
     entered = entries_tables(result.config, files)
-    curve = curve_axes(result.predictions)
     return [
-        measured_table(result.identification, result.config, curve, further=not entered, entered=True),
+        measured_table(
+            result.identification, result.config, result.predictions, further=not entered, entered=True
+        ),
         *entered,
     ]
 
@@ -259,13 +260,9 @@ def found_lines(result: TuneResult) -> tuple[list[str], int, str]:
     return said, idle, found.doubted
 
 
-def _file_line(result: TuneResult, directory: Path | None, dialect: str | None) -> str:
+def _file_line(result: TuneResult, directory: Path | None) -> str:
     """Return where the files are, and from which those of other filters are made."""
     path = "FOLDER by write_tune_result(result, FOLDER)" if directory is None else directory
-    shown = (
-        (PAIR, FADING) if dialect is None and result.drive is None else ()
-    )  # of a drive there may be no room
     mended = [MENDED] * bool(result.examination and result.examination.before_filter)
-    above = [name for name in shown if name in result.exports]
-    others = [f"{one} for others" if one == NOISE_YAML else one for one in result.exports if one not in above]
-    return f"Files in {path}: {', '.join([*['those above'] * bool(above), *others, *mended, 'report.html'])}"
+    names = [f"{one} for others" if one == NOISE_YAML else one for one in result.exports]
+    return f"Files in {path}: {', '.join([*names, *mended, 'report.html'])}"

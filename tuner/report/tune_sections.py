@@ -41,7 +41,12 @@ def tune_sections(result: TuneResult) -> list[Section]:
         ("drive", "The drive", drive),
         ("check", "Filter check: simulated", check),
     ]
-    return [section for section in sections if section[2]]
+    return [(at, heading, [_of_part(one) for one in content]) for at, heading, content in sections if content]
+
+
+def _of_part(one: Table | str) -> Table | str:
+    """Return a line that is no verdict on the settings: an answer has one."""
+    return one.replace("Verdict: ", "This part alone: ") if isinstance(one, str) else one
 
 
 def setting_reasons(result: TuneResult) -> list[str]:

@@ -52,6 +52,12 @@ def hold_to_records(
     signals : mapping of str to (tuple of str, ndarray of shape (n,)), optional
         By axis, causes that a diagnosis found and the sum of what they add to the samples of its record: taken out
         where no settings predict the samples with them.
+
+    Returns
+    -------
+    (FilterConfig, mapping of str to PredictedBlock)
+        An axis whose quantizer leaves a limit of its white noise alone is not among those judged: what is written for
+        it is that limit, not what its codes at rest show.
     """
     channels, notes = dict(config.channels), list(config.notes)
     judged: dict[str, PredictedBlock] = {}
@@ -69,9 +75,11 @@ def hold_to_records(
     bounded = [
         _at_bound(channels, axis) for record in records for axis in record.limiting_steps if axis in channels
     ]
-    fitted |= {bound.quantity.owner for bound in bounded}
+    limited = {bound.quantity.owner for bound in bounded}
+    fitted |= limited
     inflations = (*(i for i in config.inflations if i.quantity.owner not in fitted), *bounded)
-    return replace(config, channels=channels, inflations=inflations, notes=tuple(notes)), judged
+    known = {axis: found for axis, found in judged.items() if axis not in limited}
+    return replace(config, channels=channels, inflations=inflations, notes=tuple(notes)), known
 
 
 def _at_bound(channels: dict[str, ChannelNoise], axis: str) -> BoundUsed:
@@ -115,12 +123,12 @@ def _predicting(
         compensated = choose_block(_samples(clean, channel), record.interval, None)
         if compensated is not None and compensated.passes:
             notes.append(_about_causes(axis, causes, found))
-            found = compensated
+            found = replace(compensated, without=tuple(dict.fromkeys(causes)))
     if not found.passes and (slope := _temperature_slope(record, samples)) is not None:
         compensated = choose_block(_compensated(record, samples, slope), record.interval, None)
         if compensated is not None and compensated.passes:
             notes.append(_about_temperature(axis, channel.unit, slope, found))
-            found = compensated
+            found = replace(compensated, without=("temperature",))
     return found, notes
 
 

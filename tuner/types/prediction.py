@@ -238,6 +238,8 @@ class PredictedBlock:
         That of the likelihood's block where it is not the one that is written.
     rejected_forecasts : tuple of ForecastComparison
         Its forecasts.
+    without : tuple of str
+        What was taken out of the samples that it predicts, where nothing predicts them as they are.
     """
 
     source: BlockSource
@@ -247,6 +249,7 @@ class PredictedBlock:
     forecasts: tuple[ForecastComparison, ...]
     rejected: CurveComparison | None = None
     rejected_forecasts: tuple[ForecastComparison, ...] = ()
+    without: tuple[str, ...] = ()
 
     @property
     def passes(self) -> bool:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.fft import dct
 from scipy.linalg import toeplitz
+from scipy.signal import butter, lfilter
 from scipy.stats import multivariate_normal
 
 from models.noise import (
@@ -19,10 +20,12 @@ from models.noise import (
 from tests.cramer_rao import spectral_bound
 from tests.extension.second_order_gauss_markov import SecondOrderGaussMarkov
 from tuner.identification.expected_periodogram import expected_power
+from tuner.identification.identify_channel import identify_channel
 from tuner.identification.likelihood import fit, fit_periodogram
 from tuner.identification.objective import Objective
 from tuner.identification.periodogram import SINGLE_COEFFICIENTS, cosine_periodogram
 from tuner.identification.sinusoids import about_lines
+from tuner.types.records import Record
 
 INTERVAL = 0.1
 N = 256
@@ -296,3 +299,14 @@ def test_lines_take_no_part_in_white_noise():
 def test_segments_with_few_cells_keep_their_coefficients(n):
     y = np.random.default_rng(n).standard_normal(n)
     assert cosine_periodogram([y], INTERVAL).count.sum() == n - 1
+
+
+def test_a_line_is_no_matter_of_a_curve_in_octaves():
+    """A slow wave contradicts the terms, which then come from the curve; that told a line of 237 Hz at 100 Hz."""
+    rng, t = np.random.default_rng(1), 0.01 * np.arange(100_000)
+    y = lfilter(*butter(1, 0.1), rng.normal(size=len(t))) + 0.05 * np.sin(2 * np.pi * 27.346 * t)
+    y += 0.3 * np.sin(2 * np.pi * t / 150.0)
+    record = Record("accel", t, y[:, None], ("accel_x",), "m/s^2", 0.01)
+    found = identify_channel(record, "accel_x", further=("sinusoid",), arma=None)
+    assert "weighted least squares on the curve" in found.warnings[-1]
+    assert all(term.name != "sinusoid" for term in found.terms)

@@ -222,7 +222,7 @@ def test_one_reason_stands_for_all_numbers_that_are_larger_than_measured(result)
     """White noise alone had a reason; the random walk, 2 to 10 times the measured one, had none."""
     stated = f"# {RATIO}: position 0.91 to 1.00, position 10 s after the last fix 1.12"
     why = why_larger([stated, "noise: 1.0"])
-    assert "these stand in for all terms above, hence mostly larger" in why
+    assert "few numbers stand for all terms, so most are larger" in why
     assert "true errors are 0.91 to 1.12 × predicted" in why
     assert why_larger(["noise: 1.0"]) == ""  # nothing stands for another term
     # On a full screen there was no room for the reason.
