@@ -348,15 +348,18 @@ def _not_finite(output: FilterOutput) -> bool:
 def _without_contradicted(causes: Sequence[OutputCause], scores: Sequence[Score]) -> tuple[OutputCause, ...]:
     """Return the causes up to one that the scores contradict.
 
-    A factor on the whole covariance divides each ratio of NEES by itself: where no factor of its interval brings the
-    first of them into its band, the errors are not those of a filter with such a covariance, whatever their likelihood.
+    A factor on the whole covariance divides each ratio of NEES by itself, one on R or Q alone by something between 1
+    and itself: where none of these brings the first ratio into its band, the errors are not those of such a filter,
+    whatever their likelihood.
     """
     kept: list[OutputCause] = []
     first = scores[0] if scores else None  # NEES of all states, or of the only block
+    alone = len(causes) == 1
     for cause in causes:
-        if first is not None and cause.cause == "noise_scale":
+        partly = alone and cause.cause in ("gnss_noise_scale", "imu_noise_scale")
+        if first is not None and (partly or cause.cause == "noise_scale"):
             low, high = ((limit / first.dof) ** 0.5 for limit in first.band)
-            after = [first.ratio / size for size in cause.interval]
+            after = [first.ratio / size for size in (*cause.interval, *([1.0] if partly else []))]
             if max(after) < low or min(after) > high:
                 break
         if cause.unit == "rad" and cause.size > LARGEST_TURN:  # the model is linear

@@ -186,7 +186,7 @@ def _of_arrays(path: Path, found: DriveArrays) -> Drive:
     mounting = mounting_of(found.frame, found.mounting_rpy_deg)
     nameless = found.frame and mounting is None
     unknown = NamedCause.of(
-        f"the file calls the axes of the unit '{found.frame}', expected one of {' '.join(FRAMES)}",
+        f"the file calls the axes of the unit '{found.frame}', which is none of {' '.join(FRAMES)}",
         "certain",
         "attitudes are those of the unit, not of the vehicle",
         "state them by --imu-frame",

@@ -71,7 +71,7 @@ def outage_rows(choice: HeldOutChoice, scored: Sequence[Outage]) -> list[tuple[s
     return rows
 
 
-def fixes_parts(examined: ExaminedDrive, config: FilterConfig) -> list[Table | str]:
+def fixes_parts(examined: ExaminedDrive, config: FilterConfig, *, written: bool) -> list[Table | str]:
     """Return the sds of the fixes as reported and as a filter is given them, and what is taken out as delay.
 
     Of sds that differ from fix to fix these are medians. Beside states for errors that last the filter has sds of the
@@ -104,17 +104,18 @@ def fixes_parts(examined: ExaminedDrive, config: FilterConfig) -> list[Table | s
                     for sd, down, t in states
                 )
                 or "none",
-                "" if columns else "by export --to kf-gins",
+                "" if columns or not written else "by export --to kf-gins",
             )
+    where = "noise.yaml" if written else "the filter judged"
     with_states = (
-        "R of noise.yaml, with its states",
+        f"R of {where}, with its states",
         "states for GNSS errors: sd; time",
         "R of a filter without states",
     )
-    own = with_states if any(lasting.values()) else ["R of noise.yaml"]
+    own = with_states if any(lasting.values()) else [f"R of {where}"]
     rows = zip(["reported by the receiver", *own], *columns.values(), strict=False)
     table = table_of(("sd of fixes: horizontal, down", *columns), rows, words=1 + len(columns))
-    return [table, *_delay_lines(examined.drive.clock, config.compensation)]
+    return [table, *_delay_lines(examined.drive.clock, config.compensation, written=written)]
 
 
 def _level_text(sds: Iterable[float]) -> str:
@@ -136,13 +137,11 @@ def _lasting(config: FilterConfig) -> dict[str, list[tuple[float, float, float]]
     return found
 
 
-def _delay_lines(clock: Clock, applied: Compensation) -> list[str]:
+def _delay_lines(clock: Clock, applied: Compensation, *, written: bool) -> list[str]:
     """Return the line on delays of fixes and velocities: what takes them out, and what does not; none without any."""
     delay, lag = (applied.value(cause, "delay") for cause in ("time_offset", "velocity_lag"))
     measured = (clock.delay.taken_out, clock.lag.taken_out) == (delay, lag)
     text = clock_words(clock if measured else Clock(Delay(delay, 0.0), Delay(lag, 0.0)))
-    done = (
-        "tuner with noise.yaml and the KF-GINS export take that out; the recording still has it, so for another filter "
-        "move its stamps"
-    )
+    out = "tuner with noise.yaml and the KF-GINS export take" if written else "the filter judged took"
+    done = f"{out} that out; the recording still has it, so for another filter move its stamps"
     return [f"{text[:1].upper()}{text[1:]}: {done}"] if text else []

@@ -83,7 +83,9 @@ def write_page(
     axes = list(dict.fromkeys(axis for by_axis in curves.values() for axis in by_axis))
     noise = blocks(identification_tables(result.identification))
     measured = noise_tables(result, result.exports)
-    fixes = [] if result.drive is None else fixes_parts(result.drive, result.config)
+    fixes = (
+        [] if result.drive is None else fixes_parts(result.drive, result.config, written=bool(result.exports))
+    )
     others = {
         name: export(result.config, name)
         for name, dialect in DIALECTS.items()

@@ -102,7 +102,11 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
         reason,
         *keys,
         *noise[1:],
-        *([] if result.drive is None else fixes_parts(result.drive, result.config)),
+        *(
+            []
+            if result.drive is None
+            else fixes_parts(result.drive, result.config, written=bool(result.exports))
+        ),
         *([] if result.choice is None else choice_parts(result.choice, scored)),
         *found[:1],
     ]

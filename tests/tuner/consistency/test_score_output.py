@@ -176,6 +176,14 @@ def test_a_factor_that_its_own_score_contradicts_is_no_cause(factor, kept):
     assert bool(_without_contradicted((cause,), (nees,))) is kept
 
 
+@pytest.mark.parametrize(("factor", "kept"), [(1.3, False), (0.2, True)])
+def test_a_factor_on_r_alone_moves_a_score_no_further_than_the_factor(factor, kept):
+    """Errors of 0.26 of what is predicted had the advice to multiply the sds of fixes by 1.28."""
+    nees = Score("position", 3.0 * 0.26**2, 3, 300.0, (2.6, 3.4))
+    cause = OutputCause("gnss_noise_scale", factor, (0.9 * factor, 1.1 * factor), "", 100.0)
+    assert bool(_without_contradicted((cause,), (nees,))) is kept
+
+
 def wandering(n, seed=3):
     """A course of n seconds as truth, and an estimate of it with errors of ten times their sds."""
     rng, t = np.random.default_rng(seed), np.arange(float(n))

@@ -86,7 +86,7 @@ def test_an_unknown_frame_is_a_named_cause(data, tmp_path):
     path = tmp_path / "drive.npz"
     np.savez(path, meta=np.array(json.dumps({"imu_frame": "unknown, z up"})), **data)
     (cause,), _ = separated(read_drive(path).notes)
-    assert cause.startswith("The file calls the axes of the unit 'unknown, z up', expected one of FRD FLU")
+    assert cause.startswith("The file calls the axes of the unit 'unknown, z up', which is none of FRD FLU")
     assert "(certain): attitudes are those of the unit" in cause
 
 

@@ -450,7 +450,7 @@ def test_sds_and_delay_of_the_fixes_stand_in_metres_and_seconds():
     gnss = Gnss(np.arange(5.0), np.zeros((5, 3)), np.zeros((5, 3)), sds, 0.01 * sds)
     clock = Clock(Delay(0.1, 0.02 / 1.96), Delay(-0.05, 0.01 / 1.96))
     examined = SimpleNamespace(drive=SimpleNamespace(gnss=gnss, clock=clock))
-    table, delay = fixes_parts(examined, config)
+    table, delay = fixes_parts(examined, config, written=True)
     rows, positions, velocities = (list(column.cells) for column in table.columns)
     assert rows[1:] == [
         "R of noise.yaml, with its states",
@@ -464,7 +464,9 @@ def test_sds_and_delay_of_the_fixes_stand_in_metres_and_seconds():
     # It was taken out in one file, left in others, and nobody said where.
     assert delay.endswith("the recording still has it, so for another filter move its stamps")
     unknown = SimpleNamespace(gnss=replace(gnss, velocity_sd=np.full((5, 3), np.nan)), clock=Clock())
-    (table,) = fixes_parts(SimpleNamespace(drive=unknown), replace(config, compensation=Compensation()))
+    (table,) = fixes_parts(
+        SimpleNamespace(drive=unknown), replace(config, compensation=Compensation()), written=True
+    )
     assert [str(next(iter(column.cells))).endswith("ASSUMED") for column in table.columns[1:]] == [
         False,
         True,
