@@ -149,7 +149,7 @@ def choose_config(
     def judged(one: Candidate) -> tuple[HeldOutChoice, Rank] | None:
         key = one.name, tuple(sorted(one.factors.items()))
         if key not in known:
-            known[key] = _judged(trial, begun, outages, written[one.name], one)
+            known[key] = _judged(examined, trial, begun, outages, written[one.name], one)
         return known[key]
 
     chosen = first_of_best(rounds_of(trial, candidates), judged, has_reference=drive.reference is not None)
@@ -256,6 +256,7 @@ def _fitted(
 
 
 def _judged(
+    examined: ExaminedDrive,
     trial: Trial,
     begun: PredictiveScore,
     before: Mapping[float, OutageErrors],
@@ -284,7 +285,8 @@ def _judged(
         return None
     kept = f"{one.name}, factors for outages" if one.factors else one.name
     blind = _since(after, trial.cut)
-    chosen, note = with_recorded_factors(base, one.factors), _note(kept, begun, late, pairs, blind)
+    chosen = with_recorded_factors(with_records(examined, base), one.factors)
+    note = _note(kept, begun, late, pairs, blind)
     rank = rank_of(parts, list(after.values()))
     return HeldOutChoice(chosen, kept, one.factors, begun, late, pairs, note), rank
 

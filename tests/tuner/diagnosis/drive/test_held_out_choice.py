@@ -45,7 +45,9 @@ from tuner.types.clock import Clock, Delay
 from tuner.types.progress import silent
 
 RECEIVER = load_gnss("rtk")
-NOTHING_FOUND: Any = SimpleNamespace(search=SimpleNamespace(accepted=()), clock=None)
+NOTHING_FOUND: Any = SimpleNamespace(
+    search=SimpleNamespace(accepted=()), clock=None, diagnosis=SimpleNamespace(noise_scales=())
+)
 """A diagnosis without findings."""
 
 
@@ -126,12 +128,14 @@ def test_a_fit_to_the_whole_drive_that_predicts_it_less_is_not_written(drive, ri
     before = all_outages(trial.run_of(BEGINNING, wrong), 0.0, 600.0)
     found = trial.candidate("with the findings", right, {})
     tried = trial.score("tried", right, 360.0, 600.0)
-    failed = _judged(trial, begun, before, with_noise_factors(right, {"position_horizontal": 1e-3}), found)[0]
+    failed = _judged(
+        NOTHING_FOUND, trial, begun, before, with_noise_factors(right, {"position_horizontal": 1e-3}), found
+    )[0]
     assert failed.config == right
     assert failed.after.nats == pytest.approx(tried.nats)
     better = with_noise_factors(right, {"white": 1.05})
     again = trial.score("again", better, 360.0, 600.0)
-    whole = _judged(trial, begun, before, better, found)[0]
+    whole = _judged(NOTHING_FOUND, trial, begun, before, better, found)[0]
     assert whole.config == (better if again.nats >= tried.nats else right)
     assert whole.after.nats == pytest.approx(max(again.nats, tried.nats))
     late = [one.since(360.0) for one in all_outages(trial.run_of("tried", right), 0.0, 600.0).values()]
