@@ -105,11 +105,11 @@ def _inflation(axis: str, outcome: SearchResult, accepted: Accepted, base: Noise
     if enlargement is None or base.white_density() == 0.0:
         return None
     factor, reason = enlargement
-    needed = factor * outcome.base.model.white_density() * outcome.base.channel.scale
-    factor = needed / base.white_density()
+    share = accepted.extension.enlarged_share(outcome.final.channel)
+    if share == 1.0:  # else a ratio to the rms over the record, whatever a model says of that
+        factor *= outcome.base.model.white_density() * outcome.base.channel.scale / base.white_density()
     if factor <= MIN_ENLARGEMENT:
         return None
-    share = accepted.extension.enlarged_share(outcome.final.channel)
     return Enlargement(Quantity(axis, "white_density"), factor, reason, time_share=share)
 
 
