@@ -181,6 +181,29 @@ def test_what_held_out_data_contradict_is_doubted():
     assert told.doubted == "Found, but not confirmed by held-out data: heavy tails in gyro x"
 
 
+def test_a_group_is_no_surer_than_its_findings():
+    """ "98 % likely" was told of four frequencies, two of which could as well be another cause."""
+    better = Gain("60/40", 0.0, 0.1, 500.0)
+    sure = finding("lowpass", "gyro_x", "gyro_y", gain=better)
+    open_ = replace(finding("lowpass", "accel_x", gain=better), alternatives=(Alternative("unknown", 1.0),))
+    assert certainty([sure, sure]) == "certain"
+    assert certainty([sure, open_]) == "50 % likely in accel x, else another cause; certain in gyro x y"
+    likely = replace(sure, alternatives=(Alternative("line", 0.02),))
+    again = replace(open_, channels=("gyro_x",))
+    assert certainty([likely, again]) == "at least 50 % likely, else another cause"
+    assert certainty([sure, replace(sure, gain=None)]) == ""
+
+
+def test_events_that_predict_worse_are_not_certain():
+    """Six bursts stood under "predicts WORSE" in the table, and in no line of what is not confirmed."""
+    worse = finding("burst", "gyro_z", start=5.0, duration=3.0, gain=Gain("60/40", 0.0, -0.1, -5.4))
+    other = replace(finding("burst", "gyro_z", start=90.0, gain=Gain("in sample", 0.0, 0.1, 30.0)))
+    assert certainty([worse]) == "not confirmed by held-out data"
+    assert certainty([worse, other, other]) == "certain; 1 of 3 not confirmed by held-out data"
+    (line,) = findings_in_words([worse], None).felt
+    assert line.startswith("Burst in gyro z: not confirmed by held-out data; ")
+
+
 @pytest.mark.parametrize("unit", ["rad/s", "m/s^2"])
 def test_drift_of_a_short_outage_is_that_of_a_bias_on_a_flat_earth(unit: str):
     """h²/2 of an acceleration, g h³/6 of a rate: to (ωh)²/20 of a Schuler period."""
@@ -269,6 +292,6 @@ def test_rivals_too_weak_to_be_named_end_no_sentence():
     """Two with 0.3 % each: "99 % likely, else " was printed."""
     weak = tuple(Alternative(name, 0.004) for name in ("warmup", "step"))
     one = replace(finding("temperature", "accel_x"), alternatives=weak)
-    assert certainty(one) == "99 % likely"
+    assert certainty([one]) == "99 % likely"
     clear = replace(one, alternatives=(Alternative("warmup", 0.25),))
-    assert certainty(clear) == "80 % likely, else warmup"
+    assert certainty([clear]) == "80 % likely, else warmup"
