@@ -157,9 +157,10 @@ def amount(coefficient: Coefficient) -> str:
 
 def range_text(values: Collection[float], unit: str = "1", significant: int = 3) -> str:
     """Return the least and the largest of values of an SI unit, once where they are alike, in a customary unit."""
-    size, name = _unit_for(unit, max(values))
-    ends = dict.fromkeys(digits(one / size, significant) for one in (min(values), max(values)))
-    return " to ".join(ends) + name
+    least, most = min(values), max(values)
+    size, name = _unit_for(unit, max(most, -least))
+    ends = dict.fromkeys(digits(one / size, significant) for one in (least, most))
+    return f" to {'+' * (least < 0.0 < most)}".join(ends) + name
 
 
 def _said(c: Coefficient, size: float, unit: str, below: str, exact: int) -> str:

@@ -384,7 +384,7 @@ def configure(
     stored = {axis: prediction_json(found, curve=False) for axis, found in predictions.items()}
     config = replace(config, provenance={**config.provenance, "prediction": stored})
     if noise.diagnosis is not None:
-        worst = worst_case(noise.diagnosis, config)
+        worst = worst_case(noise.diagnosis, config, noise.still)
         config = inflate(config, worst) if conservative else replace(config, worst_case=worst)
     if calibration is not None:
         config = with_calibration(config, calibration)

@@ -355,12 +355,16 @@ class _Judge:
         if by_step == {read_in}:
             return f"gyro: {read_in} assumed, as the step of its samples is that of gyroscopes in {read_in}"
         usual = [u for u in possible if u in USUAL_RATES and u != read_in]
-        sizes = ", ".join(f"in {u} {factor / si_value(u, interval):.3g} times too large" for u in usual[:3])
+        ratios = {u: factor / si_value(u, interval) for u in usual[:3]}
+        sizes = ", ".join(
+            f"{max(ratio, 1.0 / ratio):.3g} times too {'large' if ratio > 1.0 else 'small'} for samples in {u}"
+            for u, ratio in ratios.items()
+        )
         if not sizes:
             return f"gyro: {read_in} assumed, as no other unit fits its noise and bias"
         return (
-            f"gyro: {read_in} assumed, as nothing states the unit ({shown}); every gyro number is, if the samples are "
-            f"{sizes}: --gyro-unit {usual[0]} states another"
+            f"gyro: {read_in} assumed, as nothing states the unit ({shown}); every number of the gyro is {sizes}: "
+            f"--gyro-unit {usual[0]} states another"
         )
 
     def _moves(self, at_rest: bool | None) -> bool:

@@ -7,12 +7,13 @@ from collections.abc import Iterable
 
 from tuner.formats.axis_words import axes_text
 
-NUMBER = re.compile(r"(?<![\w.])[-+\u2212]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
-"""A number that stands alone, as it is written in a sentence."""
+_ALONE = r"[-+\u2212]?\d+(?:\.\d+)?(?:e[-+]?\d+)?"
+NUMBER = re.compile(rf"(?<![\w.]){_ALONE}(?: ± {_ALONE}| \({_ALONE} … {_ALONE}\))?")
+"""A number that stands alone, as it is written in a sentence, with its interval."""
 
 
 def alike_sentences(pairs: Iterable[tuple[str, str]]) -> list[str]:
-    """Return each sentence once, behind the axes it is about; numbers that differ are stated from least to largest.
+    """Return each sentence once, behind the axes it is about, with numbers that differ from least to largest.
 
     Parameters
     ----------
@@ -33,5 +34,7 @@ def alike_sentences(pairs: Iterable[tuple[str, str]]) -> list[str]:
 
 
 def _range(numbers: Iterable[str]) -> str:
-    every = sorted(dict.fromkeys(numbers), key=lambda text: float(text.replace("\u2212", "-")))
-    return every[0] if len(every) == 1 else f"{every[0]} to {every[-1]}"
+    """Return numbers from least to largest; only one that is the same everywhere keeps its interval."""
+    every = list(dict.fromkeys(numbers))
+    alone = sorted((one.split(" ")[0] for one in every), key=lambda text: float(text.replace("\u2212", "-")))
+    return every[0] if len(every) == 1 else " to ".join(dict.fromkeys((alone[0], alone[-1])))

@@ -1,6 +1,6 @@
 """Findings that call for one action in one group, ranked by the drift of position or the white noise that they cause.
 
-One group a cause and sensor; events at one time are one group, whatever they are called in each axis; lines at
+One group a cause and sensor; events whose times agree are one, whatever they are called in each axis; lines at
 multiples of one spacing are a comb. A filter that takes motion away comes first: a log at rest does not show what that
 costs. Findings that make held-out data less likely are grouped by themselves. Every finding stands, complete, in
 ``result.json``.
@@ -17,11 +17,12 @@ import numpy as np
 from models.effects import EFFECTS
 from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.formats.axis_words import axes_text
-from tuner.formats.customary_units import amount, digits
+from tuner.formats.customary_units import amount, digits, range_text
 from tuner.formats.grouping import grouped
 from tuner.formats.parameter_words import parameter_words
 from tuner.synthesis.findings import EVENTS
 from tuner.types import Coefficient, Finding
+from tuner.types.coefficient import apart
 
 MIN_DRIFT_CHANGE = 1.01
 """Drift or white noise with ÷ without a cause from which it is reported; noise makes a hundred times what is below."""
@@ -54,7 +55,7 @@ class FindingGroup:
     title : str
         Causes, axes and number, in words.
     figures : str
-        Parameters of a finding that stands alone.
+        Parameters of each cause, those in which axes or findings differ as a range.
     findings : tuple of Finding
         All of them.
     changes : str
@@ -84,12 +85,15 @@ class FindingGroup:
         return next((one.in_motion for one in self.findings if one.in_motion), "")
 
 
+def predicts_worse(finding: Finding) -> bool:
+    """Return whether a cause makes held-out data less likely."""
+    return finding.gain is not None and finding.gain.nats < 0.0 and finding.gain.split != "in sample"
+
+
 def contradicted(finding: Finding) -> bool:
-    """Return whether held-out data contradict a cause; an event in one part does not concern another."""
-    declared, gain = CAUSES.get(finding.cause), finding.gain
-    if gain is None or (declared is not None and declared.happens_once):
-        return False
-    return gain.nats < 0.0 and gain.split != "in sample"
+    """Return whether held-out data contradict a cause; they do not show an event of another part of the log."""
+    declared = CAUSES.get(finding.cause)
+    return predicts_worse(finding) and not (declared is not None and declared.happens_once)
 
 
 def finding_groups(findings: Sequence[Finding], span: float | None = None) -> tuple[FindingGroup, ...]:
@@ -102,35 +106,53 @@ def finding_groups(findings: Sequence[Finding], span: float | None = None) -> tu
     span : float, optional
         Length of the log, s, for the share of events in it.
     """
-    together = grouped(findings, lambda group, one: _belong_together(group[0], one))
-    groups = [_group(tuple(group), span) for group in together]
+    at_once = grouped(findings, lambda event, one: all(_simultaneous(each, one) for each in event))
+    together = grouped(at_once, lambda group, event: _belong_together(group[0], event))
+    groups = [_group(group, span) for group in together]
     return tuple(sorted(groups, key=lambda group: (not group.in_motion, -round(group.worth, 2))))
 
 
-def _belong_together(a: Finding, b: Finding) -> bool:
-    if a.cause == b.cause and (_sensors(a) == _sensors(b) or (a.in_motion and b.in_motion)):
-        return True
-    when, other = event_time(a), event_time(b)
-    return when is not None and other is not None and abs(when - other) <= SIMULTANEOUS_WITHIN
+def _simultaneous(a: Finding, b: Finding) -> bool:
+    """Return whether two findings are events whose times agree, within their intervals too, as do their lengths."""
+    when, other = _time(a), _time(b)
+    if when is None or other is None or when.value is None or other.value is None:
+        return False
+    lengths = (one.parameters.get("duration") for one in (a, b))
+    return abs(when.value - other.value) <= SIMULTANEOUS_WITHIN and not (
+        apart(when, other) or apart(*lengths)
+    )
 
 
-def _sensors(finding: Finding) -> frozenset[str]:
-    return frozenset(axis.rpartition("_")[0] or axis for axis in finding.channels)
+def _belong_together(a: Sequence[Finding], b: Sequence[Finding]) -> bool:
+    alike = len({one.cause for one in (*a, *b)}) == 1
+    return alike and (_sensors(a) == _sensors(b) or all(one.in_motion for one in (*a, *b)))
+
+
+def _sensors(findings: Sequence[Finding]) -> frozenset[str]:
+    return frozenset(axis.rpartition("_")[0] or axis for one in findings for axis in one.channels)
 
 
 def event_time(finding: Finding) -> float | None:
     """Return when an event was, s; None for what lasts."""
-    found = finding.parameters.get("time") or finding.parameters.get("start")
+    found = _time(finding)
     return None if found is None else found.value
 
 
-def _group(findings: tuple[Finding, ...], span: float | None) -> FindingGroup:
+def _time(finding: Finding) -> Coefficient | None:
+    return finding.parameters.get("time") or finding.parameters.get("start")
+
+
+def _group(events: Sequence[Sequence[Finding]], span: float | None) -> FindingGroup:
+    findings = tuple(finding for event in events for finding in event)
     causes = list(dict.fromkeys(finding.cause for finding in findings))
     axes = list(dict.fromkeys(axis for finding in findings for axis in finding.channels))
     largest = max(findings, key=lambda one: max((a - b for a, b in one.drift.values()), default=0.0))
     what = f"{' and '.join(causes).replace('_', ' ')} in {axes_text(axes)}"
-    title = ": ".join(filter(None, (what, _count(findings, causes, span))))
-    figures = parameter_text(findings[0].parameters) if len(findings) == 1 else ""
+    title = ": ".join(filter(None, (what, _count(findings, len(events), span))))
+    said = [_ranges([one for one in findings if one.cause == cause]) for cause in causes]
+    if len(causes) > 1:
+        said = [f"{cause.replace('_', ' ')}: {text}" for cause, text in zip(causes, said, strict=True)]
+    figures = f" ({'; '.join(said)})" if any(said) else ""
     return FindingGroup(
         title, figures, findings, changed_entry(causes[0]), largest.drift, _white_ratio(findings, span)
     )
@@ -155,25 +177,39 @@ def _white_ratio(findings: tuple[Finding, ...], span: float | None) -> float:
     return max(ratios, key=lambda ratio: abs(log(ratio)), default=1.0)
 
 
+def _ranges(findings: Sequence[Finding]) -> str:
+    """Return the parameters of a cause: one number where findings and axes share it, else the range of each unit."""
+    said = []
+    for name, words in parameter_words(findings[0].figures).items():
+        own = [one for one in findings if name in one.figures]
+        each = [c for one in own for c in one.of_each(name).values() or [one.parameters[name]]]
+        values: dict[str, list[float]] = {}
+        for one in each:
+            values.setdefault(one.unit, []).append(one.value or 0.0)
+        ranges = " and ".join(range_text(of_unit, unit) for unit, of_unit in values.items())
+        said.append(f"{words} {ranges if len(each) > 1 else amount(each[0])}")
+    return ", ".join(said)
+
+
 def parameter_text(known: Mapping[str, Coefficient]) -> str:
     """Return the parameters of a finding behind its name."""
     figures = ", ".join(f"{said} {amount(known[name])}" for name, said in parameter_words(known).items())
     return f" ({figures})" if figures else ""
 
 
-def _count(findings: tuple[Finding, ...], causes: Sequence[str], span: float | None) -> str:
+def _count(findings: tuple[Finding, ...], events: int, span: float | None) -> str:
     """Say how many there are, with their share of the time or their spacing; nothing of a single one."""
     times = [when for finding in findings if (when := event_time(finding)) is not None]
-    if len(causes) > 1 and times:
+    if events == 1 and len(times) > 1:
         return f"one event at {digits(min(times))} s"
-    if times and len(findings) > 1:
+    if times and events > 1:
         lasting = _union(
             (event_time(f) or 0.0, f.parameters["duration"].value or 0.0)
             for f in findings
             if "duration" in f.parameters
         )
         share = f", {digits(100.0 * lasting / span, 2)} % of the time" if span and lasting else ""
-        return f"{len(findings)} events{share}"
+        return f"{events} events{share}"
     lines = sorted({f.parameters["frequency"].value or 0.0 for f in findings if "frequency" in f.parameters})
     if len(lines) > 1:
         spacing = comb_spacing(lines)

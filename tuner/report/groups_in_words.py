@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from math import log
 
 from tuner.diagnosis.static.outcome import UNKNOWN
+from tuner.formats.axis_words import axes_text
 from tuner.formats.customary_units import percent
 from tuner.limits import LOST_SHARE, SHOWN_CHANGE
 from tuner.report.finding_groups import (
@@ -15,6 +16,7 @@ from tuner.report.finding_groups import (
     contradicted,
     drift_text,
     finding_groups,
+    predicts_worse,
     white_text,
 )
 from tuner.synthesis.findings import LEFT_OUT
@@ -34,7 +36,7 @@ def name_in_words(group: FindingGroup) -> str:
 def effect_in_words(group: FindingGroup, *, figures: bool = True) -> str:
     """Return how sure the cause of a finding is, what it does, which setting it changes, and its figures."""
     parts = [
-        certainty(group.findings[0]),
+        certainty(group.findings),
         group.in_motion,
         white_text(group.white),
         "" if _left_out(group) else drift_text(_most_moved(group.drift)),
@@ -49,14 +51,41 @@ def _most_moved(drift: Mapping[str, tuple[float, float]]) -> Mapping[str, tuple[
     return {} if most is None else {most: drift[most]}
 
 
-def certainty(finding: Finding) -> str:
-    """Return how sure a cause is, with those that come near: its share of the weight of all that explain the data."""
-    share = 1.0 / (1.0 + sum(one.score for one in finding.alternatives))
+def certainty(findings: Sequence[Finding]) -> str:
+    """Return how sure the cause of findings is, with those that come near: of each axis, or the least of all findings.
+
+    An event that makes held-out data less likely has none.
+    """
+    said: dict[tuple[str, str], set[str]] = {}
+    for one in sorted(findings, key=lambda one: (_share(one), _certainty(one))):
+        if not predicts_worse(one):
+            said.setdefault(_certainty(one), set()).update(one.channels)
+    of_axes = len(said) > 1 and sum(map(len, said.values())) == len(set().union(*said.values()))
+    parts = [
+        f"{'at least ' * (len(said) > 1 and not of_axes)}{sure}"
+        f"{f' in {axes_text(sorted(axes))}' * of_axes}{rivals}"
+        for (sure, rivals), axes in [*said.items()][: None if of_axes else 1]
+        if sure
+    ]
+    if worse := sum(map(predicts_worse, findings)):
+        number = f"{worse} of {len(findings)} " if worse < len(findings) else ""
+        parts.append(f"{number}not confirmed by held-out data")
+    return "; ".join(parts)
+
+
+def _share(finding: Finding) -> float:
+    """Return the share of a cause in the weight of all that explain the data."""
+    return 1.0 / (1.0 + sum(one.score for one in finding.alternatives))
+
+
+def _certainty(finding: Finding) -> tuple[str, str]:
+    """Return how sure a cause is, and those that come near."""
+    share = _share(finding)
     if round(100.0 * share) == 100.0:
-        return "certain" if finding.gain is not None and finding.gain.nats > 0.0 else ""
+        return "certain" if finding.gain is not None and finding.gain.nats > 0.0 else "", ""
     near = (one for one in finding.alternatives if round(100.0 * one.score * share) > 0.0)
     others = ["another cause" if one.cause == UNKNOWN else one.cause.replace("_", " ") for one in near]
-    return f"{percent(share)} likely{', else ' * bool(others)}{' or '.join(others)}"
+    return f"{percent(share)} likely", f"{', else ' * bool(others)}{' or '.join(others)}"
 
 
 def _entry(changes: str) -> str:

@@ -10,6 +10,7 @@ from rich.table import Table
 
 from tuner.formats.axis_words import axes_text
 from tuner.formats.customary_units import customary_unit, digits, pretty, symbol
+from tuner.formats.grouping import grouped
 from tuner.identification.identify import BY_DIAGNOSIS
 from tuner.identification.identify_channel import CURVE_DISAGREES
 from tuner.judgement import judge_noise
@@ -124,7 +125,7 @@ def terms_table(rows: Sequence[tuple[str, TermsRow]]) -> Table:
 
 
 def terms_too_short(found: Identification) -> str:
-    """Return what a longer record would show: terms, with the axes where it is not all of them.
+    """Return what a longer record would show: terms, with the axes in parentheses where it is not all of them.
 
     Sensors with all their axes have no letters.
     """
@@ -135,13 +136,12 @@ def terms_too_short(found: Identification) -> str:
                 if c.value is None and (c.reason or "").startswith(TOO_SHORT):
                     name = f"{term.name}.{field}"
                     short.setdefault(NAMES.get(name, symbol(name)), []).append(channel.axis)
-    every = [sign for sign, axes in short.items() if len(axes) == len(found.channels)]
-    signs: dict[str, list[str]] = {}
-    for sign in (one for one in short if one not in every):
-        for sensor in dict.fromkeys(axis.rpartition("_")[0] for axis in short[sign]):
-            lacking = [axis for axis in short[sign] if axis.rpartition("_")[0] == sensor]
-            signs.setdefault(sensor_or_axes(lacking, list(found.channels)), []).append(sign)
-    return ", ".join([*every, *(f"{axes} {' '.join(own)}" for axes, own in signs.items())])
+    said = []
+    for sign, axes in short.items():
+        sensors = grouped(axes, lambda group, axis: group[0].partition("_")[0] == axis.partition("_")[0])
+        where = ", ".join(sensor_or_axes(own, list(found.channels)) for own in sensors)
+        said.append(sign if len(axes) == len(found.channels) else f"{sign} ({where})")
+    return ", ".join(said)
 
 
 def sensor_or_axes(axes: list[str], every: Sequence[str]) -> str:
@@ -156,5 +156,5 @@ def _too_short(found: Identification) -> list[str]:
     text = terms_too_short(found)
     bounds = [c for one in found.channels.values() for term in one.terms for c in term.coefficients.values()]
     hours = [needed for c in bounds if (needed := hours_needed(c.reason)) is not None]
-    longer = f" (half of each limit would show in {digits(max(hours), 2)} h)" if hours else ""
-    return [f"Too short to show {text}{longer}"] if text else []
+    longer = f"; half of each limit would show in {digits(max(hours), 2)} h" if hours else ""
+    return [f"The log is too short to show {text}{longer}"] if text else []

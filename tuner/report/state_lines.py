@@ -5,13 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 from models.units import unit_of_samples
-from tuner.diagnosis.static.compare_logs import MEAN, NOISE, Difference, StateComparison, apart
+from tuner.diagnosis.static.compare_logs import MEAN, NOISE, Difference, StateComparison
 from tuner.formats.axis_words import axes_text
 from tuner.formats.codec import dump
 from tuner.formats.customary_units import amount, digits, phrase
 from tuner.formats.grouping import grouped
 from tuner.report.finding_groups import changed_entry
 from tuner.types import Coefficient
+from tuner.types.coefficient import apart
 
 
 def state_lines(comparison: StateComparison) -> list[str]:

@@ -166,10 +166,14 @@ def _figure(value: float, quantity: str, unit: str) -> str:
     return phrase(Coefficient(value, None, None, unit), quantity, unit)
 
 
-def settled_inflations(diagnosis: Diagnosis, config: FilterConfig) -> tuple[Enlargement, ...]:
+def settled_inflations(
+    diagnosis: Diagnosis, config: FilterConfig, records: Sequence[Record] = ()
+) -> tuple[Enlargement, ...]:
     """Return the inflations that a configuration made from the same log still needs.
 
-    Stretches of noise follow one another: of several inflations of a quantity for one reason the largest holds.
+    Stretches of noise follow one another: of several inflations of a quantity for one reason the largest holds. That of
+    a share of the record is a ratio to the rms over the record, which the settings are, or to the rest, where they are
+    without the stretch; others are of the base model.
 
     Parameters
     ----------
@@ -177,15 +181,20 @@ def settled_inflations(diagnosis: Diagnosis, config: FilterConfig) -> tuple[Enla
         Findings.
     config : FilterConfig
         Settings before any of these inflations.
+    records : sequence of Record, optional
+        Those that the settings are of.
     """
     settled: dict[tuple[Quantity, str], Enlargement] = {}
-    for inflation in diagnosis.inflations:
+    for finding, inflation in ((one, each) for one in diagnosis.findings for each in one.inflations):
         axis, field = inflation.quantity.owner, inflation.quantity.field
         if axis not in config.channels:
             continue
         factor = inflation.factor
-        if field == "white_density" and axis in diagnosis.base:
+        if field == "white_density" and axis in diagnosis.base and inflation.time_share in (None, 1.0):
             factor *= diagnosis.base[axis].white_density() / config.channels[axis].white_density
+        elif records and not _in_segments(finding, axis, records):
+            ratio = finding.by_channel.get(axis, finding.parameters).get("variance_ratio")
+            factor = factor if ratio is None else float(np.sqrt(ratio.value or 1.0))
         reason = (inflation.quantity, inflation.reason)
         if factor > WORTH_SAYING and (reason not in settled or factor > settled[reason].factor):
             settled[reason] = replace(inflation, factor=factor)

@@ -7,13 +7,17 @@ of one excess are not multiplied: of all factors on one quantity the largest hol
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from tuner.synthesis.findings import settled_inflations
 from tuner.types import Diagnosis, Enlargement, FilterConfig, Quantity
+from tuner.types.records import Record
 
 
-def worst_case(diagnosis: Diagnosis, config: FilterConfig) -> tuple[Enlargement, ...]:
+def worst_case(
+    diagnosis: Diagnosis, config: FilterConfig, records: Sequence[Record] = ()
+) -> tuple[Enlargement, ...]:
     """Return the largest enlargement of each quantity that the findings of a static log give.
 
     Parameters
@@ -22,9 +26,11 @@ def worst_case(diagnosis: Diagnosis, config: FilterConfig) -> tuple[Enlargement,
         Findings on the log of the configuration.
     config : FilterConfig
         Settings without these enlargements.
+    records : sequence of Record, optional
+        Those that the settings are of.
     """
     largest: dict[Quantity, Enlargement] = {}
-    for enlargement in settled_inflations(diagnosis, config):
+    for enlargement in settled_inflations(diagnosis, config, records):
         known = largest.get(enlargement.quantity)
         if known is None or enlargement.factor > known.factor:
             causes = () if known is None else known.causes

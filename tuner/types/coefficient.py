@@ -64,6 +64,13 @@ class Coefficient:
         return cls(None, None, upper, unit, reason)
 
 
+def apart(one: Coefficient | None, other: Coefficient | None) -> bool:
+    """Return whether the 95 % intervals of two numbers do not meet."""
+    if one is None or other is None or one.interval is None or other.interval is None:
+        return False
+    return one.interval[1] < other.interval[0] or other.interval[1] < one.interval[0]
+
+
 def hours_needed(reason: str | None) -> float | None:
     """Return how long a record shows half of a bound, h, by the reason why there is only one; None where none does."""
     found = re.search(rf"{TOO_SHORT}: (\S+) hours", reason or "")

@@ -83,7 +83,7 @@ class Burst(Effect):
     name: ClassVar[str] = "burst"
     stage: ClassVar[int] = NOISE
     joins: ClassVar[Joins] = "law of the noise"
-    locates: ClassVar[tuple[str, ...]] = ("start",)
+    locates: ClassVar[tuple[str, ...]] = ("start", "duration")
     positive: ClassVar[tuple[str, ...]] = ("duration", "variance_ratio")
     start: float
     duration: float

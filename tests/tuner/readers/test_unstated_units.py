@@ -103,7 +103,10 @@ def test_an_open_unit_is_assumed_with_what_another_would_change(tmp_path: Path) 
         write(tmp_path / "log.csv", rows(gyro=np.random.default_rng(7).normal(1e-3, 1e-3, (COUNT, 3))))
     )
     assert "gyro: rad/s assumed, as nothing states the unit" in gyro.assumptions[0]
-    assert "in deg/s 57.3 times too large" in gyro.assumptions[0]
+    assert (
+        "every number of the gyro is 57.3 times too large for samples in deg/s: --gyro-unit deg/s states another"
+        in gyro.assumptions[0]
+    )
     assert gyro.notes[: len(gyro.assumptions)] == gyro.assumptions
 
 
@@ -190,3 +193,11 @@ def test_accelerometers_without_gravity_are_no_increments_in_feet(tmp_path: Path
         write(tmp_path / "log.csv", rows(gyro=0.1 * GYRO, accel=accel)), "where gravity is 9.81"
     )
     assert "--" not in message
+
+
+def test_a_unit_that_makes_all_numbers_smaller_says_so(tmp_path: Path) -> None:
+    """At 5 Hz an increment in rad is 5 times the rate: "in rad 0.2 times too large" was said of 5 times too small."""
+    gyro = np.random.default_rng(7).normal(0.0, 1e-3, (COUNT, 3)).tolist()
+    lines = [f"{0.2 * i},{','.join(map(repr, row))}" for i, row in enumerate(gyro)]
+    said = notes(write(tmp_path / "log.csv", lines, HEADER.partition(",accel")[0]))
+    assert "5 times too small for samples in rad, 11.5 times too large for samples in deg:" in said

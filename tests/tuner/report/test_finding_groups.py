@@ -128,6 +128,45 @@ def test_one_event_in_several_axes_is_told_once():
     assert len(finding_groups([step, finding("burst", "accel_y", start=900.0, duration=30.0)])) == 2
 
 
+def of_axes(cause: str, name: str, shown: str, **values: Coefficient) -> Finding:
+    by_channel = {axis: {name: value} for axis, value in values.items()}
+    return replace(finding(cause, *values), parameters=by_channel[shown], by_channel=by_channel)
+
+
+def test_one_axis_lends_its_number_to_no_other():
+    """A slope of y was told of x y z, where x and z have the other sign; an sd in deg/s was told of accelerometers."""
+    slope = {
+        axis: Coefficient.known(value, value - 1e-4, value + 1e-4, "m/s^2/K")
+        for axis, value in {"accel_x": 0.0061, "accel_y": -0.0227, "accel_z": 0.0274}.items()
+    }
+    (group,) = finding_groups([of_axes("temperature", "slope", "accel_y", **slope)])
+    assert group.figures == " (slope -2.31 to +2.79 mg/K)"
+    sway = {"gyro_x": Coefficient.known(0.01, 0.009, 0.011, "rad/s")}
+    sway |= {"accel_x": Coefficient.known(0.2, 0.1, 0.3, "m/s^2")}
+    (group,) = finding_groups([of_axes("motion", "sd", "accel_x", **sway)])
+    assert group.figures == " (sd 0.573 deg/s and 20.4 mg)"
+    (group,) = finding_groups([finding("step", "gyro_x", time=9.0), finding("step", "gyro_y", time=20.0)])
+    assert group.title == "step in gyro x y: 2 events"
+    assert group.figures == " (time 9.00 to 20.0 SI)"
+
+
+def test_axes_share_an_event_only_where_its_times_and_lengths_agree():
+    """A step of x, 663 s after step and recovery of z, was told as one event at the time of z."""
+    early, late = finding("step", "gyro_z", time=1000.0), finding("step", "gyro_x", time=1663.0)
+    titles = [one.title for one in finding_groups([early, finding("recovery", "gyro_z", time=999.0), late])]
+    assert titles == ["step and recovery in gyro z: one event at 999 s", "step in gyro x"]
+    unlike = replace(early, parameters={"time": Coefficient.known(1000.0, 999.0, 1001.0, "s")})
+    exact = replace(late, parameters={"time": Coefficient.known(1003.0, 1002.9, 1003.1, "s")})
+    assert len(finding_groups([unlike, replace(exact, cause="recovery")])) == 2
+    (bursts,) = finding_groups(
+        [
+            finding("burst", "accel_y", start=7.0, duration=2145.0),
+            finding("burst", "accel_z", start=7.0, duration=0.8),
+        ]
+    )
+    assert bursts.title == "burst in accel y z: 2 events"
+
+
 def test_lines_of_one_spacing_are_a_comb():
     lines = [finding("line", "gyro_x", frequency=3.0 + 9.93 * k, amplitude=1e-4) for k in range(385)]
     (told,) = findings_in_words(lines, None).felt
@@ -140,6 +179,29 @@ def test_what_held_out_data_contradict_is_doubted():
     told = findings_in_words([harm, finding("lowpass", "gyro_y", cutoff=12.0)], None)
     assert [line.split()[0] for line in told.felt] == ["Lowpass"]
     assert told.doubted == "Found, but not confirmed by held-out data: heavy tails in gyro x"
+
+
+def test_a_group_is_no_surer_than_its_findings():
+    """ "98 % likely" was told of four frequencies, two of which could as well be another cause."""
+    better = Gain("60/40", 0.0, 0.1, 500.0)
+    sure = finding("lowpass", "gyro_x", "gyro_y", gain=better)
+    open_ = replace(finding("lowpass", "accel_x", gain=better), alternatives=(Alternative("unknown", 1.0),))
+    assert certainty([sure, sure]) == "certain"
+    assert certainty([sure, open_]) == "50 % likely in accel x, else another cause; certain in gyro x y"
+    likely = replace(sure, alternatives=(Alternative("line", 0.02),))
+    again = replace(open_, channels=("gyro_x",))
+    assert certainty([likely, again]) == "at least 50 % likely, else another cause"
+    assert certainty([sure, replace(sure, gain=None)]) == ""
+
+
+def test_events_that_predict_worse_are_not_certain():
+    """Six bursts stood under "predicts WORSE" in the table, and in no line of what is not confirmed."""
+    worse = finding("burst", "gyro_z", start=5.0, duration=3.0, gain=Gain("60/40", 0.0, -0.1, -5.4))
+    other = replace(finding("burst", "gyro_z", start=90.0, gain=Gain("in sample", 0.0, 0.1, 30.0)))
+    assert certainty([worse]) == "not confirmed by held-out data"
+    assert certainty([worse, other, other]) == "certain; 1 of 3 not confirmed by held-out data"
+    (line,) = findings_in_words([worse], None).felt
+    assert line.startswith("Burst in gyro z: not confirmed by held-out data; ")
 
 
 @pytest.mark.parametrize("unit", ["rad/s", "m/s^2"])
@@ -230,6 +292,6 @@ def test_rivals_too_weak_to_be_named_end_no_sentence():
     """Two with 0.3 % each: "99 % likely, else " was printed."""
     weak = tuple(Alternative(name, 0.004) for name in ("warmup", "step"))
     one = replace(finding("temperature", "accel_x"), alternatives=weak)
-    assert certainty(one) == "99 % likely"
+    assert certainty([one]) == "99 % likely"
     clear = replace(one, alternatives=(Alternative("warmup", 0.25),))
-    assert certainty(clear) == "80 % likely, else warmup"
+    assert certainty([clear]) == "80 % likely, else warmup"

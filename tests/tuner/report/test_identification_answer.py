@@ -147,9 +147,7 @@ def test_what_a_record_is_too_short_for_has_its_axes():
     shown = dict.fromkeys(("accel_x", "accel_y"), ("bias_instability",))
     axes = (*AXES, "accel_x", "accel_y", "accel_z")
     found = SimpleNamespace(channels={axis: channel(axis, shown.get(axis, ())) for axis in axes})
-    assert terms_too_short(found) == (
-        "bias random walk, bias ramp, gyro bias instability B, accel z bias instability B"
-    )
+    assert terms_too_short(found) == ("bias instability B (gyro, accel z), bias random walk, bias ramp")
 
 
 def test_warnings_of_several_axes_are_one_with_their_ranges(found):
@@ -190,6 +188,15 @@ def test_sentences_about_other_things_stay_apart():
         "gyro y, accel z: the mean moved by −12 to −3 deg/h",
         "accel z: the mean moved",
     ]
+
+
+def test_ranges_have_no_intervals():
+    """Merged ends, "18.17 to 35.0 ± 0.47 to 5.4 Hz", are no interval of anything."""
+    pairs = [
+        ("cutoff 18.17 ± 0.47 Hz, quality 2.0 ± 0.1", "gyro_x"),
+        ("cutoff 35.0 (22 … 37) Hz, quality 2.0 ± 0.1", "accel_x"),
+    ]
+    assert alike_sentences(pairs) == ["gyro x, accel x: cutoff 18.17 to 35.0 Hz, quality 2.0 ± 0.1"]
 
 
 def test_times_of_an_answer_are_those_of_the_log_and_cut_it_to_the_same_part(tmp_path, capsys):

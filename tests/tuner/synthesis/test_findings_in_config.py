@@ -145,6 +145,22 @@ def test_an_enlargement_is_relative_to_the_configuration():
         assert after.channels["gyro_x"].white_density == pytest.approx(believed * (wanted or 1.0))
 
 
+def test_a_stretch_of_noise_has_the_ratio_that_its_finding_states():
+    """A variance ratio of 1.76, sd 1.33, stood as × 1.505: the base model of the diagnosis had the larger density."""
+    _, base = identified()
+    config = synthesize(base)
+    model = NoiseModel([White(1.13 * config.channels["gyro_x"].white_density)])
+    quantity = Quantity("gyro_x", "white_density")
+    burst = Enlargement(quantity, 1.325, "burst: the noise while it lasts", time_share=0.0013)
+    found = Diagnosis((finding("burst", (burst,), variance_ratio=1.756),), base={"gyro_x": model})
+    assert [one.factor for one in settled_inflations(found, config)] == [1.325]
+    records, _ = identified()
+    half = (replace(records[0], segments=((0, len(records[0]) // 2),)),)
+    late = finding("burst", (burst,), start=records[0].t[-1] - 9.0, duration=8.0, variance_ratio=4.0)
+    (worst,) = settled_inflations(Diagnosis((late,), base={"gyro_x": model}), config, half)
+    assert worst.factor == 2.0
+
+
 def test_bursts_one_after_another_do_not_multiply():
     _, base = identified()
     config = synthesize(base)

@@ -17,6 +17,7 @@ from tuner.diagnosis.static.diagnose import diagnose
 from tuner.identification.comparison import compare_identifications
 from tuner.identification.identify import identify
 from tuner.types import Coefficient, Diagnosis, Finding
+from tuner.types.coefficient import apart
 from tuner.types.records import DataError, Record
 
 NOISE, MEAN = "noise", "mean"
@@ -174,10 +175,3 @@ def _same(axis: str, one: Finding, other: Finding) -> bool:
     return one.cause == other.cause and not any(
         apart(_value(axis, one, name), _value(axis, other, name)) for name in _locating(one.cause)
     )
-
-
-def apart(one: Coefficient | None, other: Coefficient | None) -> bool:
-    """Return whether the 95 % intervals of two numbers do not meet."""
-    if one is None or other is None or one.interval is None or other.interval is None:
-        return False
-    return one.interval[1] < other.interval[0] or other.interval[1] < one.interval[0]

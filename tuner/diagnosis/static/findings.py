@@ -21,6 +21,7 @@ from tuner.formats.customary_units import amount
 from tuner.formats.grouping import grouped
 from tuner.formats.parameter_words import meaning_text, parameter_words
 from tuner.types import Alternative, Coefficient, Enlargement, Finding, Quantity
+from tuner.types.coefficient import apart
 from tuner.types.diagnosis import of_each
 
 MIN_ENLARGEMENT = 1.02
@@ -105,11 +106,11 @@ def _inflation(axis: str, outcome: SearchResult, accepted: Accepted, base: Noise
     if enlargement is None or base.white_density() == 0.0:
         return None
     factor, reason = enlargement
-    needed = factor * outcome.base.model.white_density() * outcome.base.channel.scale
-    factor = needed / base.white_density()
+    share = accepted.extension.enlarged_share(outcome.final.channel)
+    if share == 1.0:  # else a ratio to the rms over the record, whatever a model says of that
+        factor *= outcome.base.model.white_density() * outcome.base.channel.scale / base.white_density()
     if factor <= MIN_ENLARGEMENT:
         return None
-    share = accepted.extension.enlarged_share(outcome.final.channel)
     return Enlargement(Quantity(axis, "white_density"), factor, reason, time_share=share)
 
 
@@ -120,9 +121,10 @@ def _shared(group: Sequence[Single], single: Single) -> bool:
     if not alike or any(g.axis == single.axis for g in group):
         return False
     return all(
-        _agree(first.parameters[name], single.parameters[name])
+        _agree(one.parameters[name], single.parameters[name])
+        for one in group
         for name in _locating(first.cause.cause)
-        if name in first.parameters and name in single.parameters
+        if name in one.parameters and name in single.parameters
     )
 
 
@@ -145,7 +147,7 @@ def moments(c: Coefficient) -> tuple[float, float]:
 
 
 def pooled(coefficients: Sequence[Coefficient]) -> Coefficient:
-    """Return the mean weighted by inverse variance where all agree, else the first.
+    """Return the mean weighted by inverse variance where it is in the interval of each, else the first.
 
     Numbers whose intervals are all positive are pooled by their logarithms, and so is the interval of the mean;
     where some begin at 0, that of the mean does not reach below.
@@ -156,12 +158,12 @@ def pooled(coefficients: Sequence[Coefficient]) -> Coefficient:
     least = min(c.interval[0] for c in coefficients if c.interval is not None)
     if least > 0.0:
         value, half = _mean([_log_moments(c) for c in coefficients])
-        return Coefficient.known(
-            float(np.exp(value)), float(np.exp(value - half)), float(np.exp(value + half)), first.unit
-        )
-    value, half = _mean([moments(c) for c in coefficients])
-    low = max(value - half, 0.0) if least == 0.0 else value - half
-    return Coefficient.known(value, low, value + half, first.unit)
+        value, low, high = np.exp((value, value - half, value + half)).tolist()
+    else:
+        value, half = _mean([moments(c) for c in coefficients])
+        low, high = max(value - half, 0.0) if least == 0.0 else value - half, value + half
+    mean = Coefficient.known(value, low, high, first.unit)
+    return first if any(apart(replace(mean, interval=(value, value)), c) for c in coefficients) else mean
 
 
 def _mean(moments: Sequence[tuple[float, float]]) -> tuple[float, float]:

@@ -5,6 +5,8 @@ Seeds are fixed and are the first that were tried. Every burst has hundreds of n
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -61,6 +63,16 @@ def test_equal_bursts_are_all_named_and_nothing_else(number, length, ratio):
             assert abs(finding.parameters[name].value - truth) <= tolerance, name
         low, high = finding.parameters["start"].interval
         assert high - low < 2.0 * edge
+
+
+def test_axes_whose_bursts_have_other_lengths_share_none():
+    """One start was told of 2145 s in one axis and 0.84 s in the other."""
+    sd = np.ones((N, 2))
+    sd[40_000:46_000, 0], sd[40_000:44_000, 1] = 1.6, 1.6
+    y = np.random.default_rng(8).standard_normal((N, 2)) * sd
+    log = replace(record(y[:, 0]), y=y, axes=("gyro_x", "gyro_y"))
+    found = {one.channels: one.parameters["duration"].value for one in diagnose(log).findings}
+    assert found == {("gyro_x",): pytest.approx(60.0, abs=1.0), ("gyro_y",): pytest.approx(40.0, abs=1.0)}
 
 
 def test_the_size_of_a_strong_burst_is_that_of_its_own_noise():

@@ -62,6 +62,16 @@ def test_numbers_of_either_sign_are_pooled_as_they_are_and_bounds_at_zero_are_ke
     assert pooled(bounded).interval[0] >= 0.0
 
 
+def test_a_mean_outside_the_interval_of_an_axis_is_not_its_number():
+    """Of a filter with 17.9 ± 0.5, 32 (22 … 37) and 37 (22 … 37) Hz 18.2 was told of all three axes."""
+    narrow, *wide = (
+        Coefficient.known(*ends, "Hz")
+        for ends in ((17.9, 17.4, 18.4), (32.2, 22.0, 37.0), (36.9, 22.0, 37.0))
+    )
+    assert pooled([narrow, *wide]) is narrow
+    assert pooled(wide).value == pytest.approx(34.3, abs=0.5)
+
+
 @pytest.mark.parametrize("drift", [1e-3, 0.5, 3.0, 1e4])
 def test_a_widened_interval_keeps_a_size_positive(drift):
     wide = Value.log(1.5, 0.2).widened_by(drift)
