@@ -191,12 +191,6 @@ def _ranges(findings: Sequence[Finding]) -> str:
     return ", ".join(said)
 
 
-def parameter_text(known: Mapping[str, Coefficient]) -> str:
-    """Return the parameters of a finding behind its name."""
-    figures = ", ".join(f"{said} {amount(known[name])}" for name, said in parameter_words(known).items())
-    return f" ({figures})" if figures else ""
-
-
 def _count(findings: tuple[Finding, ...], events: int, span: float | None) -> str:
     """Say how many there are, with their share of the time or their spacing; nothing of a single one."""
     times = [when for finding in findings if (when := event_time(finding)) is not None]

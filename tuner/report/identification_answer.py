@@ -13,7 +13,7 @@ from tuner.formats.customary_units import customary_unit, digits, pretty, symbol
 from tuner.formats.grouping import grouped
 from tuner.identification.identify import BY_DIAGNOSIS
 from tuner.identification.identify_channel import CURVE_DISAGREES
-from tuner.judgement import judge_noise
+from tuner.judgement import curve_axes, judge_noise
 from tuner.report.alike_sentences import alike_sentences
 from tuner.report.answer_layout import recording_text
 from tuner.report.document import Document, document
@@ -48,6 +48,10 @@ def identification_answer(
         Allan curve the numbers are those of the curve.
     """
     table = measured_table(found, config, predictions)
+    read = curve_axes(predictions)
+    by_terms = replace(
+        found, channels={axis: one for axis, one in found.channels.items() if axis not in read}
+    )
     return document(
         [
             f"{name}: {recording_text(found)}",
@@ -55,7 +59,7 @@ def identification_answer(
             table,
             legend(table),
         ],
-        [*warning_lines(found, predicted=predictions), *_too_short(found)],
+        [*warning_lines(found, predicted=predictions), *_too_short(by_terms)],
         more=[*identification_tables(found), *([] if config is None else states_tables(config))],
         beyond="all terms, bounds with reasons, means, ARMA",
     )

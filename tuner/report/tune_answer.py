@@ -18,7 +18,7 @@ from tuner.report.diagnosis_answer import diagnosis_answer
 from tuner.report.document import Document, document
 from tuner.report.drive_answer import choice_parts, fixes_parts, found_text
 from tuner.report.examination_answer import MENDED, vibration_lines
-from tuner.report.finding_groups import FindingGroup, finding_groups, parameter_text
+from tuner.report.finding_groups import FindingGroup, finding_groups
 from tuner.report.groups_in_words import changes_much, findings_in_words
 from tuner.report.identification_answer import warning_lines
 from tuner.report.identification_tables import identification_tables
@@ -224,10 +224,7 @@ def left_out_groups(diagnosis: Diagnosis | None) -> list[FindingGroup]:
 
 def left_out_text(groups: Sequence[FindingGroup]) -> str:
     """Return which events and wrong readings the settings leave out; empty for none."""
-    said = [
-        f"{one.title}{one.figures or parameter_text(one.findings[0].parameters)}"
-        for one in groups[:MAX_LEFT_OUT]
-    ]
+    said = [f"{one.title}{one.figures}" for one in groups[:MAX_LEFT_OUT]]
     said += [f"{len(groups) - MAX_LEFT_OUT} more"] * (len(groups) > MAX_LEFT_OUT)
     return "; ".join(said)
 
