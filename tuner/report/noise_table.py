@@ -176,8 +176,8 @@ def why_larger(texts: Iterable[str]) -> str:
     if not found:
         return ""
     return (
-        "To enter: few numbers stand for all terms, so most are larger; a linear filter with the usual fixes then errs "
-        f"by {min(found):.2f} to {max(found):.2f} × what it predicts; enlarge them for vibration only"
+        "To enter: few numbers stand for all terms, so most are larger; a linear filter with usual fixes errs by "
+        f"{min(found):.2f} to {max(found):.2f} × predicted; enlarge for vibration only"
     )
 
 

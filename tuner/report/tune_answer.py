@@ -54,8 +54,6 @@ OF_DRIVE_ALONE = "static diagnosis"
 """What lacks where a drive stands in for the log, which the line of the recording says."""
 SAID_ABOVE = ("the same on all axes", "for all axes", "rests on a 95 % limit")
 """How remarks on a setting of a file begin that the table of an answer says."""
-NOISE_YAML = "noise.yaml"
-"""The file of all settings, from which those of other filters are made."""
 
 
 def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None = None) -> Document:
@@ -262,8 +260,7 @@ def found_lines(result: TuneResult) -> tuple[list[str], int, str]:
 
 
 def _file_line(result: TuneResult, directory: Path | None) -> str:
-    """Return where the files are, and from which those of other filters are made."""
+    """Return where the files are."""
     path = "FOLDER by write_tune_result(result, FOLDER)" if directory is None else directory
     mended = [MENDED] * bool(result.examination and result.examination.before_filter)
-    names = [f"{one} for others" if one == NOISE_YAML else one for one in result.exports]
-    return f"Files in {path}: {', '.join([*names, *mended, 'report.html'])}"
+    return f"In {path}: {', '.join([*result.exports, *mended, 'report.html'])}"

@@ -105,7 +105,7 @@ def test_the_answer_fits_a_terminal_and_leaves_nothing_out(result, width):
     assert lines[1].startswith("Verdict: usable")
     for said in (
         "gyro white noise, deg/√h",
-        "Files in out: noise.yaml for others, report.html",
+        "In out: noise.yaml, report.html",
         "All tables: --verbose",
     ):
         assert said in "\n".join(lines)
