@@ -20,6 +20,7 @@ from tuner.readers.assemble import checked, even, plan_of
 from tuner.readers.columns import Listing, Part
 from tuner.readers.options import Options
 from tuner.readers.refusal import Change, Refusal
+from tuner.readers.sensor_columns import NO_COLUMN
 from tuner.readers.unit_evidence import GRAVITY_TOLERANCE, sizes_of
 from tuner.types.records import DataError, Record
 
@@ -33,6 +34,8 @@ MAX_JOINED = 3
 """Changes that make one reading at most: clock, accelerometers and gyroscopes."""
 MAX_NAMED = 5
 """Readings named at most."""
+EVEN = Change(columns={"t": NO_COLUMN})
+"""Even samples: so columns are tried for which only the owner knows the rate."""
 
 
 @dataclass(frozen=True)
@@ -99,11 +102,11 @@ def _left(refusal: Refusal, attempt: Callable[[Change], None], base: Change, joi
         if change.clashes(base):
             continue
         whole = base.with_(change)
-        if change.requested == "rate":
+        if change.requested == "rate" and base == Change():
             left.append(whole)
             continue
         try:
-            attempt(whole)
+            attempt(whole.with_(EVEN) if change.requested == "rate" else whole)
             left.append(whole)
         except Refusal as further:
             if joined < MAX_JOINED:

@@ -151,7 +151,14 @@ _MATRICES: Mapping[int, tuple[Mapping[str, str], ...]] = {
     4: ({"t": "0", "accel": "1:4"}, {"t": "0", "gyro": "1:4"}),
     6: ({"gyro": "3:6", "accel": "0:3"}, {"gyro": "0:3", "accel": "3:6"}),
     7: ({"t": "0", "gyro": "4:7", "accel": "1:4"}, {"t": "0", "gyro": "1:4", "accel": "4:7"}),
-    8: ({"gyro": "3:6", "accel": "0:3"}, {"gyro": "0:3", "accel": "3:6"}),
+    8: (
+        {"t": "0", "gyro": "4:7", "accel": "1:4"},
+        {"t": "0", "gyro": "1:4", "accel": "4:7"},
+        {"t": "1", "gyro": "5:8", "accel": "2:5"},
+        {"t": "1", "gyro": "2:5", "accel": "5:8"},
+        {"gyro": "3:6", "accel": "0:3"},
+        {"gyro": "0:3", "accel": "3:6"},
+    ),
 }
 """What the columns of an array without names may be, by their number; 8 and more alike."""
 

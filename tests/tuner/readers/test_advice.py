@@ -250,3 +250,18 @@ def test_a_command_prints_the_advice_it_can_take(tmp_path: Path, capsys: pytest.
     path = write(tmp_path / "log.csv", rows(T + 302400.0, GYRO), SI.replace("t [s]", "tow(msec)"))
     assert run(["identify", str(path)]) == 2
     assert "pass --columns 't=tow [s]'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("extra", ["a temperature", "a counter"])
+def test_an_array_of_eight_columns_has_its_time_among_them(tmp_path: Path, extra: str) -> None:
+    """Time, both sensors and one column more, before or behind them."""
+    first, last = ([], [np.full(COUNT, 25.0)]) if extra == "a temperature" else ([np.arange(COUNT)], [])
+    np.savez(tmp_path / "log.npz", np.column_stack([*first, T, GYRO, ACCEL, *last]))
+    at = len(first)
+    message = refused(
+        tmp_path / "log.npz", rf": pass --columns 't=arr_0\[{at}\],gyro=arr_0\[{at + 1}:{at + 4}\]"
+    )
+    assert "--rate" not in message
+    gyro, accel = read(tmp_path / "log.npz", **advice(message))  # type: ignore[arg-type]
+    np.testing.assert_array_equal(gyro.y, GYRO)
+    np.testing.assert_array_equal(accel.y, ACCEL)
