@@ -335,6 +335,9 @@ class _Judge:
                 why = f"turns as the Earth does in {turning}"
             if why:
                 who = "nothing states its unit" if choice.basis == "assumed" else f"{read_in} is stated"
+                if assumed and at_rest is False and not (stepped or turning) and self._may_move():
+                    others.insert(0, Change({"gyro": read_in}))
+                    who += "; accel shows that the sensor moves, so only its owner knows the unit"
                 raise self.refusal(f"gyro {why}, and {who}", others)
         elif self._absurd(lenient=choice.basis == "user" or not at_rest or read_in in possible):
             raise self.refusal(
@@ -365,12 +368,11 @@ class _Judge:
 
     def _moves(self, at_rest: bool | None) -> bool:
         """Return whether rates that nothing at rest has can be those of a motion, which only a trial supposes."""
-        return (
-            at_rest is not True
-            and self.tried
-            and self.found.norm < MAX_MEDIAN_RATE
-            and self.found.mean < MAX_STEADY_RATE
-        )
+        return at_rest is not True and self.tried and self._may_move()
+
+    def _may_move(self) -> bool:
+        """Return whether something that is navigated can turn so."""
+        return self.found.norm < MAX_MEDIAN_RATE and self.found.mean < MAX_STEADY_RATE
 
     def _absurd(self, *, lenient: bool) -> bool:
         """Return whether no unit turns so: where nothing shows that it is at rest, only what nothing at all does."""

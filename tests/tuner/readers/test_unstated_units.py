@@ -159,6 +159,21 @@ def test_a_gyroscope_that_moves_is_not_named_the_unit_of_one_at_rest(tmp_path: P
     refused(write(tmp_path / "log.csv", rows(gyro=y, accel=shaken)), "pass --gyro-unit deg/s, or")
 
 
+def test_the_unit_in_which_a_moving_gyroscope_is_read_is_among_those_offered(tmp_path: Path) -> None:
+    """Vibration of 0.02 rad/s and 0.5 m/s²: only deg/s and mrad/s were named, in which N was 57 times too small."""
+    rng = np.random.default_rng(10)
+    gyro = rng.normal(2e-3, 0.02, (COUNT, 3))
+    shaken = write(tmp_path / "log.csv", rows(gyro=gyro, accel=ACCEL + rng.normal(0.0, 0.5, ACCEL.shape)))
+    message = refused(
+        shaken,
+        "accel shows that the sensor moves, so only its owner knows the unit: pass --gyro-unit rad/s, or",
+    )
+    assert "--gyro-unit deg/s" in message
+    np.testing.assert_array_equal(read(shaken, **cure(message))[0].y, gyro)  # type: ignore[arg-type]
+    still = refused(write(tmp_path / "log.csv", rows(gyro=5.0 * gyro)), "nothing states its unit: pass")
+    assert "--gyro-unit rad/s" not in still
+
+
 def test_rare_samples_of_a_gyroscope_may_be_noisier(tmp_path: Path) -> None:
     """0.05 deg/s/√Hz up to 100 Hz, 0.5 deg/s in every sample: at 4 Hz as loud as 0.25 deg/s/√Hz."""
     y = np.random.default_rng(6).normal(0.0, 0.5, (COUNT, 3))
