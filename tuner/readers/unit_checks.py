@@ -239,6 +239,8 @@ class _Judge:
         ratio = found.norm / STANDARD_GRAVITY
         axes = "" if len(record.axes) == 3 else f" on {len(record.axes)} axes"
         reads = f"accel reads {found.norm:.4g} m/s^2{axes}"
+        if choice.unit in INCREMENT_UNITS:
+            reads += f" (increments of {self.raw:.4g} {choice.unit} ÷ {record.interval:.4g} s)"
         drifts = self.tried and found.summed > MAX_SUMMED
         fits = abs(ratio - 1.0) < GRAVITY_TOLERANCE
         fits |= self.tried and choice.unit in units_with_gravity(self.raw, record.interval)
@@ -322,6 +324,7 @@ class _Judge:
             and (self.tried or choice.basis == "assumed")
         ):
             kind = "an increment" if accel.unit in INCREMENT_UNITS else "a rate"
+            others.sort(key=lambda change: accel.unit == "m/s^2" and change.unit["gyro"] != "rad/s")
             stated = choice.basis == "file"
             raise self.refusal(
                 f"accel is in {accel.unit}, {kind}, and gyro in {read_in}", [] if stated else others

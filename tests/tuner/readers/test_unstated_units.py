@@ -123,6 +123,21 @@ def test_rates_beside_increments_are_not_assumed(tmp_path: Path) -> None:
     refused(path, "accel is in m/s, an increment.*--gyro-unit rad, or --gyro-unit deg", accel_unit="m/s")
 
 
+def test_seven_columns_of_rates_are_refused_with_the_numbers_of_the_file(tmp_path: Path) -> None:
+    """KF-GINS writes increments so; of rates in m/s² deg/s was named first, in which N was 57 times too small."""
+    quiet = 0.1 * GYRO
+    path = tmp_path / "log.txt"
+    path.write_text("\n".join(row.replace(",", " ") for row in rows(gyro=quiet)) + "\n")
+    message = refused(
+        path,
+        r"accel reads 980\.\d m/s\^2 \(increments of 9\.80\d m/s ÷ 0\.01 s\).*"
+        r": pass --accel-unit m/s\^2 --gyro-unit rad/s, or",
+    )
+    how = cure(message)
+    np.testing.assert_array_equal(read(path, **how)[0].y, quiet)  # type: ignore[arg-type]
+    assert "increments" not in notes(path, **how)
+
+
 def test_an_index_in_brackets_is_no_unit(tmp_path: Path) -> None:
     """The names of PX4: ``gyro_rad[0]`` is the x axis in rad/s."""
     names = [f"gyro_rad[{j}]" for j in range(3)] + [f"accelerometer_m_s2[{j}]" for j in range(3)]
