@@ -217,3 +217,26 @@ def test_times_of_numpy_are_read_in_their_unit(tmp_path: Path, begin: str | int)
     (record,) = read(tmp_path / "log.npz")
     assert record.rate == pytest.approx(100.0)
     assert not record.assumptions
+
+
+def test_a_clock_that_changes_its_step_is_refused_and_each_part_is_read(tmp_path: Path) -> None:
+    """Three times slower from 20 % on: at the mean rate, 36 Hz, white noise was 1.67 times too large."""
+    slow = S + 2.0 * np.maximum(S - 18.0, 0.0)
+    with pytest.raises(
+        DataError,
+        match=r"changes its step from 0.01 s to 0.03 s at (17.99|18|18.01) s.*: pass --end 1[78].*--rate HZ if",
+    ):
+        log(tmp_path, slow)
+    assert log(tmp_path, slow, end=18.0).rate == pytest.approx(100.0)
+    assert log(tmp_path, slow, begin=18.02).rate == pytest.approx(100.0 / 3.0)
+    assert log(tmp_path, slow, columns={"t": "none"}, rate=100.0).rate == 100.0
+
+
+def test_a_step_that_doubles_is_said_first(tmp_path: Path) -> None:
+    twice = S + np.maximum(S - 45.0, 0.0)
+    said = log(tmp_path, twice).assumptions
+    assert any(
+        "changes its step from 0.01 s to 0.02 s at 45 s: white noise is wrong by up to 1.22 times" in one
+        for one in said
+    )
+    assert not log(tmp_path, twice, end=45.0).assumptions
