@@ -19,7 +19,7 @@ sensor; numbers whose squares are none (1e200) are samples in no unit.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,6 +40,8 @@ from tuner.readers.unit_evidence import (
     SURELY_SUMMED,
     USUAL_RATES,
     Sizes,
+    axes_exchanged,
+    one_sensor,
     possible_rate,
     rate_in_motion,
     same_kind,
@@ -77,6 +79,7 @@ def check_units(
     tried: bool = False,
     kinds: bool = True,
     others: Sequence[Change] = (),
+    exchange: Callable[[str], Sequence[Change]] = lambda _: (),
 ) -> tuple[list[str], dict[str, Assumption]]:
     """Return notes on units that may be wrong, and by sensor what is to be said first of its unit.
 
@@ -96,6 +99,8 @@ def check_units(
         Whether both sensors must have rates, or both increments.
     others : sequence of Change, optional
         Readings that are no matter of units: in which the clock has another one, or gyro and accel are exchanged.
+    exchange : callable, optional
+        Returns the reading in which gyro and accel exchange the axes of these letters.
 
     Raises
     ------
@@ -109,8 +114,18 @@ def check_units(
     sizes = {record.name: sizes_of(record) for record in records}
     for record in records:
         _check_range(source, record)
+    full = {record.name: record for record in records if len(record.axes) == 3}
+    if full.keys() == {"gyro", "accel"} and not assume_si and (letters := axes_exchanged(**full)):
+        columns = " and ".join(f"{name}_{letter}" for letter in letters for name in ("gyro", "accel"))
+        raise Refusal(
+            f"{source}: {columns} may be exchanged: each has the noise of the other sensor", exchange(letters)
+        )
     if (text := _exchanged(records, sizes, choices)) and not assume_si:
         raise Refusal(f"{source}: {text}", others)
+    if tried and "accel" in full and _at_rest(sizes["accel"], full["accel"]):
+        for record in full.values():
+            if not one_sensor(record):
+                raise Refusal(f"{source}: the noise of the axes of {record.name} is not that of one sensor")
     requested = [n for n, choice in choices.items() if choice.basis == "requested"]
     judged = sorted((r for r in records if r.name not in requested), key=lambda r: r.name)
     accel = next((r for r in judged if r.name == "accel"), None)
