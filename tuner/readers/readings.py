@@ -19,8 +19,7 @@ from models.units import STANDARD_GRAVITY
 from tuner.readers.assemble import checked, even, plan_of
 from tuner.readers.columns import Listing, Part
 from tuner.readers.options import Options
-from tuner.readers.refusal import Change, Refusal
-from tuner.readers.sensor_columns import NO_COLUMN
+from tuner.readers.refusal import EVEN, Change, Refusal
 from tuner.readers.unit_evidence import GRAVITY_TOLERANCE, sizes_of
 from tuner.types.records import DataError, Record
 
@@ -34,8 +33,6 @@ MAX_JOINED = 3
 """Changes that make one reading at most: clock, accelerometers and gyroscopes."""
 MAX_NAMED = 5
 """Readings named at most."""
-EVEN = Change(columns={"t": NO_COLUMN})
-"""Even samples: so columns are tried for which only the owner knows the rate."""
 
 
 @dataclass(frozen=True)

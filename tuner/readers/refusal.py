@@ -85,6 +85,10 @@ class Change:
         return " ".join(words) + (f" {self.when}" if self.when else "")
 
 
+EVEN = Change(columns={"t": "none"}, requested="rate")
+"""Even samples, whatever the stamps say, at a rate that only the owner knows."""
+
+
 def without_options(message: str, known: frozenset[str] = frozenset()) -> str:
     """Return a line without the clauses that recommend an option which is not known; commands in quotes stay."""
     parts = re.split(r"(; |: (?=[a-z])|, or )", message)

@@ -117,7 +117,8 @@ def axis_noise(record: Record) -> FloatArray:
     stride = max(1, len(record) // CHECKED_SAMPLES)
     noise = normal_sd(record.y[1::stride] - record.y[:-1:stride], axis=0) / math.sqrt(2.0)
     steps = np.array([step_of(y, 1.0) for y in record.y.T]) / math.sqrt(12.0)
-    return np.hypot(noise, steps)
+    found: FloatArray = np.hypot(noise, steps)
+    return found
 
 
 def axes_exchanged(gyro: Record, accel: Record) -> str:

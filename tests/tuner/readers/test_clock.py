@@ -240,3 +240,28 @@ def test_a_step_that_doubles_is_said_first(tmp_path: Path) -> None:
         for one in said
     )
     assert not log(tmp_path, twice, end=45.0).assumptions
+
+
+@pytest.mark.parametrize(
+    ("size", "said"),
+    [
+        (100.0, "1 Hz, a rare rate; usual is 1000 Hz in ms"),
+        (0.01, "1e+04 Hz, a rare rate; usual is 166.7 Hz in min"),
+    ],
+)
+def test_a_rare_rate_of_a_stated_unit_is_said_first(tmp_path: Path, size: float, said: str) -> None:
+    path = write(tmp_path / "log.csv", (size * S).tolist(), "t [s]")
+    assert f"time in s, as the file states: {said}" in read(path)[0].assumptions
+    confirmed = read(path, columns={"t": "t [s]"})[0].assumptions
+    assert not any("rare" in one for one in [*confirmed, *log(tmp_path, S).assumptions])
+
+
+@pytest.mark.parametrize(("size", "header"), [(120.0, "t [s]"), (90.0, "t"), (0.01, "t")])
+def test_a_clock_in_no_unit_is_read_by_the_rate_of_the_sensor(
+    tmp_path: Path, size: float, header: str
+) -> None:
+    """A hundred times too slow or fast: units of a table alone were named, in which N was wrong 3 times."""
+    path = write(tmp_path / "log.csv", (size * S).tolist(), header)
+    with pytest.raises(DataError, match=r"or --columns 't=none' --rate HZ, the rate the sensor was set to$"):
+        read(path)
+    assert read(path, columns={"t": "none"}, rate=100.0)[0].rate == pytest.approx(100.0)
