@@ -141,9 +141,7 @@ def about_rare_rate(unit: str, interval: float) -> list[str]:
     usual = {u: interval / STATED_BY_RATE[unit] * f for u, f in STATED_BY_RATE.items() if u != unit}
     shown = " or ".join(f"{1.0 / step:.4g} Hz in {u}" for u, step in usual.items() if _usual(step))
     rate = 1.0 / interval
-    return (
-        [f"time in {unit}, as the file states: {rate:.4g} Hz, a rare rate; usual is {shown}"] if shown else []
-    )
+    return [f"time in {unit}, as the file states: {rate:.4g} Hz, where {shown} is usual"] if shown else []
 
 
 def _counts(time: NDArray[np.float64] | NDArray[np.int64], step: float) -> bool:

@@ -245,15 +245,15 @@ def test_a_step_that_doubles_is_said_first(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("size", "said"),
     [
-        (100.0, "1 Hz, a rare rate; usual is 1000 Hz in ms"),
-        (0.01, "1e+04 Hz, a rare rate; usual is 166.7 Hz in min"),
+        (100.0, "1 Hz, where 1000 Hz in ms is usual"),
+        (0.01, "1e+04 Hz, where 166.7 Hz in min is usual"),
     ],
 )
 def test_a_rare_rate_of_a_stated_unit_is_said_first(tmp_path: Path, size: float, said: str) -> None:
     path = write(tmp_path / "log.csv", (size * S).tolist(), "t [s]")
     assert f"time in s, as the file states: {said}" in read(path)[0].assumptions
     confirmed = read(path, columns={"t": "t [s]"})[0].assumptions
-    assert not any("rare" in one for one in [*confirmed, *log(tmp_path, S).assumptions])
+    assert not any("is usual" in one for one in [*confirmed, *log(tmp_path, S).assumptions])
 
 
 @pytest.mark.parametrize(("size", "header"), [(120.0, "t [s]"), (90.0, "t"), (0.01, "t")])
