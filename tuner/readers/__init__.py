@@ -8,6 +8,7 @@ agree, `time_base` finds interval and gaps, `assemble` converts to SI. `read_cur
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -126,6 +127,7 @@ def read(
         constant_axes=constant_axes,
         assume_si=assume == "si",
         stamps=stamps,
+        part=(-math.inf if begin is None else begin, math.inf if end is None else end),
     )
     if not isinstance(path, str | Path):
         try:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from types import MappingProxyType
 from typing import Any
 
@@ -184,6 +185,7 @@ def checked(
         tried=options.tried,
         kinds=options.requested != "sums",
         others=(*of_mavlink(plan.layout), *exchanged(plan.layout)),
+        exchange=partial(exchanged, plan.layout),
     )
     notes += remarks
     live = without_constant_axes(records, notes, keep=options.constant_axes)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tuner.readers.column_names import TIME_UNITS, UNITS_BY_NAME, parse_name, without_unit
-from tuner.readers.refusal import Change, Refusal
+from tuner.readers.refusal import EVEN, Change, Refusal
 
 MIN_RATE, MAX_RATE = 0.01, 1e6
 """Rates of inertial logs, Hz, that are possible at all."""
@@ -102,11 +102,11 @@ def unit_of_stamps(
     rates = {u: 1.0 / (step * STATED_BY_RATE[u]) for u in dict.fromkeys([*usual, *longer, *possible])}
     shown = ", ".join(f"{hz:.4g} Hz in {u}" for u, hz in rates.items()) or f"a mean step of {step:.4g}"
     counted = _counts(time, step)
-    requested = [Change(requested="rate")] if counted else []
+    known = other_units(name, step, middle, rates)
     counts = "it counts by one, as a counter of samples does; " if counted else ""
     raise Refusal(
         f"time column '{name}': nothing states its unit, and it stays open: {counts}{shown}",
-        [*requested, *other_units(name, step, middle, rates)],
+        [Change(requested="rate"), *known] if counted else [*known, EVEN],
     )
 
 
@@ -132,6 +132,16 @@ def is_unusual(unit: str, step: float) -> bool:
     rate = 1.0 / (step * STATED_BY_RATE.get(unit, CANDIDATES["ticks of 0.1 ms"])) if step > 0.0 else 1.0
     unusual = not POSSIBLE_RATES[0] <= rate <= POSSIBLE_RATES[1]
     return unusual and any(_usual(step * factor) for factor in CANDIDATES.values())
+
+
+def about_rare_rate(unit: str, interval: float) -> list[str]:
+    """Return what is said of a stated unit whose rate is not a usual one, where that of another unit is."""
+    if interval <= 0.0 or _usual(interval):
+        return []
+    usual = {u: interval / STATED_BY_RATE[unit] * f for u, f in STATED_BY_RATE.items() if u != unit}
+    shown = " or ".join(f"{1.0 / step:.4g} Hz in {u}" for u, step in usual.items() if _usual(step))
+    rate = 1.0 / interval
+    return [f"time in {unit}, as the file states: {rate:.4g} Hz, where {shown} is usual"] if shown else []
 
 
 def _counts(time: NDArray[np.float64] | NDArray[np.int64], step: float) -> bool:

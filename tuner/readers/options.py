@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -15,7 +16,7 @@ _RATE_KEYS = ("rate_hz", "rate", "fs", "sample_rate", "sample_rate_hz", "samplin
 class Options:
     """What the user states beside the file; `tried` and `requested` are of a reading tried before it is advised.
 
-    `requested` names a sensor whose size of a count only its owner knows.
+    `requested` names a sensor whose size of a count only its owner knows; `part` is begin and end of what is used, s.
     """
 
     rate: float | None
@@ -27,6 +28,7 @@ class Options:
     stamps: bool = False
     tried: bool = False
     requested: str = ""
+    part: tuple[float, float] = (-math.inf, math.inf)
 
 
 def stated_rate(meta: Mapping[str, Any]) -> float | None:

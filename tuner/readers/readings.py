@@ -19,7 +19,7 @@ from models.units import STANDARD_GRAVITY
 from tuner.readers.assemble import checked, even, plan_of
 from tuner.readers.columns import Listing, Part
 from tuner.readers.options import Options
-from tuner.readers.refusal import Change, Refusal
+from tuner.readers.refusal import EVEN, Change, Refusal
 from tuner.readers.unit_evidence import GRAVITY_TOLERANCE, sizes_of
 from tuner.types.records import DataError, Record
 
@@ -99,11 +99,11 @@ def _left(refusal: Refusal, attempt: Callable[[Change], None], base: Change, joi
         if change.clashes(base):
             continue
         whole = base.with_(change)
-        if change.requested == "rate":
+        if change.requested == "rate" and base == Change():
             left.append(whole)
             continue
         try:
-            attempt(whole)
+            attempt(whole.with_(EVEN) if change.requested == "rate" else whole)
             left.append(whole)
         except Refusal as further:
             if joined < MAX_JOINED:

@@ -72,8 +72,6 @@ class Change:
         )
 
     def __str__(self) -> str:
-        if self.requested == "rate":
-            return f"--rate HZ, the rate the sensor was set to{self.when}"
         mapped = ",".join(f"{role}={name}" for role, name in self.columns.items())
         words = [f"--columns '{mapped}'"] if mapped else []
         for sensor, unit in self.unit.items():
@@ -82,7 +80,13 @@ class Change:
                 words.append(f"--{sensor}-scale {self.scale[sensor]:.6g}")
             if sensor == self.requested:
                 words.append(f"--{sensor}-scale X with the {unit} in one count of its data sheet")
+        if self.requested == "rate":
+            words.append("--rate HZ, the rate the sensor was set to")
         return " ".join(words) + (f" {self.when}" if self.when else "")
+
+
+EVEN = Change(columns={"t": "none"}, requested="rate")
+"""Even samples, whatever the stamps say, at a rate that only the owner knows."""
 
 
 def without_options(message: str, known: frozenset[str] = frozenset()) -> str:

@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.arrays import BoolArray, FloatArray, IntArray
+from tuner.formats.customary_units import stamp
+from tuner.limits import WRONG_FACTOR
 from tuner.readers.bad_rows import BadRows, LogRows
 from tuner.readers.clock_unit import MAX_RATE, MIN_RATE, STATED_BY_RATE, time_in
 from tuner.readers.column_mapping import offered
@@ -123,6 +125,22 @@ def sample_grid(
         columns.groups, columns.axes, usable, notes, bad, within=within, interval=clock.step
     )
     base = _timebase(clock, usable, equal, options, notes)
+    if base.change is not None and not options.stamps:
+        inside = _stated_part(clock, options)
+        if inside.any() and not inside.all():
+            clock = replace(clock, on=inside)
+            base = _timebase(clock, usable, equal, options, notes)
+        if inside.any() and (change := base.change) is not None and not options.tried:
+            at = stamp(change.time + clock.origin)
+            said = f"the clock changes its step from {change.before:.4g} s to {change.after:.4g} s at {at} s"
+            if change.factor > WRONG_FACTOR:
+                raise DataError(
+                    f"{said}, and white noise goes with the root of the step: pass --end {at}, or --begin {at}, or "
+                    "--columns t=none --rate HZ if the sensor kept its rate"
+                )
+            said += f": white noise is wrong by up to {change.factor:.3g} times"
+            cure = f"--end {at} or --begin {at} uses one part"
+            clock = replace(clock, assumptions=(*clock.assumptions, f"{said}; {cure}"))
     _check_rate(clock, base.interval, str(channel.part), rate, notes, explicit=options.rate is not None)
     return SampleGrid(base, clock.origin, clock)
 
@@ -170,6 +188,14 @@ def _timebase(
             raise
         notes.append(f"{COARSE_CLOCK} to give a rate: samples are taken as even at the {rate:.6g} Hz stated")
         return even_timebase(len(clock.stamps), 1.0 / rate, usable, moving=options.stamps)
+
+
+def _stated_part(clock: Clock, options: Options) -> BoolArray:
+    """Return which stamps are in the part of the log that is stated."""
+    begin, end = options.part
+    at = clock.stamps + clock.origin
+    inside: BoolArray = (at >= begin - 0.5 * clock.step) & (at < end)
+    return inside if clock.on is None else inside & clock.on
 
 
 def _check_rate(

@@ -119,8 +119,8 @@ def choose(listing: Listing, *, columns: Mapping[str, str] | None = None) -> Lay
     return Layout(channels.pop("t", None), tuple(sensors), channels, tuple(notes), tuple(unread))
 
 
-def exchanged(layout: Layout) -> tuple[Change, ...]:
-    """Return the columns that read gyro as accel and accel as gyro, each in the unit of its name; none without both."""
+def exchanged(layout: Layout, letters: str = "xyz") -> tuple[Change, ...]:
+    """Return the columns that exchange axes of gyro and accel, each in the unit of its name; none without both."""
     if len(layout.sensors) != 2:
         return ()
     gyro, accel = layout.sensors
@@ -131,7 +131,8 @@ def exchanged(layout: Layout) -> tuple[Change, ...]:
         unit = f" [{one.unit}]" if one.unit is not None else ""
         columns |= {
             axis: f"{names.without_unit(str(part))}{unit}"
-            for axis, part in zip(one.axes, other.parts, strict=True)
+            for axis, own, its in zip(one.axes, one.parts, other.parts, strict=True)
+            for part in (its if axis[-1] in letters else own,)
         }
     return (Change(columns=columns),)
 
@@ -151,7 +152,14 @@ _MATRICES: Mapping[int, tuple[Mapping[str, str], ...]] = {
     4: ({"t": "0", "accel": "1:4"}, {"t": "0", "gyro": "1:4"}),
     6: ({"gyro": "3:6", "accel": "0:3"}, {"gyro": "0:3", "accel": "3:6"}),
     7: ({"t": "0", "gyro": "4:7", "accel": "1:4"}, {"t": "0", "gyro": "1:4", "accel": "4:7"}),
-    8: ({"gyro": "3:6", "accel": "0:3"}, {"gyro": "0:3", "accel": "3:6"}),
+    8: (
+        {"t": "0", "gyro": "4:7", "accel": "1:4"},
+        {"t": "0", "gyro": "1:4", "accel": "4:7"},
+        {"t": "1", "gyro": "5:8", "accel": "2:5"},
+        {"t": "1", "gyro": "2:5", "accel": "5:8"},
+        {"gyro": "3:6", "accel": "0:3"},
+        {"gyro": "0:3", "accel": "3:6"},
+    ),
 }
 """What the columns of an array without names may be, by their number; 8 and more alike."""
 

@@ -66,10 +66,7 @@ def list_text(path: Path, progress: Progress | None = None) -> Listing:
     if not dialect.header and path.name.lower().removesuffix(".gz").endswith(".txt") and len(names) == 7:
         names = _KF_GINS_COLUMNS
         guessed = frozenset(names)
-        notes = (
-            "no header and seven columns in a .txt: read as t [s], 3 angle increments [rad], 3 velocity "
-            "increments [m/s]",
-        )
+        notes = ("no header and seven columns in a .txt: read as t, 3 axes of gyro, 3 axes of accel",)
     duplicates = sorted({n for n in names if names.count(n) > 1})
     if duplicates:
         raise DataError(

@@ -19,6 +19,7 @@ import numpy as np
 from models.arrays import BoolArray, FloatArray, IntArray
 from models.robust import normal_sd
 from tuner.limits import WRONG_FACTOR
+from tuner.readers.clock_change import StepChange, change_of_step
 from tuner.readers.gap_bridges import bridged
 from tuner.readers.timestamps import in_order, interval_and_gaps, without_duplicates
 from tuner.types.records import DataError
@@ -92,6 +93,8 @@ class Timebase:
         Largest distance of a stamp from the even grid of its segment, s.
     left_out : int
         Samples in segments too short to use.
+    change : StepChange or None
+        Where the clock changes its step, so that the interval is wrong on one side.
     """
 
     t: FloatArray
@@ -112,6 +115,7 @@ class Timebase:
     moving: bool = False
     wander: float = 0.0
     left_out: int = 0
+    change: StepChange | None = None
 
     def regrid(self, column: FloatArray) -> FloatArray:
         """Return a column of the log on the grid, shape (N,); straight lines stand where samples are missing."""
@@ -249,6 +253,7 @@ def stamped_timebase(
             f"{COARSE_CLOCK}: {different} different stamps in {len(t)} rows give no rate: pass --rate HZ"
         )
     interval, at, size = interval_and_gaps(t, max(batch, resolution))
+    change = change_of_step(t, interval, at, size)
     if valid is not None and not (kept := valid if rows is None else valid[rows]).all():
         steps = np.ones(len(t), np.int64)
         steps[at + 1] += size
@@ -263,7 +268,14 @@ def stamped_timebase(
         base = replace(base, rounding=max(batch, resolution))
     unread = 0 if rows is None else _unread(np.diff(rows), at, size)
     return replace(
-        base, rows=rows, disordered=disordered, duplicates=duplicates, set_back=back, late=late, unread=unread
+        base,
+        rows=rows,
+        disordered=disordered,
+        duplicates=duplicates,
+        set_back=back,
+        late=late,
+        unread=unread,
+        change=change,
     )
 
 

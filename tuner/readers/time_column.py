@@ -21,12 +21,13 @@ from tuner.readers.clock_unit import (
     MAX_RATE,
     MIN_RATE,
     USUAL_RATES,
+    about_rare_rate,
     is_unusual,
     other_units,
     time_in,
     unit_of_stamps,
 )
-from tuner.readers.refusal import Refusal
+from tuner.readers.refusal import EVEN, Refusal
 from tuner.types.records import DataError
 
 Stamps = NDArray[np.float64] | NDArray[np.int64]
@@ -154,8 +155,9 @@ def read_clock(
             judged = "a rate that few inertial sensors have" if rare else "no rate of an inertial sensor"
             raise Refusal(
                 f"time column '{name}': {1.0 / (step * factor):.4g} Hz in {stated}, as the file states, is {judged}",
-                [*changes, *([time_in(stated, name)] if rare else [])],
+                [*changes, *([time_in(stated, name), EVEN] if rare else [])],
             )
+        assumptions += about_rare_rate(stated, step * factor)
     first = clock[0]
     resolution = factor * _single_precision(clock, step, name, notes, factor)
     relative: FloatArray = np.subtract(time, first).astype(float, copy=False)

@@ -19,7 +19,7 @@ sensor; numbers whose squares are none (1e200) are samples in no unit.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,6 +40,8 @@ from tuner.readers.unit_evidence import (
     SURELY_SUMMED,
     USUAL_RATES,
     Sizes,
+    axes_exchanged,
+    one_sensor,
     possible_rate,
     rate_in_motion,
     same_kind,
@@ -77,6 +79,7 @@ def check_units(
     tried: bool = False,
     kinds: bool = True,
     others: Sequence[Change] = (),
+    exchange: Callable[[str], Sequence[Change]] = lambda _: (),
 ) -> tuple[list[str], dict[str, Assumption]]:
     """Return notes on units that may be wrong, and by sensor what is to be said first of its unit.
 
@@ -96,6 +99,8 @@ def check_units(
         Whether both sensors must have rates, or both increments.
     others : sequence of Change, optional
         Readings that are no matter of units: in which the clock has another one, or gyro and accel are exchanged.
+    exchange : callable, optional
+        Returns the reading in which gyro and accel exchange the axes of these letters.
 
     Raises
     ------
@@ -109,8 +114,18 @@ def check_units(
     sizes = {record.name: sizes_of(record) for record in records}
     for record in records:
         _check_range(source, record)
+    full = {record.name: record for record in records if len(record.axes) == 3}
+    if full.keys() == {"gyro", "accel"} and not assume_si and (letters := axes_exchanged(**full)):
+        columns = " and ".join(f"{name}_{letter}" for letter in letters for name in ("gyro", "accel"))
+        raise Refusal(
+            f"{source}: {columns} may be exchanged: each has the noise of the other sensor", exchange(letters)
+        )
     if (text := _exchanged(records, sizes, choices)) and not assume_si:
         raise Refusal(f"{source}: {text}", others)
+    if tried and "accel" in full and _at_rest(sizes["accel"], full["accel"]):
+        for record in full.values():
+            if not one_sensor(record):
+                raise Refusal(f"{source}: the noise of the axes of {record.name} is not that of one sensor")
     requested = [n for n, choice in choices.items() if choice.basis == "requested"]
     judged = sorted((r for r in records if r.name not in requested), key=lambda r: r.name)
     accel = next((r for r in judged if r.name == "accel"), None)
@@ -239,6 +254,8 @@ class _Judge:
         ratio = found.norm / STANDARD_GRAVITY
         axes = "" if len(record.axes) == 3 else f" on {len(record.axes)} axes"
         reads = f"accel reads {found.norm:.4g} m/s^2{axes}"
+        if choice.unit in INCREMENT_UNITS:
+            reads += f" (increments of {self.raw:.4g} {choice.unit} ÷ {record.interval:.4g} s)"
         drifts = self.tried and found.summed > MAX_SUMMED
         fits = abs(ratio - 1.0) < GRAVITY_TOLERANCE
         fits |= self.tried and choice.unit in units_with_gravity(self.raw, record.interval)
@@ -322,6 +339,7 @@ class _Judge:
             and (self.tried or choice.basis == "assumed")
         ):
             kind = "an increment" if accel.unit in INCREMENT_UNITS else "a rate"
+            others.sort(key=lambda change: accel.unit == "m/s^2" and change.unit["gyro"] != "rad/s")
             stated = choice.basis == "file"
             raise self.refusal(
                 f"accel is in {accel.unit}, {kind}, and gyro in {read_in}", [] if stated else others
@@ -335,6 +353,9 @@ class _Judge:
                 why = f"turns as the Earth does in {turning}"
             if why:
                 who = "nothing states its unit" if choice.basis == "assumed" else f"{read_in} is stated"
+                if assumed and at_rest is False and not (stepped or turning) and self._may_move():
+                    others.insert(0, Change({"gyro": read_in}))
+                    who += "; accel shows that the sensor moves, so only its owner knows the unit"
                 raise self.refusal(f"gyro {why}, and {who}", others)
         elif self._absurd(lenient=choice.basis == "user" or not at_rest or read_in in possible):
             raise self.refusal(
@@ -369,12 +390,11 @@ class _Judge:
 
     def _moves(self, at_rest: bool | None) -> bool:
         """Return whether rates that nothing at rest has can be those of a motion, which only a trial supposes."""
-        return (
-            at_rest is not True
-            and self.tried
-            and self.found.norm < MAX_MEDIAN_RATE
-            and self.found.mean < MAX_STEADY_RATE
-        )
+        return at_rest is not True and self.tried and self._may_move()
+
+    def _may_move(self) -> bool:
+        """Return whether something that is navigated can turn so."""
+        return self.found.norm < MAX_MEDIAN_RATE and self.found.mean < MAX_STEADY_RATE
 
     def _absurd(self, *, lenient: bool) -> bool:
         """Return whether no unit turns so: where nothing shows that it is at rest, only what nothing at all does."""

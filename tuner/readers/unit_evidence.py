@@ -49,6 +49,9 @@ MAX_SUMMED = 0.5
 filter of n samples n²/8 over the record."""
 SURELY_SUMMED = 10.0
 """`Sizes.summed` that only sums of a bias have, hundreds and more: a drift of 1 deg/s in an hour has less than 1."""
+MAX_AXIS_RATIO = 5.0
+"""Noise of the noisiest axis of a sensor at rest ÷ that of its quietest: data sheets state up to 2, and axes that come
+from two makes differ by 3."""
 LARGEST_CHANGE = {"rad/s": 5e-3, "m/s^2": 0.1}
 """Largest usual change of the mean from one second to the next of a sensor at rest, by unit: twice that of the noisiest
 gyroscopes sold (0.1 deg/s/√Hz) and seven times that of the noisiest accelerometers (1 mg/√Hz)."""
@@ -107,6 +110,43 @@ def sizes_of(record: Record) -> Sizes:
         float(np.median([_summed(y) for y in record.y.T])),
         _change(record),
     )
+
+
+def axis_noise(record: Record) -> FloatArray:
+    """Return the noise of each axis, from differences of neighbours; no less than that of the step of its samples."""
+    stride = max(1, len(record) // CHECKED_SAMPLES)
+    noise = normal_sd(record.y[1::stride] - record.y[:-1:stride], axis=0) / math.sqrt(2.0)
+    steps = np.array([step_of(y, 1.0) for y in record.y.T]) / math.sqrt(12.0)
+    found: FloatArray = np.hypot(noise, steps)
+    return found
+
+
+def axes_exchanged(gyro: Record, accel: Record) -> str:
+    """Return the letters of one or two axes that the triads have exchanged, "" for none.
+
+    Exchanged, both triads have axes of one noise; as they stand, neither has: in one the axes are too quiet, in the
+    other too noisy, which vibration cannot do.
+    """
+    noise = np.array([axis_noise(gyro), axis_noise(accel)])
+    if _axis_ratios(noise).min() <= MAX_AXIS_RATIO:
+        return ""
+    for axes in ([0], [1], [2], [0, 1], [0, 2], [1, 2]):
+        other = noise.copy()
+        other[:, axes] = noise[::-1, axes]
+        if _axis_ratios(other).max() <= MAX_AXIS_RATIO and other[0].max() < other[1].min():
+            return "".join("xyz"[axis] for axis in axes)
+    return ""
+
+
+def _axis_ratios(noise: FloatArray) -> FloatArray:
+    smallest = noise.min(axis=1)
+    ratios: FloatArray = np.where(smallest > 0.0, noise.max(axis=1) / np.maximum(smallest, 1e-300), 1.0)
+    return ratios
+
+
+def one_sensor(record: Record) -> bool:
+    """Return whether the axes of a triad at rest can be of one sensor."""
+    return float(_axis_ratios(axis_noise(record)[None, :])[0]) <= MAX_AXIS_RATIO
 
 
 def _change(record: Record) -> float:

@@ -74,6 +74,31 @@ def test_triads_that_are_exchanged_are_read_by_the_option_that_says_so(tmp_path:
     np.testing.assert_array_equal(accel.y, ACCEL)
 
 
+@pytest.mark.parametrize("letters", ["x", "z", "xy", "yz"])
+@pytest.mark.parametrize("header", [HEADER, SI])
+def test_axes_that_are_exchanged_are_read_by_the_option_that_says_so(
+    tmp_path: Path, letters: str, header: str
+) -> None:
+    """The whole triads or deg/s were named: followed, N was up to 57 times too small."""
+    quiet = 0.1 * GYRO
+    gyro, accel = quiet.copy(), ACCEL.copy()
+    for axis in map("xyz".index, letters):
+        gyro[:, axis], accel[:, axis] = ACCEL[:, axis], quiet[:, axis]
+    path = write(tmp_path / "log.csv", rows(T, gyro, accel), header)
+    message = refused(path, f"gyro_{letters[0]} and accel_{letters[0]}.* may be exchanged: .* pass --columns")
+    assert "-unit" not in message
+    for record, truth in zip(read(path, **advice(message)), (quiet, ACCEL), strict=True):  # type: ignore[arg-type]
+        np.testing.assert_array_equal(record.y, truth)
+
+
+def test_vibration_about_one_axis_is_no_exchange(tmp_path: Path) -> None:
+    """Accelerometers and gyroscopes are both noisier there; of exchanged axes the former are as quiet as the latter."""
+    rng = np.random.default_rng(11)
+    shaken = [np.outer(rng.normal(0.0, sd, COUNT), [0.0, 0.0, 1.0]) for sd in (0.01, 0.3)]
+    path = write(tmp_path / "log.csv", rows(T, 0.1 * GYRO + shaken[0], ACCEL + shaken[1]), SI)
+    np.testing.assert_allclose(read(path)[1].y, ACCEL + shaken[1])
+
+
 def test_triads_that_are_exchanged_with_their_registers_have_no_reading(tmp_path: Path) -> None:
     """A driver scales counts of the accelerometers as rates: no option mends that."""
     raw = np.rint(ACCEL / 9.80665 * 16384) * np.radians(1 / 131), np.rint(GYRO / np.radians(1 / 131)) * 6e-4
@@ -250,3 +275,18 @@ def test_a_command_prints_the_advice_it_can_take(tmp_path: Path, capsys: pytest.
     path = write(tmp_path / "log.csv", rows(T + 302400.0, GYRO), SI.replace("t [s]", "tow(msec)"))
     assert run(["identify", str(path)]) == 2
     assert "pass --columns 't=tow [s]'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("extra", ["a temperature", "a counter"])
+def test_an_array_of_eight_columns_has_its_time_among_them(tmp_path: Path, extra: str) -> None:
+    """Time, both sensors and one column more, before or behind them."""
+    first, last = ([], [np.full(COUNT, 25.0)]) if extra == "a temperature" else ([np.arange(COUNT)], [])
+    np.savez(tmp_path / "log.npz", np.column_stack([*first, T, GYRO, ACCEL, *last]))
+    at = len(first)
+    message = refused(
+        tmp_path / "log.npz", rf": pass --columns 't=arr_0\[{at}\],gyro=arr_0\[{at + 1}:{at + 4}\]"
+    )
+    assert "--rate" not in message
+    gyro, accel = read(tmp_path / "log.npz", **advice(message))  # type: ignore[arg-type]
+    np.testing.assert_array_equal(gyro.y, GYRO)
+    np.testing.assert_array_equal(accel.y, ACCEL)

@@ -217,3 +217,51 @@ def test_times_of_numpy_are_read_in_their_unit(tmp_path: Path, begin: str | int)
     (record,) = read(tmp_path / "log.npz")
     assert record.rate == pytest.approx(100.0)
     assert not record.assumptions
+
+
+def test_a_clock_that_changes_its_step_is_refused_and_each_part_is_read(tmp_path: Path) -> None:
+    """Three times slower from 20 % on: at the mean rate, 36 Hz, white noise was 1.67 times too large."""
+    slow = S + 2.0 * np.maximum(S - 18.0, 0.0)
+    with pytest.raises(
+        DataError,
+        match=r"changes its step from 0.01 s to 0.03 s at (17.99|18|18.01) s.*: pass --end 1[78].*--rate HZ if",
+    ):
+        log(tmp_path, slow)
+    assert log(tmp_path, slow, end=18.0).rate == pytest.approx(100.0)
+    assert log(tmp_path, slow, begin=18.02).rate == pytest.approx(100.0 / 3.0)
+    assert log(tmp_path, slow, columns={"t": "none"}, rate=100.0).rate == 100.0
+
+
+def test_a_step_that_doubles_is_said_first(tmp_path: Path) -> None:
+    twice = S + np.maximum(S - 45.0, 0.0)
+    said = log(tmp_path, twice).assumptions
+    assert any(
+        "changes its step from 0.01 s to 0.02 s at 45 s: white noise is wrong by up to 1.22 times" in one
+        for one in said
+    )
+    assert not log(tmp_path, twice, end=45.0).assumptions
+
+
+@pytest.mark.parametrize(
+    ("size", "said"),
+    [
+        (100.0, "1 Hz, where 1000 Hz in ms is usual"),
+        (0.01, "1e+04 Hz, where 166.7 Hz in min is usual"),
+    ],
+)
+def test_a_rare_rate_of_a_stated_unit_is_said_first(tmp_path: Path, size: float, said: str) -> None:
+    path = write(tmp_path / "log.csv", (size * S).tolist(), "t [s]")
+    assert f"time in s, as the file states: {said}" in read(path)[0].assumptions
+    confirmed = read(path, columns={"t": "t [s]"})[0].assumptions
+    assert not any("is usual" in one for one in [*confirmed, *log(tmp_path, S).assumptions])
+
+
+@pytest.mark.parametrize(("size", "header"), [(120.0, "t [s]"), (90.0, "t"), (0.01, "t")])
+def test_a_clock_in_no_unit_is_read_by_the_rate_of_the_sensor(
+    tmp_path: Path, size: float, header: str
+) -> None:
+    """A hundred times too slow or fast: units of a table alone were named, in which N was wrong 3 times."""
+    path = write(tmp_path / "log.csv", (size * S).tolist(), header)
+    with pytest.raises(DataError, match=r"or --columns 't=none' --rate HZ, the rate the sensor was set to$"):
+        read(path)
+    assert read(path, columns={"t": "none"}, rate=100.0)[0].rate == pytest.approx(100.0)

@@ -269,3 +269,54 @@ def test_rows_follow_one_another_where_a_clock_was_set_back(stamp, set_back):
     assert base.t[-1] - base.t[0] == pytest.approx(600.0, abs=2.0)
     assert base.missing == base.duplicates == 0
     assert base.set_back == (10 if "soon" in set_back else 1)
+
+
+@pytest.mark.parametrize(("ratio", "share"), [(3.0, 0.2), (3.0, 0.9), (4.0, 0.5), (10.0, 0.5), (0.2, 0.5)])
+def test_a_clock_that_changes_its_step_is_found_with_both_steps(ratio: float, share: float) -> None:
+    """Read at the mean step, or with most samples taken for lost, white noise was 1.7 times too large and usable."""
+    row = np.arange(30_000.0)
+    change = share * 30_000
+    t = 0.01 * (np.minimum(row, change) + ratio * np.maximum(row - change, 0.0))
+    found = stamped_timebase(t).change
+    assert found is not None
+    assert found.factor > 1.4
+    assert (found.before, found.after) == (
+        pytest.approx(0.01, rel=0.01),
+        pytest.approx(0.01 * ratio, rel=0.01),
+    )
+    assert found.time == pytest.approx(0.01 * change, abs=0.05)
+
+
+def _uneven(kind: str) -> np.ndarray:
+    rng = np.random.default_rng(31)
+    t = 0.01 * np.arange(COUNT)
+    emptied = np.cumsum(rng.uniform(0.01, 0.5, COUNT))
+    return {
+        "a few gaps": t + 5.0 * (t > 60.0) + 300.0 * (t > 90.0),
+        "jitter": np.sort(t + rng.normal(0.0, 0.03, COUNT)),
+        "five rows a second": np.floor(np.arange(COUNT) / 5.0),
+        "bursts": emptied[np.searchsorted(emptied, t)],
+        "late stamps": np.maximum.accumulate(t + (rng.random(COUNT) < 0.01) * rng.exponential(0.1, COUNT))
+        + 1e-6 * np.arange(COUNT),
+        "half lost from the middle on": t[rng.random(COUNT) > 0.5 * (t > 100.0)],
+        "three of four lost from the middle on": t[rng.random(COUNT) > 0.75 * (t > 100.0)],
+        "a clock that wanders": t * (1.0 + 2e-4 * np.sin(t / 50.0)),
+    }[kind]
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [
+        "a few gaps",
+        "jitter",
+        "five rows a second",
+        "bursts",
+        "late stamps",
+        "half lost from the middle on",
+        "three of four lost from the middle on",
+        "a clock that wanders",
+    ],
+)
+@pytest.mark.parametrize("rows", [1000, COUNT])
+def test_uneven_stamps_of_one_clock_change_no_step(kind: str, rows: int) -> None:
+    assert stamped_timebase(_uneven(kind)[:rows]).change is None

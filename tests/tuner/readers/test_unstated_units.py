@@ -126,6 +126,21 @@ def test_rates_beside_increments_are_not_assumed(tmp_path: Path) -> None:
     refused(path, "accel is in m/s, an increment.*--gyro-unit rad, or --gyro-unit deg", accel_unit="m/s")
 
 
+def test_seven_columns_of_rates_are_refused_with_the_numbers_of_the_file(tmp_path: Path) -> None:
+    """KF-GINS writes increments so; of rates in m/s² deg/s was named first, in which N was 57 times too small."""
+    quiet = 0.1 * GYRO
+    path = tmp_path / "log.txt"
+    path.write_text("\n".join(row.replace(",", " ") for row in rows(gyro=quiet)) + "\n")
+    message = refused(
+        path,
+        r"accel reads 980\.\d m/s\^2 \(increments of 9\.80\d m/s ÷ 0\.01 s\).*"
+        r": pass --accel-unit m/s\^2 --gyro-unit rad/s, or",
+    )
+    how = cure(message)
+    np.testing.assert_array_equal(read(path, **how)[0].y, quiet)  # type: ignore[arg-type]
+    assert "increments" not in notes(path, **how)
+
+
 def test_an_index_in_brackets_is_no_unit(tmp_path: Path) -> None:
     """The names of PX4: ``gyro_rad[0]`` is the x axis in rad/s."""
     names = [f"gyro_rad[{j}]" for j in range(3)] + [f"accelerometer_m_s2[{j}]" for j in range(3)]
@@ -160,6 +175,21 @@ def test_a_gyroscope_that_moves_is_not_named_the_unit_of_one_at_rest(tmp_path: P
     assert "moved" not in still
     shaken = ACCEL + np.random.default_rng(6).normal(0.0, 3.0, ACCEL.shape)
     refused(write(tmp_path / "log.csv", rows(gyro=y, accel=shaken)), "pass --gyro-unit deg/s, or")
+
+
+def test_the_unit_in_which_a_moving_gyroscope_is_read_is_among_those_offered(tmp_path: Path) -> None:
+    """Vibration of 0.02 rad/s and 0.5 m/s²: only deg/s and mrad/s were named, in which N was 57 times too small."""
+    rng = np.random.default_rng(10)
+    gyro = rng.normal(2e-3, 0.02, (COUNT, 3))
+    shaken = write(tmp_path / "log.csv", rows(gyro=gyro, accel=ACCEL + rng.normal(0.0, 0.5, ACCEL.shape)))
+    message = refused(
+        shaken,
+        "accel shows that the sensor moves, so only its owner knows the unit: pass --gyro-unit rad/s, or",
+    )
+    assert "--gyro-unit deg/s" in message
+    np.testing.assert_array_equal(read(shaken, **cure(message))[0].y, gyro)  # type: ignore[arg-type]
+    still = refused(write(tmp_path / "log.csv", rows(gyro=5.0 * gyro)), "nothing states its unit: pass")
+    assert "--gyro-unit rad/s" not in still
 
 
 def test_rare_samples_of_a_gyroscope_may_be_noisier(tmp_path: Path) -> None:
