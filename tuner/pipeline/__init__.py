@@ -429,9 +429,11 @@ def check_or_reason(
 ) -> tuple[Check | None, Mapping[str, str]]:
     """Return the check of a configuration as `tuner check` makes it, or None and why it cannot be checked."""
     from tuner.consistency.check import check  # with the filter, loaded where it runs
+    from tuner.navigation.settings import filter_settings
 
-    progress(f"checking the filter on {CHECK_RUNS} simulated hours")
     try:
+        filter_settings(config, constants=config.constants)
+        progress(f"checking the filter on {CHECK_RUNS} simulated hours")
         return check(config, CHECK_TRAJECTORY, duration=CHECK_DURATION, runs=CHECK_RUNS, seed=seed), {}
     except DataError as error:
         return None, {"consistency": str(error)}
