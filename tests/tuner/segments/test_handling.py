@@ -51,7 +51,9 @@ def test_knocks_change_no_density() -> None:
     assert [record.segments for record in kept] == [((0, COUNT),)] * 2
     (note,) = kept[0].notes
     assert "moved" not in note  # what is used is not told as what moved, too
-    assert re.search(r"at rest and alike: .*; knocks inside, 5 \(from .* s on for .* and 1 more\), are replaced", note)
+    assert re.search(
+        r"at rest and alike: .*; knocks inside, 5 \(from .* s on for .* and 1 more\), are replaced", note
+    )
     assert find_motion(unit(hit)).share == 0.0
     for before, after, raw in zip(whole, kept, unit(hit), strict=True):
         true, found, disturbed = (
@@ -59,7 +61,7 @@ def test_knocks_change_no_density() -> None:
         )
         assert found == pytest.approx(true, rel=0.05)
         assert disturbed[0] > 1.3 * true[0]
-    bridged, parts = without_knocks(unit(hit))
+    bridged, parts, _ = without_knocks(unit(hit))
     assert bridged[0].segments == ((0, COUNT),)
     assert parts["gyro_x"] == ((0, COUNT),)
     np.testing.assert_array_equal(bridged[1].y, kept[1].y)
