@@ -105,7 +105,7 @@ def data_quality_tests(
     record : Record
         Samples of one sensor.
     resting : sequence of (start, stop), optional
-        Those at rest, of which rails, steps and lines are to be told; without it those of all segments. All are
+        Those at rest, of which rails, steps and lines are judged; without it those of all segments. All are
         taken where samples wrap, which looks like motion.
 
     Returns

@@ -64,7 +64,7 @@ MAX_REGROWTH = 8.0
 """Deviations by which a step of a transient may exceed one before: noise, of which both have √3, by 3 sds."""
 
 
-LOUDER = 2.0
+NOISE_RATIO = 2.0
 """Sd in a motion ÷ that beside it from which a channel shows it: half of what the variance of seconds takes for one."""
 EDGE_SECONDS = 2.0
 """Time at either end of samples in motion in which it begins or ends, s: a second that moves, and the one beside it."""
@@ -222,7 +222,7 @@ def met(found: Iterable[Stretch], moving: Ranges) -> list[tuple[int, int]]:
 def missed(channels: list[Channel], found: Iterable[Stretch], moving: Ranges) -> list[tuple[int, int]]:
     """Return the ranges of samples in motion of which no stretch holds any, and which are motion all the same.
 
-    Several channels are louder in one, and the level is the same after it: else it is a burst of one axis, a step or a
+    Several channels are noisier in one, and the level is the same after it: else it is a burst of one axis, a step or a
     transient.
     """
     known = met(found, moving)
@@ -230,17 +230,18 @@ def missed(channels: list[Channel], found: Iterable[Stretch], moving: Ranges) ->
 
 
 def _shakes(channels: list[Channel], part: tuple[int, int]) -> bool:
-    """Return whether several channels are louder in a range than beside it, and none changes its level."""
+    """Return whether several channels are noisier in a range than beside it, and none changes its level."""
     n, (first, last) = len(channels[0]), part
     beside = [(max(0, first - GAP_NEIGHBOURS), first), (last, min(n, last + GAP_NEIGHBOURS))]
     beside = [one for one in beside if one[1] > one[0]]
     levels = [_level(channels, *one) for one in (part, *beside)]
     if not beside or float(np.ptp(levels, axis=0).max()) > 0.5 * JUMP_THRESHOLD:
         return False
-    louder = [
-        np.std(c.y[first:last]) > LOUDER * max(float(np.std(c.y[a:b])) for a, b in beside) for c in channels
+    shaken = [
+        np.std(c.y[first:last]) > NOISE_RATIO * max(float(np.std(c.y[a:b])) for a, b in beside)
+        for c in channels
     ]
-    return sum(louder) > 1
+    return bool(sum(shaken) > 1)
 
 
 def motions(
