@@ -187,7 +187,8 @@ class Timebase:
             )
         if self.wander > 10 * max(p, self.jitter):
             notes.append(
-                f"stamps wander by up to {self.wander:.3g} s from even sampling at {1 / p:.9g} Hz: times are those of even samples"
+                f"stamps wander by up to {self.wander:.3g} s from even sampling at {1 / p:.9g} Hz: "
+                "times are those of even samples"
             )
         return tuple(notes)
 
