@@ -323,6 +323,13 @@ def test_the_step_of_the_samples_is_held_against_their_noise_at_rest():
     assert told == pytest.approx([0.5] * 3, rel=0.1)
 
 
+def test_the_first_time_of_a_motion_is_that_of_even_samples():
+    """Stamps that wander are elsewhere than the even samples: the first of these is no stamp."""
+    log = tuple(replace(one, t=one.t - 15.3) for one in handled(((40.0, 50.0),)))
+    (moved,) = [one for one in diagnose(log).findings if one.cause == "motion"]
+    assert moved.text.endswith("; times are those of even samples, the first at -15.3 s")
+
+
 def test_motion_is_left_out():
     (finding,) = found("motion:start=600,duration=60,sd=0.2").findings
     assert finding.cause == "motion"
