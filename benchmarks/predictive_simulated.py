@@ -32,7 +32,7 @@ from tuner.readers import read
 from tuner.segments.conditions import at_rest
 from tuner.simulation.static import simulate
 from tuner.synthesis import synthesize
-from tuner.synthesis.findings import without_motion
+from tuner.synthesis.findings import without_stretches
 from tuner.synthesis.prediction import hold_to_records
 from tuner.types.prediction import INNER_LIMIT, BlockSource, PredictedBlock
 from tuner.types.records import DataError, Record
@@ -109,8 +109,8 @@ def prediction(one: SimulatedLog) -> PredictedBlock | None:
     found = judged((single,)).get(axis)
     if found is None or found.passes:
         return found
-    findings = diagnose(single, identification=identify((single,), arma=None)).findings
-    resting = without_motion(single, findings)
+    diagnosis = diagnose(single, identification=identify((single,), arma=None))
+    findings, resting = diagnosis.findings, without_stretches(single, diagnosis.left_out)
     settings = synthesize(identify((resting,), arma=None))
     return hold_to_records(settings, (resting,), found_signals(findings, (resting,)))[1].get(axis)
 

@@ -141,6 +141,7 @@ class _DiagnosisForm:
     models: Mapping[str, NoiseModel]
     base: Mapping[str, NoiseModel]
     parts: Mapping[str, tuple[float, float]]
+    left_out: tuple[tuple[float, float], ...] = ()
 
     @classmethod
     def of(cls, diagnosis: Diagnosis, /) -> Self:

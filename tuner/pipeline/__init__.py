@@ -42,14 +42,14 @@ from tuner.synthesis.findings import (
     left_out,
     terms_found,
     with_notes_on_findings,
-    without_motion,
+    without_stretches,
 )
 from tuner.synthesis.from_drive import identification_of_drive, receiver_of, stationary_noise
 from tuner.synthesis.prediction import hold_to_records
 from tuner.synthesis.rest_and_motion import with_rest_and_motion
 from tuner.synthesis.worst_case import worst_case
 from tuner.tune_result import LogResult, TuneInputs, TuneResult
-from tuner.types import FilterConfig, Finding, GnssNoise, Identification
+from tuner.types import Diagnosis, FilterConfig, GnssNoise, Identification
 from tuner.types.arguments import expect_records
 from tuner.types.consistency import Check
 from tuner.types.number_ranges import Latitude, Positive, Whole
@@ -304,7 +304,7 @@ def identify_and_diagnose(
             return LogResult(found, None, {"diagnosis": str(error)}, still)
         stage("identifying the noise beside the findings", 1.0)
         before = {record.segments for record in still}
-        still, found = identified_again(still, found, diagnosis.findings, terms=terms, latitude=latitude)
+        still, found = identified_again(still, found, diagnosis, terms=terms, latitude=latitude)
         if terms is None:
             found = with_terms_found(still, found, terms_found(diagnosis))
             found = with_notes_on_findings(found, diagnosis, still)
@@ -326,20 +326,21 @@ def identify_and_diagnose(
 def identified_again(
     still: tuple[Record, ...],
     found: Identification,
-    findings: Sequence[Finding],
+    diagnosis: Diagnosis,
     *,
     terms: Sequence[str] | None,
     latitude: float | None,
 ) -> tuple[tuple[Record, ...], Identification]:
-    """Return records and their noise without what the findings take out of them; as given where they take nothing.
+    """Return records and their noise without what a diagnosis takes out of them; as given where it takes nothing.
 
     Wrapped samples are put back, events are taken out; frozen readings, where long, and motion are left out, unless too
     little would be left.
     """
+    findings = diagnosis.findings
     widths = {axis: one.value for one in findings if one.cause == "overflow" for axis in one.channels}
     back = (without_events(without_overflow(record, widths), findings) for record in still)
     whole = tuple(one for record in back for one in without_long_frozen(record, findings))
-    resting = tuple(without_motion(record, findings) for record in whole)
+    resting = tuple(without_stretches(record, diagnosis.left_out) for record in whole)
 
     def noise(records: tuple[Record, ...]) -> Identification:
         if len(records) == len(still) and all(map(operator.is_, records, still)):
@@ -429,9 +430,11 @@ def check_or_reason(
 ) -> tuple[Check | None, Mapping[str, str]]:
     """Return the check of a configuration as `tuner check` makes it, or None and why it cannot be checked."""
     from tuner.consistency.check import check  # with the filter, loaded where it runs
+    from tuner.navigation.settings import filter_settings
 
-    progress(f"checking the filter on {CHECK_RUNS} simulated hours")
     try:
+        filter_settings(config, constants=config.constants)
+        progress(f"checking the filter on {CHECK_RUNS} simulated hours")
         return check(config, CHECK_TRAJECTORY, duration=CHECK_DURATION, runs=CHECK_RUNS, seed=seed), {}
     except DataError as error:
         return None, {"consistency": str(error)}

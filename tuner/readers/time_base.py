@@ -190,7 +190,10 @@ class Timebase:
                 f"stamps scatter by {self.jitter:.3g} s (sd); samples are taken as even at {1 / p:.9g} Hz"
             )
         if self.wander > 10 * max(p, self.jitter):
-            notes.append(f"stamps wander by up to {self.wander:.3g} s from even sampling at {1 / p:.9g} Hz")
+            notes.append(
+                f"stamps wander by up to {self.wander:.3g} s from even sampling at {1 / p:.9g} Hz: "
+                "times are those of even samples"
+            )
         return tuple(notes)
 
 

@@ -8,9 +8,7 @@ from tuner.segments.multi_position import PoseCalibration
 
 def calibration_lines(found: PoseCalibration) -> list[str]:
     """Return bias, scale factor and misalignment of each sensor, one a line, with its interval."""
-    lines = [
-        f"calibration from {found.poses} stand-stills, {found.different} of them in poses of their own (± 95 %):"
-    ]
+    lines = [f"calibration from {found.poses} stand-stills in {found.different} poses (± 95 %):"]
     for sensor, coefficients in (("accel", found.accel), ("gyro", found.gyro)):
         lines += [f"  {sensor} {name.replace('_', ' ')} {amount(c)}" for name, c in coefficients.items()]
     return lines + [f"  {note}" for note in found.notes]

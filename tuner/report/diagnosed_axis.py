@@ -198,14 +198,9 @@ def _analysed(whole: Channel, diagnosis: Diagnosis) -> Channel | None:
         begin, end = (round((t - whole.start) / whole.interval) for t in diagnosis.parts[whole.axis])
         return whole.part(max(begin, 0), min(end, len(whole)))
     still = whole
-    for one in diagnosis.findings:
-        if one.cause == Motion.cause:
-            start, duration = one.parameters["start"].value or 0.0, one.parameters["duration"].value or 0.0
-            begin, end = (
-                min(max(round((t - whole.start) / whole.interval), 0), len(whole))
-                for t in (start, start + duration)
-            )
-            still = Motion(begin, end, values={}).including(begin, end, len(whole)).clean_samples(still)
+    for stretch in diagnosis.left_out:
+        begin, end = (min(max(round((t - whole.start) / whole.interval), 0), len(whole)) for t in stretch)
+        still = Motion(begin, end, values={}).including(begin, end, len(whole)).clean_samples(still)
     return still
 
 

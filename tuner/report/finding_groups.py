@@ -196,20 +196,28 @@ def _count(findings: tuple[Finding, ...], events: int, span: float | None) -> st
     times = [when for finding in findings if (when := event_time(finding)) is not None]
     if events == 1 and len(times) > 1:
         return f"one event at {digits(min(times))} s"
+    counted = findings[0].parameters if len(findings) == 1 else {}
+    if "time_in_motion" in counted:
+        number, moved = (counted[name].value or 0.0 for name in ("count", "time_in_motion"))
+        return f"{number:.0f} events{_share(moved, span)}"
     if times and events > 1:
         lasting = _union(
             (event_time(f) or 0.0, f.parameters["duration"].value or 0.0)
             for f in findings
             if "duration" in f.parameters
         )
-        share = f", {digits(100.0 * lasting / span, 2)} % of the time" if span and lasting else ""
-        return f"{events} events{share}"
+        return f"{events} events{_share(lasting, span)}"
     lines = sorted({f.parameters["frequency"].value or 0.0 for f in findings if "frequency" in f.parameters})
     if len(lines) > 1:
         spacing = comb_spacing(lines)
         apart = f"{len(lines)} frequencies, {lines[0]:.4g} … {lines[-1]:.4g} Hz"
         return apart if spacing is None else f"comb of {len(lines)} lines, {spacing:.4g} Hz apart"
     return ""
+
+
+def _share(lasting: float, span: float | None) -> str:
+    """Return which share of a log lasts so long, s, in words; empty where its span is not known."""
+    return f", {digits(100.0 * lasting / span, 2)} % of the time" if span and lasting else ""
 
 
 def _union(events: Iterable[tuple[float, float]]) -> float:

@@ -149,9 +149,15 @@ def too_short_for(record: Record) -> str:
     )
 
 
-def without_knocks(records: Sequence[Record]) -> tuple[tuple[Record, ...], Mapping[str, Segments]]:
-    """Return whole records with samples of rest in place of knocks, and by axis the parts at rest; none if unknown."""
+def without_knocks(
+    records: Sequence[Record],
+) -> tuple[tuple[Record, ...], Mapping[str, Segments], Mapping[str, Segments]]:
+    """Return whole records without knocks, and by axis the parts used as rest and those that moved.
+
+    Where these are not known, an axis has none.
+    """
     parts: dict[str, Segments] = {}
+    moving: dict[str, Segments] = {}
 
     def bridged(group: Sequence[Record]) -> Sequence[Record]:
         try:
@@ -159,12 +165,14 @@ def without_knocks(records: Sequence[Record]) -> tuple[tuple[Record, ...], Mappi
             resting = cut_to_still(group, motion)
         except DataError:
             return group
-        parts.update({axis: resting[0].segments for record in group for axis in record.axes})
+        axes = [axis for record in group for axis in record.axes]
+        parts.update(dict.fromkeys(axes, resting[0].segments))
+        moving.update(dict.fromkeys(axes, motion.moving))
         if not motion.knocks:
             return group
         return [replace(record, y=rest.y) for record, rest in zip(group, resting, strict=True)]
 
-    return _by_clock(records, bridged), parts
+    return _by_clock(records, bridged), parts, moving
 
 
 def _by_clock(
@@ -193,7 +201,7 @@ def still_parts(records: Sequence[Record]) -> tuple[Part, ...]:
     """
     first = _one_clock(records)
     measured = without_codes(records)
-    resting, _ = without_knocks(measured)
+    resting, _, _ = without_knocks(measured)
     still = [piece for piece in find_motion(measured).still if piece[1] - piece[0] >= MIN_PART_SAMPLES]
     longest = sorted(sorted(still, key=lambda piece: piece[0] - piece[1])[:MAX_PARTS])
     if len(longest) < 2:

@@ -195,8 +195,8 @@ def fit_accel(
     apart = different_poses(force) if different is None else different
     few, many = len(BIAS_AND_SCALE), len(BIAS_AND_SCALE + MISALIGNMENTS)
     if apart <= few:
-        needed = f"more than {few} show bias and scale, more than {many} misalignment too"
-        return {}, float("nan"), (f"{apart} different poses: {needed}",)
+        needed = f"more than {few} would, more than {many} misalignment, too"
+        return {}, float("nan"), (f"{apart} poses show no bias and scale of the accelerometers: {needed}",)
     names = (*BIAS_AND_SCALE, *MISALIGNMENTS) if apart > many else BIAS_AND_SCALE
     direction = force / np.linalg.norm(force, axis=1)[:, None]
     spread = np.sqrt(np.sum((direction * sd) ** 2, axis=1)) + 1e-12 * gravity

@@ -71,9 +71,9 @@ class Motion:
     episodes : tuple of (float, float)
         Start (s, on the record's clock) and duration (s) of each motion.
     share : float
-        Share of the samples that moved.
+        Share of the samples that moved, knocks not counted.
     knocks : tuple of (start, stop)
-        Sample ranges within those at rest of motions after which the level is the same.
+        Sample ranges within those at rest of short motions after which the level is the same.
     """
 
     still: Segments
@@ -86,11 +86,8 @@ class Motion:
         """Return one line about the motion, times on the record's clock, or None without any."""
         if not self.episodes:
             return None
-        shown = ", ".join(
-            f"from {stamp(start)} s on for {duration:.3g} s" for start, duration in self.episodes[:4]
-        )
-        more = f" and {len(self.episodes) - 4} more" if len(self.episodes) > 4 else ""
-        return f"the sensor moved in {percent(self.share, 3)} of the log: {shown}{more} (times of its clock)"
+        shown = _episodes_text(self.episodes)
+        return f"the sensor moved in {percent(self.share, 3)} of the log: {shown} (times of its clock)"
 
 
 def find_motion(records: Record | Sequence[Record]) -> Motion:
@@ -131,10 +128,19 @@ def find_motion(records: Record | Sequence[Record]) -> Motion:
     parts, knocks = stand_stills(together, knocked(together, long, rounding, FALSE_ALARM_PROBABILITY), long)
     judged = inside(len(first), bounds.tolist())
     motions = runs(judged & ~inside(len(first), parts), first.segments)
-    found = sorted((*motions, *knocks))
-    episodes = tuple((float(first.t[a]), (b - a) * first.interval) for a, b in found)
-    share = sum(b - a for a, b in found) / int(judged.sum())
-    return Motion(parts, motions, episodes, share, knocks)
+    share = sum(b - a for a, b in motions) / int(judged.sum())
+    return Motion(parts, motions, _episodes(first, motions), share, knocks)
+
+
+def _episodes(record: Record, ranges: Segments) -> tuple[tuple[float, float], ...]:
+    """Return start, on the clock of the record, and duration of ranges of its samples, s."""
+    return tuple((float(record.t[a]), (b - a) * record.interval) for a, b in ranges)
+
+
+def _episodes_text(episodes: Sequence[tuple[float, float]]) -> str:
+    """Return the first four episodes in words, and how many more there are."""
+    shown = ", ".join(f"from {stamp(start)} s on for {duration:.3g} s" for start, duration in episodes[:4])
+    return f"{shown} and {len(episodes) - 4} more" if len(episodes) > 4 else shown
 
 
 def _moving_blocks(
@@ -184,21 +190,26 @@ def cut_to_still(records: Sequence[Record], motion: Motion) -> tuple[Record, ...
         raise DataError(
             f"{records[0].source}: {description}: no part stands still; record the sensor at rest"
         )
-    still = alike(records, motion.still) if description is not None else motion.still
+    moved = bool(motion.moving or motion.knocks)
+    still = alike(records, motion.still) if moved else motion.still
     for record in records:
         if (moving := _steady_motion(record, still)) is not None:
             raise DataError(moving)
-    if description is None:
+    if not moved:
         return tuple(records)
+    said = "" if description is None else f"{description}: "
     used = sum(b - a for a, b in still) * records[0].interval
     if used < MIN_PART_SECONDS:
         raise DataError(
-            f"{records[0].source}: {description}: only {used:.3g} s at rest are alike, expected "
+            f"{records[0].source}: {said}only {used:.3g} s at rest are alike, expected "
             f"{MIN_PART_SECONDS:g} s or more: record the sensor at rest"
         )
-    knocks = [(a, b) for a, b in motion.knocks if any(c <= a < d for c, d in still)]
-    bridges = f"; knocks inside, {len(knocks)}, are replaced by simulated samples" if knocks else ""
-    note = f"{description}; at rest and alike: {parts_text(records[0], still)}{bridges}"
+    knocks = tuple((a, b) for a, b in motion.knocks if any(c <= a < d for c, d in still))
+    note = f"at rest and alike: {parts_text(records[0], still)}"
+    note = note if description is None else f"{description}; {note}"
+    if knocks:
+        where = _episodes_text(_episodes(records[0], knocks))
+        note += f"; knocks inside, {len(knocks)} ({where}), are replaced by simulated samples"
     cut = [replace(r, segments=still, notes=(*r.notes, note), short_clusters={}) for r in records]
     return tuple(bridge_knocks(record, knocks) if knocks else record for record in cut)
 

@@ -42,7 +42,7 @@ def with_calibration(config: FilterConfig, found: PoseCalibration) -> FilterConf
             sd = _half(c) / 1.96
             channels[axis] = replace(channels[axis], constant_sd=math.hypot(c.value, sd))
             reasons[axis] = (
-                f"bias of {c.value:.4g} {c.unit} from {found.poses} poses; "
+                f"bias of {c.value:.4g} {c.unit} from {found.poses} stand-stills; "
                 f"once the calibration is applied {sd:.3g} is left"
             )
     provenance: Mapping[str, Any] = {**config.provenance, "calibration": calibration_json(found)}

@@ -5,7 +5,7 @@ finding                         what becomes of the identification
 ==============================  ====================================================================
 line                            the terms are chosen beside a sinusoid
 gauss_markov, telegraph         the terms are chosen beside a Gauss–Markov process
-motion                          its stretches are left out: it is no noise of the sensor
+motion                          left out with what is about it: it is no noise of the sensor
 overflow                        its samples are put back by the range of the register
 error_code, wrong readings      other rows near by stand in their place from the first
 step, recovery                  what they add to the samples is taken out where an axis has one: an event is no noise
@@ -40,11 +40,9 @@ from tuner.types import (
 )
 from tuner.types.records import Record
 
-MOTION = "motion"
-"""The finding whose stretches tell nothing of the noise of the sensor."""
 EVENTS = ("step", "recovery")
 """Findings that happen once: no noise, whatever a filter does about them; several are a noise of their own."""
-TAKEN_OUT = (MOTION, "overflow", "error_code")
+TAKEN_OUT = ("motion", "overflow", "error_code")
 """Findings that are no longer in the samples when these are identified again."""
 LEFT_OUT = "left_out"
 """Key of the extension of a finding whose samples are left out before any noise is judged."""
@@ -74,16 +72,11 @@ def terms_found(diagnosis: Diagnosis) -> dict[str, tuple[str, ...]]:
     return {axis: tuple(terms) for axis, terms in found.items()}
 
 
-def without_motion(record: Record, findings: Sequence[Finding]) -> Record:
-    """Return the record without the stretches in which it moved; itself where it did not, or moved all the time."""
+def without_stretches(record: Record, stretches: Sequence[tuple[float, float]]) -> Record:
+    """Return the record without stretches, begin and end in s; itself where they hold none of it, or all."""
     segments = list(record.segments)
-    for finding in findings:
-        start, duration = (finding.parameters.get(name) for name in ("start", "duration"))
-        if finding.cause != MOTION or start is None or duration is None:
-            continue
-        first, last = np.searchsorted(
-            record.t, [start.value or 0.0, (start.value or 0.0) + (duration.value or 0.0)]
-        ).tolist()
+    for stretch in stretches:
+        first, last = np.searchsorted(record.t, stretch).tolist()
         segments = [
             part for a, b in segments for part in ((a, min(b, first)), (max(a, last), b)) if part[1] > part[0]
         ]

@@ -5,7 +5,7 @@ runs, from a turn-on figure of a grade or datasheet, or from the mean of the one
 
 * accelerometer: | ‖mean‖ − g |, the part along gravity, at least 0.03 m/s², as gravity varies that much;
 * gyro: rms of the three means, at least Earth's rate, which may be in them;
-* no usable mean: ten times the bias instability; refused where that is not known, either.
+* no mean, or none as long as gravity: ten times the bias instability; refused where that is not known, either.
 
 A stationary filter levels by gravity, so tilt errs by accelerometer bias ÷ g; it finds north by Earth's
 rate, so heading errs by gyro bias ÷ (Ω cos φ), which serves only where it is small.
@@ -76,7 +76,8 @@ def turn_on_sd(identification: Identification, axis: str, spread: Mapping[str, f
         if len(known) == 3 and abs(float(np.linalg.norm(known)) - STANDARD_GRAVITY) < 0.5 * STANDARD_GRAVITY:
             excess = abs(float(np.linalg.norm(known)) - STANDARD_GRAVITY)
             return max(excess, GRAVITY_SPREAD), "length of the mean minus gravity, at least 0.03 m/s²"
-    return 10.0 * _level(channel), "no usable mean: ten times the bias instability"
+    why = "the mean is not as long as gravity" if known.any() else "no mean"
+    return 10.0 * _level(channel), f"{why}: ten times the bias instability"
 
 
 def _level(channel: ChannelIdentification) -> float:

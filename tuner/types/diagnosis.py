@@ -206,6 +206,8 @@ class Diagnosis(Shown):
         Noise model before.
     parts : mapping of str to (float, float)
         Begin and end, s, of what was analysed of an axis, where the sensor moved in too much of the log for the whole.
+    left_out : tuple of (float, float)
+        Begin and end, s, of what tells nothing of the noise at rest: motion, what is about it, and what is between.
     """
 
     findings: tuple[Finding, ...]
@@ -214,6 +216,7 @@ class Diagnosis(Shown):
     models: Mapping[str, NoiseModel] = field(default_factory=lambda: MappingProxyType({}))
     base: Mapping[str, NoiseModel] = field(default_factory=lambda: MappingProxyType({}))
     parts: Mapping[str, tuple[float, float]] = field(default_factory=lambda: MappingProxyType({}))
+    left_out: tuple[tuple[float, float], ...] = ()
 
     @property
     def quiet(self) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -48,14 +49,19 @@ def test_knocks_change_no_density() -> None:
         hit = knock(hit, at, 20.0)
     whole, kept = unit(clean), at_rest(unit(hit))
     assert [record.segments for record in kept] == [((0, COUNT),)] * 2
-    assert "knocks inside, 5, are replaced" in kept[0].notes[-1]
+    (note,) = kept[0].notes
+    assert "moved" not in note  # what is used is not told as what moved, too
+    assert re.search(
+        r"at rest and alike: .*; knocks inside, 5 \(from .* s on for .* and 1 more\), are replaced", note
+    )
+    assert find_motion(unit(hit)).share == 0.0
     for before, after, raw in zip(whole, kept, unit(hit), strict=True):
         true, found, disturbed = (
             curve(one, "oadev", tau=[1.0]).deviation()[0] for one in (before, after, raw)
         )
         assert found == pytest.approx(true, rel=0.05)
         assert disturbed[0] > 1.3 * true[0]
-    bridged, parts = without_knocks(unit(hit))
+    bridged, parts, _ = without_knocks(unit(hit))
     assert bridged[0].segments == ((0, COUNT),)
     assert parts["gyro_x"] == ((0, COUNT),)
     np.testing.assert_array_equal(bridged[1].y, kept[1].y)
@@ -67,7 +73,8 @@ def test_a_glitch_and_a_swell_of_white_noise_are_no_knocks(seed: int) -> None:
     y[5000] += 20.0
     y[8000:8040, :3] *= 5.0
     y[9000:10_500] *= 2.2
-    assert find_motion(unit(y)).episodes == ()
+    motion = find_motion(unit(y))
+    assert motion.moving == motion.knocks == ()
 
 
 def test_a_unit_that_lies_otherwise_after_a_knock_has_two_levels() -> None:

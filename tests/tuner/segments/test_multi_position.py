@@ -12,6 +12,7 @@ from scipy.stats import binom
 import tuner
 from models.units import STANDARD_GRAVITY as G
 from tuner.formats import noise_yaml
+from tuner.report.calibration_text import calibration_lines
 from tuner.report.result_set import tune_json
 from tuner.segments.multi_position import (
     BIAS_AND_SCALE,
@@ -157,7 +158,10 @@ def test_tune_writes_the_calibration():
             assert rounded["value"] == pytest.approx(exact["value"], abs=0.01 * (high - low))
             assert rounded["interval"] == pytest.approx([low, high], abs=0.01 * (high - low))
     assert config["sensors"]["accel"]["accel_z"]["filter"]["constant_sd"] == pytest.approx(BIAS[2], rel=0.2)
-    assert "poses" in config["initial"]["reasons"]["accel_z"]
+    assert "from 14 stand-stills;" in config["initial"]["reasons"]["accel_z"]
+    assert (
+        calibration_lines(result.calibration)[0] == "calibration from 14 stand-stills in 11 poses (± 95 %):"
+    )
     assert config["initial"]["tilt"] == pytest.approx(BIAS[2] / G, rel=0.2)
 
 

@@ -15,6 +15,7 @@ from tuner.pipeline import identified_again
 from tuner.segments.conditions import at_rest
 from tuner.segments.wrong_readings import find_wrong_readings
 from tuner.synthesis.findings import left_out
+from tuner.types import Diagnosis
 
 COUNT = 100_000
 STEP = 0.25
@@ -95,7 +96,7 @@ def test_a_step_that_is_named_is_no_random_walk():
     found = identify((log,))
     diagnosis = diagnose(log, identification=found)
     assert {one.cause for one in diagnosis.findings} == {"step"}
-    _, again = identified_again((log,), found, diagnosis.findings, terms=None, latitude=None)
+    _, again = identified_again((log,), found, diagnosis, terms=None, latitude=None)
     (axis,) = log.axes
     assert found.channels[axis].model.allan_variance(np.array([100.0]))[0] > 1e-2
     assert again.channels[axis].model.allan_variance(np.array([100.0]))[0] < 1e-6
@@ -109,7 +110,7 @@ def test_several_steps_of_an_axis_are_noise():
     steps = [replace(one, cause="step") for one in diagnose(log, identification=found).findings[:1]] * 2
     assert left_out(steps[:1]) == steps[:1]
     assert left_out(steps) == []
-    (same,), again = identified_again((log,), found, steps, terms=None, latitude=None)
+    (same,), again = identified_again((log,), found, Diagnosis(tuple(steps)), terms=None, latitude=None)
     assert same is log
     assert again is found
 

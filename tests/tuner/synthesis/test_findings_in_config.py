@@ -13,7 +13,7 @@ from tuner.cli import run
 from tuner.formats.configuration import config_json, load_config
 from tuner.identification import identify
 from tuner.identification.identify import with_terms_found
-from tuner.pipeline import identified_again, identify_and_diagnose
+from tuner.pipeline import check_or_reason, identified_again, identify_and_diagnose
 from tuner.segments.stationary import parts_text
 from tuner.simulation.static import simulate
 from tuner.synthesis import inflate, synthesize
@@ -245,7 +245,7 @@ def test_a_log_that_moved_nearly_all_the_time_keeps_its_noise():
     records, _ = simulate({"gyro_x": MODEL}, duration=20.0, rate=100.0, seed=3)
     found = identify(records, terms=("white",))
     for start, duration, said in ((0.1, 19.8, True), (-1.0, 30.0, False)):
-        moved = (finding("motion", start=start, duration=duration),)
+        moved = Diagnosis((), left_out=((start, start + duration),))
         still, kept = identified_again(records, found, moved, terms=("white",), latitude=None)
         assert still == records
         assert kept.channels is found.channels
@@ -273,7 +273,7 @@ def test_one_axis_that_is_frozen_for_long_is_identified_without_it_and_the_other
     axes = ("gyro_x", "gyro_y", "gyro_z")
     record = Record("gyro", 0.01 * np.arange(12_000), y, axes, "rad/s", 0.01)
     found = replace(finding("duplicates", start=0.0, duration=12.0), channels=("gyro_y",))
-    still, again = identified_again((record,), None, (found,), terms=("white",), latitude=None)
+    still, again = identified_again((record,), None, Diagnosis((found,)), terms=("white",), latitude=None)
     assert [one.segments for one in still] == [((0, 12_000),), ((1200, 10_800),), ((0, 12_000),)]
     assert tuple(again.channels) == axes
     for axis in axes:
@@ -281,4 +281,29 @@ def test_one_axis_that_is_frozen_for_long_is_identified_without_it_and_the_other
         assert white == pytest.approx(1e-4, rel=0.03)  # 4 sds of 9 600 samples
     diagnosis = Diagnosis((found,), (), (), {}, {}, {})
     assert with_notes_on_findings(again, diagnosis, still).notes == again.notes
-    assert identified_again((record,), again, (), terms=("white",), latitude=None) == ((record,), again)
+    assert identified_again((record,), again, Diagnosis(()), terms=("white",), latitude=None) == (
+        (record,),
+        again,
+    )
+
+
+def test_a_check_is_announced_only_where_one_is_made():
+    records, _ = simulate({"gyro_x": MODEL}, duration=120.0, rate=20.0, seed=3)
+    said: list[str] = []
+    checked, why = check_or_reason(synthesize(identify(records)), seed=0, progress=said.append)
+    assert checked is None
+    assert "expected six axes" in why["consistency"]
+    assert said == []
+
+
+def test_a_mean_that_is_shown_is_not_said_to_be_missing():
+    """A log of several poses has a mean of each axis, and together these are not as long as gravity."""
+    axes = ("accel_x", "accel_y", "accel_z")
+    rng = np.random.default_rng(5)
+    record = Record(
+        "accel", 0.05 * np.arange(4000), 1.0 + 0.01 * rng.standard_normal((4000, 3)), axes, "m/s^2", 0.05
+    )
+    reasons = synthesize(identify((record,))).initial.reasons
+    assert {reasons[axis] for axis in axes} == {
+        "the mean is not as long as gravity: ten times the bias instability"
+    }

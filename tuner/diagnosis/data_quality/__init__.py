@@ -95,13 +95,18 @@ class DataQualityTest:
     copies: NDArray[np.bool_] | None = None
 
 
-def data_quality_tests(record: Record) -> tuple[DataQualityTest, ...]:
+def data_quality_tests(
+    record: Record, resting: Sequence[tuple[int, int]] | None = None
+) -> tuple[DataQualityTest, ...]:
     """Run every test on a record.
 
     Parameters
     ----------
     record : Record
         Samples of one sensor.
+    resting : sequence of (start, stop), optional
+        Those at rest, of which rails, steps and lines are judged; without it those of all segments. All are
+        taken where samples wrap, which looks like motion.
 
     Returns
     -------
@@ -109,6 +114,7 @@ def data_quality_tests(record: Record) -> tuple[DataQualityTest, ...]:
         All tests, passed or not: the caller holds the p-values against its budget of false alarms.
     """
     stuck = frozen_stretches(record)
+    rest = record if resting is None else replace(record, segments=tuple(resting))
     single = {axis: without_frozen(record, (axis,), stuck).pieces(axis) for axis in record.axes}
     steps = {axis: quantizer_step(pieces, record.samples_a_mean) for axis, pieces in single.items()}
     repeated = duplicates(record, steps, stuck)
@@ -117,13 +123,14 @@ def data_quality_tests(record: Record) -> tuple[DataQualityTest, ...]:
     if all(test.p_value > DECISIVE_P_VALUE for test in repeated):
         tests += packets(record)
     for axis, pieces in single.items():
-        fresh = pieces
+        every, fresh = pieces, without_frozen(rest, (axis,), stuck).pieces(axis)
         for test in repeated:
             if test.p_value < DECISIVE_P_VALUE and axis in test.channels:
-                fresh = new_readings(record, axis, pieces, test.copies)
-        wrapped = overflow(fresh, steps[axis], axis=axis, unit=record.unit)
+                every = new_readings(record, axis, every, test.copies)
+                fresh = new_readings(rest, axis, fresh, test.copies)
+        wrapped = overflow(every, steps[axis], axis=axis, unit=record.unit)
         if wrapped.p_value < DECISIVE_P_VALUE:
-            fresh = tuple(unwrapped(piece, wrapped.statistic) for piece in fresh)
+            fresh = tuple(unwrapped(piece, wrapped.statistic) for piece in every)
         tests += [
             wrapped,
             quantizer_test(fresh, steps[axis], record.samples_a_mean, axis=axis, unit=record.unit),

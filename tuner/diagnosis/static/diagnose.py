@@ -12,8 +12,9 @@ from tuner.diagnosis.data_quality import DataQualityTest, data_quality_tests, wi
 from tuner.diagnosis.data_quality.causes import Frozen
 from tuner.diagnosis.static import shared_shape
 from tuner.diagnosis.static.causes import attitude, cross_axis, motion, mount_tilt
+from tuner.diagnosis.static.causes.base import Value
 from tuner.diagnosis.static.causes.registry import CAUSES
-from tuner.diagnosis.static.channel import MIN_SAMPLES, Channel
+from tuner.diagnosis.static.channel import MAX_GAP_SHARE, MIN_SAMPLES, Channel, fill
 from tuner.diagnosis.static.channel_preparation import prepared, prepared_axis
 from tuner.diagnosis.static.findings import Single, findings, joins, singles, words
 from tuner.diagnosis.static.held_out_gain import with_gains
@@ -31,10 +32,11 @@ from tuner.diagnosis.static.spectrum import aliasing as sampling
 from tuner.formats.customary_units import stamp
 from tuner.jobs import each
 from tuner.segments.conditions import without_knocks
+from tuner.segments.stand_stills import inside
 from tuner.segments.stationary import Segments
 from tuner.stages import stage, task
-from tuner.synthesis.findings import LEFT_OUT
-from tuner.types import Diagnosis, Finding, Identification, Unexplained
+from tuner.synthesis.findings import LEFT_OUT, without_stretches
+from tuner.types import Coefficient, Diagnosis, Finding, Identification, Unexplained
 from tuner.types.arguments import RECORDS, expect_records
 from tuner.types.diagnosis import only_determined
 from tuner.types.records import DataError, Record
@@ -108,7 +110,7 @@ def diagnose(
     second = [] if holdout is None else expect_records(holdout, "diagnose: holdout")
     first, codes = zip(*(without_codes(record) for record in given), strict=True)
     others = as_coarse([without_codes(record)[0] for record in second], first)
-    sensors, resting = without_knocks(as_coarse(first, others))
+    sensors, resting, moving = without_knocks(as_coarse(first, others))
     if others:
         expect_comparable(sensors, others)
     width = sum(len(record.axes) for record in sensors)
@@ -123,16 +125,23 @@ def diagnose(
     ready: list[Channel] = []
     tests_of: dict[str, Sequence[DataQualityTest]] = {}
     stage("testing the samples", 0.1)
-    for record, tests in zip(sensors, each(data_quality_tests, sensors), strict=True):
+    still = [resting.get(record.axes[0], record.segments) for record in sensors]
+    tested = each(lambda one: data_quality_tests(*one), list(zip(sensors, still, strict=True)))
+    for record, tests in zip(sensors, tested, strict=True):
         found += [_finding(t) for t in tests if t.p_value < limit and not t.note]
         notes += [f"{', '.join(t.channels)}: {t.text}" for t in tests if t.note]
         tests_of |= dict.fromkeys(record.axes, tests)
         ready += prepared(record, tests, limit, seed, refused)
+    if any(t.cause == "overflow" and t.p_value < limit for tests in tested for t in tests):
+        moving = {}  # samples that wrap look like motion
     parts: list[tuple[Channel, tuple[motion.Motion, ...]]] = []
+    left_out: list[tuple[float, float]] = []
     for group in _by_clock(ready):
-        moved, kept = _motion(group, _places(group[0], sensors, resting))
+        rest, motions = (_places(group[0], sensors, ranges) for ranges in (resting, moving))
+        moved, kept, without = _motion(group, rest, motions)
         found += moved
         parts += kept
+        left_out += without
     if not parts:
         raise DataError(_nothing_left(refused, found, sensors[0], resting))
     whole = {one.axis: (len(one), one.start) for one in ready}
@@ -150,7 +159,9 @@ def diagnose(
         part, moves = given
         again = prepared_axis(record_of[part.axis], part.axis, tests_of[part.axis], limit, seed)
         first = round((part.start - whole[part.axis][1]) / part.interval)
-        return judged(part, search_causes(replace(part, y=again.y[first : first + len(part)]), limit, moves))
+        place = slice(first, first + len(part))
+        y = fill(again.y[place], again.valid[place] & ~part.valid, 1.0, np.random.default_rng((seed, 79)))
+        return judged(part, search_causes(replace(part, y=y), limit, moves))
 
     def judged(part: Channel, outcome: SearchResult) -> _Diagnosed:
         found = outcome if smooth_shapes(outcome.accepted) else None
@@ -208,10 +219,11 @@ def diagnose(
     found += [*reported, *_common(finals, limit)]
     models = {axis: one.after for axis, one in zip(axes, every, strict=True)}
     unexplained = tuple(left for one in every for left in one.unexplained)
+    at_rest = [without_stretches(record, left_out) for record in sensors]
     if unexplained:
-        drifts = left_drifts(found, sensors, models)
+        drifts = left_drifts(found, at_rest, models)
         unexplained = tuple(replace(left, drift=drifts.get(left.channels[0], {})) for left in unexplained)
-    named, left = only_determined(with_drifts(found, sensors), (*unexplained, *stretched))
+    named, left = only_determined(with_drifts(found, at_rest), (*unexplained, *stretched))
     return Diagnosis(
         named,
         left,
@@ -219,6 +231,7 @@ def diagnose(
         models,
         {axis: one.before for axis, one in zip(axes, every, strict=True)},
         {part.axis: _times(part) for part, _ in parts if len(part) < whole[part.axis][0]},
+        tuple(dict.fromkeys(left_out)),
     )
 
 
@@ -298,11 +311,11 @@ def _by_clock(channels: Sequence[Channel]) -> list[list[Channel]]:
     return list(groups.values())
 
 
-def _places(channel: Channel, records: Sequence[Record], resting: Mapping[str, Segments]) -> Segments:
-    """Return the parts of a record at rest as samples of one of its channels."""
+def _places(channel: Channel, records: Sequence[Record], ranges: Mapping[str, Segments]) -> Segments:
+    """Return ranges of samples of a record, by axis, as samples of one of its channels."""
     record = next(record for record in records if channel.axis in record.axes)
     parts = []
-    for start, stop in resting.get(channel.axis, ()):
+    for start, stop in ranges.get(channel.axis, ()):
         first = round((float(record.t[start]) - channel.start) / channel.interval)
         last = first + round((stop - start) * record.interval / channel.interval)
         parts.append((max(first, 0), min(last, len(channel))))
@@ -310,53 +323,81 @@ def _places(channel: Channel, records: Sequence[Record], resting: Mapping[str, S
 
 
 def _motion(
-    channels: list[Channel], resting: Segments
-) -> tuple[list[Finding], list[tuple[Channel, tuple[motion.Motion, ...]]]]:
-    """Return the findings of motion in channels of one clock, and the channels with the stretches to leave out.
+    channels: list[Channel], resting: Segments, moving: Segments
+) -> tuple[list[Finding], list[tuple[Channel, tuple[motion.Motion, ...]]], Sequence[tuple[float, float]]]:
+    """Return the findings of motion in channels of one clock, the channels with the stretches to leave out, and these.
 
-    Where these are too much of the record, only its longest part at rest is left.
+    The findings say when the sensor moved. Left out, begin and end in s, is what is about a motion, too; where that is
+    too much of the record, only its longest part at rest is left. Short motions that no stretch holds are bridged.
     """
-    n, stretches = len(channels[0]), motion.stretches(channels)
+    n, seen = len(channels[0]), motion.stretches(channels)
+    missed = motion.missed(channels, seen, moving)
+    long = [motion.Stretch(*part, *part) for part in missed if part[1] - part[0] > MAX_GAP_SHARE * n]
+    stretches = motion.together([*seen, *long]) if long else seen
+    found = _moved(channels, seen, [*missed, *motion.met(seen, moving)])
+    if missed:
+        still = ~inside(n, missed)
+        channels = [replace(c, valid=c.valid & still) for c in channels]
+    start, dt = channels[0].start, channels[0].interval
+    bridged = [(start + (first - 0.5) * dt, start + (last - 0.5) * dt) for first, last in missed]
     if not stretches:
-        return [], [(c, ()) for c in channels]
+        return found, [(c, ()) for c in channels], bridged
     share = sum(stretch.last - stretch.first for stretch in stretches) / n
     between = _longest_still(stretches, n)
     used = max((between, *resting), key=lambda part: part[1] - part[0])
     if share > MAX_MOVING_SHARE:
         stretches = motion.outside(stretches, *used)
     extensions = tuple(motion.extension(channels[0], stretch) for stretch in stretches)
-    found = []
-    for extension, stretch in zip(extensions, stretches, strict=True):
-        axes = tuple(c.axis for c in channels if motion.moved(c, stretch)) or tuple(c.axis for c in channels)
-        when = {k: v.coefficient("s", 1.0) for k, v in extension.values.items()}
-        moved = {
-            c.axis: motion.sway(c, stretch).coefficient(c.unit, c.scale) for c in channels if c.axis in axes
-        }
-        by_channel = {axis: {**when, "sd": sd} for axis, sd in moved.items()}
-        parameters = max(by_channel.values(), key=lambda values: values["sd"].value or 0.0)
-        found.append(
-            Finding(
-                "motion",
-                axes,
-                "steps between short means ÷ their deviation",
-                motion.STEP_THRESHOLD,
-                1e-10,
-                parameters,
-                words("motion", axes, motion.Motion.meaning, parameters, by_channel)
-                + _first_stamp(channels[0]),
-                motion.Motion.consequence,
-                by_channel=by_channel,
-            )
-        )
+    times = [(one.values["start"].value, one.values["duration"].value) for one in extensions]
+    left_out = [*bridged, *((begin, begin + duration) for begin, duration in times)]
     if share <= MAX_MOVING_SHARE:
-        return found, [(c, extensions) for c in channels]
-    return found, [(part, ()) for c in channels if (part := c.part(*used)) is not None]
+        return found, [(c, extensions) for c in channels], left_out
+    return found, [(part, ()) for c in channels if (part := c.part(*used)) is not None], left_out
 
 
-def _first_stamp(channel: Channel) -> str:
+def _moved(channels: list[Channel], seen: Sequence[motion.Stretch], moving: motion.Ranges) -> list[Finding]:
+    """Return when channels of one clock moved: a finding a motion, or of many one, with the longest."""
+    motions = motion.motions(channels[0], seen, moving)
+    if len(motions) <= motion.MAX_STRETCHES:
+        return [_motion_finding(channels, *one, {}) for one in motions]
+    count, moved = float(len(motions)), sum(values["duration"].value for _, values in motions)
+    many = {
+        "count": Coefficient.known(count, count, count, "1"),
+        "time_in_motion": Coefficient.known(moved, moved, moved, "s"),
+    }
+    return [_motion_finding(channels, *max(motions, key=lambda one: one[1]["duration"].value), many)]
+
+
+def _motion_finding(
+    channels: list[Channel],
+    stretch: motion.Stretch,
+    values: Mapping[str, Value],
+    more: Mapping[str, Coefficient],
+) -> Finding:
+    """Return the finding of one motion of channels, with more of its parameters."""
+    axes = tuple(c.axis for c in channels if motion.moved(c, stretch)) or tuple(c.axis for c in channels)
+    when = {**more, **{name: value.coefficient("s", 1.0) for name, value in values.items()}}
+    sds = {c.axis: motion.sway(c, stretch).coefficient(c.unit, c.scale) for c in channels if c.axis in axes}
+    by_channel = {axis: {**when, "sd": sd} for axis, sd in sds.items()}
+    parameters = max(by_channel.values(), key=lambda one: one["sd"].value or 0.0)
+    text = words("motion", axes, motion.Motion.meaning, parameters, by_channel) + _first_sample(channels[0])
+    return Finding(
+        "motion",
+        axes,
+        "steps between short means ÷ their deviation",
+        motion.STEP_THRESHOLD,
+        1e-10,
+        parameters,
+        text,
+        motion.Motion.consequence,
+        by_channel=by_channel,
+    )
+
+
+def _first_sample(channel: Channel) -> str:
     """Return from what times are counted, where that is not the first sample."""
     late = abs(channel.start) > channel.interval
-    return f"; times are those of the stamps, the first of which is {channel.start:.5g} s" if late else ""
+    return f"; times are those of even samples, the first at {channel.start:.5g} s" if late else ""
 
 
 def _times(part: Channel) -> tuple[float, float]:

@@ -32,7 +32,7 @@ from tuner.curves.allan import overlapping_allan
 from tuner.diagnosis.static.causes.temperature import COVARIATE
 from tuner.diagnosis.static.channel import BLOCK_COUNT
 from tuner.diagnosis.static.model.covariate import code_step, smoothed, typical_repeats
-from tuner.synthesis.findings import EVENTS, left_out, without_motion
+from tuner.synthesis.findings import EVENTS, left_out
 from tuner.types import Finding
 from tuner.types.records import Record
 
@@ -61,11 +61,10 @@ def with_drifts(findings: Sequence[Finding], records: Sequence[Record]) -> tuple
     findings : sequence of Finding
         On the samples of `records`.
     records : sequence of Record
-        Log that was diagnosed.
+        Log that was diagnosed, cut to what is at rest.
     """
-    still = [without_motion(record, findings) for record in records]
     measured: dict[str, Mapping[float, float]] = {}
-    return tuple(replace(finding, drift=_drift(finding, still, measured)) for finding in findings)
+    return tuple(replace(finding, drift=_drift(finding, records, measured)) for finding in findings)
 
 
 def left_drifts(
@@ -78,13 +77,13 @@ def left_drifts(
     findings : sequence of Finding
         On the samples of `records`.
     records : sequence of Record
-        Log that was diagnosed.
+        Log that was diagnosed, cut to what is at rest.
     models : mapping of str to NoiseModel
         Model of each axis, SI.
     """
     signals = found_signals(findings, records)
     out = {}
-    for record in (without_motion(one, findings) for one in records):
+    for record in records:
         for axis in (axis for axis in record.axes if axis in models):
             signal = signals[axis][1] if axis in signals else np.zeros(len(record))
             pieces = [record.column(axis)[a:b] - signal[a:b] for a, b in record.segments]

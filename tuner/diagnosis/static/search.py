@@ -135,7 +135,10 @@ class _Progress:
 
 def _begun(channel: Channel, given: tuple[Extension, ...]) -> _Progress:
     """Return the search before its first pass, gross spikes and steps accepted."""
-    gross = spikes.gross(channel)
+    still = channel
+    for one in given:
+        still = one.clean_samples(still)
+    gross = spikes.gross(still)
     accepted = (
         [Accepted(x, gross.without_proposal) for x in gross.propose()] if gross and gross.propose else []
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from functools import cache
 
@@ -16,6 +17,8 @@ from tuner.diagnosis import diagnose
 from tuner.diagnosis.static.causes import motion
 from tuner.diagnosis.static.channel import channel
 from tuner.formats.diagnosis import diagnosis_json
+from tuner.report.finding_groups import finding_groups
+from tuner.segments.stationary import find_motion
 from tuner.simulation.static import Channel, simulate
 from tuner.types import Diagnosis
 from tuner.types.records import DataError, Record
@@ -238,6 +241,93 @@ def test_motion_ends_where_the_part_at_rest_begins():
     values = motion.extension(one, motion.Stretch(0, len(one), 20, len(one), unseen=15)).values
     assert values["start"].lower >= one.start
     assert values["duration"].upper <= len(one) * one.interval
+
+
+MOVED = ((40.0, 50.0), (90.0, 100.0), (130.0, 140.0), (200.0, 203.0))
+"""When a hand turned the unit below, s."""
+
+
+def handled(moved: tuple[tuple[float, float], ...] = MOVED, seconds: float = 400.0) -> tuple[Record, ...]:
+    """Return a unit at rest but for turns by hand, after which it lies as before."""
+    rng = np.random.default_rng(11)
+    t = np.arange(round(seconds * RATE)) / RATE
+    out = []
+    for sensor, unit, white, size in (("gyro", "rad/s", 1e-3, 1.0), ("accel", "m/s^2", 0.01, 3.0)):
+        y = white * rng.standard_normal((len(t), 3))
+        for begin, end in moved:
+            inside = (t >= begin) & (t < end)
+            turn = np.sin(np.linspace(0.0, 6.0 * np.pi, inside.sum()))[:, None] * [1.0, -0.6, 0.8]
+            y[inside] += size * (turn + 0.2 * rng.standard_normal((inside.sum(), 3)))
+        axes = tuple(f"{sensor}_{letter}" for letter in "xyz")
+        y[:, 2] += 9.8 * (sensor == "accel")
+        out.append(Record(sensor, t, y, axes, unit, 1.0 / RATE))
+    return tuple(out)
+
+
+@pytest.mark.parametrize("many", [False, True])
+def test_a_finding_of_motion_states_when_the_sensor_moved_and_no_rest(many):
+    """The share is that of the line on motion, a second or two about each; left out is what is between, too."""
+    times = tuple((60.0 * k + 20.0, 60.0 * k + 28.0) for k in range(9)) if many else MOVED
+    log = handled(times, 900.0 if many else 400.0)
+    diagnosis, known = diagnose(log), find_motion(log)
+    moved = [one for one in diagnosis.findings if one.cause == "motion"]
+    assert {one.cause for one in diagnosis.findings} == {"motion"}
+    lasting = "time_in_motion" if many else "duration"
+    total = sum(one.parameters[lasting].value for one in moved)
+    assert total == pytest.approx(known.share * log[0].span, rel=1e-3)
+    assert 0.0 < total - sum(end - begin for begin, end in times) < 5.0 * len(times)
+    if many:
+        assert [one.parameters["count"].value for one in moved] == [9.0]
+        assert [group.title for group in finding_groups(moved, log[0].span)] == [
+            f"motion in gyro x y z, accel x y z: 9 events, {100.0 * known.share:.2g} % of the time"
+        ]
+        return
+    assert sum(end - begin for begin, end in diagnosis.left_out) > total
+    for one, (begin, end) in zip(moved, times, strict=True):
+        start, duration = one.parameters["start"], one.parameters["duration"]
+        assert start.interval[0] <= begin <= start.interval[1]
+        assert duration.interval[0] <= end - begin <= duration.interval[1]
+
+
+def test_what_lies_in_a_motion_is_no_spike_of_a_sensor_at_rest():
+    """A blow of 300 sds and more within a turn."""
+    gyro, accel = handled(((100.0, 130.0),), 1600.0)
+    blow = round(115.0 * RATE)
+    for record, size in ((gyro, 1.0), (accel, 10.0)):
+        record.y[blow] += 20.0 * size
+    causes = {one.cause for one in diagnose((gyro, accel)).findings}
+    assert "motion" in causes
+    assert "spikes" not in causes
+
+
+def test_what_lies_in_a_motion_is_no_burst_of_a_sensor_at_rest():
+    """All six axes are four times as noisy for three seconds: motion, which no steps of means or samples show."""
+    gyro, accel = handled((), 1600.0)
+    rng, short = np.random.default_rng(12), slice(round(300.0 * RATE), round(303.0 * RATE))
+    for record in (gyro, accel):
+        record.y[short] += 4.2 * np.std(record.y, axis=0) * rng.standard_normal((150, 3))
+    (finding,) = diagnose((gyro, accel)).findings
+    assert finding.cause == "motion"
+    start, duration = (finding.parameters[name].interval for name in ("start", "duration"))
+    assert start[0] <= 300.0 <= start[1]
+    assert duration[0] <= 3.0 <= duration[1]
+
+
+def test_the_step_of_the_samples_is_held_against_their_noise_at_rest():
+    """Step 1/2 of an sd: of the sd of turns that fill most of the log it is a thousandth."""
+    gyro, accel = handled(((60.0, 100.0), (130.0, 200.0), (240.0, 360.0)))
+    step = 0.5e-3
+    rounded = replace(gyro, y=step * np.round(gyro.y / step))
+    notes = [note for note in diagnose((rounded, accel)).notes if "multiples" in note]
+    told = [float(re.search(r", ([0-9.]+) of the sd", note)[1]) for note in notes]
+    assert told == pytest.approx([0.5] * 3, rel=0.1)
+
+
+def test_the_first_time_of_a_motion_is_that_of_even_samples():
+    """Stamps that wander are elsewhere than the even samples: the first of these is no stamp."""
+    log = tuple(replace(one, t=one.t - 15.3) for one in handled(((40.0, 50.0),)))
+    (moved,) = [one for one in diagnose(log).findings if one.cause == "motion"]
+    assert moved.text.endswith("; times are those of even samples, the first at -15.3 s")
 
 
 def test_motion_is_left_out():

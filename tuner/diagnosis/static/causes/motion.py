@@ -12,7 +12,7 @@ Extension: the stretch is taken out with the change of level over it, and the le
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import NamedTuple
@@ -62,6 +62,14 @@ MARGIN_SHARE = 0.1
 """Share of a stretch that is left out on either side, because motion decays into the noise."""
 MAX_REGROWTH = 8.0
 """Deviations by which a step of a transient may exceed one before: noise, of which both have √3, by 3 sds."""
+
+
+NOISE_RATIO = 2.0
+"""Sd in a motion ÷ that beside it from which a channel shows it: half of what the variance of seconds takes for one."""
+EDGE_SECONDS = 2.0
+"""Time at either end of samples in motion in which it begins or ends, s: a second that moves, and the one beside it."""
+Ranges = Sequence[tuple[int, int]]
+"""Ranges of samples, start and stop."""
 
 
 class Stretch(NamedTuple):
@@ -174,9 +182,13 @@ def _settling(step: FloatArray, ratio: FloatArray) -> int:
 
 def stretches(channels: list[Channel]) -> list[Stretch]:
     """Return the moved stretches of channels with one clock."""
-    found = sorted([*_swayed(channels), *_turned(channels)])
+    return together([*_swayed(channels), *_turned(channels)])
+
+
+def together(found: Iterable[Stretch]) -> list[Stretch]:
+    """Return stretches in order, those that touch joined, and the closest where they are more than `MAX_STRETCHES`."""
     joined: list[Stretch] = []
-    for stretch in found:
+    for stretch in sorted(found):
         if joined and stretch.first <= joined[-1].last:
             joined[-1] = joined[-1].joined(stretch)
         else:
@@ -199,6 +211,83 @@ def outside(found: Iterable[Stretch], first: int, last: int) -> list[Stretch]:
         after = Stretch(last, one.last, max(one.begun, last), max(one.ended, last))
         parts += [part for part in (before, after) if part.last > part.first]
     return parts
+
+
+def met(found: Iterable[Stretch], moving: Ranges) -> list[tuple[int, int]]:
+    """Return the ranges of samples in motion of which stretches hold some."""
+    known = tuple(found)
+    return [part for part in moving if any(_meet(one, part) for one in known)]
+
+
+def missed(channels: list[Channel], found: Iterable[Stretch], moving: Ranges) -> list[tuple[int, int]]:
+    """Return the ranges of samples in motion of which no stretch holds any, and which are motion all the same.
+
+    Several channels are noisier in one, and the level is the same after it: else it is a burst of one axis, a step or a
+    transient.
+    """
+    known = met(found, moving)
+    return [part for part in moving if part not in known and _shakes(channels, part)]
+
+
+def _shakes(channels: list[Channel], part: tuple[int, int]) -> bool:
+    """Return whether several channels are noisier in a range than beside it, and none changes its level."""
+    n, (first, last) = len(channels[0]), part
+    beside = [(max(0, first - GAP_NEIGHBOURS), first), (last, min(n, last + GAP_NEIGHBOURS))]
+    beside = [one for one in beside if one[1] > one[0]]
+    levels = [_level(channels, *one) for one in (part, *beside)]
+    if not beside or float(np.ptp(levels, axis=0).max()) > 0.5 * JUMP_THRESHOLD:
+        return False
+    shaken = [
+        np.std(c.y[first:last]) > NOISE_RATIO * max(float(np.std(c.y[a:b])) for a, b in beside)
+        for c in channels
+    ]
+    return bool(sum(shaken) > 1)
+
+
+def motions(
+    channel: Channel, found: Iterable[Stretch], moving: Ranges
+) -> list[tuple[Stretch, Mapping[str, Value]]]:
+    """Return when the sensor moved: samples known to be in motion, and stretches that hold none of these.
+
+    Other stretches hold what is about motions and between them, too; they bound where these motions begin and end.
+
+    Parameters
+    ----------
+    channel : Channel
+        One of those that moved together.
+    found : iterable of Stretch
+        What steps of means and samples show.
+    moving : sequence of (start, stop)
+        Samples in motion, as the variance of seconds shows them.
+
+    Returns
+    -------
+    list of (Stretch, mapping of str to Value)
+        Each motion in order of time, with its ``start`` and ``duration``.
+    """
+    known, dt, edge = tuple(found), channel.interval, round(EDGE_SECONDS / channel.interval)
+    out = [
+        (one, extension(channel, one).values) for one in known if not any(_meet(one, part) for part in moving)
+    ]
+    for first, last in moving:
+        about = [one for one in known if _meet(one, (first, last))]
+        middle, unseen = (first + last) // 2, max((one.unseen for one in about), default=0)
+        begun = max([min(first + edge, middle), *(one.begun for one in about if first <= one.begun < last)])
+        ended = min([max(last - edge, middle), *(one.ended for one in about if begun < one.ended <= last)])
+        begin, inner = channel.start + first * dt, max(ended - begun, 0) * dt
+        low = channel.start + max(first - unseen, 0) * dt
+        high = min(last + unseen, len(channel)) * dt + channel.start
+        values = {
+            "start": Value(begin, low, channel.start + begun * dt, "s"),
+            "duration": Value((last - first) * dt, inner, high - low, "s"),
+        }
+        out.append((Stretch(first, last, begun, max(ended, begun), unseen), values))
+    return sorted(out, key=lambda one: one[0].first)
+
+
+def _meet(one: Stretch, part: tuple[int, int]) -> bool:
+    """Return whether a stretch and a range of samples have some in common."""
+    return one.first < part[1] and one.last > part[0]
 
 
 def moved(channel: Channel, stretch: Stretch) -> bool:
