@@ -33,8 +33,13 @@ from tuner.types.verdict import Severity, VerdictCode
 
 HEADS = ("score", "ratio", "expected", "outside")
 """Of a table of scores, of which not all decide the verdict."""
-IN_THE_TABLE = (VerdictCode.OPTIMISTIC, VerdictCode.PESSIMISTIC, VerdictCode.CORRELATED_INNOVATIONS)
-"""Verdicts on one score each, which its row says."""
+IN_THE_TABLE = (
+    VerdictCode.OPTIMISTIC,
+    VerdictCode.PESSIMISTIC,
+    VerdictCode.CORRELATED_INNOVATIONS,
+    VerdictCode.CONSISTENT,
+)
+"""Verdicts that rows and the verdict of the answer say."""
 
 
 def consistency_answer(

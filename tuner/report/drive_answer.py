@@ -65,7 +65,7 @@ def outage_rows(choice: HeldOutChoice, scored: Sequence[Outage]) -> list[tuple[s
         if (pairs := choice.outages.get(one.seconds)) is not None:
             old, new = np.sqrt(pairs.mean(axis=0)).tolist()
             low, high = change_interval(pairs)
-            change = ratio_text(new / old, (1.0 + low / old, 1.0 + high / old))
+            change = ratio_text(new / old, (max(1.0 + low / old, 0.0), 1.0 + high / old))
         size, predicted = f"{digits(one.rms)} m", ratio_text(one.score.ratio, one.interval)
         rows.append((f"{one.seconds:g} s without fixes", size, change, predicted))
     return rows

@@ -102,7 +102,11 @@ def whole_gain_text(gain: Gain) -> str:
 def harm_text(gain: Gain | None) -> str:
     """Return why findings do not enter a configuration as they are, in words."""
     lost = gain is not None and gain.nats < 0.0
-    why = "lose likelihood" if lost else "gain likelihood, but errors of outages grow"
+    why = (
+        "lose likelihood"
+        if lost
+        else "gain likelihood, but an error with fixes, without them or against the reference grows"
+    )
     return (
         f"Trial of the findings alone: on the part held out they {why}: this does harm, so take the names as hints; "
         "`tuner tune` writes them only where its own trial, of whole configurations, keeps them"

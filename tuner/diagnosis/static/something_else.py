@@ -83,7 +83,7 @@ def with_unknown(outcome: SearchResult) -> tuple[Accepted, ...]:
     for index, accepted in enumerate(outcome.accepted, given):
         gain, shown = accepted.result.gain, groups(accepted.extension, outcome.final.channel)
         left = sum(r.nats for r in outcome.unexplained if shown & {*about(r.cause)})
-        weight = min(left / gain, 1.0) if left > MIN_LEFT_SHARE * gain else 0.0
+        weight = left / gain if MIN_LEFT_SHARE * gain < left < gain else float(left >= gain and left > 0.0)
         if sum(r.nats for r in outcome.unexplained) > gain:
             weight = 1.0
         lead = power_law if accepted.extension.cause in CORRELATED else -np.inf

@@ -281,9 +281,7 @@ class ImuNoiseScale(NoiseCause):
     cause = "imu_noise_scale"
     effect = ImuEffect
     channels = ("imu",)
-    meaning = (
-        "sensors are not as noisy as configured, gyros {gyro} × as much, accelerometers {accel} × as much"
-    )
+    meaning = "sensors are noisier or quieter than configured, gyros {gyro} × as much, accelerometers {accel} × as much"
     consequence = "scale the densities"
     joins = "noise model"
     is_noise_scale = True
