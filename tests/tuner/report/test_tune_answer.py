@@ -205,7 +205,7 @@ def test_of_many_findings_the_five_of_most_effect_stand_on_the_screen(result):
 
 @pytest.mark.parametrize("code", [VerdictCode.CORRELATED_INNOVATIONS, VerdictCode.OPTIMISTIC])
 def test_a_wrong_reference_is_said_beneath_the_verdict_of_the_drive(result, code, monkeypatch):
-    monkeypatch.setattr("tuner.report.tune_answer.fixes_parts", lambda *_: [])
+    monkeypatch.setattr("tuner.report.tune_answer.fixes_parts", lambda *_, **__: [])
     numbers = {"ratio": 19.3, "correlation": 0.59, "lag": 10, "band": 0.13}
     verdict = Verdict(code, Severity.INCONSISTENT, "position", numbers)
     found = Consistency(None, (), (), None, (), {}, 0.0, False, (verdict,))
@@ -223,7 +223,7 @@ def test_one_reason_stands_for_all_numbers_that_are_larger_than_measured(result)
     stated = f"# {RATIO}: position 0.91 to 1.00, position 10 s after the last fix 1.12"
     why = why_larger([stated, "noise: 1.0"])
     assert "few numbers stand for all terms, so most are larger" in why
-    assert "true errors are 0.91 to 1.12 × predicted" in why
+    assert "errs by 0.91 to 1.12 × predicted" in why
     assert why_larger(["noise: 1.0"]) == ""  # nothing stands for another term
     # On a full screen there was no room for the reason.
     one = result.diagnosis.findings[-1]
