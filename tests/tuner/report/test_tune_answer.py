@@ -407,7 +407,7 @@ def test_errors_before_and_after_name_what_they_are_of(result):
     # Squares 4, 9, 4 became 1, 2, 1: roots of 4/17, and Student's interval of their differences 3, 7, 3 with 2 degrees.
     before, after = np.sqrt(17.0 / 3.0), np.sqrt(4.0 / 3.0)
     half = 4.303 * np.sqrt(16.0 / 3.0) / np.sqrt(3.0) / (before + after)
-    low, high = (1.0 + (after - before + side * half) / before for side in (-1.0, 1.0))
+    low, high = (max(1.0 + (after - before + side * half) / before, 0.0) for side in (-1.0, 1.0))
     assert unaided[:2] == ["30 s without fixes", "2.00 m"]
     assert unaided[2] == f"{after / before:.2f} ({low:.2f} to {high:.2f})"
     assert unaided[3] == "1.76 (1.31 to 2.67)"
