@@ -72,6 +72,7 @@ def fleet_frame(fleet: Fleet) -> pd.DataFrame:
             "limits": "; ".join(unit.broken),
             "outlying": "; ".join(outlier_text(o, fleet) for o in unit.outliers),
             "advice": "; ".join(unit.advice),
+            "assumed": "" if one is None else "; ".join(one.assumptions),
             "error": unit.error or "",
             "rate [Hz]": None if one is None else one.rate,
             "span [s]": None if one is None else one.span,
