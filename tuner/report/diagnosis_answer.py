@@ -6,11 +6,11 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
+from tuner.formats.assumption_words import assumed_text
 from tuner.formats.customary_units import digits
 from tuner.judgement import is_felt, judge_log
 from tuner.limits import SHOWN_FINDINGS
 from tuner.report.alike_sentences import alike_sentences
-from tuner.formats.assumption_words import assumed_text
 from tuner.report.answer_layout import span_text
 from tuner.report.document import Document, document
 from tuner.report.groups_in_words import findings_in_words

@@ -63,7 +63,12 @@ def fleet_answer(fleet: Fleet) -> Document:
         for one in odd
     ]
     spread = frame_table(spread_frame(fleet), "Spread from unit to unit, outlying units left out")
-    return document([verdict, *assumed_lines(fleet)], lines, more=[judged_how(fleet), *spread], beyond="spread of the units")
+    return document(
+        [verdict, *assumed_lines(fleet)],
+        lines,
+        more=[judged_how(fleet), *spread],
+        beyond="spread of the units",
+    )
 
 
 def assumed_lines(fleet: Fleet) -> list[str]:

@@ -262,6 +262,14 @@ def test_no_text_of_the_table_is_a_formula_in_a_spreadsheet(begin, tmp_path):
     assert second[head.index("file")] == "a-b=c.csv"
 
 
+@pytest.mark.parametrize("name", ["+1", "-2", "1e3"])
+def test_a_unit_that_is_called_as_a_number_keeps_its_name(name, tmp_path):
+    write_fleet(Fleet("lot", (FleetUnit(name, f"{name}.csv", None, "bad"),), ()), tmp_path)
+    with (tmp_path / "fleet.csv").open(newline="") as file:
+        (row,) = csv.DictReader(file)
+    assert row["unit"] == (f"'{name}" if name[0] in "+-" else name)
+
+
 def test_negative_numbers_are_no_formulas():
     assert [no_formula(one) for one in ("-0.5", "+1e-3", -0.5, "-0.5 ± 1")] == [
         "-0.5",
