@@ -19,7 +19,7 @@ from tuner.types.records import DataError
 @pytest.fixture
 def log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Return a log of one axis; what `tune` checks where a wrong call is taken is short."""
-    monkeypatch.setattr(pipeline, "CHECK_RUNS", 1)
+    monkeypatch.setattr(pipeline, "CHECK_RUNS", 2)
     monkeypatch.setattr(pipeline, "CHECK_DURATION", 60.0)
     path = tmp_path / "log.npz"
     np.savez(path, t=0.01 * np.arange(300), gyro_x=np.random.default_rng(1).normal(0.0, 1e-3, 300))
@@ -46,7 +46,7 @@ def test_a_thousand_wrong_calls_are_refused_in_one_line(seed: int, log: Path) ->
 def test_a_refusal_names_verb_argument_expected_and_found() -> None:
     for call, line in (
         (lambda: tuner.tune(horizon=-1.0), "tune: horizon: expected a positive number, found -1.0"),
-        (lambda: tuner.check("fog", runs=True), "check: runs: expected a whole number from 1 on, found True"),
+        (lambda: tuner.check("fog", runs=True), "check: runs: expected a whole number from 2 on, found True"),
         (lambda: tuner.choose(outage=HUGE), "choose: outage: expected a number, found int"),
         (lambda: tuner.compare("fog", b"fog"), r"compare: sources: expected a text, .*, found b'fog'"),
         (

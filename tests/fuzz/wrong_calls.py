@@ -382,14 +382,14 @@ def verbs() -> dict[str, Verb]:
         ),
         "check": (
             tuner.check,
-            lambda: {"config": "mpu9250", "runs": 1, "duration": 60.0},
+            lambda: {"config": "mpu9250", "runs": 2, "duration": 60.0},
             {
                 "config": is_a(TYPES.FilterConfig),
                 "trajectory": never,
                 "duration": a_number(0.0, 1e6),
                 "truth": optional(is_a(TYPES.FilterConfig)),
                 "receiver": receiver,
-                "runs": a_count(1, 1000),
+                "runs": a_count(2, 1000),
                 "seed": a_count(),
                 "budget": flag,
                 "engine": one_of("compiled", "filterpy"),

@@ -101,3 +101,48 @@ def test_an_argument_beside_the_log_is_refused_in_one_line(case, tmp_path):
     np.savez(path, t=0.01 * np.arange(200), gyro=np.random.default_rng(1).normal(0.0, 1e-3, (200, 3)))
     with pytest.raises(DataError, match=r"expected|: no such file$"):
         OTHERS[case](path)
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (
+            lambda r: tuner.identify(r, foo=1),
+            "identify: foo: expected with the path of a log or a table, found records",
+        ),
+        (lambda r: tuner.identify(r, rate=50), "identify: rate: expected with the path of a log or a table"),
+        (lambda _: tuner.identify([]), "identify: expected records, such as .* found list of 0"),
+        (
+            lambda r: tuner.identify(r, terms=["white", "white"]),
+            "terms: expected white once, found it 2 times",
+        ),
+        (
+            lambda r: tuner.identify(r, terms=["ramp"]),
+            "terms: expected one or more of quantization .* found ramp",
+        ),
+        (
+            lambda _: tuner.plan("mpu9250", accuracy=1e-300),
+            "plan: accuracy: expected a share from 1e-06 .* found 1e-300",
+        ),
+        (
+            lambda _: tuner.synthesize(NOISE, turn_on={"foo": 1}),
+            "synthesize: turn_on: expected axes .* found 'foo'",
+        ),
+        (
+            lambda _: tuner.synthesize(NOISE, findings=[{"a": 1}]),
+            "synthesize: findings: expected those of a config",
+        ),
+        (lambda _: tuner.check("mpu9250", runs=1), "check: runs: expected a whole number from 2 on, found 1"),
+        (lambda _: tuner.compare("nofile.csv"), r"nofile\.csv: no such file"),
+        (lambda _: tuner.compare("."), r"compare: expected two sources or more, found \.;"),
+        (lambda _: tuner.read("nofile.csv", memory=-1), "read: memory: expected a positive number, found -1"),
+        (lambda _: tuner.choose(error=-1), "choose: error: expected metres above 0, found -1"),
+        (lambda r: tuner.diagnose(r, wheels=True), "diagnose: wheels: expected with a drive"),
+    ],
+)
+def test_what_can_have_no_effect_is_refused_by_the_name_of_its_argument(call, said):
+    """Each was taken and ignored, ended in an error of numpy, or named an option of the command line."""
+    y = np.random.default_rng(1).normal(0.0, 1e-3, (400, 1))
+    record = Record("gyro", 0.01 * np.arange(400), y, ("gyro_x",), "rad/s", 0.01)
+    with pytest.raises(DataError, match=f"^{said}"):
+        call([record])

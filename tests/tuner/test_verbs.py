@@ -127,7 +127,7 @@ def test_diagnose_takes_records_or_a_drive(axis, drive):
     found = tuner.diagnose(drive, config="mpu9250")
     assert isinstance(found, DriveDiagnosis)
     assert found.noise_scales
-    with pytest.raises(DataError, match="--config"):
+    with pytest.raises(DataError, match=r"^diagnose: config: expected with a drive"):
         tuner.diagnose(tuner.read(axis), config="mpu9250")
     with pytest.raises(DataError, match="--holdout"):
         tuner.diagnose(drive, holdout=tuner.read(axis))

@@ -16,5 +16,5 @@ def load_trajectory(name: str, duration: float) -> Trajectory:
         For an unknown name.
     """
     if name not in TRAJECTORIES:
-        raise DataError(f"--trajectory {name}: expected one of {' '.join(TRAJECTORIES)}")
+        raise DataError(f"trajectory {name}: expected one of {' '.join(TRAJECTORIES)}")
     return TRAJECTORIES[name](duration)

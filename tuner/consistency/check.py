@@ -40,7 +40,7 @@ from tuner.synthesis.load_config import load_config
 from tuner.synthesis.rest_and_motion import simulated_unit
 from tuner.types import FilterConfig, GnssNoise
 from tuner.types.consistency import Check, Consistency
-from tuner.types.number_ranges import Count, Positive, Whole
+from tuner.types.number_ranges import Positive, Several, Whole
 from tuner.types.public import public
 from tuner.types.verdict import Explanation, Severity, Verdict, VerdictCode
 
@@ -63,7 +63,7 @@ def check(
     duration: Positive = DEFAULT_DURATION,
     truth: Truth | FilterConfig | Sensor | str | Path | None = None,
     receiver: GnssNoise | None = None,
-    runs: Count = DEFAULT_RUNS,
+    runs: Several = DEFAULT_RUNS,
     seed: Whole = 0,
     budget: bool = False,
     engine: Literal["compiled", "filterpy"] = "compiled",
@@ -85,7 +85,7 @@ def check(
     receiver : GnssNoise, optional
         The simulated receiver; by default that of `truth`, where it names one, else that of the configuration.
     runs : int
-        Simulated switch-ons.
+        Simulated switch-ons, two or more.
     seed : int
         Seed of all randomness.
     budget : bool

@@ -91,7 +91,7 @@ def choose(
         For an unknown receiver, or an outage or error out of range.
     """
     if not error > 0.0:
-        raise DataError(f"--error: expected metres above 0, got {error:g}")
+        raise DataError(f"choose: error: expected metres above 0, found {error:g}")
     receiver = load_gnss(gnss)
 
     def drift(config: FilterConfig) -> float:

@@ -44,6 +44,9 @@ from tuner.types.records import DataError
 from tuner.types.shown import Shown
 from tuner.types.verdict import Severity, Verdict, VerdictCode
 
+MOST_UNEVEN = 1e-3
+"""Difference of two opposite elements of a covariance, relative to the two sds, that single precision leaves."""
+
 
 @dataclass(frozen=True, repr=False)
 class OutputScore(Shown):
@@ -119,6 +122,7 @@ def score_outputs(
         with_stated_sds(without_repeats(replace(o, outages=np.concatenate([o.outages, windows]))))
         for o in outputs
     ]
+    _refuse_idle(outputs, windows)
     stage("comparing with the truth", 0.2)
     if len(truths) not in (0, 1, len(outputs)):
         raise DataError(
@@ -194,6 +198,38 @@ def score_outputs(
         tuple(outputs),
         tuple(dict.fromkeys(notes)),
         left if constants else None,
+    )
+
+
+def _refuse_idle(outputs: Sequence[FilterOutput], windows: FloatArray) -> None:
+    """Refuse outages outside of all outputs, and an output that comes twice: it is one run, not two.
+
+    Raises
+    ------
+    DataError
+        One line.
+    """
+    first, last = (float(f([f(o.t) for o in outputs])) for f in (np.min, np.max))
+    for begin, end in windows:
+        if end <= first or begin >= last:
+            raise DataError(
+                f"outage {begin:g},{end:g}: expected times of the estimates, {first:g} to {last:g} s, found none"
+            )
+    for j, one in enumerate(outputs):
+        for other in outputs[:j]:
+            if _same(one, other):
+                raise DataError(
+                    f"{one.name}: expected runs that differ, found the numbers of {other.name} again: name it once"
+                )
+
+
+def _same(one: FilterOutput, other: FilterOutput) -> bool:
+    """Return whether two outputs hold the same numbers."""
+    names = ("t", "llh", "local", "vel_n", "quat_nb", "bias", "innovation")
+    pairs = [(getattr(one, name), getattr(other, name)) for name in names]
+    return all(
+        (a is b) or (a is not None and b is not None and np.array_equal(a, b, equal_nan=True))
+        for a, b in pairs
     )
 
 
@@ -277,6 +313,15 @@ def score_arrays(
     if e.ndim != 3 or 0 in e.shape or p.shape[-2:] != (k, k) or p.ndim > 4:
         shapes = f"{np.shape(errors)} and {np.shape(covariances)}"
         raise DataError(f"expected errors (m, n, k) and covariances (m, n, k, k), found shapes {shapes}")
+    with np.errstate(invalid="ignore"):
+        size = np.sqrt(np.abs(np.einsum("...ii->...i", p)))
+        uneven = np.abs(p - np.swapaxes(p, -1, -2)) > MOST_UNEVEN * size[..., :, None] * size[..., None, :]
+    if uneven.any():
+        i, j = (int(at[0]) for at in np.nonzero(uneven)[-2:])
+        raise DataError(
+            f"covariances: expected symmetric matrices, found {p[uneven][0]:g} of states {i + 1} and {j + 1} and "
+            f"{np.swapaxes(p, -1, -2)[uneven][0]:g} of states {j + 1} and {i + 1}"
+        )
     try:
         p = np.broadcast_to(p, (*e.shape, k))
         w = whitened(e[..., None], p)[..., 0]

@@ -119,10 +119,10 @@ def diagnose(
         ).diagnosis
     from tuner.diagnosis.static.diagnose import diagnose as diagnose_records
 
-    given = {"--config": config is not None, "--gnss": gnss is not None, "--wheels": wheels}
+    given = {"config": config is not None, "gnss": gnss is not None, "wheels": wheels}
     if any(given.values()):
-        option = next(name for name, value in given.items() if value)
-        raise DataError(f"{option}: expected with a drive, but a static log has no fixes")
+        argument = next(name for name, value in given.items() if value)
+        raise DataError(f"diagnose: {argument}: expected with a drive, but a static log has no fixes")
     progress("diagnosing")
     return diagnose_records(
         data, holdout=holdout, identification=identification, replicas=replicas, seed=seed

@@ -16,6 +16,12 @@ def no_formula(text: object) -> object:
     return f"'{line}"
 
 
+def as_text(text: object) -> object:
+    """Return a name as `no_formula`, and one such as ``+1`` with a quote, too: a spreadsheet shows the number 1."""
+    safe = no_formula(text)
+    return f"'{safe}" if isinstance(safe, str) and safe.lstrip().startswith(FORMULA) else safe
+
+
 def _is_number(text: str) -> bool:
     try:
         float(text)

@@ -21,7 +21,17 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from tuner.formats.files import STAGE, WRITING, mode_for, named, remove_abandoned, to_disk, umask, whole_file
+from tuner.formats.files import (
+    STAGE,
+    WRITING,
+    mode_for,
+    named,
+    refuse_input,
+    remove_abandoned,
+    to_disk,
+    umask,
+    whole_file,
+)
 
 MANIFEST = "files"
 """Key of the last file of a set, JSON, under which it has the SHA-256 of the others."""
@@ -49,9 +59,13 @@ def write_set(directory: Path, files: Mapping[str, bytes], *, last: str) -> None
 
     Raises
     ------
+    DataError
+        Where a file of the set is an input of the running command.
     OSError
         What cannot be written; the old set is then there.
     """
+    for name in files:
+        refuse_input(directory / name)
     try:
         target = directory.resolve()
     except RuntimeError:  # what Python before 3.13 raises

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import os
 import shutil
+import stat
 import tempfile
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -20,6 +21,9 @@ WRITING = threading.Lock()
 """Locked while files that belong together are replaced: nothing may end the process then."""
 _unfinished: set[Path] = set()
 """Temporary files and folders of this process, for the case that it must end without its usual ways."""
+
+_inputs: list[set[tuple[int, int]]] = []
+"""Device and number of each file that the running command reads, by block of `inputs_kept`."""
 
 Put = Callable[[Path, bytes], None]
 """Writes the content of a file, or keeps it to be written with others."""
@@ -35,8 +39,9 @@ def whole_file(path: Path) -> Iterator[Path]:
     Raises
     ------
     DataError
-        If a device, a pipe or a folder has that name.
+        If a device, a pipe or a folder has that name, or an input of the running command.
     """
+    refuse_input(path)
     if (path.exists() and not path.is_file()) or (path.is_symlink() and path.parent == DEVICES):
         raise DataError(f"{path}: expected the name of a file to write, found a device, a pipe or a folder")
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -50,6 +55,50 @@ def whole_file(path: Path) -> Iterator[Path]:
         to_disk(temporary)
         temporary.replace(path)
         to_disk(path.parent)
+
+
+@contextmanager
+def inputs_kept(inputs: Iterable[Path] = ()) -> Iterator[None]:
+    """Refuse in this block to write over these files, or over any that `keep_input` names."""
+    before = _inputs.copy()
+    _inputs.append(set())
+    try:
+        for path in inputs:
+            keep_input(path)
+        yield
+    finally:
+        _inputs[:] = before
+
+
+def keep_input(path: Path) -> None:
+    """Note that the running command reads a file; of no effect outside of `inputs_kept`."""
+    number = _number_of(path)
+    if _inputs and number is not None:
+        _inputs[-1].add(number)
+
+
+def refuse_input(path: Path) -> None:
+    """Refuse to write over a file that the running command reads.
+
+    Raises
+    ------
+    DataError
+        One line.
+    """
+    number = _number_of(path)
+    if any(number in kept for kept in _inputs):
+        raise DataError(
+            f"{path}: expected another file to write, found an input of this command, which would be lost"
+        )
+
+
+def _number_of(path: Path) -> tuple[int, int] | None:
+    """Return what tells a file from all others, whatever its name is; None where there is none."""
+    try:
+        found = path.stat()
+    except (OSError, ValueError):
+        return None
+    return (found.st_dev, found.st_ino) if stat.S_ISREG(found.st_mode) else None
 
 
 @contextmanager

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import ParamSpec, TypeVar
 
+from tuner.formats.files import keep_input
 from tuner.types.one_line import printable
 from tuner.types.records import DataError
 
@@ -26,14 +28,15 @@ class input_guard:
     """Turn every error of reading an input into a `DataError` that names it and what was expected.
 
     Libraries raise errors of any kind for damaged files, and a file may state sizes that no memory holds. A missing
-    package and an interruption pass unchanged.
+    package and an interruption pass unchanged. A command that reads a file in this block writes none over it.
     """
 
     source: object
     expected: str
 
     def __enter__(self) -> None:
-        pass
+        if isinstance(self.source, Path):
+            keep_input(self.source)
 
     def __exit__(self, _kind: object, error: BaseException | None, _trace: object) -> None:
         if not isinstance(error, Exception) or isinstance(error, DataError | ImportError):

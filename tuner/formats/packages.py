@@ -7,6 +7,8 @@ import sys
 from importlib import metadata
 from pathlib import Path
 
+from tuner.formats.guard import reason
+
 NAME = "ins-noise-tuner"
 
 
@@ -23,6 +25,16 @@ def install(extra: str, lacking: str) -> str:
         text.partition(";")[0].strip() for text in stated if f"extra == '{extra}'" in text.replace('"', "'")
     ]
     return f"{python()} -m pip install {' '.join(repr(text) for text in wanted) or lacking}"
+
+
+def lacking(error: ImportError, extra: str) -> str:
+    """Return which package is needed and how it is installed: ``needs h5py, which is not installed: …``.
+
+    An error that names no package, or that of one which is there and fails to load, is quoted.
+    """
+    if isinstance(error, ModuleNotFoundError) and error.name:
+        return f"needs {error.name}, which is not installed: {install(extra, error.name)}"
+    return f"needs a package that cannot be loaded ({reason(error)}): {install(extra, extra)}"
 
 
 def python() -> str:

@@ -11,7 +11,7 @@ from tuner.identification.comparison import Comparison, compare_identifications
 from tuner.identification.identify import identify
 from tuner.identification.identify_source import SOURCE, identify_source, records_name
 from tuner.readers import read
-from tuner.readers.source_kind import is_log, source_name
+from tuner.readers.source_kind import is_file, is_log, source_name, unit_of_log
 from tuner.segments.conditions import still_parts, temperature_parts
 from tuner.types import Identification
 from tuner.types.arguments import expect_records
@@ -45,10 +45,13 @@ def compare_sources(
     """
     if by is not None:
         return _compare_parts(sources, by, progress)
+    for one in sources:
+        if isinstance(one, str | Path) and is_file(one) and not unit_of_log(one)[0].exists():
+            raise DataError(f"{one}: no such file")
     if len(sources) < 2:
         raise DataError(
-            f"compare: expected two sources or more, got {' '.join(map(_name, sources)) or 'none'}; add a log or a "
-            f"grade ({' '.join(grade_names())}), or take one log apart with --by"
+            f"compare: expected two sources or more, found {' '.join(map(_shown, sources)) or 'none'}; add a log or a "
+            f"grade ({' '.join(grade_names())}), or take one log apart (by: still, temperature)"
         )
     found = [
         one if isinstance(one, Identification) else identify_source(one, arma=None, progress=progress)
@@ -66,12 +69,18 @@ def _compare_parts(
     elif len(sources) == 1 and not isinstance(sources[0], str | Path | Identification):
         records = expect_records(sources[0], "compare")
     else:
-        raise DataError(f"compare --by {by}: expected one log, got {' '.join(map(_name, sources)) or 'none'}")
+        found = " ".join(map(_shown, sources)) or "none"
+        raise DataError(f"compare: by {by}: expected one log, found {found}")
     parts = still_parts(records) if by == "still" else temperature_parts(records)
     progress(f"identifying {len(parts)} parts")
     return compare_identifications(
         [part.name for part in parts], [identify(part.records, arma=None) for part in parts]
     )
+
+
+def _shown(source: Source) -> str:
+    """Return a source as its user names it."""
+    return str(source) if isinstance(source, str | Path) else _name(source)
 
 
 def _name(source: Source) -> str:

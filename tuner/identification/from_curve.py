@@ -37,6 +37,7 @@ from tuner.identification.allan_leastsquares import CurveFit, fit, log_covarianc
 from tuner.identification.allan_octaves import OctaveCurve
 from tuner.identification.estimates import Estimates, from_fit
 from tuner.identification.identify_channel import about_band, contradiction, disagreement
+from tuner.identification.objective import expect_terms
 from tuner.identification.valid_band import Band, curve_within, find_band
 from tuner.types import (
     AllanCurve,
@@ -79,8 +80,9 @@ def identify_curve(
     Raises
     ------
     DataError
-        If the curve has fewer than three octaves.
+        If the curve has fewer than three octaves, or no curve is fitted by the terms.
     """
+    expect_terms(terms)
     channels = {axis: _identify_axis(curve.axis(axis), terms) for axis in curve.axes}
     known = bool(np.isfinite(curve.dof).all())
     note = (

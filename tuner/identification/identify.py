@@ -12,10 +12,12 @@ from tuner.identification.arma import Likelihood
 from tuner.identification.estimates import BASE
 from tuner.identification.identify_channel import identify_channel
 from tuner.identification.mean_and_earth_rate import without_earth_rate
+from tuner.identification.objective import expect_terms
 from tuner.jobs import each
 from tuner.readers.source_kind import with_name
 from tuner.segments.conditions import too_short_for
 from tuner.types import ChannelIdentification, Identification
+from tuner.types.arguments import expect_records
 from tuner.types.number_ranges import Latitude
 from tuner.types.public import public
 from tuner.types.records import DataError, Record
@@ -55,10 +57,12 @@ def identify(
     Raises
     ------
     DataError
-        If all channels are constant or too short, or a channel comes twice.
+        If all channels are constant or too short, a channel comes twice, or no record is fitted by the terms.
     ValueError
-        If the method, a term or `arma` is unknown.
+        If the method or `arma` is unknown.
     """
+    expect_terms(terms)
+    records = expect_records(records, "identify")
     varying: dict[str, Record] = {}
     notes: list[str] = []
     for record in records:
@@ -71,7 +75,7 @@ def identify(
                 continue
             varying[axis] = record
     if not varying:
-        where = ", ".join(dict.fromkeys(record.source or record.name for record in records)) or "no record"
+        where = ", ".join(dict.fromkeys(record.source or record.name for record in records))
         raise DataError(f"{where}: expected a channel that varies, all are constant: nothing to identify")
 
     def identified(axis: str) -> ChannelIdentification:

@@ -116,7 +116,12 @@ def identify_log(
     if isinstance(log, str | Path) and not reading:
         return identify_source(log, terms=terms, method=method, arma=arma, latitude=latitude)
     known = isinstance(log, Sequence) and all(isinstance(one, Record) for one in log)
-    records = cast(Sequence[Record], log) if known else read(cast(Any, log), **reading)
+    if reading and (known or isinstance(log, Record)):
+        raise DataError(
+            f"identify: {next(iter(reading))}: expected with the path of a log or a table, found records, "
+            "which are read already; leave it out"
+        )
+    records = expect_records(log, "identify") if known else read(cast(Any, log), **reading)
     return identify(at_rest(records), terms=terms, method=method, arma=arma, latitude=latitude)
 
 

@@ -30,10 +30,11 @@ import numpy as np
 from scipy.optimize import nnls
 
 from models.arrays import FloatArray
-from models.noise import TERMS, Ramp, Term
+from models.noise import TERMS, Ramp, Sinusoid, Term
 from tuner.identification.expected_periodogram import expected_power
 from tuner.identification.fisher_scoring import minimise
 from tuner.identification.periodogram import CosinePeriodogram
+from tuner.types.arguments import described
 from tuner.types.records import DataError
 
 Trial = tuple[tuple[float, ...], FloatArray]
@@ -316,6 +317,36 @@ def _scores(
 def random_terms() -> dict[str, type[Term]]:
     """Return the terms that can be fitted to a spectrum, by name; ``ramp`` may join them."""
     return {name: kind for name, kind in TERMS.items() if kind.fitted and not kind.deterministic}
+
+
+def expect_terms(terms: Sequence[str] | None) -> None:
+    """Refuse a sum of terms that no record can be fitted by.
+
+    Parameters
+    ----------
+    terms : sequence of str or None
+        As a user names them; None leaves the choice to the data.
+
+    Raises
+    ------
+    DataError
+        Where a term is unknown, none is random, or one that has nothing but its amplitude comes twice.
+    """
+    if terms is None:
+        return
+    random = random_terms()
+    names = (*random, Ramp.name)
+    if unknown := [name for name in terms if name not in {*names, Sinusoid.name}]:
+        raise DataError(f"terms: expected some of {' '.join(names)}, found {described(unknown[0])}")
+    if not set(terms) & random.keys():
+        raise DataError(
+            f"terms: expected one or more of {' '.join(random)}, found {' '.join(terms) or 'none'}"
+        )
+    for name in dict.fromkeys(terms):
+        if list(terms).count(name) > 1 and name in names and len(TERMS[name].PARAMETERS) == 1:
+            raise DataError(
+                f"terms: expected {name} once, found it {list(terms).count(name)} times: no record tells the two apart"
+            )
 
 
 def _trials(kind: type[Term], data: CosinePeriodogram) -> tuple[Trial, ...]:

@@ -27,6 +27,8 @@ from tuner.identification.periodogram import MIN_SEGMENT_SAMPLES
 
 MAX_HOURS = 1e5
 """Longest test, h: more than eleven years."""
+MIN_ACCURACY = 1e-6
+"""Least relative sd: `MAX_HOURS` of white noise at 1 kHz, n samples, show it to 1/√(2n) = 1.2e-6."""
 MAX_RELATIVE_SD = 1.0 / 1.96
 """Relative sd up to which a record shows a term: its amplitude then differs from zero at 95 %."""
 
@@ -91,14 +93,14 @@ def plan(model: NoiseModel, *, interval: float, hours: float, accuracy: float) -
     Raises
     ------
     ValueError
-        If `hours` is less than `MIN_SEGMENT_SAMPLES` samples or more than `MAX_HOURS`, or `accuracy` not between 0
-        and 1.
+        If `hours` is less than `MIN_SEGMENT_SAMPLES` samples or more than `MAX_HOURS`, or `accuracy` not between
+        `MIN_ACCURACY` and 1.
     """
     least = MIN_SEGMENT_SAMPLES * interval / 3600.0
     if not least <= hours <= MAX_HOURS:
-        raise ValueError(f"'hours' must lie between {least:.3g} and {MAX_HOURS:g}, got {hours:g}")
-    if not 0 < accuracy < 1:
-        raise ValueError(f"'accuracy' must lie between 0 and 1, got {accuracy}")
+        raise ValueError(f"hours: expected a number from {least:.3g} to {MAX_HOURS:g}, found {hours:g}")
+    if not MIN_ACCURACY <= accuracy < 1:
+        raise ValueError(f"accuracy: expected a share from {MIN_ACCURACY:g} to below 1, found {accuracy:g}")
     names, values = _parameters(model)
     sd = relative_sd(model, interval=interval, span=3600.0 * hours)
     needed = _hours_needed(model, interval, accuracy)
@@ -156,7 +158,8 @@ def _fourier_grid(interval: float, span: float) -> tuple[FloatArray, FloatArray]
 
 
 def _hours_needed(model: NoiseModel, interval: float, accuracy: float) -> list[float | None]:
-    hours = np.geomspace(max(0.01, 400.0 * interval / 3600.0), LONGEST_HOURS, 121)
+    """Return the hours after which each parameter is known to an accuracy; at least the shortest test."""
+    hours = np.geomspace(MIN_SEGMENT_SAMPLES * interval / 3600.0, LONGEST_HOURS, 161)
     sd = np.array([relative_sd(model, interval=interval, span=3600.0 * h) for h in hours])
     answers: list[float | None] = []
     for column in sd.T:

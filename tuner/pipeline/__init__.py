@@ -138,7 +138,7 @@ def tune(
         Where log, drive, grade or receiver cannot be used, or a lever arm is stated without a drive: one line.
     """
     if lever_arm is not None and drive is None:
-        raise DataError("--lever-arm: expected a drive (--drive) with it")
+        raise DataError("tune: lever_arm: expected a drive with it, found none")
     wanted = [] if dialect is None else [dialect_named(dialect).name]
     completion = load_grade(complete) if isinstance(complete, str) else complete
     stated = None if datasheet is None else identify_source(datasheet)

@@ -16,6 +16,7 @@ from statistics import median
 from types import MappingProxyType
 from typing import Any
 
+from tuner.identification.objective import expect_terms
 from tuner.production.limits import judge, read_limits
 from tuner.production.outliers import LEAST_UNITS, units_apart
 from tuner.production.spread import spread
@@ -25,6 +26,7 @@ from tuner.readers import FORMATS, read
 from tuner.readers.block_means import BASE_BYTES
 from tuner.readers.log_format import file_of, log_folder
 from tuner.readers.source_kind import source_name
+from tuner.readers.unit_checks import UNSTATED
 from tuner.types.arguments import expect
 from tuner.types.fleet import Fleet, FleetUnit, Limit, UnitMeasurement
 from tuner.types.number_ranges import Count, Latitude
@@ -90,7 +92,8 @@ def fleet(
     """
     files = find_logs(logs)
     known = read_limits(limits) if isinstance(limits, str | Path) else tuple(limits or ())
-    folder = None if store is None else str(Path(store).resolve())
+    expect_terms(terms)
+    folder = None if store is None else _store(Path(store))
     try:
         inspect.signature(read).bind(None, **reading)
     except TypeError as error:
@@ -117,6 +120,13 @@ def fleet(
     return replace(judged(fleet_name(logs), rows, known), measured=new)
 
 
+def _store(folder: Path) -> str:
+    """Return the whole path of the store; refuse a name that no folder can have."""
+    if taken := [one for one in (folder, *folder.parents) if one.exists() and not one.is_dir()]:
+        raise DataError(f"fleet: store: expected a folder, found the file {taken[0]}")
+    return str(folder.resolve())
+
+
 def shared_memory(reading: Mapping[str, Any], jobs: int) -> tuple[dict[str, Any], int]:
     """Return the arguments of `tuner.read` for each of several processes that share its `memory`, and how many fit."""
     memory = reading.get("memory")
@@ -133,11 +143,12 @@ def judged(name: str, rows: Sequence[FleetUnit], limits: tuple[Limit, ...]) -> F
     units = []
     for index, row in enumerate(rows):
         verdict, broken = ("ERROR", ()) if index not in measured else judge(measured[index], limits)
-        verdict = "OPEN" if verdict == "PASS" and index in cut else verdict
+        unstated = index in measured and gyro_unit_unstated(measured[index])
+        verdict = "OPEN" if verdict == "PASS" and (index in cut or unstated) else verdict
         units.append(
             replace(
                 row,
-                verdict=verdict if limits else "",
+                verdict=verdict if limits or unstated else "",
                 broken=broken,
                 outliers=apart.outliers.get(index, ()),
                 advice=(*cut.get(index, ()), *apart.advice.get(index, ())),
@@ -152,6 +163,11 @@ def judged(name: str, rows: Sequence[FleetUnit], limits: tuple[Limit, ...]) -> F
         MappingProxyType(channel_units),
         apart.comparisons,
     )
+
+
+def gyro_unit_unstated(measured: UnitMeasurement) -> bool:
+    """Return whether neither the log, the user nor the samples tell the unit of the gyroscopes."""
+    return any(text.startswith("gyro") and UNSTATED in text for text in measured.assumptions)
 
 
 def cut_off(measured: Mapping[int, UnitMeasurement]) -> dict[int, tuple[str, ...]]:

@@ -14,6 +14,7 @@ from collections.abc import Mapping, Sequence
 import yaml
 
 from tuner.catalogue.datasheet_format import FORMAT
+from tuner.formats.assumption_words import assumed_text
 from tuner.formats.customary_units import digits, phrase
 from tuner.identification.several_logs import pool_coefficients
 from tuner.production.quantities import (
@@ -94,6 +95,8 @@ def grade_yaml(fleet: Fleet) -> str | None:
     outlying = [unit.name for unit in measured if unit.outliers]
     notes = ["Values: geometric means over axes and units. The turn-on sds are the spread from unit to unit."]
     notes += [f"Outlying and not used: {', '.join(outlying)}"] if outlying else []
+    assumed = Counter(assumed_text(u.measurement.assumptions) for u in used if u.measurement is not None)
+    notes += [f"{n} of {len(used)} units: {text}" for text, n in sorted(assumed.items()) if text]
     further = Counter(term for u in used if u.measurement is not None for term in u.measurement.further)
     notes += [
         f"{n} of {len(used)} units also show {term}, which is not stated here"

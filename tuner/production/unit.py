@@ -96,6 +96,7 @@ def measure(path: Path, options: UnitOptions) -> UnitMeasurement:
         quantities=quantities,
         further=further_terms(found),
         notes=tuple(dict.fromkeys(note for record in records for note in record.notes)),
+        assumptions=tuple(dict.fromkeys(text for record in records for text in record.assumptions)),
     )
 
 

@@ -108,15 +108,15 @@ def read(
         A file that cannot be used: one line with file, place, expected, found and what to do.
     """
     for name, value in (
-        ("--rate", rate),
-        ("--gyro-scale", gyro_scale),
-        ("--accel-scale", accel_scale),
-        ("--memory", memory),
+        ("rate", rate),
+        ("gyro_scale", gyro_scale),
+        ("accel_scale", accel_scale),
+        ("memory", memory),
     ):
         if value is not None and not value > 0.0:
-            raise DataError(f"{name}: expected a positive number, got {value}")
+            raise DataError(f"read: {name}: expected a positive number, found {value}")
     if assume not in (None, "si"):
-        raise DataError(f"--assume: expected si, got {assume}")
+        raise DataError(f"read: assume: expected 'si' or None, found {assume!r}")
     if isinstance(path, str):
         expect(path, str, "read", "the path of a log")
     options = Options(

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from tuner.formats.guard import input_guard
+from tuner.readers.axes_letters import BODY_LETTERS, WORLD_LETTERS, axes_rotation
 from tuner.readers.estimate_bag import is_bag, read_estimate_bag
 from tuner.readers.estimate_columns import Frames
 from tuner.readers.estimate_csv import names_known_columns, read_estimate_csv
@@ -66,17 +67,54 @@ def read_estimate(
         What cannot be used, in one line.
     """
     path = Path(path)
-    frames = Frames(frame, body or "FRD")
+    if frame is not None and frame.strip().upper() != "ECEF":
+        axes_rotation(frame, WORLD_LETTERS, option=f"{path}: --frame")
+    if body is not None:
+        axes_rotation(body, BODY_LETTERS, option=f"{path}: --body")
+    found = _estimate(path, Frames(frame, body or "FRD"), body is not None, columns, topic, beside)
+    _refuse_idle(path, found, frame, body)
+    return found
+
+
+def _estimate(
+    path: Path,
+    frames: Frames,
+    body_stated: bool,
+    columns: Mapping[str, str] | None,
+    topic: str | None,
+    beside: FilterOutput | None,
+) -> FilterOutput:
+    """Return what a file of any form holds, in order of time."""
     if path.exists() and is_bag(path):
         with library_of(BAG_FORMAT, path), input_guard(path, "a ROS bag or MCAP file"):
-            return in_order(read_estimate_bag(path, frames, body_stated=body is not None, topic=topic))
+            return in_order(read_estimate_bag(path, frames, body_stated=body_stated, topic=topic))
     if topic is not None:
         raise DataError(f"{path}: --topic {topic}: expected a ROS bag or MCAP file, found another file")
     with input_guard(path, "the output of a filter"):
         solution = None if columns or not path.is_file() else gps_solution(path)
         if solution is not None:
             return in_order(of_gps_solution(path, solution, beside))
-        return in_order(_read(path, frames, body is not None, columns))
+        return in_order(_read(path, frames, body_stated, columns))
+
+
+def _refuse_idle(path: Path, found: FilterOutput, frame: str | None, body: str | None) -> None:
+    """Refuse axes of the world or of the body that are stated, and turn nothing of what was read."""
+    axes = found.axes
+    world = "NED" if frame is None else frame.strip().upper()
+    used = (
+        found.llh is not None
+        if world == "ECEF"
+        else world in (axes.positions, axes.velocities, axes.attitudes)
+    )
+    if not used and world != "NED":
+        raise DataError(
+            f"{path}: --frame {frame}: expected columns x, y, z, vx, vy, vz or a quaternion, whose axes it states, "
+            "found none: leave it out"
+        )
+    if body is not None and not (np.isfinite(found.quat_nb).any() or np.isfinite(found.bias).any()):
+        raise DataError(
+            f"{path}: --body {body}: expected an attitude or biases, whose axes it states, found none: leave it out"
+        )
 
 
 def _read(path: Path, frames: Frames, body_stated: bool, columns: Mapping[str, str] | None) -> FilterOutput:

@@ -20,7 +20,7 @@ from pathlib import Path
 
 from models.registry import Registry
 from tuner.formats.guard import guarded, input_guard
-from tuner.formats.packages import install
+from tuner.formats.packages import lacking
 from tuner.readers.columns import Listing, Progress
 from tuner.readers.drive_npz import DriveArrays
 from tuner.types.records import DataError
@@ -170,7 +170,4 @@ def library_of(declared: LogFormat, path: Path) -> Iterator[None]:
     except ImportError as error:
         if declared.extra is None:
             raise
-        raise DataError(
-            f"{path}: {declared.title} needs {error.name}, which is not installed: "
-            f"{install(declared.extra, str(error.name))}"
-        ) from None
+        raise DataError(f"{path}: {declared.title} {lacking(error, declared.extra)}") from None

@@ -46,12 +46,12 @@ def expect_within(
     lower, upper = (first if begin is None else begin), (last if end is None else end)
     log = f"the clock of the log goes from {stamp(first)} to {stamp(last)} s"
     near = max(record.interval for record in records)
-    for option, value in (("--begin", lower), ("--end", upper)):
+    for option, value in (("begin", lower), ("end", upper)):
         if not first - near <= value <= last + near:
             raise DataError(f"{name}: {option} {stamp(value)}: {log}; leave it out to use all")
     if lower >= upper:
         raise DataError(
-            f"{name}: --begin {stamp(lower)} --end {stamp(upper)}: expected an end after the beginning; {log}"
+            f"{name}: begin {stamp(lower)}, end {stamp(upper)}: expected an end after the beginning; {log}"
         )
 
 

@@ -55,6 +55,8 @@ from tuner.readers.unit_evidence import (
 from tuner.types.number_ranges import largest_reading
 from tuner.types.records import DataError, Record
 
+UNSTATED = "as nothing states the unit"
+"""Said of a unit that was assumed while others fit the samples as well."""
 MAX_UNIT_FACTOR = 100.0
 """Factor by which a stated unit may be wrong before it is refused: logs in motion and without gravity exist."""
 MIN_RANGE = 1e-15
@@ -384,7 +386,7 @@ class _Judge:
         if not sizes:
             return f"gyro: {read_in} assumed, as no other unit fits its noise and bias"
         return (
-            f"gyro: {read_in} assumed, as nothing states the unit ({shown}); every number of the gyro is {sizes}: "
+            f"gyro: {read_in} assumed, {UNSTATED} ({shown}); every number of the gyro is {sizes}: "
             f"--gyro-unit {usual[0]} states another"
         )
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
+from tuner.formats.assumption_words import assumed_text
 from tuner.formats.axis_words import axes_text
 from tuner.formats.customary_units import digits, stamp
 from tuner.report.document import Document, document
@@ -53,9 +53,3 @@ def used_part(source: Mapping[str, Any], axis: str) -> str:
             parts = f" in {sensor['segments']} parts" if sensor["segments"] > 1 else ""
             return f", {stamp(begin)} to {stamp(end)} s of its clock{parts}"
     return ""
-
-
-def assumed_text(assumptions: Sequence[str]) -> str:
-    """Return what nobody stated of a log and was assumed, without what else it might be; empty for nothing."""
-    parts = [re.split(r" \(|;", text)[0].replace(" assumed,", ",") for text in dict.fromkeys(assumptions)]
-    return f"ASSUMED: {'; '.join(parts)}" if parts else ""

@@ -6,11 +6,12 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
+from tuner.formats.assumption_words import assumed_text
 from tuner.formats.customary_units import digits
 from tuner.judgement import is_felt, judge_log
 from tuner.limits import SHOWN_FINDINGS
 from tuner.report.alike_sentences import alike_sentences
-from tuner.report.answer_layout import assumed_text, span_text
+from tuner.report.answer_layout import span_text
 from tuner.report.document import Document, document
 from tuner.report.groups_in_words import findings_in_words
 from tuner.report.static_diagnosis_tables import finding_tables, unexplained_table

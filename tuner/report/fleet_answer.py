@@ -8,7 +8,9 @@ from collections.abc import Sequence
 import pandas as pd
 from rich.table import Table
 
+from tuner.formats.assumption_words import assumed_text
 from tuner.formats.customary_units import digits, phrase, range_text
+from tuner.production.fleet import gyro_unit_unstated
 from tuner.production.outliers import FALSE_NAMING, LEAST_UNITS, threshold
 from tuner.production.quantities import SYMBOLS, customary, is_logarithmic, pretty_unit, title
 from tuner.production.spread import spread_text
@@ -23,6 +25,10 @@ IN_WORDS = {
     "sigma_10s": "Allan deviation at 10 s",
 }
 """Symbols of quantities in words."""
+NAMED_UNITS = 5
+"""Units that a line names one by one: as many as fit into a line of a terminal."""
+MOST_ASSUMED = 4
+"""Lines on what was assumed; fleet.csv has it of every unit."""
 
 
 def fleet_answer(fleet: Fleet) -> Document:
@@ -37,11 +43,16 @@ def fleet_answer(fleet: Fleet) -> Document:
     look = any(one.error or one.outliers or one.advice for one in odd)
     known = {"FAIL": verdicts["FAIL"], "LOOK": look, "OPEN": verdicts["OPEN"]}
     word = next((name for name, there in known.items() if there), "PASS")
+    unstated = sum(u.measurement is not None and gyro_unit_unstated(u.measurement) for u in fleet.units)
+    short = "log too short to tell" if fleet.limits else ""
+    why_open = " or ".join(filter(None, (short, "gyro unit not stated" if unstated else "")))
     limits = (
-        f"{verdicts['PASS']} PASS, {verdicts['FAIL']} FAIL, {verdicts['OPEN']} OPEN (log too short to tell)"
+        f"{verdicts['PASS']} PASS, {verdicts['FAIL']} FAIL, {verdicts['OPEN']} OPEN ({why_open})"
         if fleet.limits
         else "no limits given (--limits)"
     )
+    if unstated and not fleet.limits:
+        limits = f"{unstated} OPEN ({why_open}); {limits}"
     stand = "stands" if outlying == 1 else "stand"
     verdict = (
         f"Verdict: {word}: {outlying} of the {len(fleet.units)} units in {fleet.name} {stand} apart, {refused} cannot "
@@ -52,7 +63,34 @@ def fleet_answer(fleet: Fleet) -> Document:
         for one in odd
     ]
     spread = frame_table(spread_frame(fleet), "Spread from unit to unit, outlying units left out")
-    return document([verdict], lines, more=[judged_how(fleet), *spread], beyond="spread of the units")
+    return document(
+        [verdict, *assumed_lines(fleet)],
+        lines,
+        more=[judged_how(fleet), *spread],
+        beyond="spread of the units",
+    )
+
+
+def assumed_lines(fleet: Fleet) -> list[str]:
+    """Return what was assumed of the logs, a line for all units that share it, and how the unit is stated."""
+    named: dict[str, list[str]] = {}
+    open_units = set()
+    for unit in fleet.units:
+        if unit.measurement is not None and (text := assumed_text(unit.measurement.assumptions)):
+            named.setdefault(text, []).append(unit.name)
+            open_units |= {text} if gyro_unit_unstated(unit.measurement) else set()
+    lines = []
+    for text, names in named.items():
+        which = f"all {len(names)} units" if len(names) == len(fleet.units) else _some(names)
+        cure = "; state it with --gyro-unit" if text in open_units else ""
+        lines.append(f"{which[0].upper()}{which[1:]}: {text}{cure}")
+    return lines[:MOST_ASSUMED]
+
+
+def _some(names: Sequence[str]) -> str:
+    """Return the first names of units and how many more there are."""
+    more = len(names) - NAMED_UNITS
+    return ", ".join(names[:NAMED_UNITS]) + (f" and {more} more" if more > 0 else "")
 
 
 def looked_at(fleet: Fleet) -> list[FleetUnit]:

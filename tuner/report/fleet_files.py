@@ -9,7 +9,7 @@ from pathlib import Path
 import pandas as pd
 
 from tuner.formats.codec import dump
-from tuner.formats.csv_text import no_formula
+from tuner.formats.csv_text import as_text, no_formula
 from tuner.formats.customary_units import phrase
 from tuner.formats.documents import json_text
 from tuner.formats.file_set import MANIFEST, digests, write_set
@@ -25,6 +25,8 @@ from tuner.report.result_figures import fleet_figure
 from tuner.types import Coefficient
 from tuner.types.fleet import Fleet
 
+NAMES = ("unit", "file")
+"""Columns of names: one such as ``+1`` is no number."""
 GRADE = "grade.yaml"
 """The fleet as a built-in sensor."""
 
@@ -72,6 +74,7 @@ def fleet_frame(fleet: Fleet) -> pd.DataFrame:
             "limits": "; ".join(unit.broken),
             "outlying": "; ".join(outlier_text(o, fleet) for o in unit.outliers),
             "advice": "; ".join(unit.advice),
+            "assumed": "" if one is None else "; ".join(one.assumptions),
             "error": unit.error or "",
             "rate [Hz]": None if one is None else one.rate,
             "span [s]": None if one is None else one.span,
@@ -130,5 +133,7 @@ def fleet_page(fleet: Fleet) -> str:
 def _csv(frame: pd.DataFrame) -> bytes:
     """Return a table as CSV in which no text, nor the name of a column, is a formula to a spreadsheet."""
     text = frame.select_dtypes(exclude="number").columns
-    safe = frame.assign(**{name: frame[name].map(no_formula) for name in text}).rename(columns=no_formula)
+    safe = frame.assign(
+        **{name: frame[name].map(as_text if name in NAMES else no_formula) for name in text}
+    ).rename(columns=no_formula)
     return str(safe.to_csv(index=False, float_format="%.6g", lineterminator="\n")).encode()

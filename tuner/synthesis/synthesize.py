@@ -20,6 +20,7 @@ from tuner.synthesis.channel_noise import channel_noise
 from tuner.synthesis.initial_covariance import initial_uncertainty, turn_on_sd
 from tuner.synthesis.prediction import hold_to_records
 from tuner.types import ChannelNoise, Enlargement, FilterConfig, GnssNoise, Identification, Inflation
+from tuner.types.arguments import described
 from tuner.types.borrowed import with_borrowed
 from tuner.types.number_ranges import NonNegative, Positive, Whole
 from tuner.types.public import public
@@ -91,6 +92,16 @@ def synthesize(
     if not identification.channels:
         raise DataError("the identification holds no channel: nothing to configure")
     whole, notes = _completed(identification, complete)
+    if strange := [axis for axis in turn_on or {} if axis not in whole.channels]:
+        raise DataError(
+            f"synthesize: turn_on: expected axes of the identification ({' '.join(whole.channels)}), found "
+            f"{described(strange[0])}"
+        )
+    if any(not {"cause", "channels"} <= one.keys() for one in findings):
+        raise DataError(
+            "synthesize: findings: expected those of a configuration, each with cause and channels, found "
+            f"{described(list(next(one for one in findings if not {'cause', 'channels'} <= one.keys())))}"
+        )
     spread = dict(whole.source.get("turn_on_sd", {})) | dict(turn_on or {})
     channels: dict[str, ChannelNoise] = {}
     changes: list[Inflation] = []

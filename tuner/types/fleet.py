@@ -32,6 +32,8 @@ class UnitMeasurement:
         Noise terms that the log shows beside N, B and K.
     notes : tuple of str
         Repairs and assumptions of the reader.
+    assumptions : tuple of str
+        What nobody stated of the log and was assumed, as of `Record`.
     """
 
     digest: str
@@ -41,7 +43,8 @@ class UnitMeasurement:
     quantities: Mapping[str, Coefficient]
     further: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
-    schema: Literal["tuner.unit/1"] = "tuner.unit/1"
+    assumptions: tuple[str, ...] = ()
+    schema: Literal["tuner.unit/2"] = "tuner.unit/2"
 
 
 @dataclass(frozen=True)
@@ -88,8 +91,8 @@ class FleetUnit:
     error : str or None
         Why not, in one line.
     verdict : str
-        ``PASS``; ``FAIL`` above a limit; ``OPEN`` where the log is too short to show that a limit is kept; ``ERROR``;
-        empty without limits.
+        ``PASS``; ``FAIL`` above a limit; ``OPEN`` where the log is too short to show that a limit is kept, and, with
+        limits or without, where nothing states the unit of the gyroscopes; ``ERROR``; else empty without limits.
     broken : tuple of str
         What breaks or leaves open which limit, in words.
     outliers : tuple of Outlier

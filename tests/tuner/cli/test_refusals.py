@@ -94,6 +94,8 @@ def test_the_place_of_bad_text_is_named(tmp_path, capsys):
         ["curve", "absent.csv"],
         ["plan", "nosuchgrade"],
         ["plan", "mpu9250", "--accuracy", "-1"],
+        ["plan", "mpu9250", "--accuracy", "1e-300"],
+        ["plan", "mpu9250", "--accuracy", "1e-160"],
         ["plan", "mpu9250", "--hours", "0"],
         ["compare", "mpu9250"],
         ["compare", "mpu9250", "nosuchgrade"],
@@ -104,6 +106,9 @@ def test_the_place_of_bad_text_is_named(tmp_path, capsys):
         ["simulate", "mpu9250", "--hide", "nosucheffect"],
         ["tune", "--gnss", "nosuchgrade"],
         ["tune", "--terms", "nosuchterm"],
+        ["identify", "absent.csv", "--terms", "ramp"],
+        ["tune", "absent.csv", "--terms", "white,white"],
+        ["fleet", "absent", "--terms", "random_walk,white,random_walk"],
         ["identify", "x.csv", "--json", "out.txt"],
         ["nosuchcommand"],
         ["tune", "--nosuchoption"],
@@ -132,3 +137,25 @@ def test_other_json_is_refused(tmp_path, capsys):
         path = tmp_path / "other.json"
         path.write_text(text)
         assert "other.json" in refused(capsys, ["compare", "mpu9250", path])
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["identify", "log.csv", "--page", "log.csv"],
+        ["curve", "./log.csv", "--page=other name.csv"],
+        ["plan", "log.csv", "--page", "log.csv"],
+        ["export", "settings.yaml", "--to", "kalibr", "-o", "settings.yaml"],
+        ["simulate", "settings.yaml", "--hours", "0.01", "-o", "settings.yaml"],
+        ["compare", "mpu9250", "settings.yaml", "--page", "settings.yaml"],
+    ],
+)
+def test_no_command_writes_over_its_input(arguments, tmp_path, capsys, monkeypatch):
+    """`identify log.csv --page log.csv` made a page of the only log, `export` lost all states of a configuration."""
+    monkeypatch.chdir(tmp_path)
+    log = write(tmp_path / "log.csv", csv(noisy()))
+    (tmp_path / "other name.csv").symlink_to(log)
+    assert run(["export", "mpu9250", "--to", "native", "-o", "settings.yaml", "--quiet"]) == 0
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    assert "expected another file to write" in refused(capsys, [*arguments, "--quiet"])
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before

@@ -220,3 +220,35 @@ def test_errors_that_grow_diverge_and_large_ones_that_stay_do_not(monkeypatch):
     assert score_outputs([growing], [reference]).consistency.diverged
     far = replace(estimate, local=estimate.local + 50.0 * np.random.default_rng(1).standard_normal((400, 3)))
     assert not score_outputs([far], [reference]).consistency.diverged
+
+
+def _still(name: str, shift: float):
+    t = np.arange(100.0)
+    rng = np.random.default_rng(3)
+    return filter_output(
+        name, t, local=rng.normal(shift, 1.0, (100, 3)), covariance=np.broadcast_to(np.eye(15), (100, 15, 15))
+    )
+
+
+def test_a_run_that_comes_twice_and_an_outage_outside_of_all_runs_are_refused():
+    one, other = _still("one", 0.0), _still("other", 0.1)
+    truth = filter_output("truth", one.t, local=np.zeros((100, 3)))
+    with pytest.raises(DataError, match=r"^copy: expected runs that differ, found the numbers of one again"):
+        score_outputs([one, other, replace(one, name="copy")], [truth])
+    with pytest.raises(
+        DataError, match=r"^outage 1e\+300,2e\+300: expected times of the estimates, 0 to 99 s"
+    ):
+        score_outputs([one, other], [truth], outages=[(10.0, 20.0), (1e300, 2e300)])
+    assert score_outputs([one, other], [truth], outages=[(90.0, 2e300)]).consistency.consistent
+
+
+def test_covariances_that_are_not_symmetric_are_refused():
+    """Cholesky reads one triangle alone: [[1, 5], [0, 1]] was honest."""
+    e = np.random.default_rng(1).normal(size=(50, 2))
+    with pytest.raises(
+        DataError, match=r"^covariances: expected symmetric matrices, found 5 of states 1 and 2 and 0 of"
+    ):
+        tuner.score(e, [[1, 5], [0, 1]])
+    rounded = np.array([[1.0, 0.2], [0.2, 1.0]], dtype=np.float32) * np.float32(1.0 / 3.0)
+    rounded[0, 1] = np.nextafter(rounded[0, 1], np.float32(1.0))
+    assert tuner.score(e, rounded).nees is not None

@@ -79,3 +79,10 @@ def test_what_is_impossible_is_said():
 def test_bad_wishes_are_refused(hours, accuracy, word):
     with pytest.raises(ValueError, match=word):
         plan(NoiseModel((White(1.0),)), interval=0.1, hours=hours, accuracy=accuracy)
+
+
+def test_a_wish_that_few_samples_meet_takes_no_longer_than_they_last():
+    """White noise is known to 10 % after 51 samples; the plan named 36 s, the shortest time that it tried."""
+    (white,) = plan(NoiseModel((White(1.0),)), interval=0.01, hours=0.001, accuracy=0.1).parameters
+    assert white.relative_sd == pytest.approx(1.0 / math.sqrt(2 * 360), rel=0.01)
+    assert white.hours == pytest.approx(0.5 / 0.1**2 * 0.01 / HOUR, rel=0.1)

@@ -28,6 +28,7 @@ from tuner.report.fleet_files import write_fleet
 from tuner.report.terminal import text_of
 from tuner.simulation.static import Channel, simulate
 from tuner.types.fleet import Fleet, FleetUnit
+from tuner.types.records import DataError
 
 DENSITY = to_si(0.2, "deg/sqrt(h)")
 RELATIVE_SD = 0.1
@@ -261,6 +262,14 @@ def test_no_text_of_the_table_is_a_formula_in_a_spreadsheet(begin, tmp_path):
     assert second[head.index("file")] == "a-b=c.csv"
 
 
+@pytest.mark.parametrize("name", ["+1", "-2", "1e3"])
+def test_a_unit_that_is_called_as_a_number_keeps_its_name(name, tmp_path):
+    write_fleet(Fleet("lot", (FleetUnit(name, f"{name}.csv", None, "bad"),), ()), tmp_path)
+    with (tmp_path / "fleet.csv").open(newline="") as file:
+        (row,) = csv.DictReader(file)
+    assert row["unit"] == (f"'{name}" if name[0] in "+-" else name)
+
+
 def test_negative_numbers_are_no_formulas():
     assert [no_formula(one) for one in ("-0.5", "+1e-3", -0.5, "-0.5 ± 1")] == [
         "-0.5",
@@ -281,3 +290,48 @@ def test_the_units_to_look_at_are_one_screen_of_eighty_columns():
     assert len(lines) <= SCREEN_LINES
     assert max(map(len, lines)) <= 80
     assert len(answer.remarks) == len(units)
+
+
+def test_a_unit_of_gyros_that_nothing_states_is_open_on_every_answer(tmp_path, capsys):
+    """Four logs in deg/s without a unit were "PASS", with N 57 times too large, on screen, table, page and grade."""
+    folder = tmp_path / "lot"
+    folder.mkdir()
+    for k in range(2):
+        rng = np.random.default_rng(k)
+        y = np.hstack([rng.normal(0.0, 1e-3, (3000, 3)), rng.normal([0.0, 0.0, 9.81], 0.02, (3000, 3))])
+        head = "t,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z"
+        rows = np.column_stack([0.02 * np.arange(3000), y])
+        np.savetxt(folder / f"u{k}.csv", rows, delimiter=",", header=head, comments="")
+    limits = tmp_path / "limits.yaml"
+    limits.write_text("format: tuner-limits/1\ngyro: {N: 1 deg/√h}\n")
+    how = ["fleet", str(folder), "--terms", "white", "--jobs", "1", "--quiet"]
+    said = "ASSUMED: gyro: rad/s, as nothing states the unit"
+    assert run([*how, "-o", str(tmp_path / "out"), "--strict"]) == 1
+    screen = " ".join(capsys.readouterr().out.split())
+    assert screen.startswith("Verdict: OPEN: ")
+    assert "2 OPEN (gyro unit not stated)" in screen
+    assert f"All 2 units: {said}" in screen
+    assert "tuner tune" not in screen
+    with (tmp_path / "out" / "fleet.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["verdict"] for row in rows] == ["OPEN", "OPEN"]
+    assert all("gyro: rad/s assumed, as nothing states the unit" in row["assumed"] for row in rows)
+    assert said in " ".join((tmp_path / "out" / "fleet.html").read_text().split())
+    assert f"2 of 2 units: {said}" in (tmp_path / "out" / "grade.yaml").read_text()
+    judged = [*how, "--limits", str(limits), "-o", str(tmp_path / "judged")]
+    assert run(judged) == 0
+    assert "0 PASS, 0 FAIL, 2 OPEN (log too short to tell or gyro unit not stated)" in " ".join(
+        capsys.readouterr().out.split()
+    )
+    assert run([*judged, "--gyro-unit", "rad/s", "--strict"]) == 0
+    screen = " ".join(capsys.readouterr().out.split())
+    assert "2 PASS, 0 FAIL, 0 OPEN" in screen
+    assert "as nothing states" not in screen
+
+
+def test_a_store_that_is_a_file_is_refused(logs, tmp_path):
+    taken = tmp_path / "store"
+    taken.write_text("")
+    for store in (taken, taken / "units"):
+        with pytest.raises(DataError, match=r"^fleet: store: expected a folder, found the file .*store$"):
+            fleet(logs, store=store)

@@ -349,3 +349,20 @@ def test_the_command_writes_page_figure_and_json(tmp_path, capsys):
     assert (out / "report.html").read_text().count("data:image/svg") == 1
     columns |= {f"sd_{a}": 0.5 * one for a in "ned"}
     assert run(["score", str(csv(estimate, columns)), "--truth", str(truth), "--quiet", "--strict"]) == 1
+
+
+@pytest.mark.parametrize(
+    ("stated", "said"),
+    [
+        ({"frame": "FOO"}, "--frame FOO: expected three letters"),
+        ({"frame": "ENU"}, "--frame ENU: expected columns x, y, z"),
+        ({"frame": "ECEF"}, "--frame ECEF: expected columns x, y, z"),
+        ({"body": "FLU"}, "--body FLU: expected an attitude or biases"),
+    ],
+)
+def test_axes_that_turn_nothing_are_refused(stated, said, tmp_path):
+    path = tmp_path / "local.csv"
+    path.write_text("t,n,e,d\n0,1,2,3\n1,2,3,4\n")
+    with pytest.raises(DataError, match=said):
+        read_estimate(path, **stated)
+    assert len(read_estimate(path, frame="NED")) == 2

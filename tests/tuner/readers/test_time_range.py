@@ -39,10 +39,10 @@ def test_gaps_stay_where_they_are(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("stated", "said"),
     [
-        ({"begin": 12.0}, "--begin 12: the clock of the log goes from 0 to 10 s"),
-        ({"begin": 5.0, "end": 2.0}, "--begin 5 --end 2: expected an end after the beginning"),
-        ({"end": 11.0}, "--end 11: the clock of the log goes from 0 to 10 s"),
-        ({"begin": -1.0}, "--begin -1: the clock of the log goes from 0 to 10 s"),
+        ({"begin": 12.0}, "begin 12: the clock of the log goes from 0 to 10 s"),
+        ({"begin": 5.0, "end": 2.0}, "begin 5, end 2: expected an end after the beginning"),
+        ({"end": 11.0}, "end 11: the clock of the log goes from 0 to 10 s"),
+        ({"begin": -1.0}, "begin -1: the clock of the log goes from 0 to 10 s"),
         ({"end": float("nan")}, "read: end: expected a number or None, found nan"),
         ({"begin": 5.0, "end": 5.1}, "leave 10 samples of gyro, expected 64 or more: 0.64 s"),
     ],
@@ -52,10 +52,12 @@ def test_what_lies_outside_the_log_is_refused(tmp_path: Path, stated: dict[str, 
 
 
 @pytest.mark.parametrize(
-    "command", [["identify", "mpu9250"], ["compare", "mpu9250", "stim300"], ["tune", "mpu9250"]]
+    "command",
+    [["identify", "mpu9250"], ["compare", "mpu9250", "stim300"], ["tune", "mpu9250"], ["plan", "mpu9250"]],
 )
 def test_a_part_of_what_is_no_log_is_refused(command: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     from tuner.cli import run
 
-    assert run([*command, "--begin", "3", "--quiet"]) == 2
-    assert "--begin and --end: expected a static log, found mpu9250" in capsys.readouterr().err
+    for option, value in (("--begin", "3"), ("--rate", "1e9"), ("--gyro-unit", "deg/s"), ("--assume", "si")):
+        assert run([*command, option, value, "--quiet"]) == 2
+        assert f"{option}: expected a static log, found mpu9250" in capsys.readouterr().err

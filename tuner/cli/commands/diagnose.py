@@ -103,14 +103,14 @@ def command(
         )
         found, parts = examined.diagnosis, _drive_parts(examined)
     else:
+        of_drives = {"--config": config is not None, "--gnss": gnss is not None, "--wheels": wheels}
+        if stated := [option for option, given in of_drives.items() if given]:
+            raise click.UsageError(f"{stated[0]}: expected with a drive, but a static log has no fixes")
         static = diagnose(
             data,
             holdout=None if holdout is None else load_records(holdout, reading, messages),
             replicas=replicas,
             seed=seed,
-            config=config,
-            gnss=gnss,
-            wheels=wheels,
             progress=messages.say,
         )
         assert isinstance(static, Diagnosis)

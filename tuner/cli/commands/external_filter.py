@@ -76,6 +76,8 @@ def tune_filter(
 
     if drive is None or dialect is None:
         raise click.UsageError("--filter: expected --drive DRIVE and --to DIALECT with it")
+    if log is None or not is_log(log):
+        load_source(log, reading, messages)  # refuses what states how a log is read
     program = program_of(filter_command, time_limit=time_limit)
     # The program filters the drive as it is.
     measured = possible_drive(with_mounting(read_drive(drive), lever_arm=lever_arm))

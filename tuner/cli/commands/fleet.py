@@ -59,7 +59,7 @@ def command(
     interruption, only what is missing in DIR/units is measured. A log that cannot be used is a row with the reason.
     """
     from tuner import fleet
-    from tuner.production.fleet import output_folder
+    from tuner.production.fleet import gyro_unit_unstated, output_folder
     from tuner.report.fleet_answer import fleet_answer, looked_at
     from tuner.report.fleet_files import GRADE, fleet_json, write_fleet
     from tuner.report.terminal import show
@@ -80,6 +80,10 @@ def command(
         )
         if odd:
             answer = answer.then("diagnose", odd[0], *reading.words)
+        elif unstated := [
+            u.file for u in result.units if u.measurement is not None and gyro_unit_unstated(u.measurement)
+        ]:
+            answer = answer.then("identify", unstated[0], *reading.words)
         elif GRADE in written:
             answer = answer.then("tune", str(directory / GRADE))
         elif measured:

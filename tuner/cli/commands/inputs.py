@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -58,7 +59,7 @@ def load_source(source: str | None, reading: Reading, messages: Messages) -> tup
 def load_sources(
     sources: Sequence[str], reading: Reading, messages: Messages
 ) -> list[tuple[Record, ...] | str]:
-    """Read those of several sources that are logs; --begin and --end are theirs."""
+    """Read those of several sources that are logs; what states how a log is read is theirs."""
     from tuner.readers.source_kind import is_log
 
     logs = [is_log(source) for source in sources]
@@ -81,6 +82,9 @@ def load_data(source: str, reading: Reading, messages: Messages) -> tuple[Record
 
 
 def _refuse_part(reading: Reading, found: str) -> None:
-    """Refuse --begin and --end where there is no static log for them."""
-    if reading.begin is not None or reading.end is not None:
-        raise DataError(f"--begin and --end: expected a static log, {found}; leave them out")
+    """Refuse what is stated of a static log where there is none; --memory is that of the program."""
+    stated = [word.partition("=")[0] for word in replace(reading, memory=None).words]
+    if stated:
+        raise DataError(
+            f"{' and '.join(stated)}: expected a static log, {found}; leave out what states how it is read"
+        )

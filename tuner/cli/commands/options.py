@@ -16,10 +16,11 @@ import click
 
 from tuner.cli.progress import Messages
 from tuner.formats.documents import json_text
-from tuner.formats.files import write_text
+from tuner.formats.files import inputs_kept, refuse_input, write_text
 from tuner.jobs import limited, within
 from tuner.stages import finished
 from tuner.types.one_line import printable
+from tuner.types.records import DataError
 
 Command = Callable[..., Any]
 
@@ -46,6 +47,8 @@ LONGEST_COMMAND = 1 << 20
 """Characters of a command on a page: those of thousands of files."""
 WITHOUT_NUMBERS = ("-o", "--output-dir", "--json", "--page", "--figure", "--jobs")
 """Options followed by a word that changes no number of a result: where it goes, and on how many processors."""
+WRITTEN = frozenset(WITHOUT_NUMBERS) - {"--jobs"}
+"""Options that name what is written."""
 OUTPUT_FLAGS = ("--quiet", "--verbose")
 """Options that change how much is printed."""
 DIRECTORY = click.Path(path_type=Path, file_okay=False)
@@ -122,10 +125,30 @@ def common(command: Command) -> Command:
     @functools.wraps(command)
     def wrapped(*args: Any, json_file: str | None, quiet: bool, **options: Any) -> Any:
         messages = Messages(quiet)
-        with messages.kept(), messages.steps():
+        read, written = _files_named(click.get_current_context())
+        with inputs_kept(read), messages.kept(), messages.steps():
+            for path in written:
+                refuse_input(path)
             return command(*args, output=Output(json_file), messages=messages, **options)
 
     return wrapped
+
+
+def _files_named(context: click.Context) -> tuple[list[Path], list[Path]]:
+    """Return the paths that a command line names: those that may be read, and those that are written."""
+    from tuner.readers.source_kind import unit_of_log
+
+    read: list[Path] = []
+    written: list[Path] = []
+    for parameter in context.command.params:
+        value = context.params.get(parameter.name or "")
+        values = value if isinstance(value, tuple | list) else (value,)
+        paths = [Path(one) for one in values if isinstance(one, str | Path)]
+        if WRITTEN.isdisjoint(parameter.opts):
+            read += [unit_of_log(path)[0] for path in paths]
+        else:
+            written += paths
+    return read, written
 
 
 def drawable(_ctx: click.Context, _parameter: click.Parameter, path: Path | None) -> Path | None:
@@ -353,6 +376,12 @@ def term_list(
     names = tuple(part.strip() for part in value.split(","))
     if unknown := [name for name in names if name not in fitted]:
         raise click.BadParameter(f"expected terms out of {' '.join(fitted)}, got {unknown[0]!r}")
+    from tuner.identification.objective import expect_terms
+
+    try:
+        expect_terms(names)
+    except DataError as error:
+        raise click.UsageError(f"--{error}") from None
     return names
 
 

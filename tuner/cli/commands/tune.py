@@ -88,6 +88,8 @@ def command(
     from tuner.report.terminal import show
     from tuner.report.tune_answer import tune_answer
 
+    if how["lever_arm"] is not None and how["drive"] is None:
+        raise click.UsageError("--lever-arm: expected --drive DRIVE with it")
     if filter_command is not None:
         tune_filter(
             filter_command,

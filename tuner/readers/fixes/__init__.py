@@ -7,7 +7,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from tuner.formats.guard import input_guard
-from tuner.formats.packages import install
+from tuner.formats.packages import lacking
 from tuner.readers.fixes.gps_time import GpsFixes
 from tuner.readers.fixes.nmea import read_nmea
 from tuner.readers.fixes.rtklib import read_rtklib
@@ -63,8 +63,7 @@ def read_fix_file(path: Path) -> GpsFixes:
         try:
             return _of_waypoint(path) if kind == "waypoint" else READERS[kind](path)
         except ImportError as error:
-            how = install(EXTRAS[kind], str(error.name))
-            raise DataError(f"{path}: needs {error.name}, which is not installed: {how}") from None
+            raise DataError(f"{path}: {lacking(error, EXTRAS[kind])}") from None
 
 
 def _of_waypoint(path: Path) -> GpsFixes:
