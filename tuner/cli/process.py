@@ -107,7 +107,7 @@ def _end_what_does_not(receiver: socket.socket) -> None:
 
 def answer(status: int) -> str:
     """Return the last line of a process that ends on a request."""
-    return f"tuner: {ANSWERS[status]}; files already finished were kept"
+    return f"tuner: {ANSWERS[status]}; no file is left half-written"
 
 
 def robust_streams() -> None:

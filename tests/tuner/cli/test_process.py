@@ -102,7 +102,7 @@ def test_a_request_to_end(tmp_path: Path) -> None:
     _, said = running.communicate(timeout=30)
     assert (running.returncode, said.splitlines()[-1]) == (
         143,
-        b"tuner: terminated; files already finished were kept",
+        b"tuner: terminated; no file is left half-written",
     )
     assert list(tmp_path.iterdir()) == []
 
@@ -187,7 +187,7 @@ def test_no_call_that_lasts_holds_up_an_end(tmp_path: Path, number: signal.Signa
     begin = time.monotonic()
     _, said = running.communicate(timeout=50)
     assert (running.returncode, time.monotonic() - begin < 20.0) == (status, True)
-    assert said.decode().splitlines()[-1].endswith("; files already finished were kept")
+    assert said.decode().splitlines()[-1].endswith("; no file is left half-written")
     assert [path.name for path in tmp_path.iterdir()] == ["set"]
 
 
