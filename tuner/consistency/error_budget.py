@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from models.arrays import FloatArray
 from models.filter_states import FILTER_STATES, Origin
-from tuner.consistency.scores import EQUIVALENCE_MARGIN, OUTAGE_LENGTHS, scored_epochs
+from tuner.consistency.scores import EQUIVALENCE_MARGIN, OUTAGE_LENGTHS, outage_epochs, scored_epochs
 from tuner.jobs import usable
 from tuner.navigation.engine.layout import layout_of, with_sensor_states
 from tuner.navigation.engine.linear_covariance import Nominal, trace_sources
@@ -183,9 +183,8 @@ def trace(
     aided = scored_epochs(plan.times, plan.outages)
     after: dict[float, NDArray[np.intp]] = {}
     for horizon in OUTAGE_LENGTHS:
-        goals = [begin + horizon for begin, end in plan.outages if end - begin >= horizon]
-        if goals:
-            after[horizon] = np.array([int(np.argmin(np.abs(plan.times - goal))) for goal in goals])
+        if len(reached := outage_epochs(plan.times, plan.outages, horizon)):
+            after[horizon] = reached
     epochs = np.unique(np.concatenate([aided, *after.values()]))
     k, e = len(plan.times), len(epochs)
     slot = np.full(k, -1, dtype=np.int64)

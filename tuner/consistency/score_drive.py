@@ -53,6 +53,7 @@ from tuner.navigation.settings import ACCELS, GYROS, FilterSettings, filter_sett
 from tuner.simulation.imu import sensor_of_config
 from tuner.stages import counted, stage, task
 from tuner.synthesis.from_drive import config_for_drive, receiver_of
+from tuner.synthesis.rest_and_motion import in_motion
 from tuner.types import FilterConfig, GnssNoise
 from tuner.types.consistency import Consistency, Outage, Whiteness
 from tuner.types.named_cause import NamedCause
@@ -252,11 +253,11 @@ def navigate_drive(
 
 
 def _noisier_than_configured(stretch: Stretch, config: FilterConfig) -> tuple[str, ...]:
-    """Return a note where sensors at rest are noisier over a second than configured."""
+    """Return a note where sensors at rest are noisier over a second than the filter expects."""
     found = stationary_noise(stretch.steps, stretch.alignment)
     if found is None:
         return ()
-    said = np.array([model.allan_variance(1.0) for model in sensor_of_config(config).noise])
+    said = np.array([model.allan_variance(1.0) for model in sensor_of_config(in_motion(config)).noise])
     ratios = found / np.sqrt(said)
     pairs = zip(GYROS + ACCELS, ratios, strict=True)
     noisier = [f"{axis} {ratio:.1f}" for axis, ratio in pairs if ratio > MIN_NOISE_RATIO]
@@ -266,7 +267,7 @@ def _noisier_than_configured(stretch: Stretch, config: FilterConfig) -> tuple[st
         f"at rest, the sensors are noisier over 1 s than configured: {', '.join(noisier)} times",
         "certain",
         "without fixes it errs more than it predicts",
-        "make the settings from a log of this unit, or from this drive",
+        f"make the settings from a log of this unit{', or from this drive' * ('drive' not in config.provenance)}",
     )
     return (cause,)
 

@@ -298,12 +298,24 @@ def aided_epochs(t: FloatArray, outages: FloatArray, settling: float = SETTLING_
     return np.flatnonzero(settled if settled.any() else np.ones(len(t), dtype=bool))
 
 
+def outage_epochs(t: FloatArray, outages: FloatArray, horizon: float) -> NDArray[np.intp]:
+    """Return the epoch nearest to a horizon in each window (begin, end] that reaches it, less than a step from it.
+
+    The first fix behind a window is used and may be nearer: where fixes are a microsecond late, to the end.
+    """
+    step = float(np.median(np.diff(t)))
+    found = []
+    for begin, end in outages:
+        inside = np.flatnonzero((t > begin) & (t <= end))
+        off = np.abs(t[inside] - begin - horizon)
+        if end - begin >= horizon and len(inside) and off.min() < step:
+            found.append(inside[off.argmin()])
+    return np.array(found, dtype=np.intp)
+
+
 def _outage(runs: Runs, outages: FloatArray, horizon: float, tests: int) -> Outage:
     """Score the position error at a horizon, over all windows that reach it."""
-    step = float(np.median(np.diff(runs.t)))
-    goals = [begin + horizon for begin, end in outages if end - begin >= horizon]
-    nearest = [int(np.argmin(np.abs(runs.t - goal))) for goal in goals]
-    epochs = [k for k, goal in zip(nearest, goals, strict=True) if abs(runs.t[k] - goal) < step]
+    epochs = outage_epochs(runs.t, outages, horizon)
     return outage_score(
         horizon, list(runs.error[:, epochs, :3]), list(runs.covariance[:, epochs, :3, :3]), tests=tests
     )

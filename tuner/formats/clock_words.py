@@ -26,7 +26,8 @@ def clock_note(clock: Clock) -> str:
     if not math.isfinite(clock.delay.sd):
         return ""
     low, high = clock.delay.interval
-    return f"no delay of the fixes is taken out, as chance may make it: {low:+.3f} … {high:+.3f} s late"
+    no = "no further" if clock.further else "no"
+    return f"{no} delay of the fixes is taken out, as chance may make it: {low:+.3f} … {high:+.3f} s late"
 
 
 def stated_words(compensation: Compensation) -> str:

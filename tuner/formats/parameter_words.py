@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 
 from tuner.formats.customary_units import amount, digits, range_text
 from tuner.types import Coefficient
@@ -37,12 +38,15 @@ def meaning_text(meaning: str, figures: Mapping[str, Coefficient], *, ranges: bo
     ----------
     meaning : str
         Clauses between commas. A place in a clause, ``{sd}``, is for the figures whose names begin so, ``{}`` for those
-        that no clause before it has; a clause with a place for which there is no figure is left out.
+        that no clause before it has; a clause with a place for which there is no figure is left out. Of
+        ``{late|early}`` the sign of the only figure takes a word (`with_sign`), and its magnitude is given.
     figures : mapping of str to Coefficient
         SI, by name.
     ranges : bool, optional
         Whether figures that share a place are given as their range of magnitudes, not each.
     """
+    if (said := with_sign(meaning, figures)) != meaning:
+        meaning, figures = said, {name: _magnitude(one) for name, one in figures.items()}
     left = parameter_words(figures)
     clauses = []
     for clause in meaning.split(", "):
@@ -64,6 +68,27 @@ def meaning_text(meaning: str, figures: Mapping[str, Coefficient], *, ranges: bo
                 )
             clauses.append(f"{before}{text}{behind}")
     return ", ".join(clauses)
+
+
+def with_sign(meaning: str, figures: Mapping[str, Coefficient]) -> str:
+    """Return a meaning whose ``{late|early}`` is *late*, or *early* where the only figure is negative.
+
+    Without a figure it is *late or early*.
+    """
+    values = [one.value for one in figures.values() if one.value is not None]
+
+    def word(choice: re.Match[str]) -> str:
+        return " or ".join(choice.groups()) if len(values) != 1 else choice[2 if values[0] < 0.0 else 1]
+
+    return re.sub(r"\{(\w+)\|(\w+)\}", word, meaning)
+
+
+def _magnitude(one: Coefficient) -> Coefficient:
+    """Return a figure without its sign."""
+    if one.value is None or one.interval is None or one.value >= 0.0:
+        return one
+    low, high = one.interval
+    return replace(one, value=-one.value, interval=(-high, -low))
 
 
 def _fixes_of_class(parameters: Mapping[str, Coefficient], block: str, number: int) -> str:

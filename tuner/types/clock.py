@@ -44,7 +44,9 @@ class Clock:
 
     delay: Delay = field(default_factory=Delay)
     lag: Delay = field(default_factory=Delay)
+    further: bool = False
+    """Whether the delay is what remains beside one that was taken out."""
 
     def beside(self, delay: float, lag: float) -> Clock:
         """Return what remains beside a delay and a lag that were taken out, s."""
-        return Clock(self.delay.beside(delay), self.lag.beside(lag))
+        return Clock(self.delay.beside(delay), self.lag.beside(lag), self.further or delay != 0.0)

@@ -174,7 +174,7 @@ def test_tune_and_navigate_say_the_same_of_the_settings_written(tuned, file, cap
     assert max(map(len, told.splitlines())) <= 80
     stated = " ".join(json.loads(answer.read_text())["notes"])
     assert "stated in the settings, is taken out" in stated
-    assert "no delay of the fixes is taken out, as chance may make it" in stated
+    assert "no further delay of the fixes is taken out, as chance may make it" in stated
     assert "tuner diagnose" not in told
 
 

@@ -18,15 +18,21 @@ from models.trajectory.catalogue import TRAJECTORIES
 from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
 from tuner.cli import run
 from tuner.consistency.drive_scores import differences, errors, reference_at, reference_positions
-from tuner.consistency.score_drive import drive_filter, navigate_drive, navigate_recorded
+from tuner.consistency.score_drive import MIN_NOISE_RATIO, drive_filter, navigate_drive, navigate_recorded
 from tuner.navigation.data import Steps
-from tuner.navigation.drive.alignment import align, stationary_until
+from tuner.navigation.drive.alignment import Alignment, align, stationary_until
 from tuner.navigation.drive.run import initial_state, navigate, prepare
-from tuner.navigation.drive.vehicle_constraints import Vehicle, constraint_counts, forward_axes
+from tuner.navigation.drive.vehicle_constraints import (
+    Vehicle,
+    constraint_counts,
+    forward_axes,
+    stationary_noise,
+)
 from tuner.readers.drive import read_drive
 from tuner.synthesis import synthesize
 from tuner.synthesis.from_drive import receiver_of
 from tuner.synthesis.load_config import load_config
+from tuner.types import Coefficient, TermEstimate
 from tuner.types.clock import Clock, Delay
 from tuner.types.records import DataError, Gnss, Reference
 
@@ -124,7 +130,10 @@ def test_sensors_noisier_than_configured_are_reported(configuration, file):
         },
     )
     drive = timed(file)
-    assert any("noisier over 1 s" in note and "gyro_x" in note for note in navigate_drive(drive, quiet).notes)
+    for config in (quiet, replace(quiet, provenance={"drive": {"digest": drive.digest}})):
+        (note,) = (one for one in navigate_drive(drive, config).notes if "noisier over 1 s" in one)
+        assert "gyro_x" in note
+        assert ("or from this drive" in note) == (config is quiet)
     loud = replace(
         quiet,
         channels={
@@ -132,6 +141,31 @@ def test_sensors_noisier_than_configured_are_reported(configuration, file):
         },
     )
     assert not any("noisier over 1 s" in note for note in navigate_drive(drive, loud).notes)
+    # Settings of a drive, whose noise in motion is 8 times that at rest, were said to have less than at rest.
+    at_rest = {
+        name: (TermEstimate("white", {"density": Coefficient(c.white_density, None, None, "1")}),)
+        for name, c in quiet.channels.items()
+    }
+    made = replace(
+        loud, channels={name: replace(c, identified=at_rest[name]) for name, c in loud.channels.items()}
+    )
+    assert not any("noisier over 1 s" in note for note in navigate_drive(drive, made).notes)
+
+
+def test_few_movements_at_rest_are_no_noise():
+    """People who got into a car made its gyroscope "2.7 times noisier" at rest than configured: it was quieter."""
+    rng, interval, seconds = np.random.default_rng(1), 0.01, 28
+    rates = 1e-3 * rng.standard_normal((round(seconds / interval), 6))
+    steps = Steps(0.0, np.full(len(rates), interval), interval * rates)
+    moved = steps.increments.copy()
+    for begin in (200, 1300, 2100):
+        moved[begin : begin + 100] += 1e-5
+    start = Alignment(
+        0.0, np.array([1.0, 0.0, 0.0, 0.0]), 0.0, 0.0, np.zeros(3), 0.0, float(seconds), np.zeros(3)
+    )
+    quiet, found = (stationary_noise(one, start) for one in (steps, replace(steps, increments=moved)))
+    assert (quiet > 0.5e-4).all()
+    assert (found < MIN_NOISE_RATIO * 1e-4).all()
 
 
 def test_mounting_for_constraints_comes_from_motion(configuration, saved, data, tmp_path):

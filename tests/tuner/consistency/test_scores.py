@@ -17,9 +17,10 @@ from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
 from tuner.cli import run
 from tuner.consistency.check import check
 from tuner.consistency.scores import evaluate, innovation_scores, score
+from tuner.navigation.data import USED, WITHHELD, Fixes
 from tuner.navigation.settings import filter_settings
 from tuner.simulation.imu import sensor_of_config, sensor_of_grade
-from tuner.simulation.monte_carlo import simulate
+from tuner.simulation.monte_carlo import Runs, simulate
 from tuner.simulation.scenario import outage_windows, scenario
 from tuner.synthesis import synthesize
 from tuner.synthesis.load_config import load_config
@@ -116,6 +117,23 @@ def test_truth_of_another_sensor_is_noticed():
 def test_outage_windows_fit():
     assert outage_windows(1000.0).shape == (0, 2)
     np.testing.assert_allclose(outage_windows(2200.0), [[900.0, 1200.0], [1800.0, 2100.0]])
+
+
+@pytest.mark.parametrize("interval", [1.0, 1.0 - 1e-9, 1.0 + 1e-9, 1.001, 0.3, 9.7])
+def test_no_fix_behind_an_outage_is_scored_as_within_it(interval):
+    """A fix of 1200.000001 s was used, and gave "position after 300 s without fixes" 5.53 m below 53.2 m after 60 s."""
+    t, windows = interval * np.arange(1, int(2500.0 / interval)), outage_windows(2500.0)
+    zeros = np.zeros((len(t), 3))
+    withheld = Fixes(t, np.arange(len(t)), zeros, zeros, np.ones((len(t), 6))).without(windows).withheld
+    error = np.random.default_rng(1).standard_normal((2, len(t), 15)) + 100.0 * withheld[:, None]
+    unit = np.broadcast_to(np.eye(15), (2, len(t), 15, 15))
+    use = np.tile(np.where(withheld, WITHHELD, USED)[:, None], (2, 1, 2))
+    none = np.zeros((2, len(t), 0))
+    found = evaluate(
+        Runs(t, error, unit, error[..., :6], unit[..., :6, :6], use, none, none[..., None]), windows
+    )
+    assert [one.seconds for one in found.outages] == [10.0, 30.0, 60.0, 300.0]
+    assert all(one.rms == pytest.approx(100.0 * 3**0.5, rel=0.1) for one in found.outages)
 
 
 def test_check_from_the_command_line(tmp_path, capsys):

@@ -17,6 +17,7 @@ from tuner.examination.fit import fit
 from tuner.examination.installation import _Problem
 from tuner.examination.search import _inside
 from tuner.examination.windows import averaged
+from tuner.formats.clock_words import clock_note
 from tuner.navigation.compensation import compensate
 from tuner.navigation.drive.thinning import irregular_rows
 from tuner.readers.drive import read_drive
@@ -83,6 +84,15 @@ def test_what_the_settings_take_out_is_not_found_again(drive):
     left = compensate(known, Compensation.parse({"time_offset.delay": 0.4, "velocity_lag.delay": 0.05})).clock
     assert left.delay.taken_out == 0.0
     assert left.lag.taken_out == pytest.approx(0.2)
+
+
+def test_what_remains_beside_a_delay_of_the_settings_is_said_as_what_remains():
+    """Beside "a delay of +0.086 s, stated in the settings, is taken out" stood "no delay of the fixes is taken out"."""
+    clock = Clock(Delay(0.086, 0.008))
+    assert clock_note(clock).startswith("fixes are stamped 0.086 ± 0.016 s late")
+    said = "delay of the fixes is taken out, as chance may make it: -0.016 … +0.016 s late"
+    assert clock_note(clock.beside(0.086, 0.0)) == f"no further {said}"
+    assert clock_note(Clock(Delay(0.0, 0.008))) == f"no {said}"
 
 
 @pytest.mark.parametrize("trajectory", ["city", "climb", "static"])

@@ -335,6 +335,14 @@ def test_what_a_drive_keeps_is_said(result):
             "correlated_gnss", {"time_constant": (853.0, 389.0, 2910.0, "s")},
             "Errors of the positions stay from fix to fix, for some 853 (389 … 2910) s",
         ),
+        (
+            "clock_drift", {"rate": (-3.09e-4, -3.28e-4, -2.9e-4, "1")},
+            "The clock of the fixes runs at another rate, their delay shrinks by 0.000309 ± 1.9e-05 s a second",
+        ),
+        (
+            "velocity_scale", {"factor": (-0.02, -0.03, -0.01, "1")},
+            "Velocities are not to scale, too small by 0.020 ± 0.010 of them",
+        ),
         ("sensor_bias", {"accel_z": (-0.3325, -0.3413, -0.3237, "m/s^2")}, None),
         ("lever_arm", {}, "The antenna is not where the lever arm puts it"),
     ],

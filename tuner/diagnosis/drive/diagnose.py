@@ -103,11 +103,7 @@ def _examine(
     expect_settled(bool(base.linearized.counted.any()), drive.source or drive.name, spans)
     stage("searching for causes", 0.85)
     outcome = search_causes(sensor, base, delays_of(drive.clock, config.compensation), progress)
-    measured = clock_coefficients(drive.clock, config.compensation)
-    outcome = replace(
-        outcome,
-        accepted=tuple(replace(a, parameters=measured.get(a.cause, a.parameters)) for a in outcome.accepted),
-    )
+    outcome = outcome.as_measured(clock_coefficients(drive.clock, config.compensation))
     notes = (
         *base.notes,
         *filter(None, [clock_note(drive.clock)]),

@@ -138,6 +138,16 @@ class SearchResult:
             and (figure.value is None or figure.interval is not None)
         )
 
+    def as_measured(self, constants: Mapping[str, dict[str, Coefficient]]) -> SearchResult:
+        """Return the result with constants, by cause, that the drive shows without a filter: these are determined."""
+        return replace(
+            self,
+            accepted=tuple(
+                replace(one, parameters=constants.get(one.cause, one.parameters)) for one in self.accepted
+            ),
+            undetermined=tuple(p for p in self.undetermined if p.cause not in constants),
+        )
+
     def determined(self, compensation: Compensation) -> Compensation:
         """Return a compensation without what the drive does not determine; a class of fixes is then as reported."""
         doubted = {Parameter(one.cause, name) for one in self.accepted for name in self.doubted(one)}

@@ -19,7 +19,7 @@ from tuner.diagnosis.static.outcome import Accepted
 from tuner.diagnosis.static.search import SearchResult
 from tuner.formats.customary_units import amount
 from tuner.formats.grouping import grouped
-from tuner.formats.parameter_words import meaning_text, parameter_words
+from tuner.formats.parameter_words import meaning_text, parameter_words, with_sign
 from tuner.types import Alternative, Coefficient, Enlargement, Finding, Quantity
 from tuner.types.coefficient import apart
 from tuner.types.diagnosis import of_each
@@ -255,7 +255,7 @@ def words(
         for name, said in parameter_words(parameters).items()
         for where, value in _by_axis(of_each(name, parameters[name], by_channel), parameters[name])
     )
-    said = f"{cause} in {', '.join(channels)}: {meaning_text(meaning, {})}"
+    said = f"{cause} in {', '.join(channels)}: {meaning_text(with_sign(meaning, parameters), {})}"
     return f"{said} ({figures})" if figures else said
 
 

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from models import rotation
 from models.arrays import FloatArray
+from models.robust import normal_sd
 from tuner.navigation.data import (
     GATED,
     NON_HOLONOMIC,
@@ -175,7 +176,10 @@ def constraints(
 
 
 def stationary_noise(steps: Steps, alignment: Alignment) -> FloatArray | None:
-    """Return the Allan deviations (6,) of rates and forces over a second at rest; None if it was hardly stationary."""
+    """Return the Allan deviations (6,) of rates and forces over a second at rest; None if it was hardly stationary.
+
+    Each is at most what the median of the differences says: seconds in which the vehicle was touched are no noise.
+    """
     ends = steps.ends()
     begin, end = alignment.t, alignment.t + alignment.still
     edges = np.searchsorted(ends, np.arange(begin, end, WINDOW_DURATION) + 1e-9)
@@ -183,7 +187,9 @@ def stationary_noise(steps: Steps, alignment: Alignment) -> FloatArray | None:
         return None
     total = np.concatenate([np.zeros((1, 6)), np.cumsum(steps.increments, axis=0)])
     mean = np.diff(total[edges], axis=0) / np.diff(ends[edges])[:, None]
-    return np.asarray(np.sqrt(0.5 * np.mean(np.diff(mean, axis=0) ** 2, axis=0)))
+    steps_of_mean = np.diff(mean, axis=0)
+    rms = np.sqrt(np.mean(steps_of_mean**2, axis=0))
+    return np.asarray(np.sqrt(0.5) * np.minimum(rms, normal_sd(steps_of_mean, axis=0)))
 
 
 def constraint_counts(solutions: Sequence[Solution]) -> dict[str, ConstraintCount]:

@@ -19,6 +19,7 @@ from tuner.diagnosis.drive.score_tests import undetermined
 from tuner.diagnosis.drive.search import Accepted, SearchResult
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.navigation.determined import determined_by_halves
+from tuner.report.drive_answer import found_text
 from tuner.report.drive_diagnosis_tables import drive_diagnosis_answer, unnamed_noise
 from tuner.report.static_diagnosis_tables import finding_tables
 from tuner.types import (
@@ -88,6 +89,21 @@ def test_a_factor_at_its_bound_and_an_undetermined_constant_enter_no_setting() -
         "lever_arm.x": 0.5,
         "time_offset.delay": 0.09,
     }
+
+
+@pytest.mark.parametrize(("delay", "said"), [(-0.185, "early"), (0.185, "late")])
+def test_a_delay_that_the_clock_shows_is_stated_with_its_sign(delay: float, said: str) -> None:
+    # Seen: fixes 0.185 s early, "stamps of positions and velocities are late → shift the stamps".
+    nothing: dict[str, Any] = {one.name: () for one in fields(SearchResult)}
+    one = Accepted(Candidate(TestResult("time_offset", 1e-9, 50.0, 100.0, "score")), {})
+    found = {**nothing, "accepted": (one,), "shifts": ("time_offset",)}
+    unclear = SearchResult(**{**found, "undetermined": (Parameter("time_offset", "delay"),)})
+    shown = unclear.as_measured(
+        {"time_offset": {"delay": Coefficient.known(delay, delay - 0.015, delay + 0.015, "s")}}
+    )
+    named = finding(shown.accepted[0], cast(Drive, None), None, shown.doubted(shown.accepted[0]))
+    assert found_text(named) == f"Stamps of positions and velocities are {said}, by 0.185 ± 0.015 s"
+    assert f"velocities are {said} (delay {delay} ± 0.015 s)" in named.text
 
 
 FACTORS = {

@@ -27,7 +27,7 @@ class TimeOffset(ConstantCause):
     cause = "time_offset"
     effect = gnss.TimeOffset
     channels = ("gnss",)
-    meaning = "stamps of positions and velocities are late, by {delay}"
+    meaning = "stamps of positions and velocities are {late|early}, by {delay}"
     consequence = "shift the stamps of the recording, or give the filter a state for the delay, not both"
     units = dict.fromkeys(("delay",), "s")
     prior_sd, largest = 0.1, 3.0
@@ -44,7 +44,7 @@ class ClockDrift(ConstantCause):
     cause = "clock_drift"
     effect = gnss.ClockDrift
     channels = ("gnss",)
-    meaning = "the clock of the fixes runs at another rate, their delay grows by {rate} s a second"
+    meaning = "the clock of the fixes runs at another rate, their delay {grows|shrinks} by {rate} s a second"
     consequence = "stretch the stamps, or take both from one clock"
     units = dict.fromkeys(("rate",), "1")
     prior_sd, largest = 1e-4, 0.01
@@ -62,7 +62,8 @@ class VelocityLag(ConstantCause):
     effect = gnss_velocity.VelocityLag
     channels = ("gnss",)
     meaning = (
-        "velocities are later than the positions beside them, by {delay}, as behind a filter of the receiver"
+        "velocities are {later|earlier} than the positions beside them, by {delay}, "
+        "as behind a filter of the receiver"
     )
     consequence = "use each velocity at its own time"
     units = dict.fromkeys(("delay",), "s")
@@ -114,7 +115,7 @@ class VelocityScale(ConstantCause):
     cause = "velocity_scale"
     effect = gnss_velocity.VelocityScale
     channels = ("gnss",)
-    meaning = "velocities are not to scale, too large (negative: too small) by {factor} of them"
+    meaning = "velocities are not to scale, too {large|small} by {factor} of them"
     consequence = "scale the velocities"
     units = dict.fromkeys(("factor",), "1")
     prior_sd, largest = 0.02, 0.2
