@@ -20,6 +20,7 @@ from tuner.consistency.scores import (
     OUTAGE_LENGTHS,
     SETTLING_TIME,
     innovation_scores,
+    outage_epochs,
     outage_score,
     score,
     whiteness,
@@ -245,12 +246,7 @@ def _outage(runs: Sequence[OutputErrors], horizon: float) -> Outage | None:
     errors: list[FloatArray] = []
     covariances: list[FloatArray] = []
     for run in runs:
-        step = float(np.median(np.diff(run.t)))
-        goals = [b + horizon for b, e in run.estimate.outages if e - b >= horizon - 1e-9]
-        nearest = [int(np.argmin(np.abs(run.t - goal))) for goal in goals]
-        epochs = np.array(
-            [k for k, goal in zip(nearest, goals, strict=True) if abs(run.t[k] - goal) < step], dtype=int
-        )
+        epochs = outage_epochs(run.t, run.estimate.outages, horizon)
         epochs = epochs[known_epochs(run, 0)[epochs]]
         if not len(epochs):
             continue

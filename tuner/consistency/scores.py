@@ -306,9 +306,9 @@ def outage_epochs(t: FloatArray, outages: FloatArray, horizon: float) -> NDArray
     step = float(np.median(np.diff(t)))
     found = []
     for begin, end in outages:
-        inside = np.flatnonzero((t > begin) & (t <= end))
+        inside = np.flatnonzero((t > begin) & (t <= end + 1e-9))
         off = np.abs(t[inside] - begin - horizon)
-        if end - begin >= horizon and len(inside) and off.min() < step:
+        if end - begin >= horizon - 1e-9 and len(inside) and off.min() < step:
             found.append(inside[off.argmin()])
     return np.array(found, dtype=np.intp)
 

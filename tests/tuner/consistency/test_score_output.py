@@ -252,3 +252,18 @@ def test_covariances_that_are_not_symmetric_are_refused():
     rounded = np.array([[1.0, 0.2], [0.2, 1.0]], dtype=np.float32) * np.float32(1.0 / 3.0)
     rounded[0, 1] = np.nextafter(rounded[0, 1], np.float32(1.0))
     assert tuner.score(e, rounded).nees is not None
+
+
+def test_the_row_behind_an_outage_is_not_its_end():
+    """Stamps a billionth of a second late: the first row with a fix again was the position after 30 s without."""
+    t = 1.000000001 * np.arange(200.0)
+    inside = (t > 100.0) & (t <= 130.0)
+    errors = np.where(inside, 50.0, 0.1)[:, None] * np.ones(3)
+    cov = np.tile(np.eye(15), (200, 1, 1))
+    found = score_outputs(
+        [filter_output("run", t, local=errors, covariance=cov)],
+        [filter_output("truth", t, local=np.zeros((200, 3)))],
+        outages=[[100.0, 130.0]],
+    )
+    (longest,) = (one for one in found.consistency.outages if one.seconds == 30.0)
+    assert longest.rms > 40.0
