@@ -41,7 +41,6 @@ from tuner.types.diagnosis import START
 from tuner.types.honesty import claims, is_off, need_text, off_reasons, shows_dishonesty
 from tuner.types.judgement import Judgement, Reason, Use, judged
 from tuner.types.prediction import BlockSource, PredictedBlock
-from tuner.types.verdict import VerdictCode
 
 if TYPE_CHECKING:
     from tuner.diagnosis.drive.held_out_choice import HeldOutChoice
@@ -87,7 +86,7 @@ def judge_settings(known: Settings) -> Judgement:
         *(Reason(Use.DO_NOT_USE, why) for why in lacking_slow_bias(known.config).values()),
         *(Reason(Use.DO_NOT_USE, f"too short for {why}") for why in _too_short_for(known.identification)),
         *_of_drive(known),
-        *_of_simulation(known),
+        *_of_simulation(known.check, of_less=known.config.gnss is None or _measured(known)),
         *_of_predictions(known.predictions),
         *_of_compensation(known.predictions),
         *_of_reading(known.identification),
@@ -293,20 +292,14 @@ def _measured(known: Settings) -> bool:
     return known.measured is not None and known.measured.honesty.use not in (Use.DO_NOT_USE, Use.TOO_SHORT)
 
 
-def _of_simulation(known: Settings) -> Iterator[Reason]:
+def _of_simulation(check: Check | None, *, of_less: bool) -> Iterator[Reason]:
     """Yield what simulated drives say against settings.
 
-    Where a recorded drive says more, or their receiver is assumed, they speak against use on such drives only; but
-    settings with which most drives of an assumed receiver diverge serve no filter.
+    Where their receiver is assumed, or a recorded drive says more, they speak `of_less`: against use on such drives.
     """
-    if known.check is None:
-        return
-    found = known.check.consistency
-    lost = [one.numbers for one in found.verdicts if one.code is VerdictCode.RUNS_DIVERGED]
-    most = any(float(np.divide(one["diverged_runs"], one["runs"])) > 0.5 for one in lost)
-    of_less = _measured(known) or (known.config.gnss is None and not most)
-    for one in _of_scores(found, "in simulation"):
-        yield Reason(Use.USABLE_EXCEPT, f"drives with GNSS: {one.text}") if of_less else one
+    if check is not None:
+        for one in _of_scores(check.consistency, "in simulation"):
+            yield Reason(Use.USABLE_EXCEPT, f"drives with GNSS: {one.text}") if of_less else one
 
 
 def _of_scores(found: Consistency, where: str) -> Iterator[Reason]:

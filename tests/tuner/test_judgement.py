@@ -269,12 +269,6 @@ def test_beyond_twice_their_prediction_settings_are_not_used(known, ratio, use):
     assert judge_settings(lost).text == f"do not use: {said}"
     driven = replace(lost, measured=scores(scored("position", 1.0), scored("velocity", 1.0)))
     assert judge_settings(driven).text == f"usable except: drives with GNSS: {said}"
-    # A robot in motion was a log at rest: all 25 runs diverged, and its files were written.
-    for runs, use in ((9, Use.USABLE_EXCEPT), (25, Use.DO_NOT_USE)):
-        numbers = {"diverged_runs": runs, "runs": 25}
-        those = Verdict(VerdictCode.RUNS_DIVERGED, Severity.DIVERGED, numbers=numbers)
-        simulated = SimpleNamespace(consistency=replace(scores(), diverged=True, verdicts=(those,)))
-        assert judge_settings(replace(known, check=simulated)).use is use
 
 
 def test_demanded_terms_that_the_curve_contradicts_are_not_used(known):
