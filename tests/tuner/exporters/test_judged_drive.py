@@ -172,7 +172,7 @@ def test_what_cannot_be_judged_or_would_be_written_over_is_refused_in_one_line(
     write_drive(drive_files(read_drive(file), configuration()), tmp_path / "k.yaml")
     k = str(tmp_path / "k.yaml")
     assert run(["export", "mpu9250", "--to", "kf-gins", "--drive", k, "-o", k]) == 2
-    assert "expected another file than -o" in capsys.readouterr().err
+    assert "expected another file to write" in capsys.readouterr().err
     stated = yaml.safe_load((tmp_path / "k.yaml").read_text(encoding="utf-8"))
     stated["initpos"][0] += 1.0
     (tmp_path / "far.yaml").write_text(yaml.safe_dump(stated), encoding="utf-8")

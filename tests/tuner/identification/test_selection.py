@@ -49,7 +49,7 @@ def test_absent_terms_have_limits_and_reasons():
         found = chosen((White(0.3),), 10 + seed, n=10_000)
         for bound in found.bounded:
             assert bound.upper > 0.0
-            assert bound.reason.startswith(("absent", "hidden by a twin", "masked by", "record too short"))
+            assert bound.reason.startswith(("not seen", "hidden by a twin", "masked by", "record too short"))
         names = {*found.fit.terms, *(bound.name for bound in found.bounded)}
         assert names >= set(TERM_PRICE) - {"gauss_markov"}
 

@@ -79,8 +79,6 @@ def command(
             raise click.UsageError("--drive: expected --to kf-gins and -o FILE with it")
         if (rate, step) != (None, None):
             raise click.UsageError("--rate, --step: expected without --drive, which states its own rate")
-        if Path(drive).resolve() == output_file.resolve():
-            raise click.UsageError("--drive: expected another file than -o, which would be written over")
         _write_with_drive(config, drive, lever_arm, output_file, messages)
         text = output_file.read_text("utf-8")
     else:

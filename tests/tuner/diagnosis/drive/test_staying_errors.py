@@ -31,7 +31,9 @@ from tuner.types.progress import silent
 RECEIVER = replace(
     load_gnss("rtk"), position_sd=(1.0, 1.0, 2.0), velocity_sd=(0.05, 0.05, 0.05), correlated=()
 )
-NOTHING_FOUND: Any = SimpleNamespace(search=SimpleNamespace(accepted=()), clock=None)
+NOTHING_FOUND: Any = SimpleNamespace(
+    search=SimpleNamespace(accepted=()), clock=None, diagnosis=SimpleNamespace(noise_scales=())
+)
 SECONDS = 300.0
 
 
