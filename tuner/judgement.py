@@ -377,7 +377,9 @@ def _of_losses(found: Identification) -> Iterator[Reason]:
         if lost > LOST_SHARE:
             kept.setdefault(percent(1.0 - lost), []).append(axis)
     for used, axes in kept.items():
-        text = f"{axes_text(axes)}: only {used} of the samples are used; around them the sensor moved or froze"
+        text = (
+            f"{axes_text(axes)}: only {used} of the samples are used; around them the sensor moved or froze"
+        )
         yield Reason(Use.USABLE_EXCEPT, text)
 
 
