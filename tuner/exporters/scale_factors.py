@@ -9,6 +9,7 @@ from tuner.catalogue.grades import grade_names, load_grade
 from tuner.exporters.triad_values import triad
 from tuner.synthesis.from_drive import nearest_grade
 from tuner.types import FilterConfig
+from tuner.types.borrowed import borrowed
 
 
 def scale_factor(config: FilterConfig, block: str) -> tuple[float, str]:
@@ -32,7 +33,8 @@ def scale_factor(config: FilterConfig, block: str) -> tuple[float, str]:
     source = config.provenance.get("source")
     stated = source.get("scale_factor_sd", {}) if isinstance(source, Mapping) else {}
     if sensor in stated and isinstance(source, Mapping):
-        return stated[sensor], f"of the sheet {source.get('name', '')}"
+        lent = next((grade for axis, grade in borrowed(config).items() if axis.startswith(sensor)), None)
+        return stated[sensor], f"assumed: of {lent}" if lent else f"of the sheet {source.get('name', '')}"
     white = {}
     for kind in ("gyro", "accel"):
         if channels := triad(config, kind):

@@ -40,6 +40,7 @@ from tuner.exporters.fifteen_state import diagonals
 from tuner.synthesis.load_config import load_config
 from tuner.synthesis.projection import STILL_TIME
 from tuner.types import BoundUsed, Compensation, FilterConfig, GnssNoise, Quantity
+from tuner.types.borrowed import with_borrowed
 
 
 @pytest.mark.parametrize("dialect", ["kalibr", "openvins"])
@@ -141,6 +142,13 @@ def test_kf_gins_gets_the_scale_factors_of_the_grade_or_of_the_nearest() -> None
     measured = replace(own, provenance={})
     assert yaml.safe_load(export(measured, "kf-gins"))["initsgstd"] == [500.0] * 3
     assert "assumed: of stim300" in export(measured, "kf-gins")
+    # Of a drive whose biases are lent it said "of the sheet" of the drive, which there is not.
+    axes = [axis for axis in own.channels if axis.startswith("gyro")]
+    source = with_borrowed({**own.provenance["source"], "name": "a drive"}, axes, "stim300")
+    lent = replace(own, provenance={**own.provenance, "source": source})
+    text = export(lent, "kf-gins")
+    assert "assumed: of stim300" in text
+    assert "of the sheet a drive" in text  # of the accelerometers, which are its own
 
 
 def test_a_sheet_is_stated_and_its_scale_factor_kept(tmp_path: Path) -> None:
