@@ -19,8 +19,10 @@ from tuner.diagnosis.static.causes.temperature import Temperature
 from tuner.diagnosis.static.causes.warmup import Warmup
 from tuner.diagnosis.static.channel import channel
 from tuner.diagnosis.static.model.fitted_channel import fit_channel
+from tuner.diagnosis.static.outcome import Accepted
 from tuner.diagnosis.static.residual_checks import checks
-from tuner.diagnosis.static.something_else import groups, other_transient_lead
+from tuner.diagnosis.static.search import SearchResult
+from tuner.diagnosis.static.something_else import groups, other_transient_lead, with_unknown
 from tuner.types.records import Record
 
 COUNT = 20_000
@@ -208,3 +210,16 @@ def test_a_converter_without_some_codes_has_no_other_law():
     code = np.round((rng(12).standard_normal(COUNT) + 3.3) / 0.5)
     found = diagnose(record(0.5 * (code + (code % 8 == 0))))
     assert [one.cause for one in found.findings] == ["lattice"]
+
+
+def test_a_cause_that_gains_nothing_is_as_likely_something_else():
+    """A finding without gain, beside a misfit of its part of the samples, divided by zero."""
+    made = replace(
+        record(rng(9).standard_normal(COUNT)), covariates={"temperature": rng(14).standard_normal(COUNT)}
+    )
+    final = fit_channel(channel(made, "gyro_x"), (Temperature(),))
+    (misfit,) = (test for test in checks(final) if test.cause == "course")
+    accepted = Accepted(final.extensions[0], replace(misfit, cause="temperature", gain=0.0))
+    left = replace(misfit, gain=5.0, misfit=5.0)
+    (found,) = with_unknown(SearchResult(final, final, (accepted,), (left,)))
+    assert {one.cause: one.score for one in found.alternatives}["unknown"] == 1.0
