@@ -39,7 +39,7 @@ LEGEND = {
     "<": "<: not seen, 95 % limit",
     TAKEN: f"{TAKEN}: in the settings, ASSUMED",
     LENT: f"{LENT}: of the sensor named above, ASSUMED",
-    ROUGH: f"{ROUGH}: read off the Allan curve, no interval",
+    ROUGH: f"{ROUGH}: by the Allan curve, no interval",
     UNKNOWN: f"{UNKNOWN}: unknown",
 }
 ASSUMED = "ASSUMED"
@@ -224,12 +224,19 @@ def _measured(
 
 
 def _read_off(found: PredictedBlock, unit: str) -> dict[str, str]:
-    """Return the cells of an axis by what stands parallel to a term in its Allan curve."""
+    """Return the cells of an axis by what stands parallel to a term in its Allan curve.
+
+    White noise that is nowhere alone, as beside a coarse quantizer, is that of the sum that was fitted to the curve.
+    """
     curve = found.measured
     seen = read_segments(curve.tau, np.sqrt(curve.variance), curve.dof["white"])
     names = {name.partition(".")[0]: name for name in (WHITE, FLICKER, WALK)}
-    cells = {names[one.term]: one.value for one in seen if one.term in names}
-    return {name: f"{digits(in_customary(value, name, unit))} {ROUGH}" for name, value in cells.items()}
+    cells = {WHITE: found.block.white_density} | {
+        names[one.term]: one.value for one in seen if one.term in names
+    }
+    return {
+        name: f"{digits(in_customary(value, name, unit))} {ROUGH}" for name, value in cells.items() if value
+    }
 
 
 def _label(sensor: str, name: str, unit: str) -> str:
