@@ -33,6 +33,7 @@ from tuner.report.document import document
 from tuner.report.drive_answer import choice_parts, fixes_parts, found_text
 from tuner.report.noise_table import (
     LEGEND,
+    _read_off,
     entries_tables,
     legend,
     measured_table,
@@ -52,6 +53,13 @@ from tuner.types.compensation import Compensation, Parameter
 from tuner.types.consistency import Consistency, Outage, Score
 from tuner.types.identification import TermEstimate
 from tuner.types.inflation import Quantity
+from tuner.types.prediction import (
+    BlockSource,
+    CurveComparison,
+    MeasuredAllan,
+    NoiseBlock,
+    PredictedBlock,
+)
 from tuner.types.records import Gnss
 from tuner.types.verdict import Severity, Verdict, VerdictCode
 
@@ -565,3 +573,15 @@ def test_a_screen_without_room_leaves_out_the_tables_that_are_needed_least():
     assert lines[0].strip() == "table 0"
     assert any("table 1" in line for line in lines)
     assert not any("table 2" in line for line in lines)
+
+
+def test_white_noise_beside_a_fast_state_is_what_the_curve_shows():
+    """A phone's filter: 1 deg/√h and a state of 0.5 s, together 3.2 at 10 s; "read off the curve" was told of the 1."""
+    n, tau = 2.9e-4, np.geomspace(0.1, 1000.0, 41)
+    block = NoiseBlock(n, (GaussMarkov(3.0 * n, 0.5),), 0.0)
+    dof = dict.fromkeys(("white", "bias_instability", "random_walk"), 1000.0 / tau)
+    curve = MeasuredAllan(0.1, 1e4, tau, block.allan_variance(tau, 0.1), dof)
+    found = PredictedBlock(BlockSource.CURVE, block, curve, CurveComparison(tau, np.ones(41)), ())
+    value = float(_read_off(found, "rad/s")["white.density"].split()[0])
+    true = np.sqrt(n**2 + 2.0 * (3.0 * n) ** 2 * 0.5) * np.degrees(1.0) * 60.0
+    assert value == pytest.approx(true, rel=0.1)
