@@ -413,16 +413,7 @@ def _of_enlargements(config: FilterConfig) -> Iterator[Reason]:
 
     Of a setting that several things change, such as vibration and a drive, it is one factor: their product.
     """
-    from tuner.navigation.fix_sd_model import BLOCKS, GNSS_NOISE_SCALE, fix_sd_model  # loads the navigation
-
     settings: dict[tuple[str, str], list[Enlargement | AppliedNoiseScale]] = {}
-    values = config.compensation.of(GNSS_NOISE_SCALE)
-    models = {
-        f"{block}_sd": fix_sd_model(values, block)
-        for block in BLOCKS
-        if any(n.startswith(block) for n in values)
-    }
-    of_fixes = {name: (*one.horizontal, *one.vertical) for name, one in models.items() if one.exponent == 1.0}
     for one in config.inflations:
         if isinstance(one, Enlargement | AppliedNoiseScale):
             owner = one.quantity.owner  # a sensor stands for its axes
@@ -430,7 +421,7 @@ def _of_enlargements(config: FilterConfig) -> Iterator[Reason]:
                 settings.setdefault((axis, one.quantity.field), []).append(one)
     changed: dict[tuple[str, str], list[tuple[str, float]]] = {}
     for (axis, name), parts in settings.items():
-        factors = of_fixes.get(name, ()) if axis == "gnss" else ()
+        factors = _factors_on_fixes(config).get(name, ()) if axis == "gnss" else ()
         if any(map(_far, factors or (one.factor for one in parts))):
             what = f"{name.partition('_')[0]} sds" if axis == "gnss" else SETTING_WORDS.get(name, name)
             why = _causes_text(list(dict.fromkeys(cause for one in parts for cause in one.causes)))
@@ -445,6 +436,19 @@ def _of_enlargements(config: FilterConfig) -> Iterator[Reason]:
     if texts:
         head = "settings not as measured or stated"
         yield Reason(Use.USABLE_EXCEPT, f"{head}: {', '.join(texts)}".replace("of gnss", "of fixes"))
+
+
+def _factors_on_fixes(config: FilterConfig) -> dict[str, tuple[float, ...]]:
+    """Return the factors on the sds that a receiver reports, by setting, where a configuration has them."""
+    from tuner.navigation.fix_sd_model import BLOCKS, GNSS_NOISE_SCALE, fix_sd_model  # loads the navigation
+
+    values = config.compensation.of(GNSS_NOISE_SCALE)
+    models = {
+        f"{block}_sd": fix_sd_model(values, block)
+        for block in BLOCKS
+        if any(name.startswith(block) for name in values)
+    }
+    return {name: (*one.horizontal, *one.vertical) for name, one in models.items() if one.exponent == 1.0}
 
 
 def _causes_text(causes: Sequence[str]) -> str:

@@ -5,6 +5,7 @@ Several outputs are runs of a Monte Carlo. Scores, verdicts and their words are 
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -215,22 +216,22 @@ def _refuse_idle(outputs: Sequence[FilterOutput], windows: FloatArray) -> None:
             raise DataError(
                 f"outage {begin:g},{end:g}: expected times of the estimates, {first:g} to {last:g} s, found none"
             )
-    for j, one in enumerate(outputs):
-        for other in outputs[:j]:
-            if _same(one, other):
-                raise DataError(
-                    f"{one.name}: expected runs that differ, found the numbers of {other.name} again: name it once"
-                )
+    named: dict[bytes, str] = {}
+    for one in outputs:
+        if (digest := _digest(one)) in named:
+            raise DataError(
+                f"{one.name}: expected runs that differ, found the numbers of {named[digest]} again: name it once"
+            )
+        named[digest] = one.name
 
 
-def _same(one: FilterOutput, other: FilterOutput) -> bool:
-    """Return whether two outputs hold the same numbers."""
-    names = ("t", "llh", "local", "vel_n", "quat_nb", "bias", "innovation")
-    pairs = [(getattr(one, name), getattr(other, name)) for name in names]
-    return all(
-        (a is b) or (a is not None and b is not None and np.array_equal(a, b, equal_nan=True))
-        for a, b in pairs
-    )
+def _digest(one: FilterOutput) -> bytes:
+    """Return the SHA-256 of the numbers of an output."""
+    digest = hashlib.sha256()
+    for name in ("t", "llh", "local", "vel_n", "quat_nb", "bias", "innovation"):
+        values = getattr(one, name)
+        digest.update(name.encode() if values is None else values.tobytes())
+    return digest.digest()
 
 
 def _fits(found: Consistency) -> bool:

@@ -122,7 +122,7 @@ def check_units(
         raise Refusal(
             f"{source}: {columns} may be exchanged: each has the noise of the other sensor", exchange(letters)
         )
-    if (text := _exchanged(records, sizes, choices)) and not assume_si:
+    if (text := _exchanged(full, sizes, choices)) and not assume_si:
         raise Refusal(f"{source}: {text}", others)
     if tried and "accel" in full and _at_rest(sizes["accel"], full["accel"]):
         for record in full.values():
@@ -161,13 +161,12 @@ _COUNTS = "{} holds whole numbers, as counts do"
 
 
 def _exchanged(
-    records: Sequence[Record], sizes: Mapping[str, Sizes], choices: Mapping[str, UnitChoice]
+    full: Mapping[str, Record], sizes: Mapping[str, Sizes], choices: Mapping[str, UnitChoice]
 ) -> str:
     """Return what shows that gyroscopes stand where accelerometers should; "" where nothing does.
 
     What is gravity in another unit is no gyroscope.
     """
-    full = {r.name: r for r in records if len(r.axes) == 3}
     if full.keys() != {"gyro", "accel"}:
         return ""
     gyro, accel = sizes["gyro"], sizes["accel"]

@@ -98,7 +98,7 @@ def sizes_of(record: Record) -> Sizes:
     """Return the sizes of a record of one to three axes."""
     stride = max(1, len(record) // CHECKED_SAMPLES)
     y = record.y[::stride]
-    step = record.y[1::stride] - record.y[:-1:stride]
+    step = _differences(record)
     robust = normal_sd(step, axis=0) / math.sqrt(2.0)
     quantized = np.where(robust > 0.0, robust, step.std(axis=0) / math.sqrt(2.0))
     norm = np.sqrt(np.einsum("ij,ij->i", y, y))
@@ -112,10 +112,16 @@ def sizes_of(record: Record) -> Sizes:
     )
 
 
+def _differences(record: Record) -> FloatArray:
+    """Return differences of neighbours, of as many samples as sizes are taken from."""
+    stride = max(1, len(record) // CHECKED_SAMPLES)
+    found: FloatArray = record.y[1::stride] - record.y[:-1:stride]
+    return found
+
+
 def axis_noise(record: Record) -> FloatArray:
     """Return the noise of each axis, from differences of neighbours; no less than that of the step of its samples."""
-    stride = max(1, len(record) // CHECKED_SAMPLES)
-    noise = normal_sd(record.y[1::stride] - record.y[:-1:stride], axis=0) / math.sqrt(2.0)
+    noise = normal_sd(_differences(record), axis=0) / math.sqrt(2.0)
     steps = np.array([step_of(y, 1.0) for y in record.y.T]) / math.sqrt(12.0)
     found: FloatArray = np.hypot(noise, steps)
     return found

@@ -47,7 +47,7 @@ def identification_answer(
         The settings that `tune` would write, and how they predict the log. Of an axis whose terms do not predict its
         Allan curve the numbers are those of the curve.
     """
-    table = measured_table(found, config, predictions)
+    table = measured_table(found, predictions=predictions)
     read = curve_axes(predictions)
     by_terms = replace(
         found, channels={axis: one for axis, one in found.channels.items() if axis not in read}

@@ -60,7 +60,6 @@ def measured_table(
     predictions: Mapping[str, PredictedBlock] = MappingProxyType({}),
     *,
     further: bool = True,
-    entered: bool = False,
 ) -> Table:
     """Return the measured noise, one column an axis.
 
@@ -69,16 +68,14 @@ def measured_table(
     found : Identification
         Noise terms.
     config : FilterConfig, optional
-        Settings made from them.
+        Settings made from them: what they take for a limit is shown beside it.
     predictions : mapping of str to PredictedBlock, optional
         How settings predict the log: of an axis whose terms do not predict its Allan curve, what its slopes show.
     further : bool, optional
         Whether terms beside white noise, bias instability and random walk are shown.
-    entered : bool, optional
-        Whether what is taken for a limit is shown beside it.
     """
     read = {axis: _read_off(predictions[axis], found.channels[axis].unit) for axis in curve_axes(predictions)}
-    bounds = config.inflations if entered and config is not None else ()
+    bounds = () if config is None else config.inflations
     shares = {one.quantity: one.factor for one in bounds if isinstance(one, BoundUsed) and one.factor > 0.0}
     sensors = _sensors(found)
     rows = [

@@ -137,9 +137,7 @@ def noise_tables(result: TuneResult, files: Iterable[str]) -> list[Table]:
     """Return the measured noise, and what to enter where these files are written."""
     entered = entries_tables(result.config, files)
     return [
-        measured_table(
-            result.identification, result.config, result.predictions, further=not entered, entered=True
-        ),
+        measured_table(result.identification, result.config, result.predictions, further=not entered),
         *entered,
     ]
 

@@ -151,7 +151,7 @@ def test_one_axis_lends_its_number_to_no_other():
 
 
 def test_axes_share_an_event_only_where_its_times_and_lengths_agree():
-    """A step of x, 663 s after step and recovery of z, was told as one event at the time of z."""
+    """A step of axis x came 663 s after the events of axis z; both were reported as one event, at the time of z."""
     early, late = finding("step", "gyro_z", time=1000.0), finding("step", "gyro_x", time=1663.0)
     titles = [one.title for one in finding_groups([early, finding("recovery", "gyro_z", time=999.0), late])]
     assert titles == ["step and recovery in gyro z: one event at 999 s", "step in gyro x"]

@@ -171,7 +171,7 @@ def test_what_is_taken_for_a_limit_stands_beside_it(result, limited):
         for axis, one in result.identification.channels.items()
     }
     found = replace(result.identification, channels=channels)
-    table = measured_table(found, config, entered=True)
+    table = measured_table(found, config)
     cells = [str(next(iter(column.cells))) for column in table.columns[1:]]
     limit, taken = (in_customary(value, "random_walk.density", "rad/s") for value in (1e-6, 0.5e-6))
     shown = {axis: f"< {digits(limit)}" + f" → {digits(taken)}" * (axis in limited) for axis in AXES}
@@ -179,7 +179,7 @@ def test_what_is_taken_for_a_limit_stands_beside_it(result, limited):
         cells == [shown[axis] for axis in AXES][: 3 if len(limited) == 1 else 1]
     )  # axes alike share a column
     assert ("→: in the settings, ASSUMED" in legend(table)) == bool(limited)
-    assert "→" not in text_of([measured_table(found, config)])  # `identify` takes nothing
+    assert "→" not in text_of([measured_table(found)])  # `identify` takes nothing
 
 
 def test_of_many_findings_the_five_of_most_effect_stand_on_the_screen(result):
@@ -291,7 +291,7 @@ def test_states_of_a_configuration_stand_with_their_times_and_what_rests_on_a_li
 
 
 def test_signs_are_explained_where_they_stand(result):
-    tables = measured_table(result.identification, result.config, entered=True), *states_tables(result.config)
+    tables = measured_table(result.identification, result.config), *states_tables(result.config)
     cells = [str(cell) for table in tables for column in table.columns[1:] for cell in column.cells]
     for sign, text in LEGEND.items():
         stands = (

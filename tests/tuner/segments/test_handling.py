@@ -50,7 +50,7 @@ def test_knocks_change_no_density() -> None:
     whole, kept = unit(clean), at_rest(unit(hit))
     assert [record.segments for record in kept] == [((0, COUNT),)] * 2
     (note,) = kept[0].notes
-    assert "moved" not in note  # what is used is not told as what moved, too
+    assert "moved" not in note  # samples that are used as rest must not be listed as motion
     assert re.search(
         r"at rest and alike: .*; knocks inside, 5 \(from .* s on for .* and 1 more\), are replaced", note
     )
