@@ -190,7 +190,7 @@ def arma(runs: int, seed: int) -> None:
         for run in range(runs):
             y = simulated_arma(truth[:2], truth[2:], n, rng)
             start = time.process_time()
-            fits = fit_orders(y)
+            fits = fit_orders([y])
             cpu += time.process_time() - start
             right += min(fits, key=lambda order: fits[order].score(np.log(n))) == (2, 2)
             if run < compared:
@@ -203,7 +203,7 @@ def arma(runs: int, seed: int) -> None:
     for n in (2000, 20_000):
         white = 0
         for _ in range(runs):
-            fits = fit_orders(simulated_arma([0.476425], [-0.455909], n, rng))
+            fits = fit_orders([simulated_arma([0.476425], [-0.455909], n, rng)])
             white += min(fits, key=lambda order: fits[order].score(np.log(n))) == (0, 0)
         print(
             f"ARMA(1,1) of the third paper, n = {n}: called white {wilson(white, runs)}; {runs} runs",

@@ -233,14 +233,14 @@ def kernels(*, long: bool) -> list[Row]:
         ),
         (
             "ARMA orders up to (5, 5), 1e6",
-            lambda: fit_orders(y, (5, 5)),
+            lambda: fit_orders([y], (5, 5)),
             "",
             lambda: None,
             "0.1 s",
         ),
         (
             "ARMA orders up to (3, 3), 1e4",
-            lambda: fit_orders(series),
+            lambda: fit_orders([series]),
             "statsmodels",
             lambda: arma_order_select_ic(series, max_ar=3, max_ma=3),
             "0.03 s",

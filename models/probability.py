@@ -125,11 +125,13 @@ def same_mean(groups: FloatArray) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class Normality:
-    """P-values of normality of a sample by Jarque and Bera [1]_ and by D'Agostino [2]_, and its excess kurtosis."""
+    """P-values of normality of a sample by Jarque and Bera [1]_ and by D'Agostino [2]_, excess kurtosis, statistics."""
 
     jarque_bera: float
     dagostino: float
     excess_kurtosis: float
+    jarque_bera_statistic: float
+    dagostino_statistic: float
 
 
 def normality(x: FloatArray) -> Normality:
@@ -142,7 +144,9 @@ def normality(x: FloatArray) -> Normality:
     kurtosis = float(np.vdot(square, square)) / n / variance**2
     jarque_bera = n / 6.0 * (skewness**2 + 0.25 * (kurtosis - 3.0) ** 2)
     dagostino = _skewness_deviate(skewness, n) ** 2 + _kurtosis_deviate(kurtosis, n) ** 2
-    return Normality(chi2_beyond(jarque_bera, 2), chi2_beyond(dagostino, 2), kurtosis - 3.0)
+    return Normality(
+        chi2_beyond(jarque_bera, 2), chi2_beyond(dagostino, 2), kurtosis - 3.0, jarque_bera, dagostino
+    )
 
 
 def _skewness_deviate(skewness: float, n: float) -> float:

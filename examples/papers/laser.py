@@ -61,7 +61,7 @@ def rlg_static(settings: Settings) -> Item:
     for k in settings.steps(len(AXES)):
         axis = AXES[k]
         record = record_of(LASER_NOISE, n, SAMPLING_INTERVAL, rng, axes=(axis,))
-        found = identify_channel(record, axis, arma=None)
+        found = identify_channel(record, axis)
         coefficients["Q"].append(_coefficient(found, "quantization"))
         coefficients["N"].append(_coefficient(found, "white"))
         coefficients["s"].append(scaled(found.sigma_10s, 1.0 / DEG_PER_HOUR, "deg/h"))
@@ -84,7 +84,7 @@ def rlg_static(settings: Settings) -> Item:
     low, high = (float(x[0, 0]) / DEG_PER_HOUR for x in ten.interval())
     literal_10s = Coefficient.known(float(ten.deviation()[0, 0]) / DEG_PER_HOUR, low, high, "deg/h")
     expected = float(np.sqrt(3.0 * Q**2 / 100.0 + N**2 / 10.0))
-    together = identify_channel(_joined(slow, 0.1), AXES[0], arma=None)
+    together = identify_channel(_joined(slow, 0.1), AXES[0])
     reason = (
         f"three records of {n * SAMPLING_INTERVAL / 3600.0:.2g} h identified as one, by one decision: a bound "
         "beside quantization and white noise"
@@ -154,7 +154,7 @@ def rlg_vs_mems(settings: Settings) -> Item:
     laser = record_of(LASER_NOISE, settings.size(18_000_000, 1_200_000), SAMPLING_INTERVAL, rng)
     mems_model = load_grade("mpu9250").noise_model("gyro")
     mems = record_of(mems_model, settings.size(2_880_000, 720_000), 0.01, rng)
-    found = identify_channel(mems, "gyro_x", arma=None)
+    found = identify_channel(mems, "gyro_x")
     of_laser, of_mems = curve(laser, "oadev", noise=LASER_NOISE), curve(mems, "oadev", noise=mems_model)
     common = np.geomspace(0.02, 0.1 * min(laser.span, mems.span), 12).tolist()
     pair = [curve(r, "oadev", tau=common, noise=m) for r, m in ((laser, LASER_NOISE), (mems, mems_model))]

@@ -43,7 +43,7 @@ def lowpass_n(settings: Settings) -> Item:
         for effects in ((), (f"lowpass@gyro_x:cutoff={CUTOFF_FREQUENCY:g}",))
     )
     density = model.white_density()
-    filtered = identify_channel(after, "gyro_x", arma=None)
+    filtered = identify_channel(after, "gyro_x")
     curves = {label: curve(r, "oadev", noise=model) for label, r in (("before", before), ("after", after))}
     peak = _peak(curves["after"])
     claims = (

@@ -212,8 +212,8 @@ def _orders(
     """Return, of every record of n samples of the printed model: called white; (1,1) by BIC; (1,1) by AIC."""
     white, by_bic, by_aic = [], [], []
     for _ in settings.steps(runs):
-        fit = fit_arma(MODEL.sample(n, 0.01, rng), 0.01, "deg/s")
-        aic = {order: score - (np.log(n) - 2.0) * (sum(order) + 1) for order, score in fit.scores.items()}
+        fit = fit_arma([MODEL.sample(n, 0.01, rng)], 0.01, "deg/s")
+        aic = fit.scores_by("aic")
         white.append(fit.white)
         by_bic.append(min(fit.scores, key=lambda order: fit.scores[order]) == (1, 1))
         by_aic.append(min(aic, key=lambda order: aic[order]) == (1, 1))

@@ -44,10 +44,8 @@ def rlg_dynamic(settings: Settings) -> Item:
     extremes = _extremes(of["turning"].deviation()[:, 0])
     motion = find_motion(turning)
     still = cut_to_still([turning], motion)[0]
-    of_still = identify_channel(still, "gyro_x", method="leastsquares", arma=None)
-    of_all = identify_channel(
-        turning, "gyro_x", terms=("quantization", "white"), method="leastsquares", arma=None
-    )
+    of_still = identify_channel(still, "gyro_x", method="leastsquares")
+    of_all = identify_channel(turning, "gyro_x", terms=("quantization", "white"), method="leastsquares")
     found, of_turning = (scaled(_white(c), 1.0 / DEG_PER_HOUR, "(deg/h)√s") for c in (of_still, of_all))
     claims = (
         judge(

@@ -290,7 +290,7 @@ def verbs() -> dict[str, Verb]:
     identifying = {
         "terms": TERMS,
         "method": one_of("likelihood", "leastsquares", "slopes"),
-        "arma": optional(one_of("fast", "exact")),
+        "arma": optional(one_of("bic", "aic")),
         "latitude": LATITUDE,
     }
     return {

@@ -26,6 +26,7 @@ from tuner.types import (
     ChannelIdentification,
     Coefficient,
     Identification,
+    SeriesTest,
     TermEstimate,
 )
 from tuner.types.number_ranges import Positive
@@ -109,6 +110,8 @@ class _ArmaForm:
     white: bool
     scores: tuple[_OrderScore, ...]
     steps: tuple[str, ...]
+    samples: int = 0
+    tests: tuple[SeriesTest, ...] = ()
 
     @classmethod
     def of(cls, fit: ArmaFit, /) -> Self:
@@ -127,6 +130,8 @@ class _ArmaForm:
             white=fit.white,
             scores=tuple(_OrderScore(p, q, score) for (p, q), score in fit.scores.items()),
             steps=fit.steps,
+            samples=fit.samples,
+            tests=fit.tests,
         )
 
     def restored(self) -> ArmaFit:
@@ -141,6 +146,8 @@ class _ArmaForm:
             scores={(one.p, one.q): one.score for one in self.scores},
             white=self.white,
             steps=self.steps,
+            samples=self.samples,
+            tests=self.tests,
         )
 
 

@@ -1,13 +1,12 @@
 """ARMA model of a channel: order, coefficients with intervals, tests of what is left, and the answer "white".
 
 The series is prepared as the MEMS papers do (`tuner.identification.arma_preprocess`); its correlograms
-suggest a class; orders up to (3, 3) are compared by BIC = −2 ln L + k ln n or AIC = −2 ln L + 2k, L the fast
-likelihood of the log-binned periodogram or, `exact`, the innovations likelihood of statsmodels on a shorter
-block.
+suggest a class; orders are compared by BIC = −2 ln L + k ln n or AIC = −2 ln L + 2k, L the likelihood of the
+periodogram of the whole series (`tuner.identification.arma_whittle`).
 
 A record of white noise often "chooses" an ARMA(1,1) whose roots nearly cancel, with coefficients that
 mean nothing (their standard error is 33/√n for the model of the third paper). The model is called white
-where BIC prefers order (0, 0), or where a likelihood ratio against white noise is not
+where the criterion prefers order (0, 0), or where a likelihood ratio against white noise is not
 significant.
 
 The covariance of the coefficients is that of the Whittle likelihood::
@@ -23,35 +22,28 @@ References
 from __future__ import annotations
 
 import math
-import warnings
-from collections.abc import Mapping
+from collections.abc import Iterator, Sequence
 from typing import Literal
 
 import numba
 import numpy as np
-from scipy.linalg import solve_toeplitz
 
-from models.arrays import FloatArray
+from models.arrays import ComplexArray, FloatArray
 from models.probability import chi2_beyond, normal_reach, normality
-from tuner.curves import acf
-from tuner.identification.arma_preprocess import prepare
+from tuner.curves import acf, pacf
+from tuner.identification.arma_preprocess import prepare, stationarity_tests
 from tuner.identification.arma_whittle import WhittleArma, fit_orders
-from tuner.types import LEVEL, ArmaFit, Coefficient
+from tuner.types import LEVEL, ArmaFit, Coefficient, SeriesTest
+from tuner.types.identification import price_of
 from tuner.types.records import Record
 
 Order = tuple[int, int]
-Likelihood = Literal["fast", "exact"]
+Criterion = Literal["bic", "aic"]
 
 MAX_ORDER = 3
-"""Highest order on either side."""
-
+"""Highest order on either side that is compared by default."""
 MIN_SAMPLES = 100
-"""Samples below which no model is tried."""
-
-WHITTLE_SAMPLES = 1 << 20
-EXACT_SAMPLES = 20_000
-"""Samples that the exact likelihood looks at; its cost grows with them and with the order."""
-
+"""Samples of a stretch without gaps below which no model is tried."""
 SIGNIFICANCE_LEVEL = 0.01
 """Size of the tests that separate an ARMA model from white noise."""
 
@@ -122,25 +114,27 @@ def suggested_class(correlation: FloatArray, partial: FloatArray, n: int) -> str
 
 
 def fit_arma(
-    y: FloatArray,
+    pieces: Sequence[FloatArray],
     interval: float,
     unit: str,
     *,
-    likelihood: Likelihood = "fast",
+    criterion: Criterion = "bic",
+    highest: int = MAX_ORDER,
 ) -> ArmaFit:
     """Prepare a series, choose the order of an ARMA model, estimate it and test what it leaves.
 
     Parameters
     ----------
-    y : ndarray, shape (n,)
-        Samples without gaps, at least 100.
+    pieces : sequence of ndarray, shape (n_i,)
+        Samples, each stretch without gaps; those shorter than `MIN_SAMPLES` are left out.
     interval : float
         Sampling interval, s.
     unit : str
         Unit of the samples.
-    likelihood : str
-        ``fast``: the log-binned periodogram of up to a million samples; ``exact``: the innovations likelihood
-        of the first 20 000.
+    criterion : str
+        By which the order is chosen, ``bic`` or ``aic``.
+    highest : int
+        Highest p and q, up to 5.
 
     Returns
     -------
@@ -150,84 +144,56 @@ def fit_arma(
     Raises
     ------
     ValueError
-        With fewer than `MIN_SAMPLES` samples.
+        Where every stretch is shorter than `MIN_SAMPLES`.
     """
-    if len(y) < MIN_SAMPLES:
-        raise ValueError(f"an ARMA model needs at least {MIN_SAMPLES} samples, got {len(y)}")
-    looked_at = y[: WHITTLE_SAMPLES if likelihood == "fast" else EXACT_SAMPLES]
-    prepared = prepare(looked_at)
-    n = len(looked_at)
-    lags = min(_TESTED_LAGS, n // 4)
-    correlation, partial = _correlograms(prepared.y, lags)
-    fits = _all_orders(prepared.y, likelihood)
-    penalty = float(np.log(n))
-    scores = {order: found.score(penalty) for order, found in fits.items()}
+    long = [piece for piece in pieces if len(piece) >= MIN_SAMPLES]
+    if not long:
+        most = max(map(len, pieces), default=0)
+        raise ValueError(f"an ARMA model needs a stretch of {MIN_SAMPLES} samples or more, got {most}")
+    prepared = [prepare(piece) for piece in long]
+    n, longest = sum(map(len, long)), max(prepared, key=lambda one: len(one.y))
+    fits = fit_orders([one.y for one in prepared], (highest, highest))
+    price = price_of(criterion, n)
+    scores = {order: found.score(price) for order, found in fits.items()}
     best = min(scores, key=lambda order: scores[order])
-    p_white = chi2_beyond(fits[0, 0].deviance - fits[best].deviance, max(sum(best), 1))
+    ratio = fits[0, 0].deviance - fits[best].deviance
+    p_white = chi2_beyond(ratio, max(sum(best), 1))
     white = best == (0, 0) or p_white > SIGNIFICANCE_LEVEL
     chosen = fits[0, 0] if white else fits[best]
-    source = {
-        "fast": "likelihood of the log-binned periodogram",
-        "exact": "innovations likelihood",
-    }[likelihood]
-    what = f"first {n} of {len(y)}" if n < len(y) else f"all {n}"
-    steps = (
-        f"series: {what} samples of the longest gap-free stretch, {interval:.6g} s apart",
-        *prepared.steps,
-        f"correlograms of {lags} lags suggest: {suggested_class(correlation, partial, n)}",
-        f"order by BIC over p, q ≤ {MAX_ORDER}, {source}: ARMA{best}",
-        _whiteness(best, p_white, scores, white),
-        *_residual_report(prepared.y, chosen),
+    lags = min(_TESTED_LAGS, len(longest.y) // 4)
+    suggested = suggested_class(*_correlograms(longest.y, lags), len(longest.y))
+    parts = "" if len(long) == 1 else f" in {len(long)} stretches; the next steps are those of the longest"
+    whiteness = SeriesTest(
+        f"ARMA({best[0]},{best[1]}) against white noise, likelihood ratio",
+        ratio,
+        p_white,
+        "white noise",
+        "not distinguishable from white" if white else "not white",
     )
     return ArmaFit(
         *_coefficients(chosen, n),
         chosen.variance,
         interval,
         unit,
-        "bic",
+        criterion,
         scores,
         white,
-        steps,
+        (
+            f"series: {n} samples, {interval:.6g} s apart{parts}",
+            *longest.steps,
+            f"correlograms of {lags} lags suggest: {suggested}",
+            f"order by {criterion.upper()} over p, q ≤ {highest}, likelihood of the periodogram: ({best[0]},{best[1]})",
+        ),
+        n,
+        (*stationarity_tests(longest.y), whiteness, *_residual_tests(longest.y, chosen)),
     )
-
-
-def _all_orders(y: FloatArray, likelihood: Likelihood) -> dict[Order, WhittleArma]:
-    """Fit every order up to `MAX_ORDER` on either side."""
-    if likelihood == "fast":
-        return fit_orders(y, (MAX_ORDER, MAX_ORDER))
-    orders = range(MAX_ORDER + 1)
-    found = {(p, q): _exact(y, (p, q)) for p in orders for q in orders}
-    return {order: fit for order, fit in found.items() if fit is not None}
-
-
-def _exact(y: FloatArray, order: Order) -> WhittleArma | None:
-    """Maximise the innovations likelihood of the normalised series; None where that leaves the stationary models."""
-    from statsmodels.tools.sm_exceptions import ConvergenceWarning
-    from statsmodels.tsa.arima.estimators.innovations import innovations_mle
-    from statsmodels.tsa.innovations.arma_innovations import arma_loglike
-
-    scale = float(np.std(y))
-    x = y / scale
-    if order == (0, 0):
-        ar, ma, variance = np.zeros(0), np.zeros(0), float(np.mean(x**2))
-    else:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", ConvergenceWarning)
-            try:
-                found, _ = innovations_mle(x, order=(order[0], 0, order[1]), demean=False)
-            except ValueError:
-                return None
-        ar, ma, variance = found.ar_params, found.ma_params, float(found.sigma2)
-    deviance = -2.0 * float(arma_loglike(x, ar, ma, variance))
-    return WhittleArma(tuple(map(float, ar)), tuple(map(float, ma)), variance * scale**2, deviance)
 
 
 def _correlograms(y: FloatArray, lags: int) -> tuple[FloatArray, FloatArray]:
     """Return autocorrelation and partial autocorrelation at lags 1 …, both of shape (lags,)."""
     record = Record("series", np.arange(len(y), dtype=np.float64), y, ("x",), "1", 1.0)
-    correlation = acf(record, lag=np.arange(lags + 1.0).tolist()).value[:, 0]
-    partial = [solve_toeplitz(correlation[:k], correlation[1 : k + 1])[-1] for k in range(1, lags + 1)]
-    return correlation[1:], np.array(partial)
+    places = np.arange(lags + 1.0).tolist()
+    return acf(record, lag=places).value[1:, 0], pacf(record, lag=places).value[1:, 0]
 
 
 def _coefficients(fit: WhittleArma, n: int) -> tuple[tuple[Coefficient, ...], tuple[Coefficient, ...]]:
@@ -240,18 +206,48 @@ def _coefficients(fit: WhittleArma, n: int) -> tuple[tuple[Coefficient, ...], tu
     return tuple(every[: len(fit.ar)]), tuple(every[len(fit.ar) :])
 
 
-def _whiteness(best: Order, p_white: float, scores: Mapping[Order, float], white: bool) -> str:
-    """Whether the model is distinguishable from white noise."""
-    if best == (0, 0):
-        runner = min((score, order) for order, score in scores.items() if order != (0, 0))
-        gap = runner[0] - scores[0, 0]
-        return f"not distinguishable from white: the next best, ARMA{runner[1]}, scores {gap:.3g} worse"
-    figures = f"likelihood ratio against white noise p = {p_white:.2g}"
-    return f"not distinguishable from white: {figures}" if white else f"not white: {figures}"
+def innovation_sd(fit: ArmaFit) -> Coefficient:
+    """Return the standard deviation of the innovations with its interval; the variance has the relative sd √(2/n)."""
+    sd = math.sqrt(fit.variance)
+    reach = normal_reach(LEVEL) / math.sqrt(2.0 * max(fit.samples, 1))
+    return Coefficient.known(sd, sd * math.exp(-reach), sd * math.exp(reach), fit.unit)
 
 
-def _residual_report(y: FloatArray, fit: WhittleArma) -> tuple[str, ...]:
-    """Test the one-step residuals for correlation and normality, in words.
+def roots(fit: ArmaFit) -> tuple[ComplexArray, ComplexArray]:
+    """Return the poles, shape (p,), and the zeros, shape (q,), of a model: roots of z^p A(1/z) and z^q B(1/z)."""
+    ar, ma = ([c.value or 0.0 for c in part] for part in (fit.ar, fit.ma))
+    return np.roots([1.0, *(-a for a in ar)]).astype(complex), np.roots([1.0, *ma]).astype(complex)
+
+
+def cancelling(fit: ArmaFit) -> tuple[tuple[complex, complex], ...]:
+    """Return the pairs of a pole and a zero that differ by no more than the 95 % error of their difference.
+
+    A root r of 1 − Σ c_i r^−i moves by r^−i/Σ j c_j r^(−j−1) for each c_i.
+    """
+    poles, zeros = roots(fit)
+    ar, ma = (tuple(c.value or 0.0 for c in part) for part in (fit.ar, fit.ma))
+    if not ar or not ma:
+        return ()
+    covariance = coefficient_covariance(ar, ma, fit.samples)
+    by_ar, by_ma = _moved(poles, np.array(ar)), -_moved(zeros, -np.array(ma))
+    pairs = []
+    for i, j in np.ndindex(len(poles), len(zeros)):
+        by = np.concatenate((by_ar[i], -by_ma[j]))
+        sd = math.sqrt(max(float((by @ covariance @ by.conj()).real), 0.0))
+        if abs(poles[i] - zeros[j]) < normal_reach(LEVEL) * sd:
+            pairs.append((complex(poles[i]), complex(zeros[j])))
+    return tuple(pairs)
+
+
+def _moved(of: ComplexArray, c: FloatArray) -> ComplexArray:
+    """Return how roots of 1 − Σ c_i r^−i move by each coefficient, shape (k, k)."""
+    i = np.arange(1, len(c) + 1)
+    powers = of[:, None] ** -i.astype(float)
+    return np.asarray(powers / ((powers * (i * c)).sum(axis=1) / of)[:, None])
+
+
+def _residual_tests(y: FloatArray, fit: WhittleArma) -> Iterator[SeriesTest]:
+    """Test the one-step residuals for correlation and normality.
 
     They begin where those of the start from rest, which decay as the largest zero to the number of samples, are gone;
     half of the series at most is left out.
@@ -260,16 +256,20 @@ def _residual_report(y: FloatArray, fit: WhittleArma) -> tuple[str, ...]:
     begun = math.ceil(math.log(START_LEFT) / math.log(slowest)) if 0.0 < slowest < 1.0 else 0
     residual = (y - one_step(y, fit.ar, fit.ma))[min(begun, len(y) // 2) :]
     if not np.ptp(residual) > 0.0:
-        return ("residuals: none",)
+        return
     n, lags = len(residual), min(_TESTED_LAGS, len(residual) // 4)
     correlation, _ = _correlograms(residual, lags)
     statistic = float(n * (n + 2.0) * np.sum(correlation**2 / (n - np.arange(1, lags + 1))))
     p_value = chi2_beyond(statistic, max(lags - len(fit.ar) - len(fit.ma), 1))
-    shape = normality(residual)
-    normal = min(shape.jarque_bera, shape.dagostino) >= SIGNIFICANCE_LEVEL
-    return (
-        f"residuals: Ljung–Box of {lags} lags {statistic:.3g}, p = {p_value:.2g}: "
-        + ("no correlation left" if p_value >= SIGNIFICANCE_LEVEL else "correlation is left"),
-        f"residuals: Jarque–Bera p = {shape.jarque_bera:.2g}, D'Agostino p = {shape.dagostino:.2g}, "
-        f"excess kurtosis {shape.excess_kurtosis:.2g}: {'normal' if normal else 'not normal'}",
+    left = "correlation is left" if p_value < SIGNIFICANCE_LEVEL else "no correlation left"
+    yield SeriesTest(
+        f"Ljung–Box of {lags} lags of the residuals, Q", statistic, p_value, "no correlation", left
     )
+    shape = normality(residual)
+    for name, value, chance in (
+        ("Jarque–Bera", shape.jarque_bera_statistic, shape.jarque_bera),
+        ("D'Agostino", shape.dagostino_statistic, shape.dagostino),
+    ):
+        normal = "normal" if chance >= SIGNIFICANCE_LEVEL else "not normal"
+        found = f"{normal}, excess kurtosis {shape.excess_kurtosis:.2g}"
+        yield SeriesTest(f"{name} of the residuals, χ²₂", value, chance, "normal", found)

@@ -29,7 +29,8 @@ from numpy.typing import NDArray
 from models.arrays import FloatArray
 from models.probability import normal_beyond, same_mean
 from models.robust import normal_sd
-from tuner.identification.unit_root import dickey_fuller, steady_level
+from tuner.identification.unit_root import LEVEL_CHANCES, dickey_fuller, steady_level
+from tuner.types import SeriesTest
 
 ROBUST_SIGMAS = 4.5
 PAPER_SIGMAS = 3.0
@@ -41,6 +42,10 @@ _BLOCKS_A_GROUP = 20
 _MEDIAN_BLOCK = 101
 """Samples a block of the local median."""
 
+TEST_SIZE, STRICT_SIZE = 0.05, 0.01
+"""Sizes of the tests: the usual one, and that of the variance, which noise of any law must pass."""
+TABULATED = LEVEL_CHANCES[-1], LEVEL_CHANCES[0]
+"""Chances between which those of a steady level are tabulated."""
 _UNIT_ROOT_POINTS = 2000
 """Block means that the unit-root tests look at: they are about slow behaviour, and their cost grows."""
 
@@ -61,16 +66,8 @@ class Prepared:
     steps: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class StationarityTest:
-    """A test statistic with the probability of one as extreme where its null hypothesis holds."""
-
-    statistic: float
-    p_value: float
-
-
 def prepare(y: FloatArray) -> Prepared:
-    """Remove outliers, mean and trend, and test what is left.
+    """Remove outliers, mean and trend.
 
     Parameters
     ----------
@@ -94,7 +91,6 @@ def prepare(y: FloatArray) -> Prepared:
         f"mean: {mean:.4g} removed",
         f"trend: {slope * len(y):+.3g} over the record removed; standard deviation {_change(before, after)}; "
         "that takes 17 % of a random walk's Allan variance at a tenth of the record: K is never read here",
-        *stationarity_report(detrended),
     ]
     return Prepared(detrended, tuple(steps))
 
@@ -131,7 +127,7 @@ def remove_trend(y: FloatArray) -> tuple[float, FloatArray]:
     return slope, y - slope * time
 
 
-def reverse_arrangements(y: FloatArray) -> StationarityTest:
+def reverse_arrangements(y: FloatArray) -> SeriesTest:
     """Test for a monotone trend by the order of group means.
 
     Parameters
@@ -141,7 +137,7 @@ def reverse_arrangements(y: FloatArray) -> StationarityTest:
 
     Returns
     -------
-    StationarityTest
+    SeriesTest
         Z with the continuity correction, and its two-sided probability.
     """
     groups = TREND_TEST_GROUPS
@@ -150,10 +146,12 @@ def reverse_arrangements(y: FloatArray) -> StationarityTest:
     excess = count - groups * (groups - 1) / 4.0
     variance = groups * (2.0 * groups**2 + 3.0 * groups - 5.0) / 72.0
     z = float(np.sign(excess) * max(abs(excess) - 0.5, 0.0) / np.sqrt(variance))
-    return StationarityTest(z, 2.0 * normal_beyond(abs(z)))
+    p_value = 2.0 * normal_beyond(abs(z))
+    found = "a trend is left" if p_value < TEST_SIZE else "none seen; a line taken out before leaves none"
+    return SeriesTest(f"reverse arrangements of {groups} groups, Z", z, p_value, "no monotone trend", found)
 
 
-def variance_change(y: FloatArray) -> StationarityTest:
+def variance_change(y: FloatArray) -> SeriesTest:
     """Test whether the variance of first differences is the same in all groups.
 
     The logarithms of the block variances inside a group are the sample whose means are compared (F
@@ -162,52 +160,35 @@ def variance_change(y: FloatArray) -> StationarityTest:
     differences = np.diff(y)
     cut = _groups(differences, TREND_TEST_GROUPS * _BLOCKS_A_GROUP)
     logs = np.log(np.mean(cut**2, axis=1) + 1e-300).reshape(TREND_TEST_GROUPS, -1)
-    if np.ptp(logs) == 0.0:
-        return StationarityTest(0.0, 1.0)
-    return StationarityTest(*same_mean(logs))
+    statistic, p_value = same_mean(logs) if np.ptp(logs) > 0.0 else (0.0, 1.0)
+    found = "it changes" if p_value < STRICT_SIZE else "no change seen"
+    return SeriesTest(
+        f"variance of differences in {TREND_TEST_GROUPS} groups, F",
+        statistic,
+        p_value,
+        "it is constant",
+        found,
+    )
 
 
-def unit_root(y: FloatArray) -> tuple[StationarityTest, StationarityTest]:
+def unit_root(y: FloatArray) -> tuple[SeriesTest, SeriesTest]:
     """Return the ADF test (null: unit root) and the KPSS test (null: stationary) of up to 2000 block means."""
     size = max(len(y) // _UNIT_ROOT_POINTS, 1)
     points = _groups(y, len(y) // size).mean(axis=1)
     lags = int(12.0 * (len(points) / 100.0) ** 0.25)
-    return StationarityTest(*dickey_fuller(points, lags)), StationarityTest(*steady_level(points, lags))
+    (t, wanders), (eta, steady) = dickey_fuller(points, lags), steady_level(points, lags)
+    found = "no unit root" if wanders < TEST_SIZE else "a unit root is not excluded"
+    kpss = "its level is steady" if steady > TEST_SIZE else "its level wanders"
+    return (
+        SeriesTest(f"ADF with {lags} lags, t", t, wanders, "a unit root", found),
+        SeriesTest(f"KPSS with {lags} lags, η", eta, steady, "a steady level", kpss, TABULATED),
+    )
 
 
-def stationarity_report(y: FloatArray) -> tuple[str, ...]:
-    """Return the tests of stationarity in words."""
-    trend = reverse_arrangements(y)
-    steps = [
-        f"reverse arrangements of {TREND_TEST_GROUPS} groups: Z = {trend.statistic:.2f}, p = {trend.p_value:.2g}: "
-        + (
-            "a monotone trend is left"
-            if trend.p_value < 0.05
-            else "no monotone trend (no news after a detrend)"
-        )
-    ]
-    if np.std(y) > 0.0:
-        adf, kpss = unit_root(y)
-        verdict = {
-            (True, True): "stationary by both",
-            (True, False): "no unit root, yet not stationary: it wanders slowly",
-            (False, True): "the two do not decide",
-            (False, False): "a unit root: it wanders",
-        }[adf.p_value < 0.05, kpss.p_value > 0.05]
-        figures = f"ADF {adf.statistic:.2f} (p = {adf.p_value:.2g}), KPSS {kpss.statistic:.3f}"
-        steps.append(f"{figures} (p {_kpss(kpss.p_value)}): {verdict}")
-    if len(y) > 2000:
-        change = variance_change(y)
-        verdict = "it changes" if change.p_value < 0.01 else "no change seen"
-        figures = f"F = {change.statistic:.2f}, p = {change.p_value:.2g}"
-        steps.append(f"constant variance of differences: {figures}: {verdict}")
-    return tuple(steps)
-
-
-def _kpss(p_value: float) -> str:
-    if p_value <= 0.01:
-        return "< 0.01"
-    return "> 0.1" if p_value >= 0.1 else f"= {p_value:.2g}"
+def stationarity_tests(y: FloatArray) -> tuple[SeriesTest, ...]:
+    """Return the tests of stationarity of a series, shape (n,): those that it is long enough for."""
+    varying = unit_root(y) if np.std(y) > 0.0 else ()
+    return (reverse_arrangements(y), *varying, *([variance_change(y)] if len(y) > 2000 else []))
 
 
 def _groups(y: FloatArray, number: int) -> FloatArray:

@@ -6,26 +6,35 @@ The spectrum of x_k = Σ a_i x_{k-i} + e_k + Σ b_j e_{k-j}, var e = s², unit i
     -2 ln L = Σ_cells c [ln S + P/S]
     ∂ ln S/∂a_i = 2 Re z^i/A,    ∂ ln S/∂b_j = 2 Re z^j/B
 
-c coefficients of mean square P in a cell. Orders are fitted from the smallest up; each starts from its
-smaller neighbours, with a zero coefficient or with a pole and a zero that nearly cancel, so that the weak
-slow process of an inertial sensor (φ = 0.999 under white noise) is found. The spectrum does not see whether a
-root lies inside or outside the unit circle: roots are reflected to make the model causal and invertible.
+c coefficients of mean square P in a cell. The free numbers are ln s² and u, of which tanh u are the partial
+autocorrelations of A, and of B as if it were one [3]_: every model is causal and invertible, and a root that nears the
+unit circle, as of a slow bias, moves its u by as much for each decade.
 
-The estimates are those of maximum likelihood to O(1/n), at a cost that does not grow with n after the
-transform.
+An order starts from its smaller neighbours, with a zero coefficient or with a pole and a zero that nearly cancel, so
+that the weak slow process of an inertial sensor (φ = 0.999 under white noise) is found, and from its larger ones with
+coefficients left out. Sweeps over all orders, up and down, end when none gains: then no model is less likely than a
+smaller one, or than a larger one without a coefficient.
+
+P is that of the series behind a pilot autoregression, over the power of its filter: so nothing leaks from the ends of
+the record to where there is little power. The estimates are those of maximum likelihood to O(1/n), at a cost that does
+not grow with n after the transform.
 
 References
 ----------
 .. [1] P. Whittle, Estimation and information in stationary time series, Ark. Mat. 2 (1953).
 .. [2] P. J. Brockwell, R. A. Davis, Time Series: Theory and Methods, 2nd ed., ch. 4.4 and 10.8.
+.. [3] J. F. Monahan, A note on enforcing stationarity in autoregressive-moving average models, Biometrika 71 (1984).
+.. [4] D. B. Percival, A. T. Walden, Spectral Analysis for Physical Applications, 1993, ch. 6.5: prewhitening.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
+import numba
 import numpy as np
+from scipy.linalg import solve_toeplitz
 
 from models.arrays import ComplexArray, FloatArray
 from tuner.identification.fisher_scoring import minimise
@@ -35,11 +44,20 @@ Order = tuple[int, int]
 
 MAX_CELLS = 512
 """Cells of even width: none is wider than this part of the band, so that a sharp peak is not smeared."""
-
+MAX_FREE_NUMBER = 8.0
+"""Largest |u|: a partial correlation of 1 − 2e-7, a root whose memory is longer than most records."""
+MAX_SWEEPS = 12
+"""Sweeps over all orders, up and down in turn; chosen above what series need."""
+LEAST_GAIN = 1e-2
+"""Gain of −2 ln L for which a model is replaced: the price of a coefficient is some thousand times as much."""
 _TRIAL_POLES = (0.999, 0.99, 0.9, 0.5, -0.5, -0.9)
 """Poles at which the search begins: slow and fast, of both signs."""
-_REFINED_STARTS = 2
-"""Best starts that are refined: the likelihood may have several maxima."""
+MOST_REFINED = 2
+"""Starts from smaller orders that are refined: the likelihood may have several maxima."""
+PILOT_LAGS = 20
+"""Order of the autoregression by which a series is whitened before its periodogram is taken."""
+LEAST_STEP_GAIN = 1e-3
+"""Gain of a step of −2 ln L below which a search ends."""
 
 
 @dataclass(frozen=True)
@@ -56,13 +74,17 @@ class WhittleArma:
         return self.deviance + penalty * (len(self.ar) + len(self.ma) + 1)
 
 
-def fit_orders(y: FloatArray, highest: Order = (3, 3)) -> dict[Order, WhittleArma]:
+Part = tuple[FloatArray, FloatArray]
+"""Free numbers u of poles (p,) and of zeros (q,)."""
+
+
+def fit_orders(pieces: Sequence[FloatArray], highest: Order = (3, 3)) -> dict[Order, WhittleArma]:
     """Fit every ARMA(p, q) up to the highest orders.
 
     Parameters
     ----------
-    y : ndarray, shape (n,)
-        Evenly spaced samples; the mean is taken out.
+    pieces : sequence of ndarray, shape (n_i,)
+        Evenly spaced samples of one series, each without a gap; the mean of each is taken out.
     highest : (int, int)
         Highest p and q, up to 5 each.
 
@@ -76,97 +98,183 @@ def fit_orders(y: FloatArray, highest: Order = (3, 3)) -> dict[Order, WhittleArm
     ValueError
         If the series is too short or constant.
     """
-    data = cosine_periodogram([y], 1.0, widest=0.5 / MAX_CELLS)
-    powers = np.exp(-2j * np.pi * np.outer(np.arange(1, max(*highest, 1) + 1), data.frequency))
-    fits: dict[Order, WhittleArma] = {}
-    for p in range(highest[0] + 1):
-        for q in range(highest[1] + 1):
-            likelihood = _Likelihood(data, powers[:p], powers[:q])
-            starts = np.stack(list(_starts(data, fits, (p, q))))
-            first = np.argsort(likelihood.values(starts), kind="stable")[:_REFINED_STARTS]
-            best = min((likelihood.minimise(starts[i]) for i in first), key=lambda found: found[1])
-            fits[p, q] = _causal(*best, p)
-    return fits
+    likelihood = _Likelihood.of(prewhitened(pieces), max(highest))
+    orders = [(p, q) for p in range(highest[0] + 1) for q in range(highest[1] + 1)]
+    found = {(0, 0): likelihood.best([(np.zeros(0), np.zeros(0))], 1)}
+    last = set(orders)
+    for sweep in range(MAX_SWEEPS):
+        up, changed = sweep % 2 == 0, set[Order]()
+        for p, q in orders if up else orders[::-1]:
+            beside = [(p - 1, q), (p, q - 1), (p - 1, q - 1)] if up else [(p + 1, q), (p, q + 1)]
+            near = [found[one] for one in beside if one in found and one in last | changed]
+            starts = [start for model in near for start in (_larger if up else _smaller)(model, (p, q))]
+            if not starts:
+                continue
+            best = likelihood.best(starts, MOST_REFINED if up else len(starts))
+            if (p, q) not in found or best.deviance < found[p, q].deviance - LEAST_GAIN:
+                found[p, q] = best
+                changed.add((p, q))
+        if sweep and not changed:
+            break
+        last = changed
+    return {order: found[order] for order in orders}
+
+
+def prewhitened(pieces: Sequence[FloatArray]) -> CosinePeriodogram:
+    """Return the periodogram of what an autoregression leaves of a series, over the power of its filter.
+
+    Of a series whose spectrum is all but zero somewhere the periodogram holds mostly what leaks from its ends [4]_.
+    """
+    longest = max(pieces, key=len)
+    n, rest = len(longest), longest - longest.mean()
+    g = np.array([rest[: n - k] @ rest[k:] for k in range(PILOT_LAGS + 1)]) / n
+    filtered = np.append(1.0, -solve_toeplitz(g[:-1], g[1:])) if g[0] > 0.0 else np.ones(1)
+    left = [np.convolve(one, filtered, mode="valid") for one in pieces if len(one) >= len(filtered)]
+    data = cosine_periodogram(left, 1.0, widest=0.5 / MAX_CELLS)
+    passed = np.polynomial.polynomial.polyval(np.exp(-2j * np.pi * data.frequency), filtered)
+    return replace(data, amplitude=data.amplitude / np.abs(passed))
 
 
 @dataclass(frozen=True)
 class _Likelihood:
-    """-2 ln L of one order as a function of (ln s², a, b); `poles` and `zeros` are z^i, (p, m) and (q, m)."""
+    """-2 ln L as a function of (ln s², u of poles, u of zeros); `powers` are z^i, shape (most, m)."""
 
     data: CosinePeriodogram
-    poles: ComplexArray
-    zeros: ComplexArray
+    powers: ComplexArray
 
-    def __call__(self, theta: FloatArray) -> tuple[float, FloatArray, FloatArray]:
-        p = len(self.poles)
-        ar = 1.0 - theta[1 : p + 1] @ self.poles
-        ma = 1.0 + theta[p + 1 :] @ self.zeros
-        spectrum = np.exp(theta[0]) * _square(ma) / _square(ar)
-        ratio = self.data.power / spectrum
-        relative = np.empty((len(theta), len(ratio)))
-        relative[0] = 1.0
-        np.multiply(2.0, (self.poles / ar).real, out=relative[1 : p + 1])
-        np.multiply(2.0, (self.zeros / ma).real, out=relative[p + 1 :])
-        weighted = relative * self.data.count
-        return (
-            float(self.data.count @ (np.log(spectrum) + ratio)),
-            weighted @ (1.0 - ratio),
-            weighted @ relative.T,
+    @staticmethod
+    def of(data: CosinePeriodogram, most: int) -> _Likelihood:
+        """Return that of a periodogram, of orders up to `most`."""
+        return _Likelihood(data, np.exp(-2j * np.pi * np.outer(np.arange(1, most + 1), data.frequency)))
+
+    def best(self, starts: Sequence[Part], most: int) -> WhittleArma:
+        """Return the likeliest model next to those of the starts that are likeliest, `most` of them."""
+        first = sorted(starts, key=lambda start: self._begun(*start)[1])[:most]
+        return min((self._refined(*one) for one in first), key=lambda found: found.deviance)
+
+    def _at(self, theta: FloatArray, p: int) -> tuple[float, FloatArray, FloatArray]:
+        """Return -2 ln L at a point, its gradient and its information."""
+        value, gradient, information = _sums(theta, p, self.powers, self.data.power, self.data.count)
+        return value, gradient, information
+
+    def _begun(self, poles: FloatArray, zeros: FloatArray) -> tuple[FloatArray, float]:
+        """Return the point of a start at its best variance, and -2 ln L there."""
+        theta = np.concatenate(([0.0], poles, zeros))
+        value, gradient, _ = self._at(theta, len(poles))
+        count = float(self.data.count.sum())
+        ratio = count - float(gradient[0])  # Σ c P/S
+        theta[0] = np.log(ratio / count)
+        return theta, value - ratio + count * (1.0 + theta[0])
+
+    def _refined(self, poles: FloatArray, zeros: FloatArray) -> WhittleArma:
+        """Return the model of the minimum next to a start."""
+        p, (start, _) = len(poles), self._begun(poles, zeros)
+        wide = np.concatenate(([np.inf], np.full(len(start) - 1, MAX_FREE_NUMBER)))
+        theta, deviance = minimise(
+            lambda at: self._at(at, p), start, lower=-wide, upper=wide, tolerance=LEAST_STEP_GAIN
         )
-
-    def values(self, thetas: FloatArray) -> FloatArray:
-        """Return -2 ln L of several parameters, shape (s, 1 + p + q)."""
-        p = len(self.poles)
-        ar, ma = 1.0 - thetas[:, 1 : p + 1] @ self.poles, 1.0 + thetas[:, p + 1 :] @ self.zeros
-        spectrum = np.exp(thetas[:, :1]) * _square(ma) / _square(ar)
-        return np.asarray((np.log(spectrum) + self.data.power / spectrum) @ self.data.count)
-
-    def minimise(self, start: FloatArray) -> tuple[FloatArray, float]:
-        """Return the minimum next to `start` and its value."""
-        wide = np.full(len(start), np.inf)
-        return minimise(self, start, lower=-wide, upper=wide, tolerance=1e-4)
+        a, b = autoregression(theta[1 : p + 1])[0], autoregression(theta[p + 1 :])[0]
+        return WhittleArma(tuple(a.tolist()), tuple((-b).tolist()), float(np.exp(theta[0])), deviance)
 
 
-def _square(values: ComplexArray) -> FloatArray:
-    """Return |values|²."""
-    return np.asarray(values.real**2 + values.imag**2)
+@numba.njit(cache=True, nogil=True)  # type: ignore[misc, unused-ignore]
+def autoregression(u: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the coefficients of a stationary autoregression with partial correlations tanh u, and their derivatives.
+
+    Parameters
+    ----------
+    u : ndarray, shape (p,)
+        Free numbers.
+
+    Returns
+    -------
+    coefficients : ndarray, shape (p,)
+    derivatives : ndarray, shape (p, p)
+        Of each coefficient by each u.
+    """
+    a, by = np.zeros(u.size), np.zeros((u.size, u.size))
+    for k in range(u.size):
+        partial = np.tanh(u[k])
+        before, by_before = a[:k].copy(), by[:k].copy()
+        for i in range(k):
+            a[i] -= partial * before[k - 1 - i]
+            by[i] -= partial * by_before[k - 1 - i]
+            by[i, k] -= (1.0 - partial**2) * before[k - 1 - i]
+        a[k], by[k, k] = partial, 1.0 - partial**2
+    return a, by
 
 
-def _starts(data: CosinePeriodogram, fits: dict[Order, WhittleArma], order: Order) -> Iterator[FloatArray]:
-    """Yield parameters to start from: smaller models with a zero coefficient or a pair of roots added."""
-    p, q = order
-    if order == (0, 0):
-        yield np.array([np.log(data.count @ data.power / data.count.sum())])
-    for smaller in ((p - 1, q), (p, q - 1)):
-        if smaller in fits:
-            model = fits[smaller]
-            ar, ma = np.zeros(p), np.zeros(q)
-            ar[: smaller[0]], ma[: smaller[1]] = model.ar, model.ma
-            yield np.concatenate(([np.log(model.variance)], ar, ma))
-    if (p - 1, q - 1) in fits:
-        model = fits[p - 1, q - 1]
-        for pole in _TRIAL_POLES:
-            zero = pole - 0.3 * np.sign(pole) * (1.0 - abs(pole))
-            for ends in ((pole, zero), (zero, pole)):
-                ar = -np.convolve(np.concatenate(([1.0], np.negative(model.ar))), [1.0, -ends[0]])[1:]
-                ma = np.convolve(np.concatenate(([1.0], model.ma)), [1.0, -ends[1]])[1:]
-                yield np.concatenate(([np.log(model.variance)], ar, ma))
+@numba.njit(cache=True, nogil=True)  # type: ignore[misc, unused-ignore]
+def _sums(
+    theta: FloatArray, p: int, powers: ComplexArray, power: FloatArray, count: FloatArray
+) -> tuple[float, FloatArray, FloatArray]:
+    """Return -2 ln L of (ln s², u of p poles, u of zeros), its gradient, shape (r,), and information, shape (r, r)."""
+    (a, by_poles), (b, by_zeros) = autoregression(theta[1 : p + 1]), autoregression(theta[p + 1 :])
+    by = np.eye(theta.size)
+    by[1 : p + 1, 1 : p + 1], by[p + 1 :, p + 1 :] = by_poles, by_zeros
+    value, gradient, information = 0.0, np.zeros(theta.size), np.zeros((theta.size, theta.size))
+    slope = np.ones(theta.size)
+    for k in range(power.size):
+        below, above = 1.0 + 0.0j, 1.0 + 0.0j
+        for i in range(a.size):
+            below -= a[i] * powers[i, k]
+        for j in range(b.size):
+            above -= b[j] * powers[j, k]
+        spectrum = theta[0] + np.log((above.real**2 + above.imag**2) / (below.real**2 + below.imag**2))
+        ratio = power[k] * np.exp(-spectrum)
+        value += count[k] * (spectrum + ratio)
+        for i in range(a.size):
+            slope[1 + i] = 2.0 * (powers[i, k] / below).real
+        for j in range(b.size):
+            slope[1 + p + j] = -2.0 * (powers[j, k] / above).real
+        for i in range(theta.size):
+            gradient[i] += count[k] * (1.0 - ratio) * slope[i]
+            for j in range(i + 1):
+                information[i, j] += count[k] * slope[i] * slope[j]
+    for i in range(theta.size):
+        for j in range(i):
+            information[j, i] = information[i, j]
+    return value, gradient @ by, by.T @ information @ by
 
 
-def _causal(theta: FloatArray, deviance: float, p: int) -> WhittleArma:
-    """Return the model of the same spectrum with all roots inside the unit circle."""
-    poles, pole_gain = _reflect(np.concatenate(([1.0], -theta[1 : p + 1])))
-    zeros, zero_gain = _reflect(np.concatenate(([1.0], theta[p + 1 :])))
-    variance = float(np.exp(theta[0])) * zero_gain / pole_gain
-    return WhittleArma(tuple((-poles[1:]).tolist()), tuple(zeros[1:].tolist()), variance, deviance)
+def free_numbers(a: FloatArray) -> FloatArray | None:
+    """Return u of `autoregression`, shape (p,); None where the coefficients are not stationary."""
+    u = np.zeros(len(a))
+    for k in range(len(a) - 1, -1, -1):
+        partial = a[-1]
+        if not abs(partial) < 1.0:
+            return None
+        u[k] = np.arctanh(partial)
+        a = (a[:-1] + partial * a[-2::-1]) / (1.0 - partial**2)
+    return np.clip(u, -MAX_FREE_NUMBER, MAX_FREE_NUMBER)
 
 
-def _reflect(polynomial: FloatArray) -> tuple[FloatArray, float]:
-    """Return 1 + c_1 z + … with its reciprocal roots in the unit circle, and the factor taken out of |.|²."""
-    roots = np.roots(polynomial)
-    outside = np.abs(roots) > 1.0
-    if not outside.any():
-        return polynomial, 1.0
-    gain = float(np.prod(np.abs(roots[outside]) ** 2))
-    roots[outside] = 1.0 / np.conj(roots[outside])
-    return np.atleast_1d(np.poly(roots).real), gain
+def _parts(ar: FloatArray, ma: FloatArray) -> Iterator[Part]:
+    """Yield the free numbers of coefficients, where these are causal and invertible."""
+    poles, zeros = free_numbers(ar), free_numbers(-ma)
+    if poles is not None and zeros is not None:
+        yield poles, zeros
+
+
+def _larger(model: WhittleArma, order: Order) -> Iterator[Part]:
+    """Yield starts of a larger order: a coefficient of zero, or a pole and a zero that nearly cancel."""
+    ar, ma = np.array(model.ar), np.array(model.ma)
+    more = order[0] - len(ar), order[1] - len(ma)
+    if more != (1, 1):
+        yield from _parts(np.pad(ar, (0, more[0])), np.pad(ma, (0, more[1])))
+        return
+    for pole in _TRIAL_POLES:
+        zero = pole - 0.3 * np.sign(pole) * (1.0 - abs(pole))
+        for ends in ((pole, zero), (zero, pole)):
+            below, above = (
+                np.convolve(np.append(1.0, one), [1.0, -end])
+                for one, end in zip((-ar, ma), ends, strict=True)
+            )
+            yield from _parts(-below[1:], above[1:])
+
+
+def _smaller(model: WhittleArma, order: Order) -> Iterator[Part]:
+    """Yield the starts of a smaller order: without the last coefficient, and without the last partial correlation."""
+    ar, ma = np.array(model.ar), np.array(model.ma)
+    yield from _parts(ar[: order[0]], ma[: order[1]])
+    yield from ((poles[: order[0]], zeros[: order[1]]) for poles, zeros in _parts(ar, ma))

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from tuner.identification.arma import Likelihood
+from tuner.identification.arma import MAX_ORDER, MIN_SAMPLES, Criterion, fit_arma
 from tuner.identification.estimates import BASE
-from tuner.identification.identify_channel import identify_channel
+from tuner.identification.identify_channel import identify_channel, single_axis
 from tuner.identification.mean_and_earth_rate import without_earth_rate
 from tuner.identification.objective import expect_terms
 from tuner.jobs import each
@@ -18,7 +18,7 @@ from tuner.readers.source_kind import with_name
 from tuner.segments.conditions import too_short_for
 from tuner.types import ChannelIdentification, Identification
 from tuner.types.arguments import expect_records
-from tuner.types.number_ranges import Latitude
+from tuner.types.number_ranges import ArmaOrder, Latitude
 from tuner.types.public import public
 from tuner.types.records import DataError, Record
 
@@ -32,7 +32,8 @@ def identify(
     *,
     terms: Sequence[str] | None = None,
     method: str = "likelihood",
-    arma: Likelihood | None = "fast",
+    arma: Criterion | None = "bic",
+    arma_orders: ArmaOrder = MAX_ORDER,
     latitude: Latitude | None = None,
 ) -> Identification:
     """Identify the noise of every channel of a log.
@@ -46,7 +47,9 @@ def identify(
     method : str
         Where the coefficients come from: ``likelihood``, ``leastsquares`` or ``slopes``.
     arma : str, optional
-        Time-series model beside the sum of terms: ``fast``, ``exact`` or None.
+        What chooses the order of the ARMA model beside the sum of terms: ``bic``, ``aic``, or None for no such model.
+    arma_orders : int
+        Highest order on either side that is compared, 1 to 5.
     latitude : float, optional
         Degrees; takes the Earth's vertical rate out of the gyro means.
 
@@ -59,7 +62,7 @@ def identify(
     DataError
         If all channels are constant or too short, a channel comes twice, or no record is fitted by the terms.
     ValueError
-        If the method or `arma` is unknown.
+        If the method is unknown.
     """
     expect_terms(terms)
     records = expect_records(records, "identify")
@@ -79,7 +82,8 @@ def identify(
         raise DataError(f"{where}: expected a channel that varies, all are constant: nothing to identify")
 
     def identified(axis: str) -> ChannelIdentification:
-        return identify_channel(varying[axis], axis, terms=terms, method=method, arma=arma)
+        channel = identify_channel(varying[axis], axis, terms=terms, method=method)
+        return channel if arma is None else with_series_model(channel, varying[axis], arma, arma_orders)
 
     need = IDENTIFICATION_COLUMNS * 8.0 * max(map(len, varying.values()))
     channels = dict(zip(varying, each(identified, list(varying), memory=need), strict=True))
@@ -87,12 +91,24 @@ def identify(
     return Identification(_source(records), channels, (*notes, *about_earth))
 
 
+def with_series_model(
+    channel: ChannelIdentification, record: Record, criterion: Criterion, highest: int
+) -> ChannelIdentification:
+    """Return the noise of an axis with its time-series model, where a stretch of the record is long enough for one."""
+    single = single_axis(record, channel.axis)
+    pieces = single.pieces(channel.axis)
+    if max(map(len, pieces)) < MIN_SAMPLES:
+        return channel
+    return replace(
+        channel,
+        arma=fit_arma(pieces, single.interval, single.unit, criterion=criterion, highest=highest),
+    )
+
+
 def with_terms_found(
     records: Sequence[Record],
     identification: Identification,
     found: Mapping[str, Sequence[str]],
-    *,
-    arma: Likelihood | None = "fast",
 ) -> Identification:
     """Return an identification whose terms are chosen beside those that a diagnosis found.
 
@@ -105,21 +121,19 @@ def with_terms_found(
     found : mapping of str to sequence of str
         Further terms by axis, ``sinusoid`` or ``gauss_markov``; a term that the data do not allow beside the others
         is left out, and a warning says so.
-    arma : str, optional
-        Time-series model, as of `identify`.
     """
     channels = identification.channels
 
     def again(place: tuple[Record, str]) -> ChannelIdentification:
         record, axis = place
         before, further = channels[axis], found[axis]
-        after = identify_channel(record, axis, further=further, method=before.method, arma=arma)
+        after = identify_channel(record, axis, further=further, method=before.method)
         if absent := _absent(after, further):
             names = ", ".join(_in_words(name) for name in absent)
             about = f"{names} {BY_DIAGNOSIS}, but beside the other terms the data allow none"
             return replace(before, warnings=(*before.warnings, about))
         changes = _changed(before, after, further)
-        return replace(after, mean=before.mean, warnings=(*after.warnings, *changes))
+        return replace(after, mean=before.mean, arma=before.arma, warnings=(*after.warnings, *changes))
 
     changed = [
         (record, axis) for record in records for axis in record.axes if axis in channels and found.get(axis)

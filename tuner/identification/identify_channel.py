@@ -21,7 +21,6 @@ from tuner.formats.customary_units import digits
 from tuner.identification.allan_leastsquares import Misfit, misfit
 from tuner.identification.allan_leastsquares import fit as fit_curve
 from tuner.identification.allan_octaves import OctaveCurve
-from tuner.identification.arma import MIN_SAMPLES, Likelihood, fit_arma
 from tuner.identification.curve_limit import below_the_curve
 from tuner.identification.estimates import ALLOWS_NONE, BASE, Estimates, from_fit, from_segments
 from tuner.identification.law_of_samples import variance_by_law
@@ -61,7 +60,6 @@ def identify_channel(
     terms: Sequence[str] | None = None,
     further: Sequence[str] = (),
     method: str = "likelihood",
-    arma: Likelihood | None = "fast",
 ) -> ChannelIdentification:
     """Identify the noise of one axis.
 
@@ -77,8 +75,6 @@ def identify_channel(
         Terms beside those that are chosen: ``sinusoid`` or ``gauss_markov``, as a diagnosis found them.
     method : str
         Where the coefficients come from: ``likelihood``, ``leastsquares`` or ``slopes``.
-    arma : str, optional
-        Time-series model beside the sum of terms: ``fast``, ``exact`` or None.
 
     Returns
     -------
@@ -89,12 +85,10 @@ def identify_channel(
     DataError
         If the channel is constant or too short for an Allan variance.
     ValueError
-        If the method, a term or `arma` is unknown.
+        If the method or a term is unknown.
     """
     if method not in METHODS:
         raise ValueError(f"'method' must be one of {', '.join(METHODS)}, got {method!r}")
-    if arma not in ("fast", "exact", None):
-        raise ValueError(f"'arma' must be 'fast', 'exact' or None for no ARMA model, got {arma!r}")
     single = single_axis(record, axis)
     pieces = single.pieces(axis)
     whole = OctaveCurve.of(pieces, single.interval)
@@ -146,9 +140,6 @@ def identify_channel(
             *bounds_of(every[-len(bounds) :] if bounds else [], step, full.tau, samples),
         ]
         warnings = (about_limiting_step(axis, step, single.unit), *warnings)
-    series = None
-    if arma is not None and len(longest) >= MIN_SAMPLES:
-        series = fit_arma(longest, single.interval, single.unit, likelihood=arma)
     order = list(TERMS)
     return ChannelIdentification(
         axis=axis,
@@ -172,7 +163,6 @@ def identify_channel(
         minimum_tau=minimum_tau,
         allan=full,
         candidates=candidates,
-        arma=series,
         warnings=warnings,
     )
 

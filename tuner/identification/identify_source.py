@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from tuner.catalogue.datasheet import is_datasheet, read_datasheet
 from tuner.catalogue.grades import grade_identification, grade_names, load_gnss, load_grade
-from tuner.identification.arma import Likelihood
+from tuner.identification.arma import MAX_ORDER, Criterion
 from tuner.identification.from_curve import identify_curve
 from tuner.identification.gnss_receiver import ReceiverErrors, identify_receiver
 from tuner.identification.identify import identify
@@ -20,7 +20,7 @@ from tuner.segments.conditions import at_rest
 from tuner.segments.multi_position import calibrate
 from tuner.types import GnssNoise, Identification
 from tuner.types.arguments import RECORDS, expect, expect_records
-from tuner.types.number_ranges import Latitude
+from tuner.types.number_ranges import ArmaOrder, Latitude
 from tuner.types.progress import Progress, silent
 from tuner.types.public import public
 from tuner.types.records import DataError, Record
@@ -41,7 +41,8 @@ def identify_source(
     *,
     terms: Sequence[str] | None = None,
     method: str = "likelihood",
-    arma: Likelihood | None = "fast",
+    arma: Criterion | None = "bic",
+    arma_orders: ArmaOrder = MAX_ORDER,
     latitude: Latitude | None = None,
     progress: Progress = silent,
 ) -> Identification:
@@ -52,7 +53,7 @@ def identify_source(
     source : str, Path or sequence of Record
         The name of a built-in grade; the path of a datasheet, a noise.yaml, the JSON of an identification, an Allan
         curve or a log; or the records of a log.
-    terms, method, arma, latitude
+    terms, method, arma, arma_orders, latitude
         As of `tuner.identify`; a grade, a datasheet and a stored result are taken as they are.
     progress : callable, optional
         Called with one line at each step.
@@ -83,7 +84,9 @@ def identify_source(
     if calibrate(source) is not None:
         progress(SEVERAL_POSES)
     progress("identifying")
-    return identify(records, terms=terms, method=method, arma=arma, latitude=latitude)
+    return identify(
+        records, terms=terms, method=method, arma=arma, arma_orders=arma_orders, latitude=latitude
+    )
 
 
 @public("identify")
@@ -92,7 +95,8 @@ def identify_log(
     *,
     terms: Sequence[str] | None = None,
     method: str = "likelihood",
-    arma: Likelihood | None = "fast",
+    arma: Criterion | None = "bic",
+    arma_orders: ArmaOrder = MAX_ORDER,
     latitude: Latitude | None = None,
     **reading: Any,
 ) -> Identification:
@@ -103,7 +107,7 @@ def identify_log(
     log : str, Path, sequence of Record, mapping of str to array, or DataFrame
         A file or table that `tuner.read` reads, or what it returned; or, without `reading`, what else describes the
         noise of a sensor: the name of a built-in grade, a datasheet, a noise.yaml, a curve.
-    terms, method, arma, latitude
+    terms, method, arma, arma_orders, latitude
         As of `identify`, which takes records as they are.
     **reading
         Options of `tuner.read` where it is a file or table: ``rate``, ``gyro_unit``, ``columns`` …
@@ -114,7 +118,9 @@ def identify_log(
         If nothing can be read, or no part stands still.
     """
     if isinstance(log, str | Path) and not reading:
-        return identify_source(log, terms=terms, method=method, arma=arma, latitude=latitude)
+        return identify_source(
+            log, terms=terms, method=method, arma=arma, arma_orders=arma_orders, latitude=latitude
+        )
     known = isinstance(log, Sequence) and all(isinstance(one, Record) for one in log)
     if reading and (known or isinstance(log, Record)):
         raise DataError(
@@ -122,7 +128,9 @@ def identify_log(
             "which are read already; leave it out"
         )
     records = expect_records(log, "identify") if known else read(cast(Any, log), **reading)
-    return identify(at_rest(records), terms=terms, method=method, arma=arma, latitude=latitude)
+    return identify(
+        at_rest(records), terms=terms, method=method, arma=arma, arma_orders=arma_orders, latitude=latitude
+    )
 
 
 def identify_fixes(log: str | Path, progress: Progress = silent) -> ReceiverErrors:

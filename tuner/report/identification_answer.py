@@ -19,6 +19,7 @@ from tuner.report.answer_layout import recording_text
 from tuner.report.document import Document, document
 from tuner.report.identification_tables import identification_tables, pooled_tables
 from tuner.report.noise_table import NAMES, legend, measured_table, states_tables
+from tuner.report.series_model_tables import orders_line
 from tuner.report.terms_rows import MAIN_TERMS, TermsRow, joined_rows, single_row
 from tuner.report.titled_table import table_of
 from tuner.types import Coefficient, FilterConfig, Identification, PooledChannel
@@ -58,6 +59,7 @@ def identification_answer(
             f"Verdict: {judge_noise(found, predictions).text}",
             table,
             legend(table),
+            *orders_line(list(found.channels.values())),
         ],
         [*warning_lines(found, predicted=predictions), *_too_short(by_terms)],
         more=[*identification_tables(found), *([] if config is None else states_tables(config))],

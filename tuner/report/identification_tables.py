@@ -19,6 +19,7 @@ from tuner.formats.customary_units import (
 from tuner.identification.gnss_receiver import ReceiverErrors
 from tuner.report.alike_sentences import alike_sentences
 from tuner.report.coefficient_text import LEVEL_NAMES, coefficients_of
+from tuner.report.series_model_tables import series_tables
 from tuner.report.titled_table import titled_table
 from tuner.types import ChannelIdentification, Coefficient, Identification, PooledChannel
 
@@ -37,6 +38,7 @@ def identification_tables(identification: Identification) -> list[Table | str]:
         title = f"{digits(1 / first.interval, 6)} Hz, {digits(first.span / 3600)} h, by {first.method}"
         heads = ["", *(channel.axis for channel in channels)]
         answer += titled_table(f"{SENSOR_TITLES.get(unit, unit)}: {title}", heads, _rows(channels))
+        answer += series_tables(channels)
     reasons = (
         (f"{symbol(name)}: {c.reason}", channel.axis)
         for channel in identification.channels.values()
@@ -48,7 +50,7 @@ def identification_tables(identification: Identification) -> list[Table | str]:
 
 
 def _rows(channels: Sequence[ChannelIdentification]) -> Iterator[list[str]]:
-    """Yield every coefficient of every term of the axes of a sensor, their levels, and their time-series models."""
+    """Yield every coefficient of every term of the axes of a sensor, and their levels."""
     unit = channels[0].unit
     each = [coefficients_of(channel) for channel in channels]
     for name, which in dict.fromkeys(key for own in each for key in own):
@@ -58,21 +60,12 @@ def _rows(channels: Sequence[ChannelIdentification]) -> Iterator[list[str]]:
     for level, head in LEVEL_NAMES.items():
         yield _row(head, "level", unit, [getattr(channel, level) for channel in channels])
     yield ["… at τ, s", *(digits(c.minimum_tau) for c in channels)]
-    yield ["time-series model", *(_arma(c) for c in channels)]
 
 
 def _row(head: str, quantity: str, unit: str, found: Sequence[Coefficient]) -> list[str]:
     """Return coefficients of several axes behind their name and customary unit."""
     numbers = (phrase(one, quantity, unit, with_unit=False) for one in found)
     return [f"{head}, {pretty(customary_unit(quantity, unit))}", *numbers]
-
-
-def _arma(channel: ChannelIdentification) -> str:
-    if channel.arma is None:
-        return "–"
-    p, q = channel.arma.order
-    model = f"ARMA({p},{q}) by {channel.arma.criterion.upper()}"
-    return "not distinguishable from white" if channel.arma.white else model
 
 
 def pooled_tables(pooled: Mapping[str, PooledChannel], names: Sequence[str]) -> list[Table | str]:

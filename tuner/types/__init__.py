@@ -33,6 +33,7 @@ from tuner.types.identification import (
     Identification,
     PooledChannel,
     PooledCoefficient,
+    SeriesTest,
     TermEstimate,
 )
 from tuner.types.inflation import AppliedNoiseScale, BoundUsed, Enlargement, Inflation
@@ -69,6 +70,7 @@ __all__ = [
     "PooledChannel",
     "PooledCoefficient",
     "Quantity",
+    "SeriesTest",
     "Spectrum",
     "TermEstimate",
     "Unexplained",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -45,12 +46,55 @@ class Candidate:
 
 
 @dataclass(frozen=True)
+class SeriesTest:
+    """A test of a series, or of what a model leaves of it, with the chance of a statistic as extreme.
+
+    Attributes
+    ----------
+    name : str
+        What is tested by whom: "unit root, ADF".
+    statistic, p_value : float
+        Value, and its chance where the null hypothesis holds.
+    null, found : str
+        The null hypothesis, and what follows from the chance, in words.
+    tabulated : (float, float)
+        Chances between which the test tells them: a chance at an end lies beyond it.
+    """
+
+    name: str
+    statistic: float
+    p_value: float
+    null: str
+    found: str
+    tabulated: tuple[float, float] = (0.0, 1.0)
+
+
+@dataclass(frozen=True)
 class ArmaFit:
     """ARMA(p,q) of a record: x_k = Σ ar_i x_{k-i} + e_k + Σ ma_j e_{k-j}, var e = variance.
 
-    `white` is True where the model cannot be distinguished from white noise; `interval` is the sampling interval
-    of the series that was fitted, s; `steps` are the preprocessing steps and tests, in order, in words
-    with their figures.
+    Attributes
+    ----------
+    ar, ma : tuple of Coefficient
+        Coefficients, none where the model cannot be distinguished from white noise.
+    variance : float
+        Of the innovations, unit².
+    interval : float
+        Sampling interval of the series that was fitted, s.
+    unit : str
+        Of its samples.
+    criterion : str
+        ``bic`` or ``aic``, by which the order is chosen.
+    scores : mapping of (p, q) to float
+        Of every order that was compared, by that criterion: the least is the best.
+    white : bool
+        Whether the model cannot be distinguished from white noise.
+    steps : tuple of str
+        How the series was prepared, in order, in words with their figures.
+    samples : int
+        Samples of the series.
+    tests : tuple of SeriesTest
+        Of the prepared series and of the residuals.
     """
 
     ar: tuple[Coefficient, ...]
@@ -62,11 +106,23 @@ class ArmaFit:
     scores: Mapping[tuple[int, int], float]
     white: bool
     steps: tuple[str, ...] = ()
+    samples: int = 0
+    tests: tuple[SeriesTest, ...] = ()
 
     @property
     def order(self) -> tuple[int, int]:
         """Orders (p, q)."""
         return len(self.ar), len(self.ma)
+
+    def scores_by(self, criterion: str) -> Mapping[tuple[int, int], float]:
+        """Return the scores of every order by ``bic`` or ``aic``: −2 ln L plus a price for each parameter."""
+        more = price_of(criterion, self.samples) - price_of(self.criterion, self.samples)
+        return {(p, q): score + more * (p + q + 1) for (p, q), score in self.scores.items()}
+
+
+def price_of(criterion: str, samples: int) -> float:
+    """Return what a parameter costs in −2 ln L: 2 by ``aic`` (Akaike), ln n by ``bic`` (Schwarz)."""
+    return 2.0 if criterion == "aic" else math.log(samples)
 
 
 @dataclass(frozen=True)

@@ -52,6 +52,7 @@ LeverArm = Annotated[tuple[float, float, float], VectorLimits(LONGEST_LEVER_ARM)
 """m."""
 Whole = Annotated[int, Limits("a whole number from 0 on", 0)]
 Count = Annotated[int, Limits("a whole number from 1 on", 1)]
+ArmaOrder = Annotated[int, Limits("a whole number from 1 to 5", 1, 5)]
 Several = Annotated[int, Limits("a whole number from 2 on", 2)]
 """A number of runs that are compared with one another."""
 Latitude = Annotated[float, Limits("degrees from -90 to 90", -90.0, 90.0)]

@@ -40,7 +40,7 @@ def excess(model: NoiseModel, channel) -> float:
 @pytest.mark.parametrize("seed", [1, 2])
 def test_no_term_exceeds_the_measured_allan_deviation_where_the_model_is_wrong(seed: int) -> None:
     samples = record(daily(seed))
-    channel = identify_channel(samples, "gyro_x", arma=None)
+    channel = identify_channel(samples, "gyro_x")
     assert excess(choose_terms([daily(seed)], INTERVAL).fit.model, channel) > 1.2
     assert excess(channel.model, channel) <= 1.0 + 1e-9
     assert "weighted least squares" in " ".join(channel.warnings)
@@ -62,7 +62,7 @@ def filtered(seed: int) -> np.ndarray:
 def test_no_term_exceeds_the_measured_spectrum_where_it_is_described(made) -> None:
     """An octave at a time; the limit is five standard deviations above the measured power."""
     y = made(3)
-    found = identify_channel(record(y), "gyro_x", arma=None)
+    found = identify_channel(record(y), "gyro_x")
     top = min(choose_terms([y], INTERVAL).band.highest, 0.45 / INTERVAL)
     frequency, density, freedom = spectrum(y, N // 8)
     for low in frequency[0] * 2.0 ** np.arange(int(np.log2(top / frequency[0]))):
@@ -76,7 +76,7 @@ def test_a_right_model_is_not_lowered() -> None:
     """A true N crosses the 95 % limit of some long cluster time in one record of five: no reason to change it."""
     for seed in range(5):
         y = MODEL.sample(20_000, INTERVAL, np.random.default_rng(seed))
-        channel = identify_channel(record(y), "gyro_x", arma=None)
+        channel = identify_channel(record(y), "gyro_x")
         likelihood = choose_terms([y], INTERVAL).fit.model
         assert channel.model.white_density() == likelihood.white_density()
         assert not any(

@@ -12,7 +12,7 @@ OTHERS = ("quantization", "bias_instability", "random_walk", "ramp", "gauss_mark
 def invented(seed, n):
     y = np.random.default_rng((77, seed)).standard_normal((n, 1))
     record = Record("gyro", np.arange(n) * 0.01, y, ("gyro_x",), "rad/s", 0.01)
-    found = identify_channel(record, "gyro_x", arma=None)
+    found = identify_channel(record, "gyro_x")
     assert found.term("white").coefficients["density"].value == pytest.approx(0.1, rel=0.1)
     return any(found.term(name) is not None and found.term(name).present for name in OTHERS)
 

@@ -42,7 +42,7 @@ def test_both_methods_widen_white_noise_alone(method):
     widths = []
     for white in (rng.standard_normal(n), rng.exponential(size=n)):
         record = Record("gyro", INTERVAL * np.arange(n), (white + walk)[:, None], ("x",), "rad/s", INTERVAL)
-        found = identify_channel(record, "x", method=method, terms=["white", "random_walk"], arma=None)
+        found = identify_channel(record, "x", method=method, terms=["white", "random_walk"])
         ends = [term.coefficients["density"].interval for term in found.terms if term.present]
         widths.append([np.log(high / low) for low, high in ends])
     white, walk = np.array(widths[1]) / np.array(widths[0])

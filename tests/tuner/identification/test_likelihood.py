@@ -307,6 +307,6 @@ def test_a_line_is_no_matter_of_a_curve_in_octaves():
     y = lfilter(*butter(1, 0.1), rng.normal(size=len(t))) + 0.05 * np.sin(2 * np.pi * 27.346 * t)
     y += 0.3 * np.sin(2 * np.pi * t / 150.0)
     record = Record("accel", t, y[:, None], ("accel_x",), "m/s^2", 0.01)
-    found = identify_channel(record, "accel_x", further=("sinusoid",), arma=None)
+    found = identify_channel(record, "accel_x", further=("sinusoid",))
     assert "weighted least squares on the curve" in found.warnings[-1]
     assert all(term.name != "sinusoid" for term in found.terms)

@@ -224,7 +224,7 @@ def test_mapping_that_is_none() -> None:
         (
             {"gyro": GYRO},
             {"rate": 100.0, "gyro_unit": "rad/s", "arma": "off"},
-            "identify: arma: expected 'fast' or 'exact' or None, found 'off'",
+            "identify: arma: expected 'bic' or 'aic' or None, found 'off'",
         ),
     ],
 )

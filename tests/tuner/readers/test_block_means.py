@@ -167,7 +167,7 @@ def test_parts_bridge_their_borders_and_a_clock_set_back_as_a_whole_log_does(tmp
 
 def test_noise_of_means_is_that_of_the_samples(tmp_path: Path) -> None:
     whole, small = both(written(tmp_path / "log.npz", columns(8 * MIN_ROWS - 5)))
-    every, means = (identify_channel(record, "gyro_x", arma=None) for record in (whole, small))
+    every, means = (identify_channel(record, "gyro_x") for record in (whole, small))
     assert means.interval == pytest.approx(INTERVAL)
     assert means.warnings == ()
     for name, parameter in (("white", "density"), ("random_walk", "density")):
@@ -191,7 +191,7 @@ def test_noise_below_the_step_of_a_quantizer_is_a_bound_in_means_and_in_samples(
     truth = sd * step * np.sqrt(INTERVAL)
     for record in (read(path)[0], read(path, memory=LITTLE)[0]):
         for axis, largest in (("gyro_x", 0.35), ("gyro_y", 0.51)):
-            found = identify_channel(record, axis, arma=None)
+            found = identify_channel(record, axis)
             assert not any(term.present for term in found.terms)
             white = found.term("white").coefficients["density"]  # type: ignore[union-attr]
             assert truth < white.upper < 1.02 * largest * step * np.sqrt(INTERVAL)
@@ -232,10 +232,10 @@ def test_what_is_hidden_within_the_means_is_said(tmp_path: Path) -> None:
     data = columns()
     data["gyro_x [rad/s]"] += 0.02 * np.sin(2.0 * np.pi * 50.0 * data["t [s]"])
     _, small = both(written(tmp_path / "log.npz", data))
-    (warning,) = identify_channel(small, "gyro_x", arma=None).warnings
+    (warning,) = identify_channel(small, "gyro_x").warnings
     assert "below a cluster time of 0.02 s no sum of noise terms follows" in warning
     assert "f ≤ 12.5 Hz" in warning
-    assert identify_channel(small, "gyro_y", arma=None).warnings == ()
+    assert identify_channel(small, "gyro_y").warnings == ()
 
 
 @pytest.mark.parametrize(

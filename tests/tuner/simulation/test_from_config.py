@@ -37,7 +37,7 @@ def config():
     records, _ = simulate(axes, duration=1200.0, rate=50.0, seed=4, effects=[LINE, BURST, FILTER])
     found = diagnose(records)
     assert sorted(f.cause for f in found.findings) == ["burst", "line", "lowpass"]
-    identified = with_terms_found(records, identify(records, arma=None), terms_found(found), arma=None)
+    identified = with_terms_found(records, identify(records), terms_found(found))
     return synthesize(identified, name="unit", findings=findings_for_config(found))
 
 

@@ -51,7 +51,7 @@ def identified(model=MODEL, *hidden, seed=1):
 
 
 def with_findings(records, identification, diagnosis):
-    found = with_terms_found(records, identification, terms_found(diagnosis), arma=None)
+    found = with_terms_found(records, identification, terms_found(diagnosis))
     return with_notes_on_findings(found, diagnosis, records)
 
 

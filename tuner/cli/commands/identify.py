@@ -28,15 +28,13 @@ from tuner.cli.progress import Messages
 from tuner.stages import counted, stage
 
 if TYPE_CHECKING:
-    from tuner.identification.arma import Likelihood
+    from tuner.identification.arma import Criterion
     from tuner.report.document import Document
     from tuner.report.result_views import Part
     from tuner.types import Identification
     from tuner.types.prediction import PredictedBlock
 
-ARMA_LIKELIHOODS: Mapping[str, Likelihood | None] = MappingProxyType(
-    {"fast": "fast", "exact": "exact", "off": None}
-)
+ARMA_CRITERIA: Mapping[str, Criterion | None] = MappingProxyType({"bic": "bic", "aic": "aic", "off": None})
 METHODS = ("likelihood", "leastsquares", "slopes")
 
 
@@ -52,10 +50,10 @@ METHODS = ("likelihood", "leastsquares", "slopes")
 )
 @click.option(
     "--arma",
-    type=click.Choice(list(ARMA_LIKELIHOODS)),
-    default="fast",
+    type=click.Choice(list(ARMA_CRITERIA)),
+    default="bic",
     show_default=True,
-    help="Likelihood of the ARMA model beside the terms; off for none.",
+    help="Criterion that chooses the order of the ARMA model beside the terms; off for none.",
 )
 @latitude
 @click.option(
@@ -125,7 +123,7 @@ def command(
             source,
             terms=terms,
             method=method,
-            arma=ARMA_LIKELIHOODS[arma],
+            arma=ARMA_CRITERIA[arma],
             latitude=latitude,
             progress=messages.say,
         )

@@ -1,0 +1,134 @@
+"""The ARMA models of the axes of a sensor: orders in a line, and coefficients, roots and tests in tables."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from rich.table import Table
+
+from tuner.formats.axis_words import axes_text
+from tuner.formats.customary_units import amount, digits
+from tuner.identification.arma import cancelling, innovation_sd, roots
+from tuner.report.titled_table import titled_table
+from tuner.types import ArmaFit, ChannelIdentification, SeriesTest
+
+ABOUT_TESTS = (
+    "  p: the chance of such a statistic where the null hypothesis holds; below 0.05 (trend, ADF, KPSS) or 0.01 it is "
+    "rejected. The trend that was taken out before hides a random walk from all of them"
+)
+"""What the table of the tests says."""
+LEAST_CHANCE = 1e-99
+"""Chance below which a number says nothing more."""
+
+
+def orders_line(channels: Sequence[ChannelIdentification]) -> list[str]:
+    """Return the orders of axes in a line; none where no axis has a model."""
+    known = [(one.arma, one.axis) for one in channels if one.arma is not None]
+    if not known:
+        return []
+    by_name: dict[str, list[str]] = {}
+    for fit, axis in known:
+        by_name.setdefault(order_name(fit), []).append(axis)
+    said = "; ".join(f"{name} {axes_text(axes)}" for name, axes in by_name.items())
+    return [f"ARMA by {known[0][0].criterion.upper()}: {said}"]
+
+
+def order_name(fit: ArmaFit) -> str:
+    """Return what a model is called: white noise, or its order, and whether that is the highest that was tried."""
+    if fit.white:
+        return "white noise"
+    p, q = fit.order
+    highest = max(max(order) for order in fit.scores)
+    return f"({p},{q}) or higher" if max(p, q) == highest else f"({p},{q})"
+
+
+def series_tables(channels: Sequence[ChannelIdentification]) -> list[Table | str]:
+    """Return the models of the axes of a sensor and their tests; nothing where no axis has one."""
+    fits = {one.axis: one.arma for one in channels if one.arma is not None}
+    if not fits:
+        return []
+    first = next(iter(fits.values()))
+    highest = max(p for p, _ in first.scores)
+    title = f"ARMA by {first.criterion.upper()}, p, q ≤ {highest}: x_k = Σ φ_i x_k−i + e_k + Σ θ_j e_k−j"
+    heads = ["", *fits]
+    tests = {one.name: one.null for fit in fits.values() for one in fit.tests}
+    rows = [
+        [f"{name} (null: {null})", *(chance(fit, name) for fit in fits.values())]
+        for name, null in tests.items()
+    ]
+    return [
+        *titled_table(title, heads, _rows(list(fits.values()))),
+        *titled_table("Tests of the series and of the residuals", heads, rows),
+        ABOUT_TESTS,
+        *(f"  {axis}: {text}" for axis, fit in fits.items() for text in remarks(fit)),
+    ]
+
+
+def _rows(fits: Sequence[ArmaFit]) -> Iterator[list[str]]:
+    """Yield the rows of the table of several models."""
+    yield ["order (p,q)", *map(order_name, fits)]
+    for sign, parts in (("φ", [fit.ar for fit in fits]), ("θ", [fit.ma for fit in fits])):
+        for i in range(max(map(len, parts))):
+            yield [f"{sign}{i + 1}", *(amount(part[i]) if i < len(part) else "–" for part in parts)]
+    yield ["sd of e", *(amount(innovation_sd(fit)) for fit in fits)]
+    for name, which in (("poles", 0), ("zeros", 1)):
+        yield [
+            name,
+            *(
+                "; ".join(root_text(z, fit) for z in roots(fit)[which] if z.imag >= 0.0) or "–"
+                for fit in fits
+            ),
+        ]
+    yield [
+        "states of a shaping filter",
+        *(str(0 if fit.white else max(fit.order[0], fit.order[1] + 1)) for fit in fits),
+    ]
+    yield ["next best order", *map(next_best, fits)]
+
+
+def next_best(fit: ArmaFit) -> str:
+    """Return the order that comes next and by how much its score is larger."""
+    own = (0, 0) if fit.white else fit.order
+    others = [(score, order) for order, score in fit.scores.items() if order != own]
+    if not others or own not in fit.scores:
+        return "–"
+    score, (p, q) = min(others)
+    return f"({p},{q}): {score - fit.scores[own]:+.2g}"
+
+
+def root_text(root: complex, fit: ArmaFit) -> str:
+    """Return a root, or the size and frequency of a pair, with the time constant where that is longer than a sample."""
+    size, turn = abs(root), float(np.angle(root)) / math.tau / fit.interval
+    where = f"pair {digits(size, 3)} at {digits(turn)} Hz" if root.imag else digits(root.real, 4)
+    time = -fit.interval / math.log(size) if 0.0 < size < 1.0 else 0.0
+    if time > fit.interval * fit.samples:
+        return f"{where} (memory longer than the series)"
+    return f"{where} ({digits(time)} s)" if time > fit.interval else where
+
+
+def chance(fit: ArmaFit, name: str) -> str:
+    """Return statistic and chance of one of the tests of a model; a dash where it has none of that name."""
+    one = next((test for test in fit.tests if test.name == name), None)
+    return "–" if one is None else f"{digits(one.statistic)}, p {chance_text(one)}"
+
+
+def chance_text(one: SeriesTest) -> str:
+    """Return the chance of a statistic, as far as the test tells it."""
+    low, high = max(one.tabulated[0], LEAST_CHANCE), one.tabulated[1]
+    if one.p_value <= low:
+        return f"< {low:g}"
+    return f"> {high:g}" if one.p_value >= high < 1.0 else f"{one.p_value:.2g}"
+
+
+def remarks(fit: ArmaFit) -> Iterator[str]:
+    """Yield what a reader of the coefficients must know."""
+    pairs = cancelling(fit)
+    if pairs:
+        pole, zero = min(pairs, key=lambda pair: abs(pair[0] - pair[1]))
+        nearest = " and ".join(root_text(complex(one.real, abs(one.imag)), fit) for one in (pole, zero))
+        yield f"a pole and a zero cancel within their errors ({nearest}): φ and θ mean little one by one"
+    for one in fit.tests:
+        if one.null == "no correlation" and one.found != "no correlation left":
+            yield f"{one.found} behind the model ({one.name}, p {chance_text(one)}): no order that was tried has it all"
