@@ -42,6 +42,8 @@ Criterion = Literal["bic", "aic"]
 
 MAX_ORDER = 3
 """Highest order on either side that is compared by default."""
+HIGHEST_ORDER = 5
+"""Highest order that may be wanted."""
 MIN_SAMPLES = 100
 """Samples of a stretch without gaps below which no model is tried."""
 SIGNIFICANCE_LEVEL = 0.01
@@ -134,7 +136,7 @@ def fit_arma(
     criterion : str
         By which the order is chosen, ``bic`` or ``aic``.
     highest : int
-        Highest p and q, up to 5.
+        Highest p and q, up to `HIGHEST_ORDER`.
 
     Returns
     -------
@@ -164,7 +166,7 @@ def fit_arma(
     suggested = suggested_class(*_correlograms(longest.y, lags), len(longest.y))
     parts = "" if len(long) == 1 else f" in {len(long)} stretches; the next steps are those of the longest"
     whiteness = SeriesTest(
-        f"ARMA({best[0]},{best[1]}) against white noise, likelihood ratio",
+        "chosen order against white noise, likelihood ratio",
         ratio,
         p_white,
         "white noise",

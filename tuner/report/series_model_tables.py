@@ -19,6 +19,8 @@ ABOUT_TESTS = (
     "rejected. The trend that was taken out before hides a random walk from all of them"
 )
 """What the table of the tests says."""
+ROOTS = ("poles", "zeros")
+"""Rows of roots."""
 LEAST_CHANCE = 1e-99
 """Chance below which a number says nothing more."""
 
@@ -55,32 +57,26 @@ def series_tables(channels: Sequence[ChannelIdentification]) -> list[Table | str
     heads = ["", *fits]
     tests = {one.name: one.null for fit in fits.values() for one in fit.tests}
     rows = [
-        [f"{name} (null: {null})", *(chance(fit, name) for fit in fits.values())]
+        [f"{name} (null: {null})", *(", p ".join(chance(fit, name)) for fit in fits.values())]
         for name, null in tests.items()
     ]
     return [
-        *titled_table(title, heads, _rows(list(fits.values()))),
+        *titled_table(title, heads, model_rows(list(fits.values()))),
         *titled_table("Tests of the series and of the residuals", heads, rows),
         ABOUT_TESTS,
         *(f"  {axis}: {text}" for axis, fit in fits.items() for text in remarks(fit)),
     ]
 
 
-def _rows(fits: Sequence[ArmaFit]) -> Iterator[list[str]]:
+def model_rows(fits: Sequence[ArmaFit]) -> Iterator[list[str]]:
     """Yield the rows of the table of several models."""
     yield ["order (p,q)", *map(order_name, fits)]
     for sign, parts in (("φ", [fit.ar for fit in fits]), ("θ", [fit.ma for fit in fits])):
         for i in range(max(map(len, parts))):
             yield [f"{sign}{i + 1}", *(amount(part[i]) if i < len(part) else "–" for part in parts)]
     yield ["sd of e", *(amount(innovation_sd(fit)) for fit in fits)]
-    for name, which in (("poles", 0), ("zeros", 1)):
-        yield [
-            name,
-            *(
-                "; ".join(root_text(z, fit) for z in roots(fit)[which] if z.imag >= 0.0) or "–"
-                for fit in fits
-            ),
-        ]
+    for name in ROOTS:
+        yield [name, *(roots_text(fit, name) for fit in fits)]
     yield [
         "states of a shaping filter",
         *(str(0 if fit.white else max(fit.order[0], fit.order[1] + 1)) for fit in fits),
@@ -98,6 +94,11 @@ def next_best(fit: ArmaFit) -> str:
     return f"({p},{q}): {score - fit.scores[own]:+.2g}"
 
 
+def roots_text(fit: ArmaFit, name: str) -> str:
+    """Return the poles or the zeros of a model."""
+    return "; ".join(root_text(z, fit) for z in roots(fit)[ROOTS.index(name)] if z.imag >= 0.0) or "–"
+
+
 def root_text(root: complex, fit: ArmaFit) -> str:
     """Return a root, or the size and frequency of a pair, with the time constant where that is longer than a sample."""
     size, turn = abs(root), float(np.angle(root)) / math.tau / fit.interval
@@ -108,10 +109,10 @@ def root_text(root: complex, fit: ArmaFit) -> str:
     return f"{where} ({digits(time)} s)" if time > fit.interval else where
 
 
-def chance(fit: ArmaFit, name: str) -> str:
-    """Return statistic and chance of one of the tests of a model; a dash where it has none of that name."""
+def chance(fit: ArmaFit, name: str) -> tuple[str, str]:
+    """Return statistic and chance of one of the tests of a model; dashes where it has none of that name."""
     one = next((test for test in fit.tests if test.name == name), None)
-    return "–" if one is None else f"{digits(one.statistic)}, p {chance_text(one)}"
+    return ("–", "–") if one is None else (digits(one.statistic), chance_text(one))
 
 
 def chance_text(one: SeriesTest) -> str:

@@ -12,6 +12,7 @@ import click
 
 from tuner.cli.commands.inputs import load_sources
 from tuner.cli.commands.options import (
+    DIRECTORY,
     Output,
     Reading,
     common,
@@ -63,6 +64,12 @@ METHODS = ("likelihood", "leastsquares", "slopes")
     metavar="FILE",
     help="Draw the Allan figure into FILE (PNG or SVG).",
 )
+@click.option(
+    "--thesis",
+    type=DIRECTORY,
+    metavar="DIR",
+    help="Write the material of a chapter into DIR: figures, tables as CSV and LaTeX, ARMA orders up to (5,5).",
+)
 @strict("the noise is not usable without reservation")
 @verbose
 @reading
@@ -76,6 +83,7 @@ def command(
     arma: str,
     latitude: float | None,
     figure: Path | None,
+    thesis: Path | None,
     verbose: bool,
     reading: Reading,
     seed: int,  # noqa: ARG001
@@ -90,11 +98,12 @@ def command(
     predict the Allan curve of the log, the answer says so, and --verbose also prints the settings of a filter that do,
     as `tuner tune` writes them. Several logs of one sensor are pooled, with their spread. A CSV with columns
     tau,deviation[,dof] is fitted as an Allan curve. A CSV of GNSS fixes of an antenna at rest (t,lat,lon,height,…)
-    gives the errors of the receiver.
+    gives the errors of the receiver. --thesis DIR writes what a chapter on a log needs.
     """
     from tuner.formats.codec import dump
     from tuner.formats.identification import identification_json
     from tuner.formats.prediction import settings_json
+    from tuner.identification.arma import HIGHEST_ORDER, MAX_ORDER
     from tuner.identification.identify_source import identify_fixes, identify_source
     from tuner.identification.several_logs import pool
     from tuner.judgement import judge_noise
@@ -117,6 +126,8 @@ def command(
         return 0
     stage("reading", 0.2)
     loaded = load_sources(logs, reading, messages)
+    if thesis is not None and (len(loaded) > 1 or isinstance(loaded[0], str) or method != "likelihood"):
+        raise click.UsageError("--thesis: expected one log with samples, and the method likelihood")
     stage("identifying the noise", 0.7)
     found = [
         identify_source(
@@ -124,6 +135,7 @@ def command(
             terms=terms,
             method=method,
             arma=ARMA_CRITERIA[arma],
+            arma_orders=MAX_ORDER if thesis is None else HIGHEST_ORDER,
             latitude=latitude,
             progress=messages.say,
         )
@@ -168,6 +180,13 @@ def command(
             path = figure if len(found) == 1 else figure.with_stem(f"{figure.stem}-{name}")
             write_figure(allan_figure(one, title=name, predictions=predicted), path)
             messages.say(f"wrote {path}")
+    if thesis is not None:
+        from tuner.report.thesis import CHAPTER, write_thesis
+
+        (log,) = loaded
+        assert not isinstance(log, str)
+        files = write_thesis(at_rest(log), found[0], predictions[0], thesis, name=names[0])
+        messages.say(f"wrote {thesis / CHAPTER} and {len(files) - 1} files beside it")
     if output.tables:
         several = len(answers) > 1
         answer = pooled_answer(pool(found), names, answers) if several else answers[0]

@@ -1,0 +1,448 @@
+"""What a chapter of a thesis needs of a log: figures, tables as CSV and LaTeX, preparation and methods in words."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from tuner.curves import acf, pacf
+from tuner.formats.csv_text import as_text
+from tuner.formats.customary_units import customary_unit, digits, in_customary, phrase, pretty, symbol
+from tuner.formats.documents import json_text
+from tuner.formats.file_set import MANIFEST, digests, write_set
+from tuner.formats.identification import identification_json
+from tuner.identification import identify
+from tuner.judgement import curve_axes
+from tuner.report.allan_figure import MEASURED_COLOUR, allan_figure
+from tuner.report.coefficient_text import LEVEL_NAMES, coefficients_of
+from tuner.report.figure_files import new_figure, rendered
+from tuner.report.identification_tables import UNKNOWN
+from tuner.report.noise_table import NAMES, legend, measured_table
+from tuner.report.series_model_tables import (
+    ABOUT_TESTS,
+    ROOTS,
+    chance,
+    model_rows,
+    order_name,
+    remarks,
+    roots_text,
+)
+from tuner.types import ChannelIdentification, Coefficient, Identification
+from tuner.types.prediction import PredictedBlock
+from tuner.types.records import Record
+
+CHAPTER, STORED = "chapter.tex", "identification.json"
+"""The text that holds tables and figures, and the identification, which has the digests of all files."""
+FIGURE_SUFFIXES = (".pdf", ".png")
+METHODS: Mapping[str, str] = {
+    "likelihood": "likelihood",
+    "leastsquares": "least squares",
+    "slopes": "slopes",
+}
+"""Estimators of the same terms, with what tables call them."""
+BASE = (
+    "white.density",
+    "bias_instability.level",
+    "random_walk.density",
+    "quantization.increment_sd",
+    "ramp.rate",
+)
+"""Coefficients of the five terms of an Allan curve: N, B, K, Q, R."""
+MOST_COLUMNS = 5
+"""Columns up to which a table fits on a page as it is."""
+CORRELATED_LAGS = 50
+"""Samples up to which correlograms are drawn."""
+ALIKE_SHARE = 0.02
+"""Difference of two estimators ÷ one of them below which they are called equal: most logs say no more."""
+SIGNS = {
+    "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{", "}": r"\}",
+    "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "√Hz": r"$\sqrt{\mathrm{Hz}}$", "√h": r"$\sqrt{\mathrm{h}}$",
+    "√": r"$\surd$", "µ": r"$\mu$", "±": r"$\pm$", "×": r"$\times$", "÷": r"$\div$", "≤": r"$\leq$", "≥": r"$\geq$",
+    "→": r"$\to$",    "−": r"$-$", "·": r"$\cdot$", "°": r"$^\circ$", "…": r"\ldots{}", "–": "--", "²": r"$^2$", "₂": r"$_2$",
+    "φ": r"$\varphi$", "θ": r"$\theta$", "σ": r"$\sigma$", "τ": r"$\tau$", "η": r"$\eta$", "χ": r"$\chi$",
+    "Σ": r"$\Sigma$", "Δ": r"$\Delta$", "<": r"$<$", ">": r"$>$", "|": r"$|$", "ê": r"\^e", "Θ": r"$\Theta$",
+}  # fmt: skip
+"""LaTeX of signs that are none of its letters."""
+SOURCES = {
+    "ieee952": "IEEE Std 952-2020: IEEE Standard for Specifying and Testing Single-Axis Interferometric Fiber Optic "
+    "Gyros, annex C.",
+    "whittle": "P. Whittle: Estimation and information in stationary time series, Ark. Mat. 2 (1953).",
+    "brockwell": "P. J. Brockwell, R. A. Davis: Time Series: Theory and Methods, 2nd ed., Springer 1991.",
+    "rlg": "Li Qi et al.: Performance evaluation of the Allan variance method for ring laser gyroscope noise "
+    "analyses (in Chinese).",
+    "theo": "Xu Dongsheng et al.: ThêoH identification of random errors of fibre-optic gyros (in Chinese).",
+    "mems": "Zhang Meng et al.: Allan variance of two groupings and ARMA model of a MEMS gyro (in Chinese).",
+}
+"""What the methods rest on."""
+CITATION = re.compile(r"\[\[(.*?)\]\]")
+"""How a text cites some of them."""
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A table of a chapter: its name, what it shows, heads and rows, for LaTeX; with numbers of full digits for CSV."""
+
+    name: str
+    caption: str
+    heads: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    columns: Sequence[str]
+    numbers: Iterable[Sequence[object]]
+
+    @property
+    def files(self) -> dict[str, bytes]:
+        """The table as LaTeX and as CSV."""
+        lines = (" & ".join(map(latex, row)) + r" \\" for row in (self.heads, *self.rows))
+        first, *others = lines
+        align = "l" + "r" * (len(self.heads) - 1)
+        tex = [
+            r"\begin{table}[htbp]\centering\small",
+            rf"\caption{{{latex(self.caption)}}}\label{{tab:{self.name}}}",
+            r"\resizebox{\textwidth}{!}{%" if len(self.heads) > MOST_COLUMNS else "{%",
+            rf"\begin{{tabular}}{{{align}}}\hline",
+            first + r"\hline",
+            *others,
+            r"\hline\end{tabular}}\end{table}",
+        ]
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(self.columns)
+        writer.writerows(
+            [as_text(cell) if isinstance(cell, str) else cell for cell in row] for row in self.numbers
+        )
+        return {
+            f"{self.name}.tex": "\n".join([*tex, ""]).encode(),
+            f"{self.name}.csv": text.getvalue().encode(),
+        }
+
+
+def write_thesis(
+    records: Sequence[Record],
+    found: Identification,
+    predictions: Mapping[str, PredictedBlock],
+    directory: Path,
+    *,
+    name: str,
+) -> list[str]:
+    """Write the material of a chapter on a log into a folder, in place of that of an earlier run; return the files.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        The log at rest.
+    found : Identification
+        Its noise by the likelihood, with ARMA models.
+    predictions : mapping of str to PredictedBlock
+        How settings predict its Allan curves.
+    directory : Path
+        The folder.
+    name : str
+        Of the log.
+    """
+    by_method = {
+        method: identify(records, method=method, arma=None) for method in METHODS if method != found_by(found)
+    }
+    by_method[found_by(found)] = found
+    channels = list(found.channels.values())
+    sheets = [
+        _measured(found, predictions),
+        _estimators(by_method, predictions),
+        _levels(channels),
+        _curves(channels),
+        *(
+            [_orders(channels), _models(channels), _tests(channels)]
+            if any(one.arma for one in channels)
+            else []
+        ),
+    ]
+    figures = {
+        "allan": allan_figure(found, title=name, predictions=predictions),
+        "correlograms": correlogram_figure(records),
+    }
+    files: dict[str, bytes] = {}
+    for sheet in sheets:
+        files |= sheet.files
+    for key, figure in figures.items():
+        files |= rendered(figure, key, FIGURE_SUFFIXES)
+    files[CHAPTER] = "\n".join(_chapter(name, records, by_method, predictions, sheets)).encode()
+    files[STORED] = json_text(identification_json(found) | {MANIFEST: digests(files)}).encode()
+    write_set(directory, files, last=STORED)
+    return list(files)
+
+
+def found_by(found: Identification) -> str:
+    """Return the method of an identification."""
+    return next(iter(found.channels.values())).method
+
+
+def latex(text: str) -> str:
+    """Return a text with the signs that LaTeX needs."""
+    out, at = [], 0
+    while at < len(text):
+        sign = next((one for one in SIGNS if text.startswith(one, at)), None)
+        out.append(text[at] if sign is None else SIGNS[sign])
+        at += 1 if sign is None else len(sign)
+    return "".join(out)
+
+
+def _ends(c: Coefficient) -> tuple[float | str, float | str, float | str]:
+    """Return value and ends of an interval, or of a limit its upper end; empty cells for what is unknown."""
+    low, high = c.interval or ("", c.upper if c.upper is not None else "")
+    return "" if c.value is None else c.value, low, high
+
+
+def _customary(c: Coefficient, quantity: str, unit: str) -> list[float | str]:
+    """Return value and ends of a coefficient in its customary unit."""
+    return [one if isinstance(one, str) else in_customary(one, quantity, unit) for one in _ends(c)]
+
+
+def _measured(found: Identification, predictions: Mapping[str, PredictedBlock]) -> Sheet:
+    """Return the noise as it stands on the first screen."""
+    table = measured_table(found, predictions=predictions)
+    heads = [str(column.header) for column in table.columns]
+    rows = [list(map(str, row)) for row in zip(*(column.cells for column in table.columns), strict=True)]
+    return Sheet("measured", f"Measured noise. {legend(table)}", heads, rows, heads, rows)
+
+
+def _estimators(by_method: Mapping[str, Identification], predictions: Mapping[str, PredictedBlock]) -> Sheet:
+    """Return N, B, K, Q and R of every axis by every method."""
+    read, rows, numbers = curve_axes(predictions), [], []
+    for axis, channel in by_method["likelihood"].channels.items():
+        each = {method: coefficients_of(one.channels[axis]) for method, one in by_method.items()}
+        for quantity in BASE:
+            got = {method: each[method].get((quantity, 0), UNKNOWN) for method in METHODS}
+            if all(one == UNKNOWN for one in got.values()):
+                continue
+            unit = customary_unit(quantity, channel.unit)
+            head = f"{axis}{'*' * (axis in read)} {symbol(quantity)}, {pretty(unit)}"
+            rows.append(
+                [head, *(phrase(one, quantity, channel.unit, with_unit=False) for one in got.values())]
+            )
+            numbers += [
+                [axis, symbol(quantity), unit, method, *_customary(one, quantity, channel.unit)]
+                for method, one in got.items()
+            ]
+    caption = "Coefficients by three estimators, with 95 % intervals; < is a limit, – no estimate."
+    caption += " * The terms do not predict the Allan curve of the axis: see the table before." * bool(read)
+    columns = ["axis", "coefficient", "unit", "estimator", "value", "lower", "upper"]
+    return Sheet("estimators", caption, ["", *METHODS.values()], rows, columns, numbers)
+
+
+def _levels(channels: Sequence[ChannelIdentification]) -> Sheet:
+    """Return mean, Allan deviation at 10 s, its minimum and where that is."""
+    each = [[(name, getattr(one, name)) for name in LEVEL_NAMES] for one in channels]
+    rows = [
+        [f"{one.axis}, {pretty(customary_unit('level', one.unit))}"]
+        + [phrase(c, "level", one.unit, with_unit=False) for _, c in values]
+        + [digits(one.minimum_tau)]
+        for one, values in zip(channels, each, strict=True)
+    ]
+    numbers: list[list[object]] = [
+        [one.axis, name, customary_unit("level", one.unit), *_customary(c, "level", one.unit)]
+        for one, values in zip(channels, each, strict=True)
+        for name, c in values
+    ]
+    numbers += [[one.axis, "minimum_tau", "s", one.minimum_tau, "", ""] for one in channels]
+    caption = (
+        "Mean, Allan deviation at 10 s, smallest Allan deviation, that ÷ 0.664, and its cluster time in s."
+    )
+    heads = ["", *LEVEL_NAMES.values(), "at τ, s"]
+    return Sheet(
+        "levels", caption, heads, rows, ["axis", "quantity", "unit", "value", "lower", "upper"], numbers
+    )
+
+
+def _curves(channels: Sequence[ChannelIdentification]) -> Sheet:
+    """Return the Allan curves; the table shows their ends, the CSV every point."""
+    numbers, rows = [], []
+    for one in channels:
+        unit, curve = customary_unit("level", one.unit), one.allan
+        low, high = curve.interval()
+        points = np.column_stack([curve.deviation(), low, high]) * in_customary(1.0, "level", one.unit)
+        numbers += [
+            [one.axis, tau, *point, dof, unit]
+            for tau, point, dof in zip(
+                curve.tau.tolist(), points.tolist(), curve.dof[:, 0].tolist(), strict=True
+            )
+        ]
+        ends = [f"{digits(float(points[k, 0]))} at {digits(float(curve.tau[k]))} s" for k in (0, -1)]
+        rows.append([f"{one.axis}, {pretty(unit)}", str(len(curve.tau)), *ends])
+    columns = ["axis", "tau_s", "allan_deviation", "lower", "upper", "degrees_of_freedom", "unit"]
+    heads = ["", "points", "first", "last"]
+    return Sheet(
+        "curves", "Overlapping Allan deviations; all points are in curves.csv.", heads, rows, columns, numbers
+    )
+
+
+def _orders(channels: Sequence[ChannelIdentification]) -> Sheet:
+    """Return AIC and BIC of every order less the least of each."""
+    rows, numbers = [], []
+    for one in channels:
+        if one.arma is None:
+            continue
+        scores = {name: one.arma.scores_by(name) for name in ("aic", "bic")}
+        least = {name: min(each.values()) for name, each in scores.items()}
+        numbers += [[one.axis, p, q, scores["aic"][p, q], scores["bic"][p, q]] for p, q in scores["bic"]]
+        best = sorted(scores["bic"], key=lambda order: scores["bic"][order])[:5]
+        best += [
+            order
+            for order in [min(scores["aic"], key=lambda order: scores["aic"][order])]
+            if order not in best
+        ]
+        rows += [
+            [
+                one.axis if k == 0 else "",
+                f"({p},{q})",
+                *(digits(scores[name][p, q] - least[name]) for name in scores),
+            ]
+            for k, (p, q) in enumerate(best)
+        ]
+    caption = (
+        "Orders of an ARMA model: AIC and BIC less the least of each; the best ones, all are in orders.csv."
+    )
+    return Sheet(
+        "orders", caption, ["", "(p,q)", "AIC", "BIC"], rows, ["axis", "p", "q", "AIC", "BIC"], numbers
+    )
+
+
+def _models(channels: Sequence[ChannelIdentification]) -> Sheet:
+    """Return order, coefficients, innovations and roots of the models."""
+    known = [(one.axis, one.arma) for one in channels if one.arma is not None]
+    rows = [row for row in model_rows([fit for _, fit in known]) if row[0] not in ROOTS]
+    numbers = [
+        [axis, f"{name}_{i + 1}", *_ends(c)]
+        for axis, fit in known
+        for name, part in (("ar", fit.ar), ("ma", fit.ma))
+        for i, c in enumerate(part)
+    ]
+    numbers += [[axis, "variance", fit.variance, "", ""] for axis, fit in known]
+    caption = "ARMA models: φ of past samples, θ of past innovations e, with 95 % intervals."
+    heads = ["", *(axis for axis, _ in known)]
+    return Sheet("arma", caption, heads, rows, ["axis", "coefficient", "value", "lower", "upper"], numbers)
+
+
+def _tests(channels: Sequence[ChannelIdentification]) -> Sheet:
+    """Return the tests of the series and of the residuals."""
+    known = {one.axis: one.arma for one in channels if one.arma is not None}
+    nulls = {t.name: t.null for fit in known.values() for t in fit.tests}
+    rows = [
+        [f"{name}: {null}", *(chance(fit, name)[1] for fit in known.values())] for name, null in nulls.items()
+    ]
+    numbers = [
+        [a, t.name, t.null, t.statistic, t.p_value, t.found] for a, fit in known.items() for t in fit.tests
+    ]
+    columns = ["axis", "test", "null", "statistic", "p", "found"]
+    return Sheet(
+        "tests", f"Tests; {ABOUT_TESTS.strip()}.", ["test: null hypothesis", *known], rows, columns, numbers
+    )
+
+
+def correlogram_figure(records: Sequence[Record]) -> Figure:
+    """Draw autocorrelation and partial autocorrelation of every axis of a log."""
+    axes = [(record, axis) for record in records for axis in record.axes]
+    with new_figure((9.0, 1.7 * len(axes) + 0.5)) as figure:
+        grid = figure.subplots(len(axes), 2, squeeze=False, sharex=True)
+        for (record, axis), panels in zip(axes, grid, strict=True):
+            longest = max(b - a for a, b in record.segments)
+            lags = np.arange(1.0, min(CORRELATED_LAGS, longest // 4) + 1.0)
+            own = replace(record, y=record.column(axis)[:, None], axes=(axis,))
+            for panel, make, title in zip(panels, (acf, pacf), ("ACF", "PACF"), strict=True):
+                found = make(own, lag=(lags * record.interval).tolist())
+                panel.vlines(lags, 0.0, found.value[:, 0], color=MEASURED_COLOUR, lw=1.4)
+                panel.axhspan(-found.band, found.band, color="0.85", lw=0)
+                panel.set(title=f"{axis}: {title}", xlabel="lag, samples")
+    return figure
+
+
+def _differences(
+    by_method: Mapping[str, Identification], predictions: Mapping[str, PredictedBlock]
+) -> Iterator[str]:
+    """Yield how far estimators differ from the likelihood, and why; of axes whose terms predict their curve."""
+    read = curve_axes(predictions)
+    reasons = {
+        "leastsquares": "it weighs the points of the Allan curve, which share samples",
+        "slopes": "it is read where its term is largest, and takes what other terms and scatter add there",
+    }
+    for method, why in reasons.items():
+        for quantity in BASE:
+            ratios = [
+                other.value / own.value
+                for axis, channel in by_method["likelihood"].channels.items()
+                if axis not in read
+                and (own := coefficients_of(channel).get((quantity, 0), UNKNOWN)).value
+                and (
+                    other := coefficients_of(by_method[method].channels[axis]).get((quantity, 0), UNKNOWN)
+                ).value
+            ]
+            if not ratios:
+                continue
+            low, high = digits(min(ratios)), digits(max(ratios))
+            alike = max(abs(one - 1.0) for one in ratios) < ALIKE_SHARE
+            span = low if low == high else f"{low} to {high}"
+            yield f"{NAMES[quantity]} by {METHODS[method]}: " + (
+                f"within {ALIKE_SHARE:.0%} of the likelihood."
+                if alike
+                else f"{span} × the likelihood: {why}."
+            )
+
+
+def _methods(records: Sequence[Record]) -> str:
+    """Return the methods in six sentences, with their sources."""
+    first = records[0]
+    return (
+        f"The log holds {digits(first.span / 3600.0)} h at rest, sampled at {digits(first.rate, 4)} Hz. "
+        "Overlapping Allan deviations and their 95 % bands follow from equivalent degrees of freedom [[ieee952]]. "
+        "The noise is a sum of quantization (slope −1), white noise (−1/2), bias instability (0), rate random walk "
+        "(+1/2) and ramp (+1) [[ieee952,rlg]]; which terms there are, and their coefficients, follow from the "
+        "likelihood of the cosine periodogram [[whittle]]. "
+        "Beside it stand weighted least squares on the Allan curve and coefficients read off its slopes, as is usual "
+        "[[rlg,theo]]. "
+        "For ARMA models [[mems,brockwell]] outliers, mean and a straight line were taken out of each stretch, and "
+        "orders compared by AIC and BIC with the likelihood of the periodogram of the whole series. "
+        "Stationarity was tested by reverse arrangements, ADF and KPSS, residuals by Ljung–Box, Jarque–Bera and "
+        "D'Agostino."
+    )
+
+
+def _chapter(
+    name: str,
+    records: Sequence[Record],
+    by_method: Mapping[str, Identification],
+    predictions: Mapping[str, PredictedBlock],
+    sheets: Sequence[Sheet],
+) -> Iterator[str]:
+    """Yield the lines of the chapter."""
+    yield "% needs graphicx; pdflatex, xelatex or lualatex"
+    yield rf"\section{{Noise of {latex(name)}}}"
+    yield CITATION.sub(r"\\cite{\1}", latex(_methods(records)))
+    for key, caption in (
+        ("allan", "Allan deviations with 95 % bands, the fitted sum of terms, and each term with its slope."),
+        ("correlograms", "Autocorrelation and partial autocorrelation; grey: 95 % band of white noise."),
+    ):
+        yield r"\begin{figure}[htbp]\centering\includegraphics[width=\textwidth]{" + key + ".pdf}"
+        yield rf"\caption{{{latex(caption)}}}\label{{fig:{key}}}\end{{figure}}"
+    for sheet in sheets:
+        yield rf"\input{{{sheet.name}.tex}}"
+    yield r"\paragraph{Why estimators differ.}\begin{itemize}"
+    yield from (r"\item " + latex(text) for text in _differences(by_method, predictions))
+    yield r"\end{itemize}"
+    yield r"\paragraph{Preparation and remarks.}\begin{description}"
+    for axis, channel in by_method["likelihood"].channels.items():
+        if channel.arma is not None:
+            fit = channel.arma
+            roots = [f"{name} {roots_text(fit, name)}" for name in ROOTS]
+            said = [*fit.steps, f"chosen: {order_name(fit)}", *roots, *remarks(fit)]
+            yield rf"\item[{latex(axis)}] " + latex("; ".join(said) + ".")
+    yield r"\end{description}"
+    yield r"\begin{thebibliography}{9}"
+    for key, text in SOURCES.items():
+        yield rf"\bibitem{{{key}}} {latex(text)}"
+    yield r"\end{thebibliography}"
+    yield ""
