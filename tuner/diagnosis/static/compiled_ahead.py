@@ -14,7 +14,7 @@ from tuner.diagnosis.static.causes.heavy_tails import HeavyTails
 from tuner.diagnosis.static.channel import MIN_SAMPLES, channel
 from tuner.diagnosis.static.hypothesis_tests import spectrum
 from tuner.diagnosis.static.model.fitted_channel import fit_channel
-from tuner.diagnosis.static.switching.kim_filter import paired
+from tuner.diagnosis.static.switching.kim_filter import switching
 from tuner.diagnosis.static.switching.models import STILL, Chain, Slow, likelihood
 from tuner.diagnosis.static.variance.normal_scores import NormalScores
 from tuner.identification.identify_channel import identify_channel
@@ -27,7 +27,7 @@ SAMPLES = 4 * MIN_SAMPLES
 
 def compile_ahead() -> None:
     """Compile, or load from disk, on all processors; nothing where the slowest function is on disk already."""
-    if not on_disk(paired):
+    if not on_disk(switching(2, 2)):
         each(lambda run: run(), GROUPS)
 
 

@@ -12,7 +12,6 @@ from models.noise import BiasInstability, NoiseModel, RandomWalk, White
 from tuner.diagnosis import diagnose
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.search import _settled
-from tuner.diagnosis.static.switching.kim_filter import MAX_STATES, paired, still, switching
 from tuner.diagnosis.static.switching.models import STILL, Chain, Slow, likelihood, likelihood_by_start
 from tuner.simulation.static import Channel, simulate
 from tuner.types.records import Record
@@ -75,7 +74,7 @@ def test_levels_that_are_one_are_none():
     assert np.isclose(likelihood(y, Chain.even([0.0, 0.0, 0.0], 0.2), slow, 0.5), alone)
 
 
-@pytest.mark.parametrize("states", [1, 2, MAX_STATES + 1])
+@pytest.mark.parametrize("states", [1, 2, 8])
 def test_one_level_is_an_offset_with_a_normal_law(states):
     """The likelihood is that of normal numbers whose covariances are those of the states and the white part."""
     rng, phi, q = np.random.default_rng(5), np.linspace(0.9, 0.5, states), np.linspace(0.2, 0.1, states)
@@ -110,33 +109,43 @@ def test_two_levels_with_even_chances_are_one_chain():
     assert np.allclose(two, even)
 
 
-@pytest.mark.parametrize("levels", [(0.0, 2.0), (0.0, 2.0, 4.0), (0.0, 30.0)])
-def test_the_filter_for_two_slow_states_is_the_general_one(levels):
-    rng = np.random.default_rng(len(levels))
-    path = np.array(levels)[np.cumsum(rng.random(1000) < 0.02) % len(levels)]
-    y = path + 0.1 * np.cumsum(rng.standard_normal(1000)) + 0.5 * rng.standard_normal(1000)
-    chain, slow = (
-        Chain.even(levels, 0.02),
-        Slow(np.array([1.0, 0.9]), np.array([0.01, 0.05]), np.array([1.0, 0.3])),
-    )
-    means, r = (np.empty(1000), np.empty(1000)), rng.uniform(0.1, 0.4, 1000)
-    values = [
-        run(y, chain.levels, chain.first, chain.chances, slow.phi, slow.q, slow.initial, r, mean)
-        for run, mean in zip((switching, paired), means, strict=True)
-    ]
-    assert values[0] == pytest.approx(values[1], rel=1e-12)
-    assert means[0] == pytest.approx(means[1], abs=1e-9)
+def interacting(y, chain, slow, r):
+    """Log likelihood by interacting multiple models with matrices, as Blom and Bar-Shalom (1988) write them."""
+    modes, n = len(chain.levels), len(slow.phi)
+    s, p = np.zeros((modes, n)), np.stack([np.diag(slow.initial)] * modes)
+    chance, total, path = chain.first, 0.0, []
+    for t, one in enumerate(y):
+        if t:
+            joint = chance[:, None] * chain.chances
+            chance = joint.sum(axis=0)
+            share = joint / chance
+            mean = share.T @ s
+            off = s[:, None] - mean
+            mixed = np.einsum("km,kij->mij", share, p) + np.einsum("km,kmi,kmj->mij", share, off, off)
+            s, p = slow.phi * mean, mixed * np.outer(slow.phi, slow.phi) + np.diag(slow.q)
+        variance = r[t] + p.sum(axis=(1, 2))
+        innovation = one - chain.levels - s.sum(axis=1)
+        gain = p.sum(axis=2)
+        s = s + gain * (innovation / variance)[:, None]
+        p = p - gain[:, :, None] * gain[:, None] / variance[:, None, None]
+        density = chance * np.exp(-0.5 * innovation**2 / variance) / np.sqrt(variance)
+        total += np.log(density.sum())
+        chance = density / density.sum()
+        path.append(chance @ chain.levels)
+    return total, path
 
 
-def test_the_filter_for_one_level_is_the_general_one():
-    y = np.cumsum(np.random.default_rng(0).standard_normal(1000))
-    slow = Slow(np.array([1.0, 0.9, 0.99]), np.array([0.5, 0.05, 0.1]), np.array([1e6, 0.3, 2.0]))
-    r = np.random.default_rng(1).uniform(0.1, 1.0, 1000)
-    same = Chain.even([0.0, 0.0], 0.1)
-    general = switching(
-        y, same.levels, same.first, same.chances, slow.phi, slow.q, slow.initial, r, np.empty(0)
-    )
-    assert still(y, slow.phi, slow.q, slow.initial, r) == pytest.approx(general, rel=1e-9)
+@pytest.mark.parametrize("levels", [(0.0, 2.0), (0.0, 2.0, 4.0), (1.0,)])
+@pytest.mark.parametrize("states", [1, 2, 7])
+def test_the_filter_is_that_of_interacting_models(levels, states):
+    rng = np.random.default_rng([len(levels), states])
+    path = np.array(levels)[np.cumsum(rng.random(500) < 0.02) % len(levels)]
+    y = path + 0.1 * np.cumsum(rng.standard_normal(500)) + 0.5 * rng.standard_normal(500)
+    slow = Slow(np.linspace(1.0, 0.9, states), np.linspace(0.01, 0.05, states), np.linspace(1.0, 0.3, states))
+    chain, r, found = Chain.even(levels, 0.02), rng.uniform(0.1, 0.4, 500), np.empty(500)
+    value, mean = interacting(y, chain, slow, r)
+    assert likelihood(y, chain, slow, r, found) == pytest.approx(value, rel=1e-12)
+    np.testing.assert_allclose(found, mean, atol=1e-9)
 
 
 @pytest.mark.parametrize(("others", "judged"), [({"lowpass": 900.0}, 0), ({"lowpass": 90.0}, 1), ({}, 1)])

@@ -9,7 +9,7 @@ import numpy as np
 
 from models.arrays import FloatArray
 from models.noise import BiasInstability, GaussMarkov, Quantization, RandomWalk, Term, White
-from tuner.diagnosis.static.switching.kim_filter import MAX_STATES, paired, still, switching
+from tuner.diagnosis.static.switching.kim_filter import switching
 from tuner.types.records import DataError
 
 KNOWN_TERMS = (White, Quantization, GaussMarkov, RandomWalk)
@@ -117,27 +117,19 @@ def block_noise(terms: Sequence[Term], step: float) -> float:
 def likelihood(
     y: FloatArray, chain: Chain, slow: Slow, r: FloatArray | float, path: FloatArray = NO_VALUES
 ) -> float:
-    """Return the log likelihood of block means, shape (M,), by `switching`; with one level by `still`.
+    """Return the log likelihood of block means, shape (M,), by `switching`.
 
     `r` is the variance of their white part, one for all or one each, shape (M,).
 
     Raises
     ------
     ValueError
-        Other than one to three levels, or more slow states beside two or three than `MAX_STATES`.
+        Without a level.
     """
-    levels, alone = len(chain.levels), len(chain.levels) == 1
-    if not 1 <= levels <= 3 or (not alone and len(slow.phi) > MAX_STATES):
-        raise ValueError(
-            f"{levels} levels beside {len(slow.phi)} slow states, expected 1 to 3 and {MAX_STATES} at most"
-        )
-    r = np.full(len(y), r)
-    if alone:
-        value = still(y - chain.levels[0], slow.phi, slow.q, slow.initial, r)
-        path[:] = chain.levels[0]
-    else:
-        run = paired if len(slow.phi) == 2 else switching
-        value = run(y, chain.levels, chain.first, chain.chances, slow.phi, slow.q, slow.initial, r, path)
+    if not len(chain.levels):
+        raise ValueError("0 levels, expected 1 or more")
+    run, white = switching(len(slow.phi), len(chain.levels)), np.full(len(y), r)
+    value = run(y, chain.levels, chain.first, chain.chances, slow.phi, slow.q, slow.initial, white, path)
     return float(value) if np.isfinite(value) else -1e12
 
 
