@@ -31,6 +31,7 @@ import numpy as np
 
 from models.arrays import FloatArray
 from models.effects.static.spectral import LowPass
+from tuner.identification.arma_whittle import autoregression
 
 Coefficients = tuple[tuple[float, ...], tuple[float, ...]]
 
@@ -207,12 +208,5 @@ def _folded(order: int, tangents: FloatArray, end: float) -> FloatArray:
 def colour_arma(name: str, x: FloatArray) -> Coefficients:
     """Return AR and MA coefficients of a colour from its free numbers."""
     p = COLOURS[name][0]
-    return _autoregression(x[:p]), tuple(-b for b in _autoregression(-x[p:]))
-
-
-def _autoregression(x: FloatArray) -> tuple[float, ...]:
-    """Return the coefficients of a stationary autoregression with partial correlations tanh x."""
-    a: list[float] = []
-    for partial in np.tanh(x).tolist():
-        a = [*(before - partial * after for before, after in zip(a, a[::-1], strict=True)), partial]
-    return tuple(a)
+    ar, ma = (autoregression(np.asarray(part, dtype=float))[0].tolist() for part in (x[:p], -x[p:]))
+    return tuple(ar), tuple(-b for b in ma)
