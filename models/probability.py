@@ -125,10 +125,11 @@ def same_mean(groups: FloatArray) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class Normality:
-    """P-values of normality of a sample by Jarque and Bera [1]_ and by D'Agostino [2]_, excess kurtosis, statistics."""
+    """P-values of normality by Jarque and Bera [1]_ and D'Agostino [2]_, skewness, excess kurtosis, both statistics."""
 
     jarque_bera: float
     dagostino: float
+    skewness: float
     excess_kurtosis: float
     jarque_bera_statistic: float
     dagostino_statistic: float
@@ -145,7 +146,12 @@ def normality(x: FloatArray) -> Normality:
     jarque_bera = n / 6.0 * (skewness**2 + 0.25 * (kurtosis - 3.0) ** 2)
     dagostino = _skewness_deviate(skewness, n) ** 2 + _kurtosis_deviate(kurtosis, n) ** 2
     return Normality(
-        chi2_beyond(jarque_bera, 2), chi2_beyond(dagostino, 2), kurtosis - 3.0, jarque_bera, dagostino
+        chi2_beyond(jarque_bera, 2),
+        chi2_beyond(dagostino, 2),
+        skewness,
+        kurtosis - 3.0,
+        jarque_bera,
+        dagostino,
     )
 
 

@@ -9,9 +9,9 @@ mean nothing (their standard error is 33/√n for the model of the third paper).
 where the criterion prefers order (0, 0), or where a likelihood ratio against white noise is not
 significant.
 
-The covariance of the coefficients is that of the Whittle likelihood::
+The covariance of the coefficients follows from that of the past of two processes of the same innovations e [1]_::
 
-    cov⁻¹ = n/(4π) ∫_{-π}^{π} (∂ ln S/∂θ) (∂ ln S/∂θ)ᵀ dω
+    cov⁻¹ = n E w wᵀ,    w = (u_1 … u_p, v_1 … v_q),    A u = e,  B v = e
 
 References
 ----------
@@ -27,6 +27,7 @@ from typing import Literal
 
 import numba
 import numpy as np
+from scipy.linalg import solve_discrete_lyapunov
 
 from models.arrays import ComplexArray, FloatArray
 from models.probability import chi2_beyond, normal_reach, normality
@@ -83,12 +84,15 @@ def _one_step(y: FloatArray, ar: FloatArray, ma: FloatArray) -> FloatArray:
 
 def coefficient_covariance(ar: tuple[float, ...], ma: tuple[float, ...], n: int) -> FloatArray:
     """Return the asymptotic covariance of (ar, ma), shape (p + q, p + q), from n samples."""
-    omega = 2.0 * np.pi * (np.arange(8192) + 0.5) / 8192
-    shift = np.exp(-1j * np.outer(np.arange(1, max(len(ar), len(ma)) + 1), omega))
-    poles = 1.0 - np.asarray(ar) @ shift[: len(ar)]
-    zeros = 1.0 + np.asarray(ma) @ shift[: len(ma)]
-    slopes = np.concatenate((2.0 * (shift[: len(ar)] / poles).real, 2.0 * (shift[: len(ma)] / zeros).real))
-    return np.asarray(np.linalg.pinv(0.5 * n * (slopes @ slopes.T) / len(omega), hermitian=True))
+    p, size = len(ar), len(ar) + len(ma)
+    moved, inputs = np.eye(size, k=-1), np.zeros(size)
+    for at, coefficients in ((0, ar), (p, tuple(-b for b in ma))):
+        if coefficients:
+            moved[at, :] = 0.0
+            moved[at, at : at + len(coefficients)] = coefficients
+            inputs[at] = 1.0
+    information = solve_discrete_lyapunov(moved, np.outer(inputs, inputs))
+    return np.asarray(np.linalg.pinv(n * information, hermitian=True))
 
 
 def suggested_class(correlation: FloatArray, partial: FloatArray, n: int) -> str:
@@ -152,7 +156,7 @@ def fit_arma(
     if not long:
         most = max(map(len, pieces), default=0)
         raise ValueError(f"an ARMA model needs a stretch of {MIN_SAMPLES} samples or more, got {most}")
-    prepared = [prepare(piece) for piece in long]
+    prepared = [prepare(piece, unit) for piece in long]
     n, longest = sum(map(len, long)), max(prepared, key=lambda one: len(one.y))
     fits = fit_orders([one.y for one in prepared], (highest, highest))
     price = price_of(criterion, n)
@@ -183,7 +187,7 @@ def fit_arma(
         (
             f"series: {n} samples, {interval:.6g} s apart{parts}",
             *longest.steps,
-            f"correlograms of {lags} lags suggest: {suggested}",
+            f"correlograms of {lags} lags, which show nothing slower than these, suggest: {suggested}",
             f"order by {criterion.upper()} over p, q ≤ {highest}, likelihood of the periodogram: ({best[0]},{best[1]})",
         ),
         n,
@@ -273,5 +277,5 @@ def _residual_tests(y: FloatArray, fit: WhittleArma) -> Iterator[SeriesTest]:
         ("D'Agostino", shape.dagostino_statistic, shape.dagostino),
     ):
         normal = "normal" if chance >= SIGNIFICANCE_LEVEL else "not normal"
-        found = f"{normal}, excess kurtosis {shape.excess_kurtosis:.2g}"
-        yield SeriesTest(f"{name} of the residuals, χ²₂", value, chance, "normal", found)
+        found = f"{normal}, skewness {shape.skewness:.2g}, excess kurtosis {shape.excess_kurtosis:.2g}"
+        yield SeriesTest(f"{name} of the residuals, χ²", value, chance, "normal", found)

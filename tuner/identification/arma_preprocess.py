@@ -33,6 +33,8 @@ from tuner.identification.unit_root import LEVEL_CHANCES, dickey_fuller, steady_
 from tuner.types import SeriesTest
 
 ROBUST_SIGMAS = 4.5
+NORMAL_SHARE = 6.8e-6
+"""Share of normal samples beyond so many standard deviations."""
 PAPER_SIGMAS = 3.0
 TREND_TEST_GROUPS = 10
 """Groups of the reverse-arrangements and variance tests."""
@@ -66,13 +68,15 @@ class Prepared:
     steps: tuple[str, ...]
 
 
-def prepare(y: FloatArray) -> Prepared:
+def prepare(y: FloatArray, unit: str = "") -> Prepared:
     """Remove outliers, mean and trend.
 
     Parameters
     ----------
     y : ndarray, shape (n,)
         Samples without gaps, n ≥ 20.
+    unit : str
+        Of the samples, for the words.
 
     Returns
     -------
@@ -85,12 +89,13 @@ def prepare(y: FloatArray) -> Prepared:
     slope, detrended = remove_trend(centred)
     before, after = float(np.std(clean)), float(np.std(detrended))
     steps = [
-        f"outliers: {int(marked.sum())} of {len(y)} samples beyond 4.5 robust standard deviations replaced by "
-        f"interpolation (3 standard deviations would take {int(sigma_outliers(y).sum())}); "
-        f"standard deviation {_change(float(np.std(y)), before)}",
-        f"mean: {mean:.4g} removed",
-        f"trend: {slope * len(y):+.3g} over the record removed; standard deviation {_change(before, after)}; "
-        "that takes 17 % of a random walk's Allan variance at a tenth of the record: K is never read here",
+        f"outliers: {int(marked.sum())} of {len(y)} samples beyond {ROBUST_SIGMAS:g} robust standard deviations "
+        f"replaced by interpolation (normal noise has {NORMAL_SHARE * len(y):.2g}; 3 standard deviations would take "
+        f"{int(sigma_outliers(y).sum())}); standard deviation {_change(float(np.std(y)), before, unit)}",
+        f"mean: {mean:.4g} {unit} removed",
+        f"trend: {slope * len(y):+.3g} {unit} over the record removed; standard deviation "
+        f"{_change(before, after, unit)}; a random walk loses 17 % of its Allan variance at a tenth of the record "
+        "by it, so that K is read from the series before",
     ]
     return Prepared(detrended, tuple(steps))
 
@@ -180,8 +185,10 @@ def unit_root(y: FloatArray) -> tuple[SeriesTest, SeriesTest]:
     found = "no unit root" if wanders < TEST_SIZE else "a unit root is not excluded"
     kpss = "its level is steady" if steady > TEST_SIZE else "its level wanders"
     return (
-        SeriesTest(f"ADF with {lags} lags, t", t, wanders, "a unit root", found),
-        SeriesTest(f"KPSS with {lags} lags, η", eta, steady, "a steady level", kpss, TABULATED),
+        SeriesTest(f"ADF of {len(points)} means, {lags} lags, t", t, wanders, "a unit root", found),
+        SeriesTest(
+            f"KPSS of {len(points)} means, {lags} lags, η", eta, steady, "a steady level", kpss, TABULATED
+        ),
     )
 
 
@@ -209,5 +216,5 @@ def _local_median(y: FloatArray) -> FloatArray:
     return np.asarray(np.interp(np.arange(len(y)), size * (np.arange(number) + 0.5) - 0.5, medians))
 
 
-def _change(before: float, after: float) -> str:
-    return f"{before:.4g} → {after:.4g}"
+def _change(before: float, after: float, unit: str) -> str:
+    return f"{before:.4g} → {after:.4g} {unit}"

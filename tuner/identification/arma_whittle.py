@@ -44,20 +44,20 @@ Order = tuple[int, int]
 
 MAX_CELLS = 512
 """Cells of even width: none is wider than this part of the band, so that a sharp peak is not smeared."""
-MAX_FREE_NUMBER = 8.0
-"""Largest |u|: a partial correlation of 1 − 2e-7, a root whose memory is longer than most records."""
+MAX_FREE_NUMBER = 14.0
+"""Largest |u|, a partial correlation of 1 − 1e-12: that of two slow roots is the product of their distances from 1."""
 MAX_SWEEPS = 12
 """Sweeps over all orders, up and down in turn; chosen above what series need."""
 LEAST_GAIN = 1e-2
 """Gain of −2 ln L for which a model is replaced: the price of a coefficient is some thousand times as much."""
-_TRIAL_POLES = (0.999, 0.99, 0.9, 0.5, -0.5, -0.9)
-"""Poles at which the search begins: slow and fast, of both signs."""
+FAST_POLES = (0.5, -0.5, -0.9)
+"""Poles at which the search begins, beside one a decade of memory from ten samples up to the record."""
 MOST_REFINED = 2
 """Starts from smaller orders that are refined: the likelihood may have several maxima."""
 PILOT_LAGS = 20
 """Order of the autoregression by which a series is whitened before its periodogram is taken."""
-LEAST_STEP_GAIN = 1e-3
-"""Gain of a step of −2 ln L below which a search ends."""
+LEAST_STEP_GAIN, FIRST_STEP_GAIN = 1e-3, 1.0
+"""Gain of a step of −2 ln L below which a search ends, and that of the few steps by which starts are compared."""
 
 
 @dataclass(frozen=True)
@@ -76,6 +76,34 @@ class WhittleArma:
 
 Part = tuple[FloatArray, FloatArray]
 """Free numbers u of poles (p,) and of zeros (q,)."""
+
+
+@dataclass(frozen=True)
+class _Point:
+    """Free numbers of a model: ln s², and u of its poles, shape (p,), and zeros, shape (q,); with its -2 ln L."""
+
+    p: int
+    theta: FloatArray
+    deviance: float
+
+    @property
+    def u(self) -> Part:
+        """Free numbers of poles and of zeros."""
+        return self.theta[1 : self.p + 1], self.theta[self.p + 1 :]
+
+    @property
+    def coefficients(self) -> tuple[FloatArray, FloatArray]:
+        """AR and MA coefficients."""
+        poles, zeros = self.u
+        return autoregression(poles)[0], -autoregression(zeros)[0]
+
+    @property
+    def model(self) -> WhittleArma:
+        """The model."""
+        ar, ma = self.coefficients
+        return WhittleArma(
+            tuple(ar.tolist()), tuple(ma.tolist()), float(np.exp(self.theta[0])), self.deviance
+        )
 
 
 def fit_orders(pieces: Sequence[FloatArray], highest: Order = (3, 3)) -> dict[Order, WhittleArma]:
@@ -100,6 +128,8 @@ def fit_orders(pieces: Sequence[FloatArray], highest: Order = (3, 3)) -> dict[Or
     """
     likelihood = _Likelihood.of(prewhitened(pieces), max(highest))
     orders = [(p, q) for p in range(highest[0] + 1) for q in range(highest[1] + 1)]
+    decades = np.arange(1.0, np.log10(likelihood.data.count.sum()))
+    poles = (*(1.0 - 10.0**-decades).tolist(), *FAST_POLES)
     found = {(0, 0): likelihood.best([(np.zeros(0), np.zeros(0))], 1)}
     last = set(orders)
     for sweep in range(MAX_SWEEPS):
@@ -107,7 +137,11 @@ def fit_orders(pieces: Sequence[FloatArray], highest: Order = (3, 3)) -> dict[Or
         for p, q in orders if up else orders[::-1]:
             beside = [(p - 1, q), (p, q - 1), (p - 1, q - 1)] if up else [(p + 1, q), (p, q + 1)]
             near = [found[one] for one in beside if one in found and one in last | changed]
-            starts = [start for model in near for start in (_larger if up else _smaller)(model, (p, q))]
+            starts = [
+                start
+                for model in near
+                for start in (_larger(model, (p, q), poles) if up else _smaller(model, (p, q)))
+            ]
             if not starts:
                 continue
             best = likelihood.best(starts, MOST_REFINED if up else len(starts))
@@ -117,7 +151,7 @@ def fit_orders(pieces: Sequence[FloatArray], highest: Order = (3, 3)) -> dict[Or
         if sweep and not changed:
             break
         last = changed
-    return {order: found[order] for order in orders}
+    return {order: found[order].model for order in orders}
 
 
 def prewhitened(pieces: Sequence[FloatArray]) -> CosinePeriodogram:
@@ -147,34 +181,32 @@ class _Likelihood:
         """Return that of a periodogram, of orders up to `most`."""
         return _Likelihood(data, np.exp(-2j * np.pi * np.outer(np.arange(1, most + 1), data.frequency)))
 
-    def best(self, starts: Sequence[Part], most: int) -> WhittleArma:
-        """Return the likeliest model next to those of the starts that are likeliest, `most` of them."""
-        first = sorted(starts, key=lambda start: self._begun(*start)[1])[:most]
-        return min((self._refined(*one) for one in first), key=lambda found: found.deviance)
+    def best(self, starts: Sequence[Part], most: int) -> _Point:
+        """Return the likeliest point next to starts; those that lead farthest, `most` of them, are followed to the end.
+
+        A pole and a zero that nearly cancel change nothing yet: where they lead shows after some steps.
+        """
+        begun = sorted((self._begun(*start) for start in starts), key=lambda one: one.deviance)[:most]
+        ends = (self._next(one.p, one.theta, LEAST_STEP_GAIN) for one in begun)
+        return min(ends, key=lambda one: one.deviance)
+
+    def _begun(self, poles: FloatArray, zeros: FloatArray) -> _Point:
+        """Return where a start at its best variance leads in a few steps."""
+        theta, count = np.concatenate(([0.0], poles, zeros)), float(self.data.count.sum())
+        theta[0] = np.log(1.0 - float(self._at(theta, len(poles))[1][0]) / count)  # Σ c P/S ÷ Σ c
+        return self._next(len(poles), theta, FIRST_STEP_GAIN)
+
+    def _next(self, p: int, theta: FloatArray, gain: float) -> _Point:
+        """Return the minimum next to a point, to where a step gains less."""
+        wide = np.concatenate(([np.inf], np.full(len(theta) - 1, MAX_FREE_NUMBER)))
+        return _Point(
+            p, *minimise(lambda at: self._at(at, p), theta, lower=-wide, upper=wide, tolerance=gain)
+        )
 
     def _at(self, theta: FloatArray, p: int) -> tuple[float, FloatArray, FloatArray]:
         """Return -2 ln L at a point, its gradient and its information."""
         value, gradient, information = _sums(theta, p, self.powers, self.data.power, self.data.count)
         return value, gradient, information
-
-    def _begun(self, poles: FloatArray, zeros: FloatArray) -> tuple[FloatArray, float]:
-        """Return the point of a start at its best variance, and -2 ln L there."""
-        theta = np.concatenate(([0.0], poles, zeros))
-        value, gradient, _ = self._at(theta, len(poles))
-        count = float(self.data.count.sum())
-        ratio = count - float(gradient[0])  # Σ c P/S
-        theta[0] = np.log(ratio / count)
-        return theta, value - ratio + count * (1.0 + theta[0])
-
-    def _refined(self, poles: FloatArray, zeros: FloatArray) -> WhittleArma:
-        """Return the model of the minimum next to a start."""
-        p, (start, _) = len(poles), self._begun(poles, zeros)
-        wide = np.concatenate(([np.inf], np.full(len(start) - 1, MAX_FREE_NUMBER)))
-        theta, deviance = minimise(
-            lambda at: self._at(at, p), start, lower=-wide, upper=wide, tolerance=LEAST_STEP_GAIN
-        )
-        a, b = autoregression(theta[1 : p + 1])[0], autoregression(theta[p + 1 :])[0]
-        return WhittleArma(tuple(a.tolist()), tuple((-b).tolist()), float(np.exp(theta[0])), deviance)
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[misc, unused-ignore]
@@ -256,14 +288,15 @@ def _parts(ar: FloatArray, ma: FloatArray) -> Iterator[Part]:
         yield poles, zeros
 
 
-def _larger(model: WhittleArma, order: Order) -> Iterator[Part]:
+def _larger(known: _Point, order: Order, tried: Sequence[float]) -> Iterator[Part]:
     """Yield starts of a larger order: a coefficient of zero, or a pole and a zero that nearly cancel."""
-    ar, ma = np.array(model.ar), np.array(model.ma)
-    more = order[0] - len(ar), order[1] - len(ma)
+    poles, zeros = known.u
+    more = order[0] - len(poles), order[1] - len(zeros)
     if more != (1, 1):
-        yield from _parts(np.pad(ar, (0, more[0])), np.pad(ma, (0, more[1])))
+        yield np.pad(poles, (0, more[0])), np.pad(zeros, (0, more[1]))
         return
-    for pole in _TRIAL_POLES:
+    ar, ma = known.coefficients
+    for pole in tried:
         zero = pole - 0.3 * np.sign(pole) * (1.0 - abs(pole))
         for ends in ((pole, zero), (zero, pole)):
             below, above = (
@@ -273,8 +306,8 @@ def _larger(model: WhittleArma, order: Order) -> Iterator[Part]:
             yield from _parts(-below[1:], above[1:])
 
 
-def _smaller(model: WhittleArma, order: Order) -> Iterator[Part]:
+def _smaller(known: _Point, order: Order) -> Iterator[Part]:
     """Yield the starts of a smaller order: without the last coefficient, and without the last partial correlation."""
-    ar, ma = np.array(model.ar), np.array(model.ma)
-    yield from _parts(ar[: order[0]], ma[: order[1]])
-    yield from ((poles[: order[0]], zeros[: order[1]]) for poles, zeros in _parts(ar, ma))
+    (p, q), (ar, ma), (poles, zeros) = order, known.coefficients, known.u
+    yield from _parts(ar[:p], ma[:q])
+    yield poles[:p], zeros[:q]

@@ -9,13 +9,13 @@ import numpy as np
 from rich.table import Table
 
 from tuner.formats.axis_words import axes_text
-from tuner.formats.customary_units import amount, digits
+from tuner.formats.customary_units import amount, customary_unit, digits, phrase, pretty
 from tuner.identification.arma import cancelling, innovation_sd, roots
 from tuner.report.titled_table import titled_table
 from tuner.types import ArmaFit, ChannelIdentification, SeriesTest
 
 ABOUT_TESTS = (
-    "  p: the chance of such a statistic where the null hypothesis holds; below 0.05 (trend, ADF, KPSS) or 0.01 it is "
+    "p: the chance of such a statistic where the null hypothesis holds; below 0.05 (trend, ADF, KPSS) or 0.01 it is "
     "rejected. The trend that was taken out before hides a random walk from all of them"
 )
 """What the table of the tests says."""
@@ -63,7 +63,7 @@ def series_tables(channels: Sequence[ChannelIdentification]) -> list[Table | str
     return [
         *titled_table(title, heads, model_rows(list(fits.values()))),
         *titled_table("Tests of the series and of the residuals", heads, rows),
-        ABOUT_TESTS,
+        f"  {ABOUT_TESTS}",
         *(f"  {axis}: {text}" for axis, fit in fits.items() for text in remarks(fit)),
     ]
 
@@ -74,14 +74,16 @@ def model_rows(fits: Sequence[ArmaFit]) -> Iterator[list[str]]:
     for sign, parts in (("φ", [fit.ar for fit in fits]), ("θ", [fit.ma for fit in fits])):
         for i in range(max(map(len, parts))):
             yield [f"{sign}{i + 1}", *(amount(part[i]) if i < len(part) else "–" for part in parts)]
-    yield ["sd of e", *(amount(innovation_sd(fit)) for fit in fits)]
+    units = (pretty(customary_unit("level", fit.unit)) for fit in fits)
+    sds = (phrase(innovation_sd(fit), "level", fit.unit, with_unit=False) for fit in fits)
+    yield ["sd of e", *map(" ".join, zip(sds, units, strict=True))]
     for name in ROOTS:
         yield [name, *(roots_text(fit, name) for fit in fits)]
     yield [
         "states of a shaping filter",
         *(str(0 if fit.white else max(fit.order[0], fit.order[1] + 1)) for fit in fits),
     ]
-    yield ["next best order", *map(next_best, fits)]
+    yield ["next best order, by", *map(next_best, fits)]
 
 
 def next_best(fit: ArmaFit) -> str:
@@ -129,7 +131,7 @@ def remarks(fit: ArmaFit) -> Iterator[str]:
     if pairs:
         pole, zero = min(pairs, key=lambda pair: abs(pair[0] - pair[1]))
         nearest = " and ".join(root_text(complex(one.real, abs(one.imag)), fit) for one in (pole, zero))
-        yield f"a pole and a zero cancel within their errors ({nearest}): φ and θ mean little one by one"
+        yield f"a pole and a zero differ by less than their error ({nearest}): φ and θ mean little one by one"
     for one in fit.tests:
         if one.null == "no correlation" and one.found != "no correlation left":
-            yield f"{one.found} behind the model ({one.name}, p {chance_text(one)}): no order that was tried has it all"
+            yield f"the chosen model leaves correlation ({one.name}, p {chance_text(one)})"

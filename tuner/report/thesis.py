@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
 from tuner.curves import acf, pacf
+from tuner.formats.axis_words import axes_text
 from tuner.formats.csv_text import as_text
 from tuner.formats.customary_units import customary_unit, digits, in_customary, phrase, pretty, symbol
 from tuner.formats.documents import json_text
@@ -25,7 +26,7 @@ from tuner.report.allan_figure import MEASURED_COLOUR, allan_figure
 from tuner.report.coefficient_text import LEVEL_NAMES, coefficients_of
 from tuner.report.figure_files import new_figure, rendered
 from tuner.report.identification_tables import UNKNOWN
-from tuner.report.noise_table import NAMES, legend, measured_table
+from tuner.report.noise_table import legend, measured_table
 from tuner.report.series_model_tables import (
     ABOUT_TESTS,
     ROOTS,
@@ -58,8 +59,12 @@ BASE = (
 """Coefficients of the five terms of an Allan curve: N, B, K, Q, R."""
 CORRELATED_LAGS = 50
 """Samples up to which correlograms are drawn."""
-ALIKE_SHARE = 0.02
-"""Difference of two estimators ÷ one of them below which they are called equal: most logs say no more."""
+DIFFERENCES: Mapping[str, str] = {
+    "leastsquares": "It knows octaves of the Allan curve to a quarter of the record, the likelihood every frequency. "
+    "Where both differ beyond their intervals, the terms do not describe all of the curve",
+    "slopes": "Each is read where the curve has the slope of its term: other terms add there, and a filter takes",
+}
+"""What sets other estimators apart from the likelihood."""
 DELIMITERS: Mapping[str, Any] = {
     "block_start_string": "<%",
     "block_end_string": "%>",
@@ -120,18 +125,19 @@ def write_thesis(
         method: identify(records, method=method, arma=None) for method in METHODS if method != found_by(found)
     }
     by_method[found_by(found)] = found
-    channels = list(found.channels.values())
+    channels, read = list(found.channels.values()), curve_axes(predictions)
+    fits = {one.axis: one.arma for one in channels if one.arma is not None}
+    sensors: dict[str, dict[str, ArmaFit]] = {}
+    for axis, fit in fits.items():
+        sensors.setdefault(axis.partition("_")[0], {})[axis] = fit
     sheets = [
         _measured(found, predictions),
-        _estimators(by_method, predictions),
+        _estimators(by_method, read),
         _levels(channels),
         _curves(channels),
-        *(
-            [_orders(channels), _models(channels), _tests(channels)]
-            if any(one.arma for one in channels)
-            else []
-        ),
     ]
+    sheets += [_orders(fits)] if fits else []
+    models = [sheet for sensor, own in sensors.items() for sheet in _models(sensor, own)]
     figures = {
         "allan": allan_figure(found, title=name, predictions=predictions),
         "correlograms": correlogram_figure(records),
@@ -145,10 +151,9 @@ def write_thesis(
         **DELIMITERS,
     )
     environment.filters["tex"] = latex
-    page, known = environment.get_template(f"{CHAPTER}.j2"), [one for one in sheets if one.rows]
-    fits = {one.axis: one.arma for one in channels if one.arma is not None}
-    files = {f"{one.name}.csv": _csv(one) for one in sheets}
-    files |= {f"{one.name}.tex": page.render(only=one).encode() for one in known}
+    page = environment.get_template(f"{CHAPTER}.j2")
+    files = {f"{one.name}.csv": _csv(one) for one in (*sheets, *models)}
+    files |= {f"{one.name}.tex": page.render(only=one).encode() for one in (*sheets, *models) if one.rows}
     for key, figure in figures.items():
         files |= rendered(figure, key, FIGURE_SUFFIXES)
     files[CHAPTER] = page.render(
@@ -156,9 +161,10 @@ def write_thesis(
         name=name,
         hours=digits(records[0].span / 3600.0),
         rate=digits(records[0].rate, 4),
-        tables=known,
-        differences=list(_differences(by_method, predictions)),
-        prepared=[(axis, _prepared(fit)) for axis, fit in fits.items()],
+        models=models,
+        read=axes_text(read),
+        differences=list(_differences(by_method, read)),
+        remarks=[(one.axis, ". ".join([*one.warnings, *_prepared(one)])) for one in channels],
     ).encode()
     files[STORED] = json_text(identification_json(found) | {MANIFEST: digests(files)}).encode()
     write_set(directory, files, last=STORED)
@@ -181,10 +187,12 @@ def _csv(sheet: Sheet) -> bytes:
     return str(frame.map(as_text).to_csv(index=False, lineterminator="\n")).encode()
 
 
-def _prepared(fit: ArmaFit) -> str:
-    """Return in words how a series was prepared, and what a reader of its model must know."""
-    found = (f"{name} {roots_text(fit, name)}" for name in ROOTS)
-    return "; ".join([*fit.steps, f"chosen: {order_name(fit)}", *found, *remarks(fit)]) + "."
+def _prepared(channel: ChannelIdentification) -> Iterator[str]:
+    """Yield how a series was prepared, and what a reader of its model must know."""
+    if channel.arma is not None:
+        fit = channel.arma
+        found = (f"{name} {roots_text(fit, name)}" for name in ROOTS)
+        yield "; ".join([*fit.steps, f"chosen: {order_name(fit)}", *found, *remarks(fit)]) + "."
 
 
 def _ends(c: Coefficient) -> tuple[float | str, float | str, float | str]:
@@ -206,28 +214,30 @@ def _measured(found: Identification, predictions: Mapping[str, PredictedBlock]) 
     return Sheet("measured", f"Measured noise. {legend(table)}", heads, rows, heads, rows)
 
 
-def _estimators(by_method: Mapping[str, Identification], predictions: Mapping[str, PredictedBlock]) -> Sheet:
-    """Return N, B, K, Q and R of every axis by every method."""
-    read, rows, numbers = curve_axes(predictions), [], []
+def _estimators(by_method: Mapping[str, Identification], read: Container[str]) -> Sheet:
+    """Return N, B, K, Q and R of every axis by every method, but of those read off their curve."""
+    rows, numbers = [], []
     for axis, channel in by_method["likelihood"].channels.items():
-        each = {method: coefficients_of(one.channels[axis]) for method, one in by_method.items()}
         for quantity in BASE:
-            got = {method: each[method].get((quantity, 0), UNKNOWN) for method in METHODS}
-            if all(one == UNKNOWN for one in got.values()):
+            got = {method: _estimate(by_method[method].channels[axis], quantity) for method in METHODS}
+            got |= {method: UNKNOWN for method in got if method != "likelihood" and got[method].value is None}
+            if axis in read or all(one == UNKNOWN for one in got.values()):
                 continue
             unit = customary_unit(quantity, channel.unit)
-            head = f"{axis}{'*' * (axis in read)} {symbol(quantity)}, {pretty(unit)}"
-            rows.append(
-                [head, *(phrase(one, quantity, channel.unit, with_unit=False) for one in got.values())]
-            )
+            said = (phrase(one, quantity, channel.unit, with_unit=False) for one in got.values())
+            rows.append([f"{axis} {symbol(quantity)}, {pretty(unit)}", *said])
             numbers += [
                 [axis, symbol(quantity), unit, method, *_customary(one, quantity, channel.unit)]
                 for method, one in got.items()
             ]
-    caption = "Coefficients by three estimators, with 95 % intervals; < is a limit, – no estimate."
-    caption += " * The terms do not predict the Allan curve of the axis: see the table before." * bool(read)
+    caption = "Coefficients by three estimators, with 95 % intervals; < is a limit, – no estimate"
     columns = ["axis", "coefficient", "unit", "estimator", "value", "lower", "upper"]
     return Sheet("estimators", caption, ["", *METHODS.values()], rows, columns, numbers)
+
+
+def _estimate(channel: ChannelIdentification, quantity: str) -> Coefficient:
+    """Return a coefficient of an axis; an unknown one where its terms have none."""
+    return coefficients_of(channel).get((quantity, 0), UNKNOWN)
 
 
 def _levels(channels: Sequence[ChannelIdentification]) -> Sheet:
@@ -246,7 +256,7 @@ def _levels(channels: Sequence[ChannelIdentification]) -> Sheet:
     ]
     numbers += [[one.axis, "minimum_tau", "s", one.minimum_tau, "", ""] for one in channels]
     caption = (
-        "Mean, Allan deviation at 10 s, smallest Allan deviation, that ÷ 0.664, and its cluster time in s."
+        "Mean, Allan deviation at 10 s, the smallest, that ÷ 0.664 (of flicker alone it would be B), its τ"
     )
     heads = ["", *LEVEL_NAMES.values(), "at τ, s"]
     return Sheet(
@@ -268,67 +278,46 @@ def _curves(channels: Sequence[ChannelIdentification]) -> Sheet:
     return Sheet("curves", "", [], [], columns, numbers)
 
 
-def _orders(channels: Sequence[ChannelIdentification]) -> Sheet:
-    """Return AIC and BIC of every order less the least of each."""
+def _orders(fits: Mapping[str, ArmaFit]) -> Sheet:
+    """Return AIC and BIC of every order less the least of each: the best five by BIC, and the best by AIC."""
     rows, numbers = [], []
-    for one in channels:
-        if one.arma is None:
-            continue
-        scores = {name: one.arma.scores_by(name) for name in ("aic", "bic")}
-        least = {name: min(each.values()) for name, each in scores.items()}
-        numbers += [[one.axis, p, q, scores["aic"][p, q], scores["bic"][p, q]] for p, q in scores["bic"]]
-        best = sorted(scores["bic"], key=lambda order: scores["bic"][order])[:5]
-        best += [
-            order
-            for order in [min(scores["aic"], key=lambda order: scores["aic"][order])]
-            if order not in best
-        ]
-        rows += [
-            [
-                one.axis if k == 0 else "",
-                f"({p},{q})",
-                *(digits(scores[name][p, q] - least[name]) for name in scores),
-            ]
-            for k, (p, q) in enumerate(best)
-        ]
-    caption = (
-        "Orders of an ARMA model: AIC and BIC less the least of each; the best ones, all are in orders.csv."
-    )
+    for axis, fit in fits.items():
+        aic, bic = fit.scores_by("aic"), fit.scores_by("bic")
+        numbers += [[axis, p, q, aic[p, q], bic[p, q]] for p, q in bic]
+        best = dict.fromkeys(
+            [*sorted(bic, key=lambda order: bic[order])[:5], min(aic, key=lambda order: aic[order])]
+        )
+        for p, q in best:
+            more = (digits(one[p, q] - min(one.values())) for one in (aic, bic))
+            rows.append([axis, f"({p},{q})", *more])
+    caption = "Orders of an ARMA model: AIC and BIC less the least of each; all orders are in orders.csv"
     return Sheet(
         "orders", caption, ["", "(p,q)", "AIC", "BIC"], rows, ["axis", "p", "q", "AIC", "BIC"], numbers
     )
 
 
-def _models(channels: Sequence[ChannelIdentification]) -> Sheet:
-    """Return order, coefficients, innovations and roots of the models."""
-    known = [(one.axis, one.arma) for one in channels if one.arma is not None]
-    rows = [row for row in model_rows([fit for _, fit in known]) if row[0] not in ROOTS]
+def _models(sensor: str, fits: Mapping[str, ArmaFit]) -> Iterator[Sheet]:
+    """Yield the models of a sensor, and the tests of its series and of their residuals."""
+    rows = [row for row in model_rows(list(fits.values())) if row[0] not in ROOTS]
     numbers = [
         [axis, f"{name}_{i + 1}", *_ends(c)]
-        for axis, fit in known
+        for axis, fit in fits.items()
         for name, part in (("ar", fit.ar), ("ma", fit.ma))
         for i, c in enumerate(part)
     ]
-    numbers += [[axis, "variance", fit.variance, "", ""] for axis, fit in known]
-    caption = "ARMA models: φ of past samples, θ of past innovations e, with 95 % intervals."
-    heads = ["", *(axis for axis, _ in known)]
-    return Sheet("arma", caption, heads, rows, ["axis", "coefficient", "value", "lower", "upper"], numbers)
-
-
-def _tests(channels: Sequence[ChannelIdentification]) -> Sheet:
-    """Return the tests of the series and of the residuals."""
-    known = {one.axis: one.arma for one in channels if one.arma is not None}
-    nulls = {t.name: t.null for fit in known.values() for t in fit.tests}
-    rows = [
-        [f"{name}: {null}", *(chance(fit, name)[1] for fit in known.values())] for name, null in nulls.items()
+    numbers += [[axis, "variance", fit.variance, "", ""] for axis, fit in fits.items()]
+    caption = "ARMA models: φ of past samples, θ of past innovations e, with 95 % intervals"
+    columns = ["axis", "coefficient", "value", "lower", "upper"]
+    yield Sheet(f"arma_{sensor}", caption, ["", *fits], rows, columns, numbers)
+    nulls = {t.name: t.null for fit in fits.values() for t in fit.tests}
+    chances = [
+        [f"{name}: {null}", *(chance(fit, name)[1] for fit in fits.values())] for name, null in nulls.items()
     ]
-    numbers = [
-        [a, t.name, t.null, t.statistic, t.p_value, t.found] for a, fit in known.items() for t in fit.tests
+    every = [
+        [a, t.name, t.null, t.statistic, t.p_value, t.found] for a, fit in fits.items() for t in fit.tests
     ]
     columns = ["axis", "test", "null", "statistic", "p", "found"]
-    return Sheet(
-        "tests", f"Tests; {ABOUT_TESTS.strip()}.", ["test: null hypothesis", *known], rows, columns, numbers
-    )
+    yield Sheet(f"tests_{sensor}", ABOUT_TESTS, ["test: null hypothesis", *fits], chances, columns, every)
 
 
 def correlogram_figure(records: Sequence[Record]) -> Figure:
@@ -348,33 +337,29 @@ def correlogram_figure(records: Sequence[Record]) -> Figure:
     return figure
 
 
-def _differences(
-    by_method: Mapping[str, Identification], predictions: Mapping[str, PredictedBlock]
-) -> Iterator[str]:
+def _differences(by_method: Mapping[str, Identification], read: Container[str]) -> Iterator[str]:
     """Yield how far estimators differ from the likelihood, and why; of axes whose terms predict their curve."""
-    read = curve_axes(predictions)
-    reasons = {
-        "leastsquares": "it weighs the points of the Allan curve, which share samples",
-        "slopes": "it is read where its term is largest, and takes what other terms and scatter add there",
-    }
-    for method, why in reasons.items():
+    for method, why in DIFFERENCES.items():
+        said = []
         for quantity in BASE:
-            ratios = [
-                other.value / own.value
+            pairs = {
+                axis: (_estimate(channel, quantity), _estimate(by_method[method].channels[axis], quantity))
                 for axis, channel in by_method["likelihood"].channels.items()
                 if axis not in read
-                and (own := coefficients_of(channel).get((quantity, 0), UNKNOWN)).value
-                and (
-                    other := coefficients_of(by_method[method].channels[axis]).get((quantity, 0), UNKNOWN)
-                ).value
-            ]
-            if not ratios:
-                continue
-            low, high = digits(min(ratios)), digits(max(ratios))
-            alike = max(abs(one - 1.0) for one in ratios) < ALIKE_SHARE
-            span = low if low == high else f"{low} to {high}"
-            yield f"{NAMES[quantity]} by {METHODS[method]}: " + (
-                f"within {ALIKE_SHARE:.0%} of the likelihood."
-                if alike
-                else f"{span} × the likelihood: {why}."
-            )
+            }
+            known = {axis: pair for axis, pair in pairs.items() if pair[0].value and pair[1].value}
+            ratios = [(other.value or 0.0) / (own.value or 1.0) for own, other in known.values()]
+            if ratios:
+                span = " to ".join(dict.fromkeys([digits(min(ratios)), digits(max(ratios))]))
+                apart = [axis for axis, pair in known.items() if _apart(*pair)]
+                beyond = f", beyond both intervals on {axes_text(apart)}" if apart else ""
+                said.append(f"{symbol(quantity)} {span} × ({axes_text(list(known))}{beyond})")
+        if said:
+            yield f"{METHODS[method]} ÷ likelihood: {'; '.join(said)}. {why}."
+
+
+def _apart(one: Coefficient, other: Coefficient) -> bool:
+    """Return whether two intervals have nothing in common."""
+    if one.interval is None or other.interval is None:
+        return False
+    return one.interval[0] > other.interval[1] or other.interval[0] > one.interval[1]

@@ -118,11 +118,11 @@ def test_unit_root_tests_are_those_of_statsmodels():
 def test_steps_say_what_was_done():
     y = 3.0 + 0.001 * np.arange(20_000) + white(8)
     y[77] += 30.0
-    prepared = prepare(y)
+    prepared = prepare(y, "deg/s")
     said = " ".join(prepared.steps)
     assert int(re.search(r"outliers: (\d+) of", said)[1]) >= 1
-    assert float(re.search(r"mean: (\S+) removed", said)[1]) == pytest.approx(13.0, abs=0.1)
-    rise = float(re.search(r"trend: (\S+) over the record", said)[1])
+    assert float(re.search(r"mean: (\S+) deg/s removed", said)[1]) == pytest.approx(13.0, abs=0.1)
+    rise = float(re.search(r"trend: (\S+) deg/s over the record", said)[1])
     assert rise == pytest.approx(0.001 * len(prepared.y), rel=0.01)
     assert np.mean(prepared.y) == pytest.approx(0.0, abs=1e-9)
     names = " ".join(test.name for test in stationarity_tests(prepared.y))

@@ -40,7 +40,8 @@ def rows(folder, name):
 
 
 def test_every_file_is_there_and_named_by_its_digest(chapter):
-    tables = ("measured", "estimators", "levels", "curves", "orders", "arma", "tests")
+    tables = ["measured", "estimators", "levels", "curves", "orders"]
+    tables += [f"{name}_{sensor}" for name in ("arma", "tests") for sensor in ("gyro", "accel")]
     wanted = {f"{name}.{suffix}" for name in tables for suffix in ("csv", "tex")} - {"curves.tex"}
     wanted |= {f"{name}.{suffix}" for name in ("allan", "correlograms") for suffix in ("pdf", "png")}
     assert {path.name for path in chapter.iterdir()} == wanted | {"chapter.tex", "identification.json"}
@@ -82,6 +83,15 @@ def test_numbers_are_those_of_the_identification(chapter):
         "leastsquares",
         "slopes",
     }
+    table = (chapter / "estimators.tex").read_text()
+    for estimator, head in (("likelihood", 1), ("leastsquares", 2), ("slopes", 3)):
+        (value,) = (
+            float(row["value"])
+            for row in rows(chapter, "estimators")
+            if (row["axis"], row["coefficient"], row["estimator"]) == ("gyro_x", "N", estimator)
+        )
+        line = next(line for line in table.splitlines() if line.startswith(r"gyro\_x N"))
+        assert float(line.split("&")[head].split("$")[0]) == pytest.approx(value, rel=2e-3)
     orders = rows(chapter, "orders")
     for axis, channel in stored["channels"].items():
         own = [row for row in orders if row["axis"] == axis]
@@ -93,7 +103,7 @@ def test_numbers_are_those_of_the_identification(chapter):
             (np.log(channel["arma"]["samples"]) - 2.0) * (int(best["p"]) + int(best["q"]) + 1)
         )
     assert {"ADF", "KPSS", "Ljung–Box", "Jarque–Bera"} <= {
-        row["test"].split(" ")[0] for row in rows(chapter, "tests")
+        row["test"].split(" ")[0] for row in rows(chapter, "tests_gyro")
     }
 
 
