@@ -17,7 +17,7 @@ from scipy.stats import norm
 from models.arrays import FloatArray
 from models.noise import NoiseModel
 from tuner.formats.customary_units import amount, digits, range_text
-from tuner.limits import ODD_DRIFT
+from tuner.limits import COLLINEAR_SHARE, ODD_DRIFT
 from tuner.production.quantities import QUANTILE, least_size
 from tuner.segments.conditions import MIN_TEMPERATURE_RANGE
 from tuner.types import Coefficient, Identification
@@ -33,8 +33,6 @@ STEP_CHANCE = 1e-5
 """Chance that a sound axis of known noise is said to step: its noise is known to 10 %, which makes ten times of it."""
 PADDING_FACTOR = 8
 """Length of the transform of weights ÷ that of the log: the lowest frequencies pass, and few lie in a log."""
-COLLINEAR_SHARE = 0.9
-"""Squared correlation of temperature and time from which a change is as likely that of either."""
 
 
 def slow_changes(
