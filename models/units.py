@@ -136,6 +136,13 @@ _UNITS: Final[dict[str, float]] = {
     "ug/s": MICRO_G,
     "ug/h": MICRO_G_PER_HOUR,
     "mg/h": MILLI_G / HOUR,
+    # bias per temperature
+    "rad/s/K": 1.0,
+    "deg/s/K": DEG_PER_SECOND,
+    "deg/h/K": DEG_PER_HOUR,
+    "m/s^2/K": 1.0,
+    "mg/K": MILLI_G,
+    "ug/K": MICRO_G,
     # sensitivities
     "deg/h/g": DEG_PER_HOUR / G,
     "rad/s/(m/s^2)": 1.0,

@@ -12,6 +12,16 @@ TOLERATED_RATIO = 2.0
 """True ÷ predicted error, or its inverse, beyond which settings are not written; attitudes are honest up to it."""
 LOST_SHARE = 0.02
 """Share of the samples, or of the fixes, from which the first screen says that they are left out."""
+SHEET_FACTOR = 2.0
+"""Largest noise of a unit ÷ the typical one of its sheet: sheets that state both have up to twice the typical value."""
+SHEET_SDS = 5.0
+"""Sds of a sheet (constants, scale factors) that a unit may be off: of a million sound ones none is further."""
+LOCAL_GRAVITY = 0.003
+"""Relative distance of gravity from the standard one, from the equator to the poles and up to 1 km of height."""
+COLLINEAR_SHARE = 0.9
+"""Squared correlation of temperature and time from which a change is as likely that of either."""
+ODD_DRIFT = 5.0
+"""Drift over a log ÷ Allan deviation at 10 s from which a person is to see it: noise makes up to four of them."""
 PRIOR_SHARE = 1.0 / 3.0
 """Sd ÷ prior sd up to which data determine a constant of the installation."""
 WIDEST_INTERVAL = 5.0

@@ -203,11 +203,6 @@ def units_of(entry: str, sensor: str) -> tuple[str, ...]:
     return _KEYS[entry].units[sensor]
 
 
-def is_unit_of(unit: str, entry: str, sensor: str) -> bool:
-    """Return whether a unit, in any spelling, is one of an entry of a sensor."""
-    return _allowed(unit, units_of(entry, sensor))
-
-
 def _grade(content: object) -> SensorGrade:
     sheet = structured(content, _Sheet)
     if sheet.gyro is None and sheet.accel is None:
@@ -249,7 +244,7 @@ def _triad(sheet: _TriadSheet | None, sensor: str, inherited: _Origin) -> TriadG
 def _sourced(entry: _Entry, key: _Key, place: tuple[str | int, ...], inherited: _Origin) -> Sourced[float]:
     """Return a number in SI with its source; `place` leads to the entry, its first key being the sensor."""
     units = key.units[str(place[0])]
-    if not _allowed(entry.unit, units):
+    if not is_among(entry.unit, units):
         refuse(f"a unit among {', '.join(units) or 'none'}", repr(entry.unit), *place, "unit")
     if entry.reading is not None and (not entry.reading or entry.reading not in key.readings):
         known = ", ".join(filter(None, key.readings)) or "(this entry has none)"
@@ -260,7 +255,8 @@ def _sourced(entry: _Entry, key: _Key, place: tuple[str | int, ...], inherited: 
     return Sourced(two_sided(value) if entry.sided == "one" else value, inherited.within(entry).words())
 
 
-def _allowed(unit: str, units: tuple[str, ...]) -> bool:
+def is_among(unit: str, units: tuple[str, ...]) -> bool:
+    """Return whether a unit, in any spelling, is one of some."""
     try:
         return canonical_unit(unit) in units
     except ValueError:

@@ -15,6 +15,7 @@ from tuner.types import Coefficient
 _CUSTOMARY = {
     "rad/s": {-1.0: "arcsec", -0.5: "deg/sqrt(h)", 0.0: "deg/h", 0.5: "deg/h/sqrt(h)", 1.0: "deg/h^2"},
     "m/s^2": {-1.0: "mm/s", -0.5: "ug/sqrt(Hz)", 0.0: "ug", 0.5: "ug/sqrt(h)", 1.0: "ug/h"},
+    "K": {0.0: "K"},
 }
 """Customary unit of a number that differs from the rate by a power of 1/s, by unit of the rate and that power."""
 _PRETTY = {
@@ -25,6 +26,7 @@ _PRETTY = {
     "ug/sqrt(h)": "µg/√h",
     "ug/h": "µg/h",
     "ug": "µg",
+    "ug/K": "µg/K",
 }
 
 _UNIT_SIZES = {
@@ -62,10 +64,10 @@ def term_title(term: str) -> str:
 
 
 def customary_unit(quantity: str, unit: str) -> str:
-    """Return the customary unit of ``white.density``, ``level``, … of a sensor with SI unit `unit`."""
-    customary = _CUSTOMARY["rad/s" if unit == "rad/s" else "m/s^2"]
-    if quantity == "level":
-        return customary[0.0]
+    """Return the customary unit of ``white.density``, ``level``, ``slope``, … of a sensor with SI unit `unit`."""
+    customary = _CUSTOMARY.get(unit, _CUSTOMARY["m/s^2"])
+    if quantity in ("level", "slope"):
+        return customary[0.0] + "/K" * (quantity == "slope")
     name, _, parameter = quantity.partition(".")
     kind = TERMS.get(name)
     units = {} if kind is None else dict(zip(kind.PARAMETERS, kind.UNITS, strict=False))

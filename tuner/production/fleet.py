@@ -16,8 +16,11 @@ from statistics import median
 from types import MappingProxyType
 from typing import Any
 
+from tuner.formats.customary_units import digits
+from tuner.identification.identify_source import identify_source
 from tuner.identification.objective import expect_terms
-from tuner.production.limits import judge, read_limits
+from tuner.limits import SHOWN_CHANGE, WRONG_FACTOR
+from tuner.production.limits import GRAVITY, all_limits, judge, read_limits
 from tuner.production.outliers import LEAST_UNITS, units_apart
 from tuner.production.spread import spread
 from tuner.production.unit import Outcome, Task, UnitOptions, attempt, store_measurement
@@ -26,7 +29,6 @@ from tuner.readers import FORMATS, read
 from tuner.readers.block_means import BASE_BYTES
 from tuner.readers.log_format import file_of, log_folder
 from tuner.readers.source_kind import source_name
-from tuner.readers.unit_checks import UNSTATED
 from tuner.types.arguments import expect
 from tuner.types.fleet import Fleet, FleetUnit, Limit, UnitMeasurement
 from tuner.types.number_ranges import Count, Latitude
@@ -49,6 +51,7 @@ def fleet(
     logs: str | Path | Sequence[str | Path],
     *,
     limits: str | Path | Sequence[Limit] | None = None,
+    datasheet: str | Path | None = None,
     jobs: Count = 1,
     scheduler: str | None = None,
     store: str | Path | None = None,
@@ -65,6 +68,8 @@ def fleet(
         Folders, which are searched with their subfolders, patterns such as ``logs/*.csv``, and files.
     limits : str, Path or sequence of Limit, optional
         A YAML of format ``tuner-limits/1``, or what it states.
+    datasheet : str or Path, optional
+        A built-in grade or a sheet, from which limits follow that are not stated; see `tuner.production.limits`.
     jobs : int, optional
         Processes on this machine; 1 works in the calling process.
     scheduler : str, optional
@@ -91,7 +96,8 @@ def fleet(
         be used is a row with the reason.
     """
     files = find_logs(logs)
-    known = read_limits(limits) if isinstance(limits, str | Path) else tuple(limits or ())
+    given = read_limits(limits) if isinstance(limits, str | Path) else tuple(limits or ())
+    known = all_limits(given, None if datasheet is None else identify_source(datasheet, arma=None))
     expect_terms(terms)
     folder = None if store is None else _store(Path(store))
     try:
@@ -114,7 +120,13 @@ def fleet(
             progress(len(found), len(tasks))
     new = sum(one.measurement is not None and not one.stored for one in found.values())
     rows = [
-        FleetUnit(name, printable(file), found[index].measurement, found[index].error)
+        FleetUnit(
+            name,
+            printable(file),
+            found[index].measurement,
+            found[index].error,
+            "" if found[index].error is None else "FAIL" if found[index].contradicted else "ERROR",
+        )
         for index, (name, file) in enumerate(zip(unit_names(files), files, strict=True))
     ]
     return replace(judged(fleet_name(logs), rows, known), measured=new)
@@ -139,20 +151,27 @@ def shared_memory(reading: Mapping[str, Any], jobs: int) -> tuple[dict[str, Any]
 def judged(name: str, rows: Sequence[FleetUnit], limits: tuple[Limit, ...]) -> Fleet:
     """Return the fleet with the verdict of every unit, those that stand apart, and the spread of the others."""
     measured = {i: row.measurement for i, row in enumerate(rows) if row.measurement is not None}
-    apart, cut = units_apart(measured), cut_off(measured)
-    units = []
-    for index, row in enumerate(rows):
-        verdict, broken = ("ERROR", ()) if index not in measured else judge(measured[index], limits)
-        unstated = index in measured and gyro_unit_unstated(measured[index])
-        verdict = "OPEN" if verdict == "PASS" and (index in cut or unstated) else verdict
-        units.append(
-            replace(
-                row,
-                verdict=verdict if limits or unstated else "",
-                broken=broken,
-                outliers=apart.outliers.get(index, ()),
-                advice=(*cut.get(index, ()), *apart.advice.get(index, ())),
-            )
+    apart, cut, clocks = units_apart(measured), cut_off(measured), other_clocks(measured)
+    against = Counter(text for one in measured.values() for text in one.contradicted)
+    stated = tuple(limit for limit in limits if not limit.basis)
+    units = list(rows)
+    for index, one in measured.items():
+        ratio, clock = clocks.get(index, (1.0, ""))
+        own = [text for text in one.contradicted if against[text] == 1 or 2 * against[text] <= len(measured)]
+        broken, unclear = (*judge(one, limits)[0], *own), judge(one, stated)[1]
+        verdicts = {
+            "FAIL": bool(broken) or ratio > WRONG_FACTOR,
+            "LOOK": index in apart.outliers or clock or not all(_limited(key, limits) for key in one.causes),
+            "OPEN": unclear or index in cut or one.unit_unstated,
+            "PASS": any(limit != GRAVITY for limit in limits),
+        }
+        advice = (clock, *apart.advice.get(index, ()), *one.causes.values(), *cut.get(index, ()))
+        units[index] = replace(
+            rows[index],
+            verdict=next((verdict for verdict, holds in verdicts.items() if holds), ""),
+            broken=(*broken, *unclear),
+            outliers=apart.outliers.get(index, ()),
+            advice=tuple(filter(None, advice)),
         )
     channel_units = {axis: unit for one in measured.values() for axis, unit in one.units.items()}
     return Fleet(
@@ -165,9 +184,33 @@ def judged(name: str, rows: Sequence[FleetUnit], limits: tuple[Limit, ...]) -> F
     )
 
 
-def gyro_unit_unstated(measured: UnitMeasurement) -> bool:
-    """Return whether neither the log, the user nor the samples tell the unit of the gyroscopes."""
-    return any(text.startswith("gyro") and UNSTATED in text for text in measured.assumptions)
+LIMITED_BY: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {"warming": ("ramp", "temperature_slope"), "drift": ("ramp",)}
+)
+"""Symbols of the limits that judge what is named, so that nobody need see it where they are kept."""
+
+
+def _limited(key: str, limits: Sequence[Limit]) -> bool:
+    """Return whether a limit judges what is named of a sensor."""
+    sensor, _, kind = key.rpartition(" ")
+    return any(one.sensor == sensor and one.symbol in LIMITED_BY.get(kind, ()) for one in limits)
+
+
+def other_clocks(measured: Mapping[int, UnitMeasurement]) -> dict[int, tuple[float, str]]:
+    """Return, by the index of the unit, by which factor its rate is another than that of most others, and in words."""
+    usual = median(one.rate for one in measured.values()) if measured else 1.0
+    ratios = {index: one.rate / usual for index, one in measured.items()}
+    other = {index: ratio for index, ratio in ratios.items() if abs(ratio - 1.0) > SHOWN_CHANGE}
+    if len(measured) < LEAST_UNITS or LEAST_UNITS * len(other) > len(measured):
+        return {}
+    return {
+        index: (
+            max(ratio, 1.0 / ratio),
+            f"clock: {digits(measured[index].rate)} Hz by its stamps, the others have {digits(usual)} Hz: its clock or "
+            f"its rate register is off × {digits(ratio)}",
+        )
+        for index, ratio in other.items()
+    }
 
 
 def cut_off(measured: Mapping[int, UnitMeasurement]) -> dict[int, tuple[str, ...]]:

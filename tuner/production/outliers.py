@@ -34,6 +34,8 @@ LEAST_UNITS = 6
 """Below this the MAD has less than two degrees of freedom, and only absurd values exceed the threshold."""
 MAD_EFFICIENCY = 0.37
 """Variance of the sample standard deviation ÷ that of the scaled MAD, for normal values."""
+WARMING = "temperature.warm_up"
+"""A property of the test, not of the unit: nobody stands apart by it."""
 MISTAKEN_UNITS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {"gyro": ("deg/s", "deg/h", "mrad/s", "mdeg/s"), "accel": ("g", "mg", "cm/s^2", "ft/s^2")}
 )
@@ -64,7 +66,7 @@ def units_apart(measurements: Mapping[int, UnitMeasurement]) -> Apart:
     for index, one in measurements.items():
         for quantity, coefficient in one.quantities.items():
             point = scaled(coefficient, quantity)
-            if point is not None:
+            if point is not None and quantity != WARMING:
                 values.setdefault(quantity, {})[index] = point
     least = max(LEAST_UNITS, math.ceil(0.5 * len(measurements)))
     judged = {quantity: points for quantity, points in values.items() if len(points) >= least}

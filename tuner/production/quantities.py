@@ -1,25 +1,31 @@
 """The numbers by which units are judged: their symbols, customary units and scales.
 
-===========  =======================================================================================================
-symbol       quantity
-===========  =======================================================================================================
-N            white noise density
-B            bias instability
-K            random walk density
-mean         mean of a gyro axis; of accelerometers, the length of the mean specific force less standard gravity
-             (channel ``accel``): a unit at rest shows its bias only along the vertical, and gravity differs by ±0.3 %
-sigma_10s    Allan deviation at 10 s; of it no limit is stated
-===========  =======================================================================================================
+==================  ==================================================================================================
+symbol              quantity
+==================  ==================================================================================================
+N                   white noise density
+B                   bias instability
+K                   random walk density
+mean                mean of a gyro axis; of accelerometers, the length of the mean specific force less standard gravity
+                    (channel ``accel``): a unit at rest shows its bias only along the vertical, and gravity differs by
+                    ±0.3 %
+at_rest             length of the mean rate less the Earth's (channel ``gyro``)
+sigma_10s           Allan deviation at 10 s
+ramp                slope of the line through the samples
+temperature_slope   change with the measured temperature, where that changes by 1 K
+warm_up             change of the temperature over the log (channel ``temperature``)
+==================  ==================================================================================================
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
 from scipy.stats import norm
 
+from models.earth import EARTH_RATE
 from models.units import STANDARD_GRAVITY
 from tuner.formats.customary_units import customary_unit, in_customary, pretty
 from tuner.types import LEVEL, Coefficient, Identification
@@ -30,15 +36,36 @@ SYMBOLS: Mapping[str, str] = MappingProxyType(
         "B": "bias_instability.level",
         "K": "random_walk.density",
         "mean": "level",
+        "at_rest": "level",
         "sigma_10s": "level",
+        "ramp": "ramp.rate",
+        "temperature_slope": "slope",
+        "warm_up": "level",
     }
 )
 """What each symbol is called elsewhere."""
+IN_WORDS: Mapping[str, str] = MappingProxyType(
+    {
+        "N": "white noise",
+        "B": "bias instability",
+        "K": "bias random walk",
+        "at_rest": "rate at rest less the Earth's",
+        "sigma_10s": "Allan deviation at 10 s",
+        "temperature_slope": "change with temperature",
+        "warm_up": "warming over the log",
+    }
+)
+"""Symbols of quantities in words, where these are others."""
 FORCE = "accel"
 """Channel that stands for the length of the specific force."""
-SENSORS: Mapping[str, str] = MappingProxyType({"rad/s": "gyro", "m/s^2": "accel"})
+RATE = "gyro"
+"""Channel that stands for the length of the rate."""
+SENSORS: Mapping[str, str] = MappingProxyType({"rad/s": "gyro", "m/s^2": "accel", "K": "temperature"})
 """Sensor by the unit of its channels."""
-_QUANTILE = float(norm.ppf(0.5 + 0.5 * LEVEL))
+AMPLITUDES = ("N", "B", "K", "sigma_10s")
+"""Symbols of what differs by factors; the others differ by sums."""
+QUANTILE = float(norm.ppf(0.5 + 0.5 * LEVEL))
+"""Half width of the interval of a normal number, in its sds."""
 
 
 def quantities_of(found: Identification) -> tuple[dict[str, str], dict[str, Coefficient]]:
@@ -54,10 +81,14 @@ def quantities_of(found: Identification) -> tuple[dict[str, str], dict[str, Coef
         if channel.unit == "rad/s":
             quantities[f"{axis}.mean"] = channel.mean
         quantities[f"{axis}.sigma_10s"] = channel.sigma_10s
-    forces = [channel.mean for channel in found.channels.values() if channel.unit == "m/s^2"]
-    if len(forces) == 3:
-        units[FORCE] = "m/s^2"
-        quantities[f"{FORCE}.mean"] = _excess(forces)
+    for name, unit, symbol, truth in (
+        (FORCE, "m/s^2", "mean", STANDARD_GRAVITY),
+        (RATE, "rad/s", "at_rest", EARTH_RATE),
+    ):
+        means = [channel.mean for channel in found.channels.values() if channel.unit == unit]
+        if len(means) == 3:
+            units[name] = unit
+            quantities[f"{name}.{symbol}"] = _excess(means, unit, truth)
     return units, quantities
 
 
@@ -68,21 +99,26 @@ def further_terms(found: Identification) -> tuple[str, ...]:
     return tuple(sorted(present - stated))
 
 
-def _excess(forces: list[Coefficient]) -> Coefficient:
-    """Return the length of a specific force less standard gravity, m/s²."""
-    means = [math.nan if one.value is None else one.value for one in forces]
+def _excess(axes: Sequence[Coefficient], unit: str, truth: float) -> Coefficient:
+    """Return the length of a mean vector less what it is of a perfect sensor, in `unit`."""
+    means = [math.nan if one.value is None else one.value for one in axes]
     length = math.hypot(*means)
     if not (math.isfinite(length) and length > 0.0):
-        return Coefficient(None, None, None, "m/s^2", "a mean is not known")
-    halves = [0.0 if one.interval is None else 0.5 * (one.interval[1] - one.interval[0]) for one in forces]
+        return Coefficient(None, None, None, unit, "a mean is not known")
+    halves = [0.0 if one.interval is None else 0.5 * (one.interval[1] - one.interval[0]) for one in axes]
     half = math.hypot(*(half * mean / length for half, mean in zip(halves, means, strict=True)))
-    excess = length - STANDARD_GRAVITY
-    return Coefficient.known(excess, excess - half, excess + half, "m/s^2")
+    return Coefficient.known(length - truth, length - truth - half, length - truth + half, unit)
 
 
 def is_logarithmic(quantity: str) -> bool:
-    """Tell amplitudes, which differ by factors, from means, which differ by sums."""
-    return not quantity.endswith(".mean")
+    """Tell amplitudes, which differ by factors, from means and slopes, which differ by sums."""
+    return quantity.rpartition(".")[2] in AMPLITUDES
+
+
+def least_size(one: Coefficient) -> float:
+    """Return the least magnitude within the interval of a number."""
+    low, high = one.interval or (one.value or 0.0, one.value or 0.0)
+    return max(low, -high, 0.0)
 
 
 def scaled(coefficient: Coefficient, quantity: str) -> tuple[float, float] | None:
@@ -92,12 +128,12 @@ def scaled(coefficient: Coefficient, quantity: str) -> tuple[float, float] | Non
         return None
     low, high = interval or (value, value)
     if not is_logarithmic(quantity):
-        return value, 0.5 * (high - low) / _QUANTILE
+        return value, 0.5 * (high - low) / QUANTILE
     if value <= 0.0:
         return None
     below = math.log(value / low) if low > 0.0 else math.inf
     above = math.log(high / value) if math.isfinite(high) else math.inf
-    return math.log(value), min(max(below, above), 0.5 * below + 0.5 * above) / _QUANTILE
+    return math.log(value), min(max(below, above), 0.5 * below + 0.5 * above) / QUANTILE
 
 
 def unit_name(quantity: str, unit: str) -> str:
@@ -111,8 +147,14 @@ def customary(value: float, quantity: str, unit: str) -> float:
 
 
 def title(quantity: str) -> str:
-    """Return a quantity in words: ``gyro_x N``."""
+    """Return a quantity as the head of a column has it: ``gyro_x N``."""
     return quantity.replace(".", " ")
+
+
+def in_words(quantity: str) -> str:
+    """Return a quantity in words: ``gyro_x N``, ``gyro_x Allan deviation at 10 s``."""
+    channel, _, symbol = quantity.rpartition(".")
+    return f"{channel} {symbol if symbol in ('N', 'B', 'K') else IN_WORDS.get(symbol, symbol)}"
 
 
 def pretty_unit(quantity: str, unit: str) -> str:

@@ -21,9 +21,11 @@ from tuner.formats.guard import reason
 from tuner.identification import identify
 from tuner.jobs import limited
 from tuner.production.quantities import further_terms, quantities_of
+from tuner.production.slow_changes import slow_changes
 from tuner.readers import read
 from tuner.readers.columns import digest
 from tuner.readers.log_format import file_of
+from tuner.readers.refusal import Contradiction
 from tuner.segments.conditions import at_rest
 from tuner.types.fleet import UnitMeasurement
 from tuner.types.one_line import printable
@@ -50,12 +52,16 @@ class Task:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a task: a measurement with its key, found in the store or new, or an error in one line."""
+    """What became of a task: a measurement with its key, found in the store or new, or an error in one line.
+
+    `contradicted` tells a log that its samples contradict from one that cannot be read.
+    """
 
     key: str = ""
     measurement: UnitMeasurement | None = None
     stored: bool = False
     error: str | None = None
+    contradicted: bool = False
 
 
 def attempt(task: Task) -> Outcome:
@@ -69,7 +75,7 @@ def attempt(task: Task) -> Outcome:
         with limited(1):  # other units have the other processors
             return Outcome(key, measure(path, task.options))
     except (DataError, OSError, ImportError) as error:
-        return Outcome(error=printable(str(error)))
+        return Outcome(error=printable(str(error)), contradicted=isinstance(error, Contradiction))
     except MemoryError:
         return Outcome(error=printable(f"{task.file}: not enough memory; split the log, or use fewer --jobs"))
     except Exception as error:  # one log never stops the rest
@@ -88,15 +94,19 @@ def measure(path: Path, options: UnitOptions) -> UnitMeasurement:
     records = at_rest(read(path, **options.reading))
     found = identify(records, terms=options.terms, arma=None, latitude=options.latitude)
     units, quantities = quantities_of(found)
+    more_units, changes, causes = slow_changes(records, found)
     return UnitMeasurement(
         digest=records[0].digest,
         rate=max(record.rate for record in records),
         span=max(record.span for record in records),
-        units=units,
-        quantities=quantities,
+        units=units | more_units,
+        quantities=quantities | changes,
         further=further_terms(found),
         notes=tuple(dict.fromkeys(note for record in records for note in record.notes)),
         assumptions=tuple(dict.fromkeys(text for record in records for text in record.assumptions)),
+        unit_unstated=any(record.unit_unstated for record in records),
+        contradicted=tuple(dict.fromkeys(text for record in records for text in record.contradicted)),
+        causes=causes,
     )
 
 

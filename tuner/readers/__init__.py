@@ -160,7 +160,7 @@ def read(
                 return read_means(listing, plan, digest(path), options, how, begin, end)
             records = _records(listing, plan, digest(path), options)
         except Refusal as refusal:
-            raise DataError(advised(refusal, listing, options)) from None
+            raise refusal.line(advised(refusal, listing, options)) from None
         if unit_name:
             records = tuple(replace(record, source=printable(str(named))) for record in records)
         return between(records, begin, end)

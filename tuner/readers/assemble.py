@@ -199,7 +199,7 @@ def checked(
     contradicted = [*(one.contradicted for one in first if one.contradicted), *plan.layout.unread]
     kept = {axis for record in live for axis in record.axes}
     if lost := [axis for record in records for axis in record.axes if axis not in kept]:
-        contradicted.append(f"{axes_text(lost)}, left out: constant, no measurement")
+        contradicted.append(f"{axes_text(lost)}, left out: constant, dead or no measurement")
     said = tuple(dict.fromkeys(printable(note) for note in [*assumptions, *notes]))
     return tuple(
         replace(
@@ -207,6 +207,7 @@ def checked(
             notes=said,
             assumptions=tuple(assumptions),
             contradicted=tuple(contradicted),
+            unit_unstated=record.name in said_first and said_first[record.name].unstated,
             limiting_steps=MappingProxyType({axis: steps[axis] for axis in record.axes if axis in steps}),
         )
         for record in live

@@ -100,6 +100,10 @@ def without_options(message: str, known: frozenset[str] = frozenset()) -> str:
     return "".join(kept)
 
 
+class Contradiction(DataError):
+    """A log whose samples are those of no sensor in order, as it is stated to be read."""
+
+
 class Refusal(DataError):
     """A reading that the samples contradict.
 
@@ -109,11 +113,17 @@ class Refusal(DataError):
         One line: place, what was measured and what is expected.
     changes : sequence of Change
         Readings that may be meant, none of which was tried.
+    contradicts : bool
+        Whether the samples contradict what is stated; else something is not stated.
     """
 
-    def __init__(self, measured: str, changes: Sequence[Change] = ()) -> None:
+    def __init__(self, measured: str, changes: Sequence[Change] = (), *, contradicts: bool = False) -> None:
         super().__init__(measured)
-        self.changes = tuple(changes)
+        self.changes, self.contradicts = tuple(changes), contradicts
+
+    def line(self, text: str) -> DataError:
+        """Return what the user is shown instead."""
+        return (Contradiction if self.contradicts else DataError)(text)
 
 
 class RowsApart(Refusal):

@@ -51,12 +51,11 @@ from tuner.readers.unit_evidence import (
     unit_of_step,
     units_with_gravity,
     whole_numbers,
+    why_times_gravity,
 )
 from tuner.types.number_ranges import largest_reading
 from tuner.types.records import DataError, Record
 
-UNSTATED = "as nothing states the unit"
-"""Said of a unit that was assumed while others fit the samples as well."""
 MAX_UNIT_FACTOR = 100.0
 """Factor by which a stated unit may be wrong before it is refused: logs in motion and without gravity exist."""
 MIN_RANGE = 1e-15
@@ -120,10 +119,12 @@ def check_units(
     if full.keys() == {"gyro", "accel"} and not assume_si and (letters := axes_exchanged(**full)):
         columns = " and ".join(f"{name}_{letter}" for letter in letters for name in ("gyro", "accel"))
         raise Refusal(
-            f"{source}: {columns} may be exchanged: each has the noise of the other sensor", exchange(letters)
+            f"{source}: {columns} may be exchanged: each has the noise of the other sensor",
+            exchange(letters),
+            contradicts=True,
         )
     if (text := _exchanged(full, sizes, choices)) and not assume_si:
-        raise Refusal(f"{source}: {text}", others)
+        raise Refusal(f"{source}: {text}", others, contradicts=True)
     if tried and "accel" in full and _at_rest(sizes["accel"], full["accel"]):
         for record in full.values():
             if not one_sensor(record):
@@ -153,7 +154,7 @@ def check_units(
         else:
             beside = None if accel is None or not kinds else choices["accel"]
             if (taken := judge.gyro(beside, at_rest)) is not None:
-                said["gyro"] = Assumption(taken)
+                said["gyro"] = taken
     return notes, said
 
 
@@ -201,10 +202,14 @@ def _at_rest(found: Sizes, accel: Record) -> bool:
 
 @dataclass(frozen=True)
 class Assumption:
-    """What is said first of how a log is read, and what of it the samples speak against; "" for nothing."""
+    """What is said first of how a log is read, and what of it the samples speak against; "" for nothing.
+
+    `unstated` tells a unit that was taken while others fit the samples as well from one that the samples show.
+    """
 
     text: str
     contradicted: str = ""
+    unstated: bool = False
 
 
 @dataclass(frozen=True)
@@ -220,7 +225,8 @@ class _Judge:
 
     def refusal(self, measured: str, changes: Sequence[Change]) -> Refusal:
         """Return the refusal of this reading, with what is no matter of units as the last changes."""
-        return Refusal(f"{self.source}: {measured}", (*changes, *self.others))
+        stated = self.choice.basis != "assumed"
+        return Refusal(f"{self.source}: {measured}", (*changes, *self.others), contradicts=stated)
 
     @property
     def raw(self) -> float:
@@ -285,7 +291,8 @@ class _Judge:
             if whole_numbers(record.y, si_value(choice.unit, record.interval)):
                 changes.append(self.scaled())
             raise self.refusal(
-                f"{reads} at rest, {ratio:.3g} × gravity: the unit {choice.unit} is wrong by {far:.3g}x",
+                f"{reads} at rest, {ratio:.3g} × gravity: the unit {choice.unit} is wrong by {far:.3g}x"
+                f"{why_times_gravity(ratio)}",
                 changes,
             )
         if still and not clipped:
@@ -295,7 +302,7 @@ class _Judge:
             )
         return None
 
-    def gyro(self, accel: UnitChoice | None, at_rest: bool | None) -> str | None:
+    def gyro(self, accel: UnitChoice | None, at_rest: bool | None) -> Assumption | None:
         """Return what is to be said first of the unit of gyroscopes; None for nothing.
 
         `at_rest` says whether the accelerometers show a unit at rest; None where there are none.
@@ -375,7 +382,9 @@ class _Judge:
                 [own, *others] if doubted else [*others, own],
             )
         if by_step == {read_in}:
-            return f"gyro: {read_in} assumed, as the step of its samples is that of gyroscopes in {read_in}"
+            return Assumption(
+                f"gyro: {read_in} assumed, as the step of its samples is that of gyroscopes in {read_in}"
+            )
         usual = [u for u in possible if u in USUAL_RATES and u != read_in]
         ratios = {u: factor / si_value(u, interval) for u in usual[:3]}
         sizes = ", ".join(
@@ -383,10 +392,11 @@ class _Judge:
             for u, ratio in ratios.items()
         )
         if not sizes:
-            return f"gyro: {read_in} assumed, as no other unit fits its noise and bias"
-        return (
-            f"gyro: {read_in} assumed, {UNSTATED} ({shown}); every number of the gyro is {sizes}: "
-            f"--gyro-unit {usual[0]} states another"
+            return Assumption(f"gyro: {read_in} assumed, as no other unit fits its noise and bias")
+        return Assumption(
+            f"gyro: {read_in} assumed, as nothing states the unit ({shown}); every number of the gyro is {sizes}: "
+            f"--gyro-unit {usual[0]} states another",
+            unstated=True,
         )
 
     def _moves(self, at_rest: bool | None) -> bool:

@@ -21,6 +21,15 @@ from tuner.types.records import Record
 
 GRAVITY_TOLERANCE = 0.1
 """Relative distance of the mean specific force from gravity: consumer accelerometers are within 60 mg and 3 %."""
+TIMES_GRAVITY = {
+    2.0: "where a range register is set to half",
+    4.0: "where a range register is set to a quarter",
+    0.5: "where a range register is set to twice",
+    0.25: "where a range register is set to four times",
+    STANDARD_GRAVITY: "m/s^2 called g",
+    1.0 / STANDARD_GRAVITY: "g called m/s^2",
+}
+"""What makes accelerometers at rest read so many times gravity."""
 MAX_BIAS = 0.35
 """Bias of a gyroscope, rad/s: 20 deg/s, the zero-rate tolerance of the cheapest data sheets."""
 MAX_STEADY_RATE = 5.0
@@ -92,6 +101,12 @@ class Sizes:
     white: float
     summed: float
     change: float
+
+
+def why_times_gravity(ratio: float) -> str:
+    """Return what makes accelerometers at rest read so many times gravity, ``, as …``; "" where nothing is known."""
+    near = (text for one, text in TIMES_GRAVITY.items() if abs(ratio / one - 1.0) < GRAVITY_TOLERANCE)
+    return next((f", as {text}" for text in near), "")
 
 
 def sizes_of(record: Record) -> Sizes:

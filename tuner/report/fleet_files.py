@@ -18,7 +18,16 @@ from tuner.production.quantities import SYMBOLS, customary, pretty_unit, title, 
 from tuner.production.spread import grade_yaml
 from tuner.report.document import document
 from tuner.report.figure_files import figure_bytes
-from tuner.report.fleet_answer import fleet_answer, frame_table, outlier_text, spread_frame
+from tuner.report.fleet_answer import (
+    fleet_answer,
+    frame_table,
+    outlier_text,
+    reason_of,
+    reasons,
+    spread_frame,
+    verdict_of,
+    worst_first,
+)
 from tuner.report.html_page import write_sections_page
 from tuner.report.page_parts import Picture
 from tuner.report.result_figures import fleet_figure
@@ -27,6 +36,8 @@ from tuner.types.fleet import Fleet
 
 NAMES = ("unit", "file")
 """Columns of names: one such as ``+1`` is no number."""
+PAGE_SYMBOLS = ("N", "B", "K", "mean")
+"""Symbols of the quantities on the page, where a unit has one line; the files have all."""
 GRADE = "grade.yaml"
 """The fleet as a built-in sensor."""
 
@@ -71,6 +82,7 @@ def fleet_frame(fleet: Fleet) -> pd.DataFrame:
             "unit": unit.name,
             "file": unit.file,
             "verdict": unit.verdict,
+            "reason": "; ".join(reasons(unit, fleet)),
             "limits": "; ".join(unit.broken),
             "outlying": "; ".join(outlier_text(o, fleet) for o in unit.outliers),
             "advice": "; ".join(unit.advice),
@@ -103,13 +115,13 @@ def _cells(name: str, found: Coefficient | None, fleet: Fleet) -> dict[str, obje
 
 
 def fleet_page(fleet: Fleet) -> str:
-    """Return the page: the answer with its picture, and one row a unit."""
+    """Return the page: the answer with its picture, and one row a unit, verdict and reason first, the worst on top."""
     rows = []
-    for unit in fleet.units:
-        row = {"unit": unit.name, "verdict": unit.verdict or ""}
+    for unit in worst_first(fleet):
+        row = {"unit": unit.name, "verdict": verdict_of(unit), "reason": reason_of(unit, fleet)}
         for name in fleet.spread:
             channel, _, symbol = name.rpartition(".")
-            if symbol == "sigma_10s":
+            if symbol not in PAGE_SYMBOLS:
                 continue
             si = fleet.channel_units[channel]
             found = None if unit.measurement is None else unit.measurement.quantities.get(name)

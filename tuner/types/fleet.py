@@ -34,6 +34,12 @@ class UnitMeasurement:
         Repairs and assumptions of the reader.
     assumptions : tuple of str
         What nobody stated of the log and was assumed, as of `Record`.
+    unit_unstated : bool
+        Whether nothing tells the unit of a sensor, as of `Record`.
+    contradicted : tuple of str
+        What of the log the samples speak against, as of `Record`.
+    causes : mapping of str to str
+        What a person must see, in words, by what it is; see `tuner.production.slow_changes`.
     """
 
     digest: str
@@ -44,16 +50,23 @@ class UnitMeasurement:
     further: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     assumptions: tuple[str, ...] = ()
-    schema: Literal["tuner.unit/2"] = "tuner.unit/2"
+    unit_unstated: bool = False
+    contradicted: tuple[str, ...] = ()
+    causes: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    schema: Literal["tuner.unit/3"] = "tuner.unit/3"
 
 
 @dataclass(frozen=True)
 class Limit:
-    """Largest magnitude that a quantity may have, SI: of every axis of a sensor (``gyro``, ``accel``)."""
+    """Largest magnitude that a quantity may have, SI: of every axis of a sensor (``gyro``, ``accel``, ``temperature``).
+
+    `basis` says what it is derived from where nobody stated it: a sheet, or gravity.
+    """
 
     sensor: str
     symbol: str
     largest: float
+    basis: str = ""
 
 
 @dataclass(frozen=True)
@@ -91,8 +104,10 @@ class FleetUnit:
     error : str or None
         Why not, in one line.
     verdict : str
-        ``PASS``; ``FAIL`` above a limit; ``OPEN`` where the log is too short to show that a limit is kept, and, with
-        limits or without, where nothing states the unit of the gyroscopes; ``ERROR``; else empty without limits.
+        ``FAIL`` beyond a limit by more than the interval, or where the samples cannot be those of a sensor in order;
+        ``LOOK`` where it stands apart or something must be seen; ``OPEN`` where the log does not show that a limit is
+        kept, and, with limits or without, where nothing states the unit of the gyroscopes; ``PASS``; ``ERROR`` where
+        the log cannot be used; else empty without limits and data sheet.
     broken : tuple of str
         What breaks or leaves open which limit, in words.
     outliers : tuple of Outlier
@@ -122,7 +137,7 @@ class Fleet(Shown):
     units : tuple of FleetUnit
         One a log.
     limits : tuple of Limit
-        As given.
+        As given, and those that follow from a data sheet and from gravity.
     spread : mapping of str to PooledCoefficient
         Mean and unit-to-unit spread by quantity, without outlying units.
     channel_units : mapping of str to str

@@ -80,6 +80,8 @@ class Record:
         What nobody stated and was assumed of the log, such as the unit of a sensor; among the notes, too.
     contradicted : tuple of str
         What of the log the samples speak against as it is read, and how: exceptions of every verdict on it.
+    unit_unstated : bool
+        Whether neither the log, the user nor the samples tell its unit, which was assumed.
     samples_a_mean : int
         Samples of the log in each sample of the record: 1, or a power of two where the log is long.
     short_clusters : mapping of str to ShortClusters
@@ -107,6 +109,7 @@ class Record:
     timing: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     assumptions: tuple[str, ...] = ()
     contradicted: tuple[str, ...] = ()
+    unit_unstated: bool = False
     samples_a_mean: int = 1
     short_clusters: Mapping[str, ShortClusters] = field(default_factory=lambda: MappingProxyType({}))
     limiting_steps: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))

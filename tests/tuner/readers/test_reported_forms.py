@@ -121,7 +121,7 @@ def test_a_constant_axis_says_nothing_of_a_unit(samples, tmp_path):
     head = "t,gx [rad/s],gy [rad/s],gz [rad/s],ax [m/s^2],ay [m/s^2],az [m/s^2]"
     found = written(tmp_path / "log.csv", head, [np.arange(N) / RATE, gyro, accel])
     assert found["gyro"].axes == ("gyro_x",)
-    assert "gyro y z, left out: constant, no measurement" in found["gyro"].contradicted
+    assert "gyro y z, left out: constant, dead or no measurement" in found["gyro"].contradicted
 
 
 def test_gravity_goes_before_a_unit_that_a_user_states(samples, tmp_path):
@@ -134,7 +134,8 @@ def test_gravity_goes_before_a_unit_that_a_user_states(samples, tmp_path):
         delimiter=",",
     )
     with pytest.raises(
-        DataError, match=r"9\.79 × gravity: the unit g is wrong by 9\.79x: pass --accel-unit m/s"
+        DataError,
+        match=r"9\.79 × gravity: the unit g is wrong by 9\.79x, as m/s\^2 called g: pass --accel-unit m/s",
     ):
         read(tmp_path / "log.csv", accel_unit="g")
 

@@ -27,7 +27,14 @@ from tuner.stages import stage
 @click.command("fleet", short_help="Many logs, one row a unit: limits, outlying units, spread.")
 @click.argument("logs", nargs=-1, required=True, metavar="FOLDER|GLOB|LOG…")
 @click.option("-o", "--output-dir", type=DIRECTORY, metavar="DIR", help="Folder; default tuner-fleet/NAME.")
-@click.option("--limits", metavar="FILE", help="YAML with the largest N, B, K and mean of each sensor.")
+@click.option(
+    "--limits", metavar="FILE", help="YAML with the largest noise, drift and offset of each sensor."
+)
+@click.option(
+    "--datasheet",
+    metavar="GRADE|SHEET",
+    help="Data sheet from which limits follow that --limits leaves open.",
+)
 @click.option(
     "--jobs",
     type=click.IntRange(1),
@@ -53,13 +60,13 @@ def command(
     messages: Messages,
     **how: Any,
 ) -> int:
-    """Measure every log, judge it by limits, name the units that stand apart, and say how far units differ.
+    """Measure every log, judge it by limits or a sheet, name what is odd and why, and say how far units differ.
 
     Writes fleet.csv, fleet.parquet, fleet.html, spread.csv, grade.yaml and fleet.json. Started again after an
     interruption, only what is missing in DIR/units is measured. A log that cannot be used is a row with the reason.
     """
     from tuner import fleet
-    from tuner.production.fleet import gyro_unit_unstated, output_folder
+    from tuner.production.fleet import output_folder
     from tuner.report.fleet_answer import fleet_answer, looked_at
     from tuner.report.fleet_files import GRADE, fleet_json, write_fleet
     from tuner.report.terminal import show
@@ -81,7 +88,7 @@ def command(
         if odd:
             answer = answer.then("diagnose", odd[0], *reading.words)
         elif unstated := [
-            u.file for u in result.units if u.measurement is not None and gyro_unit_unstated(u.measurement)
+            u.file for u in result.units if u.measurement is not None and u.measurement.unit_unstated
         ]:
             answer = answer.then("identify", unstated[0], *reading.words)
         elif GRADE in written:

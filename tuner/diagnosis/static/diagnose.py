@@ -16,6 +16,7 @@ from tuner.diagnosis.static.causes.base import Value
 from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.diagnosis.static.channel import MAX_GAP_SHARE, MIN_SAMPLES, Channel, fill
 from tuner.diagnosis.static.channel_preparation import prepared, prepared_axis
+from tuner.diagnosis.static.collinear_warming import collinear_warming
 from tuner.diagnosis.static.findings import Single, findings, joins, singles, words
 from tuner.diagnosis.static.held_out_gain import with_gains
 from tuner.diagnosis.static.hypothesis_tests import threshold
@@ -216,7 +217,8 @@ def diagnose(
     stretched = mount_tilt.stretched(finals, limit)
     grouped = findings([single for one in every for single in one.singles])
     reported = [f for f in grouped if not (stretched and f.cause == "attitude")]
-    found += [*reported, *_common(finals, limit)]
+    noise = {axis: one.before for axis, one in zip(axes, every, strict=True)}
+    found += [*reported, *_common(finals, limit), *collinear_warming(finals, noise)]
     models = {axis: one.after for axis, one in zip(axes, every, strict=True)}
     unexplained = tuple(left for one in every for left in one.unexplained)
     at_rest = [without_stretches(record, left_out) for record in sensors]
@@ -229,7 +231,7 @@ def diagnose(
         left,
         (*notes, *refused, *sampling.notes(finals)),
         models,
-        {axis: one.before for axis, one in zip(axes, every, strict=True)},
+        noise,
         {part.axis: _times(part) for part, _ in parts if len(part) < whole[part.axis][0]},
         tuple(dict.fromkeys(left_out)),
     )
