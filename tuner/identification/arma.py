@@ -203,10 +203,17 @@ def _correlograms(y: FloatArray, lags: int) -> tuple[FloatArray, FloatArray]:
 
 
 def _coefficients(fit: WhittleArma, n: int) -> tuple[tuple[Coefficient, ...], tuple[Coefficient, ...]]:
-    """Return the coefficients with their intervals."""
+    """Return the coefficients with their intervals; none where a memory is longer than the series, as of a random walk.
+
+    Such a pole lies at its limit, where an estimate has no normal law.
+    """
+    slowest = float(np.abs(np.roots([1.0, *(-a for a in fit.ar)])).max(initial=0.0))
+    known = n * math.log(slowest) < -1.0 if slowest > 0.0 else True
     reach = normal_reach(LEVEL) * np.sqrt(np.diag(coefficient_covariance(fit.ar, fit.ma, n)))
     every = [
         Coefficient.known(value, value - float(r), value + float(r), "1")
+        if known
+        else Coefficient(value, None, None, "1")
         for value, r in zip((*fit.ar, *fit.ma), reach, strict=True)
     ]
     return tuple(every[: len(fit.ar)]), tuple(every[len(fit.ar) :])

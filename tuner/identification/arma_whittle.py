@@ -34,6 +34,7 @@ from dataclasses import dataclass, replace
 
 import numba
 import numpy as np
+from scipy.fft import prev_fast_len
 from scipy.linalg import solve_toeplitz
 
 from models.arrays import ComplexArray, FloatArray
@@ -164,6 +165,7 @@ def prewhitened(pieces: Sequence[FloatArray]) -> CosinePeriodogram:
     g = np.array([rest[: n - k] @ rest[k:] for k in range(PILOT_LAGS + 1)]) / n
     filtered = np.append(1.0, -solve_toeplitz(g[:-1], g[1:])) if g[0] > 0.0 else np.ones(1)
     left = [np.convolve(one, filtered, mode="valid") for one in pieces if len(one) >= len(filtered)]
+    left = [one[: prev_fast_len(len(one))] for one in left]
     data = cosine_periodogram(left, 1.0, widest=0.5 / MAX_CELLS)
     passed = np.polynomial.polynomial.polyval(np.exp(-2j * np.pi * data.frequency), filtered)
     return replace(data, amplitude=data.amplitude / np.abs(passed))

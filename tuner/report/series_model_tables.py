@@ -127,8 +127,9 @@ def chance_text(one: SeriesTest) -> str:
 
 def remarks(fit: ArmaFit) -> Iterator[str]:
     """Yield what a reader of the coefficients must know."""
-    pairs = cancelling(fit)
-    if pairs:
+    if any(c.interval is None for c in fit.ar):
+        yield "a pole's memory is longer than the series, as of a random walk: its coefficients have no interval"
+    elif pairs := cancelling(fit):
         pole, zero = min(pairs, key=lambda pair: abs(pair[0] - pair[1]))
         nearest = " and ".join(root_text(complex(one.real, abs(one.imag)), fit) for one in (pole, zero))
         yield f"a pole and a zero differ by less than their error ({nearest}): φ and θ mean little one by one"

@@ -132,6 +132,17 @@ def test_roots_that_nearly_cancel_are_said():
     assert cancelling(replace(close, ma=())) == ()
 
 
+def test_a_random_walk_has_no_interval():
+    """White noise on a random walk is an ARMA(1,1) whose pole is 1: ± 1e-6 was said of it."""
+    rng = np.random.default_rng(8)
+    found = fit_arma(
+        [rng.standard_normal(20_000) + 0.02 * np.cumsum(rng.standard_normal(20_000))], 0.01, "rad/s"
+    )
+    assert found.order == (1, 1)
+    held = [c.interval is None or c.interval[0] < 1.0 - 1e-5 for c in found.ar]
+    assert all(held)
+
+
 def test_roots_move_with_their_coefficients_as_differences_say():
     """The sd of the difference of a pole and a zero is that of the linear map through coefficients."""
     ar, ma, n = (1.2, -0.5), (-0.3,), 20_000

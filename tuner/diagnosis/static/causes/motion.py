@@ -271,7 +271,7 @@ def motions(
     ]
     for first, last in moving:
         about = [one for one in known if _meet(one, (first, last))]
-        middle, unseen = (first + last) // 2, max((one.unseen for one in about), default=0)
+        middle, unseen = (first + last) // 2, max((one.unseen for one in about), default=edge)
         begun = max([min(first + edge, middle), *(one.begun for one in about if first <= one.begun < last)])
         ended = min([max(last - edge, middle), *(one.ended for one in about if begun < one.ended <= last)])
         begin, inner = channel.start + first * dt, max(ended - begun, 0) * dt
