@@ -22,6 +22,7 @@ from tuner.identification.objective import expect_terms
 from tuner.limits import SHOWN_CHANGE, WRONG_FACTOR
 from tuner.production.limits import GRAVITY, all_limits, judge, read_limits
 from tuner.production.outliers import LEAST_UNITS, units_apart
+from tuner.production.quantities import SENSORS
 from tuner.production.spread import spread
 from tuner.production.unit import Outcome, Task, UnitOptions, attempt, store_measurement
 from tuner.production.workers import outcomes
@@ -154,11 +155,16 @@ def judged(name: str, rows: Sequence[FleetUnit], limits: tuple[Limit, ...]) -> F
     apart, cut, clocks = units_apart(measured), cut_off(measured), other_clocks(measured)
     against = Counter(text for one in measured.values() for text in one.contradicted)
     stated = tuple(limit for limit in limits if not limit.basis)
+    sensors = Counter(sensor for one in measured.values() for sensor in _sensors(one))
     units = list(rows)
     for index, one in measured.items():
         ratio, clock = clocks.get(index, (1.0, ""))
         own = [text for text in one.contradicted if against[text] == 1 or 2 * against[text] <= len(measured)]
+        lacks = [
+            name for name, units in sensors.items() if 2 * units > len(measured) and name not in _sensors(one)
+        ]
         broken, unclear = (*judge(one, limits)[0], *own), judge(one, stated)[1]
+        unclear = unclear or tuple(f"{name} is not in this log" for name in lacks)
         verdicts = {
             "FAIL": bool(broken) or ratio > WRONG_FACTOR,
             "LOOK": index in apart.outliers or clock or not all(_limited(key, limits) for key in one.causes),
@@ -182,6 +188,11 @@ def judged(name: str, rows: Sequence[FleetUnit], limits: tuple[Limit, ...]) -> F
         MappingProxyType(channel_units),
         apart.comparisons,
     )
+
+
+def _sensors(measured: UnitMeasurement) -> set[str]:
+    """Return what a log holds: gyroscopes, accelerometers, temperature."""
+    return {SENSORS[unit] for unit in measured.units.values() if unit in SENSORS}
 
 
 LIMITED_BY: Mapping[str, tuple[str, ...]] = MappingProxyType(

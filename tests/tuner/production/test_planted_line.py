@@ -124,6 +124,18 @@ def test_accelerometers_that_miss_gravity_are_told_in_g_without_any_limit(ratio,
     assert cause in unit.broken[0]
 
 
+def test_a_unit_without_the_accelerometers_of_the_others_is_open():
+    """It passed every limit of a sheet that it could not show."""
+    level = {"accel.mean": Coefficient.known(0.0, -1e-3, 1e-3, "m/s^2")}
+    whole = UnitMeasurement("", 50.0, 240.0, {"gyro_x": "rad/s", "accel": "m/s^2"}, level)
+    part = UnitMeasurement("", 50.0, 240.0, {"gyro_x": "rad/s"}, {})
+    rows = [FleetUnit(f"u{i}", f"u{i}.csv", part if i == 2 else whole) for i in range(3)]
+    units = judged("lot", rows, (GRAVITY,)).units
+    assert units[2].verdict == "OPEN"
+    assert units[2].broken == ("accel is not in this log",)
+    assert units[0].broken == ()
+
+
 def test_limits_follow_from_a_sheet_unless_they_are_stated(line):
     limits = {(one.sensor, one.symbol): one for one in line[0].limits}
     # The sheet of the MPU-9250 has 0.01 deg/s/√Hz, one-sided, and 10 mg and 3 % beside standard gravity.
