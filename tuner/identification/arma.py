@@ -156,21 +156,21 @@ def fit_arma(
     if not long:
         most = max(map(len, pieces), default=0)
         raise ValueError(f"an ARMA model needs a stretch of {MIN_SAMPLES} samples or more, got {most}")
-    prepared = [prepare(piece, unit) for piece in long]
-    n, longest = sum(map(len, long)), max(prepared, key=lambda one: len(one.y))
-    fits = fit_orders([one.y for one in prepared], (highest, highest))
+    prepared = prepare(long, unit)
+    n, longest = sum(map(len, long)), max(prepared.pieces, key=len)
+    fits = fit_orders(prepared.pieces, (highest, highest))
     price = price_of(criterion, n)
     scores = {order: found.score(price) for order, found in fits.items()}
     best = min(scores, key=lambda order: scores[order])
     ratio = fits[0, 0].deviance - fits[best].deviance
-    p_white = chi2_beyond(ratio, max(sum(best), 1))
+    p_white = min(1.0, len(fits) * chi2_beyond(ratio, max(sum(best), 1)))
     white = best == (0, 0) or p_white > SIGNIFICANCE_LEVEL
     chosen = fits[0, 0] if white else fits[best]
-    lags = min(_TESTED_LAGS, len(longest.y) // 4)
-    suggested = suggested_class(*_correlograms(longest.y, lags), len(longest.y))
-    parts = "" if len(long) == 1 else f" in {len(long)} stretches; the next steps are those of the longest"
+    lags = min(_TESTED_LAGS, len(longest) // 4)
+    suggested = suggested_class(*_correlograms(longest, lags), len(longest))
+    parts = "" if len(long) == 1 else f" in {len(long)} stretches, the longest of which is tested"
     whiteness = SeriesTest(
-        "chosen order against white noise, likelihood ratio",
+        f"best of {len(fits)} orders against white noise, likelihood ratio",
         ratio,
         p_white,
         "white noise",
@@ -186,12 +186,12 @@ def fit_arma(
         white,
         (
             f"series: {n} samples, {interval:.6g} s apart{parts}",
-            *longest.steps,
+            *prepared.steps,
             f"correlograms of {lags} lags, which show nothing slower than these, suggest: {suggested}",
             f"order by {criterion.upper()} over p, q ≤ {highest}, likelihood of the periodogram: ({best[0]},{best[1]})",
         ),
         n,
-        (*stationarity_tests(longest.y), whiteness, *_residual_tests(longest.y, chosen)),
+        (*stationarity_tests(longest), whiteness, *_residual_tests(longest, chosen)),
     )
 
 
@@ -203,13 +203,12 @@ def _correlograms(y: FloatArray, lags: int) -> tuple[FloatArray, FloatArray]:
 
 
 def _coefficients(fit: WhittleArma, n: int) -> tuple[tuple[Coefficient, ...], tuple[Coefficient, ...]]:
-    """Return the coefficients with their intervals; none where a memory is longer than the series, as of a random walk.
+    """Return the coefficients with their intervals; none where a root has a memory longer than the series.
 
-    Such a pole lies at its limit, where an estimate has no normal law.
+    Such a pole (of a random walk) or zero (of differences) lies at its limit, where an estimate has no normal law.
     """
-    slowest = float(np.abs(np.roots([1.0, *(-a for a in fit.ar)])).max(initial=0.0))
-    known = n * math.log(slowest) < -1.0 if slowest > 0.0 else True
-    reach = normal_reach(LEVEL) * np.sqrt(np.diag(coefficient_covariance(fit.ar, fit.ma, n)))
+    known = slowest_memory(fit.ar, fit.ma) < n
+    reach = normal_reach(LEVEL) * np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
     every = [
         Coefficient.known(value, value - float(r), value + float(r), "1")
         if known
@@ -217,6 +216,14 @@ def _coefficients(fit: WhittleArma, n: int) -> tuple[tuple[Coefficient, ...], tu
         for value, r in zip((*fit.ar, *fit.ma), reach, strict=True)
     ]
     return tuple(every[: len(fit.ar)]), tuple(every[len(fit.ar) :])
+
+
+def slowest_memory(ar: Sequence[float], ma: Sequence[float]) -> float:
+    """Return the memory of the slowest pole or zero, −1/ln of its size, in samples; 0 where there is none."""
+    largest = max(
+        float(np.abs(np.roots(one)).max(initial=0.0)) for one in ([1.0, *(-a for a in ar)], [1.0, *ma])
+    )
+    return 0.0 if largest == 0.0 else math.inf if largest >= 1.0 else -1.0 / math.log(largest)
 
 
 def innovation_sd(fit: ArmaFit) -> Coefficient:
@@ -262,12 +269,12 @@ def _moved(of: ComplexArray, c: FloatArray) -> ComplexArray:
 def _residual_tests(y: FloatArray, fit: WhittleArma) -> Iterator[SeriesTest]:
     """Test the one-step residuals for correlation and normality.
 
-    They begin where those of the start from rest, which decay as the largest zero to the number of samples, are gone;
-    half of the series at most is left out.
+    They begin behind the p first ones, and where those of the start from rest, which decay as the largest zero to the
+    number of samples, are gone; half of the series at most is left out.
     """
     slowest = float(np.abs(np.roots([1.0, *fit.ma])).max(initial=0.0))
     begun = math.ceil(math.log(START_LEFT) / math.log(slowest)) if 0.0 < slowest < 1.0 else 0
-    residual = (y - one_step(y, fit.ar, fit.ma))[min(begun, len(y) // 2) :]
+    residual = (y - one_step(y, fit.ar, fit.ma))[min(begun + len(fit.ar), len(y) // 2) :]
     if not np.ptp(residual) > 0.0:
         return
     n, lags = len(residual), min(_TESTED_LAGS, len(residual) // 4)

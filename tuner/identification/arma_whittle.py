@@ -35,7 +35,7 @@ from dataclasses import dataclass, replace
 import numba
 import numpy as np
 from scipy.fft import prev_fast_len
-from scipy.linalg import solve_toeplitz
+from scipy.linalg import block_diag, solve_toeplitz
 
 from models.arrays import ComplexArray, FloatArray
 from tuner.identification.fisher_scoring import minimise
@@ -55,20 +55,26 @@ FAST_POLES = (0.5, -0.5, -0.9)
 """Poles at which the search begins, beside one a decade of memory from ten samples up to the record."""
 MOST_REFINED = 2
 """Starts from smaller orders that are refined: the likelihood may have several maxima."""
-PILOT_LAGS = 20
-"""Order of the autoregression by which a series is whitened before its periodogram is taken."""
+PILOT_LAGS, SAMPLES_A_LAG = 20, 50
+"""Order of the autoregression by which a series is whitened before its periodogram, and least samples for each lag."""
+LONG_TRANSFORM = 100_000
+"""Samples from which a length with a large prime factor takes a second to transform."""
 LEAST_STEP_GAIN, FIRST_STEP_GAIN = 1e-3, 1.0
 """Gain of a step of −2 ln L below which a search ends, and that of the few steps by which starts are compared."""
 
 
 @dataclass(frozen=True)
 class WhittleArma:
-    """An ARMA model: x_k = Σ ar_i x_{k-i} + e_k + Σ ma_j e_{k-j}, var e = variance, with its -2 ln L."""
+    """An ARMA model: x_k = Σ ar_i x_{k-i} + e_k + Σ ma_j e_{k-j}, var e = variance, with its -2 ln L.
+
+    `covariance` is that of (ar, ma), shape (p + q, p + q), by the information of the periodogram.
+    """
 
     ar: tuple[float, ...]
     ma: tuple[float, ...]
     variance: float
     deviance: float
+    covariance: FloatArray
 
     def score(self, penalty: float) -> float:
         """Return deviance plus `penalty` a parameter: 2 makes AIC, ln n makes BIC."""
@@ -97,14 +103,6 @@ class _Point:
         """AR and MA coefficients."""
         poles, zeros = self.u
         return autoregression(poles)[0], -autoregression(zeros)[0]
-
-    @property
-    def model(self) -> WhittleArma:
-        """The model."""
-        ar, ma = self.coefficients
-        return WhittleArma(
-            tuple(ar.tolist()), tuple(ma.tolist()), float(np.exp(self.theta[0])), self.deviance
-        )
 
 
 def fit_orders(pieces: Sequence[FloatArray], highest: Order = (3, 3)) -> dict[Order, WhittleArma]:
@@ -152,7 +150,7 @@ def fit_orders(pieces: Sequence[FloatArray], highest: Order = (3, 3)) -> dict[Or
         if sweep and not changed:
             break
         last = changed
-    return {order: found[order].model for order in orders}
+    return {order: likelihood.model(found[order]) for order in orders}
 
 
 def prewhitened(pieces: Sequence[FloatArray]) -> CosinePeriodogram:
@@ -162,13 +160,18 @@ def prewhitened(pieces: Sequence[FloatArray]) -> CosinePeriodogram:
     """
     longest = max(pieces, key=len)
     n, rest = len(longest), longest - longest.mean()
-    g = np.array([rest[: n - k] @ rest[k:] for k in range(PILOT_LAGS + 1)]) / n
+    lags = min(PILOT_LAGS, n // SAMPLES_A_LAG)
+    g = np.array([rest[: n - k] @ rest[k:] for k in range(lags + 1)]) / n
     filtered = np.append(1.0, -solve_toeplitz(g[:-1], g[1:])) if g[0] > 0.0 else np.ones(1)
     left = [np.convolve(one, filtered, mode="valid") for one in pieces if len(one) >= len(filtered)]
-    left = [one[: prev_fast_len(len(one))] for one in left]
+    left = [one[: prev_fast_len(len(one))] if len(one) > LONG_TRANSFORM else one for one in left]
     data = cosine_periodogram(left, 1.0, widest=0.5 / MAX_CELLS)
     passed = np.polynomial.polynomial.polyval(np.exp(-2j * np.pi * data.frequency), filtered)
-    return replace(data, amplitude=data.amplitude / np.abs(passed))
+    kept = data.order > 1.0  # a line that was taken out is nearly all of coefficient 1, as the mean is of 0
+    cells = {
+        name: getattr(data, name)[kept] for name in ("frequency", "count", "order", "parity", "span", "line")
+    }
+    return replace(data, amplitude=(data.amplitude / np.abs(passed))[kept], **cells)
 
 
 @dataclass(frozen=True)
@@ -191,6 +194,16 @@ class _Likelihood:
         begun = sorted((self._begun(*start) for start in starts), key=lambda one: one.deviance)[:most]
         ends = (self._next(one.p, one.theta, LEAST_STEP_GAIN) for one in begun)
         return min(ends, key=lambda one: one.deviance)
+
+    def model(self, point: _Point) -> WhittleArma:
+        """Return the model of a point."""
+        ar, ma = point.coefficients
+        by = block_diag(*(sign * autoregression(u)[1] for sign, u in zip((1.0, -1.0), point.u, strict=True)))
+        information = self._at(point.theta, point.p)[2]  # of -2 ln L
+        covariance = by @ np.linalg.pinv(0.5 * information, hermitian=True)[1:, 1:] @ by.T
+        return WhittleArma(
+            tuple(ar.tolist()), tuple(ma.tolist()), float(np.exp(point.theta[0])), point.deviance, covariance
+        )
 
     def _begun(self, poles: FloatArray, zeros: FloatArray) -> _Point:
         """Return where a start at its best variance leads in a few steps."""

@@ -130,6 +130,11 @@ def fleet(
         )
         for index, (name, file) in enumerate(zip(unit_names(files), files, strict=True))
     ]
+    first: dict[str, FleetUnit] = {}
+    for index, row in enumerate(rows):
+        if row.measurement is not None and (one := first.setdefault(row.measurement.digest, row)) is not row:
+            copy = f"a copy of the log of {one.name}, byte for byte: it is counted once"
+            rows[index] = FleetUnit(row.name, row.file, None, copy, "ERROR")
     return replace(judged(fleet_name(logs), rows, known), measured=new)
 
 
@@ -163,7 +168,7 @@ def judged(name: str, rows: Sequence[FleetUnit], limits: tuple[Limit, ...]) -> F
         lacks = [
             name for name, units in sensors.items() if 2 * units > len(measured) and name not in _sensors(one)
         ]
-        broken, unclear = (*judge(one, limits)[0], *own), judge(one, stated)[1]
+        broken, unclear = (*own, *judge(one, limits)[0]), judge(one, stated)[1]
         unclear = unclear or tuple(f"{name} is not in this log" for name in lacks)
         verdicts = {
             "FAIL": bool(broken) or ratio > WRONG_FACTOR,

@@ -72,7 +72,7 @@ def slow_changes(
         courses = {"ramp": (t, "s", span)}
         if celsius is not None and np.isfinite(warmth).all():
             units["temperature"] = "K"
-            change = span * float(_weights(t) @ warmth)
+            change = float(warmth[-1] - warmth[0])
             quantities["temperature.warm_up"] = Coefficient.known(change, change, change, "K")
             behind = behind or _beside(t, warmth, change)
         if spread >= MIN_TEMPERATURE_RANGE:
@@ -89,7 +89,9 @@ def slow_changes(
             largest = max(changes, key=least_size)
             if least_size(largest) > ODD_DRIFT * (channel.sigma_10s.value or math.inf):
                 said.setdefault(f"{record.name} {kind}", []).append(f"{axis} {amount(largest)}")
-            if step := _step(y, starts, usual * own):
+            moved = any(axis in text for key in said for text in said[key] if not key.endswith("steps"))
+            code = float(np.min(np.diff(np.unique(record.column(axis)))))
+            if not moved and (step := _step(y, starts, usual * own)) and abs(step[0]) > code:
                 size = range_text([step[0]], record.unit)
                 text = f"{axis} by {size} at {t[step[1]] - 0.5 * BLOCK_SECONDS:.0f} s"
                 said.setdefault(f"{record.name} steps", []).append(text)

@@ -59,7 +59,7 @@ def spread_text(name: str, pooled: PooledCoefficient, unit: str) -> str:
     one = pooled.spread
     if is_logarithmic(name):
         if one.value is None or one.interval is None:
-            return "–" if one.upper is None else f"< {digits(100 * one.upper, 2)} %"
+            return "–" if not one.upper else f"< {digits(100 * one.upper, 2)} %"
         low, high = one.interval
         return f"{digits(100 * one.value, 2)} ({digits(100 * low, 2)} … {digits(100 * high, 2)}) %"
     return phrase(one, SYMBOLS[name.rpartition(".")[2]], unit)

@@ -138,10 +138,8 @@ def write_thesis(
     ]
     sheets += [_orders(fits)] if fits else []
     models = [sheet for sensor, own in sensors.items() for sheet in _models(sensor, own)]
-    figures = {
-        "allan": allan_figure(found, title=name, predictions=predictions),
-        "correlograms": correlogram_figure(records),
-    }
+    figures = {"allan": allan_figure(found, title=name, predictions=predictions)}
+    figures |= {"correlograms": correlogram_figure(records)} if fits else {}
     environment = Environment(
         loader=PackageLoader("tuner.report"),
         trim_blocks=True,

@@ -103,6 +103,32 @@ def test_the_whole_series_is_looked_at():
     assert parts.ar[0].value == pytest.approx(0.9, abs=0.02)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_twenty_stretches_are_one_series(seed):
+    """A line out of each made AR(1) an ARMA(2,1) with θ = −1.000000 ± 2e-6; ARMA(1,1) missed its φ."""
+    whole = series(300 + seed, (0.99,), (-0.9,))
+    for y, truth in ((series(400 + seed, (0.9,)), 0.9), (whole, 0.99)):
+        found = fit_arma(np.array_split(y, 20), 0.01, "rad/s")
+        assert found.order == ((1, 0) if truth == 0.9 else (1, 1))
+        low, high = found.ar[0].interval
+        assert abs(found.ar[0].value - truth) < 1.8 * (high - low)  # seven sds
+
+
+def test_residuals_of_an_autoregression_begin_behind_its_past():
+    """The first residual was the first sample: Jarque–Bera 1.5e7 of normal innovations beside φ = 0.999."""
+    y = series(7, (0.999,))
+    (shape,) = (test for test in fit_arma([y], 0.01, "rad/s").tests if test.name.startswith("Jarque"))
+    assert shape.statistic < 14.0  # χ²₂ beyond by 1e-3
+
+
+def test_a_root_at_its_limit_has_no_interval():
+    """Differences of white noise have a zero at 1, white noise on a random walk a pole: no normal law."""
+    e = np.random.default_rng(10).standard_normal(5001)
+    found = fit_arma([np.diff(e)], 0.01, "rad/s")
+    near = [abs(z) for z in np.concatenate(roots(found))]
+    assert max(near) < 1.0 - 1.0 / 5000 or all(c.interval is None for c in (*found.ar, *found.ma))
+
+
 def test_scores_are_those_of_akaike_and_schwarz():
     """AIC = −2 ln L + 2k, BIC = −2 ln L + k ln n, k = p + q + 1, whichever of them chose the order."""
     y = series(6, (0.8,), n=5000)

@@ -33,8 +33,8 @@ def test_equal_to_maximum_likelihood():
         ours = fit_orders([y], (2, 2))[2, 2]
         exact, _ = innovations_mle(y, order=(2, 0, 2))
         sd = 2.0 / np.sqrt(n)
-        np.testing.assert_allclose(ours.ar, exact.ar_params, atol=0.15 * sd)
-        np.testing.assert_allclose(ours.ma, exact.ma_params, atol=0.15 * sd)
+        np.testing.assert_allclose(ours.ar, exact.ar_params, atol=0.2 * sd)  # 20 samples of 10 000: 0.05 sds
+        np.testing.assert_allclose(ours.ma, exact.ma_params, atol=0.2 * sd)
         assert ours.variance == pytest.approx(exact.sigma2, rel=0.003)
 
 

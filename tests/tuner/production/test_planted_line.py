@@ -136,6 +136,31 @@ def test_a_unit_without_the_accelerometers_of_the_others_is_open():
     assert units[0].broken == ()
 
 
+def test_a_copy_of_a_log_is_counted_once(line, tmp_path):
+    write_line(SMALL, tmp_path / "lot", 2, {})
+    (tmp_path / "lot" / "copy.csv").write_bytes(sorted((tmp_path / "lot").iterdir())[0].read_bytes())
+    units = fleet(tmp_path / "lot").units
+    assert [unit.verdict for unit in units].count("ERROR") == 1
+    assert any("byte for byte" in (unit.error or "") for unit in units)
+
+
+def test_a_warming_that_ends_is_told_whole(tmp_path):
+    """25 K to 33 K as 1 − exp(−t/60 s): a line through it says 5.5 K, and 6 K were not exceeded; it has no step."""
+    write_line(SMALL, tmp_path / "lot", 1, {})
+    (path,) = (tmp_path / "lot").iterdir()
+    lines = path.read_text().splitlines()
+    head = lines[0].split(",")
+    rows = np.array([[float(x) for x in line.split(",")] for line in lines[1:]])
+    t = rows[:, 0]
+    rows[:, -1] = 25.0 + 8.0 * (1.0 - np.exp(-t / 40.0))
+    rows[:, head.index(next(one for one in head if "gyro" in one))] += 0.02 * (1.0 - np.exp(-t / 40.0))
+    np.savetxt(path, rows, delimiter=",", header=lines[0], comments="")
+    (unit,) = fleet(path).units
+    assert unit.measurement.quantities["temperature.warm_up"].value == pytest.approx(7.6, abs=0.3)
+    assert not any(key.endswith("steps") for key in unit.measurement.causes)
+    assert any(key.endswith("warming") for key in unit.measurement.causes)
+
+
 def test_limits_follow_from_a_sheet_unless_they_are_stated(line):
     limits = {(one.sensor, one.symbol): one for one in line[0].limits}
     # The sheet of the MPU-9250 has 0.01 deg/s/√Hz, one-sided, and 10 mg and 3 % beside standard gravity.

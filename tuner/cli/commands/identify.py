@@ -126,8 +126,12 @@ def command(
         return 0
     stage("reading", 0.2)
     loaded = load_sources(logs, reading, messages)
-    if thesis is not None and (len(loaded) > 1 or isinstance(loaded[0], str) or method != "likelihood"):
-        raise click.UsageError("--thesis: expected one log with samples, and the method likelihood")
+    if thesis is not None and (len(loaded) > 1 or isinstance(loaded[0], str)):
+        raise click.UsageError(f"--thesis: expected one log with samples, found {', '.join(logs)}")
+    if thesis is not None and (method != "likelihood" or terms):
+        raise click.UsageError(
+            "--thesis: it chooses terms and compares methods; leave --method and --terms out"
+        )
     stage("identifying the noise", 0.7)
     found = [
         identify_source(
