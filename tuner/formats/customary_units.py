@@ -89,7 +89,7 @@ def in_customary(value: float, quantity: str, unit: str) -> float:
 def digits(value: float, significant: int = 3) -> str:
     """Format to `significant` digits without needless exponents."""
     if value == 0 or not math.isfinite(value):
-        return f"{value:g}"
+        return f"{value + 0.0:g}"
     exponent = _exponent(value, significant)
     if -4 <= exponent < 6:
         return f"{value:.{max(0, significant - 1 - exponent)}f}"

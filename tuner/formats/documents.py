@@ -107,6 +107,12 @@ def _count_nodes(node: yaml.Node, known: dict[int, int], above: set[int]) -> int
         members = node.value
     elif isinstance(node, yaml.MappingNode):
         members = [part for pair in node.value for part in pair]
+        names = [key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode)]
+        if len(set(names)) < len(names):
+            twice = next(name for at, name in enumerate(names) if name in names[:at])
+            raise ValueError(
+                f"the entry {twice!r} twice, in the block from line {node.start_mark.line + 1} on"
+            )
     count = 1 + sum(_count_nodes(member, known, above | {id(node)}) for member in members)
     if count > MAX_YAML_NODES:
         raise ValueError(f"more than {MAX_YAML_NODES} entries, references counted")

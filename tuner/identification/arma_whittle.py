@@ -59,8 +59,8 @@ PILOT_LAGS, SAMPLES_A_LAG = 20, 50
 """Order of the autoregression by which a series is whitened before its periodogram, and least samples for each lag."""
 LONG_TRANSFORM = 100_000
 """Samples from which a length with a large prime factor takes a second to transform."""
-LEAST_STEP_GAIN, FIRST_STEP_GAIN = 1e-3, 1.0
-"""Gain of a step of −2 ln L below which a search ends, and that of the few steps by which starts are compared."""
+LAST_STEP_GAIN, LEAST_STEP_GAIN, FIRST_STEP_GAIN = 1e-8, 1e-3, 1.0
+"""Gain of a step of −2 ln L below which a model is finished, a search ends, and starts are compared."""
 
 
 @dataclass(frozen=True)
@@ -196,7 +196,8 @@ class _Likelihood:
         return min(ends, key=lambda one: one.deviance)
 
     def model(self, point: _Point) -> WhittleArma:
-        """Return the model of a point."""
+        """Return the model of the minimum next to a point."""
+        point = self._next(point.p, point.theta, LAST_STEP_GAIN)
         ar, ma = point.coefficients
         by = block_diag(*(sign * autoregression(u)[1] for sign, u in zip((1.0, -1.0), point.u, strict=True)))
         information = self._at(point.theta, point.p)[2]  # of -2 ln L

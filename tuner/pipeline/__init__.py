@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 from models.sensors import SensorGrade
 from tuner.catalogue.grades import DEFAULT_RECEIVER, load_grade
 from tuner.diagnosis import diagnose
-from tuner.diagnosis.data_quality.frozen_left_out import without_long_frozen
 from tuner.diagnosis.data_quality.overflow import without_overflow
 from tuner.diagnosis.static.position_drift import found_signals, without_events
 from tuner.examination.examined_drive import examined_drive
@@ -333,13 +332,11 @@ def identified_again(
 ) -> tuple[tuple[Record, ...], Identification]:
     """Return records and their noise without what a diagnosis takes out of them; as given where it takes nothing.
 
-    Wrapped samples are put back, events are taken out; frozen readings, where long, and motion are left out, unless too
-    little would be left.
+    Wrapped samples are put back, events are taken out; motion is left out, unless too little would be left.
     """
     findings = diagnosis.findings
     widths = {axis: one.value for one in findings if one.cause == "overflow" for axis in one.channels}
-    back = (without_events(without_overflow(record, widths), findings) for record in still)
-    whole = tuple(one for record in back for one in without_long_frozen(record, findings))
+    whole = tuple(without_events(without_overflow(record, widths), findings) for record in still)
     resting = tuple(without_stretches(record, diagnosis.left_out) for record in whole)
 
     def noise(records: tuple[Record, ...]) -> Identification:

@@ -182,7 +182,7 @@ def judged(name: str, rows: Sequence[FleetUnit], limits: tuple[Limit, ...]) -> F
             verdict=next((verdict for verdict, holds in verdicts.items() if holds), ""),
             broken=(*broken, *unclear),
             outliers=apart.outliers.get(index, ()),
-            advice=tuple(filter(None, advice)),
+            advice=tuple(dict.fromkeys(filter(None, advice))),
         )
     channel_units = {axis: unit for one in measured.values() for axis, unit in one.units.items()}
     return Fleet(

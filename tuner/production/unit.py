@@ -9,17 +9,21 @@ from __future__ import annotations
 import hashlib
 import importlib.metadata
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from tuner.formats.codec import dump, load
+from tuner.formats.customary_units import digits, percent
 from tuner.formats.documents import json_text, parse_json, read_text
 from tuner.formats.files import write_text
 from tuner.formats.guard import reason
 from tuner.identification import identify
 from tuner.jobs import limited
+from tuner.limits import LOST_SHARE
 from tuner.production.quantities import further_terms, quantities_of
 from tuner.production.slow_changes import slow_changes
 from tuner.readers import read
@@ -29,7 +33,7 @@ from tuner.readers.refusal import Contradiction
 from tuner.segments.conditions import at_rest
 from tuner.types.fleet import UnitMeasurement
 from tuner.types.one_line import printable
-from tuner.types.records import DataError
+from tuner.types.records import DataError, Record
 
 
 @dataclass(frozen=True)
@@ -91,7 +95,8 @@ def measure(path: Path, options: UnitOptions) -> UnitMeasurement:
     DataError
         Where the log cannot be used: one line.
     """
-    records = at_rest(read(path, **options.reading))
+    log = read(path, **options.reading)
+    records = at_rest(log)
     found = identify(records, terms=options.terms, arma=None, latitude=options.latitude)
     units, quantities = quantities_of(found)
     more_units, changes, causes = slow_changes(records, found)
@@ -106,8 +111,34 @@ def measure(path: Path, options: UnitOptions) -> UnitMeasurement:
         assumptions=tuple(dict.fromkeys(text for record in records for text in record.assumptions)),
         unit_unstated=any(record.unit_unstated for record in records),
         contradicted=tuple(dict.fromkeys(text for record in records for text in record.contradicted)),
-        causes=causes,
+        causes=causes | readings_left_out(log, records),
     )
+
+
+def readings_left_out(log: Sequence[Record], used: Sequence[Record]) -> dict[str, str]:
+    """Return what somebody must see of the readings that are no noise of a sensor, by the sensor.
+
+    Parameters
+    ----------
+    log, used : sequence of Record
+        Sensors of one log as it was read, and at rest without wrong readings.
+    """
+    causes = {}
+    for before, after in zip(log, used, strict=True):
+        span = float(before.t[-1] - before.t[0]) + before.interval
+        kept = len(after) - before.timing.get("bridged", 0.0)
+        share = 1.0 - kept * before.interval / span
+        said = [note for note in after.notes if note not in before.notes]
+        if share > LOST_SHARE:
+            said.append(f"{percent(share)} of {digits(span)} s are missing or left out")
+        elif np.array_equal(before.y, after.y):
+            said = []
+        said += [
+            f"{axis}: {count} readings that no sensor makes" for axis, (count, _) in before.broken.items()
+        ]
+        if said:
+            causes[f"{before.name} readings"] = f"readings: {'; '.join(said)}"
+    return causes
 
 
 def unit_key(digest_of_log: str, options: UnitOptions) -> str:

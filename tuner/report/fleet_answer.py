@@ -40,8 +40,7 @@ def fleet_answer(fleet: Fleet) -> Document:
     verdicts = Counter(map(verdict_of, fleet.units))
     outlying = sum(bool(unit.outliers) for unit in fleet.units)
     odd = looked_at(fleet)
-    known = {"FAIL": verdicts["FAIL"], "LOOK": verdicts["LOOK"] + verdicts["ERROR"], "OPEN": verdicts["OPEN"]}
-    word = next((name for name, there in known.items() if there), "PASS")
+    word = next((name for name in RANKS if name and verdicts[name]), "PASS")
     unstated = sum(u.measurement is not None and u.measurement.unit_unstated for u in fleet.units)
     limited = any(limit != GRAVITY for limit in fleet.limits)
     why_open = " or ".join(

@@ -87,6 +87,9 @@ def fleet_frame(fleet: Fleet) -> pd.DataFrame:
             "outlying": "; ".join(outlier_text(o, fleet) for o in unit.outliers),
             "advice": "; ".join(unit.advice),
             "assumed": "" if one is None else "; ".join(one.assumptions),
+            "notes": ""
+            if one is None
+            else "; ".join(note for note in one.notes if note not in one.assumptions),
             "error": unit.error or "",
             "rate [Hz]": None if one is None else one.rate,
             "span [s]": None if one is None else one.span,

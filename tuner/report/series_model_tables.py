@@ -21,8 +21,9 @@ ABOUT_TESTS = (
 """What the table of the tests says."""
 ROOTS = ("poles", "zeros")
 """Rows of roots."""
-MEMORY_SHARE = 10.0
-"""Series ÷ memory below which intervals of a large sample are too narrow: of 5 they hold in 87 %, of 20 in 97 %."""
+UNIT_ROOT_SHARE = 21.8
+"""Series ÷ memory below which a root may be 1, as n (1 − φ) of a random walk beside a line is in 95 % (W. A. Fuller,
+Introduction to Statistical Time Series, 1976, table 8.5.1); there intervals hold in 87 to 97 %."""
 LEAST_CHANCE = 1e-99
 """Chance below which a number says nothing more."""
 
@@ -85,7 +86,7 @@ def model_rows(fits: Sequence[ArmaFit]) -> Iterator[list[str]]:
         "states of a shaping filter",
         *(str(0 if fit.white else max(fit.order[0], fit.order[1] + 1)) for fit in fits),
     ]
-    yield ["next best order: more by", *map(next_best, fits)]
+    yield ["next best order, its score less the best", *map(next_best, fits)]
 
 
 def next_best(fit: ArmaFit) -> str:
@@ -135,8 +136,11 @@ def remarks(fit: ArmaFit) -> Iterator[str]:
             "a root has a memory longer than the series, as a pole of a random walk or a zero of differences: its "
             "model has no intervals"
         )
-    elif MEMORY_SHARE * memory > fit.samples:
-        yield f"a root has a memory of 1/{MEMORY_SHARE:.0f} of the series or more: intervals hold in 87 %, not 95 %"
+    elif UNIT_ROOT_SHARE * memory > fit.samples:
+        yield (
+            f"a root has a memory of 1/{UNIT_ROOT_SHARE:.0f} of the series or more: it may be 1 (a random walk, or "
+            "differences of white noise), and intervals hold in 87 %, not 95 %"
+        )
     if memory < fit.samples and (pairs := cancelling(fit)):
         pole, zero = min(pairs, key=lambda pair: abs(pair[0] - pair[1]))
         nearest = " and ".join(root_text(complex(one.real, abs(one.imag)), fit) for one in (pole, zero))

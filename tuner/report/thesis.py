@@ -38,7 +38,7 @@ from tuner.report.series_model_tables import (
 )
 from tuner.types import ArmaFit, ChannelIdentification, Coefficient, Identification
 from tuner.types.prediction import PredictedBlock
-from tuner.types.records import Record
+from tuner.types.records import DataError, Record
 
 CHAPTER, STORED = "chapter.tex", "identification.json"
 """The text that holds tables and figures, and the identification, which has the digests of all files."""
@@ -120,7 +120,13 @@ def write_thesis(
         The folder.
     name : str
         Of the log.
+
+    Raises
+    ------
+    DataError
+        Where the folder holds another text of the name `CHAPTER`: of the user's own, or changed by them.
     """
+    _expect_own(directory)
     by_method = {
         method: identify(records, method=method, arma=None) for method in METHODS if method != found_by(found)
     }
@@ -167,6 +173,18 @@ def write_thesis(
     files[STORED] = json_text(identification_json(found) | {MANIFEST: digests(files)}).encode()
     write_set(directory, files, last=STORED)
     return list(files)
+
+
+def _expect_own(directory: Path) -> None:
+    """Refuse a folder whose chapter is not as an earlier run left it."""
+    text, stored = directory / CHAPTER, directory / STORED
+    if text.is_file():
+        known = digests({CHAPTER: text.read_bytes()})[CHAPTER]
+        if not stored.is_file() or known not in stored.read_text(encoding="utf-8", errors="replace"):
+            raise DataError(
+                f"{text}: expected no such file, or one as this command wrote it, found another: "
+                "move it, or choose another folder"
+            )
 
 
 def found_by(found: Identification) -> str:

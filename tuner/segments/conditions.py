@@ -16,7 +16,7 @@ from scipy.ndimage import uniform_filter1d
 from tuner.formats.axis_words import axes_text
 from tuner.readers.time_base import MAX_BRIDGED_GAP
 from tuner.segments.error_codes import find_error_codes, without_error_codes
-from tuner.segments.frozen import cut, frozen
+from tuner.segments.frozen import cut, frozen, together
 from tuner.segments.stand_stills import MIN_PART_SECONDS, MIN_SECONDS
 from tuner.segments.stationary import Segments, cut_to_still, find_motion
 from tuner.segments.withheld_noise import expect_noise
@@ -92,18 +92,31 @@ def at_rest(records: Sequence[Record], say: Callable[[str], None] = lambda _: No
 
 
 def _while_measured(record: Record) -> Record:
-    """Return a record without the long stretches in which all its axes are frozen: no rest, but no measurement."""
-    found = [frozen(record, axis) for axis in record.axes]
-    one = found[0]
-    if one is None or not all(other is not None and one.alike(other) for other in found):
+    """Return a record without the long stretches in which axes are frozen: no rest, but no measurement.
+
+    Where some axes stop while others go on, the sensor is not in order; all at once, its records are.
+    """
+    found = [(axis, one) for axis in record.axes if (one := frozen(record, axis))]
+    long = {
+        axis: tuple((a, b) for a, b in one.stretches if b - a > MAX_BRIDGED_GAP)
+        for group in together(found)
+        for axis, one in [(axes_text([axis for axis, _ in group]), group[0][1])]
+    }
+    left = cut(record.segments, sorted(stretch for stretches in long.values() for stretch in stretches))
+    if left == record.segments or sum(b - a for a, b in left) < MIN_PART_SAMPLES:
         return record
-    long = [(a, b) for a, b in one.stretches if b - a > MAX_BRIDGED_GAP]
-    left = cut(record.segments, long)
-    if not long or sum(b - a for a, b in left) < MIN_PART_SAMPLES:
-        return record
-    seconds = sum(b - a for a, b in long) * record.interval
-    note = f"{axes_text(record.axes)}: frozen for {seconds:.3g} s of {len(record) * record.interval:.3g} s, left out"
-    return replace(record, segments=left, notes=(*record.notes, note))
+    whole, faults = len(record) * record.interval, []
+    for axes, stretches in long.items():
+        seconds = sum(b - a for a, b in stretches) * record.interval
+        faults += [f"{axes}: frozen for {seconds:.3g} s of {whole:.3g} s"] * (seconds > 0.0)
+    some = faults if axes_text(record.axes) not in long else []
+    notes = (f"{text}, left out" for text in faults)
+    return replace(
+        record,
+        segments=left,
+        notes=(*record.notes, *notes),
+        contradicted=(*record.contradicted, *some),
+    )
 
 
 def without_codes(records: Sequence[Record]) -> tuple[Record, ...]:

@@ -17,7 +17,7 @@ which does not depend on slow noise, in the quietest tenth of the record::
 Where it is below `MIN_FAR_SHARE`, D above some 3 σ, runs of any length are natural, and nothing is
 reported. A value at the end of all others, at which these pile up as well, is a rail, where the sensor saturated
 (`tuner.diagnosis.data_quality.saturation`).
-Nor is it where more than half of the samples would be frozen, but for one stretch in a record without a quantizer.
+Nor is it where more than half of the samples would be frozen in several stretches.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ UNREACHABLE_DISTANCE = 12.0
 The difference of neighbours has the sd √2 σ: 12 σ are 8.5 of these, P = 2e-17.
 """
 MAX_FROZEN_SHARE = 0.5
-"""Largest share of a record that can be frozen, but for a sensor without a quantizer that fails.
+"""Largest share of a record that can be frozen in several stretches; a sensor that stops for good does so in one.
 
 Chosen so that the samples that change are the majority: σ and the runs are those of the working sensor.
 """
@@ -154,8 +154,7 @@ def frozen(record: Record, axis: str) -> Frozen | None:
     stretches = tuple(ranges[i] for i in kept)
     if not stretches:
         return None
-    died = len(stretches) == 1 and repeating[kept[0]] == 0.0
-    if not died and sum(stop - start for start, stop in stretches) > MAX_FROZEN_SHARE * len(y):
+    if len(stretches) > 1 and sum(stop - start for start, stop in stretches) > MAX_FROZEN_SHARE * len(y):
         return None
     pairs = sum(len(piece) - 1 for piece in rest)
     same = sum(int(np.count_nonzero(np.diff(piece) == 0.0)) for piece in rest) / pairs

@@ -108,6 +108,12 @@ def test_text_that_cannot_be_parsed_is_refused_with_line_and_column() -> None:
         parse_yaml("a: [", source="a.yaml", expected="settings")
 
 
+def test_an_entry_that_stands_twice_is_refused() -> None:
+    """The last of two limits was taken without a word."""
+    with pytest.raises(DataError, match="the entry 'N' twice, in the block from line 2 on"):
+        parse_yaml("gyro:\n  N: 1\n  B: 2\n  N: 3\n", source="a.yaml", expected="limits")
+
+
 def test_a_coefficient_has_its_four_keys_and_a_reason_where_there_is_one() -> None:
     known = Coefficient(1.0, (0.5, math.inf), None, "s")
     assert coefficient_json(known) == {"value": 1.0, "interval": [0.5, None], "upper": None, "unit": "s"}

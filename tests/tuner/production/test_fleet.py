@@ -285,7 +285,7 @@ def test_the_units_to_look_at_are_one_screen_of_eighty_columns():
     units = [FleetUnit(f"SN{k}", f"{k}.csv", None, why if k else "short") for k in range(40)]
     answer = fleet_answer(Fleet("lot", tuple(units), ()))
     lines = text_of(answer).splitlines()
-    assert lines[0].startswith("Verdict: LOOK: 0 of the 40 units in lot stand apart, 40 cannot be used")
+    assert lines[0].startswith("Verdict: ERROR: 0 of the 40 units in lot stand apart, 40 cannot be used")
     assert "SN0: ERROR: short" in lines
     assert len(lines) <= SCREEN_LINES
     assert max(map(len, lines)) <= 80

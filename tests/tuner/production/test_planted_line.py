@@ -144,6 +144,27 @@ def test_a_copy_of_a_log_is_counted_once(line, tmp_path):
     assert any("byte for byte" in (unit.error or "") for unit in units)
 
 
+@pytest.mark.parametrize(
+    ("rows", "value", "said"),
+    [
+        (slice(200, 3000, 500), 0.5, "readings that no sensor makes"),
+        (slice(1000, 2000), None, "missing or left out"),
+    ],
+)
+def test_readings_that_are_wrong_or_lost_are_to_be_seen(tmp_path, rows, value, said):
+    """A unit with spikes of 160 sds, or without a third of its samples, was PASS without a word."""
+    write_line(SMALL, tmp_path / "lot", 1, {})
+    (path,) = (tmp_path / "lot").iterdir()
+    head, *lines = path.read_text().splitlines()
+    for index in range(*rows.indices(len(lines))):
+        cells = lines[index].split(",")
+        lines[index] = "" if value is None else ",".join([*cells[:3], str(value), *cells[4:]])
+    path.write_text("\n".join([head, *filter(None, lines)]))
+    (unit,) = fleet(path).units
+    assert unit.verdict == "LOOK"
+    assert said in unit.advice[0]
+
+
 def test_a_warming_that_ends_is_told_whole(tmp_path):
     """25 K to 33 K as 1 − exp(−t/60 s): a line through it says 5.5 K, and 6 K were not exceeded; it has no step."""
     write_line(SMALL, tmp_path / "lot", 1, {})

@@ -128,3 +128,20 @@ def test_what_has_no_samples_has_no_chapter(tmp_path, log, capsys):
 
 def test_signs_of_latex():
     assert latex("5 % of x_1 & µg/√Hz ± 2") == r"5 \% of x\_1 \& $\mu$g/$\sqrt{\mathrm{Hz}}$ $\pm$ 2"
+
+
+def test_a_text_of_the_user_is_kept(tmp_path, log, chapter, capsys):
+    """A chapter that somebody wrote, or changed, was written over; a folder without a name was the current one."""
+    words = ["identify", str(log), "--gyro-unit", "rad/s", "--accel-unit", "m/s^2", "--thesis"]
+    own = tmp_path / "chapter.tex"
+    own.write_text("mine")
+    for folder, said in (
+        (tmp_path, "expected no such file, or one as this command wrote it"),
+        (own / "x", "expected a folder, found the file"),
+        ("", "expected a folder, found an empty name"),
+    ):
+        assert run([*words, str(folder)]) == 2
+        assert said in capsys.readouterr().err
+    assert own.read_text() == "mine"
+    assert [path.name for path in tmp_path.iterdir()] == ["chapter.tex"]
+    assert run([*words, str(chapter)]) == 0

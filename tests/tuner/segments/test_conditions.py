@@ -64,6 +64,16 @@ def test_a_sensor_that_stopped_is_at_rest_while_it_measured():
     assert said == ["gyro x y z: frozen for 168 s of 420 s, left out"]
 
 
+def test_one_axis_that_stopped_ends_the_measurement_of_its_sensor():
+    """The part in which an axis gave one value was the quietest and taken for the rest, which held no noise of it."""
+    log = moved(loud=1.0)
+    y = np.round(np.random.default_rng(4).standard_normal(log.y.shape) / 0.05) * 5e-5
+    y[10_000:, 1] = y[10_000, 1]
+    (kept,) = at_rest([replace(log, y=y)])
+    assert kept.segments == ((0, 10_000),)
+    assert kept.contradicted == ("gyro y: frozen for 220 s of 420 s",)
+
+
 def test_a_log_at_rest_is_left_alone():
     record = warmed()
     assert at_rest([record]) == (record,)

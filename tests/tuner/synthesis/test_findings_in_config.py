@@ -13,7 +13,9 @@ from tuner.cli import run
 from tuner.formats.configuration import config_json, load_config
 from tuner.identification import identify
 from tuner.identification.identify import with_terms_found
+from tuner.judgement import judge_noise
 from tuner.pipeline import check_or_reason, identified_again, identify_and_diagnose
+from tuner.segments.conditions import at_rest
 from tuner.segments.stationary import parts_text
 from tuner.simulation.static import simulate
 from tuner.synthesis import inflate, synthesize
@@ -266,25 +268,18 @@ def test_settings_are_those_of_samples_that_wrapped_put_back():
     assert np.sum(found.still[0].y > 1e-3) > 900
 
 
-def test_one_axis_that_is_frozen_for_long_is_identified_without_it_and_the_others_with_all_samples():
+def test_an_axis_that_is_frozen_for_long_has_the_noise_of_the_time_while_it_measured():
     """Zeros at both ends of y, 3 sds from its level: N of all samples is 0.7 times as large, and a bias moves."""
     y = 1e-3 * (3.0 + np.random.default_rng(32).standard_normal((12_000, 3)))
     y[:1200, 1] = y[-1200:, 1] = 0.0
     axes = ("gyro_x", "gyro_y", "gyro_z")
-    record = Record("gyro", 0.01 * np.arange(12_000), y, axes, "rad/s", 0.01)
-    found = replace(finding("duplicates", start=0.0, duration=12.0), channels=("gyro_y",))
-    still, again = identified_again((record,), None, Diagnosis((found,)), terms=("white",), latitude=None)
-    assert [one.segments for one in still] == [((0, 12_000),), ((1200, 10_800),), ((0, 12_000),)]
-    assert tuple(again.channels) == axes
+    still = at_rest((Record("gyro", 0.01 * np.arange(12_000), y, axes, "rad/s", 0.01),))
+    assert still[0].segments == ((1200, 10_800),)
+    found = identify(still, terms=("white",))
     for axis in axes:
-        white = again.channels[axis].term("white").coefficients["density"].value
+        white = found.channels[axis].term("white").coefficients["density"].value
         assert white == pytest.approx(1e-4, rel=0.03)  # 4 sds of 9 600 samples
-    diagnosis = Diagnosis((found,), (), (), {}, {}, {})
-    assert with_notes_on_findings(again, diagnosis, still).notes == again.notes
-    assert identified_again((record,), again, Diagnosis(()), terms=("white",), latitude=None) == (
-        (record,),
-        again,
-    )
+    assert "usable except: gyro y: frozen for 24 s of 120 s" in judge_noise(found, {}).text
 
 
 def test_a_check_is_announced_only_where_one_is_made():

@@ -51,7 +51,21 @@ WRITTEN = frozenset(WITHOUT_NUMBERS) - {"--jobs"}
 """Options that name what is written."""
 OUTPUT_FLAGS = ("--quiet", "--verbose")
 """Options that change how much is printed."""
-DIRECTORY = click.Path(path_type=Path, file_okay=False)
+
+
+class Folder(click.Path):
+    """A folder that is written into: made where it does not exist, which a file in its way forbids."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the path; refuse an empty one, and one on whose way a file lies."""
+        if not str(value):
+            self.fail("expected a folder, found an empty name; the current one is .", param, ctx)
+        if taken := [one for one in Path(value).parents if one.exists() and not one.is_dir()]:
+            self.fail(f"expected a folder, found the file {taken[0]}", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+DIRECTORY = Folder(path_type=Path, file_okay=False)
 
 
 @dataclass(frozen=True)
