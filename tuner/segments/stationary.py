@@ -13,9 +13,10 @@ lower quartile 0.0701, upper tail exp(-π² v/2). All k channels must be large a
 
 The factor 1.5 leaves room for a noise level that changes while the sensor stands still. One channel alone is not
 motion (a bias step, a burst of one axis) unless it is unmistakable: a gyroscope whose block mean is 0.1 rad/s off its
-median, or a block sd of more than 0.1 rad/s or 1 m/s² and ten times its usual one. Blocks beside a moving one count as
-moving too. Where a quarter of the log is not at rest, as its means or a far quieter stretch show, the quietest eight
-adjoining blocks take the place of the lower quartile.
+median, or leaves its level by more than any does at rest and is back within half a minute, or a block sd of more than
+0.1 rad/s or 1 m/s² and ten times its usual one. Blocks beside a moving one count as moving too. Where a quarter of the
+log is not at rest, as its means or a far quieter stretch show, the quietest eight adjoining blocks take the place of
+the lower quartile.
 
 Shorter motions are found in `knocks`, what settles beside a motion in `settling`. Knocks after which the level is the
 same are no end of a stand-still (`knock_bridges`).
@@ -27,6 +28,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from models.arrays import BoolArray, FloatArray, IntArray
 from models.robust import normal_sd
@@ -58,6 +60,11 @@ _MIN_BLOCKS = 8
 """Fewest blocks of a record, and fewest samples of a block, whose variances can be compared."""
 _CERTAIN_MOTION = {"rad/s": 0.1, "m/s^2": 1.0}
 """Change of the mean rate, or sd within a block, that is motion on one channel alone; by unit."""
+
+_LONGEST_TURN = 30
+"""Blocks of a rotation that is seen by the level before and after it; longer ones are seen by their size alone."""
+_RARE_SDS = 8.0
+"""Sds of what the mean of a block differs from the level about it, by noise, that none of a million exceeds."""
 
 
 @dataclass(frozen=True)
@@ -156,6 +163,7 @@ def _moving_blocks(
         large = (np.sqrt(variance) > _CERTAIN_MOTION.get(record.unit, np.inf)) & (ratio > 10.0)
         if record.unit == "rad/s":
             large |= np.abs(mean - np.median(mean, axis=0)) > _CERTAIN_MOTION["rad/s"]
+            large |= _turned(mean, variance, bounds)
         ratios.append(ratio)
         sizes.append(large.any(axis=1))
     every = np.hstack(ratios)
@@ -163,6 +171,16 @@ def _moving_blocks(
     threshold = _LEVEL_MARGIN * _scatter(every.shape[1], FALSE_ALARM_PROBABILITY / len(bounds))
     moved: BoolArray = (statistic > threshold) | np.logical_or.reduce(sizes)
     return _widened(moved, bounds)
+
+
+def _turned(mean: FloatArray, variance: FloatArray, bounds: IntArray) -> BoolArray:
+    """Return the blocks and channels, shapes (b, k), whose mean rate leaves its level and comes back to it.
+
+    A bias may step or wander; one that returns from where no sensor at rest gets within a second was a rotation.
+    """
+    away = np.abs(mean - median_filter(mean, (2 * _LONGEST_TURN + 1, 1), mode="nearest"))
+    usual = np.maximum(normal_sd(away, axis=0), np.sqrt(variance / np.diff(bounds)))
+    return np.asarray(away > np.maximum(LARGEST_CHANGE["rad/s"], _RARE_SDS * usual))
 
 
 def _quietest(variances: Sequence[FloatArray], rounding: Sequence[FloatArray]) -> list[FloatArray]:

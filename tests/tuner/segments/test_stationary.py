@@ -94,6 +94,18 @@ def test_steady_turn_of_one_axis_is_motion() -> None:
     assert 7000 <= stop <= 7100
 
 
+@pytest.mark.parametrize("rate", [0.015, 0.08])
+def test_a_slow_turn_that_ends_is_motion_and_a_bias_that_stays_is_none(rate: float) -> None:
+    """A robot that turned evenly for 14 s of ten minutes was at rest, with K of 44 543 deg/h/√h."""
+    y = 2e-3 * np.random.default_rng(31).standard_normal((30_000, 3))
+    y[20_000:, 1] += rate
+    assert find_motion(gyro_of(y)).episodes == ()
+    y[9000:9700, 2] += rate
+    ((start, stop),) = find_motion(gyro_of(y)).moving
+    assert 8900 <= start <= 9000
+    assert 9700 <= stop <= 9800
+
+
 def test_scale_and_bias_change_nothing() -> None:
     rng = np.random.default_rng(25)
     y = 1e-4 * rng.standard_normal((10_000, 3))
