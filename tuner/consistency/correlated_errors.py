@@ -22,6 +22,7 @@ References
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -54,6 +55,20 @@ def independent_count(w: FloatArray) -> float:
     if not len(below):
         return 1.0
     count = len(w) * (1.0 - CORRELATION_CUT**2) / (1.0 + 2.0 * float(np.sum(rho[1 : below[0]] ** 2)))
+    return max(count / (1.0 + UNCERTAIN_COUNT / count), 1.0)
+
+
+def independent_means(d: FloatArray) -> float:
+    """Return the number n/(1 + 2 Σ ρ) of independent values behind the mean of a course of mean zero, shape (n,)."""
+    if not d.any():
+        return float(len(d))
+    cut = min(CORRELATION_CUT, 2.0 / math.sqrt(len(d)))  # the noise of a correlation of white values
+    rho = autocorrelation(d[:, None])
+    below = np.flatnonzero(rho[: len(d) // 2 + 1] < cut)
+    if not len(below):
+        return 1.0
+    # The sum to the first lag below the cut lacks a share of the cut of the whole: correlations decay.
+    count = len(d) / (1.0 + 2.0 * float(np.sum(rho[1 : below[0]])) / (1.0 - cut))
     return max(count / (1.0 + UNCERTAIN_COUNT / count), 1.0)
 
 

@@ -60,11 +60,15 @@ _ALIASES = {
 
 
 def canonical_name(written: str) -> tuple[str, str | None]:
-    """Return our name of a column and the unit in its brackets: ``Sd_Latitude [m]`` gives ``sd_lat`` and ``m``."""
+    """Return our name of a column and the unit in its brackets: ``Sd_Latitude [m]`` gives ``sd_lat`` and ``m``.
+
+    A number in brackets is an index, no unit.
+    """
     name, bracket, rest = written.partition("[")
     if not bracket:
         name, bracket, rest = written.partition("(")
-    unit = rest.strip(" ])") or None if bracket else None
+    stated = rest.strip(" ])")
+    unit = stated if stated and not stated.isdigit() else None
     plain = name.strip().lower().replace(" ", "_").replace("-", "_")
     for prefix in ("sd_", "std_", "sigma_"):
         if plain.startswith(prefix):

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 from models.arrays import FloatArray
 from tuner.consistency.correlated_errors import autocorrelation
+from tuner.consistency.output_comparison import OutputChange
 from tuner.consistency.output_scores import normalized
 from tuner.consistency.score_output import OutputScore
 from tuner.formats.customary_units import since
@@ -20,6 +21,7 @@ from tuner.formats.file_set import MANIFEST, digests, write_set
 from tuner.report.curve_panels import draw_banded
 from tuner.report.figure_files import CHARTS, PAGE_SUFFIXES, new_figure, rendered
 from tuner.report.html_page import write_sections_page
+from tuner.report.output_change_answer import output_change_answer
 from tuner.report.output_score_tables import output_score_answer
 from tuner.report.page_parts import Picture
 from tuner.types.filter_output import BLOCKS
@@ -52,7 +54,11 @@ class _Block:
 
 
 def write_output_score(
-    found: OutputScore, content: Mapping[str, Any], directory: Path, command: str = ""
+    found: OutputScore,
+    content: Mapping[str, Any],
+    directory: Path,
+    command: str = "",
+    change: OutputChange | None = None,
 ) -> None:
     """Write ``report.html``, ``score.svg``, ``score.png`` and ``score.json``.
 
@@ -66,6 +72,8 @@ def write_output_score(
         Made where it does not exist; a set that is there is replaced in one step.
     command : str
         What was typed; empty where the page is made from Python.
+    change : OutputChange, optional
+        What became of an earlier output: it stands first.
     """
     blocks, pictures, files = _blocks(found), [], {}
     if blocks:
@@ -77,8 +85,11 @@ def write_output_score(
         pictures = [Picture.of(files, "score", caption)]
         del files[f"score{CHARTS}"]
     sections = [("Is it honest?", output_score_answer(found), pictures)]
+    if change is not None:
+        sections.insert(0, ("Is it worse than before?", output_change_answer(change, None), []))
+    verdict = found.consistency.honesty if change is None else change.verdict
     title = printable(f"Score of {', '.join(Path(output.name).name for output in found.outputs[:3])}")
-    files["report.html"] = write_sections_page(title, sections, command, found.consistency.honesty).encode()
+    files["report.html"] = write_sections_page(title, sections, command, verdict).encode()
     files["score.json"] = json_text(dict(content) | {MANIFEST: digests(files)}).encode()
     write_set(directory, files, last="score.json")
 

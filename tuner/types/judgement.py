@@ -20,11 +20,19 @@ class Use(StrEnum):
     NOTHING_CONTRADICTS = "nothing contradicts"
     EXPLAINED = "causes found"
     NOT_EXPLAINED = "not explained"
+    BETTER = "better"
+    NOT_WORSE = "not worse"
+    DIFFERENT = "different"
+    WORSE = "worse"
 
     @property
     def good(self) -> bool:
         """Whether this is the word of an answer without reservation; else ``--strict`` ends with exit status 1."""
-        return self in (Use.USABLE, Use.HONEST, Use.NOTHING_CONTRADICTS, Use.EXPLAINED)
+        return self in GOOD
+
+
+GOOD = (Use.USABLE, Use.HONEST, Use.NOTHING_CONTRADICTS, Use.EXPLAINED, Use.BETTER, Use.NOT_WORSE)
+"""Words of answers without reservation."""
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from pathlib import Path
 
 import click
@@ -47,6 +48,13 @@ def _windows(
     multiple=True,
     metavar="FILE",
     help="A better solution, one for all estimates or one for each; without it the innovations are scored.",
+)
+@click.option(
+    "--against",
+    "earlier",
+    multiple=True,
+    metavar="FILE",
+    help="What the same filter wrote before a change, one for each estimate: is it worse now?",
 )
 @click.option(
     "--columns", callback=_columns, metavar="NAME=COLUMN,…", help="Columns of a CSV of the estimate."
@@ -95,6 +103,7 @@ def _windows(
 def command(
     estimates: tuple[str, ...],
     truths: tuple[str, ...],
+    earlier: tuple[str, ...],
     columns: dict[str, str] | None,
     truth_columns: dict[str, str] | None,
     topic: str | None,
@@ -119,21 +128,25 @@ def command(
 
     ESTIMATE is a CSV with columns t, lat, lon, height or n, e, d, vn, ve, vd, roll, pitch, yaw, their sds sd_NAME, an
     NPZ, a trajectory of TUM, KITTI or EuRoC, odometry, poses or a path in a ROS bag, text of Inertial Explorer, a .pos
-    of RTKLIB, or what KF-GINS or NaveGo write. Several are runs of a Monte Carlo.
+    of RTKLIB, or what KF-GINS or NaveGo write. Several are runs of a Monte Carlo. With --against, --strict ends with
+    exit status 1 unless the estimate is not worse than before: a test for continuous integration.
     """
+    from tuner.consistency.output_comparison import changed_scores, differences
     from tuner.consistency.score_output import score_outputs
     from tuner.consistency.trajectory_alignment import Alignment
+    from tuner.formats.codec import dump
     from tuner.readers.estimate import read_estimate
     from tuner.report.claims import lawful
     from tuner.report.json.output_score import output_score_json
+    from tuner.report.output_change_answer import output_change_answer
     from tuner.report.output_score_tables import output_score_answer
     from tuner.report.terminal import show
 
     stage("reading", 0.3)
-    outputs = [
-        read_estimate(path, frame=frame, body=body, columns=columns, topic=topic)
-        for path in counted(estimates)
-    ]
+    outputs, former = (
+        [read_estimate(path, frame=frame, body=body, columns=columns, topic=topic) for path in counted(paths)]
+        for paths in (estimates, earlier)
+    )
     references = [
         read_estimate(
             path,
@@ -146,18 +159,26 @@ def command(
         for path in truths
     ]
     stage("scoring", 0.95)
-    found = score_outputs(
-        outputs,
-        references,
+    score = partial(
+        score_outputs,
+        truths=references,
         how=Alignment(align),
         align_time=align_time,
         align_body=align_body,
         outages=outages,
         sensor_noise=None if imu is None else _sensor_noise(imu),
     )
+    found, change = None, None
+    if former and not references and not all(one.has_innovations for one in (*outputs, *former)):
+        change = differences(outputs, former)
+    else:
+        found = score(outputs)
+        change = changed_scores(found, score(former)) if former else None
+        lawful(found)
     source = {
         "estimates": [printable(name) for name in estimates],
         "truths": [printable(name) for name in truths],
+        "against": [printable(name) for name in earlier],
         "align": align,
         "align_time": align_time,
         "align_body": align_body,
@@ -165,20 +186,24 @@ def command(
         "runs": len(outputs),
         "seed": seed,
     }
-    lawful(found)
     stage("writing", 1.0)
-    content = output_score_json(found, source=source)
+    content = {"source": source} if found is None else output_score_json(found, source=source)
+    content |= {} if change is None else {"change": dump(change)}
     if output_dir is not None:
         from tuner.report.output_score_page import write_output_score
 
-        write_output_score(found, content, output_dir, stated_command(click.get_current_context().obj))
+        if found is None:
+            raise click.UsageError("-o: expected a truth (--truth) or innovations beside it, found neither")
+        shown = stated_command(click.get_current_context().obj)
+        write_output_score(found, content, output_dir, shown, change)
         messages.say(f"written: {output_dir}")
     output.write(content)
-    if output.tables:
-        answer = output_score_answer(found)
+    answer = output_change_answer(change, found) if change else output_score_answer(found) if found else None
+    if output.tables and answer is not None:
         words = click.get_current_context().obj
-        show(answer.then(*words, "-o", "score") if output_dir is None else answer, whole=verbose)
-    return 1 if strict and not found.consistency.honesty.good else 0
+        show(answer.then(*words, "-o", "score") if found and output_dir is None else answer, whole=verbose)
+    verdict = change.verdict if change else found.consistency.honesty if found else None
+    return 1 if strict and not (verdict and verdict.good) else 0
 
 
 def _sensor_noise(source: str) -> tuple[float, float]:
