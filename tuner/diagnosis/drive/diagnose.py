@@ -106,7 +106,7 @@ def _examine(
     outcome = outcome.as_measured(clock_coefficients(drive.clock, config.compensation))
     notes = (
         *base.notes,
-        *filter(None, [clock_note(drive.clock)]),
+        *([] if "clock_drift" in outcome.shifts else filter(None, [clock_note(drive.clock)])),
         *outcome.notes,
         *coarse_quantizer_notes(sensor),
     )
