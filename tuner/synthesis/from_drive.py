@@ -1,8 +1,8 @@
 """Noise of an inertial unit from a drive alone: white noise at rest, bias terms of a similar unit.
 
 A second counts as stationary where the fixes show so and both triads are about as calm as in the calmer of those
-seconds. There the Allan deviation at `ALLAN_TAU` gives the white noise of each axis, N = σ(τ) √τ; where a quantizer makes
-as much of noise that it hides, that is a limit. Of slower noise a drive contains too little, so that bias terms are those
+seconds. There the Allan deviation at `ALLAN_TAU` gives the white noise of each axis, N = σ(τ) √τ; where a quantizer
+makes as much of noise that it hides, that is a limit. Of slower noise a drive contains too little: bias terms are those
 of the built-in grade with the nearest white noise.
 """
 

@@ -73,7 +73,7 @@ def test_interval_of_the_white_noise_is_that_of_its_degrees_of_freedom():
     assert density.interval == pytest.approx((density.value * (1.0 - share), density.value * (1.0 + share)))
     ends = [[c.interval for c in stationary_noise(drive(seed=seed)).white.values()] for seed in range(20)]
     low, high = np.moveaxis(np.array(ends), 2, 0)
-    assert np.count_nonzero((low < DENSITY) & (DENSITY < high)) >= 106
+    assert np.count_nonzero((low < DENSITY) & (high > DENSITY)) >= 106
 
 
 def test_of_noise_below_the_step_of_a_quantizer_only_a_limit_is_known():

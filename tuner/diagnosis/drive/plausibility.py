@@ -6,9 +6,9 @@ biases and noise of sensors that no sensor has. So causes are withdrawn where
 - the filter had to correct the attitude of its start by more than `MAX_START_CORRECTION` of its stated sds: every
   residual behind it is one of the start, and nothing else can be named;
 - a heading that was hardly known was corrected by more than a linear filter can (`MAX_LINEAR_CORRECTION`);
-- a bias is beyond `MAX_BIAS` prior sds of its own sensor, and no scale factor of the vertical accelerometer either, noise
-  is more than `MAX_RATIO` times as large as stated (of fixes in classes: that of every class), or errors of the fixes last longer
-  than the drive and than any of a receiver, so that they cannot be distinguished from a constant;
+- a bias is beyond `MAX_BIAS` prior sds of its own sensor, and no scale factor of the vertical accelerometer either,
+  noise is more than `MAX_RATIO` times as large as stated (of fixes in classes: that of every class), or errors of the
+  fixes last longer than the drive and than any of a receiver, so that they cannot be distinguished from a constant;
 - none of its figures is determined, or of factors on noise those that are may all be 1: an estimate at its bound
   names nothing.
 """
