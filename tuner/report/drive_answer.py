@@ -151,8 +151,9 @@ def _delay_lines(clock: Clock, applied: Compensation, t: FloatArray, *, written:
     if rate := applied.value("clock_drift", "rate"):
         ends = [(x, delay + rate * (x - middle_of(t))) for x in (t[0], t[-1])]
         said = [f"{digits(abs(of), 2)} s {'late' if of > 0.0 else 'early'} at {x:.0f} s" for x, of in ends]
-        drifting = f"fixes are stamped {' and '.join(said)}"
-        text = ", ".join(filter(None, [drifting, clock_words(Clock(lag=clock.lag))]))
+        text = ", ".join(
+            filter(None, [f"fixes are stamped {' and '.join(said)}", clock_words(Clock(lag=clock.lag))])
+        )
     out = "tuner with noise.yaml and the KF-GINS export take" if written else "the filter judged took"
     done = f"{out} that out; the recording still has it, so for another filter move its stamps"
     return [f"{text[:1].upper()}{text[1:]}: {done}"] if text else []

@@ -45,9 +45,8 @@ MIN_DISTANCE_SCATTERS = 4.0
 """Time between positions that give a speed, in units of their scatter ÷ `STATIONARY_SPEED`."""
 UNKNOWN_UNIT_GRADE = "mpu9250"
 """Grade of a unit of which nothing is known: the noisiest built-in consumer unit."""
-AXES = tuple(f"{sensor}_{letter}" for sensor in ("gyro", "accel") for letter in "xyz")
-UNITS = ("rad/s",) * 3 + ("m/s^2",) * 3
-"""Axes of the samples of a drive, and their units."""
+UNITS = {f"{sensor}_{x}": unit for sensor, unit in (("gyro", "rad/s"), ("accel", "m/s^2")) for x in "xyz"}
+"""Units of the samples of a drive, by axis."""
 FROM_FIXES = "medians of the sds that the fixes report"
 """Reference of a receiver whose noise is what its fixes report."""
 
@@ -86,13 +85,13 @@ def stationary_noise(drive: Drive) -> StationaryNoise:
     density = np.sqrt(_allan(blocks[still], m) * m * dt)
     share = 1.96 / np.sqrt(4.0 * seconds / ALLAN_TAU / 3.0)  # three axes have 2 T/τ degrees of freedom
     white = {}
-    for axis, unit, n, q in zip(AXES, UNITS, density.tolist(), step.tolist(), strict=True):
-        limit = q * float(np.sqrt((WELL_DITHERED**2 + 1.0 / 12.0) * dt))
-        (of_white,) = White(1.0).units(unit)
-        if n > limit:
-            white[axis] = Coefficient.known(n, n * (1.0 - share), n * (1.0 + share), of_white)
-        else:
-            white[axis] = Coefficient.bounded(limit, of_white, f"{HIDDEN}: steps of {q:.4g}")
+    for axis, n, q in zip(UNITS, density.tolist(), step.tolist(), strict=True):
+        (unit,) = White(1.0).units(UNITS[axis])
+        hidden = Coefficient.bounded(
+            q * float(np.sqrt((WELL_DITHERED**2 + 1.0 / 12.0) * dt)), unit, f"{HIDDEN}: steps of {q:.4g}"
+        )
+        seen = Coefficient.known(n, n * (1.0 - share), n * (1.0 + share), unit)
+        white[axis] = seen if n > (hidden.upper or 0.0) else hidden
     return StationaryNoise(seconds, white)
 
 

@@ -402,7 +402,7 @@ def test_noise_that_the_settings_have_is_no_finding_again(result):
 
 def test_noise_in_motion_is_said_once(result):
     """The verdict said "accel × 2.5 (vibration)" and a line below "accelerometer 13 × that at rest"."""
-    seen = SimpleNamespace(before_filter=(), vibration={"accelerometer": (1.0, 13.0)})
+    seen = SimpleNamespace(before_filter=(), mends=False, vibration={"accelerometer": (1.0, 13.0)})
     found = replace(result, examination=seen)
     line = "Noise in motion: accelerometer 13 × that at rest; Q needs what of it adds up"
     assert line in answer_lines(found, Path("out"))
