@@ -116,6 +116,11 @@ class Examination(Shown):
     clock: Clock
     undecided: str = ""
 
+    @property
+    def mends(self) -> bool:
+        """Whether a filter begins with another drive than was recorded: some faults nothing mends."""
+        return any(one.done for one in self.before_filter)
+
 
 def streams_of(drive: Drive) -> Streams:
     """Return the streams of a drive."""

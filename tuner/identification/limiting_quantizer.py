@@ -20,6 +20,7 @@ from models.noise import NoiseModel, Term, White
 from tuner.identification.estimates import BASE, Estimates
 from tuner.readers.value_checks import WELL_DITHERED
 from tuner.types import Coefficient, TermEstimate
+from tuner.types.coefficient import HIDDEN
 
 MAX_ERROR_DEVIATION = float(np.sqrt(0.5))
 """Largest Allan deviation of the error of a quantizer, steps."""
@@ -71,7 +72,7 @@ def _bounded(estimate: TermEstimate, step: float, tau: FloatArray, interval: flo
         upper = found.upper if found.interval is None else found.interval[1]
         if upper is not None and place == 0:
             upper = _largest(estimate.name, upper, step, tau, interval)
-        reason = f"the quantizer hides it: steps of {step:.4g}"
+        reason = f"{HIDDEN}: steps of {step:.4g}"
         coefficients[name] = Coefficient(None, None, upper, found.unit, reason)
     return TermEstimate(estimate.name, coefficients)
 

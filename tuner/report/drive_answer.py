@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from models.effects.drive.gnss import middle_of
 from models.filter_states import FILTER_STATES
 from tuner.formats.clock_words import clock_words
 from tuner.formats.customary_units import digits
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
+    from models.arrays import FloatArray
     from tuner.diagnosis.drive import ExaminedDrive
     from tuner.diagnosis.drive.held_out_choice import HeldOutChoice
     from tuner.types import FilterConfig, Finding
@@ -115,7 +117,7 @@ def fixes_parts(examined: ExaminedDrive, config: FilterConfig, *, written: bool)
     own = with_states if any(lasting.values()) else [f"R of {where}"]
     rows = zip(["reported by the receiver", *own], *columns.values(), strict=False)
     table = table_of(("sd of fixes: horizontal, down", *columns), rows, words=1 + len(columns))
-    return [table, *_delay_lines(examined.drive.clock, config.compensation, written=written)]
+    return [table, *_delay_lines(examined.drive.clock, config.compensation, gnss.t, written=written)]
 
 
 def _level_text(sds: Iterable[float]) -> str:
@@ -137,11 +139,21 @@ def _lasting(config: FilterConfig) -> dict[str, list[tuple[float, float, float]]
     return found
 
 
-def _delay_lines(clock: Clock, applied: Compensation, *, written: bool) -> list[str]:
-    """Return the line on delays of fixes and velocities: what takes them out, and what does not; none without any."""
+def _delay_lines(clock: Clock, applied: Compensation, t: FloatArray, *, written: bool) -> list[str]:
+    """Return the line on delays of fixes and velocities: what takes them out, and what does not; none without any.
+
+    A delay that drifts between the stamps t (k,) is said of the first and of the last fix.
+    """
     delay, lag = (applied.value(cause, "delay") for cause in ("time_offset", "velocity_lag"))
-    measured = (clock.delay.taken_out, clock.lag.taken_out) == (delay, lag)
-    text = clock_words(clock if measured else Clock(Delay(delay, 0.0), Delay(lag, 0.0)))
+    if (clock.delay.taken_out, clock.lag.taken_out) != (delay, lag):
+        clock = Clock(Delay(delay, 0.0), Delay(lag, 0.0))
+    text = clock_words(clock)
+    if rate := applied.value("clock_drift", "rate"):
+        ends = [(x, delay + rate * (x - middle_of(t))) for x in (t[0], t[-1])]
+        said = [f"{digits(abs(of), 2)} s {'late' if of > 0.0 else 'early'} at {x:.0f} s" for x, of in ends]
+        text = ", ".join(
+            filter(None, [f"fixes are stamped {' and '.join(said)}", clock_words(Clock(lag=clock.lag))])
+        )
     out = "tuner with noise.yaml and the KF-GINS export take" if written else "the filter judged took"
     done = f"{out} that out; the recording still has it, so for another filter move its stamps"
     return [f"{text[:1].upper()}{text[1:]}: {done}"] if text else []

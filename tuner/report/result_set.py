@@ -68,7 +68,7 @@ def tune_files(result: TuneResult, command: str = "") -> dict[str, bytes]:
     files = {name: content for name, content in drawn.items() if not name.endswith(CHARTS)}
     files |= {name: _encoded(text) for name, text in result.exports.items()}
     files["report.html"] = _encoded(write_page(result, pictures, allan, command))
-    if result.examination is not None and result.examination.before_filter:
+    if result.examination is not None and result.examination.mends:
         files[MENDED] = drive_npz(result.examination.filtered)
     if result.key is not None:
         files["key.json"] = _encoded(json_text(result.key))

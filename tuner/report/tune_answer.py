@@ -260,5 +260,5 @@ def found_lines(result: TuneResult) -> tuple[list[str], int, str]:
 def _file_line(result: TuneResult, directory: Path | None) -> str:
     """Return where the files are."""
     path = "FOLDER by write_tune_result(result, FOLDER)" if directory is None else directory
-    mended = [MENDED] * bool(result.examination and result.examination.before_filter)
+    mended = [MENDED] * bool(result.examination and result.examination.mends)
     return f"In {path}: {', '.join([*result.exports, *mended, 'report.html'])}"

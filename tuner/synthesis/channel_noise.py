@@ -15,8 +15,9 @@ arma                 shaping states offered, not added: they describe the same n
 any other            one Gauss–Markov state whose spectrum lies above the term's (`tuner.synthesis.bias_states`)
 ===================  ======================================================================================
 
-A term the data only bound enters with half of its 95 % upper limit. The rule ``bound`` takes upper limits
-throughout, the ladder for flicker, and `bounding_state` for identified Gauss–Markov terms.
+A term the data only bound enters with half of its 95 % upper limit, white noise that a quantizer hides with all of it,
+as motion shows it. The rule ``bound`` takes upper limits throughout, the ladder for flicker, and `bounding_state` for
+identified Gauss–Markov terms.
 """
 
 from __future__ import annotations
@@ -50,6 +51,7 @@ from tuner.types import (
     Quantity,
     TermEstimate,
 )
+from tuner.types.coefficient import HIDDEN
 
 SLOW_PERIOD = 10.0
 """A sinusoid slower than this, s, is a bias to the filter; a faster one averages out."""
@@ -148,8 +150,11 @@ def _figure(task: _Task, term: TermEstimate, name: str) -> tuple[float, tuple[In
     coefficient = term.coefficients[name]
     quantity = Quantity(task.channel.axis, f"{term.name}.{name}")
     if coefficient.value is None:
-        why = f"bounded: half of the 95 % upper limit ({coefficient.reason or 'no value in the data'})"
-        return BOUNDED_SHARE * (coefficient.upper or 0.0), (BoundUsed(quantity, BOUNDED_SHARE, why),)
+        reason = coefficient.reason or "no value in the data"
+        whole = term.name == White.name and reason.startswith(HIDDEN)
+        share, part = (1.0, "the whole") if whole else (BOUNDED_SHARE, "half of the")
+        why = f"bounded: {part} 95 % upper limit ({reason})"
+        return share * (coefficient.upper or 0.0), (BoundUsed(quantity, share, why),)
     value = abs(coefficient.value)
     if task.rule == BOUND and coefficient.interval is not None and value > 0.0:
         top = max(abs(x) for x in coefficient.interval)

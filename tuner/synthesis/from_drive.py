@@ -1,9 +1,9 @@
 """Noise of an inertial unit from a drive alone: white noise at rest, bias terms of a similar unit.
 
 A second counts as stationary where the fixes show so and both triads are about as calm as in the calmer of those
-seconds. There the Allan deviation at `ALLAN_TAU` gives the white noise, N = σ(τ) √τ, at least that of quantization; of
-slower noise a drive contains too little, so that bias terms are those of the built-in grade with the nearest white
-noise.
+seconds. There the Allan deviation at `ALLAN_TAU` gives the white noise of each axis, N = σ(τ) √τ; where a quantizer
+makes as much of noise that it hides, that is a limit. Of slower noise a drive contains too little: bias terms are those
+of the built-in grade with the nearest white noise.
 """
 
 from __future__ import annotations
@@ -25,10 +25,12 @@ from tuner.catalogue.grades import (
     load_gnss,
     load_grade,
 )
+from tuner.readers.value_checks import WELL_DITHERED
 from tuner.synthesis.load_config import load_config
 from tuner.synthesis.synthesize import synthesize
 from tuner.types import Coefficient, Compensation, FilterConfig, GnssNoise, Identification, TermEstimate
 from tuner.types.borrowed import with_borrowed
+from tuner.types.coefficient import HIDDEN
 from tuner.types.records import Drive
 
 ALLAN_TAU = 0.25
@@ -43,7 +45,8 @@ MIN_DISTANCE_SCATTERS = 4.0
 """Time between positions that give a speed, in units of their scatter ÷ `STATIONARY_SPEED`."""
 UNKNOWN_UNIT_GRADE = "mpu9250"
 """Grade of a unit of which nothing is known: the noisiest built-in consumer unit."""
-SENSOR_NAMES = ("gyro", "accel")
+UNITS = {f"{sensor}_{x}": unit for sensor, unit in (("gyro", "rad/s"), ("accel", "m/s^2")) for x in "xyz"}
+"""Units of the samples of a drive, by axis."""
 FROM_FIXES = "medians of the sds that the fixes report"
 """Reference of a receiver whose noise is what its fixes report."""
 
@@ -56,18 +59,12 @@ class StationaryNoise:
     ----------
     seconds : float
         Stationary time.
-    white : mapping of str to float
-        White density of ``gyro`` (rad/s/√Hz) and ``accel`` (m/s²/√Hz), root mean square over the axes; empty where
-        the drive is stationary too briefly.
+    white : mapping of str to Coefficient
+        White density of each axis, rad/s/√Hz or m/s^2/√Hz; empty where the drive is stationary too briefly.
     """
 
     seconds: float
-    white: Mapping[str, float]
-
-    @property
-    def freedom(self) -> float:
-        """Degrees of freedom of the white densities: differences of clusters of `ALLAN_TAU` on three axes."""
-        return 2.0 * self.seconds / ALLAN_TAU
+    white: Mapping[str, Coefficient]
 
 
 def stationary_noise(drive: Drive) -> StationaryNoise:
@@ -84,10 +81,18 @@ def stationary_noise(drive: Drive) -> StationaryNoise:
     seconds = float(np.count_nonzero(still) * size * dt)
     if seconds < MIN_STATIONARY:
         return StationaryNoise(seconds, {})
-    variance = _allan(blocks[still], max(1, round(ALLAN_TAU / dt)))
-    white = np.sqrt(np.maximum(variance * max(1, round(ALLAN_TAU / dt)), step**2 / 12.0) * dt)
-    density = {s: float(np.sqrt(np.mean(white[3 * i : 3 * i + 3] ** 2))) for i, s in enumerate(SENSOR_NAMES)}
-    return StationaryNoise(seconds, density)
+    m = max(1, round(ALLAN_TAU / dt))
+    density = np.sqrt(_allan(blocks[still], m) * m * dt)
+    share = 1.96 / np.sqrt(4.0 * seconds / ALLAN_TAU / 3.0)  # three axes have 2 T/τ degrees of freedom
+    white = {}
+    for axis, n, q in zip(UNITS, density.tolist(), step.tolist(), strict=True):
+        (unit,) = White(1.0).units(UNITS[axis])
+        hidden = Coefficient.bounded(
+            q * float(np.sqrt((WELL_DITHERED**2 + 1.0 / 12.0) * dt)), unit, f"{HIDDEN}: steps of {q:.4g}"
+        )
+        seen = Coefficient.known(n, n * (1.0 - share), n * (1.0 + share), unit)
+        white[axis] = seen if n > (hidden.upper or 0.0) else hidden
+    return StationaryNoise(seconds, white)
 
 
 def identification_of_drive(drive: Drive, found: StationaryNoise) -> Identification:
@@ -110,17 +115,13 @@ def identification_of_drive(drive: Drive, found: StationaryNoise) -> Identificat
         at_its_rate = {axis: replace(channel, interval=interval) for axis, channel in grade.channels.items()}
         source = with_borrowed({**grade.source, "name": drive.name}, at_its_rate, UNKNOWN_UNIT_GRADE)
         return replace(grade, source=source, channels=at_its_rate, notes=(why,))
-    name = nearest_grade(found.white)
+    known = {axis: one.value for axis, one in found.white.items() if one.value is not None}
+    name = nearest_grade(known) if known else UNKNOWN_UNIT_GRADE
     grade = grade_identification(load_grade(name))
-    share = 1.96 / np.sqrt(2.0 * found.freedom)
     channels = {}
     for axis, channel in grade.channels.items():
-        n = found.white[axis.rpartition("_")[0]]
-        (unit,) = White(n).units(channel.unit)
-        density = Coefficient.known(n, n * (1.0 - share), n * (1.0 + share), unit)
-        terms = tuple(
-            TermEstimate("white", {"density": density}) if t.name == "white" else t for t in channel.terms
-        )
+        white = TermEstimate("white", {"density": found.white[axis]})
+        terms = tuple(white if t.name == "white" else t for t in channel.terms)
         channels[axis] = replace(channel, terms=terms, span=found.seconds, interval=interval)
     why = (
         f"white noise is that of {found.seconds:.0f} s at rest in this drive; bias terms are those of {name}, the "
@@ -189,13 +190,16 @@ def _typical(reported: FloatArray) -> tuple[float, float, float] | None:
 
 
 def nearest_grade(white: Mapping[str, float], names: Collection[str] = ()) -> str:
-    """Return the built-in grade, of all or of those named, whose white densities are the nearest by their logs."""
+    """Return the built-in grade, of all or of those named, whose white densities are the nearest by their logs.
+
+    `white` is by sensor or by axis.
+    """
 
     def distance(name: str) -> float:
         triads = {triad.kind: triad for triad in (load_grade(name).gyro, load_grade(name).accel)}
         logs = []
-        for sensor, value in white.items():
-            density = triads[sensor].white
+        for owner, value in white.items():
+            density = triads[owner.partition("_")[0]].white
             if density is None:
                 return float("inf")
             logs.append(np.log(value / density.value))

@@ -26,9 +26,9 @@ def borrowed(config: FilterConfig) -> Mapping[str, str]:
 
 
 def white_is_measured(config: FilterConfig, axis: str) -> bool:
-    """Whether the white noise of an axis has an interval, as only measured numbers have."""
+    """Whether the white noise of an axis has an interval or a limit, as only measured numbers have."""
     terms = (term for term in config.channels[axis].identified if term.name == White.name)
-    return any(c.interval is not None for term in terms for c in term.coefficients.values())
+    return any(c.interval is not None or c.upper is not None for t in terms for c in t.coefficients.values())
 
 
 def borrowed_words(config: FilterConfig) -> tuple[str, ...]:

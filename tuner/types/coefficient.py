@@ -10,6 +10,8 @@ from tuner.limits import WIDEST_INTERVAL
 
 TOO_SHORT = "record too short"
 """How the reason begins why there is only a bound, where a longer record would show the number."""
+HIDDEN = "the quantizer hides it"
+"""How the reason begins why there is only a bound, where rounding rules the samples."""
 LEVEL = 0.95
 """Level of every interval and limit that does not say otherwise."""
 

@@ -107,6 +107,8 @@ def test_stamps_that_jump_are_told_from_samples_that_are_lost(drive: Drive) -> N
     kept = (drive.imu_t < 150.0) | (drive.imu_t > 157.99)
     lost = examine(replace(drive, imu_t=drive.imu_t[kept], rates=drive.rates[kept]))
     assert [one.fault for one in lost.repairs] == ["has no samples for 8 s, in one gap"]
+    assert lost.before_filter
+    assert not lost.mends  # it wrote mended.npz beside "nothing mends it here"
 
 
 def test_an_axis_at_the_end_of_its_range_is_saturated(drive: Drive) -> None:

@@ -402,7 +402,7 @@ def test_noise_that_the_settings_have_is_no_finding_again(result):
 
 def test_noise_in_motion_is_said_once(result):
     """The verdict said "accel × 2.5 (vibration)" and a line below "accelerometer 13 × that at rest"."""
-    seen = SimpleNamespace(before_filter=(), vibration={"accelerometer": (1.0, 13.0)})
+    seen = SimpleNamespace(before_filter=(), mends=False, vibration={"accelerometer": (1.0, 13.0)})
     found = replace(result, examination=seen)
     line = "Noise in motion: accelerometer 13 × that at rest; Q needs what of it adds up"
     assert line in answer_lines(found, Path("out"))
@@ -479,6 +479,10 @@ def test_sds_and_delay_of_the_fixes_stand_in_metres_and_seconds():
     assert delay.startswith("Fixes are stamped 0.100 ± 0.020 s late, velocities are 0.050 ± 0.010 s earlier")
     # It was taken out in one file, left in others, and nobody said where.
     assert delay.endswith("the recording still has it, so for another filter move its stamps")
+    # A delay that moves by 0.12 s was told as one, ± 0.02 s.
+    drifting = config.compensation.with_values({Parameter("clock_drift", "rate"): 0.03})
+    _, delay = fixes_parts(examined, replace(config, compensation=drifting), written=True)
+    assert delay.startswith("Fixes are stamped 0.040 s late at 0 s and 0.16 s late at 4 s, velocities are")
     unknown = SimpleNamespace(gnss=replace(gnss, velocity_sd=np.full((5, 3), np.nan)), clock=Clock())
     (table,) = fixes_parts(
         SimpleNamespace(drive=unknown), replace(config, compensation=Compensation()), written=True

@@ -61,7 +61,7 @@ def command(
         directory.mkdir(parents=True, exist_ok=True)
         write_drive(found.mended, directory / MENDED)
         following[-1] = str(directory / MENDED)
-    elif found.repairs:
+    elif any(one.done for one in found.repairs):
         following = ["examine", drive, "-o", "mended"]
     page(f"Examination of {with_name(Path(drive)).name}", {"What is to be mended": found})
     output.write(examination_json(found))

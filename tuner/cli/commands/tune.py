@@ -143,7 +143,7 @@ def _following(
         return ["diagnose", *(stated or [str(drive)])]
     if drive is not None:
         file = directory / "kf-gins" / "kf-gins.yaml"
-        if result.examination is not None and result.examination.before_filter:
+        if result.examination is not None and result.examination.mends:
             drive = str(directory / MENDED)
         return ["export", config, "--to", "kf-gins", "--drive", drive, *arm, "-o", str(file)]
     return ["export", config] if dialect is None else ["check", config]

@@ -106,7 +106,7 @@ def _examine(
     outcome = outcome.as_measured(clock_coefficients(drive.clock, config.compensation))
     notes = (
         *base.notes,
-        *filter(None, [clock_note(drive.clock)]),
+        *([] if "clock_drift" in outcome.shifts else filter(None, [clock_note(drive.clock)])),
         *outcome.notes,
         *coarse_quantizer_notes(sensor),
     )
@@ -180,7 +180,7 @@ def _diagnosis(
     )
     findings = (*findings, *biases) if turned is None else (*findings, turned, *biases)
     findings = with_something_else(findings, outcome)
-    final = outcome.final.hypothesis
+    final = outcome.written
     wider = {axis: abs(c.value or 0.0) for f in biases for axis, c in f.parameters.items()}
     channels = {
         axis: replace(noise, constant_sd=max(noise.constant_sd, wider.get(axis, 0.0)))

@@ -6,9 +6,9 @@ biases and noise of sensors that no sensor has. So causes are withdrawn where
 - the filter had to correct the attitude of its start by more than `MAX_START_CORRECTION` of its stated sds: every
   residual behind it is one of the start, and nothing else can be named;
 - a heading that was hardly known was corrected by more than a linear filter can (`MAX_LINEAR_CORRECTION`);
-- a bias is beyond `MAX_BIAS` prior sds, and no scale factor of the vertical accelerometer either, noise is more than
-  `MAX_RATIO` times as large as stated (of fixes in classes: that of every class), or errors of the fixes last longer
-  than the drive and than any of a receiver, so that they cannot be distinguished from a constant;
+- a bias is beyond `MAX_BIAS` prior sds of its own sensor, and no scale factor of the vertical accelerometer either,
+  noise is more than `MAX_RATIO` times as large as stated (of fixes in classes: that of every class), or errors of the
+  fixes last longer than the drive and than any of a receiver, so that they cannot be distinguished from a constant;
 - none of its figures is determined, or of factors on noise those that are may all be 1: an estimate at its bound
   names nothing.
 """
@@ -16,7 +16,7 @@ biases and noise of sensors that no sensor has. So causes are withdrawn where
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -32,6 +32,7 @@ from tuner.formats.customary_units import amount
 from tuner.formats.parameter_words import parameter_words
 from tuner.navigation.drive.run import SETTLING_TIME
 from tuner.types import Alternative, Coefficient, DriveDiagnosis, Finding, Unexplained
+from tuner.types.borrowed import borrowed
 from tuner.types.diagnosis import START
 
 MAX_START_CORRECTION = 6.0
@@ -80,7 +81,8 @@ def plausible(found: DriveDiagnosis, final: FilterRun) -> DriveDiagnosis:
             notes=(f"causes are not named where the start failed; {START_HELP}", *found.notes),
         )
     span = float(final.linearized.t[-1] - final.linearized.t[0])
-    impossible = {one.cause: why for one in found.findings for why in reasons(one, span)}
+    lent = borrowed(found.before)
+    impossible = {one.cause: why for one in found.findings for why in reasons(one, span, lent)}
     if not impossible:
         return found
     unknown = tuple(
@@ -158,14 +160,15 @@ def _ratios(parameters: Mapping[str, Coefficient]) -> dict[str, float]:
     return found
 
 
-def reasons(one: Finding, span: float) -> Iterator[str]:
-    """Yield why a finding cannot be true on a drive of a length, s."""
+def reasons(one: Finding, span: float, lent: Collection[str] = ()) -> Iterator[str]:
+    """Yield why a finding cannot be true on a drive of a length, s; the priors of axes `lent` are of another sensor."""
     if not one.determined:
         yield "none of its figures is determined within a factor of five"
     elif one.doubted and is_noise_scale(one.cause) and consistent_with_one(one.figures):
         yield f"only {', '.join(parameter_words(one.parameters)[name] for name in one.doubted)}, at a bound"
     scaled = any(other.cause == "accel_scale" for other in one.alternatives)
-    if one.cause == SENSOR_BIAS and one.value > MAX_BIAS and not scaled:
+    own = not one.parameters.keys() <= set(lent)
+    if one.cause == SENSOR_BIAS and one.value > MAX_BIAS and own and not scaled:
         sizes = (f"{said} {amount(one.figures[name])}" for name, said in parameter_words(one.figures).items())
         yield f"a bias of {', '.join(sizes)}, up to {one.value:.0f} × its expected sd"
     if is_noise_scale(one.cause):

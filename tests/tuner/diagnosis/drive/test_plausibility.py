@@ -89,6 +89,13 @@ def test_impossible_estimates_have_a_reason(finding, possible):
     assert (not list(reasons(finding, 1000.0))) == possible
 
 
+def test_a_sheet_that_stands_in_refutes_no_bias():
+    """The drive measures a bias; that it is 40 turn-on sds of another sensor made it "something else"."""
+    found = _finding("sensor_bias", 40.0, gyro_x=0.1)
+    assert not list(reasons(found, 1000.0, ["gyro_x", "gyro_y"]))
+    assert list(reasons(found, 1000.0, ["gyro_y"]))
+
+
 def test_velocities_too_large_are_a_scale_not_a_sensor(drive, drive_config):
     """An odometer's radius 2 % too large; unnamed, it was read as scale factors of the accelerometers."""
     fast = replace(drive, gnss=replace(drive.gnss, vel_n=1.02 * drive.gnss.vel_n))

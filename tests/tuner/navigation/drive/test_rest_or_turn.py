@@ -13,7 +13,10 @@ from models.trajectory.profiles import Profile, steps
 from tuner.catalogue.grades import load_gnss, load_grade
 from tuner.navigation.data import Steps
 from tuner.navigation.drive.alignment import align
+from tuner.navigation.drive.run import prepare
+from tuner.navigation.settings import filter_settings
 from tuner.simulation.drive import simulate_drive
+from tuner.synthesis.load_config import load_config
 
 RATE, REST = 50.0, 40.0
 
@@ -49,6 +52,13 @@ def test_a_bias_beyond_its_prior_is_found_whole(drive):
     clean, _ = aligned(drive, 0.0, 1e-3)
     assert np.abs(found.gyro_bias - clean.gyro_bias - bias).max() < 3e-5
     assert abs(off) < 4.0 * max(found.heading_sd, np.radians(0.3))
+
+
+def test_no_note_gives_a_second_sd_of_the_heading(drive):
+    """A filter begins with twice the sd of the alignment: an answer had both, and those of two runs."""
+    _, notes = prepare(drive, filter_settings(load_config("stim300", gnss=load_gnss("rtk"))))
+    assert any("attitude at" in note for note in notes)
+    assert not any("sd of the heading" in note for note in notes)
 
 
 def test_a_steady_turn_on_the_spot_is_no_bias(drive):
