@@ -12,7 +12,7 @@ import numpy as np
 from tuner.formats.guard import input_guard
 from tuner.readers.axes_letters import BODY_LETTERS, WORLD_LETTERS, axes_rotation
 from tuner.readers.estimate_bag import is_bag, read_estimate_bag
-from tuner.readers.estimate_columns import Frames
+from tuner.readers.estimate_columns import Frames, assemble, read_columns
 from tuner.readers.estimate_csv import names_known_columns, read_estimate_csv
 from tuner.readers.estimate_npz import read_estimate_npz
 from tuner.readers.gps_solution import gps_solution, of_gps_solution
@@ -21,7 +21,7 @@ from tuner.readers.log_format import library_of
 from tuner.readers.messages.rosbag import FORMAT as BAG_FORMAT
 from tuner.readers.navego_output import read_navego_output
 from tuner.readers.text_dialect import find_dialect
-from tuner.readers.trajectory_files import is_euroc, read_euroc, read_kitti, read_tum
+from tuner.readers.trajectory_files import TUM, columns_of_euroc, read_kitti
 from tuner.types.filter_output import FilterOutput
 from tuner.types.records import DataError
 
@@ -135,23 +135,21 @@ def _read(path: Path, frames: Frames, body_stated: bool, columns: Mapping[str, s
     if suffix == ".nav":
         return read_kf_gins_output(path)
     dialect = find_dialect(path)
-    if is_euroc(dialect):
-        return read_euroc(path, dialect, frames)
-    if columns or (names_known_columns(dialect) and not _is_tum(dialect.names)):
+    places = columns_of_euroc(dialect)
+    of_tum = {"tx", "ty", "tz"} <= {name.lower() for name in dialect.names}  # they carry names as a comment
+    if not places and (columns or (names_known_columns(dialect) and not of_tum)):
         return read_estimate_csv(path, frames, columns=columns)
-    if len(dialect.names) == 8 and dialect.separator in (None, ","):
-        return read_tum(path, dialect, frames)
+    if not places and len(dialect.names) == 8 and dialect.separator in (None, ","):
+        places = TUM
+    if places:
+        axes = Frames(frames.world or "ENU", frames.body)
+        return assemble(str(path), read_columns(path, dialect, places), axes)
     if len(dialect.names) == 12 and not dialect.header:
         return read_kitti(path, dialect, frames, body_stated=body_stated)
     raise DataError(
         f"{path}: expected the output of a filter ({KNOWN_FORMS}), found {len(dialect.names)} columns: "
         f"{', '.join(dialect.names[:6])}, …; name them in a header or with --columns"
     )
-
-
-def _is_tum(names: tuple[str, ...]) -> bool:
-    """Tell the header that trajectories of TUM carry as a comment."""
-    return {"tx", "ty", "tz"} <= {name.lower() for name in names}
 
 
 def in_order(found: FilterOutput) -> FilterOutput:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping
 
-from models.units import canonical_unit, unit_value
+from models.units import canonical_unit
 from tuner.types.records import DataError
 
 TRIPLES: Mapping[str, tuple[tuple[str, str, str], tuple[str, str, str]]] = {
@@ -87,11 +87,6 @@ SPREADS = known_columns()
 def is_known(name: str) -> bool:
     """Tell whether a name is that of a column that is read."""
     return name in UNITS or name in SPREADS
-
-
-def si_factor(unit: str) -> float:
-    """Return the size of a unit in SI."""
-    return 1.0 if unit == "1" else unit_value(unit)
 
 
 def column_unit(source: str, name: str, stated: str | None) -> str:

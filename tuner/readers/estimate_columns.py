@@ -20,12 +20,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from models import rotation
 from models.arrays import FloatArray
 from models.earth import llh_from_ecef, mat_en, metres_per_radian
+from models.units import unit_value
 from tuner.readers.axes_letters import BODY_LETTERS, WORLD_LETTERS, axes_rotation
 from tuner.readers.estimate_column_names import (
     QUATERNION,
@@ -33,9 +35,10 @@ from tuner.readers.estimate_column_names import (
     TRIPLES,
     UNITS,
     column_unit,
-    si_factor,
 )
 from tuner.readers.estimate_spreads import Spread, stated_spread
+from tuner.readers.text import read_numbers
+from tuner.readers.text_dialect import Dialect
 from tuner.types.filter_output import FilterOutput, TakenAxes, filter_output
 from tuner.types.records import DataError
 
@@ -45,6 +48,12 @@ MAX_DENSE_ROWS = 20_000
 """Rows with covariances that are all kept: 36 MB."""
 THINNED_INTERVAL = 0.1
 """Time between rows of more than that, s: errors of a filter change little in it."""
+
+
+Columns = Mapping[str, tuple[FloatArray, str | None]]
+"""Values, shape (n,), and unit as it is stated, by canonical name."""
+Places = Mapping[str, tuple[int, str | None]]
+"""Place in a text, from 0 on, and unit, by canonical name."""
 
 
 @dataclass(frozen=True)
@@ -73,9 +82,15 @@ class _World:
     llh: FloatArray | None = None
 
 
+def read_columns(path: Path, dialect: Dialect, places: Places) -> Columns:
+    """Read columns of a text file."""
+    (numbers,) = read_numbers(path, dialect, [[place for place, _ in places.values()]])
+    return {name: (numbers[:, j], unit) for j, (name, (_, unit)) in enumerate(places.items())}
+
+
 def assemble(
     source: str,
-    columns: Mapping[str, tuple[FloatArray, str | None]],
+    columns: Columns,
     frames: Frames,
     *,
     notes: tuple[str, ...] = (),
@@ -87,7 +102,7 @@ def assemble(
     source : str
         The file, for messages.
     columns : mapping of str to (ndarray, str or None)
-        Values, shape (n,), and unit in brackets, by canonical name.
+        `Columns`.
     frames : Frames
         Axes that the names do not state.
 
@@ -101,7 +116,7 @@ def assemble(
     units = {
         name: column_unit(source, name, stated) for name, (_, stated) in columns.items() if name in UNITS
     }
-    values = {name: si_factor(units[name]) * columns[name][0] for name in units}
+    values = {name: unit_value(units[name]) * columns[name][0] for name in units}
     if "t" not in values:
         raise DataError(
             f"{source}: expected a column t, s, found {', '.join(columns) or 'none that is known'}"
@@ -237,14 +252,12 @@ def _attitude(
     ]
 
 
-def _thinned(
-    columns: Mapping[str, tuple[FloatArray, str | None]], notes: list[str]
-) -> Mapping[str, tuple[FloatArray, str | None]]:
+def _thinned(columns: Columns, notes: list[str]) -> Columns:
     """Return the rows some way apart in time, and all with innovations, where there are many with covariances."""
     if "t" not in columns or not any(name in SPREADS for name in columns):
         return columns
     t, unit = columns["t"]
-    seconds = t * si_factor(column_unit("", "t", unit))
+    seconds = t * unit_value(column_unit("", "t", unit))
     if len(t) <= MAX_DENSE_ROWS or not np.isfinite(seconds).all():
         return columns
     number = np.floor((seconds - seconds[0]) / THINNED_INTERVAL + 1e-6)

@@ -189,7 +189,7 @@ class JoinedParts:
                     segments=tuple(long),
                     covariates=MappingProxyType({n: c for n, c in covariates.items() if n not in gone}),
                     timing=MappingProxyType(self._merged()),
-                    broken=MappingProxyType(self._broken(one.name)),
+                    broken=MappingProxyType({}),
                     samples_a_mean=self._size,
                     short_clusters=MappingProxyType(
                         {axis: short[axis] for axis in one.axes if axis in short}
@@ -218,16 +218,6 @@ class JoinedParts:
                 *dict.fromkeys(a for _, one in self._parts for a in one.assumptions),
             ),
         )
-
-    def _broken(self, sensor: str) -> dict[str, tuple[int, float]]:
-        """Return the broken readings of all parts: how many, and how far off, those of the part where it is most."""
-        total: dict[str, tuple[int, float]] = {}
-        for _, found in self._parts:
-            for record in found.records:
-                for axis, (count, size) in record.broken.items() if record.name == sensor else ():
-                    known, largest = total.get(axis, (0, 0.0))
-                    total[axis] = (known + count, max(size, largest))
-        return total
 
     def _merged(self) -> dict[str, float]:
         """Return what the stamps of all parts said, and the missing samples between parts: counts add up."""

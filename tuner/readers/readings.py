@@ -121,14 +121,11 @@ def _other_samples(part: Listing, options: Options) -> str:
                 records = _try(part, with_change(options, change), other.made)
             except DataError:
                 continue
-            if all(one.name != "accel" or len(one.axes) < 3 or _is_gravity(one) for one in records):
+            # A size that is advised must fit as a calibrated unit does.
+            norms = [sizes_of(one).norm for one in records if one.name == "accel" and len(one.axes) == 3]
+            if all(abs(norm / STANDARD_GRAVITY - 1.0) < GRAVITY_TOLERANCE for norm in norms):
                 return other.words
     return ""
-
-
-def _is_gravity(accel: Record) -> bool:
-    """Return whether the mean specific force is gravity: a size that is advised must fit as a calibrated unit does."""
-    return abs(sizes_of(accel).norm / STANDARD_GRAVITY - 1.0) < GRAVITY_TOLERANCE
 
 
 def _try(

@@ -14,12 +14,11 @@ from tuner.formats.customary_units import stamp
 from tuner.limits import WRONG_FACTOR
 from tuner.readers.bad_rows import BadRows, LogRows
 from tuner.readers.clock_unit import MAX_RATE, MIN_RATE, STATED_BY_RATE, time_in
-from tuner.readers.column_mapping import offered
+from tuner.readers.column_mapping import Chosen, offered
 from tuner.readers.columns import Listing
 from tuner.readers.options import Options
 from tuner.readers.placeholder_rows import without_placeholders
 from tuner.readers.refusal import Refusal
-from tuner.readers.sensor_columns import Channel
 from tuner.readers.time_base import COARSE_CLOCK, Timebase, even_timebase, stamped_timebase
 from tuner.readers.time_column import Clock, read_clock
 from tuner.readers.timestamps import without_wrong_stamps
@@ -60,25 +59,18 @@ class Columns:
     within: LogRows
 
 
-@dataclass(frozen=True)
-class SampleGrid:
-    """Time base of a file, the time, s, on its clock at which that begins, and the clock; None without stamps."""
-
-    base: Timebase
-    origin: float = 0.0
-    clock: Clock | None = None
-
-
 def sample_grid(
     listing: Listing,
-    channel: Channel | None,
+    channel: Chosen | None,
     columns: Columns,
     rate: float | None,
     options: Options,
     notes: list[str],
     bad: list[BadRows],
-) -> SampleGrid:
-    """Return the grid of samples by their stamps, the column `channel`, or by the stated rate where they have none.
+) -> tuple[Timebase, Clock | None]:
+    """Return the time base of samples by their stamps, the column `channel`, and the clock of these.
+
+    Where there are none, the time base is that of the stated rate.
 
     What is to be said of it is added to the notes, and rows without a measurement to the bad ones.
 
@@ -104,11 +96,12 @@ def sample_grid(
             columns.groups, columns.axes, valid, notes, bad, within=within, interval=1.0 / rate
         )
         count = len(next(iter(columns.groups.values())))
-        return SampleGrid(even_timebase(count, 1.0 / rate, valid, moving=options.stamps))
+        return even_timebase(count, 1.0 / rate, valid, moving=options.stamps), None
 
     def equal(i: IntArray, j: IntArray) -> BoolArray:
-        same: BoolArray = np.logical_and.reduce([(b[i] == b[j]).all(axis=1) for b in columns.groups.values()])
-        return same
+        return np.asarray(
+            np.logical_and.reduce([(b[i] == b[j]).all(axis=1) for b in columns.groups.values()])
+        )
 
     clock = _clock(listing, channel, columns.time, columns.week, rate, options)
     notes += [*clock.assumptions, *clock.notes]
@@ -141,13 +134,13 @@ def sample_grid(
             said += f": white noise is wrong by up to {change.factor:.3g} times"
             cure = f"--end {at} or --begin {at} uses one part"
             clock = replace(clock, assumptions=(*clock.assumptions, f"{said}; {cure}"))
-    _check_rate(clock, base.interval, str(channel.part), rate, notes, explicit=options.rate is not None)
-    return SampleGrid(base, clock.origin, clock)
+    _check_rate(clock, base.interval, str(channel.parts[0]), rate, notes, explicit=options.rate is not None)
+    return base, clock
 
 
 def _clock(
     listing: Listing,
-    channel: Channel,
+    channel: Chosen,
     time: NDArray[Any],
     week: FloatArray | None,
     rate: float | None,
@@ -161,8 +154,10 @@ def _clock(
         time = time + (week - week[0]) * SECONDS_OF_WEEK * (1000.0 if milliseconds else 1.0)
     mapped = (options.columns or {}).get("t", "")
     by_user = options.rate is not None or "[" in mapped
-    by_type = channel.part.array in listing.units
-    return read_clock(time, name=str(channel.part), unit=unit, rate=rate, by_user=by_user, by_type=by_type)
+    by_type = channel.parts[0].array in listing.units
+    return read_clock(
+        time, name=str(channel.parts[0]), unit=unit, rate=rate, by_user=by_user, by_type=by_type
+    )
 
 
 def _timebase(

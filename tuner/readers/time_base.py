@@ -307,8 +307,7 @@ def _on_grid(t: FloatArray, interval: float, at: IntArray, size: IntArray, *, mo
     before = np.append(0, np.cumsum(size))
 
     def number(rows: IntArray) -> IntArray:
-        numbers: IntArray = rows + before[np.searchsorted(at, rows)]
-        return numbers
+        return np.asarray(rows + before[np.searchsorted(at, rows)])
 
     some = _some(0, len(t) - 1)
     step, whole = t[some + 1] - t[some], number(some + 1) - number(some)

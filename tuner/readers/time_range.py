@@ -30,7 +30,10 @@ def between(
     """
     if begin is None and end is None:
         return tuple(records)
-    first, last = extent or _extent(records)
+    first, last = extent or (
+        min(float(record.t[0]) for record in records),
+        max(float(record.t[-1]) + record.interval for record in records),
+    )
     expect_within(records, (first, last), begin, end)
     lower, upper = (first if begin is None else begin), (last if end is None else end)
     note = f"{stamp(lower)} to {stamp(upper)} s are used, as stated, of {stamp(first)} to {stamp(last)} s"
@@ -53,12 +56,6 @@ def expect_within(
         raise DataError(
             f"{name}: begin {stamp(lower)}, end {stamp(upper)}: expected an end after the beginning; {log}"
         )
-
-
-def _extent(records: Sequence[Record]) -> tuple[float, float]:
-    """Return where the first record begins and the last one ends, s."""
-    first = min(float(record.t[0]) for record in records)
-    return first, max(float(record.t[-1]) + record.interval for record in records)
 
 
 def _part(record: Record, begin: float, end: float, note: str) -> Record:

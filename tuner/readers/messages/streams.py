@@ -17,13 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.arrays import FloatArray
+from tuner.readers.column_names import TIME_UNITS
 from tuner.readers.columns import Listing, listing_of_arrays
 from tuner.readers.drive_npz import DriveArrays
 from tuner.readers.source_kind import UNIT
 from tuner.types.records import DataError
 
-SECONDS = {"s": 1.0, "us": 1e-6, "ns": 1e-9}
-"""Seconds in one unit of a clock."""
 MIN_FIXES = 10
 """Fixes from which a log counts as a drive: fewer do not align a filter."""
 
@@ -43,7 +42,7 @@ class InertialStream:
     units : mapping of str to str
         Units of the arrays.
     clock_unit : str
-        A key of `SECONDS`.
+        A key of `column_names.TIME_UNITS`.
     rank : int
         Place in the format's order of preference, 0 first.
     """
@@ -62,7 +61,7 @@ class InertialStream:
 
     def seconds(self) -> FloatArray:
         """Return the stamps, s."""
-        return np.asarray(self.t, dtype=float) * SECONDS[self.clock_unit]
+        return np.asarray(self.t, dtype=float) * TIME_UNITS[self.clock_unit]
 
 
 @dataclass(frozen=True)
@@ -111,11 +110,6 @@ class MessageLog:
     topics: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     cure: str = ""
-
-    @property
-    def is_drive(self) -> bool:
-        """Whether a receiver reports enough fixes for a filter."""
-        return any(len(stream.rows) >= MIN_FIXES for stream in self.fixes)
 
 
 def listing_of_log(path: Path, log: MessageLog, unit: str = "") -> Listing:
@@ -187,7 +181,7 @@ def drive_of_log(path: Path, log: MessageLog) -> DriveArrays:
         raise DataError(
             f"{path}: expected gyroscope and accelerometer in one stream, found {', '.join(chosen.arrays)}"
         )
-    if not log.is_drive:
+    if not any(len(stream.rows) >= MIN_FIXES for stream in log.fixes):
         counts = ", ".join(f"{s.name} with {len(s.rows)}" for s in log.fixes) or "none that is read"
         unread = not log.fixes and any(re.search("gps|gnss", topic.lower()) for topic in log.topics)
         cure = (
@@ -204,7 +198,7 @@ def drive_of_log(path: Path, log: MessageLog) -> DriveArrays:
     others = [stream for stream in log.inertial if stream is not chosen]
     noise = f"`tuner identify {_how_named(path, others)}` gives the noise of another" if others else ""
     notes = (f"{_about_units(chosen, others)}: {noise}",) if others else ()
-    return DriveArrays(imu, fixes.rows, None, log.frame, None, None, (*fixes.notes, *notes))
+    return DriveArrays(imu, fixes.rows, frame=log.frame, notes=(*fixes.notes, *notes))
 
 
 def _named(path: Path, log: MessageLog, unit: str) -> InertialStream:
@@ -226,7 +220,6 @@ def _some(topics: Sequence[str], shown: int = 12) -> str:
     return (", ".join(topics[:shown]) or "nothing") + more
 
 
-def variances_to_sds(values: FloatArray) -> FloatArray:
-    """Return square roots of variances; NaN for those that are 0 or negative, which stand for unknown."""
-    known = np.where(values > 0.0, values, math.nan)
-    return np.sqrt(known)
+def known(values: NDArray[Any]) -> FloatArray:
+    """Return accuracies or variances; NaN for those that are 0 or negative, which stand for unknown."""
+    return np.where(values > 0.0, values.astype(float), math.nan)
