@@ -21,7 +21,7 @@ from tuner.readers.columns import Listing, Part
 from tuner.readers.constant_axes import without_constant_axes
 from tuner.readers.options import STAMP, Options, stated_rate
 from tuner.readers.refusal import Change, Refusal, RowsApart
-from tuner.readers.sample_grid import Columns, sample_grid
+from tuner.readers.sample_grid import sample_grid
 from tuner.readers.sensor_columns import NO_COLUMN, Layout, choose, exchanged, of_mavlink
 from tuner.readers.time_base import Timebase
 from tuner.readers.unit_checks import check_units
@@ -99,11 +99,21 @@ def even(
     rate = options.rate if options.rate is not None else stated_rate(listing.meta)
     groups = {s.name: block for s, block in zip(layout.sensors, blocks, strict=True)}
     within = within or LogRows(0, len(blocks[0]))
-    axes = tuple(axis for sensor in layout.sensors for axis in sensor.axes)
     try:
         valid = _valid_rows(groups if time is None else groups | {"t": time}, notes, bad, within)
-        columns = Columns(groups, axes, valid, time, covariates.pop("week", None), within)
-        base, clock = sample_grid(listing, layout.time, columns, rate, options, notes, bad)
+        base, clock = sample_grid(
+            listing,
+            layout,
+            groups,
+            time,
+            covariates.pop("week", None),
+            valid,
+            rate,
+            options,
+            within=within,
+            notes=notes,
+            bad=bad,
+        )
     except Refusal as error:
         raise type(error)(f"{listing.path}: {error}", error.changes) from None
     except DataError as error:

@@ -88,15 +88,10 @@ def offered(listing: Listing) -> str:
 def _resolve(listing: Listing, parsed: Mapping[str, names.ColumnName], role: str, value: str) -> Chosen:
     """Return the columns and the unit that the user means by `value`."""
     name, sliced, unit = value, None, None
-    if value not in listing.shapes:
-        sliced = _SLICE.match(value)
-        stated = _UNIT.match(value)
-        if sliced is not None:
-            name = sliced["name"]
-        elif stated is not None:
-            name, unit = stated["name"], stated["unit"]
-            if name not in listing.shapes and (sliced := _SLICE.match(name)) is not None:
-                name = sliced["name"]
+    if value not in listing.shapes and not _SLICE.match(value) and (stated := _UNIT.match(value)) is not None:
+        name, unit = stated["name"], stated["unit"]
+    if name not in listing.shapes and (sliced := _SLICE.match(name)) is not None:
+        name = sliced["name"]
     array = _find(listing, parsed, role, name)
     sensor = role.split("_")[0] if role.split("_")[0] in names.SENSORS else None
     unit = unit or stated_unit(listing, parsed[array], sensor)

@@ -17,6 +17,8 @@ from tuner.types.records import DataError
 
 BYTES_AT_ONCE = 1 << 20
 """Bytes of a file that are read at a time for its digest."""
+MAX_EXPANSION, FREE_BYTES = 200, 1 << 28
+"""Unpacked ÷ packed that an array or file of more than `FREE_BYTES` may have: measured samples stay below 20."""
 Progress = Callable[[int, int], None]
 """Called with (bytes done, bytes in total)."""
 

@@ -49,7 +49,7 @@ from tuner.types.arguments import expect
 from tuner.types.named_cause import NamedCause, one_line
 from tuner.types.number_ranges import LONGEST_LEVER_ARM
 from tuner.types.one_line import printable
-from tuner.types.records import DataError, Drive, Gnss, Record, Reference, Start
+from tuner.types.records import DataError, Drive, Gnss, Reference, Start
 from tuner.types.repair import Repair
 
 CONTENT = "a drive: arrays and settings, one row a sample or fix"
@@ -199,17 +199,13 @@ def _folder(path: Path) -> DriveArrays:
             f"{path / 'imu.csv'}: expected three axes of gyroscope and accelerometer, found {' '.join(found)}"
         )
     gyro, accel = records["gyro"], records["accel"]
-    imu = np.column_stack([_stamps(gyro), gyro.y, accel.y])
+    stamps = gyro.covariates.get(STAMP)  # as the file has them; the even ones where those are coarse
+    t = gyro.t if stamps is None or np.any(np.diff(stamps) <= 0.0) else stamps
+    imu = np.column_stack([t, gyro.y, accel.y])
     fixes, notes = _fixes_beside(path, imu)
     truth, more = _truth_beside(path, imu)
     own = (note.replace("as --assume si says", "as nothing states it") for note in gyro.notes)
     return DriveArrays(imu, fixes, truth, notes=(*own, *notes, *more))
-
-
-def _stamps(record: Record) -> FloatArray:
-    """Return the stamps of a record as its file has them; the even ones where those are coarse."""
-    stamps = record.covariates.get(STAMP)
-    return record.t if stamps is None or np.any(np.diff(stamps) <= 0.0) else stamps
 
 
 def _fixes_beside(path: Path, imu: FloatArray) -> tuple[FloatArray, tuple[str, ...]]:

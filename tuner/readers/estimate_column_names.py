@@ -73,15 +73,12 @@ def canonical_name(written: str) -> tuple[str, str | None]:
     return _ALIASES.get(plain, plain), unit
 
 
-def known_columns() -> dict[str, tuple[str, str | None]]:
-    """Return the names of all sds and covariances, each with the columns that it is of."""
-    states = [n for n in UNITS if n not in ("t", "outage")]
-    names: dict[str, tuple[str, str | None]] = {f"sd_{name}": (name, None) for name in states}
-    names |= {f"cov_{a}_{b}": (a, b) for a, b in itertools.product(states, repeat=2)}
-    return names
-
-
-SPREADS = known_columns()
+_STATES = [name for name in UNITS if name not in ("t", "outage")]
+SPREADS: Mapping[str, tuple[str, str | None]] = {
+    **{f"sd_{name}": (name, None) for name in _STATES},
+    **{f"cov_{a}_{b}": (a, b) for a, b in itertools.product(_STATES, repeat=2)},
+}
+"""Names of all sds and covariances, each with the columns that it is of."""
 
 
 def is_known(name: str) -> bool:

@@ -62,4 +62,4 @@ def of_gps_solution(path: Path, solution: GpsFixes, beside: FilterOutput | None)
             columns = {
                 name: column for name, column in columns.items() if name.removeprefix("sd_") not in group
             }
-    return assemble(str(path), columns, Frames(None, "FRD"), notes=notes)
+    return assemble(str(path), columns, Frames(), notes=notes)

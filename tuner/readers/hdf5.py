@@ -16,12 +16,17 @@ from numpy.typing import NDArray
 
 from tuner.formats.guard import input_guard, reason
 from tuner.readers.child_process import array_from_child, check_in_child
-from tuner.readers.columns import Listing, Progress, StoredArray, listing_of_arrays
+from tuner.readers.columns import (
+    FREE_BYTES,
+    MAX_EXPANSION,
+    Listing,
+    Progress,
+    StoredArray,
+    listing_of_arrays,
+)
 from tuner.readers.log_format import LogFormat
 from tuner.types.records import DataError
 
-MAX_EXPANSION, FREE_BYTES = 200, 1 << 28
-"""Unpacked ÷ packed that a dataset of more than `FREE_BYTES` may have: measured samples stay below 20."""
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 """First bytes of an HDF5 file."""
 

@@ -224,11 +224,9 @@ class JoinedParts:
         timing = self._timing
         if not timing[0]:
             return {}
-        names = ("gap_count", "missing", "bridged", "duplicates", "disordered")
-        merged = {name: float(sum(one[name] for one in timing)) for name in names}
-        merged["gap_count"] += self._gaps
-        merged["missing"] += self._lost
-        merged["bridged"] += self._bridged
+        between = {"gap_count": self._gaps, "missing": self._lost, "bridged": self._bridged}
+        names = (*between, "duplicates", "disordered")
+        merged = {name: float(sum(one[name] for one in timing) + between.get(name, 0)) for name in names}
         merged["jitter_sd"] = float(np.sqrt(np.mean([one["jitter_sd"] ** 2 for one in timing])))
         merged["rounding"] = max(one["rounding"] for one in timing)
         if "clock_ratio" in timing[0]:

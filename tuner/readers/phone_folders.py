@@ -22,7 +22,7 @@ from models.arrays import FloatArray, IntArray
 from models.units import unit_value
 from tuner.formats.files import temporary_place
 from tuner.readers.column_names import SENSORS, TIME_UNITS, known_unit, parse_name
-from tuner.readers.columns import Listing, listing_of_arrays
+from tuner.readers.columns import FREE_BYTES, MAX_EXPANSION, Listing, listing_of_arrays
 from tuner.readers.drive_npz import DriveArrays
 from tuner.readers.drive_tables import table_of_fixes
 from tuner.readers.log_format import LogFormat
@@ -33,8 +33,6 @@ from tuner.types.records import DataError
 
 MAX_UNPACKED = 1 << 32
 """Largest size of a member of a ZIP that is unpacked, bytes: days of a phone's samples."""
-MAX_EXPANSION, FREE_BYTES = 200, 1 << 28
-"""Unpacked ÷ packed that a member of more than `FREE_BYTES` may have: measured samples stay below 20."""
 LOGGER = "Sensor Logger"
 """It writes ``seconds_elapsed`` or, in its versions of 2021, stamps since 1970 alone; phyphox writes neither."""
 GYRO = ("gyroscopeuncalibrated.csv", "gyroscope.csv", "gyro.csv", "*_gyro.csv")

@@ -238,7 +238,9 @@ def _by_word(
 
     def order(array: str) -> tuple[bool, bool, bool, int]:
         same_length = fellow is None or listing.shapes[fellow][0] == listing.shapes[array][0]
-        same_end = fellow is not None and _ending(parsed[fellow]) == _ending(parsed[array])
+        same_end = fellow is not None and (
+            parsed[fellow].plain.rpartition("_")[2] == parsed[array].plain.rpartition("_")[2]
+        )
         raw = "raw" in parsed[array].plain.split("_")
         return not same_length, not same_end, not raw, -listing.shapes[array][0]
 
@@ -248,10 +250,6 @@ def _by_word(
         rule = "raw before processed, then the longest" if fellow is None else f"it goes with '{fellow}'"
         notes.append(f"{name} is '{best}' ({rule}); --columns {name}=… chooses {rest}")
     return {name: Chosen(parts_of(listing, best), stated_unit(listing, parsed[best], name))}
-
-
-def _ending(name: names.ColumnName) -> str:
-    return name.plain.rsplit("_", 1)[-1]
 
 
 def _week(listing: Listing, time: Chosen | None, parsed: Parsed) -> Chosen | None:

@@ -141,10 +141,9 @@ def read_clock(
     clock = _only(time, on)
     step = _mean_step(clock)
     if factor is None:
-        found = unit_of_stamps(clock, step, name=name, rate=rate)
-        factor = found.factor
-        notes += found.notes
-        assumptions += found.assumptions
+        factor, said, taken = unit_of_stamps(clock, step, name=name, rate=rate)
+        notes += said
+        assumptions += taken
     elif unit is not None and rate is None and not (by_user or by_type):
         stated = names.unit_of(unit, names.TIME_UNITS, what=name)
         changes = other_units(name, step, float(np.median(clock))) if is_unusual(stated, step) else []

@@ -48,7 +48,7 @@ def columns_of_euroc(dialect: Dialect) -> Places:
     return {"t": (0, "ns")} | {_EUROC[name]: (j, None) for j, name in enumerate(plain) if name in _EUROC}
 
 
-def read_kitti(path: Path, dialect: Dialect, frames: Frames, *, body_stated: bool) -> FilterOutput:
+def read_kitti(path: Path, dialect: Dialect, frames: Frames) -> FilterOutput:
     """Read poses of KITTI: twelve columns, times beside them."""
     (numbers,) = read_numbers(path, dialect, [range(12)])
     pose = numbers.reshape(-1, 3, 4)
@@ -61,7 +61,7 @@ def read_kitti(path: Path, dialect: Dialect, frames: Frames, *, body_stated: boo
     columns: dict[str, tuple[FloatArray, str | None]] = {"t": (t, None)}
     columns |= {name: (np.asarray(pose[:, i, 3]), None) for i, name in enumerate(("x", "y", "z"))}
     columns |= {name: (quat[:, i], None) for i, name in enumerate(("qw", "qx", "qy", "qz"))}
-    axes = Frames(frames.world or "EDN", frames.body if body_stated else "RDF")
+    axes = Frames(frames.world or "EDN", frames.body or "RDF")
     return assemble(str(path), columns, axes, notes=note)
 
 

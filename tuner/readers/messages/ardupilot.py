@@ -90,11 +90,10 @@ def read_dataflash(path: Path) -> MessageLog:
     for instance, values in sorted(imu.items()):
         table = np.array(values)
         arrays = {"gyro": table[:, 1:4], "accel": table[:, 4:7]}
-        units = {"gyro": "rad/s", "accel": "m/s^2"}
         if np.isfinite(table[:, 7]).all():
-            arrays["temperature"], units["temperature"] = table[:, 7], "degC"
+            arrays["temperature"] = table[:, 7]
         inertial.append(
-            InertialStream(f"IMU.{instance}", table[:, 0].astype(np.int64), arrays, units, "us", instance)
+            InertialStream(f"IMU.{instance}", table[:, 0].astype(np.int64), arrays, "us", instance)
         )
     fixes = tuple(
         FixStream(f"GPS.{instance}", np.array([_with_sds(row, instance, accuracy) for row in values]))

@@ -110,7 +110,6 @@ def read_bag(path: Path) -> MessageLog:
             topic,
             clocks[topic],
             {"gyro": rows[topic][:, :3], "accel": rows[topic][:, 3:]},
-            {"gyro": "rad/s", "accel": "m/s^2"},
             "ns",
         )
         for topic in rows
@@ -143,8 +142,7 @@ def _stamp(message: Any) -> int:
 def clock_of_stamps(pairs: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the header's stamps, ns, those of recording where a driver left the header's empty."""
     header, recorded = pairs.T
-    chosen: NDArray[np.int64] = recorded if np.count_nonzero(header) < 0.5 * len(header) else header
-    return chosen
+    return np.asarray(recorded if np.count_nonzero(header) < 0.5 * len(header) else header)
 
 
 def _numbers(message: Any, kind: str) -> tuple[float, ...]:

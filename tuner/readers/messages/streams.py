@@ -23,6 +23,8 @@ from tuner.readers.drive_npz import DriveArrays
 from tuner.readers.source_kind import UNIT
 from tuner.types.records import DataError
 
+UNITS = {"gyro": "rad/s", "accel": "m/s^2", "temperature": "degC"}
+"""Units of the arrays of every message log."""
 MIN_FIXES = 10
 """Fixes from which a log counts as a drive: fewer do not align a filter."""
 
@@ -38,9 +40,7 @@ class InertialStream:
     t : ndarray, shape (n,)
         Stamps in `clock_unit`.
     arrays : mapping of str to ndarray
-        ``gyro`` and ``accel``, (n, 3), one of them at least, and perhaps ``temperature``, (n,), °C.
-    units : mapping of str to str
-        Units of the arrays.
+        ``gyro`` and ``accel``, (n, 3), one of them at least, and perhaps ``temperature``, (n,), in `UNITS`.
     clock_unit : str
         A key of `column_names.TIME_UNITS`.
     rank : int
@@ -50,7 +50,6 @@ class InertialStream:
     name: str
     t: NDArray[Any]
     arrays: Mapping[str, NDArray[Any]]
-    units: Mapping[str, str]
     clock_unit: str
     rank: int = 0
 
@@ -124,18 +123,17 @@ def listing_of_log(path: Path, log: MessageLog, unit: str = "") -> Listing:
     """
     chosen = _named(path, log, unit) if unit else _preferred(path, log)
     arrays: dict[str, NDArray[Any]] = {"t": chosen.t, **chosen.arrays}
-    units = {"t": chosen.clock_unit, **chosen.units}
+    units = {"t": chosen.clock_unit, **{part: UNITS[part] for part in chosen.arrays}}
     others = [stream for stream in log.inertial if stream is not chosen]
     notes = log.notes
     if (warm := _thermometer(chosen, others)) is not None:
         arrays["temperature"] = np.interp(chosen.seconds(), warm.seconds(), warm.arrays["temperature"])
-        units["temperature"] = warm.units["temperature"]
+        units["temperature"] = UNITS["temperature"]
         notes += (f"temperature of '{warm.name}', {len(warm.t)} values, between its stamps",)
     for stream in log.inertial if others and not unit else ():
         parts = {"t": stream.t, **{k: v for k, v in stream.arrays.items() if k != "temperature"}}
         arrays |= {f"{stream.name}/{part}": array for part, array in parts.items()}
-        units |= {f"{stream.name}/{part}": unit for part, unit in stream.units.items()}
-        units[f"{stream.name}/t"] = stream.clock_unit
+        units |= {f"{stream.name}/{part}": UNITS.get(part, stream.clock_unit) for part in parts}
     if others and not unit:
         notes += (f"{_about_units(chosen, others)}: choose one by {_how_named(path, others)}",)
     found = listing_of_arrays(path, arrays, units=units, meta={})

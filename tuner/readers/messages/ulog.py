@@ -80,8 +80,7 @@ def _stream(name: str, fields: Fields, arrays: dict[str, NDArray[Any]], rank: in
     t = stamps if stamps.any() else fields["timestamp"]
     if "temperature" in fields:
         arrays["temperature"] = fields["temperature"].astype(float)
-    units = {"gyro": "rad/s", "accel": "m/s^2", "temperature": "degC"}
-    return InertialStream(name, t.astype(np.int64), arrays, {k: units[k] for k in arrays}, "us", rank)
+    return InertialStream(name, t.astype(np.int64), arrays, "us", rank)
 
 
 def _three(fields: Fields, name: str) -> NDArray[Any]:
