@@ -65,7 +65,11 @@ def read_kf_gins(path: Path) -> DriveArrays:
             f"and {fixes.shape[1]}"
         )
     notes: list[str] = []
-    bias, scale = _six(settings, BIAS_ENTRIES), _six(settings, SCALE_ENTRIES)
+    # Of the three gyroscopes, then of the accelerometers, SI.
+    bias, scale = (
+        np.concatenate([unit_value(unit) * np.array(getattr(settings, name)) for name, unit in entries])
+        for entries in (BIAS_ENTRIES, SCALE_ENTRIES)
+    )
     if bias.any() or scale.any():
         notes.append("the initial sensor errors of the settings are taken out")
     interval = 1.0 / settings.imudatarate
@@ -141,13 +145,6 @@ def _start(settings: _Settings, t: FloatArray, notes: list[str]) -> FloatArray |
         return None
     first = t[np.searchsorted(t, begin)]
     return np.concatenate([[first], *(part for part in parts if part is not None)])
-
-
-def _six(settings: _Settings, entries: tuple[tuple[str, str], ...]) -> FloatArray:
-    """Return the errors of the three gyros and accelerometers, SI; (6,)."""
-    return np.concatenate(
-        [unit_value(unit) * np.array(getattr(settings, name)) for name, unit in entries], dtype=float
-    )
 
 
 def _truth(path: Path) -> FloatArray | None:

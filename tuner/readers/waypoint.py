@@ -219,11 +219,13 @@ class _Cells:
 
 def _time(path: Path, cells: _Cells) -> tuple[FloatArray, bool]:
     """Return GPS time, s, and whether it counts from 1980."""
-    # UTCTime is a clock time or counts from 1970: else its beginning is unknown.
-    usable = "utctime" in cells.at and (
-        "H" in cells.unit["utctime"].upper() or float(np.nanmin(cells.numbers("utctime"))) > 1e9
-    )
-    key = next((k for k in TIME_NAMES if k in cells.at and (k != "utctime" or usable)), None)
+
+    def usable(key: str) -> bool:
+        # UTCTime is a clock time or counts from 1970: else its beginning is unknown
+        stated = key != "utctime" or "H" in cells.unit[key].upper()
+        return stated or float(np.nanmin(cells.numbers(key))) > 1e9
+
+    key = next((k for k in TIME_NAMES if k in cells.at and usable(k)), None)
     if key is None:
         raise DataError(
             f"{path}: expected a column GPSTime, s of the week, found {' '.join(cells.header.names)[:80]}"
