@@ -21,7 +21,7 @@ from tuner.readers.columns import Listing, Part
 from tuner.readers.constant_axes import without_constant_axes
 from tuner.readers.options import STAMP, Options, stated_rate
 from tuner.readers.refusal import Change, Refusal, RowsApart
-from tuner.readers.sample_grid import Columns, sample_grid
+from tuner.readers.sample_grid import sample_grid
 from tuner.readers.sensor_columns import NO_COLUMN, Layout, choose, exchanged, of_mavlink
 from tuner.readers.time_base import Timebase
 from tuner.readers.unit_checks import check_units
@@ -48,8 +48,8 @@ class Plan:
         """The columns to read: of each sensor, each covariate, and the time."""
         layout = self.layout
         groups = [s.parts for s in layout.sensors]
-        groups += [(channel.part,) for channel in layout.covariates.values()]
-        return groups if layout.time is None else [*groups, (layout.time.part,)]
+        groups += [channel.parts for channel in layout.covariates.values()]
+        return groups if layout.time is None else [*groups, layout.time.parts]
 
 
 @dataclass(frozen=True)
@@ -99,22 +99,29 @@ def even(
     rate = options.rate if options.rate is not None else stated_rate(listing.meta)
     groups = {s.name: block for s, block in zip(layout.sensors, blocks, strict=True)}
     within = within or LogRows(0, len(blocks[0]))
-    axes = tuple(axis for sensor in layout.sensors for axis in sensor.axes)
     try:
         valid = _valid_rows(groups if time is None else groups | {"t": time}, notes, bad, within)
-        columns = Columns(groups, axes, valid, time, covariates.pop("week", None), within)
-        grid = sample_grid(listing, layout.time, columns, rate, options, notes, bad)
+        base, clock = sample_grid(
+            listing,
+            layout,
+            groups,
+            time,
+            covariates.pop("week", None),
+            valid,
+            rate,
+            options,
+            within=within,
+            notes=notes,
+            bad=bad,
+        )
     except Refusal as error:
         raise type(error)(f"{listing.path}: {error}", error.changes) from None
     except DataError as error:
         raise DataError(f"{listing.path}: {error}") from None
-    base, origin, clock = grid.base, grid.origin, grid.clock
     notes += base.notes(even=not options.stamps)
+    origin = 0.0 if clock is None else clock.origin
     t = base.t + origin if origin else base.t
-    timing = _timing(base, rate) if clock is not None else {}
-    course = None
-    if clock is not None and len(base.t):
-        course = base.stamp_course(clock.stamps) + np.array([origin, 0.0, 0.0, 0.0])
+    course = None if clock is None else base.stamp_course(clock.stamps) + np.array([origin, 0.0, 0.0, 0.0])
     channels = {
         name: filled
         for name, column in covariates.items()
@@ -144,22 +151,15 @@ def even(
                 covariates=MappingProxyType(channels),
                 source=printable(listing.path.name),
                 digest=digest,
-                timing=MappingProxyType(timing),
+                timing=MappingProxyType({} if clock is None else _timing(base, rate)),
                 broken=MappingProxyType(_broken(bad, sensor.axes, factor)),
                 stamp_course=course,
             )
         )
     kept = base.rows
     edges = (0, 0) if kept is None else (int(kept.min()), len(blocks[0]) - 1 - int(kept.max()))
-    found = EvenRecords(
-        tuple(records), tuple(notes), tuple(words), bad=tuple(bad), edges=edges, late=base.late
-    )
-    if clock is None:
-        return found
-    return replace(
-        found,
-        assumptions=(*found.assumptions, *clock.assumptions, *base.assumptions),
-    )
+    assumptions = (*words, *(() if clock is None else clock.assumptions), *base.assumptions)
+    return EvenRecords(tuple(records), tuple(notes), assumptions, bad=tuple(bad), edges=edges, late=base.late)
 
 
 def checked(

@@ -53,13 +53,11 @@ def expect_few(found: Sequence[BadRows], count: int) -> None:
     DataError
         One line: how many, the first one, and what to do.
     """
-    total: dict[str, int] = {}
     first: dict[str, BadRows] = {}
     for one in found:
-        total[one.holding] = total.get(one.holding, 0) + one.number
         first.setdefault(one.holding, one)
-    for holding, number in total.items():
-        one = first[holding]
+    for holding, one in first.items():
+        number = sum(other.number for other in found if other.holding == holding)
         if number > one.max_share * count:
             raise DataError(
                 f"{number} of {count} rows hold {holding} ({one.place}); more than {100.0 * one.max_share:g} % cannot "

@@ -8,7 +8,6 @@ seconds and 1 kHz in milliseconds. Which of them is left, the samples may tell (
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,19 +35,10 @@ RATE_TOLERANCE = 0.05
 """Relative difference between a stated rate and that of the stamps within which it tells their unit."""
 
 
-@dataclass(frozen=True)
-class TimeUnit:
-    """Seconds in one unit of the stamps, and what to say about it."""
-
-    factor: float
-    notes: tuple[str, ...] = ()
-    assumptions: tuple[str, ...] = ()
-
-
 def unit_of_stamps(
     time: NDArray[np.float64] | NDArray[np.int64], step: float, *, name: str, rate: float | None
-) -> TimeUnit:
-    """Return the unit of stamps with a mean step.
+) -> tuple[float, tuple[str, ...], tuple[str, ...]]:
+    """Return seconds in one unit of stamps with a mean step, with notes and assumptions on it.
 
     Raises
     ------
@@ -57,7 +47,7 @@ def unit_of_stamps(
     """
     middle = float(np.median(time))
     if step <= 0.0:
-        return TimeUnit(1.0)
+        return 1.0, (), ()
     if rate is not None:
         fitting = {
             u: f for u, f in STATED_BY_RATE.items() if abs(1.0 / (step * f * rate) - 1.0) < RATE_TOLERANCE
@@ -65,48 +55,43 @@ def unit_of_stamps(
         if fitting:
             unit, factor = next(iter(fitting.items()))
             note = f"time in {unit}, in which the stamps have the stated rate of {rate:.6g} Hz"
-            return TimeUnit(factor, () if unit == "s" else (note,))
+            return factor, () if unit == "s" else (note,), ()
         if _counts(time, step):
-            return TimeUnit(
-                1.0 / rate, (f"time column '{name}' counts samples: taken as {rate:.6g} Hz, as stated",)
-            )
-        return TimeUnit(1.0)  # the caller compares the rates
+            counted = f"time column '{name}' counts samples: taken as {rate:.6g} Hz, as stated"
+            return 1.0 / rate, (counted,), ()
+        return 1.0, (), ()  # the caller compares the rates
     if makers := UNITS_BY_NAME.get(parse_name(name).plain):
         fitting = {u: TIME_UNITS[u] for u in makers if _usual(step * TIME_UNITS[u])}
         if len(fitting) == 1:
             ((unit, factor),) = fitting.items()
-            return TimeUnit(
-                factor, (), (f"time in {unit}, as its maker counts: {1.0 / (step * factor):.6g} Hz",)
-            )
+            return factor, (), (f"time in {unit}, as its maker counts: {1.0 / (step * factor):.6g} Hz",)
     for program, (low, high) in DAY_NUMBERS.items():
         if low < middle < high and _usual(86400.0 * step):
-            return TimeUnit(86400.0, (f"time in days, as {program} numbers them",))
+            return 86400.0, (f"time in days, as {program} numbers them",), ()
     usual = [unit for unit, factor in CANDIDATES.items() if _usual(step * factor)]
     possible = [unit for unit, factor in CANDIDATES.items() if MIN_RATE <= 1.0 / (step * factor) <= MAX_RATE]
     present = [u for u in possible if SINCE_1970[0] < abs(middle) * CANDIDATES[u] < SINCE_1970[1]]
     present = [u for u in present if u != "ticks of 0.1 ms"]
     if present and (present[0] in usual or not usual):
         unit = present[0]
-        return TimeUnit(CANDIDATES[unit], () if unit == "s" else (f"time in {unit} (stamps since 1970)",))
+        return CANDIDATES[unit], () if unit == "s" else (f"time in {unit} (stamps since 1970)",), ()
     if not present and "s" in possible and ("s" in usual or (not usual and 1.0 / step < USUAL_RATES[1])):
         if "s" in usual and _usual(60.0 * step):
-            return TimeUnit(
-                1.0, (), (f"time in s assumed: {1.0 / step:.6g} Hz; in min it would be 60 times slower",)
-            )
-        return TimeUnit(1.0)
+            return 1.0, (), (f"time in s assumed: {1.0 / step:.6g} Hz; in min it would be 60 times slower",)
+        return 1.0, (), ()
     if not present and len(usual) == 1 and "s" not in possible:
         unit = usual[0]
         text = f"time in {unit} assumed, as nothing states it: {1.0 / (step * CANDIDATES[unit]):.6g} Hz"
-        return TimeUnit(CANDIDATES[unit], (), (text,))
+        return CANDIDATES[unit], (), (text,)
     longer = [u for u in ("min", "h") if _usual(step * STATED_BY_RATE[u])]
     rates = {u: 1.0 / (step * STATED_BY_RATE[u]) for u in dict.fromkeys([*usual, *longer, *possible])}
     shown = ", ".join(f"{hz:.4g} Hz in {u}" for u, hz in rates.items()) or f"a mean step of {step:.4g}"
-    counted = _counts(time, step)
+    by_one = _counts(time, step)
     known = other_units(name, step, middle, rates)
-    counts = "it counts by one, as a counter of samples does; " if counted else ""
+    counts = "it counts by one, as a counter of samples does; " if by_one else ""
     raise Refusal(
         f"time column '{name}': nothing states its unit, and it stays open: {counts}{shown}",
-        [Change(requested="rate"), *known] if counted else [*known, EVEN],
+        [Change(requested="rate"), *known] if by_one else [*known, EVEN],
     )
 
 

@@ -16,8 +16,8 @@ _UNIT = re.compile(r"^(?P<name>.+?)\s*\[(?P<unit>[^\]]+)\]$")
 
 
 @dataclass(frozen=True)
-class Mapped:
-    """Columns that the user chose, with their unit where he or the file states one."""
+class Chosen:
+    """Columns that are one thing, with their unit where the user or the file states one."""
 
     parts: tuple[Part, ...]
     unit: str | None
@@ -34,7 +34,7 @@ def parse_columns(text: str) -> dict[str, str]:
     return mapped
 
 
-def resolve(listing: Listing, columns: Mapping[str, str]) -> dict[str, Mapped]:
+def resolve(listing: Listing, columns: Mapping[str, str]) -> dict[str, Chosen]:
     """Find the columns that the user maps, by role: ``t gyro accel gyro_x … temperature`` or a free name.
 
     Raises
@@ -85,37 +85,36 @@ def offered(listing: Listing) -> str:
     return ", ".join(shown[:16]) + more if shown else "no numbers"
 
 
-def _resolve(listing: Listing, parsed: Mapping[str, names.ColumnName], role: str, value: str) -> Mapped:
+def _resolve(listing: Listing, parsed: Mapping[str, names.ColumnName], role: str, value: str) -> Chosen:
     """Return the columns and the unit that the user means by `value`."""
     name, sliced, unit = value, None, None
-    if value not in listing.shapes:
-        sliced = _SLICE.match(value)
-        stated = _UNIT.match(value)
-        if sliced is not None:
-            name = sliced["name"]
-        elif stated is not None:
-            name, unit = stated["name"], stated["unit"]
-            if name not in listing.shapes and (sliced := _SLICE.match(name)) is not None:
-                name = sliced["name"]
+    if value not in listing.shapes and not _SLICE.match(value) and (stated := _UNIT.match(value)) is not None:
+        name, unit = stated["name"], stated["unit"]
+    if name not in listing.shapes and (sliced := _SLICE.match(name)) is not None:
+        name = sliced["name"]
     array = _find(listing, parsed, role, name)
     sensor = role.split("_")[0] if role.split("_")[0] in names.SENSORS else None
     unit = unit or stated_unit(listing, parsed[array], sensor)
-    shape = listing.shapes[array]
-    if len(shape) == 1:
-        if sliced is not None:
-            raise DataError(
-                f"{listing.path}: --columns {role}={value}: '{array}' has one column and cannot be sliced"
-            )
-        return Mapped((Part(array),), unit)
-    start, stop = 0, shape[1]
-    if sliced is not None:
-        start = int(sliced["start"])
-        stop = int(sliced["stop"]) if sliced["stop"] else start + 1
-    if not start < stop <= shape[1]:
+    whole = parts_of(listing, array)
+    if sliced is None:
+        return Chosen(whole, unit)
+    if whole[0].column is None:
         raise DataError(
-            f"{listing.path}: --columns {role}={value}: '{array}' has columns 0 to {shape[1] - 1}"
+            f"{listing.path}: --columns {role}={value}: '{array}' has one column and cannot be sliced"
         )
-    return Mapped(tuple(Part(array, j) for j in range(start, stop)), unit)
+    start = int(sliced["start"])
+    stop = int(sliced["stop"]) if sliced["stop"] else start + 1
+    if not start < stop <= len(whole):
+        raise DataError(
+            f"{listing.path}: --columns {role}={value}: '{array}' has columns 0 to {len(whole) - 1}"
+        )
+    return Chosen(whole[start:stop], unit)
+
+
+def parts_of(listing: Listing, array: str) -> tuple[Part, ...]:
+    """Return the columns of an array."""
+    shape = listing.shapes[array]
+    return (Part(array),) if len(shape) == 1 else tuple(Part(array, j) for j in range(shape[1]))
 
 
 def _find(listing: Listing, parsed: Mapping[str, names.ColumnName], role: str, name: str) -> str:

@@ -219,11 +219,6 @@ def known_unit(text: str) -> str | None:
     return _UNIT_OF.get(text.strip().lower()) or _UNIT_OF.get(re.sub(r"\s+", "", text.lower()))
 
 
-def is_count(text: str) -> bool:
-    """Return whether a unit means raw counts."""
-    return known_unit(text) == "count"
-
-
 def parse_name(written: str) -> ColumnName:
     """Take a column name apart: ``Gyro X [deg/s]`` is plain ``gyro_x`` in ``deg/s``."""
     if (index := _INDEX.match(written)) is not None:

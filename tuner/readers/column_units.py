@@ -47,7 +47,7 @@ def sensor_unit(listing: Listing, sensor: Sensor, options: Options, notes: list[
     stated = sensor.unit
     unit = names.unit_of(option, allowed, what=f"--{name}-unit") if option is not None else None
     sized = None if stated is None else _size_of_count(stated, allowed)
-    counts = sized is not None or (stated is not None and names.is_count(stated))
+    counts = sized is not None or (stated is not None and names.known_unit(stated) == "count")
     offset = 0.0
     array = sensor.parts[0].array
     if array in listing.unsigned and (counts or scale is not None):
@@ -107,12 +107,16 @@ def _only_named(listing: Listing, array: str) -> bool:
 
 def _lsb(meta: Mapping[str, Any], sensor: str) -> tuple[float, str] | None:
     """Return size and unit of one count from meta entries such as ``gyro_lsb_dps``."""
-    for key, value in meta.items():
-        if str(key).startswith(f"{sensor}_lsb_") and isinstance(value, int | float):
-            return float(value), names.unit_of(
-                str(key).removeprefix(f"{sensor}_lsb_"), names.UNITS[sensor], what=key
-            )
-    return None
+    begins = f"{sensor}_lsb_"
+    stated = ((str(key), v) for key, v in meta.items() if str(key).startswith(begins))
+    sizes = ((key, float(v)) for key, v in stated if isinstance(v, int | float))
+    return next(
+        (
+            (size, names.unit_of(key.removeprefix(begins), names.UNITS[sensor], what=key))
+            for key, size in sizes
+        ),
+        None,
+    )
 
 
 def _unit_in_meta(meta: Mapping[str, Any], sensor: str, notes: list[str]) -> str | None:

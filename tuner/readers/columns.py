@@ -17,6 +17,8 @@ from tuner.types.records import DataError
 
 BYTES_AT_ONCE = 1 << 20
 """Bytes of a file that are read at a time for its digest."""
+MAX_EXPANSION, FREE_BYTES = 200, 1 << 28
+"""Unpacked ÷ packed that an array or file of more than `FREE_BYTES` may have: measured samples stay below 20."""
 Progress = Callable[[int, int], None]
 """Called with (bytes done, bytes in total)."""
 
@@ -84,7 +86,7 @@ class Listing:
 
 @dataclass(frozen=True)
 class StoredArray:
-    """An array of a file before it is read: shape, type, how to read it, and the same in pieces of so many entries.
+    """An array before it is read: shape, type, how to read it, and the same in pieces of so many entries.
 
     The pieces follow the first axis, or the last where the second argument is true.
     """
@@ -92,7 +94,7 @@ class StoredArray:
     shape: tuple[int, ...]
     dtype: np.dtype[Any]
     read: Callable[[], NDArray[Any]]
-    pieces: Callable[[int, bool], Iterator[NDArray[Any]]] | None = None
+    pieces: Callable[[int, bool], Iterator[NDArray[Any]]]
 
 
 def listing_of_arrays(
@@ -108,7 +110,7 @@ def listing_of_arrays(
 
     An array of three or six rows and many columns is turned round. Stored arrays are read when they are used.
     """
-    numbers: dict[str, _Numbers] = {}
+    numbers: dict[str, StoredArray] = {}
     said = list(notes)
     for name, array in arrays.items():
         shape, size = tuple(array.shape), math.prod(array.shape)
@@ -124,15 +126,16 @@ def listing_of_arrays(
         elif len(shape) == 2 and shape[0] in (3, 6) and shape[1] > 6:
             shape, turned = shape[::-1], True
             said.append(f"array '{name}' was turned round to {shape}")
-        numbers[name] = _Numbers(shape, turned, array)
-    table = _Arrays(path, numbers, progress)
+        stored = array if isinstance(array, StoredArray) else _in_memory(array)
+        numbers[name] = _by_samples(stored, shape, turned=turned)
+    table = ArrayTable(path, numbers, progress)
     return Listing(
         path=path,
         shapes={name: one.shape for name, one in numbers.items()},
         load=table.load,
         units=units,
-        integer=frozenset(name for name, one in numbers.items() if one.array.dtype.kind in "iu"),
-        unsigned={n: 8 * a.array.dtype.itemsize for n, a in numbers.items() if a.array.dtype.kind == "u"},
+        integer=frozenset(name for name, one in numbers.items() if one.dtype.kind in "iu"),
+        unsigned={n: 8 * one.dtype.itemsize for n, one in numbers.items() if one.dtype.kind == "u"},
         meta=meta,
         notes=tuple(said),
         stream=table.stream,
@@ -140,21 +143,35 @@ def listing_of_arrays(
     )
 
 
+def _in_memory(array: NDArray[Any]) -> StoredArray:
+    """Return an array at hand as one that is read."""
+
+    def pieces(count: int, last: bool) -> Iterator[NDArray[Any]]:
+        lined = array.T if last else array
+        return (lined[start : start + count] for start in range(0, len(lined), count))
+
+    return StoredArray(array.shape, array.dtype, lambda: array, pieces)
+
+
+def _by_samples(array: StoredArray, shape: tuple[int, ...], *, turned: bool) -> StoredArray:
+    """Return an array of numbers in the shape in which a row is one sample."""
+    along_last = turned or (len(shape) == 1 and len(array.shape) == 2 and array.shape[0] == 1)
+
+    def read() -> NDArray[Any]:
+        return array.read().T if turned else array.read().reshape(shape)
+
+    def pieces(rows: int, _: bool) -> Iterator[NDArray[Any]]:
+        return (part.reshape(-1, *shape[1:]) for part in array.pieces(rows, along_last))
+
+    return StoredArray(shape, array.dtype, read, pieces)
+
+
 @dataclass(frozen=True)
-class _Numbers:
-    """An array of numbers: the shape it is read in, one row a sample, and whether it is turned round for that."""
-
-    shape: tuple[int, ...]
-    turned: bool
-    array: NDArray[Any] | StoredArray
-
-
-@dataclass(frozen=True)
-class _Arrays:
+class ArrayTable:
     """Arrays of a file by name, read whole or in pieces."""
 
     path: Path
-    numbers: Mapping[str, _Numbers]
+    numbers: Mapping[str, StoredArray]
     progress: Progress | None
 
     def load(self, groups: Sequence[Sequence[Part]]) -> tuple[NDArray[Any], ...]:
@@ -168,7 +185,7 @@ class _Arrays:
             for name in names:
                 if name in read:
                     continue
-                read[name] = self._array(name)
+                read[name] = self.numbers[name].read()
                 done += 1
                 if self.progress is not None:
                     self.progress(done, count)
@@ -182,22 +199,14 @@ class _Arrays:
     def stream(self, groups: Sequence[Sequence[Part]], rows: int) -> Iterator[tuple[NDArray[Any], ...]]:
         """Yield pieces of at most so many rows, an array for each group."""
         used = list(dict.fromkeys(p.array for group in groups for p in group))
-        every = zip(*(_pieces(self.path, name, self.numbers[name], rows) for name in used), strict=True)
         done, count = 0, max(self.numbers[name].shape[0] for name in used)
-        for pieces in every:
+        for pieces in zip(*(self.numbers[name].pieces(rows, False) for name in used), strict=True):
             yield self._grouped(groups, dict(zip(used, pieces, strict=True)))
-            done += rows
+            done += len(pieces[0])
             if self.progress is not None:
-                self.progress(min(done, count), count)
-
-    def _array(self, name: str) -> NDArray[Any]:
-        one = self.numbers[name]
-        found = one.array.read() if isinstance(one.array, StoredArray) else one.array
-        if math.prod(found.shape) != math.prod(one.shape):
-            raise DataError(
-                f"{self.path}: array '{name}': expected shape {one.shape}, found {found.shape}: save it anew"
-            )
-        return found.T if one.turned else found.reshape(one.shape)
+                self.progress(done, count)
+        if done != count:
+            raise DataError(f"{self.path}: expected {count} rows, found {done}: save it anew")
 
     def _grouped(
         self, groups: Sequence[Sequence[Part]], read: Mapping[str, NDArray[Any]]
@@ -216,24 +225,6 @@ class _Arrays:
                     block[:, j] = part
             loaded.append(block)
         return tuple(loaded)
-
-
-def _pieces(path: Path, name: str, numbers: _Numbers, rows: int) -> Iterator[NDArray[Any]]:
-    """Yield pieces of at most `rows` rows of an array."""
-    shape, turned, array = numbers.shape, numbers.turned, numbers.array
-    along_last = turned or (len(shape) == 1 and len(array.shape) == 2 and array.shape[0] == 1)
-    if isinstance(array, StoredArray) and array.pieces is not None:
-        pieces = array.pieces(rows, along_last)
-    else:
-        whole = array.read() if isinstance(array, StoredArray) else array
-        lined = whole.T if along_last else whole
-        pieces = (lined[start : start + rows] for start in range(0, len(lined), rows))
-    found = 0
-    for piece in pieces:
-        found += len(piece)
-        yield piece.reshape(-1, *shape[1:])
-    if found != shape[0]:
-        raise DataError(f"{path}: array '{name}': expected {shape[0]} rows, found {found}: save it anew")
 
 
 def digest(path: Path) -> str:

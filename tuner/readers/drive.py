@@ -37,7 +37,7 @@ from tuner.readers.drive_npz import DriveArrays, read_drive_npz
 from tuner.readers.drive_tables import ordered, table, table_of_fixes
 from tuner.readers.fixes import READERS as FIX_READERS
 from tuner.readers.fixes import fix_files, read_fix_file, reference_files
-from tuner.readers.fixes.gps_time import GpsFixes, on_clock_of
+from tuner.readers.fixes.gps_time import on_clock_of
 from tuner.readers.kf_gins import read_kf_gins
 from tuner.readers.log_format import file_of, format_of, library_of, log_folder
 from tuner.readers.options import STAMP
@@ -49,7 +49,7 @@ from tuner.types.arguments import expect
 from tuner.types.named_cause import NamedCause, one_line
 from tuner.types.number_ranges import LONGEST_LEVER_ARM
 from tuner.types.one_line import printable
-from tuner.types.records import DataError, Drive, Gnss, Record, Reference, Start
+from tuner.types.records import DataError, Drive, Gnss, Reference, Start
 from tuner.types.repair import Repair
 
 CONTENT = "a drive: arrays and settings, one row a sample or fix"
@@ -83,16 +83,16 @@ def read_drive(path: str | Path) -> Drive:
         "the path of a drive: a folder, an NPZ, a log of messages or a YAML of KF-GINS",
     )
     path = file_of(Path(path))
-    if path.is_dir() and log_folder(path) is None:
-        with input_guard(path, "a drive: imu.csv, gnss.csv and perhaps truth.csv"):
-            return _folder(path)
     if not path.exists():
         raise DataError(
             f"{path}: expected a drive (folder with imu.csv and gnss.csv, NPZ, or YAML of KF-GINS), found nothing"
         )
-    readers = {".npz": _npz, ".yaml": _kf_gins, ".yml": _kf_gins}
-    with input_guard(path, CONTENT):
-        return readers.get(path.suffix.lower(), _messages)(path)
+    readers = {".npz": read_drive_npz, ".yaml": read_kf_gins, ".yml": read_kf_gins}
+    read_arrays, content = readers.get(path.suffix.lower(), _messages), CONTENT
+    if path.is_dir() and log_folder(path) is None:
+        read_arrays, content = _folder, "a drive: imu.csv, gnss.csv and perhaps truth.csv"
+    with input_guard(path, content):
+        return _drive(path, read_arrays(path))
 
 
 def read_if_drive(source: str | Path) -> Drive | None:
@@ -108,7 +108,7 @@ def read_if_drive(source: str | Path) -> Drive | None:
     if found is None:
         return None
     with input_guard(path, CONTENT):
-        return _of_arrays(path, found)
+        return _drive(path, found)
 
 
 def mounting_of(frame: str | None, rpy_deg: Any) -> FloatArray | None:
@@ -167,7 +167,7 @@ def with_mounting(
     return replace(drive, mounting=mounting, lever_arm=lever_arm)
 
 
-def _messages(path: Path) -> Drive:
+def _messages(path: Path) -> DriveArrays:
     declared = format_of(path)
     if declared.drive is None:
         raise DataError(
@@ -175,37 +175,15 @@ def _messages(path: Path) -> Drive:
             f"got {declared.title}; make a folder with imu.csv and gnss.csv of it"
         )
     with library_of(declared, path):
-        return _of_arrays(path, declared.drive(path))
+        return declared.drive(path)
 
 
-def _npz(path: Path) -> Drive:
-    return _of_arrays(path, read_drive_npz(path))
-
-
-def _of_arrays(path: Path, found: DriveArrays) -> Drive:
-    mounting = mounting_of(found.frame, found.mounting_rpy_deg)
-    nameless = found.frame and mounting is None
-    unknown = NamedCause.of(
-        f"the file calls the axes of the unit '{found.frame}', which is none of {' '.join(FRAMES)}",
-        "certain",
-        "attitudes are those of the unit, not of the vehicle",
-        "state them by --imu-frame",
-    )
-    return _drive(
-        path,
-        found.imu,
-        found.fixes,
-        found.truth,
-        notes=(*found.notes, *([unknown] if nameless else [])),
-        mounting=mounting,
-        lever_arm=found.lever_arm,
-    )
-
-
-def _folder(path: Path) -> Drive:
+def _folder(path: Path) -> DriveArrays:
+    if not (path / "imu.csv").is_file():
+        raise DataError(f"{path / 'imu.csv'}: expected this file in the folder of a drive, found nothing")
     try:
         inertial = read(
-            _existing(path / "imu.csv"),
+            path / "imu.csv",
             constant_axes=True,
             assume="si",
             memory=sys.float_info.max,
@@ -221,26 +199,13 @@ def _folder(path: Path) -> Drive:
             f"{path / 'imu.csv'}: expected three axes of gyroscope and accelerometer, found {' '.join(found)}"
         )
     gyro, accel = records["gyro"], records["accel"]
-    imu = np.column_stack([_stamps(gyro), gyro.y, accel.y])
+    stamps = gyro.covariates.get(STAMP)  # as the file has them; the even ones where those are coarse
+    t = gyro.t if stamps is None or np.any(np.diff(stamps) <= 0.0) else stamps
+    imu = np.column_stack([t, gyro.y, accel.y])
     fixes, notes = _fixes_beside(path, imu)
     truth, more = _truth_beside(path, imu)
-    notes += more
-    return _drive(
-        path,
-        imu,
-        fixes,
-        truth,
-        notes=(
-            *(note.replace("as --assume si says", "as nothing states it") for note in gyro.notes),
-            *notes,
-        ),
-    )
-
-
-def _stamps(record: Record) -> FloatArray:
-    """Return the stamps of a record as its file has them; the even ones where those are coarse."""
-    stamps = record.covariates.get(STAMP)
-    return record.t if stamps is None or np.any(np.diff(stamps) <= 0.0) else stamps
+    own = (note.replace("as --assume si says", "as nothing states it") for note in gyro.notes)
+    return DriveArrays(imu, fixes, truth, notes=(*own, *notes, *more))
 
 
 def _fixes_beside(path: Path, imu: FloatArray) -> tuple[FloatArray, tuple[str, ...]]:
@@ -278,41 +243,25 @@ def _truth_beside(path: Path, imu: FloatArray) -> tuple[FloatArray | None, tuple
             f"{path}: expected one reference, found {', '.join(file.name for file in found)}; leave one"
         )
     solution = read_waypoint(found[0])
-    stamped = GpsFixes(solution.t, solution.rows, dated=solution.dated)
-    rows, note = on_clock_of(found[0], stamped, float(imu[0, 0]), float(imu[-1, 0]))
+    rows, note = on_clock_of(found[0], solution, float(imu[0, 0]), float(imu[-1, 0]))
     return rows, (*solution.notes, note)
 
 
-def _kf_gins(path: Path) -> Drive:
-    found = read_kf_gins(path)
-    drive = _drive(
-        path,
-        found.imu,
-        found.fixes,
-        found.truth,
-        mounting=np.eye(3),
-        lever_arm=found.lever_arm,
-        start=found.start,
-        notes=found.notes,
-    )
-    return replace(drive, compensated=found.compensated)
-
-
-def _drive(
-    path: Path,
-    imu: FloatArray,
-    fixes: FloatArray,
-    truth: FloatArray | None,
-    *,
-    mounting: FloatArray | None = None,
-    lever_arm: tuple[float, float, float] | None = None,
-    start: FloatArray | None = None,
-    notes: tuple[str, ...] = (),
-) -> Drive:
+def _drive(path: Path, found: DriveArrays) -> Drive:
     """Clean the streams and put them on one clock."""
-    messages, repairs = list(notes), list[Repair]()
-    imu = ordered(path, "IMU", imu, imu, messages, repairs)
-    fixes = ordered(path, "GNSS", fixes, fixes[:, :4], messages, repairs)
+    messages, repairs = list(found.notes), list[Repair]()
+    mounting = mounting_of(found.frame, found.mounting_rpy_deg)
+    if found.frame and mounting is None:
+        messages.append(
+            NamedCause.of(
+                f"the file calls the axes of the unit '{found.frame}', which is none of {' '.join(FRAMES)}",
+                "certain",
+                "attitudes are those of the unit, not of the vehicle",
+                "state them by --imu-frame",
+            )
+        )
+    imu = ordered(path, "IMU", found.imu, found.imu, messages, repairs)
+    fixes = ordered(path, "GNSS", found.fixes, found.fixes[:, :4], messages, repairs)
     for rows, whose in ((imu, "inertial unit"), (fixes, "receiver")):
         rows[:, 0], scatter = steady_stamps(rows[:, 0])
         if scatter:
@@ -347,15 +296,16 @@ def _drive(
         imu[:, 0] - begin,
         imu[:, 1:],
         gnss,
-        None if truth is None else _reference(path, truth, begin, messages),
+        None if found.truth is None else _reference(path, found.truth, begin, messages),
         float(begin),
-        lever_arm,
+        found.lever_arm,
         mounting,
         printable(with_name(path).name),
         digest(path / "imu.csv" if (path / "imu.csv").is_file() else path),
         one_line(messages),
         tuple(repairs),
-        start=None if start is None else _start(start, begin, float(gnss.llh[0, 1])),
+        start=None if found.start is None else _start(found.start, begin, float(gnss.llh[0, 1])),
+        compensated=found.compensated,
     )
 
 
@@ -380,9 +330,3 @@ def _reference(path: Path, rows: FloatArray, begin: float, notes: list[str]) -> 
     if rows.shape[1] > 10 and np.isfinite(rows[:, 10:]).any():
         sd = np.hstack([rows[:, 10:16], np.radians(rows[:, 16:19])])
     return Reference(rows[:, 0] - begin, llh, rows[:, 4:7], np.radians(rows[:, 7:10]), sd)
-
-
-def _existing(path: Path) -> Path:
-    if not path.is_file():
-        raise DataError(f"{path}: expected this file in the folder of a drive, found nothing")
-    return path

@@ -52,33 +52,48 @@ def expect_streams(path: Path, imu: FloatArray, fixes: FloatArray) -> None:
         What cannot be, in one line.
     """
     interval = float(np.median(np.diff(imu[:, 0]))) if len(imu) > 1 else math.inf
-    if not interval <= MAX_SAMPLE_INTERVAL:
-        raise DataError(
-            f"{path}: expected stamps of inertial samples in seconds, {MAX_SAMPLE_INTERVAL:g} s apart at most, "
-            f"got {interval:.4g} in the median; check the unit of time"
-        )
-    for name, columns in (("angular rate", slice(1, 4)), ("specific force", slice(4, 7))):
-        if np.all(np.ptp(imu[:, columns], axis=0) == 0.0):
-            raise DataError(
-                f"{path}: expected {name}s that change, got the same on all axes in all {len(imu)} samples: a sensor "
-                "that was off? record it"
-            )
-    place = float(np.max(np.abs(fixes[:, 1:3])))
-    if place > LARGEST_ANGLE:
-        raise DataError(
-            f"{path}: expected latitude and longitude in degrees, got up to {place:.5g}; check unit and order"
-        )
-    if np.nanmin(fixes[:, 7:13], initial=0.0) < 0.0:
-        raise DataError(
-            f"{path}: expected standard deviations that are not negative, got {np.nanmin(fixes[:, 7:13]):.4g}; "
-            "leave those empty that are not known"
-        )
+    place, least = float(np.max(np.abs(fixes[:, 1:3]))), float(np.nanmin(fixes[:, 7:13], initial=0.0))
     endless = np.isinf(fixes[:, 7:13]).any(axis=1)
-    if endless.any():
-        raise DataError(
-            f"{path}: expected standard deviations that are finite, got inf in {np.count_nonzero(endless)} of "
-            f"{len(fixes)} fixes, first at {fixes[np.argmax(endless), 0]:.6g} s; leave such fixes out"
-        )
+    still = {
+        name: bool(np.all(np.ptp(imu[:, columns], axis=0) == 0.0))
+        for name, columns in (("angular rate", slice(1, 4)), ("specific force", slice(4, 7)))
+    }
+    _expect(
+        path,
+        (
+            interval <= MAX_SAMPLE_INTERVAL,
+            f"stamps of inertial samples in seconds, {MAX_SAMPLE_INTERVAL:g} s apart at most, "
+            f"got {interval:.4g} in the median; check the unit of time",
+        ),
+        *(
+            (
+                not off,
+                f"{name}s that change, got the same on all axes in all {len(imu)} samples: a sensor that was off? "
+                "record it",
+            )
+            for name, off in still.items()
+        ),
+        (
+            not place > LARGEST_ANGLE,
+            f"latitude and longitude in degrees, got up to {place:.5g}; check unit and order",
+        ),
+        (
+            not least < 0.0,
+            f"standard deviations that are not negative, got {least:.4g}; leave those empty that are not known",
+        ),
+        (
+            not endless.any(),
+            f"standard deviations that are finite, got inf in {np.count_nonzero(endless)} of {len(fixes)} fixes, first "
+            f"at {fixes[np.argmax(endless), 0]:.6g} s; leave such fixes out",
+        ),
+    )
+
+
+def _expect(source: str | Path, *rules: tuple[bool, str]) -> None:
+    """Refuse a drive by the first rule that does not hold: what is expected, what was found, what to do."""
+    for holds, text in rules:
+        if not holds:
+            raise DataError(f"{source}: expected {text}")
 
 
 def possible_drive(drive: Drive) -> Drive:
@@ -92,7 +107,9 @@ def possible_drive(drive: Drive) -> Drive:
     notes: list[str] = []
     _inertial(drive, notes)
     gnss = drive.gnss
-    far, fast = _positions(drive, notes), _velocities(drive, notes)
+    far = _positions(drive, notes)
+    speed = np.linalg.norm(np.nan_to_num(gnss.vel_n), axis=1)
+    fast = _impossible(drive, gnss.t, speed, "velocities of", MAX_OUTLIER_SHARE, "m/s", notes)
     gnss = replace(gnss, vel_n=np.where(fast[:, None], np.nan, gnss.vel_n)).rows(~far)
     for name, sd in (("position", gnss.position_sd), ("velocity", gnss.velocity_sd)):
         zero = int(np.count_nonzero(np.any(sd == 0.0, axis=1)))
@@ -116,32 +133,29 @@ def _inertial(drive: Drive, notes: list[str]) -> None:
     if lost:
         notes.append(f"{lost} inertial samples have no specific force at all, first at {first:.6g} s")
     force = float(np.median(np.linalg.norm(forces, axis=1)))
-    if not 5.0 < force < 20.0:
-        raise DataError(
-            f"{drive.source}: expected a specific force of about 9.8 m/s², got {force:.4g} in the median; check "
-            "the unit"
-        )
     turn = float(np.percentile(np.abs(drive.rates[:, :3]), 99.0))
-    if turn > MAX_ANGULAR_RATE:
-        raise DataError(
-            f"{drive.source}: expected angular rates in rad/s, got {turn:.4g} (99 % of samples are below); check "
-            "the unit"
-        )
+    _expect(
+        drive.source,
+        (
+            5.0 < force < 20.0,
+            f"a specific force of about 9.8 m/s², got {force:.4g} in the median; check the unit",
+        ),
+        (
+            not turn > MAX_ANGULAR_RATE,
+            f"angular rates in rad/s, got {turn:.4g} (99 % of samples are below); check the unit",
+        ),
+    )
 
 
 def _positions(drive: Drive, notes: list[str]) -> NDArray[np.bool_]:
     """Return which fixes no vehicle reaches from those beside them, (k,); refuse positions that cannot be."""
     llh = drive.gnss.llh
-    latitude = float(np.degrees(np.max(np.abs(llh[:, 0]))))
-    if latitude > 90.0:
-        raise DataError(
-            f"{drive.source}: expected latitudes in degrees, got up to {latitude:.5g}; check unit and order"
-        )
-    if np.median(np.abs(llh[:, 2])) > MAX_HEIGHT:
-        raise DataError(
-            f"{drive.source}: expected heights in m, got {np.median(np.abs(llh[:, 2])):.5g} in the median; check the "
-            "unit"
-        )
+    latitude, height = float(np.degrees(np.max(np.abs(llh[:, 0])))), float(np.median(np.abs(llh[:, 2])))
+    _expect(
+        drive.source,
+        (not latitude > 90.0, f"latitudes in degrees, got up to {latitude:.5g}; check unit and order"),
+        (not height > MAX_HEIGHT, f"heights in m, got {height:.5g} in the median; check the unit"),
+    )
     apart = np.linalg.norm(ned_between(llh[1:], llh[:-1]), axis=1)
     speed = np.where(apart > MIN_CHECKED_DISTANCE, apart / np.diff(drive.gnss.t), 0.0)
     # A fix that is far off makes two such steps.
@@ -155,11 +169,6 @@ def _positions(drive: Drive, notes: list[str]) -> NDArray[np.bool_]:
         notes,
     )
     return np.asarray(np.append(True, leaps) & np.append(leaps, True), dtype=bool)
-
-
-def _velocities(drive: Drive, notes: list[str]) -> NDArray[np.bool_]:
-    speed = np.linalg.norm(np.nan_to_num(drive.gnss.vel_n), axis=1)
-    return _impossible(drive, drive.gnss.t, speed, "velocities of", MAX_OUTLIER_SHARE, "m/s", notes)
 
 
 def _impossible(

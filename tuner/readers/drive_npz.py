@@ -48,31 +48,38 @@ class _Installation:
 
 @dataclass(frozen=True)
 class DriveArrays:
-    """What an NPZ holds.
+    """A drive as its files have it, whatever form they have.
 
     Attributes
     ----------
     imu : ndarray, shape (n, 7)
-        t, angular rates, specific forces.
-    fixes : ndarray, shape (k, 14)
-        t, position, velocity, sds of both, class of solution; NaN where there is none.
-    truth : ndarray, shape (r, 19), or None
-        t, position, velocity, angles, sds of the three.
+        t, angular rates rad/s, specific forces m/s².
+    fixes : ndarray, shape (k, 13) or (k, 14)
+        t, latitude and longitude deg, height m, velocity m/s, sds of both, and class of solution where it is known; NaN
+        where there is none.
+    truth : ndarray, shape (r, 10) or (r, 19), or None
+        t, position, velocity, angles deg, and sds of the three.
     frame : str or None
         Axes of the unit.
     mounting_rpy_deg, lever_arm : tuple of 3 floats, or None
         deg, m.
     notes : tuple of str
-        How the file was understood.
+        How the files were understood.
+    start : ndarray, shape (10,), or None
+        t, position, velocity and angles at the start, as of `truth`.
+    compensated : bool
+        Whether it was written without what a configuration takes out.
     """
 
     imu: FloatArray
     fixes: FloatArray
-    truth: FloatArray | None
-    frame: str | None
-    mounting_rpy_deg: tuple[float, float, float] | None
-    lever_arm: tuple[float, float, float] | None
+    truth: FloatArray | None = None
+    frame: str | None = None
+    mounting_rpy_deg: tuple[float, float, float] | None = None
+    lever_arm: tuple[float, float, float] | None = None
     notes: tuple[str, ...] = ()
+    start: FloatArray | None = None
+    compensated: bool = False
 
 
 def read_drive_npz(path: Path) -> DriveArrays:

@@ -12,7 +12,7 @@ import numpy as np
 from tuner.formats.guard import input_guard
 from tuner.readers.axes_letters import BODY_LETTERS, WORLD_LETTERS, axes_rotation
 from tuner.readers.estimate_bag import is_bag, read_estimate_bag
-from tuner.readers.estimate_columns import Frames
+from tuner.readers.estimate_columns import Frames, assemble, read_columns
 from tuner.readers.estimate_csv import names_known_columns, read_estimate_csv
 from tuner.readers.estimate_npz import read_estimate_npz
 from tuner.readers.gps_solution import gps_solution, of_gps_solution
@@ -21,7 +21,7 @@ from tuner.readers.log_format import library_of
 from tuner.readers.messages.rosbag import FORMAT as BAG_FORMAT
 from tuner.readers.navego_output import read_navego_output
 from tuner.readers.text_dialect import find_dialect
-from tuner.readers.trajectory_files import is_euroc, read_euroc, read_kitti, read_tum
+from tuner.readers.trajectory_files import TUM, columns_of_euroc, read_kitti
 from tuner.types.filter_output import FilterOutput
 from tuner.types.records import DataError
 
@@ -71,7 +71,7 @@ def read_estimate(
         axes_rotation(frame, WORLD_LETTERS, option=f"{path}: --frame")
     if body is not None:
         axes_rotation(body, BODY_LETTERS, option=f"{path}: --body")
-    found = _estimate(path, Frames(frame, body or "FRD"), body is not None, columns, topic, beside)
+    found = _estimate(path, Frames(frame, body), columns, topic, beside)
     _refuse_idle(path, found, frame, body)
     return found
 
@@ -79,7 +79,6 @@ def read_estimate(
 def _estimate(
     path: Path,
     frames: Frames,
-    body_stated: bool,
     columns: Mapping[str, str] | None,
     topic: str | None,
     beside: FilterOutput | None,
@@ -87,14 +86,14 @@ def _estimate(
     """Return what a file of any form holds, in order of time."""
     if path.exists() and is_bag(path):
         with library_of(BAG_FORMAT, path), input_guard(path, "a ROS bag or MCAP file"):
-            return in_order(read_estimate_bag(path, frames, body_stated=body_stated, topic=topic))
+            return in_order(read_estimate_bag(path, frames, topic=topic))
     if topic is not None:
         raise DataError(f"{path}: --topic {topic}: expected a ROS bag or MCAP file, found another file")
     with input_guard(path, "the output of a filter"):
         solution = None if columns or not path.is_file() else gps_solution(path)
         if solution is not None:
             return in_order(of_gps_solution(path, solution, beside))
-        return in_order(_read(path, frames, body_stated, columns))
+        return in_order(_read(path, frames, columns))
 
 
 def _refuse_idle(path: Path, found: FilterOutput, frame: str | None, body: str | None) -> None:
@@ -117,7 +116,7 @@ def _refuse_idle(path: Path, found: FilterOutput, frame: str | None, body: str |
         )
 
 
-def _read(path: Path, frames: Frames, body_stated: bool, columns: Mapping[str, str] | None) -> FilterOutput:
+def _read(path: Path, frames: Frames, columns: Mapping[str, str] | None) -> FilterOutput:
     if path.is_dir():
         results = sorted(path.glob("*Navresult*.nav")) or sorted(path.glob("*.nav"))
         if len(results) != 1:
@@ -135,23 +134,21 @@ def _read(path: Path, frames: Frames, body_stated: bool, columns: Mapping[str, s
     if suffix == ".nav":
         return read_kf_gins_output(path)
     dialect = find_dialect(path)
-    if is_euroc(dialect):
-        return read_euroc(path, dialect, frames)
-    if columns or (names_known_columns(dialect) and not _is_tum(dialect.names)):
+    places = columns_of_euroc(dialect)
+    of_tum = {"tx", "ty", "tz"} <= {name.lower() for name in dialect.names}  # they carry names as a comment
+    if not places and (columns or (names_known_columns(dialect) and not of_tum)):
         return read_estimate_csv(path, frames, columns=columns)
-    if len(dialect.names) == 8 and dialect.separator in (None, ","):
-        return read_tum(path, dialect, frames)
+    if not places and len(dialect.names) == 8 and dialect.separator in (None, ","):
+        places = TUM
+    if places:
+        axes = Frames(frames.world or "ENU", frames.body)
+        return assemble(str(path), read_columns(path, dialect, places), axes)
     if len(dialect.names) == 12 and not dialect.header:
-        return read_kitti(path, dialect, frames, body_stated=body_stated)
+        return read_kitti(path, dialect, frames)
     raise DataError(
         f"{path}: expected the output of a filter ({KNOWN_FORMS}), found {len(dialect.names)} columns: "
         f"{', '.join(dialect.names[:6])}, …; name them in a header or with --columns"
     )
-
-
-def _is_tum(names: tuple[str, ...]) -> bool:
-    """Tell the header that trajectories of TUM carry as a comment."""
-    return {"tx", "ty", "tz"} <= {name.lower() for name in names}
 
 
 def in_order(found: FilterOutput) -> FilterOutput:

@@ -52,7 +52,7 @@ def is_bag(path: Path) -> bool:
         return file.read(16).startswith(SIGNATURES) or (path.parent / METADATA).is_file()
 
 
-def read_estimate_bag(path: Path, frames: Frames, *, body_stated: bool, topic: str | None) -> FilterOutput:
+def read_estimate_bag(path: Path, frames: Frames, *, topic: str | None) -> FilterOutput:
     """Read a filter's output of a bag.
 
     Parameters
@@ -60,9 +60,7 @@ def read_estimate_bag(path: Path, frames: Frames, *, body_stated: bool, topic: s
     path : Path
         Bag, MCAP file, or folder of a ROS 2 bag.
     frames : Frames
-        Axes of world and body.
-    body_stated : bool
-        Whether those of the body were named; else they are forward, left, up.
+        Axes of world and body; those that are not stated are east, north, up and forward, left, up.
     topic : str or None
         The topic, where there are several.
 
@@ -88,7 +86,7 @@ def read_estimate_bag(path: Path, frames: Frames, *, body_stated: bool, topic: s
     if len(rows) < 2:
         raise DataError(f"{path}: topic {chosen}: expected two poses or more, found {len(rows)}")
     t = 1e-9 * clock_of_stamps(np.array(stamps, dtype=np.int64)).astype(float)
-    return _assembled(f"{path}:{chosen}", t, np.array(rows), kind, frames, body_stated=body_stated)
+    return _assembled(f"{path}:{chosen}", t, np.array(rows), kind, frames)
 
 
 def _topic(path: Path, found: dict[str, str], wanted: str | None) -> str:
@@ -120,10 +118,8 @@ def _numbers(message: Any, kind: str) -> tuple[float, ...]:
     return (*row, *[np.nan] * 12)
 
 
-def _assembled(
-    source: str, t: FloatArray, rows: FloatArray, kind: str, frames: Frames, *, body_stated: bool
-) -> FilterOutput:
-    axes = Frames(frames.world or "ENU", frames.body if body_stated else "FLU")
+def _assembled(source: str, t: FloatArray, rows: FloatArray, kind: str, frames: Frames) -> FilterOutput:
+    axes = Frames(frames.world or "ENU", frames.body or "FLU")
     mat_nw = axes_rotation(str(axes.world), WORLD_LETTERS, option="--frame")
     length = np.linalg.norm(rows[:, 3:7], axis=1, keepdims=True)
     quat = np.where(length > 0.0, rows[:, 3:7] / np.where(length > 0.0, length, 1.0), np.nan)

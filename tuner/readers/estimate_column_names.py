@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping
 
-from models.units import canonical_unit, unit_value
+from models.units import canonical_unit
 from tuner.types.records import DataError
 
 TRIPLES: Mapping[str, tuple[tuple[str, str, str], tuple[str, str, str]]] = {
@@ -77,25 +77,17 @@ def canonical_name(written: str) -> tuple[str, str | None]:
     return _ALIASES.get(plain, plain), unit
 
 
-def known_columns() -> dict[str, tuple[str, str | None]]:
-    """Return the names of all sds and covariances, each with the columns that it is of."""
-    states = [n for n in UNITS if n not in ("t", "outage")]
-    names: dict[str, tuple[str, str | None]] = {f"sd_{name}": (name, None) for name in states}
-    names |= {f"cov_{a}_{b}": (a, b) for a, b in itertools.product(states, repeat=2)}
-    return names
-
-
-SPREADS = known_columns()
+_STATES = [name for name in UNITS if name not in ("t", "outage")]
+SPREADS: Mapping[str, tuple[str, str | None]] = {
+    **{f"sd_{name}": (name, None) for name in _STATES},
+    **{f"cov_{a}_{b}": (a, b) for a, b in itertools.product(_STATES, repeat=2)},
+}
+"""Names of all sds and covariances, each with the columns that it is of."""
 
 
 def is_known(name: str) -> bool:
     """Tell whether a name is that of a column that is read."""
     return name in UNITS or name in SPREADS
-
-
-def si_factor(unit: str) -> float:
-    """Return the size of a unit in SI."""
-    return 1.0 if unit == "1" else unit_value(unit)
 
 
 def column_unit(source: str, name: str, stated: str | None) -> str:

@@ -20,12 +20,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from models import rotation
 from models.arrays import FloatArray
 from models.earth import llh_from_ecef, mat_en, metres_per_radian
+from models.units import unit_value
 from tuner.readers.axes_letters import BODY_LETTERS, WORLD_LETTERS, axes_rotation
 from tuner.readers.estimate_column_names import (
     QUATERNION,
@@ -33,9 +35,10 @@ from tuner.readers.estimate_column_names import (
     TRIPLES,
     UNITS,
     column_unit,
-    si_factor,
 )
 from tuner.readers.estimate_spreads import Spread, stated_spread
+from tuner.readers.text import read_numbers
+from tuner.readers.text_dialect import Dialect
 from tuner.types.filter_output import FilterOutput, TakenAxes, filter_output
 from tuner.types.records import DataError
 
@@ -47,12 +50,21 @@ THINNED_INTERVAL = 0.1
 """Time between rows of more than that, s: errors of a filter change little in it."""
 
 
+Columns = Mapping[str, tuple[FloatArray, str | None]]
+"""Values, shape (n,), and unit as it is stated, by canonical name."""
+Places = Mapping[str, tuple[int, str | None]]
+"""Place in a text, from 0 on, and unit, by canonical name."""
+
+
 @dataclass(frozen=True)
 class Frames:
-    """Frames of a file that does not name them: axes of the world and of the body, by letters; None where unknown."""
+    """Axes of the world and of the body, by letters, as they are stated; None where the form of the file says them.
+
+    Without both, those of the world are unknown, and those of the body forward, right, down.
+    """
 
     world: str | None = None
-    body: str = "FRD"
+    body: str | None = None
 
 
 @dataclass(frozen=True)
@@ -64,18 +76,15 @@ class _Part:
     names: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class _World:
-    """Axes of the world by letters, their rotation to north, east, down, (n, 3, 3), and positions that were ECEF."""
-
-    letters: str
-    mat_nw: FloatArray
-    llh: FloatArray | None = None
+def read_columns(path: Path, dialect: Dialect, places: Places) -> Columns:
+    """Read columns of a text file."""
+    (numbers,) = read_numbers(path, dialect, [[place for place, _ in places.values()]])
+    return {name: (numbers[:, j], unit) for j, (name, (_, unit)) in enumerate(places.items())}
 
 
 def assemble(
     source: str,
-    columns: Mapping[str, tuple[FloatArray, str | None]],
+    columns: Columns,
     frames: Frames,
     *,
     notes: tuple[str, ...] = (),
@@ -87,7 +96,7 @@ def assemble(
     source : str
         The file, for messages.
     columns : mapping of str to (ndarray, str or None)
-        Values, shape (n,), and unit in brackets, by canonical name.
+        `Columns`.
     frames : Frames
         Axes that the names do not state.
 
@@ -101,7 +110,7 @@ def assemble(
     units = {
         name: column_unit(source, name, stated) for name, (_, stated) in columns.items() if name in UNITS
     }
-    values = {name: si_factor(units[name]) * columns[name][0] for name in units}
+    values = {name: unit_value(units[name]) * columns[name][0] for name in units}
     if "t" not in values:
         raise DataError(
             f"{source}: expected a column t, s, found {', '.join(columns) or 'none that is known'}"
@@ -114,22 +123,23 @@ def assemble(
         raise DataError(
             f"{source}: expected latitudes within ±90 deg, found {np.degrees(np.nanmax(np.abs(llh[:, 0]))):.5g} deg"
         )
-    mat_bf = axes_rotation(frames.body, BODY_LETTERS, option="--body")
-    world = _world(source, frames, xyz, vel_w, quaternions="qw" in values, n=n)
-    if world.llh is not None:
-        llh = world.llh
+    letters_of_body = frames.body or "FRD"
+    mat_bf = axes_rotation(letters_of_body, BODY_LETTERS, option="--body")
+    letters, mat_nw, of_ecef = _world(source, frames, xyz, vel_w, quaternions="qw" in values, n=n)
+    if of_ecef is not None:
+        llh = of_ecef
     elif xyz is not None and llh is None:
-        local = xyz @ world.mat_nw[0].T
+        local = xyz @ mat_nw[0].T
     if vel_w is not None:
-        vel_n = np.einsum("nij,nj->ni", world.mat_nw, vel_w)
+        vel_n = np.einsum("nij,nj->ni", mat_nw, vel_w)
     eye = np.asarray(np.broadcast_to(np.eye(3), (n, 3, 3)))
     parts: list[_Part] = []
     if llh is not None and {"sd_lat", "cov_lat_lat"} & columns.keys():
         size = metres_per_radian(llh)
         parts.append(_Part(0, np.einsum("ni,ij->nij", size, np.eye(3)), ("lat", "lon", "height")))
-    parts += [_Part(0, eye, ("n", "e", "d")), _Part(0, world.mat_nw, ("x", "y", "z"))]
-    parts += [_Part(3, eye, ("vn", "ve", "vd")), _Part(3, world.mat_nw, ("vx", "vy", "vz"))]
-    attitude = _attitude(source, values, rpy, world.mat_nw, mat_bf)
+    parts += [_Part(0, eye, ("n", "e", "d")), _Part(0, mat_nw, ("x", "y", "z"))]
+    parts += [_Part(3, eye, ("vn", "ve", "vd")), _Part(3, mat_nw, ("vx", "vy", "vz"))]
+    attitude = _attitude(source, values, rpy, mat_nw, mat_bf)
     if attitude is not None:
         parts += attitude[1]
     parts.append(_Part(6, eye, ("phi_n", "phi_e", "phi_d")))
@@ -158,10 +168,10 @@ def assemble(
         outages=_outages(values),
         notes=tuple(messages),
         axes=TakenAxes(
-            world.letters if xyz is not None and llh is None else "NED",
-            world.letters if vel_w is not None else "NED",
-            None if rpy is not None or world.llh is not None else world.letters,
-            frames.body.strip().upper(),
+            letters if xyz is not None and llh is None else "NED",
+            letters if vel_w is not None else "NED",
+            None if rpy is not None or of_ecef is not None else letters,
+            letters_of_body.strip().upper(),
         ),
     )
 
@@ -187,21 +197,31 @@ def _world(
     *,
     quaternions: bool,
     n: int,
-) -> _World:
-    """Return the axes of x, y, z, vx, vy, vz and of quaternions: north, east, down where nothing needs them."""
+) -> tuple[str, FloatArray, FloatArray | None]:
+    """Return the axes of x, y, z, vx, vy, vz and of quaternions: north, east, down where nothing needs them.
+
+    Returns
+    -------
+    letters : str
+        Names of the axes.
+    mat_nw : ndarray, shape (n, 3, 3)
+        Their rotation to north, east, down.
+    llh : ndarray, shape (n, 3), or None
+        Positions that were ECEF: latitude and longitude, rad, height, m.
+    """
     if xyz is None and velocity is None and (frames.world is None or not quaternions):
-        return _World("NED", np.asarray(np.broadcast_to(np.eye(3), (n, 3, 3))))
+        return "NED", np.asarray(np.broadcast_to(np.eye(3), (n, 3, 3))), None
     if frames.world is None:
         which = "x, y, z" if xyz is not None else "vx, vy, vz"
         raise DataError(f"{source}: the columns {which} need their axes: --frame ENU, NED, ECEF or others")
     letters = frames.world.strip().upper()
     if letters != "ECEF":
         mat = axes_rotation(frames.world, WORLD_LETTERS, option="--frame")
-        return _World(letters, np.asarray(np.broadcast_to(mat, (n, 3, 3))))
+        return letters, np.asarray(np.broadcast_to(mat, (n, 3, 3))), None
     if xyz is None:
         raise DataError(f"{source}: --frame ECEF: expected the columns x, y, z, found none")
     llh = llh_from_ecef(xyz)
-    return _World("NED", np.swapaxes(mat_en(llh[:, 0], llh[:, 1]), -1, -2), llh)
+    return "NED", np.swapaxes(mat_en(llh[:, 0], llh[:, 1]), -1, -2), llh
 
 
 def _attitude(
@@ -237,14 +257,12 @@ def _attitude(
     ]
 
 
-def _thinned(
-    columns: Mapping[str, tuple[FloatArray, str | None]], notes: list[str]
-) -> Mapping[str, tuple[FloatArray, str | None]]:
+def _thinned(columns: Columns, notes: list[str]) -> Columns:
     """Return the rows some way apart in time, and all with innovations, where there are many with covariances."""
     if "t" not in columns or not any(name in SPREADS for name in columns):
         return columns
     t, unit = columns["t"]
-    seconds = t * si_factor(column_unit("", "t", unit))
+    seconds = t * unit_value(column_unit("", "t", unit))
     if len(t) <= MAX_DENSE_ROWS or not np.isfinite(seconds).all():
         return columns
     number = np.floor((seconds - seconds[0]) / THINNED_INTERVAL + 1e-6)

@@ -5,11 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-import numpy as np
-
 from tuner.readers.estimate_column_names import canonical_name, is_known
-from tuner.readers.estimate_columns import Frames, assemble
-from tuner.readers.text import read_numbers
+from tuner.readers.estimate_columns import Frames, assemble, read_columns
 from tuner.readers.text_dialect import Dialect, find_dialect
 from tuner.types.filter_output import FilterOutput
 from tuner.types.records import DataError
@@ -42,14 +39,8 @@ def read_estimate_csv(
     """
     dialect = find_dialect(path)
     found = chosen_columns(str(path), dialect.names, columns or {})
-    (numbers,) = read_numbers(
-        path, dialect, [[dialect.names.index(written) for written, _ in found.values()]]
-    )
-    return assemble(
-        str(path),
-        {name: (np.asarray(numbers[:, j]), unit) for j, (name, (_, unit)) in enumerate(found.items())},
-        frames,
-    )
+    places = {name: (dialect.names.index(written), unit) for name, (written, unit) in found.items()}
+    return assemble(str(path), read_columns(path, dialect, places), frames)
 
 
 def chosen_columns(

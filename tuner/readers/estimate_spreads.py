@@ -14,7 +14,6 @@ from tuner.readers.estimate_column_names import (
     SPREADS,
     UNITS,
     same_kind,
-    si_factor,
     stated_unit,
     units_of_product,
 )
@@ -57,12 +56,12 @@ def stated_spread(
         if unit is None:
             if name in ("lat", "lon") and not degrees:
                 return 1.0 / _metres(name, values)
-            return si_factor(units.get(name, UNITS[name]))
+            return unit_value(units.get(name, UNITS[name]))
         if not same_kind(unit, UNITS[name]):
             raise DataError(
                 f"{source}: sd or covariance of {name} in {unit}: expected a unit such as {UNITS[name]}"
             )
-        return si_factor(unit)
+        return unit_value(unit)
 
     mat = np.full((len(values["t"]), len(names), len(names)), np.nan)
     for column, (a, b) in stated.items():

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tuner.readers.estimate_columns import Frames, assemble
+from tuner.readers.estimate_columns import Columns, Frames, assemble
 from tuner.readers.fixes.gps_time import SECONDS_A_WEEK, GpsFixes, on_clock_of
 from tuner.readers.fixes.rtklib import read_rtklib
 from tuner.readers.waypoint import COLUMNS, read_waypoint, waypoint_header
@@ -28,8 +28,7 @@ def gps_solution(path: Path) -> GpsFixes | None:
     if path.suffix.lower() not in TEXT_ENDINGS:
         return None
     if waypoint_header(path) is not None:
-        found = read_waypoint(path)
-        return GpsFixes(found.t, found.rows, found.notes, dated=found.dated)
+        return read_waypoint(path)
     if path.suffix.lower() != ".pos":
         return None
     fixes = read_rtklib(path)
@@ -53,14 +52,14 @@ def of_gps_solution(path: Path, solution: GpsFixes, beside: FilterOutput | None)
         finite = beside.t[np.isfinite(beside.t)]
         stamped, note = on_clock_of(path, solution, float(finite.min()), float(finite.max()))
         t, notes = stamped[:, 0], (*solution.notes, note.replace("the inertial record", "the estimate"))
-    columns = {"t": (t, None)}
-    for j, name in enumerate(COLUMNS):
-        values = np.asarray(solution.rows[:, j])
-        if np.isfinite(values).any():
-            columns[name] = (values, None)
+    columns: Columns = {
+        name: (values, None)
+        for name, values in zip(("t", *COLUMNS), (t, *solution.rows.T), strict=True)
+        if name == "t" or np.isfinite(values).any()
+    }
     for group in (("vn", "ve", "vd"), _ATTITUDE):
         if not set(group) <= columns.keys():
             columns = {
                 name: column for name, column in columns.items() if name.removeprefix("sd_") not in group
             }
-    return assemble(str(path), columns, Frames(None, "FRD"), notes=notes)
+    return assemble(str(path), columns, Frames(), notes=notes)

@@ -16,22 +16,22 @@ from numpy.typing import NDArray
 
 from tuner.formats.guard import input_guard, reason
 from tuner.readers.child_process import array_from_child, check_in_child
-from tuner.readers.columns import Listing, Progress, StoredArray, listing_of_arrays
+from tuner.readers.columns import (
+    FREE_BYTES,
+    MAX_EXPANSION,
+    Listing,
+    Progress,
+    StoredArray,
+    listing_of_arrays,
+)
 from tuner.readers.log_format import LogFormat
 from tuner.types.records import DataError
 
-MAX_EXPANSION, FREE_BYTES = 200, 1 << 28
-"""Unpacked ÷ packed that a dataset of more than `FREE_BYTES` may have: measured samples stay below 20."""
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 """First bytes of an HDF5 file."""
 
 
-def list_hdf5(path: Path, progress: Progress | None = None) -> Listing:
-    """Return the numeric datasets of an HDF5 file."""
-    return read_hdf5(path, turned=False, progress=progress)
-
-
-def read_hdf5(path: Path, *, turned: bool, progress: Progress | None = None) -> Listing:
+def read_hdf5(path: Path, progress: Progress | None = None, *, turned: bool = False) -> Listing:
     """Return the numeric datasets of an HDF5 file; `turned` ones are transposed.
 
     Datasets whose samples lie in other files, or whose type is unknown, are left out with a note; links to other
@@ -90,11 +90,10 @@ def _list_dataset(
         if dtype.kind not in "iuf" or dtype.itemsize > 8:
             continue
         if node.size == 1:
-            found = _read(path, name, field, turned=False)
-            meta[column.rsplit("/", 1)[-1]] = found.item()
+            meta[column.rsplit("/", 1)[-1]] = _read(path, name, field, (), turned=False).item()
             continue
         shape = node.shape[::-1] if turned else node.shape
-        read = partial(_read, path, name, field, turned=turned)
+        read = partial(_read, path, name, field, (), turned=turned)
         arrays[column] = StoredArray(
             shape,
             dtype,
@@ -105,13 +104,15 @@ def _list_dataset(
             units[column] = unit
 
 
-def _read(path: Path, name: str, field: str | None, *, turned: bool) -> NDArray[Any]:
-    """Return the samples of a dataset, or of a field of it."""
+def _read(
+    path: Path, name: str, field: str | None, where: tuple[slice, ...], *, turned: bool
+) -> NDArray[Any]:
+    """Return the samples of a dataset, or of a field of it, at some places; turned ones are transposed."""
     import h5py
 
     with input_guard(f"{path}: {name}", "a dataset of numbers"):
         with h5py.File(path, "r") as file:
-            found = np.asarray(file[name][()] if field is None else file[name][field])
+            found = np.asarray(file[name][where if field is None else (field, *where)])
         return found.T if turned else found
 
 
@@ -131,20 +132,9 @@ def _pieces(
     rest = stored[1:] if along_first else stored[:-1]
     for start in range(0, whole, count):
         stop = min(start + count, whole)
-        where = slice(start, stop) if along_first else (slice(None), slice(start, stop))
-        shape = (stop - start, *rest)
-        read = partial(_read_some, path, name, field, where, along_first)
-        yield array_from_child(f"{path}: {name}", shape, dtype, read)
-
-
-def _read_some(path: Path, name: str, field: str | None, where: Any, along_first: bool) -> NDArray[Any]:
-    """Return some of the samples, those of one time as a row."""
-    import h5py
-
-    with input_guard(f"{path}: {name}", "a dataset of numbers"):
-        with h5py.File(path, "r") as file:
-            found = np.asarray(file[name][where] if field is None else file[name][where][field])
-        return found if along_first else found.T
+        where = (slice(start, stop),) if along_first else (slice(None), slice(start, stop))
+        read = partial(_read, path, name, field, where, turned=not along_first)
+        yield array_from_child(f"{path}: {name}", (stop - start, *rest), dtype, read)
 
 
 def _plain(value: Any) -> Any:
@@ -158,7 +148,7 @@ FORMAT = LogFormat(
     "hdf5",
     "HDF5",
     (".h5", ".hdf5", ".hdf"),
-    list_hdf5,
+    read_hdf5,
     lambda head: head.startswith(SIGNATURE),
     extra="hdf5",
 )

@@ -189,7 +189,7 @@ class JoinedParts:
                     segments=tuple(long),
                     covariates=MappingProxyType({n: c for n, c in covariates.items() if n not in gone}),
                     timing=MappingProxyType(self._merged()),
-                    broken=MappingProxyType(self._broken(one.name)),
+                    broken=MappingProxyType({}),
                     samples_a_mean=self._size,
                     short_clusters=MappingProxyType(
                         {axis: short[axis] for axis in one.axes if axis in short}
@@ -219,26 +219,14 @@ class JoinedParts:
             ),
         )
 
-    def _broken(self, sensor: str) -> dict[str, tuple[int, float]]:
-        """Return the broken readings of all parts: how many, and how far off, those of the part where it is most."""
-        total: dict[str, tuple[int, float]] = {}
-        for _, found in self._parts:
-            for record in found.records:
-                for axis, (count, size) in record.broken.items() if record.name == sensor else ():
-                    known, largest = total.get(axis, (0, 0.0))
-                    total[axis] = (known + count, max(size, largest))
-        return total
-
     def _merged(self) -> dict[str, float]:
         """Return what the stamps of all parts said, and the missing samples between parts: counts add up."""
         timing = self._timing
         if not timing[0]:
             return {}
-        names = ("gap_count", "missing", "bridged", "duplicates", "disordered")
-        merged = {name: float(sum(one[name] for one in timing)) for name in names}
-        merged["gap_count"] += self._gaps
-        merged["missing"] += self._lost
-        merged["bridged"] += self._bridged
+        between = {"gap_count": self._gaps, "missing": self._lost, "bridged": self._bridged}
+        names = (*between, "duplicates", "disordered")
+        merged = {name: float(sum(one[name] for one in timing) + between.get(name, 0)) for name in names}
         merged["jitter_sd"] = float(np.sqrt(np.mean([one["jitter_sd"] ** 2 for one in timing])))
         merged["rounding"] = max(one["rounding"] for one in timing)
         if "clock_ratio" in timing[0]:

@@ -35,6 +35,7 @@ from models.arrays import FloatArray
 from models.units import unit_value
 from tuner.formats.codec import load
 from tuner.formats.documents import parse_yaml
+from tuner.readers.drive_npz import DriveArrays
 from tuner.readers.text import read_numbers
 from tuner.readers.text_dialect import find_dialect
 from tuner.types.number_ranges import Finite, LeverArm, Positive, Vector3
@@ -48,38 +49,7 @@ BIAS_ENTRIES = (("initgyrbias", "deg/h"), ("initaccbias", "mGal"))
 SCALE_ENTRIES = (("initgyrscale", "ppm"), ("initaccscale", "ppm"))
 
 
-@dataclass(frozen=True)
-class KfGins:
-    """A drive as its files have it, increments made rates.
-
-    Attributes
-    ----------
-    imu : ndarray, shape (n, 7)
-        t, angular rates rad/s, specific forces m/s².
-    fixes : ndarray, shape (k, 13)
-        t, latitude and longitude deg, height m, velocity (NaN), sds of the position m, of the velocity (NaN).
-    truth : ndarray, shape (r, 10), or None
-        t, latitude and longitude deg, height m, velocity m/s, angles deg.
-    lever_arm : tuple of 3 floats or None
-        m.
-    start : ndarray, shape (10,), or None
-        t, latitude and longitude deg, height m, velocity m/s, angles deg.
-    notes : tuple of str
-        What was left out and taken out.
-    compensated : bool
-        Whether it was written without what a configuration takes out.
-    """
-
-    imu: FloatArray
-    fixes: FloatArray
-    truth: FloatArray | None
-    lever_arm: tuple[float, float, float] | None
-    start: FloatArray | None
-    notes: tuple[str, ...]
-    compensated: bool = False
-
-
-def read_kf_gins(path: Path) -> KfGins:
+def read_kf_gins(path: Path) -> DriveArrays:
     """Read the drive of a YAML of KF-GINS.
 
     Raises
@@ -95,7 +65,11 @@ def read_kf_gins(path: Path) -> KfGins:
             f"and {fixes.shape[1]}"
         )
     notes: list[str] = []
-    bias, scale = _six(settings, BIAS_ENTRIES), _six(settings, SCALE_ENTRIES)
+    # Of the three gyroscopes, then of the accelerometers, SI.
+    bias, scale = (
+        np.concatenate([unit_value(unit) * np.array(getattr(settings, name)) for name, unit in entries])
+        for entries in (BIAS_ENTRIES, SCALE_ENTRIES)
+    )
     if bias.any() or scale.any():
         notes.append("the initial sensor errors of the settings are taken out")
     interval = 1.0 / settings.imudatarate
@@ -109,14 +83,16 @@ def read_kf_gins(path: Path) -> KfGins:
         notes.append(f"{np.count_nonzero(~inside)} inertial rows outside starttime … endtime left out")
     blank = np.full((len(fixes), 3), np.nan)
     sds = fixes[:, 7:10] if fixes.shape[1] == 13 else fixes[:, 4:7]
-    return KfGins(
+    start = _start(settings, imu[:, 0], notes)
+    return DriveArrays(
         np.column_stack([imu[:, 0], rates])[inside],
         np.column_stack([fixes[:, :4], blank, sds, blank]),
         _truth(path),
-        settings.antlever,
-        _start(settings, imu[:, 0], notes),
-        tuple(notes),
-        settings.compensated,
+        "FRD",
+        lever_arm=settings.antlever,
+        notes=tuple(notes),
+        start=start,
+        compensated=settings.compensated,
     )
 
 
@@ -169,13 +145,6 @@ def _start(settings: _Settings, t: FloatArray, notes: list[str]) -> FloatArray |
         return None
     first = t[np.searchsorted(t, begin)]
     return np.concatenate([[first], *(part for part in parts if part is not None)])
-
-
-def _six(settings: _Settings, entries: tuple[tuple[str, str], ...]) -> FloatArray:
-    """Return the errors of the three gyros and accelerometers, SI; (6,)."""
-    return np.concatenate(
-        [unit_value(unit) * np.array(getattr(settings, name)) for name, unit in entries], dtype=float
-    )
 
 
 def _truth(path: Path) -> FloatArray | None:

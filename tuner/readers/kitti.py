@@ -20,10 +20,8 @@ FIELDS_A_SAMPLE = 30
 
 def oxts_folder(path: Path) -> Path | None:
     """Return the folder with ``timestamps.txt`` and ``data`` in or at a path, or None."""
-    for folder in (path, path / "oxts"):
-        if (folder / "timestamps.txt").is_file() and (folder / "data").is_dir():
-            return folder
-    return None
+    found = (f for f in (path, path / "oxts") if (f / "timestamps.txt").is_file() and (f / "data").is_dir())
+    return next(found, None)
 
 
 def list_kitti(path: Path) -> Listing:

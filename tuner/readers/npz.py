@@ -30,7 +30,11 @@ def list_npz(path: Path, progress: Progress | None = None) -> Listing:
         for name, array in arrays.items()
         if math.prod(array.shape) == 1 and array.dtype.itemsize <= MAX_META_BYTES
     }
-    meta: dict[str, Any] = {name: _value(array.item()) for name, array in single.items()}
+    items = {name: array.item() for name, array in single.items()}
+    meta: dict[str, Any] = {
+        name: item.decode("utf-8", errors="replace") if isinstance(item, bytes) else item
+        for name, item in items.items()
+    }
     stated = meta.pop("meta", None)
     if isinstance(stated, str):
         content = parse_json(stated, source=f"{path}: meta")
@@ -40,21 +44,14 @@ def list_npz(path: Path, progress: Progress | None = None) -> Listing:
     return listing_of_arrays(path, arrays, units=units, meta=meta, notes=notes, progress=progress)
 
 
-def _value(found: Any) -> Any:
-    return found.decode("utf-8", errors="replace") if isinstance(found, bytes) else found
-
-
 def _whole_numbers(array: StoredArray) -> StoredArray:
     """Return the numbers behind an array of a time type of numpy."""
     kind = np.dtype(np.int64).newbyteorder(array.dtype.byteorder)
-    pieces = array.pieces
     return replace(
         array,
         dtype=kind,
         read=lambda: array.read().view(kind),
-        pieces=None
-        if pieces is None
-        else lambda count, last: (part.view(kind) for part in pieces(count, last)),
+        pieces=lambda count, last: (part.view(kind) for part in array.pieces(count, last)),
     )
 
 

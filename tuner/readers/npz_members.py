@@ -13,11 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tuner.formats.guard import input_guard, reason
-from tuner.readers.columns import StoredArray
+from tuner.readers.columns import FREE_BYTES, MAX_EXPANSION, StoredArray
 from tuner.types.records import DataError
 
-MAX_EXPANSION, FREE_BYTES = 200, 1 << 28
-"""Unpacked ÷ packed that an array of more than `FREE_BYTES` may have: measured samples stay below 20."""
 MAX_MEMBERS = 10_000
 """Arrays in one archive that are listed."""
 

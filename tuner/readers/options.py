@@ -33,8 +33,5 @@ class Options:
 
 def stated_rate(meta: Mapping[str, Any]) -> float | None:
     """Return the rate that meta states, Hz, or None."""
-    for key in _RATE_KEYS:
-        value = meta.get(key)
-        if isinstance(value, int | float) and value > 0:
-            return float(value)
-    return None
+    stated = (meta.get(key) for key in _RATE_KEYS)
+    return next((float(v) for v in stated if isinstance(v, int | float) and v > 0), None)

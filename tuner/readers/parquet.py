@@ -6,8 +6,8 @@ read in their unit.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from tuner.formats.guard import input_guard
 from tuner.readers.column_names import known_unit
-from tuner.readers.columns import Listing, Part, Progress
+from tuner.readers.columns import ArrayTable, Listing, Progress, StoredArray
 from tuner.readers.log_format import LogFormat
 from tuner.types.records import DataError
 
@@ -25,77 +25,6 @@ MAX_ROWS_PER_BYTE = 1000
 
 BUFFER_BYTES = 1 << 20
 """Bytes that are read at a time where a file is read in pieces, instead of a whole group of rows."""
-
-
-@dataclass(frozen=True)
-class _Columns:
-    """Numeric columns of a Parquet file: units that types or metadata state, and which hold whole numbers."""
-
-    names: tuple[str, ...]
-    units: Mapping[str, str]
-    integer: frozenset[str]
-
-
-@dataclass(frozen=True)
-class _Table:
-    """A Parquet file whose columns are read as arrays."""
-
-    path: Path
-    file: Any
-    rows: int
-    integer: frozenset[str]
-    progress: Progress | None
-
-    def load(self, groups: Sequence[Sequence[Part]]) -> tuple[NDArray[Any], ...]:
-        """Return whole columns, an array for each group."""
-        done, count = 0, sum(map(len, groups))
-
-        def column(name: str) -> Any:
-            nonlocal done
-            values = self.file.read(columns=[name]).column(0)
-            if len(values) != self.rows:
-                raise DataError(
-                    f"{self.path}: column '{name}': expected {self.rows} rows, got {len(values)}: damaged?"
-                )
-            done += 1
-            if self.progress is not None:
-                self.progress(done, count)
-            return values
-
-        return tuple(self._block(group, self.rows, column) for group in groups)
-
-    def stream(self, groups: Sequence[Sequence[Part]], most: int) -> Iterator[tuple[NDArray[Any], ...]]:
-        """Yield pieces of at most so many rows, an array for each group."""
-        from pyarrow import parquet
-
-        names = list(dict.fromkeys(part.array for group in groups for part in group))
-        with (
-            input_guard(self.path, "Parquet"),
-            parquet.ParquetFile(self.path, buffer_size=BUFFER_BYTES) as some,
-        ):
-            done = 0
-            for number in range(some.num_row_groups):  # over all at once, pyarrow keeps what it has read
-                for batch in some.iter_batches(most, [number], names, use_threads=False):
-                    yield tuple(self._block(group, len(batch), batch.column) for group in groups)
-                    done += len(batch)
-                    if self.progress is not None:
-                        self.progress(done, self.rows)
-
-    def _block(self, group: Sequence[Part], count: int, column: Callable[[str], Any]) -> NDArray[Any]:
-        """Return columns side by side: whole numbers where all of them are and none is missing."""
-        import pyarrow as pa
-
-        exact = all(part.array in self.integer for part in group)
-        block: NDArray[Any] = np.empty((count, len(group)), np.int64 if exact else np.float64, order="F")
-        for j, part in enumerate(group):
-            with input_guard(f"{self.path}: column '{part.array}'", "numbers"):
-                values = column(part.array)
-                if exact and values.null_count:
-                    exact, block = False, block.astype(np.float64, order="F")
-                if part.array in self.integer and not values.null_count:
-                    values = values.cast(pa.int64())
-                block[:, j] = values.to_numpy(zero_copy_only=False)
-        return block
 
 
 def list_parquet(path: Path, progress: Progress | None = None) -> Listing:
@@ -110,8 +39,15 @@ def list_parquet(path: Path, progress: Progress | None = None) -> Listing:
             raise DataError(
                 f"{path}: expected a row or so a byte, got {rows} rows in {path.stat().st_size} bytes: damaged?"
             )
-    columns = _numeric_columns(path, schema)
-    table = _Table(path, file, rows, columns.integer, progress)
+    whole, units = _numeric_columns(path, schema)
+    kinds = {name: np.dtype(np.int64 if exact else np.float64) for name, exact in whole.items()}
+    columns = {
+        name: StoredArray(
+            (rows,), kind, partial(_read, path, file, rows, name, kind), partial(_pieces, path, name, kind)
+        )
+        for name, kind in kinds.items()
+    }
+    table = ArrayTable(path, columns, progress)
     meta = {
         k.decode("utf-8", errors="replace"): v.decode("utf-8", errors="replace")
         for k, v in (schema.metadata or {}).items()
@@ -120,32 +56,29 @@ def list_parquet(path: Path, progress: Progress | None = None) -> Listing:
     numbers = {key: number for key, value in meta.items() if (number := _number(value)) is not None}
     return Listing(
         path=path,
-        shapes=dict.fromkeys(columns.names, (rows,)),
+        shapes=dict.fromkeys(whole, (rows,)),
         load=table.load,
-        units=columns.units,
-        integer=columns.integer,
+        units=units,
+        integer=frozenset(name for name, exact in whole.items() if exact),
         meta=meta | numbers,
         stream=table.stream,
         rows=rows,
     )
 
 
-def _numeric_columns(path: Path, schema: Any) -> _Columns:
-    """Return the numeric columns of a schema of pyarrow."""
+def _numeric_columns(path: Path, schema: Any) -> tuple[dict[str, bool], dict[str, str]]:
+    """Return whether each numeric column of a schema of pyarrow holds whole numbers, and units that it states."""
     import pyarrow as pa
 
-    names: list[str] = []
+    whole: dict[str, bool] = {}
     units: dict[str, str] = {}
-    integer = set()
     for column in schema:
         kind = column.type
         if pa.types.is_timestamp(kind) or pa.types.is_duration(kind):
             units[column.name] = kind.unit
         elif not (pa.types.is_integer(kind) or pa.types.is_floating(kind)):
             continue
-        names.append(column.name)
-        if not pa.types.is_floating(kind) and kind != pa.uint64():
-            integer.add(column.name)
+        whole[column.name] = not pa.types.is_floating(kind) and kind != pa.uint64()
         stated = (column.metadata or {}).get(b"unit") or (column.metadata or {}).get(b"units")
         if stated:
             unit = stated.decode("utf-8", errors="replace")
@@ -154,7 +87,35 @@ def _numeric_columns(path: Path, schema: Any) -> _Columns:
                     f"{path}: column '{column.name}' is of type {kind}, its metadata say {unit}: take one of them out"
                 )
             units[column.name] = unit
-    return _Columns(tuple(names), units, frozenset(integer))
+    return whole, units
+
+
+def _read(path: Path, file: Any, rows: int, name: str, kind: np.dtype[Any]) -> NDArray[Any]:
+    """Return a column of an open file, shape (rows,)."""
+    with input_guard(f"{path}: column '{name}'", "numbers"):
+        values = file.read(columns=[name]).column(0)
+        if len(values) != rows:
+            raise DataError(f"{path}: column '{name}': expected {rows} rows, got {len(values)}: damaged?")
+        return _numbers(values, kind)
+
+
+def _pieces(path: Path, name: str, kind: np.dtype[Any], most: int, _: bool) -> Iterator[NDArray[Any]]:
+    """Yield pieces of at most so many rows of a column."""
+    from pyarrow import parquet
+
+    with input_guard(path, "Parquet"), parquet.ParquetFile(path, buffer_size=BUFFER_BYTES) as file:
+        for number in range(file.num_row_groups):  # over all at once, pyarrow keeps what it has read
+            for batch in file.iter_batches(most, [number], [name], use_threads=False):
+                yield _numbers(batch.column(0), kind)
+
+
+def _numbers(values: Any, kind: np.dtype[Any]) -> NDArray[Any]:
+    """Return values of pyarrow, as whole numbers where they are and none is missing."""
+    import pyarrow as pa
+
+    if kind == np.int64 and not values.null_count:
+        values = values.cast(pa.int64())
+    return np.asarray(values.to_numpy(zero_copy_only=False))
 
 
 def _number(text: str) -> float | None:

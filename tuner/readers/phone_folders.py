@@ -10,9 +10,9 @@ from __future__ import annotations
 import shutil
 import tempfile
 import zipfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import replace
 from fnmatch import fnmatch
 from pathlib import Path
 
@@ -22,7 +22,7 @@ from models.arrays import FloatArray, IntArray
 from models.units import unit_value
 from tuner.formats.files import temporary_place
 from tuner.readers.column_names import SENSORS, TIME_UNITS, known_unit, parse_name
-from tuner.readers.columns import Listing, listing_of_arrays
+from tuner.readers.columns import FREE_BYTES, MAX_EXPANSION, Listing, listing_of_arrays
 from tuner.readers.drive_npz import DriveArrays
 from tuner.readers.drive_tables import table_of_fixes
 from tuner.readers.log_format import LogFormat
@@ -33,8 +33,6 @@ from tuner.types.records import DataError
 
 MAX_UNPACKED = 1 << 32
 """Largest size of a member of a ZIP that is unpacked, bytes: days of a phone's samples."""
-MAX_EXPANSION, FREE_BYTES = 200, 1 << 28
-"""Unpacked ÷ packed that a member of more than `FREE_BYTES` may have: measured samples stay below 20."""
 LOGGER = "Sensor Logger"
 """It writes ``seconds_elapsed`` or, in its versions of 2021, stamps since 1970 alone; phyphox writes neither."""
 GYRO = ("gyroscopeuncalibrated.csv", "gyroscope.csv", "gyro.csv", "*_gyro.csv")
@@ -59,11 +57,6 @@ FIRST_STAMP_OF_2001 = 1e18
 """ns since 1970."""
 
 
-def is_phone_folder(path: Path) -> bool:
-    """Tell a folder with a gyroscope's CSV, that is no drive in our own form."""
-    return path.is_dir() and not (path / "imu.csv").is_file() and _file(path, GYRO) is not None
-
-
 def list_phone(path: Path) -> Listing:
     """Return the samples of gyroscope and accelerometer on the gyroscope's stamps.
 
@@ -73,16 +66,11 @@ def list_phone(path: Path) -> Listing:
         Where the files of the sensors are not there, or their clocks part.
     """
     with _unpacked(path) as folder:
-        found = _sensors(path, folder)
-    arrays: Mapping[str, FloatArray] = {
-        "t": found.rows[:, 0],
-        "gyro": found.rows[:, 1:4],
-        "accel": found.rows[:, 4:],
-    }
-    arrays = {name: values for name, values in arrays.items() if values.size}
-    units = {"t": "s", **found.units}
-    listing = listing_of_arrays(path, arrays, units=units, meta={})
-    return Listing(path, listing.shapes, listing.load, listing.units, listing.integer, notes=found.notes)
+        rows, units, notes = _sensors(path, folder)
+    sensors = {"gyro": rows[:, 1:4], "accel": rows[:, 4:]}
+    arrays = {name: values for name, values in {"t": rows[:, 0], **sensors}.items() if values.size}
+    found = listing_of_arrays(path, arrays, units={"t": "s", **units}, meta={}, notes=notes)
+    return replace(found, stream=None, rows=0)
 
 
 def drive_of_phone(path: Path) -> DriveArrays:
@@ -94,18 +82,18 @@ def drive_of_phone(path: Path) -> DriveArrays:
         As `list_phone`, and where a sensor or the fixes are missing.
     """
     with _unpacked(path) as folder:
-        found, place = _sensors(path, folder), _file(folder, FIXES)
-        if found.rows.shape[1] < 7 or place is None:
+        rows, units, notes = _sensors(path, folder)
+        place = _file(folder, FIXES)
+        if rows.shape[1] < 7 or place is None:
             raise DataError(
                 f"{path}: expected gyroscope, accelerometer and fixes of a drive, found "
                 f"{', '.join(sorted(file.name for file in folder.iterdir()))}"
             )
-        fixes = table_of_fixes(place, found.rows[0, 0], found.rows[-1, 0])
+        fixes = table_of_fixes(place, rows[0, 0], rows[-1, 0])
         if len(fixes) < MIN_FIXES:
             raise DataError(f"{place}: expected {MIN_FIXES} fixes or more, found {len(fixes)}")
-    factors = np.repeat([1.0, *(unit_value(found.units[name]) for name in SENSORS)], [1, 3, 3])
-    notes = (*found.notes, f"fixes of {place.name}")
-    return DriveArrays(factors * found.rows, fixes, None, None, None, None, notes=notes)
+    factors = np.repeat([1.0, *(unit_value(units[name]) for name in SENSORS)], [1, 3, 3])
+    return DriveArrays(factors * rows, fixes, notes=(*notes, f"fixes of {place.name}"))
 
 
 def _file(folder: Path, names: tuple[str, ...]) -> Path | None:
@@ -159,50 +147,38 @@ def _unpacked(path: Path) -> Iterator[Path]:
             raise DataError(str(error).replace(str(folder), str(path))) from None
 
 
-@dataclass(frozen=True)
-class _Sensors:
-    """Stamps, s, and samples of both sensors, shape (n, 7), or (n, 4) of the gyroscope alone; units; notes."""
-
-    rows: FloatArray
-    units: Mapping[str, str]
-    notes: tuple[str, ...]
-
-
-def _sensors(path: Path, folder: Path) -> _Sensors:
+def _sensors(path: Path, folder: Path) -> tuple[FloatArray, dict[str, str], tuple[str, ...]]:
+    """Return stamps, s, and samples of both sensors, (n, 7), or of the gyroscope alone, (n, 4); units; notes."""
     gyro = _file(folder, GYRO)
-    rates = None if gyro is None else _columns(gyro)
-    if gyro is None or rates is None:
+    of_gyro = None if gyro is None else _columns(gyro)
+    if gyro is None or of_gyro is None:
         raise DataError(
             f"{path}: expected Gyroscope.csv as phyphox or Sensor Logger export it; of another application name one "
             "CSV with its --columns"
         )
-    accel = _file(folder, ACCEL_OF_LOGGER if rates.logger else ACCEL)
-    force = None if accel is None else _columns(accel)
-    units = {"gyro": rates.unit or "rad/s"}
-    source = f"{LOGGER if rates.logger else 'a file a sensor'}: gyroscope of {gyro.name}"
-    if accel is None or force is None:
-        return _Sensors(rates.values, units, (source,))
-    first, second = _paired(path, rates.values, force.values)
+    rates, unit, logger = of_gyro
+    accel = _file(folder, ACCEL_OF_LOGGER if logger else ACCEL)
+    of_accel = None if accel is None else _columns(accel)
+    units = {"gyro": unit or "rad/s"}
+    source = f"{LOGGER if logger else 'a file a sensor'}: gyroscope of {gyro.name}"
+    if accel is None or of_accel is None:
+        return rates, units, (source,)
+    forces, unit, _ = of_accel
+    first, second = _paired(path, rates, forces)
     notes: tuple[str, ...] = (f"{source}, accelerometer of {accel.name}",)
-    units["accel"] = force.unit or "m/s^2"
+    units["accel"] = unit or "m/s^2"
     usual = float(np.median(np.linalg.norm(second[:, 1:], axis=1)))
-    if rates.logger and force.unit is None and abs(usual - 1.0) < IN_G:
+    if logger and unit is None and abs(usual - 1.0) < IN_G:
         units["accel"] = "g"
         notes += (f"{LOGGER} states no unit; its accelerometer reads {usual:.3g} in the median: g",)
-    return _Sensors(np.hstack([first, second[:, 1:]]), units, notes)
+    return np.hstack([first, second[:, 1:]]), units, notes
 
 
-@dataclass(frozen=True)
-class _Columns:
-    """Time, s, and axes of a CSV, shape (n, 4), the unit that its header states, and whether Sensor Logger wrote it."""
+def _columns(path: Path) -> tuple[FloatArray, str | None, bool] | None:
+    """Return time, s, and axes of a CSV, (n, 4), their unit as it is stated, and whether Sensor Logger wrote it.
 
-    values: FloatArray
-    unit: str | None
-    logger: bool
-
-
-def _columns(path: Path) -> _Columns | None:
-    """Return time and axes of a CSV, or None where it has other columns."""
+    None where it has other columns.
+    """
     dialect = find_dialect(path)
     names = [parse_name(written) for written in dialect.names]
     plain = [name.plain for name in names]
@@ -219,7 +195,7 @@ def _columns(path: Path) -> _Columns | None:
     rows[:, 0] *= 1e-9 if since_1970 else TIME_UNITS.get(clock.unit or "s", 1.0)
     stated = names[places[1]].unit
     logger = since_1970 or clock.plain == "seconds_elapsed"
-    return _Columns(rows, known_unit(stated) if stated else None, logger)
+    return rows, known_unit(stated) if stated else None, logger
 
 
 def _paired(path: Path, gyro: FloatArray, accel: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -259,6 +235,6 @@ FORMAT = LogFormat(
     "ZIP or folder of phyphox or Sensor Logger",
     (".zip",),
     lambda path, _: list_phone(path),
-    folder=is_phone_folder,
+    folder=lambda path: path.is_dir() and not (path / "imu.csv").is_file() and _file(path, GYRO) is not None,
     drive=drive_of_phone,
 )

@@ -44,23 +44,15 @@ class Other:
     changes: tuple[Change, ...] = (Change(),)
 
 
-def _sums_of(sensor: str) -> Callable[[str, Block], Block]:
-    return lambda name, y: np.diff(y, axis=0, prepend=y[:1]) if name == sensor else y
-
-
-def _sized(factor: float, sensor: str = "") -> Callable[[str, Block], Block]:
-    return lambda name, y: y * factor if sensor in ("", name) else y
-
-
 OTHERS = (
     Other(
         "gyro may hold sums, the angle turned since the start: its differences, divided by the interval, are rates of "
         "a unit at rest",
-        _sums_of("gyro"),
+        lambda name, y: np.diff(y, axis=0, prepend=y[:1]) if name == "gyro" else y,
         tuple(Change({"gyro": unit}, requested="sums") for unit in ("rad", "deg", "arcsec")),
     ),
-    Other("the samples may be half of what was measured: twice as large they fit", _sized(2.0)),
-    Other("the samples may be twice what was measured: half as large they fit", _sized(0.5)),
+    Other("the samples may be half of what was measured: twice as large they fit", lambda _, y: 2.0 * y),
+    Other("the samples may be twice what was measured: half as large they fit", lambda _, y: 0.5 * y),
 )
 
 
@@ -121,14 +113,11 @@ def _other_samples(part: Listing, options: Options) -> str:
                 records = _try(part, with_change(options, change), other.made)
             except DataError:
                 continue
-            if all(one.name != "accel" or len(one.axes) < 3 or _is_gravity(one) for one in records):
+            # A size that is advised must fit as a calibrated unit does.
+            norms = [sizes_of(one).norm for one in records if one.name == "accel" and len(one.axes) == 3]
+            if all(abs(norm / STANDARD_GRAVITY - 1.0) < GRAVITY_TOLERANCE for norm in norms):
                 return other.words
     return ""
-
-
-def _is_gravity(accel: Record) -> bool:
-    """Return whether the mean specific force is gravity: a size that is advised must fit as a calibrated unit does."""
-    return abs(sizes_of(accel).norm / STANDARD_GRAVITY - 1.0) < GRAVITY_TOLERANCE
 
 
 def _try(

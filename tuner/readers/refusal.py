@@ -8,19 +8,11 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from types import MappingProxyType
-from typing import TypeVar
 
 from tuner.types.records import DataError
 
-V = TypeVar("V", str, float)
-
 CUSTOMARY_UNITS = ("rad/s", "deg/s", "m/s^2", "g")
 """Units in which logs are written where nothing states another; samples in them are no whole numbers."""
-
-
-def _nothing() -> Mapping[str, V]:
-    return MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -40,9 +32,9 @@ class Change:
         Under which condition it holds, in words.
     """
 
-    unit: Mapping[str, str] = field(default_factory=_nothing)
-    scale: Mapping[str, float] = field(default_factory=_nothing)
-    columns: Mapping[str, str] = field(default_factory=_nothing)
+    unit: Mapping[str, str] = field(default_factory=dict)
+    scale: Mapping[str, float] = field(default_factory=dict)
+    columns: Mapping[str, str] = field(default_factory=dict)
     requested: str = ""
     when: str = ""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,12 +14,12 @@ from tuner.formats.customary_units import stamp
 from tuner.limits import WRONG_FACTOR
 from tuner.readers.bad_rows import BadRows, LogRows
 from tuner.readers.clock_unit import MAX_RATE, MIN_RATE, STATED_BY_RATE, time_in
-from tuner.readers.column_mapping import offered
+from tuner.readers.column_mapping import Chosen, offered
 from tuner.readers.columns import Listing
 from tuner.readers.options import Options
 from tuner.readers.placeholder_rows import without_placeholders
 from tuner.readers.refusal import Refusal
-from tuner.readers.sensor_columns import Channel
+from tuner.readers.sensor_columns import Layout
 from tuner.readers.time_base import COARSE_CLOCK, Timebase, even_timebase, stamped_timebase
 from tuner.readers.time_column import Clock, read_clock
 from tuner.readers.timestamps import without_wrong_stamps
@@ -34,62 +34,51 @@ SECONDS_OF_WEEK = 604800.0
 """Where the seconds of the GPS week begin anew."""
 
 
-@dataclass(frozen=True)
-class Columns:
-    """Columns of a file that are not on a grid yet.
-
-    Attributes
-    ----------
-    groups : mapping of str to ndarray
-        Samples by sensor, shape (n, axes).
-    axes : tuple of str
-        Names of all axes, in that order.
-    valid : ndarray of bool, shape (n,), or None
-        Rows that hold numbers; None where all do.
-    time, week : ndarray, shape (n,), or None
-        Stamps, and the GPS week beside them.
-    within : LogRows
-        Which rows of the log they are.
-    """
-
-    groups: Mapping[str, NDArray[Any]]
-    axes: tuple[str, ...]
-    valid: BoolArray | None
-    time: NDArray[Any] | None
-    week: FloatArray | None
-    within: LogRows
-
-
-@dataclass(frozen=True)
-class SampleGrid:
-    """Time base of a file, the time, s, on its clock at which that begins, and the clock; None without stamps."""
-
-    base: Timebase
-    origin: float = 0.0
-    clock: Clock | None = None
-
-
 def sample_grid(
     listing: Listing,
-    channel: Channel | None,
-    columns: Columns,
+    layout: Layout,
+    groups: Mapping[str, NDArray[Any]],
+    time: NDArray[Any] | None,
+    week: FloatArray | None,
+    valid: BoolArray | None,
     rate: float | None,
     options: Options,
+    *,
+    within: LogRows,
     notes: list[str],
     bad: list[BadRows],
-) -> SampleGrid:
-    """Return the grid of samples by their stamps, the column `channel`, or by the stated rate where they have none.
+) -> tuple[Timebase, Clock | None]:
+    """Return the time base of samples by their stamps, and the clock of these.
 
-    What is to be said of it is added to the notes, and rows without a measurement to the bad ones.
+    Where there are none, the time base is that of the stated rate.
+
+    Parameters
+    ----------
+    listing, layout : Listing, Layout
+        The file, and what of it is read.
+    groups : mapping of str to ndarray
+        Samples by sensor, shape (n, axes).
+    time, week : ndarray, shape (n,), or None
+        Stamps, and the GPS week beside them.
+    valid : ndarray of bool, shape (n,), or None
+        Rows that hold numbers; None where all do.
+    rate : float or None
+        Rate that the user or the file states, Hz.
+    options : Options
+        What the user states.
+    within : LogRows
+        Which rows of the log they are.
+    notes, bad : list
+        Notes and rows without a measurement, to which this adds.
 
     Raises
     ------
     DataError
         Without stamps and rate, or where one contradicts the other or what a sensor can do.
     """
-    within = columns.within
-    valid = without_placeholders(columns.groups, columns.valid, notes, bad, within=within)
-    if columns.time is None or channel is None:
+    axes = tuple(axis for sensor in layout.sensors for axis in sensor.axes)
+    valid = without_placeholders(groups, valid, notes, bad, within=within)
+    if time is None or layout.time is None:
         if rate is None and options.tried:
             rate = TRIED_RATE
         if rate is None:
@@ -100,17 +89,14 @@ def sample_grid(
             raise DataError(
                 f"the file states a rate of {rate:.4g} Hz, which no inertial sensor has: pass --rate HZ"
             )
-        valid = without_spikes(
-            columns.groups, columns.axes, valid, notes, bad, within=within, interval=1.0 / rate
-        )
-        count = len(next(iter(columns.groups.values())))
-        return SampleGrid(even_timebase(count, 1.0 / rate, valid, moving=options.stamps))
+        valid = without_spikes(groups, axes, valid, notes, bad, within=within, interval=1.0 / rate)
+        count = len(next(iter(groups.values())))
+        return even_timebase(count, 1.0 / rate, valid, moving=options.stamps), None
 
     def equal(i: IntArray, j: IntArray) -> BoolArray:
-        same: BoolArray = np.logical_and.reduce([(b[i] == b[j]).all(axis=1) for b in columns.groups.values()])
-        return same
+        return np.asarray(np.logical_and.reduce([(b[i] == b[j]).all(axis=1) for b in groups.values()]))
 
-    clock = _clock(listing, channel, columns.time, columns.week, rate, options)
+    clock = _clock(listing, layout.time, time, week, rate, options)
     notes += [*clock.assumptions, *clock.notes]
     stamps, wrong = without_wrong_stamps(
         clock.stamps if clock.on is None else np.where(clock.on, clock.stamps, np.nan)
@@ -121,9 +107,7 @@ def sample_grid(
             f"{wrong} stamps did not fit between those of their neighbours: replaced by the mean of these"
         )
     usable = valid if clock.on is None else clock.on if valid is None else valid & clock.on
-    usable = without_spikes(
-        columns.groups, columns.axes, usable, notes, bad, within=within, interval=clock.step
-    )
+    usable = without_spikes(groups, axes, usable, notes, bad, within=within, interval=clock.step)
     base = _timebase(clock, usable, equal, options, notes)
     if base.change is not None and not options.stamps:
         inside = _stated_part(clock, options)
@@ -141,13 +125,15 @@ def sample_grid(
             said += f": white noise is wrong by up to {change.factor:.3g} times"
             cure = f"--end {at} or --begin {at} uses one part"
             clock = replace(clock, assumptions=(*clock.assumptions, f"{said}; {cure}"))
-    _check_rate(clock, base.interval, str(channel.part), rate, notes, explicit=options.rate is not None)
-    return SampleGrid(base, clock.origin, clock)
+    _check_rate(
+        clock, base.interval, str(layout.time.parts[0]), rate, notes, explicit=options.rate is not None
+    )
+    return base, clock
 
 
 def _clock(
     listing: Listing,
-    channel: Channel,
+    channel: Chosen,
     time: NDArray[Any],
     week: FloatArray | None,
     rate: float | None,
@@ -161,8 +147,10 @@ def _clock(
         time = time + (week - week[0]) * SECONDS_OF_WEEK * (1000.0 if milliseconds else 1.0)
     mapped = (options.columns or {}).get("t", "")
     by_user = options.rate is not None or "[" in mapped
-    by_type = channel.part.array in listing.units
-    return read_clock(time, name=str(channel.part), unit=unit, rate=rate, by_user=by_user, by_type=by_type)
+    by_type = channel.parts[0].array in listing.units
+    return read_clock(
+        time, name=str(channel.parts[0]), unit=unit, rate=rate, by_user=by_user, by_type=by_type
+    )
 
 
 def _timebase(

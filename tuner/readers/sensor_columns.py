@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from tuner.readers import column_names as names
-from tuner.readers.column_mapping import AXES, Mapped, offered, resolve, stated_unit
+from tuner.readers.column_mapping import AXES, Chosen, offered, parts_of, resolve, stated_unit
 from tuner.readers.columns import Listing, Part
 from tuner.readers.refusal import Change, Refusal
 from tuner.types.records import DataError
@@ -36,20 +36,12 @@ class Sensor:
 
 
 @dataclass(frozen=True)
-class Channel:
-    """One column that is no sensor's axis (time, temperature), with its unit where one is stated."""
-
-    part: Part
-    unit: str | None
-
-
-@dataclass(frozen=True)
 class Layout:
     """What to read: time (or None), sensors, further channels on the same clock, and sensors that may stand unread."""
 
-    time: Channel | None
+    time: Chosen | None
     sensors: tuple[Sensor, ...]
-    covariates: Mapping[str, Channel]
+    covariates: Mapping[str, Chosen]
     notes: tuple[str, ...]
     unread: tuple[str, ...] = ()
 
@@ -76,10 +68,10 @@ def choose(listing: Listing, *, columns: Mapping[str, str] | None = None) -> Lay
     notes: list[str] = []
     sensors: list[Sensor] = []
     for name in (sensor for sensor in names.SENSORS if sensor not in absent):
-        sensor = (
-            _as_mapped(listing, name, mapped)
-            or _by_alias(listing, name, by_name, parsed)
-            or _by_word(listing, name, parsed, sensors, notes)
+        sensor = _sensor(listing, name, mapped) or _sensor(
+            listing,
+            name,
+            _by_alias(listing, name, by_name, parsed) or _by_word(listing, name, parsed, sensors, notes),
         )
         if sensor is not None:
             sensors.append(sensor)
@@ -93,16 +85,14 @@ def choose(listing: Listing, *, columns: Mapping[str, str] | None = None) -> Lay
         and (channel := _channel(listing, role, mapped, by_name, parsed, notes)) is not None
     }
     if "t" in mapped and "temperature" not in mapped and "temperature" in channels:
-        rows, values = (
-            listing.shapes[part.array][0] for part in (mapped["t"].parts[0], channels["temperature"].part)
-        )
+        rows, values = (listing.shapes[channels[role].parts[0].array][0] for role in ("t", "temperature"))
         if rows != values:
             del channels["temperature"]
             notes.append(f"temperature: its {values} values are not of the {rows} stamps chosen: left out")
     if (week := _week(listing, channels.get("t"), parsed)) is not None:
         channels["week"] = week
     used = {part.array for sensor in sensors for part in sensor.parts}
-    used |= {channel.part.array for channel in channels.values()}
+    used |= {channel.parts[0].array for channel in channels.values()}
     left = (array for array in listing.shapes if array not in used)
     unread: list[str] = []
     if unused := [array for array in left if names.sensor_of(parsed[array].plain) not in absent]:
@@ -208,45 +198,49 @@ def _only(listing: Listing, role: str, arrays: list[tuple[int, str]]) -> str:
     return best[0]
 
 
-def _as_mapped(listing: Listing, name: str, mapped: Mapping[str, Mapped]) -> Sensor | None:
-    if name in mapped:
-        parts, unit = mapped[name].parts, mapped[name].unit
-        return Sensor(name, parts, tuple(f"{name}_{a}" for a in AXES[: len(parts)]), unit)
-    axes = tuple(f"{name}_{a}" for a in AXES if f"{name}_{a}" in mapped)
+def _sensor(listing: Listing, name: str, chosen: Mapping[str, Chosen]) -> Sensor | None:
+    """Return a sensor of the columns chosen for it as a whole or for its axes; None where there are none."""
+    if (whole := chosen.get(name)) is not None:
+        return Sensor(name, whole.parts, tuple(f"{name}_{a}" for a in AXES[: len(whole.parts)]), whole.unit)
+    axes = tuple(axis for a in AXES if (axis := f"{name}_{a}") in chosen)
     if not axes:
         return None
-    unit = _one_unit(listing, name, {mapped[axis].unit for axis in axes})
-    return Sensor(name, tuple(mapped[axis].parts[0] for axis in axes), axes, unit)
+    units = {chosen[axis].unit for axis in axes}
+    if len(units) > 1:
+        shown = ", ".join(sorted(str(u) for u in units))
+        raise DataError(
+            f"{listing.path}: the axes of {name} have different units ({shown}): write them in one unit"
+        )
+    return Sensor(name, tuple(chosen[axis].parts[0] for axis in axes), axes, units.pop())
 
 
-def _by_alias(listing: Listing, name: str, by_name: Candidates, parsed: Parsed) -> Sensor | None:
-    single = {
-        f"{name}_{a}": [c for c in by_name.get(f"{name}_{a}", []) if len(listing.shapes[c[1]]) == 1]
-        for a in AXES
+def _by_alias(listing: Listing, name: str, by_name: Candidates, parsed: Parsed) -> dict[str, Chosen]:
+    """Return the columns named as the axes of a sensor or, where there are none, an array named as it."""
+    found: dict[str, list[tuple[int, str]]] = {}
+    for roles, shape in (([f"{name}_{a}" for a in AXES], ()), ([name], (3,))):
+        fitting = {r: [c for c in by_name.get(r, []) if listing.shapes[c[1]][1:] == shape] for r in roles}
+        found = found or {role: candidates for role, candidates in fitting.items() if candidates}
+    arrays = {role: _only(listing, role, candidates) for role, candidates in found.items()}
+    return {
+        role: Chosen(parts_of(listing, array), stated_unit(listing, parsed[array], name))
+        for role, array in arrays.items()
     }
-    axes = tuple(axis for axis, candidates in single.items() if candidates)
-    if axes:
-        arrays = [_only(listing, axis, single[axis]) for axis in axes]
-        unit = _one_unit(listing, name, {stated_unit(listing, parsed[a], name) for a in arrays})
-        return Sensor(name, tuple(Part(a) for a in arrays), axes, unit)
-    whole = [c for c in by_name.get(name, []) if _is_triad(listing, c[1])]
-    if not whole:
-        return None
-    array = _only(listing, name, whole)
-    return _triad(name, array, stated_unit(listing, parsed[array], name))
 
 
 def _by_word(
     listing: Listing, name: str, parsed: Parsed, chosen: list[Sensor], notes: list[str]
-) -> Sensor | None:
-    arrays = [a for a in parsed if _is_triad(listing, a) and names.sensor_of(parsed[a].plain) == name]
+) -> dict[str, Chosen]:
+    """Return the array whose name contains that of a sensor, the best of several."""
+    arrays = [a for a in parsed if listing.shapes[a][1:] == (3,) and names.sensor_of(parsed[a].plain) == name]
     if not arrays:
-        return None
+        return {}
     fellow = chosen[0].parts[0].array if chosen else None
 
     def order(array: str) -> tuple[bool, bool, bool, int]:
         same_length = fellow is None or listing.shapes[fellow][0] == listing.shapes[array][0]
-        same_end = fellow is not None and _ending(parsed[fellow]) == _ending(parsed[array])
+        same_end = fellow is not None and (
+            parsed[fellow].plain.rpartition("_")[2] == parsed[array].plain.rpartition("_")[2]
+        )
         raw = "raw" in parsed[array].plain.split("_")
         return not same_length, not same_end, not raw, -listing.shapes[array][0]
 
@@ -255,49 +249,28 @@ def _by_word(
         rest = ", ".join(a for a in arrays if a != best)
         rule = "raw before processed, then the longest" if fellow is None else f"it goes with '{fellow}'"
         notes.append(f"{name} is '{best}' ({rule}); --columns {name}=… chooses {rest}")
-    return _triad(name, best, stated_unit(listing, parsed[best], name))
+    return {name: Chosen(parts_of(listing, best), stated_unit(listing, parsed[best], name))}
 
 
-def _ending(name: names.ColumnName) -> str:
-    return name.plain.rsplit("_", 1)[-1]
-
-
-def _triad(name: str, array: str, unit: str | None) -> Sensor:
-    return Sensor(name, tuple(Part(array, j) for j in range(3)), tuple(f"{name}_{a}" for a in AXES), unit)
-
-
-def _is_triad(listing: Listing, array: str) -> bool:
-    return listing.shapes[array][1:] == (3,)
-
-
-def _one_unit(listing: Listing, sensor: str, units: set[str | None]) -> str | None:
-    if len(units) > 1:
-        shown = ", ".join(sorted(str(u) for u in units))
-        raise DataError(
-            f"{listing.path}: the axes of {sensor} have different units ({shown}): write them in one unit"
-        )
-    return units.pop()
-
-
-def _week(listing: Listing, time: Channel | None, parsed: Parsed) -> Channel | None:
+def _week(listing: Listing, time: Chosen | None, parsed: Parsed) -> Chosen | None:
     """Return the column of the GPS week, where the time is that of the week."""
-    if time is None or parsed[time.part.array].plain not in names.TIME_OF_WEEK:
+    if time is None or parsed[time.parts[0].array].plain not in names.TIME_OF_WEEK:
         return None
     weeks = [a for a in parsed if parsed[a].plain in names.WEEK and len(listing.shapes[a]) == 1]
-    return Channel(Part(weeks[0]), None) if len(weeks) == 1 else None
+    return Chosen((Part(weeks[0]),), None) if len(weeks) == 1 else None
 
 
 def _channel(
     listing: Listing,
     role: str,
-    mapped: Mapping[str, Mapped],
+    mapped: Mapping[str, Chosen],
     by_name: Candidates,
     parsed: Parsed,
     notes: list[str],
-) -> Channel | None:
+) -> Chosen | None:
     """Return the column of a role: as mapped, or the first in the order of the table of aliases."""
     if role in mapped:
-        return Channel(mapped[role].parts[0], mapped[role].unit)
+        return mapped[role]
     arrays = [(rank, a) for rank, a in by_name.get(role, []) if len(listing.shapes[a]) == 1]
     if not arrays:
         return None
@@ -309,4 +282,4 @@ def _channel(
     if len(best) > 1:
         rest = ", ".join(a for a in best if a != array)
         notes.append(f"{role} is '{array}'; --columns {role}=… chooses {rest}")
-    return Channel(Part(array), stated_unit(listing, parsed[array]))
+    return Chosen((Part(array),), stated_unit(listing, parsed[array]))

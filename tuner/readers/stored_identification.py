@@ -39,10 +39,8 @@ def read_stored(path: Path) -> Identification:
     DataError
         One line: file, place, expected, found, what to do.
     """
-    return _from_json(path) if path.suffix.lower() == ".json" else _from_configuration(path)
-
-
-def _from_configuration(path: Path) -> Identification:
+    if path.suffix.lower() == ".json":
+        return _from_json(path)
     config = noise_yaml.load(path)
     channels = {
         axis: channel_of_terms(

@@ -140,17 +140,9 @@ def read_numbers(
     DataError
         Text where a number is expected, or a row with too many columns, with line and column.
     """
-    lines = _count_lines(path) - dialect.skip
-    blocks = [np.empty((lines, len(group)), order="F") for group in groups]
-    filled = 0
-    for frame in _frames(path, dialect, sorted({j for group in groups for j in group}), progress):
-        some = frame.iloc[: lines - filled]  # a file that still grows: rows that were there at first
-        stop = filled + len(some)
-        for block, group in zip(blocks, groups, strict=True):
-            for j, column in enumerate(group):
-                block[filled:stop, j] = some[column].to_numpy()
-        filled = stop
-    return tuple(block if filled == len(block) else np.asfortranarray(block[:filled]) for block in blocks)
+    lines = _count_lines(path) - dialect.skip  # of a file that still grows: rows that were there at first
+    nothing = tuple(np.empty((0, len(group)), order="F") for group in groups)
+    return next(_numbers_in_pieces(path, dialect, groups, lines, progress), nothing)
 
 
 def _numbers_in_pieces(
@@ -203,7 +195,7 @@ def _frames(path: Path, dialect: Dialect, used: Sequence[int], progress: Progres
                 for j in dialect.dates.keys() & set(used):
                     frame[j] = seconds_of_stamps(frame[j], dialect.dates[j])
             except (ValueError, pd.errors.ParserError, pd.errors.EmptyDataError):
-                if not _has_rows(text):
+                if all(not line.strip() or line.lstrip().startswith(b"#") for line in text.splitlines()):
                     continue
                 raise DataError(
                     _first_fault(path, text, first, dialect, used)
@@ -214,9 +206,9 @@ def _frames(path: Path, dialect: Dialect, used: Sequence[int], progress: Progres
                 fault = _first_fault(path, text, first, dialect, used)
                 if fault is not None:
                     raise DataError(fault)
-            yield frame
             if progress is not None:
                 progress(raw.tell(), total)
+            yield frame
 
 
 def _count_lines(path: Path) -> int:
@@ -250,10 +242,6 @@ def _pieces(path: Path, file: IO[bytes], skip: int) -> Iterator[tuple[int, bytes
             )
         yield line, piece
         line += piece.count(b"\n")
-
-
-def _has_rows(text: bytes) -> bool:
-    return any(line.strip() and not line.lstrip().startswith(b"#") for line in text.splitlines())
 
 
 def _is_time(name: ColumnName) -> bool:

@@ -179,9 +179,10 @@ def _dialect(path: Path, above: str | None, data: str, skip: int) -> Dialect:
         return Dialect(unnamed, separator, skip, False, dates)
     names = split_line(bare, _separator(bare))
     empty = f"; {', '.join(names[1:3])} have no values" if len(cells) == 1 else ""
+    shown = {None: "blanks", "\t": "tab"}.get(separator, f"'{separator}'")
     raise DataError(
         f"{path}:{skip}: the header names {len(names)} columns, the row below it has {len(cells)} (separated by "
-        f"{_shown(separator)}){empty}"
+        f"{shown}){empty}"
     )
 
 
@@ -242,10 +243,6 @@ def split_line(line: str, separator: str | None) -> list[str]:
     if separator is not None:
         return line.split(separator)
     return re.findall(r"[^\s\[]+(?:\s*\[[^\]]*\])?", line)
-
-
-def _shown(separator: str | None) -> str:
-    return {None: "blanks", "\t": "tab"}.get(separator, f"'{separator}'")
 
 
 def is_number(cell: str) -> bool:

@@ -42,7 +42,8 @@ def list_rows(path: Path, dialect: Dialect) -> Listing | None:
             skiprows=dialect.skip,
             on_bad_lines="skip",
         )
-    named = {cells[0]: cells for line in above if (cells := _cells(line, dialect.separator))}
+    cells_above = (line.strip().lstrip("#%").split(dialect.separator) for line in above)
+    named = {cells[0].strip(): [cell.strip() for cell in cells] for cells in cells_above}
     columns: dict[str, FloatArray] = {"t": np.full(len(rows), np.nan)}
     units: dict[str, str] = {}
     for word in rows[0].dropna().unique():
@@ -60,10 +61,6 @@ def list_rows(path: Path, dialect: Dialect) -> Listing | None:
     return listing_of_arrays(
         path, {name: x[kept] for name, x in columns.items()}, units=units, meta={}, notes=(note,)
     )
-
-
-def _cells(line: str, separator: str) -> list[str]:
-    return [cell.strip() for cell in line.strip().lstrip("#%").split(separator)]
 
 
 def _of_row(names: list[str], sensor: str) -> Mapping[str, tuple[int, str]]:

@@ -160,41 +160,40 @@ class Timebase:
     def notes(self, *, even: bool = True) -> tuple[str, ...]:
         """Return every repair in words, with its count; `even`: whether the grid takes the place of the stamps."""
         p = self.interval
-        notes = []
-        if self.disordered:
-            notes.append(f"{self.disordered} rows were out of order and were sorted by time")
-        if self.duplicates:
-            notes.append(f"{self.duplicates} rows with a duplicate stamp were dropped")
-        if self.gaps:
-            notes.append(f"{self.gaps} gaps with {self.missing} missing samples ({self.missing * p:.6g} s)")
-        if self.bridged:
-            notes.append(
-                f"{self.bridged} missing samples lie on straight lines (gaps up to {MAX_BRIDGED_IN_MOTION} samples)"
-                if self.moving
-                else f"{self.bridged} missing samples were simulated from those beside them (gaps up to "
-                f"{MAX_BRIDGED_GAP} samples): white noise seems {100 * self.bridged / len(self.t):.2g} % larger at "
-                "the cluster times at which drift exceeds it"
-            )
-        if self.left_out:
-            notes.append(
-                f"{self.left_out} samples lie in pieces shorter than {MIN_SEGMENT_SAMPLES} samples and are not used"
-            )
-        if not even:
-            return tuple(notes)
-        if self.rounding > 0.05 * p:
-            notes.append(
-                f"stamps are rounded to {self.rounding:.4g} s; samples are taken as even at {1 / p:.9g} Hz"
-            )
-        elif self.jitter > 0.05 * p:
-            notes.append(
-                f"stamps scatter by {self.jitter:.3g} s (sd); samples are taken as even at {1 / p:.9g} Hz"
-            )
-        if self.wander > 10 * max(p, self.jitter):
-            notes.append(
-                f"stamps wander by up to {self.wander:.3g} s from even sampling at {1 / p:.9g} Hz: "
-                "times are those of even samples"
-            )
-        return tuple(notes)
+        rate = f"{1 / p:.9g} Hz"
+        bridges = (
+            f"lie on straight lines (gaps up to {MAX_BRIDGED_IN_MOTION} samples)"
+            if self.moving
+            else f"were simulated from those beside them (gaps up to {MAX_BRIDGED_GAP} samples): white noise seems "
+            f"{100 * self.bridged / len(self.t):.2g} % larger at the cluster times at which drift exceeds it"
+        )
+        said = (
+            (self.disordered > 0, f"{self.disordered} rows were out of order and were sorted by time"),
+            (self.duplicates > 0, f"{self.duplicates} rows with a duplicate stamp were dropped"),
+            (
+                self.gaps > 0,
+                f"{self.gaps} gaps with {self.missing} missing samples ({self.missing * p:.6g} s)",
+            ),
+            (self.bridged > 0, f"{self.bridged} missing samples {bridges}"),
+            (
+                self.left_out > 0,
+                f"{self.left_out} samples lie in pieces shorter than {MIN_SEGMENT_SAMPLES} samples and are not used",
+            ),
+            (
+                even and self.rounding > 0.05 * p,
+                f"stamps are rounded to {self.rounding:.4g} s; samples are taken as even at {rate}",
+            ),
+            (
+                even and self.jitter > 0.05 * p >= self.rounding,
+                f"stamps scatter by {self.jitter:.3g} s (sd); samples are taken as even at {rate}",
+            ),
+            (
+                even and self.wander > 10 * max(p, self.jitter),
+                f"stamps wander by up to {self.wander:.3g} s from even sampling at {rate}: times are those of even "
+                "samples",
+            ),
+        )
+        return tuple(text for is_so, text in said if is_so)
 
 
 def even_timebase(
@@ -307,8 +306,7 @@ def _on_grid(t: FloatArray, interval: float, at: IntArray, size: IntArray, *, mo
     before = np.append(0, np.cumsum(size))
 
     def number(rows: IntArray) -> IntArray:
-        numbers: IntArray = rows + before[np.searchsorted(at, rows)]
-        return numbers
+        return np.asarray(rows + before[np.searchsorted(at, rows)])
 
     some = _some(0, len(t) - 1)
     step, whole = t[some + 1] - t[some], number(some + 1) - number(some)

@@ -51,8 +51,6 @@ MIN_SINGLE_SHARE = 0.01
 """Rounding ÷ step, and share of uneven steps, from which single precision shows."""
 WRAP_STEPS = 100.0
 """Steps that may be lost where a clock begins anew."""
-FIRST_STAMPS = 100_000
-"""Stamps looked at first for seconds of 60 and more, which no clock shows."""
 CLOCK_SCALES = (1.0, 1e3, 1e6)
 """Units of the last digit of a clock time HHMMSS…, in 1 s: 1, ms, µs."""
 
@@ -130,23 +128,22 @@ def read_clock(
         notes.append(
             f"{unset} rows with stamps from before the clock was set (0, -1 or no time) were left out"
         )
-    usual = _usual_step(_only(time, on))
+    usual = _usual_step(np.diff(_only(time, on)))
     time = _continued(time, on, usual, notes)
     factor = _stated_factor(unit, name)
     if factor is None or factor == 1.0:
         decoded = _clock_time(time, on, usual)
         if decoded is not None:
             time, how = decoded
-            time = _continued(time, on, _usual_step(_only(time, on)), notes)
+            time = _continued(time, on, _usual_step(np.diff(_only(time, on))), notes)
             factor = 1.0
             notes.append(f"time column '{name}': clock times {how} were read as seconds of the day")
     clock = _only(time, on)
     step = _mean_step(clock)
     if factor is None:
-        found = unit_of_stamps(clock, step, name=name, rate=rate)
-        factor = found.factor
-        notes += found.notes
-        assumptions += found.assumptions
+        factor, said, taken = unit_of_stamps(clock, step, name=name, rate=rate)
+        notes += said
+        assumptions += taken
     elif unit is not None and rate is None and not (by_user or by_type):
         stated = names.unit_of(unit, names.TIME_UNITS, what=name)
         changes = other_units(name, step, float(np.median(clock))) if is_unusual(stated, step) else []
@@ -164,12 +161,9 @@ def read_clock(
     if factor != 1.0:
         relative *= factor
     on = _without_strays(relative, on, notes)
-    if not on.all():
-        start = float(relative[on][0])
-        relative -= start
-        origin = float(first) * factor + start
-    else:
-        origin = float(first) * factor
+    start = float(_only(relative, on)[0])
+    relative -= start
+    origin = float(first) * factor + start
     clock = _only(relative, on)
     step = _mean_step(clock)
     if not by_user:
@@ -210,19 +204,15 @@ def _set(time: Stamps, finite: BoolArray) -> BoolArray:
     others = time[finite & ~marked]
     if len(others) < 3:
         return ~huge
-    near = NEAR_STEPS * _usual_step(others)
+    near = NEAR_STEPS * _usual_step(np.diff(others))
     for value in np.unique(time[marked & ~huge]):
         if float(np.abs(others - value).min()) <= near:
             marked &= time != value
     return ~marked
 
 
-def _usual_step(time: Stamps) -> float:
+def _usual_step(step: Stamps) -> float:
     """Return the median of the steps forward; 0 where there are none."""
-    return _median_forward(np.diff(time))
-
-
-def _median_forward(step: Stamps) -> float:
     forward = step[step > 0]
     return float(np.median(forward)) if len(forward) else 0.0
 
@@ -230,7 +220,7 @@ def _median_forward(step: Stamps) -> float:
 def _mean_step(time: Stamps) -> float:
     """Return the mean step without gaps and steps back; stamps that repeat count as steps of nothing."""
     step = np.diff(time)
-    usual = _median_forward(step)
+    usual = _usual_step(step)
     inner = step[(step >= 0) & (step <= 10.0 * usual)].astype(float)
     return float(np.mean(inner)) if len(inner) else usual
 
@@ -268,11 +258,10 @@ def _clock_time(time: Stamps, on: BoolArray, usual: float) -> tuple[FloatArray, 
     for scale in CLOCK_SCALES:
         if low < 0.0 or high >= 240000.0 * scale or low // (100.0 * scale) == high // (100.0 * scale):
             continue
-        if np.remainder(some[:FIRST_STAMPS], 100 * int(scale)).max() >= 60.0 * scale:
+        if np.remainder(some, 100 * int(scale)).max() >= 60.0 * scale:
             continue
         minutes = np.floor_divide(some, 100 * int(scale))
-        seconds = np.remainder(some, 100 * int(scale)) / scale
-        if seconds.max() >= 60.0 or np.remainder(minutes, 100).max() >= 60:
+        if np.remainder(minutes, 100).max() >= 60:
             continue
         hours = np.floor_divide(minutes, 100)
         turn = np.flatnonzero(np.diff(60 * hours + np.remainder(minutes, 100)) == 1)

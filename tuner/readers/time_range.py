@@ -30,17 +30,19 @@ def between(
     """
     if begin is None and end is None:
         return tuple(records)
-    first, last = extent or _extent(records)
-    expect_within(records, (first, last), begin, end)
-    lower, upper = (first if begin is None else begin), (last if end is None else end)
+    first, last = extent or (
+        min(float(record.t[0]) for record in records),
+        max(float(record.t[-1]) + record.interval for record in records),
+    )
+    lower, upper = expect_within(records, (first, last), begin, end)
     note = f"{stamp(lower)} to {stamp(upper)} s are used, as stated, of {stamp(first)} to {stamp(last)} s"
     return tuple(_part(record, lower, upper, note) for record in records)
 
 
 def expect_within(
     records: Sequence[Record], extent: tuple[float, float], begin: float | None, end: float | None
-) -> None:
-    """Raise DataError unless `begin` lies before `end`, and both in the extent of a log, s."""
+) -> tuple[float, float]:
+    """Return begin and end of what is used, s; raise DataError unless they are in order and in the extent of a log."""
     first, last = extent
     name = records[0].source or records[0].name
     lower, upper = (first if begin is None else begin), (last if end is None else end)
@@ -53,12 +55,7 @@ def expect_within(
         raise DataError(
             f"{name}: begin {stamp(lower)}, end {stamp(upper)}: expected an end after the beginning; {log}"
         )
-
-
-def _extent(records: Sequence[Record]) -> tuple[float, float]:
-    """Return where the first record begins and the last one ends, s."""
-    first = min(float(record.t[0]) for record in records)
-    return first, max(float(record.t[-1]) + record.interval for record in records)
+    return lower, upper
 
 
 def _part(record: Record, begin: float, end: float, note: str) -> Record:

@@ -314,16 +314,14 @@ def _lost(t: FloatArray, step: FloatArray, candidates: IntArray, interval: float
     lasting = total.copy()
     for later in range(1, min(_DELAY_CANDIDATES, len(total))):
         lasting[:-later] = np.minimum(lasting[:-later], total[later:])
-    lost: IntArray = np.maximum(np.diff(lasting, prepend=0), 0)
-    return lost
+    return np.maximum(np.diff(lasting, prepend=0), 0)
 
 
 def _quartile(t: FloatArray, rows: IntArray, interval: float) -> FloatArray:
     """Return the lower quartile of t - interval · row over each line of `rows`."""
     detrended = t[rows] - interval * rows
     place = rows.shape[1] // 4
-    quartile: FloatArray = np.partition(detrended, place, axis=1)[:, place]
-    return quartile
+    return np.asarray(np.partition(detrended, place, axis=1)[:, place])
 
 
 def _slope(t: FloatArray, at: IntArray, size: IntArray) -> float:

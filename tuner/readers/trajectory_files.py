@@ -18,7 +18,7 @@ import numpy as np
 
 from models import rotation
 from models.arrays import FloatArray
-from tuner.readers.estimate_columns import Frames, assemble
+from tuner.readers.estimate_columns import Frames, Places, assemble
 from tuner.readers.text import read_numbers
 from tuner.readers.text_dialect import Dialect
 from tuner.types.filter_output import FilterOutput
@@ -36,32 +36,19 @@ _EUROC = {
 """Columns of EuRoC and ours."""
 
 
-def is_euroc(dialect: Dialect) -> bool:
-    """Tell the header of a ground truth of EuRoC."""
-    return any(name.strip().lower().startswith(("p_rs_r_x", "q_rs_w")) for name in dialect.names)
+TUM: Places = {name: (j, None) for j, name in enumerate(("t", "x", "y", "z", "qx", "qy", "qz", "qw"))}
+"""Columns of TUM."""
 
 
-def read_euroc(path: Path, dialect: Dialect, frames: Frames) -> FilterOutput:
-    """Read a ground truth of EuRoC."""
+def columns_of_euroc(dialect: Dialect) -> Places:
+    """Return the columns of a ground truth of EuRoC, by its header; none of another file."""
     plain = [name.partition("[")[0].strip().lower() for name in dialect.names]
-    used = {_EUROC[name]: j for j, name in enumerate(plain) if name in _EUROC}
-    (numbers,) = read_numbers(path, dialect, [[0, *used.values()]])
-    columns: dict[str, tuple[FloatArray, str | None]] = {"t": (numbers[:, 0], "ns")}
-    columns |= {name: (np.asarray(numbers[:, j + 1]), None) for j, name in enumerate(used)}
-    return assemble(str(path), columns, Frames(frames.world or "ENU", frames.body))
+    if not any(name.startswith(("p_rs_r_x", "q_rs_w")) for name in plain):
+        return {}
+    return {"t": (0, "ns")} | {_EUROC[name]: (j, None) for j, name in enumerate(plain) if name in _EUROC}
 
 
-def read_tum(path: Path, dialect: Dialect, frames: Frames) -> FilterOutput:
-    """Read a trajectory of TUM: eight columns."""
-    (numbers,) = read_numbers(path, dialect, [range(8)])
-    names = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
-    columns: dict[str, tuple[FloatArray, str | None]] = {
-        name: (np.asarray(numbers[:, j]), None) for j, name in enumerate(names)
-    }
-    return assemble(str(path), columns, Frames(frames.world or "ENU", frames.body))
-
-
-def read_kitti(path: Path, dialect: Dialect, frames: Frames, *, body_stated: bool) -> FilterOutput:
+def read_kitti(path: Path, dialect: Dialect, frames: Frames) -> FilterOutput:
     """Read poses of KITTI: twelve columns, times beside them."""
     (numbers,) = read_numbers(path, dialect, [range(12)])
     pose = numbers.reshape(-1, 3, 4)
@@ -74,7 +61,7 @@ def read_kitti(path: Path, dialect: Dialect, frames: Frames, *, body_stated: boo
     columns: dict[str, tuple[FloatArray, str | None]] = {"t": (t, None)}
     columns |= {name: (np.asarray(pose[:, i, 3]), None) for i, name in enumerate(("x", "y", "z"))}
     columns |= {name: (quat[:, i], None) for i, name in enumerate(("qw", "qx", "qy", "qz"))}
-    axes = Frames(frames.world or "EDN", frames.body if body_stated else "RDF")
+    axes = Frames(frames.world or "EDN", frames.body or "RDF")
     return assemble(str(path), columns, axes, notes=note)
 
 

@@ -352,7 +352,8 @@ class _Judge:
             raise self.refusal(
                 f"accel is in {accel.unit}, {kind}, and gyro in {read_in}", [] if stated else others
             )
-        fits = read_in in left or self._moves(at_rest)
+        moves = at_rest is not True and self.tried and self._may_move()  # which only a trial supposes
+        fits = read_in in left or moves
         if choice.basis == "assumed" or self.tried:
             why = "" if fits else f"reads {shown}, which bias and noise at rest cannot be"
             if stepped and read_in not in stepped:
@@ -398,10 +399,6 @@ class _Judge:
             f"--gyro-unit {usual[0]} states another",
             unstated=True,
         )
-
-    def _moves(self, at_rest: bool | None) -> bool:
-        """Return whether rates that nothing at rest has can be those of a motion, which only a trial supposes."""
-        return at_rest is not True and self.tried and self._may_move()
 
     def _may_move(self) -> bool:
         """Return whether something that is navigated can turn so."""

@@ -130,16 +130,14 @@ def sizes_of(record: Record) -> Sizes:
 def _differences(record: Record) -> FloatArray:
     """Return differences of neighbours, of as many samples as sizes are taken from."""
     stride = max(1, len(record) // CHECKED_SAMPLES)
-    found: FloatArray = record.y[1::stride] - record.y[:-1:stride]
-    return found
+    return np.asarray(record.y[1::stride] - record.y[:-1:stride])
 
 
 def axis_noise(record: Record) -> FloatArray:
     """Return the noise of each axis, from differences of neighbours; no less than that of the step of its samples."""
     noise = normal_sd(_differences(record), axis=0) / math.sqrt(2.0)
     steps = np.array([step_of(y, 1.0) for y in record.y.T]) / math.sqrt(12.0)
-    found: FloatArray = np.hypot(noise, steps)
-    return found
+    return np.asarray(np.hypot(noise, steps))
 
 
 def axes_exchanged(gyro: Record, accel: Record) -> str:
@@ -161,8 +159,7 @@ def axes_exchanged(gyro: Record, accel: Record) -> str:
 
 def _axis_ratios(noise: FloatArray) -> FloatArray:
     smallest = noise.min(axis=1)
-    ratios: FloatArray = np.where(smallest > 0.0, noise.max(axis=1) / np.maximum(smallest, 1e-300), 1.0)
-    return ratios
+    return np.where(smallest > 0.0, noise.max(axis=1) / np.maximum(smallest, 1e-300), 1.0)
 
 
 def one_sensor(record: Record) -> bool:

@@ -26,6 +26,7 @@ from tuner.readers.fixes.gps_time import (
     SECONDS_A_DAY,
     SECONDS_A_WEEK,
     UNIX_OF_GPS_EPOCH,
+    GpsFixes,
     leap_seconds,
 )
 from tuner.types.records import DataError
@@ -52,7 +53,7 @@ _SCALED = {"position": ("sd_n", "sd_e", "sd_d"), "velocity": ("sd_vn", "sd_ve", 
            "attitude": ("sd_roll", "sd_pitch", "sd_yaw")}  # fmt: skip
 COLUMNS = ("lat", "lon", "height", "vn", "ve", "vd", "roll", "pitch", "yaw",
            "sd_n", "sd_e", "sd_d", "sd_vn", "sd_ve", "sd_vd", "sd_roll", "sd_pitch", "sd_yaw")  # fmt: skip
-"""Columns of `WaypointSolution.rows`; angles in deg, m, m/s."""
+"""Columns of a solution; angles in deg, m, m/s; NaN where the export has none."""
 
 
 @dataclass(frozen=True)
@@ -81,28 +82,6 @@ class WaypointHeader:
     def integrated(self) -> bool:
         """Whether it is a solution with attitude, which an inertial unit took part in."""
         return {"roll", "pitch"} <= {_key(name) for name in self.names}
-
-
-@dataclass(frozen=True)
-class WaypointSolution:
-    """A solution.
-
-    Attributes
-    ----------
-    t : ndarray, shape (n,)
-        GPS time since 6 January 1980, s; where the export names neither week nor date, since the beginning of the week.
-    dated : bool
-        Whether week or date are known.
-    rows : ndarray, shape (n, 18)
-        `COLUMNS`, NaN where the export has none.
-    notes : tuple of str
-        How it was understood.
-    """
-
-    t: FloatArray
-    dated: bool
-    rows: FloatArray
-    notes: tuple[str, ...]
 
 
 def waypoint_header(path: Path) -> WaypointHeader | None:
@@ -140,22 +119,19 @@ def _units(names: list[re.Match[str]], under: str, separator: str | None) -> tup
 
 def _scales(lines: list[str]) -> tuple[tuple[str, float], ...]:
     """Return the factors of the sds other than 1, as the settings state them."""
-    found = []
-    inside = False
-    for line in lines:
-        inside = inside or ("scaling settings" in line.lower())
-        stated = re.match(r"\s*(Position|Velocity|Attitude):\s*([\d.]+)\s*(?:$|\()", line)
-        if inside and stated and float(stated.group(2)) not in (0.0, 1.0):
-            found.append((stated.group(1).lower(), float(stated.group(2))))
-    return tuple(found)
+    begin = next((i for i, line in enumerate(lines) if "scaling settings" in line.lower()), len(lines))
+    stated = re.compile(r"\s*(Position|Velocity|Attitude):\s*([\d.]+)\s*(?:$|\()")
+    found = (stated.match(line) for line in lines[begin:])
+    factors = ((one.group(1).lower(), float(one.group(2))) for one in found if one)
+    return tuple((what, factor) for what, factor in factors if factor not in (0.0, 1.0))
 
 
 def _key(name: str) -> str:
     return re.sub(r"[^a-z0-9]", "", name.lower())
 
 
-def read_waypoint(path: Path) -> WaypointSolution:
-    """Return the solution in a text file of Waypoint.
+def read_waypoint(path: Path) -> GpsFixes:
+    """Return the solution in a text file of Waypoint, its rows in `COLUMNS`.
 
     Raises
     ------
@@ -174,7 +150,7 @@ def read_waypoint(path: Path) -> WaypointSolution:
         notes.append(f"{path.name}: {cells.left_out} rows with more numbers than names left out")
     t, dated = _time(path, cells)
     rows = _rows(path, cells, notes)
-    return WaypointSolution(t, dated, rows, tuple(notes))
+    return GpsFixes(t, rows, tuple(notes), dated)
 
 
 class _Cells:
@@ -204,7 +180,7 @@ class _Cells:
         for name, unit, begin, width in zip(header.names, header.units, begins, widths, strict=False):
             self.at.setdefault(_key(name), slice(int(begin), int(begin) + width))
             self.unit.setdefault(_key(name), unit)
-        self.header, self.path = header, path
+        self.header = header
         self.table = pd.read_csv(
             path, sep=header.separator or r"\s+", header=None, names=list(range(sum(widths))), dtype=str,
             skiprows=header.first, encoding="utf-8", encoding_errors="replace", on_bad_lines="skip", index_col=False,
@@ -243,7 +219,13 @@ class _Cells:
 
 def _time(path: Path, cells: _Cells) -> tuple[FloatArray, bool]:
     """Return GPS time, s, and whether it counts from 1980."""
-    key = next((k for k in TIME_NAMES if k in cells.at and (k != "utctime" or _usable_utc(cells))), None)
+
+    def usable(key: str) -> bool:
+        # UTCTime is a clock time or counts from 1970: else its beginning is unknown
+        stated = key != "utctime" or "H" in cells.unit[key].upper()
+        return stated or float(np.nanmin(cells.numbers(key))) > 1e9
+
+    key = next((k for k in TIME_NAMES if k in cells.at and usable(k)), None)
     if key is None:
         raise DataError(
             f"{path}: expected a column GPSTime, s of the week, found {' '.join(cells.header.names)[:80]}"
@@ -252,34 +234,23 @@ def _time(path: Path, cells: _Cells) -> tuple[FloatArray, bool]:
     seconds = 3600.0 * cells.numbers(key) if clock else cells.numbers(key)
     day = next((k for k in ("date", "gpsdate", "utcdate") if k in cells.at), None)
     dates = None if day is None else _days(path, cells, day)
-    if clock:
-        if dates is None:
-            raise DataError(
-                f"{path}: expected a column Date beside {key} in hours, minutes, seconds; add it to the profile"
-            )
+    if clock and dates is None:
+        raise DataError(
+            f"{path}: expected a column Date beside {key} in hours, minutes, seconds; add it to the profile"
+        )
+    if clock and dates is not None:
         t = dates * SECONDS_A_DAY + seconds
-        return (t + _leap(t) if key == "utctime" else t), True
-    if key == "utctime":
+    elif key == "utctime":
         t = seconds - UNIX_OF_GPS_EPOCH
-        return t + _leap(t), True
-    if "week" in cells.at:
+    elif "week" in cells.at:
         return np.round(cells.numbers("week")) * SECONDS_A_WEEK + seconds, True
-    # Within one export the count begins anew at the end of the week.
-    t = seconds + SECONDS_A_WEEK * np.concatenate(
-        [[0.0], np.cumsum(np.diff(seconds) < -0.5 * SECONDS_A_WEEK)]
-    )
-    if dates is None:
-        return t, False
-    return t + SECONDS_A_WEEK * float(np.floor(np.nanmin(dates) / 7.0)), True
-
-
-def _usable_utc(cells: _Cells) -> bool:
-    """Tell whether UTCTime is a clock time or counts from 1970: else its beginning is unknown."""
-    return "H" in cells.unit["utctime"].upper() or float(np.nanmin(cells.numbers("utctime"))) > 1e9
-
-
-def _leap(t: FloatArray) -> float:
-    return float(leap_seconds(datetime.fromtimestamp(float(np.nanmin(t)) + UNIX_OF_GPS_EPOCH, tz=UTC)))
+    else:  # within one export the count begins anew at the end of the week
+        begun = np.cumsum(np.diff(seconds, prepend=seconds[:1]) < -0.5 * SECONDS_A_WEEK)
+        week = 0.0 if dates is None else float(np.floor(np.nanmin(dates) / 7.0))
+        return seconds + SECONDS_A_WEEK * begun + SECONDS_A_WEEK * week, dates is not None
+    if key == "utctime":
+        t = t + leap_seconds(datetime.fromtimestamp(float(np.nanmin(t)) + UNIX_OF_GPS_EPOCH, tz=UTC))
+    return t, True
 
 
 def _days(path: Path, cells: _Cells, key: str) -> FloatArray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 
@@ -69,4 +70,4 @@ def read_fix_file(path: Path) -> GpsFixes:
 def _of_waypoint(path: Path) -> GpsFixes:
     found = read_waypoint(path)
     columns = [COLUMNS.index(name) for name in COLUMNS if name not in ("roll", "pitch", "yaw")][:12]
-    return GpsFixes(found.t, found.rows[:, columns], found.notes, dated=found.dated)
+    return replace(found, rows=found.rows[:, columns])

@@ -39,10 +39,10 @@ class GpsFixes:
     Attributes
     ----------
     t : ndarray, shape (k,)
-        GPS time since 6 January 1980, s.
+        GPS time since 6 January 1980, s; where the file names neither week nor date, since the beginning of the week.
     rows : ndarray, shape (k, 12) or (k, 13)
         Latitude, longitude, deg, height above the ellipsoid, m; velocity north, east, down, m/s; sds of both; class of
-        solution by its number in `SOLUTIONS`; NaN where there is none. Those of a reference have more columns.
+        solution by its number in `SOLUTIONS`; NaN where there is none. Those of text of Waypoint have its columns.
     notes : tuple of str
         How the file was understood.
     dated : bool

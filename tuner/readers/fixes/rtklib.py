@@ -68,13 +68,12 @@ def _gps_time(first: str, second: str, *, utc: bool) -> float:
 
 
 def _row(values: list[float]) -> list[float]:
-    """Return a row of `GpsFixes` of the numbers after the time: velocities, up positive, follow age and ratio."""
-    lat, lon, height = values[:3]
-    sd = values[5:8] if len(values) >= 8 else [math.nan] * 3
-    velocity, velocity_sd = [math.nan] * 3, [math.nan] * 3
-    if len(values) >= 16:  # Q ns, 6 sds, age, ratio, then vn ve vu and 3 sds
-        velocity = [values[13], values[14], -values[15]]
-    if len(values) >= 19:
-        velocity_sd = values[16:19]
-    known = [x if x > 0.0 else math.nan for x in (*sd, *velocity_sd)]
-    return [lat, lon, height, *velocity, *known, values[3] if len(values) > 3 else math.nan]
+    """Return a row of `GpsFixes` of the numbers after the time.
+
+    They are a position, Q, ns, 6 sds, age, ratio, then perhaps a velocity, up positive, and its sds.
+    """
+    whole = next(n for n in (19, 16, 8, 4, 3) if len(values) >= n)  # what follows a position comes in groups
+    values = [*values[:whole], *[math.nan] * (19 - whole)]
+    velocity = [*values[13:15], -1.0 * values[15]]
+    known = [x if x > 0.0 else math.nan for x in (*values[5:8], *values[16:19])]
+    return [*values[:3], *velocity, *known, values[3]]

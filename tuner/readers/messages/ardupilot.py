@@ -65,7 +65,11 @@ def read_dataflash(path: Path) -> MessageLog:
             instance = int(getattr(message, "I", 0)) or number
             names.add(f"{kind}.{instance}")
             if kind == "IMU":
-                imu.setdefault(instance, []).append(_imu(message))
+                rates, forces = (
+                    [float(getattr(message, f"{name}{axis}")) for axis in "XYZ"] for name in ("Gyr", "Acc")
+                )
+                warm = float(getattr(message, "T", getattr(message, "Temp", math.nan)))
+                imu.setdefault(instance, []).append((_microseconds(message), *rates, *forces, warm))
             elif kind == "GPA":
                 accuracy[instance, message.TimeUS] = (message.HAcc, message.VAcc, message.SAcc)
             elif message.Status >= FIX_3D:
@@ -86,11 +90,10 @@ def read_dataflash(path: Path) -> MessageLog:
     for instance, values in sorted(imu.items()):
         table = np.array(values)
         arrays = {"gyro": table[:, 1:4], "accel": table[:, 4:7]}
-        units = {"gyro": "rad/s", "accel": "m/s^2"}
         if np.isfinite(table[:, 7]).all():
-            arrays["temperature"], units["temperature"] = table[:, 7], "degC"
+            arrays["temperature"] = table[:, 7]
         inertial.append(
-            InertialStream(f"IMU.{instance}", table[:, 0].astype(np.int64), arrays, units, "us", instance)
+            InertialStream(f"IMU.{instance}", table[:, 0].astype(np.int64), arrays, "us", instance)
         )
     fixes = tuple(
         FixStream(f"GPS.{instance}", np.array([_with_sds(row, instance, accuracy) for row in values]))
@@ -142,15 +145,6 @@ def _microseconds(message: Any) -> float:
         return float(message.TimeUS)
     milliseconds = message.T if message.get_type().startswith("GPS") else message.TimeMS
     return 1e3 * float(milliseconds)
-
-
-def _imu(message: Any) -> tuple[float, ...]:
-    return (
-        _microseconds(message),
-        *(float(getattr(message, f"Gyr{axis}")) for axis in "XYZ"),
-        *(float(getattr(message, f"Acc{axis}")) for axis in "XYZ"),
-        float(getattr(message, "T", getattr(message, "Temp", math.nan))),
-    )
 
 
 def _gps(message: Any) -> tuple[float, ...]:

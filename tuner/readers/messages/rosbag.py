@@ -24,8 +24,8 @@ from tuner.readers.messages.streams import (
     InertialStream,
     MessageLog,
     drive_of_log,
+    known,
     listing_of_log,
-    variances_to_sds,
 )
 from tuner.types.records import DataError
 
@@ -57,8 +57,10 @@ def opened_bag(path: Path) -> Iterator[Any]:
     from rosbags.highlevel import AnyReader, AnyReaderError
     from rosbags.typesys import Stores, get_typestore
 
+    # Of a ROS 2 bag, a folder with ``metadata.yaml``, rosbags opens the folder, not a file in it.
+    whole = path.parent if (path.parent / METADATA).is_file() else path
     try:
-        with AnyReader([_whole(path)], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as bag:
+        with AnyReader([whole], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as bag:
             yield bag
     except DataError:
         raise
@@ -108,7 +110,6 @@ def read_bag(path: Path) -> MessageLog:
             topic,
             clocks[topic],
             {"gyro": rows[topic][:, :3], "accel": rows[topic][:, 3:]},
-            {"gyro": "rad/s", "accel": "m/s^2"},
             "ns",
         )
         for topic in rows
@@ -116,7 +117,11 @@ def read_bag(path: Path) -> MessageLog:
     )
     velocities = {topic: rows[topic] for topic in rows if kinds[topic] in VELOCITIES}
     fixes = tuple(_fixes(topic, clocks, rows[topic], velocities) for topic in rows if kinds[topic] == FIX)
-    return MessageLog(inertial, fixes, None, topics, cure=_to_define(undefined))
+    convert = (
+        f"; the file does not define {', '.join(sorted(undefined))}: `ros2 bag convert` to MCAP, "
+        "run where these are installed, adds definitions"
+    )
+    return MessageLog(inertial, fixes, None, topics, cure=convert if undefined else "")
 
 
 def _holding(kind: str, store: Typestore) -> tuple[str, str | None] | None:
@@ -128,32 +133,16 @@ def _holding(kind: str, store: Typestore) -> tuple[str, str | None] | None:
     return inner[0] if len(inner) == 1 else None
 
 
-def _to_define(kinds: set[str]) -> str:
-    """Return what makes messages readable whose types the file does not define; nothing where there are none."""
-    if not kinds:
-        return ""
-    return (
-        f"; the file does not define {', '.join(sorted(kinds))}: `ros2 bag convert` to MCAP, "
-        "run where these are installed, adds definitions"
-    )
-
-
 def _stamp(message: Any) -> int:
     """Return the stamp of a message's header, ns; 0 where it has none."""
     header = getattr(message, "header", getattr(message, "Header", None))
     return 0 if header is None else int(header.stamp.sec) * 1_000_000_000 + int(header.stamp.nanosec)
 
 
-def _whole(path: Path) -> Path:
-    """Return what rosbags opens: of a ROS 2 bag, a folder with ``metadata.yaml``, the folder, not a file in it."""
-    return path.parent if (path.parent / METADATA).is_file() else path
-
-
 def clock_of_stamps(pairs: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the header's stamps, ns, those of recording where a driver left the header's empty."""
     header, recorded = pairs.T
-    chosen: NDArray[np.int64] = recorded if np.count_nonzero(header) < 0.5 * len(header) else header
-    return chosen
+    return np.asarray(recorded if np.count_nonzero(header) < 0.5 * len(header) else header)
 
 
 def _numbers(message: Any, kind: str) -> tuple[float, ...]:
@@ -176,7 +165,7 @@ def _fixes(
 ) -> FixStream:
     t = 1e-9 * clocks[topic].astype(float)
     table = np.full((len(t), 13), math.nan)
-    table[:, 0], table[:, 1:4], table[:, 7:10] = t, rows[:, :3], variances_to_sds(rows[:, 3:6])
+    table[:, 0], table[:, 1:4], table[:, 7:10] = t, rows[:, :3], np.sqrt(known(rows[:, 3:6]))
     notes: tuple[str, ...] = ()
     for name, values in velocities.items():
         theirs = clocks[name]
@@ -188,7 +177,7 @@ def _fixes(
         same = np.abs(theirs[nearest] - clocks[topic]) * 1e-9 <= SAME_EPOCH
         if np.count_nonzero(same) >= MIN_COMMON_SHARE * len(t) and len(theirs) <= 2 * len(t):
             table[same, 4:7] = values[nearest[same], :3]
-            table[same, 10:13] = variances_to_sds(values[nearest[same], 3:])
+            table[same, 10:13] = np.sqrt(known(values[nearest[same], 3:]))
             notes = (f"velocities of the fixes are those of '{name}', east, north, up",)
             break
     return FixStream(topic, table[rows[:, 6] >= 0], notes)

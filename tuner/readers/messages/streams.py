@@ -17,13 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.arrays import FloatArray
+from tuner.readers.column_names import TIME_UNITS
 from tuner.readers.columns import Listing, listing_of_arrays
 from tuner.readers.drive_npz import DriveArrays
 from tuner.readers.source_kind import UNIT
 from tuner.types.records import DataError
 
-SECONDS = {"s": 1.0, "us": 1e-6, "ns": 1e-9}
-"""Seconds in one unit of a clock."""
+UNITS = {"gyro": "rad/s", "accel": "m/s^2", "temperature": "degC"}
+"""Units of the arrays of every message log."""
 MIN_FIXES = 10
 """Fixes from which a log counts as a drive: fewer do not align a filter."""
 
@@ -39,11 +40,9 @@ class InertialStream:
     t : ndarray, shape (n,)
         Stamps in `clock_unit`.
     arrays : mapping of str to ndarray
-        ``gyro`` and ``accel``, (n, 3), one of them at least, and perhaps ``temperature``, (n,), °C.
-    units : mapping of str to str
-        Units of the arrays.
+        ``gyro`` and ``accel``, (n, 3), one of them at least, and perhaps ``temperature``, (n,), in `UNITS`.
     clock_unit : str
-        A key of `SECONDS`.
+        A key of `column_names.TIME_UNITS`.
     rank : int
         Place in the format's order of preference, 0 first.
     """
@@ -51,7 +50,6 @@ class InertialStream:
     name: str
     t: NDArray[Any]
     arrays: Mapping[str, NDArray[Any]]
-    units: Mapping[str, str]
     clock_unit: str
     rank: int = 0
 
@@ -62,7 +60,7 @@ class InertialStream:
 
     def seconds(self) -> FloatArray:
         """Return the stamps, s."""
-        return np.asarray(self.t, dtype=float) * SECONDS[self.clock_unit]
+        return np.asarray(self.t, dtype=float) * TIME_UNITS[self.clock_unit]
 
 
 @dataclass(frozen=True)
@@ -112,11 +110,6 @@ class MessageLog:
     notes: tuple[str, ...] = ()
     cure: str = ""
 
-    @property
-    def is_drive(self) -> bool:
-        """Whether a receiver reports enough fixes for a filter."""
-        return any(len(stream.rows) >= MIN_FIXES for stream in self.fixes)
-
 
 def listing_of_log(path: Path, log: MessageLog, unit: str = "") -> Listing:
     """Return the columns of one inertial unit as ``t, gyro, accel, temperature``; without a name, the preferred one's.
@@ -130,18 +123,17 @@ def listing_of_log(path: Path, log: MessageLog, unit: str = "") -> Listing:
     """
     chosen = _named(path, log, unit) if unit else _preferred(path, log)
     arrays: dict[str, NDArray[Any]] = {"t": chosen.t, **chosen.arrays}
-    units = {"t": chosen.clock_unit, **chosen.units}
+    units = {"t": chosen.clock_unit, **{part: UNITS[part] for part in chosen.arrays}}
     others = [stream for stream in log.inertial if stream is not chosen]
     notes = log.notes
     if (warm := _thermometer(chosen, others)) is not None:
         arrays["temperature"] = np.interp(chosen.seconds(), warm.seconds(), warm.arrays["temperature"])
-        units["temperature"] = warm.units["temperature"]
+        units["temperature"] = UNITS["temperature"]
         notes += (f"temperature of '{warm.name}', {len(warm.t)} values, between its stamps",)
     for stream in log.inertial if others and not unit else ():
         parts = {"t": stream.t, **{k: v for k, v in stream.arrays.items() if k != "temperature"}}
         arrays |= {f"{stream.name}/{part}": array for part, array in parts.items()}
-        units |= {f"{stream.name}/{part}": unit for part, unit in stream.units.items()}
-        units[f"{stream.name}/t"] = stream.clock_unit
+        units |= {f"{stream.name}/{part}": UNITS.get(part, stream.clock_unit) for part in parts}
     if others and not unit:
         notes += (f"{_about_units(chosen, others)}: choose one by {_how_named(path, others)}",)
     found = listing_of_arrays(path, arrays, units=units, meta={})
@@ -187,7 +179,7 @@ def drive_of_log(path: Path, log: MessageLog) -> DriveArrays:
         raise DataError(
             f"{path}: expected gyroscope and accelerometer in one stream, found {', '.join(chosen.arrays)}"
         )
-    if not log.is_drive:
+    if not any(len(stream.rows) >= MIN_FIXES for stream in log.fixes):
         counts = ", ".join(f"{s.name} with {len(s.rows)}" for s in log.fixes) or "none that is read"
         unread = not log.fixes and any(re.search("gps|gnss", topic.lower()) for topic in log.topics)
         cure = (
@@ -204,7 +196,7 @@ def drive_of_log(path: Path, log: MessageLog) -> DriveArrays:
     others = [stream for stream in log.inertial if stream is not chosen]
     noise = f"`tuner identify {_how_named(path, others)}` gives the noise of another" if others else ""
     notes = (f"{_about_units(chosen, others)}: {noise}",) if others else ()
-    return DriveArrays(imu, fixes.rows, None, log.frame, None, None, (*fixes.notes, *notes))
+    return DriveArrays(imu, fixes.rows, frame=log.frame, notes=(*fixes.notes, *notes))
 
 
 def _named(path: Path, log: MessageLog, unit: str) -> InertialStream:
@@ -226,7 +218,6 @@ def _some(topics: Sequence[str], shown: int = 12) -> str:
     return (", ".join(topics[:shown]) or "nothing") + more
 
 
-def variances_to_sds(values: FloatArray) -> FloatArray:
-    """Return square roots of variances; NaN for those that are 0 or negative, which stand for unknown."""
-    known = np.where(values > 0.0, values, math.nan)
-    return np.sqrt(known)
+def known(values: NDArray[Any]) -> FloatArray:
+    """Return accuracies or variances; NaN for those that are 0 or negative, which stand for unknown."""
+    return np.where(values > 0.0, values.astype(float), math.nan)

@@ -23,6 +23,7 @@ from tuner.readers.messages.streams import (
     InertialStream,
     MessageLog,
     drive_of_log,
+    known,
     listing_of_log,
 )
 from tuner.readers.solutions import OF_AUTOPILOTS, solutions
@@ -79,8 +80,7 @@ def _stream(name: str, fields: Fields, arrays: dict[str, NDArray[Any]], rank: in
     t = stamps if stamps.any() else fields["timestamp"]
     if "temperature" in fields:
         arrays["temperature"] = fields["temperature"].astype(float)
-    units = {"gyro": "rad/s", "accel": "m/s^2", "temperature": "degC"}
-    return InertialStream(name, t.astype(np.int64), arrays, {k: units[k] for k in arrays}, "us", rank)
+    return InertialStream(name, t.astype(np.int64), arrays, "us", rank)
 
 
 def _three(fields: Fields, name: str) -> NDArray[Any]:
@@ -104,8 +104,8 @@ def _fixes(fields: Fields) -> NDArray[np.float64]:
         llh = [1e-7 * fields["lat"], 1e-7 * fields["lon"], 1e-3 * fields["alt_ellipsoid"]]
     velocity = [fields[f"vel_{axis}_m_s"].astype(float) for axis in "ned"]
     valid = fields.get("vel_ned_valid", np.ones(len(llh[0]))).astype(bool)
-    horizontal = _known(fields["eph"])  # for each axis, as PX4's own estimator takes it
-    vertical, speed = _known(fields["epv"]), _known(fields["s_variance_m_s"])
+    horizontal = known(fields["eph"])  # for each axis, as PX4's own estimator takes it
+    vertical, speed = known(fields["epv"]), known(fields["s_variance_m_s"])
     sds = [horizontal, horizontal, vertical, speed, speed, speed]
     stamps = fields.get("timestamp_sample", fields["timestamp"])
     t = (stamps if stamps.any() else fields["timestamp"]).astype(float)
@@ -113,10 +113,6 @@ def _fixes(fields: Fields) -> NDArray[np.float64]:
     rows = np.column_stack([1e-6 * t, *llh, *velocity, *sds, classes]).astype(float)
     rows[~valid, 4:7] = math.nan
     return rows[fields["fix_type"] >= FIX_3D]
-
-
-def _known(values: NDArray[Any]) -> NDArray[np.float64]:
-    return np.where(values > 0.0, values.astype(float), math.nan)
 
 
 FORMAT = LogFormat(
