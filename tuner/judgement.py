@@ -17,6 +17,7 @@ import numpy as np
 from tuner.catalogue.grades import receiver_or_default
 from tuner.formats.axis_words import axes_text
 from tuner.formats.customary_units import digits, percent, range_text
+from tuner.formats.grouping import gathered
 from tuner.identification.identify_channel import CURVE_DISAGREES
 from tuner.limits import HONEST_RATIO, LOST_SHARE, SHOWN_CHANGE, TOLERATED_RATIO, WRONG_FACTOR
 from tuner.synthesis.error_growth import modelled_growth
@@ -209,9 +210,7 @@ def _of_causes(
 
 def _without_cause(unexplained: Sequence[Unexplained]) -> list[Reason]:
     """Return what of the samples is not explained, one reason a part of them."""
-    parts: dict[str, list[Unexplained]] = {}
-    for one in unexplained:
-        parts.setdefault(one.part, []).append(one)
+    parts = gathered((one.part, one) for one in unexplained)
     return [Reason(Use.NOT_EXPLAINED, _unexplained_text(tests)) for tests in parts.values()]
 
 
@@ -321,10 +320,7 @@ def _of_scores(found: Consistency, where: str) -> Iterator[Reason]:
 
 def _of_compensation(predictions: Mapping[str, PredictedBlock]) -> Iterator[Reason]:
     """Yield axes whose settings are for samples without some signals, as none predict them as they are."""
-    axes: dict[tuple[str, ...], list[str]] = {}
-    for axis, one in predictions.items():
-        if one.without:
-            axes.setdefault(one.without, []).append(axis)
+    axes = gathered((one.without, axis) for axis, one in predictions.items() if one.without)
     for causes, those in axes.items():
         named = " and ".join(one.replace("_", " ") for one in causes)
         yield Reason(Use.USABLE_EXCEPT, f"{axes_text(those)}, whose {named} your filter must take out first")
@@ -372,10 +368,8 @@ def lost_shares(found: Identification) -> dict[str, float]:
 
 def _of_losses(found: Identification) -> Iterator[Reason]:
     """Yield which samples of a log are left out, where more than `LOST_SHARE` of them are."""
-    kept: dict[str, list[str]] = {}
-    for axis, lost in lost_shares(found).items():
-        if lost > LOST_SHARE:
-            kept.setdefault(percent(1.0 - lost), []).append(axis)
+    shares = lost_shares(found).items()
+    kept = gathered((percent(1.0 - lost), axis) for axis, lost in shares if lost > LOST_SHARE)
     for used, axes in kept.items():
         text = (
             f"{axes_text(axes)}: only {used} of the samples are used; around them the sensor moved or froze"

@@ -16,6 +16,7 @@ from tuner.examination.moves import AXES, CLOCK_OF_UNIT, LEVER_ARM, STATED_ODDS,
 from tuner.examination.search import Found, applied, searched
 from tuner.examination.streams import Positions, Stream, Streams, receiver_streams
 from tuner.examination.windows import WINDOW_LENGTH, Inertial, longest_step
+from tuner.formats.grouping import gathered
 from tuner.limits import LOST_SHARE, TOLERATED_RATIO
 from tuner.segments.stand_stills import runs
 from tuner.types.clock import HALF_INTERVAL, Clock, Delay
@@ -240,9 +241,7 @@ def _in_order(drive: Drive, repairs: Sequence[Repair]) -> tuple[Repair, ...]:
 
 def _together(repairs: Sequence[Repair]) -> list[Repair]:
     """Return repairs, those that say the same of several streams as one."""
-    said: dict[tuple[str, str], list[Repair]] = {}
-    for one in repairs:
-        said.setdefault((one.fault, one.done), []).append(one)
+    said = gathered(((one.fault, one.done), one) for one in repairs)
     return [replace(same[0], stream=" and ".join(one.stream for one in same)) for same in said.values()]
 
 

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from tuner.exporters.dialect import Target
 from tuner.exporters.triad_values import triad
 from tuner.formats.customary_units import digits, phrase
+from tuner.formats.grouping import gathered
 from tuner.synthesis.error_growth import structure_function
 from tuner.synthesis.projection import STILL_SHARE, STILL_TIME, BiasModel, Projected
 from tuner.synthesis.sufficient import unstated_terms
@@ -136,11 +137,10 @@ def _inflations(config: FilterConfig) -> Iterator[str]:
 
     Factors on the sds of fixes hold only beside the further states of our filter: no other program gets them.
     """
-    groups: dict[tuple[str, str, str], list[str]] = {}
-    for inflation in config.inflations:
-        if inflation.quantity.owner == "gnss":
-            continue
-        key = inflation.quantity.field, f"{inflation.factor:.4g}", inflation.reason
-        groups.setdefault(key, []).append(inflation.quantity.owner)
+    groups = gathered(
+        ((one.quantity.field, f"{one.factor:.4g}", one.reason), one.quantity.owner)
+        for one in config.inflations
+        if one.quantity.owner != "gnss"
+    )
     for (quantity, factor, reason), axes in groups.items():
         yield f"{quantity} × {factor} ({', '.join(axes)}): {reason}"

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable
 from typing import TypeVar
 
 T = TypeVar("T")
+K = TypeVar("K")
 
 
 def grouped(every: Iterable[T], belongs: Callable[[list[T], T], bool]) -> list[list[T]]:
@@ -18,3 +19,11 @@ def grouped(every: Iterable[T], belongs: Callable[[list[T], T], bool]) -> list[l
         else:
             home.append(one)
     return groups
+
+
+def gathered(pairs: Iterable[tuple[K, T]]) -> dict[K, list[T]]:
+    """Return what stands behind each key of (key, thing), in the order of the first of each."""
+    found: dict[K, list[T]] = {}
+    for key, one in pairs:
+        found.setdefault(key, []).append(one)
+    return found

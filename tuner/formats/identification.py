@@ -18,6 +18,7 @@ from models.arrays import FloatArray
 from models.noise import POWER_LAW, TERMS, NoiseModel
 from tuner.formats.codec import dump, load, store, stored_form, structured
 from tuner.formats.document_errors import Mismatch, refuse
+from tuner.formats.grouping import gathered
 from tuner.formats.noise_terms import noise_model, require_declared, require_possible_terms
 from tuner.types import (
     AllanCurve,
@@ -280,9 +281,7 @@ class _IdentificationForm:
 
 def _by_name(channel: ChannelIdentification) -> dict[str, _TermForm]:
     """Return the estimates of every kind of term, in their order; base terms that are not there are unknown."""
-    found: dict[str, list[Mapping[str, Coefficient]]] = {}
-    for term in channel.terms:
-        found.setdefault(term.name, []).append(term.coefficients)
+    found = gathered((term.name, term.coefficients) for term in channel.terms)
     for name in BASE_TERMS:
         if name not in found:
             names = TERMS[name].PARAMETERS

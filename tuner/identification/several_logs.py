@@ -29,6 +29,7 @@ from scipy.optimize import brentq, minimize_scalar
 
 from models.arrays import FloatArray
 from models.probability import chi2_beyond, chi2_quantile, normal_reach, student_quantile
+from tuner.formats.grouping import gathered
 from tuner.types import LEVEL, Coefficient, Identification, PooledChannel, PooledCoefficient
 from tuner.types.records import DataError
 
@@ -131,9 +132,7 @@ def _refuse_repeated(identifications: Sequence[Identification]) -> None:
 
 
 def _pool_triads(axes: Mapping[str, PooledChannel]) -> dict[str, PooledChannel]:
-    triads: dict[str, list[PooledChannel]] = {}
-    for axis, channel in axes.items():
-        triads.setdefault(axis.rpartition("_")[0] or axis, []).append(channel)
+    triads = gathered((axis.rpartition("_")[0] or axis, channel) for axis, channel in axes.items())
     answer = {}
     for name, channels in triads.items():
         coefficients = _pool_tables([{c.name: c.value for c in channel.coefficients} for channel in channels])

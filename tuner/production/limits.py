@@ -30,6 +30,7 @@ from types import MappingProxyType
 
 from models.units import STANDARD_GRAVITY, to_si
 from tuner.catalogue.datasheet_format import KINDS, is_among, units_of
+from tuner.formats.axis_words import axes_text
 from tuner.formats.codec import load, refuse_unknown_keys, store, structured
 from tuner.formats.customary_units import digits
 from tuner.formats.document_errors import refuse
@@ -167,7 +168,9 @@ def judge(measurement: UnitMeasurement, limits: Sequence[Limit]) -> tuple[tuple[
         if not most:
             unclear.append(f"{limit.sensor} {name} is not in this log")
         for said, axes in beyond.items():
-            text = said.format(axes=_axes(axes), name=name, span=_span(axes), most=most)
+            text = said.format(
+                axes=axes_text([channel for channel, _ in axes]), name=name, span=_span(axes), most=most
+            )
             if (limit.sensor, limit.symbol) == (FORCE, "mean"):
                 text = _of_gravity(measurement.quantities[f"{FORCE}.mean"].value or 0.0, limit)
             (failed if said is FAILS else unclear).append(text)
@@ -182,15 +185,6 @@ def _of_gravity(excess: float, limit: Limit) -> str:
     return (
         f"accel reads {digits(ratio)} g at rest{why_times_gravity(ratio)}; the limit is 1 ± {room} g{basis}"
     )
-
-
-def _axes(found: Sequence[tuple[str, float]]) -> str:
-    """Return the channels in words: ``gyro x y z``."""
-    sensors: dict[str, list[str]] = {}
-    for channel, _ in found:
-        sensor, _, axis = channel.partition("_")
-        sensors.setdefault(sensor, []).append(axis)
-    return ", ".join(" ".join([sensor, *axes]).strip() for sensor, axes in sensors.items())
 
 
 def _span(found: Sequence[tuple[str, float]]) -> str:

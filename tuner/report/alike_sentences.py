@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable
 
 from tuner.formats.axis_words import axes_text
+from tuner.formats.grouping import gathered
 
 _ALONE = r"[-+\u2212]?\d+(?:\.\d+)?(?:e[-+]?\d+)?"
 NUMBER = re.compile(rf"(?<![\w.]){_ALONE}(?: ± {_ALONE}| \({_ALONE} … {_ALONE}\))?")
@@ -20,11 +21,9 @@ def alike_sentences(pairs: Iterable[tuple[str, str]]) -> list[str]:
     pairs : iterable of (str, str)
         Sentence and axis.
     """
-    alike: dict[tuple[str, ...], list[tuple[list[str], str]]] = {}
-    for text, axis in pairs:
-        stated = alike.setdefault(tuple(NUMBER.split(text)), [])
-        if (one := (NUMBER.findall(text), axis)) not in stated:
-            stated.append(one)
+    alike = gathered(
+        (tuple(NUMBER.split(text)), (NUMBER.findall(text), axis)) for text, axis in dict.fromkeys(pairs)
+    )
     answer = []
     for words, stated in alike.items():
         ranges = [_range(column) for column in zip(*(numbers for numbers, _ in stated), strict=True)]

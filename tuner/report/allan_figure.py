@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from tuner.formats.customary_units import customary_unit, digits, in_customary, pretty, symbol, with_interval
+from tuner.formats.customary_units import in_customary, phrase, symbol
 from tuner.report.curve_panels import draw_banded, name_allan_axes
 from tuner.report.figure_files import new_figure
 from tuner.types import ChannelIdentification, Identification
@@ -150,17 +150,10 @@ def term_label(channel: ChannelIdentification, name: str) -> str:
     estimate = channel.term(name)
     if estimate is None:
         return name
-    parts = []
-    for field, coefficient in estimate.coefficients.items():
-        quantity = f"{name}.{field}"
-        if coefficient.value is None:
-            continue
-        value, *ends = (
-            in_customary(number, quantity, channel.unit)
-            for number in (coefficient.value, *(coefficient.interval or ()))
-        )
-        shown = with_interval(value, *ends) if ends else digits(value)
-        text = f"{symbol(quantity).removeprefix(f'{name} ')} {shown}"
-        parts.append(f"{text} {pretty(customary_unit(quantity, channel.unit))}")
+    parts = [
+        f"{symbol(f'{name}.{field}').removeprefix(f'{name} ')} {phrase(one, f'{name}.{field}', channel.unit)}"
+        for field, one in estimate.coefficients.items()
+        if one.value is not None
+    ]
     line = f"{SLOPES.get(name, name)}: " + ", ".join(parts)
     return line if len(line) <= LEGEND_WIDTH else f"{SLOPES.get(name, name)}: " + ",\n".join(parts)

@@ -8,9 +8,10 @@ from typing import Any
 from tuner.formats.assumption_words import assumed_text
 from tuner.formats.axis_words import axes_text
 from tuner.formats.customary_units import digits, stamp
+from tuner.formats.grouping import gathered
 from tuner.report.document import Document, document
 from tuner.report.noise_table import legend, states_tables
-from tuner.types import FilterConfig, Identification
+from tuner.types import ChannelIdentification, FilterConfig, Identification
 
 SHORT_SPAN = 600.0
 """Time up to which a reader counts seconds, s."""
@@ -35,12 +36,14 @@ def span_text(seconds: float) -> str:
 
 def recording_text(found: Identification, rest: str = "") -> str:
     """Return length and rate of what noise rests on, of which part of a log, and what was assumed of it."""
-    spans: dict[str, list[str]] = {}
-    for c in found.channels.values():
-        part = used_part(found.source, c.axis)
+
+    def said(c: ChannelIdentification) -> str:
         how = "" if c.method in WITHOUT_WORDS else f", by {c.method}"
-        text = f"{span_text(c.span)}{rest} at {digits(1.0 / c.interval)} Hz{part}{how}"
-        spans.setdefault(text if c.span > 0.0 else "stated, not measured", []).append(c.axis)
+        part = used_part(found.source, c.axis)
+        return f"{span_text(c.span)}{rest} at {digits(1.0 / c.interval)} Hz{part}{how}"
+
+    channels = found.channels.values()
+    spans = gathered((said(c) if c.span > 0.0 else "stated, not measured", c.axis) for c in channels)
     parts = [text if len(spans) == 1 else f"{text} ({axes_text(axes)})" for text, axes in spans.items()]
     return "; ".join(filter(None, (*parts, assumed_text(found.source.get("assumptions", ())))))
 

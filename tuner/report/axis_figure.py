@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from tuner.curves.spectrum import psd
 from tuner.formats.customary_units import customary_unit, in_customary, pretty, since
+from tuner.formats.grouping import gathered
 from tuner.report.allan_figure import MEASURED_COLOUR, MODEL_COLOUR, STATED_COLOUR
 from tuner.report.curve_panels import draw_banded
 from tuner.report.figure_files import new_figure
@@ -85,19 +86,19 @@ def _draw_course(panel: Axes, record: Record, findings: Iterable[Finding]) -> No
     panel.set_ylabel(f"samples less their median, {pretty(customary_unit('level', record.unit))}")
     panel.plot(t, y, lw=0.8, color=MEASURED_COLOUR, label="smallest and largest sample of each piece of time")
     panel.margins(x=0.0)
-    for cause, spans in _events(findings).items():
+    spans_of = gathered(
+        (one.cause.replace("_", " "), (when, _lasted(one)))
+        for one in findings
+        if (when := event_time(one)) is not None
+    )
+    for cause, spans in spans_of.items():
         starts = [start - begin for start, _ in spans]
         panel.plot(starts, np.full(len(spans), np.nanmax(y)), "v", ms=7, color=STATED_COLOUR, label=cause)
         for start, lasted in spans:
             panel.axvspan(start - begin, start - begin + lasted, color=STATED_COLOUR, alpha=0.15, lw=1.0)
 
 
-def _events(findings: Iterable[Finding]) -> Mapping[str, list[tuple[float, float]]]:
-    """Return start and duration, s, of what happened at a time, by its cause."""
-    found: dict[str, list[tuple[float, float]]] = {}
-    for one in findings:
-        if (when := event_time(one)) is not None:
-            lasted = one.parameters.get("duration")
-            span = (when, 0.0 if lasted is None else lasted.value or 0.0)
-            found.setdefault(one.cause.replace("_", " "), []).append(span)
-    return found
+def _lasted(event: Finding) -> float:
+    """Return the duration of what happened at a time, s; 0 for none."""
+    duration = event.parameters.get("duration")
+    return 0.0 if duration is None else duration.value or 0.0

@@ -8,7 +8,12 @@ from tuner.segments.multi_position import PoseCalibration
 
 def calibration_lines(found: PoseCalibration) -> list[str]:
     """Return bias, scale factor and misalignment of each sensor, one a line, with its interval."""
-    lines = [f"calibration from {found.poses} stand-stills in {found.different} poses (± 95 %):"]
-    for sensor, coefficients in (("accel", found.accel), ("gyro", found.gyro)):
-        lines += [f"  {sensor} {name.replace('_', ' ')} {amount(c)}" for name, c in coefficients.items()]
-    return lines + [f"  {note}" for note in found.notes]
+    return [
+        f"calibration from {found.poses} stand-stills in {found.different} poses (± 95 %):",
+        *(
+            f"  {sensor} {name.replace('_', ' ')} {amount(c)}"
+            for sensor, coefficients in (("accel", found.accel), ("gyro", found.gyro))
+            for name, c in coefficients.items()
+        ),
+        *(f"  {note}" for note in found.notes),
+    ]

@@ -14,6 +14,7 @@ from tuner.exporters.triad_values import triad, walk, white
 from tuner.formats.customary_units import digits
 from tuner.invariants import Claims, Statement, violations
 from tuner.judgement import curve_axes, judge_drive, judge_log, judge_noise, lost_shares
+from tuner.report.coefficient_text import coefficients_of
 from tuner.report.drive_answer import outage_rows
 from tuner.report.noise_table import PAIR
 from tuner.tune_result import TuneResult
@@ -57,8 +58,7 @@ def claims_of(result: Result) -> Claims:
 
 
 def _of_tune(result: TuneResult) -> Claims:
-    scores = [] if result.check is None else [result.check.consistency]
-    scores += [] if result.measured is None else [result.measured.consistency]
+    scores = [run.consistency for run in (result.check, result.measured) if run is not None]
     diagnoses = [one for one in (result.diagnosis, result.drive and result.drive.diagnosis) if one]
     late = None if result.choice is None else result.choice.after
     return Claims(
@@ -100,11 +100,10 @@ def _identified(found: Identification, elsewhere: list[str] | None = None) -> It
     for axis, channel in found.channels.items():
         if axis in (elsewhere or ()):
             continue
-        for number, term in enumerate(channel.terms):
-            for name, one in term.coefficients.items():
-                if one.value is not None:
-                    quantity = f"{axis}.identified.{number}.{term.name}.{name}"
-                    yield Statement(quantity, "identified", one.value, one.interval, one.upper)
+        for (name, number), one in coefficients_of(channel).items():
+            if one.value is not None:
+                quantity = f"{axis}.identified.{number}.{name}"
+                yield Statement(quantity, "identified", one.value, one.interval, one.upper)
 
 
 def _written(result: TuneResult) -> Iterator[Statement]:

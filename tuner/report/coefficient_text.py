@@ -28,6 +28,11 @@ def coefficients_of(channel: ChannelIdentification) -> dict[Key, Coefficient]:
     return found
 
 
+def ends_of(c: Coefficient | None) -> tuple[float | None, float | None, float | None]:
+    """Return value and ends of the interval, of a limit its upper end; None for what is unknown."""
+    return (None, None, None) if c is None else (c.value, *(c.interval or (None, c.upper)))
+
+
 def times(c: Coefficient, size: float, unit: str) -> Coefficient:
     """Return a factor on a size of a unit as a number of that unit, with its interval or limit."""
     low, high = c.interval or (None, None)

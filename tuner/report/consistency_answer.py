@@ -14,7 +14,7 @@ from tuner.consistency.error_budget import table as budget_rows
 from tuner.formats.customary_units import digits, percent
 from tuner.formats.reference_words import reference_line
 from tuner.limits import HONEST_RATIO, SHOWN_FINDINGS, TOLERATED_RATIO
-from tuner.report.document import Document, document
+from tuner.report.document import Document, document, sentence
 from tuner.report.titled_table import table_of, titled_table
 from tuner.report.verdict_text import observability_text, score_title, verdict_text
 from tuner.types.consistency import (
@@ -108,8 +108,7 @@ def explanation_lines(found: Consistency) -> list[str]:
     if found.honesty.good:
         return []
     explained = [one for one in found.verdicts if one.severity in (Severity.EXPLANATION, Severity.DIVERGED)]
-    texts = [verdict_text(replace(one, explanations=one.explanations[:1])) for one in explained[:2]]
-    return [f"{text[:1].upper()}{text[1:]}" for text in texts]
+    return [sentence(verdict_text(replace(one, explanations=one.explanations[:1]))) for one in explained[:2]]
 
 
 def _score_table(found: Consistency) -> Table:
@@ -162,12 +161,10 @@ def _legend(table: Table) -> str:
 
 def _further(found: Consistency) -> str:
     """Return what the table does not show: correlation of the innovations, refused fixes."""
-    white = found.whiteness
-    others = []
+    white, refused = found.whiteness, f"{percent(found.gated)} of fixes refused"
+    others = [refused] if found.gated else []
     if white is not None and not white.consistent:
-        others.append(f"innovations correlated, {white.correlation:+.2f} at lag {white.lag}")
-    if found.gated:
-        others.append(f"{percent(found.gated)} of fixes refused")
+        others.insert(0, f"innovations correlated, {white.correlation:+.2f} at lag {white.lag}")
     return "; ".join(others)
 
 
@@ -200,12 +197,15 @@ def band_of(score: Score) -> tuple[float, float]:
 
 def score_rows(scores: Iterable[Score]) -> list[list[str]]:
     """Return what each score is of, its ratio and band, and what it says where it is off, as `HEADS`."""
-    rows = []
-    for one in scores:
-        low, high = band_of(one)
-        said = "" if one.consistent else "above" if one.ratio > 1.0 else "below"
-        rows.append([score_title(one.name), f"{one.ratio:.3f}", f"{low:.2f} … {high:.2f}", said])
-    return rows
+    return [
+        [
+            score_title(one.name),
+            f"{one.ratio:.3f}",
+            " … ".join(f"{end:.2f}" for end in band_of(one)),
+            "" if one.consistent else "above" if one.ratio > 1.0 else "below",
+        ]
+        for one in scores
+    ]
 
 
 def budget_tables(budget: ErrorBudget, seen: Observability) -> list[Table | str]:

@@ -32,15 +32,15 @@ class ShownCurve:
         What it is over, and what it is of, with their units.
     x, y : ndarray, shapes (n,), (n, k)
         Places, and values of k axes.
-    ends : (ndarray, ndarray), shapes (n, k), optional
-        95 % interval.
+    ends : tuple of ndarray, shapes (n, k)
+        Both of the 95 % interval; of a correlation none.
     """
 
     across: str
     up: str
     x: FloatArray
     y: FloatArray
-    ends: tuple[FloatArray, FloatArray] | None = None
+    ends: tuple[FloatArray, ...] = ()
 
 
 def shown_curve(found: Curve) -> ShownCurve:
@@ -60,13 +60,9 @@ def shown_curve(found: Curve) -> ShownCurve:
 def curve_table(found: Curve, rows: NDArray[np.intp] | None = None) -> Table:
     """Return a curve with its interval, some of its rows or all."""
     one = shown_curve(found)
-    if one.ends is None:
-        band = (
-            f"white noise stays within ± {digits(found.band)} at 95 %"
-            if isinstance(found, Correlogram)
-            else ""
-        )
-        title, cells = f"{one.up}, {band}", [[f"{value:+.4f}" for value in row] for row in one.y]
+    if isinstance(found, Correlogram):
+        title = f"{one.up}, white noise stays within ± {digits(found.band)} at 95 %"
+        cells = [[f"{value:+.4f}" for value in row] for row in one.y]
     else:
         each = np.stack([one.y, *one.ends], axis=-1)
         title = f"{one.up} (95 % interval)"

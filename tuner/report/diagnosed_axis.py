@@ -6,9 +6,9 @@ warm-up, a step. The effect of the cause (`models.effects`) makes them from the 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cache
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from math import isclose
 
 import numpy as np
@@ -36,70 +36,78 @@ Farther off it is a hundredth of a percent of its peak; with forty a width a cho
 
 @dataclass(frozen=True)
 class DiagnosedAxis:
-    """One axis of a log with its residuals and findings.
+    """One axis of a log with its residuals and findings; what takes long is computed where a figure shows it.
 
     Attributes
     ----------
-    axis, unit : str
-        Channel and unit of its samples.
-    interval : float
-        s.
-    t, y : ndarray, shape (n,)
-        Time, s, and samples less their median, SI; short gaps are bridged.
-    fitted : callable
-        Returns the fit whose residuals are `e`; made where a figure shows it, once for all copies of this object.
-    whitened : callable
-        Returns `left`, made likewise.
-    scale : float
-        Size of its samples, SI.
-    temperature : ndarray, shape (n,), optional
-        °C.
+    record : Record
+        Its log.
+    ready : Channel
+        The axis as it was analysed; short gaps are bridged.
     before, after : NoiseModel
         Noise without and with what was found.
-    signals : mapping of str to ndarray, shape (n,)
-        Signals that were found, by cause, SI.
     findings : tuple of Finding
         All findings in the axis.
-    stamps : ndarray, shape (k, 4), optional
-        Course of the time stamps, as in `Record`.
-    begin : float
-        First stamp of the log, s; `t` begins later where its begin was not analysed.
     """
 
-    axis: str
-    unit: str
-    interval: float
-    t: FloatArray
-    y: FloatArray
-    fitted: Callable[[], FittedChannel]
-    whitened: Callable[[], FloatArray]
-    scale: float
-    temperature: FloatArray | None
+    record: Record
+    ready: Channel
     before: NoiseModel
     after: NoiseModel
-    signals: Mapping[str, FloatArray]
     findings: tuple[Finding, ...]
-    stamps: FloatArray | None = None
-    begin: float = 0.0
 
-    @property
-    def e(self) -> FloatArray:
-        """Residuals of the fit without any finding, of unit variance, shape (n,)."""
-        return self.fitted().e
+    @cached_property
+    def t(self) -> FloatArray:
+        """Time, s, shape (n,)."""
+        return np.asarray(self.ready.start + self.ready.interval * np.arange(float(len(self.ready))))
 
-    @property
+    @cached_property
+    def y(self) -> FloatArray:
+        """Samples less their median, SI, shape (n,)."""
+        return self.ready.y * self.ready.scale
+
+    @cached_property
+    def temperature(self) -> FloatArray | None:
+        """Temperature, °C, shape (n,), where it was recorded."""
+        blocks = self.ready.covariates.get(TEMPERATURE_COVARIATE)
+        return None if blocks is None else np.repeat(blocks, self.ready.block)
+
+    @cached_property
+    def fitted(self) -> FittedChannel:
+        """The fit without any finding, with its residuals `e`, shape (n,), of unit variance."""
+        return fit_channel(self.ready)
+
+    @cached_property
     def left(self) -> FloatArray:
         """Residuals of the noise with everything that was found in the spectrum, of unit variance, shape (n,).
 
         Their distribution, and their variance over time, are not those of a resonance that is known.
         """
-        return self.whitened()
+        if not self.after.terms:
+            return self.fitted.e
+        interval = self.ready.interval
+        a = transform(self.y - self.signal, interval)
+        order, knots = np.arange(1.0, len(a)), _knots(self, len(a))
+        power = self.after.psd(knots / (2.0 * len(a) * interval), interval=interval)
+        a[0] = 0.0
+        a[1:] /= np.sqrt(np.interp(order, knots, power))
+        e = inverse(a, 1.0)
+        return e / robust_sd(e)
 
     def expected(self, f: FloatArray) -> FloatArray:
-        """Return the spectrum that `e` has if the noise is `after`, at frequencies `f`, Hz; 1 where that is the fit."""
-        fit = self.fitted()
-        power = fit.power_at(f) * (self.scale * fit.spread) ** 2
-        return np.asarray(self.after.psd(f, interval=self.interval) / power)
+        """Return the spectrum of the residuals at frequencies `f`, Hz, if the noise is `after`; 1 if it is the fit."""
+        power = self.fitted.power_at(f) * (self.ready.scale * self.fitted.spread) ** 2
+        return np.asarray(self.after.psd(f, interval=self.ready.interval) / power)
+
+    @cached_property
+    def signals(self) -> Mapping[str, FloatArray]:
+        """Signals that were found, by cause, SI, shape (n,)."""
+        signals: dict[str, FloatArray] = {}
+        for one in self.findings:
+            made = signal_of(one.cause, parameters(one, self.ready.axis), self.t, self.y, self.temperature)
+            if made is not None:
+                signals[one.cause] = signals.get(one.cause, 0.0) + (made - made.mean())
+        return signals
 
     @property
     def signal(self) -> FloatArray:
@@ -112,7 +120,7 @@ class DiagnosedAxis:
 
     def values(self, cause: str) -> list[dict[str, float]]:
         """Return the parameters of every finding of a cause in this axis."""
-        return [parameters(f, self.axis) for f in self.findings if f.cause == cause]
+        return [parameters(f, self.ready.axis) for f in self.findings if f.cause == cause]
 
 
 def parameters(finding: Finding, axis: str) -> dict[str, float]:
@@ -132,59 +140,20 @@ def diagnosed_axis(
         ready = channel(record, axis)
     except DataError:
         return None
-    if not moving and (analysed := _analysed(ready, diagnosis)) is not None:
-        ready = analysed
+    if not moving:
+        ready = _analysed(ready, diagnosis) or ready
     findings = tuple(f for f in diagnosis.findings if axis in f.channels)
-    t: FloatArray = ready.start + ready.interval * np.arange(float(len(ready)))
-    y, temperature = ready.y * ready.scale, _temperature(ready)
-    signals: dict[str, FloatArray] = {}
-    for finding in findings:
-        made = signal_of(finding.cause, parameters(finding, axis), t, y, temperature)
-        if made is not None:
-            signals[finding.cause] = signals.get(finding.cause, np.zeros_like(y)) + (made - made.mean())
-    empty = NoiseModel()
-    before, after = diagnosis.base.get(axis, empty), diagnosis.models.get(axis, empty)
+    before, after = (models.get(axis, NoiseModel()) for models in (diagnosis.base, diagnosis.models))
     if any(isinstance(term, Arma) and not isclose(term.interval, ready.interval) for term in after.terms):
         return None  # a model of what is new among repeated samples
-    fitted = cache(lambda: fit_channel(ready))
-    one = DiagnosedAxis(
-        axis,
-        ready.unit,
-        ready.interval,
-        t,
-        y,
-        fitted,
-        lambda: fitted().e,
-        ready.scale,
-        temperature,
-        before,
-        after,
-        signals,
-        findings,
-        record.stamp_course,
-        float(record.t[0]),
-    )
-    return replace(one, whitened=cache(lambda: _whitened(one)))
-
-
-def _whitened(one: DiagnosedAxis) -> FloatArray:
-    """Return samples without their signals as white noise of unit variance, shape (n,)."""
-    if not one.after.terms:
-        return one.e
-    a = transform(one.y - one.signal, one.interval)
-    order, knots = np.arange(1.0, len(a)), _knots(one, len(a))
-    power = one.after.psd(knots / (2.0 * len(a) * one.interval), interval=one.interval)
-    a[0] = 0.0
-    a[1:] /= np.sqrt(np.interp(order, knots, power))
-    e = inverse(a, 1.0)
-    return e / robust_sd(e)
+    return DiagnosedAxis(record, ready, before, after, findings)
 
 
 def _knots(one: DiagnosedAxis, n: int) -> FloatArray:
     """Return the places, of 1 … n − 1, between which the spectrum with what was found is as good as linear."""
     peaks = []
     for found in one.values(Vibration.cause):
-        place = 2.0 * n * one.interval * found["frequency"]
+        place = 2.0 * n * one.ready.interval * found["frequency"]
         reach = PEAK_WIDTHS * place / found["quality"]
         low, high = (float(np.clip(end, 1, n - 1)) for end in (place - reach, place + reach))
         inside = np.linspace(low, high, KNOTS_IN_A_PEAK)
@@ -212,8 +181,3 @@ def signal_of(
     if effect is None:
         return None
     return effect.drawn(values, Samples(t, y[:, None], float(t[1] - t[0]), temperature))
-
-
-def _temperature(ready: Channel) -> FloatArray | None:
-    blocks = ready.covariates.get(TEMPERATURE_COVARIATE)
-    return None if blocks is None else np.repeat(blocks, ready.block)

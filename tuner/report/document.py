@@ -58,7 +58,12 @@ class Document:
         """Return what is not on the screen and how it is seen; empty where nothing is left."""
         rest = f"{left_out} more remark{'s' * (left_out > 1)}" if left_out else ""
         said = " and ".join(part for part in (rest, self.beyond if self.more else "") if part)
-        return f"{said[:1].upper()}{said[1:]}: --verbose" if said else ""
+        return f"{sentence(said)}: --verbose" if said else ""
+
+
+def sentence(text: str) -> str:
+    """Return a text as a sentence begins."""
+    return f"{text[:1].upper()}{text[1:]}"
 
 
 def document(

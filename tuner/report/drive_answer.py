@@ -12,6 +12,7 @@ from models.filter_states import FILTER_STATES
 from tuner.formats.clock_words import clock_words
 from tuner.formats.customary_units import digits
 from tuner.formats.parameter_words import meaning_text
+from tuner.report.document import sentence
 from tuner.report.titled_table import table_of
 from tuner.types.clock import Clock, Delay
 from tuner.types.honesty import ratio_text
@@ -33,8 +34,7 @@ def found_text(finding: Finding, *, ranges: bool = False) -> str:
     """Return what a finding of a drive is, in one sentence, with its figures or the ranges of those that are alike."""
     from tuner.diagnosis.drive.causes.registry import DRIVE_CAUSES  # loads the diagnosis of drives
 
-    text = meaning_text(DRIVE_CAUSES[finding.cause].meaning, finding.figures, ranges=ranges)
-    return f"{text[:1].upper()}{text[1:]}"
+    return sentence(meaning_text(DRIVE_CAUSES[finding.cause].meaning, finding.figures, ranges=ranges))
 
 
 def choice_parts(choice: HeldOutChoice, scored: Sequence[Outage] = ()) -> list[Table | str]:
@@ -50,7 +50,7 @@ def choice_parts(choice: HeldOutChoice, scored: Sequence[Outage] = ()) -> list[T
     change = f"{after.tracking_rms / before.tracking_rms:.2f}"
     aided = "with fixes (last 40 %)", f"{digits(after.tracking_rms)} m", change, alone
     heads = f"{error}, rms", "noise.yaml", "÷ pre-drive (95 %)", "÷ predicted (95 %)"
-    despite = [f"{choice.despite[:1].upper()}{choice.despite[1:]}"] if choice.despite else []
+    despite = [sentence(choice.despite)] if choice.despite else []
     return [table_of(heads, [aided, *outage_rows(choice, scored)], words=len(heads)), *despite]
 
 
@@ -156,4 +156,4 @@ def _delay_lines(clock: Clock, applied: Compensation, t: FloatArray, *, written:
         )
     out = "tuner with noise.yaml and the KF-GINS export take" if written else "the filter judged took"
     done = f"{out} that out; the recording still has it, so for another filter move its stamps"
-    return [f"{text[:1].upper()}{text[1:]}: {done}"] if text else []
+    return [f"{sentence(text)}: {done}"] if text else []

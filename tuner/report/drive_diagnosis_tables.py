@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rich.table import Table
-
 from tuner.diagnosis.drive.noise_scale_estimates import factor_text, listed, may_be_one
 from tuner.formats.customary_units import amount
 from tuner.formats.reference_words import reference_line
@@ -54,7 +52,13 @@ def drive_diagnosis_answer(found: DriveDiagnosis) -> Document:
             *finding_tables(found.findings, "What the navigation simulation gets wrong"),
             *(f"  {one.text}" for one in found.inseparable),
             *unexplained_table(found.unexplained),
-            *noise_scale_tables(found.noise_scales),
+            *titled_table(
+                "Noise settings: stated, and estimated from the drive (95 % intervals)",
+                ("setting", "stated", "estimated", "factor", "with all findings", "accounted for by"),
+                ((SHORT_NAMES[one.setting], *_cells(one)) for one in found.noise_scales),
+                words=6,
+            ),
+            *(f"  {one.text}" for one in found.noise_scales if one.causes),
         ],
         beyond="every finding and test",
     )
@@ -113,20 +117,8 @@ def harm_text(gain: Gain | None) -> str:
     )
 
 
-def noise_scale_tables(estimates: Sequence[NoiseScaleEstimate]) -> list[Table | str]:
-    """Return one row a noise setting: the stated value, the scale estimated from the drive, and its causes."""
-    return [
-        *titled_table(
-            "Noise settings: stated, and estimated from the drive (95 % intervals)",
-            ("setting", "stated", "estimated", "factor", "with all findings", "accounted for by"),
-            ((SHORT_NAMES[one.setting], *_cells(one)) for one in estimates),
-            words=6,
-        ),
-        *(f"  {one.text}" for one in estimates if one.causes),
-    ]
-
-
 def _cells(one: NoiseScaleEstimate) -> tuple[str, ...]:
+    """Return the stated value of a setting, the scale estimated from the drive, and its causes."""
     if one.stated is None:
         return "–", "–", "–", "–", "not in the filter"
     stated = amount(Coefficient(one.stated, None, None, one.unit))

@@ -6,6 +6,7 @@ from rich.table import Table
 
 from tuner.examination.examine import Examination
 from tuner.formats.customary_units import digits
+from tuner.formats.grouping import gathered
 from tuner.formats.repair_words import repair_text
 from tuner.limits import WRONG_FACTOR
 from tuner.report.answer_layout import span_text
@@ -22,16 +23,14 @@ def examination_answer(found: Examination) -> Document:
     """Return what is to be mended first, the noise of every stream, and what the recording could not have shown."""
     repairs = [f"{number}. {repair_text(one)}" for number, one in enumerate(found.repairs, 1)]
     rates = ", ".join(f"{name} {digits(rate)} Hz" for name, rate in found.rates.items())
-    alike: dict[str, list[str]] = {}
-    for one in found.unseen:  # sign of gyro x, sign of gyro y → sign of gyro x y
-        head, _, last = one.rpartition(" ")
-        alike.setdefault(head, []).append(last)
+    parts = (one.rpartition(" ") for one in found.unseen)
+    alike = gathered((head, last) for head, _, last in parts)  # sign of gyro x, … y → sign of gyro x y
     listed = ", ".join(f"{head} {' '.join(lasts)}".strip() for head, lasts in alike.items())
     unseen = f"Could not have shown: {listed}" if listed else ""
     return document(
         [
             f"{found.name}, {span_text(found.length)}: {rates}; {span_text(found.seconds)} of it compared",
-            f"Verdict: {examination_verdict(found)[1]}",
+            f"Verdict: {examination_verdict(found)}",
             *repairs[:SHOWN_REPAIRS],
             _noise_table(found),
             *vibration_lines(found),
@@ -42,12 +41,11 @@ def examination_answer(found: Examination) -> Document:
     )
 
 
-def examination_verdict(found: Examination) -> tuple[bool, str]:
-    """Return whether nothing is to be mended, and the verdict."""
+def examination_verdict(found: Examination) -> str:
+    """Return whether anything is to be mended."""
     many = len(found.repairs)
-    if not many:
-        return True, "nothing contradicts"
-    return False, f"mend before any filter: {many} thing{'s' * (many > 1)}, the surest first"
+    things = f"{many} thing{'s' * (many > 1)}"
+    return f"mend before any filter: {things}, the surest first" if many else "nothing contradicts"
 
 
 def vibration_lines(found: Examination) -> list[str]:

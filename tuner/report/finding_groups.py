@@ -18,7 +18,7 @@ from models.effects import EFFECTS
 from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.formats.axis_words import axes_text
 from tuner.formats.customary_units import amount, digits, range_text
-from tuner.formats.grouping import grouped
+from tuner.formats.grouping import gathered, grouped
 from tuner.formats.parameter_words import parameter_words
 from tuner.synthesis.findings import EVENTS
 from tuner.types import Coefficient, Finding
@@ -183,9 +183,7 @@ def _ranges(findings: Sequence[Finding]) -> str:
     for name, words in parameter_words(findings[0].figures).items():
         own = [one for one in findings if name in one.figures]
         each = [c for one in own for c in one.of_each(name).values() or [one.parameters[name]]]
-        values: dict[str, list[float]] = {}
-        for one in each:
-            values.setdefault(one.unit, []).append(one.value or 0.0)
+        values = gathered((one.unit, one.value or 0.0) for one in each)
         ranges = " and ".join(range_text(of_unit, unit) for unit, of_unit in values.items())
         said.append(f"{words} {ranges if len(each) > 1 else amount(each[0])}")
     return ", ".join(said)

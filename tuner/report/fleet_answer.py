@@ -10,6 +10,7 @@ from rich.table import Table
 
 from tuner.formats.assumption_words import assumed_text
 from tuner.formats.customary_units import digits, phrase, range_text
+from tuner.formats.grouping import gathered
 from tuner.production.limits import GRAVITY
 from tuner.production.outliers import FALSE_NAMING, LEAST_UNITS, threshold
 from tuner.production.quantities import (
@@ -22,7 +23,7 @@ from tuner.production.quantities import (
     pretty_unit,
 )
 from tuner.production.spread import spread_text
-from tuner.report.document import Document, document
+from tuner.report.document import Document, document, sentence
 from tuner.report.titled_table import titled_table
 from tuner.types.fleet import Fleet, FleetUnit, Outlier
 
@@ -86,17 +87,14 @@ def derived_limits(fleet: Fleet) -> str:
 
 def assumed_lines(fleet: Fleet) -> list[str]:
     """Return what was assumed of the logs, a line for all units that share it, and how the unit is stated."""
-    named: dict[str, list[str]] = {}
-    open_units = set()
-    for unit in fleet.units:
-        if unit.measurement is not None and (text := assumed_text(unit.measurement.assumptions)):
-            named.setdefault(text, []).append(unit.name)
-            open_units |= {text} if unit.measurement.unit_unstated else set()
+    measured = [(unit.name, unit.measurement) for unit in fleet.units if unit.measurement is not None]
+    named = gathered((assumed_text(one.assumptions), (name, one.unit_unstated)) for name, one in measured)
     lines = []
-    for text, names in named.items():
+    for text, units in named.items():
+        names = [name for name, _ in units]
         which = f"all {len(names)} units" if len(names) == len(fleet.units) else _some(names)
-        cure = "; state it with --gyro-unit" if text in open_units else ""
-        lines.append(f"{which[0].upper()}{which[1:]}: {text}{cure}")
+        cure = "; state it with --gyro-unit" if any(unstated for _, unstated in units) else ""
+        lines += [f"{sentence(which)}: {text}{cure}"] if text else []
     return lines[:MOST_ASSUMED]
 
 
@@ -133,20 +131,18 @@ def reason_of(unit: FleetUnit, fleet: Fleet) -> str:
 
 def spread_frame(fleet: Fleet) -> pd.DataFrame:
     """Return mean and unit-to-unit spread of each quantity, in customary units, with 95 % intervals."""
-    columns = ["quantity", "unit", "units", "mean", "spread"]
-    rows = []
-    for name, pooled in fleet.spread.items():
-        unit = fleet.channel_units[name.rpartition(".")[0]]
-        rows.append(
-            (
-                in_words(name),
-                pretty_unit(name, unit),
-                sum(v is not None for v in pooled.values),
-                phrase(pooled.value, SYMBOLS[name.rpartition(".")[2]], unit, with_unit=False),
-                spread_text(name, pooled, unit),
-            )
+    units = [fleet.channel_units[name.rpartition(".")[0]] for name in fleet.spread]
+    rows = [
+        (
+            in_words(name),
+            pretty_unit(name, unit),
+            sum(v is not None for v in pooled.values),
+            phrase(pooled.value, SYMBOLS[name.rpartition(".")[2]], unit, with_unit=False),
+            spread_text(name, pooled, unit),
         )
-    return pd.DataFrame(rows, columns=columns)
+        for (name, pooled), unit in zip(fleet.spread.items(), units, strict=True)
+    ]
+    return pd.DataFrame(rows, columns=["quantity", "unit", "units", "mean", "spread"])
 
 
 def frame_table(frame: pd.DataFrame, head: str = "") -> list[Table]:
@@ -176,13 +172,9 @@ def reasons(unit: FleetUnit, fleet: Fleet) -> list[str]:
     """
     if unit.error:
         return [unit.error.removeprefix(f"{unit.file}: ")]
-    by_sensor: dict[str, list[Outlier]] = {}
-    for outlier in unit.outliers:
-        channel = outlier.quantity.rpartition(".")[0]
-        sensor = channel.rpartition("_")[0] or channel
-        by_sensor.setdefault(sensor if is_logarithmic(outlier.quantity) else outlier.quantity, []).append(
-            outlier
-        )
+    by_sensor = gathered(
+        (_sensor(one) if is_logarithmic(one.quantity) else one.quantity, one) for one in unit.outliers
+    )
     lines = [
         "noisy axis: " * _noisy_axis(found)
         + (outlier_text(found[0], fleet) if len(found) == 1 else _together(sensor, found, fleet))
@@ -190,6 +182,11 @@ def reasons(unit: FleetUnit, fleet: Fleet) -> list[str]:
     ]
     first, last = (unit.broken, ()) if unit.verdict == "FAIL" else ((), unit.broken)
     return [*unit.advice, *first, *lines, *last]
+
+
+def _sensor(outlier: Outlier) -> str:
+    channel = outlier.quantity.rpartition(".")[0]
+    return channel.rpartition("_")[0] or channel
 
 
 def _noisy_axis(found: Sequence[Outlier]) -> bool:
@@ -200,9 +197,7 @@ def _noisy_axis(found: Sequence[Outlier]) -> bool:
 
 def _together(sensor: str, found: Sequence[Outlier], fleet: Fleet) -> str:
     """Say in which amplitudes a sensor stands apart: ``gyro: N of x y z × 2.9 to 3.1 the median …``."""
-    axes: dict[str, list[Outlier]] = {}
-    for one in found:
-        axes.setdefault(one.quantity.rpartition(".")[2], []).append(one)
+    axes = gathered((one.quantity.rpartition(".")[2], one) for one in found)
     parts = []
     for symbol in (symbol for symbol in SYMBOLS if symbol in axes):
         alike = axes[symbol]

@@ -16,6 +16,7 @@ from tuner.formats.file_set import MANIFEST, digests, write_set
 from tuner.production.fleet import RESULTS
 from tuner.production.quantities import SYMBOLS, customary, pretty_unit, title, unit_name
 from tuner.production.spread import grade_yaml
+from tuner.report.coefficient_text import ends_of
 from tuner.report.document import document
 from tuner.report.figure_files import figure_bytes
 from tuner.report.fleet_answer import (
@@ -32,7 +33,7 @@ from tuner.report.html_page import write_sections_page
 from tuner.report.page_parts import Picture
 from tuner.report.result_figures import fleet_figure
 from tuner.types import Coefficient
-from tuner.types.fleet import Fleet
+from tuner.types.fleet import Fleet, FleetUnit
 
 NAMES = ("unit", "file")
 """Columns of names: one such as ``+1`` is no number."""
@@ -105,32 +106,21 @@ def fleet_frame(fleet: Fleet) -> pd.DataFrame:
 
 def _cells(name: str, found: Coefficient | None, fleet: Fleet) -> dict[str, object]:
     unit = fleet.channel_units[name.rpartition(".")[0]]
-    value, low, high = (None if found is None else found.value), None, None
-    if found is not None and found.interval is not None:
-        low, high = found.interval
-    elif found is not None:
-        high = found.upper
     heads = (title(name), f"{title(name)} low", f"{title(name)} high")
     return {
         f"{head} [{unit_name(name, unit)}]": None if x is None else customary(x, name, unit)
-        for head, x in zip(heads, (value, low, high), strict=True)
+        for head, x in zip(heads, ends_of(found), strict=True)
     }
 
 
 def fleet_page(fleet: Fleet) -> str:
     """Return the page: the answer with its picture, and one row a unit, verdict and reason first, the worst on top."""
-    rows = []
-    for unit in worst_first(fleet):
-        row = {"unit": unit.name, "verdict": verdict_of(unit), "reason": reason_of(unit, fleet)}
-        for name in fleet.spread:
-            channel, _, symbol = name.rpartition(".")
-            if symbol not in PAGE_SYMBOLS:
-                continue
-            si = fleet.channel_units[channel]
-            found = None if unit.measurement is None else unit.measurement.quantities.get(name)
-            head = f"{title(name)}, {pretty_unit(name, si)}"
-            row[head] = "–" if found is None else phrase(found, SYMBOLS[symbol], si, with_unit=False)
-        rows.append(row)
+    names = [name for name in fleet.spread if name.rpartition(".")[2] in PAGE_SYMBOLS]
+    rows = [
+        {"unit": unit.name, "verdict": verdict_of(unit), "reason": reason_of(unit, fleet)}
+        | dict(_page_cell(name, unit, fleet) for name in names)
+        for unit in worst_first(fleet)
+    ]
     drawn = Picture(
         "Each unit ÷ the median of the fleet, outlying ones named",
         "fleet.svg",
@@ -143,6 +133,15 @@ def fleet_page(fleet: Fleet) -> str:
             ("Units", document(frame_table(pd.DataFrame(rows))), []),
         ],
     )
+
+
+def _page_cell(name: str, unit: FleetUnit, fleet: Fleet) -> tuple[str, str]:
+    """Return head and cell of a quantity of a unit on the page."""
+    channel, _, symbol = name.rpartition(".")
+    si = fleet.channel_units[channel]
+    found = None if unit.measurement is None else unit.measurement.quantities.get(name)
+    cell = "–" if found is None else phrase(found, SYMBOLS[symbol], si, with_unit=False)
+    return f"{title(name)}, {pretty_unit(name, si)}", cell
 
 
 def _csv(frame: pd.DataFrame) -> bytes:

@@ -10,6 +10,7 @@ from tuner.diagnosis.static.outcome import UNKNOWN
 from tuner.formats.axis_words import axes_text
 from tuner.formats.customary_units import percent
 from tuner.limits import LOST_SHARE, SHOWN_CHANGE
+from tuner.report.document import sentence
 from tuner.report.finding_groups import (
     SAMPLES_AT_FAULT,
     FindingGroup,
@@ -25,12 +26,7 @@ from tuner.types import Finding
 
 def group_in_words(group: FindingGroup, *, figures: bool = True) -> str:
     """Return a finding, and what it does."""
-    return f"{name_in_words(group)}: {effect_in_words(group, figures=figures)}"
-
-
-def name_in_words(group: FindingGroup) -> str:
-    """Return what was found and where, as a sentence begins."""
-    return f"{group.title[:1].upper()}{group.title[1:]}"
+    return f"{sentence(group.title)}: {effect_in_words(group, figures=figures)}"
 
 
 def effect_in_words(group: FindingGroup, *, figures: bool = True) -> str:
@@ -106,19 +102,14 @@ class FindingsInWords:
         Samples at fault to an effect that is not known, or more than `LOST_SHARE` of them.
     idle : tuple of str
         Names of the others.
-    refuted : tuple of str
-        Names of those that held-out data contradict.
+    doubted : str
+        What held-out data do not confirm, in one sentence; empty for nothing.
     """
 
     felt: tuple[str, ...] = ()
     faults: tuple[str, ...] = ()
     idle: tuple[str, ...] = ()
-    refuted: tuple[str, ...] = ()
-
-    @property
-    def doubted(self) -> str:
-        """What held-out data do not confirm, in one sentence; empty for nothing."""
-        return f"Found, but not confirmed by held-out data: {'; '.join(self.refuted)}" if self.refuted else ""
+    doubted: str = ""
 
 
 def findings_in_words(
@@ -130,11 +121,12 @@ def findings_in_words(
     felt = [one for one in groups if changes_much(one)]
     faults = [one for one in groups if one not in felt and _is_fault(one)]
     idle = [one for one in groups if one not in felt and one not in faults]
+    names = "; ".join(one.title for one in finding_groups(refuted, span))
     return FindingsInWords(
         tuple(group_in_words(one, figures=figures) for one in felt),
         tuple(group_in_words(one, figures=figures) for one in faults),
         tuple(f"{one.title}{one.figures * figures}" for one in idle),
-        tuple(one.title for one in finding_groups(refuted, span)),
+        f"Found, but not confirmed by held-out data: {names}" if names else "",
     )
 
 

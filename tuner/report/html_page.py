@@ -222,24 +222,25 @@ def _facts(result: TuneResult) -> list[tuple[str, str]]:
         for record in result.records
         if record.timing.get(key)
     )
-    facts = [
+    repairs = dict.fromkeys(note for record in result.records for note in record.notes)
+    facts = (
         ("Recording", recording_line(result)),
         ("Not in the settings", left_out_text(left_out_groups(result.diagnosis))),
-    ]
-    if result.records:
-        repairs = dict.fromkeys(note for record in result.records for note in record.notes)
-        facts.append(("Time stamps", "; ".join(wrong) or "no gap, no repetition"))
-        facts.append(("Read with", "; ".join(repairs)))
+        ("Time stamps", ("; ".join(wrong) or "no gap, no repetition") if result.records else ""),
+        ("Read with", "; ".join(repairs)),
+    )
     return [(term, words) for term, words in facts if words]
 
 
 def _limits(result: TuneResult, noise: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return warnings first, then what was not done or written, the reasons of bounds, and notes."""
-    lines = warning_lines(result.identification, predicted=result.predictions)
-    lines += [f"no {part}: {reason}" for part, reason in result.absent.items()]
-    lines += [f"not written: {name}: {reason}" for name, reason in result.withheld.items()]
-    lines += [line for block in noise for line in block.get("lines", ())]
-    lines += result.config.notes
+    lines = (
+        *warning_lines(result.identification, predicted=result.predictions),
+        *(f"no {part}: {reason}" for part, reason in result.absent.items()),
+        *(f"not written: {name}: {reason}" for name, reason in result.withheld.items()),
+        *(line for block in noise for line in block.get("lines", ())),
+        *result.config.notes,
+    )
     return list(dict.fromkeys(lines)) or ["none known beyond the intervals above"]
 
 

@@ -10,12 +10,13 @@ from rich.table import Table
 
 from tuner.formats.axis_words import axes_text
 from tuner.formats.customary_units import customary_unit, digits, pretty, symbol
-from tuner.formats.grouping import grouped
+from tuner.formats.grouping import gathered, grouped
 from tuner.identification.identify import BY_DIAGNOSIS
 from tuner.identification.identify_channel import CURVE_DISAGREES
 from tuner.judgement import curve_axes, judge_noise
 from tuner.report.alike_sentences import alike_sentences
 from tuner.report.answer_layout import recording_text
+from tuner.report.coefficient_text import coefficients_of
 from tuner.report.document import Document, document
 from tuner.report.identification_tables import identification_tables, pooled_tables
 from tuner.report.noise_table import NAMES, legend, measured_table, states_tables
@@ -59,7 +60,7 @@ def identification_answer(
             f"Verdict: {judge_noise(found, predictions).text}",
             table,
             legend(table),
-            *orders_line(list(found.channels.values())),
+            orders_line(list(found.channels.values())),
         ],
         [*warning_lines(found, predicted=predictions), *_too_short(by_terms)],
         more=[*identification_tables(found), *([] if config is None else states_tables(config))],
@@ -87,11 +88,13 @@ def pooled_answer(
 ) -> Document:
     """Return what several logs of one sensor have in common and in what they differ, beside the answer of `each`."""
     rows = joined_rows(_pooled_row(one) for one in pooled.values() if one.mean is not None)
-    differing: dict[str, list[str]] = {}
-    for channel in pooled.values():
-        for one in (*channel.coefficients, *([channel.mean] if channel.mean else [])):
-            if channel.mean is not None and one.p_value < UNEQUAL_BELOW:
-                differing.setdefault(symbol(one.name), []).append(channel.axis)
+    differing = gathered(
+        (symbol(one.name), channel.axis)
+        for channel in pooled.values()
+        if channel.mean is not None
+        for one in (*channel.coefficients, channel.mean)
+        if one.p_value < UNEQUAL_BELOW
+    )
     text = "; ".join(f"{sign} of {axes_text(axes)}" for sign, axes in differing.items())
     verdict = (
         f"logs differ (p < {UNEQUAL_BELOW:g}) in {text}" if text else "no coefficient differs from log to log"
@@ -135,13 +138,12 @@ def terms_too_short(found: Identification) -> str:
 
     Sensors with all their axes have no letters.
     """
-    short: dict[str, list[str]] = {}
-    for channel in found.channels.values():
-        for term in channel.terms:
-            for field, c in term.coefficients.items():
-                if c.value is None and (c.reason or "").startswith(TOO_SHORT):
-                    name = f"{term.name}.{field}"
-                    short.setdefault(NAMES.get(name, symbol(name)), []).append(channel.axis)
+    short = gathered(
+        (NAMES.get(name, symbol(name)), channel.axis)
+        for channel in found.channels.values()
+        for (name, _), c in coefficients_of(channel).items()
+        if c.value is None and (c.reason or "").startswith(TOO_SHORT)
+    )
     said = []
     for sign, axes in short.items():
         sensors = grouped(axes, lambda group, axis: group[0].partition("_")[0] == axis.partition("_")[0])

@@ -16,6 +16,7 @@ from tuner.formats.customary_units import (
     symbol,
     term_title,
 )
+from tuner.formats.grouping import gathered
 from tuner.identification.gnss_receiver import ReceiverErrors
 from tuner.report.alike_sentences import alike_sentences
 from tuner.report.coefficient_text import LEVEL_NAMES, coefficients_of
@@ -29,24 +30,28 @@ UNKNOWN = Coefficient(None, None, None, "")
 
 def identification_tables(identification: Identification) -> list[Table | str]:
     """Return what was assumed of the log, one table a sensor, the reasons of the bounds and the notes."""
-    sensors: dict[str, list[ChannelIdentification]] = {}
-    for channel in identification.channels.values():
-        sensors.setdefault(channel.unit, []).append(channel)
-    answer: list[Table | str] = [f"  {text}" for text in identification.source.get("assumptions", ())]
-    for unit, channels in sensors.items():
-        first = channels[0]
-        title = f"{digits(1 / first.interval, 6)} Hz, {digits(first.span / 3600)} h, by {first.method}"
-        heads = ["", *(channel.axis for channel in channels)]
-        answer += titled_table(f"{SENSOR_TITLES.get(unit, unit)}: {title}", heads, _rows(channels))
-        answer += series_tables(channels)
+    sensors = gathered((channel.unit, channel) for channel in identification.channels.values())
     reasons = (
         (f"{symbol(name)}: {c.reason}", channel.axis)
         for channel in identification.channels.values()
         for (name, _), c in coefficients_of(channel).items()
         if c.value is None and c.reason
     )
-    answer += [f"  {line}" for line in alike_sentences(reasons)]
-    return answer + [f"  {note}" for note in identification.notes]
+    return [
+        *(f"  {text}" for text in identification.source.get("assumptions", ())),
+        *(part for channels in sensors.values() for part in _sensor_tables(channels)),
+        *(f"  {line}" for line in alike_sentences(reasons)),
+        *(f"  {note}" for note in identification.notes),
+    ]
+
+
+def _sensor_tables(channels: Sequence[ChannelIdentification]) -> list[Table | str]:
+    """Return the terms of the axes of a sensor, and their ARMA models."""
+    first = channels[0]
+    title = f"{digits(1 / first.interval, 6)} Hz, {digits(first.span / 3600)} h, by {first.method}"
+    heads = ["", *(channel.axis for channel in channels)]
+    terms = titled_table(f"{SENSOR_TITLES.get(first.unit, first.unit)}: {title}", heads, _rows(channels))
+    return [*terms, *series_tables(channels)]
 
 
 def _rows(channels: Sequence[ChannelIdentification]) -> Iterator[list[str]]:
@@ -99,9 +104,11 @@ _NAMES = {"white_sd": "white", "sd": "Gauss–Markov", "time_constant": "time co
 
 def receiver_lines(found: ReceiverErrors) -> list[str]:
     """Return a line an axis, with intervals, and the notes."""
-    lines = [
-        f"  position {axis}: " + ", ".join(f"{_NAMES[name]} {amount(c)}" for name, c in parts.items())
-        for axis, parts in found.position.items()
+    return [
+        *(
+            f"  position {axis}: " + ", ".join(f"{_NAMES[name]} {amount(c)}" for name, c in parts.items())
+            for axis, parts in found.position.items()
+        ),
+        *(f"  velocity {axis}: white {amount(c)}" for axis, c in found.velocity.items()),
+        *(f"  {note}" for note in found.notes),
     ]
-    lines += [f"  velocity {axis}: white {amount(c)}" for axis, c in found.velocity.items()]
-    return lines + [f"  {note}" for note in found.notes]

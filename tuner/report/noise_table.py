@@ -11,6 +11,7 @@ from rich.table import Table
 from tuner.exporters import kalibr, kf_gins
 from tuner.exporters.header import stated_ratios
 from tuner.formats.customary_units import customary_unit, digits, in_customary, pretty, with_interval
+from tuner.formats.grouping import gathered
 from tuner.formats.yaml_text import Noted
 from tuner.identification.slopes import read_segments
 from tuner.judgement import curve_axes
@@ -18,6 +19,7 @@ from tuner.report.coefficient_text import coefficients_of
 from tuner.report.titled_table import table_of
 from tuner.types import BoundUsed, Coefficient, FilterConfig, Identification, Quantity
 from tuner.types.borrowed import BORROWED
+from tuner.types.config import ChannelNoise
 from tuner.types.prediction import PredictedBlock
 
 WHITE, FLICKER, WALK = "white.density", "bias_instability.level", "random_walk.density"
@@ -125,33 +127,36 @@ def _of_pair(key: str, one: Noted) -> list[str]:
 
 def states_tables(config: FilterConfig) -> list[Table]:
     """Return the states of the filter of noise.yaml, a table a sensor and a row an axis."""
-    rows: dict[str, list[tuple[str, ...]]] = {}
-    for channel in config.channels.values():
-        unit, limits = channel.unit, config.on_limit(channel.axis)
-
-        def cell(value: float, name: str, unit: str = unit, *, assumed: bool = False) -> str:
-            return f"{digits(in_customary(value, name, unit))}{f' {ASSUMED}' * assumed}" if value else UNKNOWN
-
-        times: dict[str, list[str]] = {}
-        for state in channel.markov:
-            sd = cell(state.sd, "level", assumed=state in config.states_on_limit(channel.axis))
-            times.setdefault(sd, []).append(f"{float(f'{state.time_constant:.3g}'):g}")
-        row = (
-            channel.axis.replace("_", " "),
-            cell(channel.white_density, WHITE, assumed="white_density" in limits),
-            "; ".join(f"{sd} at {', '.join(at)}" for sd, at in times.items()) or UNKNOWN,
-            cell(channel.random_walk_density, WALK, assumed="random_walk_density" in limits),
-            cell(channel.constant_sd, "level"),
-        )
-        rows.setdefault(unit, []).append(row)
     tables = []
-    for unit, lines in rows.items():
+    for unit, channels in gathered((one.unit, one) for one in config.channels.values()).items():
         white, level, walk = (pretty(customary_unit(name, unit)) for name in (WHITE, "level", WALK))
         states = f"bias sd, {level},\nat correlation time, s"
         heads = f"white noise,\n{white}", states, f"bias random walk,\n{walk}", f"turn-on sd,\n{level}"
-        tables.append(table_of(("states of noise.yaml", *heads), lines, words=5))
+        rows = [_states_row(one, config) for one in channels]
+        tables.append(table_of(("states of noise.yaml", *heads), rows, words=5))
         tables[-1].columns[2].min_width = 20
     return tables
+
+
+def _states_row(channel: ChannelNoise, config: FilterConfig) -> tuple[str, ...]:
+    """Return the states of an axis."""
+    limits, assumed = config.on_limit(channel.axis), config.states_on_limit(channel.axis)
+
+    def cell(value: float, name: str, *, assumed: bool = False) -> str:
+        number = digits(in_customary(value, name, channel.unit))
+        return f"{number}{f' {ASSUMED}' * assumed}" if value else UNKNOWN
+
+    times = gathered(
+        (cell(one.sd, "level", assumed=one in assumed), f"{float(f'{one.time_constant:.3g}'):g}")
+        for one in channel.markov
+    )
+    return (
+        channel.axis.replace("_", " "),
+        cell(channel.white_density, WHITE, assumed="white_density" in limits),
+        "; ".join(f"{sd} at {', '.join(at)}" for sd, at in times.items()) or UNKNOWN,
+        cell(channel.random_walk_density, WALK, assumed="random_walk_density" in limits),
+        cell(channel.constant_sd, "level"),
+    )
 
 
 def legend(*tables: Table) -> str:
@@ -180,11 +185,9 @@ def why_larger(texts: Iterable[str]) -> str:
 
 def _sensors(found: Identification) -> dict[str, dict[str, str]]:
     """Return the axes of each sensor by their letter."""
-    sensors: dict[str, dict[str, str]] = {}
-    for axis in found.channels:
-        sensor, _, letter = axis.rpartition("_")
-        sensors.setdefault(sensor or axis, {})[letter] = axis
-    return sensors
+    named = ((axis, axis.rpartition("_")) for axis in found.channels)
+    sensors = gathered((sensor or axis, (letter, axis)) for axis, (sensor, _, letter) in named)
+    return {sensor: dict(axes) for sensor, axes in sensors.items()}
 
 
 def _measured(

@@ -7,9 +7,10 @@ from typing import Any
 
 from tuner.formats.grouping import grouped
 from tuner.report.diagnosis_answer import diagnosis_answer
+from tuner.report.document import sentence
 from tuner.report.drive_answer import found_text
 from tuner.report.finding_groups import contradicted, finding_groups
-from tuner.report.groups_in_words import effect_in_words, findings_in_words, name_in_words
+from tuner.report.groups_in_words import effect_in_words, findings_in_words
 from tuner.report.page_parts import Picture, blocks, with_room
 from tuner.report.unexplained_words import unexplained_lines
 from tuner.tune_result import TuneResult
@@ -29,7 +30,7 @@ def findings_content(result: TuneResult, pictures: Sequence[Picture]) -> dict[st
     span = max((record.span for record in result.records), default=None)
     left = unexplained_lines(known.unexplained)
     groups = [
-        (name_in_words(group), [effect_in_words(group)], {one.text for one in group.findings})
+        (sentence(group.title), [effect_in_words(group)], {one.text for one in group.findings})
         for group in finding_groups([one for one in known.findings if not contradicted(one)], span)
     ]
     if result.drive is not None:

@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from tuner.consistency.score_drive import DriveResult
 from tuner.formats.codec import dump
 from tuner.formats.configuration import config_json
 from tuner.formats.diagnosis import diagnosis_json
@@ -28,6 +29,7 @@ from tuner.report.static_diagnosis_figures import finding_figures
 from tuner.synthesis.calibration import calibration_json
 from tuner.synthesis.findings import judge_hidden
 from tuner.tune_result import TuneResult
+from tuner.types.consistency import Check
 
 LAST = "result.json"
 """The file of a set that has the digests of the others."""
@@ -88,40 +90,34 @@ def _encoded(text: str) -> bytes:
 
 def tune_json(result: TuneResult) -> dict[str, Any]:
     """Return the result in the form ``tuner.result/1``; parts that were not run stand under ``absent``."""
-    content: dict[str, Any] = {
+    config, diagnosis, key = result.config, result.diagnosis, result.key
+    parts = {
+        "diagnosis": None if diagnosis is None else diagnosis_json(diagnosis),
+        "hidden": None if diagnosis is None or key is None else judge_hidden(key, diagnosis),
+        "examination": None if result.examination is None else examination_json(result.examination),
+        "drive": None if result.drive is None else diagnosis_json(result.drive.diagnosis),
+        "navigation": _scores_json(result.measured, drive=config.provenance.get("drive"), config=config.name),
+        "calibration": None if result.calibration is None else calibration_json(result.calibration),
+        "consistency": _scores_json(
+            result.check,
+            config=config.name,
+            trajectory=CHECK_TRAJECTORY,
+            runs=CHECK_RUNS,
+            seed=result.seed,
+        ),
+        "prediction": predictions_json(result.predictions) if result.predictions else None,
+        "config": config_json(config) if result.exports else None,
+    }
+    return {
         "schema": "tuner.result/1",
         "verdict": dump(result.verdict),
         "identification": identification_json(result.identification),
+        **{name: part for name, part in parts.items() if part is not None},
+        "absent": dict(result.absent),
+        "withheld": dict(result.withheld),
     }
-    if result.diagnosis is not None:
-        content["diagnosis"] = diagnosis_json(result.diagnosis)
-        if result.key is not None:
-            content["hidden"] = judge_hidden(result.key, result.diagnosis)
-    if result.examination is not None:
-        content["examination"] = examination_json(result.examination)
-    if result.drive is not None:
-        content["drive"] = diagnosis_json(result.drive.diagnosis)
-    if result.measured is not None:
-        content["navigation"] = consistency_json(
-            result.measured.consistency,
-            source={"drive": result.config.provenance.get("drive"), "config": result.config.name},
-            notes=result.measured.notes,
-        )
-    if result.calibration is not None:
-        content["calibration"] = calibration_json(result.calibration)
-    if result.check is not None:
-        content["consistency"] = consistency_json(
-            result.check.consistency,
-            source={
-                "config": result.config.name,
-                "trajectory": CHECK_TRAJECTORY,
-                "runs": CHECK_RUNS,
-                "seed": result.seed,
-            },
-            notes=result.check.notes,
-        )
-    if result.predictions:
-        content["prediction"] = predictions_json(result.predictions)
-    if result.exports:
-        content["config"] = config_json(result.config)
-    return {**content, "absent": dict(result.absent), "withheld": dict(result.withheld)}
+
+
+def _scores_json(run: DriveResult | Check | None, **source: object) -> dict[str, Any] | None:
+    """Return the scores of a filter on what `source` names; None where it was not run."""
+    return None if run is None else consistency_json(run.consistency, source=source, notes=run.notes)

@@ -18,8 +18,8 @@ from tuner.formats.customary_units import (
     range_text,
     symbol,
 )
+from tuner.formats.grouping import gathered
 from tuner.identification.comparison import LimitCheck
-from tuner.identification.record_length import PlannedParameter
 from tuner.identification.static_test_plan import StaticTestPlan
 from tuner.report.document import Document, document
 from tuner.report.identification_answer import sensor_or_axes, terms_table, warning_lines
@@ -69,11 +69,10 @@ def limit_text(one: LimitCheck) -> str:
 
 def _ratios_text(found: Iterable[tuple[str, str, float]]) -> str:
     """Return ratios of coefficients, each with its axes and the range of its ratios."""
-    terms: dict[str, dict[str, float]] = {}
-    for axis, name, ratio in found:
-        terms.setdefault(NAMES.get(name, symbol(name)), {})[axis] = ratio
+    terms = gathered((NAMES.get(name, symbol(name)), (axis, ratio)) for axis, name, ratio in found)
+    ratios = {term: dict(each) for term, each in terms.items()}
     return "; ".join(
-        f"{term} of {axes_text([*at])} {range_text(at.values())} ×" for term, at in terms.items()
+        f"{term} of {axes_text([*at])} {range_text(at.values())} ×" for term, at in ratios.items()
     )
 
 
@@ -200,17 +199,17 @@ def _ranking(found: GradeChoice, shown: Sequence[RankedGrade]) -> Table:
 
 def noise_of(config: FilterConfig, factor: float) -> tuple[float, ...]:
     """Return N and B of gyro x and accelerometer x of a grade times a factor, customary units; 0 where not stated."""
-    found = []
-    for channel in (config.channels["gyro_x"], config.channels["accel_x"]):
-        known = {
-            f"{term.name}.{field}": one.value or 0.0
-            for term in channel.identified
-            for field, one in term.coefficients.items()
-        }
-        found += [
-            factor * in_customary(known.get(name, 0.0), name, channel.unit) for name in (WHITE, FLICKER)
-        ]
-    return tuple(found)
+    known = {
+        (axis, f"{term.name}.{field}"): one.value or 0.0
+        for axis in ("gyro_x", "accel_x")
+        for term in config.channels[axis].identified
+        for field, one in term.coefficients.items()
+    }
+    return tuple(
+        factor * in_customary(known.get((axis, name), 0.0), name, config.channels[axis].unit)
+        for axis in ("gyro_x", "accel_x")
+        for name in (WHITE, FLICKER)
+    )
 
 
 def grade_tables(grades: Sequence[SensorGrade]) -> list[Table | str]:
@@ -241,10 +240,9 @@ def plan_answer(plans: StaticTestPlan, limited: str = "") -> Document:
     """
     first = next(iter(plans.values()))
     wanted = f"{100 * first.accuracy:g} %"
-    groups: dict[tuple[str, str], list[tuple[str, PlannedParameter]]] = {}
-    for axis, plan in plans.items():
-        for p in plan.parameters:
-            groups.setdefault((plans.units[axis], p.name), []).append((axis, p))
+    groups = gathered(
+        ((plans.units[axis], p.name), (axis, p)) for axis, plan in plans.items() for p in plan.parameters
+    )
     rows, hidden = [], []
     for (unit, name), found in groups.items():
         values = [in_customary(p.value, name, unit) for _, p in found]

@@ -10,6 +10,7 @@ from rich.table import Table
 
 from tuner.formats.axis_words import axes_text
 from tuner.formats.customary_units import amount, customary_unit, digits, phrase, pretty
+from tuner.formats.grouping import gathered
 from tuner.identification.arma import cancelling, innovation_sd, roots, slowest_memory
 from tuner.report.titled_table import titled_table
 from tuner.types import ArmaFit, ChannelIdentification, SeriesTest
@@ -28,16 +29,13 @@ LEAST_CHANCE = 1e-99
 """Chance below which a number says nothing more."""
 
 
-def orders_line(channels: Sequence[ChannelIdentification]) -> list[str]:
-    """Return the orders of axes in a line; none where no axis has a model."""
-    known = [(one.arma, one.axis) for one in channels if one.arma is not None]
-    if not known:
-        return []
-    by_name: dict[str, list[str]] = {}
-    for fit, axis in known:
-        by_name.setdefault(order_name(fit), []).append(axis)
+def orders_line(channels: Sequence[ChannelIdentification]) -> str:
+    """Return the orders of axes in a line; empty where no axis has a model."""
+    fits = {one.axis: one.arma for one in channels if one.arma is not None}
+    by_name = gathered((order_name(fit), axis) for axis, fit in fits.items())
     said = "; ".join(f"{name} {axes_text(axes)}" for name, axes in by_name.items())
-    return [f"ARMA by {known[0][0].criterion.upper()}: {said}"]
+    criterion = next((fit.criterion for fit in fits.values()), "")
+    return f"ARMA by {criterion.upper()}: {said}" if said else ""
 
 
 def order_name(fit: ArmaFit) -> str:

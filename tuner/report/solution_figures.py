@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
-from models.arrays import FloatArray
+from models.arrays import FloatArray, IntArray
 from tuner.consistency.drive_scores import differences, stated
 from tuner.consistency.score_drive import DriveResult
 from tuner.formats.customary_units import since
@@ -39,13 +38,12 @@ ROWS = (
 
 @dataclass(frozen=True)
 class _Part:
-    """Errors or innovations of a stretch: times, shape (n,); values, predicted sds, how they are used, shape (n, k)."""
+    """Errors or innovations of a stretch: times, shape (n,); values, predicted sds, whether used, shape (n, k)."""
 
     t: FloatArray
     value: FloatArray
     sd: FloatArray
-    used: NDArray[np.bool_]
-    refused: NDArray[np.bool_]
+    use: IntArray
     settled: float
 
 
@@ -89,8 +87,7 @@ def _errors(found: DriveResult, reference: Reference) -> list[_Part]:
         error = differences(reference, solution, np.arange(len(solution.t)))
         own = np.diagonal(solution.covariance, axis1=1, axis2=2)[:, :9]
         sd = np.sqrt(own + stated(reference, solution.t))
-        used = np.ones(error.shape, dtype=bool)
-        parts.append(_Part(solution.t, error, sd, used, ~used, stretch.settled))
+        parts.append(_Part(solution.t, error, sd, np.full(error.shape, USED), stretch.settled))
     return parts
 
 
@@ -99,7 +96,7 @@ def _innovations(found: DriveResult) -> list[_Part]:
     for stretch, solution in zip(found.stretches, found.solutions, strict=True):
         sd = np.sqrt(np.diagonal(solution.innovation_covariance, axis1=1, axis2=2))
         use = np.where(np.isfinite(solution.innovation), np.repeat(solution.use, 3, axis=1), ABSENT)
-        parts.append(_Part(solution.t, solution.innovation, sd, use == USED, use == GATED, stretch.settled))
+        parts.append(_Part(solution.t, solution.innovation, sd, use, stretch.settled))
     return parts
 
 
@@ -112,7 +109,7 @@ def _banded(
         for panel, (name, unit, at) in zip(panels.ravel(), ROWS, strict=False):
             scale, sizes = (180.0 / np.pi if unit == "deg" else 1.0), [np.zeros(1)]
             for part in parts:
-                used, refused = part.used[:, at], part.refused[:, at]
+                used, refused = part.use[:, at] == USED, part.use[:, at] == GATED
                 value, reach = scale * part.value[:, at], BAND_SDS * scale * part.sd[used, at]
                 look = {"ms": 2.0, "mew": 0, "color": "#1f5fa8", "rasterized": True}
                 draw_banded(panel, part.t[used], value[used], (-reach, reach), ".", **look)

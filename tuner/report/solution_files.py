@@ -104,48 +104,57 @@ def tracks(found: DriveResult, reference: Reference | None = None) -> dict[str, 
 
 def track_kml(lines: dict[str, list[FloatArray]], name: str) -> str:
     """Return the tracks as KML 2.2 (OGC 07-147r2), each name a folder that can be switched off."""
-    ET.register_namespace("", KML_NAMESPACE)
-    root = ET.Element(f"{{{KML_NAMESPACE}}}kml")
-    document = _child(root, "Document")
-    _child(document, "name", name)
-    for kind in lines:
-        style = _child(document, "Style")
-        style.set("id", kind)
-        line = _child(style, "LineStyle")
-        _child(line, "color", TRACK_COLOURS[kind])
-        _child(line, "width", "3" if kind == "filter" else "2")
-    for kind, parts in lines.items():
-        folder = _child(document, "Folder")
-        _child(folder, "name", kind)
-        for llh in parts:
-            mark = _child(folder, "Placemark")
-            _child(mark, "name", kind)
-            _child(mark, "styleUrl", f"#{kind}")
-            line = _child(mark, "LineString")
-            _child(line, "tessellate", "1")
-            _child(
-                line,
-                "coordinates",
-                " ".join(f"{lon:.9f},{lat:.9f},{h:.3f}" for lat, lon, h in in_degrees(llh).tolist()),
-            )
-    return _text(root)
+    styles = (
+        _element(
+            "Style",
+            _element(
+                "LineStyle",
+                _element("color", TRACK_COLOURS[kind]),
+                _element("width", "3" if kind == "filter" else "2"),
+            ),
+            id=kind,
+        )
+        for kind in lines
+    )
+    folders = (
+        _element("Folder", _element("name", kind), *(_placemark(kind, llh) for llh in parts))
+        for kind, parts in lines.items()
+    )
+    document = _element("Document", _element("name", name), *styles, *folders)
+    return _text(_element("kml", document, xmlns=KML_NAMESPACE))
+
+
+def _placemark(kind: str, llh: FloatArray) -> ET.Element:
+    """Return a line of KML through latitudes, longitudes, rad, and heights, m, shape (k, 3)."""
+    corners = " ".join(f"{lon:.9f},{lat:.9f},{h:.3f}" for lat, lon, h in in_degrees(llh).tolist())
+    return _element(
+        "Placemark",
+        _element("name", kind),
+        _element("styleUrl", f"#{kind}"),
+        _element("LineString", _element("tessellate", "1"), _element("coordinates", corners)),
+    )
 
 
 def track_gpx(lines: dict[str, list[FloatArray]], name: str) -> str:
     """Return the tracks as GPX 1.1, each name a track with a segment for each stretch; heights are ellipsoidal."""
-    ET.register_namespace("", GPX_NAMESPACE)
-    root = ET.Element(f"{{{GPX_NAMESPACE}}}gpx", {"version": "1.1", "creator": "tuner"})
-    for kind, parts in lines.items():
-        track = _child(root, "trk")
-        _child(track, "name", f"{name}: {kind}")
-        for llh in parts:
-            segment = _child(track, "trkseg")
-            for lat, lon, h in in_degrees(llh).tolist():
-                point = _child(segment, "trkpt")
-                point.set("lat", f"{lat:.9f}")
-                point.set("lon", f"{lon:.9f}")
-                _child(point, "ele", f"{h:.3f}")
-    return _text(root)
+    tracks = (
+        _element(
+            "trk",
+            _element("name", f"{name}: {kind}"),
+            *(
+                _element(
+                    "trkseg",
+                    *(
+                        _element("trkpt", _element("ele", f"{h:.3f}"), lat=f"{lat:.9f}", lon=f"{lon:.9f}")
+                        for lat, lon, h in in_degrees(llh).tolist()
+                    ),
+                )
+                for llh in parts
+            ),
+        )
+        for kind, parts in lines.items()
+    )
+    return _text(_element("gpx", *tracks, xmlns=GPX_NAMESPACE, version="1.1", creator="tuner"))
 
 
 def local_track(lines: dict[str, list[FloatArray]]) -> dict[str, list[FloatArray]]:
@@ -201,11 +210,12 @@ def _known(fixes: Fixes) -> FloatArray:
     return fixes.llh[np.isfinite(fixes.llh).all(axis=1)]
 
 
-def _child(parent: ET.Element, tag: str, text: str | None = None) -> ET.Element:
-    namespace = parent.tag.partition("}")[0]
-    child = ET.SubElement(parent, f"{namespace}}}{tag}")
-    child.text = text
-    return child
+def _element(tag: str, *content: ET.Element | str, **attributes: str) -> ET.Element:
+    """Return an XML element with its text or the elements in it."""
+    element = ET.Element(tag, attributes)
+    element.extend(one for one in content if isinstance(one, ET.Element))
+    element.text = "".join(one for one in content if isinstance(one, str)) or None
+    return element
 
 
 def _text(root: ET.Element) -> str:

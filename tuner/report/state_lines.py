@@ -30,14 +30,13 @@ def state_lines(comparison: StateComparison) -> list[str]:
 
 def _alike(one: Difference, other: Difference) -> bool:
     """Return whether two axes of a sensor differ between the states by the same thing."""
-    same = (one.cause, one.parameter, _sensor(one), _direction(one))
-    return same == (other.cause, other.parameter, _sensor(other), _direction(other)) and all(
+    return _kind(one) == _kind(other) and all(
         not apart(value, other.place.get(name)) for name, value in one.place.items()
     )
 
 
-def _sensor(one: Difference) -> str:
-    return one.axis.partition("_")[0]
+def _kind(one: Difference) -> tuple[str, str, str, int]:
+    return one.cause, one.parameter, one.axis.partition("_")[0], _direction(one)
 
 
 def _direction(one: Difference) -> int:

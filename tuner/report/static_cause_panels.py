@@ -15,11 +15,15 @@ from models.arrays import FloatArray
 from tuner.diagnosis import cause
 from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.formats.customary_units import customary_unit, in_customary, pretty, since
-from tuner.report.diagnosed_axis import DiagnosedAxis
+from tuner.report.diagnosed_axis import DiagnosedAxis, parameters
 from tuner.report.row_panels import Mark, draw_rows
 from tuner.report.two_level_path import two_level_path
+from tuner.types import Finding
 
-View = Callable[[Axes, DiagnosedAxis, Mapping[str, float]], None]
+View = Callable[[Axes, DiagnosedAxis, Finding], None]
+"""Draws into a panel what an axis shows of a finding."""
+NOTHING = Finding("", (), "", 0.0, 1.0, {}, "")
+"""What stands for a finding in views of what none explains."""
 
 DATA_COLOUR, CAUSE_COLOUR, MODEL_COLOUR = "#1f5fa8", "#c2410c", "0.45"
 LONG_COURSE = 7200.0
@@ -32,22 +36,22 @@ COURSE_BLOCKS = 600
 
 def shown(subject: DiagnosedAxis, values: FloatArray) -> FloatArray:
     """Return values in the customary unit of the axis."""
-    return values * in_customary(1.0, "level", subject.unit)
+    return values * in_customary(1.0, "level", subject.ready.unit)
 
 
 def unit_of(subject: DiagnosedAxis) -> str:
     """Return the customary unit of the axis."""
-    return pretty(customary_unit("level", subject.unit))
+    return pretty(customary_unit("level", subject.ready.unit))
 
 
 def _elapsed(subject: DiagnosedAxis, t: FloatArray) -> FloatArray:
     """Return times from the begin of a log on, in hours where it is long, else in seconds."""
-    return np.asarray((t - subject.begin) / (3600.0 if np.ptp(subject.t) > LONG_COURSE else 1.0))
+    return np.asarray((t - subject.record.t[0]) / (3600.0 if np.ptp(subject.t) > LONG_COURSE else 1.0))
 
 
 def _time(subject: DiagnosedAxis) -> str:
     """Return the label of an axis of such times."""
-    return since(subject.begin, "h" if np.ptp(subject.t) > LONG_COURSE else "s")
+    return since(subject.record.t[0], "h" if np.ptp(subject.t) > LONG_COURSE else "s")
 
 
 def blocks(x: FloatArray, count: int = COURSE_BLOCKS) -> FloatArray:
@@ -57,14 +61,15 @@ def blocks(x: FloatArray, count: int = COURSE_BLOCKS) -> FloatArray:
 
 
 def _periodogram(subject: DiagnosedAxis) -> tuple[FloatArray, FloatArray]:
-    e = np.clip(subject.e, -5.0, 5.0)
+    e = np.clip(subject.fitted.e, -5.0, 5.0)
     power = np.abs(rfft(e)[1:]) ** 2 / (len(e) * float(np.mean(e * e)))
-    return np.arange(1, len(power) + 1) / (len(e) * subject.interval), power
+    return np.arange(1, len(power) + 1) / (len(e) * subject.ready.interval), power
 
 
-def draw_peak(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float]) -> None:
+def draw_peak(panel: Axes, subject: DiagnosedAxis, finding: Finding) -> None:
     """Draw the spectrum of the residuals around a line or a resonance."""
     f, power = _periodogram(subject)
+    values = parameters(finding, subject.ready.axis)
     centre, step = values["frequency"], f[0]
     width = centre / values["quality"] if "quality" in values else 0.0
     reach = max(40.0 * step, 6.0 * width)
@@ -78,7 +83,7 @@ def draw_peak(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float]) 
     panel.set(xlabel="frequency, Hz", ylabel="spectrum of the residuals", title="spectrum around it")
 
 
-def draw_colour(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float]) -> None:
+def draw_colour(panel: Axes, subject: DiagnosedAxis, finding: Finding) -> None:
     """Draw the whole spectrum of the residuals and that of the extended model."""
     f, power = _periodogram(subject)
     rows, at = blocks(power, 200).mean(axis=1), blocks(f, 200).mean(axis=1)
@@ -87,22 +92,16 @@ def draw_colour(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float]
     panel.plot(at, subject.expected(at), color=CAUSE_COLOUR, lw=1.3, label="expected with what was found")
     top = float(max(np.quantile(rows, 1.0 - OUTLYING_SHARE), 1.0))
     panel.set_ylim(0.0, 1.3 * top)
-    if "cutoff" in values:
-        panel.axvline(
-            values["cutoff"], color=CAUSE_COLOUR, ls=":", lw=1.0, label=f"cut-off {values['cutoff']:.4g} Hz"
-        )
+    if cutoff := parameters(finding, subject.ready.axis).get("cutoff"):
+        panel.axvline(cutoff, color=CAUSE_COLOUR, ls=":", lw=1.0, label=f"cut-off {cutoff:.4g} Hz")
     panel.set(xlabel="frequency, Hz", ylabel="spectrum of the residuals", title="shape of the spectrum")
 
 
-def draw_temperature(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float]) -> None:
+def draw_temperature(panel: Axes, subject: DiagnosedAxis, finding: Finding) -> None:
     """Draw bias over temperature, in the order of time, and the bias that was found."""
     assert subject.temperature is not None
-    code = next(
-        f.cause for f in subject.findings if f.cause in subject.signals and set(f.parameters) >= set(values)
-    )
-    bias, signal = (
-        shown(subject, blocks(x).mean(axis=1)) for x in (subject.without_others(code), subject.signals[code])
-    )
+    both = subject.without_others(finding.cause), subject.signals[finding.cause]
+    bias, signal = (shown(subject, blocks(x).mean(axis=1)) for x in both)
     celsius, when = (blocks(x).mean(axis=1) for x in (subject.temperature, _elapsed(subject, subject.t)))
     bias = bias - bias.mean()
     dots = panel.scatter(celsius, bias, c=when, s=6, cmap="viridis", lw=0, label="means of the samples")
@@ -112,34 +111,33 @@ def draw_temperature(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, f
     panel.set(xlabel="temperature, °C", ylabel=f"bias, {unit_of(subject)}", title="bias over temperature")
 
 
-def draw_course(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float]) -> None:
+def draw_course(panel: Axes, subject: DiagnosedAxis, finding: Finding) -> None:
     """Draw the bias over time, with the event or the transient that was found."""
-    cause = next((f.cause for f in subject.findings if set(values) <= set(f.parameters)), "")
+    values = parameters(finding, subject.ready.axis)
+    part = slice(None)
     if "dwell_low" in values:
         stay = 12.0 * (values["dwell_low"] + values["dwell_high"])
-        part = slice(0, max(64, min(len(subject.y), int(stay / subject.interval))))
-    else:
-        part = slice(0, len(subject.y))
+        part = slice(0, max(64, int(stay / subject.ready.interval)))
     middle = blocks(subject.t[part]).mean(axis=1)
     when = _elapsed(subject, middle)
-    bias = shown(subject, blocks(subject.without_others(cause)[part]).mean(axis=1))
+    bias = shown(subject, blocks(subject.without_others(finding.cause)[part]).mean(axis=1))
     panel.plot(when, bias - bias.mean(), color=DATA_COLOUR, lw=0.8, label="means of the samples")
     if "dwell_low" in values and "size" in values and len(middle) > 1:
         step = float(middle[1] - middle[0])
         size = float(shown(subject, np.array(values["size"])))
         path = two_level_path(bias, step, size, (values["dwell_low"], values["dwell_high"]))
         panel.plot(when, path - bias.mean(), color=CAUSE_COLOUR, lw=1.4, label="likeliest two levels")
-    if cause in subject.signals:
-        signal = shown(subject, blocks(subject.signals[cause][part]).mean(axis=1))
+    if finding.cause in subject.signals:
+        signal = shown(subject, blocks(subject.signals[finding.cause][part]).mean(axis=1))
         panel.plot(when, signal - signal.mean(), color=CAUSE_COLOUR, lw=1.4, label="found")
-    for event in subject.values("motion") if cause == "motion" else ():
+    for event in subject.values("motion") if finding.cause == "motion" else ():
         _draw_span(panel, subject, event)
     panel.set(xlabel=_time(subject), ylabel=f"bias, {unit_of(subject)}", title="time course")
 
 
-def draw_variance(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float]) -> None:
+def draw_variance(panel: Axes, subject: DiagnosedAxis, finding: Finding) -> None:
     """Draw the variance of the residuals over time, with the burst or the drift that was found."""
-    square = np.minimum(subject.left**2, 25.0)
+    square, values = np.minimum(subject.left**2, 25.0), parameters(finding, subject.ready.axis)
     if "period" in values:
         draw_swell(panel, square, subject.t, values)
         return
@@ -151,8 +149,8 @@ def draw_variance(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, floa
     if "variance_ratio" in values:
         _draw_span(panel, subject, values, label=f"variance × {values['variance_ratio']:.3g}")
     elif "slope" in values:
-        unit = next(f.parameters["slope"].unit for f in subject.findings if f.cause == "variance_drift")
-        by = subject.temperature if unit == "1/K" and subject.temperature is not None else subject.t
+        unit, celsius = finding.parameters["slope"].unit, subject.temperature
+        by = subject.t if celsius is None or unit != "1/K" else celsius
         course = blocks(by, 300).mean(axis=1)
         level = np.exp(values["slope"] * (course - course.mean()))
         panel.plot(when, level * rows.mean() / level.mean(), color=CAUSE_COLOUR, lw=1.4, label="found")
@@ -182,12 +180,12 @@ def draw_swell(panel: Axes, square: FloatArray, t: FloatArray, values: Mapping[s
     panel.set_title("variance over a period")
 
 
-def draw_histogram(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float]) -> None:  # noqa: ARG001
+def draw_histogram(panel: Axes, subject: DiagnosedAxis, _: Finding) -> None:
     """Draw the distribution of the residuals beside the normal one."""
     e = subject.left
     reach = float(min(max(6.0, np.max(np.abs(e)) * 1.02), 40.0))
     edges = np.linspace(-reach, reach, 121)
-    count, _ = np.histogram(e, edges)
+    count = np.histogram(e, edges)[0]
     middle = 0.5 * (edges[1:] + edges[:-1])
     _draw_counts(panel, count, edges, "residuals")
     expected = len(e) * np.diff(ndtr(edges))
@@ -195,10 +193,10 @@ def draw_histogram(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, flo
     panel.set(xlabel="residual, standard deviations", ylabel="samples", title="distribution of the residuals")
 
 
-def draw_codes(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float]) -> None:
+def draw_codes(panel: Axes, subject: DiagnosedAxis, finding: Finding) -> None:
     """Draw how often each value was read; for repeated readings, how often each difference."""
     what, values_of = "samples", subject.y
-    if "fraction" in values:
+    if "fraction" in parameters(finding, subject.ready.axis):
         what, values_of = "differences of samples", np.diff(subject.y)
     numbers = shown(subject, values_of)
     low, high = np.quantile(numbers, [1e-4, 1.0 - 1e-4])
@@ -214,11 +212,10 @@ def _draw_counts(panel: Axes, count: NDArray[np.intp], edges: FloatArray, label:
     panel.set(yscale="log", ylim=(0.3, 3.0 * max(float(count.max()), 1.0)))
 
 
-def draw_pairs(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float]) -> None:
+def draw_pairs(panel: Axes, subject: DiagnosedAxis, finding: Finding) -> None:
     """Draw every value that a finding has in pairs of channels, with its 95 % interval."""
-    (name,) = values
-    one = subject.findings[0]
-    each = {pair: own[name] for pair, own in one.by_channel.items()} or {"": one.parameters[name]}
+    (name,) = parameters(finding, subject.ready.axis)
+    each = {pair: own[name] for pair, own in finding.by_channel.items()} or {"": finding.parameters[name]}
     draw_rows(
         panel,
         [
@@ -230,12 +227,12 @@ def draw_pairs(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float])
     panel.set(xlabel=f"{name} of the residuals, 95 %", title="what the channels share")
 
 
-def draw_stamps(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float]) -> None:  # noqa: ARG001
+def draw_stamps(panel: Axes, subject: DiagnosedAxis, _: Finding) -> None:
     """Draw how far the stamps lie from an even clock over time, and where samples are missing."""
     panel.set(title="time stamps", xlabel=_time(subject), ylabel="stamp less even clock, ms")
-    if subject.stamps is None:
+    if subject.record.stamp_course is None:
         return
-    stamps, low, high, missing = subject.stamps.T
+    stamps, low, high, missing = subject.record.stamp_course.T
     t = _elapsed(subject, stamps)
     panel.fill_between(t, 1e3 * low, 1e3 * high, color=DATA_COLOUR, alpha=0.3, lw=0.5)
     panel.plot(t, 5e2 * (low + high), color=DATA_COLOUR, lw=0.8, label="stamps")

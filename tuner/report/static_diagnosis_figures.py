@@ -8,7 +8,7 @@ so many simulated records. Right, `tuner.report.static_cause_panels`.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
@@ -20,11 +20,12 @@ from models.noise import NoiseModel
 from tuner.curves.allan import overlapping_allan
 from tuner.diagnosis.static.causes.motion import Motion
 from tuner.diagnosis.static.causes.registry import CAUSES
-from tuner.report.diagnosed_axis import DiagnosedAxis, diagnosed_axis, parameters
+from tuner.report.diagnosed_axis import DiagnosedAxis, diagnosed_axis
 from tuner.report.figure_files import Sketch
 from tuner.report.static_cause_panels import (
     CAUSE_COLOUR,
     DATA_COLOUR,
+    NOTHING,
     draw_colour,
     draw_course,
     draw_histogram,
@@ -84,28 +85,23 @@ def finding_figures(
 
 def _panels_of(one: DiagnosedAxis, finding: Finding, replicas: int, seed: int) -> list[Draw]:
     """Return the panels of a finding; the density shows a cause of the fast spectrum better than Allan deviation."""
-    one = replace(one, findings=(finding, *(f for f in one.findings if f is not finding)))
     declared, view = CAUSES.get(finding.cause), view_of(finding.cause)
     curve = _spectrum if declared is not None and declared.group == "fast spectrum" else _allan
     return [
         lambda panel: _draw_curve(panel, one, curve(one), replicas, seed),
-        lambda panel: view(panel, one, parameters(finding, one.axis)),
+        lambda panel: view(panel, one, finding),
     ]
 
 
 def _panels_unexplained(one: DiagnosedAxis, about: str) -> list[Draw]:
     """Return law and variance of the residuals; the spectrum; or, of slow parts, Allan deviation and time course."""
     if about == "distribution":
-        return [lambda panel: draw_histogram(panel, one, {}), lambda panel: draw_variance(panel, one, {})]
-    if about == "fast spectrum":
         return [
-            lambda panel: _draw_curve(panel, one, _spectrum(one), 0, 0),
-            lambda panel: draw_colour(panel, one, {}),
+            lambda panel: draw_histogram(panel, one, NOTHING),
+            lambda panel: draw_variance(panel, one, NOTHING),
         ]
-    return [
-        lambda panel: _draw_curve(panel, one, _allan(one), 0, 0),
-        lambda panel: draw_course(panel, replace(one, findings=()), {}),
-    ]
+    curve, view = (_spectrum, draw_colour) if about == "fast spectrum" else (_allan, draw_course)
+    return [lambda panel: _draw_curve(panel, one, curve(one), 0, 0), lambda panel: view(panel, one, NOTHING)]
 
 
 def _draw_curve(panel: Axes, one: DiagnosedAxis, curve: _Curve, replicas: int, seed: int) -> None:
@@ -126,28 +122,28 @@ def _draw_curve(panel: Axes, one: DiagnosedAxis, curve: _Curve, replicas: int, s
         if replicas > 1:
             rng = np.random.default_rng((seed, 39))
             many = [
-                curve.of(model.sample(len(one.y), one.interval, rng) + path)
+                curve.of(model.sample(len(one.y), one.ready.interval, rng) + path)
                 for _ in range(min(replicas, MOST_REPLICAS))
             ]
             low, high = np.min(many, axis=0), np.max(many, axis=0)
             panel.fill_between(curve.place, low, high, color=colour, alpha=0.2, lw=0)
-    panel.set(xscale="log", yscale="log", xlabel=curve.label, ylabel=curve.unit, title=one.axis)
+    panel.set(xscale="log", yscale="log", xlabel=curve.label, ylabel=curve.unit, title=one.ready.axis)
 
 
 def _allan(one: DiagnosedAxis) -> _Curve:
     m = np.unique(np.geomspace(1, max(2, len(one.y) // 5), 32).astype(np.int64))
-    tau = np.asarray(m * one.interval, dtype=np.float64)
+    tau = np.asarray(m * one.ready.interval, dtype=np.float64)
     return _Curve(
         tau,
         lambda y: shown(one, np.sqrt(overlapping_allan(y, m))),
-        lambda model: shown(one, np.sqrt(model.allan_variance(tau, interval=one.interval))),
+        lambda model: shown(one, np.sqrt(model.allan_variance(tau, interval=one.ready.interval))),
         "cluster time τ, s",
         f"Allan deviation, {unit_of(one)}",
     )
 
 
 def _spectrum(one: DiagnosedAxis) -> _Curve:
-    n, dt = len(one.y), one.interval
+    n, dt = len(one.y), one.ready.interval
     edges = 4 * np.unique(np.geomspace(1, n // 8, 200).astype(np.int64))
     f = np.asarray(0.5 * (edges[:-1] + edges[1:]) / (n * dt), dtype=np.float64)
 

@@ -99,25 +99,34 @@ def gain_text(gain: Gain) -> str:
 
 def unexplained_table(unexplained: Sequence[Unexplained]) -> list[Table]:
     """Return one row for each statistic of each axis that no finding explains."""
-    rows = []
-    for one in sorted(unexplained, key=lambda one: -one.nats):
-        drift = [
-            f"{after}: {seen:.3g} m, {model:.3g} m by the model" for after, (seen, model) in one.drift.items()
-        ]
-        size = f"{one.nats:.3g}" if one.nats else "–"
-        channels = ", ".join(one.channels)
-        cells = one.statistic, channels, one.place or "–", size, _p_text(one.p_value), "\n".join(drift) or "–"
-        rows.append(cells)
+    rows = (
+        (
+            one.statistic,
+            ", ".join(one.channels),
+            one.place or "–",
+            f"{one.nats:.3g}" if one.nats else "–",
+            _p_text(one.p_value),
+            "\n".join(
+                f"{at}: {seen:.3g} m, {model:.3g} m by the model" for at, (seen, model) in one.drift.items()
+            )
+            or "–",
+        )
+        for one in sorted(unexplained, key=lambda one: -one.nats)
+    )
     heads = ("statistic", "channels", "shows most", "nats", "p", "position error without fixes")
     return titled_table("What no finding explains", heads, rows, words=len(heads))
 
 
 def hidden_effect_lines(judged: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return what was hidden in a simulated log and whether it was found, one line an effect."""
-    lines = []
-    for one in judged:
-        where = f"{one['cause'].replace('_', ' ')} in {axes_text(one['channels'])}"
-        verdict = f"detected, but named as {', '.join(one['named'])}" if one["named"] else "not found"
-        said = "found" if one["found"] else verdict
-        lines.append(f"{where} is hidden in it: {said}")
-    return lines
+    return [
+        f"{one['cause'].replace('_', ' ')} in {axes_text(one['channels'])} is hidden in it: {_judged(one)}"
+        for one in judged
+    ]
+
+
+def _judged(hidden: Mapping[str, Any]) -> str:
+    """Return whether a hidden effect was found, and by which names."""
+    if hidden["found"]:
+        return "found"
+    return f"detected, but named as {', '.join(hidden['named'])}" if hidden["named"] else "not found"

@@ -19,11 +19,12 @@ from tuner.formats.csv_text import as_text
 from tuner.formats.customary_units import customary_unit, digits, in_customary, phrase, pretty, symbol
 from tuner.formats.documents import json_text
 from tuner.formats.file_set import MANIFEST, digests, write_set
+from tuner.formats.grouping import gathered
 from tuner.formats.identification import identification_json
 from tuner.identification import identify
 from tuner.judgement import curve_axes
 from tuner.report.allan_figure import MEASURED_COLOUR, allan_figure
-from tuner.report.coefficient_text import LEVEL_NAMES, coefficients_of
+from tuner.report.coefficient_text import LEVEL_NAMES, coefficients_of, ends_of
 from tuner.report.figure_files import new_figure, rendered
 from tuner.report.identification_tables import UNKNOWN
 from tuner.report.noise_table import legend, measured_table
@@ -37,6 +38,7 @@ from tuner.report.series_model_tables import (
     roots_text,
 )
 from tuner.types import ArmaFit, ChannelIdentification, Coefficient, Identification
+from tuner.types.coefficient import apart
 from tuner.types.prediction import PredictedBlock
 from tuner.types.records import DataError, Record
 
@@ -127,15 +129,13 @@ def write_thesis(
         Where the folder holds another text of the name `CHAPTER`: of the user's own, or changed by them.
     """
     _expect_own(directory)
-    by_method = {
-        method: identify(records, method=method, arma=None) for method in METHODS if method != found_by(found)
-    }
-    by_method[found_by(found)] = found
     channels, read = list(found.channels.values()), curve_axes(predictions)
+    by_method = {
+        method: found if method == channels[0].method else identify(records, method=method, arma=None)
+        for method in METHODS
+    }
     fits = {one.axis: one.arma for one in channels if one.arma is not None}
-    sensors: dict[str, dict[str, ArmaFit]] = {}
-    for axis, fit in fits.items():
-        sensors.setdefault(axis.partition("_")[0], {})[axis] = fit
+    sensors = gathered((axis.partition("_")[0], (axis, fit)) for axis, fit in fits.items())
     sheets = [
         _measured(found, predictions),
         _estimators(by_method, read),
@@ -143,7 +143,7 @@ def write_thesis(
         _curves(channels),
     ]
     sheets += [_orders(fits)] if fits else []
-    models = [sheet for sensor, own in sensors.items() for sheet in _models(sensor, own)]
+    models = [sheet for sensor, own in sensors.items() for sheet in _models(sensor, dict(own))]
     figures = {"allan": allan_figure(found, title=name, predictions=predictions)}
     figures |= {"correlograms": correlogram_figure(records)} if fits else {}
     environment = Environment(
@@ -187,11 +187,6 @@ def _expect_own(directory: Path) -> None:
             )
 
 
-def found_by(found: Identification) -> str:
-    """Return the method of an identification."""
-    return next(iter(found.channels.values())).method
-
-
 def latex(text: str) -> str:
     """Return a text with the signs that LaTeX needs."""
     return re.sub("|".join(map(re.escape, SIGNS)), lambda sign: SIGNS[sign[0]], text)
@@ -211,15 +206,9 @@ def _prepared(channel: ChannelIdentification) -> Iterator[str]:
         yield "; ".join([*fit.steps, f"chosen: {order_name(fit)}", *found, *remarks(fit)]) + "."
 
 
-def _ends(c: Coefficient) -> tuple[float | str, float | str, float | str]:
-    """Return value and ends of an interval, or of a limit its upper end; empty cells for what is unknown."""
-    low, high = c.interval or ("", c.upper if c.upper is not None else "")
-    return "" if c.value is None else c.value, low, high
-
-
-def _customary(c: Coefficient, quantity: str, unit: str) -> list[float | str]:
+def _customary(c: Coefficient, quantity: str, unit: str) -> list[float | None]:
     """Return value and ends of a coefficient in its customary unit."""
-    return [one if isinstance(one, str) else in_customary(one, quantity, unit) for one in _ends(c)]
+    return [None if one is None else in_customary(one, quantity, unit) for one in ends_of(c)]
 
 
 def _measured(found: Identification, predictions: Mapping[str, PredictedBlock]) -> Sheet:
@@ -265,12 +254,14 @@ def _levels(channels: Sequence[ChannelIdentification]) -> Sheet:
         + [digits(one.minimum_tau)]
         for one, values in zip(channels, each, strict=True)
     ]
-    numbers: list[list[object]] = [
-        [one.axis, name, customary_unit("level", one.unit), *_customary(c, "level", one.unit)]
-        for one, values in zip(channels, each, strict=True)
-        for name, c in values
-    ]
-    numbers += [[one.axis, "minimum_tau", "s", one.minimum_tau, "", ""] for one in channels]
+    numbers = (
+        *(
+            [one.axis, name, customary_unit("level", one.unit), *_customary(c, "level", one.unit)]
+            for one, values in zip(channels, each, strict=True)
+            for name, c in values
+        ),
+        *([one.axis, "minimum_tau", "s", one.minimum_tau, None, None] for one in channels),
+    )
     caption = (
         "Mean, Allan deviation at 10 s, the smallest, that ÷ 0.664 (of flicker alone it would be B), its τ"
     )
@@ -315,13 +306,15 @@ def _orders(fits: Mapping[str, ArmaFit]) -> Sheet:
 def _models(sensor: str, fits: Mapping[str, ArmaFit]) -> Iterator[Sheet]:
     """Yield the models of a sensor, and the tests of its series and of their residuals."""
     rows = [row for row in model_rows(list(fits.values())) if row[0] not in ROOTS]
-    numbers = [
-        [axis, f"{name}_{i + 1}", *_ends(c)]
-        for axis, fit in fits.items()
-        for name, part in (("ar", fit.ar), ("ma", fit.ma))
-        for i, c in enumerate(part)
-    ]
-    numbers += [[axis, "variance", fit.variance, "", ""] for axis, fit in fits.items()]
+    numbers = (
+        *(
+            [axis, f"{name}_{i + 1}", *ends_of(c)]
+            for axis, fit in fits.items()
+            for name, part in (("ar", fit.ar), ("ma", fit.ma))
+            for i, c in enumerate(part)
+        ),
+        *([axis, "variance", fit.variance, None, None] for axis, fit in fits.items()),
+    )
     caption = "ARMA models: φ of past samples, θ of past innovations e, with 95 % intervals"
     columns = ["axis", "coefficient", "value", "lower", "upper"]
     yield Sheet(f"arma_{sensor}", caption, ["", *fits], rows, columns, numbers)
@@ -367,15 +360,8 @@ def _differences(by_method: Mapping[str, Identification], read: Container[str]) 
             ratios = [(other.value or 0.0) / (own.value or 1.0) for own, other in known.values()]
             if ratios:
                 span = " to ".join(dict.fromkeys([digits(min(ratios)), digits(max(ratios))]))
-                apart = [axis for axis, pair in known.items() if _apart(*pair)]
-                beyond = f", beyond both intervals on {axes_text(apart)}" if apart else ""
+                differing = [axis for axis, pair in known.items() if apart(*pair)]
+                beyond = f", beyond both intervals on {axes_text(differing)}" if differing else ""
                 said.append(f"{symbol(quantity)} {span} × ({axes_text(list(known))}{beyond})")
         if said:
             yield f"{METHODS[method]} ÷ likelihood: {'; '.join(said)}. {why}."
-
-
-def _apart(one: Coefficient, other: Coefficient) -> bool:
-    """Return whether two intervals have nothing in common."""
-    if one.interval is None or other.interval is None:
-        return False
-    return one.interval[0] > other.interval[1] or other.interval[0] > one.interval[1]

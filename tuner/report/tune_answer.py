@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from rich.table import Table
 
+from tuner.formats.grouping import gathered
 from tuner.formats.reference_words import reference_line
 from tuner.identification.comparison import compare_identifications, limit_checks
 from tuner.judgement import is_felt
@@ -76,24 +77,26 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
     without = left_out_text(left_out_groups(result.diagnosis))
     examined = result.diagnosis is not None or result.drive is not None
     vibration = [] if result.examination is None else vibration_lines(result.examination)
-    mended = result.examination is not None and result.examination.before_filter
-    good = result.verdict.use in (Use.USABLE, Use.HONEST)
     none = (
         "Nothing was found that the noise terms do not explain"
-        if good
+        if result.verdict.use in (Use.USABLE, Use.HONEST)
         else "The search for causes found none"
     )
-    nothing = [] if mended or vibration or without else [none]
+    faulty = result.examination is not None and result.examination.before_filter
+    nothing = [] if faulty or vibration or without else [none]
     further = len(found) - SHOWN_FINDINGS
     own = Path(keys[0].removesuffix(":")).name if len(keys) > 1 else ""
     shown = (own,) if own else (PAIR, FADING)
     reason = why_larger(result.exports[name] for name in shown if name in result.exports)
     scored = () if result.measured is None else result.measured.consistency.outages
+    run = result.measured or (result.drive and result.drive.diagnosis)
+    notes = run.notes if run else ()  # on the reference and on repairs of the drive
     said: list[Table | str] = [
         recording_line(result),
         f"Verdict: {result.verdict.text}",
         f"Not in the settings, as it is no noise, but your filter meets it: {without}" if without else "",
-        *reference_lines(result),
+        *reference_line(notes),
+        *separated(notes)[0],
         *(vibration if "vibration" not in result.verdict.text else []),
         *noise[:1],
         signs,
@@ -119,17 +122,19 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
         *warning_lines(result.identification, predicted=result.predictions),
         *(f"No {part}: {why}" for part, why in result.absent.items() if part != OF_DRIVE_ALONE),
     ]
-    more: list[Table | str] = [
+    known = result.identification.notes
+    more = [
         *identification_tables(result.identification),
         *states_tables(result.config),
         *setting_reasons(result),
+        *(() if result.diagnosis is None else diagnosis_answer(result.diagnosis).more),
+        *(part for _, heading, content in tune_sections(result) for part in (heading, *content)),
+        *(note for note in result.config.notes if note not in known),
     ]
-    if result.diagnosis is not None:
-        more += diagnosis_answer(result.diagnosis).more
-    for _, heading, content in tune_sections(result):
-        more += [heading, *content]
-    end = [*withheld_lines(result), _file_line(result, directory)]
-    more += [note for note in result.config.notes if note not in result.identification.notes]
+    path = "FOLDER by write_tune_result(result, FOLDER)" if directory is None else directory
+    mended = [MENDED] * bool(result.examination and result.examination.mends)
+    files_line = f"In {path}: {', '.join([*result.exports, *mended, 'report.html'])}"
+    end = [*withheld_lines(result), files_line]
     return document(said, remarks, end, more, spare=[noise[2:], [*noise[:1], signs], [*noise[1:2], reason]])
 
 
@@ -144,9 +149,7 @@ def noise_tables(result: TuneResult, files: Iterable[str]) -> list[Table]:
 
 def withheld_lines(result: TuneResult) -> list[str]:
     """Return which files of settings are not written, with the reason where the verdict does not say it."""
-    names: dict[str, list[str]] = {}
-    for name, why in result.withheld.items():
-        names.setdefault(why, []).append(name)
+    names = gathered((why, name) for name, why in result.withheld.items())
     return [
         f"Not written: {', '.join(files)}"
         + ("" if any(one in why for one in result.verdict.reasons) else f": {why}")
@@ -192,12 +195,6 @@ def _kept_text(line: str) -> str:
     """Return of a comment which stock value is kept, and what the log shows beside it."""
     head, *rest = line.lstrip("# ").split("; ")
     return "; ".join([": ".join(head.split(": ")[:2]), *(one for one in rest if one.startswith("here"))])
-
-
-def reference_lines(result: TuneResult) -> list[str]:
-    """Return what is wrong with the reference of the drive, in one line or none, and repairs and causes of its run."""
-    run = result.measured or (None if result.drive is None else result.drive.diagnosis)
-    return [] if run is None else [*reference_line(run.notes), *separated(run.notes)[0]]
 
 
 def recording_line(result: TuneResult) -> str:
@@ -255,10 +252,3 @@ def found_lines(result: TuneResult) -> tuple[list[str], int, str]:
     unexplained = (f"Not explained: {text}" for text in unexplained_lines(rest)[:1])
     said = [*unexplained, *found.felt, *(found_text(one, ranges=True) for one in new), *found.faults]
     return said, idle, found.doubted
-
-
-def _file_line(result: TuneResult, directory: Path | None) -> str:
-    """Return where the files are."""
-    path = "FOLDER by write_tune_result(result, FOLDER)" if directory is None else directory
-    mended = [MENDED] * bool(result.examination and result.examination.mends)
-    return f"In {path}: {', '.join([*result.exports, *mended, 'report.html'])}"

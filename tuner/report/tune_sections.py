@@ -8,6 +8,7 @@ from rich.table import Table
 
 from tuner.formats.axis_words import axes_text
 from tuner.formats.customary_units import digits, term_title
+from tuner.formats.grouping import gathered
 from tuner.report.calibration_text import calibration_lines
 from tuner.report.consistency_answer import consistency_answer
 from tuner.report.prediction_tables import prediction_tables
@@ -52,15 +53,21 @@ def _of_part(one: Table | str) -> Table | str:
 def setting_reasons(result: TuneResult) -> list[str]:
     """Return how each noise term is represented, every enlargement with its reason, and where initial sds are from."""
     config = result.config
-    handling: dict[str, list[str]] = {}
-    for channel in config.channels.values():
-        for name, how in channel.handling.items():
-            handling.setdefault(f"{term_title(name) or name}: {how}", []).append(channel.axis)
-    lines = [f"{text} [{axes_text(axes)}]" for text, axes in handling.items()]
-    lines += [f"{one.quantity} × {one.factor:.4g}: {one.reason}" for one in config.inflations]
-    for one in config.worst_case:
-        share = "" if one.time_share is None else f" for {digits(100.0 * one.time_share, 2)} % of the record"
-        lines.append(
+    handling = gathered(
+        (f"{term_title(name) or name}: {how}", channel.axis)
+        for channel in config.channels.values()
+        for name, how in channel.handling.items()
+    )
+    worst = (
+        (one, "" if one.time_share is None else f" for {digits(100.0 * one.time_share, 2)} % of the record")
+        for one in config.worst_case
+    )
+    return [
+        *(f"{text} [{axes_text(axes)}]" for text, axes in handling.items()),
+        *(f"{one.quantity} × {one.factor:.4g}: {one.reason}" for one in config.inflations),
+        *(
             f"at its worst {one.quantity} × {one.factor:.4g}{share}, not in the settings: {one.reason}"
-        )
-    return lines + [f"{name}: {reason}" for name, reason in config.initial.reasons.items()]
+            for one, share in worst
+        ),
+        *(f"{name}: {reason}" for name, reason in config.initial.reasons.items()),
+    ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -32,43 +32,10 @@ MAX_RIVALS = 3
 
 def verdict_text(verdict: Verdict) -> str:
     """Return a verdict as a sentence."""
-    numbers = verdict.numbers
-    match verdict.code:
-        case VerdictCode.DIVERGED:
-            return _diverged("")
-        case VerdictCode.NOT_FINITE:
-            return "the filter diverged: its errors are not finite"
-        case VerdictCode.RUNS_DIVERGED:
-            return _diverged(f" in {numbers['diverged_runs']} of {numbers['runs']} runs")
-        case VerdictCode.FIXES_REFUSED:
-            return _diverged(" and refuses most of its fixes")
-        case VerdictCode.START_NOT_LINEAR:
-            return _start(numbers)
-        case VerdictCode.TRUTH_FAR:
-            parts = [
-                f"{name}, configured as none"
-                if np.isinf(ratio).any()
-                else f"{name} {np.max(ratio):.2g} times as large"
-                for name, ratio in numbers.items()
-            ]
-            return (
-                f"the simulated errors are far larger than the filter is configured for: {', '.join(parts)}"
-            )
-        case VerdictCode.SPURIOUS_INFORMATION:
-            return _spurious(verdict)
-        case VerdictCode.EXPLAINED:
-            return _explained(verdict.explanations)
-        case VerdictCode.NOT_EXPLAINED:
-            return "no single cause explains the scores"
-        case VerdictCode.OPTIMISTIC | VerdictCode.PESSIMISTIC:
-            return _scored(verdict)
-        case VerdictCode.CORRELATED_INNOVATIONS:
-            return (
-                f"the {verdict.subject} innovations are correlated: {numbers['correlation']:+.2f} "
-                f"at lag {numbers['lag']}, where white ones stay within ±{numbers['band']:.2f}"
-            )
-        case VerdictCode.CONSISTENT:
-            return "no score contradicts the filter: none is shown to be 10 % from its prediction"
+    said = VERDICTS[verdict.code]
+    if isinstance(said, str):
+        return said.format(subject=verdict.subject, **verdict.numbers)
+    return said(verdict)
 
 
 def explanation_text(explanation: Explanation) -> str:
@@ -96,19 +63,26 @@ def observability_text(observability: Observability) -> tuple[str, ...]:
     return tuple(sentences)
 
 
-def _diverged(how: str) -> str:
-    return f"the filter diverged{how}: its output cannot be used"
-
-
-def _start(numbers: Mapping[str, float | tuple[float, ...]]) -> str:
+def _start(verdict: Verdict) -> str:
     attitude, gyros = (
-        ", ".join(f"{x:.2g}" for x in np.degrees(numbers[name])) for name in ("attitude_sd", "gyro_bias_sd")
+        ", ".join(f"{x:.2g}" for x in np.degrees(verdict.numbers[name]))
+        for name in ("attitude_sd", "gyro_bias_sd")
     )
     return (
         f"its start (1 sd: attitude {attitude} deg, gyro constants {gyros} deg/s) is more "
         "than a linear filter always recovers from; let the vehicle stand to find the gyro biases first, and give it "
         "what is left of them as constants"
     )
+
+
+def _far(verdict: Verdict) -> str:
+    parts = (
+        f"{name}, configured as none"
+        if np.isinf(ratio).any()
+        else f"{name} {np.max(ratio):.2g} times as large"
+        for name, ratio in verdict.numbers.items()
+    )
+    return f"the simulated errors are far larger than the filter is configured for: {', '.join(parts)}"
 
 
 def _spurious(verdict: Verdict) -> str:
@@ -123,12 +97,10 @@ def _spurious(verdict: Verdict) -> str:
     )
 
 
-def _explained(explanations: Sequence[Explanation]) -> str:
-    reason = f"{explanation_text(explanations[0])}: that explains the runs best"
-    if len(explanations) > 1:
-        others = (explanation_text(other) for other in explanations[1 : MAX_RIVALS + 1])
-        reason += "; not distinguished from it: " + "; ".join(others)
-    return reason
+def _explained(verdict: Verdict) -> str:
+    likeliest, *others = map(explanation_text, verdict.explanations[: MAX_RIVALS + 1])
+    rivals = f"; not distinguished from it: {'; '.join(others)}" if others else ""
+    return f"{likeliest}: that explains the runs best{rivals}"
 
 
 def _scored(verdict: Verdict) -> str:
@@ -152,42 +124,26 @@ def score_title(name: str, *, has_truth: bool = True) -> str:
 
 
 def _explanation(explanation: Explanation) -> str:
-    ratio, interval = explanation.ratio, explanation.interval
+    ratio, interval, process = explanation.ratio, explanation.interval, explanation.process
     match explanation.kind:
         case ExplanationKind.SCALE:
-            side = "small" if ratio > 1.0 else "large"
-            return f"{explanation.process} (sd) {_factor(ratio, interval)} too {side}"
+            return f"{process} (sd) {_factor(ratio, interval)} too {'small' if ratio > 1.0 else 'large'}"
         case ExplanationKind.TIME_CONSTANT:
             side = "long" if ratio < 1.0 else "short"
             return f"{explanation.source} {_factor(ratio, interval)} too {side}"
         case ExplanationKind.MISSING_CORRELATED:
             return (
-                f"errors of the {explanation.process} that stay for some {explanation.time_constant:.3g} s are "
+                f"errors of the {process} that stay for some {explanation.time_constant:.3g} s are "
                 f"missing, about {ratio:.2g} times{_between(*interval)} their white sd"
             )
         case ExplanationKind.INSTALLATION:
-            unit = "s" if explanation.process == CLOCK else "m"
-            return f"the {explanation.process} of the truth is {abs(ratio):.3g} {unit} off that of the filter"
-    where = _missing(explanation.kind, explanation.time_constant)
-    size = ""
-    if explanation.time_constant is not None:
-        size = f", about {ratio:.2g} times{_between(*interval)} as strong"
-    return f"{explanation.process} {where} is missing{size}"
-
-
-def _missing(kind: ExplanationKind, time_constant: float | None) -> str:
-    if time_constant is None:
-        return (
-            "over decades"
-            if kind is ExplanationKind.MISSING_SLOWER
-            else f"of some {UNMODELLED_TIME_CONSTANT:g} s"
-        )
-    beside = {
-        ExplanationKind.MISSING_SLOWER: "over decades slower than the slowest",
-        ExplanationKind.MISSING_NEXT: "a decade slower than the slowest",
-        ExplanationKind.MISSING_FASTER: "a decade faster than the fastest",
-    }[kind]
-    return f"{beside} state ({time_constant:.3g} s)"
+            unit = "s" if process == CLOCK else "m"
+            return f"the {process} of the truth is {abs(ratio):.3g} {unit} off that of the filter"
+    beside, alone = MISSING[explanation.kind]
+    if explanation.time_constant is None:
+        return f"{process} {alone} is missing"
+    size = f"about {ratio:.2g} times{_between(*interval)} as strong"
+    return f"{process} {beside} state ({explanation.time_constant:.3g} s) is missing, {size}"
 
 
 def _factor(ratio: float, interval: tuple[float, float]) -> str:
@@ -199,3 +155,35 @@ def _factor(ratio: float, interval: tuple[float, float]) -> str:
 def _between(low: float, high: float) -> str:
     """Return an interval in words, nothing where it is narrower than the digits shown."""
     return "" if f"{low:.2g}" == f"{high:.2g}" else f" ({low:.2g} … {high:.2g})"
+
+
+OF_SOME = f"of some {UNMODELLED_TIME_CONSTANT:g} s"
+MISSING = {
+    ExplanationKind.MISSING_SLOWER: ("over decades slower than the slowest", "over decades"),
+    ExplanationKind.MISSING_NEXT: ("a decade slower than the slowest", OF_SOME),
+    ExplanationKind.MISSING_FASTER: ("a decade faster than the fastest", OF_SOME),
+}
+"""Where a process is missing: beside a state that the filter has, and in a filter without one."""
+VERDICTS: Mapping[VerdictCode, str | Callable[[Verdict], str]] = {
+    VerdictCode.DIVERGED: "the filter diverged: its output cannot be used",
+    VerdictCode.NOT_FINITE: "the filter diverged: its errors are not finite",
+    VerdictCode.RUNS_DIVERGED: (
+        "the filter diverged in {diverged_runs} of {runs} runs: its output cannot be used"
+    ),
+    VerdictCode.FIXES_REFUSED: (
+        "the filter diverged and refuses most of its fixes: its output cannot be used"
+    ),
+    VerdictCode.START_NOT_LINEAR: _start,
+    VerdictCode.TRUTH_FAR: _far,
+    VerdictCode.SPURIOUS_INFORMATION: _spurious,
+    VerdictCode.EXPLAINED: _explained,
+    VerdictCode.NOT_EXPLAINED: "no single cause explains the scores",
+    VerdictCode.OPTIMISTIC: _scored,
+    VerdictCode.PESSIMISTIC: _scored,
+    VerdictCode.CORRELATED_INNOVATIONS: (
+        "the {subject} innovations are correlated: {correlation:+.2f} at lag {lag}, where white ones stay within "
+        "±{band:.2f}"
+    ),
+    VerdictCode.CONSISTENT: ("no score contradicts the filter: none is shown to be 10 % from its prediction"),
+}
+"""What each verdict says, with its numbers by their names."""

@@ -29,6 +29,7 @@ from models.arrays import FloatArray
 from models.noise import GaussMarkov
 from models.statespace import StateSpace, discretize
 from models.units import STANDARD_GRAVITY, unit_of_samples
+from tuner.formats.grouping import gathered
 from tuner.types import ChannelNoise
 from tuner.types.records import DataError
 
@@ -140,10 +141,7 @@ def pooled(channels: tuple[ChannelNoise, ...]) -> ChannelNoise:
     def root(values: Iterable[float]) -> float:
         return math.sqrt(sum(value * value for value in values) / len(channels))
 
-    states: dict[float, list[float]] = {}
-    for channel in channels:
-        for state in channel.markov:
-            states.setdefault(state.time_constant, []).append(state.sd)
+    states = gathered((state.time_constant, state.sd) for channel in channels for state in channel.markov)
     return ChannelNoise(
         channels[0].axis.partition("_")[0],
         channels[0].unit,

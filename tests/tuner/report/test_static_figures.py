@@ -274,7 +274,7 @@ def test_a_resonance_hides_no_variance_that_swells():
     assert depth(subject.left) == pytest.approx(
         0.297 * share, abs=0.058
     )  # 2 I₁(0.3)/I₀(0.3); 5 sd of 30 000 squares
-    assert depth(subject.e) < 0.5 * depth(subject.left)
+    assert depth(subject.fitted.e) < 0.5 * depth(subject.left)
 
 
 def test_residuals_in_a_picture_are_those_of_the_whole_spectrum():

@@ -31,6 +31,7 @@ from tuner.diagnosis.static.slow_shapes import smooth as smooth_shapes
 from tuner.diagnosis.static.something_else import about, with_unknown
 from tuner.diagnosis.static.spectrum import aliasing as sampling
 from tuner.formats.customary_units import stamp
+from tuner.formats.grouping import gathered
 from tuner.jobs import each
 from tuner.segments.conditions import without_knocks
 from tuner.segments.stand_stills import inside
@@ -307,10 +308,7 @@ def _common(finals: Mapping[str, FittedChannel], limit: float) -> list[Finding]:
 
 def _by_clock(channels: Sequence[Channel]) -> list[list[Channel]]:
     """Return the channels in groups that were sampled together."""
-    groups: dict[tuple[int, float, float], list[Channel]] = {}
-    for one in channels:
-        groups.setdefault((len(one), one.start, one.interval), []).append(one)
-    return list(groups.values())
+    return list(gathered(((len(one), one.start, one.interval), one) for one in channels).values())
 
 
 def _places(channel: Channel, records: Sequence[Record], ranges: Mapping[str, Segments]) -> Segments:

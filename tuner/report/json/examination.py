@@ -15,7 +15,7 @@ def examination_json(found: Examination) -> dict[str, Any]:
     return {
         "schema": "tuner.examination/1",
         "source": {"drive": found.mended.source, "digest": found.mended.digest},
-        "verdict": examination_verdict(found)[1],
+        "verdict": examination_verdict(found),
         "repairs": dump(found.repairs),
         "noise": dump(found.noise),
         "vibration": {name: list(pair) for name, pair in found.vibration.items()},
