@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any
 from tuner.examination.examine import Examination
 from tuner.formats.yaml_text import comment
 from tuner.judgement import Settings, judge_settings
+from tuner.poses.run_with_poses import RunWithPoses
+from tuner.readers.pose_run import PoseRun
 from tuner.segments.multi_position import PoseCalibration
 from tuner.types import Diagnosis, FilterConfig, GnssNoise, Identification
 from tuner.types.consistency import Check
@@ -53,6 +55,8 @@ class TuneInputs:
         Ground truth of a simulated log.
     examination : Examination or None
         What was wrong with the streams of the drive.
+    run : PoseRun or None
+        Measured run with poses.
     """
 
     name: str
@@ -62,6 +66,7 @@ class TuneInputs:
     receiver: GnssNoise | None
     key: Mapping[str, Any] | None = None
     examination: Examination | None = None
+    run: PoseRun | None = None
 
 
 @dataclass(frozen=True)
@@ -116,6 +121,8 @@ class TuneResult(Shown):
         Files of settings that are not written, each with the reason.
     examination : Examination or None
         What was wrong with the streams of the drive, and was mended before it was filtered.
+    run : RunWithPoses or None
+        What a run with poses shows of the noise.
     """
 
     name: str
@@ -137,6 +144,7 @@ class TuneResult(Shown):
     measured: DriveResult | None = None
     withheld: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     examination: Examination | None = None
+    run: RunWithPoses | None = None
 
     @cached_property
     def verdict(self) -> Judgement:

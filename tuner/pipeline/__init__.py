@@ -27,7 +27,9 @@ from tuner.identification.identify import with_terms_found
 from tuner.identification.identify_source import identify_source, receiver_of_source, records_name
 from tuner.navigation.compensation import with_stated_arm
 from tuner.pipeline.compile_ahead import compiled_ahead
+from tuner.poses.run_with_poses import compare_with_poses, poses_of, with_run
 from tuner.readers import read
+from tuner.readers.pose_run import read_pose_run
 from tuner.readers.source_kind import is_log, source_name
 from tuner.segments.conditions import at_rest, expect_rest
 from tuner.segments.multi_position import PoseCalibration, calibrate
@@ -99,7 +101,8 @@ def tune(
         Records of a static log, or anything `identify_source` takes. Without it the standing parts of the drive
         are the log; without a drive either, a simulated unit with a hidden effect, drawn from the seed.
     drive : str, Path or Drive, optional
-        A measured drive of the unit: what it shows enters the configuration.
+        A measured drive of the unit, or a run with poses of another sensor (`tuner.readers.pose_run`): what it shows
+        enters the configuration.
     lever_arm : tuple of 3 floats, optional
         From the inertial unit to the antenna of that drive, forward, right, down, m, in place of what the drive states;
         it is used as stated, also where the drive shows another.
@@ -159,6 +162,13 @@ def tune(
         conservative=conservative,
         seed=seed,
     )
+    compared = None
+    if inputs.run is not None:
+        progress("comparing the run with its poses")
+        compared = compare_with_poses(
+            inputs.run.records, poses_of(inputs.run.poses), config, inputs.run.name, noise.still
+        )
+        config = with_run(config, compared)
     examined, choice, measured = None, None, None
     unmeasured: Mapping[str, str] = {}
     if inputs.drive is not None:  # the diagnosis of drives takes a third of a second to load
@@ -201,6 +211,7 @@ def tune(
         measured,
         MappingProxyType(dict(kept_back)),
         inputs.examination,
+        compared,
     ).written
 
 
@@ -241,9 +252,13 @@ def gather_inputs(
     progress: Progress,
 ) -> TuneInputs:
     """Read what is named by a path, choose name and receiver, and simulate where there is neither log nor drive."""
+    run = read_pose_run(drive) if isinstance(drive, str | Path) else None
     measured, examination = (
-        (None, None) if drive is None else examined_drive(drive, progress, lever_arm=lever_arm)
+        (None, None) if drive is None or run else examined_drive(drive, progress, lever_arm=lever_arm)
     )
+    if run and (log is None or lever_arm is not None):
+        wanted = "a log at rest before --drive" if log is None else "no --lever-arm"
+        raise DataError(f"tune: {drive} is a run with poses in place of fixes: expected {wanted}")
     key: Mapping[str, Any] | None = None
     records: tuple[Record, ...] = ()
     source: str | Path | Identification | None = None
@@ -266,8 +281,8 @@ def gather_inputs(
         records, key = demo(seed)
         return TuneInputs(f"simulated-{seed}", records, None, None, receiver, key)
     names = [] if log is None else [_log_name(log, records)]
-    names += [] if measured is None else [measured.name]
-    return TuneInputs("-".join(names), records, source, measured, receiver, key, examination)
+    names += [one.name for one in (measured, run) if one is not None]
+    return TuneInputs("-".join(names), records, source, measured, receiver, key, examination, run)
 
 
 def _log_name(log: str | Path | Sequence[Record] | Identification, records: Sequence[Record]) -> str:

@@ -41,6 +41,7 @@ from tuner.readers.fixes.gps_time import on_clock_of
 from tuner.readers.kf_gins import read_kf_gins
 from tuner.readers.log_format import file_of, format_of, library_of, log_folder
 from tuner.readers.options import STAMP
+from tuner.readers.pose_run import POSE_FILES
 from tuner.readers.refusal import without_options
 from tuner.readers.source_kind import drive_in_messages, is_drive_by_form, with_name
 from tuner.readers.steady_stamps import steady_stamps
@@ -221,6 +222,9 @@ def _fixes_beside(path: Path, imu: FloatArray) -> tuple[FloatArray, tuple[str, .
             if integrated
             else ""
         )
+        poses = next((name for name in POSE_FILES if (path / name).is_file()), None)
+        if poses is not None:
+            hint = f"; with {poses} it is a run with poses, for tune beside a log at rest"
         raise DataError(
             f"{path}: expected gnss.csv or one file {' '.join(FIX_READERS)} or text of Waypoint beside imu.csv, found "
             f"{names}{hint}"

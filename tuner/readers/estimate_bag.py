@@ -5,6 +5,7 @@ nav_msgs/Odometry                          pose in axes of the world; twist in a
                                            world where its velocity fits the positions better so
 geometry_msgs/PoseWithCovarianceStamped    pose with its covariance
 geometry_msgs/PoseStamped                  pose
+geometry_msgs/TransformStamped             pose, as bridges of motion capture publish it
 nav_msgs/Path                              poses of its last message
 =========================================  ===========================================================================
 
@@ -35,6 +36,7 @@ POSE_KINDS = (
     ODOMETRY_KIND,
     "geometry_msgs/msg/PoseWithCovarianceStamped",
     "geometry_msgs/msg/PoseStamped",
+    "geometry_msgs/msg/TransformStamped",
     PATH_KIND,
 )
 WORLD_SHARE = 0.5
@@ -106,9 +108,12 @@ def _topic(path: Path, found: dict[str, str], wanted: str | None) -> str:
 
 def _numbers(message: Any, kind: str) -> tuple[float, ...]:
     """Return position, quaternion (w first), 36 of the pose's covariance, velocity, 9 of its covariance; NaN."""
-    with_covariance = hasattr(message.pose, "covariance")
-    pose = message.pose.pose if with_covariance else message.pose
-    p, q = pose.position, pose.orientation
+    if hasattr(message, "transform"):
+        with_covariance, p, q = False, message.transform.translation, message.transform.rotation
+    else:
+        with_covariance = hasattr(message.pose, "covariance")
+        pose = message.pose.pose if with_covariance else message.pose
+        p, q = pose.position, pose.orientation
     spread = message.pose.covariance if with_covariance else [np.nan] * 36
     row = [p.x, p.y, p.z, q.w, q.x, q.y, q.z, *spread]
     if kind == ODOMETRY_KIND:

@@ -31,10 +31,3 @@ def coefficients_of(channel: ChannelIdentification) -> dict[Key, Coefficient]:
 def ends_of(c: Coefficient | None) -> tuple[float | None, float | None, float | None]:
     """Return value and ends of the interval, of a limit its upper end; None for what is unknown."""
     return (None, None, None) if c is None else (c.value, *(c.interval or (None, c.upper)))
-
-
-def times(c: Coefficient, size: float, unit: str) -> Coefficient:
-    """Return a factor on a size of a unit as a number of that unit, with its interval or limit."""
-    low, high = c.interval or (None, None)
-    value, low, high, upper = (None if end is None else end * size for end in (c.value, low, high, c.upper))
-    return Coefficient(value, None if low is None or high is None else (low, high), upper, unit)

@@ -9,12 +9,12 @@ from tuner.formats.customary_units import amount
 from tuner.formats.reference_words import reference_line
 from tuner.judgement import judge_drive
 from tuner.limits import SHOWN_FINDINGS
-from tuner.report.coefficient_text import times
 from tuner.report.document import Document, document
 from tuner.report.drive_answer import found_text
 from tuner.report.static_diagnosis_tables import finding_tables, gain_text, unexplained_table
 from tuner.report.titled_table import titled_table
 from tuner.types import Coefficient, DriveDiagnosis, Finding, Gain, NoiseScaleEstimate
+from tuner.types.coefficient import times
 from tuner.types.named_cause import separated
 
 SHORT_NAMES = {

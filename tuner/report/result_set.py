@@ -97,6 +97,7 @@ def tune_json(result: TuneResult) -> dict[str, Any]:
         "examination": None if result.examination is None else examination_json(result.examination),
         "drive": None if result.drive is None else diagnosis_json(result.drive.diagnosis),
         "navigation": _scores_json(result.measured, drive=config.provenance.get("drive"), config=config.name),
+        "run": None if result.run is None else dump(result.run),
         "calibration": None if result.calibration is None else calibration_json(result.calibration),
         "consistency": _scores_json(
             result.check,

@@ -32,6 +32,7 @@ from tuner.report.noise_table import (
     states_tables,
     why_larger,
 )
+from tuner.report.pose_run_answer import pose_run_lines
 from tuner.report.sensor_answers import limit_text
 from tuner.report.static_diagnosis_tables import hidden_effect_lines
 from tuner.report.terminal import LINE_WIDTH
@@ -109,6 +110,7 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
             else fixes_parts(result.drive, result.config, written=bool(result.exports))
         ),
         *([] if result.choice is None else choice_parts(result.choice, scored)),
+        *([] if result.run is None else pose_run_lines(result.run)),
         *found[:1],
     ]
     remarks = [

@@ -11,6 +11,7 @@ from tuner.formats.customary_units import digits, term_title
 from tuner.formats.grouping import gathered
 from tuner.report.calibration_text import calibration_lines
 from tuner.report.consistency_answer import consistency_answer
+from tuner.report.pose_run_answer import growth_table, pose_run_lines
 from tuner.report.prediction_tables import prediction_tables
 from tuner.tune_result import TuneResult
 
@@ -37,6 +38,11 @@ def tune_sections(result: TuneResult) -> list[Section]:
             "calibration",
             "Calibration",
             [] if result.calibration is None else calibration_lines(result.calibration),
+        ),
+        (
+            "run",
+            "The run beside poses",
+            [] if result.run is None else [*pose_run_lines(result.run), growth_table(result.run)],
         ),
         ("measured", "The filter on the measured drive", measured),
         ("drive", "The drive", drive),

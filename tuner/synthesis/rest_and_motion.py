@@ -47,8 +47,8 @@ def with_scaled_handling(channel: ChannelNoise, before: ChannelNoise) -> Channel
 
 
 def simulated_unit(config: FilterConfig) -> FilterConfig:
-    """Return the configuration with the noise that its unit has in the vehicle: after a drive as configured."""
-    return in_motion(config) if config.provenance.get("drive") else config
+    """Return the configuration with the noise that its unit has in motion: after a drive or a run as configured."""
+    return in_motion(config) if config.provenance.get("drive") or config.noise_in_motion else config
 
 
 def in_motion(config: FilterConfig) -> FilterConfig:

@@ -66,6 +66,13 @@ class Coefficient:
         return cls(None, None, upper, unit, reason)
 
 
+def times(c: Coefficient, size: float, unit: str) -> Coefficient:
+    """Return a factor on a size of a unit as a number of that unit, with its interval or limit."""
+    low, high = c.interval or (None, None)
+    value, low, high, upper = (None if end is None else end * size for end in (c.value, low, high, c.upper))
+    return Coefficient(value, None if low is None or high is None else (low, high), upper, unit)
+
+
 def apart(one: Coefficient | None, other: Coefficient | None) -> bool:
     """Return whether the 95 % intervals of two numbers do not meet."""
     if one is None or other is None or one.interval is None or other.interval is None:

@@ -141,7 +141,7 @@ def _following(
         return ["plan", *stated]
     if not result.exports:
         return ["diagnose", *(stated or [str(drive)])]
-    if drive is not None:
+    if result.drive is not None and drive is not None:
         file = directory / "kf-gins" / "kf-gins.yaml"
         if result.examination is not None and result.examination.mends:
             drive = str(directory / MENDED)

@@ -121,7 +121,7 @@ def _message(store, name, stamp, fields, *, ros1):
     def vector(xyz):
         return types["geometry_msgs/msg/Vector3"](*map(float, xyz))
 
-    if name.endswith(("Odometry", "PoseWithCovarianceStamped", "PoseStamped", "Path")):
+    if name.endswith(("Odometry", "PoseWithCovarianceStamped", "PoseStamped", "Path", "TransformStamped")):
         return _poses(types, name, header, fields)
     nine = np.zeros(9)
     if name == "driver_msgs/msg/Reading":
@@ -144,6 +144,10 @@ def _poses(types, name, header, fields):
             header, [_poses(types, "geometry_msgs/msg/PoseStamped", header, f) for f in fields["poses"]]
         )
     w, *xyz = map(float, fields["quat"])
+    if name.endswith("TransformStamped"):
+        moved = types["geometry_msgs/msg/Vector3"](*map(float, fields["place"]))
+        turn = types["geometry_msgs/msg/Quaternion"](*xyz, w)
+        return types[name](header, "unit", types["geometry_msgs/msg/Transform"](moved, turn))
     point = types["geometry_msgs/msg/Point"](*map(float, fields["place"]))
     pose = types["geometry_msgs/msg/Pose"](point, types["geometry_msgs/msg/Quaternion"](*xyz, w))
     if name.endswith("PoseStamped"):

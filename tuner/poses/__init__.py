@@ -1,0 +1,1 @@
+"""Runs beside poses of another sensor: cameras, lidars, motion capture."""

@@ -1,0 +1,258 @@
+"""What gyroscopes and accelerometers measure beyond a stream of poses.
+
+Between two poses the gyroscopes turn by a rotation vector, which the poses have as well; over three poses the specific
+force, turned into the world and integrated twice, has a second difference that the positions have as well, but for
+gravity. Both are compared in the axes of the inertial unit. Errors of the poses, white from pose to pose, are those of
+a moving average in axes of the world; in axes that turn, its autocovariance at a lag is multiplied by the mean
+projection of an axis on itself that much later.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from models import rotation
+from models.arrays import FloatArray
+from tuner.poses.noise_beside_causes import Misfit
+
+LONGEST_DELAY, DELAY_STEP = 1.0, 0.02
+"""Delays of a clock among which the first guess is sought, and their step, s."""
+LONGEST_PART = 0.02
+"""Parts of an interval in which the axis of the turn hardly moves, s."""
+
+
+@dataclass(frozen=True)
+class Inertial:
+    """Samples of a unit on an even clock.
+
+    Attributes
+    ----------
+    t : ndarray, shape (n,)
+        Middle of each sample, s.
+    rate, force : ndarray, shape (n, 3)
+        rad/s and m/s².
+    interval : float
+        s.
+    """
+
+    t: FloatArray
+    rate: FloatArray
+    force: FloatArray
+    interval: float
+
+    @property
+    def edges(self) -> FloatArray:
+        """Beginning of each sample and end of the last, s; (n + 1,)."""
+        return np.append(self.t - 0.5 * self.interval, self.t[-1] + 0.5 * self.interval)
+
+
+@dataclass(frozen=True)
+class Poses:
+    """Poses of a body in axes that stand still.
+
+    Attributes
+    ----------
+    t : ndarray, shape (m,)
+        s.
+    place : ndarray, shape (m, 3)
+        m.
+    quat : ndarray, shape (m, 4)
+        From the body to the world.
+    """
+
+    t: FloatArray
+    place: FloatArray
+    quat: FloatArray
+
+    @property
+    def turned(self) -> FloatArray:
+        """Rotation vector from each pose to the next, in its axes, rad; (m − 1, 3)."""
+        return rotation.rotvec_from_quat(
+            rotation.quat_multiply(rotation.quat_conjugate(self.quat[:-1]), self.quat[1:])
+        )
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """What must be added to stamps of poses to have the unit's time, s, and the matrix from axes of the body to its."""
+
+    delay: float
+    matrix: FloatArray
+
+
+class Turns:
+    """The angle of the gyroscopes at any time: integrals of the samples, and of how the axis turns meanwhile."""
+
+    def __init__(self, imu: Inertial) -> None:
+        step = imu.rate * imu.interval
+        self.edges = imu.edges
+        self.angle = np.vstack([np.zeros(3), np.cumsum(step, axis=0)])
+        middle = self.angle[:-1] + 0.5 * step
+        self.coning = np.vstack([np.zeros(3), np.cumsum(np.cross(middle, step), axis=0)])
+
+    def angle_at(self, t: FloatArray) -> FloatArray:
+        """Return the integral of the rates up to times, rad."""
+        return _at(t, self.edges, self.angle)
+
+    def between(self, t: FloatArray) -> FloatArray:
+        """Return the rotation vector from each time to the next, rad, of parts by Bortz (1971) to second order."""
+        parts = max(1, round(float(np.median(np.diff(t))) / LONGEST_PART))
+        within = np.linspace(t[:-1], t[1:], parts, endpoint=False, axis=1).ravel()
+        ends = np.append(within, t[-1])
+        s, c = self.angle_at(ends), _at(ends, self.edges, self.coning)
+        turn = np.diff(s, axis=0)
+        each = turn + 0.5 * (np.diff(c, axis=0) - np.cross(s[:-1], turn))
+        quats = rotation.quat_from_rotvec(each.reshape(-1, parts, 3))
+        return rotation.rotvec_from_quat(functools.reduce(rotation.quat_multiply, np.moveaxis(quats, 1, 0)))
+
+
+def _at(t: FloatArray, of: FloatArray, values: FloatArray) -> FloatArray:
+    return np.column_stack([np.interp(t, of, one) for one in values.T])
+
+
+def first_alignment(turns: Turns, poses: Poses) -> tuple[Alignment, float]:
+    """Return the delay at which sizes of rotations agree best, the rotation that fits there, and their correlation."""
+    sizes = np.linalg.norm(poses.turned, axis=1)
+    delays = np.arange(-LONGEST_DELAY, LONGEST_DELAY + 0.5 * DELAY_STEP, DELAY_STEP)
+    fits = [
+        float(np.corrcoef(np.linalg.norm(turns.between(poses.t + delay), axis=1), sizes)[0, 1])
+        for delay in delays
+    ]
+    best = int(np.argmax(fits))
+    delay = float(delays[best])
+    return Alignment(delay, _turn_between(turns.between(poses.t + delay), poses.turned)), fits[best]
+
+
+def _turn_between(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return the rotation matrix C with a ≈ C b in least squares (Kabsch 1976)."""
+    u, _, vt = np.linalg.svd(a.T @ b)
+    return np.asarray(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)
+
+
+def gyro_misfit(imu: Inertial, turns: Turns, poses: Poses, alignment: Alignment) -> Misfit:
+    """Return what the gyroscopes measure beyond poses that are moved and turned.
+
+    Causes are ``bias``, ``turn`` (of the axes, rad), ``scale`` (errors of scale, then of right angles about x, y, z)
+    and ``delay``, s.
+    """
+    t, h, c = poses.t + alignment.delay, np.diff(poses.t)[:, None], alignment.matrix
+    own, turned = turns.between(t), poses.turned
+    expected = turned @ c.T
+    y = (own - expected - 0.5 * np.cross(expected, own - expected)) / h
+    middle = rotation.quat_multiply(poses.quat[:-1], rotation.quat_from_rotvec(0.5 * turned))
+    later = np.diff(_at(t, imu.t, imu.rate), axis=0) / h
+    interval = float(np.median(h))
+    frames = np.einsum("ij,nkj->nik", c, rotation.mat_from_quat(middle))
+    covariance = np.array([2.0, -1.0]) / interval**2
+    causes = {**_of_each_axis(own / h), "delay": later[None]}
+    none = np.zeros((3, 1))
+    return Misfit(y, causes, interval, np.array([1.0 / interval]), covariance * _projection(frames, 2), none)
+
+
+def accel_misfit(
+    imu: Inertial, turns: Turns, poses: Poses, alignment: Alignment, attitude_sd: float
+) -> Misfit:
+    """Return what the accelerometers measure beyond poses whose attitudes err by a known sd, rad.
+
+    Causes are those of `gyro_misfit`, ``gravity`` (m/s² in axes of the world) and ``arm`` (from the body of the
+    poses to the unit, m, in its axes).
+    """
+    c = alignment.matrix
+    inside = (imu.t > poses.t[0] + alignment.delay) & (imu.t < poses.t[-1] + alignment.delay)
+    times, dt = imu.t[inside], imu.interval
+    world = np.einsum("nij,nj->ni", _attitudes(times, turns, poses, alignment), imu.force[inside] @ c)
+    edges = np.append(times - 0.5 * dt, times[-1] + 0.5 * dt)
+    velocity = np.vstack([np.zeros(3), np.cumsum(world * dt, axis=0)])[:-1]
+    place = np.vstack([np.zeros(3), np.cumsum(velocity * dt + 0.5 * world * dt**2, axis=0)])[:-1]
+    within = (poses.t + alignment.delay > edges[0]) & (poses.t + alignment.delay < edges[-1])
+    t, quat = poses.t[within], poses.quat[within]
+    i = np.clip(np.searchsorted(edges, t + alignment.delay, side="right") - 1, 0, len(times) - 1)
+    rest = (t + alignment.delay - edges[i])[:, None]
+    inertial = place[i] + velocity[i] * rest + 0.5 * world[i] * rest**2
+    mat = rotation.mat_from_quat(quat)
+    frames = np.einsum("ij,nkj->nik", c, mat)[1:-1]
+
+    def turned(x: FloatArray) -> FloatArray:
+        return np.asarray(np.einsum("nij,nj->ni", frames, _second_difference(t, x)))
+
+    force = turned(inertial)
+    y = force - turned(poses.place[within])
+    world_force = _second_difference(t, inertial)
+    interval = float(np.median(np.diff(t)))
+    causes = {
+        **_of_each_axis(force),
+        "delay": np.gradient(force, t[1:-1], axis=0)[None],
+        "gravity": np.moveaxis(frames, -1, 0),
+        "arm": -np.moveaxis(_curvature(turns.between(t + alignment.delay), np.diff(t)), -1, 0),
+    }
+    spline = np.array([18.0, 8.0, 1.0]) / 36.0
+    lever = np.cross(frames, world_force[:, None, :])
+    return Misfit(
+        y,
+        causes,
+        interval,
+        np.array([2.0 / 3.0, 1.0 / 6.0]) / interval,
+        np.array([6.0, -4.0, 1.0]) / interval**4 * _projection(frames, 3),
+        attitude_sd**2 * spline * _projection(lever, 3),
+    )
+
+
+def _of_each_axis(measured: FloatArray) -> Mapping[str, FloatArray]:
+    """Return what biases, a turn and errors of scale and axes add, for measured values (n, 3)."""
+    bias, turn, scale = (np.zeros((3, len(measured), 3)) for _ in range(3))
+    skew = np.zeros_like(turn)
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        bias[i, :, i] = 1.0
+        scale[i, :, i] = measured[:, i]
+        turn[i, :, j], turn[i, :, k] = -measured[:, k], measured[:, j]
+        skew[i, :, j], skew[i, :, k] = measured[:, k], measured[:, j]
+    return {"bias": bias, "turn": turn, "scale": np.concatenate([scale, skew])}
+
+
+def scale_matrix(scale: FloatArray) -> FloatArray:
+    """Return the matrix of errors of scale and right angles, (6,), as `_of_each_axis` has them: measured − true."""
+    mat = np.diag(scale[:3])
+    for i, value in enumerate(scale[3:]):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        mat[j, k] = mat[k, j] = value
+    return mat
+
+
+def _projection(rows: FloatArray, lags: int) -> FloatArray:
+    """Return the mean product of each row (n, 3, 3) with itself some steps later, by lag; (3, lags)."""
+    n = len(rows)
+    return np.stack(
+        [np.mean(np.einsum("nij,nij->ni", rows[: n - lag], rows[lag:]), axis=0) for lag in range(lags)],
+        axis=1,
+    )
+
+
+def _second_difference(t: FloatArray, x: FloatArray) -> FloatArray:
+    """Return the second divided difference of (m, 3), twice: the mean second derivative; (m − 2, 3)."""
+    h = np.diff(t)[:, None]
+    slope = np.diff(x, axis=0) / h
+    return np.asarray(2.0 * np.diff(slope, axis=0) / (h[1:] + h[:-1]))
+
+
+def _curvature(turn: FloatArray, h: FloatArray) -> FloatArray:
+    """Return the mean second derivative of a matrix that turns by vectors (m − 1, 3), in its axes; (m − 2, 3, 3)."""
+    ahead = rotation.mat_from_rotvec(turn[1:]) - np.eye(3)
+    behind = rotation.mat_from_rotvec(-turn[:-1]) - np.eye(3)
+    both = (h[1:] + h[:-1])[:, None, None]
+    return np.asarray(2.0 * (ahead / h[1:, None, None] + behind / h[:-1, None, None]) / both)
+
+
+def _attitudes(t: FloatArray, turns: Turns, poses: Poses, alignment: Alignment) -> FloatArray:
+    """Return matrices from the body to the world at times of the unit: between poses as the gyroscopes turn."""
+    stamps = poses.t + alignment.delay
+    k = np.clip(np.searchsorted(stamps, t, side="right") - 1, 0, len(stamps) - 2)
+    angle, at_pose = turns.angle_at(t) @ alignment.matrix, turns.angle_at(stamps) @ alignment.matrix
+    share = ((t - stamps[k]) / np.diff(stamps)[k])[:, None]
+    beyond = poses.turned - np.diff(at_pose, axis=0)
+    vector = angle - at_pose[k] + share * beyond[k]
+    return rotation.mat_from_quat(rotation.quat_multiply(poses.quat[k], rotation.quat_from_rotvec(vector)))

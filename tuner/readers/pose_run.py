@@ -1,0 +1,70 @@
+"""Runs with poses in place of fixes: bags, folders of EuRoC and TUM-VI, an IMU log beside a trajectory.
+
+=============  ================================================================================================
+bag            ROS 1, ROS 2 or MCAP without fixes: an IMU, and one topic of poses or odometry; of several,
+               ``run.bag:/topic``
+EuRoC, TUM-VI  folder with ``imu0/data.csv``, or with ``mav0``, and one of `EUROC_POSES` beside it
+folder         ``imu.csv`` as any log, and ``poses.csv``, ``poses.txt`` or ``poses.tum`` in a form of `read_estimate`
+=============  ================================================================================================
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from tuner.readers import read
+from tuner.readers.estimate import read_estimate
+from tuner.readers.estimate_bag import POSE_KINDS, is_bag
+from tuner.readers.log_format import file_of
+from tuner.readers.messages.rosbag import FIX, opened_bag
+from tuner.types.filter_output import FilterOutput
+from tuner.types.records import Record
+
+EUROC_POSES = ("vicon0", "mocap0", "state_groundtruth_estimate0")
+"""Folders of poses, the best first: the last of them is computed with the samples of the IMU."""
+POSE_FILES = ("poses.csv", "poses.txt", "poses.tum")
+"""Names of a trajectory beside ``imu.csv``."""
+
+
+@dataclass(frozen=True)
+class PoseRun:
+    """Samples of a unit in motion and poses of another sensor, each on the clock of its stamps, s."""
+
+    name: str
+    records: tuple[Record, ...]
+    poses: FilterOutput
+
+
+def read_pose_run(source: str | Path) -> PoseRun | None:
+    """Read a run with poses; None where a source is none.
+
+    Raises
+    ------
+    DataError
+        Where there are poses that cannot be used: one line.
+    """
+    path, _, topic = str(source).partition(":/")
+    named = bool(topic) and not Path(source).exists()
+    whole = Path(path) if named else Path(source)
+    if not whole.exists():
+        return None
+    if is_bag(whole):
+        if not named and not _has_only_poses(whole):
+            return None
+        poses = read_estimate(whole, topic=f"/{topic}" if named else None)
+        return PoseRun(whole.stem, read(whole), poses)
+    samples = whole / "imu.csv" if (whole / "imu.csv").is_file() else file_of(whole)
+    beside = [samples.parent / name for name in POSE_FILES]
+    beside += [samples.parent.parent / name / "data.csv" for name in EUROC_POSES]
+    found = next((file for file in beside if file.is_file()), None)
+    if found is None or not samples.is_file():
+        return None
+    return PoseRun(whole.resolve().stem, read(samples), read_estimate(found))
+
+
+def _has_only_poses(path: Path) -> bool:
+    """Return whether a bag has poses and no fixes."""
+    with opened_bag(path) as bag:
+        kinds = {connection.msgtype for connection in bag.connections}
+    return bool(kinds & set(POSE_KINDS)) and FIX not in kinds

@@ -1,0 +1,102 @@
+"""What a run with poses shows, in words and numbers: the four numbers at rest and in the run, and why they differ."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from rich.table import Table
+
+from tuner.formats.customary_units import amount, digits, percent
+from tuner.limits import LOST_SHARE
+from tuner.poses.run_with_poses import UNITS, Cause, RunWithPoses, SensorInRun
+from tuner.report.titled_table import table_of
+from tuner.types import Coefficient
+from tuner.types.coefficient import times
+
+WORDS = {
+    "scale": "errors of scale and right angles",
+    "turn": "axes turned against those of the gyroscopes",
+    "delay": "samples late against the gyroscopes",
+}
+"""Names of the causes."""
+
+
+def pose_run_lines(run: RunWithPoses) -> list[Table | str]:
+    """Return what was compared, the table of the numbers, and what makes them larger."""
+    poses = ", ".join(amount(one.beside.reference) for one in run.sensors)
+    late = "late" if (run.delay.value or 0.0) < 0.0 else "early"
+    stamps = f"stamps {late} by {amount(_size(run.delay))}" if run.late else "stamps on the clock of the unit"
+    lost = f"; {percent(run.left_out)} of the poses left out, beyond gaps or samples" * (
+        run.left_out > LOST_SHARE
+    )
+    head = (
+        f"{run.name}: {digits(run.span)} s beside poses {digits(1e3 * run.interval, 2)} ms apart, "
+        f"which err by {poses}, {stamps}{lost}"
+    )
+    own = " and ".join(one.sensor for one in run.sensors if one.follows)
+    dependent = (
+        f"The poses agree with the {own} better than the noise at rest allows: they were made with the unit, or that "
+        "noise is stated too large; the numbers are those at rest"
+    )
+    reasons = [dependent] if run.dependent else [line for one in run.sensors for line in _reasons(one)]
+    return [head, _numbers(run), *reasons]
+
+
+def growth_table(run: RunWithPoses) -> Table:
+    """Return errors of the prediction over windows ÷ those that the noise at rest and the poses predict."""
+    windows = dict.fromkeys(window for one in run.sensors for window in one.growth)
+    rows = (
+        [
+            digits(window),
+            *(" ".join(digits(x, 2) for x in one.growth.get(window, ())) or "–" for one in run.sensors),
+        ]
+        for window in windows
+    )
+    heads = ("window, s", "angle, x y z", "velocity, x y z")
+    return table_of(heads, rows, title="Error ÷ prediction of the noise at rest and of the poses")
+
+
+def _size(one: Coefficient) -> Coefficient:
+    """Return a number without its sign."""
+    if one.value is None or one.interval is None or one.value >= 0.0:
+        return one
+    return Coefficient.known(-one.value, -one.interval[1], -one.interval[0], one.unit)
+
+
+NUMBERS = {"white": "white noise", "walk": "random walk"}
+"""Names of the numbers."""
+
+
+def _numbers(run: RunWithPoses) -> Table:
+    """Return the four numbers: at rest, in the run beside all causes, and what is written."""
+    rows = []
+    for place, (number, name) in enumerate(NUMBERS.items()):
+        for one in run.sensors:
+            unit = UNITS[one.sensor][place]
+            rest = one.rest.white_density if number == "white" else one.rest.bias
+            said = amount(times(one.factors[number], rest, unit))
+            written = "–" if run.dependent else digits(one.larger.get(number, 1.0), 2)
+            rows.append([f"{one.sensor} {name}", amount(Coefficient(rest, None, None, unit)), said, written])
+    return table_of(("", "at rest", "in the run", "written ×"), rows)
+
+
+def _reasons(one: SensorInRun) -> Iterator[str]:
+    """Yield why numbers of a sensor are larger in the run, and which of them are not written."""
+    for cause in one.causes:
+        yield (
+            f"{one.sensor}: {WORDS[cause.name]}, up to {_cause_size(cause)}: white noise × {digits(cause.factor, 2)} "
+            "for a filter without states for them; calibrated, it needs the number in the run"
+        )
+    if one.shaken:
+        yield f"{one.sensor}: the samples scatter {digits(one.scatter, 2)} × as much as at rest: vibration"
+    for number in one.unexplained:
+        yield (
+            f"{one.sensor} {NUMBERS[number]}: larger than at rest, as errors of the poses that last would look: not "
+            "written"
+        )
+
+
+def _cause_size(cause: Cause) -> str:
+    """Return the size of a cause; without a unit in per cent."""
+    one = _size(cause.largest)
+    return f"{amount(times(one, 100.0, '1'))} %" if one.unit == "1" else amount(one)
