@@ -10,6 +10,7 @@ projection of an axis on itself that much later.
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -62,11 +63,14 @@ class Poses:
         m.
     quat : ndarray, shape (m, 4)
         From the body to the world.
+    declared : (float, float)
+        Sds that their source declares, of an attitude, rad, and of a position, m, an axis; NaN where it declares none.
     """
 
     t: FloatArray
     place: FloatArray
     quat: FloatArray
+    declared: tuple[float, float] = (math.nan, math.nan)
 
     @property
     def turned(self) -> FloatArray:

@@ -59,6 +59,8 @@ ACCEL_GEOMETRY, ACCEL_CAUSES = ("bias", "gravity", "arm"), ("turn", "scale", "de
 """The same of the accelerometers, and what is an error of theirs: the gyroscopes have axes and clock of the unit."""
 UNITS = {"gyro": ("rad/s/√Hz", "rad/s/√s", "rad"), "accel": ("m/s^2/√Hz", "m/s^2/√s", "m")}
 """Units of N, K and the sd of the poses."""
+DECLARED_PARTS = slice(6, 9), slice(0, 3)
+"""Attitude and position in a `FilterOutput.covariance`."""
 SETTING_FIELDS = {"white": "white_density", "walk": "random_walk_density"}
 """Numbers of a fit, and settings that they are."""
 
@@ -168,6 +170,8 @@ class RunWithPoses:
         The sensors.
     left_out : float
         Share of the poses that are not used, as they lie beyond a gap or the samples.
+    declared : (float, float)
+        `Poses.declared`.
     """
 
     name: str
@@ -177,6 +181,7 @@ class RunWithPoses:
     gyro: SensorInRun
     accel: SensorInRun
     left_out: float
+    declared: tuple[float, float]
 
     @property
     def late(self) -> bool:
@@ -250,6 +255,7 @@ def compare_with_poses(
         _sensor("gyro", rest["gyro"], of_gyro, GYRO_GEOMETRY, ("scale",), scatter["gyro"]),
         _sensor("accel", rest["accel"], of_accel, ACCEL_GEOMETRY, ACCEL_CAUSES, scatter["accel"]),
         1.0 - len(used.t) / max(1, len(_thinned(poses).t)),
+        poses.declared,
     )
 
 
@@ -266,7 +272,9 @@ def poses_of(output: FilterOutput) -> Poses:
             f"{output.name}: expected poses, x, y, z in m and a quaternion, in every row, found no "
             f"{'positions in m' if output.local is None else 'attitude in some'}"
         )
-    return Poses(output.t, output.local, output.quat_nb)
+    variances = np.einsum("nii->ni", output.covariance)
+    attitude, place = (float(np.sqrt(np.median(variances[:, part].mean(axis=1)))) for part in DECLARED_PARTS)
+    return Poses(output.t, output.local, output.quat_nb, (attitude, place))
 
 
 def with_run(config: FilterConfig, run: RunWithPoses) -> FilterConfig:

@@ -39,7 +39,16 @@ def pose_run_lines(run: RunWithPoses) -> list[Table | str]:
         "noise is stated too large; the numbers are those at rest"
     )
     reasons = [dependent] if run.dependent else [line for one in run.sensors for line in _reasons(one)]
-    return [head, _numbers(run), *reasons]
+    return [head, *_declared(run), _numbers(run), *reasons]
+
+
+def _declared(run: RunWithPoses) -> Iterator[str]:
+    """Yield what the poses declare beside what they err by."""
+    both = list(zip(run.sensors, run.declared, strict=True))
+    if all(sd > 0.0 and one.beside.reference.value for one, sd in both):
+        sds = " and ".join(amount(Coefficient(sd, None, None, one.beside.reference.unit)) for one, sd in both)
+        ratios = " and ".join(amount(times(one.beside.reference, 1.0 / sd, "1")) for one, sd in both)
+        yield f"They declare {sds}: true ÷ declared {ratios}, without errors that last"
 
 
 def growth_table(run: RunWithPoses) -> Table:

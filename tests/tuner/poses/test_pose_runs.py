@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 
 from tests.tuner.poses.simulated_run import RATE, REST, simulated_run
+from tests.tuner.poses.test_run_with_poses import CONFIG
 from tests.tuner.readers.messages.writers import write_bag
 from tuner.cli import run
+from tuner.poses.run_with_poses import compare_with_poses, poses_of
 from tuner.readers.pose_run import read_pose_run
+from tuner.report.pose_run_answer import pose_run_lines
 
 EPOCH = 1_700_000_000.0
 HEADER = "t [s],gyro_x [rad/s],gyro_y [rad/s],gyro_z [rad/s],accel_x [m/s^2],accel_y [m/s^2],accel_z [m/s^2]"
@@ -54,13 +57,13 @@ def as_euroc(folder, simulated, name="vicon0"):
     return folder
 
 
-def in_bag(path, simulated, topics=("/vicon/unit",), kind="geometry_msgs/msg/TransformStamped"):
-    """Write a ROS 2 bag with transforms of a motion capture."""
+def in_bag(path, simulated, topics=("/vicon/unit",), kind="geometry_msgs/msg/TransformStamped", **more):
+    """Write a ROS 2 bag with poses of a motion capture, by default transforms."""
     (gyro, accel), poses = simulated
     stamps = [round(1e9 * (EPOCH + t)) for t in gyro.t]
     samples = [(at, {"gyro": w, "accel": f}) for at, w, f in zip(stamps, gyro.y, accel.y, strict=True)]
     moved = [
-        (round(1e9 * (EPOCH + t)), {"place": place, "quat": quat})
+        (round(1e9 * (EPOCH + t)), {"place": place, "quat": quat, **more})
         for t, place, quat in zip(poses.t, poses.place, poses.quat, strict=True)
     ]
     write_bag(
@@ -108,6 +111,17 @@ def test_tune_writes_the_noise_in_motion_and_says_why(tmp_path, simulated, capsy
     # VINS enters N √(2/dt): `tuner.exporters.vins`.
     for key, name in (("gyr_n", "gyro"), ("acc_n", "accel")):
         assert float(written[key]) == pytest.approx(5.0 * REST[name][0] * np.sqrt(2.0 * RATE), rel=0.25)
+
+
+def test_covariances_that_poses_declare_stand_beside_their_errors(tmp_path, simulated):
+    spread = np.diag([3e-3] * 3 + [6e-4] * 3) ** 2  # ten and two times the errors
+    kind = "geometry_msgs/msg/PoseWithCovarianceStamped"
+    found = read_pose_run(in_bag(tmp_path / "run", simulated, kind=kind, covariance=spread))
+    compared = compare_with_poses(found.records, poses_of(found.poses), CONFIG, "run")
+    (line,) = (one for one in pose_run_lines(compared) if isinstance(one, str) and "declare" in one)
+    ratios = re.search(r"true ÷ declared ([\d.]+) ± [\d.]+ and ([\d.]+) ±", line)
+    assert float(ratios[1]) == pytest.approx(0.5, rel=0.1)
+    assert float(ratios[2]) == pytest.approx(0.1, rel=0.1)
 
 
 def test_a_run_without_a_log_at_rest_is_refused(tmp_path, simulated, capsys):
