@@ -285,6 +285,9 @@ def _drive(path: Path, found: DriveArrays) -> Drive:
     if not inside.all():
         messages.append(f"{np.count_nonzero(~inside)} fixes outside the inertial record removed")
     fixes = fixes[inside]
+    if not fixes[:, 6].any() and fixes[:, 4:6].any():
+        fixes[:, 6] = np.nan
+        messages.append("vertical velocities are 0 in every fix: taken as not measured")
     expect_streams(path, imu, fixes)
     repeats = int(np.count_nonzero(np.all(np.diff(imu[:, 1:], axis=0) == 0.0, axis=1)))
     if repeats:

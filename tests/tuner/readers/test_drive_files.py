@@ -82,6 +82,17 @@ def test_stated_solutions_and_rounded_sds(saved, data, tmp_path):
     assert np.isnan(read_drive(saved(tmp_path / "none.npz", data)).gnss.solution).all()
 
 
+def test_vertical_velocities_that_are_never_other_than_zero_are_not_measured(saved, data, tmp_path):
+    # NMEA has none: receivers that write speed and course leave a zero.
+    flat = data["gnss_vned"] * [1.0, 1.0, 0.0]
+    drive = read_drive(saved(tmp_path / "drive.npz", {**data, "gnss_vned": flat}))
+    assert np.isnan(drive.gnss.vel_n[:, 2]).all()
+    assert np.isfinite(drive.gnss.vel_n[:, :2]).all()
+    assert "vertical velocities are 0 in every fix: taken as not measured" in drive.notes
+    standing = read_drive(saved(tmp_path / "standing.npz", {**data, "gnss_vned": 0.0 * flat}))
+    assert (standing.gnss.vel_n == 0.0).all()  # a fault of another kind, which the examination names
+
+
 def test_samples_that_lie_unevenly_keep_their_stamps(data, tmp_path):
     uneven = dict(data)
     step = np.random.default_rng(4).choice([0.6, 0.7, 0.9, 1.8], len(data["imu_t"]))
