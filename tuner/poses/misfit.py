@@ -80,14 +80,6 @@ class Poses:
         )
 
 
-@dataclass(frozen=True)
-class Alignment:
-    """What must be added to stamps of poses to have the unit's time, s, and the matrix from axes of the body to its."""
-
-    delay: float
-    matrix: FloatArray
-
-
 class Turns:
     """The angle of the gyroscopes at any time: integrals of the samples, and of how the axis turns meanwhile."""
 
@@ -118,8 +110,18 @@ def _at(t: FloatArray, of: FloatArray, values: FloatArray) -> FloatArray:
     return np.column_stack([np.interp(t, of, one) for one in values.T])
 
 
-def first_alignment(turns: Turns, poses: Poses) -> tuple[Alignment, float]:
-    """Return the delay at which sizes of rotations agree best, the rotation that fits there, and their correlation."""
+def first_alignment(turns: Turns, poses: Poses) -> tuple[float, FloatArray, float]:
+    """Return the offset of a clock at which sizes of rotations agree best, the rotation that fits there, and how well.
+
+    Returns
+    -------
+    delay : float
+        What must be added to stamps of poses to have the unit's time, s.
+    matrix : ndarray, shape (3, 3)
+        From axes of the body to those of the unit.
+    correlation : float
+        Of the sizes.
+    """
     sizes = np.linalg.norm(poses.turned, axis=1)
     delays = np.arange(-LONGEST_DELAY, LONGEST_DELAY + 0.5 * DELAY_STEP, DELAY_STEP)
     fits = [
@@ -128,7 +130,7 @@ def first_alignment(turns: Turns, poses: Poses) -> tuple[Alignment, float]:
     ]
     best = int(np.argmax(fits))
     delay = float(delays[best])
-    return Alignment(delay, _turn_between(turns.between(poses.t + delay), poses.turned)), fits[best]
+    return delay, _turn_between(turns.between(poses.t + delay), poses.turned), fits[best]
 
 
 def _turn_between(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -137,13 +139,13 @@ def _turn_between(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.asarray(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)
 
 
-def gyro_misfit(imu: Inertial, turns: Turns, poses: Poses, alignment: Alignment) -> Misfit:
-    """Return what the gyroscopes measure beyond poses that are moved and turned.
+def gyro_misfit(imu: Inertial, turns: Turns, poses: Poses, c: FloatArray) -> Misfit:
+    """Return what the gyroscopes measure beyond poses on the unit's clock, turned to its axes by a matrix.
 
     Causes are ``bias``, ``turn`` (of the axes, rad), ``scale`` (errors of scale, then of right angles about x, y, z)
-    and ``delay``, s.
+    and ``clock`` (an offset at the middle of the run, s, and a drift).
     """
-    t, h, c = poses.t + alignment.delay, np.diff(poses.t)[:, None], alignment.matrix
+    t, h = poses.t, np.diff(poses.t)[:, None]
     own, turned = turns.between(t), poses.turned
     expected = turned @ c.T
     y = (own - expected - 0.5 * np.cross(expected, own - expected)) / h
@@ -152,30 +154,28 @@ def gyro_misfit(imu: Inertial, turns: Turns, poses: Poses, alignment: Alignment)
     interval = float(np.median(h))
     frames = np.einsum("ij,nkj->nik", c, rotation.mat_from_quat(middle))
     covariance = np.array([2.0, -1.0]) / interval**2
-    causes = {**_of_each_axis(own / h), "delay": later[None]}
+    since = (0.5 * (t[1:] + t[:-1]) - 0.5 * (t[0] + t[-1]))[:, None]
+    causes = {**_of_each_axis(own / h), "clock": np.stack([later, since * later])}
     none = np.zeros((3, 1))
     return Misfit(y, causes, interval, np.array([1.0 / interval]), covariance * _projection(frames, 2), none)
 
 
-def accel_misfit(
-    imu: Inertial, turns: Turns, poses: Poses, alignment: Alignment, attitude_sd: float
-) -> Misfit:
+def accel_misfit(imu: Inertial, turns: Turns, poses: Poses, c: FloatArray, attitude_sd: float) -> Misfit:
     """Return what the accelerometers measure beyond poses whose attitudes err by a known sd, rad.
 
-    Causes are those of `gyro_misfit`, ``gravity`` (m/s² in axes of the world) and ``arm`` (from the body of the
-    poses to the unit, m, in its axes).
+    Causes are those of `gyro_misfit`, with ``delay``, s, in place of the clock, ``gravity`` (m/s² in axes of the world)
+    and ``arm`` (from the body of the poses to the unit, m, in its axes).
     """
-    c = alignment.matrix
-    inside = (imu.t > poses.t[0] + alignment.delay) & (imu.t < poses.t[-1] + alignment.delay)
+    inside = (imu.t > poses.t[0]) & (imu.t < poses.t[-1])
     times, dt = imu.t[inside], imu.interval
-    world = np.einsum("nij,nj->ni", _attitudes(times, turns, poses, alignment), imu.force[inside] @ c)
+    world = np.einsum("nij,nj->ni", _attitudes(times, turns, poses, c), imu.force[inside] @ c)
     edges = np.append(times - 0.5 * dt, times[-1] + 0.5 * dt)
     velocity = np.vstack([np.zeros(3), np.cumsum(world * dt, axis=0)])[:-1]
     place = np.vstack([np.zeros(3), np.cumsum(velocity * dt + 0.5 * world * dt**2, axis=0)])[:-1]
-    within = (poses.t + alignment.delay > edges[0]) & (poses.t + alignment.delay < edges[-1])
+    within = (poses.t > edges[0]) & (poses.t < edges[-1])
     t, quat = poses.t[within], poses.quat[within]
-    i = np.clip(np.searchsorted(edges, t + alignment.delay, side="right") - 1, 0, len(times) - 1)
-    rest = (t + alignment.delay - edges[i])[:, None]
+    i = np.clip(np.searchsorted(edges, t, side="right") - 1, 0, len(times) - 1)
+    rest = (t - edges[i])[:, None]
     inertial = place[i] + velocity[i] * rest + 0.5 * world[i] * rest**2
     mat = rotation.mat_from_quat(quat)
     frames = np.einsum("ij,nkj->nik", c, mat)[1:-1]
@@ -191,7 +191,7 @@ def accel_misfit(
         **_of_each_axis(force),
         "delay": np.gradient(force, t[1:-1], axis=0)[None],
         "gravity": np.moveaxis(frames, -1, 0),
-        "arm": -np.moveaxis(_curvature(turns.between(t + alignment.delay), np.diff(t)), -1, 0),
+        "arm": -np.moveaxis(_curvature(turns.between(t), np.diff(t)), -1, 0),
     }
     spline = np.array([18.0, 8.0, 1.0]) / 36.0
     lever = np.cross(frames, world_force[:, None, :])
@@ -251,11 +251,11 @@ def _curvature(turn: FloatArray, h: FloatArray) -> FloatArray:
     return np.asarray(2.0 * (ahead / h[1:, None, None] + behind / h[:-1, None, None]) / both)
 
 
-def _attitudes(t: FloatArray, turns: Turns, poses: Poses, alignment: Alignment) -> FloatArray:
+def _attitudes(t: FloatArray, turns: Turns, poses: Poses, c: FloatArray) -> FloatArray:
     """Return matrices from the body to the world at times of the unit: between poses as the gyroscopes turn."""
-    stamps = poses.t + alignment.delay
+    stamps = poses.t
     k = np.clip(np.searchsorted(stamps, t, side="right") - 1, 0, len(stamps) - 2)
-    angle, at_pose = turns.angle_at(t) @ alignment.matrix, turns.angle_at(stamps) @ alignment.matrix
+    angle, at_pose = turns.angle_at(t) @ c, turns.angle_at(stamps) @ c
     share = ((t - stamps[k]) / np.diff(stamps)[k])[:, None]
     beyond = poses.turned - np.diff(at_pose, axis=0)
     vector = angle - at_pose[k] + share * beyond[k]

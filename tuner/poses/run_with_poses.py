@@ -18,7 +18,6 @@ from models.arrays import FloatArray
 from models.probability import chi2_beyond, normal_reach
 from tuner.limits import HONEST_RATIO, SHOWN_CHANGE
 from tuner.poses.misfit import (
-    Alignment,
     Inertial,
     Poses,
     Turns,
@@ -53,7 +52,7 @@ FEWEST_WINDOWS = 8
 CAUSE_UNITS = {"scale": "1", "turn": "rad", "delay": "s"}
 """Units of what causes are."""
 LEAST_FACTOR = 1.0 + SHOWN_CHANGE
-GYRO_GEOMETRY = ("bias", "turn", "delay")
+GYRO_GEOMETRY = ("bias", "turn", "clock")
 """What of the gyroscopes against the poses is no error of theirs: the filter knows biases, the rest is of the poses."""
 ACCEL_GEOMETRY, ACCEL_CAUSES = ("bias", "gravity", "arm"), ("turn", "scale", "delay")
 """The same of the accelerometers, and what is an error of theirs: the gyroscopes have axes and clock of the unit."""
@@ -165,7 +164,9 @@ class RunWithPoses:
     span, interval : float
         What was compared, and the time between poses, s.
     delay : Coefficient
-        What must be added to the stamps of the poses, s.
+        What must be added to the stamps of the poses in the middle of the run, s.
+    drift : Coefficient
+        By how much more a second.
     gyro, accel : SensorInRun
         The sensors.
     left_out : float
@@ -178,16 +179,11 @@ class RunWithPoses:
     span: float
     interval: float
     delay: Coefficient
+    drift: Coefficient
     gyro: SensorInRun
     accel: SensorInRun
     left_out: float
     declared: tuple[float, float]
-
-    @property
-    def late(self) -> bool:
-        """Whether the stamps are off by more than chance makes."""
-        low, high = self.delay.interval or (0.0, 0.0)
-        return low * high > 0.0
 
     @property
     def dependent(self) -> bool:
@@ -226,32 +222,37 @@ def compare_with_poses(
     imu = _inertial(records, name)
     used = _within(poses, imu, name)
     turns = Turns(imu)
-    alignment, correlation = first_alignment(turns, used)
+    delay, matrix, correlation = first_alignment(turns, used)
     if not correlation > LEAST_CORRELATION:
         raise DataError(
             f"{name}: expected gyroscopes that turn as the poses do, found a correlation of {correlation:.2f}: the run "
             "needs turns that are larger than the errors of the poses, and stamps of both on one clock within a second"
         )
+    stamps = used.t
+    used = replace(used, t=stamps + delay)
     for _ in range(ALIGNMENT_TURNS):
-        of_gyro = gyro_misfit(imu, turns, used, alignment)
+        of_gyro = gyro_misfit(imu, turns, used, matrix)
         gyro = fitted(of_gyro, (*GYRO_GEOMETRY, "scale"), UNITS["gyro"])
-        (late,), spread = gyro.causes["delay"]
-        turn = rotation.mat_from_rotvec(gyro.causes["turn"][0])
-        alignment = Alignment(alignment.delay - float(late), turn @ alignment.matrix)
+        (late, drift), spread = gyro.causes["clock"]
+        used = replace(used, t=used.t - late - drift * (used.t - 0.5 * (used.t[0] + used.t[-1])))
+        matrix = rotation.mat_from_rotvec(gyro.causes["turn"][0]) @ matrix
+    moved = used.t - stamps
+    offset, rate = 0.5 * float(moved[0] + moved[-1]), float((moved[-1] - moved[0]) / (stamps[-1] - stamps[0]))
+    reach = normal_reach(LEVEL) * np.sqrt(np.diag(spread))
     right = replace(imu, rate=imu.rate - imu.rate @ scale_matrix(gyro.causes["scale"][0]).T)
-    of_accel = accel_misfit(right, Turns(right), used, alignment, gyro.reference.value or 0.0)
+    of_accel = accel_misfit(right, Turns(right), used, matrix, gyro.reference.value or 0.0)
     rest = {sensor: _at_rest(config, sensor, name) for sensor in UNITS}
     still = {one.name: _scatter(one.y, one.interval) for one in at_rest}
     scatter = {
         sensor: _scatter(samples, imu.interval) / still.get(sensor, rest[sensor].white_density)
         for sensor, samples in (("gyro", imu.rate), ("accel", imu.force))
     }
-    reach = normal_reach(LEVEL) * math.sqrt(float(spread[0, 0]))
     return RunWithPoses(
         name,
         float(used.t[-1] - used.t[0]),
         of_gyro.interval,
-        Coefficient.known(alignment.delay, alignment.delay - reach, alignment.delay + reach, "s"),
+        Coefficient.known(offset, offset - float(reach[0]), offset + float(reach[0]), "s"),
+        Coefficient.known(rate, rate - float(reach[1]), rate + float(reach[1]), "1"),
         _sensor("gyro", rest["gyro"], of_gyro, GYRO_GEOMETRY, ("scale",), scatter["gyro"]),
         _sensor("accel", rest["accel"], of_accel, ACCEL_GEOMETRY, ACCEL_CAUSES, scatter["accel"]),
         1.0 - len(used.t) / max(1, len(_thinned(poses).t)),

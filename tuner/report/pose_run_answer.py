@@ -11,7 +11,7 @@ from tuner.limits import LOST_SHARE
 from tuner.poses.run_with_poses import UNITS, Cause, RunWithPoses, SensorInRun
 from tuner.report.titled_table import table_of
 from tuner.types import Coefficient
-from tuner.types.coefficient import times
+from tuner.types.coefficient import apart, times
 
 WORDS = {
     "scale": "errors of scale and right angles",
@@ -19,13 +19,20 @@ WORDS = {
     "delay": "samples late against the gyroscopes",
 }
 """Names of the causes."""
+NONE = Coefficient.known(0.0, 0.0, 0.0, "1")
+"""What an offset or a drift is compared with."""
 
 
 def pose_run_lines(run: RunWithPoses) -> list[Table | str]:
     """Return what was compared, the table of the numbers, and what makes them larger."""
     poses = ", ".join(amount(one.beside.reference) for one in run.sensors)
-    late = "late" if (run.delay.value or 0.0) < 0.0 else "early"
-    stamps = f"stamps {late} by {amount(_size(run.delay))}" if run.late else "stamps on the clock of the unit"
+    stamps = "stamps on the clock of the unit"
+    if apart(run.delay, NONE):
+        late = "late" if (run.delay.value or 0.0) < 0.0 else "early"
+        stamps = f"stamps {late} by {amount(_size(run.delay))}"
+    if apart(run.drift, NONE):
+        behind = "fast" if (run.drift.value or 0.0) < 0.0 else "slow"
+        stamps += f", their clock {behind} by {amount(times(_size(run.drift), 1e6, '1'))} ppm"
     lost = f"; {percent(run.left_out)} of the poses left out, beyond gaps or samples" * (
         run.left_out > LOST_SHARE
     )

@@ -36,6 +36,7 @@ def simulated_run(
     factors=(1.0, 1.0),
     scales=NONE,
     delay=0.0,
+    drift=0.0,
     sds=(3e-4, 3e-4),
     pose_rate=20.0,
     turn=(0.0, 0.0, 0.0),
@@ -43,9 +44,9 @@ def simulated_run(
 ):
     """Return records and poses.
 
-    `factors` are those of white noise of gyroscopes and accelerometers, `scales` errors of scale and axes, `delay` what
-    is added to the stamps of the poses, s, `sds` errors of positions, m, and attitudes, rad; the body of the poses is
-    turned by `turn`, rad, and the unit lies at `arm` in it, m.
+    `factors` are those of white noise of gyroscopes and accelerometers, `scales` errors of scale and axes. Stamps of
+    the poses are late by `delay`, s, and by `drift` more each second; `sds` are errors of positions, m, and attitudes,
+    rad; the body of the poses is turned by `turn`, rad, and the unit lies at `arm` in it, m.
     """
     rng = np.random.default_rng(seed)
     n = int(seconds * RATE) * FINE + 1
@@ -67,8 +68,8 @@ def simulated_run(
     ):
         white, walk = REST[name]
         noise = factor * white * np.sqrt(RATE) * rng.normal(size=true.shape)
-        drift = np.cumsum(walk / np.sqrt(RATE) * rng.normal(size=true.shape), axis=0)
-        y = true @ (np.eye(3) + scale).T + noise + drift + 20.0 * white * rng.normal(size=3)
+        bias = np.cumsum(walk / np.sqrt(RATE) * rng.normal(size=true.shape), axis=0)
+        y = true @ (np.eye(3) + scale).T + noise + bias + 20.0 * white * rng.normal(size=3)
         axes = tuple(f"{name}_{x}" for x in "xyz")
         records.append(Record(name, stamps, y, axes, unit, 1.0 / RATE, ((0, len(y)),)))
     step = round(RATE * FINE / pose_rate)
@@ -76,7 +77,7 @@ def simulated_run(
     moved = place[::step] - np.einsum("nij,j->ni", rotation.mat_from_quat(body), arm)
     errors = rotation.quat_from_rotvec(sds[1] * rng.normal(size=moved.shape))
     poses = Poses(
-        t[::step] + delay,
+        t[::step] * (1.0 + drift) + delay,
         moved + sds[0] * rng.normal(size=moved.shape),
         rotation.quat_multiply(body, errors),
     )

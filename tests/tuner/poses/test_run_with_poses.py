@@ -5,6 +5,7 @@ The motion is that of a hand, the unit one of consumer grade, the poses those of
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +14,7 @@ import pytest
 from models import rotation
 from tests.tuner.poses.simulated_run import REST, simulated_run
 from tuner.poses.run_with_poses import compare_with_poses, with_run
+from tuner.report.pose_run_answer import pose_run_lines
 from tuner.types import ChannelNoise, FilterConfig, InitialUncertainty
 from tuner.types.records import DataError
 
@@ -50,6 +52,14 @@ def test_of_a_sound_unit_the_numbers_at_rest_stay_however_it_is_mounted_and_stam
     assert run.gyro.beside.reference.value == pytest.approx(3e-4, rel=0.1)
     assert run.accel.beside.reference.value == pytest.approx(3e-4, rel=0.1)
     assert with_run(CONFIG, run) is CONFIG
+
+
+def test_a_clock_that_drifts_is_no_noise():
+    run = compared(8, drift=1e-4, delay=0.05)
+    assert holds(run.drift, -1e-4 / (1.0 + 1e-4))
+    assert holds(run.gyro.factors["white"], 1.0)
+    assert not any(one.larger or one.unexplained for one in run.sensors)
+    assert re.search(r"their clock fast by \d+ ± \d+ ppm", pose_run_lines(run)[0].replace(".", ""))
 
 
 def test_vibration_is_measured_and_written_for_the_sensor_that_has_it():
