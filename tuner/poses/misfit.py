@@ -15,13 +15,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import rankdata
 
 from models import rotation
 from models.arrays import FloatArray
-from tuner.poses.noise_beside_causes import Misfit
+from tuner.poses.noise_beside_causes import WILD_RATIO, Misfit
 
 LONGEST_DELAY, DELAY_STEP = 1.0, 0.02
 """Delays of a clock among which the first guess is sought, and their step, s."""
+LONGEST_STEP = 1.5
+"""Time from one pose to the next ÷ the usual one from which poses are missing."""
 LONGEST_PART = 0.02
 """Parts of an interval in which the axis of the turn hardly moves, s."""
 
@@ -38,12 +42,22 @@ class Inertial:
         rad/s and m/s².
     interval : float
         s.
+    gaps : ndarray, shape (g, 2)
+        Begin and end of what is missing, s.
     """
 
     t: FloatArray
     rate: FloatArray
     force: FloatArray
     interval: float
+    gaps: FloatArray
+
+    def whole(self, begin: FloatArray, end: FloatArray) -> NDArray[np.bool_]:
+        """Return whether there are samples for all of some periods, s."""
+        found: NDArray[np.bool_] = (begin > self.t[0]) & (end < self.t[-1])
+        for first, last in self.gaps:
+            found &= (end < first) | (begin > last)
+        return found
 
     @property
     def edges(self) -> FloatArray:
@@ -120,17 +134,20 @@ def first_alignment(turns: Turns, poses: Poses) -> tuple[float, FloatArray, floa
     matrix : ndarray, shape (3, 3)
         From axes of the body to those of the unit.
     correlation : float
-        Of the sizes.
+        Of the ranks of the sizes, which single wrong poses hardly change.
     """
-    sizes = np.linalg.norm(poses.turned, axis=1)
+    turned = poses.turned
+    sizes = rankdata(np.linalg.norm(turned, axis=1))
     delays = np.arange(-LONGEST_DELAY, LONGEST_DELAY + 0.5 * DELAY_STEP, DELAY_STEP)
     fits = [
-        float(np.corrcoef(np.linalg.norm(turns.between(poses.t + delay), axis=1), sizes)[0, 1])
+        float(np.corrcoef(rankdata(np.linalg.norm(turns.between(poses.t + delay), axis=1)), sizes)[0, 1])
         for delay in delays
     ]
     best = int(np.argmax(fits))
-    delay = float(delays[best])
-    return delay, _turn_between(turns.between(poses.t + delay), poses.turned), fits[best]
+    own = turns.between(poses.t + float(delays[best]))
+    apart = np.abs(np.linalg.norm(own, axis=1) - np.linalg.norm(turned, axis=1))
+    alike = apart <= WILD_RATIO * np.median(apart)
+    return float(delays[best]), _turn_between(own[alike], turned[alike]), fits[best]
 
 
 def _turn_between(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -142,31 +159,47 @@ def _turn_between(a: FloatArray, b: FloatArray) -> FloatArray:
 def gyro_misfit(imu: Inertial, turns: Turns, poses: Poses, c: FloatArray) -> Misfit:
     """Return what the gyroscopes measure beyond poses on the unit's clock, turned to its axes by a matrix.
 
-    Causes are ``bias``, ``turn`` (of the axes, rad), ``scale`` (errors of scale, then of right angles about x, y, z)
-    and ``clock`` (an offset at the middle of the run, s, and a drift).
+    Causes are ``turn`` (of the axes, rad), ``scale`` (errors of scale, then of right angles about x, y, z)
+    ``clock`` (an offset at the middle of the run, s, and a drift) and ``filter`` (a low-pass: s²).
     """
     t, h = poses.t, np.diff(poses.t)[:, None]
     own, turned = turns.between(t), poses.turned
     expected = turned @ c.T
-    y = (own - expected - 0.5 * np.cross(expected, own - expected)) / h
+    y = (own - expected) / h  # in axes half-way: to first order those of biases and of errors of both poses
     middle = rotation.quat_multiply(poses.quat[:-1], rotation.quat_from_rotvec(0.5 * turned))
     later = np.diff(_at(t, imu.t, imu.rate), axis=0) / h
-    interval = float(np.median(h))
     frames = np.einsum("ij,nkj->nik", c, rotation.mat_from_quat(middle))
+    interval = float(np.median(h))
     covariance = np.array([2.0, -1.0]) / interval**2
     since = (0.5 * (t[1:] + t[:-1]) - 0.5 * (t[0] + t[-1]))[:, None]
-    causes = {**_of_each_axis(own / h), "clock": np.stack([later, since * later])}
+    causes = {
+        **_of_each_axis(own / h),
+        "clock": np.stack([later, since * later]),
+        "filter": _second_derivative(own / h, interval),
+    }
     none = np.zeros((3, 1))
-    return Misfit(y, causes, interval, np.array([1.0 / interval]), covariance * _projection(frames, 2), none)
+    kept = (h[:, 0] < LONGEST_STEP * interval) & imu.whole(t[:-1], t[1:])
+    white = np.array([1.0 / interval])
+    return Misfit(y, causes, interval, white, covariance * _projection(frames, 2, kept), none, MIXING, kept)
 
 
-def accel_misfit(imu: Inertial, turns: Turns, poses: Poses, c: FloatArray, attitude_sd: float) -> Misfit:
+def accel_misfit(
+    imu: Inertial,
+    turns: Turns,
+    poses: Poses,
+    c: FloatArray,
+    attitude_sd: float,
+    usable: NDArray[np.bool_],
+) -> Misfit:
     """Return what the accelerometers measure beyond poses whose attitudes err by a known sd, rad.
 
-    Causes are those of `gyro_misfit`, with ``delay``, s, in place of the clock, ``gravity`` (m/s² in axes of the world)
-    and ``arm`` (from the body of the poses to the unit, m, in its axes).
+    `usable` are the rows of the gyroscopes' misfit. Causes are its own, with ``delay``, s, in place of the clock,
+    ``gravity`` (m/s² in axes of the world) and ``arm`` (from the body of the poses to the unit, m, in its axes).
     """
     inside = (imu.t > poses.t[0]) & (imu.t < poses.t[-1])
+    usable = (np.diff(poses.t) < LONGEST_STEP * np.median(np.diff(poses.t))) & imu.whole(
+        poses.t[:-1], poses.t[1:]
+    )
     times, dt = imu.t[inside], imu.interval
     world = np.einsum("nij,nj->ni", _attitudes(times, turns, poses, c), imu.force[inside] @ c)
     edges = np.append(times - 0.5 * dt, times[-1] + 0.5 * dt)
@@ -190,9 +223,13 @@ def accel_misfit(imu: Inertial, turns: Turns, poses: Poses, c: FloatArray, attit
     causes = {
         **_of_each_axis(force),
         "delay": np.gradient(force, t[1:-1], axis=0)[None],
+        "filter": _second_derivative(force, interval),
         "gravity": np.moveaxis(frames, -1, 0),
         "arm": -np.moveaxis(_curvature(turns.between(t), np.diff(t)), -1, 0),
     }
+    first = int(np.flatnonzero(within)[0])
+    kept = (usable[:-1] & usable[1:])[first : first + len(y)]
+    kept = kept & np.append(True, kept[:-1]) & np.append(kept[1:], True)  # derivatives reach one row further
     spline = np.array([18.0, 8.0, 1.0]) / 36.0
     lever = np.cross(frames, world_force[:, None, :])
     return Misfit(
@@ -200,22 +237,29 @@ def accel_misfit(imu: Inertial, turns: Turns, poses: Poses, c: FloatArray, attit
         causes,
         interval,
         np.array([2.0 / 3.0, 1.0 / 6.0]) / interval,
-        np.array([6.0, -4.0, 1.0]) / interval**4 * _projection(frames, 3),
-        attitude_sd**2 * spline * _projection(lever, 3),
+        np.array([6.0, -4.0, 1.0]) / interval**4 * _projection(frames, 3, kept),
+        attitude_sd**2 * spline * _projection(lever, 3, kept),
+        MIXING,
+        kept,
     )
 
 
 def _of_each_axis(measured: FloatArray) -> Mapping[str, FloatArray]:
-    """Return what biases, a turn and errors of scale and axes add, for measured values (n, 3)."""
-    bias, turn, scale = (np.zeros((3, len(measured), 3)) for _ in range(3))
+    """Return what a turn and errors of scale and axes add, for measured values (n, 3)."""
+    turn, scale = (np.zeros((3, len(measured), 3)) for _ in range(2))
     skew = np.zeros_like(turn)
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
-        bias[i, :, i] = 1.0
         scale[i, :, i] = measured[:, i]
         turn[i, :, j], turn[i, :, k] = -measured[:, k], measured[:, j]
         skew[i, :, j], skew[i, :, k] = measured[:, k], measured[:, j]
-    return {"bias": bias, "turn": turn, "scale": np.concatenate([scale, skew])}
+    return {"turn": turn, "scale": np.concatenate([scale, skew])}
+
+
+MIXING: Mapping[str, FloatArray] = {
+    name: np.moveaxis(columns, 1, 2) for name, columns in _of_each_axis(np.eye(3)).items()
+}
+"""How the columns of a cause are made of measured values: cause, axis of the misfit, axis measured."""
 
 
 def scale_matrix(scale: FloatArray) -> FloatArray:
@@ -227,13 +271,19 @@ def scale_matrix(scale: FloatArray) -> FloatArray:
     return mat
 
 
-def _projection(rows: FloatArray, lags: int) -> FloatArray:
-    """Return the mean product of each row (n, 3, 3) with itself some steps later, by lag; (3, lags)."""
-    n = len(rows)
-    return np.stack(
-        [np.mean(np.einsum("nij,nij->ni", rows[: n - lag], rows[lag:]), axis=0) for lag in range(lags)],
-        axis=1,
-    )
+def _second_derivative(x: FloatArray, interval: float) -> FloatArray:
+    """Return the second derivative of (n, 3) that is nearly even, (1, n, 3): what a low-pass takes from motion."""
+    padded = np.pad(x, ((1, 1), (0, 0)), mode="edge")
+    return np.diff(padded, 2, axis=0)[None] / interval**2
+
+
+def _projection(rows: FloatArray, lags: int, kept: NDArray[np.bool_]) -> FloatArray:
+    """Return the mean product of each row (n, 3, 3) with itself some steps later, of those kept, by lag; (3, lags)."""
+    n, found = len(rows), []
+    for lag in range(lags):
+        both = np.flatnonzero(kept[: n - lag] & kept[lag:])
+        found.append(np.einsum("nij,nij->i", rows[both], rows[both + lag]) / max(1, len(both)))
+    return np.stack(found, axis=1)
 
 
 def _second_difference(t: FloatArray, x: FloatArray) -> FloatArray:

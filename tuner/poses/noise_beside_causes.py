@@ -11,9 +11,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
 
 from models.arrays import FloatArray
 from models.probability import normal_reach
@@ -24,6 +26,12 @@ FIT_TURNS = 4
 """Turns of causes and noise: the sizes then change by less than a tenth of their sd."""
 LIMIT_STEPS = 5
 """Steps to a limit: it then changes by less than 1 %."""
+PRIOR_SDS = {"scale": 0.05, "turn": 0.1}
+"""Sds of errors of scale and right angles, and of turned axes, rad, before a run: of uncalibrated units."""
+SHORTEST_STRETCH = 32
+"""Rows of a stretch: a tapered shorter one has no frequencies to speak of."""
+NEIGHBOURS, WILD_RATIO = 10, 10.0
+"""Rows on either side, and remainder ÷ their median from which a pose is wrong: normal errors never are so large."""
 WIDEST_LOG = 30.0
 """Range of the logarithm of a size about its first guess, of either sign: as good as absent, as good as alone."""
 
@@ -44,6 +52,10 @@ class Misfit:
         Autocovariances of unit white noise of the sensor, and of unit errors of the poses on each axis.
     known : ndarray, shape (3, l)
         Autocovariances of what is known of the poses otherwise.
+    mixing : mapping of str to ndarray, shape (p, 3, 3)
+        Of causes that are made of the measured values: how, by axis of the misfit and axis that is measured.
+    kept : ndarray of bool, shape (n,)
+        Rows between which there are all poses and samples, and no wild one.
     """
 
     y: FloatArray
@@ -52,6 +64,14 @@ class Misfit:
     white: FloatArray
     reference: FloatArray
     known: FloatArray
+    mixing: Mapping[str, FloatArray]
+    kept: NDArray[np.bool_]
+
+    @property
+    def stretches(self) -> tuple[slice, ...]:
+        """Rows in a line, `SHORTEST_STRETCH` and more."""
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], self.kept, [False]]).astype(int)))
+        return tuple(slice(a, b) for a, b in edges.reshape(-1, 2).tolist() if b - a >= SHORTEST_STRETCH)
 
 
 @dataclass(frozen=True)
@@ -72,8 +92,10 @@ class Fitted:
     reference: Coefficient
 
 
-def fitted(misfit: Misfit, names: Sequence[str], units: tuple[str, str, str]) -> Fitted:
+def fitted(misfit: Misfit, names: Sequence[str], units: tuple[str, str, str], least_white: float) -> Fitted:
     """Fit the noise of a triad beside some causes.
+
+    Causes that are made of measured values hold their noise: what it adds to the normal equations is taken out.
 
     Parameters
     ----------
@@ -83,47 +105,84 @@ def fitted(misfit: Misfit, names: Sequence[str], units: tuple[str, str, str]) ->
         Causes beside the noise.
     units : tuple of 3 str
         Of N, K and the sd of the poses.
+    least_white : float
+        N that the measured values have at least.
     """
-    n = len(misfit.y)
-    frequency = 2.0 * np.pi * np.arange(1, (n - 1) // 2 + 1) / n
-    h = np.hanning(n + 2)[1:-1]
-    h = h / np.sqrt(h @ h)
-    correlated = float(n * np.sum(h**4))
-    y = _transformed(misfit.y, h)
     columns = np.concatenate([misfit.causes[name] for name in names])
-    x = np.stack([_transformed(one, h) for one in columns], axis=-1)
-    walk = misfit.interval / (2.0 - 2.0 * np.cos(frequency))
-    bases = [
-        np.column_stack([_spectrum(misfit.white, frequency), walk, _spectrum(one, frequency)])
-        for one in misfit.reference
-    ]
-    basis = np.stack(bases)
-    known = np.stack([_spectrum(one, frequency) for one in misfit.known])
+    none = np.zeros((1, 3, 3))
+    mixing = np.concatenate(
+        [misfit.mixing.get(name, none.repeat(len(misfit.causes[name]), axis=0)) for name in names]
+    )
+    prior = np.concatenate([np.full(len(misfit.causes[name]), PRIOR_SDS.get(name, np.inf)) for name in names])
+    parts = [_part(misfit, columns, stretch) for stretch in misfit.stretches]
+    y, x, basis, known, white = (np.concatenate(one, axis=1) for one in zip(*parts, strict=True))
+    correlated = _correlated(np.hanning(SHORTEST_STRETCH + 2)[1:-1])
+    gram, cross = np.einsum("aij,bij->iab", mixing, mixing), np.einsum("aii->ia", mixing)
     size, spectrum = np.zeros(3), np.ones(y.shape[:2])
+    beta, spread = np.zeros(len(columns)), np.eye(len(columns))
     for _ in range(FIT_TURNS):
-        root = np.sqrt(spectrum)[..., None]
-        a, b = (x / root[..., None]).reshape(-1, x.shape[-1]), (y / root).reshape(-1)
-        scale = np.linalg.norm(a, axis=0)
-        beta = np.linalg.lstsq(a / scale, b, rcond=1e-9)[0] / scale
+        noise = 2.0 * max(float(size[0]), least_white**2) * np.sum(white / spectrum, axis=1)
+        weighted = x / spectrum[..., None, None]
+        matrix = np.einsum("ifra,ifrb->ab", weighted, x) - np.tensordot(noise, gram, 1)
+        vector = np.einsum("ifra,ifr->a", weighted, y) - noise @ cross
+        matrix = matrix / correlated + np.diag(prior**-2.0)
+        scale = np.sqrt(np.abs(np.diag(matrix)))
+        spread = np.linalg.pinv(matrix / np.outer(scale, scale), rcond=1e-10, hermitian=True) / np.outer(
+            scale, scale
+        )
+        beta = spread @ vector / correlated
         power = np.mean((y - x @ beta) ** 2, axis=-1)
         size = sizes(power, basis, known)
         spectrum = basis @ size + known
-    precision = (a / scale).T @ (a / scale)
-    spread = correlated * np.linalg.pinv(precision, rcond=1e-12) / np.outer(scale, scale)
     found, first = {}, 0
     for name in names:
         own = slice(first, first + len(misfit.causes[name]))
         found[name] = beta[own], spread[own, own]
         first = own.stop
-    white, drift, reference = (
+    white_density, drift, reference = (
         _root(size, basis, known, correlated, part, unit) for part, unit in enumerate(units)
     )
-    return Fitted(found, white, drift, reference)
+    return Fitted(found, white_density, drift, reference)
+
+
+def without_wild(misfit: Misfit, fit: Fitted) -> Misfit:
+    """Return a misfit without rows whose remainder is `WILD_RATIO` times that of the rows about them."""
+    rest = misfit.y - sum(
+        np.tensordot(values, misfit.causes[name], 1) for name, (values, _) in fit.causes.items()
+    )
+    length = np.where(misfit.kept, np.linalg.norm(rest, axis=1), np.nan)
+    usual = np.nanmedian(
+        sliding_window_view(np.pad(length, NEIGHBOURS, constant_values=np.nan), 2 * NEIGHBOURS + 1), axis=1
+    )
+    return replace(misfit, kept=misfit.kept & ~(length > WILD_RATIO * usual))
+
+
+def _part(misfit: Misfit, columns: FloatArray, stretch: slice) -> tuple[FloatArray, ...]:
+    """Return Fourier coefficients of a stretch and of columns; spectra of noise, of what is known, of white noise."""
+    n = stretch.stop - stretch.start
+    frequency = 2.0 * np.pi * np.arange(1, (n - 1) // 2 + 1) / n
+    h = np.hanning(n + 2)[1:-1]
+    h = h / np.sqrt(h @ h)
+    x = np.stack([_transformed(one[stretch], h) for one in columns], axis=-1)
+    white = np.broadcast_to(_spectrum(misfit.white, frequency), (3, len(frequency)))
+    walk = np.broadcast_to(misfit.interval / (2.0 - 2.0 * np.cos(frequency)), white.shape)
+    reference, known = (
+        np.stack([_spectrum(one, frequency) for one in own]) for own in (misfit.reference, misfit.known)
+    )
+    return _transformed(misfit.y[stretch], h), x, np.stack([white, walk, reference], axis=-1), known, white
+
+
+def _correlated(h: FloatArray) -> float:
+    """Return how many tapered frequencies count as one."""
+    return float(len(h) * np.sum(h**4) / np.sum(h**2) ** 2)
 
 
 def _transformed(x: FloatArray, h: FloatArray) -> FloatArray:
-    """Return tapered Fourier coefficients of columns (n, 3): (3, frequencies, 2), real and imaginary parts × √2."""
-    found = np.fft.rfft(h[:, None] * x, axis=0)[1 : (len(x) - 1) // 2 + 1].T
+    """Return tapered Fourier coefficients of columns (n, 3): (3, frequencies, 2), real and imaginary parts × √2.
+
+    Each column is without its tapered mean: biases of every stretch, which a filter knows.
+    """
+    found = np.fft.rfft(h[:, None] * (x - h @ x / h.sum()), axis=0)[1 : (len(x) - 1) // 2 + 1].T
     return np.asarray(np.sqrt(2.0) * np.stack([found.real, found.imag], axis=-1))
 
 

@@ -7,17 +7,21 @@ best expected score (`tuner.poses.noise_beside_causes.sizes`) with the errors as
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.signal import welch
 
 from models import rotation
 from models.arrays import FloatArray
 from models.probability import chi2_beyond, normal_reach
-from tuner.limits import HONEST_RATIO, SHOWN_CHANGE
+from models.units import STANDARD_GRAVITY
+from tuner.limits import HONEST_RATIO, LOCAL_GRAVITY, PRIOR_SHARE, SHOWN_CHANGE
 from tuner.poses.misfit import (
+    LONGEST_DELAY,
     Inertial,
     Poses,
     Turns,
@@ -26,7 +30,15 @@ from tuner.poses.misfit import (
     gyro_misfit,
     scale_matrix,
 )
-from tuner.poses.noise_beside_causes import Fitted, Misfit, fitted, sizes
+from tuner.poses.noise_beside_causes import (
+    PRIOR_SDS,
+    SHORTEST_STRETCH,
+    Fitted,
+    Misfit,
+    fitted,
+    sizes,
+    without_wild,
+)
 from tuner.synthesis import inflate
 from tuner.synthesis.projection import CAMERA, Projected, pooled, projected
 from tuner.synthesis.rest_and_motion import with_rest_and_motion
@@ -35,7 +47,7 @@ from tuner.types.coefficient import times
 from tuner.types.filter_output import FilterOutput
 from tuner.types.records import DataError, Record
 
-SHORTEST_INTERVAL, LONGEST_INTERVAL = 0.05, 0.25
+SHORTEST_INTERVAL, LONGEST_INTERVAL = 0.05, 0.2
 """Time between poses that are compared, s: closer ones add their own errors only; those further apart, other turns."""
 FEWEST_POSES = 400
 """Poses below which the noise of a triad has an interval wider than a factor of two."""
@@ -43,18 +55,20 @@ LEAST_CORRELATION = 0.5
 """Correlation of the sizes of rotations below which poses and gyroscopes are not of one motion, or it hardly turns."""
 ALIGNMENT_TURNS = 3
 """Turns of delay and rotation: the delay then changes by less than its sd."""
+LEAST_FREQUENCY = 0.125
+"""Frequency × interval of samples above which a unit that is moved has no motion."""
 FALSE_ALARM = 1e-3
 """Chance with which a sound sensor is said to have a cause."""
 SHOWN_WINDOWS = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0)
 """Times over which errors of the prediction are shown, s."""
 FEWEST_WINDOWS = 8
 """Windows side by side of which an error is shown."""
-CAUSE_UNITS = {"scale": "1", "turn": "rad", "delay": "s"}
+CAUSE_UNITS = {"scale": "1", "turn": "rad", "delay": "s", "filter": "s^2"}
 """Units of what causes are."""
 LEAST_FACTOR = 1.0 + SHOWN_CHANGE
-GYRO_GEOMETRY = ("bias", "turn", "clock")
-"""What of the gyroscopes against the poses is no error of theirs: the filter knows biases, the rest is of the poses."""
-ACCEL_GEOMETRY, ACCEL_CAUSES = ("bias", "gravity", "arm"), ("turn", "scale", "delay")
+GYRO_GEOMETRY, GYRO_CAUSES = ("turn", "clock"), ("scale", "filter")
+"""What of the gyroscopes against the poses is no error of theirs, and what is."""
+ACCEL_GEOMETRY, ACCEL_CAUSES = ("gravity", "arm"), ("turn", "scale", "delay", "filter")
 """The same of the accelerometers, and what is an error of theirs: the gyroscopes have axes and clock of the unit."""
 UNITS = {"gyro": ("rad/s/√Hz", "rad/s/√s", "rad"), "accel": ("m/s^2/√Hz", "m/s^2/√s", "m")}
 """Units of N, K and the sd of the poses."""
@@ -72,9 +86,9 @@ class Cause:
     ----------
     name : str
         ``scale``: errors of scale and right angles; ``turn``: of its axes against the gyroscopes'; ``delay``: against
-        their clock.
+        their clock; ``filter``: a low-pass, by half of its squared time constant, s².
     largest : Coefficient
-        Of its parts the largest.
+        Of its parts the surest.
     factor : float
         White noise with it ÷ beside it.
     """
@@ -104,7 +118,9 @@ class SensorInRun:
     growth : mapping of float to ndarray, shape (3,)
         By window, s: error of angle or velocity of each axis ÷ what the settings at rest and the poses predict.
     scatter : float
-        Scatter of the samples about their neighbours, as white noise ÷ that at rest.
+        White noise of the samples above motion ÷ that at rest.
+    unexplained : tuple of str
+        Numbers that are above those at rest, as errors of the poses that last would look.
     """
 
     sensor: str
@@ -114,6 +130,7 @@ class SensorInRun:
     whole: Projected
     growth: Mapping[float, FloatArray]
     scatter: float
+    unexplained: tuple[str, ...]
 
     @property
     def follows(self) -> bool:
@@ -141,16 +158,8 @@ class SensorInRun:
 
     @property
     def shaken(self) -> bool:
-        """Whether the samples themselves scatter by as much more than at rest as their errors are larger."""
-        return _is_shaken(self.factors["white"], self.scatter)
-
-    @property
-    def unexplained(self) -> tuple[str, ...]:
-        """Numbers that are above those at rest, which errors of the poses that last would look like."""
-        explained = ("white",) * self.shaken
-        return tuple(
-            name for name, one in self.factors.items() if _is_above_one(one) and name not in explained
-        )
+        """Whether the samples scatter more than at rest, and their errors do."""
+        return self.scatter > LEAST_FACTOR and "white" in self.larger
 
 
 @dataclass(frozen=True)
@@ -167,6 +176,10 @@ class RunWithPoses:
         What must be added to the stamps of the poses in the middle of the run, s.
     drift : Coefficient
         By how much more a second.
+    sampling : float
+        Interval of the samples, s.
+    size : Coefficient
+        Distances of the poses ÷ true ones, by which they were divided where it is not one: gravity as it was measured.
     gyro, accel : SensorInRun
         The sensors.
     left_out : float
@@ -180,6 +193,8 @@ class RunWithPoses:
     interval: float
     delay: Coefficient
     drift: Coefficient
+    sampling: float
+    size: Coefficient
     gyro: SensorInRun
     accel: SensorInRun
     left_out: float
@@ -221,6 +236,7 @@ def compare_with_poses(
     """
     imu = _inertial(records, name)
     used = _within(poses, imu, name)
+    rest = {sensor: _at_rest(config, sensor, name) for sensor in UNITS}
     turns = Turns(imu)
     delay, matrix, correlation = first_alignment(turns, used)
     if not correlation > LEAST_CORRELATION:
@@ -230,32 +246,59 @@ def compare_with_poses(
         )
     stamps = used.t
     used = replace(used, t=stamps + delay)
+    white = rest["gyro"].white_density
     for _ in range(ALIGNMENT_TURNS):
         of_gyro = gyro_misfit(imu, turns, used, matrix)
-        gyro = fitted(of_gyro, (*GYRO_GEOMETRY, "scale"), UNITS["gyro"])
+        _expect_enough(of_gyro, name)
+        of_gyro = without_wild(of_gyro, fitted(of_gyro, (*GYRO_GEOMETRY, *GYRO_CAUSES), UNITS["gyro"], white))
+        gyro = fitted(of_gyro, (*GYRO_GEOMETRY, *GYRO_CAUSES), UNITS["gyro"], white)
         (late, drift), spread = gyro.causes["clock"]
         used = replace(used, t=used.t - late - drift * (used.t - 0.5 * (used.t[0] + used.t[-1])))
         matrix = rotation.mat_from_rotvec(gyro.causes["turn"][0]) @ matrix
+    if np.linalg.eigvalsh(gyro.causes["turn"][1])[-1] > (PRIOR_SHARE * PRIOR_SDS["turn"]) ** 2:
+        raise DataError(
+            f"{name}: expected a run that turns about two axes or more, found turns about one: poses and unit have no "
+            "common axes"
+        )
     moved = used.t - stamps
     offset, rate = 0.5 * float(moved[0] + moved[-1]), float((moved[-1] - moved[0]) / (stamps[-1] - stamps[0]))
     reach = normal_reach(LEVEL) * np.sqrt(np.diag(spread))
     right = replace(imu, rate=imu.rate - imu.rate @ scale_matrix(gyro.causes["scale"][0]).T)
-    of_accel = accel_misfit(right, Turns(right), used, matrix, gyro.reference.value or 0.0)
-    rest = {sensor: _at_rest(config, sensor, name) for sensor in UNITS}
+    turns, attitude_sd = Turns(right), gyro.reference.value or 0.0
+    usable, size = of_gyro.kept, 1.0
+    for _ in range(ALIGNMENT_TURNS):
+        of_accel = accel_misfit(right, turns, used, matrix, attitude_sd, usable)
+        for _ in range(2):
+            accel = fitted(
+                of_accel, (*ACCEL_GEOMETRY, *ACCEL_CAUSES), UNITS["accel"], rest["accel"].white_density
+            )
+            of_accel = without_wild(of_accel, accel)
+        of_poses = _size_of_positions(accel)
+        low, high = of_poses.interval or (1.0, 1.0)
+        if size == 1.0 and low <= 1.0 <= high:
+            break
+        size *= of_poses.value or 1.0
+        used = replace(used, place=used.place / (of_poses.value or 1.0))
     still = {one.name: _scatter(one.y, one.interval) for one in at_rest}
     scatter = {
         sensor: _scatter(samples, imu.interval) / still.get(sensor, rest[sensor].white_density)
         for sensor, samples in (("gyro", imu.rate), ("accel", imu.force))
     }
+    by_gravity = LOCAL_GRAVITY**2 * (size != 1.0) * np.outer([1, 1, 1, 0, 0, 0], [1, 1, 1, 0, 0, 0])
+    shared = {"turn": gyro.causes["turn"][1], "scale": by_gravity}
+    of_gyroscopes = _sensor("gyro", rest["gyro"], of_gyro, GYRO_GEOMETRY, GYRO_CAUSES, scatter["gyro"], {})
+    accel_causes = () if of_gyroscopes.unexplained else ACCEL_CAUSES  # the gyroscopes turn the specific force
     return RunWithPoses(
         name,
-        float(used.t[-1] - used.t[0]),
+        float(np.sum(of_gyro.kept)) * of_gyro.interval,
         of_gyro.interval,
         Coefficient.known(offset, offset - float(reach[0]), offset + float(reach[0]), "s"),
         Coefficient.known(rate, rate - float(reach[1]), rate + float(reach[1]), "1"),
-        _sensor("gyro", rest["gyro"], of_gyro, GYRO_GEOMETRY, ("scale",), scatter["gyro"]),
-        _sensor("accel", rest["accel"], of_accel, ACCEL_GEOMETRY, ACCEL_CAUSES, scatter["accel"]),
-        1.0 - len(used.t) / max(1, len(_thinned(poses).t)),
+        imu.interval,
+        times(of_poses, size / (of_poses.value or 1.0), "1"),
+        of_gyroscopes,
+        _sensor("accel", rest["accel"], of_accel, ACCEL_GEOMETRY, accel_causes, scatter["accel"], shared),
+        1.0 - float(np.mean(of_accel.kept)),
         poses.declared,
     )
 
@@ -266,16 +309,17 @@ def poses_of(output: FilterOutput) -> Poses:
     Raises
     ------
     DataError
-        Where it lacks positions in metres, or attitudes.
+        Where it has no positions in metres, or no attitudes; rows without one are left out.
     """
-    if output.local is None or not np.isfinite(output.quat_nb).all():
+    known = np.isfinite(output.quat_nb).all(axis=1)
+    if output.local is None or not known.any():
         raise DataError(
-            f"{output.name}: expected poses, x, y, z in m and a quaternion, in every row, found no "
-            f"{'positions in m' if output.local is None else 'attitude in some'}"
+            f"{output.name}: expected poses, x, y, z in m and a quaternion, found no "
+            f"{'positions in m' if output.local is None else 'attitude'}"
         )
     variances = np.einsum("nii->ni", output.covariance)
     attitude, place = (float(np.sqrt(np.median(variances[:, part].mean(axis=1)))) for part in DECLARED_PARTS)
-    return Poses(output.t, output.local, output.quat_nb, (attitude, place))
+    return Poses(output.t[known], output.local[known], output.quat_nb[known], (attitude, place))
 
 
 def with_run(config: FilterConfig, run: RunWithPoses) -> FilterConfig:
@@ -288,11 +332,14 @@ def with_run(config: FilterConfig, run: RunWithPoses) -> FilterConfig:
             fields = (SETTING_FIELDS[number],) if number == "white" else (SETTING_FIELDS[number], "markov")
             owner = Quantity(one.sensor, fields[0])
             larger += [Enlargement(replace(owner, field=field), factor, reason, causes) for field in fields]
+    if not math.isclose(config.interval, run.sampling, rel_tol=SHOWN_CHANGE):
+        note = f"figures a sample are those at {1.0 / run.sampling:.4g} Hz, as in {run.name}"
+        config = replace(config, interval=run.sampling, notes=(*config.notes, note))
     return with_rest_and_motion(config, inflate(config, larger)) if larger else config
 
 
 def _inertial(records: Sequence[Record], name: str) -> Inertial:
-    """Return the longest stretch of samples without a gap."""
+    """Return samples of three gyroscopes and three accelerometers with common stamps."""
     triads = {one.name: one for one in records if len(one.axes) == 3}
     if missing := [sensor for sensor in ("gyro", "accel") if sensor not in triads]:
         raise DataError(
@@ -304,32 +351,43 @@ def _inertial(records: Sequence[Record], name: str) -> Inertial:
             f"{name}: expected gyroscopes and accelerometers with common stamps, found {len(gyro.t)} and "
             f"{len(accel.t)} samples"
         )
-    begin, end = max(gyro.segments, key=lambda one: one[1] - one[0])
-    return Inertial(gyro.t[begin:end], gyro.y[begin:end], accel.y[begin:end], gyro.interval)
-
-
-def _thinned(poses: Poses) -> Poses:
-    """Return poses that are `SHORTEST_INTERVAL` apart or more."""
-    step = max(1, math.ceil(SHORTEST_INTERVAL / float(np.median(np.diff(poses.t))) - 0.01))
-    return Poses(poses.t[::step], poses.place[::step], poses.quat[::step])
+    gaps = [(gyro.t[a - 1], gyro.t[b]) for (_, a), (b, _) in itertools.pairwise(gyro.segments)]
+    return Inertial(gyro.t, gyro.y, accel.y, gyro.interval, np.array(gaps).reshape(-1, 2))
 
 
 def _within(poses: Poses, imu: Inertial, name: str) -> Poses:
-    """Return the longest run of poses without a gap that lies within the samples, however their clocks are apart."""
-    thin = _thinned(poses)
-    inside = (thin.t > imu.t[0] + 1.0) & (thin.t < imu.t[-1] - 1.0)
-    interval = float(np.median(np.diff(thin.t)))
-    breaks = np.flatnonzero((np.diff(thin.t) > 1.5 * interval) | ~inside[1:] | ~inside[:-1])
-    edges = np.concatenate([[-1], breaks, [len(thin.t) - 1]])
-    longest = int(np.argmax(np.diff(edges)))
-    begin, end = int(edges[longest]) + 1, int(edges[longest + 1]) + 1
-    if end - begin < FEWEST_POSES or interval > LONGEST_INTERVAL:
+    """Return poses within the samples that differ from the one before, `SHORTEST_INTERVAL` apart or more."""
+    moved = np.any(np.diff(np.column_stack([poses.place, poses.quat]), axis=0) != 0.0, axis=1)
+    inside = (poses.t > imu.t[0] + LONGEST_DELAY) & (poses.t < imu.t[-1] - LONGEST_DELAY)
+    fresh = np.flatnonzero(inside & np.concatenate([[True], moved]))
+    usual = float(np.median(np.diff(poses.t[fresh]))) if len(fresh) > 1 else SHORTEST_INTERVAL
+    chosen = fresh[:: max(1, round(SHORTEST_INTERVAL / usual))]
+    if len(chosen) < FEWEST_POSES:
         raise DataError(
-            f"{name}: expected {FEWEST_POSES} poses or more without a gap within the samples, {LONGEST_INTERVAL:g} s "
-            f"apart or less, found {end - begin}, {interval:.3g} s apart; samples from {imu.t[0]:.3f} to "
-            f"{imu.t[-1]:.3f} s, poses from {poses.t[0]:.3f} to {poses.t[-1]:.3f} s"
+            f"{name}: expected {FEWEST_POSES} poses or more within the samples that differ from the one before, found "
+            f"{len(chosen)}; samples from {imu.t[0]:.3f} to {imu.t[-1]:.3f} s, poses from {poses.t[0]:.3f} to "
+            f"{poses.t[-1]:.3f} s"
         )
-    return Poses(thin.t[begin:end], thin.place[begin:end], thin.quat[begin:end])
+    return Poses(poses.t[chosen], poses.place[chosen], poses.quat[chosen])
+
+
+def _expect_enough(misfit: Misfit, name: str) -> None:
+    """Refuse a run with too few poses in a row, or poses too far apart."""
+    rows = sum(one.stop - one.start for one in misfit.stretches)
+    if rows < FEWEST_POSES or misfit.interval > LONGEST_INTERVAL * LEAST_FACTOR:
+        raise DataError(
+            f"{name}: expected {FEWEST_POSES} poses or more, evenly {LONGEST_INTERVAL:g} s apart or less, in stretches "
+            f"of {SHORTEST_STRETCH} without a gap of poses or samples, found {rows}, {misfit.interval:.3g} s apart"
+        )
+
+
+def _size_of_positions(accel: Fitted) -> Coefficient:
+    """Return gravity as a run shows it ÷ standard gravity: distances of its poses ÷ true ones, unless it is local."""
+    gravity, spread = accel.causes["gravity"]
+    size = float(np.linalg.norm(gravity))
+    sd = math.sqrt(float(gravity @ spread @ gravity)) / size
+    ratio, reach = size / STANDARD_GRAVITY, LOCAL_GRAVITY + normal_reach(LEVEL) * sd / STANDARD_GRAVITY
+    return Coefficient.known(ratio, ratio - reach, ratio + reach, "1")
 
 
 def _at_rest(config: FilterConfig, sensor: str, name: str) -> Projected:
@@ -341,8 +399,10 @@ def _at_rest(config: FilterConfig, sensor: str, name: str) -> Projected:
 
 
 def _scatter(samples: FloatArray, interval: float) -> float:
-    """Return the white noise that second differences of samples (n, 3) show, unit/√Hz."""
-    return float(np.sqrt(np.mean(np.diff(samples, 2, axis=0) ** 2) / 6.0 * interval))
+    """Return the white noise of samples (n, 3) above motion, unit/√Hz: the median of their spectrum, free of lines."""
+    frequency, power = welch(samples, 1.0 / interval, nperseg=256, average="median", axis=0)
+    band = (frequency > LEAST_FREQUENCY / interval) & (frequency < 0.5 / interval)
+    return float(np.sqrt(0.5 * np.median(power[band].mean(axis=1))))
 
 
 def _sensor(
@@ -352,40 +412,63 @@ def _sensor(
     nuisance: tuple[str, ...],
     causes: tuple[str, ...],
     scatter: float,
+    shared: Mapping[str, FloatArray],
 ) -> SensorInRun:
-    """Return noise and causes of a sensor; nuisances are no errors of it."""
-    beside = fitted(misfit, (*nuisance, *causes), UNITS[sensor])
+    """Return noise and causes of a sensor; nuisances are no errors of it.
+
+    `shared` are covariances of what causes hold beside errors of the sensor: the turn between poses and gyroscopes, and
+    the scale of poses that is known by gravity alone.
+
+    Where beside all causes more is left than the noise at rest or the scatter of the samples, the poses or the sensor
+    err in a way that is not known, and errors of scale that such errors look like are not named.
+    """
+
+    def fit(names: Sequence[str]) -> Fitted:
+        return fitted(misfit, (*nuisance, *names), UNITS[sensor], rest.white_density)
+
+    beside = fit(causes)
+    white = times(beside.white, 1.0 / rest.white_density, "1")
+    shaken = max(1.0, min(scatter, white.value or white.upper or 1.0)) if scatter > LEAST_FACTOR else 1.0
+    above = {
+        "white": _is_above(white, HONEST_RATIO * shaken if shaken > 1.0 else 1.0),
+        "walk": _is_above(times(beside.walk, 1.0 / rest.bias, "1"), 1.0),
+    }
+    unexplained = tuple(name for name, is_above in above.items() if is_above)
     found = []
-    for cause in causes:
+    for cause in () if unexplained else causes:
         values, spread = beside.causes[cause]
-        if chi2_beyond(float(values @ np.linalg.pinv(spread) @ values), len(values)) > FALSE_ALARM:
+        spread = spread + shared.get(cause, 0.0)
+        known = np.flatnonzero(np.sqrt(np.diag(spread)) < PRIOR_SHARE * PRIOR_SDS.get(cause, math.inf))
+        values, spread = values[known], spread[np.ix_(known, known)]
+        if (
+            not len(known)
+            or chi2_beyond(float(values @ np.linalg.solve(spread, values)), len(known)) > FALSE_ALARM
+        ):
             continue
-        others = [one for one in causes if one != cause]
-        factor = _size(fitted(misfit, (*nuisance, *others), UNITS[sensor]).white) / _size(beside.white)
-        if factor > LEAST_FACTOR:
+        factor = _size(fit([one for one in causes if one != cause]).white) / _size(beside.white)
+        if factor > LEAST_FACTOR and not (
+            cause == "filter" and values[0] < 0.0
+        ):  # else the poses are smoothed
             found.append(Cause(cause, _largest(values, spread, CAUSE_UNITS[cause]), factor))
-    alone, named = (
-        fitted(misfit, (*nuisance, *more), UNITS[sensor]) for more in ((), [one.name for one in found])
-    )
-    lags = [
-        lag
-        for lag in (round(w / misfit.interval) for w in SHOWN_WINDOWS)
-        if 1 <= lag <= len(misfit.y) // FEWEST_WINDOWS
-    ]
+    alone, named = fit(()), fit([one.name for one in found])
+    longest, rows = max(one.stop - one.start for one in misfit.stretches), int(np.sum(misfit.kept))
+    every = (round(window / misfit.interval) for window in SHOWN_WINDOWS)
+    lags = [lag for lag in every if 1 <= lag <= min(longest, rows // FEWEST_WINDOWS)]
     windows = misfit.interval * np.array(lags)[:, None]
     ends = np.stack([_of_poses(misfit, lag, (beside.reference.value or 0.0) ** 2) for lag in lags])
     basis = np.stack(np.broadcast_arrays(windows, windows**3 / 3.0, ends)[:2], axis=-1)
-    shaken = _is_shaken(times(beside.white, 1.0 / rest.white_density, "1"), scatter)
-    whole = Projected((shaken and beside.white.value) or rest.white_density, rest.bias)
+    whole = Projected(shaken * rest.white_density, rest.bias)
     if found:
-        left_in = _squares(_values(misfit, named) - _values(misfit, alone), misfit.interval, lags)
+        errors = _values(misfit, named) - _values(misfit, alone)
+        left_in = _squares(misfit, errors - errors[misfit.kept].mean(axis=0), lags)
         expected = basis @ [whole.white_density**2, whole.bias**2] + ends + left_in
         white, walk = np.sqrt(sizes(expected, basis, ends))
         whole = Projected(max(whole.white_density, float(white)), max(whole.bias, float(walk)))
-    squares = _squares(misfit.y - _values(misfit, alone), misfit.interval, lags)
+    y = misfit.y - _values(misfit, alone)
+    squares = _squares(misfit, y - y[misfit.kept].mean(axis=0), lags)
     ratios = np.sqrt(squares / (basis @ [rest.white_density**2, rest.bias**2] + ends))
     growth = dict(zip(windows.ravel().tolist(), ratios, strict=True))
-    return SensorInRun(sensor, rest, beside, tuple(found), whole, growth, scatter)
+    return SensorInRun(sensor, rest, beside, tuple(found), whole, growth, scatter, unexplained)
 
 
 def _values(misfit: Misfit, of: Fitted) -> FloatArray:
@@ -395,10 +478,17 @@ def _values(misfit: Misfit, of: Fitted) -> FloatArray:
     )
 
 
-def _squares(y: FloatArray, interval: float, lags: Sequence[int]) -> FloatArray:
-    """Return mean squares of the integral over windows by their length in steps; (w, 3)."""
-    integral = np.vstack([np.zeros(3), np.cumsum(y * interval, axis=0)])
-    return np.stack([np.mean((integral[lag:] - integral[:-lag]) ** 2, axis=0) for lag in lags])
+def _squares(misfit: Misfit, y: FloatArray, lags: Sequence[int]) -> FloatArray:
+    """Return mean squares of the integral of (n, 3) over windows of so many rows that are kept; (w, 3)."""
+    integral = np.vstack(
+        [np.zeros(3), np.cumsum(np.where(misfit.kept[:, None], y, 0.0) * misfit.interval, axis=0)]
+    )
+    number = np.concatenate([[0], np.cumsum(misfit.kept)])
+    found = []
+    for lag in lags:
+        whole = number[lag:] - number[:-lag] == lag
+        found.append(np.mean((integral[lag:] - integral[:-lag])[whole] ** 2, axis=0))
+    return np.stack(found)
 
 
 def _size(one: Coefficient) -> float:
@@ -407,23 +497,18 @@ def _size(one: Coefficient) -> float:
 
 
 def _largest(values: FloatArray, spread: FloatArray, unit: str) -> Coefficient:
-    """Return the value furthest from zero."""
-    at = int(np.argmax(np.abs(values)))
+    """Return the value that is furthest from zero in its sds."""
+    at = int(np.argmax(np.abs(values) / np.sqrt(np.diag(spread))))
     reach = normal_reach(LEVEL) * math.sqrt(float(spread[at, at]))
     return Coefficient.known(float(values[at]), float(values[at]) - reach, float(values[at]) + reach, unit)
 
 
-def _is_shaken(white: Coefficient, scatter: float) -> bool:
-    """Return whether white noise is above that at rest, and the samples scatter by a like factor more than there."""
-    return _is_above_one(white) and white.interval is not None and scatter * HONEST_RATIO > white.interval[0]
-
-
-def _is_above_one(one: Coefficient) -> bool:
-    """Return whether a factor is above one but with `FALSE_ALARM`."""
+def _is_above(one: Coefficient, bound: float) -> bool:
+    """Return whether a factor is above a bound but with `FALSE_ALARM`."""
     if one.value is None or one.interval is None:
         return False
     sd = math.log(one.interval[1] / one.value) / normal_reach(LEVEL)
-    return math.log(one.value) > normal_reach(1.0 - 2.0 * FALSE_ALARM) * sd
+    return math.log(one.value / bound) > normal_reach(1.0 - 2.0 * FALSE_ALARM) * sd
 
 
 def _of_poses(misfit: Misfit, lag: int, size: float) -> FloatArray:

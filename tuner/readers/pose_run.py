@@ -19,10 +19,12 @@ from tuner.readers.estimate_bag import POSE_KINDS, is_bag
 from tuner.readers.log_format import file_of
 from tuner.readers.messages.rosbag import FIX, opened_bag
 from tuner.types.filter_output import FilterOutput
-from tuner.types.records import Record
+from tuner.types.records import DataError, Record
 
 EUROC_POSES = ("vicon0", "mocap0", "state_groundtruth_estimate0")
 """Folders of poses, the best first: the last of them is computed with the samples of the IMU."""
+ANY_FRAME = "NED"
+"""Axes of the world as they are taken where a file does not state them: any right-handed ones do."""
 POSE_FILES = ("poses.csv", "poses.txt", "poses.tum")
 """Names of a trajectory beside ``imu.csv``."""
 
@@ -50,21 +52,27 @@ def read_pose_run(source: str | Path) -> PoseRun | None:
     if not whole.exists():
         return None
     if is_bag(whole):
-        if not named and not _has_only_poses(whole):
+        topics = _topics(whole)
+        if not named and (FIX in topics.values() or not topics):
             return None
-        poses = read_estimate(whole, topic=f"/{topic}" if named else None)
-        return PoseRun(whole.stem, read(whole), poses)
+        if not named and len(topics) > 1:
+            raise DataError(
+                f"{whole}: expected one topic of poses, found {', '.join(topics)}: name it behind the bag, as {whole}:"
+                f"{next(iter(topics))}"
+            )
+        poses = read_estimate(whole, topic=f"/{topic}" if named else None, frame=ANY_FRAME)
+        return PoseRun(whole.stem, read(whole, stamps=True), poses)
     samples = whole / "imu.csv" if (whole / "imu.csv").is_file() else file_of(whole)
     beside = [samples.parent / name for name in POSE_FILES]
     beside += [samples.parent.parent / name / "data.csv" for name in EUROC_POSES]
     found = next((file for file in beside if file.is_file()), None)
-    if found is None or not samples.is_file():
+    if found is None or not samples.is_file() or (whole / "gnss.csv").is_file():
         return None
-    return PoseRun(whole.resolve().stem, read(samples), read_estimate(found))
+    return PoseRun(whole.resolve().stem, read(samples, stamps=True), read_estimate(found, frame=ANY_FRAME))
 
 
-def _has_only_poses(path: Path) -> bool:
-    """Return whether a bag has poses and no fixes."""
+def _topics(path: Path) -> dict[str, str]:
+    """Return the topics of poses and of fixes in a bag, and their kinds."""
     with opened_bag(path) as bag:
-        kinds = {connection.msgtype for connection in bag.connections}
-    return bool(kinds & set(POSE_KINDS)) and FIX not in kinds
+        kinds = {connection.topic: connection.msgtype for connection in bag.connections}
+    return {topic: kind for topic, kind in kinds.items() if kind in (*POSE_KINDS, FIX)}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 from rich.table import Table
@@ -14,9 +15,10 @@ from tuner.types import Coefficient
 from tuner.types.coefficient import apart, times
 
 WORDS = {
-    "scale": "errors of scale and right angles",
+    "scale": "errors of scale and right angles,",
     "turn": "axes turned against those of the gyroscopes",
-    "delay": "samples late against the gyroscopes",
+    "delay": "samples against the gyroscopes",
+    "filter": "a low-pass, time constant",
 }
 """Names of the causes."""
 NONE = Coefficient.known(0.0, 0.0, 0.0, "1")
@@ -33,12 +35,15 @@ def pose_run_lines(run: RunWithPoses) -> list[Table | str]:
     if apart(run.drift, NONE):
         behind = "fast" if (run.drift.value or 0.0) < 0.0 else "slow"
         stamps += f", their clock {behind} by {amount(times(_size(run.drift), 1e6, '1'))} ppm"
-    lost = f"; {percent(run.left_out)} of the poses left out, beyond gaps or samples" * (
+    lost = f"; {percent(run.left_out)} of the poses left out, wild or beside gaps" * (
         run.left_out > LOST_SHARE
     )
+    low, high = run.size.interval or (1.0, 1.0)
+    scaled = not low <= 1.0 <= high and not run.accel.unexplained
+    size = f"; their distances are {amount(run.size)} × the true ones, by gravity" * scaled
     head = (
         f"{run.name}: {digits(run.span)} s beside poses {digits(1e3 * run.interval, 2)} ms apart, "
-        f"which err by {poses}, {stamps}{lost}"
+        f"which err by {poses}, {stamps}{size}{lost}"
     )
     own = " and ".join(one.sensor for one in run.sensors if one.follows)
     dependent = (
@@ -100,19 +105,26 @@ def _reasons(one: SensorInRun) -> Iterator[str]:
     """Yield why numbers of a sensor are larger in the run, and which of them are not written."""
     for cause in one.causes:
         yield (
-            f"{one.sensor}: {WORDS[cause.name]}, up to {_cause_size(cause)}: white noise × {digits(cause.factor, 2)} "
-            "for a filter without states for them; calibrated, it needs the number in the run"
+            f"{one.sensor}: {WORDS[cause.name]} {_cause_size(cause)}: white noise × {digits(cause.factor, 2)} for a "
+            "filter without states for them; calibrated, it needs the number in the run"
         )
     if one.shaken:
-        yield f"{one.sensor}: the samples scatter {digits(one.scatter, 2)} × as much as at rest: vibration"
+        scatter = digits(one.scatter, 2)
+        yield f"{one.sensor}: the samples scatter {scatter} × as much as at rest: vibration, or another unit"
     for number in one.unexplained:
         yield (
-            f"{one.sensor} {NUMBERS[number]}: larger than at rest, as errors of the poses that last would look: not "
-            "written"
+            f"{one.sensor} {NUMBERS[number]}: more than samples and causes explain; errors of poses that last look so: "
+            "not written"
         )
 
 
 def _cause_size(cause: Cause) -> str:
     """Return the size of a cause; without a unit in per cent."""
     one = _size(cause.largest)
+    if cause.name == "delay":
+        return f"{'late' if (cause.largest.value or 0.0) < 0.0 else 'early'} by {amount(one)}"
+    if cause.name == "filter":  # half of the squared time constant
+        low, high = one.interval or (0.0, 0.0)
+        value, low, high = (math.sqrt(max(0.0, 2.0 * x)) for x in (one.value or 0.0, low, high))
+        return amount(Coefficient.known(value, low, high, "s"))
     return f"{amount(times(one, 100.0, '1'))} %" if one.unit == "1" else amount(one)

@@ -84,7 +84,7 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
         else "The search for causes found none"
     )
     faulty = result.examination is not None and result.examination.before_filter
-    nothing = [] if faulty or vibration or without else [none]
+    nothing = [] if faulty or vibration or without or result.run else [none]
     further = len(found) - SHOWN_FINDINGS
     own = Path(keys[0].removesuffix(":")).name if len(keys) > 1 else ""
     shown = (own,) if own else (PAIR, FADING)

@@ -39,6 +39,7 @@ def simulated_run(
     drift=0.0,
     sds=(3e-4, 3e-4),
     pose_rate=20.0,
+    axes=(1.0, 1.0, 1.0),
     turn=(0.0, 0.0, 0.0),
     arm=(0.0, 0.0, 0.0),
 ):
@@ -46,12 +47,13 @@ def simulated_run(
 
     `factors` are those of white noise of gyroscopes and accelerometers, `scales` errors of scale and axes. Stamps of
     the poses are late by `delay`, s, and by `drift` more each second; `sds` are errors of positions, m, and attitudes,
-    rad; the body of the poses is turned by `turn`, rad, and the unit lies at `arm` in it, m.
+    rad; `axes` are sizes of the rotations; the body of the poses is turned by `turn`, rad, and the unit lies at `arm`
+    in it, m.
     """
     rng = np.random.default_rng(seed)
     n = int(seconds * RATE) * FINE + 1
     t = np.arange(n) / (RATE * FINE)
-    quat = rotation.quat_from_rotvec(np.column_stack([_sines(rng, t, 0.7, 1) for _ in range(3)]))
+    quat = rotation.quat_from_rotvec(np.column_stack([size * _sines(rng, t, 0.7, 1) for size in axes]))
     place = np.column_stack([_sines(rng, t, 1.0, 2) for _ in range(3)])
     ends = quat[::FINE]
     rate = (
@@ -70,8 +72,8 @@ def simulated_run(
         noise = factor * white * np.sqrt(RATE) * rng.normal(size=true.shape)
         bias = np.cumsum(walk / np.sqrt(RATE) * rng.normal(size=true.shape), axis=0)
         y = true @ (np.eye(3) + scale).T + noise + bias + 20.0 * white * rng.normal(size=3)
-        axes = tuple(f"{name}_{x}" for x in "xyz")
-        records.append(Record(name, stamps, y, axes, unit, 1.0 / RATE, ((0, len(y)),)))
+        names = tuple(f"{name}_{x}" for x in "xyz")
+        records.append(Record(name, stamps, y, names, unit, 1.0 / RATE, ((0, len(y)),)))
     step = round(RATE * FINE / pose_rate)
     body = rotation.quat_multiply(quat[::step], rotation.quat_from_rotvec(np.array(turn)))
     moved = place[::step] - np.einsum("nij,j->ni", rotation.mat_from_quat(body), arm)

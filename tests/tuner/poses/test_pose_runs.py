@@ -85,10 +85,11 @@ def test_every_form_gives_the_same_samples_and_poses(tmp_path, simulated, write)
     )
 
 
-def test_of_two_topics_one_is_named(tmp_path, simulated):
+def test_of_two_topics_one_is_named(tmp_path, simulated, capsys):
     bag = in_bag(tmp_path / "run", simulated, ("/vicon/unit", "/vicon/wand"))
     assert read_pose_run(f"{bag}:/vicon/unit").poses is not None
     assert run(["tune", "mpu9250", "--drive", str(bag)]) == 2
+    assert f"{bag}:/vicon/unit" in capsys.readouterr().err
 
 
 def test_tune_writes_the_noise_in_motion_and_says_why(tmp_path, simulated, capsys):
@@ -101,7 +102,9 @@ def test_tune_writes_the_noise_in_motion_and_says_why(tmp_path, simulated, capsy
     command = ["tune", str(tmp_path / "rest.npz"), "--assume", "si", "--drive", str(folder), "--to", "vins"]
     assert run([*command, "-o", str(tmp_path / "out")]) == 0
     said = " ".join(capsys.readouterr().out.split())
-    assert re.search(r"gyro: the samples scatter [45]\.\d × as much as at rest: vibration", said)
+    assert re.search(
+        r"gyro: the samples scatter [45]\.\d × as much as at rest: vibration, or another unit", said
+    )
     assert re.search(r"white noise of gyro x y z, accel x y z × [\d.]+ to [\d.]+ \(vibration\)", said)
     written = dict(
         line.split("  #")[0].split(": ")
@@ -122,6 +125,19 @@ def test_covariances_that_poses_declare_stand_beside_their_errors(tmp_path, simu
     ratios = re.search(r"true ÷ declared ([\d.]+) ± [\d.]+ and ([\d.]+) ±", line)
     assert float(ratios[1]) == pytest.approx(0.5, rel=0.1)
     assert float(ratios[2]) == pytest.approx(0.1, rel=0.1)
+
+
+def test_a_table_of_poses_needs_no_axes_and_may_lack_rows(tmp_path, simulated):
+    folder = in_folder(tmp_path / "run", simulated)
+    _, poses = simulated
+    rows = np.column_stack([poses.t, poses.place, poses.quat])
+    rows[::100, 4:] = np.nan  # tracking lost
+    np.savetxt(
+        folder / "poses.csv", rows, delimiter=",", header="t,x,y,z,qw,qx,qy,qz", comments="", fmt="%.9f"
+    )
+    assert len(poses_of(read_pose_run(folder).poses).t) == len(poses.t) - len(poses.t[::100])
+    (folder / "gnss.csv").write_text("t,lat,lon,height\n")
+    assert read_pose_run(folder) is None  # a drive
 
 
 def test_a_run_without_a_log_at_rest_is_refused(tmp_path, simulated, capsys):

@@ -10,9 +10,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from models import rotation
-from tests.tuner.poses.simulated_run import REST, simulated_run
+from tests.tuner.poses.simulated_run import RATE, REST, simulated_run
+from tuner.poses.misfit import Poses
 from tuner.poses.run_with_poses import compare_with_poses, with_run
 from tuner.report.pose_run_answer import pose_run_lines
 from tuner.types import ChannelNoise, FilterConfig, InitialUncertainty
@@ -120,12 +122,88 @@ def test_errors_of_poses_that_last_are_written_in_no_setting():
     assert not run.gyro.larger
 
 
+def mended(poses, rng):
+    """Yield poses as recordings have them, of which the good part must be used as if nothing were."""
+    place, quat = poses.place.copy(), poses.quat.copy()
+    lost = slice(800, 850)
+    place[lost], quat[lost] = place[800], quat[800]
+    yield "frozen", replace(poses, place=place, quat=quat)
+    kept = rng.random(len(poses.t)) > 0.02
+    yield "dropped", Poses(poses.t[kept], poses.place[kept], poses.quat[kept])
+    place, quat = poses.place.copy(), poses.quat.copy()
+    flip = rotation.quat_from_rotvec(np.array([np.pi / 2.0, 0.0, 0.0]))
+    place[1000, 0] += 0.2
+    quat[1000] = rotation.quat_multiply(quat[1000], flip)
+    yield "wild", replace(poses, place=place, quat=quat)
+    signs = np.where(rng.random(len(poses.t)) > 0.5, 1.0, -1.0)
+    yield "signs", replace(poses, quat=signs[:, None] * poses.quat)
+    yield (
+        "metric",
+        replace(poses, place=4.0 * poses.place + [5e5, 5e6, 0.0]),
+    )  # a single camera, far from the origin
+
+
+def test_wrong_poses_are_left_out_and_their_scale_is_taken_out():
+    records, poses = simulated_run(9)
+    for name, spoiled in mended(poses, np.random.default_rng(9)):
+        run = compare_with_poses(records, spoiled, CONFIG, "run")
+        assert not any(one.larger or one.causes or one.unexplained for one in run.sensors), name
+        assert run.gyro.beside.reference.value == pytest.approx(3e-4, rel=0.1), name
+        assert run.size.value == pytest.approx(4.0 if name == "metric" else 1.0, rel=0.01), name
+
+
+def test_missing_samples_are_bridged_by_nothing():
+    records, poses = simulated_run(10)
+    kept = ~((records[0].t > 50.0) & (records[0].t < 50.5))
+    gap = int(np.flatnonzero(~kept)[0])
+    parts = ((0, gap), (gap, int(kept.sum())))
+    cut = [replace(one, t=one.t[kept], y=one.y[kept], segments=parts) for one in records]
+    run = compare_with_poses(cut, poses, CONFIG, "run")
+    assert not any(one.larger or one.unexplained for one in run.sensors)
+
+
+def test_a_run_that_turns_about_one_axis_is_refused():
+    records, poses = simulated_run(11, axes=(0.0, 0.0, 1.0))
+    with pytest.raises(DataError, match="about two axes or more"):
+        compare_with_poses(records, poses, CONFIG, "run")
+
+
+def test_stamps_that_jitter_are_no_error_of_scale():
+    records, poses = simulated_run(12)
+    jitter = 2e-3 * np.random.default_rng(12).normal(size=len(poses.t))
+    run = compare_with_poses(records, replace(poses, t=poses.t + jitter), CONFIG, "run")
+    assert run.gyro.unexplained
+    assert not any(one.larger or one.causes for one in run.sensors)
+
+
+def test_a_line_of_vibration_is_no_white_noise():
+    records, poses = simulated_run(13)
+    line = np.sin(2.0 * np.pi * 61.3 * records[0].t)[:, None]
+    shaken = [replace(one, y=one.y + size * line) for one, size in zip(records, (0.05, 3.0), strict=True)]
+    run = compare_with_poses(shaken, poses, CONFIG, "run")
+    assert all(one.scatter == pytest.approx(1.0, abs=0.05) for one in run.sensors)
+    assert not any(one.larger for one in run.sensors)
+
+
+def test_a_low_pass_of_the_gyroscopes_is_named_with_its_time_constant():
+    records, poses = simulated_run(14)
+    share = 1.0 - np.exp(-1.0 / (RATE * 0.016))
+    gyro = replace(records[0], y=lfilter([share], [1.0, share - 1.0], records[0].y, axis=0))
+    run = compare_with_poses((gyro, records[1]), poses, CONFIG, "run")
+    (low_pass,) = run.gyro.causes
+    assert low_pass.name == "filter"
+    assert np.sqrt(2.0 * low_pass.largest.value) == pytest.approx(0.016, rel=0.15)
+    (delay,) = run.accel.causes
+    late = (1.0 - share) / share / RATE  # of the filter at low frequencies
+    assert (delay.name, delay.largest.value) == ("delay", pytest.approx(late, rel=0.02))
+
+
 @pytest.mark.parametrize(
     ("spoil", "said"),
     [
         (lambda r, p: (r[:1], p), "found no accel"),
         (lambda r, p: (r, replace(p, t=p.t + 1e4)), "samples from"),
-        (lambda r, p: (r, replace(p, t=p.t[::10], place=p.place[::10], quat=p.quat[::10])), "apart or less"),
+        (lambda r, p: (r, replace(p, t=p.t[::10], place=p.place[::10], quat=p.quat[::10])), "found 235"),
         (lambda r, p: (r, replace(p, quat=p.quat[::-1])), "expected gyroscopes that turn as the poses do"),
     ],
 )
