@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -104,8 +104,8 @@ class ErrorModel:
     outputs: FloatArray
     sds: FloatArray
     dt: FloatArray
-    by_innovations: bool = field(default=False)
-    of_body: bool = field(default=False)
+    by_innovations: bool
+    of_body: bool
 
     @property
     def size_error(self) -> float:
@@ -138,8 +138,7 @@ class ErrorModel:
         update[:, :, :6] -= self.gain
         after = replace(self, update=update, by_innovations=False) if self.by_innovations else self
         system = after._system(true)
-        p, found = system.start, np.zeros(15)
-        half = len(self.dt) // 2
+        p, found, half = system.start, np.zeros(15), len(self.dt) // 2
         for k in range(len(self.dt)):
             p = system.dynamics[k] @ p @ system.dynamics[k].T + system.noise[k]
             if k >= half:
@@ -169,7 +168,6 @@ class ErrorModel:
         variance = self.variance
         if self.by_innovations:
             variance = variance + np.repeat(true.fixes, 3) ** 2 * self.model.fix_variance
-        seen_of = np.ascontiguousarray(self.outputs[:, :, :regressors])
         logs, products = error_likelihood(
             system.dynamics,
             system.noise,
@@ -179,7 +177,7 @@ class ErrorModel:
             variance,
             self.known,
             inputs,
-            seen_of,
+            np.ascontiguousarray(self.outputs[:, :, :regressors]),
         )
         return float(logs), np.asarray(products)
 
@@ -193,9 +191,8 @@ class ErrorModel:
         """Their noise by source, of the fixes last, shape (4 + 2, k, n, n)."""
         mats = [self.update @ self.noise[:, s] @ np.swapaxes(self.update, -1, -2) for s in range(4)]
         for own in (slice(0, 3), slice(3, 6)):
-            part = self.gain[:, :, own]
-            scaled = part * self.model.fix_variance[own]
-            mats.append(0.0 * self.phi if self.by_innovations else scaled @ np.swapaxes(part, -1, -2))
+            part = self.gain[:, :, own] * (not self.by_innovations)
+            mats.append((part * self.model.fix_variance[own]) @ np.swapaxes(part, -1, -2))
         return np.stack(mats)
 
     def _system(self, true: TrueNoise) -> _System:
@@ -203,15 +200,12 @@ class ErrorModel:
             squares = np.array([*true.density, *true.fixes]) ** 2
             noise = np.tensordot(squares, self._own_noise, 1)
             return _System(self._own_dynamics, noise, self.start)
-        q = np.array(true.density) ** 2
-        noise = np.einsum("s,ksij->kij", q, self.noise)
+        noise = np.einsum("s,ksij->kij", np.array(true.density) ** 2, self.noise)
         system = _System(self.phi, noise, self.start)
         if true.time_ratio != (1.0, 1.0):
             system = self._with_true_biases(system, true)
-        elif true.extra is not None and true.extra.place != "fixes":
-            system = self._with_missing_state(system, true.extra)
         elif true.extra is not None:
-            system = self._with_fix_errors(system, true.extra)
+            system = self._with_extra(system, true.extra)
         if self.by_innovations:
             return system
         n = system.dynamics.shape[1]
@@ -239,18 +233,14 @@ class ErrorModel:
         start[range(own, n), range(own, n)] = variance
         return _System(dynamics, noise, start)
 
-    def _with_missing_state(self, system: _System, extra: ExtraProcess) -> _System:
-        first = 9 if extra.place == "gyro" else 12
+    def _with_extra(self, system: _System, extra: ExtraProcess) -> _System:
+        """Return the system with a process that the filter lacks; of a sensor, it acts as the bias does."""
         decay = np.exp(-self.dt / extra.time_constant)[:, None] * np.ones(3)
         wide = self._widened(system, decay, np.full(3, extra.sd**2))
-        response = self.phi[:, :, first : first + 3].copy()
-        response[:, 9:] = 0.0
-        wide.dynamics[:, : self.count, self.count :] = response
+        if extra.place != "fixes":
+            first = 9 if extra.place == "gyro" else 12
+            wide.dynamics[:, :9, self.count :] = self.phi[:, :9, first : first + 3]
         return wide
-
-    def _with_fix_errors(self, system: _System, extra: ExtraProcess) -> _System:
-        decay = np.exp(-self.dt / extra.time_constant)[:, None] * np.ones(3)
-        return self._widened(system, decay, np.full(3, extra.sd**2))
 
     def _with_true_biases(self, system: _System, true: TrueNoise) -> _System:
         """Return the system with the true biases, whose time constants are not those assumed."""
@@ -282,7 +272,7 @@ def error_model(run: OutputErrors, course: Course, model: FilterModel) -> ErrorM
         noise[:, 1] *= 0.5
         noise[:, 3] = noise[:, 1]
     n = len(start)
-    covariance, gain = covariance_recursion(phi, noise, course.fixed, np.ones(4), model.fix_variance, start)
+    covariance, gain = covariance_recursion(phi, noise, course.fixed, model.fix_variance, start)
     rows = course.rows[1:]
     sds = np.sqrt(np.einsum("kii->ki", covariance)[:, :9])
     sds[sds == 0.0] = 1.0  # what the filter has no state for has no errors either

@@ -240,7 +240,7 @@ def _fit(
     def residual(x: FloatArray) -> FloatArray:
         model = _model(whole(x), 0.0, of_body=course.of_body)
         phi, noise, wide = filter_matrices(part, model, start)
-        p, _ = covariance_recursion(phi, noise, part.fixed, np.ones(4), model.fix_variance, wide)
+        p, _ = covariance_recursion(phi, noise, part.fixed, model.fix_variance, wide)
         own = np.log(np.maximum(np.einsum("kii->ki", p)[:, :15], 1e-30))
         return np.asarray(0.5 * (own - stated)[late][:, states].ravel())
 
