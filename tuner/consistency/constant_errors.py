@@ -13,7 +13,7 @@ out, and the search goes on. Intervals are those of the jackknife over parts of 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
@@ -28,13 +28,13 @@ from tuner.consistency.frame_differences import errors_in_one_frame
 from tuner.consistency.output_causes import INTERVAL_SDS, MAX_CAUSES, MIN_GAIN
 from tuner.consistency.output_errors import OutputErrors
 from tuner.consistency.output_scores import aided_rows, error_scores, state_scores
-from tuner.consistency.scores import DIVERGED_RATIO
+from tuner.consistency.scores import BLOCKS, DIVERGED_RATIO
 from tuner.consistency.time_alignment import OFFSET_BLOCKS
 from tuner.consistency.trajectory_alignment import Alignment
 from tuner.consistency.wrong_conventions import MIN_IMPROVEMENT
 from tuner.limits import HONEST_RATIO, SHOWN_CHANGE, TOLERATED_RATIO
-from tuner.types.consistency import Score
-from tuner.types.filter_output import BLOCKS, FilterOutput
+from tuner.types.consistency import ERROR_UNITS, Score
+from tuner.types.filter_output import FilterOutput
 from tuner.types.output_score import OutputCause, TimeOffset
 
 FITTED_STATES = 9
@@ -249,7 +249,7 @@ def _fitted(runs: Sequence[OutputErrors], before: Squares, constant: Constant) -
     for run, columns in zip(runs, each, strict=True):
         error, sd = run.error[:, :FITTED_STATES], _sds(run)
         known = np.isfinite(error) & np.isfinite(columns).all(axis=2)
-        known[np.setdiff1d(np.arange(len(run)), aided_rows(run.t, run.estimate.outages))] = False
+        known[np.setdiff1d(np.arange(len(run)), aided_rows(run))] = False
         w = np.where(known, error / sd, 0.0)
         x = np.where(known[..., None], columns / sd[..., None], 0.0)
         for rows in np.array_split(np.arange(len(run)), max(2, OFFSET_BLOCKS // len(runs))):
@@ -309,25 +309,16 @@ def _sds(run: OutputErrors) -> FloatArray:
     return np.sqrt(np.where(stated, variance, 1.0))
 
 
-def _blocks(runs: Sequence[OutputErrors]) -> Iterator[list[FloatArray]]:
-    """Give the whitened errors of all runs, shape (n, 3) each, of position, velocity and attitude."""
-    for first in range(0, FITTED_STATES, 3):
-        own = slice(first, first + 3)
-        parts = []
-        for run in runs:
-            rows = aided_rows(run.t, run.estimate.outages)
-            w = (run.error[:, own] / _sds(run)[:, own])[rows]
-            parts.append(w[np.isfinite(w).all(axis=1)])
-        yield [part for part in parts if len(part) > 1]
-
-
 def _squares(runs: Sequence[OutputErrors]) -> Squares:
-    """Return the squares of the whitened errors of each block."""
-    blocks = list(_blocks(runs))
-    return Squares(
-        np.array([np.mean(np.concatenate(parts) ** 2) if parts else 0.0 for parts in blocks]),
-        np.array([sum(3.0 * independent_count(part) for part in parts) for parts in blocks]),
-    )
+    """Return the squares of the whitened errors of position, velocity and attitude while aided."""
+    whitened = [(run.error[:, :FITTED_STATES] / _sds(run))[aided_rows(run)] for run in runs]
+    found = []
+    for own in (BLOCKS[name] for name in ERROR_UNITS):
+        parts = [w[np.isfinite(w[:, own]).all(axis=1), own] for w in whitened]
+        parts = [part for part in parts if len(part) > 1]
+        mean = np.mean(np.concatenate(parts) ** 2) if parts else 0.0
+        found.append((mean, sum(3.0 * independent_count(part) for part in parts)))
+    return Squares(*np.array(found, dtype=float).T)
 
 
 def _gain(before: Squares, after: Squares, numbers: int) -> float:
@@ -368,7 +359,7 @@ def unit_of_sds(
             continue
         tried = list(runs)
         for name, of in meant.items():
-            tried = [_with_sds(run, BLOCKS.index(name), of) for run in tried]
+            tried = [_with_sds(run, BLOCKS[name], of) for run in tried]
         each = [one.ratio for one in state_scores(tried) if one.name.rpartition("_")[0] in meant]
         near = min(each) > 1.0 / TOLERATED_RATIO and max(each) < TOLERATED_RATIO
         alone = len(meant) == 1 and not subject.startswith("attitude in")
@@ -385,20 +376,18 @@ def _shape_gain(before: Sequence[OutputErrors], after: Sequence[OutputErrors], b
 
     Constant sds, whose roots are as constant, gain nothing.
     """
-    index = BLOCKS.index(block)
-    own = slice(3 * index, 3 * index + 3)
-    costs = []
+    own, costs = BLOCKS[block], []
     for runs in (before, after):
         pairs = [(run.error[:, own], _sds(run)[:, own]) for run in runs]
         e, sd = (np.concatenate(one) for one in zip(*pairs, strict=True))
         known = np.isfinite(e)
         costs.append(0.5 * math.log(np.mean((e[known] / sd[known]) ** 2)) + float(np.mean(np.log(sd[known]))))
-    return float((costs[0] - costs[1]) * _squares(after).independent[index])
+    return float((costs[0] - costs[1]) * _squares(after).independent[own.start // 3])
 
 
 def _worst(blocks: Sequence[Score]) -> Score | None:
     """Return the score of the block that is off most; None where none is off by `MIN_IMPROVEMENT`."""
-    known = [one for one in blocks if one.name in BLOCKS[:3] and one.ratio > 0.0]
+    known = [one for one in blocks if one.name in ERROR_UNITS and one.ratio > 0.0]
     worst = max(known, key=lambda one: abs(math.log(one.ratio)), default=None)
     if worst is None or 1.0 / MIN_IMPROVEMENT < worst.ratio < MIN_IMPROVEMENT:
         return None
@@ -426,9 +415,8 @@ READINGS: dict[str, dict[str, Reading]] = {
 """What sds may be instead, by the name of the block."""
 
 
-def _with_sds(run: OutputErrors, block: int, of: Reading) -> OutputErrors:
+def _with_sds(run: OutputErrors, own: slice, of: Reading) -> OutputErrors:
     """Return errors whose covariance has other sds of a block of the estimate, correlations as they are."""
-    own = slice(3 * block, 3 * block + 3)
     factor = np.ones((len(run), 15))
     sd = np.sqrt(np.einsum("kii->ki", run.estimate.covariance)[:, own])
     factor[:, own] = np.where(sd > 0.0, of(sd) / np.where(sd > 0.0, sd, 1.0), 1.0)

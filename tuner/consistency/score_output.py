@@ -27,13 +27,12 @@ from tuner.consistency.output_scores import (
     outage_scores,
     output_innovation_scores,
     output_whiteness,
-    rms_errors,
     state_scores,
 )
-from tuner.consistency.scores import DIVERGED_RATIO, score
+from tuner.consistency.scores import DIVERGED_RATIO, rms_errors, score
 from tuner.consistency.trajectory_alignment import Alignment
 from tuner.consistency.unscored_start import unscored_start
-from tuner.consistency.verdicts import verdicts
+from tuner.consistency.verdicts import NOT_FINITE, verdicts
 from tuner.limits import HONEST_RATIO, TOLERATED_RATIO
 from tuner.stages import stage, task
 from tuner.types.consistency import Consistency, RmsError, Score
@@ -252,7 +251,7 @@ def _is_far(found: Consistency) -> bool:
 def _grow(runs: Sequence[OutputErrors]) -> bool:
     """Return whether the errors of a block are far larger in the last third of the runs than in the first."""
     for first in range(0, 9, 3):
-        errors = [run.error[aided_rows(run.t, run.estimate.outages), first : first + 3] for run in runs]
+        errors = [run.error[aided_rows(run), first : first + 3] for run in runs]
         parts = [np.array_split(e[np.isfinite(e).all(axis=1)], 3) for e in errors]
         begin, end = (np.concatenate([part[at] for part in parts]) for at in (0, 2))
         if len(begin) and np.mean(end**2) > TOLERATED_RATIO**2 * np.mean(begin**2):
@@ -269,7 +268,7 @@ def _scores(runs: Sequence[OutputErrors], innovative: Sequence[FilterOutput]) ->
         output_innovation_scores(innovative) if innovative else (),
         output_whiteness(innovative) if innovative else None,
         outage_scores(runs) if runs else (),
-        rms_errors(runs) if runs else {},
+        rms_errors(np.concatenate([run.error[aided_rows(run)] for run in runs])) if runs else {},
         0.0,
         False,
     )
@@ -278,7 +277,7 @@ def _scores(runs: Sequence[OutputErrors], innovative: Sequence[FilterOutput]) ->
 def _verdicts(found: Consistency, *, lost: bool, named: bool) -> tuple[Verdict, ...]:
     """Return the verdicts: that numbers are not finite, or those of the scores, and whether no cause is named."""
     if lost:
-        return (Verdict(VerdictCode.NOT_FINITE, Severity.DIVERGED),)
+        return NOT_FINITE
     said = verdicts(found)
     if found.consistent or named or found.diverged:
         return said
@@ -334,8 +333,7 @@ def score_arrays(
     if len(states) != k:
         raise DataError(f"expected {k} names of states, found {len(states)}")
     if not np.isfinite(w).all():
-        lost = (Verdict(VerdictCode.NOT_FINITE, Severity.DIVERGED),)
-        return Consistency(None, (), (), None, (), {}, 0.0, True, lost)
+        return Consistency(None, (), (), None, (), {}, 0.0, True, NOT_FINITE)
     single = e / np.sqrt(np.einsum("mnii->mni", p))
     tests = k + 1 if k > 1 else 1
 

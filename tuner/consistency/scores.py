@@ -41,11 +41,12 @@ from scipy.special import ndtri
 from models.arrays import FloatArray
 from models.probability import chi2_quantile, student_quantile
 from tuner.consistency.outage_ratio import components, means_and_weights, ratio_interval, scatter_freedom
+from tuner.consistency.verdicts import NOT_FINITE
 from tuner.navigation.data import USED
 from tuner.simulation.monte_carlo import Runs
+from tuner.types import filter_output
 from tuner.types.consistency import ERROR_UNITS, Consistency, Outage, RmsError, Score, Whiteness
 from tuner.types.honesty import OUTAGE
-from tuner.types.verdict import Severity, Verdict, VerdictCode
 
 Floats = NDArray[np.floating[Any]]
 
@@ -67,8 +68,12 @@ MAX_LAG = 10
 """Largest lag, epochs, of the autocorrelation of innovations."""
 MIN_PAIRS = 100
 """Products of components behind an autocorrelation below which it is not tested: 0.1 is then its standard error."""
-BLOCKS = ("position", "velocity", "attitude", "gyro_bias", "accel_bias")
-"""Parts of the error whose NEES is scored, three components each, in the order of the errors of a run."""
+BLOCKS: Mapping[str, slice] = MappingProxyType(
+    {name: slice(3 * i, 3 * i + 3) for i, name in enumerate(filter_output.BLOCKS)}
+)
+"""Parts of the error whose NEES is scored, three components each, and their places among the errors of a run."""
+INNOVATIONS = MappingProxyType({"nis": slice(0, 6), "nis_position": slice(0, 3), "nis_velocity": slice(3, 6)})
+"""Scores of innovations, and their components."""
 DIVERGED_RATIO = 20.0
 """True rms ÷ predicted sd, all runs together, from which a filter diverged: beyond any linear analysis of it."""
 STRAYED_RATIO = 5.0
@@ -161,14 +166,12 @@ def evaluate(
     tests = TEST_COUNT + len(further)
     chosen = scored_epochs(runs.t, outages, settling)
     error, covariance = runs.error[:, chosen], runs.covariance[:, chosen].astype(float)
-    lost = ~np.isfinite(runs.error).all() or not np.isfinite(runs.covariance).all()
-    if lost:
-        verdict = Verdict(VerdictCode.NOT_FINITE, Severity.DIVERGED)
-        return Consistency(None, (), (), None, (), {}, 1.0, True, (verdict,))
-    blocks = []
-    for i, name in enumerate(BLOCKS):
-        own = slice(3 * i, 3 * i + 3)
-        blocks.append(score(name, list(squares(error[..., own], covariance[..., own, own])), 3, tests=tests))
+    if not (np.isfinite(runs.error).all() and np.isfinite(runs.covariance).all()):
+        return Consistency(None, (), (), None, (), {}, 1.0, True, NOT_FINITE)
+    blocks = [
+        score(name, list(squares(error[..., own], covariance[..., own, own])), 3, tests=tests)
+        for name, own in BLOCKS.items()
+    ]
     for name, own in further.items():
         e, p = runs.further_error[:, chosen, own], runs.further_covariance[:, chosen, own, own]
         blocks.append(score(name, list(squares(e, p)), e.shape[-1], tests=tests))
@@ -177,7 +180,6 @@ def evaluate(
         for h in OUTAGE_LENGTHS
         if len(outages) and h <= np.diff(outages).max()
     )
-    parts = np.split(error.reshape(-1, error.shape[-1])[:, :9], 3, axis=1)
     gated = float(np.mean(runs.use == 2))
     each = squares(error, covariance)
     seen = list(runs.innovation), list(runs.innovation_covariance), list(runs.use)
@@ -188,15 +190,22 @@ def evaluate(
         innovation_scores(*seen, tests=tests),
         whiteness(runs.t, *seen, tests=tests),
         found,
-        {
-            name: RmsError.of(part, unit)
-            for (name, unit), part in zip(ERROR_UNITS.items(), parts, strict=True)
-        },
+        rms_errors(error.reshape(-1, 15)),
         gated,
         gated > DIVERGED_REFUSED_SHARE
         or nees.ratio > DIVERGED_RATIO
         or some_strayed(np.sqrt(each.mean(axis=1) / 15)),
     )
+
+
+def rms_errors(error: FloatArray) -> dict[str, RmsError]:
+    """Return the rms errors of position, velocity and attitude over the rows of (n, 15) in which they are known."""
+    found = {}
+    for name, unit in ERROR_UNITS.items():
+        part = error[:, BLOCKS[name]]
+        if (known := np.isfinite(part).all(axis=1)).any():
+            found[name] = RmsError.of(part[known], unit)
+    return found
 
 
 def run_ratios(runs: Runs, outages: FloatArray) -> FloatArray:
@@ -228,9 +237,8 @@ def innovation_scores(
 
     A component that is NaN is missing; squares are those of as many components as most fixes have.
     """
-    parts = {"nis": slice(0, 6), "nis_position": slice(0, 3), "nis_velocity": slice(3, 6)}
     scores = []
-    for name, own in parts.items():
+    for name, own in INNOVATIONS.items():
         groups, counts = [], [np.zeros(0)]
         for z, s, u in zip(innovation, covariance, use, strict=True):
             used = (u[:, own.start // 3 : own.stop // 3] == USED).all(axis=-1)
@@ -256,7 +264,7 @@ def whiteness(
     Pairs across an outage or a refused fix are left out.
     """
     interval = float(np.median(np.diff(t))) if len(t) > 1 else 0.0
-    best: Whiteness | None = None
+    found = []
     for part, own, column in (("position", slice(0, 3), 0), ("velocity", slice(3, 6), 1)):
         sums, counts = np.zeros(MAX_LAG + 1), np.zeros(MAX_LAG + 1)
         for z, s, u in zip(innovation, covariance, use, strict=True):
@@ -274,20 +282,14 @@ def whiteness(
         r = (sums / counts) / (sums[0] / counts[0])
         lag = 1 + int(np.argmax(np.abs(r[1:])))
         limit = -ndtri(0.5 * FALSE_ALARM_RATE / tests / (2 * MAX_LAG)) / math.sqrt(counts[lag])
-        found = Whiteness(part, lag, float(r[lag]), float(limit + EQUIVALENCE_MARGIN))
-        if best is None or abs(found.correlation) - found.band > abs(best.correlation) - best.band:
-            best = found
-    return best
+        found.append(Whiteness(part, lag, float(r[lag]), float(limit + EQUIVALENCE_MARGIN)))
+    return max(found, key=lambda one: abs(one.correlation) - one.band, default=None)
 
 
 def scored_epochs(t: FloatArray, outages: FloatArray, settling: float = SETTLING_TIME) -> NDArray[np.intp]:
     """Return the epochs that are scored: `MAX_SCORED_EPOCHS` aided ones, evenly spread, or all where fewer."""
     aided = aided_epochs(t, outages, settling)
-    return (
-        aided[np.unique(np.linspace(0, len(aided) - 1, MAX_SCORED_EPOCHS).astype(int))]
-        if len(aided)
-        else aided
-    )
+    return np.asarray(aided[np.unique(np.linspace(0, len(aided) - 1, MAX_SCORED_EPOCHS).astype(int))])
 
 
 def aided_epochs(t: FloatArray, outages: FloatArray, settling: float = SETTLING_TIME) -> NDArray[np.intp]:

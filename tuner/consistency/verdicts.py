@@ -7,6 +7,9 @@ from collections.abc import Sequence
 from tuner.types.consistency import Consistency, Outage, Score
 from tuner.types.verdict import Explanation, Severity, Verdict, VerdictCode
 
+NOT_FINITE = (Verdict(VerdictCode.NOT_FINITE, Severity.DIVERGED),)
+"""The verdicts on errors of which some are not finite."""
+
 
 def verdicts(found: Consistency) -> tuple[Verdict, ...]:
     """Return a verdict for each score that speaks against a filter, the largest deviation first; or that none does."""

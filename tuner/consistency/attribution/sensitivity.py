@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 from models.arrays import FloatArray
 from models.noise import GaussMarkov
 from tuner.consistency.error_budget import Source, known_sources, trace
-from tuner.consistency.scores import BLOCKS
+from tuner.consistency.scores import BLOCKS, INNOVATIONS
 from tuner.navigation.settings import FilterSettings, filter_settings
 from tuner.simulation.monte_carlo import AVERAGING_RATIO
 from tuner.simulation.scenario import Scenario
@@ -134,13 +134,13 @@ def _correlated_budget(wide: FilterSettings, plan: Scenario) -> ErrorBudget:
 def score_contributions(found: Consistency, budget: ErrorBudget) -> FloatArray:
     """Return what every source adds to every score of a check, over the filter's prediction; shape (s, g)."""
     aided, rows = budget.aided, []
+    states = {"nees": slice(0, 15), **BLOCKS}
     for score in found.scores:
-        if score.name in ("nees", *BLOCKS):
-            i = BLOCKS.index(score.name) if score.name != "nees" else -1
-            own = slice(3 * i, 3 * i + 3) if i >= 0 else slice(0, 15)
+        if score.name in states:
+            own = states[score.name]
             rows.append(_traces(budget.covariance[aided], budget.total[aided], own).mean(axis=0))
-        elif score.name.startswith("nis"):
-            own = {"nis_position": slice(0, 3), "nis_velocity": slice(3, 6)}.get(score.name, slice(0, 6))
+        elif score.name in INNOVATIONS:
+            own = INNOVATIONS[score.name]
             rows.append(_traces(budget.innovation[aided], budget.innovation_total[aided], own).mean(axis=0))
         else:
             epochs = budget.after[float(score.name.split()[1])]
