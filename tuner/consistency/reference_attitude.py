@@ -20,13 +20,14 @@ from models import rotation
 from models.arrays import FloatArray
 from models.probability import student_quantile
 from models.robust import normal_sd
-from tuner.consistency.drive_scores import as_output, as_truth
+from tuner.consistency.drive_scores import as_output, as_truth, settled
 from tuner.consistency.output_errors import in_axes_of
 from tuner.consistency.trajectory_alignment import at_times
 from tuner.formats.customary_units import digits
 from tuner.formats.reference_words import wrong_attitude_text
 from tuner.navigation.data import Solution
 from tuner.navigation.drive.run import Stretch
+from tuner.segments.stand_stills import runs
 from tuner.types.records import Reference
 
 WINDOW_LENGTH = 5.0
@@ -106,22 +107,20 @@ def standing(rests: FloatArray) -> FloatArray:
 
 def _rests(reference: Reference, stretch: Stretch, solution: Solution) -> FloatArray:
     """Return windows at rest: begin, turns of reference and gyroscopes, sds of filter and reference; (w, 13), rad."""
-    rows = np.flatnonzero(solution.t >= stretch.settled)
-    none = np.zeros((0, 13))
+    rows, none = settled(stretch, solution), np.zeros((0, 13))
     if len(rows) < 2:
         return none
     mine = as_output(solution, rows)
     theirs, _ = in_axes_of(at_times(as_truth(reference), mine.t), mine)
     known = np.isfinite(theirs.quat_nb).all(axis=1) & np.isfinite(mine.vel_n).all(axis=1)
     moves = ~known | (np.linalg.norm(mine.vel_n, axis=1) >= STANDING_SPEED)
-    change = np.flatnonzero(np.diff(np.concatenate([[True], moves, [True]]).astype(int)))
-    stands = change.reshape(-1, 2) - [0, 1]  # first and last epochs
+    spans = [(mine.t[a], mine.t[b - 1]) for a, b in runs(~moves, [(0, len(moves))])]
     first = np.concatenate(
         [
             np.zeros(0),
             *(
                 np.arange(a + REST_MARGIN, b - REST_MARGIN - WINDOW_LENGTH + 1e-6, WINDOW_LENGTH)
-                for a, b in mine.t[stands]
+                for a, b in spans
             ),
         ]
     )

@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from models.arrays import FloatArray
 from models.earth import ned_between
 from models.filter_states import FILTER_STATES, Origin
 from tuner.consistency.drive_scores import (
@@ -196,7 +195,7 @@ def navigate_drive(
     groups = [
         block for stretch, rows in zip(solutions, scored, strict=True) for block in blocks(stretch, rows)
     ]
-    reference, late = drive.reference, None
+    reference = drive.reference
     if reference is not None:
         stage("finding where the reference is wrong", 0.7)
         reference, untrusted = trusted_reference(reference, stretches, settings)
@@ -259,17 +258,22 @@ def _noisier_than_configured(stretch: Stretch, config: FilterConfig) -> tuple[st
         return ()
     said = np.array([model.allan_variance(1.0) for model in sensor_of_config(in_motion(config)).noise])
     ratios = found / np.sqrt(said)
-    pairs = zip(GYROS + ACCELS, ratios, strict=True)
-    noisier = [f"{axis} {ratio:.1f}" for axis, ratio in pairs if ratio > MIN_NOISE_RATIO]
+    noisier = [
+        f"{axis} {ratio:.1f}"
+        for axis, ratio in zip(GYROS + ACCELS, ratios, strict=True)
+        if ratio > MIN_NOISE_RATIO
+    ]
     if not noisier:
         return ()
-    cause = NamedCause.of(
-        f"at rest, the sensors are noisier over 1 s than configured: {', '.join(noisier)} times",
-        "certain",
-        "without fixes it errs more than it predicts",
-        f"make the settings from a log of this unit{', or from this drive' * ('drive' not in config.provenance)}",
+    more = ", or from this drive" if "drive" not in config.provenance else ""
+    return (
+        NamedCause.of(
+            f"at rest, the sensors are noisier over 1 s than configured: {', '.join(noisier)} times",
+            "certain",
+            "without fixes it errs more than it predicts",
+            f"make the settings from a log of this unit{more}",
+        ),
     )
-    return (cause,)
 
 
 def _whiteness(solutions: Sequence[Solution], scored: Sequence[NDArray[np.intp]]) -> Whiteness | None:
@@ -290,8 +294,7 @@ def _outage(
     windows = outage_windows(stretches, horizon)
     if not windows:
         return None
-    errors: list[FloatArray] = []
-    covariances: list[FloatArray] = []
+    parts = []
     for solution in navigate(stretches, settings, np.array(windows)):
         for begin, end in windows:
             inside = np.flatnonzero(
@@ -308,9 +311,8 @@ def _outage(
                 )
                 spread = solution.covariance[k, :3, :3]
             if np.isfinite(error).all():
-                errors.append(error[None])
-                covariances.append(spread[None])
-    return outage_score(horizon, errors, covariances) if errors else None
+                parts.append((error[None], spread[None]))
+    return outage_score(horizon, *zip(*parts, strict=True)) if parts else None
 
 
 def _diverged(found: Consistency, solutions: Sequence[Solution]) -> bool:
