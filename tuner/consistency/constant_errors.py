@@ -26,7 +26,7 @@ from models.probability import student_quantile
 from tuner.consistency.correlated_errors import independent_count
 from tuner.consistency.frame_differences import errors_in_one_frame
 from tuner.consistency.output_causes import INTERVAL_SDS, MAX_CAUSES, MIN_GAIN
-from tuner.consistency.output_errors import OutputErrors
+from tuner.consistency.output_errors import OutputErrors, of_body_rotation
 from tuner.consistency.output_scores import aided_rows, error_scores, state_scores
 from tuner.consistency.scores import BLOCKS, DIVERGED_RATIO
 from tuner.consistency.time_alignment import OFFSET_BLOCKS
@@ -102,26 +102,24 @@ def _point(run: OutputErrors) -> FloatArray:
     return found
 
 
-def _scale(run: OutputErrors) -> FloatArray:
-    """Return derivatives by how much too long horizontal ways and velocities are, from a point north and east."""
-    found = np.zeros((len(run), FITTED_STATES, 3))
-    for own, of in ((slice(0, 3), _travelled(run)), (slice(3, 6), run.estimate.vel_n)):
-        found[:, own, 0] = -of * [1.0, 1.0, 0.0]
-    found[:, :3, 1:] = -np.eye(3)[:, :2]
-    return found
-
-
 def _turn(run: OutputErrors, blocks: int) -> FloatArray:
     """Return derivatives by a turn of so many blocks about the vertical of any point, and by their scale.
 
     A map has both, and a turn by many degrees shortens the way that it began with.
     """
-    found = np.concatenate([np.zeros((len(run), FITTED_STATES, 1)), _scale(run)], axis=2)
+    found = np.zeros((len(run), FITTED_STATES, 4))
     for own, of in ((slice(0, 3), _travelled(run)), (slice(3, 6), run.estimate.vel_n)):
         found[:, own, 0] = -np.cross([0.0, 0.0, 1.0], of)
+        found[:, own, 1] = -of * [1.0, 1.0, 0.0]
     found[:, 8, 0] = -1.0
+    found[:, :3, 2:] = -np.eye(3)[:, :2]
     found[:, 3 * blocks :] = 0.0
     return found
+
+
+def _scale(run: OutputErrors) -> FloatArray:
+    """Return derivatives by how much too long horizontal ways and velocities are, from a point north and east."""
+    return _turn(run, blocks=2)[..., 1:]
 
 
 def _travelled(run: OutputErrors) -> FloatArray:
@@ -133,9 +131,7 @@ def _travelled(run: OutputErrors) -> FloatArray:
 
 def _body(run: OutputErrors) -> FloatArray:
     """Return derivatives by a rotation from the body of the estimate to that of the truth."""
-    found = np.zeros((len(run), FITTED_STATES, 3))
-    found[:, 6:9] = rotation.mat_from_quat(run.estimate.quat_nb)
-    return found
+    return of_body_rotation(run.estimate)[:, :FITTED_STATES]
 
 
 CONSTANTS = (

@@ -53,7 +53,11 @@ def divergence(
         numbers = {"diverged_runs": int(diverged.sum()), "runs": len(diverged)}
         verdict = Verdict(VerdictCode.RUNS_DIVERGED, Severity.DIVERGED, numbers=numbers)
     if _start_not_linear(simulated, ratios):
-        return verdict, _start(settings)
+        sds = {
+            f"{name}_sd": tuple(settings.initial_sd[settings.model.layout[name]].tolist())
+            for name in ("attitude", "gyro_bias")
+        }
+        return verdict, Verdict(VerdictCode.START_NOT_LINEAR, Severity.EXPLANATION, numbers=sds)
     pairs = _true_and_configured(plan, settings, sensor)
     far = {
         name: true / own if own > 0.0 else math.inf
@@ -68,15 +72,6 @@ def _start_not_linear(simulated: Runs, ratios: FloatArray) -> bool:
     first = simulated.covariance[:, simulated.t <= simulated.t[0] + SETTLING_TIME]
     peak = np.sqrt(np.diagonal(first, axis1=-2, axis2=-1)[..., ATTITUDE_ROWS].max(axis=(1, 2)))
     return bool(np.median(peak) > LINEAR_ATTITUDE_SD) or some_strayed(ratios)
-
-
-def _start(settings: FilterSettings) -> Verdict:
-    """Return the verdict that the initial uncertainty is too large for a linear filter."""
-    at = settings.model.layout
-    numbers = {
-        f"{name}_sd": tuple(settings.initial_sd[at[name]].tolist()) for name in ("attitude", "gyro_bias")
-    }
-    return Verdict(VerdictCode.START_NOT_LINEAR, Severity.EXPLANATION, numbers=numbers)
 
 
 def _true_and_configured(

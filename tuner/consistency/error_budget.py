@@ -107,19 +107,18 @@ def known_sources(settings: FilterSettings, plan: Scenario) -> tuple[Source, lis
         assumed_fix_sd(settings, plan.receiver),
     )
 
-    def only(values: FloatArray, which: Sequence[slice]) -> FloatArray:
+    def only(values: FloatArray, which: slice) -> FloatArray:
         kept = np.zeros_like(values)
-        for block in which:
-            kept[block] = values[block]
+        kept[which] = values[which]
         return kept
 
     def part(
         name: str,
         *,
-        started: Sequence[slice] = (),
-        driving_noise: Sequence[slice] = (),
-        sensors: Sequence[slice] = (),
-        fixes: Sequence[slice] = (),
+        started: slice = slice(0),
+        driving_noise: slice = slice(0),
+        sensors: slice = slice(0),
+        fixes: slice = slice(0),
     ) -> Source:
         return Source(
             name,
@@ -131,29 +130,29 @@ def known_sources(settings: FilterSettings, plan: Scenario) -> tuple[Source, lis
         )
 
     parts = [
-        part("gyro white noise", sensors=[slice(0, 3)]),
-        part("accelerometer white noise", sensors=[slice(3, 6)]),
+        part("gyro white noise", sensors=slice(0, 3)),
+        part("accelerometer white noise", sensors=slice(3, 6)),
     ]
     for sensor, title in (("gyro", "gyro"), ("accel", "accelerometer")):
         if f"{sensor}_markov" in at:
-            rungs = [at[f"{sensor}_markov"]]
+            rungs = at[f"{sensor}_markov"]
             parts.append(part(f"{title} bias noise", started=rungs, driving_noise=rungs))
-        bias = [at[f"{sensor}_bias"]]
+        bias = at[f"{sensor}_bias"]
         parts += [
             part(f"{title} bias random walk", driving_noise=bias),
             part(f"{title} turn-on bias", started=bias),
         ]
     parts += [
-        part("initial position and velocity", started=[slice(0, 6)]),
-        part("initial tilt", started=[slice(6, 8)]),
-        part("initial heading", started=[slice(8, 9)]),
-        part("position fixes", fixes=[slice(0, 3)]),
-        part("velocity fixes", fixes=[slice(3, 6)]),
+        part("initial position and velocity", started=slice(0, 6)),
+        part("initial tilt", started=slice(6, 8)),
+        part("initial heading", started=slice(8, 9)),
+        part("position fixes", fixes=slice(0, 3)),
+        part("velocity fixes", fixes=slice(3, 6)),
     ]
     for name, components in settings.model.components.items():
         state = FILTER_STATES[name]
         if state.origin not in (Origin.AXIS_CONSTANT, Origin.AXIS_PROCESSES) and components:
-            parts.append(part(state.meaning, started=[at[name]], driving_noise=[at[name]]))
+            parts.append(part(state.meaning, started=at[name], driving_noise=at[name]))
     return own, parts
 
 

@@ -156,11 +156,10 @@ def output_errors(
             f"found {estimate.t[0]:.3f} … {estimate.t[-1]:.3f} s: put both on one clock"
         )
     notes: list[str] = []
-    moved = moved.rows(inside)
+    moved, within = moved.rows(inside), truth.rows((truth.t >= begin - 1e-9) & (truth.t <= end + 1e-9))
     dense = float(np.median(np.diff(moved.t))) < DENSER_TRUTH_RATIO * float(np.median(np.diff(truth.t)))
     if dense and not moved.has_innovations:
-        own = (truth.t >= begin - 1e-9) & (truth.t <= end + 1e-9)
-        truth, half_way, curves = truth.rows(own), None, None
+        truth, half_way, curves = within, None, None
         moved = replace(at_times(moved, truth.t), outages=moved.outages)
         notes.append("estimate interpolated at the times of the truth, which are fewer")
     curves = curves or curves_of(truth)
@@ -174,8 +173,7 @@ def output_errors(
     if not tried:
         refuse_wrong_conventions(moved, there)
     noted = _note_between(between, moved, truth)
-    own = truth.rows((truth.t >= begin - 1e-9) & (truth.t <= end + 1e-9))
-    wrong, said = velocity_contradiction(own, moved, np.mean(between[:, 3:6], axis=0))
+    wrong, said = velocity_contradiction(within, moved, np.mean(between[:, 3:6], axis=0))
     between = between + np.pad(wrong, (3, 3))
     error = difference(there, moved)
     if moved.vel_of_body:
@@ -188,7 +186,7 @@ def output_errors(
     stated[:, range(9), range(9)] += between
     fitted = [_of_alignment(moved, how)]
     if time_offset is not None:
-        fitted.append(np.nan_to_num(rate)[:, :, None])
+        fitted.append(rate[:, :, None])
     if not one_body:
         fitted.append(of_body_rotation(moved))
     return OutputErrors(
@@ -200,7 +198,7 @@ def output_errors(
         moved,
         between,
         rate,
-        np.concatenate(fitted, axis=2),
+        np.nan_to_num(np.concatenate(fitted, axis=2)),
         body,
         (*notes, *done, *noted, *said),
     )
@@ -253,7 +251,7 @@ def of_body_rotation(estimate: FilterOutput) -> FloatArray:
     """Return the derivatives of the errors by a rotation of the truth's body; (n, 15, 3)."""
     found = np.zeros((len(estimate), 15, 3))
     found[:, 6:9] = rotation.mat_from_quat(estimate.quat_nb)
-    return np.nan_to_num(found)
+    return found
 
 
 def _of_alignment(estimate: FilterOutput, how: Alignment) -> FloatArray:
@@ -263,7 +261,7 @@ def _of_alignment(estimate: FilterOutput, how: Alignment) -> FloatArray:
         found[:, :3, :3] = np.eye(3)
         arm = estimate.local - np.nanmean(estimate.local, axis=0)
         found[:, :3, 3:] = -rotation.skew(arm)[:, :, 2:] if how is Alignment.YAW else -rotation.skew(arm)
-    return np.nan_to_num(found)
+    return found
 
 
 def _in_one_frame(

@@ -164,13 +164,12 @@ def score_outputs(
         if constants and not (_is_far(found) and not _is_far(left)):
             why = explain(runs, sensor_noise=sensor_noise)
             # a model of the filter tells its fixes from its output
-            known = bool(why.causes) and (why.causes[0].subject == "fixes" or not left.consistent)
-            if not known:
-                why = Explanations()
-            elif left.consistent:  # one constant explains all
-                why = replace(why, causes=why.causes[:1])
-            if known:
+            if why.causes and (why.causes[0].subject == "fixes" or not left.consistent):
+                if left.consistent:  # one constant explains all
+                    why = replace(why, causes=why.causes[:1])
                 constants, rest, left = (), runs, found
+            else:
+                why = Explanations()
         errors = rest or [_without_truth(o) for o in innovative]
         if not (why.causes or _explained(left, constants)):
             why = explain(errors, sensor_noise=sensor_noise)

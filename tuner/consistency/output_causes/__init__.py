@@ -92,9 +92,7 @@ def explain(runs: Sequence[OutputErrors], *, sensor_noise: tuple[float, float] |
         White densities of gyros and accelerometers at rest, from a log of the unit. In motion they are no smaller: a
         hypothesis with less is less likely by as much.
     """
-    runs = runs[:MAX_RUNS]
-    courses = [course_of(run) for run in runs]
-    pairs = [(run, course) for run, course in zip(runs, courses, strict=True) if course is not None]
+    pairs = [(run, course) for run in runs[:MAX_RUNS] if (course := course_of(run)) is not None]
     stated = [run for run, _ in pairs if np.isfinite(np.einsum("kii->ki", run.covariance)[:, :6]).any()]
     if not pairs or len(stated) < len(pairs):
         return Explanations()

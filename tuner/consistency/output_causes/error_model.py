@@ -64,8 +64,6 @@ class ErrorModel:
     ----------
     model : FilterModel
         What the filter assumes.
-    update : ndarray, shape (k, n, n)
-        I − K H of what happens to the errors between what is seen of them; I where innovations are seen.
     phi, noise : ndarray, shapes (k, n, n), (k, 4, n, n)
         Transition, and process noise of the assumed densities by source.
     gain : ndarray, shape (k, n, 6)
@@ -91,7 +89,6 @@ class ErrorModel:
     """
 
     model: FilterModel
-    update: FloatArray
     phi: FloatArray
     noise: FloatArray
     gain: FloatArray
@@ -124,20 +121,15 @@ class ErrorModel:
 
     def deviance(self, true: TrueNoise) -> float:
         """Return −2 ln of the likelihood, up to a constant."""
-        logs, products = self._likelihood(true, 0)
-        return float(logs + products[0, 0])
+        return self._likelihood(true, 0)[0]
 
     def regression(self, true: TrueNoise) -> tuple[float, FloatArray]:
         """Return the same, and the products of whitened data and regressors, shape (1 + m, 1 + m)."""
-        logs, products = self._likelihood(true, self.inputs.shape[2])
-        return float(logs + products[0, 0]), products
+        return self._likelihood(true, self.inputs.shape[2])
 
     def variances(self, true: TrueNoise) -> FloatArray:
         """Return the mean variances of the 15 errors in the second half of the run."""
-        update = np.tile(np.eye(self.count), (len(self.dt), 1, 1))
-        update[:, :, :6] -= self.gain
-        after = replace(self, update=update, by_innovations=False) if self.by_innovations else self
-        system = after._system(true)
+        system = self._by_errors._system(true)
         p, found, half = system.start, np.zeros(15), len(self.dt) // 2
         for k in range(len(self.dt)):
             p = system.dynamics[k] @ p @ system.dynamics[k].T + system.noise[k]
@@ -151,9 +143,7 @@ class ErrorModel:
         through = self.inputs @ constants
         if self.by_innovations:
             through = -np.einsum("kij,kj->ki", self.gain, self.outputs @ constants)
-        update = np.tile(np.eye(self.count), (len(self.dt), 1, 1))
-        update[:, :, :6] -= self.gain
-        dynamics = update @ self.phi
+        dynamics = self._by_errors._own_dynamics
         for k in range(len(self.dt)):
             mean = dynamics[k] @ mean + through[k]
             found[k] = mean[:9]
@@ -179,17 +169,30 @@ class ErrorModel:
             inputs,
             np.ascontiguousarray(self.outputs[:, :, :regressors]),
         )
-        return float(logs), np.asarray(products)
+        return float(logs + products[0, 0]), np.asarray(products)
+
+    @cached_property
+    def _by_errors(self) -> ErrorModel:
+        """The model of which the errors after the fixes are seen."""
+        return replace(self, by_innovations=False) if self.by_innovations else self
+
+    @cached_property
+    def _update(self) -> FloatArray:
+        """I − K H of what happens to the errors between what is seen of them; I for innovations; shape (k, n, n)."""
+        update = np.tile(np.eye(self.count), (len(self.dt), 1, 1))
+        if not self.by_innovations:
+            update[:, :, :6] -= self.gain
+        return update
 
     @cached_property
     def _own_dynamics(self) -> FloatArray:
         """Dynamics of the errors where the filter lacks no process, shape (k, n, n)."""
-        return np.asarray(self.update @ self.phi)
+        return np.asarray(self._update @ self.phi)
 
     @cached_property
     def _own_noise(self) -> FloatArray:
         """Their noise by source, of the fixes last, shape (4 + 2, k, n, n)."""
-        mats = [self.update @ self.noise[:, s] @ np.swapaxes(self.update, -1, -2) for s in range(4)]
+        mats = [self._update @ self.noise[:, s] @ np.swapaxes(self._update, -1, -2) for s in range(4)]
         for own in (slice(0, 3), slice(3, 6)):
             part = self.gain[:, :, own] * (not self.by_innovations)
             mats.append((part * self.model.fix_variance[own]) @ np.swapaxes(part, -1, -2))
@@ -210,7 +213,7 @@ class ErrorModel:
             return system
         n = system.dynamics.shape[1]
         wide = np.tile(np.eye(n), (len(self.dt), 1, 1))
-        wide[:, : self.count, : self.count] = self.update
+        wide[:, : self.count, : self.count] = self._update
         if true.extra is not None and true.extra.place == "fixes":
             wide[:, : self.count, self.count :] = -self.gain[:, :, :3]
         r = np.repeat(true.fixes, 3) ** 2 * self.model.fix_variance
@@ -279,7 +282,6 @@ def error_model(run: OutputErrors, course: Course, model: FilterModel) -> ErrorM
     by_fixes, outputs = _regressors(course)
     error = run.error[rows, :9]
     by_innovations = not np.isfinite(error).any()
-    update = np.tile(np.eye(n), (len(phi), 1, 1))
     shift = np.zeros((len(phi), n))
     if by_innovations:
         seen = run.estimate.innovation[rows]
@@ -293,13 +295,11 @@ def error_model(run: OutputErrors, course: Course, model: FilterModel) -> ErrorM
     else:
         known = np.isfinite(error)
         seen = np.where(known, error, 0.0)
-        update[:, :, :6] -= gain
         inputs = -gain @ by_fixes
         stated = np.einsum("kii->ki", run.covariance)[rows, :9]
         variance = MODEL_ERROR**2 * np.where(stated > 0.0, stated, sds**2)
     return ErrorModel(
         model,
-        update,
         phi,
         np.ascontiguousarray(noise),
         gain,
@@ -319,9 +319,8 @@ def error_model(run: OutputErrors, course: Course, model: FilterModel) -> ErrorM
 
 def _regressors(course: Course) -> tuple[FloatArray, FloatArray]:
     """Return what constants do to fixes, (k, 6, m), and to output errors, (k, 9, m)."""
-    k = len(course.dt)
+    k, at = len(course.dt), REGRESSORS
     fixes, outputs = np.zeros((k, 6, REGRESSOR_COUNT)), np.zeros((k, 9, REGRESSOR_COUNT))
-    at = REGRESSORS
     motion = np.concatenate([course.vel, course.acc, course.rate], axis=1)[:, :, None]
     fixes[:, :, at["delay of fixes"]] = -motion[:, :6]
     outputs[:, :, at["delay of output"]] = motion
