@@ -108,7 +108,7 @@ def explain(runs: Sequence[OutputErrors], *, sensor_noise: tuple[float, float] |
     causes: list[OutputCause] = []
     while len(causes) < MAX_CAUSES:
         fits = _candidates(models, base, fixed, known, scale_hypotheses(models[0], base))
-        fits = _with_sensor_noise(fits, base, model, None if models[0].of_body else sensor_noise)
+        fits = _with_sensor_noise(fits, base, model, None if models[0].course.of_body else sensor_noise)
         fits = [fit for fit in fits if fit.cause.cause not in {c.cause for c in causes}]
         least = max(MIN_GAIN, FURTHER_SHARE * causes[0].gain if causes else 0.0)
         if not fits or fits[0].cause.gain < least:
@@ -158,8 +158,7 @@ def _candidates(
     losses = [(scale, partial(_loss, models, scale, base, fixed)) for scale in scales]
     promising = sorted(losses, key=lambda one: _promise(one[0], one[1], deviance), reverse=True)
     for scale, loss in counted(promising[:REFINED_COUNT]):
-        error = models[0].time_error if scale.cause == "time_constant" else models[0].size_error
-        if fit := _fitted(scale, loss, base, deviance, price, error):
+        if fit := _fitted(scale, loss, base, deviance, price, models[0].error_of(scale.cause)):
             found.append(fit)
     best: dict[str, _Fit] = {}
     for fit in sorted(found, key=lambda f: -f.cause.gain):

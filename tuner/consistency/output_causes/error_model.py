@@ -80,12 +80,11 @@ class ErrorModel:
         What the constants of `REGRESSORS` do to the errors, and to what is seen of them.
     sds : ndarray, shape (k, 9)
         Of position, velocity and attitude, as predicted.
-    dt : ndarray, shape (k,)
-        s.
+    course : Course
+        The epochs, k of them. Where its velocities are along the axes of the body, the last source of process noise is
+        what measures them.
     by_innovations : bool
         Whether innovations are seen.
-    of_body : bool
-        Whether velocities are along the axes of the body; then the last source of process noise is what measures them.
     """
 
     model: FilterModel
@@ -100,19 +99,16 @@ class ErrorModel:
     inputs: FloatArray
     outputs: FloatArray
     sds: FloatArray
-    dt: FloatArray
+    course: Course
     by_innovations: bool
-    of_body: bool
 
-    @property
-    def size_error(self) -> float:
-        """How far the model may take a size from the truth, relative."""
-        return BODY_MODEL_ERROR if self.of_body else MODEL_ERROR
+    def error_of(self, cause: str) -> float:
+        """Return how far the model may take the size of a cause from the truth, relative.
 
-    @property
-    def time_error(self) -> float:
-        """The same of a time constant ÷ that assumed, which the sds tell as well as they do."""
-        return math.hypot(self.size_error, float(self.model.log_time_sd.max()))
+        Of a time constant ÷ that assumed, the sds tell what is assumed as well as they do.
+        """
+        size = BODY_MODEL_ERROR if self.course.of_body else MODEL_ERROR
+        return math.hypot(size, float(self.model.log_time_sd.max())) if cause == "time_constant" else size
 
     @property
     def count(self) -> int:
@@ -130,21 +126,21 @@ class ErrorModel:
     def variances(self, true: TrueNoise) -> FloatArray:
         """Return the mean variances of the 15 errors in the second half of the run."""
         system = self._by_errors._system(true)
-        p, found, half = system.start, np.zeros(15), len(self.dt) // 2
-        for k in range(len(self.dt)):
+        p, found, half = system.start, np.zeros(15), len(self.course.dt) // 2
+        for k in range(len(self.course.dt)):
             p = system.dynamics[k] @ p @ system.dynamics[k].T + system.noise[k]
             if k >= half:
                 found += np.diag(p)[:15]
-        return found / (len(self.dt) - half)
+        return found / (len(self.course.dt) - half)
 
     def response(self, constants: FloatArray) -> FloatArray:
         """Return the mean of the errors of position, velocity and attitude that constants (m,) make; (k, 9)."""
-        mean, found = np.zeros(self.count), np.zeros((len(self.dt), 9))
+        mean, found = np.zeros(self.count), np.zeros((len(self.course.dt), 9))
         through = self.inputs @ constants
         if self.by_innovations:
             through = -np.einsum("kij,kj->ki", self.gain, self.outputs @ constants)
         dynamics = self._by_errors._own_dynamics
-        for k in range(len(self.dt)):
+        for k in range(len(self.course.dt)):
             mean = dynamics[k] @ mean + through[k]
             found[k] = mean[:9]
         return found if self.by_innovations else found + self.outputs @ constants
@@ -179,7 +175,7 @@ class ErrorModel:
     @cached_property
     def _update(self) -> FloatArray:
         """I − K H of what happens to the errors between what is seen of them; I for innovations; shape (k, n, n)."""
-        update = np.tile(np.eye(self.count), (len(self.dt), 1, 1))
+        update = np.tile(np.eye(self.count), (len(self.course.dt), 1, 1))
         if not self.by_innovations:
             update[:, :, :6] -= self.gain
         return update
@@ -212,7 +208,7 @@ class ErrorModel:
         if self.by_innovations:
             return system
         n = system.dynamics.shape[1]
-        wide = np.tile(np.eye(n), (len(self.dt), 1, 1))
+        wide = np.tile(np.eye(n), (len(self.course.dt), 1, 1))
         wide[:, : self.count, : self.count] = self._update
         if true.extra is not None and true.extra.place == "fixes":
             wide[:, : self.count, self.count :] = -self.gain[:, :, :3]
@@ -223,22 +219,17 @@ class ErrorModel:
 
     def _widened(self, system: _System, decay: FloatArray, variance: FloatArray) -> _System:
         """Return the system with further stationary first-order states behind those of the filter."""
-        k, more = len(self.dt), len(variance)
-        own, n = self.count, self.count + more
-        dynamics, noise, start = np.zeros((k, n, n)), np.zeros((k, n, n)), np.zeros((n, n))
-        dynamics[:, :own, :own], noise[:, :own, :own], start[:own, :own] = (
-            system.dynamics,
-            system.noise,
-            system.start,
-        )
-        dynamics[:, range(own, n), range(own, n)] = decay
-        noise[:, range(own, n), range(own, n)] = (1.0 - decay**2) * variance
-        start[range(own, n), range(own, n)] = variance
+        more = (0, len(variance))
+        dynamics, noise = (np.pad(mats, ((0, 0), more, more)) for mats in (system.dynamics, system.noise))
+        start, new = np.pad(system.start, more), range(self.count, self.count + len(variance))
+        dynamics[:, new, new] = decay
+        noise[:, new, new] = (1.0 - decay**2) * variance
+        start[new, new] = variance
         return _System(dynamics, noise, start)
 
     def _with_extra(self, system: _System, extra: ExtraProcess) -> _System:
         """Return the system with a process that the filter lacks; of a sensor, it acts as the bias does."""
-        decay = np.exp(-self.dt / extra.time_constant)[:, None] * np.ones(3)
+        decay = np.exp(-self.course.dt / extra.time_constant)[:, None] * np.ones(3)
         wide = self._widened(system, decay, np.full(3, extra.sd**2))
         if extra.place != "fixes":
             first = 9 if extra.place == "gyro" else 12
@@ -252,11 +243,11 @@ class ErrorModel:
         scale = np.array(true.density[2:])
         density = np.repeat(scale * self.model.density[2:], 3)
         variance = 0.5 * density**2 * assumed
-        decay = np.exp(-self.dt[:, None] / constant)
+        decay = np.exp(-self.course.dt[:, None] / constant)
         wide = self._widened(system, decay, variance)
         own, biases = range(9, 15), range(self.count, self.count + 6)
         increment = (1.0 - decay**2) * variance
-        wide.dynamics[:, own, biases] = decay - np.exp(-self.dt[:, None] / assumed)
+        wide.dynamics[:, own, biases] = decay - np.exp(-self.course.dt[:, None] / assumed)
         wide.noise[:, :15, :15] -= np.einsum("s,ksij->kij", scale**2, self.noise[:, 2:, :15, :15])
         wide.noise[:, own, own] += increment
         wide.noise[:, own, biases] = wide.noise[:, biases, own] = increment
@@ -311,9 +302,8 @@ def error_model(run: OutputErrors, course: Course, model: FilterModel) -> ErrorM
         np.ascontiguousarray(inputs),
         np.ascontiguousarray(outputs),
         sds,
-        course.dt,
+        course,
         by_innovations,
-        course.of_body,
     )
 
 

@@ -57,7 +57,7 @@ def scale_hypotheses(model: ErrorModel, base: TrueNoise) -> list[ScaleHypothesis
     """Return all hypotheses with one free size, each with at most one process that the filter lacks."""
     r, q = "gnss_noise_scale", "imu_noise_scale"
     everything = ScaleHypothesis("noise_scale", "", _scaled(density=range(4), fixes=range(2)))
-    if model.of_body:
+    if model.course.of_body:
         return [
             ScaleHypothesis(r, "", _scaled(density=[3], fixes=[0])),
             ScaleHypothesis(r, "position fixes", _scaled(fixes=[0])),

@@ -28,7 +28,10 @@ def covariance_recursion(phi, noise, fixed, r, start):  # type: ignore[no-untype
         if fixed[k]:
             for j in range(6):
                 column = p[:, j].copy()
-                p -= np.outer(1.0 / (column[j] + r[j]) * column, column)
+                share = 1.0 / (column[j] + r[j]) * column
+                for a in range(n):
+                    for b in range(n):
+                        p[a, b] -= share[a] * column[b]
             gain[k] = p[:, :6] / r
         covariance[k] = p
     return covariance, gain
@@ -42,9 +45,9 @@ def error_likelihood(dynamics, noise, shift, start, seen, variance, known, input
     seen_k = e_k[:c] + outputs_k b + white noise of `variance` (k, c), where `known` (k, c); b are m unknown constants.
     Twice the negative log likelihood is Σ ln s + the first product, less what regression on the others takes away.
     """
-    m = inputs.shape[2]
+    n, m = inputs.shape[1:]
     p = start.copy()
-    mean = np.zeros((len(start), 1 + m))  # of data; less those of regressors
+    mean = np.zeros((n, 1 + m))  # of data; less those of regressors
     products = np.zeros((1 + m, 1 + m))
     logs = 0.0
     for k in range(len(dynamics)):
@@ -59,7 +62,13 @@ def error_likelihood(dynamics, noise, shift, start, seen, variance, known, input
             row[1:] += outputs[k, j]
             column = p[:, j].copy()
             logs += log(s)
-            products += np.outer(row, row) / s
-            mean += np.outer(column / s, row)
-            p -= np.outer(column / s, column)
+            for a in range(1 + m):
+                for b in range(1 + m):
+                    products[a, b] += row[a] * row[b] / s
+            for a in range(n):
+                share = column[a] / s
+                for b in range(1 + m):
+                    mean[a, b] += share * row[b]
+                for b in range(n):
+                    p[a, b] -= share * column[b]
     return logs, products
