@@ -135,9 +135,8 @@ def check(
         compared = compare_engines(settings, sensor, plan, runs=runs, seed=seed)
     stage("scoring the filter", 0.84)
     settled = _settled_scores(settings, plan, simulated)
-    found = settled
-    if plan.start_sd is not None and not found.diverged:
-        found = replace(found, blocks=(*found.blocks, *start_scores(simulated)))
+    starts = start_scores(simulated) if plan.start_sd is not None and not settled.diverged else ()
+    found = replace(settled, blocks=(*settled.blocks, *starts))
     if found.diverged:
         reasons = divergence(simulated, plan, settings, sensor)
         if constant := of_installation(simulated, plan):

@@ -14,7 +14,6 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from models.arrays import FloatArray
 from models.filter_states import FILTER_STATES, Origin
@@ -27,10 +26,8 @@ from tuner.simulation.monte_carlo import assumed_fix_sd, scenario_fixes
 from tuner.simulation.scenario import Scenario
 from tuner.types.consistency import ERROR_UNITS, ErrorBudget
 
-TABLE_LENGTHS = (10.0, 60.0, 300.0)
-"""Lengths of outage whose budget is shown, s."""
-NO_FURTHER_STATES: NDArray[np.int64] = np.zeros(0, dtype=np.int64)
-"""Sensor axes of further states where there are none."""
+HORIZONS = (10.0, 60.0, 300.0)
+"""Times without fixes of which the budget and the drift are shown, s: an underpass, a tunnel, a car park."""
 
 
 @dataclass(frozen=True)
@@ -60,11 +57,10 @@ def table(budget: ErrorBudget) -> list[tuple[str, FloatArray]]:
 
     The columns are position, velocity and attitude.
     """
-    cases = [("aided", budget.aided)]
-    cases += [(f"{h:g} s without fixes", budget.after[h]) for h in TABLE_LENGTHS if h in budget.after]
+    outages = {f"{h:g} s without fixes": budget.after[h] for h in HORIZONS if h in budget.after}
     return [
         (name, np.stack([budget.share(epochs, BLOCKS[block]) for block in ERROR_UNITS], axis=-1))
-        for name, epochs in cases
+        for name, epochs in {"aided": budget.aided, **outages}.items()
     ]
 
 
@@ -162,7 +158,7 @@ def trace(
     own: Source,
     sources: Sequence[Source],
     *,
-    rows: NDArray[np.int64] = NO_FURTHER_STATES,
+    rows: Sequence[int] = (),
 ) -> ErrorBudget:
     """Propagate the covariance of every source along the noise-free trajectory, with the gains of the filter.
 
@@ -174,12 +170,12 @@ def trace(
         All noise of the configuration, from `known_sources`.
     sources : sequence of Source
         With n states, and as many more as `rows` has, behind them.
-    rows : ndarray of int, shape (r,)
+    rows : sequence of int
         Sensor axis, 0 … 5, to whose error each further state adds.
     """
     initial, drive, rate = (np.pad(values, (0, len(rows))) for values in (own.initial, own.drive, own.rate))
     all_of_it = replace(own, initial=initial, drive=drive, rate=rate)
-    lay = with_sensor_states(layout_of(settings), rows)
+    lay = with_sensor_states(layout_of(settings), np.array(rows, dtype=np.int64))
     aided = scored_epochs(plan.times, plan.outages)
     reached = {horizon: outage_epochs(plan.times, plan.outages, horizon) for horizon in OUTAGE_LENGTHS}
     after = {horizon: rows for horizon, rows in reached.items() if len(rows)}

@@ -136,8 +136,7 @@ def likeliest(
     if not fits:
         fits = [_fitted(rival, misfits, misfits, misfits) for rival in rivals]
         fits = [fit for fit in fits if fit.misfit <= half]
-        least = min((fit.misfit for fit in fits), default=0.0)
-        scale = count / max(least, count)
+        scale = count / max(min((fit.misfit for fit in fits), default=0.0), count)
         fits = [replace(fit, loss=scale * fit.loss, level_loss=scale * fit.level_loss) for fit in fits]
     fits.sort(key=lambda fit: float(fit.loss.mean()))
     if not fits or fits[0].misfit > count:

@@ -26,8 +26,6 @@ from tuner.types.verdict import ExplanationKind, explanation_source
 
 LOG_MAX_RATIO = math.log(100.0)
 """Largest ratio of true to configured sd that is considered, as a logarithm: beyond it a filter diverges."""
-MISSING = (ExplanationKind.MISSING_SLOWER, ExplanationKind.MISSING_NEXT, ExplanationKind.MISSING_FASTER)
-"""Kinds of missing states."""
 
 
 @dataclass(frozen=True)
@@ -96,8 +94,8 @@ def hypotheses(
         Of the fastest and the slowest state of a sensor, s.
     """
     sensors = {"gyro": "gyro bias noise", "accelerometer": "accelerometer bias noise"}
-    groups: dict[str, tuple[str, ...]] = {name: (name,) for name in own}
-    groups |= {
+    groups: dict[str, tuple[str, ...]] = {
+        **{name: (name,) for name in own},
         "bias noise of gyros and accelerometers": tuple(sensors.values()),
         "turn-on biases of gyros and accelerometers": tuple(f"{title} turn-on bias" for title in sensors),
         "start": ("initial position and velocity", "initial tilt", "initial heading"),
@@ -130,7 +128,11 @@ def hypotheses(
             }
             states = np.sum([own[sensors[title]] for title in titles], axis=0)
             answer.append(_stretched(process, base, states, stretched))
-        for kind in MISSING:
+        for kind in (
+            ExplanationKind.MISSING_SLOWER,
+            ExplanationKind.MISSING_NEXT,
+            ExplanationKind.MISSING_FASTER,
+        ):
             if all(UnmodelledNoise(title, kind) in unmodelled for title in titles):
                 column = _summed(unmodelled, titles, kind, 1.0)
                 ends = [time_constants[title] for title in titles if title in time_constants]
