@@ -26,10 +26,9 @@ from models.probability import student_quantile
 from tuner.consistency.correlated_errors import independent_count
 from tuner.consistency.frame_differences import errors_in_one_frame
 from tuner.consistency.output_causes import INTERVAL_SDS, MAX_CAUSES, MIN_GAIN
-from tuner.consistency.output_errors import OutputErrors, of_body_rotation
+from tuner.consistency.output_errors import RECORD_PARTS, OutputErrors, of_body_rotation
 from tuner.consistency.output_scores import aided_rows, error_scores, state_scores
 from tuner.consistency.scores import BLOCKS, DIVERGED_RATIO
-from tuner.consistency.time_alignment import OFFSET_BLOCKS
 from tuner.consistency.trajectory_alignment import Alignment
 from tuner.consistency.wrong_conventions import MIN_IMPROVEMENT
 from tuner.limits import HONEST_RATIO, SHOWN_CHANGE, TOLERATED_RATIO
@@ -41,8 +40,6 @@ FITTED_STATES = 9
 """Position, velocity and attitude: what a constant acts on."""
 LARGEST_TURN = 0.25 * math.pi
 """Turn, rad, up to which errors are about linear in it."""
-CLOCK = "stamps of the output or of the truth"
-"""Subject of an offset of the clocks."""
 RADIAN_IN_DEGREES = math.degrees(1.0)
 """Degrees of a radian."""
 
@@ -228,8 +225,8 @@ def _aligned(
     if cause == "time_offset":
         if offset is None or np.prod(offset.interval) <= 0.0:
             return None
-        gain = _gain(before, squares, 1)
-        late = OutputCause(cause, offset.value, offset.interval, "s", gain, {}, CLOCK, (), True)
+        gain, stamps = _gain(before, squares, 1), "stamps of the output or of the truth"
+        late = OutputCause(cause, offset.value, offset.interval, "s", gain, {}, stamps, (), True)
         return Fitted(late, rest, squares)
     body = rest[0].body
     if body is None or not np.isfinite(body.vector).all():
@@ -248,7 +245,7 @@ def _fitted(runs: Sequence[OutputErrors], before: Squares, constant: Constant) -
         known[np.setdiff1d(np.arange(len(run)), aided_rows(run))] = False
         w = np.where(known, error / sd, 0.0)
         x = np.where(known[..., None], columns / sd[..., None], 0.0)
-        for rows in np.array_split(np.arange(len(run)), max(2, OFFSET_BLOCKS // len(runs))):
+        for rows in np.array_split(np.arange(len(run)), max(2, RECORD_PARTS // len(runs))):
             tables.append(
                 (np.einsum("njk,njl->kl", x[rows], x[rows]), np.einsum("njk,nj->k", x[rows], w[rows]))
             )
@@ -350,9 +347,8 @@ def unit_of_sds(
     worst = _worst(blocks)
     if worst is None:
         return (), list(runs)
-    for subject, meant in READINGS.items():
-        if worst.name not in meant:
-            continue
+    readings = {subject: meant for subject, meant in READINGS.items() if worst.name in meant}
+    for subject, meant in readings.items():
         tried = list(runs)
         for name, of in meant.items():
             tried = [_with_sds(run, BLOCKS[name], of) for run in tried]

@@ -50,18 +50,20 @@ def divergence(
     diverged = ratios > STRAYED_RATIO
     verdict = Verdict(VerdictCode.FIXES_REFUSED, Severity.DIVERGED)
     if diverged.any():
-        numbers = {"diverged_runs": int(diverged.sum()), "runs": len(diverged)}
-        verdict = Verdict(VerdictCode.RUNS_DIVERGED, Severity.DIVERGED, numbers=numbers)
+        verdict = Verdict(
+            VerdictCode.RUNS_DIVERGED,
+            Severity.DIVERGED,
+            numbers={"diverged_runs": int(diverged.sum()), "runs": len(diverged)},
+        )
     if _start_not_linear(simulated, ratios):
         sds = {
             f"{name}_sd": tuple(settings.initial_sd[settings.model.layout[name]].tolist())
             for name in ("attitude", "gyro_bias")
         }
         return verdict, Verdict(VerdictCode.START_NOT_LINEAR, Severity.EXPLANATION, numbers=sds)
-    pairs = _true_and_configured(plan, settings, sensor)
     far = {
         name: true / own if own > 0.0 else math.inf
-        for name, (true, own) in pairs.items()
+        for name, (true, own) in _true_and_configured(plan, settings, sensor).items()
         if true > FAR_RATIO * own
     }
     return (verdict, Verdict(VerdictCode.TRUTH_FAR, Severity.EXPLANATION, numbers=far)) if far else (verdict,)

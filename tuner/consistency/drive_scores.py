@@ -45,9 +45,7 @@ def settled(stretch: Stretch, solution: Solution) -> NDArray[np.intp]:
 
 def blocks(solution: Solution, rows: NDArray[np.intp]) -> list[tuple[Solution, NDArray[np.intp]]]:
     """Return epochs by blocks that count as independent, each with its solution."""
-    if not len(rows):
-        return []
-    number = ((solution.t[rows] - solution.t[rows[0]]) // BLOCK_LENGTH).astype(int)
+    number = ((solution.t[rows] - solution.t[rows[:1]]) // BLOCK_LENGTH).astype(int)
     return [(solution, rows[number == n]) for n in np.unique(number)]
 
 

@@ -118,7 +118,7 @@ def _error_scores(runs: Sequence[OutputErrors]) -> dict[str, Score]:
         if len(known) > 1:
             parts["nees"].append(
                 _of_unit_variance(run, rows, wide[:, states], cov[:, states][:, :, states])
-                if run.correlated
+                if run.estimate.correlated
                 else np.concatenate([parts[name][-1] for name in known], axis=1)
             )
     return _scored({name: groups for name, groups in parts.items() if groups})
@@ -144,7 +144,7 @@ def _of_unit_variance(
     except np.linalg.LinAlgError:
         worst = int(np.argmin(np.linalg.eigvalsh(covariance)[:, 0]))
         raise DataError(
-            f"{run.name}: expected covariances that are positive definite, found one that is not at "
+            f"{run.estimate.name}: expected covariances that are positive definite, found one that is not at "
             f"{run.t[rows][worst]:.3f} s: mend the filter's update (Joseph form), or give its sds alone"
         ) from None
 
@@ -196,11 +196,10 @@ def output_whiteness(outputs: Sequence[FilterOutput]) -> Whiteness | None:
     longest = int(np.argmax([np.count_nonzero(used) for used in fixes]))
     t = outputs[longest].t
     together = all(np.array_equal(output.t, t) for output in outputs)
-    chosen = list(outputs) if together else [outputs[longest]]
     some: NDArray[np.bool_] = np.asarray(np.stack(fixes).any(axis=0)) if together else fixes[longest]
     if np.count_nonzero(some) < 2:
         return None
-    chosen = [output.rows(some) for output in chosen]
+    chosen = [output.rows(some) for output in (outputs if together else [outputs[longest]])]
     return whiteness(
         t[some],
         [output.innovation for output in chosen],

@@ -23,6 +23,7 @@ from models.robust import normal_sd
 from tuner.consistency.drive_scores import as_output, as_truth, settled
 from tuner.consistency.output_errors import in_axes_of
 from tuner.consistency.trajectory_alignment import at_times
+from tuner.consistency.velocity_of_positions import MATTERING_SHARE
 from tuner.formats.customary_units import digits
 from tuner.formats.reference_words import wrong_attitude_text
 from tuner.navigation.data import Solution
@@ -50,8 +51,6 @@ FALSE_ALARM = 0.01
 """Probability that the share seems smaller by chance, by Student's law."""
 STATED_SDS = 5.0
 """Turns in a stand, in the sds that the reference states of the attitudes at both ends, which are no chance."""
-MATTERING_SHARE = 0.3
-"""Turn in a stand ÷ sd of the filter from which it matters: it adds 5 % to what errors are predicted to be."""
 AXIS_NAMES = ("roll", "pitch", "heading")
 """The turns about forward, right and down."""
 
@@ -68,8 +67,8 @@ def without_wrong_attitude(
     stretches, solutions : sequences of Stretch and Solution
         Of the drive, filtered.
     """
-    found = [_rests(reference, *pair) for pair in zip(stretches, solutions, strict=True)]
-    rests = standing(np.concatenate(found) if found else np.zeros((0, 13)))
+    pairs = zip(stretches, solutions, strict=True)
+    rests = standing(np.vstack([np.zeros((0, 13)), *(_rests(reference, *pair) for pair in pairs)]))
     if len(rests) < MIN_WINDOWS:
         return reference, ""
     begin, turn, by_gyros, sd, stated = rests[:, 0], *np.split(rests[:, 1:], 4, axis=1)
@@ -107,9 +106,9 @@ def standing(rests: FloatArray) -> FloatArray:
 
 def _rests(reference: Reference, stretch: Stretch, solution: Solution) -> FloatArray:
     """Return windows at rest: begin, turns of reference and gyroscopes, sds of filter and reference; (w, 13), rad."""
-    rows, none = settled(stretch, solution), np.zeros((0, 13))
+    rows = settled(stretch, solution)
     if len(rows) < 2:
-        return none
+        return np.zeros((0, 13))
     mine = as_output(solution, rows)
     theirs, _ = in_axes_of(at_times(as_truth(reference), mine.t), mine)
     known = np.isfinite(theirs.quat_nb).all(axis=1) & np.isfinite(mine.vel_n).all(axis=1)
@@ -127,8 +126,6 @@ def _rests(reference: Reference, stretch: Stretch, solution: Solution) -> FloatA
     begin, end = np.searchsorted(mine.t, first), np.searchsorted(mine.t, first + WINDOW_LENGTH - 1e-6)
     whole = mine.t[end] - mine.t[begin] < 1.5 * WINDOW_LENGTH
     begin, end = begin[whole], end[whole]
-    if not len(begin):
-        return none
     turn = rotation.rotvec_from_quat(
         rotation.quat_multiply(rotation.quat_conjugate(theirs.quat_nb[begin]), theirs.quat_nb[end])
     )

@@ -67,9 +67,7 @@ def trusted_reference(
     times = [(max(begin - first, 0.0), min(end, last) - first) for begin, end in spans]
     any_left = bool(keep.mean() >= MIN_TRUSTED_SHARE)
     text = wrong_times_text(len(found), size, times, any_left=any_left)
-    if not any_left:
-        return None, text
-    return reference.rows(np.flatnonzero(keep)), text
+    return reference.rows(np.flatnonzero(keep)) if any_left else None, text
 
 
 def contradictions(

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from models.earth import ned_between
 from models.filter_states import FILTER_STATES, Origin
@@ -54,7 +53,7 @@ from tuner.stages import counted, stage, task
 from tuner.synthesis.from_drive import config_for_drive, receiver_of
 from tuner.synthesis.rest_and_motion import in_motion
 from tuner.types import FilterConfig, GnssNoise
-from tuner.types.consistency import Consistency, Outage, Whiteness
+from tuner.types.consistency import Consistency, Outage
 from tuner.types.named_cause import NamedCause
 from tuner.types.number_ranges import Positive
 from tuner.types.public import public
@@ -69,12 +68,6 @@ MIN_NOISE_RATIO = 2.0
 """Measured ÷ configured noise over 1 s at rest from which a note is made: more than units of one type differ by."""
 UNKNOWN_LEVER_ARM_SD = 1.0
 """Prior sd of a lever arm that nobody gave, m: the size of a car."""
-
-
-AS_REPORTED = (
-    "no receiver is named: fixes are assumed to err as they report, independently of one another; --gnss GRADE adds "
-    "time-correlated errors"
-)
 
 
 @dataclass(frozen=True, repr=False)
@@ -190,8 +183,9 @@ def navigate_drive(
         solutions = navigate(stretches, settings, np.zeros((0, 2)))
         notes = (*notes, *more, *constraint_notes(constraint_counts(solutions), vehicle))
     scored = [settled(stretch, solution) for stretch, solution in zip(stretches, solutions, strict=True)]
-    spans = [float(s.fixes.t[-1] - s.fixes.t[0]) for s in stretches]
-    expect_settled(any(map(len, scored)), drive.source, spans)
+    expect_settled(
+        any(map(len, scored)), drive.source, [float(s.fixes.t[-1] - s.fixes.t[0]) for s in stretches]
+    )
     groups = [
         block for stretch, rows in zip(solutions, scored, strict=True) for block in blocks(stretch, rows)
     ]
@@ -211,6 +205,7 @@ def navigate_drive(
         compared, more = against_reference(reference, solutions, scored, timed=late is not None)
         notes = (*notes, *(one for one in (late, turned) if one), *more)
     stage("filtering without fixes", 1.0)
+    longest, own = max(zip(solutions, scored, strict=True), key=lambda pair: len(pair[1]))
     found = Consistency(
         None,
         compared,
@@ -219,7 +214,12 @@ def navigate_drive(
             [s.innovation_covariance[rows] for s, rows in groups],
             [s.use[rows] for s, rows in groups],
         ),
-        _whiteness(solutions, scored),
+        whiteness(
+            longest.t[own],
+            [longest.innovation[own]],
+            [longest.innovation_covariance[own]],
+            [longest.use[own]],
+        ),
         tuple(
             outage
             for horizon in counted(OUTAGE_LENGTHS)
@@ -239,7 +239,11 @@ def navigate_drive(
     if reference is None and found.blocks:
         notes = (*notes, "no reference: position, velocity and attitude are compared with the smoother")
     if config.gnss == as_reported and not as_reported.correlated:
-        notes = (*notes, AS_REPORTED)
+        notes = (
+            *notes,
+            "no receiver is named: fixes are assumed to err as they report, independently of one another; --gnss GRADE "
+            "adds time-correlated errors",
+        )
     return DriveResult(
         replace(found, verdicts=verdicts(found)),
         config,
@@ -273,17 +277,6 @@ def _noisier_than_configured(stretch: Stretch, config: FilterConfig) -> tuple[st
             "without fixes it errs more than it predicts",
             f"make the settings from a log of this unit{more}",
         ),
-    )
-
-
-def _whiteness(solutions: Sequence[Solution], scored: Sequence[NDArray[np.intp]]) -> Whiteness | None:
-    longest = max(range(len(solutions)), key=lambda i: len(scored[i]))
-    solution, rows = solutions[longest], scored[longest]
-    return whiteness(
-        solution.t[rows],
-        [solution.innovation[rows]],
-        [solution.innovation_covariance[rows]],
-        [solution.use[rows]],
     )
 
 

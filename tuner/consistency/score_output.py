@@ -170,9 +170,8 @@ def score_outputs(
                 constants, rest, left = (), runs, found
             else:
                 why = Explanations()
-        errors = rest or [_without_truth(o) for o in innovative]
         if not (why.causes or _explained(left, constants)):
-            why = explain(errors, sensor_noise=sensor_noise)
+            why = explain(rest or [_without_truth(o) for o in innovative], sensor_noise=sensor_noise)
     notes += unscored_start(rest, left.blocks)
     causes = _without_contradicted(why.causes, left.scores)
     grow = _is_far(left) and not causes and _grow(rest)
@@ -363,11 +362,9 @@ def _without_truth(output: FilterOutput) -> OutputErrors:
     n = len(output)
     unknown, nothing = np.full((n, 15), np.nan), np.zeros((n, 15, 0))
     return OutputErrors(
-        output.name,
         output.t,
         unknown,
         output.covariance,
-        output.correlated,
         output,
         np.zeros((n, 9)),
         unknown,

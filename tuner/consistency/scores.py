@@ -56,8 +56,6 @@ EQUIVALENCE_MARGIN = 0.1
 """Relative error of an sd below which a filter counts as right: a ladder approximates flicker to some per cent."""
 TEST_COUNT = 14
 """Scores that share `FALSE_ALARM_RATE`: NEES and its five blocks, NIS of three kinds, whiteness, four outages."""
-NO_FURTHER_STATES: Mapping[str, slice] = MappingProxyType({})
-"""Further states where a filter has none."""
 OUTAGE_LENGTHS = (10.0, 30.0, 60.0, 300.0)
 """Lengths of outage that are scored, s: an underpass to a long tunnel."""
 SETTLING_TIME = 120.0
@@ -108,10 +106,8 @@ def score(
     means, shares = means_and_weights(groups)
     mean = float(shares @ means)
     count = (components or dof) * sum(np.size(group) for group in groups)
-    effective = count
-    if len(means) > 1 and mean > 0.0:
-        effective = min(count, scatter_freedom(means, shares))
-    sure = effective
+    scattered = len(means) > 1 and mean > 0.0
+    sure = effective = min(count, scatter_freedom(means, shares)) if scattered else count
     if 1 < len(means) < count:
         # The scatter of few groups is itself hardly known; each has one square of its own at least.
         tail = 0.5 * FALSE_ALARM_RATE / tests
@@ -147,8 +143,7 @@ def evaluate(
     runs: Runs,
     outages: FloatArray,
     *,
-    further: Mapping[str, slice] = NO_FURTHER_STATES,
-    settling: float = SETTLING_TIME,
+    further: Mapping[str, slice] = MappingProxyType({}),
 ) -> Consistency:
     """Score simulated runs: NEES, NIS, whiteness of innovations, position in outages.
 
@@ -160,11 +155,9 @@ def evaluate(
         Begin and end of withheld fixes, s.
     further : mapping of str to slice
         Further states of the filter by name, and their places among the further errors of the runs.
-    settling : float
-        Time after the start and after an outage that is not scored as aided, s.
     """
     tests = TEST_COUNT + len(further)
-    chosen = scored_epochs(runs.t, outages, settling)
+    chosen = scored_epochs(runs.t, outages)
     error, covariance = runs.error[:, chosen], runs.covariance[:, chosen].astype(float)
     if not (np.isfinite(runs.error).all() and np.isfinite(runs.covariance).all()):
         return Consistency(None, (), (), None, (), {}, 1.0, True, NOT_FINITE)
@@ -175,10 +168,14 @@ def evaluate(
     for name, own in further.items():
         e, p = runs.further_error[:, chosen, own], runs.further_covariance[:, chosen, own, own]
         blocks.append(score(name, list(squares(e, p)), e.shape[-1], tests=tests))
+    ends = {
+        horizon: outage_epochs(runs.t, outages, horizon)
+        for horizon in OUTAGE_LENGTHS
+        if len(outages) and horizon <= np.diff(outages).max()
+    }
     found = tuple(
-        _outage(runs, outages, h, tests)
-        for h in OUTAGE_LENGTHS
-        if len(outages) and h <= np.diff(outages).max()
+        outage_score(h, list(runs.error[:, i, :3]), list(runs.covariance[:, i, :3, :3]), tests=tests)
+        for h, i in ends.items()
     )
     gated = float(np.mean(runs.use == 2))
     each = squares(error, covariance)
@@ -214,7 +211,7 @@ def run_ratios(runs: Runs, outages: FloatArray) -> FloatArray:
     Parameters are those of `evaluate`.
     """
     finite = np.isfinite(runs.error).all(axis=(1, 2)) & np.isfinite(runs.covariance).all(axis=(1, 2, 3))
-    own = np.ix_(finite, scored_epochs(runs.t, outages, SETTLING_TIME))
+    own = np.ix_(finite, scored_epochs(runs.t, outages))
     error, covariance = runs.error[own], runs.covariance[own].astype(float)
     ratios = np.full(len(runs.error), np.inf)
     ratios[finite] = np.sqrt(squares(error, covariance).mean(axis=1) / error.shape[-1])
@@ -313,14 +310,6 @@ def outage_epochs(t: FloatArray, outages: FloatArray, horizon: float) -> NDArray
         if end - begin >= horizon - 1e-9 and len(inside) and off.min() < step:
             found.append(inside[off.argmin()])
     return np.array(found, dtype=np.intp)
-
-
-def _outage(runs: Runs, outages: FloatArray, horizon: float, tests: int) -> Outage:
-    """Score the position error at a horizon, over all windows that reach it."""
-    epochs = outage_epochs(runs.t, outages, horizon)
-    return outage_score(
-        horizon, list(runs.error[:, epochs, :3]), list(runs.covariance[:, epochs, :3, :3]), tests=tests
-    )
 
 
 def outage_score(

@@ -15,11 +15,9 @@ from models.probability import chi2_quantile
 from tuner.consistency.output_errors import OutputErrors
 from tuner.consistency.output_scores import known_epochs, settling_time
 from tuner.consistency.scores import BLOCKS
+from tuner.consistency.velocity_of_positions import FALSE_ALARM
 from tuner.limits import TOLERATED_RATIO
 from tuner.types.consistency import Score
-
-FALSE_ALARM = 1e-3
-"""Probability that a consistent filter gets the note for a block."""
 
 
 def unscored_start(runs: Sequence[OutputErrors], scores: Sequence[Score] = ()) -> list[str]:
