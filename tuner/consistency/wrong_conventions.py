@@ -54,6 +54,7 @@ def refuse_wrong_conventions(estimate: FilterOutput, truth: FilterOutput) -> Non
 
 
 def _tell_velocities(one: FilterOutput, want: FloatArray, option: str, beside: str) -> None:
+    """Raise where another convention brings velocities far nearer to those that are wanted, m/s, and near to them."""
     _tell(one, "velocities", one.vel_n - want, _velocities(one, want, option), beside, want)
 
 
