@@ -106,16 +106,14 @@ def check(
     config = replace(config, gnss=assumed)
     motion = load_trajectory(trajectory, duration) if isinstance(trajectory, str) else trajectory
     real = truth if truth is None or isinstance(truth, Truth) else load_truth(truth)
-    receiver = receiver or (real.receiver if real is not None else None)
-    settings = filter_settings(config, constants=config.constants)
-    receiver = receiver or assumed
+    receiver = receiver or (real.receiver if real is not None else None) or assumed
     often = receiver.interval / MIN_FIX_INTERVAL
     if often < 0.999:
         config, receiver = (
             replace(config, gnss=_with_fewer_fixes(assumed, often)),
             _with_fewer_fixes(receiver, often),
         )
-        settings = filter_settings(config, constants=config.constants)
+    settings = filter_settings(config, constants=config.constants)
     sensor = sensor_of_config(simulated_unit(config)) if real is None else real.sensor
     notes = list(sensor.notes)
     if config.interval < 0.999 * MIN_INTERVAL:
@@ -137,15 +135,12 @@ def check(
         compared = compare_engines(settings, sensor, plan, runs=runs, seed=seed)
     stage("scoring the filter", 0.84)
     settled = _settled_scores(settings, plan, simulated)
-    found = settled
-    if plan.start_sd is not None and not found.diverged:
-        found = replace(found, blocks=(*found.blocks, *start_scores(simulated)))
+    starts = start_scores(simulated) if plan.start_sd is not None and not settled.diverged else ()
+    found = replace(settled, blocks=(*settled.blocks, *starts))
     if found.diverged:
         reasons = divergence(simulated, plan, settings, sensor)
-        constant = of_installation(simulated, plan)
-        if constant:
-            why = Verdict(VerdictCode.EXPLAINED, Severity.EXPLANATION, explanations=constant)
-            reasons = (why, *reasons)
+        if constant := of_installation(simulated, plan):
+            reasons = (Verdict(VerdictCode.EXPLAINED, Severity.EXPLANATION, explanations=constant), *reasons)
         return Check(
             replace(found, verdicts=reasons),
             settings.size,
@@ -163,7 +158,7 @@ def check(
     stage("finding which setting is wrong", 1.0)
     explanations: tuple[Explanation, ...] = ()
     if spurious is not None:
-        reasons = (spurious.verdict, *verdicts(found))
+        reasons = (spurious, *verdicts(found))
     else:
         explanations = () if found.consistent else wrong_starts(found.scores)
         if not settled.consistent:

@@ -10,7 +10,7 @@ from tuner.consistency.outage_drift import outage_drift
 from tuner.stages import counted, stage, task
 from tuner.synthesis import synthesize
 from tuner.synthesis.sufficient import lacking_slow_bias
-from tuner.types import ChannelNoise, FilterConfig
+from tuner.types import FilterConfig
 from tuner.types.public import public
 from tuner.types.records import DataError
 from tuner.types.shown import Shown
@@ -109,25 +109,26 @@ def choose(
     stage("finding the noise that is just enough", 1.0)
     nearest = kept[-1] if kept else ranking[0]
     low, high = (1.0, MAX_NOISE_FACTOR) if kept else (1.0 / MAX_NOISE_FACTOR, 1.0)
-    if (drift(scaled(nearest.config, low)) <= error) == (drift(scaled(nearest.config, high)) <= error):
-        return GradeChoice(outage, error, gnss, wheels, tuple(ranking), nearest, None)
-    while high > (1.0 + FACTOR_ACCURACY) * low:
+    at_low, at_high = (drift(scaled(nearest.config, factor)) <= error for factor in (low, high))
+    while at_low != at_high and high > (1.0 + FACTOR_ACCURACY) * low:
         middle = (low * high) ** 0.5
         low, high = (middle, high) if drift(scaled(nearest.config, middle)) <= error else (low, middle)
-    return GradeChoice(outage, error, gnss, wheels, tuple(ranking), nearest, low)
+    return GradeChoice(
+        outage, error, gnss, wheels, tuple(ranking), nearest, low if at_low != at_high else None
+    )
 
 
 def scaled(config: FilterConfig, factor: float) -> FilterConfig:
     """Return a configuration with all noise and biases of its sensors multiplied by a factor."""
-    return replace(config, channels={axis: _scaled(noise, factor) for axis, noise in config.channels.items()})
-
-
-def _scaled(noise: ChannelNoise, factor: float) -> ChannelNoise:
-    return replace(
-        noise,
-        white_density=factor * noise.white_density,
-        random_walk_density=factor * noise.random_walk_density,
-        markov=tuple(GaussMarkov(factor * one.sd, one.time_constant) for one in noise.markov),
-        constant_sd=factor * noise.constant_sd,
-        ramp_sd=factor * noise.ramp_sd,
-    )
+    channels = {
+        axis: replace(
+            noise,
+            white_density=factor * noise.white_density,
+            random_walk_density=factor * noise.random_walk_density,
+            markov=tuple(GaussMarkov(factor * one.sd, one.time_constant) for one in noise.markov),
+            constant_sd=factor * noise.constant_sd,
+            ramp_sd=factor * noise.ramp_sd,
+        )
+        for axis, noise in config.channels.items()
+    }
+    return replace(config, channels=channels)

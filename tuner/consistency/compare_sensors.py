@@ -81,6 +81,9 @@ def compare(
 
 def _lacking_sensor(source: Identification) -> str:
     """Return of which sensor axes are missing, in words; empty where it has all six."""
-    own = {name: sum(axis.startswith(sensor) for axis in source.channels) for sensor, name in SENSORS.items()}
-    lost = [name for name, count in own.items() if count < 3]
+    lost = [
+        name
+        for sensor, name in SENSORS.items()
+        if sum(axis.startswith(sensor) for axis in source.channels) < 3
+    ]
     return f"{' and '.join(lost)} of three axes are needed, found fewer" if lost else ""

@@ -13,7 +13,7 @@ out, and the search goes on. Intervals are those of the jackknife over parts of 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
@@ -26,23 +26,20 @@ from models.probability import student_quantile
 from tuner.consistency.correlated_errors import independent_count
 from tuner.consistency.frame_differences import errors_in_one_frame
 from tuner.consistency.output_causes import INTERVAL_SDS, MAX_CAUSES, MIN_GAIN
-from tuner.consistency.output_errors import OutputErrors
+from tuner.consistency.output_errors import RECORD_PARTS, OutputErrors, of_body_rotation
 from tuner.consistency.output_scores import aided_rows, error_scores, state_scores
-from tuner.consistency.scores import DIVERGED_RATIO
-from tuner.consistency.time_alignment import OFFSET_BLOCKS
+from tuner.consistency.scores import BLOCKS, DIVERGED_RATIO
 from tuner.consistency.trajectory_alignment import Alignment
 from tuner.consistency.wrong_conventions import MIN_IMPROVEMENT
 from tuner.limits import HONEST_RATIO, SHOWN_CHANGE, TOLERATED_RATIO
-from tuner.types.consistency import Score
-from tuner.types.filter_output import BLOCKS, FilterOutput
+from tuner.types.consistency import ERROR_UNITS, Score
+from tuner.types.filter_output import FilterOutput
 from tuner.types.output_score import OutputCause, TimeOffset
 
 FITTED_STATES = 9
 """Position, velocity and attitude: what a constant acts on."""
 LARGEST_TURN = 0.25 * math.pi
 """Turn, rad, up to which errors are about linear in it."""
-CLOCK = "stamps of the output or of the truth"
-"""Subject of an offset of the clocks."""
 RADIAN_IN_DEGREES = math.degrees(1.0)
 """Degrees of a radian."""
 
@@ -102,26 +99,24 @@ def _point(run: OutputErrors) -> FloatArray:
     return found
 
 
-def _scale(run: OutputErrors) -> FloatArray:
-    """Return derivatives by how much too long horizontal ways and velocities are, from a point north and east."""
-    found = np.zeros((len(run), FITTED_STATES, 3))
-    for own, of in ((slice(0, 3), _travelled(run)), (slice(3, 6), run.estimate.vel_n)):
-        found[:, own, 0] = -of * [1.0, 1.0, 0.0]
-    found[:, :3, 1:] = -np.eye(3)[:, :2]
-    return found
-
-
 def _turn(run: OutputErrors, blocks: int) -> FloatArray:
     """Return derivatives by a turn of so many blocks about the vertical of any point, and by their scale.
 
     A map has both, and a turn by many degrees shortens the way that it began with.
     """
-    found = np.concatenate([np.zeros((len(run), FITTED_STATES, 1)), _scale(run)], axis=2)
+    found = np.zeros((len(run), FITTED_STATES, 4))
     for own, of in ((slice(0, 3), _travelled(run)), (slice(3, 6), run.estimate.vel_n)):
         found[:, own, 0] = -np.cross([0.0, 0.0, 1.0], of)
+        found[:, own, 1] = -of * [1.0, 1.0, 0.0]
     found[:, 8, 0] = -1.0
+    found[:, :3, 2:] = -np.eye(3)[:, :2]
     found[:, 3 * blocks :] = 0.0
     return found
+
+
+def _scale(run: OutputErrors) -> FloatArray:
+    """Return derivatives by how much too long horizontal ways and velocities are, from a point north and east."""
+    return _turn(run, blocks=2)[..., 1:]
 
 
 def _travelled(run: OutputErrors) -> FloatArray:
@@ -133,9 +128,7 @@ def _travelled(run: OutputErrors) -> FloatArray:
 
 def _body(run: OutputErrors) -> FloatArray:
     """Return derivatives by a rotation from the body of the estimate to that of the truth."""
-    found = np.zeros((len(run), FITTED_STATES, 3))
-    found[:, 6:9] = rotation.mat_from_quat(run.estimate.quat_nb)
-    return found
+    return of_body_rotation(run.estimate)[:, :FITTED_STATES]
 
 
 CONSTANTS = (
@@ -232,8 +225,8 @@ def _aligned(
     if cause == "time_offset":
         if offset is None or np.prod(offset.interval) <= 0.0:
             return None
-        gain = _gain(before, squares, 1)
-        late = OutputCause(cause, offset.value, offset.interval, "s", gain, {}, CLOCK, (), True)
+        gain, stamps = _gain(before, squares, 1), "stamps of the output or of the truth"
+        late = OutputCause(cause, offset.value, offset.interval, "s", gain, {}, stamps, (), True)
         return Fitted(late, rest, squares)
     body = rest[0].body
     if body is None or not np.isfinite(body.vector).all():
@@ -249,10 +242,10 @@ def _fitted(runs: Sequence[OutputErrors], before: Squares, constant: Constant) -
     for run, columns in zip(runs, each, strict=True):
         error, sd = run.error[:, :FITTED_STATES], _sds(run)
         known = np.isfinite(error) & np.isfinite(columns).all(axis=2)
-        known[np.setdiff1d(np.arange(len(run)), aided_rows(run.t, run.estimate.outages))] = False
+        known[np.setdiff1d(np.arange(len(run)), aided_rows(run))] = False
         w = np.where(known, error / sd, 0.0)
         x = np.where(known[..., None], columns / sd[..., None], 0.0)
-        for rows in np.array_split(np.arange(len(run)), max(2, OFFSET_BLOCKS // len(runs))):
+        for rows in np.array_split(np.arange(len(run)), max(2, RECORD_PARTS // len(runs))):
             tables.append(
                 (np.einsum("njk,njl->kl", x[rows], x[rows]), np.einsum("njk,nj->k", x[rows], w[rows]))
             )
@@ -309,25 +302,16 @@ def _sds(run: OutputErrors) -> FloatArray:
     return np.sqrt(np.where(stated, variance, 1.0))
 
 
-def _blocks(runs: Sequence[OutputErrors]) -> Iterator[list[FloatArray]]:
-    """Give the whitened errors of all runs, shape (n, 3) each, of position, velocity and attitude."""
-    for first in range(0, FITTED_STATES, 3):
-        own = slice(first, first + 3)
-        parts = []
-        for run in runs:
-            rows = aided_rows(run.t, run.estimate.outages)
-            w = (run.error[:, own] / _sds(run)[:, own])[rows]
-            parts.append(w[np.isfinite(w).all(axis=1)])
-        yield [part for part in parts if len(part) > 1]
-
-
 def _squares(runs: Sequence[OutputErrors]) -> Squares:
-    """Return the squares of the whitened errors of each block."""
-    blocks = list(_blocks(runs))
-    return Squares(
-        np.array([np.mean(np.concatenate(parts) ** 2) if parts else 0.0 for parts in blocks]),
-        np.array([sum(3.0 * independent_count(part) for part in parts) for parts in blocks]),
-    )
+    """Return the squares of the whitened errors of position, velocity and attitude while aided."""
+    whitened = [(run.error[:, :FITTED_STATES] / _sds(run))[aided_rows(run)] for run in runs]
+    found = []
+    for own in (BLOCKS[name] for name in ERROR_UNITS):
+        parts = [w[np.isfinite(w[:, own]).all(axis=1), own] for w in whitened]
+        parts = [part for part in parts if len(part) > 1]
+        mean = np.mean(np.concatenate(parts) ** 2) if parts else 0.0
+        found.append((mean, sum(3.0 * independent_count(part) for part in parts)))
+    return Squares(*np.array(found, dtype=float).T)
 
 
 def _gain(before: Squares, after: Squares, numbers: int) -> float:
@@ -363,12 +347,11 @@ def unit_of_sds(
     worst = _worst(blocks)
     if worst is None:
         return (), list(runs)
-    for subject, meant in READINGS.items():
-        if worst.name not in meant:
-            continue
+    readings = {subject: meant for subject, meant in READINGS.items() if worst.name in meant}
+    for subject, meant in readings.items():
         tried = list(runs)
         for name, of in meant.items():
-            tried = [_with_sds(run, BLOCKS.index(name), of) for run in tried]
+            tried = [_with_sds(run, BLOCKS[name], of) for run in tried]
         each = [one.ratio for one in state_scores(tried) if one.name.rpartition("_")[0] in meant]
         near = min(each) > 1.0 / TOLERATED_RATIO and max(each) < TOLERATED_RATIO
         alone = len(meant) == 1 and not subject.startswith("attitude in")
@@ -385,20 +368,18 @@ def _shape_gain(before: Sequence[OutputErrors], after: Sequence[OutputErrors], b
 
     Constant sds, whose roots are as constant, gain nothing.
     """
-    index = BLOCKS.index(block)
-    own = slice(3 * index, 3 * index + 3)
-    costs = []
+    own, costs = BLOCKS[block], []
     for runs in (before, after):
         pairs = [(run.error[:, own], _sds(run)[:, own]) for run in runs]
         e, sd = (np.concatenate(one) for one in zip(*pairs, strict=True))
         known = np.isfinite(e)
         costs.append(0.5 * math.log(np.mean((e[known] / sd[known]) ** 2)) + float(np.mean(np.log(sd[known]))))
-    return float((costs[0] - costs[1]) * _squares(after).independent[index])
+    return float((costs[0] - costs[1]) * _squares(after).independent[own.start // 3])
 
 
 def _worst(blocks: Sequence[Score]) -> Score | None:
     """Return the score of the block that is off most; None where none is off by `MIN_IMPROVEMENT`."""
-    known = [one for one in blocks if one.name in BLOCKS[:3] and one.ratio > 0.0]
+    known = [one for one in blocks if one.name in ERROR_UNITS and one.ratio > 0.0]
     worst = max(known, key=lambda one: abs(math.log(one.ratio)), default=None)
     if worst is None or 1.0 / MIN_IMPROVEMENT < worst.ratio < MIN_IMPROVEMENT:
         return None
@@ -426,9 +407,8 @@ READINGS: dict[str, dict[str, Reading]] = {
 """What sds may be instead, by the name of the block."""
 
 
-def _with_sds(run: OutputErrors, block: int, of: Reading) -> OutputErrors:
+def _with_sds(run: OutputErrors, own: slice, of: Reading) -> OutputErrors:
     """Return errors whose covariance has other sds of a block of the estimate, correlations as they are."""
-    own = slice(3 * block, 3 * block + 3)
     factor = np.ones((len(run), 15))
     sd = np.sqrt(np.einsum("kii->ki", run.estimate.covariance)[:, own])
     factor[:, own] = np.where(sd > 0.0, of(sd) / np.where(sd > 0.0, sd, 1.0), 1.0)

@@ -48,13 +48,19 @@ def autocorrelation(w: FloatArray) -> FloatArray:
     return np.asarray(total / np.arange(n, 0, -1) / (total[0] / n)) if total[0] > 0.0 else np.eye(1, n)[0]
 
 
+def _first_lags(w: FloatArray, cut: float = CORRELATION_CUT) -> FloatArray:
+    """Return the autocorrelation to the lag before it is first below `cut`, up to half of the record, (n, d) → (m,)."""
+    rho = autocorrelation(w)[: len(w) // 2 + 1]
+    below = np.flatnonzero(rho < cut)
+    return rho[: below[0]] if len(below) else rho
+
+
 def independent_count(w: FloatArray) -> float:
     """Return the number of independent epochs in whitened errors, shape (n, d), at least 1."""
-    rho = autocorrelation(w)
-    below = np.flatnonzero(rho[: len(w) // 2 + 1] < CORRELATION_CUT)
-    if not len(below):
+    rho = _first_lags(w)
+    if len(rho) > len(w) // 2:
         return 1.0
-    count = len(w) * (1.0 - CORRELATION_CUT**2) / (1.0 + 2.0 * float(np.sum(rho[1 : below[0]] ** 2)))
+    count = len(w) * (1.0 - CORRELATION_CUT**2) / (1.0 + 2.0 * float(np.sum(rho[1:] ** 2)))
     return max(count / (1.0 + UNCERTAIN_COUNT / count), 1.0)
 
 
@@ -63,21 +69,19 @@ def independent_means(d: FloatArray) -> float:
     if not d.any():
         return float(len(d))
     cut = min(CORRELATION_CUT, 2.0 / math.sqrt(len(d)))  # the noise of a correlation of white values
-    rho = autocorrelation(d[:, None])
-    below = np.flatnonzero(rho[: len(d) // 2 + 1] < cut)
-    if not len(below):
+    rho = _first_lags(d[:, None], cut)
+    if len(rho) > len(d) // 2:
         return 1.0
     # The sum to the first lag below the cut lacks a share of the cut of the whole: correlations decay.
-    count = len(d) / (1.0 + 2.0 * float(np.sum(rho[1 : below[0]])) / (1.0 - cut))
+    count = len(d) / (1.0 + 2.0 * float(np.sum(rho[1:])) / (1.0 - cut))
     return max(count / (1.0 + UNCERTAIN_COUNT / count), 1.0)
 
 
 def independent_share(w: FloatArray) -> float:
     """Return 1/(1 + 2 Σ ρ²) of errors in order of time, shape (n, d): what share of them counts as independent."""
-    rho = autocorrelation(w)
-    below = np.flatnonzero(rho[1:] < CORRELATION_CUT)
-    last = 1 + int(below[0]) if len(below) else len(w)
-    return 1.0 / (1.0 + 2.0 * float(np.sum(rho[1:last] ** 2)))
+    rho = autocorrelation(w)[1:]
+    near = np.logical_and.accumulate(rho >= CORRELATION_CUT)
+    return 1.0 / (1.0 + 2.0 * float(np.sum(rho[near] ** 2)))
 
 
 def whitened(error: FloatArray, covariance: FloatArray) -> FloatArray:
@@ -101,9 +105,7 @@ def absorbed_shares(w: FloatArray, x: FloatArray) -> FloatArray:
     inverse = np.linalg.pinv(np.einsum("ndr,nds->rs", x, x), hermitian=True)
     shares = np.empty(d)
     for j in range(d):
-        rho = autocorrelation(w[:, j : j + 1])[: n // 2 + 1]
-        below = np.flatnonzero(rho < CORRELATION_CUT)
-        rho = rho[: below[0]] if len(below) else rho
+        rho = _first_lags(w[:, j : j + 1])
         kernel = np.concatenate([rho[:0:-1], rho])[:, None]
         near = fftconvolve(x[:, j], kernel, mode="full", axes=0)[len(rho) - 1 : len(rho) - 1 + n]
         # The sum to the first lag below the cut lacks a share of the cut of the whole: correlations decay.

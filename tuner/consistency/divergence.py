@@ -50,14 +50,20 @@ def divergence(
     diverged = ratios > STRAYED_RATIO
     verdict = Verdict(VerdictCode.FIXES_REFUSED, Severity.DIVERGED)
     if diverged.any():
-        numbers = {"diverged_runs": int(diverged.sum()), "runs": len(diverged)}
-        verdict = Verdict(VerdictCode.RUNS_DIVERGED, Severity.DIVERGED, numbers=numbers)
+        verdict = Verdict(
+            VerdictCode.RUNS_DIVERGED,
+            Severity.DIVERGED,
+            numbers={"diverged_runs": int(diverged.sum()), "runs": len(diverged)},
+        )
     if _start_not_linear(simulated, ratios):
-        return verdict, _start(settings)
-    pairs = _true_and_configured(plan, settings, sensor)
+        sds = {
+            f"{name}_sd": tuple(settings.initial_sd[settings.model.layout[name]].tolist())
+            for name in ("attitude", "gyro_bias")
+        }
+        return verdict, Verdict(VerdictCode.START_NOT_LINEAR, Severity.EXPLANATION, numbers=sds)
     far = {
         name: true / own if own > 0.0 else math.inf
-        for name, (true, own) in pairs.items()
+        for name, (true, own) in _true_and_configured(plan, settings, sensor).items()
         if true > FAR_RATIO * own
     }
     return (verdict, Verdict(VerdictCode.TRUTH_FAR, Severity.EXPLANATION, numbers=far)) if far else (verdict,)
@@ -68,15 +74,6 @@ def _start_not_linear(simulated: Runs, ratios: FloatArray) -> bool:
     first = simulated.covariance[:, simulated.t <= simulated.t[0] + SETTLING_TIME]
     peak = np.sqrt(np.diagonal(first, axis1=-2, axis2=-1)[..., ATTITUDE_ROWS].max(axis=(1, 2)))
     return bool(np.median(peak) > LINEAR_ATTITUDE_SD) or some_strayed(ratios)
-
-
-def _start(settings: FilterSettings) -> Verdict:
-    """Return the verdict that the initial uncertainty is too large for a linear filter."""
-    at = settings.model.layout
-    numbers = {
-        f"{name}_sd": tuple(settings.initial_sd[at[name]].tolist()) for name in ("attitude", "gyro_bias")
-    }
-    return Verdict(VerdictCode.START_NOT_LINEAR, Severity.EXPLANATION, numbers=numbers)
 
 
 def _true_and_configured(

@@ -8,7 +8,7 @@ smoother has the covariance P − P_smoothed.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -45,9 +45,7 @@ def settled(stretch: Stretch, solution: Solution) -> NDArray[np.intp]:
 
 def blocks(solution: Solution, rows: NDArray[np.intp]) -> list[tuple[Solution, NDArray[np.intp]]]:
     """Return epochs by blocks that count as independent, each with its solution."""
-    if not len(rows):
-        return []
-    number = ((solution.t[rows] - solution.t[rows[0]]) // BLOCK_LENGTH).astype(int)
+    number = ((solution.t[rows] - solution.t[rows[:1]]) // BLOCK_LENGTH).astype(int)
     return [(solution, rows[number == n]) for n in np.unique(number)]
 
 
@@ -147,14 +145,13 @@ def against_reference(
 
     `timed` tells whether the reference was put on the clock of the filter by these errors.
     """
-    truth, runs = as_truth(reference), []
+    truth, shift = as_truth(reference), 0.0 if timed else None
     try:
-        for solution, rows in zip(solutions, scored, strict=True):
-            if len(rows) > 1:
-                shift = 0.0 if timed else None
-                runs.append(
-                    output_errors(as_output(solution, rows), truth, time_offset=shift, one_body=False)
-                )
+        runs = [
+            output_errors(as_output(solution, rows), truth, time_offset=shift, one_body=False)
+            for solution, rows in zip(solutions, scored, strict=True)
+            if len(rows) > 1
+        ]
     except DataError as error:
         return (), (str(error),)
     _, blocks = error_scores(runs)
@@ -169,16 +166,14 @@ def errors(
 ) -> dict[str, RmsError]:
     """Return rms differences to the reference in the quantities it has; without a reference, rms innovations."""
     if reference is None:
-        pairs = zip(solutions, scored, strict=True)
-        chosen = [(s.innovation[rows], s.use[rows]) for s, rows in pairs]
-        used = [
-            np.concatenate([z[use[:, j] == USED, 3 * j : 3 * j + 3] for z, use in chosen]) for j in (0, 1)
-        ]
-        return {
-            f"nis_{name}": RmsError.of(z, unit)
-            for (name, unit), z in zip(ERROR_UNITS.items(), used, strict=False)
-            if len(z)
+        z, use = (
+            np.concatenate([own[rows] for own, rows in zip(values, scored, strict=True)])
+            for values in ([s.innovation for s in solutions], [s.use for s in solutions])
+        )
+        used = {
+            name: z[use[:, j] == USED, 3 * j : 3 * j + 3] for j, name in enumerate(("position", "velocity"))
         }
+        return {f"nis_{name}": RmsError.of(z, ERROR_UNITS[name]) for name, z in used.items() if len(z)}
     error = np.concatenate(
         [differences(reference, s, rows) for s, rows in zip(solutions, scored, strict=True)]
     )
@@ -217,11 +212,6 @@ def against_smoother(
         for _, own in blocks(before, rows[rows < len(apart)]):
             for i, name in enumerate(parts):
                 parts[name].append(apart[own, 3 * i : 3 * i + 3].sum(axis=1))
-    return _scores(parts)
-
-
-def _scores(parts: Mapping[str, Sequence[FloatArray]]) -> tuple[Score, ...]:
-    """Return the scores of squares by name, in groups; none of a name with fewer than two groups."""
     return tuple(
         score(name, groups, 3)
         for name, groups in parts.items()

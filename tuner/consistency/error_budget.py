@@ -11,26 +11,23 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from models.arrays import FloatArray
 from models.filter_states import FILTER_STATES, Origin
-from tuner.consistency.scores import EQUIVALENCE_MARGIN, OUTAGE_LENGTHS, outage_epochs, scored_epochs
+from tuner.consistency.scores import BLOCKS, EQUIVALENCE_MARGIN, OUTAGE_LENGTHS, outage_epochs, scored_epochs
 from tuner.jobs import usable
 from tuner.navigation.engine.layout import layout_of, with_sensor_states
 from tuner.navigation.engine.linear_covariance import Nominal, trace_sources
 from tuner.navigation.settings import FilterSettings
 from tuner.simulation.monte_carlo import assumed_fix_sd, scenario_fixes
 from tuner.simulation.scenario import Scenario
-from tuner.types.consistency import ErrorBudget
+from tuner.types.consistency import ERROR_UNITS, ErrorBudget
 
-TABLE_LENGTHS = (10.0, 60.0, 300.0)
-"""Lengths of outage whose budget is shown, s."""
-NO_FURTHER_STATES: NDArray[np.int64] = np.zeros(0, dtype=np.int64)
-"""Sensor axes of further states where there are none."""
+HORIZONS = (10.0, 60.0, 300.0)
+"""Times without fixes of which the budget and the drift are shown, s: an underpass, a tunnel, a car park."""
 
 
 @dataclass(frozen=True)
@@ -60,13 +57,11 @@ def table(budget: ErrorBudget) -> list[tuple[str, FloatArray]]:
 
     The columns are position, velocity and attitude.
     """
-    cases = [("aided", budget.aided)]
-    cases += [(f"{h:g} s without fixes", budget.after[h]) for h in TABLE_LENGTHS if h in budget.after]
-    answer = []
-    for name, epochs in cases:
-        blocks = [budget.share(epochs, slice(3 * i, 3 * i + 3)) for i in range(3)]
-        answer.append((name, np.stack(blocks, axis=-1)))
-    return answer
+    outages = {f"{h:g} s without fixes": budget.after[h] for h in HORIZONS if h in budget.after}
+    return [
+        (name, np.stack([budget.share(epochs, BLOCKS[block]) for block in ERROR_UNITS], axis=-1))
+        for name, epochs in {"aided": budget.aided, **outages}.items()
+    ]
 
 
 def blind_spots(budget: ErrorBudget) -> dict[str, tuple[float, float]]:
@@ -93,8 +88,7 @@ def error_budget(settings: FilterSettings, plan: Scenario) -> ErrorBudget:
     plan : Scenario
         Trajectory, fixes and outages.
     """
-    own, parts = known_sources(settings, plan)
-    return trace(settings, plan, own, parts)
+    return trace(settings, plan, *known_sources(settings, plan))
 
 
 def known_sources(settings: FilterSettings, plan: Scenario) -> tuple[Source, list[Source]]:
@@ -109,19 +103,18 @@ def known_sources(settings: FilterSettings, plan: Scenario) -> tuple[Source, lis
         assumed_fix_sd(settings, plan.receiver),
     )
 
-    def only(values: FloatArray, which: Sequence[slice]) -> FloatArray:
+    def only(values: FloatArray, which: slice) -> FloatArray:
         kept = np.zeros_like(values)
-        for block in which:
-            kept[block] = values[block]
+        kept[which] = values[which]
         return kept
 
     def part(
         name: str,
         *,
-        started: Sequence[slice] = (),
-        driving_noise: Sequence[slice] = (),
-        sensors: Sequence[slice] = (),
-        fixes: Sequence[slice] = (),
+        started: slice = slice(0),
+        driving_noise: slice = slice(0),
+        sensors: slice = slice(0),
+        fixes: slice = slice(0),
     ) -> Source:
         return Source(
             name,
@@ -133,25 +126,29 @@ def known_sources(settings: FilterSettings, plan: Scenario) -> tuple[Source, lis
         )
 
     parts = [
-        part("gyro white noise", sensors=[slice(0, 3)]),
-        part("accelerometer white noise", sensors=[slice(3, 6)]),
+        part("gyro white noise", sensors=slice(0, 3)),
+        part("accelerometer white noise", sensors=slice(3, 6)),
     ]
     for sensor, title in (("gyro", "gyro"), ("accel", "accelerometer")):
         if f"{sensor}_markov" in at:
-            rungs = [at[f"{sensor}_markov"]]
+            rungs = at[f"{sensor}_markov"]
             parts.append(part(f"{title} bias noise", started=rungs, driving_noise=rungs))
-        bias = [at[f"{sensor}_bias"]]
-        parts.append(part(f"{title} bias random walk", driving_noise=bias))
-        parts.append(part(f"{title} turn-on bias", started=bias))
-    parts.append(part("initial position and velocity", started=[slice(0, 6)]))
-    parts.append(part("initial tilt", started=[slice(6, 8)]))
-    parts.append(part("initial heading", started=[slice(8, 9)]))
-    parts.append(part("position fixes", fixes=[slice(0, 3)]))
-    parts.append(part("velocity fixes", fixes=[slice(3, 6)]))
+        bias = at[f"{sensor}_bias"]
+        parts += [
+            part(f"{title} bias random walk", driving_noise=bias),
+            part(f"{title} turn-on bias", started=bias),
+        ]
+    parts += [
+        part("initial position and velocity", started=slice(0, 6)),
+        part("initial tilt", started=slice(6, 8)),
+        part("initial heading", started=slice(8, 9)),
+        part("position fixes", fixes=slice(0, 3)),
+        part("velocity fixes", fixes=slice(3, 6)),
+    ]
     for name, components in settings.model.components.items():
         state = FILTER_STATES[name]
         if state.origin not in (Origin.AXIS_CONSTANT, Origin.AXIS_PROCESSES) and components:
-            parts.append(part(state.meaning, started=[at[name]], driving_noise=[at[name]]))
+            parts.append(part(state.meaning, started=at[name], driving_noise=at[name]))
     return own, parts
 
 
@@ -161,7 +158,7 @@ def trace(
     own: Source,
     sources: Sequence[Source],
     *,
-    rows: NDArray[np.int64] = NO_FURTHER_STATES,
+    rows: Sequence[int] = (),
 ) -> ErrorBudget:
     """Propagate the covariance of every source along the noise-free trajectory, with the gains of the filter.
 
@@ -173,26 +170,22 @@ def trace(
         All noise of the configuration, from `known_sources`.
     sources : sequence of Source
         With n states, and as many more as `rows` has, behind them.
-    rows : ndarray of int, shape (r,)
+    rows : sequence of int
         Sensor axis, 0 … 5, to whose error each further state adds.
     """
-    more = len(rows)
-    initial, drive, rate = (np.pad(values, (0, more)) for values in (own.initial, own.drive, own.rate))
-    all_of_it = Source(own.name, initial, drive, rate, own.white, own.fix_sd)
-    lay = with_sensor_states(layout_of(settings), rows)
+    initial, drive, rate = (np.pad(values, (0, len(rows))) for values in (own.initial, own.drive, own.rate))
+    all_of_it = replace(own, initial=initial, drive=drive, rate=rate)
+    lay = with_sensor_states(layout_of(settings), np.array(rows, dtype=np.int64))
     aided = scored_epochs(plan.times, plan.outages)
-    after: dict[float, NDArray[np.intp]] = {}
-    for horizon in OUTAGE_LENGTHS:
-        if len(reached := outage_epochs(plan.times, plan.outages, horizon)):
-            after[horizon] = reached
+    reached = {horizon: outage_epochs(plan.times, plan.outages, horizon) for horizon in OUTAGE_LENGTHS}
+    after = {horizon: rows for horizon, rows in reached.items() if len(rows)}
     epochs = np.unique(np.concatenate([aided, *after.values()]))
     k, e = len(plan.times), len(epochs)
     slot = np.full(k, -1, dtype=np.int64)
     slot[epochs] = np.arange(e)
     fixes = scenario_fixes(settings, plan)
-    start = np.concatenate([plan.start.llh, plan.start.vel_n, plan.start.quat_nb])
     nominal = Nominal(
-        start,
+        np.concatenate([plan.start.llh, plan.start.vel_n, plan.start.quat_nb]),
         plan.steps.dt,
         plan.steps.increments,
         plan.after,

@@ -13,8 +13,6 @@ References
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tuner.consistency.observability import NAMES
@@ -24,23 +22,11 @@ from tuner.types.consistency import ErrorBudget
 from tuner.types.verdict import Severity, Verdict, VerdictCode
 
 
-@dataclass(frozen=True)
-class SpuriousInformation:
-    """The error whose sd a filter underestimates most: name, sd of the filter and of linear covariance (SI)."""
+def spurious_information(simulated: Runs, budget: ErrorBudget) -> Verdict | None:
+    """Return the verdict that the linearisation gives information that the true motion does not; None without.
 
-    state: str
-    filter_sd: float
-    linear_sd: float
-
-    @property
-    def verdict(self) -> Verdict:
-        """Verdict that the linearisation gives information that the true motion does not."""
-        numbers = {"filter_sd": self.filter_sd, "linear_sd": self.linear_sd}
-        return Verdict(VerdictCode.SPURIOUS_INFORMATION, Severity.EXPLANATION, self.state, numbers)
-
-
-def spurious_information(simulated: Runs, budget: ErrorBudget) -> SpuriousInformation | None:
-    """Return the error whose sd a filter states more than `EQUIVALENCE_MARGIN` below linear covariance; None without.
+    It names the error whose sd the filter underestimates most, more than `EQUIVALENCE_MARGIN` below linear covariance,
+    and both sds (SI).
 
     Parameters
     ----------
@@ -55,4 +41,5 @@ def spurious_information(simulated: Runs, budget: ErrorBudget) -> SpuriousInform
     worst = int(np.argmin(own / linear))
     if own[worst] > linear[worst] / (1.0 + EQUIVALENCE_MARGIN) ** 2:
         return None
-    return SpuriousInformation(NAMES[worst], float(np.sqrt(own[worst])), float(np.sqrt(linear[worst])))
+    numbers = {"filter_sd": float(np.sqrt(own[worst])), "linear_sd": float(np.sqrt(linear[worst]))}
+    return Verdict(VerdictCode.SPURIOUS_INFORMATION, Severity.EXPLANATION, NAMES[worst], numbers)

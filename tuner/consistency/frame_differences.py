@@ -35,8 +35,7 @@ def errors_in_one_frame(
     """Return the offset of the clocks and the errors of each run, without the offset where that is wanted."""
     pairs = list(zip(outputs, truths, strict=True))
     different = {id(truth): truth for truth in truths}
-    half_way = {key: half_way_variances(truth) for key, truth in different.items()}
-    curves = {key: curves_of(truth) for key, truth in different.items()}
+    known = {key: (half_way_variances(truth), curves_of(truth)) for key, truth in different.items()}
 
     def errors(shifts: Sequence[float | None]) -> list[OutputErrors]:
         return [
@@ -46,20 +45,19 @@ def errors_in_one_frame(
                 how=how,
                 time_offset=shift,
                 one_body=not align_body,
-                half_way=half_way[id(truth)],
-                curves=curves[id(truth)],
+                half_way=known[id(truth)][0],
+                curves=known[id(truth)][1],
                 tried=shift is not None,
             )
             for (output, truth), shift in zip(pairs, shifts, strict=True)
         ]
 
-    as_stamped, none = errors([None] * len(pairs)), [0.0] * len(pairs)
+    as_stamped = errors([None] * len(pairs))
     coarse = [find_time_offset(output, truth) or 0.0 for output, truth in pairs]
     far = any(abs(value) >= MIN_COARSE_OFFSET for value in coarse)
-    first = clock_offset(errors(coarse), coarse) if far else clock_offset(as_stamped, none)
-    if first is None or not _is_known(first, outputs):  # hardly a motion
+    offset = clock_offset(errors(coarse), coarse) if far else clock_offset(as_stamped, [0.0] * len(pairs))
+    if offset is None or not _is_known(offset, outputs):  # hardly a motion
         return None, as_stamped
-    offset = first
     for _ in range(MAX_OFFSET_ROUNDS):  # errors are not linear in it
         shifts = [offset.value] * len(pairs)
         before, found = offset, clock_offset(errors(shifts), shifts)

@@ -34,8 +34,8 @@ def one_factor(scores: Sequence[Score], states: Sequence[Score]) -> OutputCause 
     """
     if len(states) < MIN_STATES:
         return None
-    total = sum(one.effective for one in states)
-    square = sum(one.effective * one.mean / one.dof for one in states) / total
+    squares = sum(one.effective * one.mean / one.dof for one in states)
+    square = squares / sum(one.effective for one in states)
     if not square > 0.0:
         return None
     if not all(one.band[0] <= one.mean / square <= one.band[1] for one in (*scores, *states)):

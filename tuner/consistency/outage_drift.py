@@ -15,6 +15,7 @@ from types import MappingProxyType
 import numpy as np
 
 from tuner.catalogue.trajectories import load_trajectory
+from tuner.consistency.error_budget import HORIZONS
 from tuner.navigation import engine
 from tuner.navigation.data import NON_HOLONOMIC, Constraints, Fixes, Solution, Steps
 from tuner.navigation.settings import filter_settings
@@ -23,8 +24,6 @@ from tuner.simulation.scenario import FIRST_OUTAGE_TIME, OUTAGE_DURATION, Scenar
 from tuner.types import FilterConfig, GnssNoise
 from tuner.types.records import DataError
 
-HORIZONS = (10.0, 60.0, 300.0)
-"""Times without fixes, s: an underpass, a tunnel, a car park."""
 STEP_INTERVAL = 0.02
 """Length of a step, s: noise is given as densities, so that longer steps change the prediction by less than 1 %."""
 CONSTRAINT_INTERVAL = 1.0
@@ -93,8 +92,10 @@ def _city_drive(receiver: GnssNoise) -> Scenario:
 def _errors(solution: Solution, fixes: Fixes, horizons: Sequence[float]) -> dict[float, float]:
     """Return the horizontal sd at the fix next to each time."""
     variance = solution.covariance[:, 0, 0] + solution.covariance[:, 1, 1]
-    at = [int(np.argmin(np.abs(fixes.t - FIRST_OUTAGE_TIME - horizon))) for horizon in horizons]
-    return {horizon: float(np.sqrt(variance[k])) for horizon, k in zip(horizons, at, strict=True)}
+    return {
+        horizon: float(np.sqrt(variance[np.argmin(np.abs(fixes.t - FIRST_OUTAGE_TIME - horizon))]))
+        for horizon in horizons
+    }
 
 
 def _constraints(steps: Steps) -> Constraints:
@@ -103,12 +104,11 @@ def _constraints(steps: Steps) -> Constraints:
     after = np.arange(stride, len(steps.dt) + 1, stride, dtype=np.int64)
     turned = np.add.reduceat(steps.increments[: after[-1], :3], after - stride, axis=0) / CONSTRAINT_INTERVAL
     after = after[np.abs(turned).max(axis=1) < MAX_TURN_RATE]
-    number = len(after)
     return Constraints(
         after * STEP_INTERVAL,
         after,
-        np.full(number, NON_HOLONOMIC, dtype=np.int64),
-        np.full(number, SIDEWAYS_SD),
+        np.full(len(after), NON_HOLONOMIC, dtype=np.int64),
+        np.full(len(after), SIDEWAYS_SD),
         steps.increments[after - 1] / STEP_INTERVAL,
         np.eye(3),
     )

@@ -24,9 +24,7 @@ from numpy.typing import ArrayLike
 
 from models.arrays import FloatArray
 from models.probability import chi2_quantile, normal_reach, student_quantile
-
-LEVEL = 0.95
-"""Chance that the interval holds the ratio."""
+from tuner.types.coefficient import LEVEL
 
 
 def components(covariance: FloatArray) -> FloatArray:
@@ -38,7 +36,7 @@ def components(covariance: FloatArray) -> FloatArray:
 def ratio_interval(
     groups: Sequence[ArrayLike], freedom: float, independent: float = 1.0
 ) -> tuple[float, float]:
-    """Return the interval of a root mean square ratio.
+    """Return the interval that holds a root mean square ratio with the chance `LEVEL`.
 
     Parameters
     ----------

@@ -13,21 +13,22 @@ differ.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from models.arrays import FloatArray, IntArray
 from models.probability import student_quantile
 from tuner.consistency.correlated_errors import independent_count, independent_means, whitened
-from tuner.consistency.output_errors import output_errors
+from tuner.consistency.output_errors import OutputErrors, output_errors
 from tuner.consistency.output_scores import aided_rows, known_epochs
 from tuner.consistency.score_output import OutputScore
-from tuner.consistency.scores import OUTAGE_LENGTHS, outage_epochs
+from tuner.consistency.scores import BLOCKS, OUTAGE_LENGTHS, outage_epochs
 from tuner.formats.customary_units import digits, percent
 from tuner.limits import HONEST_RATIO, LOST_SHARE, SHOWN_CHANGE, TOLERATED_RATIO
-from tuner.types.filter_output import BLOCKS, FilterOutput
+from tuner.types.filter_output import FilterOutput
 from tuner.types.judgement import Judgement, Reason, Use, judged
 from tuner.types.records import DataError
 
@@ -122,7 +123,8 @@ def changed_scores(after: OutputScore, before: OutputScore) -> OutputChange:
         Where the numbers of runs differ, or two runs share no times: one line.
     """
     _expect_pairs(after.outputs, before.outputs)
-    rows = [*_of_errors(after, before), *_of_outages(after, before)] or list(_of_innovations(after, before))
+    rows = _squared([*_of_errors(after, before), *_of_outages(after, before)])
+    rows = rows or _squared(_of_innovations(after, before))
     if not rows:
         raise DataError(f"{after.outputs[0].name}: expected times of {before.outputs[0].name}, found none")
     tail = 0.5 * WORSE_CHANCE / (2 * len(rows))
@@ -154,8 +156,7 @@ def differences(after: Sequence[FilterOutput], before: Sequence[FilterOutput]) -
     _expect_pairs(after, before)
     runs = [output_errors(one, other) for one, other in zip(after, before, strict=True)]
     found = []
-    for i, (name, unit) in enumerate(zip(BLOCKS, BLOCK_UNITS, strict=True)):
-        own = slice(3 * i, 3 * i + 3)
+    for (name, own), unit in zip(BLOCKS.items(), BLOCK_UNITS, strict=True):
         error, sd, other = (
             np.concatenate(parts)
             for parts in (
@@ -215,8 +216,16 @@ class _Pair:
     count: float
 
 
-Row = tuple[str, str, list[_Pair]]
-"""Name, unit and runs of one quantity."""
+class _Errors(NamedTuple):
+    """Errors of one quantity in one run, s, shapes (n,), (n, 3), (n, 3, 3)."""
+
+    t: FloatArray
+    error: FloatArray
+    covariance: FloatArray
+
+
+Rows = Iterable[tuple[str, str, list[tuple[_Errors, _Errors]]]]
+"""Names, units and runs, before and after, of quantities."""
 
 
 def _expect_pairs(after: Sequence[FilterOutput], before: Sequence[FilterOutput]) -> None:
@@ -227,10 +236,16 @@ def _expect_pairs(after: Sequence[FilterOutput], before: Sequence[FilterOutput])
         )
 
 
-def _common(after: FloatArray, before: FloatArray) -> tuple[IntArray, IntArray]:
+def _common(before: _Errors, after: _Errors) -> tuple[_Errors, _Errors]:
+    """Return errors at the epochs that two clocks have in common."""
+    second, first = _same_epochs(after.t, before.t)
+    return _Errors(*(each[first] for each in before)), _Errors(*(each[second] for each in after))
+
+
+def _same_epochs(after: FloatArray, before: FloatArray) -> tuple[IntArray, IntArray]:
     """Return the rows of two clocks that are one epoch: the nearest within half of the longer interval."""
     if len(after) > len(before):
-        second, first = _common(before, after)
+        second, first = _same_epochs(before, after)
         return first, second
     if not len(after):
         return np.zeros(0, dtype=int), np.zeros(0, dtype=int)
@@ -242,84 +257,67 @@ def _common(after: FloatArray, before: FloatArray) -> tuple[IntArray, IntArray]:
     return np.flatnonzero(near), nearest[near]
 
 
-def _pair(errors: Sequence[FloatArray], covariances: Sequence[FloatArray]) -> _Pair:
-    """Return the squares of errors, shapes (n, 3), before and after.
+def _pair(before: _Errors, after: _Errors) -> _Pair:
+    """Return the squares of errors before and after, at the same epochs.
 
     An error that stays is one value, however many epochs have it: so those of both runs limit the independent ones.
     """
-    w = [whitened(e[..., None], p)[..., 0] for e, p in zip(errors, covariances, strict=True)]
-    plain, normal = (np.stack([np.mean(one**2, axis=1) for one in each]) for each in (errors, w))
+    both = (before, after)
+    w = [whitened(one.error[..., None], one.covariance)[..., 0] for one in both]
+    plain, normal = (
+        np.stack([np.mean(one**2, axis=1) for one in each]) for each in ([one.error for one in both], w)
+    )
     return _Pair(3.0 * plain, normal, min(map(independent_count, w)))
 
 
-def _of_errors(after: OutputScore, before: OutputScore) -> Iterator[Row]:
+def _squared(rows: Rows) -> list[tuple[str, str, list[_Pair]]]:
+    """Return the squares of quantities, without runs that share no epochs, and quantities without runs."""
+    found = [(name, unit, [_pair(*run) for run in runs if len(run[0].t)]) for name, unit, runs in rows]
+    return [row for row in found if row[2]]
+
+
+def _of_errors(after: OutputScore, before: OutputScore) -> Rows:
     """Yield the blocks of the errors against a truth, while aided, that both know."""
-    for i, (name, unit) in enumerate(zip(BLOCKS, BLOCK_UNITS, strict=True)):
-        own, pairs = slice(3 * i, 3 * i + 3), []
-        for pair in zip(before.runs, after.runs, strict=False):
-            each = []
-            for run in pair:
-                rows = aided_rows(run.t, run.estimate.outages)
-                each.append(rows[known_epochs(run, i)[rows]])
-            second, first = _common(pair[1].t[each[1]], pair[0].t[each[0]])
-            chosen = each[0][first], each[1][second]
-            if len(first):
-                pairs.append(
-                    _pair(
-                        [run.error[rows, own] for run, rows in zip(pair, chosen, strict=True)],
-                        [run.covariance[rows, own, own] for run, rows in zip(pair, chosen, strict=True)],
-                    )
-                )
-        if pairs:
-            yield name, unit, pairs
+    pairs = list(zip(before.runs, after.runs, strict=False))
+    for (name, own), unit in zip(BLOCKS.items(), BLOCK_UNITS, strict=True):
+        yield name, unit, [_common(*(_known(run, aided_rows(run), own) for run in pair)) for pair in pairs]
 
 
-def _of_outages(after: OutputScore, before: OutputScore) -> Iterator[Row]:
+def _of_outages(after: OutputScore, before: OutputScore) -> Rows:
     """Yield the position after some time without fixes, of the windows that both have."""
     for seconds in OUTAGE_LENGTHS:
-        pairs = []
-        for pair in zip(before.runs, after.runs, strict=False):
-            ends = [outage_epochs(run.t, run.estimate.outages, seconds) for run in pair]
-            ends = [rows[known_epochs(run, 0)[rows]] for run, rows in zip(pair, ends, strict=True)]
-            if len(ends[0]) and len(ends[0]) == len(ends[1]):
-                pairs.append(
-                    _pair(
-                        [run.error[rows, :3] for run, rows in zip(pair, ends, strict=True)],
-                        [run.covariance[rows, :3, :3] for run, rows in zip(pair, ends, strict=True)],
-                    )
-                )
-        if pairs:
-            yield f"position after {seconds:g} s", "m", pairs
-
-
-def _of_innovations(after: OutputScore, before: OutputScore) -> Iterator[Row]:
-    """Yield the innovations of positions and velocities at the fixes that both used."""
-    for i, (name, unit) in enumerate((("position innovations", "m"), ("velocity innovations", "m/s"))):
-        own, pairs = slice(3 * i, 3 * i + 3), []
-        for pair in zip(before.outputs, after.outputs, strict=True):
-            each = [
-                np.flatnonzero(np.isfinite(one.innovation[:, own]).all(axis=1) & _stated(one, own))
-                for one in pair
+        first, second = (
+            [
+                _known(run, outage_epochs(run.t, run.estimate.outages, seconds), BLOCKS["position"])
+                for run in score.runs
             ]
-            second, first = _common(pair[1].t[each[1]], pair[0].t[each[0]])
-            chosen = each[0][first], each[1][second]
-            if len(first):
-                pairs.append(
-                    _pair(
-                        [one.innovation[rows, own] for one, rows in zip(pair, chosen, strict=True)],
-                        [
-                            one.innovation_covariance[rows, own, own]
-                            for one, rows in zip(pair, chosen, strict=True)
-                        ],
-                    )
-                )
-        if pairs:
-            yield name, unit, pairs
+            for score in (before, after)
+        )
+        pairs = [pair for pair in zip(first, second, strict=False) if len(pair[0].t) == len(pair[1].t)]
+        yield f"position after {seconds:g} s", "m", pairs
 
 
-def _stated(one: FilterOutput, own: slice) -> np.ndarray:
-    """Return where the sds of innovations are stated, shape (n,)."""
-    return np.asarray((_sds(one.innovation_covariance, own) > 0.0).all(axis=1))
+def _known(run: OutputErrors, rows: IntArray, own: slice) -> _Errors:
+    """Return the errors of a block at those of some epochs at which they are known."""
+    rows = rows[known_epochs(run, own)[rows]]
+    return _Errors(run.t[rows], run.error[rows, own], run.covariance[rows, own, own])
+
+
+def _of_innovations(after: OutputScore, before: OutputScore) -> Rows:
+    """Yield the innovations of positions and velocities at the fixes that both used."""
+    pairs = list(zip(before.outputs, after.outputs, strict=True))
+    for name, unit, own in (
+        ("position innovations", "m", slice(0, 3)),
+        ("velocity innovations", "m/s", slice(3, 6)),
+    ):
+        yield name, unit, [_common(*(_innovations(one, own) for one in pair)) for pair in pairs]
+
+
+def _innovations(one: FilterOutput, own: slice) -> _Errors:
+    """Return the innovations with sds of one measurement."""
+    z, s = one.innovation[:, own], one.innovation_covariance[:, own, own]
+    rows = np.isfinite(z).all(axis=1) & (_sds(one.innovation_covariance, own) > 0.0).all(axis=1)
+    return _Errors(one.t[rows], z[rows], s[rows])
 
 
 def _sds(covariance: FloatArray, own: slice) -> FloatArray:
@@ -354,11 +352,6 @@ def _ratio(runs: Sequence[FloatArray], most: float, tail: float) -> tuple[Ratio,
     return (middle, low, high), count
 
 
-def _honest_to(name: str) -> float:
-    """Return the ratio of true to predicted up to which a filter is honest."""
-    return TOLERATED_RATIO if name == "attitude" else HONEST_RATIO
-
-
 def _reasons(one: PairedScore) -> Iterator[Reason]:
     """Yield why a row is worse: larger errors, or sds further from them."""
     words = one.name.replace("_", " ")
@@ -366,7 +359,7 @@ def _reasons(one: PairedScore) -> Iterator[Reason]:
         yield Reason(Use.WORSE, f"{words} errs {_times(one.error)} as much")
     before, after = (abs(math.log(ratio)) for ratio in one.honesty)
     if (
-        after > max(before, math.log(_honest_to(one.name)))
+        after > max(before, math.log(TOLERATED_RATIO if one.name == "attitude" else HONEST_RATIO))
         and not one.normalised[1] <= 1.0 <= one.normalised[2]
     ):
         change = " → ".join(digits(ratio) for ratio in one.honesty)

@@ -26,19 +26,17 @@ from tuner.consistency.trajectory_alignment import (
     rate_of,
     to_tangent_plane,
 )
-from tuner.consistency.velocity_of_positions import velocity_contradiction
+from tuner.consistency.velocity_of_positions import MATTERING_SHARE, velocity_contradiction
 from tuner.consistency.wrong_conventions import refuse_wrong_conventions
 from tuner.types.filter_output import FilterOutput
 from tuner.types.records import DataError
 
 DENSER_TRUTH_RATIO = 0.5
 """Interval of an estimate ÷ that of its truth below which the estimate is taken to the times of the truth."""
-NOTED_INTERPOLATION_SHARE = 0.3
-"""Sd of the truth between its rows ÷ that of the filter from which a note says so: 5 % of what is predicted."""
 MAX_MEDIAN_DISTANCES = 4.0
 """Attitudes farther off than so many median distances do not decide on the rotation between the bodies."""
-ROTATION_PARTS = 10
-"""Parts of a record whose scatter gives the sd of the rotation between the bodies."""
+RECORD_PARTS = 10
+"""Parts of a record whose scatter gives the sd of a constant that is fitted to all of it."""
 SELECTION_ROUNDS = 5
 """Times that this selection and the rotation are repeated."""
 
@@ -70,16 +68,12 @@ class OutputErrors:
 
     Attributes
     ----------
-    name : str
-        Of the run.
     t : ndarray, shape (n,)
         s.
     error : ndarray, shape (n, 15)
         Truth minus estimate.
     covariance : ndarray, shape (n, 15, 15)
         As the filter predicts it, and the truth's own added.
-    correlated : bool
-        Whether it is known beyond the sds.
     estimate : FilterOutput
         The estimate at these epochs.
     between : ndarray, shape (n, 9)
@@ -95,11 +89,9 @@ class OutputErrors:
         What was done.
     """
 
-    name: str
     t: FloatArray
     error: FloatArray
     covariance: FloatArray
-    correlated: bool
     estimate: FilterOutput
     between: FloatArray
     rate: FloatArray
@@ -156,26 +148,27 @@ def output_errors(
             f"found {estimate.t[0]:.3f} … {estimate.t[-1]:.3f} s: put both on one clock"
         )
     notes: list[str] = []
-    moved = moved.rows(inside)
+    moved, within = moved.rows(inside), truth.rows((truth.t >= begin - 1e-9) & (truth.t <= end + 1e-9))
     dense = float(np.median(np.diff(moved.t))) < DENSER_TRUTH_RATIO * float(np.median(np.diff(truth.t)))
     if dense and not moved.has_innovations:
-        own = (truth.t >= begin - 1e-9) & (truth.t <= end + 1e-9)
-        truth, half_way, curves = truth.rows(own), None, None
+        truth, half_way, curves = within, None, None
         moved = replace(at_times(moved, truth.t), outages=moved.outages)
         notes.append("estimate interpolated at the times of the truth, which are fewer")
     curves = curves or curves_of(truth)
     rate = rate_of(truth, moved.t, curves)
     there, between = at_times(truth, moved.t, curves), interpolation_variance(truth, moved.t, half_way)
     moved, there, done = _in_one_frame(moved, there, how)
-    body = None
+    fitted, body = [_of_alignment(moved, how)], None
+    if time_offset is not None:
+        fitted.append(rate[:, :, None])
     if not one_body:
         there, body = in_axes_of(there, moved)
         done = (*done, *body.note(moved.name, there.name))
+        fitted.append(of_body_rotation(moved))
     if not tried:
         refuse_wrong_conventions(moved, there)
     noted = _note_between(between, moved, truth)
-    own = truth.rows((truth.t >= begin - 1e-9) & (truth.t <= end + 1e-9))
-    wrong, said = velocity_contradiction(own, moved, np.mean(between[:, 3:6], axis=0))
+    wrong, said = velocity_contradiction(within, moved, np.mean(between[:, 3:6], axis=0))
     between = between + np.pad(wrong, (3, 3))
     error = difference(there, moved)
     if moved.vel_of_body:
@@ -186,21 +179,14 @@ def output_errors(
         error[:, 3:6] = np.where(np.isfinite(turned_velocity), turned_velocity, there.vel_n) - moved.vel_n
     stated = np.where(np.isfinite(there.covariance), there.covariance, 0.0)
     stated[:, range(9), range(9)] += between
-    fitted = [_of_alignment(moved, how)]
-    if time_offset is not None:
-        fitted.append(np.nan_to_num(rate)[:, :, None])
-    if not one_body:
-        fitted.append(of_body_rotation(moved))
     return OutputErrors(
-        estimate.name,
         moved.t,
         error,
         moved.covariance + stated,
-        moved.correlated,
         moved,
         between,
         rate,
-        np.concatenate(fitted, axis=2),
+        np.nan_to_num(np.concatenate(fitted, axis=2)),
         body,
         (*notes, *done, *noted, *said),
     )
@@ -214,7 +200,7 @@ def _note_between(between: FloatArray, estimate: FilterOutput, truth: FilterOutp
     parts = {
         name: np.sqrt(np.max(np.mean(between[:, 3 * i : 3 * i + 3], axis=0)))
         for i, name in enumerate(("m", "m/s", "rad"))
-        if np.sqrt(share[3 * i : 3 * i + 3].max()) > NOTED_INTERPOLATION_SHARE
+        if np.sqrt(share[3 * i : 3 * i + 3].max()) > MATTERING_SHARE
     }
     if not parts:
         return ()
@@ -232,7 +218,7 @@ def in_axes_of(truth: FilterOutput, estimate: FilterOutput) -> tuple[FilterOutpu
     The rotation suits most of the epochs: attitudes far off do not decide. Its sd is that of the mean of ten parts.
     """
     good = np.isfinite(truth.quat_nb).all(axis=1) & np.isfinite(estimate.quat_nb).all(axis=1)
-    if np.count_nonzero(good) <= ROTATION_PARTS:
+    if np.count_nonzero(good) <= RECORD_PARTS:
         return truth, BodyRotation(np.full(3, np.nan), np.full(3, np.nan))
     mine, theirs = rotation.mat_from_quat(estimate.quat_nb[good]), rotation.mat_from_quat(truth.quat_nb[good])
     product = np.einsum("nki,nkl->nil", mine, theirs)
@@ -244,8 +230,8 @@ def in_axes_of(truth: FilterOutput, estimate: FilterOutput) -> tuple[FilterOutpu
         distance = np.linalg.norm(left, axis=1)
         near = distance <= MAX_MEDIAN_DISTANCES * np.median(distance)
     quat = rotation.quat_multiply(truth.quat_nb, rotation.quat_conjugate(rotation.quat_from_mat(between)))
-    parts = np.array([part.mean(axis=0) for part in np.array_split(left[near], ROTATION_PARTS)])
-    sd = parts.std(axis=0, ddof=1) / np.sqrt(ROTATION_PARTS)
+    parts = np.array([part.mean(axis=0) for part in np.array_split(left[near], RECORD_PARTS)])
+    sd = parts.std(axis=0, ddof=1) / np.sqrt(RECORD_PARTS)
     return replace(truth, quat_nb=quat), BodyRotation(rotation.rotvec_from_mat(between), sd)
 
 
@@ -253,7 +239,7 @@ def of_body_rotation(estimate: FilterOutput) -> FloatArray:
     """Return the derivatives of the errors by a rotation of the truth's body; (n, 15, 3)."""
     found = np.zeros((len(estimate), 15, 3))
     found[:, 6:9] = rotation.mat_from_quat(estimate.quat_nb)
-    return np.nan_to_num(found)
+    return found
 
 
 def _of_alignment(estimate: FilterOutput, how: Alignment) -> FloatArray:
@@ -263,7 +249,7 @@ def _of_alignment(estimate: FilterOutput, how: Alignment) -> FloatArray:
         found[:, :3, :3] = np.eye(3)
         arm = estimate.local - np.nanmean(estimate.local, axis=0)
         found[:, :3, 3:] = -rotation.skew(arm)[:, :, 2:] if how is Alignment.YAW else -rotation.skew(arm)
-    return np.nan_to_num(found)
+    return found
 
 
 def _in_one_frame(

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from models.arrays import FloatArray
 from tuner.formats.customary_units import percent
+from tuner.segments.stand_stills import runs
 from tuner.types.filter_output import BLOCKS, FilterOutput
 
 MOST_REPEATS = 3
@@ -28,8 +28,10 @@ def without_repeats(output: FilterOutput) -> FilterOutput:
     table = np.concatenate(stated, axis=1)
     same = (table[1:] == table[:-1]) | (np.isnan(table[1:]) & np.isnan(table[:-1]))
     again = np.concatenate([[False], same.all(axis=1) & np.isfinite(table[1:]).any(axis=1)])
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], again, [False]]).astype(int)))
-    if not again.any() or np.diff(edges)[::2].max() > MOST_REPEATS:  # at rest, or a filter that hangs
+    repeats = runs(again, [(0, len(again))])
+    if (
+        not repeats or max(end - begin for begin, end in repeats) > MOST_REPEATS
+    ):  # at rest, or a filter that hangs
         return output
     note = f"{percent(float(again.mean()))} of its rows repeat the one before: they are left out"
     return replace(output.rows(~again), notes=(*output.notes, f"{output.name}: {note}"))
@@ -38,7 +40,8 @@ def without_repeats(output: FilterOutput) -> FilterOutput:
 def with_stated_sds(output: FilterOutput) -> FilterOutput:
     """Return an output whose sds of zero are not stated, with a note of which: no filter is certain."""
     variance = np.einsum("kii->ki", output.covariance)
-    zero = np.array([_none_but_zero(one) for one in variance.T])
+    known = np.isfinite(variance)
+    zero = known.any(axis=0) & ~(known & (variance != 0.0)).any(axis=0)
     if not zero.any():
         return output
     covariance = output.covariance.copy()
@@ -51,12 +54,8 @@ def with_stated_sds(output: FilterOutput) -> FilterOutput:
             "" if own.all() else " " + " and ".join(axis for axis, one in zip(axes, own, strict=True) if one)
         )
         said += [f"{block.replace('_', ' ')}{where}"] if own.any() else []
-    names = " and ".join(said)
-    note = f"{output.name}: sds of {names} are zero in all rows: taken as not stated; write what the filter predicts"
+    note = (
+        f"{output.name}: sds of {' and '.join(said)} are zero in all rows: taken as not stated; "
+        "write what the filter predicts"
+    )
     return replace(output, covariance=covariance, notes=(*output.notes, note))
-
-
-def _none_but_zero(variance: FloatArray) -> bool:
-    """Return whether variances, shape (n,), are stated and zero."""
-    known = variance[np.isfinite(variance)]
-    return len(known) > 0 and not known.any()

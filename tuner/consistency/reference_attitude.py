@@ -20,13 +20,15 @@ from models import rotation
 from models.arrays import FloatArray
 from models.probability import student_quantile
 from models.robust import normal_sd
-from tuner.consistency.drive_scores import as_output, as_truth
+from tuner.consistency.drive_scores import as_output, as_truth, settled
 from tuner.consistency.output_errors import in_axes_of
 from tuner.consistency.trajectory_alignment import at_times
+from tuner.consistency.velocity_of_positions import MATTERING_SHARE
 from tuner.formats.customary_units import digits
 from tuner.formats.reference_words import wrong_attitude_text
 from tuner.navigation.data import Solution
 from tuner.navigation.drive.run import Stretch
+from tuner.segments.stand_stills import runs
 from tuner.types.records import Reference
 
 WINDOW_LENGTH = 5.0
@@ -49,8 +51,6 @@ FALSE_ALARM = 0.01
 """Probability that the share seems smaller by chance, by Student's law."""
 STATED_SDS = 5.0
 """Turns in a stand, in the sds that the reference states of the attitudes at both ends, which are no chance."""
-MATTERING_SHARE = 0.3
-"""Turn in a stand ÷ sd of the filter from which it matters: it adds 5 % to what errors are predicted to be."""
 AXIS_NAMES = ("roll", "pitch", "heading")
 """The turns about forward, right and down."""
 
@@ -67,8 +67,8 @@ def without_wrong_attitude(
     stretches, solutions : sequences of Stretch and Solution
         Of the drive, filtered.
     """
-    found = [_rests(reference, *pair) for pair in zip(stretches, solutions, strict=True)]
-    rests = standing(np.concatenate(found) if found else np.zeros((0, 13)))
+    pairs = zip(stretches, solutions, strict=True)
+    rests = standing(np.vstack([np.zeros((0, 13)), *(_rests(reference, *pair) for pair in pairs)]))
     if len(rests) < MIN_WINDOWS:
         return reference, ""
     begin, turn, by_gyros, sd, stated = rests[:, 0], *np.split(rests[:, 1:], 4, axis=1)
@@ -106,30 +106,26 @@ def standing(rests: FloatArray) -> FloatArray:
 
 def _rests(reference: Reference, stretch: Stretch, solution: Solution) -> FloatArray:
     """Return windows at rest: begin, turns of reference and gyroscopes, sds of filter and reference; (w, 13), rad."""
-    rows = np.flatnonzero(solution.t >= stretch.settled)
-    none = np.zeros((0, 13))
+    rows = settled(stretch, solution)
     if len(rows) < 2:
-        return none
+        return np.zeros((0, 13))
     mine = as_output(solution, rows)
     theirs, _ = in_axes_of(at_times(as_truth(reference), mine.t), mine)
     known = np.isfinite(theirs.quat_nb).all(axis=1) & np.isfinite(mine.vel_n).all(axis=1)
     moves = ~known | (np.linalg.norm(mine.vel_n, axis=1) >= STANDING_SPEED)
-    change = np.flatnonzero(np.diff(np.concatenate([[True], moves, [True]]).astype(int)))
-    stands = change.reshape(-1, 2) - [0, 1]  # first and last epochs
+    spans = [(mine.t[a], mine.t[b - 1]) for a, b in runs(~moves, [(0, len(moves))])]
     first = np.concatenate(
         [
             np.zeros(0),
             *(
                 np.arange(a + REST_MARGIN, b - REST_MARGIN - WINDOW_LENGTH + 1e-6, WINDOW_LENGTH)
-                for a, b in mine.t[stands]
+                for a, b in spans
             ),
         ]
     )
     begin, end = np.searchsorted(mine.t, first), np.searchsorted(mine.t, first + WINDOW_LENGTH - 1e-6)
     whole = mine.t[end] - mine.t[begin] < 1.5 * WINDOW_LENGTH
     begin, end = begin[whole], end[whole]
-    if not len(begin):
-        return none
     turn = rotation.rotvec_from_quat(
         rotation.quat_multiply(rotation.quat_conjugate(theirs.quat_nb[begin]), theirs.quat_nb[end])
     )

@@ -57,7 +57,9 @@ def trusted_reference(
     found, size = contradictions(reference, stretches, settings)
     if not len(found):
         return reference, ""
-    spans = _spans(found)
+    # A reference recovers like any filter, and may have erred before.
+    groups = np.split(found, np.flatnonzero(np.diff(found) > 2.0 * RECOVERY_TIME) + 1)
+    spans = [(float(one[0]) - RECOVERY_TIME, float(one[-1]) + RECOVERY_TIME) for one in groups]
     keep = np.ones(len(reference.t), dtype=bool)
     for begin, end in spans:
         keep &= (reference.t < begin) | (reference.t > end)
@@ -65,9 +67,7 @@ def trusted_reference(
     times = [(max(begin - first, 0.0), min(end, last) - first) for begin, end in spans]
     any_left = bool(keep.mean() >= MIN_TRUSTED_SHARE)
     text = wrong_times_text(len(found), size, times, any_left=any_left)
-    if not any_left:
-        return None, text
-    return reference.rows(np.flatnonzero(keep)), text
+    return reference.rows(np.flatnonzero(keep)) if any_left else None, text
 
 
 def contradictions(
@@ -136,15 +136,3 @@ def _nearest_clock(reference: Reference, first: FloatArray, last: FloatArray, un
         np.nanmean(np.minimum(one, MIN_CONTRADICTION)) if np.isfinite(one).any() else np.inf for one in moved
     ]
     return tried[int(np.argmin(cost))]
-
-
-def _spans(times: FloatArray) -> list[tuple[float, float]]:
-    """Return the spans around times, s: a reference recovers like any filter, and may have erred before."""
-    spans: list[tuple[float, float]] = []
-    for t in times.tolist():
-        begin, end = t - RECOVERY_TIME, t + RECOVERY_TIME
-        if spans and begin <= spans[-1][1]:
-            spans[-1] = (spans[-1][0], end)
-        else:
-            spans.append((begin, end))
-    return spans

@@ -11,9 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from models.arrays import FloatArray
 from models.earth import ned_between
 from models.filter_states import FILTER_STATES, Origin
 from tuner.consistency.drive_scores import (
@@ -55,7 +53,7 @@ from tuner.stages import counted, stage, task
 from tuner.synthesis.from_drive import config_for_drive, receiver_of
 from tuner.synthesis.rest_and_motion import in_motion
 from tuner.types import FilterConfig, GnssNoise
-from tuner.types.consistency import Consistency, Outage, Whiteness
+from tuner.types.consistency import Consistency, Outage
 from tuner.types.named_cause import NamedCause
 from tuner.types.number_ranges import Positive
 from tuner.types.public import public
@@ -70,12 +68,6 @@ MIN_NOISE_RATIO = 2.0
 """Measured ÷ configured noise over 1 s at rest from which a note is made: more than units of one type differ by."""
 UNKNOWN_LEVER_ARM_SD = 1.0
 """Prior sd of a lever arm that nobody gave, m: the size of a car."""
-
-
-AS_REPORTED = (
-    "no receiver is named: fixes are assumed to err as they report, independently of one another; --gnss GRADE adds "
-    "time-correlated errors"
-)
 
 
 @dataclass(frozen=True, repr=False)
@@ -191,12 +183,13 @@ def navigate_drive(
         solutions = navigate(stretches, settings, np.zeros((0, 2)))
         notes = (*notes, *more, *constraint_notes(constraint_counts(solutions), vehicle))
     scored = [settled(stretch, solution) for stretch, solution in zip(stretches, solutions, strict=True)]
-    spans = [float(s.fixes.t[-1] - s.fixes.t[0]) for s in stretches]
-    expect_settled(any(map(len, scored)), drive.source, spans)
+    expect_settled(
+        any(map(len, scored)), drive.source, [float(s.fixes.t[-1] - s.fixes.t[0]) for s in stretches]
+    )
     groups = [
         block for stretch, rows in zip(solutions, scored, strict=True) for block in blocks(stretch, rows)
     ]
-    reference, late = drive.reference, None
+    reference = drive.reference
     if reference is not None:
         stage("finding where the reference is wrong", 0.7)
         reference, untrusted = trusted_reference(reference, stretches, settings)
@@ -212,6 +205,7 @@ def navigate_drive(
         compared, more = against_reference(reference, solutions, scored, timed=late is not None)
         notes = (*notes, *(one for one in (late, turned) if one), *more)
     stage("filtering without fixes", 1.0)
+    longest, own = max(zip(solutions, scored, strict=True), key=lambda pair: len(pair[1]))
     found = Consistency(
         None,
         compared,
@@ -220,7 +214,12 @@ def navigate_drive(
             [s.innovation_covariance[rows] for s, rows in groups],
             [s.use[rows] for s, rows in groups],
         ),
-        _whiteness(solutions, scored),
+        whiteness(
+            longest.t[own],
+            [longest.innovation[own]],
+            [longest.innovation_covariance[own]],
+            [longest.use[own]],
+        ),
         tuple(
             outage
             for horizon in counted(OUTAGE_LENGTHS)
@@ -240,7 +239,11 @@ def navigate_drive(
     if reference is None and found.blocks:
         notes = (*notes, "no reference: position, velocity and attitude are compared with the smoother")
     if config.gnss == as_reported and not as_reported.correlated:
-        notes = (*notes, AS_REPORTED)
+        notes = (
+            *notes,
+            "no receiver is named: fixes are assumed to err as they report, independently of one another; --gnss GRADE "
+            "adds time-correlated errors",
+        )
     return DriveResult(
         replace(found, verdicts=verdicts(found)),
         config,
@@ -259,27 +262,21 @@ def _noisier_than_configured(stretch: Stretch, config: FilterConfig) -> tuple[st
         return ()
     said = np.array([model.allan_variance(1.0) for model in sensor_of_config(in_motion(config)).noise])
     ratios = found / np.sqrt(said)
-    pairs = zip(GYROS + ACCELS, ratios, strict=True)
-    noisier = [f"{axis} {ratio:.1f}" for axis, ratio in pairs if ratio > MIN_NOISE_RATIO]
+    noisier = [
+        f"{axis} {ratio:.1f}"
+        for axis, ratio in zip(GYROS + ACCELS, ratios, strict=True)
+        if ratio > MIN_NOISE_RATIO
+    ]
     if not noisier:
         return ()
-    cause = NamedCause.of(
-        f"at rest, the sensors are noisier over 1 s than configured: {', '.join(noisier)} times",
-        "certain",
-        "without fixes it errs more than it predicts",
-        f"make the settings from a log of this unit{', or from this drive' * ('drive' not in config.provenance)}",
-    )
-    return (cause,)
-
-
-def _whiteness(solutions: Sequence[Solution], scored: Sequence[NDArray[np.intp]]) -> Whiteness | None:
-    longest = max(range(len(solutions)), key=lambda i: len(scored[i]))
-    solution, rows = solutions[longest], scored[longest]
-    return whiteness(
-        solution.t[rows],
-        [solution.innovation[rows]],
-        [solution.innovation_covariance[rows]],
-        [solution.use[rows]],
+    more = ", or from this drive" if "drive" not in config.provenance else ""
+    return (
+        NamedCause.of(
+            f"at rest, the sensors are noisier over 1 s than configured: {', '.join(noisier)} times",
+            "certain",
+            "without fixes it errs more than it predicts",
+            f"make the settings from a log of this unit{more}",
+        ),
     )
 
 
@@ -290,8 +287,7 @@ def _outage(
     windows = outage_windows(stretches, horizon)
     if not windows:
         return None
-    errors: list[FloatArray] = []
-    covariances: list[FloatArray] = []
+    parts = []
     for solution in navigate(stretches, settings, np.array(windows)):
         for begin, end in windows:
             inside = np.flatnonzero(
@@ -308,9 +304,8 @@ def _outage(
                 )
                 spread = solution.covariance[k, :3, :3]
             if np.isfinite(error).all():
-                errors.append(error[None])
-                covariances.append(spread[None])
-    return outage_score(horizon, errors, covariances) if errors else None
+                parts.append((error[None], spread[None]))
+    return outage_score(horizon, *zip(*parts, strict=True)) if parts else None
 
 
 def _diverged(found: Consistency, solutions: Sequence[Solution]) -> bool:

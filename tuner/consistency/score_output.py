@@ -27,13 +27,12 @@ from tuner.consistency.output_scores import (
     outage_scores,
     output_innovation_scores,
     output_whiteness,
-    rms_errors,
     state_scores,
 )
-from tuner.consistency.scores import DIVERGED_RATIO, score
+from tuner.consistency.scores import DIVERGED_RATIO, rms_errors, score
 from tuner.consistency.trajectory_alignment import Alignment
 from tuner.consistency.unscored_start import unscored_start
-from tuner.consistency.verdicts import verdicts
+from tuner.consistency.verdicts import NOT_FINITE, verdicts
 from tuner.limits import HONEST_RATIO, TOLERATED_RATIO
 from tuner.stages import stage, task
 from tuner.types.consistency import Consistency, RmsError, Score
@@ -165,16 +164,14 @@ def score_outputs(
         if constants and not (_is_far(found) and not _is_far(left)):
             why = explain(runs, sensor_noise=sensor_noise)
             # a model of the filter tells its fixes from its output
-            known = bool(why.causes) and (why.causes[0].subject == "fixes" or not left.consistent)
-            if not known:
-                why = Explanations()
-            elif left.consistent:  # one constant explains all
-                why = replace(why, causes=why.causes[:1])
-            if known:
+            if why.causes and (why.causes[0].subject == "fixes" or not left.consistent):
+                if left.consistent:  # one constant explains all
+                    why = replace(why, causes=why.causes[:1])
                 constants, rest, left = (), runs, found
-        errors = rest or [_without_truth(o) for o in innovative]
+            else:
+                why = Explanations()
         if not (why.causes or _explained(left, constants)):
-            why = explain(errors, sensor_noise=sensor_noise)
+            why = explain(rest or [_without_truth(o) for o in innovative], sensor_noise=sensor_noise)
     notes += unscored_start(rest, left.blocks)
     causes = _without_contradicted(why.causes, left.scores)
     grow = _is_far(left) and not causes and _grow(rest)
@@ -252,7 +249,7 @@ def _is_far(found: Consistency) -> bool:
 def _grow(runs: Sequence[OutputErrors]) -> bool:
     """Return whether the errors of a block are far larger in the last third of the runs than in the first."""
     for first in range(0, 9, 3):
-        errors = [run.error[aided_rows(run.t, run.estimate.outages), first : first + 3] for run in runs]
+        errors = [run.error[aided_rows(run), first : first + 3] for run in runs]
         parts = [np.array_split(e[np.isfinite(e).all(axis=1)], 3) for e in errors]
         begin, end = (np.concatenate([part[at] for part in parts]) for at in (0, 2))
         if len(begin) and np.mean(end**2) > TOLERATED_RATIO**2 * np.mean(begin**2):
@@ -269,7 +266,7 @@ def _scores(runs: Sequence[OutputErrors], innovative: Sequence[FilterOutput]) ->
         output_innovation_scores(innovative) if innovative else (),
         output_whiteness(innovative) if innovative else None,
         outage_scores(runs) if runs else (),
-        rms_errors(runs) if runs else {},
+        rms_errors(np.concatenate([run.error[aided_rows(run)] for run in runs])) if runs else {},
         0.0,
         False,
     )
@@ -278,7 +275,7 @@ def _scores(runs: Sequence[OutputErrors], innovative: Sequence[FilterOutput]) ->
 def _verdicts(found: Consistency, *, lost: bool, named: bool) -> tuple[Verdict, ...]:
     """Return the verdicts: that numbers are not finite, or those of the scores, and whether no cause is named."""
     if lost:
-        return (Verdict(VerdictCode.NOT_FINITE, Severity.DIVERGED),)
+        return NOT_FINITE
     said = verdicts(found)
     if found.consistent or named or found.diverged:
         return said
@@ -334,8 +331,7 @@ def score_arrays(
     if len(states) != k:
         raise DataError(f"expected {k} names of states, found {len(states)}")
     if not np.isfinite(w).all():
-        lost = (Verdict(VerdictCode.NOT_FINITE, Severity.DIVERGED),)
-        return Consistency(None, (), (), None, (), {}, 0.0, True, lost)
+        return Consistency(None, (), (), None, (), {}, 0.0, True, NOT_FINITE)
     single = e / np.sqrt(np.einsum("mnii->mni", p))
     tests = k + 1 if k > 1 else 1
 
@@ -366,11 +362,9 @@ def _without_truth(output: FilterOutput) -> OutputErrors:
     n = len(output)
     unknown, nothing = np.full((n, 15), np.nan), np.zeros((n, 15, 0))
     return OutputErrors(
-        output.name,
         output.t,
         unknown,
         output.covariance,
-        output.correlated,
         output,
         np.zeros((n, 9)),
         unknown,

@@ -41,11 +41,12 @@ from scipy.special import ndtri
 from models.arrays import FloatArray
 from models.probability import chi2_quantile, student_quantile
 from tuner.consistency.outage_ratio import components, means_and_weights, ratio_interval, scatter_freedom
+from tuner.consistency.verdicts import NOT_FINITE
 from tuner.navigation.data import USED
 from tuner.simulation.monte_carlo import Runs
+from tuner.types import filter_output
 from tuner.types.consistency import ERROR_UNITS, Consistency, Outage, RmsError, Score, Whiteness
 from tuner.types.honesty import OUTAGE
-from tuner.types.verdict import Severity, Verdict, VerdictCode
 
 Floats = NDArray[np.floating[Any]]
 
@@ -55,8 +56,6 @@ EQUIVALENCE_MARGIN = 0.1
 """Relative error of an sd below which a filter counts as right: a ladder approximates flicker to some per cent."""
 TEST_COUNT = 14
 """Scores that share `FALSE_ALARM_RATE`: NEES and its five blocks, NIS of three kinds, whiteness, four outages."""
-NO_FURTHER_STATES: Mapping[str, slice] = MappingProxyType({})
-"""Further states where a filter has none."""
 OUTAGE_LENGTHS = (10.0, 30.0, 60.0, 300.0)
 """Lengths of outage that are scored, s: an underpass to a long tunnel."""
 SETTLING_TIME = 120.0
@@ -67,8 +66,12 @@ MAX_LAG = 10
 """Largest lag, epochs, of the autocorrelation of innovations."""
 MIN_PAIRS = 100
 """Products of components behind an autocorrelation below which it is not tested: 0.1 is then its standard error."""
-BLOCKS = ("position", "velocity", "attitude", "gyro_bias", "accel_bias")
-"""Parts of the error whose NEES is scored, three components each, in the order of the errors of a run."""
+BLOCKS: Mapping[str, slice] = MappingProxyType(
+    {name: slice(3 * i, 3 * i + 3) for i, name in enumerate(filter_output.BLOCKS)}
+)
+"""Parts of the error whose NEES is scored, three components each, and their places among the errors of a run."""
+INNOVATIONS = MappingProxyType({"nis": slice(0, 6), "nis_position": slice(0, 3), "nis_velocity": slice(3, 6)})
+"""Scores of innovations, and their components."""
 DIVERGED_RATIO = 20.0
 """True rms ÷ predicted sd, all runs together, from which a filter diverged: beyond any linear analysis of it."""
 STRAYED_RATIO = 5.0
@@ -103,10 +106,8 @@ def score(
     means, shares = means_and_weights(groups)
     mean = float(shares @ means)
     count = (components or dof) * sum(np.size(group) for group in groups)
-    effective = count
-    if len(means) > 1 and mean > 0.0:
-        effective = min(count, scatter_freedom(means, shares))
-    sure = effective
+    scattered = len(means) > 1 and mean > 0.0
+    sure = effective = min(count, scatter_freedom(means, shares)) if scattered else count
     if 1 < len(means) < count:
         # The scatter of few groups is itself hardly known; each has one square of its own at least.
         tail = 0.5 * FALSE_ALARM_RATE / tests
@@ -142,8 +143,7 @@ def evaluate(
     runs: Runs,
     outages: FloatArray,
     *,
-    further: Mapping[str, slice] = NO_FURTHER_STATES,
-    settling: float = SETTLING_TIME,
+    further: Mapping[str, slice] = MappingProxyType({}),
 ) -> Consistency:
     """Score simulated runs: NEES, NIS, whiteness of innovations, position in outages.
 
@@ -155,29 +155,28 @@ def evaluate(
         Begin and end of withheld fixes, s.
     further : mapping of str to slice
         Further states of the filter by name, and their places among the further errors of the runs.
-    settling : float
-        Time after the start and after an outage that is not scored as aided, s.
     """
     tests = TEST_COUNT + len(further)
-    chosen = scored_epochs(runs.t, outages, settling)
+    chosen = scored_epochs(runs.t, outages)
     error, covariance = runs.error[:, chosen], runs.covariance[:, chosen].astype(float)
-    lost = ~np.isfinite(runs.error).all() or not np.isfinite(runs.covariance).all()
-    if lost:
-        verdict = Verdict(VerdictCode.NOT_FINITE, Severity.DIVERGED)
-        return Consistency(None, (), (), None, (), {}, 1.0, True, (verdict,))
-    blocks = []
-    for i, name in enumerate(BLOCKS):
-        own = slice(3 * i, 3 * i + 3)
-        blocks.append(score(name, list(squares(error[..., own], covariance[..., own, own])), 3, tests=tests))
+    if not (np.isfinite(runs.error).all() and np.isfinite(runs.covariance).all()):
+        return Consistency(None, (), (), None, (), {}, 1.0, True, NOT_FINITE)
+    blocks = [
+        score(name, list(squares(error[..., own], covariance[..., own, own])), 3, tests=tests)
+        for name, own in BLOCKS.items()
+    ]
     for name, own in further.items():
         e, p = runs.further_error[:, chosen, own], runs.further_covariance[:, chosen, own, own]
         blocks.append(score(name, list(squares(e, p)), e.shape[-1], tests=tests))
+    ends = {
+        horizon: outage_epochs(runs.t, outages, horizon)
+        for horizon in OUTAGE_LENGTHS
+        if len(outages) and horizon <= np.diff(outages).max()
+    }
     found = tuple(
-        _outage(runs, outages, h, tests)
-        for h in OUTAGE_LENGTHS
-        if len(outages) and h <= np.diff(outages).max()
+        outage_score(h, list(runs.error[:, i, :3]), list(runs.covariance[:, i, :3, :3]), tests=tests)
+        for h, i in ends.items()
     )
-    parts = np.split(error.reshape(-1, error.shape[-1])[:, :9], 3, axis=1)
     gated = float(np.mean(runs.use == 2))
     each = squares(error, covariance)
     seen = list(runs.innovation), list(runs.innovation_covariance), list(runs.use)
@@ -188,15 +187,22 @@ def evaluate(
         innovation_scores(*seen, tests=tests),
         whiteness(runs.t, *seen, tests=tests),
         found,
-        {
-            name: RmsError.of(part, unit)
-            for (name, unit), part in zip(ERROR_UNITS.items(), parts, strict=True)
-        },
+        rms_errors(error.reshape(-1, 15)),
         gated,
         gated > DIVERGED_REFUSED_SHARE
         or nees.ratio > DIVERGED_RATIO
         or some_strayed(np.sqrt(each.mean(axis=1) / 15)),
     )
+
+
+def rms_errors(error: FloatArray) -> dict[str, RmsError]:
+    """Return the rms errors of position, velocity and attitude over the rows of (n, 15) in which they are known."""
+    found = {}
+    for name, unit in ERROR_UNITS.items():
+        part = error[:, BLOCKS[name]]
+        if (known := np.isfinite(part).all(axis=1)).any():
+            found[name] = RmsError.of(part[known], unit)
+    return found
 
 
 def run_ratios(runs: Runs, outages: FloatArray) -> FloatArray:
@@ -205,7 +211,7 @@ def run_ratios(runs: Runs, outages: FloatArray) -> FloatArray:
     Parameters are those of `evaluate`.
     """
     finite = np.isfinite(runs.error).all(axis=(1, 2)) & np.isfinite(runs.covariance).all(axis=(1, 2, 3))
-    own = np.ix_(finite, scored_epochs(runs.t, outages, SETTLING_TIME))
+    own = np.ix_(finite, scored_epochs(runs.t, outages))
     error, covariance = runs.error[own], runs.covariance[own].astype(float)
     ratios = np.full(len(runs.error), np.inf)
     ratios[finite] = np.sqrt(squares(error, covariance).mean(axis=1) / error.shape[-1])
@@ -228,9 +234,8 @@ def innovation_scores(
 
     A component that is NaN is missing; squares are those of as many components as most fixes have.
     """
-    parts = {"nis": slice(0, 6), "nis_position": slice(0, 3), "nis_velocity": slice(3, 6)}
     scores = []
-    for name, own in parts.items():
+    for name, own in INNOVATIONS.items():
         groups, counts = [], [np.zeros(0)]
         for z, s, u in zip(innovation, covariance, use, strict=True):
             used = (u[:, own.start // 3 : own.stop // 3] == USED).all(axis=-1)
@@ -256,7 +261,7 @@ def whiteness(
     Pairs across an outage or a refused fix are left out.
     """
     interval = float(np.median(np.diff(t))) if len(t) > 1 else 0.0
-    best: Whiteness | None = None
+    found = []
     for part, own, column in (("position", slice(0, 3), 0), ("velocity", slice(3, 6), 1)):
         sums, counts = np.zeros(MAX_LAG + 1), np.zeros(MAX_LAG + 1)
         for z, s, u in zip(innovation, covariance, use, strict=True):
@@ -274,20 +279,14 @@ def whiteness(
         r = (sums / counts) / (sums[0] / counts[0])
         lag = 1 + int(np.argmax(np.abs(r[1:])))
         limit = -ndtri(0.5 * FALSE_ALARM_RATE / tests / (2 * MAX_LAG)) / math.sqrt(counts[lag])
-        found = Whiteness(part, lag, float(r[lag]), float(limit + EQUIVALENCE_MARGIN))
-        if best is None or abs(found.correlation) - found.band > abs(best.correlation) - best.band:
-            best = found
-    return best
+        found.append(Whiteness(part, lag, float(r[lag]), float(limit + EQUIVALENCE_MARGIN)))
+    return max(found, key=lambda one: abs(one.correlation) - one.band, default=None)
 
 
 def scored_epochs(t: FloatArray, outages: FloatArray, settling: float = SETTLING_TIME) -> NDArray[np.intp]:
     """Return the epochs that are scored: `MAX_SCORED_EPOCHS` aided ones, evenly spread, or all where fewer."""
     aided = aided_epochs(t, outages, settling)
-    return (
-        aided[np.unique(np.linspace(0, len(aided) - 1, MAX_SCORED_EPOCHS).astype(int))]
-        if len(aided)
-        else aided
-    )
+    return np.asarray(aided[np.unique(np.linspace(0, len(aided) - 1, MAX_SCORED_EPOCHS).astype(int))])
 
 
 def aided_epochs(t: FloatArray, outages: FloatArray, settling: float = SETTLING_TIME) -> NDArray[np.intp]:
@@ -311,14 +310,6 @@ def outage_epochs(t: FloatArray, outages: FloatArray, horizon: float) -> NDArray
         if end - begin >= horizon - 1e-9 and len(inside) and off.min() < step:
             found.append(inside[off.argmin()])
     return np.array(found, dtype=np.intp)
-
-
-def _outage(runs: Runs, outages: FloatArray, horizon: float, tests: int) -> Outage:
-    """Score the position error at a horizon, over all windows that reach it."""
-    epochs = outage_epochs(runs.t, outages, horizon)
-    return outage_score(
-        horizon, list(runs.error[:, epochs, :3]), list(runs.covariance[:, epochs, :3, :3]), tests=tests
-    )
 
 
 def outage_score(

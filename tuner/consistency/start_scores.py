@@ -21,11 +21,16 @@ STARTS = {"initial_tilt": slice(6, 8), "initial_heading": slice(8, 9)}
 
 def start_scores(simulated: Runs) -> tuple[Score, ...]:
     """Return the scores of tilt and heading of runs at their first fix."""
-    found = []
-    for name, own in STARTS.items():
-        square = squares(simulated.error[:, 0, own], simulated.covariance[:, 0, own, own].astype(float))
-        found.append(score(name, list(square[:, None]), own.stop - own.start, tests=TEST_COUNT + len(STARTS)))
-    return tuple(found)
+    error, covariance = simulated.error[:, :1], simulated.covariance[:, :1].astype(float)
+    return tuple(
+        score(
+            name,
+            list(squares(error[..., own], covariance[..., own, own])),
+            own.stop - own.start,
+            tests=TEST_COUNT + len(STARTS),
+        )
+        for name, own in STARTS.items()
+    )
 
 
 def wrong_starts(scores: Sequence[Score]) -> tuple[Explanation, ...]:

@@ -23,13 +23,11 @@ from numpy.typing import NDArray
 from models.arrays import FloatArray
 from models.earth import ned_between
 from models.probability import student_quantile
-from tuner.consistency.output_errors import OutputErrors
+from tuner.consistency.output_errors import RECORD_PARTS, OutputErrors
 from tuner.consistency.trajectory_alignment import MAX_GAP_INTERVALS, interpolation_variance
 from tuner.types.filter_output import FilterOutput
 from tuner.types.output_score import TimeOffset
 
-OFFSET_BLOCKS = 10
-"""Parts of a record whose time offsets give the interval of their mean."""
 COARSE_OFFSET_STEP = 0.05
 """Step of the search for a time offset, s: motion of vehicles is linear over it."""
 MAX_COARSE_STEPS = 1 << 20
@@ -52,10 +50,10 @@ def clock_offset(runs: Sequence[OutputErrors], taken_out: Sequence[float]) -> Ti
     taken_out : sequence of float
         What was subtracted from the stamps of each beforehand, s.
     """
-    tops, bottoms, opens = [], [], []
+    sums, opens = [], []
     for run, first in zip(runs, taken_out, strict=True):
-        parts = max(4, OFFSET_BLOCKS // len(runs))
-        top, bottom = np.zeros(parts), np.zeros(parts)
+        parts = max(4, RECORD_PARTS // len(runs))
+        own = np.zeros((2, parts))
         slope = run.rate[:, :9]
         variance = np.einsum("kii->ki", run.covariance)[:, :9]
         for j in range(9):
@@ -65,14 +63,13 @@ def clock_offset(runs: Sequence[OutputErrors], taken_out: Sequence[float]) -> Ti
             sd = np.sqrt(np.where(variance[rows, j] > 0.0, variance[rows, j], np.nan))
             e, x = run.error[rows, j], slope[rows, j]
             sd = sd if np.isfinite(sd).all() else np.full(len(rows), max(float(np.std(e)), 1e-12))
-            own = _squares(e / sd, x / sd, parts)
-            top, bottom = top + own[0], bottom + own[1]
+            found = _squares(e / sd, x / sd, parts)
+            own += found
             if x.any():
                 unknown = float(np.mean(run.between[rows, j]) / np.mean(x**2))
-                opens.append((float(own[1].sum()), unknown))
-        tops.append(top + first * bottom)
-        bottoms.append(bottom)
-    above, below = np.concatenate(tops), np.concatenate(bottoms)
+                opens.append((float(found[1].sum()), unknown))
+        sums.append([own[0] + first * own[1], own[1]])
+    above, below = np.concatenate(sums, axis=1)
     if not below.sum() > 0.0:
         return None
     value = float(above.sum() / below.sum())
@@ -88,8 +85,8 @@ def clock_offset(runs: Sequence[OutputErrors], taken_out: Sequence[float]) -> Ti
     return TimeOffset(value, (value - wide, value + wide), removed=False)
 
 
-def _squares(e: FloatArray, x: FloatArray, parts: int) -> tuple[FloatArray, FloatArray]:
-    """Return sums of products of errors and derivatives and of squares of these by parts, weighed as independent."""
+def _squares(e: FloatArray, x: FloatArray, parts: int) -> FloatArray:
+    """Return sums by parts, weighed as independent: of errors times derivatives, of squares of these; (2, parts)."""
     rho, value = 0.0, 0.0
     for _ in range(FIT_ROUNDS):
         later, earlier = e[1:] - rho * e[:-1], x[1:] - rho * x[:-1]
@@ -99,12 +96,9 @@ def _squares(e: FloatArray, x: FloatArray, parts: int) -> tuple[FloatArray, Floa
     later, earlier = e[1:] - rho * e[:-1], x[1:] - rho * x[:-1]
     noise = float(np.mean((later - value * earlier) ** 2))
     if noise == 0.0:
-        return np.zeros(parts), np.zeros(parts)
+        return np.zeros((2, parts))
     cut = np.array_split(np.arange(len(later)), parts)
-    return (
-        np.array([later[i] @ earlier[i] for i in cut]) / noise,
-        np.array([earlier[i] @ earlier[i] for i in cut]) / noise,
-    )
+    return np.array([[one[i] @ earlier[i] for i in cut] for one in (later, earlier)]) / noise
 
 
 def find_time_offset(estimate: FilterOutput, truth: FilterOutput) -> float | None:
@@ -136,8 +130,10 @@ def find_time_offset(estimate: FilterOutput, truth: FilterOutput) -> float | Non
     best = step * float(lags[likely[np.argmin(np.abs(lags[likely]))]])
     from scipy.optimize import minimize_scalar  # loaded when used: slow to import
 
-    bounds = (best - 2.0 * step, best + 2.0 * step)
-    return float(minimize_scalar(misfit, bounds=bounds, method="bounded", options={"xatol": 1e-4}).x)
+    near = minimize_scalar(
+        misfit, bounds=(best - 2.0 * step, best + 2.0 * step), method="bounded", options={"xatol": 1e-4}
+    )
+    return float(near.x)
 
 
 def _at(t: FloatArray, rows: FloatArray, values: FloatArray) -> FloatArray:

@@ -214,8 +214,7 @@ def rate_of(given: FilterOutput, t: FloatArray, curves: Curves | None = None) ->
         return difference(late, early)
 
     far, near = across(2.0 * step), across(step)
-    wide = np.where(np.isfinite(far), (8.0 * near - far) / (12.0 * step), near / (2.0 * step))
-    return np.asarray(wide)
+    return np.where(np.isfinite(far), (8.0 * near - far) / (12.0 * step), near / (2.0 * step))
 
 
 def half_way_variances(given: FilterOutput) -> tuple[FloatArray, FloatArray]:
@@ -294,17 +293,14 @@ def turned(given: FilterOutput, mat: FloatArray) -> FilterOutput:
     """Return velocity, attitude and covariance in world axes turned by `mat`, shape (n, 3, 3) or (3, 3)."""
     n = len(given)
     mat = np.broadcast_to(mat, (n, 3, 3))
-    whole = np.zeros((n, 15, 15))
-    whole[:, range(15), range(15)] = 1.0
+    whole = np.tile(np.eye(15), (n, 1, 1))
     for i in range(3):
         whole[:, 3 * i : 3 * i + 3, 3 * i : 3 * i + 3] = mat
     known = np.isfinite(np.einsum("kii->ki", given.covariance))
     cov = np.where(known[:, :, None] & known[:, None, :], given.covariance, 0.0)
     cov = whole @ cov @ np.swapaxes(whole, -1, -2)
     cov[~(known[:, :, None] & known[:, None, :])] = np.nan
-    quat = given.quat_nb
-    if np.isfinite(quat).any():
-        quat = rotation.quat_multiply(rotation.quat_from_mat(mat), quat)
+    quat = rotation.quat_multiply(rotation.quat_from_mat(mat), given.quat_nb)
     return replace(given, vel_n=np.einsum("nij,nj->ni", mat, given.vel_n), quat_nb=quat, covariance=cov)
 
 

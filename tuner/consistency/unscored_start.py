@@ -14,12 +14,10 @@ import numpy as np
 from models.probability import chi2_quantile
 from tuner.consistency.output_errors import OutputErrors
 from tuner.consistency.output_scores import known_epochs, settling_time
+from tuner.consistency.scores import BLOCKS
+from tuner.consistency.velocity_of_positions import FALSE_ALARM
 from tuner.limits import TOLERATED_RATIO
 from tuner.types.consistency import Score
-from tuner.types.filter_output import BLOCKS
-
-FALSE_ALARM = 1e-3
-"""Probability that a consistent filter gets the note for a block."""
 
 
 def unscored_start(runs: Sequence[OutputErrors], scores: Sequence[Score] = ()) -> list[str]:
@@ -28,11 +26,10 @@ def unscored_start(runs: Sequence[OutputErrors], scores: Sequence[Score] = ()) -
     Blocks whose scores, after that time, are about as far off say nothing of the start.
     """
     notes, later = [], {one.name: one.ratio for one in scores}
-    for block, name in enumerate(BLOCKS):
-        own = slice(3 * block, 3 * block + 3)
+    for name, own in BLOCKS.items():
         means = []
         for run in runs:
-            rows = np.flatnonzero((run.t < run.t[0] + settling_time(run.t)) & known_epochs(run, block))
+            rows = np.flatnonzero((run.t < run.t[0] + settling_time(run.t)) & known_epochs(run, own))
             if len(rows):
                 error = run.error[rows, own]
                 inverse = np.linalg.pinv(run.covariance[rows, own, own], hermitian=True)

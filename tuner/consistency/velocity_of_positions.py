@@ -20,9 +20,9 @@ WINDOW_LENGTH = 10.0
 MIN_WINDOWS = 6
 """Least number of windows: a minute."""
 FALSE_ALARM = 1e-3
-"""Probability that as many contradictions, each of its stated size, are said to be too large."""
+"""Probability of a note that errors are too large where each is of its stated size."""
 MATTERING_SHARE = 0.3
-"""Contradiction ÷ sd of the velocities that are judged, from which it counts: 5 % of what is predicted."""
+"""Error of a truth ÷ sd of the filter that is judged, from which it counts: 5 % of what is predicted."""
 MIN_RATIO = 1.25
 """Ratio of sds, of what is found to what is stated, from which it counts: stated sds are rounded and smoothed."""
 

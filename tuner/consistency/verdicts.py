@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from tuner.types.consistency import Consistency, Outage, Score
+from tuner.types.consistency import Consistency, Score
 from tuner.types.verdict import Explanation, Severity, Verdict, VerdictCode
+
+NOT_FINITE = (Verdict(VerdictCode.NOT_FINITE, Severity.DIVERGED),)
+"""The verdicts on errors of which some are not finite."""
 
 
 def verdicts(found: Consistency) -> tuple[Verdict, ...]:
@@ -13,7 +16,16 @@ def verdicts(found: Consistency) -> tuple[Verdict, ...]:
     if found.diverged:
         return (Verdict(VerdictCode.DIVERGED, Severity.DIVERGED),)
     bad = sorted((s for s in found.scores if not s.consistent), key=_deviation, reverse=True)
-    outages = {one.score.name: outage_numbers(one) for one in found.outages}
+    outages: dict[str, dict[str, float | tuple[float, ...]]] = {
+        one.score.name: {
+            "ratio": one.score.ratio,
+            "rms": one.rms,
+            "predicted": one.predicted,
+            "interval": one.interval,
+            "windows": float(one.windows),
+        }
+        for one in found.outages
+    }
     answer = [
         Verdict(
             VerdictCode.OPTIMISTIC if score.ratio > 1.0 else VerdictCode.PESSIMISTIC,
@@ -25,20 +37,15 @@ def verdicts(found: Consistency) -> tuple[Verdict, ...]:
     ]
     white = found.whiteness
     if white is not None and not white.consistent:
-        numbers = {"correlation": white.correlation, "lag": white.lag, "band": white.band}
-        answer.append(Verdict(VerdictCode.CORRELATED_INNOVATIONS, Severity.INCONSISTENT, white.part, numbers))
+        answer.append(
+            Verdict(
+                VerdictCode.CORRELATED_INNOVATIONS,
+                Severity.INCONSISTENT,
+                white.part,
+                {"correlation": white.correlation, "lag": white.lag, "band": white.band},
+            )
+        )
     return tuple(answer) or (Verdict(VerdictCode.CONSISTENT, Severity.CONSISTENT),)
-
-
-def outage_numbers(outage: Outage) -> dict[str, float | tuple[float, ...]]:
-    """Return the figures of a verdict on errors in outages."""
-    return {
-        "ratio": outage.score.ratio,
-        "rms": outage.rms,
-        "predicted": outage.predicted,
-        "interval": outage.interval,
-        "windows": float(outage.windows),
-    }
 
 
 def with_explanations(found: Consistency, explanations: Sequence[Explanation]) -> tuple[Verdict, ...]:

@@ -48,11 +48,14 @@ def refuse_wrong_conventions(estimate: FilterOutput, truth: FilterOutput) -> Non
         place = _place(one, one)
         if place is not None and np.isfinite(one.vel_n).any():
             moved = np.gradient(place, one.t, axis=0)
-            others = _velocities(one, moved, option)
-            _tell(one, "velocities", one.vel_n - moved, others, "their own positions", moved)
-    others = _velocities(estimate, truth.vel_n, "--frame")
-    _tell(estimate, "velocities", estimate.vel_n - truth.vel_n, others, size=truth.vel_n)
+            _tell_velocities(one, moved, option, "their own positions")
+    _tell_velocities(estimate, truth.vel_n, "--frame", "the truth")
     _tell(estimate, "attitudes", _turns(estimate.quat_nb, truth.quat_nb), _attitudes(estimate, truth.quat_nb))
+
+
+def _tell_velocities(one: FilterOutput, want: FloatArray, option: str, beside: str) -> None:
+    """Raise where another convention brings velocities far nearer to those that are wanted, m/s, and near to them."""
+    _tell(one, "velocities", one.vel_n - want, _velocities(one, want, option), beside, want)
 
 
 def _tell(
@@ -132,15 +135,21 @@ def _attitudes(one: FilterOutput, want: FloatArray) -> Iterator[tuple[str, str, 
     q = one.quat_nb
     if not np.isfinite(q).any():
         return
-    inverse = "write body to world: change the signs of qx, qy, qz"
-    yield "as world to body", inverse, _turns(rotation.quat_conjugate(q), want)
+    yield (
+        "as world to body",
+        "write body to world: change the signs of qx, qy, qz",
+        _turns(rotation.quat_conjugate(q), want),
+    )
     for order in ([1, 2, 3, 0], [3, 0, 1, 2]):
         for sign, words in ((1.0, "in another order of the quaternion"), (-1.0, "of JPL's order and sense")):
             other = q[:, order] * [1.0, sign, sign, sign]
             yield words, "name the columns qw, qx, qy, qz as Hamilton's, body to world", _turns(other, want)
     angles = rotation.rpy_from_quat(np.where(np.isfinite(q), q, [1.0, 0.0, 0.0, 0.0]))
-    radian = "name the columns 'roll [rad]', 'pitch [rad]', 'yaw [rad]'"
-    yield "in rad", radian, _turns(rotation.quat_from_rpy(np.degrees(angles)), want)
+    yield (
+        "in rad",
+        "name the columns 'roll [rad]', 'pitch [rad]', 'yaw [rad]'",
+        _turns(rotation.quat_from_rpy(np.degrees(angles)), want),
+    )
     mat = rotation.mat_from_quat(q)
     mat = np.where(np.isfinite(mat), mat, np.eye(3))
     taken = one.axes

@@ -46,8 +46,8 @@ def test_nothing_is_spurious_where_motion_shows_all(noise):
 
 def test_a_heading_that_standing_never_shows_is_reported():
     found = spurious("static", CONFIG, CONFIG)
-    assert found.state == "heading"
-    assert found.filter_sd < 0.8 * found.linear_sd
+    assert found.subject == "heading"
+    assert found.numbers["filter_sd"] < 0.8 * found.numbers["linear_sd"]
 
 
 def test_a_smaller_uncertainty_at_the_start_mends_it():

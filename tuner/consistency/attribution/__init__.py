@@ -27,12 +27,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from models.arrays import FloatArray
-from tuner.consistency.attribution.hypotheses import Hypothesis, hypotheses, missing_correlated
+from tuner.consistency.attribution.hypotheses import Fit, Hypothesis, hypotheses, missing_correlated
 from tuner.consistency.attribution.likelihood import (
     WhitenedProducts,
     deviance,
@@ -65,21 +66,6 @@ GRID_SIZES = 41
 """Sizes at which a likelihood is computed before its minimum is sought: with a step of a quarter in ln θ."""
 MIN_DISTANCE_TO_END = 0.02
 """Distance of ln θ to a bound of the search below which the size counts as beyond it."""
-
-
-@dataclass(frozen=True)
-class Fit:
-    """A hypothesis at its best size: ln θ, its interval, the misfit of scores, and −2 ln p by run, (m,).
-
-    `level_loss` is what −2 ln p rises, in the mean, where all that is expected is larger by `MODEL_ERROR`.
-    """
-
-    hypothesis: Hypothesis
-    size: float
-    interval: tuple[float, float]
-    misfit: float
-    loss: FloatArray
-    level_loss: float
 
 
 def attribute(found: Consistency, simulated: Runs, sensitivity: ScoreSensitivity) -> tuple[Explanation, ...]:
@@ -137,26 +123,25 @@ def likeliest(
         off = (logs - np.log(np.maximum(expected[:, :count], 1e-6))) / errors
         return np.asarray(np.sum(off**2, axis=1, keepdims=True))
 
-    def likelihoods(of: Sequence[WhitenedProducts]) -> Loss:
-        return lambda expected: deviance(of, expected[:, count:], model_error=MODEL_ERROR)
+    def by_run(expected: FloatArray, of: Sequence[WhitenedProducts] = measured) -> FloatArray:
+        return deviance(of, expected[:, count:], model_error=MODEL_ERROR)
 
-    whole = likelihoods([replace(one, products=one.products.mean(axis=0, keepdims=True)) for one in measured])
+    def likely_size(rival: Hypothesis) -> Fit:
+        return _fitted(rival, by_run, partial(by_run, of=together), misfits)
+
+    together = [replace(one, products=one.products.mean(axis=0, keepdims=True)) for one in measured]
     half = 0.5 * float(misfits(np.ones((1, count)))[0, 0])
-    fits = [_fitted(rival, likelihoods(measured), whole, misfits) for rival in rivals]
-    fits = [fit for fit in fits if fit.misfit <= min(half, MAX_MISFIT_PER_SCORE * count)]
+    most = min(half, MAX_MISFIT_PER_SCORE * count)
+    fits = [fit for fit in map(likely_size, rivals) if fit.misfit <= most]
     if not fits:
         fits = [_fitted(rival, misfits, misfits, misfits) for rival in rivals]
         fits = [fit for fit in fits if fit.misfit <= half]
-        least = min((fit.misfit for fit in fits), default=0.0)
-        scale = count / max(least, count)
+        scale = count / max(min((fit.misfit for fit in fits), default=0.0), count)
         fits = [replace(fit, loss=scale * fit.loss, level_loss=scale * fit.level_loss) for fit in fits]
     fits.sort(key=lambda fit: float(fit.loss.mean()))
     if not fits or fits[0].misfit > count:
-        both = _both(rivals, lambda one: _fitted(one, likelihoods(measured), whole, misfits))
-        both = [pair for pair in both if pair[0].misfit <= min(half, MAX_MISFIT_PER_SCORE * count)]
-        single = (
-            likelihoods(measured)(fits[0].hypothesis.expected(fits[0].size)[None, :])[0] if fits else None
-        )
+        both = [pair for pair in _both(rivals, likely_size) if pair[0].misfit <= most]
+        single = by_run(fits[0].hypothesis.expected(fits[0].size)[None, :])[0] if fits else None
         if both and (single is None or _distinct(replace(fits[0], loss=single), both[0][0])):
             return _explained_by_both(both)
     likely = [fit for fit in fits if not _distinct(fit, fits[0])]
@@ -165,7 +150,7 @@ def likeliest(
 
 def _both(rivals: Sequence[Hypothesis], fit: Callable[[Hypothesis], Fit]) -> list[tuple[Fit, Fit]]:
     """Return noise of sensors and of fixes that are wrong together, the likeliest first; each is surely wrong."""
-    found = [fitted_in_turn(one, other, fit, lambda of: of.size) for one, other in pairs(rivals)]
+    found = [fitted_in_turn(one, other, fit) for one, other in pairs(rivals)]
     sure = [pair for pair in found if all(not one.interval[0] < 0.0 < one.interval[1] for one in pair)]
     return sorted(sure, key=lambda pair: float(pair[1].loss.mean()))
 

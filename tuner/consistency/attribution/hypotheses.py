@@ -26,8 +26,6 @@ from tuner.types.verdict import ExplanationKind, explanation_source
 
 LOG_MAX_RATIO = math.log(100.0)
 """Largest ratio of true to configured sd that is considered, as a logarithm: beyond it a filter diverges."""
-MISSING = (ExplanationKind.MISSING_SLOWER, ExplanationKind.MISSING_NEXT, ExplanationKind.MISSING_FASTER)
-"""Kinds of missing states."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +42,7 @@ class Hypothesis:
         Of ln θ; the scores that are expected, and behind them the products of
         `tuner.consistency.attribution.likelihood`.
     bounds : (float, float)
-        Of ln θ.
+        Of ln θ; by default as far as `LOG_MAX_RATIO`.
     time_constant : float or None
         Of the state beside a missing process, s; None where the filter has none.
     equivalent : str
@@ -54,7 +52,7 @@ class Hypothesis:
     kind: ExplanationKind
     process: str
     expected: Callable[[float], FloatArray]
-    bounds: tuple[float, float]
+    bounds: tuple[float, float] = (-LOG_MAX_RATIO, LOG_MAX_RATIO)
     time_constant: float | None = None
     equivalent: str = ""
 
@@ -62,6 +60,21 @@ class Hypothesis:
     def source(self) -> str:
         """What is wrong, in a few words."""
         return explanation_source(self.kind, self.process)
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A hypothesis at its best size: ln θ, its interval, the misfit of scores, and −2 ln p by run, (m,).
+
+    `level_loss` is what −2 ln p rises, in the mean, where all that is expected is larger by the error of the model.
+    """
+
+    hypothesis: Hypothesis
+    size: float
+    interval: tuple[float, float]
+    misfit: float
+    loss: FloatArray
+    level_loss: float
 
 
 def hypotheses(
@@ -81,19 +94,19 @@ def hypotheses(
         Of the fastest and the slowest state of a sensor, s.
     """
     sensors = {"gyro": "gyro bias noise", "accelerometer": "accelerometer bias noise"}
-    groups: dict[str, tuple[str, ...]] = {name: (name,) for name in own}
-    groups["bias noise of gyros and accelerometers"] = tuple(sensors.values())
-    groups["turn-on biases of gyros and accelerometers"] = tuple(f"{title} turn-on bias" for title in sensors)
-    groups["start"] = ("initial position and velocity", "initial tilt", "initial heading")
-    groups["all sensor noise"] = tuple(
-        f"{title} {noise}" for title in sensors for noise in ("white noise", "bias noise", "bias random walk")
-    )
-    groups["position and velocity fixes"] = ("position fixes", "velocity fixes")
-    groups["white and correlated noise of the fixes"] = (
-        "position fixes",
-        "velocity fixes",
-        "correlated fixes",
-    )
+    groups: dict[str, tuple[str, ...]] = {
+        **{name: (name,) for name in own},
+        "bias noise of gyros and accelerometers": tuple(sensors.values()),
+        "turn-on biases of gyros and accelerometers": tuple(f"{title} turn-on bias" for title in sensors),
+        "start": ("initial position and velocity", "initial tilt", "initial heading"),
+        "all sensor noise": tuple(
+            f"{title} {noise}"
+            for title in sensors
+            for noise in ("white noise", "bias noise", "bias random walk")
+        ),
+        "position and velocity fixes": ("position fixes", "velocity fixes"),
+        "white and correlated noise of the fixes": ("position fixes", "velocity fixes", "correlated fixes"),
+    }
     base = np.sum(list(own.values()), axis=0)
     answer = []
     for name, members in groups.items():
@@ -115,27 +128,27 @@ def hypotheses(
             }
             states = np.sum([own[sensors[title]] for title in titles], axis=0)
             answer.append(_stretched(process, base, states, stretched))
-        for kind in MISSING:
+        for kind in (
+            ExplanationKind.MISSING_SLOWER,
+            ExplanationKind.MISSING_NEXT,
+            ExplanationKind.MISSING_FASTER,
+        ):
             if all(UnmodelledNoise(title, kind) in unmodelled for title in titles):
                 column = _summed(unmodelled, titles, kind, 1.0)
                 ends = [time_constants[title] for title in titles if title in time_constants]
-                answer.append(_missing(process, kind, base, column, ends))
+                beside = max((slowest for _, slowest in ends), default=None)
+                if kind is ExplanationKind.MISSING_FASTER:
+                    beside = min((fastest for fastest, _ in ends), default=None)
+                answer.append(_missing(kind, process, base, column, beside))
     return answer
 
 
 def missing_correlated(base: FloatArray, columns: Mapping[float, FloatArray]) -> list[Hypothesis]:
     """Return the hypotheses that errors of the position fixes stay, by time constant, s, each by what it adds."""
-
-    def one(time: float, column: FloatArray) -> Hypothesis:
-        return Hypothesis(
-            ExplanationKind.MISSING_CORRELATED,
-            "position fixes",
-            lambda x: base + math.exp(2.0 * x) * column,
-            (-LOG_MAX_RATIO, LOG_MAX_RATIO),
-            time,
-        )
-
-    return [one(time, column) for time, column in columns.items()]
+    return [
+        _missing(ExplanationKind.MISSING_CORRELATED, "position fixes", base, column, time)
+        for time, column in columns.items()
+    ]
 
 
 def _summed(
@@ -152,7 +165,6 @@ def _scaled(process: str, base: FloatArray, share: FloatArray) -> Hypothesis:
         ExplanationKind.SCALE,
         process,
         lambda x: base + (math.exp(2.0 * x) - 1.0) * share,
-        (-LOG_MAX_RATIO, LOG_MAX_RATIO),
     )
 
 
@@ -174,21 +186,7 @@ def _stretched(
 
 
 def _missing(
-    process: str,
-    kind: ExplanationKind,
-    base: FloatArray,
-    column: FloatArray,
-    ends: Sequence[tuple[float, float]],
+    kind: ExplanationKind, process: str, base: FloatArray, column: FloatArray, time_constant: float | None
 ) -> Hypothesis:
-    """Return the hypothesis that states are missing beside those with the shortest and longest times `ends`."""
-    beside = None
-    if ends:
-        faster = kind is ExplanationKind.MISSING_FASTER
-        beside = min(end[0] for end in ends) if faster else max(end[1] for end in ends)
-    return Hypothesis(
-        kind,
-        process,
-        lambda x: base + math.exp(2.0 * x) * column,
-        (-LOG_MAX_RATIO, LOG_MAX_RATIO),
-        beside,
-    )
+    """Return the hypothesis that a process is missing, beside a state or of this time constant, s."""
+    return Hypothesis(kind, process, lambda x: base + math.exp(2.0 * x) * column, time_constant=time_constant)

@@ -28,12 +28,11 @@ def of_installation(simulated: Runs, plan: Scenario) -> tuple[Explanation, ...]:
     if (arm == 0.0 and plan.delay == 0.0) or not _common_errors(simulated, plan):
         return ()
     rows = scored_epochs(simulated.t, plan.outages)
-    moving = plan.truth.vel_n[rows]
-    found = [(arm, ARM), (plan.delay * float(np.sqrt(np.mean(np.sum(moving**2, axis=1)))), CLOCK)]
-    sizes = {ARM: arm, CLOCK: plan.delay}
+    speed = float(np.sqrt(np.mean(np.sum(plan.truth.vel_n[rows] ** 2, axis=1))))
+    found = [(arm, arm, ARM), (plan.delay * speed, plan.delay, CLOCK)]
     return tuple(
-        Explanation(ExplanationKind.INSTALLATION, name, sizes[name], (sizes[name], sizes[name]), 0.0)
-        for metres, name in sorted(found, key=lambda pair: -abs(pair[0]))
+        Explanation(ExplanationKind.INSTALLATION, name, size, (size, size), 0.0)
+        for metres, size, name in sorted(found, key=lambda one: -abs(one[0]))
         if metres != 0.0
     )
 

@@ -67,15 +67,9 @@ def measured_products(simulated: Runs, budget: ErrorBudget) -> tuple[WhitenedPro
     answer = []
     for name, epochs, _, total in _blocks(budget):
         d = total.shape[-1]
-        if name == "innovation":
-            values, used = (
-                simulated.innovation[:, rows[epochs], :d],
-                simulated.use[:, rows[epochs], : d // 3] == USED,
-            )
-            counted = used.all(axis=-1)
-        else:
-            values = simulated.error[:, rows[epochs]]
-            counted = np.ones(values.shape[:2], dtype=bool)
+        values = (simulated.innovation if name == "innovation" else simulated.error)[:, rows[epochs], :d]
+        used = (simulated.use[:, rows[epochs], : d // 3] == USED).all(axis=-1)
+        counted = used | (name == "error")
         values = np.where(counted[..., None], values, 0.0)[..., ::-1]
         answer.append(whitened_products(np.einsum("eij,mej->mei", _whitening(total), values), counted))
     return tuple(answer)

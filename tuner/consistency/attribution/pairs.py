@@ -8,9 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TypeVar
 
-from tuner.consistency.attribution.hypotheses import Hypothesis
+from tuner.consistency.attribution.hypotheses import Fit, Hypothesis
 from tuner.types.verdict import ExplanationKind
 
 SENSOR_NOISE = (
@@ -20,8 +19,6 @@ SENSOR_NOISE = (
 FIX_NOISE = ("position and velocity fixes", "position fixes", "velocity fixes")
 FIT_ROUNDS = 3
 """Rounds of fits in turn: each leaves a small share of the change of the one before."""
-
-Fitted = TypeVar("Fitted")
 
 
 def pairs(rivals: Sequence[Hypothesis]) -> list[tuple[Hypothesis, Hypothesis]]:
@@ -44,12 +41,11 @@ def beside(one: Hypothesis, other: Hypothesis, size: float) -> Hypothesis:
 def fitted_in_turn(
     one: Hypothesis,
     other: Hypothesis,
-    fit: Callable[[Hypothesis], Fitted],
-    size: Callable[[Fitted], float],
-) -> tuple[Fitted, Fitted]:
+    fit: Callable[[Hypothesis], Fit],
+) -> tuple[Fit, Fit]:
     """Return the fits of two hypotheses that hold together, each beside the other."""
     second = fit(other)
     for _ in range(FIT_ROUNDS):
-        first = fit(beside(one, other, size(second)))
-        second = fit(beside(other, one, size(first)))
+        first = fit(beside(one, other, second.size))
+        second = fit(beside(other, one, first.size))
     return first, second

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 from models.arrays import FloatArray
 from models.noise import GaussMarkov
 from tuner.consistency.error_budget import Source, known_sources, trace
-from tuner.consistency.scores import BLOCKS
+from tuner.consistency.scores import BLOCKS, INNOVATIONS
 from tuner.navigation.settings import FilterSettings, filter_settings
 from tuner.simulation.monte_carlo import AVERAGING_RATIO
 from tuner.simulation.scenario import Scenario
@@ -102,8 +102,13 @@ def score_sensitivity(
         if key in settings.model.layout:
             values = settings.model.time_constant[settings.model.layout[key]]
             time_constants[title] = (float(values.min()), float(values.max()))
-    correlated = None if with_correlated is None else _correlated_budget(with_correlated, plan)
-    return ScoreSensitivity(budget, unmodelled, noises, time_constants, correlated)
+    return ScoreSensitivity(
+        budget,
+        unmodelled,
+        noises,
+        time_constants,
+        None if with_correlated is None else _correlated_budget(with_correlated, plan),
+    )
 
 
 def with_correlated_fixes(config: FilterConfig) -> FilterSettings | None:
@@ -127,21 +132,21 @@ def _correlated_budget(wide: FilterSettings, plan: Scenario) -> ErrorBudget:
         initial = np.zeros(wide.size)
         initial[first + 3 * i : first + 3 * i + 3] = own.fix_sd[:3] ** 2
         sources.append(Source(str(time), initial, 2.0 * initial / time, own.rate, np.zeros(6), np.zeros(6)))
-    known_noise = replace(own, initial=known * own.initial, drive=known * own.drive)
-    return trace(wide, plan, known_noise, sources)
+    return trace(wide, plan, replace(own, initial=known * own.initial, drive=known * own.drive), sources)
 
 
 def score_contributions(found: Consistency, budget: ErrorBudget) -> FloatArray:
     """Return what every source adds to every score of a check, over the filter's prediction; shape (s, g)."""
     aided, rows = budget.aided, []
+    errors, innovations = (
+        (budget.covariance[aided], budget.total[aided]),
+        (budget.innovation[aided], budget.innovation_total[aided]),
+    )
+    places = {name: (*errors, own) for name, own in {"nees": slice(0, 15), **BLOCKS}.items()}
+    places |= {name: (*innovations, own) for name, own in INNOVATIONS.items()}
     for score in found.scores:
-        if score.name in ("nees", *BLOCKS):
-            i = BLOCKS.index(score.name) if score.name != "nees" else -1
-            own = slice(3 * i, 3 * i + 3) if i >= 0 else slice(0, 15)
-            rows.append(_traces(budget.covariance[aided], budget.total[aided], own).mean(axis=0))
-        elif score.name.startswith("nis"):
-            own = {"nis_position": slice(0, 3), "nis_velocity": slice(3, 6)}.get(score.name, slice(0, 6))
-            rows.append(_traces(budget.innovation[aided], budget.innovation_total[aided], own).mean(axis=0))
+        if score.name in places:
+            rows.append(_traces(*places[score.name]).mean(axis=0))
         else:
             epochs = budget.after[float(score.name.split()[1])]
             parts = np.einsum("egii->eg", budget.covariance[epochs][:, :, :3, :3])
@@ -164,10 +169,6 @@ def variance_lost_by_averaging(sd: ArrayLike, time_constant: ArrayLike, window: 
     return np.asarray(np.asarray(sd) ** 2 * np.minimum(above, 1.0))
 
 
-Ladder = list[tuple[float, float]]
-"""Sds and time constants, s, of the Gauss–Markov states of an axis, the fastest first."""
-
-
 def unmodelled_budget(
     settings: FilterSettings, plan: Scenario, window: FloatArray
 ) -> tuple[ErrorBudget, tuple[UnmodelledNoise, ...]]:
@@ -179,12 +180,11 @@ def unmodelled_budget(
     """
     own, _ = known_sources(settings, plan)
     n, axes = settings.size, []
-    wanted: list[tuple[UnmodelledNoise, dict[int, Ladder]]] = []
+    density = np.concatenate([settings.model.gyro_density, settings.model.accel_density])
+    wanted: list[tuple[UnmodelledNoise, dict[int, list[tuple[float, float]]]]] = []
     for first, title in ((0, "gyro"), (3, "accelerometer")):
         ladders = _ladders(settings, first)
-        axes += [
-            first + axis for axis, ladder in ladders.items() for _ in range(max(SLOWER_DECADES, len(ladder)))
-        ]
+        axes += [axis for axis, ladder in ladders.items() for _ in range(max(SLOWER_DECADES, len(ladder)))]
         if any(ladders.values()):
             for factor in TIME_CONSTANT_FACTORS:
                 stretched = {axis: [(s, factor * t) for s, t in ladder] for axis, ladder in ladders.items()}
@@ -193,35 +193,43 @@ def unmodelled_budget(
                 axis: [(ladder[0][0], 0.1 * ladder[0][1])] for axis, ladder in ladders.items() if ladder
             }
             wanted.append((UnmodelledNoise(title, ExplanationKind.MISSING_FASTER), faster))
-        density = np.concatenate([settings.model.gyro_density, settings.model.accel_density])[first:]
+        last = {
+            axis: ladder[-1]
+            if ladder
+            else (
+                float(density[axis]) / math.sqrt(UNMODELLED_TIME_CONSTANT),
+                0.1 * UNMODELLED_TIME_CONSTANT,
+            )
+            for axis, ladder in ladders.items()
+        }
         for kind, decades in (
             (ExplanationKind.MISSING_SLOWER, SLOWER_DECADES),
             (ExplanationKind.MISSING_NEXT, 1),
         ):
-            behind = {}
-            for axis, ladder in ladders.items():
-                white_sd = float(density[axis]) / math.sqrt(UNMODELLED_TIME_CONSTANT)
-                s, t = ladder[-1] if ladder else (white_sd, 0.1 * UNMODELLED_TIME_CONSTANT)
-                behind[axis] = [(s, 10.0 ** (j + 1) * t) for j in range(decades)]
+            behind = {
+                axis: [(s, 10.0 ** (j + 1) * t) for j in range(decades)] for axis, (s, t) in last.items()
+            }
             wanted.append((UnmodelledNoise(title, kind), behind))
     rows = np.array(axes, dtype=np.int64)
     sources, averaged = [], np.zeros((len(wanted), 6))
     for g, (noise, states) in enumerate(wanted):
         initial, density2 = np.zeros(n + len(rows)), np.zeros(n + len(rows))
         rate = np.concatenate([own.rate, np.zeros(len(rows))])
-        for axis, ladder in states.items():
-            row = axis + (0 if noise.sensor == "gyro" else 3)
+        for row, ladder in states.items():
             for j, (s, t) in zip(n + np.flatnonzero(rows == row), ladder, strict=False):
                 rate[j], initial[j], density2[j] = 1.0 / t, s**2, 2.0 * s**2 / t
                 averaged[g, row] += float(variance_lost_by_averaging(s, t, window[row]))
         sources.append(Source(" ".join(map(str, noise)), initial, density2, rate, np.zeros(6), np.zeros(6)))
-    found = trace(settings, plan, own, sources, rows=rows)
+    found = trace(settings, plan, own, sources, rows=axes)
     found.covariance[:, :, range(9, 15), range(9, 15)] -= averaged
     return found, tuple(noise for noise, _ in wanted)
 
 
-def _ladders(settings: FilterSettings, first: int) -> dict[int, Ladder]:
-    """Return the ladder of each axis of the gyros (first 0) or the accelerometers (3)."""
+def _ladders(settings: FilterSettings, first: int) -> dict[int, list[tuple[float, float]]]:
+    """Return the ladder of each axis of the gyros (first 0, axes 0 … 2) or the accelerometers (3, axes 3 … 5).
+
+    A ladder is the sds and time constants, s, of the Gauss–Markov states of an axis, the fastest first.
+    """
     model = settings.model
     key, axes = (
         ("gyro_markov", model.gyro_markov_axes) if first == 0 else ("accel_markov", model.accel_markov_axes)
@@ -231,6 +239,6 @@ def _ladders(settings: FilterSettings, first: int) -> dict[int, Ladder]:
         zip(axes, settings.initial_sd[block].tolist(), model.time_constant[block].tolist(), strict=True)
     )
     return {
-        axis: sorted(((s, t) for a, s, t in states if a == axis), key=lambda pair: pair[1])
+        first + axis: sorted(((s, t) for a, s, t in states if a == axis), key=lambda pair: pair[1])
         for axis in range(3)
     }

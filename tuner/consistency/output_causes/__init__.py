@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -91,9 +92,7 @@ def explain(runs: Sequence[OutputErrors], *, sensor_noise: tuple[float, float] |
         White densities of gyros and accelerometers at rest, from a log of the unit. In motion they are no smaller: a
         hypothesis with less is less likely by as much.
     """
-    runs = runs[:MAX_RUNS]
-    courses = [course_of(run) for run in runs]
-    pairs = [(run, course) for run, course in zip(runs, courses, strict=True) if course is not None]
+    pairs = [(run, course) for run in runs[:MAX_RUNS] if (course := course_of(run)) is not None]
     stated = [run for run, _ in pairs if np.isfinite(np.einsum("kii->ki", run.covariance)[:, :6]).any()]
     if not pairs or len(stated) < len(pairs):
         return Explanations()
@@ -109,7 +108,7 @@ def explain(runs: Sequence[OutputErrors], *, sensor_noise: tuple[float, float] |
     causes: list[OutputCause] = []
     while len(causes) < MAX_CAUSES:
         fits = _candidates(models, base, fixed, known, scale_hypotheses(models[0], base))
-        fits = _with_sensor_noise(fits, base, model, None if models[0].of_body else sensor_noise)
+        fits = _with_sensor_noise(fits, base, model, None if models[0].course.of_body else sensor_noise)
         fits = [fit for fit in fits if fit.cause.cause not in {c.cause for c in causes}]
         least = max(MIN_GAIN, FURTHER_SHARE * causes[0].gain if causes else 0.0)
         if not fits or fits[0].cause.gain < least:
@@ -156,15 +155,10 @@ def _candidates(
         for name in REGRESSORS
         if name not in fixed and (fit := _constant(products, name, fixed, base, price)) is not None
     ]
-    losses = [_loss(models, scale, base, fixed) for scale in scales]
-    promising = sorted(
-        ((_promise(loss, scale, deviance), i) for i, (scale, loss) in enumerate(losses)), reverse=True
-    )
-    for _, i in counted(promising[:REFINED_COUNT]):
-        timed = losses[i][0].cause == "time_constant"
-        error = models[0].time_error if timed else models[0].size_error
-        fit = _fitted(*losses[i], base, deviance, price, error)
-        if fit is not None:
+    losses = [(scale, partial(_loss, models, scale, base, fixed)) for scale in scales]
+    promising = sorted(losses, key=lambda one: _promise(one[0], one[1], deviance), reverse=True)
+    for scale, loss in counted(promising[:REFINED_COUNT]):
+        if fit := _fitted(scale, loss, base, deviance, price, models[0].error_of(scale.cause)):
             found.append(fit)
     best: dict[str, _Fit] = {}
     for fit in sorted(found, key=lambda f: -f.cause.gain):
@@ -238,21 +232,17 @@ def _constant(
 
 
 def _loss(
-    models: Sequence[ErrorModel], scale: ScaleHypothesis, base: TrueNoise, fixed: tuple[str, ...]
-) -> tuple[ScaleHypothesis, Callable[[float], float]]:
-    """Return a hypothesis with its deviance as a function of its size."""
-
-    def loss(x: float) -> float:
-        true = scale.true(base, x)
-        if not fixed:
-            return sum(one.deviance(true) for one in models)
-        deviance, products = _regression(models, true)
-        return deviance - _reduction(products, fixed)[0]
-
-    return scale, loss
+    models: Sequence[ErrorModel], scale: ScaleHypothesis, base: TrueNoise, fixed: tuple[str, ...], x: float
+) -> float:
+    """Return the deviance of a hypothesis of size `x`."""
+    true = scale.true(base, x)
+    if not fixed:
+        return sum(one.deviance(true) for one in models)
+    deviance, products = _regression(models, true)
+    return deviance - _reduction(products, fixed)[0]
 
 
-def _promise(loss: Callable[[float], float], scale: ScaleHypothesis, deviance: float) -> float:
+def _promise(scale: ScaleHypothesis, loss: Callable[[float], float], deviance: float) -> float:
     """Return about what a hypothesis lowers the deviance by: on a coarse grid, and by a parabola about no change."""
     low, high = scale.bounds
     if scale.unit != "1":
@@ -280,18 +270,16 @@ def _fitted(
     low, high = scale.bounds
     best = minimize_scalar(loss, bounds=(low, high), method="bounded", options={"xatol": 5e-3})
     x, least = float(best.x), float(best.fun)
-    number = 2 if scale.time_constant is not None else 1
-    gain = 0.5 * (deviance - least) - price * number
+    gain = 0.5 * (deviance - least) - price * (2 if scale.time_constant is not None else 1)
     if gain <= 0.0 or min(x - low, high - x) < SMALL_STEP:
         return None
-    step = 0.05
-    curvature = (loss(x + step) + loss(x - step) - 2.0 * least) / step**2
+    curvature = (loss(x + 0.05) + loss(x - 0.05) - 2.0 * least) / 0.05**2
     sd = math.sqrt(2.0 / curvature) if curvature > 0.0 else LOG_MAX_SCALE
     wide = INTERVAL_SDS * math.hypot(sd, size_error)
-    parameters = {"ratio": (math.exp(x), math.exp(x - wide), math.exp(x + wide))}
-    if scale.time_constant is not None:
-        parameters = {"sd": parameters["ratio"], "time_constant": (scale.time_constant,) * 3}
     size, interval = math.exp(x), (math.exp(x - wide), math.exp(x + wide))
+    parameters = {"ratio": (size, *interval)}
+    if scale.time_constant is not None:
+        parameters = {"sd": (size, *interval), "time_constant": (scale.time_constant,) * 3}
     cause = OutputCause(scale.cause, size, interval, scale.unit, gain, parameters, scale.subject)
     return _Fit(cause, scale.true(base, x), np.zeros(0), ())
 
@@ -304,14 +292,6 @@ def _matters(model: ErrorModel, base: TrueNoise, true: TrueNoise) -> bool:
     return bool(np.abs(np.log(ratio)).max() > math.log(1.0 + EQUIVALENCE_MARGIN))
 
 
-def _shift(model: ErrorModel, fit: _Fit) -> FloatArray:
-    """Return the mean that a constant gives to the errors of position, velocity, attitude, in sds; (k, 9)."""
-    constants = np.zeros(model.inputs.shape[2])
-    own = REGRESSORS[fit.names[0]]
-    constants[own] = fit.constants[len(fit.constants) - (own.stop - own.start) :]
-    return np.asarray(model.response(constants) / model.sds)
-
-
 def _shifts(model: ErrorModel, fit: _Fit) -> bool:
     """Tell whether errors without the mean that a constant gives them are smaller.
 
@@ -320,6 +300,8 @@ def _shifts(model: ErrorModel, fit: _Fit) -> bool:
     """
     if model.by_innovations:
         return True
+    own, constants = REGRESSORS[fit.names[0]], np.zeros(model.inputs.shape[2])
+    constants[own] = fit.constants[len(fit.constants) - (own.stop - own.start) :]
     error = np.where(model.known, model.seen / model.sds, 0.0)
-    left = np.where(model.known, error - _shift(model, fit), 0.0)
+    left = np.where(model.known, error - model.response(constants) / model.sds, 0.0)
     return float(np.sum(left**2)) < float(np.sum(error**2))

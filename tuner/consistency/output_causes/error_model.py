@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -64,8 +64,6 @@ class ErrorModel:
     ----------
     model : FilterModel
         What the filter assumes.
-    update : ndarray, shape (k, n, n)
-        I − K H of what happens to the errors between what is seen of them; I where innovations are seen.
     phi, noise : ndarray, shapes (k, n, n), (k, 4, n, n)
         Transition, and process noise of the assumed densities by source.
     gain : ndarray, shape (k, n, 6)
@@ -82,16 +80,14 @@ class ErrorModel:
         What the constants of `REGRESSORS` do to the errors, and to what is seen of them.
     sds : ndarray, shape (k, 9)
         Of position, velocity and attitude, as predicted.
-    dt : ndarray, shape (k,)
-        s.
+    course : Course
+        The epochs, k of them. Where its velocities are along the axes of the body, the last source of process noise is
+        what measures them.
     by_innovations : bool
         Whether innovations are seen.
-    of_body : bool
-        Whether velocities are along the axes of the body; then the last source of process noise is what measures them.
     """
 
     model: FilterModel
-    update: FloatArray
     phi: FloatArray
     noise: FloatArray
     gain: FloatArray
@@ -103,19 +99,16 @@ class ErrorModel:
     inputs: FloatArray
     outputs: FloatArray
     sds: FloatArray
-    dt: FloatArray
-    by_innovations: bool = field(default=False)
-    of_body: bool = field(default=False)
+    course: Course
+    by_innovations: bool
 
-    @property
-    def size_error(self) -> float:
-        """How far the model may take a size from the truth, relative."""
-        return BODY_MODEL_ERROR if self.of_body else MODEL_ERROR
+    def error_of(self, cause: str) -> float:
+        """Return how far the model may take the size of a cause from the truth, relative.
 
-    @property
-    def time_error(self) -> float:
-        """The same of a time constant ÷ that assumed, which the sds tell as well as they do."""
-        return math.hypot(self.size_error, float(self.model.log_time_sd.max()))
+        Of a time constant ÷ that assumed, the sds tell what is assumed as well as they do.
+        """
+        size = BODY_MODEL_ERROR if self.course.of_body else MODEL_ERROR
+        return math.hypot(size, float(self.model.log_time_sd.max())) if cause == "time_constant" else size
 
     @property
     def count(self) -> int:
@@ -124,38 +117,30 @@ class ErrorModel:
 
     def deviance(self, true: TrueNoise) -> float:
         """Return −2 ln of the likelihood, up to a constant."""
-        logs, products = self._likelihood(true, 0)
-        return float(logs + products[0, 0])
+        return self._likelihood(true, 0)[0]
 
     def regression(self, true: TrueNoise) -> tuple[float, FloatArray]:
         """Return the same, and the products of whitened data and regressors, shape (1 + m, 1 + m)."""
-        logs, products = self._likelihood(true, self.inputs.shape[2])
-        return float(logs + products[0, 0]), products
+        return self._likelihood(true, self.inputs.shape[2])
 
     def variances(self, true: TrueNoise) -> FloatArray:
         """Return the mean variances of the 15 errors in the second half of the run."""
-        update = np.tile(np.eye(self.count), (len(self.dt), 1, 1))
-        update[:, :, :6] -= self.gain
-        after = replace(self, update=update, by_innovations=False) if self.by_innovations else self
-        system = after._system(true)
-        p, found = system.start, np.zeros(15)
-        half = len(self.dt) // 2
-        for k in range(len(self.dt)):
+        system = self._by_errors._system(true)
+        p, found, half = system.start, np.zeros(15), len(self.course.dt) // 2
+        for k in range(len(self.course.dt)):
             p = system.dynamics[k] @ p @ system.dynamics[k].T + system.noise[k]
             if k >= half:
                 found += np.diag(p)[:15]
-        return found / (len(self.dt) - half)
+        return found / (len(self.course.dt) - half)
 
     def response(self, constants: FloatArray) -> FloatArray:
         """Return the mean of the errors of position, velocity and attitude that constants (m,) make; (k, 9)."""
-        mean, found = np.zeros(self.count), np.zeros((len(self.dt), 9))
+        mean, found = np.zeros(self.count), np.zeros((len(self.course.dt), 9))
         through = self.inputs @ constants
         if self.by_innovations:
             through = -np.einsum("kij,kj->ki", self.gain, self.outputs @ constants)
-        update = np.tile(np.eye(self.count), (len(self.dt), 1, 1))
-        update[:, :, :6] -= self.gain
-        dynamics = update @ self.phi
-        for k in range(len(self.dt)):
+        dynamics = self._by_errors._own_dynamics
+        for k in range(len(self.course.dt)):
             mean = dynamics[k] @ mean + through[k]
             found[k] = mean[:9]
         return found if self.by_innovations else found + self.outputs @ constants
@@ -169,7 +154,6 @@ class ErrorModel:
         variance = self.variance
         if self.by_innovations:
             variance = variance + np.repeat(true.fixes, 3) ** 2 * self.model.fix_variance
-        seen_of = np.ascontiguousarray(self.outputs[:, :, :regressors])
         logs, products = error_likelihood(
             system.dynamics,
             system.noise,
@@ -179,23 +163,35 @@ class ErrorModel:
             variance,
             self.known,
             inputs,
-            seen_of,
+            np.ascontiguousarray(self.outputs[:, :, :regressors]),
         )
-        return float(logs), np.asarray(products)
+        return float(logs + products[0, 0]), np.asarray(products)
+
+    @cached_property
+    def _by_errors(self) -> ErrorModel:
+        """The model of which the errors after the fixes are seen."""
+        return replace(self, by_innovations=False) if self.by_innovations else self
+
+    @cached_property
+    def _update(self) -> FloatArray:
+        """I − K H of what happens to the errors between what is seen of them; I for innovations; shape (k, n, n)."""
+        update = np.tile(np.eye(self.count), (len(self.course.dt), 1, 1))
+        if not self.by_innovations:
+            update[:, :, :6] -= self.gain
+        return update
 
     @cached_property
     def _own_dynamics(self) -> FloatArray:
         """Dynamics of the errors where the filter lacks no process, shape (k, n, n)."""
-        return np.asarray(self.update @ self.phi)
+        return np.asarray(self._update @ self.phi)
 
     @cached_property
     def _own_noise(self) -> FloatArray:
         """Their noise by source, of the fixes last, shape (4 + 2, k, n, n)."""
-        mats = [self.update @ self.noise[:, s] @ np.swapaxes(self.update, -1, -2) for s in range(4)]
+        mats = [self._update @ self.noise[:, s] @ np.swapaxes(self._update, -1, -2) for s in range(4)]
         for own in (slice(0, 3), slice(3, 6)):
-            part = self.gain[:, :, own]
-            scaled = part * self.model.fix_variance[own]
-            mats.append(0.0 * self.phi if self.by_innovations else scaled @ np.swapaxes(part, -1, -2))
+            part = self.gain[:, :, own] * (not self.by_innovations)
+            mats.append((part * self.model.fix_variance[own]) @ np.swapaxes(part, -1, -2))
         return np.stack(mats)
 
     def _system(self, true: TrueNoise) -> _System:
@@ -203,20 +199,17 @@ class ErrorModel:
             squares = np.array([*true.density, *true.fixes]) ** 2
             noise = np.tensordot(squares, self._own_noise, 1)
             return _System(self._own_dynamics, noise, self.start)
-        q = np.array(true.density) ** 2
-        noise = np.einsum("s,ksij->kij", q, self.noise)
+        noise = np.einsum("s,ksij->kij", np.array(true.density) ** 2, self.noise)
         system = _System(self.phi, noise, self.start)
         if true.time_ratio != (1.0, 1.0):
             system = self._with_true_biases(system, true)
-        elif true.extra is not None and true.extra.place != "fixes":
-            system = self._with_missing_state(system, true.extra)
         elif true.extra is not None:
-            system = self._with_fix_errors(system, true.extra)
+            system = self._with_extra(system, true.extra)
         if self.by_innovations:
             return system
         n = system.dynamics.shape[1]
-        wide = np.tile(np.eye(n), (len(self.dt), 1, 1))
-        wide[:, : self.count, : self.count] = self.update
+        wide = np.tile(np.eye(n), (len(self.course.dt), 1, 1))
+        wide[:, : self.count, : self.count] = self._update
         if true.extra is not None and true.extra.place == "fixes":
             wide[:, : self.count, self.count :] = -self.gain[:, :, :3]
         r = np.repeat(true.fixes, 3) ** 2 * self.model.fix_variance
@@ -226,31 +219,22 @@ class ErrorModel:
 
     def _widened(self, system: _System, decay: FloatArray, variance: FloatArray) -> _System:
         """Return the system with further stationary first-order states behind those of the filter."""
-        k, more = len(self.dt), len(variance)
-        own, n = self.count, self.count + more
-        dynamics, noise, start = np.zeros((k, n, n)), np.zeros((k, n, n)), np.zeros((n, n))
-        dynamics[:, :own, :own], noise[:, :own, :own], start[:own, :own] = (
-            system.dynamics,
-            system.noise,
-            system.start,
-        )
-        dynamics[:, range(own, n), range(own, n)] = decay
-        noise[:, range(own, n), range(own, n)] = (1.0 - decay**2) * variance
-        start[range(own, n), range(own, n)] = variance
+        more = (0, len(variance))
+        dynamics, noise = (np.pad(mats, ((0, 0), more, more)) for mats in (system.dynamics, system.noise))
+        start, new = np.pad(system.start, more), range(self.count, self.count + len(variance))
+        dynamics[:, new, new] = decay
+        noise[:, new, new] = (1.0 - decay**2) * variance
+        start[new, new] = variance
         return _System(dynamics, noise, start)
 
-    def _with_missing_state(self, system: _System, extra: ExtraProcess) -> _System:
-        first = 9 if extra.place == "gyro" else 12
-        decay = np.exp(-self.dt / extra.time_constant)[:, None] * np.ones(3)
+    def _with_extra(self, system: _System, extra: ExtraProcess) -> _System:
+        """Return the system with a process that the filter lacks; of a sensor, it acts as the bias does."""
+        decay = np.exp(-self.course.dt / extra.time_constant)[:, None] * np.ones(3)
         wide = self._widened(system, decay, np.full(3, extra.sd**2))
-        response = self.phi[:, :, first : first + 3].copy()
-        response[:, 9:] = 0.0
-        wide.dynamics[:, : self.count, self.count :] = response
+        if extra.place != "fixes":
+            first = 9 if extra.place == "gyro" else 12
+            wide.dynamics[:, :9, self.count :] = self.phi[:, :9, first : first + 3]
         return wide
-
-    def _with_fix_errors(self, system: _System, extra: ExtraProcess) -> _System:
-        decay = np.exp(-self.dt / extra.time_constant)[:, None] * np.ones(3)
-        return self._widened(system, decay, np.full(3, extra.sd**2))
 
     def _with_true_biases(self, system: _System, true: TrueNoise) -> _System:
         """Return the system with the true biases, whose time constants are not those assumed."""
@@ -259,11 +243,11 @@ class ErrorModel:
         scale = np.array(true.density[2:])
         density = np.repeat(scale * self.model.density[2:], 3)
         variance = 0.5 * density**2 * assumed
-        decay = np.exp(-self.dt[:, None] / constant)
+        decay = np.exp(-self.course.dt[:, None] / constant)
         wide = self._widened(system, decay, variance)
         own, biases = range(9, 15), range(self.count, self.count + 6)
         increment = (1.0 - decay**2) * variance
-        wide.dynamics[:, own, biases] = decay - np.exp(-self.dt[:, None] / assumed)
+        wide.dynamics[:, own, biases] = decay - np.exp(-self.course.dt[:, None] / assumed)
         wide.noise[:, :15, :15] -= np.einsum("s,ksij->kij", scale**2, self.noise[:, 2:, :15, :15])
         wide.noise[:, own, own] += increment
         wide.noise[:, own, biases] = wide.noise[:, biases, own] = increment
@@ -282,14 +266,13 @@ def error_model(run: OutputErrors, course: Course, model: FilterModel) -> ErrorM
         noise[:, 1] *= 0.5
         noise[:, 3] = noise[:, 1]
     n = len(start)
-    covariance, gain = covariance_recursion(phi, noise, course.fixed, np.ones(4), model.fix_variance, start)
+    covariance, gain = covariance_recursion(phi, noise, course.fixed, model.fix_variance, start)
     rows = course.rows[1:]
     sds = np.sqrt(np.einsum("kii->ki", covariance)[:, :9])
     sds[sds == 0.0] = 1.0  # what the filter has no state for has no errors either
     by_fixes, outputs = _regressors(course)
     error = run.error[rows, :9]
     by_innovations = not np.isfinite(error).any()
-    update = np.tile(np.eye(n), (len(phi), 1, 1))
     shift = np.zeros((len(phi), n))
     if by_innovations:
         seen = run.estimate.innovation[rows]
@@ -303,13 +286,11 @@ def error_model(run: OutputErrors, course: Course, model: FilterModel) -> ErrorM
     else:
         known = np.isfinite(error)
         seen = np.where(known, error, 0.0)
-        update[:, :, :6] -= gain
         inputs = -gain @ by_fixes
         stated = np.einsum("kii->ki", run.covariance)[rows, :9]
         variance = MODEL_ERROR**2 * np.where(stated > 0.0, stated, sds**2)
     return ErrorModel(
         model,
-        update,
         phi,
         np.ascontiguousarray(noise),
         gain,
@@ -321,17 +302,15 @@ def error_model(run: OutputErrors, course: Course, model: FilterModel) -> ErrorM
         np.ascontiguousarray(inputs),
         np.ascontiguousarray(outputs),
         sds,
-        course.dt,
+        course,
         by_innovations,
-        course.of_body,
     )
 
 
 def _regressors(course: Course) -> tuple[FloatArray, FloatArray]:
     """Return what constants do to fixes, (k, 6, m), and to output errors, (k, 9, m)."""
-    k = len(course.dt)
+    k, at = len(course.dt), REGRESSORS
     fixes, outputs = np.zeros((k, 6, REGRESSOR_COUNT)), np.zeros((k, 9, REGRESSOR_COUNT))
-    at = REGRESSORS
     motion = np.concatenate([course.vel, course.acc, course.rate], axis=1)[:, :, None]
     fixes[:, :, at["delay of fixes"]] = -motion[:, :6]
     outputs[:, :, at["delay of output"]] = motion

@@ -212,8 +212,7 @@ def _fit(
     states = np.flatnonzero(np.isfinite(stated).all(axis=0))
     if course.of_body:
         states = states[states < 9]
-    late = np.zeros(count, dtype=bool)
-    late[count // (20 if len(states) == 15 else 3) :] = True
+    first = count // (20 if len(states) == 15 else 3)
     start = start_covariance(run, course, without_attitude=without_attitude)
     settled = np.exp(np.median(stated, axis=0))
     position = settled[[0, 2]] if 0 in states else np.ones(2)
@@ -240,9 +239,9 @@ def _fit(
     def residual(x: FloatArray) -> FloatArray:
         model = _model(whole(x), 0.0, of_body=course.of_body)
         phi, noise, wide = filter_matrices(part, model, start)
-        p, _ = covariance_recursion(phi, noise, part.fixed, np.ones(4), model.fix_variance, wide)
+        p, _ = covariance_recursion(phi, noise, part.fixed, model.fix_variance, wide)
         own = np.log(np.maximum(np.einsum("kii->ki", p)[:, :15], 1e-30))
-        return np.asarray(0.5 * (own - stated)[late][:, states].ravel())
+        return np.asarray(0.5 * (own - stated)[first:, states].ravel())
 
     begin = guess[free]
     found = least_squares(
@@ -250,7 +249,7 @@ def _fit(
     )
     misfit = float(np.sqrt(np.mean(found.fun**2)))
     # Sds of neighbouring epochs err together: all of them are worth one.
-    information = found.jac.T @ found.jac / np.count_nonzero(late) + 1e-12 * np.eye(len(begin))
+    information = found.jac.T @ found.jac / (count - first) + 1e-12 * np.eye(len(begin))
     sd = np.zeros(len(guess))
     sd[free] = max(misfit, MIN_MISFIT) * np.sqrt(np.diag(np.linalg.inv(information)))
     return replace(

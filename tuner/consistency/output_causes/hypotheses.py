@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,7 +16,6 @@ LOG_MAX_SCALE = math.log(20.0)
 """Largest ratio of true to assumed sd that is looked for, as a logarithm."""
 EXTRA_TIMES = (10.0, 60.0, 300.0)
 """Time constants of processes that a filter may lack, s; halfway between, half the gain is still there."""
-_UNITS = {"gyro": "rad/s", "accel": "m/s^2", "fixes": "m"}
 
 
 @dataclass(frozen=True)
@@ -31,79 +30,71 @@ class ScaleHypothesis:
     time_constant: float | None = None
 
 
-def _density(*which: int) -> Callable[[TrueNoise, float], TrueNoise]:
+def _scaled(
+    *, density: Sequence[int] = (), fixes: Sequence[int] = (), times: Sequence[int] = ()
+) -> Callable[[TrueNoise, float], TrueNoise]:
+    """Return the true noise with some densities, sds of fixes and time constants larger, of ln of the factor."""
+
     def true(base: TrueNoise, x: float) -> TrueNoise:
-        scaled = [d * math.exp(x) if i in which else d for i, d in enumerate(base.density)]
-        return replace(base, density=(scaled[0], scaled[1], scaled[2], scaled[3]))
+        def larger(values: tuple[float, ...], which: Sequence[int]) -> tuple[float, ...]:
+            return tuple(value * math.exp(x) if i in which else value for i, value in enumerate(values))
+
+        return replace(
+            base,
+            density=larger(base.density, density),
+            fixes=larger(base.fixes, fixes),
+            time_ratio=larger(base.time_ratio, times),
+        )
 
     return true
-
-
-def _fixes(*which: int) -> Callable[[TrueNoise, float], TrueNoise]:
-    def true(base: TrueNoise, x: float) -> TrueNoise:
-        scaled = [d * math.exp(x) if i in which else d for i, d in enumerate(base.fixes)]
-        return replace(base, fixes=(scaled[0], scaled[1]))
-
-    return true
-
-
-def _everything(base: TrueNoise, x: float) -> TrueNoise:
-    return _fixes(0, 1)(_density(0, 1, 2, 3)(base, x), x)
 
 
 def _extra(place: str, time_constant: float) -> Callable[[TrueNoise, float], TrueNoise]:
     return lambda base, x: replace(base, extra=ExtraProcess(place, math.exp(x), time_constant))
 
 
-def _times(*which: int) -> Callable[[TrueNoise, float], TrueNoise]:
-    def true(base: TrueNoise, x: float) -> TrueNoise:
-        ratio = [math.exp(x) if i in which else 1.0 for i in (0, 1)]
-        return replace(base, time_ratio=(ratio[0], ratio[1]))
-
-    return true
-
-
 def scale_hypotheses(model: ErrorModel, base: TrueNoise) -> list[ScaleHypothesis]:
     """Return all hypotheses with one free size, each with at most one process that the filter lacks."""
     r, q = "gnss_noise_scale", "imu_noise_scale"
-    if model.of_body:
+    everything = ScaleHypothesis("noise_scale", "", _scaled(density=range(4), fixes=range(2)))
+    if model.course.of_body:
         return [
-            ScaleHypothesis(r, "", lambda base, x: _fixes(0)(_density(3)(base, x), x)),
-            ScaleHypothesis(r, "position fixes", _fixes(0)),
-            ScaleHypothesis(r, "measured velocity", _density(3)),
-            ScaleHypothesis(q, "", _density(0, 1, 2)),
-            ScaleHypothesis(q, "attitude", _density(0, 2)),
-            ScaleHypothesis(q, "velocity", _density(1)),
-            ScaleHypothesis("noise_scale", "", _everything),
+            ScaleHypothesis(r, "", _scaled(density=[3], fixes=[0])),
+            ScaleHypothesis(r, "position fixes", _scaled(fixes=[0])),
+            ScaleHypothesis(r, "measured velocity", _scaled(density=[3])),
+            ScaleHypothesis(q, "", _scaled(density=[0, 1, 2])),
+            ScaleHypothesis(q, "attitude", _scaled(density=[0, 2])),
+            ScaleHypothesis(q, "velocity", _scaled(density=[1])),
+            everything,
         ]
     if model.model.without_attitude:
         return [
-            ScaleHypothesis(r, "position fixes", _fixes(0)),
-            ScaleHypothesis(q, "", _density(1)),
-            ScaleHypothesis("noise_scale", "", _everything),
+            ScaleHypothesis(r, "position fixes", _scaled(fixes=[0])),
+            ScaleHypothesis(q, "", _scaled(density=[1])),
+            everything,
             *_extra_processes(model, ("fixes",)),
         ]
     found = [
-        ScaleHypothesis(r, "", _fixes(0, 1)),
-        ScaleHypothesis(r, "position fixes", _fixes(0)),
-        ScaleHypothesis(r, "velocity fixes", _fixes(1)),
-        ScaleHypothesis(q, "", _density(0, 1, 2, 3)),
-        ScaleHypothesis(q, "gyros", _density(0, 2)),
-        ScaleHypothesis(q, "accelerometers", _density(1, 3)),
-        ScaleHypothesis(q, "white noise", _density(0, 1)),
-        ScaleHypothesis(q, "bias noise", _density(2, 3)),
-        ScaleHypothesis(q, "gyro white noise", _density(0)),
-        ScaleHypothesis(q, "accelerometer white noise", _density(1)),
-        ScaleHypothesis(q, "gyro bias noise", _density(2)),
-        ScaleHypothesis(q, "accelerometer bias noise", _density(3)),
-        ScaleHypothesis("noise_scale", "", _everything),
+        ScaleHypothesis(r, "", _scaled(fixes=[0, 1])),
+        ScaleHypothesis(r, "position fixes", _scaled(fixes=[0])),
+        ScaleHypothesis(r, "velocity fixes", _scaled(fixes=[1])),
+        ScaleHypothesis(q, "", _scaled(density=[0, 1, 2, 3])),
+        ScaleHypothesis(q, "gyros", _scaled(density=[0, 2])),
+        ScaleHypothesis(q, "accelerometers", _scaled(density=[1, 3])),
+        ScaleHypothesis(q, "white noise", _scaled(density=[0, 1])),
+        ScaleHypothesis(q, "bias noise", _scaled(density=[2, 3])),
+        ScaleHypothesis(q, "gyro white noise", _scaled(density=[0])),
+        ScaleHypothesis(q, "accelerometer white noise", _scaled(density=[1])),
+        ScaleHypothesis(q, "gyro bias noise", _scaled(density=[2])),
+        ScaleHypothesis(q, "accelerometer bias noise", _scaled(density=[3])),
+        everything,
     ]
     if base.extra is not None or base.time_ratio != (1.0, 1.0):
         return found
     found += [
-        ScaleHypothesis("time_constant", "", _times(0, 1)),
-        ScaleHypothesis("time_constant", "gyro biases", _times(0)),
-        ScaleHypothesis("time_constant", "accelerometer biases", _times(1)),
+        ScaleHypothesis("time_constant", "", _scaled(times=[0, 1])),
+        ScaleHypothesis("time_constant", "gyro biases", _scaled(times=[0])),
+        ScaleHypothesis("time_constant", "accelerometer biases", _scaled(times=[1])),
     ]
     return [*found, *_extra_processes(model, tuple(_PROCESSES))]
 
@@ -112,27 +103,25 @@ def _extra_processes(model: ErrorModel, places: tuple[str, ...]) -> list[ScaleHy
     """Return the processes of sensors and fixes that the filter may lack."""
     found = []
     for place in places:
-        code, subject, first = _PROCESSES[place]
+        if place == "fixes" and model.by_innovations:
+            continue
+        code, subject, unit, first = _PROCESSES[place]
         usual = (
             math.sqrt(float(model.model.fix_variance[0]))
             if place == "fixes"
             # What a filter lacks it may state as next to nothing.
             else max(math.sqrt(float(np.median(np.diag(model.start)[first : first + 3]))), DEFAULT_SD[first])
         )
-        middle = math.log(usual)
-        bounds = (middle - 2.0 * LOG_MAX_SCALE, middle + LOG_MAX_SCALE)
-        if place == "fixes" and model.by_innovations:
-            continue
+        bounds = (math.log(usual) - 2.0 * LOG_MAX_SCALE, math.log(usual) + LOG_MAX_SCALE)
         found += [
-            ScaleHypothesis(code, subject, _extra(place, time), _UNITS[place], bounds, time)
-            for time in EXTRA_TIMES
+            ScaleHypothesis(code, subject, _extra(place, time), unit, bounds, time) for time in EXTRA_TIMES
         ]
     return found
 
 
 _PROCESSES = {
-    "gyro": ("missing_state", "gyro bias", 9),
-    "accel": ("missing_state", "accelerometer bias", 12),
-    "fixes": ("correlated_gnss", "", 0),
+    "gyro": ("missing_state", "gyro bias", "rad/s", 9),
+    "accel": ("missing_state", "accelerometer bias", "m/s^2", 12),
+    "fixes": ("correlated_gnss", "", "m", 0),
 }
-"""Cause, subject and first state of the processes that a filter may lack."""
+"""Cause, subject, unit and first state of the processes that a filter may lack."""

@@ -29,13 +29,11 @@ def with_scale_factors(
     time : float
         Their time constant, s.
     """
-    k, sources = noise.shape[:2]
     dt = course.dt[:, None, None]
     mat = course.mat_nb
     rate, force = (np.einsum("kji,kj->ki", mat, x) for x in (course.rate, course.force))
     turns, pushes = mat * rate[:, None, :], mat * force[:, None, :]
-    wide_phi = np.tile(np.eye(21), (k, 1, 1))
-    wide_phi[:, :15, :15] = phi
+    wide_phi = np.pad(phi, ((0, 0), (0, 6), (0, 6)))
     # The middle of the step stands for all of it: what φ gains from δs acts on the velocity half a step.
     wide_phi[:, 6:9, 15:18] = -dt * turns
     wide_phi[:, 3:6, 15:18] = 0.5 * phi[:, 3:6, 6:9] @ (-dt * turns)
@@ -44,10 +42,8 @@ def with_scale_factors(
     decay = np.exp(-course.dt / time)
     wide_phi[:, range(15, 21), range(15, 21)] = decay[:, None]
     variance = np.repeat(sd**2, 3)
-    wide_noise = np.zeros((k, sources, 21, 21))
-    wide_noise[:, :, :15, :15] = noise
+    wide_noise = np.pad(noise, ((0, 0), (0, 0), (0, 6), (0, 6)))
     wide_noise[:, 2, range(15, 21), range(15, 21)] = (1.0 - decay**2)[:, None] * variance
-    wide_start = np.zeros((21, 21))
-    wide_start[:15, :15] = start
+    wide_start = np.pad(start, (0, 6))
     wide_start[range(15, 21), range(15, 21)] = variance
     return wide_phi, wide_noise, wide_start

@@ -38,7 +38,7 @@ class TrueNoise:
         What the filter lacks.
     """
 
-    density: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
-    fixes: tuple[float, float] = (1.0, 1.0)
-    time_ratio: tuple[float, float] = (1.0, 1.0)
+    density: tuple[float, ...] = (1.0, 1.0, 1.0, 1.0)
+    fixes: tuple[float, ...] = (1.0, 1.0)
+    time_ratio: tuple[float, ...] = (1.0, 1.0)
     extra: ExtraProcess | None = None
