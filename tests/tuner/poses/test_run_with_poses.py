@@ -61,7 +61,7 @@ def test_a_clock_that_drifts_is_no_noise():
     assert holds(run.drift, -1e-4 / (1.0 + 1e-4))
     assert holds(run.gyro.factors["white"], 1.0)
     assert not any(one.larger or one.unexplained for one in run.sensors)
-    assert re.search(r"their clock fast by \d+ ± \d+ ppm", pose_run_lines(run)[0].replace(".", ""))
+    assert re.search(r"their clock faster by \d+ ± \d+ ppm", pose_run_lines(run)[0].replace(".", ""))
 
 
 def test_vibration_is_measured_and_written_for_the_sensor_that_has_it():
