@@ -30,7 +30,7 @@ PRIOR_SDS = {"scale": 0.05, "turn": 0.1}
 """Sds of errors of scale and right angles, and of turned axes, rad, before a run: of uncalibrated units."""
 SHORTEST_STRETCH = 32
 """Rows of a stretch: a tapered shorter one has no frequencies to speak of."""
-NEIGHBOURS, WILD_RATIO = 10, 10.0
+NEIGHBOUR_ROWS, WILD_RATIO = 10, 10.0
 """Rows on either side, and remainder ÷ their median from which a pose is wrong: normal errors never are so large."""
 WIDEST_LOG = 30.0
 """Range of the logarithm of a size about its first guess, of either sign: as good as absent, as good as alone."""
@@ -152,7 +152,8 @@ def without_wild(misfit: Misfit, fit: Fitted) -> Misfit:
     )
     length = np.where(misfit.kept, np.linalg.norm(rest, axis=1), np.nan)
     usual = np.nanmedian(
-        sliding_window_view(np.pad(length, NEIGHBOURS, constant_values=np.nan), 2 * NEIGHBOURS + 1), axis=1
+        sliding_window_view(np.pad(length, NEIGHBOUR_ROWS, constant_values=np.nan), 2 * NEIGHBOUR_ROWS + 1),
+        axis=1,
     )
     return replace(misfit, kept=misfit.kept & ~(length > WILD_RATIO * usual))
 
