@@ -180,7 +180,7 @@ def unmodelled_budget(
     """
     own, _ = known_sources(settings, plan)
     n, axes = settings.size, []
-    density = np.concatenate([settings.model.gyro_density, settings.model.accel_density])
+    white = [*settings.model.gyro_density.tolist(), *settings.model.accel_density.tolist()]
     wanted: list[tuple[UnmodelledNoise, dict[int, list[tuple[float, float]]]]] = []
     for first, title in ((0, "gyro"), (3, "accelerometer")):
         ladders = _ladders(settings, first)
@@ -194,12 +194,10 @@ def unmodelled_budget(
             }
             wanted.append((UnmodelledNoise(title, ExplanationKind.MISSING_FASTER), faster))
         last = {
-            axis: ladder[-1]
-            if ladder
-            else (
-                float(density[axis]) / math.sqrt(UNMODELLED_TIME_CONSTANT),
-                0.1 * UNMODELLED_TIME_CONSTANT,
-            )
+            axis: [
+                (white[axis] / math.sqrt(UNMODELLED_TIME_CONSTANT), 0.1 * UNMODELLED_TIME_CONSTANT),
+                *ladder,
+            ][-1]
             for axis, ladder in ladders.items()
         }
         for kind, decades in (
