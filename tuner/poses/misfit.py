@@ -16,7 +16,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import rankdata
 
 from models import rotation
 from models.arrays import FloatArray
@@ -137,17 +136,19 @@ def first_alignment(turns: Turns, poses: Poses) -> tuple[float, FloatArray, floa
         Of the ranks of the sizes, which single wrong poses hardly change.
     """
     turned = poses.turned
-    sizes = rankdata(np.linalg.norm(turned, axis=1))
+    sizes = _ranks(turned)
     delays = np.arange(-LONGEST_DELAY, LONGEST_DELAY + 0.5 * DELAY_STEP, DELAY_STEP)
-    fits = [
-        float(np.corrcoef(rankdata(np.linalg.norm(turns.between(poses.t + delay), axis=1)), sizes)[0, 1])
-        for delay in delays
-    ]
+    fits = [float(np.corrcoef(_ranks(turns.between(poses.t + delay)), sizes)[0, 1]) for delay in delays]
     best = int(np.argmax(fits))
     own = turns.between(poses.t + float(delays[best]))
     apart = np.abs(np.linalg.norm(own, axis=1) - np.linalg.norm(turned, axis=1))
     alike = apart <= WILD_RATIO * np.median(apart)
     return float(delays[best]), _turn_between(own[alike], turned[alike]), fits[best]
+
+
+def _ranks(turned: FloatArray) -> FloatArray:
+    """Return the places of rotation vectors (n, 3) in the order of their sizes."""
+    return np.asarray(np.argsort(np.argsort(np.linalg.norm(turned, axis=1))), dtype=float)
 
 
 def _turn_between(a: FloatArray, b: FloatArray) -> FloatArray:

@@ -13,7 +13,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.signal import welch
 
 from models import rotation
 from models.arrays import FloatArray
@@ -55,6 +54,8 @@ LEAST_CORRELATION = 0.5
 """Correlation of the sizes of rotations below which poses and gyroscopes are not of one motion, or it hardly turns."""
 ALIGNMENT_TURNS = 3
 """Turns of delay and rotation: the delay then changes by less than its sd."""
+SPECTRUM_LENGTH = 256
+"""Samples of a spectrum: a line is in few of its frequencies."""
 LEAST_FREQUENCY = 0.125
 """Frequency × interval of samples above which a unit that is moved has no motion."""
 FALSE_ALARM = 1e-3
@@ -400,9 +401,12 @@ def _at_rest(config: FilterConfig, sensor: str, name: str) -> Projected:
 
 def _scatter(samples: FloatArray, interval: float) -> float:
     """Return the white noise of samples (n, 3) above motion, unit/√Hz: the median of their spectrum, free of lines."""
-    frequency, power = welch(samples, 1.0 / interval, nperseg=256, average="median", axis=0)
-    band = (frequency > LEAST_FREQUENCY / interval) & (frequency < 0.5 / interval)
-    return float(np.sqrt(0.5 * np.median(power[band].mean(axis=1))))
+    blocks = samples[: len(samples) // SPECTRUM_LENGTH * SPECTRUM_LENGTH].reshape(-1, SPECTRUM_LENGTH, 3)
+    h = np.hanning(SPECTRUM_LENGTH + 2)[1:-1]
+    taken = (blocks - blocks.mean(axis=1, keepdims=True)) * (h / np.sqrt(h @ h))[:, None]
+    power = np.mean(np.abs(np.fft.rfft(taken, axis=1)) ** 2, axis=(0, 2)) * interval
+    above = np.fft.rfftfreq(SPECTRUM_LENGTH) > LEAST_FREQUENCY
+    return float(np.sqrt(np.median(power[above])))
 
 
 def _sensor(
