@@ -198,9 +198,6 @@ def accel_misfit(
     ``gravity`` (m/s² in axes of the world) and ``arm`` (from the body of the poses to the unit, m, in its axes).
     """
     inside = (imu.t > poses.t[0]) & (imu.t < poses.t[-1])
-    usable = (np.diff(poses.t) < LONGEST_STEP * np.median(np.diff(poses.t))) & imu.whole(
-        poses.t[:-1], poses.t[1:]
-    )
     times, dt = imu.t[inside], imu.interval
     world = np.einsum("nij,nj->ni", _attitudes(times, turns, poses, c), imu.force[inside] @ c)
     edges = np.append(times - 0.5 * dt, times[-1] + 0.5 * dt)

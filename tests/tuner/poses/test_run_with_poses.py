@@ -135,6 +135,9 @@ def mended(poses, rng):
     place[1000, 0] += 0.2
     quat[1000] = rotation.quat_multiply(quat[1000], flip)
     yield "wild", replace(poses, place=place, quat=quat)
+    quat = poses.quat.copy()
+    quat[100:2300:220] = rotation.quat_multiply(quat[100:2300:220], flip)
+    yield "flips", replace(poses, quat=quat)
     signs = np.where(rng.random(len(poses.t)) > 0.5, 1.0, -1.0)
     yield "signs", replace(poses, quat=signs[:, None] * poses.quat)
     yield (
