@@ -13,8 +13,6 @@ from typing import TYPE_CHECKING, Any
 from tuner.examination.examine import Examination
 from tuner.formats.yaml_text import comment
 from tuner.judgement import Settings, judge_settings
-from tuner.poses.run_with_poses import RunWithPoses
-from tuner.readers.pose_run import PoseRun
 from tuner.segments.multi_position import PoseCalibration
 from tuner.types import Diagnosis, FilterConfig, GnssNoise, Identification
 from tuner.types.consistency import Check
@@ -27,6 +25,8 @@ if TYPE_CHECKING:
     from tuner.consistency.score_drive import DriveResult
     from tuner.diagnosis.drive import ExaminedDrive
     from tuner.diagnosis.drive.held_out_choice import HeldOutChoice
+    from tuner.poses.run_with_poses import RunWithPoses
+    from tuner.readers.pose_run import PoseRun
 
 
 NATIVE = "noise.yaml"

@@ -372,7 +372,7 @@ def _is_better(one: PairedScore) -> bool:
 
 
 def _gain(one: PairedScore) -> Reason:
-    """Return by how much a row is better."""
+    """Say how much smaller the errors of a row are after the change."""
     return Reason(Use.BETTER, f"{one.name.replace('_', ' ')} errs {_times(one.error)} as much")
 
 

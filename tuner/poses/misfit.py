@@ -66,7 +66,7 @@ class Inertial:
 
 @dataclass(frozen=True)
 class Poses:
-    """Poses of a body in axes that stand still.
+    """Poses of a body in world-fixed axes.
 
     Attributes
     ----------
@@ -160,7 +160,7 @@ def _turn_between(a: FloatArray, b: FloatArray) -> FloatArray:
 def gyro_misfit(imu: Inertial, turns: Turns, poses: Poses, c: FloatArray) -> Misfit:
     """Return what the gyroscopes measure beyond poses on the unit's clock, turned to its axes by a matrix.
 
-    Causes are ``turn`` (of the axes, rad), ``scale`` (errors of scale, then of right angles about x, y, z)
+    Causes are ``turn`` (of the axes, rad), ``scale`` (errors of scale, then of right angles about x, y, z),
     ``clock`` (an offset at the middle of the run, s, and a drift) and ``filter`` (a low-pass: s²).
     """
     t, h = poses.t, np.diff(poses.t)[:, None]
@@ -258,15 +258,6 @@ MIXING: Mapping[str, FloatArray] = {
     name: np.moveaxis(columns, 1, 2) for name, columns in _of_each_axis(np.eye(3)).items()
 }
 """How the columns of a cause are made of measured values: cause, axis of the misfit, axis measured."""
-
-
-def scale_matrix(scale: FloatArray) -> FloatArray:
-    """Return the matrix of errors of scale and right angles, (6,), as `_of_each_axis` has them: measured − true."""
-    mat = np.diag(scale[:3])
-    for i, value in enumerate(scale[3:]):
-        j, k = (i + 1) % 3, (i + 2) % 3
-        mat[j, k] = mat[k, j] = value
-    return mat
 
 
 def _second_derivative(x: FloatArray, interval: float) -> FloatArray:

@@ -116,7 +116,7 @@ def fitted(misfit: Misfit, names: Sequence[str], units: tuple[str, str, str], le
     prior = np.concatenate([np.full(len(misfit.causes[name]), PRIOR_SDS.get(name, np.inf)) for name in names])
     parts = [_part(misfit, columns, stretch) for stretch in misfit.stretches]
     y, x, basis, known, white = (np.concatenate(one, axis=1) for one in zip(*parts, strict=True))
-    correlated = _correlated(np.hanning(SHORTEST_STRETCH + 2)[1:-1])
+    correlated = float(SHORTEST_STRETCH * np.sum(hann(SHORTEST_STRETCH) ** 4))
     gram, cross = np.einsum("aij,bij->iab", mixing, mixing), np.einsum("aii->ia", mixing)
     size, spectrum = np.zeros(3), np.ones(y.shape[:2])
     beta, spread = np.zeros(len(columns)), np.eye(len(columns))
@@ -147,9 +147,7 @@ def fitted(misfit: Misfit, names: Sequence[str], units: tuple[str, str, str], le
 
 def without_wild(misfit: Misfit, fit: Fitted) -> Misfit:
     """Return a misfit without rows whose remainder is `WILD_RATIO` times that of the rows about them."""
-    rest = misfit.y - sum(
-        np.tensordot(values, misfit.causes[name], 1) for name, (values, _) in fit.causes.items()
-    )
+    rest = misfit.y - fitted_causes(misfit, fit)
     length = np.where(misfit.kept, np.linalg.norm(rest, axis=1), np.nan)
     usual = np.nanmedian(
         sliding_window_view(np.pad(length, NEIGHBOUR_ROWS, constant_values=np.nan), 2 * NEIGHBOUR_ROWS + 1),
@@ -158,12 +156,24 @@ def without_wild(misfit: Misfit, fit: Fitted) -> Misfit:
     return replace(misfit, kept=misfit.kept & ~(length > WILD_RATIO * usual))
 
 
+def fitted_causes(misfit: Misfit, fit: Fitted) -> FloatArray:
+    """Sum of the causes at their fitted values, shape (n, 3)."""
+    return np.asarray(
+        sum(np.tensordot(values, misfit.causes[name], 1) for name, (values, _) in fit.causes.items())
+    )
+
+
+def hann(n: int) -> FloatArray:
+    """Hann window of n samples without zeros at its ends, of unit sum of squares."""
+    h = np.hanning(n + 2)[1:-1]
+    return np.asarray(h / np.sqrt(h @ h))
+
+
 def _part(misfit: Misfit, columns: FloatArray, stretch: slice) -> tuple[FloatArray, ...]:
     """Return Fourier coefficients of a stretch and of columns; spectra of noise, of what is known, of white noise."""
     n = stretch.stop - stretch.start
     frequency = 2.0 * np.pi * np.arange(1, (n - 1) // 2 + 1) / n
-    h = np.hanning(n + 2)[1:-1]
-    h = h / np.sqrt(h @ h)
+    h = hann(n)
     x = np.stack([_transformed(one[stretch], h) for one in columns], axis=-1)
     white = np.broadcast_to(_spectrum(misfit.white, frequency), (3, len(frequency)))
     walk = np.broadcast_to(misfit.interval / (2.0 - 2.0 * np.cos(frequency)), white.shape)
@@ -171,11 +181,6 @@ def _part(misfit: Misfit, columns: FloatArray, stretch: slice) -> tuple[FloatArr
         np.stack([_spectrum(one, frequency) for one in own]) for own in (misfit.reference, misfit.known)
     )
     return _transformed(misfit.y[stretch], h), x, np.stack([white, walk, reference], axis=-1), known, white
-
-
-def _correlated(h: FloatArray) -> float:
-    """Return how many tapered frequencies count as one."""
-    return float(len(h) * np.sum(h**4) / np.sum(h**2) ** 2)
 
 
 def _transformed(x: FloatArray, h: FloatArray) -> FloatArray:

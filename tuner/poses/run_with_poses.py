@@ -21,13 +21,13 @@ from models.units import STANDARD_GRAVITY
 from tuner.limits import HONEST_RATIO, LOCAL_GRAVITY, PRIOR_SHARE, SHOWN_CHANGE
 from tuner.poses.misfit import (
     LONGEST_DELAY,
+    MIXING,
     Inertial,
     Poses,
     Turns,
     accel_misfit,
     first_alignment,
     gyro_misfit,
-    scale_matrix,
 )
 from tuner.poses.noise_beside_causes import (
     PRIOR_SDS,
@@ -35,6 +35,8 @@ from tuner.poses.noise_beside_causes import (
     Fitted,
     Misfit,
     fitted,
+    fitted_causes,
+    hann,
     sizes,
     without_wild,
 )
@@ -75,7 +77,7 @@ UNITS = {"gyro": ("rad/s/√Hz", "rad/s/√s", "rad"), "accel": ("m/s^2/√Hz", 
 """Units of N, K and the sd of the poses."""
 DECLARED_PARTS = slice(6, 9), slice(0, 3)
 """Attitude and position in a `FilterOutput.covariance`."""
-SETTING_FIELDS = {"white": "white_density", "walk": "random_walk_density"}
+SETTING_FIELDS = {"white": ("white_density",), "walk": ("random_walk_density", "markov")}
 """Numbers of a fit, and settings that they are."""
 
 
@@ -88,14 +90,14 @@ class Cause:
     name : str
         ``scale``: errors of scale and right angles; ``turn``: of its axes against the gyroscopes'; ``delay``: against
         their clock; ``filter``: a low-pass, by half of its squared time constant, s².
-    largest : Coefficient
+    size : Coefficient
         Of its parts the surest.
     factor : float
         White noise with it ÷ beside it.
     """
 
     name: str
-    largest: Coefficient
+    size: Coefficient
     factor: float
 
 
@@ -264,7 +266,9 @@ def compare_with_poses(
     moved = used.t - stamps
     offset, rate = 0.5 * float(moved[0] + moved[-1]), float((moved[-1] - moved[0]) / (stamps[-1] - stamps[0]))
     reach = normal_reach(LEVEL) * np.sqrt(np.diag(spread))
-    right = replace(imu, rate=imu.rate - imu.rate @ scale_matrix(gyro.causes["scale"][0]).T)
+    right = replace(
+        imu, rate=imu.rate - imu.rate @ np.tensordot(gyro.causes["scale"][0], MIXING["scale"], 1).T
+    )
     turns, attitude_sd = Turns(right), gyro.reference.value or 0.0
     usable, size = of_gyro.kept, 1.0
     for _ in range(ALIGNMENT_TURNS):
@@ -330,9 +334,10 @@ def with_run(config: FilterConfig, run: RunWithPoses) -> FilterConfig:
         for number, factor in one.larger.items():
             causes = (*(cause.name for cause in one.causes), *(("vibration",) * one.shaken))
             reason = f"the errors of {run.name} beside its poses, {run.span:.0f} s in motion"
-            fields = (SETTING_FIELDS[number],) if number == "white" else (SETTING_FIELDS[number], "markov")
-            owner = Quantity(one.sensor, fields[0])
-            larger += [Enlargement(replace(owner, field=field), factor, reason, causes) for field in fields]
+            larger += [
+                Enlargement(Quantity(one.sensor, field), factor, reason, causes)
+                for field in SETTING_FIELDS[number]
+            ]
     if not math.isclose(config.interval, run.sampling, rel_tol=SHOWN_CHANGE):
         note = f"figures a sample are those at {1.0 / run.sampling:.4g} Hz, as in {run.name}"
         config = replace(config, interval=run.sampling, notes=(*config.notes, note))
@@ -402,8 +407,7 @@ def _at_rest(config: FilterConfig, sensor: str, name: str) -> Projected:
 def _scatter(samples: FloatArray, interval: float) -> float:
     """Return the white noise of samples (n, 3) above motion, unit/√Hz: the median of their spectrum, free of lines."""
     blocks = samples[: len(samples) // SPECTRUM_LENGTH * SPECTRUM_LENGTH].reshape(-1, SPECTRUM_LENGTH, 3)
-    h = np.hanning(SPECTRUM_LENGTH + 2)[1:-1]
-    taken = (blocks - blocks.mean(axis=1, keepdims=True)) * (h / np.sqrt(h @ h))[:, None]
+    taken = (blocks - blocks.mean(axis=1, keepdims=True)) * hann(SPECTRUM_LENGTH)[:, None]
     power = np.mean(np.abs(np.fft.rfft(taken, axis=1)) ** 2, axis=(0, 2)) * interval
     above = np.fft.rfftfreq(SPECTRUM_LENGTH) > LEAST_FREQUENCY
     return float(np.sqrt(np.median(power[above])))
@@ -449,11 +453,11 @@ def _sensor(
             or chi2_beyond(float(values @ np.linalg.solve(spread, values)), len(known)) > FALSE_ALARM
         ):
             continue
+        if cause == "filter" and values[0] < 0.0:
+            continue  # the poses are smoothed, not the samples
         factor = _size(fit([one for one in causes if one != cause]).white) / _size(beside.white)
-        if factor > LEAST_FACTOR and not (
-            cause == "filter" and values[0] < 0.0
-        ):  # else the poses are smoothed
-            found.append(Cause(cause, _largest(values, spread, CAUSE_UNITS[cause]), factor))
+        if factor > LEAST_FACTOR:
+            found.append(Cause(cause, _surest(values, spread, CAUSE_UNITS[cause]), factor))
     alone, named = fit(()), fit([one.name for one in found])
     longest, rows = max(one.stop - one.start for one in misfit.stretches), int(np.sum(misfit.kept))
     every = (round(window / misfit.interval) for window in SHOWN_WINDOWS)
@@ -463,23 +467,16 @@ def _sensor(
     basis = np.stack(np.broadcast_arrays(windows, windows**3 / 3.0, ends)[:2], axis=-1)
     whole = Projected(shaken * rest.white_density, rest.bias)
     if found:
-        errors = _values(misfit, named) - _values(misfit, alone)
+        errors = fitted_causes(misfit, named) - fitted_causes(misfit, alone)
         left_in = _squares(misfit, errors - errors[misfit.kept].mean(axis=0), lags)
         expected = basis @ [whole.white_density**2, whole.bias**2] + ends + left_in
         white, walk = np.sqrt(sizes(expected, basis, ends))
         whole = Projected(max(whole.white_density, float(white)), max(whole.bias, float(walk)))
-    y = misfit.y - _values(misfit, alone)
+    y = misfit.y - fitted_causes(misfit, alone)
     squares = _squares(misfit, y - y[misfit.kept].mean(axis=0), lags)
     ratios = np.sqrt(squares / (basis @ [rest.white_density**2, rest.bias**2] + ends))
     growth = dict(zip(windows.ravel().tolist(), ratios, strict=True))
     return SensorInRun(sensor, rest, beside, tuple(found), whole, growth, scatter, unexplained)
-
-
-def _values(misfit: Misfit, of: Fitted) -> FloatArray:
-    """Return what causes add to a series by their fitted values; (n, 3)."""
-    return np.asarray(
-        sum(np.tensordot(values, misfit.causes[name], 1) for name, (values, _) in of.causes.items())
-    )
 
 
 def _squares(misfit: Misfit, y: FloatArray, lags: Sequence[int]) -> FloatArray:
@@ -500,7 +497,7 @@ def _size(one: Coefficient) -> float:
     return one.value if one.value is not None else one.upper or math.inf
 
 
-def _largest(values: FloatArray, spread: FloatArray, unit: str) -> Coefficient:
+def _surest(values: FloatArray, spread: FloatArray, unit: str) -> Coefficient:
     """Return the value that is furthest from zero in its sds."""
     at = int(np.argmax(np.abs(values) / np.sqrt(np.diag(spread))))
     reach = normal_reach(LEVEL) * math.sqrt(float(spread[at, at]))
@@ -517,7 +514,6 @@ def _is_above(one: Coefficient, bound: float) -> bool:
 
 def _of_poses(misfit: Misfit, lag: int, size: float) -> FloatArray:
     """Return the variance of a sum over some steps that errors of the poses make, on each axis; (3,)."""
-    autocovariance = size * np.pad(misfit.reference, ((0, 0), (0, 3 - misfit.reference.shape[1])))
-    autocovariance = autocovariance + np.pad(misfit.known, ((0, 0), (0, 3 - misfit.known.shape[1])))
-    weights = np.array([lag, *(2 * max(0, lag - one) for one in (1, 2))])
-    return np.asarray(autocovariance @ weights * misfit.interval**2)
+    weights = misfit.interval**2 * np.array([lag, *(2 * max(0, lag - one) for one in (1, 2))])
+    parts = (size * misfit.reference, misfit.known)
+    return np.asarray(sum(one @ weights[: one.shape[1]] for one in parts))

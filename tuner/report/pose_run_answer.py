@@ -114,7 +114,7 @@ def _reasons(run: RunWithPoses) -> Iterator[str]:
 
 def _cause_text(cause: Cause) -> str:
     """Return a cause with its size."""
-    one, ahead = _size(cause.largest), (cause.largest.value or 0.0) > 0.0
+    one, ahead = _size(cause.size), (cause.size.value or 0.0) > 0.0
     if cause.name == "delay":
         return f"the samples {'lead' if ahead else 'lag'} those of the gyroscopes by {amount(times(one, 1e3, 'ms'))}"
     if cause.name == "turn":

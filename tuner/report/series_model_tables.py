@@ -119,7 +119,7 @@ def chance(fit: ArmaFit, name: str) -> tuple[str, str]:
 
 
 def chance_text(one: SeriesTest) -> str:
-    """Return the chance of a statistic, as far as the test tells it."""
+    """p-value of a test; a limit where it lies beyond the table of critical values."""
     low, high = max(one.tabulated[0], LEAST_CHANCE), one.tabulated[1]
     if one.p_value <= low:
         return f"< {low:g}"

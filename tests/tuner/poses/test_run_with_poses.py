@@ -82,7 +82,7 @@ def test_errors_of_scale_are_named_with_their_size_and_make_the_number_of_a_filt
     run = compared(3, scales=(scale, np.zeros((3, 3))))
     (cause,) = run.gyro.causes
     assert cause.name == "scale"
-    assert holds(cause.largest, 0.008 / 1.008)  # of the measured rate
+    assert holds(cause.size, 0.008 / 1.008)  # of the measured rate
     assert holds(run.gyro.factors["white"], 1.0)
     assert run.gyro.larger["white"] > 2.0
     # A filter with that number predicts the errors of the axis that has it, in the mean of all windows and axes.
@@ -98,7 +98,7 @@ def test_axes_of_accelerometers_turned_against_the_gyroscopes_are_named():
     run = compared(4, scales=(np.zeros((3, 3)), turn))
     (cause,) = run.accel.causes
     assert (cause.name, run.gyro.causes) == ("turn", ())
-    assert holds(cause.largest, 0.01)
+    assert holds(cause.size, 0.01)
 
 
 def test_poses_that_were_made_with_the_unit_say_nothing_of_it():
@@ -195,10 +195,10 @@ def test_a_low_pass_of_the_gyroscopes_is_named_with_its_time_constant():
     run = compare_with_poses((gyro, records[1]), poses, CONFIG, "run")
     (low_pass,) = run.gyro.causes
     assert low_pass.name == "filter"
-    assert np.sqrt(2.0 * low_pass.largest.value) == pytest.approx(0.016, rel=0.15)
+    assert np.sqrt(2.0 * low_pass.size.value) == pytest.approx(0.016, rel=0.15)
     (delay,) = run.accel.causes
     late = (1.0 - share) / share / RATE  # of the filter at low frequencies
-    assert (delay.name, delay.largest.value) == ("delay", pytest.approx(late, rel=0.02))
+    assert (delay.name, delay.size.value) == ("delay", pytest.approx(late, rel=0.02))
 
 
 @pytest.mark.parametrize(

@@ -479,7 +479,7 @@ def test_sds_and_delay_of_the_fixes_stand_in_metres_and_seconds():
     assert delay.startswith("Fixes are stamped 0.100 ± 0.020 s late, velocities are 0.050 ± 0.010 s earlier")
     # It was taken out in one file, left in others, and nobody said where.
     assert delay.endswith("the recording still has it, so for another filter move its stamps")
-    # A delay that moves by 0.12 s was told as one, ± 0.02 s.
+    # The answer gave a single delay, ± 0.02 s, for a clock that drifts by 0.12 s.
     drifting = config.compensation.with_values({Parameter("clock_drift", "rate"): 0.03})
     _, delay = fixes_parts(examined, replace(config, compensation=drifting), written=True)
     assert delay.startswith("Fixes are stamped 0.040 s late at 0 s and 0.16 s late at 4 s, velocities are")
