@@ -25,6 +25,8 @@ EUROC_POSES = ("vicon0", "mocap0", "state_groundtruth_estimate0")
 """Folders of poses, the best first: the last of them is computed with the samples of the IMU."""
 ANY_FRAME = "NED"
 """Axes of the world as they are taken where a file does not state them: any right-handed ones do."""
+SAMPLE_FILES = ("imu.csv", "data.csv")
+"""Names of the samples of a run: any other file beside a trajectory is what it says itself, such as a drive."""
 POSE_FILES = ("poses.csv", "poses.txt", "poses.tum")
 """Names of a trajectory beside ``imu.csv``."""
 
@@ -66,7 +68,8 @@ def read_pose_run(source: str | Path) -> PoseRun | None:
     beside = [samples.parent / name for name in POSE_FILES]
     beside += [samples.parent.parent / name / "data.csv" for name in EUROC_POSES]
     found = next((file for file in beside if file.is_file()), None)
-    if found is None or not samples.is_file() or (whole / "gnss.csv").is_file():
+    own = samples.name in SAMPLE_FILES and samples.is_file()
+    if found is None or not own or (whole / "gnss.csv").is_file():
         return None
     return PoseRun(whole.resolve().stem, read(samples, stamps=True), read_estimate(found, frame=ANY_FRAME))
 

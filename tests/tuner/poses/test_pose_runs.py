@@ -138,6 +138,13 @@ def test_a_table_of_poses_needs_no_axes_and_may_lack_rows(tmp_path, simulated):
     assert read_pose_run(folder) is None  # a drive
 
 
+def test_a_drive_beside_a_trajectory_is_no_run(tmp_path, simulated):
+    folder = in_folder(tmp_path / "run", simulated)
+    np.savez(folder / "drive.npz", gnss_t=np.arange(10.0))
+    assert read_pose_run(folder / "drive.npz") is None
+    assert read_pose_run(folder / "imu.csv") is not None
+
+
 def test_a_run_without_a_log_at_rest_is_refused(tmp_path, simulated, capsys):
     assert run(["tune", "--drive", str(in_folder(tmp_path / "run", simulated))]) == 2
     assert "expected a log at rest before --drive" in capsys.readouterr().err
