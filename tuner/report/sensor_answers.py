@@ -77,20 +77,21 @@ def _ratios_text(found: Iterable[tuple[str, str, float]]) -> str:
 
 
 def _differences(found: SensorComparison) -> str:
-    """Return where the last source differs from the first with 95 %, where both have intervals."""
+    """Return where the last source differs from the first with 95 %, and the ratios that lack an interval."""
     noise = found.noise
-    rows = [(axis, row) for axis, own in noise.axes.items() for row in own]
-    if not any(row.ratio_interval is not None for _, row in rows):
-        return ""
-    differing = [
-        (axis, row.name, row.ratio)
-        for axis, row in rows
-        if row.differs and row.ratio is not None and "." in row.name
+    rows = [
+        (row.differs, (axis, row.name, row.ratio))
+        for axis, own in noise.axes.items()
+        for row in own
+        if row.ratio is not None and "." in row.name
     ]
+    if all(differs is None for differs, _ in rows):
+        return ""
+    differing = [ratio for differs, ratio in rows if differs]
+    unknown = [ratio for differs, ratio in rows if differs is None]
     pair = f"{noise.names[-1]} ÷ {noise.names[0]}"
-    if not differing:
-        return f"{pair}: no term differs at 95 %"
-    return f"{pair} differs at 95 % in {_ratios_text(differing)}"
+    said = f"differs at 95 % in {_ratios_text(differing)}" if differing else "differs in no term at 95 %"
+    return f"{pair} {said}" + (f"; without an interval: {_ratios_text(unknown)}" if unknown else "")
 
 
 def _drift(found: SensorComparison) -> list[Table | str]:

@@ -7,10 +7,11 @@ import pytest
 from models.noise import NoiseModel, White
 from tuner import compare
 from tuner.curves import empirical
+from tuner.identification.comparison import ComparedCoefficient, Comparison
 from tuner.report.answer_layout import recording_text
 from tuner.report.consistency_answer import consistency_answer
 from tuner.report.curve_tables import curve_answer
-from tuner.report.sensor_answers import comparison_answer
+from tuner.report.sensor_answers import _differences, comparison_answer
 from tuner.report.terminal import fitted
 from tuner.simulation.static import simulate
 from tuner.types.consistency import Consistency, Outage, RmsError, Score
@@ -76,6 +77,18 @@ def test_a_sensor_of_which_a_term_is_unknown_has_no_rank():
     )
     assert text.index("mpu9250 1.6") < text.index("icm20602 ≥ 1.5")
     assert "≥: at least" in text
+
+
+def test_a_ratio_without_an_interval_is_not_said_to_be_none():
+    """Of white noise 184 × as large, written without an interval, "no term differs at 95 %" was said."""
+    rows = {"gyro_x": (("white.density", 184.0, None), ("bias_instability.level", 1.02, False))}
+    compared = {
+        axis: tuple(ComparedCoefficient(name, (), ratio, None, differs) for name, ratio, differs in each)
+        for axis, each in rows.items()
+    }
+    said = _differences(SimpleNamespace(noise=Comparison(("rest", "motion"), {}, compared)))
+    assert said.startswith("motion ÷ rest differs in no term at 95 %; without an interval: ")
+    assert "white noise of gyro x 184 ×" in said
 
 
 def test_bias_terms_of_a_sheet_are_no_method_of_a_recording():
