@@ -19,6 +19,7 @@ from typing import IO
 
 from tuner.formats.guard import input_guard
 from tuner.readers.column_names import known_unit
+from tuner.readers.stored_identification import is_stored
 from tuner.readers.text_stamps import STAMP
 from tuner.types.one_line import printable
 from tuner.types.records import DataError
@@ -114,6 +115,8 @@ def find_dialect(path: Path) -> Dialect:
     if b"\r" in (body := even_lines(head)).rstrip(b"\r"):
         raise DataError(lone_return(path, 1 + body[: body.index(b"\r")].count(b"\n")))
     lines = re.split("\r{0,2}\n|\r", _decoded(head))
+    if is_stored(path):
+        raise DataError(f"{path}: JSON or a configuration has no samples: give the log that it was made of")
     keys = sum(_YAML.match(line) is not None for line in lines[:YAML_LINES])
     if 2 * keys > min(YAML_LINES, len(lines)):
         raise DataError(

@@ -13,7 +13,7 @@ import scipy.io
 
 from tests.tuner.readers.plain_logs import ACCEL, COUNT, HEADER, T, notes, refused, rows, write
 from tuner.cli import run
-from tuner.formats import packages
+from tuner.formats import noise_yaml, packages
 from tuner.readers import parse_columns, read
 from tuner.readers.drive import read_drive
 from tuner.readers.refusal import Change, without_options
@@ -212,6 +212,15 @@ def test_a_print_of_messages_is_called_that(tmp_path: Path) -> None:
     path = tmp_path / "log.txt"
     path.write_text(50 * one)
     refused(path, "messages printed as YAML, such as by rostopic echo")
+
+
+@pytest.mark.parametrize(
+    ("name", "text"), [("noise.yaml", "format: ins-noise/1\nseed: 3\n"), ("o.json", '{"a": [1, 2]}')]
+)
+def test_what_was_made_of_a_log_is_no_log(tmp_path: Path, name: str, text: str) -> None:
+    """`diagnose noise.yaml` said "messages printed as YAML, such as by rostopic echo"."""
+    (tmp_path / name).write_text(text.replace("ins-noise/1", noise_yaml.FORMAT))
+    refused(tmp_path / name, "has no samples: give the log that it was made of")
 
 
 def test_a_line_states_no_option_that_its_command_lacks(tmp_path: Path) -> None:
