@@ -90,7 +90,7 @@ OF_A_RECEIVER = re.compile(rb"\$?(G[ABILNPQ]|BD)[A-Z]{3},|\xb5b")
 """How logs of NMEA and UBX begin."""
 LFS_POINTER = b"version https://git-lfs.github.com/spec/"
 """How a file begins that stands for one which Git LFS keeps elsewhere."""
-EUROC_FILES = ("imu0/data.csv", "mav0/imu0/data.csv")
+EUROC_FILES = ("imu0/data.csv", "mav0/imu0/data.csv", "data.csv")
 """Where data sets in the form of EuRoC keep the samples of the IMU."""
 
 

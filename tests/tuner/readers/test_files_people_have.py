@@ -75,6 +75,11 @@ def euroc(folder):
     return folder
 
 
+def euroc_unit(folder):
+    """The folder of the unit alone, where a shell completes the path to."""
+    return euroc(folder) / "mav0" / "imu0"
+
+
 def phyphox(folder):
     for name, values, late in (("Gyroscope", GYRO, 0.003), ("Accelerometer", ACCEL, 0.0)):
         header = ",".join(['"Time (s)"', *(f'"{name} {a} (unit)"' for a in "xyz")])
@@ -131,6 +136,7 @@ WRITERS = (
     vectornav,
     sbg,
     euroc,
+    euroc_unit,
     phyphox,
     sensor_logger,
     sensor_logger_of_2021,
