@@ -1,10 +1,9 @@
 """One function applied to several items on all processors, with the same results as on one.
 
 Each processor gets a forked copy of this process, which shares its memory: nothing is imported or read again, and items
-are not copied. Copies take the next item as they finish one, and send results through a pipe. They end with this
-process, and at once where it is interrupted. Where no copy can be made (in a thread, in a daemon such as a worker of
-Dask, outside Linux, where libraries of the system may not survive it) the items are done here, one after the other.
-Inside a copy every stage has one processor.
+are not copied. Copies end with this process, and at once where it is interrupted. Where no copy can be made (in a
+thread, in a daemon such as a worker of Dask, outside Linux, where libraries of the system may not survive it) the items
+are done here, one after the other. Inside a copy every stage has one processor.
 """
 
 from __future__ import annotations
@@ -13,20 +12,22 @@ import ctypes
 import math
 import os
 import pickle
-import selectors
 import signal
 import sys
 import threading
-import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass
 from io import BytesIO
-from multiprocessing import current_process
+from mmap import mmap
+from multiprocessing import active_children, current_process, get_context
 from pathlib import Path
-from typing import Any, BinaryIO, NoReturn, TypeVar
+from typing import Any, TypeVar
+
+import numpy as np
+import numpy.typing as npt
 
 from tuner.process import (
     allow_pickled_mappings,
@@ -45,9 +46,7 @@ Result = TypeVar("Result")
 THREAD_LIMITS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 """Variables by which numerical libraries learn their number of threads when they are loaded."""
 REPORT_INTERVAL = 0.2
-"""Time between two words of a copy on how far it is, s."""
-BYTES_AT_ONCE = 1 << 20
-"""Most bytes taken from a pipe in one go."""
+"""Time between two looks at how far the copies are, s."""
 _END_WITH_PARENT = 1
 """PR_SET_PDEATHSIG of Linux: the signal that a process gets when its parent ends."""
 
@@ -120,28 +119,33 @@ def each(
         processes = min(processes, _affordable(memory))
     if processes < 2 or not _can_copy():
         return [function(item) for item in counted(items)]
-    numbers = _numbers(len(items))
-    children: dict[int, int] = {}
+    from concurrent.futures import (
+        FIRST_COMPLETED,
+        ProcessPoolExecutor,
+        wait,
+    )  # half of the start of a short command
+    from concurrent.futures.process import BrokenProcessPool
+
+    shares = np.frombuffer(mmap(-1, 8 * len(items)))  # memory that copies do not copy
+    work = _Work(function, items, shared, shares)
+    others = set(active_children())
+    pool = ProcessPoolExecutor(processes, get_context("fork"), _alone, (work,))
     try:
-        for _ in range(processes):
-            receiver, child = _copy(function, items, shared, numbers, tuple(children))
-            children[receiver] = child
-        found = _collected(tuple(children), shared, len(items))
+        with _forking():
+            results = [pool.submit(_packed_result, index) for index in range(len(items))]
+        waiting = set(results)
+        while waiting:
+            waiting = wait(waiting, REPORT_INTERVAL if is_watched() else None, FIRST_COMPLETED).not_done
+            reached(float(np.sum(shares)), len(items))
+        return [_value(one.result(), shared) for one in results]
+    except BrokenProcessPool as lost:
+        raise MemoryError(
+            "the system ended a process that did a part of the work; try fewer --jobs"
+        ) from lost
     finally:
-        os.close(numbers)
-        for receiver, child in children.items():
-            os.close(receiver)
-            os.kill(child, signal.SIGKILL)
-            os.waitpid(child, 0)
-    if len(found) < len(items):
-        raise MemoryError("the system ended a process that did a part of the work; try fewer --jobs")
-    results = []
-    for index in range(len(items)):
-        failed, value = found[index]
-        if failed:
-            raise value
-        results.append(value)
-    return results
+        for child in set(active_children()) - others:
+            child.kill()
+        pool.shutdown()
 
 
 def on_disk(compiled: Any) -> bool:
@@ -160,21 +164,16 @@ def beside(function: Callable[[], object]) -> Iterator[None]:
     if usable() < 2 or not _can_copy():
         yield
         return
-    child = _fork()
-    if child == 0:
-        try:
-            _alone()
-            with watched(None):
-                function()
-        finally:
-            os._exit(0)
+    child = get_context("fork").Process(target=_quiet, args=(function,))
+    with _forking():
+        child.start()
     try:
         yield
     except BaseException:
-        os.kill(child, signal.SIGKILL)
+        child.kill()
         raise
     finally:
-        os.waitpid(child, 0)
+        child.join()
 
 
 def _affordable(memory: float) -> int:
@@ -194,37 +193,29 @@ def _can_copy() -> bool:
     )
 
 
-def _numbers(count: int) -> int:
-    """Return the end of a pipe from which copies read the number of their next item, 4 bytes each."""
-    receiver, sender = os.pipe()
-    os.write(sender, b"".join(number.to_bytes(4, "little") for number in range(count)))
-    os.close(sender)
-    return receiver
-
-
-def _copy(
-    function: Callable[[Item], Result],
-    items: Sequence[Item],
-    shared: Sequence[object],
-    numbers: int,
-    others: Sequence[int],
-) -> tuple[int, int]:
-    """Fork a process that does items until none is left; return the pipe of its results, and its number."""
-    receiver, sender = os.pipe()
-    child = _fork()
-    if child == 0:
-        _work_and_leave(function, items, shared, numbers, (receiver, *others), sender)
-    os.close(sender)
-    return receiver, child
-
-
-def _fork() -> int:
-    with warnings.catch_warnings(), _no_compilation():
+@contextmanager
+def _forking() -> Iterator[None]:
+    """Hold the lock of the compiler while this process is copied: a thread that a copy lacks must not have it."""
+    compiler = sys.modules.get("numba.core.compiler_lock")
+    with nullcontext() if compiler is None else compiler.global_compiler_lock, warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # of threads, whose locks a copy does not use
-        return os.fork()
+        yield
 
 
-def _alone() -> None:
+@dataclass(frozen=True)
+class _Work:
+    """What a copy finds in its memory; `shares` (items,) are written by the copies, how much of each item is done."""
+
+    function: Callable[[Any], Any]
+    items: Sequence[Any]
+    shared: Sequence[object]
+    shares: npt.NDArray[np.float64]
+
+
+_work: ContextVar[_Work] = ContextVar("work")
+
+
+def _alone(work: _Work | None) -> None:
     """Make a copy end with its parent, use one processor, and keep its memory to itself."""
     for name in ("SIGINT", "SIGTERM", "SIGHUP"):
         signal.signal(getattr(signal, name), signal.SIG_DFL)
@@ -233,101 +224,33 @@ def _alone() -> None:
     _limit.set(1)
     sys.stderr = sys.__stderr__ or sys.stderr  # a progress bar of the parent has locks of its own
     os.environ.update(dict.fromkeys(THREAD_LIMITS, "1"))
+    if work is not None:
+        _work.set(work)
 
 
-def _no_compilation() -> AbstractContextManager[Any]:
-    """Return the lock of the compiler; a thread that a copy lacks must not have it."""
-    compiler = sys.modules.get("numba.core.compiler_lock")
-    return nullcontext() if compiler is None else compiler.global_compiler_lock
+def _quiet(function: Callable[[], object]) -> None:
+    """Call a function in a copy, where nobody hears how far it is or what it raises."""
+    _alone(None)
+    with watched(None), suppress(Exception):
+        function()
 
 
-def _work_and_leave(
-    function: Callable[[Item], Result],
-    items: Sequence[Item],
-    shared: Sequence[object],
-    numbers: int,
-    others: Sequence[int],
-    sender: int,
-) -> NoReturn:
-    """Do the work of a copy and end it, without what a process does at its end."""
-    try:
-        _alone()
-        for other in others:
-            os.close(other)
-        with open(sender, "wb") as pipe:
-            while number := os.read(numbers, 4):
-                index = int.from_bytes(number, "little")
-                with watched(_Report(pipe, index) if is_watched() else None):
-                    content = _packed(index, function, items[index], shared)
-                _send(pipe, content)
-    finally:
-        os._exit(0)
+def _packed_result(index: int) -> bytes:
+    """Return the result of an item as bytes, in which shared objects are numbers."""
+    work = _work.get()
+    known = {id(one): place for place, one in enumerate(work.shared)}
 
+    def report(_doing: str, share: float, _until: float) -> None:
+        work.shares[index] = share
 
-def _send(pipe: BinaryIO, content: bytes) -> None:
-    pipe.write(len(content).to_bytes(8, "little"))
-    pipe.write(content)
-    pipe.flush()
-
-
-@dataclass
-class _Report:
-    """Sends how much of an item is done, not too often, as a result that neither failed nor is one."""
-
-    pipe: BinaryIO
-    index: int
-    last: float = 0.0
-
-    def __call__(self, _doing: str, share: float, _until: float) -> None:
-        if (now := time.monotonic()) - self.last > REPORT_INTERVAL:
-            self.last = now
-            _send(self.pipe, pickle.dumps((self.index, None, share)))
-
-
-def _packed(index: int, function: Callable[[Item], Result], item: Item, shared: Sequence[object]) -> bytes:
-    """Return number, failure and result of an item as bytes."""
-    try:
-        return _bytes((index, False, function(item)), shared)
-    except Exception as error:
-        try:
-            return _bytes((index, True, error), shared)
-        except Exception:
-            return _bytes((index, True, RuntimeError(f"{type(error).__name__}: {error}")), shared)
-
-
-def _bytes(value: object, shared: Sequence[object]) -> bytes:
-    known = {id(one): place for place, one in enumerate(shared)}
+    with watched(report if is_watched() else None):
+        found = work.function(work.items[index])
     content = BytesIO()
     pickler = pickle.Pickler(content, protocol=pickle.HIGHEST_PROTOCOL)
     pickler.persistent_id = lambda one: known.get(id(one))  # type: ignore[method-assign]
-    pickler.dump(value)
+    pickler.dump(found)
+    work.shares[index] = 1.0
     return content.getvalue()
-
-
-def _collected(receivers: Sequence[int], shared: Sequence[object], count: int) -> dict[int, tuple[bool, Any]]:
-    """Return what copies send until the last of them ends: whether an item failed, and its result, by number."""
-    content = {receiver: bytearray() for receiver in receivers}
-    found: dict[int, tuple[bool, Any]] = {}
-    shares = dict.fromkeys(range(count), 0.0)
-    with selectors.DefaultSelector() as selector:
-        for receiver in receivers:
-            selector.register(receiver, selectors.EVENT_READ)
-        while selector.get_map():
-            for key, _ in selector.select():
-                piece = os.read(key.fd, BYTES_AT_ONCE)
-                if not piece:
-                    selector.unregister(key.fd)
-                mine = content[key.fd]
-                mine += piece
-                while len(mine) >= 8 and len(mine) >= 8 + (size := int.from_bytes(mine[:8], "little")):
-                    with memoryview(mine) as sent:
-                        index, failed, value = _value(bytes(sent[8 : 8 + size]), shared)
-                    del mine[: 8 + size]
-                    if failed is not None:
-                        found[index] = (failed, value)
-                    shares[index] = value if failed is None else 1.0
-                    reached(sum(shares.values()), count)
-    return found
 
 
 def _value(content: bytes, shared: Sequence[object]) -> Any:

@@ -131,9 +131,9 @@ def test_what_runs_beside_ends_with_the_block(tmp_path):
 
 @pytest.mark.parametrize("processors", [1, 2])
 def test_whoever_watches_sees_how_much_of_an_item_is_done_on_any_processor(processors, monkeypatch):
-    monkeypatch.setattr("tuner.jobs.REPORT_INTERVAL", 0.0)
+    monkeypatch.setattr("tuner.jobs.REPORT_INTERVAL", 0.01)
     seen = []
     with limited(processors), watched(lambda _doing, share, _until: seen.append(share)):
-        each(lambda _: reached(1, 4), range(2))
-    assert {0.125, 0.625} <= set(seen) or {0.125, 0.25} <= set(seen)  # one after the other, or together
+        each(lambda _: reached(1, 4) or time.sleep(0.3), range(2))
+    assert {0.125, 0.625} <= set(seen) or 0.25 in seen  # one after the other, or together
     assert max(seen) == (0.625 if processors == 1 else 1.0)
