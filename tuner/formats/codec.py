@@ -2,8 +2,8 @@
 
 `dump` turns a dataclass into mappings, lists, numbers and text; `load` makes the dataclass again, or says in one line
 which file, which place in it, what was expected and what was found. The keys of a document are the fields of a
-dataclass. Where a document differs from the dataclass it stands for, `stored_form` names another dataclass with the
-keys of the document.
+dataclass. Where a document differs from the dataclass it stands for, `store` names a function that returns its entries,
+or `stored_form`, of what is read again, another dataclass with the keys of the document.
 
 Rules for numbers:
 
@@ -55,11 +55,14 @@ T = TypeVar("T")
 
 
 class Form(Protocol):
-    """A dataclass with the keys of a document, standing for another one; where it is read, too, with ``restored()``."""
+    """A dataclass with the keys of a document, standing for another one."""
 
     @classmethod
     def of(cls, value: Any, /) -> Self:
         """Return the form of a value."""
+
+    def restored(self) -> Any:
+        """Return the value."""
 
 
 F = TypeVar("F", bound=Form)
@@ -111,10 +114,8 @@ def stored_form(kind: type[Any]) -> Callable[[type[F]], type[F]]:
         made: Any = form
         store(
             kind,
-            dump=lambda value: _CONVERTER.unstructure(form.of(value)),
-            load=(lambda content: _CONVERTER.structure(content, made).restored())
-            if hasattr(form, "restored")
-            else None,
+            dump=form.of,
+            load=lambda content: _CONVERTER.structure(content, made).restored(),
         )
         return form
 
@@ -127,9 +128,12 @@ def store(
     dump: Callable[[Any], Any] | None = None,
     load: Callable[[object], Any] | None = None,
 ) -> None:
-    """Declare how documents hold `kind`, a class or a union, where that is not simply its fields."""
+    """Declare how documents hold `kind`, a class or a union, where that is not simply its fields.
+
+    `dump` returns entries, which are dumped in turn; `load` gets plain values.
+    """
     if dump is not None:
-        _CONVERTER.register_unstructure_hook(kind, dump)
+        _CONVERTER.register_unstructure_hook(kind, lambda value: _CONVERTER.unstructure(dump(value)))
     if load is not None:
         _CONVERTER.register_structure_hook(kind, lambda content, _: load(content))
 

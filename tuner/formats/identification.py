@@ -305,7 +305,7 @@ def _dimensionless(
 
 
 def _dump_terms(form: _TermForm) -> Any:
-    return dump(form.estimates[0] if form.base and len(form.estimates) == 1 else form.estimates)
+    return form.estimates[0] if form.base and len(form.estimates) == 1 else form.estimates
 
 
 def _load_terms(content: object) -> _TermForm:

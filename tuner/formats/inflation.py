@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from tuner.formats.codec import dump, store, structured
+from tuner.formats.codec import store, structured
 from tuner.formats.document_errors import refuse, shown
 from tuner.types import AppliedNoiseScale, BoundUsed, Enlargement, Inflation, Quantity
 from tuner.types.number_ranges import Finite, Share
@@ -59,11 +59,11 @@ def _dump_as(kind: Kind) -> Any:
     def dump_inflation(one: Inflation) -> dict[str, Any]:
         entries = vars(one)
         content = {
-            "quantity": str(one.quantity),
+            "quantity": one.quantity,
             "kind": kind,
             "factor": one.factor,
-            "interval": dump(entries.get("interval")),
-            "causes": dump(entries.get("causes", ())),
+            "interval": entries.get("interval"),
+            "causes": entries.get("causes", ()),
             "reason": one.reason,
         }
         if entries.get("time_share") is not None:

@@ -69,7 +69,7 @@ def _load_model(content: object) -> NoiseModel:
 
 
 def _dump_term(term: TermEstimate) -> dict[str, Any]:
-    return {"term": term.name, **{name: dump(value) for name, value in term.coefficients.items()}}
+    return {"term": term.name, **term.coefficients}
 
 
 def _load_term(content: object) -> TermEstimate:
