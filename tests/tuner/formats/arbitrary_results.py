@@ -39,9 +39,12 @@ from tuner.types import (
     Unexplained,
 )
 from tuner.types.consistency import Outage, Score
+from tuner.types.number_ranges import largest_reading
 from tuner.types.verdict import Explanation, ExplanationKind, Severity, Verdict, VerdictCode
 
 texts = st.text(max_size=12)
+
+units = texts.filter(lambda unit: largest_reading(unit) == math.inf)  # no sensor reads 1e300 m/s
 
 numbers = st.floats(allow_nan=False, allow_infinity=False)
 
@@ -56,7 +59,7 @@ deviations = st.floats(min_value=1e-150, max_value=1e150)
 intervals = st.tuples(numbers | st.just(-math.inf), numbers | st.just(math.inf))
 
 coefficients = st.builds(
-    Coefficient, st.none() | numbers, st.none() | intervals, st.none() | numbers, texts, st.none() | texts
+    Coefficient, st.none() | numbers, st.none() | intervals, st.none() | numbers, units, st.none() | texts
 )
 
 known = coefficients.filter(lambda c: c.value is not None)
