@@ -28,6 +28,8 @@ from tuner.consistency.output_causes.hypotheses import LOG_MAX_SCALE, ScaleHypot
 from tuner.consistency.output_causes.true_noise import TrueNoise
 from tuner.consistency.output_errors import OutputErrors
 from tuner.consistency.scores import EQUIVALENCE_MARGIN
+from tuner.linear_run.likelihood import unaided_shift
+from tuner.linear_run.whitened_innovations import whiten
 from tuner.stages import counted
 from tuner.types.output_score import OutputCause
 
@@ -100,7 +102,7 @@ def explain(runs: Sequence[OutputErrors], *, sensor_noise: tuple[float, float] |
     if not model.fits:
         return Explanations(misfit=model.misfit)
     models = [error_model(run, course, model) for run, course in pairs]
-    known = sum(int(one.known.any(axis=1).sum()) for one in models)
+    known = sum(int(one.seen.used.any(axis=1).sum()) for one in models)
     if known < 20:
         return Explanations()
     base = TrueNoise()
@@ -170,11 +172,11 @@ def _candidates(
 
 
 def _regression(models: Sequence[ErrorModel], true: TrueNoise) -> tuple[float, FloatArray]:
-    """Return the deviance of all runs, and the products of data and regressors."""
-    each = [one.regression(true) for one in models]
-    return sum(deviance for deviance, _ in each), np.asarray(
-        np.sum([products for _, products in each], axis=0)
-    )
+    """Return the deviance of all runs, and the products of whitened data and regressors."""
+    each = [whiten(one.under(true)) for one in models]
+    both = [np.column_stack([one.residual, one.slope]) for one in each]
+    products = np.sum([one.T @ one for one in both], axis=0)
+    return sum(one.logs for one in each) + float(products[0, 0]), np.asarray(products)
 
 
 def _reduction(products: FloatArray, names: Sequence[str]) -> tuple[float, FloatArray, FloatArray]:
@@ -300,8 +302,8 @@ def _shifts(model: ErrorModel, fit: _Fit) -> bool:
     """
     if model.by_innovations:
         return True
-    own, constants = REGRESSORS[fit.names[0]], np.zeros(model.inputs.shape[2])
-    constants[own] = fit.constants[len(fit.constants) - (own.stop - own.start) :]
-    error = np.where(model.known, model.seen / model.sds, 0.0)
-    left = np.where(model.known, error - model.response(constants) / model.sds, 0.0)
-    return float(np.sum(left**2)) < float(np.sum(error**2))
+    own, run = REGRESSORS[fit.names[0]], model.errors
+    constants = fit.constants[len(fit.constants) - (own.stop - own.start) :]
+    shift = unaided_shift(run, range(own.start, own.stop), constants)
+    left = (run.innovation - shift)[run.used] / run.sd[run.used]
+    return float(np.sum(left**2)) < float(np.sum((run.innovation / run.sd)[run.used] ** 2))

@@ -110,7 +110,10 @@ def _extra_processes(model: ErrorModel, places: tuple[str, ...]) -> list[ScaleHy
             math.sqrt(float(model.model.fix_variance[0]))
             if place == "fixes"
             # What a filter lacks it may state as next to nothing.
-            else max(math.sqrt(float(np.median(np.diag(model.start)[first : first + 3]))), DEFAULT_SD[first])
+            else max(
+                math.sqrt(float(np.median(np.diag(model.errors.initial)[first : first + 3]))),
+                DEFAULT_SD[first],
+            )
         )
         bounds = (math.log(usual) - 2.0 * LOG_MAX_SCALE, math.log(usual) + LOG_MAX_SCALE)
         found += [

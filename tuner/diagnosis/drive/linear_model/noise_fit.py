@@ -22,12 +22,12 @@ import numpy as np
 from scipy.optimize import OptimizeResult, minimize
 
 from models.arrays import FloatArray
-from tuner.diagnosis.drive.linear_model.likelihood import (
+from tuner.diagnosis.drive.linear_model.noise_parameters import NoiseParameters
+from tuner.linear_run.likelihood import (
     NoiseHypothesis,
     evaluate_with_gradient,
     with_constants_fixed,
 )
-from tuner.diagnosis.drive.linear_model.noise_parameters import NoiseParameters
 from tuner.types import Coefficient
 
 Cost = Callable[[FloatArray], tuple[float, FloatArray]]
