@@ -13,13 +13,12 @@ known.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from models import rotation
 from models.arrays import FloatArray
+from tuner.consistency.constants import IN_FIXES, OF_FILTER, Motion
 from tuner.consistency.output_causes.course import Course
 from tuner.consistency.output_causes.filter_model import FilterModel, filter_matrices, start_covariance
 from tuner.consistency.output_causes.kernels import covariance_recursion
@@ -33,18 +32,6 @@ MODEL_ERROR = 0.03
 BODY_MODEL_ERROR = 0.1
 """The same of sizes where velocities are along the axes of the body: half of what drives their errors is taken as
 noise of what measures them; it may be nearly all, by how often they are measured, and sizes came out 2 to 12 % off."""
-REGRESSORS: Mapping[str, slice] = {
-    "delay of fixes": slice(0, 1),
-    "delay of output": slice(1, 2),
-    "lever arm of fixes": slice(2, 5),
-    "lever arm of output": slice(5, 8),
-    "offset of positions": slice(8, 11),
-    "rotation of positions": slice(8, 14),
-    "rotation of body": slice(14, 17),
-}
-"""Constants that may act, and their columns; a rotation is about any point, so that an offset joins it."""
-REGRESSOR_COUNT = 17
-"""Columns of all of them."""
 
 
 @dataclass(frozen=True)
@@ -62,9 +49,11 @@ class ErrorModel:
         Transition, gains of the fixes, I − K H.
     errors : LinearizedRun
         The errors after the fixes, driven by four sources of process noise and two of fixes, all as assumed; B and D
-        are what the constants of `REGRESSORS` do to them. What is seen of them has a white error.
+        are what the constants of `OF_FILTER` do to them. What is seen of them has a white error.
     seen : LinearizedRun
         The same, or the innovations where no errors are known.
+    places : tuple of slice
+        Columns of B and D of each of `OF_FILTER`.
     """
 
     model: FilterModel
@@ -74,6 +63,7 @@ class ErrorModel:
     update: FloatArray
     errors: LinearizedRun
     seen: LinearizedRun
+    places: tuple[slice, ...]
 
     @property
     def by_innovations(self) -> bool:
@@ -199,7 +189,7 @@ def error_model(run: OutputErrors, course: Course, model: FilterModel) -> ErrorM
     sds = np.sqrt(np.einsum("kii->ki", covariance)[:, :9])
     sds[sds == 0.0] = 1.0  # what the filter has no state for has no errors either
     stated = np.einsum("kii->ki", run.covariance)[rows, :9]
-    by_fixes, outputs = _regressors(course)
+    by_fixes, outputs, places = _regressors(course)
     error = run.error[rows, :9]
     known, white = np.isfinite(error), MODEL_ERROR * np.where(stated > 0.0, np.sqrt(stated), sds)
     h, zeros = np.tile(np.eye(9, n), (k, 1, 1)), np.zeros((k, n))
@@ -226,28 +216,18 @@ def error_model(run: OutputErrors, course: Course, model: FilterModel) -> ErrorM
             D=by_fixes,
             sparse_cache={},
         )
-    return ErrorModel(model, course, phi, gain, update, errors, seen)
+    return ErrorModel(model, course, phi, gain, update, errors, seen, places)
 
 
-def _regressors(course: Course) -> tuple[FloatArray, FloatArray]:
-    """Return what constants do to fixes, (k, 6, m), and to output errors, (k, 9, m)."""
-    k, at = len(course.dt), REGRESSORS
-    fixes, outputs = np.zeros((k, 6, REGRESSOR_COUNT)), np.zeros((k, 9, REGRESSOR_COUNT))
-    motion = np.concatenate([course.vel, course.acc, course.rate], axis=1)[:, :, None]
-    fixes[:, :, at["delay of fixes"]] = -motion[:, :6]
-    outputs[:, :, at["delay of output"]] = motion
-    arm = np.concatenate([course.body, rotation.skew(course.rate) @ course.body], axis=1)
-    fixes[:, :, at["lever arm of fixes"]] = arm
-    outputs[:, :6, at["lever arm of output"]] = -arm
+def _regressors(course: Course) -> tuple[FloatArray, FloatArray, tuple[slice, ...]]:
+    """Return what `OF_FILTER` do to fixes, (k, 6, m), and to output errors, (k, 9, m), and their columns."""
+    way = np.cumsum(course.vel * course.dt[:, None], axis=0)
+    motion = Motion(way, course.vel, course.acc, course.rate, course.body, course.of_body)
+    each = [one.columns(motion) for one in OF_FILTER]
+    through = [one.subject in IN_FIXES for one in OF_FILTER]
+    fixes = np.concatenate([-of[:, :6] * fix for of, fix in zip(each, through, strict=True)], axis=2)
     if course.of_body:  # velocities are measured by something else than the positions: nothing moves them
         fixes[:, 3:] = 0.0
-        motion_of_body = course.acc - np.cross(course.rate, course.vel)
-        outputs[:, 3:6, at["delay of output"]] = motion_of_body[:, :, None]
-        outputs[:, 3:6, at["lever arm of output"]] = -rotation.skew(course.rate) @ course.body
-    fixes[:, :3, at["offset of positions"]] = np.eye(3)
-    place = np.cumsum(course.vel * course.dt[:, None], axis=0)
-    turn = np.concatenate([-rotation.skew(place - place.mean(axis=0)), -rotation.skew(course.vel)], axis=1)
-    turn[:, 3:] *= not course.of_body
-    fixes[:, :, at["rotation of positions"].stop - 3 : at["rotation of positions"].stop] = turn
-    outputs[:, 6:, at["rotation of body"]] = course.body
-    return fixes, outputs
+    outputs = np.concatenate([of * (not fix) for of, fix in zip(each, through, strict=True)], axis=2)
+    ends = np.cumsum([0, *(of.shape[2] for of in each)]).tolist()
+    return fixes, outputs, tuple(map(slice, ends[:-1], ends[1:]))
