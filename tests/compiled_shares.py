@@ -25,7 +25,7 @@ MAX_WAIT = 300.0
 
 def _likelihood_of_drives() -> None:
     from tests.tuner.diagnosis.drive.conftest import city
-    from tuner.diagnosis.drive.linear_model.likelihood import as_configured, evaluate_with_gradient
+    from tuner.linear_run.likelihood import as_configured, evaluate_with_gradient
 
     evaluate_with_gradient(as_configured(city(3)))
 

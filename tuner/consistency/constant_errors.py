@@ -15,18 +15,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from models import rotation
 from models.arrays import FloatArray
-from models.probability import student_quantile
+from tuner.consistency.constants import BODY, FITTED_STATES, OF_OUTPUT, Constant, Motion, by_leaving_out
 from tuner.consistency.correlated_errors import independent_count
 from tuner.consistency.frame_differences import errors_in_one_frame
 from tuner.consistency.output_causes import INTERVAL_SDS, MAX_CAUSES, MIN_GAIN
-from tuner.consistency.output_errors import RECORD_PARTS, OutputErrors, of_body_rotation
+from tuner.consistency.output_errors import RECORD_PARTS, OutputErrors
 from tuner.consistency.output_scores import aided_rows, error_scores, state_scores
 from tuner.consistency.scores import BLOCKS, DIVERGED_RATIO
 from tuner.consistency.trajectory_alignment import Alignment
@@ -36,25 +35,10 @@ from tuner.types.consistency import ERROR_UNITS, Score
 from tuner.types.filter_output import FilterOutput
 from tuner.types.output_score import OutputCause, TimeOffset
 
-FITTED_STATES = 9
-"""Position, velocity and attitude: what a constant acts on."""
 LARGEST_TURN = 0.25 * math.pi
 """Turn, rad, up to which errors are about linear in it."""
 RADIAN_IN_DEGREES = math.degrees(1.0)
 """Degrees of a radian."""
-
-
-class Constant(NamedTuple):
-    """A constant that errors of an output may have: the code and subject of its cause, its parts and their columns."""
-
-    cause: str
-    subject: str
-    unit: str
-    parts: tuple[str, ...]
-    size: int
-    """First parts whose norm is its size; of one, its value."""
-    columns: Callable[[OutputErrors], FloatArray]
-    """Derivatives of the errors by the parts, shape (n, 9, k)."""
 
 
 class Squares(NamedTuple):
@@ -72,85 +56,15 @@ class Fitted(NamedTuple):
     squares: Squares
 
 
-def _offset(run: OutputErrors) -> FloatArray:
-    """Return derivatives by how far north, east and down the estimate is of the truth."""
-    found = np.zeros((len(run), FITTED_STATES, 3))
-    found[:, :3] = -np.eye(3)
-    return found
-
-
-def _height(run: OutputErrors) -> FloatArray:
-    """Return the derivative by how far up the estimate is."""
-    return -_offset(run)[..., 2:]
-
-
-def _antenna(run: OutputErrors) -> FloatArray:
-    """Return derivatives by how far forward, right and down the positions are of those of the truth."""
-    found = np.zeros((len(run), FITTED_STATES, 3))
-    found[:, :3] = -rotation.mat_from_quat(run.estimate.quat_nb)
-    return found
-
-
-def _point(run: OutputErrors) -> FloatArray:
-    """Return derivatives by how far forward, right and down the point of positions and velocities is."""
-    found, arm = _antenna(run), rotation.mat_from_quat(run.estimate.quat_nb)
-    if not run.estimate.vel_of_body:
-        found[:, 3:6] = -np.cross(run.rate[:, None, 6:9], np.swapaxes(arm, 1, 2)).swapaxes(1, 2)
-    return found
-
-
-def _turn(run: OutputErrors, blocks: int) -> FloatArray:
-    """Return derivatives by a turn of so many blocks about the vertical of any point, and by their scale.
-
-    A map has both, and a turn by many degrees shortens the way that it began with.
-    """
-    found = np.zeros((len(run), FITTED_STATES, 4))
-    for own, of in ((slice(0, 3), _travelled(run)), (slice(3, 6), run.estimate.vel_n)):
-        found[:, own, 0] = -np.cross([0.0, 0.0, 1.0], of)
-        found[:, own, 1] = -of * [1.0, 1.0, 0.0]
-    found[:, 8, 0] = -1.0
-    found[:, :3, 2:] = -np.eye(3)[:, :2]
-    found[:, 3 * blocks :] = 0.0
-    return found
-
-
-def _scale(run: OutputErrors) -> FloatArray:
-    """Return derivatives by how much too long horizontal ways and velocities are, from a point north and east."""
-    return _turn(run, blocks=2)[..., 1:]
-
-
-def _travelled(run: OutputErrors) -> FloatArray:
-    """Return the way since the first epoch, m, by the velocities of the truth; shape (n, 3)."""
+def motion_of(run: OutputErrors) -> Motion:
+    """Return the motion by which constants act on the errors of a run: the way by the velocities of the truth."""
     speed = np.nan_to_num(run.rate[:, :3])
     steps = 0.5 * (speed[1:] + speed[:-1]) * np.diff(run.t)[:, None]
-    return np.vstack([np.zeros(3), np.cumsum(steps, axis=0)])
-
-
-def _body(run: OutputErrors) -> FloatArray:
-    """Return derivatives by a rotation from the body of the estimate to that of the truth."""
-    return of_body_rotation(run.estimate)[:, :FITTED_STATES]
-
-
-CONSTANTS = (
-    Constant("gnss_frame", "height", "m", ("up",), 1, _height),
-    Constant("gnss_frame", "offset", "m", ("north", "east", "down"), 3, _offset),
-    Constant("lever_arm", "output", "m", ("x", "y", "z"), 3, _antenna),
-    Constant("lever_arm", "output", "m", ("x", "y", "z"), 3, _point),
-    Constant("gnss_frame", "scale", "1", ("scale", "north", "east"), 1, _scale),
-    *(
-        Constant(
-            "gnss_frame",
-            "rotation",
-            "rad",
-            ("yaw", "scale", "north", "east"),
-            1,
-            partial(_turn, blocks=number),
-        )
-        for number in (1, 2, 3)
-    ),
-    Constant("mounting", "", "rad", ("roll", "pitch", "yaw"), 3, _body),
-)
-"""Constants that act linearly, the simplest first."""
+    way = np.vstack([np.zeros(3), np.cumsum(steps, axis=0)])
+    attitude = rotation.mat_from_quat(run.estimate.quat_nb)
+    return Motion(
+        way, run.estimate.vel_n, run.rate[:, 3:6], run.rate[:, 6:9], attitude, run.estimate.vel_of_body
+    )
 
 
 def constant_errors(
@@ -184,7 +98,7 @@ def constant_errors(
         taken = {(one.cause, one.subject) for one in found}
         tried = [
             fit
-            for constant in CONSTANTS
+            for constant in OF_OUTPUT
             if (constant.cause, constant.subject) not in taken and not aligned.get(constant.cause)
             if (fit := _fitted(rest, squares, constant)) is not None
         ]
@@ -231,14 +145,15 @@ def _aligned(
     body = rest[0].body
     if body is None or not np.isfinite(body.vector).all():
         return None
-    found = _cause(CONSTANTS[-1], body.vector, np.diag(body.sd**2), INTERVAL_SDS, _gain(before, squares, 3))
+    gain = _gain(before, squares, 3)
+    found = BODY.found(body.vector, np.diag(body.sd**2), INTERVAL_SDS, gain, constant=True)
     return Fitted(found, rest, squares)
 
 
 def _fitted(runs: Sequence[OutputErrors], before: Squares, constant: Constant) -> Fitted | None:
     """Return a constant at its likeliest size, None where the errors do not show it."""
     tables = []
-    each = [constant.columns(run) for run in runs]
+    each = [constant.columns(motion_of(run)) for run in runs]
     for run, columns in zip(runs, each, strict=True):
         error, sd = run.error[:, :FITTED_STATES], _sds(run)
         known = np.isfinite(error) & np.isfinite(columns).all(axis=2)
@@ -249,42 +164,17 @@ def _fitted(runs: Sequence[OutputErrors], before: Squares, constant: Constant) -
             tables.append(
                 (np.einsum("njk,njl->kl", x[rows], x[rows]), np.einsum("njk,nj->k", x[rows], w[rows]))
             )
-    squares, products = (np.stack(one) for one in zip(*tables, strict=True))
-    whole = squares.sum(axis=0)
-    if np.linalg.matrix_rank(whole, hermitian=True) != len(whole):
+    solved = by_leaving_out(*(np.stack(one) for one in zip(*tables, strict=True)))
+    if solved is None:
         return None
-    value = np.linalg.solve(whole, products.sum(axis=0))
-    left = [
-        np.linalg.lstsq(whole - square, products.sum(axis=0) - product, rcond=None)[0]
-        for square, product in zip(squares, products, strict=True)
-    ]
-    off = np.stack(left) - np.mean(left, axis=0)
-    covariance = (len(left) - 1) / len(left) * off.T @ off
-    wide = float(student_quantile(0.975, len(left) - 1))
+    value, covariance, wide = solved
     rest = [_without(run, columns, value) for run, columns in zip(runs, each, strict=True)]
     after = _squares(rest)
-    found = _cause(constant, value, covariance, wide, _gain(before, after, len(value)))
+    found = constant.found(value, covariance, wide, _gain(before, after, len(value)), constant=True)
     low, high = found.interval
     if 0.5 * (high - low) > abs(found.size) or (constant.unit == "rad" and abs(found.size) > LARGEST_TURN):
         return None
     return Fitted(found, rest, after)
-
-
-def _cause(
-    constant: Constant, value: FloatArray, covariance: FloatArray, wide: float, gain: float
-) -> OutputCause:
-    """Return a constant of this value as a cause, with intervals of `wide` sds."""
-    vector, own = value[: constant.size], covariance[: constant.size, : constant.size]
-    length = float(np.linalg.norm(vector))
-    size = length if constant.size > 1 else float(value[0])
-    spread = wide * math.sqrt(float(vector @ own @ vector)) / max(length, 1e-300)
-    halves = wide * np.sqrt(np.diag(covariance))
-    parts = {
-        name: (float(v), float(v - half), float(v + half))
-        for name, v, half in zip(constant.parts, value, halves, strict=True)
-    }
-    interval = (size - spread, size + spread)
-    return OutputCause(constant.cause, size, interval, constant.unit, gain, parts, constant.subject, (), True)
 
 
 def _without(run: OutputErrors, columns: FloatArray, value: FloatArray) -> OutputErrors:

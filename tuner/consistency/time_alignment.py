@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from models.arrays import FloatArray
 from models.earth import ned_between
-from models.probability import student_quantile
+from tuner.consistency.constants import by_leaving_out
 from tuner.consistency.output_errors import RECORD_PARTS, OutputErrors
 from tuner.consistency.trajectory_alignment import MAX_GAP_INTERVALS, interpolation_variance
 from tuner.types.filter_output import FilterOutput
@@ -70,18 +70,12 @@ def clock_offset(runs: Sequence[OutputErrors], taken_out: Sequence[float]) -> Ti
                 opens.append((float(found[1].sum()), unknown))
         sums.append([own[0] + first * own[1], own[1]])
     above, below = np.concatenate(sums, axis=1)
-    if not below.sum() > 0.0:
+    solved = by_leaving_out(below[:, None, None], above[:, None])
+    if solved is None:
         return None
-    value = float(above.sum() / below.sum())
-    rest = below.sum() - below
-    left = (above.sum() - above)[rest > 0.0] / rest[rest > 0.0]
-    if len(left) < 2:
-        return None
-    scatter = math.sqrt((len(left) - 1) / len(left) * float(np.sum((left - left.mean()) ** 2)))
+    value, scatter, sds = float(solved[0][0]), math.sqrt(solved[1][0, 0]), solved[2]
     weights, unknown = np.array(opens).T
-    wide = scatter * student_quantile(0.975, len(left) - 1) + math.sqrt(
-        float(np.average(unknown, weights=weights))
-    )
+    wide = scatter * sds + math.sqrt(float(np.average(unknown, weights=weights)))
     return TimeOffset(value, (value - wide, value + wide), removed=False)
 
 

@@ -163,8 +163,7 @@ def test_noise_of_the_unit_at_rest_speaks_against_hypotheses_with_less():
 
 def test_scale_factors_act_on_the_errors_as_on_a_strapdown_computation():
     from tuner.consistency.output_causes.course import course_of
-    from tuner.consistency.output_causes.filter_model import transitions
-    from tuner.consistency.output_causes.scale_factor_states import with_scale_factors
+    from tuner.consistency.output_causes.filter_model import filter_matrices
 
     rng = np.random.default_rng(2)
     truth = textbook.drive(60.0, rng)
@@ -172,8 +171,8 @@ def test_scale_factors_act_on_the_errors_as_on_a_strapdown_computation():
     (run,) = score_outputs([output_of(o, 0)], [truth_of(o)]).runs
     exact = replace(run.estimate, vel_n=truth_of(o).vel_n, quat_nb=truth_of(o).quat_nb)
     course = course_of(replace(run, estimate=exact))
-    phi, noise = transitions(course, np.array([400.0, 400.0]))
-    wide, _, start = with_scale_factors(course, phi, noise, np.eye(15), np.array([1e-3, 2e-3]), 1e9)
+    model = FilterModel(np.ones(4), np.full(2, 1e9), np.ones(6), 0.0, scale_sd=np.array([1e-3, 2e-3]))
+    wide, _, start = filter_matrices(course, model, np.eye(15))
     assert np.sqrt(np.diag(start)[15:]) == pytest.approx([1e-3] * 3 + [2e-3] * 3)
     k, scale = 20, 1e-4 * np.arange(1.0, 7.0)  # of the six sensors: truth minus estimate
     begin = np.searchsorted(truth.t, run.t[course.rows[k]] - 1e-9)

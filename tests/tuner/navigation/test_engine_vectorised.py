@@ -15,7 +15,7 @@ from numba import njit
 from numba.extending import is_jitted
 
 from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
-from tuner.diagnosis.drive.linear_model import kalman_kernels
+from tuner.linear_run import kalman_kernels
 from tuner.navigation.engine import filter_steps
 from tuner.navigation.engine.layout import BATCH_SIZE, layout_of
 from tuner.navigation.engine.mechanisation import mechanise

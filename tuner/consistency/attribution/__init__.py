@@ -47,6 +47,7 @@ from tuner.consistency.attribution.sensitivity import (
     score_contributions,
 )
 from tuner.consistency.scores import BLOCKS
+from tuner.linear_run.best_size import INTERVAL_DEVIANCE, best_size
 from tuner.simulation.monte_carlo import Runs
 from tuner.types.consistency import Consistency, Score
 from tuner.types.verdict import Explanation
@@ -56,16 +57,12 @@ Loss = Callable[[FloatArray], FloatArray]
 
 MODEL_ERROR = 0.05
 """Relative error of an expected score: a ladder approximates flicker to some per cent, linear covariance the filter."""
-INTERVAL_DEVIANCE = 4.0
-"""−2 ln of the likelihood by which a size may be worse than the best: two standard errors, 95 %."""
 DISTINCT_ERRORS = 2.0
 """Standard errors of the mean difference of −2 ln of two likelihoods from which hypotheses are distinguished: 95 %."""
 MAX_MISFIT_PER_SCORE = 3.0
 """Misfit per score up to which a hypothesis fits; by chance it is about 1, and scores depend on each other."""
 GRID_SIZES = 41
 """Sizes at which a likelihood is computed before its minimum is sought: with a step of a quarter in ln θ."""
-MIN_DISTANCE_TO_END = 0.02
-"""Distance of ln θ to a bound of the search below which the size counts as beyond it."""
 
 
 def attribute(found: Consistency, simulated: Runs, sensitivity: ScoreSensitivity) -> tuple[Explanation, ...]:
@@ -145,7 +142,7 @@ def likeliest(
         if both and (single is None or _distinct(replace(fits[0], loss=single), both[0][0])):
             return _explained_by_both(both)
     likely = [fit for fit in fits if not _distinct(fit, fits[0])]
-    return _explanations(sorted(likely, key=_beyond_bounds))
+    return _explanations(sorted(likely, key=lambda fit: fit.beyond))
 
 
 def _both(rivals: Sequence[Hypothesis], fit: Callable[[Hypothesis], Fit]) -> list[tuple[Fit, Fit]]:
@@ -164,18 +161,13 @@ def _explained_by_both(both: Sequence[tuple[Fit, Fit]]) -> tuple[Explanation, ..
 
 def _fitted(rival: Hypothesis, loss: Loss, whole: Loss, misfits: Loss) -> Fit:
     """Return a hypothesis at the size of least loss: by run, (t, m), and of all runs together, (t, 1)."""
-    from scipy.optimize import minimize_scalar  # loaded when used: slow to import
 
     def at(x: float | FloatArray) -> FloatArray:
         return np.array([rival.expected(float(value)) for value in np.atleast_1d(x)])
 
-    grid = np.linspace(*rival.bounds, GRID_SIZES)
-    values, step = whole(at(grid))[:, 0], float(grid[1] - grid[0])
-    start = float(grid[int(np.argmin(values))])
-    near = (max(start - step, rival.bounds[0]), min(start + step, rival.bounds[1]))
-    size = float(minimize_scalar(lambda x: whole(at(x))[0, 0], bounds=near, method="bounded").x)
+    best = best_size(lambda x: float(whole(at(x))[0, 0]), np.linspace(*rival.bounds, GRID_SIZES).tolist())
     # The slope scatters more than its curvature says: epochs depend on each other, and all levels may be off at once.
-    near_by = at(size + 0.05 * np.array([-1.0, 0.0, 1.0]))
+    near_by = at(best.size + 0.05 * np.array([-1.0, 0.0, 1.0]))
     below, here, above = loss(near_by)
     slope, curvature = (above - below) / 0.1, float((above + below - 2.0 * here).mean()) / 0.05**2
     raised = whole((1.0 + MODEL_ERROR) * near_by)[:, 0]
@@ -184,16 +176,11 @@ def _fitted(rival: Hypothesis, loss: Loss, whole: Loss, misfits: Loss) -> Fit:
     excess = 1.0
     if curvature > 0.0:
         excess = (_standard_error(slope) ** 2 + float(level_slope) ** 2) / (2.0 * curvature)
-    limit = float(here.mean()) + INTERVAL_DEVIANCE * max(excess, 1.0)
-    low, high = (_edge(lambda x: whole(at(x))[0, 0] - limit, size, end) for end in rival.bounds)
-    return Fit(rival, size, (low, high), float(misfits(at(size))[0, 0]), here, float(level_loss[1]))
-
-
-def _edge(excess: Callable[[float], float], inside: float, end: float) -> float:
-    """Return where a function rises through zero between a point where it is negative and an end, or the end."""
-    from scipy.optimize import brentq  # loaded when used: slow to import
-
-    return float(brentq(excess, inside, end, xtol=1e-3)) if excess(end) > 0.0 else end
+    misfit, interval = (
+        float(misfits(at(best.size))[0, 0]),
+        best.interval(INTERVAL_DEVIANCE * max(excess, 1.0)),
+    )
+    return Fit(rival, best.size, interval, misfit, here, float(level_loss[1]), best.beyond)
 
 
 def _standard_error(by_run: FloatArray) -> float:
@@ -206,11 +193,6 @@ def _distinct(one: Fit, best: Fit) -> bool:
     difference = one.loss - best.loss
     error = math.hypot(_standard_error(difference), one.level_loss - best.level_loss)
     return float(difference.mean()) > max(INTERVAL_DEVIANCE, DISTINCT_ERRORS * error)
-
-
-def _beyond_bounds(fit: Fit) -> bool:
-    """Tell whether the best size lies beyond the bounds of the search: then the pattern is another hypothesis's."""
-    return min(abs(fit.size - end) for end in fit.hypothesis.bounds) < MIN_DISTANCE_TO_END
 
 
 def _explanations(fits: Sequence[Fit]) -> tuple[Explanation, ...]:

@@ -66,7 +66,8 @@ class Hypothesis:
 class Fit:
     """A hypothesis at its best size: ln θ, its interval, the misfit of scores, and −2 ln p by run, (m,).
 
-    `level_loss` is what −2 ln p rises, in the mean, where all that is expected is larger by the error of the model.
+    `level_loss` is what −2 ln p rises, in the mean, where all that is expected is larger by the error of the model,
+    `beyond` whether the best size lies beyond the bounds of the search: then the pattern is another hypothesis's.
     """
 
     hypothesis: Hypothesis
@@ -75,6 +76,7 @@ class Fit:
     misfit: float
     loss: FloatArray
     level_loss: float
+    beyond: bool
 
 
 def hypotheses(

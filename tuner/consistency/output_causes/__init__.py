@@ -11,23 +11,26 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 
 from models.arrays import FloatArray
+from tuner.consistency.constants import OF_FILTER
 from tuner.consistency.output_causes.course import course_of
 from tuner.consistency.output_causes.error_model import (
     MODEL_ERROR,
-    REGRESSORS,
     ErrorModel,
     error_model,
 )
 from tuner.consistency.output_causes.filter_model import FilterModel, fit_filter
-from tuner.consistency.output_causes.hypotheses import LOG_MAX_SCALE, ScaleHypothesis, scale_hypotheses
+from tuner.consistency.output_causes.hypotheses import SMALL_STEP, ScaleHypothesis, scale_hypotheses
 from tuner.consistency.output_causes.true_noise import TrueNoise
 from tuner.consistency.output_errors import OutputErrors
 from tuner.consistency.scores import EQUIVALENCE_MARGIN
+from tuner.linear_run.best_size import best_size
+from tuner.linear_run.likelihood import unaided_shift
+from tuner.linear_run.whitened_innovations import whiten
 from tuner.stages import counted
 from tuner.types.output_score import OutputCause
 
@@ -44,9 +47,6 @@ MAX_CAUSES = 3
 MAX_RUNS = 2
 """Runs of a Monte Carlo whose likelihoods are added: one tells a fault that scores show, and its size to some per cent,
 which is what the linear model of a filter is good for."""
-SMALL_STEP = 0.15
-"""Change of a size, as a logarithm, over which a deviance is about a parabola; and distance to a bound of the search
-that counts as beyond it."""
 SENSOR_NOISE_SD = 0.1
 """Sd of the logarithm of a white density from a log: units, temperatures and mounts differ by as much."""
 REFINED_COUNT = 6
@@ -78,7 +78,7 @@ class _Fit:
     cause: OutputCause
     base: TrueNoise
     constants: FloatArray
-    names: tuple[str, ...]
+    numbers: tuple[int, ...]
 
 
 def explain(runs: Sequence[OutputErrors], *, sensor_noise: tuple[float, float] | None = None) -> Explanations:
@@ -100,11 +100,11 @@ def explain(runs: Sequence[OutputErrors], *, sensor_noise: tuple[float, float] |
     if not model.fits:
         return Explanations(misfit=model.misfit)
     models = [error_model(run, course, model) for run, course in pairs]
-    known = sum(int(one.known.any(axis=1).sum()) for one in models)
+    known = sum(int(one.seen.used.any(axis=1).sum()) for one in models)
     if known < 20:
         return Explanations()
     base = TrueNoise()
-    fixed: tuple[str, ...] = ()
+    fixed: tuple[int, ...] = ()
     causes: list[OutputCause] = []
     while len(causes) < MAX_CAUSES:
         fits = _candidates(models, base, fixed, known, scale_hypotheses(models[0], base))
@@ -116,7 +116,7 @@ def explain(runs: Sequence[OutputErrors], *, sensor_noise: tuple[float, float] |
         best = fits[0]
         rivals = [f.cause for f in fits[1:] if f.cause.gain > best.cause.gain - SHORTLIST_NATS]
         causes.append(replace(best.cause, alternatives=tuple(rivals)))
-        base, fixed = best.base, (*fixed, *best.names)
+        base, fixed = best.base, (*fixed, *best.numbers)
     return Explanations(tuple(causes))
 
 
@@ -142,112 +142,93 @@ def _with_sensor_noise(
 def _candidates(
     models: Sequence[ErrorModel],
     base: TrueNoise,
-    fixed: tuple[str, ...],
+    fixed: tuple[int, ...],
     known: int,
     scales: Sequence[ScaleHypothesis],
 ) -> list[_Fit]:
-    """Return the best fit of every cause, the likeliest first, with the names of constants already in the model."""
+    """Return the best fit of every cause, the likeliest first, with the numbers of constants already in the model."""
     deviance, products = _regression(models, base)
-    deviance -= _reduction(products, fixed)[0]
+    deviance -= _reduction(products, models[0].places, fixed)[0]
     price = 0.5 * math.log(known)
     found = [
         fit
-        for name in REGRESSORS
-        if name not in fixed and (fit := _constant(products, name, fixed, base, price)) is not None
+        for number in range(len(OF_FILTER))
+        if number not in fixed
+        and (fit := _constant(models, products, number, fixed, base, price)) is not None
     ]
-    losses = [(scale, partial(_loss, models, scale, base, fixed)) for scale in scales]
-    promising = sorted(losses, key=lambda one: _promise(one[0], one[1], deviance), reverse=True)
+    losses = [(scale, cache(partial(_loss, models, scale, base, fixed))) for scale in scales]
+    promising = sorted(losses, key=lambda one: _promise(one[1], one[0].grid, deviance), reverse=True)
     for scale, loss in counted(promising[:REFINED_COUNT]):
         if fit := _fitted(scale, loss, base, deviance, price, models[0].error_of(scale.cause)):
             found.append(fit)
     best: dict[str, _Fit] = {}
     for fit in sorted(found, key=lambda f: -f.cause.gain):
         if fit.cause.cause not in best and (
-            _shifts(models[0], fit) if fit.names else _matters(models[0], base, fit.base)
+            _shifts(models[0], fit) if fit.numbers else _matters(models[0], base, fit.base)
         ):
             best[fit.cause.cause] = fit
     return list(best.values())
 
 
 def _regression(models: Sequence[ErrorModel], true: TrueNoise) -> tuple[float, FloatArray]:
-    """Return the deviance of all runs, and the products of data and regressors."""
-    each = [one.regression(true) for one in models]
-    return sum(deviance for deviance, _ in each), np.asarray(
-        np.sum([products for _, products in each], axis=0)
-    )
+    """Return the deviance of all runs, and the products of whitened data and regressors."""
+    each = [whiten(one.under(true)) for one in models]
+    both = [np.column_stack([one.residual, one.slope]) for one in each]
+    products = np.sum([one.T @ one for one in both], axis=0)
+    return sum(one.logs for one in each) + float(products[0, 0]), np.asarray(products)
 
 
-def _reduction(products: FloatArray, names: Sequence[str]) -> tuple[float, FloatArray, FloatArray]:
+def _reduction(
+    products: FloatArray, places: Sequence[slice], numbers: Sequence[int]
+) -> tuple[float, FloatArray, FloatArray]:
     """Return how far regression on constants lowers the deviance, their values and covariance."""
-    if not names:
+    if not numbers:
         return 0.0, np.zeros(0), np.zeros((0, 0))
-    at = np.concatenate([np.arange(REGRESSORS[n].start, REGRESSORS[n].stop) for n in names]) + 1
+    at = np.concatenate([np.arange(places[i].start, places[i].stop) for i in numbers]) + 1
     a, b = products[np.ix_(at, at)], products[at, 0]
     covariance = np.linalg.pinv(a, hermitian=True)
     x = covariance @ b
     return float(b @ x), x, covariance
 
 
-_CONSTANTS = {
-    "delay of fixes": ("time_offset", "s", ("delay",), "fixes"),
-    "delay of output": ("time_offset", "s", ("delay",), "stamps of the output"),
-    "lever arm of fixes": ("lever_arm", "m", ("x", "y", "z"), "fixes"),
-    "lever arm of output": ("lever_arm", "m", ("x", "y", "z"), "output"),
-    "offset of positions": ("gnss_frame", "m", ("north", "east", "down"), "offset"),
-    "rotation of positions": ("gnss_frame", "rad", ("roll", "pitch", "yaw"), "rotation"),
-    "rotation of body": ("mounting", "rad", ("roll", "pitch", "yaw"), ""),
-}
-"""Cause, unit, names of parameters and subject of the constants."""
-
-
 def _constant(
-    products: FloatArray, name: str, fixed: tuple[str, ...], base: TrueNoise, price: float
+    models: Sequence[ErrorModel],
+    products: FloatArray,
+    number: int,
+    fixed: tuple[int, ...],
+    base: TrueNoise,
+    price: float,
 ) -> _Fit | None:
-    before = _reduction(products, fixed)[0]
-    after, x, covariance = _reduction(products, (*fixed, name))
-    code, unit, parameters, subject = _CONSTANTS[name]
-    own = slice(len(x) - len(parameters), None)
+    places, constant = models[0].places, OF_FILTER[number]
+    before = _reduction(products, places, fixed)[0]
+    after, x, covariance = _reduction(products, places, (*fixed, number))
+    own = slice(len(x) - (places[number].stop - places[number].start), None)
     value = x[own]
-    # The fixes' own errors scatter the estimate; what the model leaves out is relative to its size.
-    sd = np.sqrt(np.diag(covariance)[own] + (MODEL_ERROR * np.linalg.norm(value)) ** 2)
-    length = float(np.linalg.norm(value))
-    if not length > 0.0:
+    size = float(np.linalg.norm(value[: constant.size]))
+    if not size > 0.0:
         return None
-    spread = math.sqrt(float(value @ covariance[own, own] @ value) / length**2 + (MODEL_ERROR * length) ** 2)
-    size = float(value[0]) if len(value) == 1 else length
-    gain = 0.5 * (after - before) - price * (REGRESSORS[name].stop - REGRESSORS[name].start)
-    cause = OutputCause(
-        code,
-        size,
-        (size - INTERVAL_SDS * spread, size + INTERVAL_SDS * spread),
-        unit,
-        gain,
-        {
-            key: (float(v), float(v - INTERVAL_SDS * s), float(v + INTERVAL_SDS * s))
-            for key, v, s in zip(parameters, value, sd, strict=True)
-        },
-        subject,
-    )
-    return _Fit(cause, base, x, (name,))
+    # The fixes' own errors scatter the estimate; what the model leaves out is relative to its size.
+    covariance = covariance[own, own] + (MODEL_ERROR * size) ** 2 * np.eye(len(value))
+    gain = 0.5 * (after - before) - price * len(value)
+    return _Fit(constant.found(value, covariance, INTERVAL_SDS, gain), base, value, (number,))
 
 
 def _loss(
-    models: Sequence[ErrorModel], scale: ScaleHypothesis, base: TrueNoise, fixed: tuple[str, ...], x: float
+    models: Sequence[ErrorModel], scale: ScaleHypothesis, base: TrueNoise, fixed: tuple[int, ...], x: float
 ) -> float:
     """Return the deviance of a hypothesis of size `x`."""
     true = scale.true(base, x)
     if not fixed:
         return sum(one.deviance(true) for one in models)
     deviance, products = _regression(models, true)
-    return deviance - _reduction(products, fixed)[0]
+    return deviance - _reduction(products, models[0].places, fixed)[0]
 
 
-def _promise(scale: ScaleHypothesis, loss: Callable[[float], float], deviance: float) -> float:
-    """Return about what a hypothesis lowers the deviance by: on a coarse grid, and by a parabola about no change."""
-    low, high = scale.bounds
-    if scale.unit != "1":
-        return deviance - min(loss(float(x)) for x in np.linspace(low, high, 6))
-    best = deviance - min(loss(x) for x in (-2.2, -0.8, 0.8, 2.2))
+def _promise(loss: Callable[[float], float], grid: Sequence[float], deviance: float) -> float:
+    """Return about what a hypothesis lowers the deviance by: on its grid, and by a parabola about no change."""
+    best = deviance - min(map(loss, grid[1:-1]))
+    if SMALL_STEP not in grid:
+        return best
     below, above = loss(-SMALL_STEP), loss(SMALL_STEP)
     slope, curvature = (above - below) / (2.0 * SMALL_STEP), (above + below - 2.0 * deviance) / SMALL_STEP**2
     return max(best, 0.5 * slope**2 / curvature if curvature > 0.0 else 0.0)
@@ -265,23 +246,19 @@ def _fitted(
 
     None where it gains nothing or its size lies beyond the bounds: then the pattern is another fault's.
     """
-    from scipy.optimize import minimize_scalar  # loaded when used: slow to import
-
-    low, high = scale.bounds
-    best = minimize_scalar(loss, bounds=(low, high), method="bounded", options={"xatol": 5e-3})
-    x, least = float(best.x), float(best.fun)
-    gain = 0.5 * (deviance - least) - price * (2 if scale.time_constant is not None else 1)
-    if gain <= 0.0 or min(x - low, high - x) < SMALL_STEP:
+    best = best_size(loss, scale.grid)
+    gain = 0.5 * (deviance - best.deviance) - price * (2 if scale.time_constant is not None else 1)
+    if gain <= 0.0 or best.beyond:
         return None
-    curvature = (loss(x + 0.05) + loss(x - 0.05) - 2.0 * least) / 0.05**2
-    sd = math.sqrt(2.0 / curvature) if curvature > 0.0 else LOG_MAX_SCALE
-    wide = INTERVAL_SDS * math.hypot(sd, size_error)
-    size, interval = math.exp(x), (math.exp(x - wide), math.exp(x + wide))
+    more = INTERVAL_SDS * size_error
+    low, high = (math.hypot(best.size - end, more) for end in best.interval())
+    size = math.exp(best.size)
+    interval = (size * math.exp(-low), size * math.exp(high))
     parameters = {"ratio": (size, *interval)}
     if scale.time_constant is not None:
         parameters = {"sd": (size, *interval), "time_constant": (scale.time_constant,) * 3}
     cause = OutputCause(scale.cause, size, interval, scale.unit, gain, parameters, scale.subject)
-    return _Fit(cause, scale.true(base, x), np.zeros(0), ())
+    return _Fit(cause, scale.true(base, best.size), np.zeros(0), ())
 
 
 def _matters(model: ErrorModel, base: TrueNoise, true: TrueNoise) -> bool:
@@ -300,8 +277,7 @@ def _shifts(model: ErrorModel, fit: _Fit) -> bool:
     """
     if model.by_innovations:
         return True
-    own, constants = REGRESSORS[fit.names[0]], np.zeros(model.inputs.shape[2])
-    constants[own] = fit.constants[len(fit.constants) - (own.stop - own.start) :]
-    error = np.where(model.known, model.seen / model.sds, 0.0)
-    left = np.where(model.known, error - model.response(constants) / model.sds, 0.0)
-    return float(np.sum(left**2)) < float(np.sum(error**2))
+    own, run = model.places[fit.numbers[0]], model.errors
+    shift = unaided_shift(run, range(own.start, own.stop), fit.constants)
+    left = (run.innovation - shift)[run.used] / run.sd[run.used]
+    return float(np.sum(left**2)) < float(np.sum((run.innovation / run.sd)[run.used] ** 2))

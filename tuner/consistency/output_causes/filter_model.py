@@ -22,7 +22,6 @@ from models import rotation
 from models.arrays import FloatArray
 from tuner.consistency.output_causes.course import GRAVITY, Course, head
 from tuner.consistency.output_causes.kernels import covariance_recursion
-from tuner.consistency.output_causes.scale_factor_states import with_scale_factors
 from tuner.consistency.output_errors import OutputErrors
 
 DEFAULT_SD = np.repeat([3.0, 0.3, 0.03, 1e-3, 0.03], 3)
@@ -86,21 +85,22 @@ class FilterModel:
         return self.misfit < MAX_MISFIT
 
 
-def transitions(course: Course, time_constant: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return transition matrices and process noise of unit density by source; (k, 15, 15), (k, 4, 15, 15).
+def transitions(course: Course, time_constant: FloatArray, states: int = 15) -> tuple[FloatArray, FloatArray]:
+    """Return transition matrices and process noise of unit density by source; (k, n, n), (k, 4, n, n).
 
-    The errors are truth minus estimate: p' = v, v' = −[f ×] φ − C δa, φ' = −C δg, biases decaying; of velocities along
-    the axes of the body p' = u − [v ×] φ, u' = [ω ×] u − u / T − C δa, T being the second time constant: a random walk
-    that is measured often is known with an error of the first order.
+    The errors are truth minus estimate: p' = v, v' = −[f ×] φ − C δa, φ' = −C δg, biases decaying; scale factors of the
+    gyros and accelerometers, in a filter of 21 states, add −C diag(ω) δs to φ' and −C diag(f) δs to v'. Of velocities
+    along the axes of the body p' = u − [v ×] φ, u' = [ω ×] u − u / T − C δa, T being the second time constant: a random
+    walk that is measured often is known with an error of the first order.
     """
     k = len(course.dt)
     if course.of_body:
         fading = float(time_constant[1])
         return _body_transition(course, fading), _body_noise(course, fading)
-    half, whole = (_transition(course, time_constant, share) for share in (0.5, 1.0))
-    noise = np.zeros((k, 4, 15, 15))
+    half, whole = (_transition(course, time_constant, share, states) for share in (0.5, 1.0))
+    noise = np.zeros((k, 4, states, states))
     for s, (first, mat) in enumerate(((6, course.mat_nb), (3, course.mat_nb), (9, None), (12, None))):
-        g = np.zeros((k, 15, 3))
+        g = np.zeros((k, states, 3))
         g[:, first : first + 3] = np.eye(3) if mat is None else mat
         for weight, phi in ((1.0 / 6.0, None), (4.0 / 6.0, half), (1.0 / 6.0, whole)):
             column = g if phi is None else phi @ g
@@ -108,22 +108,21 @@ def transitions(course: Course, time_constant: FloatArray) -> tuple[FloatArray, 
     return whole, noise
 
 
-def _transition(course: Course, time_constant: FloatArray, share: float) -> FloatArray:
-    dt = share * course.dt[:, None, None]
-    f, c = rotation.skew(course.force), course.mat_nb
-    phi = np.tile(np.eye(15), (len(course.dt), 1, 1))
-    phi[:, 0:3, 3:6] = dt * np.eye(3)
-    phi[:, 0:3, 6:9] = -0.5 * dt**2 * f
-    phi[:, 0:3, 9:12] = dt**3 / 6.0 * (f @ c)
-    phi[:, 0:3, 12:15] = -0.5 * dt**2 * c
-    phi[:, 3:6, 6:9] = -dt * f
-    phi[:, 3:6, 9:12] = 0.5 * dt**2 * (f @ c)
-    phi[:, 3:6, 12:15] = -dt * c
-    phi[:, 6:9, 9:12] = -dt * c
-    for i, constant in enumerate(time_constant):
-        own = slice(9 + 3 * i, 12 + 3 * i)
-        phi[:, own, own] *= np.exp(-dt / constant)
-    return phi
+def _transition(course: Course, time_constant: FloatArray, share: float, states: int) -> FloatArray:
+    """Return transition matrices over a share of each step: without decay, the third power of the rates is the last."""
+    c, dt = course.mat_nb, share * course.dt[:, None, None]
+    step = np.zeros((len(c), states, states))
+    step[:, 0:3, 3:6] = dt * np.eye(3)
+    step[:, 3:6, 6:9] = -dt * rotation.skew(course.force)
+    step[:, 3:6, 12:15] = step[:, 6:9, 9:12] = -dt * c
+    if states > 15:
+        rate, force = (np.einsum("kji,kj->ki", c, x)[:, None] for x in (course.rate, course.force))
+        step[:, 6:9, 15:18], step[:, 3:6, 18:21] = -dt * c * rate, -dt * c * force
+    square = step @ step
+    phi = np.eye(states) + step + square / 2.0 + step @ square / 6.0
+    decaying = np.concatenate([np.repeat(time_constant, 3), np.repeat(time_constant[0], 6)])[: states - 9]
+    phi[:, range(9, states), range(9, states)] = np.exp(-dt[:, 0] / decaying)
+    return np.asarray(phi)
 
 
 def _body_transition(course: Course, fading: float) -> FloatArray:
@@ -179,13 +178,17 @@ def filter_matrices(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return transition, noise by source and start of a filter, of 15 states, or of 21 with scale factors.
 
-    The noise is that of the densities that it assumes; noise of scale factors joins that of the gyro biases.
+    The noise is that of the densities that it assumes; that of scale factors, first-order processes with the time
+    constant of the gyro biases as in filters with one time constant for all, joins that of the gyro biases.
     """
-    phi, noise = transitions(course, model.time_constant)
+    phi, noise = transitions(course, model.time_constant, 15 if model.scale_sd is None else 21)
     noise = noise * (model.density**2)[:, None, None]
-    if model.scale_sd is None:
-        return phi, noise, start
-    return with_scale_factors(course, phi, noise, start, model.scale_sd, float(model.time_constant[0]))
+    if model.scale_sd is not None:
+        variance, new = np.repeat(model.scale_sd**2, 3), range(15, 21)
+        noise[:, 2, new, new] = (1.0 - phi[:, new, new] ** 2) * variance
+        start = np.pad(start, (0, 6))
+        start[new, new] = variance
+    return phi, noise, start
 
 
 def fit_filter(run: OutputErrors, course: Course) -> FilterModel:

@@ -14,6 +14,10 @@ from tuner.consistency.output_causes.true_noise import ExtraProcess, TrueNoise
 
 LOG_MAX_SCALE = math.log(20.0)
 """Largest ratio of true to assumed sd that is looked for, as a logarithm."""
+SMALL_STEP = 0.15
+"""Change of a size, as a logarithm, over which a deviance is about a parabola."""
+RATIOS = (-LOG_MAX_SCALE, -2.2, -0.8, -SMALL_STEP, SMALL_STEP, 0.8, 2.2, LOG_MAX_SCALE)
+"""Logarithms of ratios from which the best is sought."""
 EXTRA_TIMES = (10.0, 60.0, 300.0)
 """Time constants of processes that a filter may lack, s; halfway between, half the gain is still there."""
 
@@ -26,7 +30,7 @@ class ScaleHypothesis:
     subject: str
     true: Callable[[TrueNoise, float], TrueNoise]
     unit: str = "1"
-    bounds: tuple[float, float] = (-LOG_MAX_SCALE, LOG_MAX_SCALE)
+    grid: tuple[float, ...] = RATIOS
     time_constant: float | None = None
 
 
@@ -110,11 +114,15 @@ def _extra_processes(model: ErrorModel, places: tuple[str, ...]) -> list[ScaleHy
             math.sqrt(float(model.model.fix_variance[0]))
             if place == "fixes"
             # What a filter lacks it may state as next to nothing.
-            else max(math.sqrt(float(np.median(np.diag(model.start)[first : first + 3]))), DEFAULT_SD[first])
+            else max(
+                math.sqrt(float(np.median(np.diag(model.errors.initial)[first : first + 3]))),
+                DEFAULT_SD[first],
+            )
         )
-        bounds = (math.log(usual) - 2.0 * LOG_MAX_SCALE, math.log(usual) + LOG_MAX_SCALE)
+        ends = math.log(usual) - 2.0 * LOG_MAX_SCALE, math.log(usual) + LOG_MAX_SCALE
+        grid = tuple(np.linspace(*ends, 8).tolist())
         found += [
-            ScaleHypothesis(code, subject, _extra(place, time), unit, bounds, time) for time in EXTRA_TIMES
+            ScaleHypothesis(code, subject, _extra(place, time), unit, grid, time) for time in EXTRA_TIMES
         ]
     return found
 

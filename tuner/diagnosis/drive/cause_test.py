@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
-from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis
 from tuner.diagnosis.static.outcome import TestResult
+from tuner.linear_run.likelihood import NoiseHypothesis
 from tuner.types import Coefficient
 
 

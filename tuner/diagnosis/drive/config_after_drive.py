@@ -15,9 +15,9 @@ import numpy as np
 
 from tuner.diagnosis.drive.diagnose import ExaminedDrive
 from tuner.diagnosis.drive.hypothesis import with_density_factors
-from tuner.diagnosis.drive.linear_model.linearized_run import NOISE_GROUPS
 from tuner.diagnosis.drive.noise_factors import with_noise_factors
 from tuner.diagnosis.drive.noise_scale_estimates import NOTHING_NAMED, may_be_one, stated_value
+from tuner.linear_run.linearized_run import NOISE_GROUPS
 from tuner.navigation.fix_sd_model import BLOCKS, GNSS_NOISE_SCALE, fix_sd_model
 from tuner.types import AppliedNoiseScale, FilterConfig, NoiseScaleEstimate, Quantity
 

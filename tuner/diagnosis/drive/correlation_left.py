@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import stdtr
 
-from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, evaluate
+from tuner.linear_run.likelihood import NoiseHypothesis, evaluate
 
 ROWS = (
     "positions north", "positions east", "heights", "velocities north", "velocities east", "velocities down"

@@ -25,12 +25,12 @@ from tuner.diagnosis.drive.hypothesis import (
     run_filter,
 )
 from tuner.diagnosis.drive.hypothesis_tests import Candidate
-from tuner.diagnosis.drive.linear_model.likelihood import as_configured, evaluate
 from tuner.diagnosis.drive.plausibility import plausible
 from tuner.diagnosis.drive.posterior_check import with_something_else
 from tuner.diagnosis.drive.search import SearchResult, search_causes
 from tuner.formats.clock_words import clock_note
 from tuner.formats.diagnosis import config_finding
+from tuner.linear_run.likelihood import as_configured, evaluate
 from tuner.navigation.drive.run import expect_settled
 from tuner.navigation.drive.vehicle_constraints import turned_from
 from tuner.stages import stage, task

@@ -27,7 +27,7 @@ from models.arrays import BoolArray, FloatArray
 from models.earth import llh_displaced
 from tuner.diagnosis.drive.causes.base import prior_sds
 from tuner.diagnosis.drive.hypothesis import FilterRun, run_filter
-from tuner.diagnosis.drive.linear_model.likelihood import as_configured, evaluate
+from tuner.linear_run.likelihood import as_configured, evaluate
 from tuner.navigation.drive.run import reported_sds
 from tuner.navigation.settings import ACCELS, GYROS
 from tuner.types.records import DataError, Drive

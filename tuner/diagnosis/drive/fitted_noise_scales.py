@@ -13,10 +13,10 @@ from tuner.diagnosis.drive.causes.reported_sd import (
     sd_model_parameters,
 )
 from tuner.diagnosis.drive.hypothesis import FilterRun
-from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis
-from tuner.diagnosis.drive.linear_model.linearized_run import NOISE_GROUPS
 from tuner.diagnosis.drive.linear_model.noise_fit import maximize_likelihood
 from tuner.diagnosis.drive.linear_model.noise_parameters import noise_parameters, present
+from tuner.linear_run.likelihood import NoiseHypothesis
+from tuner.linear_run.linearized_run import NOISE_GROUPS
 from tuner.navigation.fix_sd_model import GNSS_NOISE_SCALE
 from tuner.types import Coefficient
 

@@ -28,11 +28,11 @@ from tuner.consistency.reference_check import trusted_reference
 from tuner.diagnosis.drive.causes.reported_sd import reported_levels, sd_model_parameters, updated_values
 from tuner.diagnosis.drive.hypothesis import FilterRun, Hypothesis, run_filter
 from tuner.diagnosis.drive.hypothesis_tests import noise_hypothesis_of
-from tuner.diagnosis.drive.linear_model.likelihood import as_configured, evaluate
 from tuner.diagnosis.drive.linear_model.noise_fit import maximize_likelihood
 from tuner.diagnosis.drive.linear_model.noise_parameters import noise_parameters, present
 from tuner.diagnosis.drive.score_tests import FITTED_SHARE
 from tuner.diagnosis.drive.search import SearchResult, refit_constants
+from tuner.linear_run.likelihood import as_configured, evaluate
 from tuner.navigation.data import WITHHELD
 from tuner.navigation.drive.run import RECOVERY_TIME, navigate
 from tuner.navigation.fix_sd_model import GNSS_NOISE_SCALE

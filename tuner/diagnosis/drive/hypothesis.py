@@ -18,11 +18,11 @@ from models.effects.drive.gnss import middle_of
 from models.filter_states.built_in import CORRELATED_VELOCITY
 from models.noise import GaussMarkov
 from tuner.diagnosis.drive.cause_test import CauseTest, scaled_factor
-from tuner.diagnosis.drive.linear_model.likelihood import as_configured
 from tuner.diagnosis.drive.linear_model.linearize import linearize
-from tuner.diagnosis.drive.linear_model.linearized_run import NOISE_GROUPS, LinearizedRun
 from tuner.diagnosis.drive.linear_model.noise_parameters import ROW_GROUPS
-from tuner.diagnosis.drive.linear_model.whitened_innovations import WhitenedInnovations, whiten
+from tuner.linear_run.likelihood import as_configured
+from tuner.linear_run.linearized_run import NOISE_GROUPS, LinearizedRun
+from tuner.linear_run.whitened_innovations import WhitenedInnovations, whiten
 from tuner.navigation.compensation import (
     compensate,
     compensate_settings,

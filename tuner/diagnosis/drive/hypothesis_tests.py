@@ -16,10 +16,10 @@ from models.arrays import FloatArray
 from tuner.diagnosis.drive.cause_test import MIN_GAIN, CauseTest
 from tuner.diagnosis.drive.causes.base import constant_causes, noise_causes
 from tuner.diagnosis.drive.hypothesis import FilterRun
-from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, as_configured
-from tuner.diagnosis.drive.linear_model.whitened_innovations import WhitenedInnovations
 from tuner.diagnosis.drive.score_tests import ScoreTest, score_tests
 from tuner.diagnosis.static.outcome import TestResult
+from tuner.linear_run.likelihood import NoiseHypothesis, as_configured
+from tuner.linear_run.whitened_innovations import WhitenedInnovations
 from tuner.types import Coefficient, Parameter
 
 STRONG_P_VALUE = 1e-9

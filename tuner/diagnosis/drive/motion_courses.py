@@ -9,8 +9,8 @@ import numpy as np
 from models.arrays import FloatArray
 from models.units import STANDARD_GRAVITY
 from tuner.diagnosis.drive.causes.time_offset import OFFSET_DELAY
-from tuner.diagnosis.drive.linear_model.linearized_run import LinearizedRun
 from tuner.diagnosis.drive.score_tests import columns_of
+from tuner.linear_run.linearized_run import LinearizedRun
 
 WARM_UP = (20.0, 32.0, 50.0, 80.0, 126.0, 200.0, 316.0, 500.0)
 """Time constants of warm-up that are tried, s: those of boards to boxes; one between two of them fits either to 1 %."""

@@ -32,13 +32,13 @@ from tuner.diagnosis.drive.causes.bias_jump import BIAS_JUMP, SENSORS
 from tuner.diagnosis.drive.causes.correlated_gnss import CORRELATED_GNSS
 from tuner.diagnosis.drive.causes.correlated_velocity import CAUSE_CODE as CORRELATED_VELOCITY
 from tuner.diagnosis.drive.causes.sensor_bias import CAUSE_CODE as SENSOR_BIAS
-from tuner.diagnosis.drive.linear_model.kalman_kernels import NAVIGATION_STATES
-from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, as_configured, evaluate
-from tuner.diagnosis.drive.linear_model.linearized_run import NOISE_GROUPS, LinearizedRun
-from tuner.diagnosis.drive.linear_model.whitened_innovations import whiten
 from tuner.diagnosis.drive.motion_courses import WAVES, Motion, covariates
 from tuner.diagnosis.drive.score_tests import colour_factor, columns_of
 from tuner.diagnosis.drive.search import SearchResult
+from tuner.linear_run.kalman_kernels import NAVIGATION_STATES
+from tuner.linear_run.likelihood import NoiseHypothesis, as_configured, evaluate
+from tuner.linear_run.linearized_run import NOISE_GROUPS, LinearizedRun
+from tuner.linear_run.whitened_innovations import whiten
 from tuner.navigation.settings import ACCELS, GYROS
 from tuner.types import ChannelNoise, Parameter
 

@@ -14,8 +14,8 @@ from scipy.special import gammaln, logsumexp
 
 from models.arrays import FloatArray, IndexArray
 from tuner.diagnosis.drive.hypothesis import FilterRun
-from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, evaluate
 from tuner.diagnosis.drive.parts_of_innovations import Check, mixed
+from tuner.linear_run.likelihood import NoiseHypothesis, evaluate
 
 NOTHING_FURTHER: Mapping[str, float] = MappingProxyType({})
 """No further divisions."""

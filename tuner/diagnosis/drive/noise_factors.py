@@ -7,9 +7,9 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from tuner.diagnosis.drive.hypothesis import with_density_factors
-from tuner.diagnosis.drive.linear_model.linearized_run import NOISE_GROUPS
 from tuner.diagnosis.drive.linear_model.noise_parameters import ROW_GROUPS
 from tuner.diagnosis.drive.staying_errors import described, with_staying_errors
+from tuner.linear_run.linearized_run import NOISE_GROUPS
 from tuner.navigation.fix_sd_model import GNSS_NOISE_SCALE, class_count
 from tuner.types import AppliedNoiseScale, FilterConfig, Parameter, Quantity
 

@@ -12,7 +12,7 @@ from scipy.special import logsumexp
 
 from models.arrays import FloatArray, IndexArray
 from tuner.diagnosis.drive.causes.time_offset import OFFSET_DELAY
-from tuner.diagnosis.drive.linear_model.linearized_run import LinearizedRun
+from tuner.linear_run.linearized_run import LinearizedRun
 
 TIME_PARTS, MOTION_PARTS = 4, 3
 """Parts of the drive in time, and of the fixes by what the vehicle does."""

@@ -30,9 +30,6 @@ from tuner.diagnosis.drive.causes.correlated_velocity import CAUSE_CODE as CORRE
 from tuner.diagnosis.drive.causes.sensor_bias import CAUSE_CODE as SENSOR_BIAS
 from tuner.diagnosis.drive.correlation_left import correlation_left
 from tuner.diagnosis.drive.hypothesis import FilterRun, Hypothesis
-from tuner.diagnosis.drive.linear_model.likelihood import as_configured, evaluate
-from tuner.diagnosis.drive.linear_model.linearized_run import NOISE_GROUPS, LinearizedRun
-from tuner.diagnosis.drive.linear_model.whitened_innovations import whiten
 from tuner.diagnosis.drive.motion_courses import Motion
 from tuner.diagnosis.drive.motion_errors import STATES, bias_columns, motion_errors, with_named_noise
 from tuner.diagnosis.drive.noise_by_parts import (
@@ -45,6 +42,9 @@ from tuner.diagnosis.drive.parts_of_innovations import BETWEEN, Check, divisions
 from tuner.diagnosis.drive.rivals_of_biases import rivals_of_bias
 from tuner.diagnosis.drive.score_tests import colour_factor, columns_of
 from tuner.diagnosis.drive.search import Accepted, SearchResult
+from tuner.linear_run.likelihood import as_configured, evaluate
+from tuner.linear_run.linearized_run import NOISE_GROUPS, LinearizedRun
+from tuner.linear_run.whitened_innovations import whiten
 from tuner.navigation.settings import ACCELS, GYROS
 from tuner.types import Alternative, Finding, Parameter
 

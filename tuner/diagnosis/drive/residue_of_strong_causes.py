@@ -20,11 +20,11 @@ import numpy as np
 from models.arrays import FloatArray
 from tuner.diagnosis.drive.causes.bias_jump import bias_jump
 from tuner.diagnosis.drive.hypothesis import FilterRun
-from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, as_configured
-from tuner.diagnosis.drive.linear_model.linearized_run import LinearizedRun
-from tuner.diagnosis.drive.linear_model.whitened_innovations import whiten
 from tuner.diagnosis.drive.score_tests import ScoreTest, columns_of, retest
 from tuner.diagnosis.static.outcome import TestResult
+from tuner.linear_run.likelihood import NoiseHypothesis, as_configured
+from tuner.linear_run.linearized_run import LinearizedRun
+from tuner.linear_run.whitened_innovations import whiten
 
 N_PARTS = 5
 """Parts of a drive between which a strong cause may differ; chosen to follow slow changes with few parameters."""

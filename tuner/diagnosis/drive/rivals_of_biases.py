@@ -16,12 +16,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tuner.diagnosis.drive.linear_model.kalman_kernels import NAVIGATION_STATES
-from tuner.diagnosis.drive.linear_model.likelihood import as_configured
-from tuner.diagnosis.drive.linear_model.whitened_innovations import whiten
 from tuner.diagnosis.drive.motion_errors import without_bias
 from tuner.diagnosis.drive.score_tests import score_tests
 from tuner.diagnosis.drive.search import RIVAL_NATS, SearchResult
+from tuner.linear_run.kalman_kernels import NAVIGATION_STATES
+from tuner.linear_run.likelihood import as_configured
+from tuner.linear_run.whitened_innovations import whiten
 from tuner.navigation.settings import ACCELS, GYROS
 from tuner.types import Alternative, Finding
 

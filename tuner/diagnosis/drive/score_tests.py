@@ -27,7 +27,7 @@ from scipy.stats import chi2
 
 from models.arrays import FloatArray
 from tuner.diagnosis.drive.causes.base import constant_causes, prior_sds
-from tuner.diagnosis.drive.linear_model.whitened_innovations import WhitenedInnovations
+from tuner.linear_run.whitened_innovations import WhitenedInnovations
 from tuner.navigation.determined import determined_by_halves
 from tuner.types import Parameter
 

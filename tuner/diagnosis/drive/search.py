@@ -28,7 +28,6 @@ from tuner.diagnosis.drive.hypothesis_tests import (
     noise_hypothesis_of,
     score_candidate,
 )
-from tuner.diagnosis.drive.linear_model.likelihood import as_configured, evaluate
 from tuner.diagnosis.drive.linear_model.noise_parameters import EXPONENT_ENDING, ROW_GROUPS
 from tuner.diagnosis.drive.residue_of_strong_causes import (
     causes_stronger_than_jump,
@@ -46,6 +45,7 @@ from tuner.diagnosis.drive.score_tests import (
     undetermined,
 )
 from tuner.diagnosis.static.outcome import TestResult
+from tuner.linear_run.likelihood import as_configured, evaluate
 from tuner.navigation.fix_sd_model import GNSS_NOISE_SCALE
 from tuner.stages import stage, task
 from tuner.types import Alternative, Coefficient, Compensation, Parameter

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tuner.diagnosis.drive.linear_model.linearized_run import LinearizedRun
+from tuner.linear_run.linearized_run import LinearizedRun
 from tuner.types import Parameter
 
 GRAVITY = 9.80665

@@ -16,9 +16,9 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.diagnosis.drive.linear_model.kalman_kernels import NAVIGATION_STATES
-from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, _forward, as_configured
-from tuner.diagnosis.drive.linear_model.linearized_run import NOISE_GROUPS, LinearizedRun
+from tuner.linear_run.kalman_kernels import NAVIGATION_STATES
+from tuner.linear_run.likelihood import NoiseHypothesis, _forward, as_configured
+from tuner.linear_run.linearized_run import NOISE_GROUPS, LinearizedRun
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

@@ -24,9 +24,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis
-from tuner.diagnosis.drive.linear_model.linearized_run import NOISE_GROUPS
 from tuner.diagnosis.drive.linear_model.noise_parameters import ROW_GROUPS
+from tuner.linear_run.likelihood import NoiseHypothesis
+from tuner.linear_run.linearized_run import NOISE_GROUPS
 
 FloatArray = NDArray[np.float64]
 

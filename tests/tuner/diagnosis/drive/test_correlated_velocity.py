@@ -12,7 +12,7 @@ from tests.tuner.diagnosis.drive.replicas import Source
 from tuner.diagnosis.drive import diagnose_drive
 from tuner.diagnosis.drive.causes.correlated_velocity import correlated_velocity, exchanged
 from tuner.diagnosis.drive.hypothesis import Hypothesis, run_filter
-from tuner.diagnosis.drive.linear_model.likelihood import as_configured, evaluate
+from tuner.linear_run.likelihood import as_configured, evaluate
 
 SD, TIME, DURATION = 0.15, 40.0, 700.0
 """Of the errors, m/s and s, in a drive that lasts so long."""

@@ -15,11 +15,11 @@ from tuner.diagnosis.drive.diagnose import not_named
 from tuner.diagnosis.drive.findings import finding
 from tuner.diagnosis.drive.hypothesis import FilterRun, Hypothesis
 from tuner.diagnosis.drive.hypothesis_tests import Candidate
-from tuner.diagnosis.drive.linear_model.whitened_innovations import WhitenedInnovations
 from tuner.diagnosis.drive.plausibility import reasons
 from tuner.diagnosis.drive.score_tests import undetermined
 from tuner.diagnosis.drive.search import Accepted, SearchResult
 from tuner.diagnosis.static.outcome import TestResult
+from tuner.linear_run.whitened_innovations import WhitenedInnovations
 from tuner.navigation.determined import determined_by_halves
 from tuner.report.drive_answer import found_text
 from tuner.report.drive_diagnosis_tables import drive_diagnosis_answer, unnamed_noise

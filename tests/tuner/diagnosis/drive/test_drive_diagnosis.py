@@ -11,10 +11,10 @@ from models import rotation
 from tuner.diagnosis.drive import diagnose_drive
 from tuner.diagnosis.drive.causes.registry import significance_threshold
 from tuner.diagnosis.drive.hypothesis import Hypothesis, run_filter
-from tuner.diagnosis.drive.linear_model.likelihood import as_configured
-from tuner.diagnosis.drive.linear_model.whitened_innovations import WhitenedInnovations, whiten
 from tuner.diagnosis.drive.score_tests import fit_constants, late_gain, score_tests
 from tuner.formats.configuration import config_json, load_config
+from tuner.linear_run.likelihood import as_configured
+from tuner.linear_run.whitened_innovations import WhitenedInnovations, whiten
 from tuner.navigation.compensation import compensate, correction
 from tuner.types import Compensation, Parameter
 from tuner.types.records import DataError

@@ -10,15 +10,15 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from tests.tuner.diagnosis.drive.replicas import Source
-from tuner.diagnosis.drive.linear_model.likelihood import (
+from tuner.diagnosis.drive.linear_model.noise_parameters import noise_parameters
+from tuner.diagnosis.drive.linear_model.propagation_kernels import _add_white
+from tuner.linear_run.likelihood import (
     NoiseHypothesis,
     as_configured,
     evaluate,
     evaluate_with_gradient,
 )
-from tuner.diagnosis.drive.linear_model.linearized_run import LinearizedRun
-from tuner.diagnosis.drive.linear_model.noise_parameters import noise_parameters
-from tuner.diagnosis.drive.linear_model.propagation_kernels import _add_white
+from tuner.linear_run.linearized_run import LinearizedRun
 from tuner.types import Parameter
 
 NAMES = (

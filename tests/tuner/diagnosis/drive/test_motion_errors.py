@@ -11,8 +11,6 @@ import pytest
 from tests.tuner.diagnosis.drive.replicas import Source
 from tuner.diagnosis.drive.correlation_left import correlation_left
 from tuner.diagnosis.drive.hypothesis import with_density_factors
-from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, as_configured
-from tuner.diagnosis.drive.linear_model.whitened_innovations import whiten
 from tuner.diagnosis.drive.motion_courses import Motion
 from tuner.diagnosis.drive.motion_errors import (
     Fit,
@@ -22,6 +20,8 @@ from tuner.diagnosis.drive.motion_errors import (
     ports,
     with_named_noise,
 )
+from tuner.linear_run.likelihood import NoiseHypothesis, as_configured
+from tuner.linear_run.whitened_innovations import whiten
 from tuner.synthesis.load_config import load_config
 from tuner.types import Parameter
 

@@ -19,11 +19,11 @@ from tuner.diagnosis.drive.causes.correlated_gnss import correlated_gnss
 from tuner.diagnosis.drive.causes.gnss_outliers import ROWS_OF_CAUSE, mask, outliers
 from tuner.diagnosis.drive.causes.noise_scale import gnss_noise, imu_noise, noise_scores
 from tuner.diagnosis.drive.linear_model import noise_fit
-from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, as_configured, evaluate
-from tuner.diagnosis.drive.linear_model.linearized_run import NOISE_GROUPS, LinearizedRun
 from tuner.diagnosis.drive.linear_model.noise_fit import NoiseFit, maximize_likelihood
 from tuner.diagnosis.drive.linear_model.noise_parameters import ROW_GROUPS, noise_parameters, present
-from tuner.diagnosis.drive.linear_model.whitened_innovations import whiten
+from tuner.linear_run.likelihood import NoiseHypothesis, as_configured, evaluate
+from tuner.linear_run.linearized_run import NOISE_GROUPS, LinearizedRun
+from tuner.linear_run.whitened_innovations import whiten
 from tuner.types import Parameter
 
 REJECTION_P_VALUE = 7e-4

@@ -11,8 +11,6 @@ import numpy as np
 import pytest
 
 from tests.tuner.diagnosis.drive.replicas import Source
-from tuner.diagnosis.drive.linear_model.likelihood import as_configured
-from tuner.diagnosis.drive.linear_model.whitened_innovations import whiten
 from tuner.diagnosis.drive.motion_courses import Motion
 from tuner.diagnosis.drive.noise_by_parts import (
     densities_by_parts,
@@ -23,6 +21,8 @@ from tuner.diagnosis.drive.noise_by_parts import (
 )
 from tuner.diagnosis.drive.parts_of_innovations import divisions, thirds_by_size
 from tuner.diagnosis.drive.posterior_check import _amplitudes, _overlaps
+from tuner.linear_run.likelihood import as_configured
+from tuner.linear_run.whitened_innovations import whiten
 from tuner.types import Coefficient, Parameter
 
 DELAY = Parameter("time_offset", "delay")

@@ -12,10 +12,10 @@ from tests.tuner.diagnosis.drive.replicas import Source
 from tests.tuner.diagnosis.drive.sage_husa import sage_husa
 from tuner.diagnosis.drive.causes.rejected_solutions import rejected_solutions
 from tuner.diagnosis.drive.causes.reported_sd import choose_sd_model, class_edges, reported_sd_test
-from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, as_configured, evaluate
-from tuner.diagnosis.drive.linear_model.linearized_run import LinearizedRun
 from tuner.diagnosis.drive.linear_model.noise_fit import maximize_likelihood
 from tuner.diagnosis.drive.linear_model.noise_parameters import ROW_GROUPS, noise_parameters
+from tuner.linear_run.likelihood import NoiseHypothesis, as_configured, evaluate
+from tuner.linear_run.linearized_run import LinearizedRun
 from tuner.navigation.fix_sd_model import fix_sd_model
 from tuner.types import Compensation
 

@@ -12,9 +12,6 @@ from tests.tuner.diagnosis.drive.replicas import Source
 from tuner.diagnosis.drive.cause_test import CauseTest
 from tuner.diagnosis.drive.causes.bias_jump import MAX_JUMP_SIZE, bias_jump, with_jump
 from tuner.diagnosis.drive.hypothesis_tests import Candidate
-from tuner.diagnosis.drive.linear_model.likelihood import as_configured, evaluate
-from tuner.diagnosis.drive.linear_model.linearized_run import LinearizedRun
-from tuner.diagnosis.drive.linear_model.whitened_innovations import whiten
 from tuner.diagnosis.drive.residue_of_strong_causes import (
     MAX_WEAK_GAIN,
     N_PARTS,
@@ -27,6 +24,9 @@ from tuner.diagnosis.drive.residue_of_strong_causes import (
 from tuner.diagnosis.drive.score_tests import ScoreTest, retest
 from tuner.diagnosis.drive.search import _best
 from tuner.diagnosis.static.outcome import TestResult
+from tuner.linear_run.likelihood import as_configured, evaluate
+from tuner.linear_run.linearized_run import LinearizedRun
+from tuner.linear_run.whitened_innovations import whiten
 from tuner.types import Compensation, Parameter
 
 KNOWN = ("time_offset", "lever_arm")

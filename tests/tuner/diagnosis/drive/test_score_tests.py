@@ -9,17 +9,17 @@ import pytest
 
 from tests.tuner.diagnosis.drive.replicas import Source
 from tuner.diagnosis.drive.causes.gnss_outliers import mask
-from tuner.diagnosis.drive.linear_model.likelihood import (
+from tuner.diagnosis.drive.linear_model.noise_fit import maximize_likelihood
+from tuner.diagnosis.drive.linear_model.noise_parameters import noise_parameters
+from tuner.diagnosis.drive.score_tests import fit_constants, retest
+from tuner.linear_run.likelihood import (
     NoiseHypothesis,
     as_configured,
     evaluate,
     with_constants_fixed,
 )
-from tuner.diagnosis.drive.linear_model.linearized_run import LinearizedRun
-from tuner.diagnosis.drive.linear_model.noise_fit import maximize_likelihood
-from tuner.diagnosis.drive.linear_model.noise_parameters import noise_parameters
-from tuner.diagnosis.drive.linear_model.whitened_innovations import whiten
-from tuner.diagnosis.drive.score_tests import fit_constants, retest
+from tuner.linear_run.linearized_run import LinearizedRun
+from tuner.linear_run.whitened_innovations import whiten
 from tuner.types import Parameter
 
 DELAY = Parameter("time_offset", "delay")

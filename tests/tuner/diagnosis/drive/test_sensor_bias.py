@@ -13,8 +13,8 @@ from tuner.diagnosis.drive import diagnose_drive
 from tuner.diagnosis.drive.causes.base import constant_parameters
 from tuner.diagnosis.drive.causes.sensor_bias import _like_vertical_bias
 from tuner.diagnosis.drive.hypothesis import Hypothesis, Jump
-from tuner.diagnosis.drive.linear_model.likelihood import as_configured
 from tuner.diagnosis.drive.rivals_of_biases import rivals_of_bias
+from tuner.linear_run.likelihood import as_configured
 from tuner.types import Coefficient, Parameter
 
 

@@ -21,7 +21,7 @@ from tuner.types import Parameter
 if TYPE_CHECKING:
     from tuner.diagnosis.drive.cause_test import CauseTest
     from tuner.diagnosis.drive.hypothesis import FilterRun, Hypothesis
-    from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis
+    from tuner.linear_run.likelihood import NoiseHypothesis
 
 
 Joins = Literal["preprocessing", "noise model", "measurement noise", "states"]

@@ -21,15 +21,15 @@ from models.effects.drive.gnss import CorrelatedGnss as Effect
 from tuner.diagnosis.drive.cause_test import CauseTest, not_significant
 from tuner.diagnosis.drive.causes.base import NoiseCause
 from tuner.diagnosis.drive.hypothesis import FilterRun, Hypothesis
-from tuner.diagnosis.drive.linear_model.likelihood import (
+from tuner.diagnosis.drive.linear_model.noise_fit import NoiseFit, maximize_likelihood
+from tuner.diagnosis.drive.linear_model.noise_parameters import MARKOV_TIME, noise_parameters, present
+from tuner.diagnosis.static.outcome import TestResult
+from tuner.linear_run.likelihood import (
     Likelihood,
     NoiseHypothesis,
     evaluate,
     with_constants_fixed,
 )
-from tuner.diagnosis.drive.linear_model.noise_fit import NoiseFit, maximize_likelihood
-from tuner.diagnosis.drive.linear_model.noise_parameters import MARKOV_TIME, noise_parameters, present
-from tuner.diagnosis.static.outcome import TestResult
 from tuner.types import Coefficient
 
 CORRELATED_GNSS = "correlated_gnss"

@@ -18,7 +18,7 @@ from tuner.diagnosis.drive.cause_test import CauseTest, not_significant
 from tuner.diagnosis.drive.causes.base import NoiseCause
 from tuner.diagnosis.drive.causes.correlated_gnss import CORRELATED_GNSS, correlated_gnss
 from tuner.diagnosis.drive.hypothesis import FilterRun, Hypothesis
-from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, evaluate
+from tuner.linear_run.likelihood import NoiseHypothesis, evaluate
 from tuner.types import Coefficient, FilterConfig
 
 CAUSE_CODE = "correlated_velocity"

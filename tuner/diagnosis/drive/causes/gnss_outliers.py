@@ -31,9 +31,9 @@ from models.effects.drive.gnss_velocity import GnssVelocity as VelocityEffect
 from tuner.diagnosis.drive.cause_test import CauseTest, not_significant
 from tuner.diagnosis.drive.causes.base import NoiseCause
 from tuner.diagnosis.drive.hypothesis import FilterRun, Hypothesis
-from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, evaluate, evaluate_with_gradient
-from tuner.diagnosis.drive.linear_model.linearized_run import LinearizedRun
 from tuner.diagnosis.static.outcome import TestResult
+from tuner.linear_run.likelihood import NoiseHypothesis, evaluate, evaluate_with_gradient
+from tuner.linear_run.linearized_run import LinearizedRun
 from tuner.types import Coefficient
 
 ROWS_OF_CAUSE = {"gnss_outliers": slice(0, 3), "gnss_velocity": slice(3, 6)}

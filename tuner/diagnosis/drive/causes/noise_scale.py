@@ -30,17 +30,17 @@ from tuner.diagnosis.drive.cause_test import CauseTest, not_significant
 from tuner.diagnosis.drive.causes.base import NoiseCause
 from tuner.diagnosis.drive.causes.reported_sd import has_sd_model, reported_sd_test
 from tuner.diagnosis.drive.hypothesis import FilterRun
-from tuner.diagnosis.drive.linear_model.likelihood import (
+from tuner.diagnosis.drive.linear_model.noise_fit import NO_PRIOR, NoiseFit, maximize_likelihood
+from tuner.diagnosis.drive.linear_model.noise_parameters import BLOCKS, ROW_GROUPS, noise_parameters, present
+from tuner.diagnosis.drive.linear_model.noise_prior import static_prior
+from tuner.diagnosis.static.outcome import TestResult
+from tuner.linear_run.likelihood import (
     NoiseHypothesis,
     evaluate,
     evaluate_with_gradient,
     with_constants_fixed,
 )
-from tuner.diagnosis.drive.linear_model.linearized_run import NOISE_GROUPS
-from tuner.diagnosis.drive.linear_model.noise_fit import NO_PRIOR, NoiseFit, maximize_likelihood
-from tuner.diagnosis.drive.linear_model.noise_parameters import BLOCKS, ROW_GROUPS, noise_parameters, present
-from tuner.diagnosis.drive.linear_model.noise_prior import static_prior
-from tuner.diagnosis.static.outcome import TestResult
+from tuner.linear_run.linearized_run import NOISE_GROUPS
 from tuner.types import Coefficient
 
 MIN_SCORE_STATISTIC = 6.0

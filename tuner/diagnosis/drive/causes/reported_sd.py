@@ -23,8 +23,6 @@ from scipy.stats import chi2
 
 from models.arrays import FloatArray, IntArray
 from tuner.diagnosis.drive.cause_test import CauseTest, scaled_factor
-from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, evaluate, evaluate_with_gradient
-from tuner.diagnosis.drive.linear_model.linearized_run import LinearizedRun
 from tuner.diagnosis.drive.linear_model.noise_fit import NoiseFit, maximize_likelihood
 from tuner.diagnosis.drive.linear_model.noise_parameters import (
     BLOCKS,
@@ -37,6 +35,8 @@ from tuner.diagnosis.drive.linear_model.noise_parameters import (
     weights,
 )
 from tuner.diagnosis.static.outcome import TestResult
+from tuner.linear_run.likelihood import NoiseHypothesis, evaluate, evaluate_with_gradient
+from tuner.linear_run.linearized_run import LinearizedRun
 from tuner.navigation.fix_sd_model import (
     FixSdModel,
     class_count,

@@ -29,8 +29,8 @@ from tuner.diagnosis.drive.causes.base import (
     sensor_errors,
 )
 from tuner.diagnosis.drive.linear_model.error_propagation import PropagatedErrors, propagate
-from tuner.diagnosis.drive.linear_model.linearized_run import LinearizedRun
 from tuner.diagnosis.drive.linear_model.propagation_kernels import Columns
+from tuner.linear_run.linearized_run import LinearizedRun
 from tuner.navigation.data import ABSENT, USED, Solution
 from tuner.navigation.drive.run import Stretch
 from tuner.navigation.engine.compilation import compiling

@@ -22,12 +22,13 @@ import numpy as np
 from scipy.optimize import OptimizeResult, minimize
 
 from models.arrays import FloatArray
-from tuner.diagnosis.drive.linear_model.likelihood import (
+from tuner.diagnosis.drive.linear_model.noise_parameters import NoiseParameters
+from tuner.linear_run.best_size import reach
+from tuner.linear_run.likelihood import (
     NoiseHypothesis,
     evaluate_with_gradient,
     with_constants_fixed,
 )
-from tuner.diagnosis.drive.linear_model.noise_parameters import NoiseParameters
 from tuner.types import Coefficient
 
 Cost = Callable[[FloatArray], tuple[float, FloatArray]]
@@ -166,15 +167,8 @@ class NoiseFit:
             return top - value + 0.5 * float(np.sum((x / known) ** 2)) > drop
 
         most = MAX_LOG - side * float(self.estimate[j])
-        near, far = 0.0, min(np.sqrt(2.0 * drop) * sd, most)
-        while not fallen(far):
-            if far >= most:
-                return side * MAX_LOG
-            near, far = far, min(2.0 * far, most)
-        for _ in range(5):
-            middle = 0.5 * (near + far)
-            near, far = (near, middle) if fallen(middle) else (middle, far)
-        return float(self.estimate[j] + side * 0.5 * (near + far))
+        found = reach(fallen, float(np.sqrt(2.0 * drop) * sd), most)
+        return side * MAX_LOG if found >= most else float(self.estimate[j] + side * found)
 
 
 def maximize_likelihood(

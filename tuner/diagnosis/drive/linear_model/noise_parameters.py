@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.arrays import FloatArray
-from tuner.diagnosis.drive.linear_model.likelihood import Gradient, NoiseHypothesis, evaluate
-from tuner.diagnosis.drive.linear_model.linearized_run import NOISE_GROUPS
+from tuner.linear_run.likelihood import Gradient, NoiseHypothesis, evaluate
+from tuner.linear_run.linearized_run import NOISE_GROUPS
 
 ROW_GROUPS: dict[str, tuple[int, ...]] = {
     "position_horizontal": (0, 1),

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from models.noise import TERMS, White
-from tuner.diagnosis.drive.linear_model.linearized_run import NOISE_GROUPS
+from tuner.linear_run.linearized_run import NOISE_GROUPS
 from tuner.types import ChannelNoise, Coefficient
 
 DATASHEET_LOG_SD = 0.1

@@ -12,13 +12,14 @@ backward recursion. For the filter as configured (`as_configured`), z and f are 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from models.arrays import BoolArray, FloatArray
-from tuner.diagnosis.drive.linear_model.kalman_kernels import Places, backward, forward, unaided
-from tuner.diagnosis.drive.linear_model.linearized_run import NOISE_GROUPS, LinearizedRun
+from tuner.linear_run.kalman_kernels import Groups, Places, backward, forward, unaided
+from tuner.linear_run.linearized_run import NOISE_GROUPS, LinearizedRun
 
 N_IMPULSE_STATES = 6
 """States after the first nine whose impulses are scored: the biases of gyroscopes and accelerometers."""
@@ -70,6 +71,13 @@ class NoiseHypothesis:
         """Number of rows that enter ln L."""
         return int(np.count_nonzero(self.counted))
 
+    @property
+    def factors(self) -> FloatArray:
+        """Squared factors on all groups of process noise, 1 on those that are not stated; shape (g,)."""
+        found = np.ones(len(self.linearized.noise))
+        found[: len(self.process_noise_scale)] = self.process_noise_scale**2
+        return found
+
 
 @dataclass(frozen=True)
 class Likelihood:
@@ -111,7 +119,7 @@ class Gradient:
         ln L.
     by_sd : ndarray, shape (k, 6)
         By ln sd of every row.
-    by_process_noise_scale : ndarray, shape (4,)
+    by_process_noise_scale : ndarray, shape (g,)
         By ln process_noise_scale.
     by_markov_sd : ndarray, shape (3,)
         By ln markov_sd.
@@ -152,17 +160,17 @@ def evaluate_with_gradient(noise: NoiseHypothesis) -> tuple[Likelihood, Gradient
     k, b = len(linearized.t), min(N_IMPULSE_STATES, linearized.transition.shape[1] - 9)
     gradient = Gradient(
         likelihood.value,
-        np.zeros((k, 6)),
-        np.zeros(4),
+        np.zeros(linearized.sd.shape),
+        np.zeros(len(linearized.noise)),
         np.zeros(3),
-        np.full((k, 6), np.nan),
-        np.zeros((k, 6)),
+        np.full(linearized.sd.shape, np.nan),
+        np.zeros(linearized.sd.shape),
         np.zeros((k, max(b, 0))),
         np.zeros((k, max(b, 0), max(b, 0))),
     )
     backward(
         *_packed(linearized),
-        noise.process_noise_scale**2,
+        noise.factors,
         linearized.H,
         noise.sd,
         linearized.available,
@@ -194,27 +202,25 @@ def with_constants_fixed(noise: NoiseHypothesis) -> NoiseHypothesis:
     """
     if not noise.columns:
         return noise
-    linearized, columns = noise.linearized, list(noise.columns)
-    theta = evaluate(noise).theta
-    push, offset = linearized.B[:, :, columns] @ theta, linearized.D[:, :, columns] @ theta
-    error = np.empty_like(push)
-    unaided(_packed(linearized)[0], push, linearized.starts, error)
-    shift = (linearized.H @ error[:, :, None])[:, :, 0] + offset
+    linearized = noise.linearized
+    shift = unaided_shift(linearized, noise.columns, evaluate(noise).theta)
     return replace(
         noise, linearized=replace(linearized, innovation=linearized.innovation - shift), columns=()
     )
 
 
-def _packed(linearized: LinearizedRun) -> tuple[Places, Places, Places, Places, Places]:
-    """Return the transition and the noise of `NOISE_GROUPS` as the kernels take them."""
-    phi = linearized.sparse("transition")
-    gyro, accel, gyro_bias, accel_bias = (_places(linearized, group) for group in NOISE_GROUPS)
-    return (phi.start, phi.column, phi.values), gyro, accel, gyro_bias, accel_bias
+def unaided_shift(linearized: LinearizedRun, columns: Sequence[int], theta: FloatArray) -> FloatArray:
+    """Return what constants of some columns shift all rows by where no filter corrects any of it; shape (k, c)."""
+    push, offset = (of[:, :, list(columns)] @ theta for of in (linearized.B, linearized.D))
+    error = np.empty_like(push)
+    unaided(_packed(linearized)[0], push, linearized.starts, error)
+    return np.asarray((linearized.H @ error[:, :, None])[:, :, 0] + offset)
 
 
-def _places(linearized: LinearizedRun, name: str) -> Places:
-    kept = linearized.sparse(name)
-    return kept.row, kept.column, kept.values
+def _packed(linearized: LinearizedRun) -> tuple[Places, Groups]:
+    """Return transition and noise as the kernels take them."""
+    phi, noise = (linearized.sparse(noise=which) for which in (False, True))
+    return (phi.start, phi.column, phi.values), (noise.start, noise.row, noise.column, noise.values)
 
 
 def _chosen(of: FloatArray, columns: list[int]) -> FloatArray:
@@ -232,12 +238,12 @@ def _forward(noise: NoiseHypothesis) -> tuple[Likelihood, FloatArray]:
     linearized, columns = noise.linearized, list(noise.columns)
     k, n, p = len(linearized.t), linearized.transition.shape[1], len(columns)
     size = n + 3 if np.any(noise.markov_sd > 0.0) else n
-    z, f = np.full((k, 6), np.nan), np.full((k, 6), np.nan)
-    s, gains = np.zeros((k, 6, p)), np.zeros((k, 6, size))
+    c = linearized.H.shape[1]
+    z, f = np.full((k, c), np.nan), np.full((k, c), np.nan)
+    s, gains = np.zeros((k, c, p)), np.zeros((k, c, size))
     forward(
         *_packed(linearized),
-        _places(linearized, "gnss_position"),
-        noise.process_noise_scale**2,
+        noise.factors,
         linearized.H,
         linearized.innovation,
         noise.sd,

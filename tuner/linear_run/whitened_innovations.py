@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from models.arrays import FloatArray
-from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, evaluate
+from tuner.linear_run.likelihood import NoiseHypothesis, evaluate
 
 
 @dataclass(frozen=True)
@@ -33,21 +33,25 @@ class WhitenedInnovations:
         W.
     slope : ndarray, shape (m, p)
         s/√f, of all candidate constants.
+    logs : float
+        Σ ln 2πf.
     """
 
     t: FloatArray
     residual: FloatArray
     slope: FloatArray
+    logs: float = 0.0
 
 
 def whiten(noise: NoiseHypothesis) -> WhitenedInnovations:
     """Return the whitened innovations of a run, and their sensitivities to all candidate constants."""
     linearized = noise.linearized
-    every = evaluate(replace(noise, columns=tuple(range(len(linearized.parameters)))))
+    every = evaluate(replace(noise, columns=tuple(range(linearized.B.shape[2]))))
     rows = noise.counted
     root = np.sqrt(every.variance[rows])
     slope = every.sensitivity[rows]
     t = np.broadcast_to(linearized.t[:, None], rows.shape)[rows]
+    residual = (every.innovation[rows] + slope @ every.theta) / root
     return WhitenedInnovations(
-        t, (every.innovation[rows] + slope @ every.theta) / root, slope / root[:, None]
+        t, residual, slope / root[:, None], float(np.sum(np.log(2.0 * np.pi * root**2)))
     )

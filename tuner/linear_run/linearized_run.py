@@ -9,7 +9,7 @@ in `models.error_state`. All causes, other Q, R and further states are evaluated
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -60,8 +60,8 @@ class LinearizedRun:
         Classes of solution that the receiver states; NaN by default.
     scored : ndarray of bool, shape (k,)
         Fixes that count in sums over the run; false while the filter settles, all by default.
-    sparse_cache : dict of str to SparseStack
-        Transition and noise without their zeros, filled when needed and shared with copies.
+    sparse_cache : dict of bool to SparseStack
+        Noise (true) and transition without their zeros, filled when needed and shared with copies.
     """
 
     t: FloatArray
@@ -81,7 +81,7 @@ class LinearizedRun:
     starts: BoolArray
     scored: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
     solution: FloatArray = field(default_factory=lambda: np.zeros(0))
-    sparse_cache: dict[str, SparseStack] = field(default_factory=dict, repr=False, compare=False)
+    sparse_cache: dict[bool, SparseStack] = field(default_factory=dict, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if len(self.scored) != len(self.t):
@@ -120,50 +120,54 @@ class LinearizedRun:
             scored,
             self.solution[which],
         )
-        for name, dense in (("transition", out.transition), *out.noise.items()):
-            whole = self.sparse(name)
-            out.sparse_cache[name] = replace(whole, of=dense, values=whole.values[which])
+        for lower in (False, True):
+            whole = self.sparse(noise=lower)
+            out.sparse_cache[lower] = replace(whole, of=out.stacks(lower), values=whole.values[which])
         return out
 
-    def sparse(self, name: str) -> SparseStack:
-        """Return ``transition``, or the lower half of a process noise, without its zeros."""
-        dense = self.transition if name == "transition" else self.noise.get(name, self.transition[:, :0, :0])
-        kept = self.sparse_cache.get(name)
-        if kept is None or kept.of is not dense:
-            self.sparse_cache[name] = kept = sparse_stack(dense, lower=name != "transition")
+    def stacks(self, noise: bool) -> tuple[FloatArray, ...]:
+        """Return the process noise of all groups, or the transition."""
+        return tuple(self.noise.values()) if noise else (self.transition,)
+
+    def sparse(self, *, noise: bool) -> SparseStack:
+        """Return the lower halves of the process noise of all groups, or the transition, without zeros."""
+        dense, kept = self.stacks(noise), self.sparse_cache.get(noise)
+        if kept is None or any(one is not other for one, other in zip(kept.of, dense, strict=True)):
+            self.sparse_cache[noise] = kept = sparse_stack(dense, lower=noise)
         return kept
 
 
 @dataclass(frozen=True)
 class SparseStack:
-    """The m entries of a stack of matrices (k, n, n) that are not 0 throughout, row by row.
+    """The m entries of stacks of matrices (k, n, n) that are not 0 throughout, one stack after another, row by row.
 
     Attributes
     ----------
-    of : ndarray, shape (k, n, n)
+    of : tuple of ndarray, shape (k, n, n)
         The matrices.
-    start : ndarray of int, shape (n + 1,)
-        First entry of every row.
+    start : ndarray of int
+        First entry of every row of a single stack, (n + 1,), or of every stack, (g + 1,), then the number of all.
     row, column : ndarray of int, shape (m,)
         Position of every entry.
     values : ndarray, shape (k, m)
         Its values.
     """
 
-    of: FloatArray
+    of: tuple[FloatArray, ...]
     start: IntArray
     row: IntArray
     column: IntArray
     values: FloatArray
 
 
-def sparse_stack(matrices: FloatArray, *, lower: bool = False) -> SparseStack:
-    """Return matrices (k, n, n) without their zeros; of symmetric ones, where `lower`, the lower half only."""
-    n = matrices.shape[-1]
-    place = np.any(matrices != 0.0, axis=0) if len(matrices) else np.zeros((n, n), dtype=bool)
-    row, column = np.nonzero(np.tril(place | place.T) if lower else place)
+def sparse_stack(stacks: Sequence[FloatArray], *, lower: bool = False) -> SparseStack:
+    """Return matrices without their zeros: by rows, or where `lower` the lower halves of symmetric ones by stacks."""
+    n = stacks[0].shape[-1]
+    place = [np.any(one != 0.0, axis=0) if len(one) else np.zeros((n, n), dtype=bool) for one in stacks]
+    found = [np.nonzero(np.tril(one | one.T) if lower else one) for one in place]
+    row, column = (np.concatenate(each).astype(np.int64) for each in zip(*found, strict=True))
     start = np.searchsorted(row, np.arange(n + 1))
-    values = np.ascontiguousarray(matrices[:, row, column])
-    return SparseStack(
-        matrices, start.astype(np.int64), row.astype(np.int64), column.astype(np.int64), values
-    )
+    if lower:
+        start = np.cumsum([0, *(len(rows) for rows, _ in found)])
+    values = np.concatenate([one[:, at[0], at[1]] for one, at in zip(stacks, found, strict=True)], axis=1)
+    return SparseStack(tuple(stacks), start.astype(np.int64), row, column, np.ascontiguousarray(values))

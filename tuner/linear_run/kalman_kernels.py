@@ -35,7 +35,9 @@ from models.array_copies import copy_matrix, copy_row
 from models.arrays import BoolArray, FloatArray, IntArray
 
 Places = tuple[IntArray, IntArray, FloatArray]
-"""Rows, columns and values (k, m) of the lower half of symmetric matrices."""
+"""First places of the rows of a stack of matrices (n + 1,), columns (m,) and values (k, m)."""
+Groups = tuple[IntArray, IntArray, IntArray, FloatArray]
+"""First places of the groups of noise (g + 1,), rows, columns (m,) and values (k, m) of their lower halves."""
 
 NAVIGATION_STATES = 9
 """Navigation states, which are initialised anew at the start of every stretch."""
@@ -121,11 +123,7 @@ def _flip(matrix: FloatArray, out: FloatArray) -> None:
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def forward(
     phi: Places,
-    gyro: Places,
-    accel: Places,
-    gyro_bias: Places,
-    accel_bias: Places,
-    receiver: Places,
+    noise: Groups,
     factor: FloatArray,
     H: FloatArray,
     innovation: FloatArray,
@@ -144,14 +142,15 @@ def forward(
     s: FloatArray,
     gains: FloatArray,
 ) -> None:
-    """Run the filter; sets z, f (k, 6), s (k, 6, p) and gains K (k, 6, N), N the states with those of the fixes.
+    """Run the filter; sets z, f (k, c), s (k, c, p) and gains K (k, c, N), N the states with those of the fixes.
 
-    `phi` are the first places of the rows of Φ (n + 1,), columns (m,) and values (k, m); of process noise the lower
-    half is given. `decay` (k,) is e^{−Δt/T} of the Gauss–Markov error to each fix; N = n without it. Rows
-    that are available and not taken get z, f, s and K as predicted.
+    `phi` is Φ, `noise` by groups with the squared factors on them; c rows are measured. `decay` (k,) is e^{−Δt/T} of
+    the Gauss–Markov error to each fix; N = n without it. Rows that are available and not taken get z, f, s and K as
+    predicted.
     """
     k, n, p = H.shape[0], H.shape[2], B.shape[2]
     start, column, transition = phi
+    group, places, across, spread = noise
     size = gains.shape[2]
     P, T, U = np.zeros((size, size)), np.zeros((size, size)), np.zeros((size, size))
     a, b = np.zeros(size), np.zeros(size)
@@ -194,13 +193,11 @@ def forward(
             for j in range(size):
                 P[m, j] = decay[i] * U[m, j]
             P[m, m] += markov_sd[m - n] ** 2 * (1.0 - decay[i] ** 2)
-        _add(gyro[0], gyro[1], gyro[2][i], factor[0], P)
-        _add(accel[0], accel[1], accel[2][i], factor[1], P)
-        _add(gyro_bias[0], gyro_bias[1], gyro_bias[2][i], factor[2], P)
-        _add(accel_bias[0], accel_bias[1], accel_bias[2][i], factor[3], P)
-        _add(receiver[0], receiver[1], receiver[2][i], 1.0, P)
+        for g in range(len(factor)):
+            which = slice(group[g], group[g + 1])
+            _add(places[which], across[which], spread[i, which], factor[g], P)
         _mirror(P)
-        for row in range(6):
+        for row in range(H.shape[1]):
             if not available[i, row]:
                 continue
             count = 0
@@ -259,10 +256,7 @@ def forward(
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def backward(
     phi: Places,
-    gyro: Places,
-    accel: Places,
-    gyro_bias: Places,
-    accel_bias: Places,
+    noise: Groups,
     factor: FloatArray,
     H: FloatArray,
     sd: FloatArray,
@@ -283,14 +277,15 @@ def backward(
     score: FloatArray,
     information: FloatArray,
 ) -> None:
-    """Set the derivatives of ln L by the logs of the sds (k, 6), of the factors (4,) and of markov_sd (3,).
+    """Set the derivatives of ln L by the logs of the sds (k, c), of the factors (g,) and of markov_sd (3,).
 
-    Also sets the deleted residual of each row by its sd, deleted (k, 6), its inverse variance d, precision (k, 6), and
+    Also sets the deleted residual of each row by its sd, deleted (k, c), its inverse variance d, precision (k, c), and
     score (k, b) and information (k, b, b) of an impulse in states 9 … 9 + b − 1 just after each fix; all three hold
     where all rows taken count.
     """
     k, n, size, b = H.shape[0], H.shape[2], gains.shape[2], score.shape[1]
     start, column, transition = phi
+    group, places, across, spread = noise
     N, T, U = np.zeros((size, size)), np.zeros((size, size)), np.zeros((size, size))
     r, w, NK, h = np.zeros(size), np.zeros(size), np.zeros(size), np.zeros(size)
     by_process_noise[:] = 0.0
@@ -300,7 +295,7 @@ def backward(
             score[i, m] = r[NAVIGATION_STATES + m]
             for j in range(b):
                 information[i, m, j] = N[NAVIGATION_STATES + m, NAVIGATION_STATES + j]
-        for row in range(5, -1, -1):
+        for row in range(H.shape[1] - 1, -1, -1):
             by_sd[i, row] = 0.0
             if not available[i, row]:
                 continue
@@ -344,10 +339,9 @@ def backward(
                         for j in range(size):
                             N[m, j] -= pull * h[m] * r[j]
                             N[j, m] -= pull * h[m] * r[j]
-        by_process_noise[0] += _pull(gyro[0], gyro[1], gyro[2][i], r, N)
-        by_process_noise[1] += _pull(accel[0], accel[1], accel[2][i], r, N)
-        by_process_noise[2] += _pull(gyro_bias[0], gyro_bias[1], gyro_bias[2][i], r, N)
-        by_process_noise[3] += _pull(accel_bias[0], accel_bias[1], accel_bias[2][i], r, N)
+        for g in range(len(factor)):
+            which = slice(group[g], group[g + 1])
+            by_process_noise[g] += _pull(places[which], across[which], spread[i, which], r, N)
         for m in range(n, size):
             gain = markov_sd[m - n] ** 2 * (1.0 - decay[i] ** 2)
             by_markov[m - n] += gain * (r[m] * r[m] - N[m, m])
@@ -374,7 +368,7 @@ def backward(
             N[:, :NAVIGATION_STATES] = 0.0
     for m in range(n, size):
         by_markov[m - n] += markov_sd[m - n] ** 2 * (r[m] * r[m] - N[m, m])
-    for g in range(4):
+    for g in range(len(factor)):
         by_process_noise[g] *= factor[g]
 
 
