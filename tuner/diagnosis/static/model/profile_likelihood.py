@@ -15,6 +15,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from models.arrays import FloatArray
+from models.interval_ends import reach
 from tuner.diagnosis.static.causes.base import Value
 from tuner.diagnosis.static.model.dct import block_transform
 from tuner.diagnosis.static.model.fitted_channel import FittedChannel
@@ -129,10 +130,4 @@ def profile(fitted: FittedChannel, index: int, template: Template, centre: float
 
 def _reach(loss: Callable[[float], float], sign: float) -> float:
     """Return how far from zero, on one side, twice a loss of log likelihood passes the 95 % point."""
-    low, high = 0.0, 0.1
-    while high < MAX_LOG_FACTOR and loss(sign * high) < CHI2_QUANTILE:
-        low, high = high, 2.0 * high
-    for _ in range(5):
-        middle = 0.5 * (low + high)
-        low, high = (low, middle) if loss(sign * middle) >= CHI2_QUANTILE else (middle, high)
-    return high
+    return reach(lambda x: loss(sign * x) >= CHI2_QUANTILE, 0.1, MAX_LOG_FACTOR)[1]
