@@ -20,7 +20,7 @@ from models.earth import metres_per_radian
 from tuner.consistency.frame_differences import errors_in_one_frame, matters
 from tuner.consistency.output_errors import in_axes_of, output_errors
 from tuner.consistency.output_scores import error_scores
-from tuner.consistency.scores import score
+from tuner.consistency.scores import rms_errors, score
 from tuner.consistency.trajectory_alignment import MAX_GAP_INTERVALS, Alignment, at_times, cubic, difference
 from tuner.navigation.data import USED, Solution
 from tuner.navigation.drive.run import Stretch, initial_estimates, initial_state
@@ -174,14 +174,8 @@ def errors(
             name: z[use[:, j] == USED, 3 * j : 3 * j + 3] for j, name in enumerate(("position", "velocity"))
         }
         return {f"nis_{name}": RmsError.of(z, ERROR_UNITS[name]) for name, z in used.items() if len(z)}
-    error = np.concatenate(
-        [differences(reference, s, rows) for s, rows in zip(solutions, scored, strict=True)]
-    )
-    return {
-        name: RmsError.of(part, unit)
-        for (name, unit), part in zip(ERROR_UNITS.items(), np.split(error, 3, axis=1), strict=True)
-        if np.isfinite(part).any(axis=0).all()
-    }
+    pairs = zip(solutions, scored, strict=True)
+    return rms_errors(np.concatenate([differences(reference, s, rows) for s, rows in pairs]))
 
 
 def against_smoother(

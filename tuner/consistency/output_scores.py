@@ -121,15 +121,28 @@ def _error_scores(runs: Sequence[OutputErrors]) -> dict[str, Score]:
                 if run.estimate.correlated
                 else np.concatenate([parts[name][-1] for name in known], axis=1)
             )
-    return _scored({name: groups for name, groups in parts.items() if groups})
+    return scored({name: groups for name, groups in parts.items() if groups})
 
 
-def _scored(parts: Mapping[str, Sequence[FloatArray]], tests: int = TEST_COUNT) -> dict[str, Score]:
-    """Score whitened errors of runs, each with their derivatives by what was taken out, (n, d, 1 + r), by name."""
+def scored(
+    parts: Mapping[str, Sequence[FloatArray]], tests: int = TEST_COUNT, *, independent: bool = False
+) -> dict[str, Score]:
+    """Score whitened errors of runs by name; what has no score is left out.
+
+    Parameters
+    ----------
+    parts : mapping of str to sequence of ndarray, shape (n, d, 1 + r)
+        Errors of each run, and their derivatives by what was taken out. Runs are independent; of few runs the
+        correlation in time tells how many values are.
+    tests : int
+        Scores that share the family-wise error.
+    independent : bool
+        Whether each run has one epoch, so that few runs have no correlation in time either.
+    """
     found = {}
     for name, groups in parts.items():
         w = [both[..., 0] for both in groups]
-        if len(groups) >= MIN_INDEPENDENT_RUNS:
+        if independent or len(groups) >= MIN_INDEPENDENT_RUNS:
             found[name] = score(name, [np.sum(one**2, axis=1) for one in w], w[0].shape[1], tests=tests)
         elif one := time_score(name, w, fitted=[both[..., 1:] for both in groups], tests=tests):
             found[name] = one
@@ -161,7 +174,7 @@ def _state_scores(runs: Sequence[OutputErrors]) -> dict[str, Score]:
                 / np.sqrt(run.covariance[rows, j, j])[:, None, None]
                 for run, rows in zip(runs, each, strict=True)
             ]
-    return _scored(parts, len(parts))
+    return scored(parts, len(parts))
 
 
 def known_epochs(run: OutputErrors, own: slice) -> NDArray[np.bool_]:

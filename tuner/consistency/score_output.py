@@ -14,22 +14,22 @@ from numpy.typing import ArrayLike
 
 from models.arrays import FloatArray
 from tuner.consistency.constant_errors import LARGEST_TURN, constant_errors, unit_of_sds
-from tuner.consistency.correlated_errors import time_score, whitened
+from tuner.consistency.correlated_errors import whitened
 from tuner.consistency.frame_differences import errors_in_one_frame
 from tuner.consistency.one_factor import one_factor
 from tuner.consistency.output_causes import Explanations, explain
 from tuner.consistency.output_errors import OutputErrors
 from tuner.consistency.output_rows import with_stated_sds, without_repeats
 from tuner.consistency.output_scores import (
-    MIN_INDEPENDENT_RUNS,
     aided_rows,
     error_scores,
     outage_scores,
     output_innovation_scores,
     output_whiteness,
+    scored,
     state_scores,
 )
-from tuner.consistency.scores import DIVERGED_RATIO, rms_errors, score
+from tuner.consistency.scores import DIVERGED_RATIO, rms_errors
 from tuner.consistency.trajectory_alignment import Alignment
 from tuner.consistency.unscored_start import unscored_start
 from tuner.consistency.verdicts import NOT_FINITE, verdicts
@@ -334,19 +334,13 @@ def score_arrays(
         return Consistency(None, (), (), None, (), {}, 0.0, True, NOT_FINITE)
     single = e / np.sqrt(np.einsum("mnii->mni", p))
     tests = k + 1 if k > 1 else 1
-
-    def one(name: str, values: FloatArray) -> Score | None:
-        d = values.shape[-1]
-        if len(values) >= MIN_INDEPENDENT_RUNS or values.shape[1] == 1:
-            return score(name, list(np.sum(values**2, axis=-1)), d, tests=tests)
-        return time_score(name, list(values), tests=tests)
-
-    nees = one("nees", w)
-    each = [one(name, single[..., j : j + 1]) for j, name in enumerate(states)] if k > 1 else []
+    single_epochs = e.shape[1] == 1
+    nees = scored({"nees": list(w[..., None])}, tests, independent=single_epochs).get("nees")
+    each = {name: list(single[..., j : j + 1, None]) for j, name in enumerate(states) if k > 1}
     rms = np.sqrt(np.mean(e**2, axis=(0, 1)))
     found = Consistency(
         nees,
-        tuple(s for s in each if s is not None),
+        tuple(scored(each, tests, independent=single_epochs).values()),
         (),
         None,
         (),

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from models.interval_ends import reach
+
 INTERVAL_DEVIANCE = 4.0
 """Deviance by which a size may be worse than the best: two standard errors, 95 %."""
 DISTANCE_TO_END = 0.1
@@ -45,36 +47,11 @@ class BestSize:
         """Return where the deviance has risen by so much to either side, or the bounds."""
 
         def end(side: float, bound: float) -> float:
-            limit = self.deviance + rise
-            most = side * (bound - self.size)
-            return self.size + side * reach(
-                lambda x: self.of(self.size + side * x) > limit, FIRST_REACH, most
-            )
+            limit, most = self.deviance + rise, side * (bound - self.size)
+            near, far = reach(lambda x: self.of(self.size + side * x) > limit, FIRST_REACH, most)
+            return self.size + 0.5 * side * (near + far)
 
         return end(-1.0, self.bounds[0]), end(1.0, self.bounds[1])
-
-
-def reach(fallen: Callable[[float], bool], first: float, most: float) -> float:
-    """Return the distance at which a likelihood has fallen, to a thirtieth; `most` where it has not.
-
-    Parameters
-    ----------
-    fallen : callable
-        Whether it has at a distance.
-    first : float
-        A guess.
-    most : float
-        The largest distance.
-    """
-    near, far = 0.0, min(first, most)
-    while not fallen(far):
-        if far >= most:
-            return most
-        near, far = far, min(2.0 * far, most)
-    for _ in range(5):
-        middle = 0.5 * (near + far)
-        near, far = (near, middle) if fallen(middle) else (middle, far)
-    return 0.5 * (near + far)
 
 
 def best_size(deviance: Callable[[float], float], grid: Sequence[float]) -> BestSize:

@@ -141,12 +141,13 @@ def forward(
     f: FloatArray,
     s: FloatArray,
     gains: FloatArray,
+    covariance: FloatArray,
 ) -> None:
     """Run the filter; sets z, f (k, c), s (k, c, p) and gains K (k, c, N), N the states with those of the fixes.
 
     `phi` is Φ, `noise` by groups with the squared factors on them; c rows are measured. `decay` (k,) is e^{−Δt/T} of
     the Gauss–Markov error to each fix; N = n without it. Rows that are available and not taken get z, f, s and K as
-    predicted.
+    predicted. `covariance` is set to P after each fix, (k, N, N), where it is not empty.
     """
     k, n, p = H.shape[0], H.shape[2], B.shape[2]
     start, column, transition = phi
@@ -251,6 +252,8 @@ def forward(
                     by[q] -= c * slope[q]
         for m in range(n):
             a[m] -= correction[i, m]
+        if len(covariance):
+            copy_matrix(covariance[i], P)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")

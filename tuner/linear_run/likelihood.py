@@ -78,6 +78,12 @@ class NoiseHypothesis:
         found[: len(self.process_noise_scale)] = self.process_noise_scale**2
         return found
 
+    @property
+    def process_noise(self) -> FloatArray:
+        """Process noise of all groups together; shape (k, n, n)."""
+        pairs = zip(self.factors.tolist(), self.linearized.noise.values(), strict=True)
+        return np.asarray(sum(factor * noise for factor, noise in pairs))
+
 
 @dataclass(frozen=True)
 class Likelihood:
@@ -234,7 +240,14 @@ def _decay(noise: NoiseHypothesis) -> FloatArray:
     return np.asarray(np.exp(-np.diff(t, prepend=t[:1]) / noise.markov_time))
 
 
-def _forward(noise: NoiseHypothesis) -> tuple[Likelihood, FloatArray]:
+def covariances(noise: NoiseHypothesis) -> FloatArray:
+    """Return P after every fix of the filter that a noise hypothesis describes; shape (k, n, n)."""
+    found = np.empty_like(noise.linearized.transition)
+    _forward(noise, found)
+    return found
+
+
+def _forward(noise: NoiseHypothesis, covariance: FloatArray | None = None) -> tuple[Likelihood, FloatArray]:
     linearized, columns = noise.linearized, list(noise.columns)
     k, n, p = len(linearized.t), linearized.transition.shape[1], len(columns)
     size = n + 3 if np.any(noise.markov_sd > 0.0) else n
@@ -260,6 +273,7 @@ def _forward(noise: NoiseHypothesis) -> tuple[Likelihood, FloatArray]:
         f,
         s,
         gains,
+        np.zeros((0, size, size)) if covariance is None else covariance,
     )
     rows = noise.counted
     theta = np.zeros(p)

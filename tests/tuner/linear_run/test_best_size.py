@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tuner.linear_run.best_size import best_size, reach
+from tuner.linear_run.best_size import best_size
 
 GRID = np.linspace(-3.0, 3.0, 9).tolist()
 
@@ -26,8 +26,3 @@ def test_a_deviance_that_falls_to_the_end_has_its_size_beyond():
     found = best_size(lambda x: -x, GRID)
     assert found.beyond
     assert found.interval()[1] == found.bounds[1]
-
-
-def test_a_likelihood_that_never_falls_is_reached_at_the_end():
-    assert reach(lambda _: False, 0.1, 5.0) == 5.0
-    assert reach(lambda x: x > 1.7, 0.1, 5.0) == pytest.approx(1.7, rel=1.0 / 30.0)

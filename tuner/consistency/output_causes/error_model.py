@@ -20,11 +20,15 @@ import numpy as np
 from models.arrays import FloatArray
 from tuner.consistency.constants import IN_FIXES, OF_FILTER, Motion
 from tuner.consistency.output_causes.course import Course
-from tuner.consistency.output_causes.filter_model import FilterModel, filter_matrices, start_covariance
-from tuner.consistency.output_causes.kernels import covariance_recursion
+from tuner.consistency.output_causes.filter_model import (
+    FilterModel,
+    filter_matrices,
+    filter_run,
+    start_covariance,
+)
 from tuner.consistency.output_causes.true_noise import TrueNoise
 from tuner.consistency.output_errors import OutputErrors
-from tuner.linear_run.likelihood import NoiseHypothesis, evaluate
+from tuner.linear_run.likelihood import NoiseHypothesis, covariances, evaluate
 from tuner.linear_run.linearized_run import LinearizedRun
 
 MODEL_ERROR = 0.03
@@ -83,34 +87,33 @@ class ErrorModel:
         run, update, scale = self.errors, self.update, [*true.density, *true.fixes]
         sd = run.sd
         if self.by_innovations and not of_errors:
-            run, update, scale = (
-                self.seen,
-                np.broadcast_to(np.eye(len(self.update[0])), self.update.shape),
-                scale[:4],
-            )
+            run, scale = self.seen, scale[:4]
+            update = np.broadcast_to(np.eye(len(run.initial)), update.shape)
             sd = np.sqrt(run.sd**2 + np.repeat(true.fixes, 3) ** 2 * self.model.fix_variance)
-        dt = self.course.dt[:, None]
-        if true.time_ratio != (
-            1.0,
-            1.0,
-        ):  # true biases, beside the errors of those of the assumed time constants
-            assumed = np.repeat(self.model.time_constant, 3)
+        found, dt = NoiseHypothesis(run, sd, np.array(scale), run.used), self.course.dt[:, None]
+        if true.time_ratio != (1.0, 1.0):
+            # The true biases join, beside the errors of those of the assumed time constants.
+            assumed, own = np.repeat(self.model.time_constant, 3), update[:, :, 9:15]
             variance = 0.5 * np.repeat(scale[2:4] * self.model.density[2:], 3) ** 2 * assumed
             decay = np.exp(-dt / (assumed * np.repeat(true.time_ratio, 3)))
-            own, cross = update[:, :, 9:15], np.zeros((len(run.initial), 6))
+            cross = np.zeros((len(run.initial), 6))
             cross[range(9, 15), range(6)] = np.minimum(np.diag(self.errors.initial)[9:15], variance)
-            run = _widened(run, decay, variance, own * (decay - np.exp(-dt / assumed))[:, None], own, cross)
             scale[2:4] = 0.0, 0.0
-        elif true.extra is not None:  # of a sensor, it acts as the bias does
-            decay = np.exp(-dt / true.extra.time_constant) * np.ones(3)
-            into = -self.gain[:, :, :3]
-            push = into * decay[:, None]
-            if true.extra.place != "fixes":
-                first = 9 if true.extra.place == "gyro" else 12
-                into, push = 0.0 * into, update[:, :, :9] @ self.phi[:, :9, first : first + 3]
-            cross = np.zeros((len(run.initial), 3))
-            run = _widened(run, decay, np.full(3, true.extra.sd**2), push, into, cross)
-        return NoiseHypothesis(run, sd, np.array(scale), run.used)
+            found = replace(found, process_noise_scale=np.array(scale))
+            return _widened(
+                found, decay, variance, own * (decay - np.exp(-dt / assumed))[:, None], own, cross
+            )
+        if true.extra is None:
+            return found
+        decay = np.exp(-dt / true.extra.time_constant) * np.ones(3)
+        into = -self.gain[:, :, :3]
+        push = into * decay[:, None]
+        if true.extra.place != "fixes":  # of a sensor, it acts as the bias does
+            first = 9 if true.extra.place == "gyro" else 12
+            into, push = 0.0 * into, update[:, :, :9] @ self.phi[:, :9, first : first + 3]
+        return _widened(
+            found, decay, np.full(3, true.extra.sd**2), push, into, np.zeros((len(run.initial), 3))
+        )
 
     def deviance(self, true: TrueNoise) -> float:
         """Return −2 ln of the likelihood."""
@@ -119,29 +122,23 @@ class ErrorModel:
     def variances(self, true: TrueNoise) -> FloatArray:
         """Return the mean variances of the 15 errors in the second half of the run."""
         noise = self.under(true, of_errors=True)
-        run, half = noise.linearized, len(self.course.dt) // 2
-        process = np.tensordot(noise.factors, np.stack(list(run.noise.values())), 1)
-        p, found = run.initial, np.zeros(15)
-        for k, (phi, q) in enumerate(zip(run.transition, process, strict=True)):
-            p = phi @ p @ phi.T + q
-            if k >= half:
-                found += np.diag(p)[:15]
-        return found / (len(process) - half)
+        p = covariances(replace(noise, rows=np.zeros_like(noise.rows)))
+        return np.asarray(np.einsum("kii->ki", p)[len(p) // 2 :, :15].mean(axis=0))
 
 
 def _widened(
-    run: LinearizedRun,
+    noise: NoiseHypothesis,
     decay: FloatArray,
     variance: FloatArray,
     push: FloatArray,
     into: FloatArray,
     cross: FloatArray,
-) -> LinearizedRun:
-    """Return a run with m further stationary first-order states behind its own.
+) -> NoiseHypothesis:
+    """Return the noise of a run with m further stationary first-order states behind its own.
 
     Parameters
     ----------
-    run : LinearizedRun
+    noise : NoiseHypothesis
         Of n states.
     decay, variance : ndarray, shapes (k, m), (m,)
         Of the further states.
@@ -150,23 +147,25 @@ def _widened(
     cross : ndarray, shape (n, m)
         Covariance with the others at the start.
     """
-    k, n, m = push.shape
-    more, new = (0, m), range(n, n + m)
-    transition, *noises = (np.pad(of, ((0, 0), more, more)) for of in (run.transition, *run.noise.values()))
-    transition[:, :n, n:] = push
-    transition[:, new, new] = decay
-    both = np.concatenate([into, np.broadcast_to(np.eye(m), (k, m, m))], axis=1)
-    own = (both * ((1.0 - decay**2) * variance)[:, None]) @ np.swapaxes(both, -1, -2)
-    return replace(
+    run, (k, n, m) = noise.linearized, push.shape
+    transition, both = np.zeros((k, n + m, n + m)), np.zeros((k, n + m, m))
+    transition[:, :n, :n], transition[:, :n, n:], both[:, :n] = run.transition, push, into
+    transition[:, range(n, n + m), range(n, n + m)] = decay
+    both[:, n:] = np.eye(m)
+    q = (both * ((1.0 - decay**2) * variance)[:, None]) @ np.swapaxes(both, -1, -2)
+    q[:, :n, :n] += noise.process_noise
+    more = (0, m)
+    wide = replace(
         run,
         transition=transition,
-        noise={**dict(zip(run.noise, noises, strict=True)), "further states": own},
+        noise={"all": q},
         H=np.pad(run.H, ((0, 0), (0, 0), more)),
         B=np.pad(run.B, ((0, 0), more, (0, 0))),
         correction=np.pad(run.correction, ((0, 0), more)),
         initial=np.block([[run.initial, cross], [cross.T, np.diag(variance)]]),
         sparse_cache={},
     )
+    return replace(noise, linearized=wide, process_noise_scale=np.ones(1))
 
 
 def error_model(run: OutputErrors, course: Course, model: FilterModel) -> ErrorModel:
@@ -178,7 +177,7 @@ def error_model(run: OutputErrors, course: Course, model: FilterModel) -> ErrorM
         # Half of what drives errors of a random walk that is measured often is that of the measurements.
         noise[:, 1] *= 0.5
         noise[:, 3] = noise[:, 1]
-    covariance, gain = covariance_recursion(phi, noise, course.fixed, model.fix_variance, start)
+    covariance, gain = filter_run(course, model, phi, noise, start)
     rows, (k, n) = course.rows[1:], phi.shape[:2]
     update = np.tile(np.eye(n), (k, 1, 1))
     update[:, :, :6] -= gain

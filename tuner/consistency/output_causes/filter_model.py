@@ -21,8 +21,9 @@ import numpy as np
 from models import rotation
 from models.arrays import FloatArray
 from tuner.consistency.output_causes.course import GRAVITY, Course, head
-from tuner.consistency.output_causes.kernels import covariance_recursion
 from tuner.consistency.output_errors import OutputErrors
+from tuner.linear_run.likelihood import NoiseHypothesis, covariances
+from tuner.linear_run.linearized_run import LinearizedRun
 
 DEFAULT_SD = np.repeat([3.0, 0.3, 0.03, 1e-3, 0.03], 3)
 """Sds at the start of states for which none are stated, SI: after a coarse alignment of a consumer unit."""
@@ -191,6 +192,21 @@ def filter_matrices(
     return phi, noise, start
 
 
+def filter_run(
+    course: Course, model: FilterModel, phi: FloatArray, noise: FloatArray, start: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return P after every epoch of a filter and the gains of its fixes, (k, n, n), (k, n, 6)."""
+    k, n = phi.shape[:2]
+    fixed, none = np.tile(course.fixed[:, None], 6), np.zeros((k, 6))
+    sd = np.tile(np.sqrt(model.fix_variance), (k, 1))
+    run = LinearizedRun(
+        np.cumsum(course.dt), phi, {"all": noise.sum(axis=1)}, np.tile(np.eye(6, n), (k, 1, 1)), none, sd, sd, fixed,
+        fixed, np.zeros((k, n)), start, (), np.zeros((k, n, 0)), np.zeros((k, 6, 0)), np.zeros(k, dtype=bool),
+    )  # fmt: skip
+    p = covariances(NoiseHypothesis(run, sd, np.ones(1), fixed))
+    return p, p[:, :, :6] / model.fix_variance * course.fixed[:, None, None]
+
+
 def fit_filter(run: OutputErrors, course: Course) -> FilterModel:
     """Return the filter whose sds are nearest to those of a run: the one with the fewest states that fits."""
     if not (course.of_body or np.isfinite(run.estimate.quat_nb).any()):
@@ -242,7 +258,7 @@ def _fit(
     def residual(x: FloatArray) -> FloatArray:
         model = _model(whole(x), 0.0, of_body=course.of_body)
         phi, noise, wide = filter_matrices(part, model, start)
-        p, _ = covariance_recursion(phi, noise, part.fixed, model.fix_variance, wide)
+        p, _ = filter_run(part, model, phi, noise, wide)
         own = np.log(np.maximum(np.einsum("kii->ki", p)[:, :15], 1e-30))
         return np.asarray(0.5 * (own - stated)[first:, states].ravel())
 

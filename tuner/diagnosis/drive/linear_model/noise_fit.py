@@ -22,8 +22,8 @@ import numpy as np
 from scipy.optimize import OptimizeResult, minimize
 
 from models.arrays import FloatArray
+from models.interval_ends import reach
 from tuner.diagnosis.drive.linear_model.noise_parameters import NoiseParameters
-from tuner.linear_run.best_size import reach
 from tuner.linear_run.likelihood import (
     NoiseHypothesis,
     evaluate_with_gradient,
@@ -167,8 +167,8 @@ class NoiseFit:
             return top - value + 0.5 * float(np.sum((x / known) ** 2)) > drop
 
         most = MAX_LOG - side * float(self.estimate[j])
-        found = reach(fallen, float(np.sqrt(2.0 * drop) * sd), most)
-        return side * MAX_LOG if found >= most else float(self.estimate[j] + side * found)
+        near, far = reach(fallen, float(np.sqrt(2.0 * drop) * sd), most)
+        return side * MAX_LOG if near >= most else float(self.estimate[j] + side * 0.5 * (near + far))
 
 
 def maximize_likelihood(

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from scipy.fft import next_fast_len
 
 from models.arrays import SAMPLES_AT_ONCE, FloatArray, SingleArray
+from models.interval_ends import reach
 from models.noise import BiasInstability, GaussMarkov, NoiseModel, RandomWalk, Term, White
 from models.probability import REACH_95
 from tuner.diagnosis.static.causes.base import Extension, gain_of, hidden_by, power_of
@@ -324,15 +325,8 @@ def _cleaners(extensions: tuple[Extension, ...]) -> tuple[Extension, ...]:
 def _crossing(drop: Callable[[float], float], centre: float, step: float) -> float:
     """Return where twice the loss of log likelihood passes the 95 % point, going from the centre by steps."""
     goal = REACH_95**2 / SLOW_RATIO_FACTOR
-    low, high = 0.0, REACH_95 * step
-    for _ in range(12):
-        if drop(centre + high) >= goal:
-            break
-        low, high = high, 2.0 * high
-    for _ in range(6):
-        middle = 0.5 * (low + high)
-        low, high = (low, middle) if drop(centre + middle) >= goal else (middle, high)
-    return centre + high
+    _, steps = reach(lambda x: drop(centre + x * step) >= goal, REACH_95, REACH_95 * 2**12, 6)
+    return centre + steps * step
 
 
 def fit_channel(

@@ -15,6 +15,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from models.arrays import FloatArray
+from models.interval_ends import reach
 from models.probability import REACH_95
 from tuner.diagnosis.static.causes.base import Value
 from tuner.diagnosis.static.model.dct import block_transform
@@ -128,10 +129,4 @@ def profile(fitted: FittedChannel, index: int, template: Template, centre: float
 
 def _reach(loss: Callable[[float], float], sign: float) -> float:
     """Return how far from zero, on one side, twice a loss of log likelihood passes the 95 % point."""
-    low, high = 0.0, 0.1
-    while high < MAX_LOG_FACTOR and loss(sign * high) < REACH_95**2:
-        low, high = high, 2.0 * high
-    for _ in range(5):
-        middle = 0.5 * (low + high)
-        low, high = (low, middle) if loss(sign * middle) >= REACH_95**2 else (middle, high)
-    return high
+    return reach(lambda x: loss(sign * x) >= REACH_95**2, 0.1, MAX_LOG_FACTOR)[1]

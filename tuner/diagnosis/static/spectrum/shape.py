@@ -25,6 +25,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from models.arrays import FloatArray
+from models.interval_ends import reach
 from models.probability import chi2_beyond
 from tuner.diagnosis.static.model.fitted_channel import FittedChannel
 from tuner.diagnosis.static.model.null_distributions import COST_OUTSIDE, REGION_NATS, maximum, minimum
@@ -202,19 +203,13 @@ def cutoffs(data: Bins, filters: tuple[ShapeFit, ...]) -> tuple[float, float]:
 def _reach(data: Bins, fitted: ShapeFit, goal: float) -> tuple[float, float]:
     """Return where the cost of a filter passes a goal on either side of its best."""
     cost, centre = _filter_cost(data, fitted.name), float(fitted.x[0])
-    low, high = np.log(FILTERS[fitted.name])
-    ends = []
-    for edge in (low, high):
-        inner, outer = 0.0, 1e-3
-        while outer < abs(edge - centre) and cost(centre + np.sign(edge - centre) * outer) < goal:
-            inner, outer = outer, 2.0 * outer
-        outer = min(outer, abs(edge - centre))
-        for _ in range(8):
-            middle = 0.5 * (inner + outer)
-            below = cost(centre + np.sign(edge - centre) * middle) < goal
-            inner, outer = (middle, outer) if below else (inner, middle)
-        ends.append(float(centre + np.sign(edge - centre) * outer))
-    return ends[0], ends[1]
+
+    def end(edge: float) -> float:
+        side, most = np.sign(edge - centre), abs(edge - centre)
+        return float(centre + side * reach(lambda x: cost(centre + side * x) >= goal, 1e-3, most, 8)[1])
+
+    low, high = np.log(FILTERS[fitted.name]).tolist()
+    return end(low), end(high)
 
 
 def misfit(data: Bins, fitted: ShapeFit) -> float:
