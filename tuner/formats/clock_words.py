@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from tuner.formats.customary_units import amount
+from tuner.formats.customary_units import amount, digits
 from tuner.types import Coefficient, Compensation
 from tuner.types.clock import Clock, Delay
 
@@ -49,5 +49,7 @@ def stated_words(compensation: Compensation) -> str:
 
 
 def _size(delay: Delay) -> str:
+    if not delay.sd:
+        return f"{digits(abs(delay.value), 2)} s"  # of settings, which have no interval
     low, high = sorted(map(abs, delay.interval))
     return amount(Coefficient(abs(delay.value), (low, high), None, "s"))

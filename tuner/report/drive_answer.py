@@ -110,7 +110,7 @@ def fixes_parts(examined: ExaminedDrive, config: FilterConfig, *, written: bool)
     where = "noise.yaml" if written else "the filter judged"
     with_states = (
         f"R of {where}, with its states",
-        "states for GNSS errors: sd; time",
+        "states for GNSS errors, as set: sd; time",
         "R of a filter without states",
     )
     own = with_states if any(lasting.values()) else [f"R of {where}"]

@@ -12,9 +12,10 @@ from models.filter_states import FILTER_STATES
 from models.filter_states.built_in import CORRELATED_VELOCITY
 from tuner.consistency.reference_check import with_trusted_reference
 from tuner.diagnosis.drive.against_reference import against_reference
+from tuner.diagnosis.drive.causes.correlated_gnss import of_several_processes
 from tuner.diagnosis.drive.causes.mounting import mounting, untestable_causes
 from tuner.diagnosis.drive.causes.quantizer import coarse_quantizer_notes
-from tuner.diagnosis.drive.causes.registry import significance_threshold
+from tuner.diagnosis.drive.causes.registry import DRIVE_CAUSES, significance_threshold
 from tuner.diagnosis.drive.causes.sensor_bias import biases_beyond_prior
 from tuner.diagnosis.drive.causes.time_offset import RATE, clock_coefficients, delays_of
 from tuner.diagnosis.drive.findings import finding, inseparable_causes, of_first_and_last
@@ -25,7 +26,7 @@ from tuner.diagnosis.drive.hypothesis import (
     in_sensor_axes,
     run_filter,
 )
-from tuner.diagnosis.drive.hypothesis_tests import Candidate
+from tuner.diagnosis.drive.hypothesis_tests import Candidate, noise_hypothesis_of
 from tuner.diagnosis.drive.linear_model.likelihood import as_configured, evaluate
 from tuner.diagnosis.drive.plausibility import plausible
 from tuner.diagnosis.drive.posterior_check import with_something_else
@@ -176,8 +177,23 @@ def _diagnosis(
         for one in outcome.accepted
     ]
     pairs = zip(of_first_and_last(outcome.accepted, drive.gnss.t), own, strict=True)
+    noise, limit = noise_hypothesis_of(outcome.final, outcome.shifts), significance_threshold()
     findings = tuple(
-        sorted((finding(one, drive, of, outcome.doubted(one)) for one, of in pairs), key=lambda f: f.p_value)
+        sorted(
+            (
+                finding(
+                    one,
+                    drive,
+                    of,
+                    tuple(one.parameters)
+                    if DRIVE_CAUSES[one.cause].joins == "states"
+                    and of_several_processes(one.cause, noise, limit)
+                    else outcome.doubted(one),
+                )
+                for one, of in pairs
+            ),
+            key=lambda f: f.p_value,
+        )
     )
     biases = biases_beyond_prior(outcome.final, config, outcome.shifts, significance_threshold())
     # A bias is what named causes leave: it comes last.
