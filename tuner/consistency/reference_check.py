@@ -6,13 +6,15 @@ reference, Δv_r, have errors of their own. The reference is wrong around a seco
 
     |Δv_r − Δv| > MIN_CONTRADICTION Δt and MAX_SCATTERS of their usual difference      |Δv_f − Δv| < |Δv_r − Δv| / 3
 
-The attitude is the filter's; for Δv fixes are withheld by turns, so that none of them takes part. Of a reference whose
-fixes have no velocities nothing is said: one of two is no majority.
+The attitude is that of a filter; for Δv fixes are withheld by turns, so that none of them takes part. Of a reference
+whose fixes have no velocities nothing is said: one of two is no majority. A drive has one reference, which is wrong at
+one set of times: the filter is that which the drive alone gives, whatever settings are judged by what is left.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,9 +22,11 @@ from models.arrays import FloatArray
 from models.robust import normal_sd
 from tuner.formats.reference_words import wrong_times_text
 from tuner.navigation.data import WITHHELD
-from tuner.navigation.drive.run import RECOVERY_TIME, Stretch, navigate
-from tuner.navigation.settings import FilterSettings
-from tuner.types.records import Reference
+from tuner.navigation.drive.run import RECOVERY_TIME, Stretch, navigate, prepare
+from tuner.navigation.settings import FilterSettings, filter_settings
+from tuner.stages import stage
+from tuner.synthesis.from_drive import config_of_drive, stationary_noise
+from tuner.types.records import DataError, Drive, Reference
 
 WITHHELD_TIME = 2.0
 """Time in which fixes are withheld by turns, s: the attitude of a filter with every other two seconds is as good."""
@@ -38,6 +42,21 @@ MAX_CLOCK_OFFSET, CLOCK_STEP = 3.0, 0.1
 """Offsets of the reference's clock that are tried, and their spacing, s: a late reference is not a wrong one."""
 MIN_TRUSTED_SHARE = 0.1
 """Share of its time from which a reference is used at all."""
+
+
+def with_trusted_reference(drive: Drive) -> Drive:
+    """Return an examined drive without those times of its reference at which it is wrong, which it says then."""
+    if drive.judged is not None or drive.reference is None:
+        return drive
+    stage("finding where the reference is wrong", 0.5)
+    arm = drive.lever_arm if drive.mounting is not None else None
+    try:
+        config = config_of_drive(drive, stationary_noise(drive))
+        settings = filter_settings(config, lever_arm=arm or (0.0, 0.0, 0.0))
+        reference, said = trusted_reference(drive.reference, prepare(drive, settings)[0], settings)
+    except (DataError, np.linalg.LinAlgError):
+        return drive
+    return replace(drive, reference=reference, judged=said)
 
 
 def trusted_reference(

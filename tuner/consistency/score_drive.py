@@ -24,7 +24,7 @@ from tuner.consistency.drive_scores import (
     settled,
 )
 from tuner.consistency.reference_attitude import without_wrong_attitude
-from tuner.consistency.reference_check import trusted_reference
+from tuner.consistency.reference_check import with_trusted_reference
 from tuner.consistency.scores import (
     DIVERGED_RATIO,
     DIVERGED_REFUSED_SHARE,
@@ -166,6 +166,7 @@ def navigate_drive(
     """Filter a drive that was examined; see `navigate_recorded`."""
     as_reported = receiver_of(drive)
     config = config_for_drive(drive, config, gnss=gnss)
+    drive = with_trusted_reference(drive)
     drive = compensate(drive, config.compensation)
     if vehicle.sideways is not None:
         states = {"mounting": MOUNTING_SD, **(states or {})}
@@ -190,10 +191,7 @@ def navigate_drive(
         block for stretch, rows in zip(solutions, scored, strict=True) for block in blocks(stretch, rows)
     ]
     reference = drive.reference
-    if reference is not None:
-        stage("finding where the reference is wrong", 0.7)
-        reference, untrusted = trusted_reference(reference, stretches, settings)
-        notes = (*notes, *([untrusted] if untrusted else []))
+    notes = (*notes, *filter(None, [drive.judged]))
     if reference is None:
         stage("smoothing the drive", 0.75)
         compared = against_smoother(settings, stretches, scored)

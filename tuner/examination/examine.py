@@ -19,7 +19,7 @@ from tuner.examination.windows import WINDOW_LENGTH, Inertial, longest_step
 from tuner.formats.grouping import gathered
 from tuner.limits import LOST_SHARE, TOLERATED_RATIO
 from tuner.segments.stand_stills import runs
-from tuner.types.clock import HALF_INTERVAL, Clock, Delay
+from tuner.types.clock import HALF_INTERVAL, Clock
 from tuner.types.public import public
 from tuner.types.records import DataError, Drive, Gnss
 from tuner.types.repair import Repair
@@ -217,7 +217,7 @@ def examine(drive: Drive) -> Examination:
         mended,
         first,
         filtered,
-        Clock(search.delays[None], search.delays.get("velocities", Delay())),
+        search.clock,
         _undecided(search.found),
     )
 

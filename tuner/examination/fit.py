@@ -666,7 +666,7 @@ def constants(
     streams: Streams,
     windows: Windows,
     found: Fit,
-    columns: Callable[[Stream, Motion], FloatArray],
+    columns: Callable[[Placed, Motion], FloatArray],
     prior: FloatArray,
     *,
     gated: bool,
@@ -680,7 +680,7 @@ def constants(
     found : Fit
         Their fit in these.
     columns : callable
-        Derivatives of what a stream reads, shape (m, d, c), from the predicted motion.
+        Derivatives of what readings of a stream are, shape (m, d, c), from the predicted motion.
     prior : ndarray, shape (c,)
         Prior sds.
     gated : bool
@@ -691,7 +691,7 @@ def constants(
 
     def linear(one: Placed) -> Linear:
         motion = motion_of(one.at, found.attitude, found.unknowns)
-        return one.linear(motion, found.unknowns, columns(one.stream, motion))
+        return one.linear(motion, found.unknowns, columns(one, motion))
 
     information, scores, _ = problem.eliminated(found, linear, found.precision, len(prior), gated=gated)
     score = scores[..., None]

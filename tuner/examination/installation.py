@@ -10,12 +10,13 @@ import numpy as np
 from scipy.special import expit
 
 from models.arrays import FloatArray
-from tuner.examination.fit import Fit, constants, earned, fit
-from tuner.examination.moves import DELAYS, STATED_ODDS, Move, arm_of, late
-from tuner.examination.streams import Stream, Streams
+from models.effects.drive.gnss import middle_of
+from tuner.examination.fit import Fit, Placed, constants, earned, fit
+from tuner.examination.moves import DELAYS, RECEIVER, STATED_ODDS, Move, arm_of, late, of_clock
+from tuner.examination.streams import Streams
 from tuner.examination.windows import Motion, Windows, windows_of
 from tuner.limits import PRIOR_SHARE
-from tuner.types.clock import CERTAIN_SDS, Delay
+from tuner.types.clock import CERTAIN_SDS, Clock, Delay
 
 NEWTON_STEPS = 10
 """Steps after which delays have settled."""
@@ -29,6 +30,12 @@ NEAR_DELAYS = tuple(delay for delay in DELAYS if abs(delay) <= 0.5)
 """Common delays from which the search begins as well, s: at a steady speed a lever arm stands for a part of one."""
 FIXED_SD = 1e-9
 """Prior sd of a delay that is none, s."""
+DRIFT = "drift"
+"""Name of the growth of the delay of all streams in a second."""
+DELAY_SD, DRIFT_SD = 1.0, 1e-3
+"""Prior sds of a delay, s, and of its growth in a second: crystals and clocks of operating systems err by less."""
+RATE_DIGITS = 8
+"""Decimal places of the growth of a delay that stamps of floating point tell from none."""
 ARM_SD, STATED_ARM_SD = 1.0, 0.1
 """Prior sd of a lever arm about zero, and about what is stated, m."""
 
@@ -50,7 +57,7 @@ class Installed:
     Attributes
     ----------
     delays : mapping of str or None to Delay
-        What is left of the delay of each stream.
+        What is left of the delay of each stream; under `DRIFT` of the growth of that of all.
     arm_sd : ndarray, shape (3,)
         Sds of the lever arm, m.
     gain : float
@@ -124,40 +131,46 @@ class _Problem:
     streams, windows : Streams, Windows
         Before anything is taken out, and their inertial unit in windows.
     names : tuple of str or None
-        Whose delays are estimated; None: of all streams together.
+        Whose delays are estimated; None: of all streams together, which may grow: `DRIFT`.
     prior : ndarray, shape (c,)
         Prior sds of these delays, s, and behind them of the lever arm, m.
+    middle : float
+        Time of the delay of a clock that drifts: halfway between the first and the last fix, s.
     """
 
     streams: Streams
     windows: Windows
     names: tuple[str | None, ...]
     prior: FloatArray
+    middle: float
 
     @staticmethod
     def of(streams: Streams) -> _Problem:
-        names = (None, *(one.name for one in streams.others))
+        names = (None, *(one.name for one in streams.others), DRIFT)
         arm_sd = STATED_ARM_SD if any(streams.positions.arm) else ARM_SD
-        prior = np.repeat([1.0, arm_sd], [len(names), 3])
-        return _Problem(streams, windows_of(streams.imu), names, prior)
+        prior = np.repeat([DELAY_SD, DRIFT_SD, arm_sd], [len(names) - 1, 1, 3])
+        return _Problem(streams, windows_of(streams.imu), names, prior, middle_of(streams.positions.t))
 
-    def columns(self, one: Stream, motion: Motion) -> FloatArray:
+    def columns(self, one: Placed, motion: Motion) -> FloatArray:
         """Return the derivatives of what a stream reads by delays and lever arm, shape (m, d, c)."""
-        rate, arm = one.by_time(motion), one.by_arm(motion)
-        out = np.zeros((len(motion.position), one.values.shape[1], len(self.prior)))
+        stream = one.stream
+        rate, arm = stream.by_time(motion), stream.by_arm(motion)
+        out = np.zeros((len(motion.position), stream.values.shape[1], len(self.prior)))
         if rate is not None:
             out[..., 0] = -rate
-            if one.name in self.names:
-                out[..., self.names.index(one.name)] = -rate
+            out[..., self.names.index(DRIFT)] = -rate * (stream.t[one.row] - self.middle)[:, None]
+            if stream.name in self.names:
+                out[..., self.names.index(stream.name)] = -rate
         if arm is not None:
             out[..., len(self.names) :] = arm
         return out
 
     def without(self, sizes: FloatArray) -> Streams:
         """Return the streams without delays, s, and with the rest of a lever arm, m."""
-        streams = self.streams
-        for name, delay in zip(self.names, sizes, strict=False):
-            streams = late(name, float(delay)).mended(streams)
+        streams, ends = self.streams, (self.middle, self.middle)
+        for name, value in zip(self.names, sizes.tolist(), strict=False):
+            clock = Clock(drift=Delay(value), ends=ends) if name == DRIFT else Clock(Delay(value))
+            streams = of_clock(None if name == DRIFT else name, clock).mended(streams)
         arm = np.array(streams.positions.arm) + sizes[len(self.names) :]
         return arm_of(arm, np.zeros(3)).mended(streams)
 
@@ -198,10 +211,20 @@ class _Problem:
 
 
 def _taken_out(recorded: Streams, streams: Streams) -> dict[str | None, float]:
-    """Return the delay of each stream that was already subtracted from its stamps, s."""
-    common = float(recorded.positions.t[0] - streams.positions.t[0])
+    """Return the delay of each stream that was already subtracted from its stamps, s, and how much it grew a second."""
+    middle, t = middle_of(recorded.positions.t), recorded.positions.t
+    shift = t - streams.positions.t
+    drift = round(float(np.median(np.diff(shift) / np.diff(t))), RATE_DIGITS)  # a jump is none
+
+    def at_middle(first: float, moved: float) -> float:
+        return first - moved + drift * (middle - first)
+
+    common = at_middle(float(t[0]), float(streams.positions.t[0]))
     pairs = zip(recorded.others, streams.others, strict=True)
-    return {None: common, **{one.name: float(one.t[0] - moved.t[0]) - common for one, moved in pairs}}
+    taken: dict[str | None, float] = {None: common, DRIFT: drift}
+    for one, moved in pairs:
+        taken[one.name] = at_middle(float(one.t[0]), float(moved.t[0])) - common
+    return taken
 
 
 def whole_delays(recorded: Streams, at: Installed) -> dict[str | None, Delay]:
@@ -211,9 +234,18 @@ def whole_delays(recorded: Streams, at: Installed) -> dict[str | None, Delay]:
     return {name: one if taken[name] or not one.certain else Delay() for name, one in whole.items()}
 
 
+def clock_of(recorded: Streams, delays: Mapping[str | None, Delay]) -> Clock:
+    """Return the clock that delays of streams make, with the stamps of the first and the last position."""
+    first, last = recorded.positions.t[[0, -1]].tolist()
+    lag = delays.get("velocities", Delay())
+    return Clock(delays[None], lag, drift=delays[DRIFT], ends=(first, last))
+
+
 def certain_moves(recorded: Streams, at: Installed, delays: Mapping[str | None, Delay]) -> dict[str, Move]:
     """Return what undoes the delays and the lever arm that are certain, by their subject."""
-    certain = [late(name, one.value, one.sd) for name, one in delays.items() if one.certain]
+    certain = [late(name, one.value, one.sd) for name, one in delays.items() if name != DRIFT and one.certain]
+    if (clock := clock_of(recorded, delays)).drift.certain:
+        certain = [of_clock(None, clock), *(one for one in certain if one.stream != RECEIVER)]
     if at.streams.positions.arm != recorded.positions.arm:
         certain.append(arm_of(np.array(at.streams.positions.arm), at.arm_sd))
     return {move.subject: move for move in certain}

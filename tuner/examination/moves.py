@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import permutations, product
@@ -13,7 +14,8 @@ from models.rotation import skew
 from models.units import FOOT, unit_value
 from tuner.examination.streams import HorizontalVelocities, Stream, Streams, Velocities
 from tuner.examination.windows import Motion
-from tuner.types.clock import HALF_INTERVAL
+from tuner.formats.clock_words import late_words
+from tuner.types.clock import HALF_INTERVAL, Clock, Delay
 
 AXES = "xyz"
 LEVER_ARM = "lever arm"
@@ -251,28 +253,39 @@ def exchanged(streams: Streams, name: str, change: Callable[[Stream], Stream]) -
 
 def late(stream: str | None, delay: float, sd: float | None = None) -> Move:
     """Return the delay of a stream, or of all against the inertial unit, s, with its sd where it is known."""
+    known = Delay(delay, math.nan if sd is None else sd)
+    return of_clock(stream, Clock(known))
+
+
+def of_clock(stream: str | None, clock: Clock) -> Move:
+    """Return what puts a stream, or all of them against the inertial unit, on the right clock."""
+    drift, sd = clock.drift.value, clock.delay.sd
+    delay = clock.delay.taken_out if clock.drift.certain else clock.delay.value
 
     def mended(streams: Streams) -> Streams:
         for one in streams.all:
             if stream is None or one.name == stream:
-                streams = exchanged(streams, one.name, lambda x: x.later(-delay))
+                streams = exchanged(streams, one.name, lambda x: x.later(-delay - drift * (x.t - middle)))
         return streams
 
+    middle = 0.5 * sum(clock.ends)
     whose, is_are, its = (RECEIVER, "is", "its") if stream is None else (stream, "are", "their")
     amount, word = abs(delay), "late" if delay > 0.0 else "early"
-    shown = f"{amount:.2f} s"
-    if sd is not None:
+    shown, moved = f"{word} by {amount:.2f} s", f"{-delay:+.3f} s"
+    if clock.drift.certain:
+        shown, moved = late_words(clock), " to ".join(f"{-one.value:+.3f} s" for one in clock.delays.values())
+    elif math.isfinite(sd):
         half = HALF_INTERVAL * sd
-        shown = f"{amount:.3f} s ({amount - half:.3f} to {amount + half:.3f})"
+        shown = f"{word} by {amount:.3f} s ({amount - half:.3f} to {amount + half:.3f})"
     return Move(
         whose,
-        f"{is_are} {word} by {shown} against the {'inertial unit' if stream is None else 'positions'}",
-        f"{its} stamps moved by {-delay:+.3f} s",
+        f"{is_are} {shown} against the {'inertial unit' if stream is None else 'positions'}",
+        f"{its} stamps moved by {moved}",
         mended,
         partial=False,
         subject=f"delay of the {whose}",
-        size=amount,
-        sd=sd,
+        size=None if clock.drift.certain else amount,
+        sd=sd if math.isfinite(sd) else None,
         unit="s",
         delay=delay,
     )

@@ -14,11 +14,11 @@ from models.earth import metres_per_radian
 from models.robust import normal_sd
 from tuner.examination.distant_clocks import distant_delay
 from tuner.examination.fit import FIRST_ROUNDS, LEAST_READINGS, Fit, earned, fit
-from tuner.examination.installation import certain_moves, installed, whole_delays
+from tuner.examination.installation import certain_moves, clock_of, installed, whole_delays
 from tuner.examination.moves import DELAYS, STATED_ODDS, TRIADS, Move, exchanged, jumped, late, moves
 from tuner.examination.streams import Stream, Streams, Velocities
 from tuner.examination.windows import WINDOW_LENGTH, Inertial, averaged, longest_step, windows_of
-from tuner.types.clock import CERTAIN_SDS, Delay
+from tuner.types.clock import CERTAIN_SDS, Clock
 from tuner.types.records import DataError
 
 SCREENED_WINDOWS = 16
@@ -78,7 +78,7 @@ class Searched:
     before: Fit
     after: Fit
     unseen: tuple[str, ...]
-    delays: Mapping[str | None, Delay]
+    clock: Clock
 
 
 def searched(streams: Streams, name: str = "streams") -> Searched:
@@ -136,9 +136,10 @@ def searched(streams: Streams, name: str = "streams") -> Searched:
         at = installed(recorded, streams, now)
         gain = max(gain, at.gain)
     delays = whole_delays(recorded, at)
+    clock = clock_of(recorded, delays)
     named = _joined(found, certain_moves(recorded, at, delays), gain)
     unseen = tuple(one for one in unseen if one not in {each.move.subject for each in named})
-    return Searched(named, first, fit(at.streams, near=at.fit, every=True), unseen, delays)
+    return Searched(named, first, fit(at.streams, near=at.fit, every=True), unseen, clock)
 
 
 def _best_fit(streams: Streams, near: Fit) -> Fit:

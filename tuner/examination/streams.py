@@ -88,7 +88,7 @@ class Stream(ABC):
         """Return the stream with other values, and the logarithm of their Jacobian by those before."""
         return replace(self, values=values, log_scale=self.log_scale + log_scale)
 
-    def later(self, delay: float) -> Self:
+    def later(self, delay: float | FloatArray) -> Self:
         """Return the stream as if its readings had been made so much later, s."""
         return replace(self, t=self.t + delay)
 

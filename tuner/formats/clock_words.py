@@ -4,19 +4,27 @@ from __future__ import annotations
 
 import math
 
-from tuner.formats.customary_units import amount
+from tuner.formats.customary_units import amount, digits
 from tuner.types import Coefficient, Compensation
 from tuner.types.clock import Clock, Delay
 
 
 def clock_words(clock: Clock) -> str:
     """Return the delay of the fixes and the lag of their velocities; empty where neither is certain."""
-    delay, lag = clock.delay, clock.lag
+    lag = clock.lag
     parts = {
-        f"fixes are stamped {_size(delay)} {'late' if delay.value > 0.0 else 'early'}": delay,
-        f"velocities are {_size(lag)} {'later' if lag.value > 0.0 else 'earlier'} than positions": lag,
+        f"fixes are stamped {late_words(clock)}": clock.delay.certain or clock.drift.certain,
+        f"velocities are {_size(lag)} {'later' if lag.value > 0.0 else 'earlier'} than positions": lag.certain,
     }
-    return ", ".join(text for text, one in parts.items() if one.certain)
+    return ", ".join(text for text, certain in parts.items() if certain)
+
+
+def late_words(clock: Clock) -> str:
+    """Return how late the fixes are: once, or of the first and of the last where their clock drifts."""
+    said = (
+        f"{_size(one)} {'late' if one.value > 0.0 else 'early'}{when}" for when, one in clock.delays.items()
+    )
+    return " and ".join(said)
 
 
 def clock_note(clock: Clock) -> str:
@@ -41,5 +49,7 @@ def stated_words(compensation: Compensation) -> str:
 
 
 def _size(delay: Delay) -> str:
+    if not delay.sd:
+        return f"{digits(abs(delay.value), 2)} s"  # of settings, which have no interval
     low, high = sorted(map(abs, delay.interval))
     return amount(Coefficient(abs(delay.value), (low, high), None, "s"))

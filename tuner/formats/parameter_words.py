@@ -39,14 +39,15 @@ def meaning_text(meaning: str, figures: Mapping[str, Coefficient], *, ranges: bo
     meaning : str
         Clauses between commas. A place in a clause, ``{sd}``, is for the figures whose names begin so, ``{}`` for those
         that no clause before it has; a clause with a place for which there is no figure is left out. Of
-        ``{late|early}`` the sign of the only figure takes a word (`with_sign`), and its magnitude is given.
+        ``{late|early}`` the one sign of all figures takes a word (`with_sign`), and their magnitudes are given.
     figures : mapping of str to Coefficient
         SI, by name.
     ranges : bool, optional
         Whether figures that share a place are given as their range of magnitudes, not each.
     """
     if (said := with_sign(meaning, figures)) != meaning:
-        meaning, figures = said, {name: _magnitude(one) for name, one in figures.items()}
+        same = len({one.value < 0.0 for one in figures.values() if one.value is not None}) == 1
+        meaning, figures = said, {name: _magnitude(one) if same else one for name, one in figures.items()}
     left = parameter_words(figures)
     clauses = []
     for clause in meaning.split(", "):
@@ -71,14 +72,14 @@ def meaning_text(meaning: str, figures: Mapping[str, Coefficient], *, ranges: bo
 
 
 def with_sign(meaning: str, figures: Mapping[str, Coefficient]) -> str:
-    """Return a meaning whose ``{late|early}`` is *late*, or *early* where the only figure is negative.
+    """Return a meaning whose ``{late|early}`` is *late*, or *early* where the figures are negative.
 
-    Without a figure it is *late or early*.
+    Without figures of one sign it is *late or early*.
     """
-    values = [one.value for one in figures.values() if one.value is not None]
+    signs = {one.value < 0.0 for one in figures.values() if one.value is not None}
 
     def word(choice: re.Match[str]) -> str:
-        return " or ".join(choice.groups()) if len(values) != 1 else choice[2 if values[0] < 0.0 else 1]
+        return " or ".join(choice.groups()) if len(signs) != 1 else choice[2 if signs == {True} else 1]
 
     return re.sub(r"\{(\w+)\|(\w+)\}", word, meaning)
 

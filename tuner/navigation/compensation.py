@@ -29,7 +29,7 @@ import numpy as np
 from models.arrays import FloatArray
 from models.effects.drive import EFFECTS
 from models.effects.drive.base import Correction
-from models.effects.drive.gnss import middle_of
+from models.effects.drive.gnss import without_drift
 from tuner.navigation.fix_sd_model import GNSS_NOISE_SCALE, fix_sd_model
 from tuner.navigation.settings import FilterSettings
 from tuner.types import Compensation, FilterConfig
@@ -58,7 +58,7 @@ def correction(compensation: Compensation) -> Correction:
 
 def corrected_stamps(t: FloatArray, change: Correction) -> FloatArray:
     """Return the times of fixes on the clock of the inertial unit, from all their stamps t (k,)."""
-    return np.asarray(t - change.fix_delay - change.fix_delay_rate * (t - middle_of(t)))
+    return without_drift(t, change.fix_delay_rate) - change.fix_delay
 
 
 def compensate(drive: Drive, compensation: Compensation) -> Drive:
@@ -88,7 +88,7 @@ def compensate(drive: Drive, compensation: Compensation) -> Drive:
             offset = drive.mounting.T @ offset
         x, y, z = (np.array(arm or (0.0, 0.0, 0.0)) + offset).tolist()
         arm = (x, y, z)
-    clock = drive.clock.beside(change.fix_delay, change.velocity_lag)
+    clock = drive.clock.beside(change.fix_delay, change.velocity_lag, change.fix_delay_rate)
     return replace(drive, rates=rates, gnss=gnss, lever_arm=arm, clock=clock)
 
 

@@ -172,21 +172,23 @@ def tune(
     examined, choice, measured = None, None, None
     unmeasured: Mapping[str, str] = {}
     if inputs.drive is not None:  # the diagnosis of drives takes a third of a second to load
+        from tuner.consistency.reference_check import with_trusted_reference
         from tuner.diagnosis.drive.config_after_drive import config_after_drive
         from tuner.diagnosis.drive.explained_drive import examine_and_explain
         from tuner.diagnosis.drive.held_out_choice import choose_config
         from tuner.diagnosis.drive.noise_in_motion import with_noise_in_motion
 
         stage("diagnosing the drive", 0.6)
-        begun = with_noise_in_motion(inputs.drive, config, inputs.examination)
-        examined = examine_and_explain(inputs.drive, begun, inputs.examination, progress=progress)
+        driven = with_trusted_reference(inputs.drive)
+        begun = with_noise_in_motion(driven, config, inputs.examination)
+        examined = examine_and_explain(driven, begun, inputs.examination, progress=progress)
         began, found = (config_after_drive(examined, kept=kept) for kept in (False, True))
         stage("choosing the settings of the drive", 0.85)
-        choice = choose_config(inputs.drive, examined, began, found, progress)
+        choice = choose_config(driven, examined, began, found, progress)
         config, left_out = with_stated_arm(with_rest_and_motion(config, choice.config), lever_arm)
         config = replace(config, notes=(*config.notes, choice.note, *left_out))
         stage("scoring the settings on the whole drive", 0.95)
-        measured, unmeasured = measured_or_reason(inputs.drive, config, progress)
+        measured, unmeasured = measured_or_reason(driven, config, progress)
     exports, kept_back = exports_of(config, wanted)
     stage("checking the filter on simulated drives", 1.0)
     aided = config.gnss is not None or not wanted

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models.effects.drive.gnss import middle_of
 from models.filter_states import FILTER_STATES
 from tuner.formats.clock_words import clock_words
 from tuner.formats.customary_units import digits
@@ -111,7 +110,7 @@ def fixes_parts(examined: ExaminedDrive, config: FilterConfig, *, written: bool)
     where = "noise.yaml" if written else "the filter judged"
     with_states = (
         f"R of {where}, with its states",
-        "states for GNSS errors: sd; time",
+        "states for GNSS errors, as set: sd; time",
         "R of a filter without states",
     )
     own = with_states if any(lasting.values()) else [f"R of {where}"]
@@ -145,15 +144,11 @@ def _delay_lines(clock: Clock, applied: Compensation, t: FloatArray, *, written:
     A delay that drifts between the stamps t (k,) is said of the first and of the last fix.
     """
     delay, lag = (applied.value(cause, "delay") for cause in ("time_offset", "velocity_lag"))
-    if (clock.delay.taken_out, clock.lag.taken_out) != (delay, lag):
-        clock = Clock(Delay(delay, 0.0), Delay(lag, 0.0))
+    rate = applied.value("clock_drift", "rate")
+    if (clock.delay.taken_out, clock.lag.taken_out, clock.drift.taken_out) != (delay, lag, rate):
+        ends = float(t[0]), float(t[-1])
+        clock = Clock(Delay(delay, 0.0), Delay(lag, 0.0), drift=Delay(rate, 0.0), ends=ends)
     text = clock_words(clock)
-    if rate := applied.value("clock_drift", "rate"):
-        ends = [(x, delay + rate * (x - middle_of(t))) for x in (t[0], t[-1])]
-        said = [f"{digits(abs(of), 2)} s {'late' if of > 0.0 else 'early'} at {x:.0f} s" for x, of in ends]
-        text = ", ".join(
-            filter(None, [f"fixes are stamped {' and '.join(said)}", clock_words(Clock(lag=clock.lag))])
-        )
     out = "tuner with noise.yaml and the KF-GINS export take" if written else "the filter judged took"
     done = f"{out} that out; the recording still has it, so for another filter move its stamps"
     return [f"{sentence(text)}: {done}"] if text else []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 HALF_INTERVAL = 1.96
@@ -40,13 +41,42 @@ class Delay:
 
 @dataclass(frozen=True)
 class Clock:
-    """Delay of all fixes against the inertial unit, and lag of velocities behind positions."""
+    """Delay of all fixes against the inertial unit, and lag of velocities behind positions.
+
+    Attributes
+    ----------
+    delay, lag : Delay
+        The delay is that halfway between the first and the last fix.
+    further : bool
+        Whether the delay is what remains beside one that was taken out.
+    drift : Delay
+        By how much the delay grows in a second, and the sd of that.
+    ends : (float, float)
+        Stamps of the first and the last fix, s.
+    """
 
     delay: Delay = field(default_factory=Delay)
     lag: Delay = field(default_factory=Delay)
     further: bool = False
-    """Whether the delay is what remains beside one that was taken out."""
+    drift: Delay = field(default_factory=Delay)
+    ends: tuple[float, float] = (0.0, 0.0)
 
-    def beside(self, delay: float, lag: float) -> Clock:
-        """Return what remains beside a delay and a lag that were taken out, s."""
-        return Clock(self.delay.beside(delay), self.lag.beside(lag), self.further or delay != 0.0)
+    def beside(self, delay: float, lag: float, drift: float = 0.0) -> Clock:
+        """Return what remains beside a delay, a lag, s, and a drift that were taken out."""
+        return replace(
+            self,
+            delay=self.delay.beside(delay),
+            lag=self.lag.beside(lag),
+            further=self.further or delay != 0.0,
+            drift=self.drift.beside(drift),
+        )
+
+    @property
+    def delays(self) -> Mapping[str, Delay]:
+        """The delay of the fixes by its time in words: one, or that of the first and of the last fix if it drifts."""
+        if not self.drift.certain:
+            return {"": self.delay}
+        half = 0.5 * (self.ends[1] - self.ends[0])
+        sd = math.hypot(self.delay.sd, half * self.drift.sd)
+        first, last = (Delay(self.delay.taken_out + part * self.drift.value, sd) for part in (-half, half))
+        return {f" at {self.ends[0]:.0f} s": first, f" at {self.ends[1]:.0f} s": last}

@@ -313,6 +313,8 @@ class Drive:
         Where the vehicle is at a time, as the file states it; None: to be found by an alignment.
     compensated : bool
         Whether what a configuration takes out of a drive is taken out of this one.
+    judged : str or None
+        When its reference is wrong, in words, and left out; None where nobody has looked.
     """
 
     name: str
@@ -330,6 +332,7 @@ class Drive:
     clock: Clock = field(default_factory=Clock)
     start: Start | None = None
     compensated: bool = False
+    judged: str | None = None
 
     @property
     def unusable(self) -> str:

@@ -294,6 +294,11 @@ def middle_of(t: FloatArray) -> float:
     return 0.5 * float(t[0] + t[-1]) if len(t) else 0.0
 
 
+def without_drift(t: FloatArray, rate: float) -> FloatArray:
+    """Return stamps t (k,) of a clock whose delay grows by `rate` a second, without that; s."""
+    return np.asarray(t - rate * (t - middle_of(t)))
+
+
 def _stamped(drive: DriveSamples, t: FloatArray, name: str, value: float) -> DriveSamples:
     """Return a drive with other stamps of its fixes, without those outside the inertial record."""
     kept = (t >= drive.t[0]) & (t <= drive.t[-1])

@@ -470,7 +470,7 @@ def test_sds_and_delay_of_the_fixes_stand_in_metres_and_seconds():
     rows, positions, velocities = (list(column.cells) for column in table.columns)
     assert rows[1:] == [
         "R of noise.yaml, with its states",
-        "states for GNSS errors: sd; time",
+        "states for GNSS errors, as set: sd; time",
         "R of a filter without states",
     ]
     # No sd of a single fix stands for what lasts: GTSAM with 2.0 m was sure to a tenth of its error.

@@ -8,7 +8,7 @@ of receiver and reference, which moves fixes along the velocity, is fitted and t
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,6 @@ from models.earth import ned_between
 from models.robust import normal_sd
 from tuner.consistency.drive_scores import differences, reference_at
 from tuner.consistency.reference_attitude import without_wrong_attitude
-from tuner.consistency.reference_check import trusted_reference
 from tuner.diagnosis.drive.hypothesis import FilterRun
 from tuner.types import GnssNoise, Unexplained
 from tuner.types.records import SOLUTIONS, Drive, Reference
@@ -94,13 +93,10 @@ def against_reference(
     receiver : GnssNoise or None
         As configured: errors that stay are no offset up to their sd.
     """
-    if drive.reference is None:
-        return (), ()
-    reference, wrong = trusted_reference(drive.reference, final.stretches, final.settings)
-    notes = [wrong] if wrong else []
+    notes = [drive.judged] if drive.judged else []
+    reference = drive.reference
     if reference is None:
         return tuple(notes), ()
-    drive = replace(drive, reference=reference)
     errors = errors_of_fixes(drive, reference)
     good = np.asarray(np.isfinite(errors.position).all(axis=1))
     if np.count_nonzero(good) < MIN_FIXES:

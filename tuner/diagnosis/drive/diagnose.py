@@ -10,13 +10,15 @@ import numpy as np
 from models import rotation
 from models.filter_states import FILTER_STATES
 from models.filter_states.built_in import CORRELATED_VELOCITY
+from tuner.consistency.reference_check import with_trusted_reference
 from tuner.diagnosis.drive.against_reference import against_reference
+from tuner.diagnosis.drive.causes.correlated_gnss import of_several_processes
 from tuner.diagnosis.drive.causes.mounting import mounting, untestable_causes
 from tuner.diagnosis.drive.causes.quantizer import coarse_quantizer_notes
-from tuner.diagnosis.drive.causes.registry import significance_threshold
+from tuner.diagnosis.drive.causes.registry import DRIVE_CAUSES, significance_threshold
 from tuner.diagnosis.drive.causes.sensor_bias import biases_beyond_prior
-from tuner.diagnosis.drive.causes.time_offset import clock_coefficients, delays_of
-from tuner.diagnosis.drive.findings import finding, inseparable_causes
+from tuner.diagnosis.drive.causes.time_offset import RATE, clock_coefficients, delays_of
+from tuner.diagnosis.drive.findings import finding, inseparable_causes, of_first_and_last
 from tuner.diagnosis.drive.held_out_gain import held_out_gain
 from tuner.diagnosis.drive.hypothesis import (
     FilterRun,
@@ -24,7 +26,7 @@ from tuner.diagnosis.drive.hypothesis import (
     in_sensor_axes,
     run_filter,
 )
-from tuner.diagnosis.drive.hypothesis_tests import Candidate
+from tuner.diagnosis.drive.hypothesis_tests import Candidate, noise_hypothesis_of
 from tuner.diagnosis.drive.plausibility import plausible
 from tuner.diagnosis.drive.posterior_check import with_something_else
 from tuner.diagnosis.drive.search import SearchResult, search_causes
@@ -35,6 +37,7 @@ from tuner.navigation.drive.run import expect_settled
 from tuner.navigation.drive.vehicle_constraints import turned_from
 from tuner.stages import stage, task
 from tuner.types import Compensation, DriveDiagnosis, FilterConfig, Gain, Parameter, Unexplained
+from tuner.types.clock import Clock
 from tuner.types.records import DataError, Drive
 
 
@@ -96,6 +99,7 @@ def examine_drive(
 def _examine(
     drive: Drive, config: FilterConfig, wheels: bool, progress: Callable[[str], None] | None
 ) -> ExaminedDrive:
+    drive = with_trusted_reference(drive)
     stage("filtering the drive", 0.1)
     sensor = in_sensor_axes(drive)
     base = run_filter(sensor, Hypothesis.first(sensor, config, config.compensation))
@@ -106,7 +110,7 @@ def _examine(
     outcome = outcome.as_measured(clock_coefficients(drive.clock, config.compensation))
     notes = (
         *base.notes,
-        *([] if "clock_drift" in outcome.shifts else filter(None, [clock_note(drive.clock)])),
+        *(filter(None, [clock_note(drive.clock)]) if _one_clock(drive.clock, outcome) else []),
         *outcome.notes,
         *coarse_quantizer_notes(sensor),
     )
@@ -123,6 +127,11 @@ def _examine(
     if turned := _turned_axes(drive, outcome.final):
         diagnosis = replace(diagnosis, unexplained=(*diagnosis.unexplained, turned))
     return ExaminedDrive(sensor, outcome, diagnosis)
+
+
+def _one_clock(clock: Clock, outcome: SearchResult) -> bool:
+    """Return whether what a drive shows of its clock without a filter is all that is known of it."""
+    return clock.drift.certain or RATE.cause not in outcome.shifts
 
 
 def _turned_axes(drive: Drive, run: FilterRun) -> Unexplained | None:
@@ -167,9 +176,24 @@ def _diagnosis(
         else Gain("in sample", before, before + one.candidate.result.gain / n, one.candidate.result.gain)
         for one in outcome.accepted
     ]
-    pairs = zip(outcome.accepted, own, strict=True)
+    pairs = zip(of_first_and_last(outcome.accepted, drive.gnss.t), own, strict=True)
+    noise, limit = noise_hypothesis_of(outcome.final, outcome.shifts), significance_threshold()
     findings = tuple(
-        sorted((finding(one, drive, of, outcome.doubted(one)) for one, of in pairs), key=lambda f: f.p_value)
+        sorted(
+            (
+                finding(
+                    one,
+                    drive,
+                    of,
+                    tuple(one.parameters)
+                    if DRIVE_CAUSES[one.cause].joins == "states"
+                    and of_several_processes(one.cause, noise, limit)
+                    else outcome.doubted(one),
+                )
+                for one, of in pairs
+            ),
+            key=lambda f: f.p_value,
+        )
     )
     biases = biases_beyond_prior(outcome.final, config, outcome.shifts, significance_threshold())
     # A bias is what named causes leave: it comes last.

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from models.arrays import FloatArray
 from tuner.diagnosis.drive.causes.registry import DRIVE_CAUSES
+from tuner.diagnosis.drive.causes.time_offset import OFFSET_DELAY, RATE
 from tuner.diagnosis.drive.search import Accepted
 from tuner.diagnosis.static.findings import words
 from tuner.types import Coefficient, Finding, Gain, Inseparable
+from tuner.types.clock import HALF_INTERVAL, Clock, Delay
 from tuner.types.records import Drive
 
 
@@ -57,6 +61,35 @@ def finding(one: Accepted, drive: Drive, gain: Gain | None, doubted: tuple[str, 
         one.alternatives,
         doubted=doubted,
     )
+
+
+def of_first_and_last(accepted: tuple[Accepted, ...], t: FloatArray) -> tuple[Accepted, ...]:
+    """Return accepted causes with the delay of the first and of the last fix where their clock drifts.
+
+    Parameters
+    ----------
+    accepted : tuple of Accepted
+        With estimates.
+    t : ndarray, shape (k,)
+        Stamps of the fixes, s.
+    """
+    of = {one.cause: one.parameters for one in accepted}
+    delay, rate = (of.get(p.cause, {}).get(p.name) for p in (OFFSET_DELAY, RATE))
+    if delay is None or rate is None:
+        return accepted
+    clock = Clock(_as_delay(delay), drift=_as_delay(rate), ends=(float(t[0]), float(t[-1])))
+    ends = {
+        when.strip().replace(" ", "_"): Coefficient.known(one.value, *one.interval, "s")
+        for when, one in clock.delays.items()
+    }
+    return tuple(
+        replace(one, parameters=ends) if one.cause == OFFSET_DELAY.cause else one for one in accepted
+    )
+
+
+def _as_delay(figure: Coefficient) -> Delay:
+    low, high = figure.interval or (0.0, 0.0)
+    return Delay(figure.value or 0.0, (high - low) / (2.0 * HALF_INTERVAL))
 
 
 def rotated_parameters(parameters: Mapping[str, Coefficient], matrix: Any) -> dict[str, Coefficient]:

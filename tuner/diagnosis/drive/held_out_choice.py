@@ -27,7 +27,7 @@ from types import MappingProxyType
 import numpy as np
 
 from models.arrays import FloatArray
-from tuner.consistency.reference_check import trusted_reference
+from tuner.consistency.reference_check import with_trusted_reference
 from tuner.diagnosis.drive.candidates import (
     BEGINNING,
     MAX_TRACKING_RATIO,
@@ -43,7 +43,6 @@ from tuner.diagnosis.drive.candidates import (
 from tuner.diagnosis.drive.causes.registry import DRIVE_CAUSES
 from tuner.diagnosis.drive.causes.time_offset import with_clock
 from tuner.diagnosis.drive.config_after_drive import as_estimated, with_records
-from tuner.diagnosis.drive.configured_run import configured_run
 from tuner.diagnosis.drive.diagnose import ExaminedDrive
 from tuner.diagnosis.drive.held_out_gain import change_interval, fitted_before
 from tuner.diagnosis.drive.noise_factors import (
@@ -124,7 +123,7 @@ def choose_config(
     """
     before, after = with_clock(before, drive.clock), with_clock(after, drive.clock)
     begin, end = float(drive.gnss.t[0]), float(drive.gnss.t[-1])
-    drive = _with_trusted_reference(drive, before)
+    drive = with_trusted_reference(drive)
     trial = Trial(drive, begin, begin + FITTED_SHARE * (end - begin), end)
 
     progress("fitting the noise to outages of the first part of the drive")
@@ -199,17 +198,6 @@ def first_of_best(
         if number > 0 and rank is not None and (rank <= Rank.LIKE_FIXES or not has_reference):
             return chosen
     return chosen
-
-
-def _with_trusted_reference(drive: Drive, config: FilterConfig) -> Drive:
-    """Return a drive without those times of its reference at which it is wrong."""
-    if drive.reference is None:
-        return drive
-    try:
-        run = configured_run(drive, config)
-        return replace(drive, reference=trusted_reference(drive.reference, run.stretches, run.settings)[0])
-    except DataError:
-        return drive
 
 
 def _refitted(examined: ExaminedDrive, after: FilterConfig) -> FilterConfig:

@@ -22,6 +22,8 @@ POSITION, POSITION_TIME = "position_stays", "position_stays_time"
 VELOCITY, VELOCITY_TIME = "velocity_stays", "velocity_stays_time"
 STAYING = (POSITION, POSITION_TIME, VELOCITY, VELOCITY_TIME)
 """Factors on sd and time constant of the two processes."""
+SET = "set by trials on withheld fixes, not measured: a state for"
+"""What is said of every figure that trials choose."""
 FIRST_POSITION_TIME = 30.0
 """Time constant with which a position error that stays begins, s: between the smoothing of a receiver, seconds, and the
 passing of satellites and walls, minutes."""
@@ -55,12 +57,16 @@ def with_staying_errors(config: FilterConfig, factors: Mapping[str, float]) -> F
 
 
 def described(config: FilterConfig, factors: Mapping[str, float]) -> tuple[str, ...]:
-    """Return in words what the errors that stay are in a configuration with these factors."""
+    """Return in words which states a configuration with these factors has for errors that stay: set, not measured.
+
+    What predicts withheld fixes best may last for minutes where the errors of the fixes last for seconds: it stands for
+    all of them, and for what the filter lacks.
+    """
     notes = []
     if POSITION in factors and config.gnss is not None and config.gnss.correlated:
         state = config.gnss.correlated[0]
-        notes.append(f"positions of the receiver err by {state.sd:.2g} m for {state.time_constant:.0f} s")
+        notes.append(f"{SET} errors of positions: {state.sd:.2g} m, {state.time_constant:.0f} s")
     if VELOCITY in factors:
         sd, time = (values[CORRELATED_VELOCITY.name] for values in (config.constants, config.time_constants))
-        notes.append(f"velocities of the receiver err by {sd:.2g} m/s for {time:.0f} s")
+        notes.append(f"{SET} errors of velocities: {sd:.2g} m/s, {time:.0f} s")
     return tuple(notes)

@@ -22,6 +22,7 @@ import numpy as np
 from models import rotation
 from models.arrays import FloatArray
 from models.earth import llh_displaced, ned_between
+from models.effects.drive.gnss import without_drift
 from models.error_state import Linearization
 from models.imu_errors import calibration
 from models.measurements import position_fix, velocity_fix
@@ -103,7 +104,8 @@ class Stretch:
 def _clock_note(clock: Clock, gnss: Gnss) -> str:
     """Return what is known of the clocks; what is taken out is a cause, with the errors that it makes."""
     effects, delay, lag = [], clock.delay.taken_out, clock.lag.taken_out
-    if delay:
+    if delay or clock.drift.certain:
+        delay = max((one.value for one in clock.delays.values()), key=abs)
         speed = float(np.sqrt(np.mean(np.sum(velocities(gnss)[:, :2] ** 2, axis=1))))
         size = digits(abs(delay) * speed, 2)
         effects.append(f"{size} m along the track at {digits(speed, 2)} m/s, the rms speed of this drive")
@@ -145,6 +147,7 @@ def prepare(drive: Drive, settings: FilterSettings) -> tuple[tuple[Stretch, ...]
     notes: list[str] = []
     if known := _clock_note(drive.clock, drive.gnss):
         notes.append(known)
+    gnss = replace(drive.gnss, t=without_drift(drive.gnss.t, drive.clock.drift.taken_out))
     mounting = np.eye(3) if drive.mounting is None else drive.mounting
     rates = np.hstack([drive.rates[:, :3] @ mounting, drive.rates[:, 3:] @ mounting])
     dt = np.diff(drive.imu_t)
@@ -167,7 +170,7 @@ def prepare(drive: Drive, settings: FilterSettings) -> tuple[tuple[Stretch, ...]
             continue
         steps = Steps(float(t[0]), np.diff(t), rates[first + 1 : last] * np.diff(t)[:, None])
         try:
-            stretch = _aligned_stretch(steps, drive.gnss, settings, drive.clock, drive.start)
+            stretch = _aligned_stretch(steps, gnss, settings, drive.clock, drive.start)
         except DataError as error:
             failure = str(error)
             notes.append(f"the stretch from {t[0]:.1f} to {t[-1]:.1f} s left out: {error}")

@@ -22,7 +22,10 @@ def examination_json(found: Examination) -> dict[str, Any]:
         "unseen": list(found.unseen),
         "delays": {
             name: {"value": one.value, "interval": list(one.interval), "unit": "s"}
-            for name, one in (("receiver", found.clock.delay), ("velocities", found.clock.lag))
+            for name, one in (
+                *((f"receiver{when}", one) for when, one in found.clock.delays.items()),
+                ("velocities", found.clock.lag),
+            )
             if math.isfinite(one.sd)
         },
     }

@@ -12,7 +12,7 @@ import pytest
 
 from tuner.diagnosis.drive.cause_test import MIN_FACTOR
 from tuner.diagnosis.drive.diagnose import not_named
-from tuner.diagnosis.drive.findings import finding
+from tuner.diagnosis.drive.findings import finding, of_first_and_last
 from tuner.diagnosis.drive.hypothesis import FilterRun, Hypothesis
 from tuner.diagnosis.drive.hypothesis_tests import Candidate
 from tuner.diagnosis.drive.plausibility import reasons
@@ -107,6 +107,27 @@ def test_a_delay_that_the_clock_shows_is_stated_with_its_sign(delay: float, said
     named = finding(shown.accepted[0], cast(Drive, None), None, shown.doubted(shown.accepted[0]))
     assert found_text(named) == f"Stamps of positions and velocities are {said}, by 0.185 ± 0.015 s"
     assert f"velocities are {said} (delay {delay} ± 0.015 s)" in named.text
+
+
+def test_the_delay_of_a_clock_that_drifts_is_that_of_the_first_and_the_last_fix() -> None:
+    # Seen: "early, by 0.185 ± 0.015 s" beside "their delay shrinks by 0.00031 s a second".
+    def known(cause: str, **values: float) -> Accepted:
+        result = TestResult(cause, 1e-9, 50.0, 100.0, "score")
+        return Accepted(
+            Candidate(result),
+            {
+                name: Coefficient.known(x, x - 0.1 * abs(x), x + 0.1 * abs(x), "s")
+                for name, x in values.items()
+            },
+        )
+
+    both = known("time_offset", delay=-0.2), known("clock_drift", rate=-2e-4)
+    told, drift = of_first_and_last(both, np.array([100.0, 300.0, 600.0]))
+    assert drift == both[1]
+    named = finding(told, cast(Drive, None), None)
+    shown = "Stamps of positions and velocities are early, at 100 s 0.150 ± 0.021 s, at 600 s 0.250 ± 0.021 s"
+    assert found_text(named) == shown
+    assert of_first_and_last(both[:1], np.array([100.0, 600.0])) == both[:1]
 
 
 FACTORS = {

@@ -27,7 +27,7 @@ class TimeOffset(ConstantCause):
     cause = "time_offset"
     effect = gnss.TimeOffset
     channels = ("gnss",)
-    meaning = "stamps of positions and velocities are {late|early}, by {delay}"
+    meaning = "stamps of positions and velocities are {late|early}, by {delay}, {}"
     consequence = "shift the stamps of the recording, or give the filter a state for the delay, not both"
     units = dict.fromkeys(("delay",), "s")
     prior_sd, largest = 0.1, 3.0

@@ -92,6 +92,24 @@ def pretest(white: FloatArray) -> float:
     return float(min(1.0, 2.0 * EFFECTIVE_TESTS * norm.sf(largest)))
 
 
+def of_several_processes(cause: str, noise: NoiseHypothesis, threshold: float) -> bool:
+    """Return whether errors of positions, or of velocities, are none of one Gauss–Markov process.
+
+    Innovations of the filter that has its states then stay correlated: its size and time are those of no error.
+
+    Parameters
+    ----------
+    cause : str
+        That of the positions, or of the velocities.
+    noise : NoiseHypothesis
+        Of the filter that has its states.
+    threshold : float
+        P-value of the pre-test below which innovations are correlated.
+    """
+    rows = slice(0, 3) if cause == CORRELATED_GNSS else slice(3, 6)
+    return pretest(np.where(noise.counted, evaluate(noise).white, 0.0)[:, rows]) < threshold
+
+
 def fit_correlated(noise: NoiseHypothesis) -> NoiseFit:
     """Fit a Gauss–Markov error of the position fixes and their white part together.
 
