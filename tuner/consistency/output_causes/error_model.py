@@ -190,7 +190,7 @@ def error_model(run: OutputErrors, course: Course, model: FilterModel) -> ErrorM
     stated = np.einsum("kii->ki", run.covariance)[rows, :9]
     by_fixes, outputs, places = _regressors(course)
     error = run.error[rows, :9]
-    known, white = np.isfinite(error), MODEL_ERROR * np.where(stated > 0.0, np.sqrt(stated), sds)
+    known, white = np.isfinite(error), MODEL_ERROR * np.sqrt(np.where(stated > 0.0, stated, sds**2))
     h, zeros = np.tile(np.eye(9, n), (k, 1, 1)), np.zeros((k, n))
     errors = LinearizedRun(
         run.t[rows], update @ phi, sources, h, np.nan_to_num(error), white, white, known, known, zeros, start, (),
