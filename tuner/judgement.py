@@ -22,11 +22,9 @@ from tuner.identification.identify_channel import CURVE_DISAGREES
 from tuner.limits import HONEST_RATIO, LOST_SHARE, SHOWN_CHANGE, TOLERATED_RATIO, WRONG_FACTOR
 from tuner.synthesis.error_growth import modelled_growth
 from tuner.synthesis.from_drive import FROM_FIXES
-from tuner.synthesis.sufficient import lacking_slow_bias
+from tuner.synthesis.sufficient import UNAIDED_TIME, lacking_slow_bias, undetermined_bias
 from tuner.types import (
     AppliedNoiseScale,
-    BoundUsed,
-    ChannelNoise,
     Diagnosis,
     DriveDiagnosis,
     Enlargement,
@@ -36,7 +34,6 @@ from tuner.types import (
     Unexplained,
 )
 from tuner.types.borrowed import borrowed_words
-from tuner.types.coefficient import hours_needed
 from tuner.types.consistency import Check, Consistency
 from tuner.types.diagnosis import START
 from tuner.types.honesty import claims, is_off, need_text, off_reasons, shows_dishonesty
@@ -61,8 +58,6 @@ SETTING_WORDS = {
     "bias_instability_level": "bias instability",
 }
 """Settings of a sensor and terms behind them, in words."""
-UNAIDED_TIME = 60.0
-"""Time without aiding over which a term that is only limited is judged, s."""
 NOT_SHOWN_AT_REST = "a log at rest cannot show scale factors, misalignment, delays or vibration of a vehicle"
 """What the verdict on a log that nothing contradicts says of its reach."""
 
@@ -452,41 +447,17 @@ def _causes_text(causes: Sequence[str]) -> str:
 def _of_limits(config: FilterConfig) -> Iterator[Reason]:
     """Yield the axes whose settings depend on a term of which only a limit is known.
 
-    White noise is then the limit. Of slow terms half of it is written: they are named where the predicted sd of angle
-    or velocity after a minute without aiding, with the term at its limit, is at least `HONEST_RATIO` × that without it.
+    White noise is then the limit. Slow terms of which half of it stands in the settings are named where they decide the
+    drift of a minute.
     """
-    hidden: list[str] = []
-    limited: dict[str, list[str]] = {}
-    ratios: list[float] = []
-    hours: list[float] = []
-    others = False
-    for one in config.inflations:
-        channel = config.channels.get(one.quantity.owner)
-        if not isinstance(one, BoundUsed) or channel is None or one.factor <= 0.0:
-            continue
-        if one.quantity.field == "white.density":
-            hidden.append(channel.axis)
-        elif (ratio := limit_ratio(channel, one.quantity.field, one.factor)) >= HONEST_RATIO:
-            term = SETTING_WORDS[one.quantity.field.replace(".", "_")]
-            limited.setdefault(term, []).append(channel.axis)
-            ratios.append(ratio)
-            if (needed := hours_needed(one.reason)) is not None:
-                hours.append(needed)
-        else:
-            others = True
+    hidden = [axis for axis in config.channels if "white_density" in config.on_limit(axis)]
     if hidden:
         yield Reason(
             Use.USABLE_EXCEPT,
             f"the white noise of {axes_text(hidden)}: only a limit is known, which is written",
         )
-    if limited:
-        yield Reason(
-            Use.USABLE_EXCEPT,
-            f"{' and '.join(f'{term} ({axes_text(axes)})' for term, axes in limited.items())}: not seen, half of the "
-            f"limit is ASSUMED (drift in {UNAIDED_TIME:g} s: at the limit {range_text(ratios, significant=2)} × that "
-            f"at 0{f'; other limits < {HONEST_RATIO:g} ×' * others})"
-            + (f"; a log of {digits(max(hours), 2)} h shows half as much" if hours else ""),
-        )
+    if (words := undetermined_bias(config)) is not None:
+        yield Reason(Use.USABLE_EXCEPT, words)
 
 
 def _of_ramps(config: FilterConfig) -> Iterator[Reason]:
@@ -506,30 +477,6 @@ def _of_ramps(config: FilterConfig) -> Iterator[Reason]:
             Use.USABLE_EXCEPT,
             f"the bias of {axes_text(felt)}, which drifted steadily while recorded: only noise.yaml has that rate",
         )
-
-
-def limit_ratio(channel: ChannelNoise, term: str, factor: float) -> float:
-    """Return the sd of the drift after `UNAIDED_TIME` with a slow term at its limit ÷ that without it; 0 for others.
-
-    Parameters
-    ----------
-    channel : ChannelNoise
-        Settings of an axis.
-    term : str
-        ``random_walk.density`` or ``bias_instability.level``.
-    factor : float
-        Share of the limit that the setting is.
-    """
-    if term == "random_walk.density":
-        most = replace(channel, random_walk_density=channel.random_walk_density / factor)
-        least = replace(channel, random_walk_density=0.0)
-    elif term == "bias_instability.level":
-        most = replace(channel, markov=tuple(replace(one, sd=one.sd / factor) for one in channel.markov))
-        least = replace(channel, markov=())
-    else:
-        return 0.0
-    high, low = (float(modelled_growth(one, UNAIDED_TIME)) for one in (most, least))
-    return math.sqrt(high / low) if low > 0.0 else math.inf
 
 
 def _far(ratio: float | None, factor: float = WRONG_FACTOR) -> bool:

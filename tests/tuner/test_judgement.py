@@ -17,7 +17,7 @@ from tuner.diagnosis.drive.held_out_choice import HeldOutChoice
 from tuner.diagnosis.drive.predictive_score import PredictiveScore
 from tuner.identification import identify
 from tuner.identification.identify_channel import CURVE_DISAGREES
-from tuner.judgement import Settings, judge_noise, judge_settings, limit_ratio, lost_shares
+from tuner.judgement import Settings, judge_noise, judge_settings, lost_shares
 from tuner.limits import HONEST_RATIO, TEST_POWER
 from tuner.simulation.static import simulate
 from tuner.synthesis import synthesize
@@ -25,7 +25,6 @@ from tuner.tune_result import TuneResult
 from tuner.types import (
     AppliedNoiseScale,
     BoundUsed,
-    ChannelNoise,
     Compensation,
     Diagnosis,
     DriveDiagnosis,
@@ -280,13 +279,6 @@ def test_demanded_terms_that_the_curve_contradicts_are_not_used(known):
     refuted = replace(known.identification, channels=channels)
     assert judge_noise(refuted).use is Use.DO_NOT_USE
     assert judge_noise(known.identification).use is Use.USABLE
-
-
-def test_a_limit_that_matters_is_assumed_and_said():
-    """N²t + K²t³/3 after a minute: K at its limit triples the sd where K²·60²/3 = 8 N²."""
-    walk = np.sqrt(8.0 * 3.0 / 60.0**2)
-    channel = ChannelNoise("gyro_x", "rad/s", 1.0, (), 0.5 * walk, 0.0)
-    assert limit_ratio(channel, "random_walk.density", 0.5) == pytest.approx(3.0)
 
 
 def test_the_verdict_stands_atop_the_settings_and_nothing_is_written_that_must_not_be_used(known):

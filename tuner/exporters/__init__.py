@@ -46,7 +46,7 @@ from tuner.exporters import (
 from tuner.exporters.dialect import DIALECTS, Dialect, Target
 from tuner.exporters.header import SENSORS
 from tuner.exporters.triad_values import triad
-from tuner.exporters.withheld import withheld
+from tuner.exporters.withheld import NATIVE_DIALECT, withheld
 from tuner.formats import noise_yaml
 from tuner.synthesis.load_config import load_config
 from tuner.types import FilterConfig
@@ -54,10 +54,10 @@ from tuner.types.number_ranges import Positive
 from tuner.types.public import public
 from tuner.types.records import DataError
 
-__all__ = ["DIALECTS", "Dialect", "Target", "export", "lacking", "withheld"]
+__all__ = ["DIALECTS", "Dialect", "Target", "export", "lacking", "text_of", "withheld"]
 
 _NATIVE = Dialect(
-    "native", "our own configuration", "SI", lambda config, _: noise_yaml.dumps(config), needs=()
+    NATIVE_DIALECT, "our own configuration", "SI", lambda config, _: noise_yaml.dumps(config), needs=()
 )
 
 DIALECTS.extend(
@@ -131,23 +131,35 @@ def export(
         For an unknown dialect, a sensor that the target cannot do without, an axis without white noise, settings that
         are `withheld`, and an interval or a step that is not positive.
     """
-    declared = dialect_named(dialect)
     if not isinstance(config, FilterConfig):
         config = load_config(config)
+    declared = _expect_complete(config, dialect)
+    if why := withheld(config, dialect):
+        raise DataError(f"{config.name}: nothing is written for {dialect}: {why}")
+    return declared.write(config, declared.target(config, interval, step))
+
+
+def text_of(config: FilterConfig, dialect: str, interval: float | None = None) -> str:
+    """Return a configuration as text for a program that is run at once and judged, whatever its numbers rest on."""
+    declared = _expect_complete(config, dialect)
+    return declared.write(config, declared.target(config, interval))
+
+
+def _expect_complete(config: FilterConfig, name: str) -> Dialect:
+    """Return a dialect; refuse a configuration that lacks a sensor it needs, or white noise."""
+    declared = dialect_named(name)
     if missing := lacking(config, declared):
         raise DataError(
-            f"{config.name}: {dialect} needs gyroscopes and accelerometers, found no {missing[0]}; "
+            f"{config.name}: {name} needs gyroscopes and accelerometers, found no {missing[0]}; "
             "`tuner tune LOG --complete GRADE` fills them in from a built-in grade"
         )
     silent = [axis for axis, channel in config.channels.items() if not channel.white_density > 0.0]
-    if silent and dialect != "native":
+    if silent and name != NATIVE_DIALECT:
         raise DataError(
-            f"{config.name}: {dialect}: expected white noise of {silent[0]} above 0, found 0, by which "
+            f"{config.name}: {name}: expected white noise of {silent[0]} above 0, found 0, by which "
             "filters divide: set white_density in noise.yaml, at least to that of its data sheet"
         )
-    if why := withheld(config):
-        raise DataError(f"{config.name}: nothing is written for {dialect}: {why}")
-    return declared.write(config, declared.target(config, interval, step))
+    return declared
 
 
 def dialect_named(name: str) -> Dialect:

@@ -8,23 +8,27 @@ from __future__ import annotations
 from typing import Literal
 
 from tuner.exporters.triad_values import triad
-from tuner.synthesis.sufficient import why_insufficient
+from tuner.synthesis.sufficient import why_insufficient, why_undetermined
 from tuner.types import FilterConfig
 from tuner.types.borrowed import borrowed, white_is_measured
 
+NATIVE_DIALECT = "native"
+"""Name of our own dialect, the only one whose file marks what is assumed."""
 AutopilotSetting = Literal["white", "walk", "turn_on"]
 """What a parameter of an autopilot is made from: white noise, wander of the bias, its sd at switch-on."""
 
 
-def withheld(config: FilterConfig) -> str | None:
+def withheld(config: FilterConfig, dialect: str = NATIVE_DIALECT) -> str | None:
     """Return why no settings may be written from a configuration, in one line; None where they may.
 
     Parameters
     ----------
     config : FilterConfig
-        What is to be written, for our own filter or another's.
+        What is to be written.
+    dialect : str, optional
+        For which program: what is ASSUMED of a bias that no log or sheet shows is written in our own file alone.
     """
-    return why_insufficient(config)
+    return why_insufficient(config) or (None if dialect == NATIVE_DIALECT else why_undetermined(config))
 
 
 def keep_stock(

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from models.arrays import FloatArray
-from tuner.exporters import export
+from tuner.exporters import text_of
 from tuner.exporters.kf_gins import DIALECT, entries
 from tuner.exporters.kf_gins_drive import drive_files, write_drive
 from tuner.formats.documents import parse_yaml
@@ -56,7 +56,7 @@ class Inputs:
             name: folder / f"{name}.{end}"
             for name, end in (("config", "txt"), ("imu", "csv"), ("gnss", "csv"))
         }
-        write_text(paths["config"], export(config, self.dialect, interval=_interval(self.drive)))
+        write_text(paths["config"], text_of(config, self.dialect, _interval(self.drive)))
         drive, fixes = self.drive, self.fixes
         motion = np.column_stack([drive.imu_t + drive.origin, drive.rates])
         _csv(paths["imu"], "t,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z", motion)

@@ -15,7 +15,7 @@ import numpy as np
 
 from models.arrays import FloatArray
 from tuner.consistency.score_output import OutputScore, score_outputs
-from tuner.exporters import DIALECTS, export
+from tuner.exporters import DIALECTS, text_of
 from tuner.external.innovations import Deviations, common, deviations_of, errors_of, without_outliers
 from tuner.external.inputs import Inputs, inputs_of
 from tuner.external.noise_factors import NOISE_FACTORS, with_factors, with_two_numbers
@@ -167,7 +167,7 @@ def tune_external(
         (before.ratio(), after.ratio()),
         (_scored(untouched, found.before, truth), _scored(tuned, found.after, truth)),
         final,
-        export(final, dialect),
+        text_of(final, dialect),
         tuple(notes),
     )
 

@@ -14,13 +14,13 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from models.sensors import SensorGrade
-from tuner.catalogue.grades import DEFAULT_RECEIVER, load_grade
+from tuner.catalogue.grades import DEFAULT_RECEIVER, grade_identification, load_grade
 from tuner.diagnosis import diagnose
 from tuner.diagnosis.data_quality.overflow import without_overflow
 from tuner.diagnosis.static.position_drift import found_signals, without_events
 from tuner.examination.examined_drive import examined_drive
 from tuner.exporters import DIALECTS, dialect_named, export, lacking, withheld
-from tuner.formats import noise_yaml
+from tuner.exporters.withheld import NATIVE_DIALECT
 from tuner.formats.prediction import prediction_json
 from tuner.identification import identify
 from tuner.identification.identify import with_terms_found
@@ -48,8 +48,9 @@ from tuner.synthesis.findings import (
 from tuner.synthesis.from_drive import identification_of_drive, receiver_of, stationary_noise
 from tuner.synthesis.prediction import hold_to_records
 from tuner.synthesis.rest_and_motion import with_rest_and_motion
+from tuner.synthesis.sufficient import decisive_limits, with_terms_of_sheet
 from tuner.synthesis.worst_case import worst_case
-from tuner.tune_result import LogResult, TuneInputs, TuneResult
+from tuner.tune_result import NATIVE, LogResult, TuneInputs, TuneResult
 from tuner.types import Diagnosis, FilterConfig, GnssNoise, Identification
 from tuner.types.arguments import expect_records
 from tuner.types.consistency import Check
@@ -109,9 +110,10 @@ def tune(
     horizon : float, optional
         Longest time the filter must predict without aiding, s.
     complete : str or SensorGrade, optional
-        Grade that stands in for a sensor the log lacks.
+        Grade that stands in for a sensor the log lacks, and for `datasheet`.
     datasheet : str or Path, optional
-        Built-in grade or data sheet to compare with; it changes no setting.
+        Built-in grade or data sheet to compare with; its slow terms stand in where the log shows a limit alone that
+        decides the drift of a minute.
     gnss : str, Path or GnssNoise, optional
         Receiver: a built-in grade, a log of fixes at rest, or its errors; by default what the fixes of the drive
         report.
@@ -159,6 +161,7 @@ def tune(
         calibration=calibration,
         horizon=horizon,
         complete=completion,
+        sheet=stated or (None if completion is None else grade_identification(completion)),
         conservative=conservative,
         seed=seed,
     )
@@ -233,10 +236,9 @@ def exports_of(config: FilterConfig, wanted: Sequence[str]) -> tuple[Mapping[str
         Where a wanted dialect lacks a sensor.
     """
     names = [*wanted, *(name for name in EXPORTED_DIALECTS if not lacking(config, DIALECTS[name]))]
-    if why := withheld(config):
-        return {}, dict.fromkeys(("noise.yaml", *map(file_of_dialect, names)), why)
-    texts = {file_of_dialect(name): export(config, name) for name in names}
-    return {"noise.yaml": noise_yaml.dumps(config), **texts}, {}
+    files = {NATIVE: NATIVE_DIALECT, **{file_of_dialect(name): name for name in names}}
+    kept_back = {file: why for file, name in files.items() if (why := withheld(config, name))}
+    return {file: export(config, name) for file, name in files.items() if file not in kept_back}, kept_back
 
 
 def file_of_dialect(name: str) -> str:
@@ -376,26 +378,35 @@ def configure(
     calibration: PoseCalibration | None,
     horizon: float,
     complete: SensorGrade | None,
+    sheet: Identification | None,
     conservative: bool,
     seed: int,
 ) -> tuple[FilterConfig, Mapping[str, PredictedBlock]]:
     """Return the configuration that the static log implies, and how well each of its axes predicts that log.
 
-    Axes that fail to predict their log get settings that do; noise that is larger for a part of the time is advice,
+    Axes that fail to predict their log get settings that do; slow terms that a log does not show and that decide the
+    drift of a minute are those of a sheet, where one is given; noise that is larger for a part of the time is advice,
     unless the configuration is to be conservative.
     """
-    config = synthesize(
-        noise.identification,
-        name=inputs.name,
-        horizon=horizon,
-        complete=complete,
-        gnss=inputs.receiver,
-        seed=seed,
-        findings=() if noise.diagnosis is None else findings_for_config(noise.diagnosis),
-    )
     found = () if noise.diagnosis is None else noise.diagnosis.findings
     signals = found_signals([one for one in found if one not in left_out(found)], noise.still)
-    config, predictions = hold_to_records(config, noise.still, signals)
+
+    def settings(identification: Identification) -> tuple[FilterConfig, Mapping[str, PredictedBlock]]:
+        made = synthesize(
+            identification,
+            name=inputs.name,
+            horizon=horizon,
+            complete=complete,
+            gnss=inputs.receiver,
+            seed=seed,
+            findings=() if noise.diagnosis is None else findings_for_config(noise.diagnosis),
+        )
+        return hold_to_records(made, noise.still, signals)
+
+    config, predictions = settings(noise.identification)
+    axes = list(dict.fromkeys(one.quantity.owner for one, _ in decisive_limits(config)))
+    if sheet is not None and axes:
+        config, predictions = settings(with_terms_of_sheet(noise.identification, axes, sheet))
     stored = {axis: prediction_json(found, curve=False) for axis, found in predictions.items()}
     config = replace(config, provenance={**config.provenance, "prediction": stored})
     if noise.diagnosis is not None:

@@ -19,7 +19,7 @@ from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 from rich.table import Table
 
-from tuner.exporters import DIALECTS, export, lacking
+from tuner.exporters import DIALECTS, export, lacking, withheld
 from tuner.jobs import each
 from tuner.pipeline import EXPORTED_DIALECTS
 from tuner.report.alike_sentences import alike_sentences
@@ -92,6 +92,7 @@ def write_page(
         if result.exports
         and name not in ("native", *EXPORTED_DIALECTS)
         and not lacking(result.config, dialect)
+        and not withheld(result.config, name)
     }
     content = {
         "name": result.name,

@@ -40,7 +40,7 @@ from tuner.report.tune_sections import setting_reasons, tune_sections
 from tuner.report.unexplained_words import unexplained_lines
 from tuner.synthesis.findings import judge_hidden, left_out
 from tuner.types import Diagnosis
-from tuner.types.judgement import Use
+from tuner.types.judgement import Judgement, Use
 from tuner.types.named_cause import separated
 
 if TYPE_CHECKING:
@@ -150,13 +150,20 @@ def noise_tables(result: TuneResult, files: Iterable[str]) -> list[Table]:
 
 
 def withheld_lines(result: TuneResult) -> list[str]:
-    """Return which files of settings are not written, with the reason where the verdict does not say it."""
+    """Return which files of settings are not written, with what the verdict does not say of the reason."""
     names = gathered((why, name) for name, why in result.withheld.items())
     return [
-        f"Not written: {', '.join(files)}"
-        + ("" if any(one in why for one in result.verdict.reasons) else f": {why}")
+        f"Not written: {', '.join(files)}{f': {rest}' if (rest := _beyond(why, result.verdict)) else ''}"
         for why, files in names.items()
     ]
+
+
+def _beyond(why: str, verdict: Judgement) -> str:
+    """Return what a reason says beyond the verdict: what would do."""
+    rest = "" if why == verdict.text else why
+    for one in verdict.reasons:
+        rest = rest.replace(one, "")
+    return rest.strip(" ;.")
 
 
 def settings_in_dialect(result: TuneResult, dialect: str, directory: Path) -> list[str]:

@@ -1,19 +1,35 @@
 """Whether the noise of a sensor is enough for a filter: white noise and one description of its slow bias.
 
-Without a slow bias a filter takes its estimate of the bias for known after a while, and diverges from the truth.
+Without a slow bias a filter takes its estimate of the bias for known after a while, and diverges from the truth. A slow
+term of which a log shows a limit alone is ASSUMED at half of it in our own file, which marks it; what another program
+is given cannot be marked, so that nothing is written for it where such a term decides the drift.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from types import MappingProxyType
 
 from models.noise import LowPassWhite, Quantization, Ramp, RandomWalk, Sinusoid, White
 from models.noise.bias_instability import ALLAN_FLOOR
 from tuner.catalogue.grades import grade_names, load_grade
-from tuner.formats.customary_units import customary_unit, digits, in_customary, pretty
-from tuner.types import ChannelNoise, FilterConfig, Identification
+from tuner.formats.axis_words import axes_text
+from tuner.formats.customary_units import customary_unit, digits, in_customary, pretty, range_text
+from tuner.formats.grouping import gathered
+from tuner.limits import HONEST_RATIO
+from tuner.synthesis.error_growth import modelled_growth
+from tuner.types import (
+    BoundUsed,
+    ChannelIdentification,
+    ChannelNoise,
+    FilterConfig,
+    Identification,
+    TermEstimate,
+)
+from tuner.types.borrowed import SHEET_OF, with_borrowed
+from tuner.types.coefficient import hours_needed
 
 SENSORS: Mapping[str, str] = MappingProxyType({"gyro": "gyroscopes", "accel": "accelerometers"})
 """Prefix of the axes of the two triads, and their name."""
@@ -21,6 +37,12 @@ NO_SLOW_BIAS = frozenset(kind.name for kind in (White, LowPassWhite, Quantizatio
 """Terms that say nothing of how a bias wanders."""
 SIMILAR_GRADES = 3
 """Built-in sensors of nearest white noise whose bias instabilities are called usual: two give no range."""
+LIMITED_TERMS: Mapping[str, str] = MappingProxyType(
+    {"random_walk.density": "bias random walk", "bias_instability.level": "bias instability"}
+)
+"""Slow terms of which half of a limit may stand in the settings, in words."""
+UNAIDED_TIME = 60.0
+"""Time without aiding over which a term that is only limited is judged, s."""
 WITHOUT_SLOW_BIAS = (
     "A filter without a slow bias trusts its biases for ever and diverges from the truth: put bias terms into the "
     "sheet, name one that has them (--datasheet), or record 3 h at rest"
@@ -52,6 +74,89 @@ def why_insufficient(source: Identification | FilterConfig) -> str | None:
     """Return in one line why a filter cannot be configured from some noise, and what would do; None where it can."""
     reasons = "; ".join(lacking_slow_bias(source).values())
     return f"{reasons}. {WITHOUT_SLOW_BIAS}" if reasons else None
+
+
+def decisive_limits(config: FilterConfig) -> list[tuple[BoundUsed, float]]:
+    """Return the limits of slow terms, a share of which stands in the settings, that decide the drift of a minute.
+
+    With each stands by how much: the sd of the drift after `UNAIDED_TIME` with the term at its limit ÷ that of the
+    measured terms alone, `HONEST_RATIO` or more.
+    """
+    found = []
+    for one in config.inflations:
+        channel, term = config.channels.get(one.quantity.owner), one.quantity.field
+        if channel is None or not isinstance(one, BoundUsed) or not one.factor or term not in LIMITED_TERMS:
+            continue
+        limited = config.states_on_limit(channel.axis)
+        walk = channel.random_walk_density
+        seen = replace(
+            channel,
+            markov=tuple(state for state in channel.markov if state not in limited),
+            random_walk_density=0.0 if "random_walk_density" in config.on_limit(channel.axis) else walk,
+        )
+        if term == "random_walk.density":
+            most = replace(seen, random_walk_density=walk / one.factor)
+        else:
+            at_limit = tuple(replace(state, sd=state.sd / one.factor) for state in limited)
+            most = replace(seen, markov=(*seen.markov, *at_limit))
+        high, low = (float(modelled_growth(noise, UNAIDED_TIME)) for noise in (most, seen))
+        if high >= HONEST_RATIO**2 * low:
+            found.append((one, math.sqrt(high / low) if low else math.inf))
+    return found
+
+
+def undetermined_bias(config: FilterConfig) -> str | None:
+    """Return in words which slow terms decide the drift of a minute and are not seen; None where none does."""
+    found = decisive_limits(config)
+    if not found:
+        return None
+    axes = gathered((LIMITED_TERMS[one.quantity.field], one.quantity.owner) for one, _ in found)
+    terms = " and ".join(f"{term} ({axes_text(those)})" for term, those in axes.items())
+    return (
+        f"{terms}: not seen, half of the limit is ASSUMED (drift in {UNAIDED_TIME:g} s: at the limit "
+        f"{range_text([ratio for _, ratio in found], significant=2)} × that without it)"
+    )
+
+
+def why_undetermined(config: FilterConfig) -> str | None:
+    """Return in one line why no other program is given the settings, and what would do; None where it may be."""
+    words = undetermined_bias(config)
+    if words is None:
+        return None
+    needed = [hours for one, _ in decisive_limits(config) if (hours := hours_needed(one.reason)) is not None]
+    longer = f"a log of {digits(max(needed), 2)} h shows half as much" if needed else "or record longer"
+    return f"{words}; `tuner tune LOG --datasheet NAME` takes what a log does not show from a sheet; {longer}"
+
+
+def with_terms_of_sheet(found: Identification, axes: Iterable[str], sheet: Identification) -> Identification:
+    """Return noise of which some axes have the slow terms of a sheet in place of those that are only limited.
+
+    None is above its limit, as the unit is better than its sheet there; what the sheet does not state of them is left
+    out. An axis of which the sheet has no slow term stays as it is.
+    """
+    slow = {
+        axis: [term for term in channel.terms if term.name not in NO_SLOW_BIAS]
+        for axis, channel in sheet.channels.items()
+    }
+    lent = {axis: _with_stated(found.channels[axis], slow[axis]) for axis in axes if slow.get(axis)}
+    source = with_borrowed(found.source, lent, f"{SHEET_OF}{sheet.source.get('name', 'the sensor')}")
+    return replace(found, channels={**found.channels, **lent}, source=source)
+
+
+def _with_stated(channel: ChannelIdentification, stated: Iterable[TermEstimate]) -> ChannelIdentification:
+    """Return an axis with terms of a sheet in place of slow ones that are only limited."""
+    limits = {
+        term.name: next(iter(term.coefficients.values())).upper for term in channel.terms if not term.present
+    }
+    known = [term for term in channel.terms if term.present or term.name in NO_SLOW_BIAS]
+    lent = []
+    for term in stated:
+        name, size = next(iter(term.coefficients.items()))
+        most = limits.get(term.name)
+        if most is not None and size.value is not None and size.value > most:
+            term = replace(term, coefficients={**term.coefficients, name: replace(size, value=most)})
+        lent += [term] * (term.name not in {one.name for one in known})
+    return replace(channel, terms=(*known, *lent))
 
 
 def unstated_terms(source: Identification | FilterConfig) -> tuple[str, ...]:

@@ -11,6 +11,8 @@ from tuner.types.config import FilterConfig
 
 BORROWED = "borrowed"
 """Key in the source of an identification, and of the provenance of a configuration: grade by axis."""
+SHEET_OF = "the sheet of "
+"""How the name of a sheet begins that was named for this sensor; other names are of built-in ones of nearest noise."""
 
 
 def with_borrowed(source: Mapping[str, Any], axes: Iterable[str], grade: str) -> dict[str, Any]:
@@ -37,8 +39,8 @@ def borrowed_words(config: FilterConfig) -> tuple[str, ...]:
     for axis, grade in borrowed(config).items():
         groups.setdefault((grade, white_is_measured(config, axis)), []).append(axis)
     return tuple(
-        f"bias terms of {_words(axes, config)} are ASSUMED from {grade}, the built-in sensor of nearest white noise, "
-        "not yours"
+        f"bias terms of {_words(axes, config)} are ASSUMED from {grade}"
+        f"{', the built-in sensor of nearest white noise' * (not grade.startswith(SHEET_OF))}, not yours"
         if measured
         else f"noise of {_words(axes, config)} is ASSUMED from the built-in sensor {grade}, not yours"
         for (grade, measured), axes in groups.items()

@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
-from models.noise import NoiseModel, White
+from models.noise import GaussMarkov, NoiseModel, White
 from tuner import choose, compare, tune
 from tuner.catalogue.grades import grade_identification, load_grade
 from tuner.exporters import export, withheld
+from tuner.formats.noise_yaml import ON_LIMIT
 from tuner.identification import identify
 from tuner.identification.identify_source import identify_source
+from tuner.pipeline import configure, exports_of
 from tuner.report.result_set import tune_files
 from tuner.report.sensor_answers import choice_answer, comparison_answer, steadiest
 from tuner.report.terminal import fitted
+from tuner.report.tune_answer import withheld_lines
 from tuner.simulation.static import simulate
 from tuner.synthesis import synthesize
-from tuner.synthesis.sufficient import lacking_slow_bias, unstated_terms
-from tuner.types import Identification
+from tuner.synthesis.sufficient import decisive_limits, lacking_slow_bias, unstated_terms, with_terms_of_sheet
+from tuner.tune_result import LogResult, TuneInputs, TuneResult
+from tuner.types import BoundUsed, ChannelNoise, Identification, Quantity
 from tuner.types.borrowed import borrowed, borrowed_words
 from tuner.types.records import DataError
 
@@ -196,3 +203,87 @@ def test_noise_yaml_marks_what_is_not_stated_and_what_is_assumed():
     text = export(synthesize(gyros, complete=load_grade("mpu9250")), "native")
     lines = [line for line in text.splitlines() if "white_density" in line]
     assert ["ASSUMED from mpu9250, not yours" in line for line in lines] == [False] * 3 + [True] * 3
+
+
+AXES = [f"{sensor}_{axis}" for sensor in ("gyro", "accel") for axis in "xyz"]
+
+
+@pytest.fixture(scope="module")
+def short():
+    """A minute of white noise at rest: of everything slow there is a limit alone."""
+    records, _ = simulate(dict.fromkeys(AXES, NoiseModel([White(1e-4)])), duration=60.0, rate=20.0, seed=3)
+    return records
+
+
+def test_a_limit_decides_by_what_it_adds_to_the_measured_terms_alone():
+    """N²t + K²t³/3 after a minute: K triples the sd where K²·60²/3 = 8 N²; B at its limit hides nothing."""
+    walk = np.sqrt(8.0 * 3.0 / 60.0**2)
+    channel = ChannelNoise("gyro_x", "rad/s", 1.0, (), 0.5 * walk, 0.0)
+    config = synthesize(identify_source("fog"))
+    limits = (BoundUsed(Quantity("gyro_x", "random_walk.density"), 0.5, ""),)
+    made = replace(config, channels={"gyro_x": channel}, inflations=limits)
+    ((_, ratio),) = decisive_limits(made)
+    assert ratio == pytest.approx(3.0)
+    both = replace(
+        made,
+        channels={"gyro_x": replace(channel, markov=(GaussMarkov(1.0, 200.0),))},
+        inflations=(*limits, BoundUsed(Quantity("gyro_x", "bias_instability.level"), 0.5, "")),
+    )
+    assert [one.quantity.field for one, _ in decisive_limits(both)] == [
+        "random_walk.density",
+        "bias_instability.level",
+    ]
+    assert decisive_limits(both)[0][1] == pytest.approx(3.0)
+    small = replace(made, channels={"gyro_x": replace(channel, random_walk_density=0.1 * walk)})
+    assert not decisive_limits(small)
+
+
+def test_half_of_a_limit_that_decides_the_drift_is_in_our_own_file_alone(short):
+    """Logs of 20 to 300 s were written for any program with up to 12 × the drift of a minute."""
+    config = synthesize(identify(short, arma=None))
+    assert ON_LIMIT in export(config, "native")
+    with pytest.raises(DataError, match=r"for kalibr: .*not seen.*--datasheet NAME.*; a log of \S+ h"):
+        export(config, "kalibr")
+    assert withheld(config) is None
+
+
+def test_a_sheet_supplies_what_a_short_log_does_not_show(short):
+    found = identify(short, arma=None)
+    config = synthesize(found)
+    axes = [one.quantity.owner for one, _ in decisive_limits(config)]
+    sheet = grade_identification(load_grade("stim300"))
+    lent = with_terms_of_sheet(found, axes, sheet)
+    made = synthesize(lent)
+    assert not decisive_limits(made)
+    assert "gyroscope_random_walk" in export(made, "kalibr")
+    assert borrowed_words(made)[0].endswith("ASSUMED from the sheet of stim300, not yours")
+    for axis in axes:  # white noise stays that of the log, and nothing is above a limit of the log
+        assert made.channels[axis].white_density == config.channels[axis].white_density
+        limits = {t.name: c.upper for t in found.channels[axis].terms for c in t.coefficients.values()}
+        for term in lent.channels[axis].terms:
+            size = next(iter(term.coefficients.values()))
+            assert size.value is None or not limits.get(term.name) or size.value <= limits[term.name]
+    white = replace(sheet, channels={a: replace(c, terms=c.terms[:1]) for a, c in sheet.channels.items()})
+    assert with_terms_of_sheet(found, axes, white).channels == found.channels
+
+
+def test_a_short_log_says_what_would_do_and_a_sheet_does_it(short):
+    noise = LogResult(identify(short, arma=None), None, {}, short)
+
+    def configured(sheet):
+        inputs = TuneInputs("short", short, None, None, None)
+        how = {"calibration": None, "complete": None, "conservative": False, "horizon": 1000.0, "seed": 0}
+        return configure(inputs, noise, sheet=sheet, **how)[0]
+
+    config = configured(None)
+    exports, kept = exports_of(config, ["vins"])
+    assert list(exports) == ["noise.yaml"]
+    assert kept.keys() == {"kalibr.yaml", "kf-gins.yaml", "vins.txt"}
+    made = TuneResult(
+        "short", short, noise.identification, *[None] * 3, config, None, {}, {}, exports, withheld=kept
+    )
+    (line,) = withheld_lines(made)
+    assert line.startswith(
+        "Not written: vins.txt, kalibr.yaml, kf-gins.yaml: `tuner tune LOG --datasheet NAME`"
+    )
+    assert not exports_of(configured(grade_identification(load_grade("stim300"))), ["vins"])[1]

@@ -45,7 +45,9 @@ if TYPE_CHECKING:
 @with_lever_arm
 @click.option("--complete", metavar="GRADE", help="Built-in grade that stands in for a sensor the log lacks.")
 @click.option(
-    "--datasheet", metavar="GRADE|SHEET", help="Data sheet to compare the log with, also on the page."
+    "--datasheet",
+    metavar="GRADE|SHEET",
+    help="Data sheet to compare the log with; its bias terms stand in where the log is too short.",
 )
 @click.option("--gnss", metavar="GRADE|LOG", help="GNSS receiver: built-in grade, or a log of fixes at rest.")
 @noise_terms
@@ -129,7 +131,7 @@ def _following(
     dialect: str | None,
     directory: Path,
 ) -> Sequence[str]:
-    """Return the command that follows: of a sheet how long to record, of a drive its files for KF-GINS.
+    """Return the command that follows: of a sheet or a short log how long to record, of a drive its files for KF-GINS.
 
     `log` is what was tuned, with the options that read it; `arm` states the lever arm of the drive.
     """
@@ -146,4 +148,6 @@ def _following(
         if result.examination is not None and result.examination.mends:
             drive = str(directory / MENDED)
         return ["export", config, "--to", "kf-gins", "--drive", drive, *arm, "-o", str(file)]
+    if result.withheld and stated:
+        return ["plan", *stated]
     return ["export", config] if dialect is None else ["check", config]
