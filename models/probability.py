@@ -42,6 +42,16 @@ def normal_reach(level: float) -> float:
     return float(-ndtri(0.5 * (1.0 - level)))
 
 
+REACH_95 = normal_reach(0.95)
+"""Half of a 95 % interval of a normal number, sds."""
+
+
+def rounding_variance(step: Numbers) -> Numbers:
+    """Return the variance of what rounding to codes `step` apart adds, for each of several: that of an even law."""
+    found: Numbers = _as_given(np.square(step) / 12.0)
+    return found
+
+
 def normal_density(z: Numbers, sd: float = 1.0) -> Numbers:
     """Return the density of a normal number without mean at `z`, in its inverse unit, for each of several."""
     found: Numbers = _as_given(np.exp(-0.5 * np.square(z / sd)) / (np.sqrt(2.0 * np.pi) * sd))

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import digamma, polygamma
 
-from models.arrays import FloatArray
+from models.arrays import LEAST_DIVISOR, FloatArray
 from models.noise import NoiseModel
 from models.probability import chi2_beyond, chi2_quantile, normal_reach
 from tuner.identification.allan_covariance import allan_covariance
@@ -190,7 +190,7 @@ def log_bias(dof: FloatArray) -> FloatArray:
 
 def _sandwich(jacobian: FloatArray, weight: FloatArray, sigma: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the sandwich covariance of the parameters and, for each, its ratio to the naive variance."""
-    scale = np.linalg.norm(jacobian, axis=0) + 1e-300
+    scale = np.linalg.norm(jacobian, axis=0) + LEAST_DIVISOR
     scaled = jacobian / scale
     information = scaled.T @ weight @ scaled
     bread = np.linalg.pinv(information, hermitian=True)

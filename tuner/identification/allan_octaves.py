@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import brentq, nnls
 
-from models.arrays import FloatArray, IntArray
+from models.arrays import LEAST_DIVISOR, FloatArray, IntArray
 from models.noise import NoiseModel, Term
 from tuner.curves.allan import overlapping_allan
 from tuner.types.records import DataError
@@ -111,7 +111,7 @@ class CurveProblem:
         shapes = tuple(c if len(u.PARAMETERS) == 1 else None for u, c in zip(units, unit_curves, strict=True))
         lower: list[float] = []
         for unit, shape in zip(units, unit_curves, strict=True):
-            visible = np.min(curve.variance / np.maximum(shape, 1e-300))
+            visible = np.min(curve.variance / np.maximum(shape, LEAST_DIVISOR))
             lower += [
                 0.5 * float(np.log(_NEGLIGIBLE_SHARE * visible)),
                 *[-np.inf] * (len(unit.PARAMETERS) - 1),
@@ -124,7 +124,7 @@ class CurveProblem:
         theta: list[float] = []
         for term, amplitude in zip(self.terms, amplitudes, strict=True):
             rest = [float(np.log(getattr(term, name))) for name in term.PARAMETERS[1:]]
-            theta += [0.5 * float(np.log(max(amplitude, 1e-300))), *rest]
+            theta += [0.5 * float(np.log(max(amplitude, LEAST_DIVISOR))), *rest]
         raised = self.lower + 0.5 * np.log(1e-3 / _NEGLIGIBLE_SHARE)  # nearer to zero it is too flat
         return np.maximum(theta, np.where(np.isfinite(raised), raised, -np.inf))
 

@@ -28,7 +28,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from models.arrays import FloatArray
+from models.arrays import LEAST_DIVISOR, FloatArray
 from models.probability import normal_beyond, normal_reach, same_mean
 from models.robust import normal_sd
 from tuner.identification.unit_root import LEVEL_CHANCES, dickey_fuller, steady_level
@@ -170,7 +170,7 @@ def variance_change(y: FloatArray) -> SeriesTest:
     """
     differences = np.diff(y)
     cut = _groups(differences, TREND_TEST_GROUPS * _BLOCKS_A_GROUP)
-    logs = np.log(np.mean(cut**2, axis=1) + 1e-300).reshape(TREND_TEST_GROUPS, -1)
+    logs = np.log(np.mean(cut**2, axis=1) + LEAST_DIVISOR).reshape(TREND_TEST_GROUPS, -1)
     statistic, p_value = same_mean(logs) if np.ptp(logs) > 0.0 else (0.0, 1.0)
     found = "it changes" if p_value < STRICT_SIZE else "no change seen"
     return SeriesTest(

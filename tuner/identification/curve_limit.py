@@ -18,10 +18,8 @@ import numpy as np
 from models.noise import NoiseModel, Term
 from models.probability import chi2_quantile
 from tuner.identification.estimates import Estimates
+from tuner.identification.periodogram import FALSE_ALARMS
 from tuner.types import LEVEL, AllanCurve, TermEstimate
-
-FALSE_ALARMS = 1e-3
-"""Probability that any term of a right model is lowered."""
 
 
 def below_the_curve(

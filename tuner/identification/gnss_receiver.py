@@ -19,6 +19,7 @@ import numpy as np
 from models.arrays import FloatArray
 from models.earth import ned_between
 from models.noise import GaussMarkov
+from models.probability import REACH_95
 from tuner.identification.likelihood import LikelihoodFit, fit
 from tuner.types import Coefficient, GnssNoise
 from tuner.types.records import DataError, Gnss
@@ -146,7 +147,7 @@ def _velocity(vel_n: FloatArray) -> dict[str, Coefficient]:
     if n < MIN_FIXES:
         return {}
     sd = np.sqrt(np.mean(vel_n[good] ** 2, axis=0)).tolist()
-    half = 1.96 / np.sqrt(2.0 * n)
+    half = REACH_95 / np.sqrt(2.0 * n)
     return {
         axis: Coefficient.known(s, s * float(np.exp(-half)), s * float(np.exp(half)), "m/s")
         for axis, s in zip(AXES, sd, strict=True)

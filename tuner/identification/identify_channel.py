@@ -33,7 +33,12 @@ from tuner.identification.likelihood import (
 )
 from tuner.identification.limiting_quantizer import as_bounds, bounds_of
 from tuner.identification.mean_and_earth_rate import mean_of_noise
-from tuner.identification.periodogram import MIN_SEGMENT_SAMPLES, CosinePeriodogram, cosine_periodogram
+from tuner.identification.periodogram import (
+    FALSE_ALARMS,
+    MIN_SEGMENT_SAMPLES,
+    CosinePeriodogram,
+    cosine_periodogram,
+)
 from tuner.identification.selection import Bound, select_periodogram
 from tuner.identification.short_clusters import band_of_samples, down_to_samples
 from tuner.identification.sinusoids import about_lines
@@ -349,8 +354,6 @@ def _bounded(bound: Bound, unit: str) -> TermEstimate:
     )
 
 
-DISAGREEMENT_P_VALUE = 1e-3
-"""Probability below which the Allan curve and the fitted sum are said to disagree."""
 ROBUST_P_VALUE = 1e-6
 """Probability below which the likelihood of that sum decides nothing: its thousands of fast cells would bend the slow
 terms. The coefficients then come from the curve, octave by octave."""
@@ -382,7 +385,7 @@ CURVE_DISAGREES = "the Allan curve disagrees with the sum of terms"
 
 def disagreement(found: Misfit, *, robust: bool = False) -> tuple[str, ...]:
     """Say where the Allan curve contradicts the fitted sum, and what became of the coefficients."""
-    if found.p_value >= DISAGREEMENT_P_VALUE:
+    if found.p_value >= FALSE_ALARMS:
         return ()
     part, side = 100.0 * abs(found.ratio - 1.0), "above" if found.ratio > 1.0 else "below"
     return (

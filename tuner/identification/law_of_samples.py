@@ -17,8 +17,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from models.arrays import FloatArray
-from tuner.identification.periodogram import SAMPLES_AT_ONCE
+from models.arrays import SAMPLES_AT_ONCE, FloatArray
 
 CLEAR_KURTOSIS = 2.0
 """Standard errors above which tails are heavier than normal ones: below, a normal law keeps the intervals it has."""

@@ -15,6 +15,7 @@ import numpy as np
 
 from models.arrays import FloatArray
 from models.noise import NoiseModel, Ramp, Sinusoid, Term
+from models.probability import REACH_95
 from tuner.identification.intervals import interval as score_interval
 from tuner.identification.law_of_samples import variance_by_law
 from tuner.identification.objective import Objective
@@ -22,9 +23,6 @@ from tuner.identification.periodogram import CosinePeriodogram, cosine_periodogr
 from tuner.identification.sinusoids import Line, line_sd, take_out_line
 
 Interval = tuple[float, float]
-
-CHI2_1_QUANTILE_95 = 3.841
-"""95 % quantile of χ²₁: what twice the log likelihood falls by at the ends of an interval."""
 
 
 @dataclass(frozen=True)
@@ -164,7 +162,7 @@ def _with_line(found: LikelihoodFit, line: Line, sd: FloatArray) -> LikelihoodFi
     covariance = np.pad(found.covariance, (0, 2))
     covariance[[-2, -1], [-2, -1]] = sd**2
     values = np.array([line.amplitude, line.frequency])
-    low, high = values * (1.0 - 1.96 * sd), values * (1.0 + 1.96 * sd)
+    low, high = values * (1.0 - REACH_95 * sd), values * (1.0 + REACH_95 * sd)
     return replace(
         found,
         terms=(*found.terms, Sinusoid.name),
@@ -206,9 +204,7 @@ def slope_interval(objective: Objective, theta: FloatArray) -> Interval:
         return objective.with_size(0, slope).minimise(theta)[1]
 
     best = value(centre)
-    return _reach(value, centre, -sd, best + CHI2_1_QUANTILE_95), _reach(
-        value, centre, sd, best + CHI2_1_QUANTILE_95
-    )
+    return _reach(value, centre, -sd, best + REACH_95**2), _reach(value, centre, sd, best + REACH_95**2)
 
 
 def _slope(objective: Objective, theta: FloatArray) -> tuple[float, float]:

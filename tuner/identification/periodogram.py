@@ -31,17 +31,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct
 
-from models.arrays import FloatArray
+from models.arrays import SAMPLES_AT_ONCE, FloatArray
 from models.probability import student_quantile
 from tuner.curves.long_transforms import without_tables
 
-SAMPLES_AT_ONCE = 1 << 16
-"""Samples treated at a time, so that what is computed from them stays in the cache of a processor."""
 SINGLE_COEFFICIENTS = 64
 """Coefficients of a segment that are kept with their sign; fewer where there are more than 16 segments."""
 
-LINE_CHANCE, LINE_REACH = 1e-3, 3
-"""Chance that noise alone loses a coefficient to a line, and how many it loses on either side of each: a sinusoid
+FALSE_ALARMS = 1e-3
+"""Chance that a check of a whole record rejects a right model."""
+LINE_REACH = 3
+"""Coefficients that are lost on either side of a line: a sinusoid
 between two coefficients leaves a twentieth of its power farther away."""
 LINE_FLANK = 16
 """Coefficients on either side of a line up to which what is left out counts as that line: a hundredth is beyond."""
@@ -232,7 +232,7 @@ def _take_out_lines(power: FloatArray, start: NDArray[np.intp]) -> tuple[FloatAr
     of Student's t.
     """
     count = np.diff(start, append=len(power)).astype(float)
-    chance = LINE_CHANCE / len(power)
+    chance = FALSE_ALARMS / len(power)
     taken, lines = np.zeros_like(count), []
     for _ in range(MAX_LINE_PASSES):
         number = _with_next(count - taken)

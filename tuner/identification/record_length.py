@@ -23,13 +23,14 @@ import numpy as np
 
 from models.arrays import FloatArray
 from models.noise import NoiseModel, Ramp
+from models.probability import REACH_95
 from tuner.identification.periodogram import MIN_SEGMENT_SAMPLES
 
 MAX_HOURS = 1e5
 """Longest test, h: more than eleven years."""
 MIN_ACCURACY = 1e-6
 """Least relative sd: `MAX_HOURS` of white noise at 1 kHz, n samples, show it to 1/√(2n) = 1.2e-6."""
-MAX_RELATIVE_SD = 1.0 / 1.96
+MAX_RELATIVE_SD = 1.0 / REACH_95
 """Relative sd up to which a record shows a term: its amplitude then differs from zero at 95 %."""
 
 LONGEST_HOURS = 10_000.0

@@ -32,15 +32,15 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from scipy.special import ndtri
 
-from models.arrays import FloatArray
+from models.arrays import LEAST_DIVISOR, FloatArray
 from models.noise import TERMS, NoiseModel, Ramp, RandomWalk, Term
+from models.probability import REACH_95
 from tuner.identification.intervals import end
 from tuner.identification.likelihood import LikelihoodFit, describe, magnitude, slope_interval
 from tuner.identification.objective import Objective
 from tuner.identification.periodogram import CosinePeriodogram
-from tuner.identification.record_length import relative_sd
+from tuner.identification.record_length import LONGEST_HOURS, relative_sd
 from tuner.types import Candidate
 from tuner.types.coefficient import TOO_SHORT
 
@@ -62,8 +62,6 @@ TWIN_CORRELATION = 0.9
 
 DETECTED_RELATIVE_SD = 0.2
 """Relative standard deviation of an amplitude at which four records of five show the term."""
-
-LONGEST_HOURS = 10_000.0
 
 
 @dataclass(frozen=True)
@@ -142,7 +140,7 @@ def _bound(data: CosinePeriodogram, fit: LikelihoodFit, name: str) -> Bound:
         kinds = [kind.name for kind in objective.kinds]
         sizes = [len(kind.PARAMETERS) for kind in objective.kinds]
         j = sum(sizes[: kinds.index(name)])
-        upper, theta = end(objective, theta, j, float(ndtri(0.975)))
+        upper, theta = end(objective, theta, j, REACH_95)
         if not np.isfinite(upper):
             return Bound(name, TERMS[name].PARAMETERS[0], upper, f"{TOO_SHORT}: it sets no limit")
         term = TERMS[name](**{TERMS[name].PARAMETERS[0]: upper})
@@ -156,7 +154,7 @@ def _twin(objective: Objective, theta: FloatArray, j: int) -> str | None:
     scale = np.sqrt(np.diag(information) + 1e-12)
     covariance = np.linalg.pinv(information / np.outer(scale, scale))
     spread = np.sqrt(np.diag(covariance))
-    correlation = np.abs(covariance[j] / (spread * spread[j] + 1e-300))
+    correlation = np.abs(covariance[j] / (spread * spread[j] + LEAST_DIVISOR))
     owner = [kind.name for kind in objective.kinds for _ in kind.PARAMETERS]
     correlation[j] = 0.0
     strongest = int(np.argmax(correlation))

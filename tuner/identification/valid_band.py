@@ -30,13 +30,11 @@ from models.probability import chi2_beyond
 from tuner.curves import dof as dof_of
 from tuner.identification.allan_leastsquares import log_bias
 from tuner.identification.allan_octaves import OctaveCurve, nonnegative
-from tuner.identification.periodogram import CosinePeriodogram
+from tuner.identification.periodogram import FALSE_ALARMS, CosinePeriodogram
 
 CURVE_TOLERANCE = 0.01
 """Relative deviation from a sum of terms that is tolerated of every sensor."""
 
-ACCEPTED_P_VALUE = 1e-3
-"""Probability of χ² from which a cluster time is accepted."""
 
 _TOLERATED_VARIANCE = (2.0 * CURVE_TOLERANCE) ** 2
 """Variance of ln AVAR that the tolerance grants."""
@@ -91,11 +89,11 @@ def find_band(curve: OctaveCurve) -> Band:
     while np.sum(curve.m >= m) >= _MIN_OCTAVES or m == 1:
         p_value, ratio, _ = _plausible(curve, m, _MIN_SLOW_CLUSTERS * m)
         tried.append((p_value, m, ratio))
-        if p_value >= ACCEPTED_P_VALUE:
+        if p_value >= FALSE_ALARMS:
             break
         if m == 1:
             p_value, ratio, white_share = _plausible(curve, m, _MIN_FAST_SAMPLES)
-            if p_value >= ACCEPTED_P_VALUE and white_share >= _MIN_WHITE_SHARE:
+            if p_value >= FALSE_ALARMS and white_share >= _MIN_WHITE_SHARE:
                 return Band(1, np.inf, ratio)
         m *= _CLUSTER_RATIO
     _, m, ratio = max(tried, key=lambda trial: (trial[0], trial[1]))

@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from models.arrays import BoolArray, FloatArray, IntArray
-from models.probability import poisson_at_least
+from models.probability import normal_reach, poisson_at_least
 from tuner.formats.customary_units import percent
 from tuner.types.records import Record
 
@@ -64,10 +64,13 @@ Normal noise on codes of one sd gives e^½, uneven widths and steeper laws more.
 TAIL_SHARE, MIN_TAIL_COUNT = 0.25, 4
 """Outer part of the distance from the level in which others lie, at rest, more than a quarter of m, where a tail of
 outliers is cut off at v, the end of all: Cauchy noise has a third of what lies beyond, lighter tails more."""
-QUARTILE_DISTANCE = 1.349
+QUARTILE_DISTANCE = 2.0 * normal_reach(0.5)
 """Distance of the quartiles of normal noise, sds."""
 MAX_TAIL_EXCESS = 10.0
-"""Factor by which tails may hold more than normal ones, as where saturation is tested."""
+"""Factor by which tails may hold more than normal ones: more samples than that at an end are a code for an error.
+
+Student's t₃₀ holds nine times as many beyond 4.5 sds, which one of 3e5 normal numbers exceeds.
+"""
 MAX_GAPS = 1.5, 10.0
 """Distance to the next other value ÷ that of others from each other, from which values lack beside it: a dead band.
 

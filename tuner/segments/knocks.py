@@ -25,6 +25,7 @@ from scipy.ndimage import binary_dilation, label
 from scipy.special import ndtri
 
 from models.arrays import BoolArray, FloatArray, IntArray
+from models.probability import normal_below
 from tuner.segments.block_moments import block_moments
 from tuner.segments.knock_bridges import MAX_SECONDS
 from tuner.types.records import Record
@@ -79,7 +80,7 @@ def knocked(
     ]
     level = _without_largest([one.level for one in columns])
     centre = float(np.median(level[~busy]))
-    scatter = centre - float(np.quantile(level[~busy], 0.1587))
+    scatter = centre - float(np.quantile(level[~busy], normal_below(-1.0)))
     high = centre - float(ndtri(false_alarm / len(starts))) * scatter + LEVEL_MARGIN
     low = centre - float(ndtri(EDGE_PROBABILITY)) * scatter
     chosen = np.flatnonzero((level > high) & ~busy)

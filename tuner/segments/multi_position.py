@@ -27,7 +27,7 @@ from scipy.optimize import least_squares
 
 from models.arrays import FloatArray
 from models.earth import EARTH_RATE
-from models.probability import student_quantile
+from models.probability import REACH_95, student_quantile
 from models.units import STANDARD_GRAVITY
 from tuner.segments.stationary import find_motion
 from tuner.types import Coefficient
@@ -211,7 +211,7 @@ def fit_accel(
     misfit = float(np.sqrt(2.0 * fit.cost / freedom)) if freedom > 0 else float("nan")
     inverse = 1.0 / np.maximum(values, 1e-12 * values[0])
     deviation = np.sqrt(np.sum((rows.T * inverse) ** 2, axis=1))
-    half = deviation * max(1.0, misfit) * (student_quantile(0.975, freedom) if misfit > 1.0 else 1.96)
+    half = deviation * max(1.0, misfit) * (student_quantile(0.975, freedom) if misfit > 1.0 else REACH_95)
     coefficients = {
         name: Coefficient.known(
             float(v), float(v - h), float(v + h), "m/s^2" if name.startswith("bias") else "1"

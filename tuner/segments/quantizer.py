@@ -31,7 +31,7 @@ from scipy.ndimage import uniform_filter1d
 from scipy.optimize import brentq
 
 from models.arrays import FloatArray
-from models.probability import chi2_beyond, normal_beyond, normal_reach
+from models.probability import chi2_beyond, normal_beyond, normal_reach, rounding_variance
 
 MAX_VALUES = 200_000
 """Samples from which the step is found; chosen to bound the time: they meet every frequent code."""
@@ -187,7 +187,7 @@ def read_codes(pieces: Sequence[FloatArray], step: float, samples_a_mean: int = 
     """
     y = np.concatenate(pieces)
     variance = samples_a_mean * float(np.mean(np.concatenate([fast_part(p) for p in pieces]) ** 2))
-    white_sd = float(np.sqrt(max(variance - step**2 / 12.0, MIN_NOISE_VARIANCE * step**2)))
+    white_sd = float(np.sqrt(max(variance - rounding_variance(step), MIN_NOISE_VARIANCE * step**2)))
     coarse = step > 2.0 * white_sd
     if np.ptp(y) / step > MAX_CODES or samples_a_mean > 1:
         return Codes(white_sd, coarse, 0.0, 0, 1.0)

@@ -26,6 +26,7 @@ import numpy as np
 from scipy.special import bdtrc
 
 from models.arrays import BoolArray, FloatArray, IntArray
+from models.probability import normal_reach
 from tuner.formats.customary_units import percent, range_text
 from tuner.limits import SHOWN_CHANGE
 from tuner.segments.error_codes import with_other_rows
@@ -49,7 +50,7 @@ MIN_ALONE, MAX_SHARE = 0.7, 0.05
 """Share of the samples beyond L that stand alone, and of all samples that are beyond: more are a process of its own."""
 LEAST_SDS = 6.0
 """Distance of a wrong reading in sds of all that is left."""
-NORMAL_CHANGE = 0.954
+NORMAL_CHANGE = math.sqrt(2.0) * normal_reach(0.5)
 """Median distance of neighbours ÷ sd of normal samples."""
 MAX_P_VALUE = 1e-6
 """Chance of wrong readings in noise: with all levels and axes of a log a thousandth at most."""

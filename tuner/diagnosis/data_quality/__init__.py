@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.arrays import FloatArray
-from models.probability import MEDIAN_OVER_MEAN_SD, poisson_interval
+from models.probability import MEDIAN_OVER_MEAN_SD, REACH_95, poisson_interval, rounding_variance
 from tuner.diagnosis.data_quality.copied_samples import Lines, Packets, find_lines, find_packets
 from tuner.diagnosis.data_quality.copied_stretches import find_copied_stretches
 from tuner.diagnosis.data_quality.overflow import find_overflow, unwrapped
@@ -212,10 +212,10 @@ def timing(record: Record) -> DataQualityTest:
     gaps, scatter = said.get("gap_count", 0.0), said.get("jitter_sd", 0.0)
     unit = said.get("rounding", 0.0)
     rounded = 0.0 < scatter < MAX_ROUNDING_RATIO * unit / math.sqrt(8.0)
-    jitter = 0.0 if rounded else math.sqrt(max(scatter**2 - unit**2 / 12.0, 0.0)) / record.interval
+    jitter = 0.0 if rounded else math.sqrt(max(scatter**2 - rounding_variance(unit), 0.0)) / record.interval
     ratio = said.get("clock_ratio", 1.0)
     lengths = np.array([float(last - first) for first, last in record.segments])
-    spread = 1.96 * scatter / record.interval * math.sqrt(12.0 / max(float(np.sum(lengths**3)), 1.0))
+    spread = REACH_95 * scatter / record.interval * math.sqrt(12.0 / max(float(np.sum(lengths**3)), 1.0))
     spread += unit / (len(record) * record.interval)
     bad = gaps > 0 or jitter > MIN_JITTER or abs(ratio - 1.0) > MIN_CLOCK_DRIFT + spread
     parameters = {"gap_count": Coefficient.known(gaps, gaps, gaps, "1")}
@@ -226,7 +226,7 @@ def timing(record: Record) -> DataQualityTest:
         parameters["rounding"] = Coefficient.known(unit, unit, unit, "s")
         text += f", rounded to {unit:.6g} s"
     if jitter > 0.0:
-        sd, error = jitter * record.interval, 1.96 / math.sqrt(2.0 * len(record))
+        sd, error = jitter * record.interval, REACH_95 / math.sqrt(2.0 * len(record))
         parameters["jitter_sd"] = Coefficient.known(sd, sd * (1.0 - error), sd * (1.0 + error), "s")
     if "clock_ratio" in said:
         parameters["clock_ratio"] = Coefficient.known(ratio, ratio - spread, ratio + spread, "1")

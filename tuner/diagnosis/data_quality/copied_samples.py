@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from models.arrays import BoolArray, FloatArray
+from models.arrays import SAMPLES_AT_ONCE, BoolArray, FloatArray
 from models.probability import binomial_at_least, poisson_at_least
 from models.robust import normal_sd
 
@@ -25,8 +25,6 @@ MAX_SEARCHED_SAMPLES = 100_000
 """Samples in which packets are sought before the whole record is read for one length; chosen to bound the time."""
 MIN_PACKETS = 3
 """Least number of packets that come twice, at the length that stands out."""
-SAMPLES_AT_ONCE = 1 << 16
-"""Samples treated at a time, so that what is computed from them stays in the cache of a processor."""
 CHANCE_FACTOR = 4.0
 """Factor on the number by chance, for noise whose neighbours resemble each other more than those at other lags."""
 MAX_P_VALUE = 1e-3

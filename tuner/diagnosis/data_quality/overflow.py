@@ -26,7 +26,7 @@ import numpy as np
 from scipy.special import gammaincc
 
 from models.arrays import BoolArray, FloatArray
-from models.probability import binomial_at_least, normal_beyond, normal_density
+from models.probability import binomial_at_least, normal_beyond, normal_density, rounding_variance
 from tuner.types.records import Record
 
 LEVEL_SAMPLES = 64
@@ -153,7 +153,7 @@ def _end(
     """
     count = int(np.count_nonzero(wrapped))
     lower = off[(off < 0.0) & ~wrapped]
-    square = float(np.mean(lower**2)) - step**2 / 12.0
+    square = float(np.mean(lower**2)) - rounding_variance(step)
     if 0.25 * width**2 < MIN_DISTANCE**2 * square or square <= 0.0:
         return 1.0, 0.0, count
     sigma = math.sqrt(square)

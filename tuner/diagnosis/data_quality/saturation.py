@@ -35,15 +35,15 @@ from scipy.linalg import solve_toeplitz
 from scipy.special import ndtr
 
 from models.arrays import FloatArray
-from models.probability import negative_binomial_at_least, poisson_at_least
+from models.probability import negative_binomial_at_least, poisson_at_least, rounding_variance
+from tuner.segments.error_codes import MAX_TAIL_EXCESS
+from tuner.segments.frozen import MIN_RAIL_SAMPLES
 from tuner.segments.quantizer import MIN_NOISE_VARIANCE, fast_part
 
 PREDICTION_ORDER = 32
 """Order of the autoregression that predicts a sample; chosen to whiten the filtered noise of digital sensors."""
 BLOCK_SAMPLES = 4096
 """Samples over which σ is constant: its estimate is then good to 1/√8192 = 1 %."""
-MIN_RAIL_SAMPLES = 3
-"""Least number of samples at the end of the range that make it a rail: two may coincide by rounding."""
 MAX_PREDICTED_STEP = 1.2
 """Step ÷ σ above which prediction errors of rounded samples are too far from normal for E.
 
@@ -65,11 +65,6 @@ END_P_VALUE = 1e-3
 """P-value (Poisson) below which the samples at an end are more than the noise gives there.
 
 It is a precondition of the test of ties only, so that its value is not critical.
-"""
-MAX_TAIL_EXCESS = 10.0
-"""Factor by which tails may hold more than normal ones: more samples than that at an end are a code for an error.
-
-Student's t₃₀ holds nine times as many beyond 4.5 sds, which one of 3e5 normal numbers exceeds.
 """
 MIN_DISTINCT_VALUES = 1e6
 """Least number of values in the range of data without a quantizer: single precision has 1.7e7."""
@@ -188,7 +183,7 @@ def _crossings(pieces: Sequence[FloatArray], errors: Sequence[FloatArray], edge:
         for i in range(PREDICTION_ORDER, len(piece), BLOCK_SAMPLES):
             square = float(np.mean(error[i : i + BLOCK_SAMPLES] ** 2))
             sigma = math.sqrt(
-                max(square - step**2 / 12.0, MIN_NOISE_VARIANCE * step**2, np.finfo(float).tiny)
+                max(square - rounding_variance(step), MIN_NOISE_VARIANCE * step**2, np.finfo(float).tiny)
             )
             expected += float(np.sum(ndtr((prediction[i : i + BLOCK_SAMPLES] - edge) / sigma)))
     return expected

@@ -16,7 +16,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from models.arrays import BoolArray, FloatArray
+from models.arrays import SAMPLES_AT_ONCE, BoolArray, FloatArray
 from tuner.diagnosis.static.model.covariate import code_step, smoothed, typical_repeats
 from tuner.types.records import DataError, Record
 
@@ -40,8 +40,6 @@ ARITHMETIC_SD = 1e-9
 """Sd of what is left of a computed signal ÷ its own: arithmetic has no more digits."""
 FIRST_SAMPLES = 4096
 """Samples that show that most signals are not computed."""
-SAMPLES_AT_ONCE = 1 << 16
-"""Samples treated at a time, so that what is computed from them stays in the cache of a processor."""
 MIN_SAMPLES = 1024
 """Samples below which no test is made: too few for the spectrum bins and for asymptotic null distributions."""
 GAP_NEIGHBOURS = 128

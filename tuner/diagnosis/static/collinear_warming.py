@@ -12,7 +12,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from models.noise import NoiseModel
-from models.probability import chi2_beyond
+from models.probability import REACH_95, chi2_beyond
 from tuner.diagnosis.static.causes.temperature import COVARIATE, Temperature
 from tuner.diagnosis.static.causes.warmup import Warmup
 from tuner.diagnosis.static.findings import joins, words
@@ -53,7 +53,7 @@ def collinear_warming(finals: Mapping[str, FittedChannel], noise: Mapping[str, N
             continue
         warmth = channel.span * float(np.polyfit(channel.block_time, celsius, 1)[0])
         ramp, sd = float(final.fit.beta[0]), float(np.sqrt(final.fit.beta_covariance[0, 0]))
-        change, half = channel.scale * ramp, 1.96 * channel.scale * sd
+        change, half = channel.scale * ramp, REACH_95 * channel.scale * sd
         if abs(change) - half < ODD_DRIFT * float(np.sqrt(noise[axis].allan_variance(10.0))):
             continue
         low, high = sorted(((change - half) / warmth, (change + half) / warmth))

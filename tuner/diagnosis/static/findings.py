@@ -8,10 +8,13 @@ from types import MappingProxyType
 
 import numpy as np
 
+from models.arrays import LEAST_DIVISOR
 from models.noise import NoiseModel
+from models.probability import REACH_95
 from tuner.diagnosis.cause import Cause
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.causes.registry import CAUSES
+from tuner.diagnosis.static.causes.shaped_white_noise import MIN_ENLARGEMENT
 from tuner.diagnosis.static.held_out_gain import summed
 from tuner.diagnosis.static.model.fitted_channel import FittedChannel
 from tuner.diagnosis.static.model.profile_likelihood import first_column
@@ -24,8 +27,6 @@ from tuner.types import Alternative, Coefficient, Enlargement, Finding, Quantity
 from tuner.types.coefficient import apart
 from tuner.types.diagnosis import of_each
 
-MIN_ENLARGEMENT = 1.02
-"""Factor on a density up to which nothing is enlarged: the accuracy with which most records estimate it."""
 AGREEMENT_SDS = 4.0
 """Standard deviations within which parameters of two channels agree: normal deviates exceed 4 in 6e-5."""
 
@@ -143,7 +144,7 @@ def moments(c: Coefficient) -> tuple[float, float]:
     """Return a coefficient and the sd that its interval shows."""
     assert c.value is not None
     assert c.interval is not None
-    return c.value, max((c.interval[1] - c.interval[0]) / 3.92, 1e-300)
+    return c.value, max((c.interval[1] - c.interval[0]) / (2.0 * REACH_95), LEAST_DIVISOR)
 
 
 def pooled(coefficients: Sequence[Coefficient]) -> Coefficient:
@@ -169,7 +170,9 @@ def pooled(coefficients: Sequence[Coefficient]) -> Coefficient:
 def _mean(moments: Sequence[tuple[float, float]]) -> tuple[float, float]:
     """Return the mean of numbers and sds, weighted, and half of its 95 % interval."""
     weight = np.array([sd**-2 for _, sd in moments])
-    return float(weight @ [mean for mean, _ in moments] / weight.sum()), 1.96 * float(weight.sum()) ** -0.5
+    return float(weight @ [mean for mean, _ in moments] / weight.sum()), REACH_95 * float(
+        weight.sum()
+    ) ** -0.5
 
 
 def _log_moments(c: Coefficient) -> tuple[float, float]:
@@ -177,7 +180,7 @@ def _log_moments(c: Coefficient) -> tuple[float, float]:
     assert c.value is not None
     assert c.interval is not None
     low, high = np.log(c.interval).tolist()
-    return float(np.log(c.value)), max((high - low) / 3.92, 1e-15)
+    return float(np.log(c.value)), max((high - low) / (2.0 * REACH_95), 1e-15)
 
 
 def _finding(group: list[Single]) -> Finding:

@@ -7,11 +7,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from models.arrays import LEAST_DIVISOR
 from tuner.diagnosis.static.causes.base import Extension
 from tuner.types import Alternative, Gain
 
 UNKNOWN = "unknown"
 """Code of what is none of the causes, in a list of alternatives."""
+WORTH_A_FIT = 1e-3
+"""P-value above which nothing is fitted; chosen above any threshold, so that it only saves time."""
 NO_GAIN = -9.0
 """Gain, nats, of what was not worth a fit: below any that a fit could give by chance, so that it is never chosen."""
 ALTERNATIVE_NATS = 3.0
@@ -22,8 +25,6 @@ NEAR_TWIN_NATS = 10.0
 Errors of what they are functions of (a thermometer's lag and noise, a transient that is no exponential, a filter of
 another order) cost a true one that much.
 """
-LEAST_CHANCE = 1e-300
-"""Smallest p-value that is a number; its 690 nats are then a lower bound."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +72,7 @@ class TestResult:
     @property
     def nats(self) -> float:
         """How much the data contradict the model, nats: of a fit, or what a p-value is worth."""
-        return max(self.misfit, self.gain, -float(np.log(max(self.p_value, LEAST_CHANCE))))
+        return max(self.misfit, self.gain, -float(np.log(max(self.p_value, LEAST_DIVISOR))))
 
     @property
     def without_proposal(self) -> TestResult:

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from models.arrays import FloatArray
+from models.arrays import LEAST_DIVISOR, FloatArray
 from tuner.curves.allan import overlapping_allan
 from tuner.diagnosis.static.causes.base import Extension
 from tuner.diagnosis.static.causes.heavy_tails import HeavyTails
@@ -79,7 +79,7 @@ def _curves(
     expected = np.add.reduceat(fitted.power[: edges[-1] - 1], edges[:-1] - 1) / count
     variance = overlapping_allan(fitted.cleaned.y, clusters)
     smooth = overlapping_allan(_template_path(fitted), clusters) + _model_allan(fitted, clusters)
-    return {"allan": (variance, np.maximum(smooth, 1e-300)), "psd": (power, expected)}
+    return {"allan": (variance, np.maximum(smooth, LEAST_DIVISOR)), "psd": (power, expected)}
 
 
 def _template_path(fitted: FittedChannel) -> FloatArray:

@@ -34,9 +34,10 @@ from scipy.fft import next_fast_len, rfft
 from scipy.special import ndtr
 
 from models.arrays import FloatArray
-from models.probability import chi2_beyond
+from models.probability import chi2_beyond, rounding_variance
 from tuner.curves.long_transforms import without_tables
 from tuner.diagnosis.static.causes.line import Line
+from tuner.diagnosis.static.causes.periodic_variance import MIN_CYCLES
 from tuner.diagnosis.static.causes.spikes import Spikes
 from tuner.diagnosis.static.causes.temperature import COVARIATE
 from tuner.diagnosis.static.causes.template import Template, TimeConstantTemplate
@@ -65,8 +66,6 @@ MAX_ABSENT_SHARE = 0.02
 
 The noise that stands in the gaps has not the colour of the rest.
 """
-MIN_CYCLES = 64
-"""Cycles in the record below which changes of the variance are those of its parts, which have tests."""
 COLOUR_LAGS, MIN_CORRELATION_SDS = 256, 4.0
 """Lags to which residuals may be correlated, and least correlation that counts, in sds of that of white noise."""
 TIME_FREQUENCY_GRIDS = ((32, 12), (8, 64))
@@ -110,7 +109,7 @@ def checks(fitted: FittedChannel) -> tuple[TestResult, ...]:
 
 def _rounding_share(fitted: FittedChannel) -> float:
     """Return the share of the variance of the residuals that the rounding of the samples makes."""
-    rounding = fitted.channel.quantizer_step**2 / 12.0 * fitted.channel.interval
+    rounding = rounding_variance(fitted.channel.quantizer_step) * fitted.channel.interval
     return rounding * float(np.mean(1.0 / fitted.power)) if rounding else 0.0
 
 

@@ -14,6 +14,7 @@ from itertools import combinations
 
 import numpy as np
 
+from models.probability import REACH_95
 from tuner.diagnosis.static.causes.line import Line
 from tuner.diagnosis.static.findings import AGREEMENT_SDS, Single, moments
 from tuner.diagnosis.static.held_out_gain import summed
@@ -87,7 +88,7 @@ def _modulated(carrier: Single, one: Single, other: Single) -> Single:
 
 def _known(value: float, sd: float, unit: str) -> Coefficient:
     """Return a positive number with its interval."""
-    return Coefficient.known(value, max(value - 1.96 * sd, 0.0), value + 1.96 * sd, unit)
+    return Coefficient.known(value, max(value - REACH_95 * sd, 0.0), value + REACH_95 * sd, unit)
 
 
 def _frequency(line: Single) -> tuple[float, float]:

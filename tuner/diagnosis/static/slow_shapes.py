@@ -39,7 +39,7 @@ from tuner.diagnosis.static.model.fitted_channel import (
 )
 from tuner.diagnosis.static.model.null_distributions import SLOW_RATIO_FACTOR
 from tuner.diagnosis.static.model.score_scan import scan
-from tuner.diagnosis.static.outcome import NEAR_TWIN_NATS, UNKNOWN, Accepted, TestResult
+from tuner.diagnosis.static.outcome import ALTERNATIVE_NATS, NEAR_TWIN_NATS, UNKNOWN, Accepted, TestResult
 from tuner.diagnosis.static.residual_checks import harmless_ratio
 from tuner.types import Alternative
 
@@ -56,8 +56,6 @@ UNMEASURED_NATS = NEAR_TWIN_NATS
 
 Its errors, and a transient that is no exponential, cost a true dependence on the temperature so much.
 """
-UNUSUAL_NATS = 3.0
-"""Log odds against the less usual of two shapes: a ratio of 20, the usual 5 %."""
 MAX_MOVES = 8
 """Largest number of moves; chosen to bound the search above the number of slow shapes that one record has."""
 MAX_REFITS = 3
@@ -73,21 +71,21 @@ def log_odds(fitted: FittedChannel) -> float:
     of it, and a bias that stays before one that decays, most of all by a time constant beyond those that are sought.
     """
     channel, own = fitted.channel, [x for x in fitted.extensions if isinstance(x, Template)]
-    odds = -UNUSUAL_NATS * max(len(own) - 1, 0)
+    odds = -ALTERNATIVE_NATS * max(len(own) - 1, 0)
     measured = COVARIATE in channel.covariates
     plain = any(isinstance(x, PLAIN) for x in own)
     for x in own:
         if isinstance(x, OF_TIME):
             odds -= UNMEASURED_NATS * measured
         elif isinstance(x, ThermalLag):
-            odds -= UNUSUAL_NATS * (1 + x.prompt + x.settling)
+            odds -= ALTERNATIVE_NATS * (1 + x.prompt + x.settling)
         elif isinstance(x, THERMAL):
             unusual = not isinstance(x, Temperature) or x.time_constant > 0.0
             alike = plain or isinstance(x, TemperatureRate)  # under a sinusoid a lag of hours is a rate
-            odds -= UNUSUAL_NATS * unusual if alike else UNMEASURED_NATS
+            odds -= ALTERNATIVE_NATS * unusual if alike else UNMEASURED_NATS
         elif isinstance(x, Recovery):
             long = x.time_constant > Recovery.time_constants(channel)[-1]
-            odds -= UNMEASURED_NATS if long else UNUSUAL_NATS
+            odds -= UNMEASURED_NATS if long else ALTERNATIVE_NATS
     return odds
 
 

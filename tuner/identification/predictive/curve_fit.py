@@ -23,12 +23,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import lsq_linear, nnls
 
-from models.arrays import FloatArray
+from models.arrays import LEAST_DIVISOR, FloatArray
 from models.noise import GaussMarkov, Quantization, RandomWalk, Term, White
+from models.probability import REACH_95
 from tuner.identification.predictive.criteria import follows_curve
 from tuner.types.prediction import INNER_LIMIT, MeasuredAllan, NoiseBlock, SpectralExcess
 
-MODEL_ERROR = 2.0 * np.log(INNER_LIMIT) / 1.96
+MODEL_ERROR = 2.0 * np.log(INNER_LIMIT) / REACH_95
 """Granted sd of the misfit of ln V: puts 95 % of the deviations within the inner limit of the comparison."""
 TIME_CONSTANTS = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0, 3000.0)
 """Time constants of the states that may take part, s: two a decade follow any slope between −1/2 and +1/2."""
@@ -111,7 +112,9 @@ def with_bounded_parts(
     own = block.allan_variance(measured.tau, measured.interval)
     matrix = np.stack(columns, axis=1) / measured.variance[:, None]
     largest = np.full(len(columns), np.inf)
-    largest[0] = max(largest_increment_sd**2 - block.increment_sd**2, 1e-12 * largest_increment_sd**2, 1e-300)
+    largest[0] = max(
+        largest_increment_sd**2 - block.increment_sd**2, 1e-12 * largest_increment_sd**2, LEAST_DIVISOR
+    )
     scale = np.linalg.norm(matrix, axis=0)
     solved = lsq_linear(matrix / scale, 1.0 - own / measured.variance, bounds=(0.0, largest * scale))
     shares = np.maximum(solved.x, 0.0) / scale
@@ -184,7 +187,9 @@ def _solve(measured: MeasuredAllan, components: tuple[_Component, ...]) -> _Solu
     best = (np.inf, np.zeros(len(components)), weights)
     for _ in range(MAX_ROUNDS):
         new = _nonnegative(matrix * (np.sqrt(weights) / predicted)[:, None], np.sqrt(weights) * goal)
-        step = np.inf if shares is None else float(np.max(np.abs(new - shares) / (new + shares + 1e-300)))
+        step = (
+            np.inf if shares is None else float(np.max(np.abs(new - shares) / (new + shares + LEAST_DIVISOR)))
+        )
         shares = new if shares is None else shares + STEP_LENGTH * (new - shares)
         predicted = np.maximum(matrix @ shares, 1e-6 * variance)
         mean_inverse = (matrix * inverse_dof) @ shares / predicted
@@ -196,7 +201,7 @@ def _solve(measured: MeasuredAllan, components: tuple[_Component, ...]) -> _Solu
         if step < 1e-4:
             break
     _, shares, weights = best
-    total = np.maximum(matrix @ shares, 1e-300)
+    total = np.maximum(matrix @ shares, LEAST_DIVISOR)
     negligible = np.max(matrix * shares / total[:, None], axis=0) < NEGLIGIBLE_SHARE
     return _Solution(components, np.where(negligible, 0.0, shares), weights)
 
@@ -251,5 +256,5 @@ def _nonnegative(matrix: FloatArray, goal: FloatArray) -> FloatArray:
     length = np.linalg.norm(matrix, axis=0)
     shares, _ = nnls(matrix / length, goal)
     return np.asarray(
-        np.where(shares > 1e-10 * max(float(shares.max(initial=0.0)), 1e-300), shares / length, 0.0)
+        np.where(shares > 1e-10 * max(float(shares.max(initial=0.0)), LEAST_DIVISOR), shares / length, 0.0)
     )

@@ -13,20 +13,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.probability import chi2_beyond
+from models.arrays import FloatArray
+from models.probability import REACH_95, chi2_beyond
+from models.units import STANDARD_GRAVITY
 from tuner.diagnosis.static.model.dct import block_transform
 from tuner.diagnosis.static.model.fitted_channel import FittedChannel
 from tuner.diagnosis.static.model.null_distributions import SLOW_RATIO_FACTOR
 from tuner.types import Coefficient
 
+GRAVITY_ERROR = 0.2
+"""Largest error of the length of the specific force at rest, as a share of gravity."""
 MEANING = "the mount gives way: gravity turns in the axes of the sensor, its length kept"
 """What the cause is, in one sentence."""
 CONSEQUENCE = (
     "fix the mount; the ramps of these channels are geometry, not drift of the sensor: leave them out"
 )
 """What to do about it, in one sentence."""
-STANDARD_GRAVITY = 9.80665
-"""Standard gravity, m/s²."""
 
 
 @dataclass(frozen=True)
@@ -49,15 +51,22 @@ class Tilt:
     tilt: Coefficient
 
 
-def test(residuals: Mapping[str, FittedChannel], limit: float) -> Tilt | None:
-    """Test a triad of accelerometers."""
+def triad(residuals: Mapping[str, FittedChannel]) -> tuple[list[str], FloatArray, float] | None:
+    """Return the axes of a triad of accelerometers at rest, their levels, and the length of these, m/s²; or None."""
     axes = [axis for axis in residuals if residuals[axis].channel.unit == "m/s^2"]
-    if len(axes) != 3 or len({len(residuals[a].channel) for a in axes}) != 1:
-        return None
     level = np.array([residuals[a].channel.level for a in axes])
     norm = float(np.linalg.norm(level))
-    if abs(norm - STANDARD_GRAVITY) > 0.2 * STANDARD_GRAVITY:
+    at_rest = abs(norm - STANDARD_GRAVITY) <= GRAVITY_ERROR * STANDARD_GRAVITY
+    one_clock = len({len(residuals[a].channel) for a in axes}) == 1
+    return (axes, level, norm) if len(axes) == 3 and one_clock and at_rest else None
+
+
+def test(residuals: Mapping[str, FittedChannel], limit: float) -> Tilt | None:
+    """Test a triad of accelerometers."""
+    rest = triad(residuals)
+    if rest is None:
         return None
+    axes, level, norm = rest
     along = int(np.argmax(np.abs(level)))
     if abs(level[along]) < 0.95 * norm:
         return None
@@ -85,5 +94,5 @@ def test(residuals: Mapping[str, FittedChannel], limit: float) -> Tilt | None:
     if p_value > limit or abs(size - 1.0) > 4.0 * error + 4.0 * sd / change:
         return None
     tilt = float(np.arcsin(min(1.0, change / norm)))
-    half = 1.96 * sd / norm
+    half = REACH_95 * sd / norm
     return Tilt(tuple(axes), ratio, p_value, Coefficient.known(tilt, tilt - half, tilt + half, "rad"))

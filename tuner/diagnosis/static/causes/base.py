@@ -21,6 +21,7 @@ import numpy as np
 
 from models.arrays import BoolArray, FloatArray
 from models.noise import Term
+from models.probability import REACH_95
 from tuner.diagnosis.cause import Cause
 from tuner.diagnosis.static.channel import Channel
 from tuner.types import Coefficient
@@ -54,12 +55,12 @@ class Value:
     @classmethod
     def of(cls, value: float, sd: float, unit: str = "1") -> Value:
         """Make a value with a normal interval."""
-        return cls(value, value - 1.96 * sd, value + 1.96 * sd, unit)
+        return cls(value, value - REACH_95 * sd, value + REACH_95 * sd, unit)
 
     @classmethod
     def log(cls, value: float, relative_sd: float, unit: str = "1") -> Value:
         """Make a positive value with an interval that is even in its logarithm."""
-        factor = float(np.exp(1.96 * min(relative_sd, 5.0)))
+        factor = float(np.exp(REACH_95 * min(relative_sd, 5.0)))
         return cls(value, value / factor, value * factor, unit)
 
     def widened_by(self, drift: float) -> Value:

@@ -21,7 +21,7 @@ import numpy as np
 
 from models.arrays import BoolArray, FloatArray, SignedArray
 from models.effects.static.distribution import Burst as Effect
-from models.probability import normal_beyond
+from models.probability import REACH_95, normal_beyond
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.fitted_channel import FittedChannel
@@ -284,9 +284,9 @@ def _ratio(fitted: FittedChannel, seen: float, relative: float, share: float) ->
     """Return the ratio of variances of the white noise, from that of the residuals and its relative deviation."""
     white = dilution(fitted)
     low, value, high = (
-        white.undiluted(seen * float(np.exp(k * relative)), share) for k in (-1.96, 0.0, 1.96)
+        white.undiluted(seen * float(np.exp(k * relative)), share) for k in (-REACH_95, 0.0, REACH_95)
     )
-    return Value(value, low, high).widened_by(1.96 * white.error * abs(value - 1.0))
+    return Value(value, low, high).widened_by(REACH_95 * white.error * abs(value - 1.0))
 
 
 def _reach(total: FloatArray, first: int, last: int, kappa: float, *, move_first: bool) -> tuple[int, int]:

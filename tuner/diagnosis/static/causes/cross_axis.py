@@ -12,11 +12,11 @@ from itertools import combinations
 
 import numpy as np
 
+from models.arrays import SAMPLES_AT_ONCE
 from models.effects.static.distribution import CrossAxis as Effect
-from models.probability import normal_beyond
+from models.probability import REACH_95, normal_beyond
 from tuner.diagnosis.cause import Cause
 from tuner.diagnosis.static.model.fitted_channel import FittedChannel
-from tuner.diagnosis.static.model.series_statistics import SAMPLES_AT_ONCE
 from tuner.types import Coefficient
 
 
@@ -112,12 +112,12 @@ def _shared(group: set[str], found: Mapping[tuple[str, str], tuple[float, float,
     rho = np.array([value[0] for value in mine.values()])
     sd = np.array([value[1] for value in mine.values()])
     mean = float(np.mean(np.abs(rho))) if len(rho) > 1 else float(rho[0])
-    half = 1.96 * float(np.sqrt(np.sum(sd**2))) / len(rho)
+    half = REACH_95 * float(np.sqrt(np.sum(sd**2))) / len(rho)
     spread = float(np.std(rho)) if len(rho) > 1 else 0.0
-    half = max(half, 1.96 * spread / np.sqrt(len(rho)))
+    half = max(half, REACH_95 * spread / np.sqrt(len(rho)))
     axes = tuple(dict.fromkeys(axis for pair in mine for axis in pair))
     each = {
-        ", ".join(pair): Coefficient.known(r, r - 1.96 * s, r + 1.96 * s, "1")
+        ", ".join(pair): Coefficient.known(r, r - REACH_95 * s, r + REACH_95 * s, "1")
         for pair, (r, s, _) in mine.items()
     }
     with np.errstate(divide="ignore"):  # axes that are one and the same have no sd

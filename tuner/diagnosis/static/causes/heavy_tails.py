@@ -21,14 +21,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit, gammaln, ndtr, ndtri
 
-from models.arrays import FloatArray
+from models.arrays import LEAST_DIVISOR, FloatArray
 from models.effects.static.distribution import HeavyTails as Effect
-from models.probability import normal_beyond, student_beyond
+from models.probability import REACH_95, normal_beyond, rounding_variance, student_beyond
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.model.fitted_channel import FittedChannel
-from tuner.diagnosis.static.model.null_distributions import maximum, minimum
+from tuner.diagnosis.static.model.null_distributions import COST_OUTSIDE, maximum, minimum
 from tuner.diagnosis.static.model.series_statistics import moment
-from tuner.diagnosis.static.outcome import TestResult
+from tuner.diagnosis.static.outcome import WORTH_A_FIT, TestResult
 from tuner.diagnosis.static.variance.histogram import Histogram, histogram
 from tuner.diagnosis.static.variance.white_share import dilution
 
@@ -99,7 +99,7 @@ class HeavyTails(Extension):
         exact = np.asarray(size, dtype=float)
         beyond = (1.0 - self.share) * normal_beyond(exact / core)
         beyond += self.share * student_beyond(exact / wide, self.nu)
-        return np.asarray(-ndtri(np.maximum(beyond, 1e-300)))
+        return np.asarray(-ndtri(np.maximum(beyond, LEAST_DIVISOR)))
 
     @classmethod
     def test(cls, fitted: FittedChannel) -> TestResult | None:
@@ -116,7 +116,7 @@ class HeavyTails(Extension):
         deviate = (kurtosis - CLIPPED_KURTOSIS - rounding) / np.sqrt(24.0 / n)
         p_value = normal_beyond(deviate)
         gain, law = 0.0, Law(0.0, np.inf, 0.0)
-        if p_value < 1e-3:
+        if p_value < WORTH_A_FIT:
             law = whole(histogram(fitted.good))
             gain = law.gain - (0.5 if law.share == 1.0 else 1.5) * float(np.log(n))
         name = "excess kurtosis of the residuals"
@@ -141,8 +141,8 @@ def _looked_up(e: FloatArray, table: FloatArray) -> FloatArray:
 def rounded_kurtosis(step: float) -> float:
     """Return the largest excess kurtosis of rounded normal numbers, the step in sd of what they are rounded to."""
     if step < MAX_FINE_STEP:
-        return -1.2 * (step**2 / 12.0) ** 2
-    sd = float(np.sqrt(max(1.0 - step**2 / 12.0, 0.01)))
+        return -1.2 * (rounding_variance(step)) ** 2
+    sd = float(np.sqrt(max(1.0 - rounding_variance(step), 0.01)))
     phase = np.linspace(0.0, 1.0, 33)[:, None]
     code = np.arange(-np.ceil(8.0 * sd / step) - 1.0, np.ceil(8.0 * sd / step) + 2.0)
     share = np.diff(ndtr(step * (np.append(code, code[-1] + 1.0) - 0.5 - phase) / sd), axis=1)
@@ -172,7 +172,7 @@ def whole(bins: Histogram) -> Law:
 
     def cost(x: FloatArray) -> float:
         if np.any(np.abs(x - SEARCH_CENTRE) > SEARCH_HALF_WIDTH):
-            return 1e12
+            return COST_OUTSIDE
         share, core, nu, ratio = expit(x[0]), np.exp(x[1]), 2.0 + np.exp(x[2]), np.exp(x[3])
         heavy = np.log(share) + _log_student(bins.value, nu, core * ratio)
         return -float(bins.count @ np.logaddexp(np.log1p(-share) + _log_normal(bins.value, core), heavy))
@@ -190,7 +190,7 @@ def beside_spikes(bins: Histogram) -> float:
 
     def cost(x: FloatArray) -> float:
         if np.any(np.abs(x) > 15.0) or x[3] > 5.0:
-            return 1e12
+            return COST_OUTSIDE
         nu, scale, share, size = 2.0 + np.exp(x[0]), np.exp(x[1]), expit(x[2]), 4.0 + np.exp(x[3])
         near = np.log1p(-share) + _log_student(bins.value, nu, scale)
         return -float(bins.count @ np.logaddexp(near, np.log(share) + _log_normal(bins.value, size)))
@@ -243,5 +243,6 @@ def extension(fitted: FittedChannel, law: Law, sd: float) -> HeavyTails:
     seen = Value.log(kurtosis, law.spread)
     low, value, high = (max(k - rounding, 1e-6) / white.fourth for k in (seen.lower, seen.value, seen.upper))
     return replace(
-        shape, values={"excess_kurtosis": Value(value, low, high).widened_by(3.92 * white.error * value)}
+        shape,
+        values={"excess_kurtosis": Value(value, low, high).widened_by(2.0 * REACH_95 * white.error * value)},
     )

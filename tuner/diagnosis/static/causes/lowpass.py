@@ -18,7 +18,7 @@ from models.effects.static.spectral import LowPass as Effect
 from models.noise.arma import Arma
 from tuner.diagnosis.static.causes.base import Value
 from tuner.diagnosis.static.causes.shaped_white_noise import ShapedWhiteNoise
-from tuner.diagnosis.static.outcome import TestResult
+from tuner.diagnosis.static.outcome import NO_GAIN, TestResult
 from tuner.diagnosis.static.spectrum.binned import Bins, bins
 from tuner.diagnosis.static.spectrum.falling_curve import (
     CURVE,
@@ -135,7 +135,7 @@ def test(tested: ShapeTest) -> TestResult:
     """Test for white noise that passed a low-pass filter."""
     name = "likelihood ratio of a filtered spectrum"
     if not tested.filters:
-        return TestResult("lowpass", tested.any_p_value, -9.0, 0.0, name)
+        return TestResult("lowpass", tested.any_p_value, NO_GAIN, 0.0, name)
     best = tested.filters[0]
     ratio = 2.0 * (tested.null.cost - best.cost)
     return TestResult(

@@ -19,15 +19,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.arrays import FloatArray, IndexArray
+from models.arrays import SAMPLES_AT_ONCE, FloatArray, IndexArray
 from models.effects.static.events import SWAY_FREQUENCY
 from models.effects.static.events import Motion as Effect
 from models.robust import normal_sd
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.channel import GAP_NEIGHBOURS, Channel
 
-SAMPLES_AT_ONCE = 1 << 16
-"""Samples treated at a time, so that what is computed from them stays in the cache of a processor."""
 BLOCK_LENGTH = 0.25
 """Length of a short block, s: a hand or a gust is slower, the noise of a mean of samples is smaller than theirs."""
 MIN_BLOCK_SAMPLES = 16

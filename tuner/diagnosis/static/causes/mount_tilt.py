@@ -24,18 +24,18 @@ from numpy.typing import NDArray
 from models.arrays import FloatArray
 from models.effects.static.attitude import Attitude
 from models.probability import chi2_beyond
+from models.units import STANDARD_GRAVITY
+from tuner.diagnosis.static.causes.attitude import triad
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.dct import block_transform
 from tuner.diagnosis.static.model.fitted_channel import FittedChannel
-from tuner.diagnosis.static.model.null_distributions import SLOW_RATIO_FACTOR
+from tuner.diagnosis.static.model.null_distributions import REGION_NATS, SLOW_RATIO_FACTOR
 from tuner.diagnosis.static.model.profile_likelihood import first_column, track_without
 from tuner.diagnosis.static.model.score_scan import MIN_SQUARE_SCORE
-from tuner.diagnosis.static.outcome import TestResult
+from tuner.diagnosis.static.outcome import ALTERNATIVE_NATS, NO_GAIN, TestResult
 from tuner.types import Unexplained
 
-STANDARD_GRAVITY = 9.80665
-"""Gravity, m/s²."""
 MAX_GRAVITY_SHARE = 0.9
 """Largest share of gravity on an axis in which a tilt shows: √(1 − 0.9²) = 0.44 of its angle to first order."""
 GRID_CELLS = 48
@@ -44,12 +44,8 @@ DURATIONS = (1, 2, 3, 4, 6, 8, 11, 16, 22, 32, 44)
 """Durations tried, in cells: in ratios of about √2, from one cell to nearly the record."""
 FINE_PLACES = 13
 """Begins, and ends, tried about the best of the coarse grid; a sixth of a cell apart."""
-MIN_LEAD = 3.0
-"""Nats by which a tilt must be likelier than a jump, which has one parameter less: a likelihood ratio of 20."""
 DIRECTION_SD = 0.02
 """Sd of the direction of gravity in the axes of a triad, rad: a bias of 0.02 g moves it by that much."""
-REGION_CHI2 = 5.99
-"""Square of a score that a begin and a duration may lose in their 95 % region: χ²₂."""
 NAME = "likelihood ratio of a level that moves and settles"
 """Name of the statistic in results."""
 
@@ -117,7 +113,7 @@ class MountTilt(Extension):
                 beside = courses.product(p[:-1], p[:-1] + duration, 1) / (norm[:-1] * norm[1:])
             crossings += float(np.sum(np.arccos(np.clip(beside, -1.0, 1.0)))) / np.pi
         if best[0] < MIN_SQUARE_SCORE:
-            return TestResult("attitude", 1.0, -9.0, best[0], NAME)
+            return TestResult("attitude", 1.0, NO_GAIN, best[0], NAME)
         placed = _placed(fitted, fitted.track.columns, float(knots[best[1]]), float(knots[best[2]]))
         template = block_transform(placed.columns(fitted.channel), fitted.cleaned, fitted.track.singles)
         ratio = max(0.0, 2.0 * (fitted.refit(template).log_likelihood - fitted.fit.log_likelihood))
@@ -125,7 +121,7 @@ class MountTilt(Extension):
             len(DURATIONS) * chi2_beyond(SLOW_RATIO_FACTOR * ratio, 1)
             + crossings * np.exp(-0.5 * SLOW_RATIO_FACTOR * ratio)
         )
-        gain = 0.5 * ratio - float(np.log(blocks / 8.0)) - MIN_LEAD - 0.25 * float(np.log(blocks))
+        gain = 0.5 * ratio - float(np.log(blocks / 8.0)) - ALTERNATIVE_NATS - 0.25 * float(np.log(blocks))
         return TestResult("attitude", min(1.0, chance), gain, ratio, NAME, lambda: (placed,))
 
 
@@ -192,7 +188,7 @@ def _placed(fitted: FittedChannel, known: FloatArray, begin: float, end: float) 
     knots = np.unique(np.clip(places, 1.0, channel.blocks - 1.0))
     square = _courses(fitted, known, knots).score ** 2
     p, q = np.unravel_index(int(np.argmax(square)), square.shape)
-    likely = np.nonzero(square > square[p, q] - REGION_CHI2)
+    likely = np.nonzero(square > square[p, q] - 2.0 * REGION_NATS)
     length, step = channel.block * channel.interval, 2.0 * cell / (FINE_PLACES - 1)
     first, duration = knots[likely[0]], knots[likely[1]] - knots[likely[0]]
     values = {
@@ -225,16 +221,13 @@ def stretched(finals: Mapping[str, FittedChannel], limit: float) -> tuple[Unexpl
     limit : float
         Chance below which the length is not kept.
     """
-    triad = {axis: found for axis, found in finals.items() if found.channel.unit == "m/s^2"}
-    tilts = [x for found in triad.values() for x in found.extensions if isinstance(x, MountTilt)]
-    if not tilts or len(triad) != 3 or len({len(found.channel) for found in triad.values()}) != 1:
+    rest = triad(finals)
+    tilts = [x for found in finals.values() for x in found.extensions if isinstance(x, MountTilt)]
+    if rest is None or not tilts:
         return ()
+    axes, level, norm = rest
     clearest = max(tilts, key=lambda x: abs(x.values["tilt"].value))
-    moved = np.array([_moved(found, clearest) for found in triad.values()])
-    level = np.array([found.channel.level for found in triad.values()])
-    norm = float(np.linalg.norm(level))
-    if abs(norm - STANDARD_GRAVITY) > 0.2 * STANDARD_GRAVITY:
-        return ()
+    moved = np.array([_moved(finals[axis], clearest) for axis in axes])
     along = level / norm
     change = float(np.linalg.norm(moved[:, 0]))
     longer = float(along @ moved[:, 0]) + 0.5 * change**2 / norm
@@ -244,7 +237,7 @@ def stretched(finals: Mapping[str, FittedChannel], limit: float) -> tuple[Unexpl
         return ()
     start, duration = (clearest.values[k].value for k in ("start", "duration"))
     name = f"the level moves from {start:.6g} s on for {duration:.4g} s, and the specific force changes its length"
-    return (Unexplained(name, tuple(triad), chance, about="slow part"),)
+    return (Unexplained(name, tuple(axes), chance, about="slow part"),)
 
 
 def _moved(fitted: FittedChannel, course: MountTilt) -> tuple[float, float]:

@@ -30,7 +30,7 @@ from models.probability import normal_beyond
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.model.fitted_channel import FittedChannel
 from tuner.diagnosis.static.model.series_statistics import moment
-from tuner.diagnosis.static.outcome import TestResult
+from tuner.diagnosis.static.outcome import WORTH_A_FIT, TestResult
 from tuner.diagnosis.static.variance.local_variance import local_variance
 from tuner.diagnosis.static.variance.normal_scores import NormalScores
 from tuner.diagnosis.static.variance.white_share import dilution
@@ -111,7 +111,7 @@ class SkewedNoise(Extension):
         p_value = 2.0 * normal_beyond(abs(deviate))
         gain = 0.5 * deviate**2 - 0.5 * float(np.log(len(e)))
         scores = None
-        if p_value < 1e-3:
+        if p_value < WORTH_A_FIT:
             unscaled = _between_codes(fitted, fitted.spread * fitted.good)
             own = NormalScores.of(unscaled)
             known, new = np.array_split(unscaled, 2)

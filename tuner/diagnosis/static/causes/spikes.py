@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import expit
 
-from models.arrays import FloatArray, SignedArray
+from models.arrays import LEAST_DIVISOR, FloatArray, SignedArray
 from models.effects.static.events import Spikes as Effect
 from models.probability import (
     MEDIAN_OVER_MEAN_SD,
@@ -26,7 +26,7 @@ from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.fitted_channel import FittedChannel
 from tuner.diagnosis.static.model.null_distributions import any_of, maximum
-from tuner.diagnosis.static.outcome import TestResult
+from tuner.diagnosis.static.outcome import WORTH_A_FIT, TestResult
 from tuner.diagnosis.static.variance.histogram import Histogram, histogram
 
 SPIKE_THRESHOLD = 5.0
@@ -73,7 +73,7 @@ class Spikes(Extension):
         largest = any_of(2.0 * normal_beyond(size.max()), n)
         p_value = min(1.0, 2.0 * min(many, largest))
         gain = 0.0
-        if p_value < 1e-3:
+        if p_value < WORTH_A_FIT:
             bins = histogram(fitted.good)
             gain = mixture_gain(bins) - 1.5 * float(np.log(n))
         return TestResult(
@@ -92,7 +92,7 @@ def mixture_gain(bins: Histogram) -> float:
     def cost(x: FloatArray) -> float:
         share, core, wide = expit(x[0]), np.exp(x[1]), np.exp(x[1]) * (1.0 + np.exp(x[2]))
         density = (1.0 - share) * normal_density(bins.value, core) + share * normal_density(bins.value, wide)
-        return -float(bins.count @ np.log(density + 1e-300))
+        return -float(bins.count @ np.log(density + LEAST_DIVISOR))
 
     return bins.normal_cost() - maximum(cost, [[-9.0, 0.0, 2.0], [-5.0, 0.0, 1.0]], scale=0.5)[2]
 

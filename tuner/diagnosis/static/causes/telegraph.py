@@ -31,9 +31,9 @@ from models.probability import chi2_beyond
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.fitted_channel import FittedChannel
-from tuner.diagnosis.static.model.null_distributions import curvature
+from tuner.diagnosis.static.model.null_distributions import COST_OUTSIDE, curvature
 from tuner.diagnosis.static.model.slow_likelihood import Fit
-from tuner.diagnosis.static.outcome import NO_GAIN, TestResult
+from tuner.diagnosis.static.outcome import ALTERNATIVE_NATS, NO_GAIN, TestResult
 from tuner.diagnosis.static.switching.climb import climb
 from tuner.diagnosis.static.switching.models import (
     NO_VALUES,
@@ -60,11 +60,6 @@ LEVEL_OFFSETS = 5
 """Places of the lower level, within a size, that are tried on held-out data.
 
 Between them it is free by a normal law.
-"""
-THIRD_LEVEL_LEAD = 3.0
-"""Nats by which three levels must be likelier than two, for the same number of parameters, to replace them.
-
-A likelihood ratio of 20.
 """
 MIN_VISITS = 2
 """Least number of visits to each of three levels: one that is visited once is a matter of steps."""
@@ -210,7 +205,7 @@ def _judged(
     extension, switches, x, two = _extension(y, step, span, r, x, besides)
     price, lead = unsure.statistic - unsure.gain, max(two - null, unsure.statistic)
     unsure = replace(unsure, p_value=chi2_beyond(2.0 * lead, 5), gain=lead - price, statistic=lead)
-    many, three = _three_levels(y, step, span, r, x, besides, two + THIRD_LEVEL_LEAD)
+    many, three = _three_levels(y, step, span, r, x, besides, two + ALTERNATIVE_NATS)
     if many is not None:
         lead = three - null
         known = replace(unsure, gain=lead - price, statistic=lead, name=ManyLevels.meaning)
@@ -252,7 +247,7 @@ def _cost(
 ) -> float:
     low, high = _bounds(step, span)
     if np.any(x < low) or np.any(x > high):
-        return 1e12
+        return COST_OUTSIDE
     return -likelihood(y, *_parts(x, step, span, besides), r)
 
 
@@ -268,7 +263,7 @@ def _refit_gaussian(y: FloatArray, step: float, span: float, r: FloatArray | flo
 
     def cost(free: FloatArray) -> float:
         if np.any(np.abs(free) > 30.0) or max(free[1], free[4]) > np.log(10.0 * span):
-            return 1e12
+            return COST_OUTSIDE
         sds, constants = np.exp(free[[0, 3]]).tolist(), np.exp(free[[1, 4]]).tolist()
         markov = [GaussMarkov(sd, constant) for sd, constant in zip(sds, constants, strict=True)]
         return -likelihood(y, STILL, Slow.of([*markov, RandomWalk(float(np.exp(free[2])))], step), r)

@@ -1,7 +1,7 @@
 """Ageing: a temperature slope that changes through the record, which the catalogue has no name for.
 
-It counts only where it explains the record better than any named cause by `MIN_LEAD` nats. As a template it keeps
-anything else from being made up for it; what it finds is reported as unexplained, not as a finding.
+It counts only where it explains the record better than any named cause by `ALTERNATIVE_NATS` nats. As a template it
+keeps anything else from being made up for it; what it finds is reported as unexplained, not as a finding.
 """
 
 from __future__ import annotations
@@ -15,11 +15,10 @@ from tuner.diagnosis.static.causes.temperature import COVARIATE, centred
 from tuner.diagnosis.static.causes.template import Template
 from tuner.diagnosis.static.causes.warmup import Warmup
 from tuner.diagnosis.static.channel import Channel
+from tuner.diagnosis.static.outcome import ALTERNATIVE_NATS
 
 UNNAMED = "unnamed"
 """Stands for the code of a cause where there is none."""
-MIN_LEAD = 3.0
-"""Nats by which it must be better than a cause with a name: those within them, a factor of 20, are alternatives."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +32,7 @@ class Ageing(Template):
     covariate = COVARIATE
     size = ("slope", "{u}/K")
     statistic = meaning
-    price = MIN_LEAD + Warmup.price
+    price = ALTERNATIVE_NATS + Warmup.price
 
     def template(self, channel: Channel) -> NDArray[np.float64]:
         """Return temperature times time on the blocks, both about their middle, K, shape (M,)."""

@@ -24,7 +24,7 @@ from tuner.diagnosis.static.causes.base import Extension
 from tuner.diagnosis.static.causes.recovery import MIN_BLOCKS
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.fitted_channel import FittedChannel
-from tuner.diagnosis.static.outcome import NO_GAIN, TestResult
+from tuner.diagnosis.static.outcome import NO_GAIN, WORTH_A_FIT, TestResult
 
 SHORTEST_TIME, TIME_RATIO = 4.0, 2.5
 """Shortest time constant, samples, and from one to the next: one between two has 0.95 of the product with either."""
@@ -76,7 +76,7 @@ class Transients(Extension):
                 chance = poisson_at_least(number, mean)
                 best, chosen = min((best, chosen), (chance, constant))
         p_value = min(1.0, best * len(constants) * len(LEVELS))
-        if p_value > 1e-3:
+        if p_value > WORTH_A_FIT:
             return TestResult(cls.cause, p_value, NO_GAIN, 0.0, cls.meaning)
         mine = which == constants.tolist().index(chosen)
         z = dict(zip(at[mine].tolist(), product[mine].tolist(), strict=True))

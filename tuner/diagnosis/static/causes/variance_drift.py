@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.arrays import FloatArray
+from models.arrays import LEAST_DIVISOR, FloatArray
 from models.effects.static.distribution import VarianceDrift as Effect
 from models.probability import chi2_beyond
 from tuner.diagnosis.static.causes.base import Extension, Value
@@ -137,18 +137,18 @@ def _regression(
     square, weight, usual = block_variance(fitted)
     x = x - weight @ x / weight.sum()
     white = dilution(fitted)
-    most = MAX_LOG_CHANGE / (float(np.ptp(x)) + 1e-300)
+    most = MAX_LOG_CHANGE / (float(np.ptp(x)) + LEAST_DIVISOR)
     change = 0.0
     for _ in range(SCORING_STEPS):
         course, slope = _course(change, x, weight, white.variance)
         score = weight @ (slope * (square / _levelled(course, square, weight) - 1.0))
-        information = float(weight @ slope**2) + 1e-300
+        information = float(weight @ slope**2) + LEAST_DIVISOR
         change = float(np.clip(change + score / information, -most, most))
     course, slope = _course(change, x, weight, white.variance)
     expected, flat = _levelled(course, square, weight), float(weight @ square / weight.sum())
     kappa = max((usual + 1.0) * weight.sum() / float(weight @ expected**2) - 1.0, 0.1)
     gain = float(weight @ (np.log(flat) + square / flat - np.log(expected) - square / expected)) / kappa
-    sd = float(np.hypot((float(weight @ slope**2) / kappa + 1e-300) ** -0.5, change * white.error))
+    sd = float(np.hypot((float(weight @ slope**2) / kappa + LEAST_DIVISOR) ** -0.5, change * white.error))
     values = {"slope": Value.of(change / width, sd / width, unit)}
     return TestResult(
         "variance_drift",

@@ -17,15 +17,14 @@ import numba
 import numpy as np
 from scipy.special import betainc, betaln
 
-from models.arrays import BoolArray, FloatArray, SignedArray
+from models.arrays import SAMPLES_AT_ONCE, BoolArray, FloatArray, SignedArray
 from models.effects.static.spectral import Vibration as Effect
 from models.noise import Term
 from models.noise.arma import Arma
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.model.fitted_channel import FittedChannel
-from tuner.diagnosis.static.model.null_distributions import curvature, maximum, minimum
-from tuner.diagnosis.static.model.series_statistics import SAMPLES_AT_ONCE
-from tuner.diagnosis.static.outcome import TestResult
+from tuner.diagnosis.static.model.null_distributions import COST_OUTSIDE, curvature, maximum, minimum
+from tuner.diagnosis.static.outcome import NO_GAIN, TestResult
 from tuner.diagnosis.static.spectrum.background import FIRST_ORDINATE, local_level
 from tuner.diagnosis.static.spectrum.fisher_scoring import sizes
 from tuner.diagnosis.static.spectrum.shape import ShapeTest
@@ -44,6 +43,8 @@ The likelihood ratio may be clearer.
 """
 NEIGHBOUR_COUNT = 200
 """Ordinates about one whose median separates a line from a resonance: it is known to 1/(ln 2 √200) = 10 %."""
+MAX_CYCLES, MAX_QUALITY = 0.499, 1e5
+"""Largest frequency × interval, and quality, of a resonance: beyond, its poles are those of a line."""
 MIN_QUALITY = 3.0
 """Quality below which a resonance is a matter of the broad shape of the spectrum: half power is a third of f wide."""
 MIN_PARAMETER_CHANGE = 0.1
@@ -122,7 +123,9 @@ class Vibration(Extension):
 
         def peak(x: FloatArray) -> FloatArray:
             frequency, quality = np.exp(np.clip(x, -20.0, 20.0)).tolist()
-            pole = Vibration(min(frequency, 0.499 / dt), min(max(quality, 0.5), 1e5), 1.0).pole(dt)
+            pole = Vibration(min(frequency, MAX_CYCLES / dt), min(max(quality, 0.5), MAX_QUALITY), 1.0).pole(
+                dt
+            )
             return np.asarray(resonance(halves, dt, *pole, 1.0))
 
         def cost(x: FloatArray) -> float:
@@ -208,7 +211,7 @@ def test(fitted: FittedChannel, tested: ShapeTest) -> TestResult:
     centre, half = (at + 1 + 0.5 * width) * df, 0.5 * width * df
     name = f"mean of {width} ordinates of the spectrum ÷ their neighbourhood"
     if p_value > REFIT_P_VALUE:
-        return TestResult("vibration", min(1.0, 2.0 * p_value), -9.0, mean, name)
+        return TestResult("vibration", min(1.0, 2.0 * p_value), NO_GAIN, mean, name)
     gain, found = extension(fitted, tested.background(f), centre, half)
     covered = float(np.clip(found.frequency / found.quality / df, WINDOWS[0], widths[-1]))
     price = float(np.log(len(widths) * 2.0 * number / covered))
@@ -258,7 +261,7 @@ def wide(tested: ShapeTest, fitted: FittedChannel) -> TestResult:
     """Test for a resonance too wide to be compared with its neighbourhood: it competes with filters and colours."""
     name = "excess of the fast spectrum over white noise"
     if tested.resonance is None:
-        return TestResult("vibration", tested.any_p_value, -9.0, 0.0, name)
+        return TestResult("vibration", tested.any_p_value, NO_GAIN, 0.0, name)
     peak = tested.resonance
     scale = np.array([1.0, 1.0, 0.5])
     spread = scale * np.sqrt(np.diag(peak.covariance))
@@ -339,16 +342,16 @@ def extension(
         frequency, quality, sd = np.exp(x[:3])
         if not (
             abs(frequency - middle) < reach
-            and 0.5 < quality < 1e5
-            and frequency < 0.499 / dt
+            and 0.5 < quality < MAX_QUALITY
+            and frequency < MAX_CYCLES / dt
             and abs(x[4]) < 0.9
         ):
-            return 1e12
+            return COST_OUTSIDE
         peak = resonance(halves, dt, *Vibration(frequency, quality, sd).pole(dt), sd) / white
         return size * float(_level_cost(mean, x[3], x[4], place, peak))
 
     def flat(x: FloatArray) -> float:
-        return size * float(_level_cost(mean, x[0], x[1], place, none)) if abs(x[1]) < 0.9 else 1e12
+        return size * float(_level_cost(mean, x[0], x[1], place, none)) if abs(x[1]) < 0.9 else COST_OUTSIDE
 
     excess = max(float(np.mean(np.maximum(mean - np.median(mean), 0.0))), 1e-3)
     sd = np.sqrt(2.0 * (last - first) * df * excess * float(np.mean(white)))

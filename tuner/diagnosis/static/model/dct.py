@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.fft import dct, dst, idct
 from scipy.ndimage import maximum_filter1d
 
-from models.arrays import FloatArray
+from models.arrays import LEAST_DIVISOR, FloatArray
 from models.robust import MEDIAN_OF_CHI2
 from tuner.curves.long_transforms import without_tables
 from tuner.diagnosis.static.channel import Channel
@@ -133,7 +133,7 @@ def _level(power: FloatArray) -> FloatArray:
     if n == 0:
         return np.full(len(power), np.median(power) / MEDIAN_OF_CHI2)
     median = row_medians(power[:n].reshape(-1, width)) / MEDIAN_OF_CHI2
-    level = between_middles(np.log(np.maximum(median, 1e-300)), width, len(power))
+    level = between_middles(np.log(np.maximum(median, LEAST_DIVISOR)), width, len(power))
     return np.asarray(np.exp(level, out=level))
 
 

@@ -10,10 +10,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from models.arrays import FloatArray
+from models.arrays import SAMPLES_AT_ONCE, FloatArray
 
-COEFFICIENTS_AT_ONCE = 1 << 16
-"""Coefficients treated at a time, so that what is computed on the way stays in the cache of a processor."""
 SPECTRUM_KNOTS = 8192
 """Frequencies, even and in even ratios, between which the spectrum is interpolated linearly; fine for its curvature."""
 
@@ -45,8 +43,8 @@ class ExpectedPower:
         low = min(max(len(self.singles), first), last)
         power = np.empty(last - first)
         power[: low - first] = self.singles[first:low]
-        for start in range(low, last, COEFFICIENTS_AT_ONCE):
-            stop = min(start + COEFFICIENTS_AT_ONCE, last)
+        for start in range(low, last, SAMPLES_AT_ONCE):
+            stop = min(start + SAMPLES_AT_ONCE, last)
             part = power[start - first : stop - first]
             _interpolate(start + 1, self.knots, self.smooth, part)
             part += self.peaks[start:stop]
@@ -54,7 +52,7 @@ class ExpectedPower:
 
     def means(self, first: int, width: int, count: int) -> FloatArray:
         """Return the mean power in `count` bins of `width` coefficients, the first of which is number first + 1."""
-        several = max(1, COEFFICIENTS_AT_ONCE // width)
+        several = max(1, SAMPLES_AT_ONCE // width)
         edges = [*range(0, count, several), count]
         return np.concatenate(
             [

@@ -21,8 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import next_fast_len
 
-from models.arrays import FloatArray, SingleArray
+from models.arrays import SAMPLES_AT_ONCE, FloatArray, SingleArray
 from models.noise import BiasInstability, GaussMarkov, NoiseModel, RandomWalk, Term, White
+from models.probability import REACH_95
 from tuner.diagnosis.static.causes.base import Extension, gain_of, hidden_by, power_of
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.dct import block_transform, grid, inverse, lines, transform
@@ -30,7 +31,6 @@ from tuner.diagnosis.static.model.expected_power import ExpectedPower, spectrum_
 from tuner.diagnosis.static.model.null_distributions import SLOW_RATIO_FACTOR
 from tuner.diagnosis.static.model.series_statistics import (
     RESIDUAL_CLIP,
-    SAMPLES_AT_ONCE,
     robust_sd,
     unit_periodogram,
 )
@@ -133,7 +133,7 @@ class FittedChannel:
             return 2.0 * (self.fit.log_likelihood - best)
 
         flicker = next(f for f in self.fits if BiasInstability in f.kinds)
-        half = 1.96 * float(
+        half = REACH_95 * float(
             np.sqrt(self.track.averaged_variance(flicker, column, (RandomWalk, BiasInstability)))
         )
         return min(_crossing(drop, centre, -sd), centre - half), max(
@@ -323,8 +323,8 @@ def _cleaners(extensions: tuple[Extension, ...]) -> tuple[Extension, ...]:
 
 def _crossing(drop: Callable[[float], float], centre: float, step: float) -> float:
     """Return where twice the loss of log likelihood passes the 95 % point, going from the centre by steps."""
-    goal = 3.84 / SLOW_RATIO_FACTOR
-    low, high = 0.0, 1.96 * step
+    goal = REACH_95**2 / SLOW_RATIO_FACTOR
+    low, high = 0.0, REACH_95 * step
     for _ in range(12):
         if drop(centre + high) >= goal:
             break

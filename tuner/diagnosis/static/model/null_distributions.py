@@ -15,7 +15,10 @@ import numpy as np
 
 from models.arrays import FloatArray
 from models.probability import chi2_beyond
+from tuner.types import LEVEL
 
+COST_OUTSIDE = 1e12
+"""Cost where free numbers are not allowed, nats: above that of any record."""
 SLOW_RATIO_FACTOR = 0.8
 """Factor on likelihood ratios of slow templates, for tests and intervals.
 
@@ -23,7 +26,9 @@ The noise at their frequencies is itself estimated from few coefficients, so tha
 the quantiles of χ² more often; chosen to allow for that.
 """
 
-EDGE_NATS = 3.68
+REGION_NATS = -float(np.log1p(-LEVEL))
+"""Loss of log likelihood at the ends of a 95 % region of two numbers: half of the quantile of χ²₂."""
+EDGE_NATS = -float(np.log1p(-np.sqrt(LEVEL)))
 """Nats within which the true place of a change lies, 95 %.
 
 The log likelihood ratio walks away from the true place on either side with a drift; what it reaches there is

@@ -15,6 +15,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from models.arrays import FloatArray
+from models.probability import REACH_95
 from tuner.diagnosis.static.causes.base import Value
 from tuner.diagnosis.static.model.dct import block_transform
 from tuner.diagnosis.static.model.fitted_channel import FittedChannel
@@ -31,8 +32,6 @@ MAX_LOG_FACTOR = 4.0
 
 Beyond, time constant and size are degenerate.
 """
-CHI2_QUANTILE = 3.84
-"""χ²₁ at 95 %."""
 MAX_NATS_BELOW = 10.0
 """Nats below the best fit from which a kind of noise is left out of the profile: it has lost by a factor of 2e4."""
 
@@ -99,7 +98,7 @@ def profile(fitted: FittedChannel, index: int, template: Template, centre: float
     track = track_without(fitted, index)
     column = track.columns.shape[1]
     sd = float(np.sqrt(fitted.fit.beta_covariance[first_column(fitted, index), first_column(fitted, index)]))
-    wider = max(1.0, (size.upper - size.lower) / (3.92 * sd))
+    wider = max(1.0, (size.upper - size.lower) / (2.0 * REACH_95 * sd))
     explained, middle = _explained(fitted, index, template), float(np.log(centre))
     most = explained(middle)
     followed = [f for f in fitted.fits if f.log_likelihood > fitted.fit.log_likelihood - MAX_NATS_BELOW]
@@ -130,9 +129,9 @@ def profile(fitted: FittedChannel, index: int, template: Template, centre: float
 def _reach(loss: Callable[[float], float], sign: float) -> float:
     """Return how far from zero, on one side, twice a loss of log likelihood passes the 95 % point."""
     low, high = 0.0, 0.1
-    while high < MAX_LOG_FACTOR and loss(sign * high) < CHI2_QUANTILE:
+    while high < MAX_LOG_FACTOR and loss(sign * high) < REACH_95**2:
         low, high = high, 2.0 * high
     for _ in range(5):
         middle = 0.5 * (low + high)
-        low, high = (low, middle) if loss(sign * middle) >= CHI2_QUANTILE else (middle, high)
+        low, high = (low, middle) if loss(sign * middle) >= REACH_95**2 else (middle, high)
     return high

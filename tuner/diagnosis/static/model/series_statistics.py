@@ -9,13 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import rfft
 
-from models.arrays import FloatArray, SingleArray
+from models.arrays import SAMPLES_AT_ONCE, FloatArray, SingleArray
 from tuner.curves.long_transforms import without_tables
 
 Real = TypeVar("Real", np.float32, np.float64)
 
-SAMPLES_AT_ONCE = 1 << 16
-"""Numbers treated at a time, so that what is computed on the way stays in the cache of a processor."""
 MAX_RANK_CELLS = 1 << 14
 """Cells of equal width among which numbers are counted to find some by rank: the table stays in the cache."""
 NUMBERS_PER_CELL = 2

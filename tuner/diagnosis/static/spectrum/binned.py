@@ -20,6 +20,7 @@ import numpy as np
 
 from models.arrays import FloatArray
 from models.noise import Quantization, White
+from models.probability import rounding_variance
 from models.robust import MEDIAN_OF_CHI2
 from tuner.diagnosis.static.causes.base import Extension, gain_of, hidden_by, power_of
 from tuner.diagnosis.static.model.dct import MAX_SQUARE
@@ -114,7 +115,7 @@ def bins(fitted: FittedChannel, without: Extension | None = None) -> Bins:
     quantization = sum((t.increment_sd / dt) ** 2 * dt for t in terms if isinstance(t, Quantization))
     known = tuple(x for x in fitted.extensions if x is not without)
     shaped = any(x.cause in ("lowpass", "colour") for x in known)
-    rounding = fitted.channel.quantizer_step**2 / 12.0 * dt
+    rounding = rounding_variance(fitted.channel.quantizer_step) * dt
     peaks = fitted.peaks[inside]
     if without in fitted.shapes:
         peaks = peaks - fitted.shapes[without][inside]

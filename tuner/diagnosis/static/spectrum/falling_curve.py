@@ -20,7 +20,7 @@ from scipy.linalg import solve_toeplitz
 from scipy.optimize import isotonic_regression
 
 from models.arrays import FloatArray
-from models.probability import chi2_beyond
+from models.probability import REACH_95, chi2_beyond
 from tuner.diagnosis.static.spectrum.binned import BIN_COUNT, MIN_RELATIVE_FREQUENCY, Bins
 
 CURVE = "curve"
@@ -109,7 +109,7 @@ def _beside(data: Bins, share: float) -> FallingCurve | None:
     at = int(np.searchsorted(data.cycles, ends[0]))
     near = slice(max(at - 2, 0), at + 2)
     fall = float(np.log(response[near][0] / response[near][-1])) / float(np.ptp(data.cycles[near]))
-    noise = 1.96 * float(np.sqrt(2.0 / data.count[at]))
+    noise = REACH_95 * float(np.sqrt(2.0 / data.count[at]))
     reach = 0.5 * data.width + noise / max(fall, 1e-9)
     return FallingCurve(response, expected, 0.5 * float(deviance.sum()), numbers, ends[0], reach)
 

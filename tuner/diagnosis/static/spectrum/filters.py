@@ -35,26 +35,33 @@ from tuner.identification.arma_whittle import autoregression
 
 Coefficients = tuple[tuple[float, ...], tuple[float, ...]]
 
-FILTERS: dict[str, tuple[float, float]] = {
-    "pole1": (0.002, 1.5),
-    "sampled1x8": (0.002, 1.5),
-    "sampled1x4": (0.002, 0.98),
-    "sampled1x2": (0.002, 0.49),
-    "sampled1x1": (0.002, 0.49),
-    "pole2": (0.002, 0.6),
-    "sampled2x16": (0.002, 0.52),
-    "sampled2x8": (0.002, 0.52),
-    "sampled2x4": (0.002, 0.52),
-    "sampled2x2": (0.002, 0.52),
-    "sampled2x1": (0.002, 0.49),
-    "sampled3x8": (0.002, 0.52),
-    "sampled3x1": (0.002, 0.49),
-    "sampled4x8": (0.002, 0.52),
-    "sampled4x1": (0.002, 0.49),
-    "mean1": (0.05, 0.44),
-    "mean2": (0.05, 0.4),
-    "mean3": (0.05, 0.33),
-    "mean4": (0.05, 0.28),
+LEAST_CUTOFF, LEAST_MEAN_CUTOFF = 0.002, 0.05
+"""Least cutoff × interval of a filter, and of moving means: nine samples each at most."""
+BELOW_NYQUIST, ABOVE_NYQUIST, FAR_ABOVE = 0.49, 0.52, 1.5
+"""Largest cutoff × interval: of what is not folded, of what is, and of a filter of first order, which falls slowly."""
+FILTERS = {
+    name: (LEAST_MEAN_CUTOFF if name.startswith("mean") else LEAST_CUTOFF, largest)
+    for name, largest in {
+        "pole1": FAR_ABOVE,
+        "sampled1x8": FAR_ABOVE,
+        "sampled1x4": 2.0 * BELOW_NYQUIST,
+        "sampled1x2": BELOW_NYQUIST,
+        "sampled1x1": BELOW_NYQUIST,
+        "pole2": 0.6,
+        "sampled2x16": ABOVE_NYQUIST,
+        "sampled2x8": ABOVE_NYQUIST,
+        "sampled2x4": ABOVE_NYQUIST,
+        "sampled2x2": ABOVE_NYQUIST,
+        "sampled2x1": BELOW_NYQUIST,
+        "sampled3x8": ABOVE_NYQUIST,
+        "sampled3x1": BELOW_NYQUIST,
+        "sampled4x8": ABOVE_NYQUIST,
+        "sampled4x1": BELOW_NYQUIST,
+        "mean1": 0.44,
+        "mean2": 0.4,
+        "mean3": 0.33,
+        "mean4": 0.28,
+    }.items()
 }
 """Least and largest cutoff × interval of the filters."""
 MEAN_CUTOFFS = {1: 0.44295, 2: 0.31892, 3: 0.26194, 4: 0.22751}
@@ -63,9 +70,11 @@ NULL_FLOOR = 1e-6
 """Power, of that at frequency 0, where moving means let nothing pass: what the ends of a record leak there."""
 FACTOR_POINTS = 4096
 """Frequencies at which the power of moving means is factored: many more than lags."""
+ONE_NUMBER = ((0.1,), (-0.1,), (0.7,), (-0.7,))
+"""Where a colour of one free number is sought from."""
 COLOURS: dict[str, tuple[int, int, tuple[tuple[float, ...], ...]]] = {
-    "ar1": (1, 0, ((0.1,), (-0.1,), (0.7,), (-0.7,))),
-    "ma1": (0, 1, ((0.1,), (-0.1,), (0.7,), (-0.7,))),
+    "ar1": (1, 0, ONE_NUMBER),
+    "ma1": (0, 1, ONE_NUMBER),
     "arma11": (1, 1, ((0.5, -0.4), (-0.5, 0.4), (0.2, 0.2))),
     "ar2": (2, 0, ((0.1, 0.1), (-0.1, 0.1), (0.3, -0.3))),
     "ma2": (0, 2, ((0.1, 0.1), (0.1, -0.1))),

@@ -17,7 +17,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from models.arrays import FloatArray
+from models.arrays import LEAST_DIVISOR, FloatArray
 
 MAX_STEPS = 40
 """Largest number of steps of Fisher scoring, which converges in a few; it bounds the time where it does not."""
@@ -47,7 +47,7 @@ def sizes(
     matrix, target = np.empty((number, number)), np.empty(number)
     for _ in range(MAX_STEPS):
         for at in range(width):
-            divisor = max(level[at], 1e-300)
+            divisor = max(level[at], LEAST_DIVISOR)
             weight[at] = 0.5 * count / (divisor * divisor)
         for i in range(number):
             total = 0.0
@@ -67,7 +67,7 @@ def sizes(
                 level[at] += size[i] * shapes[i, at]
             largest = max(largest, level[at])
         for at in range(width):
-            level[at] = max(level[at], 1e-9 * largest + 1e-300)
+            level[at] = max(level[at], 1e-9 * largest + LEAST_DIVISOR)
             ratio[at] = power[at] / level[at]
             cost += ratio[at] - 1.0
         for first in range(0, ratio.size, RATIOS_MULTIPLIED):
@@ -90,7 +90,7 @@ def not_negative(matrix: FloatArray, target: FloatArray) -> FloatArray:
     number = target.size
     scale = np.empty(number)
     for i in range(number):
-        scale[i] = 1.0 / np.sqrt(max(matrix[i, i], 1e-300))
+        scale[i] = 1.0 / np.sqrt(max(matrix[i, i], LEAST_DIVISOR))
     kept = np.ones(number, dtype=np.bool_)
     part = np.empty((number, number))
     size = np.empty(number)

@@ -9,7 +9,7 @@ import numpy as np
 from models.arrays import FloatArray
 from models.effects.static.spectral import Vibration
 from models.probability import normal_beyond
-from tuner.diagnosis.static.model.null_distributions import curvature, minimum, variance_deviate
+from tuner.diagnosis.static.model.null_distributions import COST_OUTSIDE, curvature, minimum, variance_deviate
 from tuner.diagnosis.static.spectrum.binned import Bins, Sizes, rise, sized
 from tuner.diagnosis.static.spectrum.filters import arma_power
 
@@ -63,7 +63,7 @@ def fit_resonance(data: Bins, middle: float, width: float) -> ResonanceFit:
 
     def cost(x: FloatArray) -> float:
         inside = FREQUENCIES[0] < np.exp(x[0]) < FREQUENCIES[1] and QUALITIES[0] < np.exp(x[1]) < QUALITIES[1]
-        return fitted(x).cost if inside else 1e12
+        return fitted(x).cost if inside else COST_OUTSIDE
 
     qualities = [
         np.clip(middle / (share * width), 1.1 * QUALITIES[0], 0.9 * QUALITIES[1]) for share in (0.5, 1.5)

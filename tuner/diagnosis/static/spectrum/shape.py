@@ -27,7 +27,8 @@ from scipy.optimize import minimize_scalar
 from models.arrays import FloatArray
 from models.probability import chi2_beyond
 from tuner.diagnosis.static.model.fitted_channel import FittedChannel
-from tuner.diagnosis.static.model.null_distributions import maximum, minimum
+from tuner.diagnosis.static.model.null_distributions import COST_OUTSIDE, REGION_NATS, maximum, minimum
+from tuner.diagnosis.static.outcome import WORTH_A_FIT
 from tuner.diagnosis.static.spectrum.binned import Bins, Sizes, bins, costs, sized
 from tuner.diagnosis.static.spectrum.falling_curve import CURVE, falling_curve
 from tuner.diagnosis.static.spectrum.filters import (
@@ -44,8 +45,6 @@ from tuner.diagnosis.static.spectrum.resonance import ResonanceFit, fit_resonanc
 
 SIMPLER_NATS = 5.0
 """Nats within which the simpler shape is taken: it must be less likely by a factor of 150 to be rejected."""
-REGION_NATS = 3.0
-"""Loss of log likelihood at the ends of a 95 % region of a cutoff and a folding (χ²₂), nats."""
 LOW_CUTOFFS, HIGH_CUTOFFS = 10, 20
 """Cutoffs from which the best one is sought: in even ratios below `FOLDING_CUTOFF`, in even steps above.
 
@@ -66,8 +65,6 @@ FIRST_ORDER = ("ar1", "ma1")
 """Colours whose likelihood ratio is the statistic."""
 CURVE_P_VALUE = 1e-6
 """P-value below which the filters with a formula are contradicted, and one of any form is tried."""
-SHAPES_P_VALUE = 1e-3
-"""P-value below which all shapes are fitted; chosen above any threshold, so that it only saves time."""
 
 
 @dataclass(frozen=True)
@@ -179,7 +176,7 @@ def fit_colour(data: Bins, name: str, rises: bool = True) -> ShapeFit:
 def _colour_cost(data: Bins, name: str, rises: bool) -> Callable[[FloatArray], float]:
     def cost(x: FloatArray) -> float:
         if np.any(np.abs(x) > MAX_FREE_NUMBER):
-            return 1e12
+            return COST_OUTSIDE
         return _sized(data, arma_power(*colour_arma(name, x), data.cycles), rises).cost
 
     return cost
@@ -321,7 +318,7 @@ def few_shapes(fitted: FittedChannel) -> ShapeTest:
     p_value = min(1.0, 2.0 * chi2_beyond(ratio, 1))
     scatter = misfit(data, null)
     resonance_p_value = scan_resonances(data, null.expected)[0]
-    if min(p_value, scatter, resonance_p_value) > SHAPES_P_VALUE:
+    if min(p_value, scatter, resonance_p_value) > WORTH_A_FIT:
         return ShapeTest(data, null, p_value, scatter, (), (), None, resonance_p_value)
     return ShapeTest(data, null, p_value, scatter, fit_filters(data), first, None, resonance_p_value)
 

@@ -10,13 +10,12 @@ import numpy as np
 from scipy.optimize import minimize
 
 from models.arrays import FloatArray
+from tuner.diagnosis.static.model.null_distributions import COST_OUTSIDE
 from tuner.diagnosis.static.switching.models import Chain, Slow, likelihood_from
 
 Parts = Callable[[FloatArray], tuple[Chain, Slow] | None]
 """Gives the chain and the slow states of free numbers, (p,); None where these are not allowed."""
 
-COST_OUTSIDE = 1e12
-"""Cost where free numbers are not allowed, nats: above that of any record."""
 MAX_STEPS = 600
 """Largest number of steps of a climb, chosen above the 350 that six free numbers have taken."""
 ENDING_TOLERANCE = 0.01

@@ -22,7 +22,7 @@ from typing import Any
 import numba
 import numpy as np
 
-from models.arrays import FloatArray
+from models.arrays import LEAST_DIVISOR, FloatArray
 
 
 @cache
@@ -60,7 +60,7 @@ def switching(states: int, levels: int) -> Any:
         for t in range(y.size):
             if t > 0:
                 for m in range(levels):
-                    ahead[m] = 1e-300
+                    ahead[m] = LEAST_DIVISOR
                     for k in range(levels):
                         ahead[m] += chance[k] * chances[k, m]
                     for k in range(levels):

@@ -9,6 +9,7 @@ import numpy as np
 
 from models.arrays import FloatArray
 from models.noise import BiasInstability, GaussMarkov, Quantization, RandomWalk, Term, White
+from tuner.diagnosis.static.model.null_distributions import COST_OUTSIDE
 from tuner.diagnosis.static.switching.kim_filter import switching
 from tuner.types.records import DataError
 
@@ -130,7 +131,7 @@ def likelihood(
         raise ValueError("0 levels, expected 1 or more")
     run, white = switching(len(slow.phi), len(chain.levels)), np.full(len(y), r)
     value = run(y, chain.levels, chain.first, chain.chances, slow.phi, slow.q, slow.initial, white, path)
-    return float(value) if np.isfinite(value) else -1e12
+    return float(value) if np.isfinite(value) else -COST_OUTSIDE
 
 
 def likelihood_from(

@@ -6,16 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.arrays import FloatArray
+from models.arrays import SAMPLES_AT_ONCE, FloatArray
 from models.probability import log_normal_density
 
 CELL_WIDTH = 0.02
 """Width of a bin, sds: grouping takes width²/12 = 3e-5 from the variance."""
 MAX_DEVIATION = 60.0
 """Residuals beyond are counted at this deviation, sds; chosen to bound the number of bins."""
-
-SAMPLES_AT_ONCE = 1 << 16
-"""Samples treated at a time, so that what is computed from them stays in the cache of a processor."""
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,7 @@ from scipy.special import ndtr
 
 from models.arrays import FloatArray
 from models.noise import NoiseModel, Quantization, White
+from models.probability import rounding_variance
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.dct import inverse
 from tuner.diagnosis.static.model.fitted_channel import FittedChannel, once_of_samples
@@ -187,7 +188,10 @@ def is_coarse(fitted: FittedChannel) -> bool:
     """Return whether a step exceeds `MIN_COARSE_STEP` sd of the white noise: the place in a cell matters."""
     white = sum(t.density**2 for t in fitted.fit.terms() if isinstance(t, White)) / fitted.channel.interval
     step = fitted.channel.quantizer_step
-    return step**2 > MIN_COARSE_STEP**2 * max(fitted.spread**2 * white - step**2 / 12.0, 0.0) and step > 0.0
+    return (
+        step**2 > MIN_COARSE_STEP**2 * max(fitted.spread**2 * white - rounding_variance(step), 0.0)
+        and step > 0.0
+    )
 
 
 def _noise_power(fitted: FittedChannel) -> FloatArray:
