@@ -19,8 +19,6 @@ from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.diagnosis.static.causes.template import Template
 from tuner.diagnosis.static.model.fitted_channel import FittedChannel
 from tuner.diagnosis.static.outcome import TestResult
-from tuner.diagnosis.static.spectrum.falling_curve import CURVE
-from tuner.diagnosis.static.spectrum.filters import is_mean
 from tuner.diagnosis.static.spectrum.shape import few_shapes, many_shapes
 from tuner.diagnosis.static.variance import modulation
 from tuner.diagnosis.static.variance.local_variance import course
@@ -75,7 +73,7 @@ def hypothesis_tests(fitted: FittedChannel, known: tuple[TestResult, ...] = ()) 
     ]
     return (
         *(result for result in results if result is not None),
-        *spectrum(fitted, whole=False),
+        *spectrum(fitted),
         *slow_spectrum_misfit(fitted),
         *modulation.test(fitted),
     )
@@ -104,29 +102,15 @@ def is_tested_alone(cause: str) -> bool:
     return cause in CAUSES.extensions() and cause not in SHAPES
 
 
-def spectrum(fitted: FittedChannel, *, whole: bool = True) -> tuple[TestResult, ...]:
-    """Test the fast spectrum for resonances and for its broad shape.
-
-    Beside a clear narrow resonance (`CERTAIN_GAIN`) broad shapes are tested only with `whole`: the resonance goes
-    first, unless moving means, or a filter with a sharp edge, gain more: between nulls and at edges power looks like
-    resonances.
-    """
+def spectrum(fitted: FittedChannel) -> tuple[TestResult, ...]:
+    """Test the fast spectrum for resonances and for its broad shape."""
     tested = few_shapes(fitted)
     name, nats = "shape of the fast spectrum", tested.misfit_nats
     unnamed = TestResult(
         "spectrum", tested.misfit, 0.0, tested.null.cost, name, misfit=nats, place=tested.worst
     )
     resonances = (vibration.test(fitted, tested),) if is_open(fitted, "vibration") else ()
-    certain = any(one.gain > CERTAIN_GAIN for one in resonances)
-    shaped = bool(fitted.count("lowpass", "colour"))
-    best = tested.filters[0].name if tested.filters and not shaped else ""
-    if (
-        certain
-        and (is_mean(best) or best == CURVE)
-        and tested.filter_gain > max(one.gain for one in resonances) + CERTAIN_GAIN
-    ):
-        return (*resonances, lowpass.test(tested), unnamed)
-    if shaped or (certain and not whole):
+    if fitted.count("lowpass", "colour"):
         return (*resonances, unnamed)
     known, tested = tested, many_shapes(tested)
     if resonances and tested.smooth is not known.smooth:
@@ -161,6 +145,6 @@ def retest(fitted: FittedChannel, cause: str) -> TestResult | None:
     if cause == "lowpass" and not fitted.count("lowpass", "colour"):
         results.append(lowpass.test(few_shapes(fitted)))
     elif cause in SHAPES:
-        results += [r for r in spectrum(fitted, whole=cause != "vibration") if r.cause == cause]
+        results += [r for r in spectrum(fitted) if r.cause == cause]
     known = [result.confirm() if result.confirm else result for result in results if result is not None]
     return max(known, key=lambda result: (result.gain > 0, -result.p_value)) if known else None

@@ -45,8 +45,6 @@ class TestResult:
         What the statistic is.
     propose : callable or None
         Makes the extensions (one; two for a pair); None where the family names no cause.
-    local : bool
-        A frequency was compared with its neighbourhood: no broad shape of the spectrum can be the reason.
     misfit : float
         Of a test without a cause: nats that a description of its own would gain, 0 for that of the p-value.
     place : str
@@ -64,7 +62,6 @@ class TestResult:
     statistic: float
     name: str
     propose: Callable[[], tuple[Extension, ...]] | None = None
-    local: bool = False
     misfit: float = 0.0
     place: str = ""
     confirm: Callable[[], TestResult] | None = None

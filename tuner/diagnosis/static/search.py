@@ -46,21 +46,13 @@ from tuner.types import Alternative
 
 SPECTRUM_TWINS = frozenset({"lowpass", "colour"})
 """Shapes of the fast spectrum that differ in the order of a filter only."""
-MAX_PASSES = 16
+MAX_PASSES = 32
 """Largest number of passes; chosen to bound the search above the number of causes that one record has."""
 MAX_REFITS = 2
 """Largest number of refits of all parameters after a new extension, chosen as enough for spectra that overlap.
 
 A refit that changes nothing ends them earlier.
 """
-MIN_GAIN_SHARE = 0.2
-"""Share of the largest gain from which the candidate of another group is accepted in the same pass.
-
-Chosen so that what a strong effect adds to the statistics of other groups is tested anew after it has been removed,
-while independent effects of like size do not cost a pass each.
-"""
-GROUPS: tuple[Group, ...] = ("fast spectrum", "distribution", "slow part")
-"""Groups of which one cause each can be accepted in the same pass."""
 PASS_SHARE = 0.7
 """Share of a search that seems to be left after each pass, for those who watch: some three passes, then estimates."""
 
@@ -170,37 +162,29 @@ def _after_pass(last: _Progress, threshold: float) -> _Progress:
     if not candidates:
         moved, accepted = settled(found, accepted, threshold, pairs=True)
         return _Progress(base, moved, tuple(accepted), bare, done=moved is found)
-    candidates = _eligible(candidates)
-    broad = [result for result in candidates if is_broad(result.cause)]
     chosen = _clearest(candidates)
-    paths = any(result.cause == "telegraph" for result in chosen)
-    jumps = [result for result in candidates if result in chosen or (paths and result.cause == "step")]
+    paths = chosen.cause == "telegraph"
+    jumps = [result for result in candidates if result is chosen or (paths and result.cause == "step")]
     wider = _wider(found, jumps, given)
     if wider is not None:
         found = fit_channel(channel, wider, starts=found.starts, near=found)
         base = fit_channel(channel, wider[:given], starts=base.starts)
         return _Progress(base, found, tuple(accepted), bare)
-    rival = MIN_GAIN_SHARE if group_of(chosen[0].cause) != "fast spectrum" else 1.0
-    if broad and max(result.gain for result in broad) >= rival * chosen[0].gain:
-        chosen = [max(broad, key=lambda result: result.gain)]
-    new: list[Extension] = []
-    for result in chosen:
-        assert result.propose is not None
-        proposed = result.propose()
-        accepted += [Accepted(extension, result.without_proposal) for extension in proposed]
-        new += proposed
-    quiet = tuple(result.without_fit for result in _still_quiet(results, threshold, new))
     if found is base:
         base = relabelled(base, base.extensions)  # without what was computed from it, ten times its size
-    starts = None if any(x.broad for x in new) else found.starts
-    found = fit_channel(channel, (*found.extensions, *new), starts=starts, near=found)
-    found = refitted(found, MAX_REFITS if any(x.group == "fast spectrum" for x in new) else 1)
-    if any(isinstance(x, Template) for x in new):
-        found, accepted = settled(found, accepted, threshold)
-        same = sorted(x.cause for x in found.extensions) == sorted(x.cause for x in last.found.extensions)
-        if same and all(result in chosen for result in candidates):
-            return _Progress(base, found, tuple(accepted), bare, done=True)
-    return _Progress(base, found, tuple(accepted), bare, quiet, len(new))
+    for result in sorted(_not_superseded(candidates), key=lambda result: -result.gain):
+        assert result.propose is not None
+        new = result.propose()
+        accepted += [Accepted(extension, result.without_proposal) for extension in new]
+        starts = None if any(map(_shapes_noise, new)) else found.starts
+        found = fit_channel(channel, (*found.extensions, *new), starts=starts, near=found)
+        found = refitted(found, MAX_REFITS if any(x.group == "fast spectrum" for x in new) else 1)
+        if any(isinstance(x, Template) for x in new):
+            found, accepted = settled(found, accepted, threshold)
+        if sorted(x.cause for x in found.extensions) != sorted(x.cause for x in last.found.extensions):
+            quiet = tuple(one.without_fit for one in _still_quiet(results, threshold, new))
+            return _Progress(base, found, tuple(accepted), bare, quiet, len(new))
+    return _Progress(base, found, tuple(accepted), bare, done=True)
 
 
 def group_of(cause: str) -> Group | None:
@@ -209,40 +193,25 @@ def group_of(cause: str) -> Group | None:
     return None if declared is None else declared.group
 
 
-def is_broad(cause: str) -> bool:
-    """Return whether a cause shapes the whole fast spectrum."""
-    declared = CAUSES.extensions().get(cause)
-    return declared is not None and declared.broad
+def _shapes_noise(extension: Extension) -> bool:
+    """Return whether an extension is a filter of the white noise, which is then fitted afresh."""
+    return type(extension).gain is not Extension.gain
 
 
-def _eligible(candidates: list[TestResult]) -> list[TestResult]:
-    """Return the candidates of which one may be accepted now: not those that clearer ones of their kind explain."""
-    local = [result.gain for result in candidates if result.local]
-    filtered = [result.gain for result in candidates if result.cause == "lowpass"]
-    if local and not (filtered and filtered[0] > max(local) + CERTAIN_GAIN):
-        candidates = [
-            result for result in candidates if result.local or group_of(result.cause) != "fast spectrum"
-        ]
-    return _not_superseded(candidates)
+def _clearest(candidates: list[TestResult]) -> TestResult:
+    """Return the candidate of largest gain that may be accepted now."""
+    return max(_not_superseded(candidates), key=lambda result: result.gain)
 
 
 def _settled(results: tuple[TestResult, ...], threshold: float) -> tuple[TestResult, ...]:
-    """Return the results, those judged closely that would be accepted now, stand beside such, or alone in their group.
-
-    What waits for clearer causes is judged when these are known.
-    """
-    while True:
-        candidates = _candidates(results, threshold)
-        clearest = _clearest(_eligible(candidates)) if candidates else []
-        unsure = []
-        for one in candidates:
-            mine = [other for other in candidates if group_of(other.cause) == group_of(one.cause)]
-            beside = any(other in clearest and one.gain > other.gain - NEAR_TWIN_NATS for other in mine)
-            if one.confirm is not None and (beside or all(other.confirm for other in mine)):
-                unsure.append(id(one))
-        if not unsure:
-            return results
-        results = tuple(one.confirm() if one.confirm and id(one) in unsure else one for one in results)
+    """Return the results, the clearest candidate judged closely, until that is the clearest one still."""
+    while candidates := _candidates(results, threshold):
+        clearest = _clearest(candidates)
+        if clearest.confirm is None:
+            break
+        closer = clearest.confirm()
+        results = tuple(closer if one is clearest else one for one in results)
+    return results
 
 
 def _not_superseded(candidates: list[TestResult]) -> list[TestResult]:
@@ -259,13 +228,13 @@ def _candidates(results: tuple[TestResult, ...], threshold: float) -> list[TestR
 
 
 def _still_quiet(
-    results: tuple[TestResult, ...], threshold: float, new: list[Extension]
+    results: tuple[TestResult, ...], threshold: float, new: tuple[Extension, ...]
 ) -> tuple[TestResult, ...]:
     """Return the results of groups in which no test rejects and which nothing new touches.
 
     They need not be computed again until another test of their group rejects, or nothing else is found.
     """
-    if any(x.broad for x in new):
+    if any(map(_shapes_noise, new)):
         return ()
     heard = {group_of(result.cause) for result in _candidates(results, threshold)} | {x.group for x in new}
     return tuple(r for r in results if group_of(r.cause) not in heard and is_tested_alone(r.cause))
@@ -287,28 +256,6 @@ def _wider(fitted: FittedChannel, candidates: list[TestResult], given: int) -> t
                     wider = moved.including(event.first, last, len(fitted.channel))
                     return (*fitted.extensions[:i], wider, *fitted.extensions[i + 1 :])
     return None
-
-
-def _clearest(candidates: list[TestResult]) -> list[TestResult]:
-    """Return the candidate of largest gain, and those of other groups with a gain above `MIN_GAIN_SHARE` of it."""
-    best = max(candidates, key=lambda result: result.gain)
-    chosen = [best]
-    causes = CAUSES.extensions()
-    for group in GROUPS:
-        mine = [
-            result
-            for result in candidates
-            if group_of(result.cause) == group
-            and not (result.cause in causes and causes[result.cause].only_if_clearest)
-        ]
-        clearest = max(mine, key=lambda result: result.gain, default=best)
-        if (
-            group_of(best.cause) != group
-            and clearest is not best
-            and clearest.gain > MIN_GAIN_SHARE * best.gain
-        ):
-            chosen.append(clearest)
-    return chosen
 
 
 def _with_rivals(

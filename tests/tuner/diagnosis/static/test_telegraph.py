@@ -148,9 +148,9 @@ def test_the_filter_is_that_of_interacting_models(levels, states):
     np.testing.assert_allclose(found, mean, atol=1e-9)
 
 
-@pytest.mark.parametrize(("others", "judged"), [({"lowpass": 900.0}, 0), ({"lowpass": 90.0}, 1), ({}, 1)])
+@pytest.mark.parametrize(("others", "judged"), [({"lowpass": 900.0}, 0), ({"lowpass": 90.0}, 0), ({}, 1)])
 def test_a_path_is_judged_closely_only_where_it_may_be_accepted(others, judged):
-    """Beside a filter that gains more than fivefold it waits; a Gauss–Markov process stays behind it meanwhile."""
+    """Beside a filter that gains more it waits; a Gauss–Markov process stays behind it meanwhile."""
     calls = []
 
     def confirm():

@@ -114,10 +114,6 @@ class Extension(Cause):
     """Causes after which this one is not tested any more: what they leave would be taken for it."""
     needs_fine_quantizer: ClassVar[bool] = False
     """Whether samples outside a dead band about zero could be taken for it, so that it is not tested there."""
-    only_if_clearest: ClassVar[bool] = False
-    """Whether it is accepted only where no other cause gains more: what others leave looks like it."""
-    broad: ClassVar[bool] = False
-    """Whether it shapes the whole fast spectrum: it is accepted alone, and the noise is then fitted afresh."""
     defining: ClassVar[Mapping[str, float]] = MappingProxyType({})
     """Parameters without which the name says nothing, each with the largest ratio of the ends of its interval."""
     family: ClassVar[type[Cause] | None] = None

@@ -62,7 +62,6 @@ class Burst(Extension):
     cause = "burst"
     effect = Effect
     group = "distribution"
-    only_if_clearest = True
     happens_once = True
     view = "variance"
     repeats = MAX_STRETCHES

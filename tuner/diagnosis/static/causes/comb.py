@@ -153,7 +153,7 @@ class Comb(Extension):
         gains = 0.5 * (square - len(folded)), 0.5 * highest - float(np.log(len(folded)))
         gain = max(gains) - float(np.log(tried))
         return TestResult(
-            cls.cause, p_value, gain, square, name, lambda: (_extension(fitted, period, phase),), local=True
+            cls.cause, p_value, gain, square, name, lambda: (_extension(fitted, period, phase),)
         )
 
 

@@ -94,7 +94,6 @@ class Line(Extension):
             height,
             name,
             lambda: (extension(fitted, f),),
-            local=True,
         )
 
 

@@ -45,7 +45,6 @@ class PeriodicVariance(Extension):
     cause = "periodic_variance"
     effect = Effect
     group = "distribution"
-    only_if_clearest = True
     repeats = 3
     view = "variance"
     meaning = "the white noise swells and ebbs with a period: it is in step with a clock or a machine"

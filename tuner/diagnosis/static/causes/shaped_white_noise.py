@@ -27,7 +27,6 @@ class ShapedWhiteNoise(Extension):
 
     group = "fast spectrum"
     shares = 3
-    broad = True
     view = "spectrum"
     rounding: float
 

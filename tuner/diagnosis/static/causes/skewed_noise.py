@@ -57,7 +57,6 @@ class SkewedNoise(Extension):
     effect = Effect
     group = "distribution"
     needs_fine_quantizer = True
-    only_if_clearest = True
     view = "histogram"
     meaning = "large deviations to one side are more frequent than to the other"
     consequence = (

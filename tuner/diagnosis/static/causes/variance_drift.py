@@ -41,7 +41,6 @@ class VarianceDrift(Extension):
     cause = "variance_drift"
     effect = Effect
     group = "distribution"
-    only_if_clearest = True
     view = "variance"
     meaning = "the white noise grows (or fades) through the record"
     consequence = "one white density does not serve the whole record: take the larger end, or make it follow"

@@ -218,7 +218,7 @@ def test(fitted: FittedChannel, tested: ShapeTest) -> TestResult:
     p_value = min(1.0, 2.0 * min(p_value, float(np.exp(price - max(gain, 0.0)))))
     if found.quality < MIN_QUALITY or found.overlaps(fitted):
         gain = -np.inf
-    return TestResult("vibration", p_value, gain - price, mean, name, lambda: (found,), local=True)
+    return TestResult("vibration", p_value, gain - price, mean, name, lambda: (found,))
 
 
 def taken(fitted: FittedChannel, frequency: FloatArray) -> BoolArray:
@@ -299,7 +299,7 @@ def rival(fitted: FittedChannel, frequency: float, height: float) -> TestResult 
     p_value = float(np.exp(-gain)) * n
     if fitted.count("vibration") >= Vibration.repeats:
         return TestResult("vibration", p_value, 0.0, gain, f"{name}, at {found.frequency:.4g} Hz")
-    return TestResult("vibration", p_value, gain, gain, name, lambda: (found,), local=True)
+    return TestResult("vibration", p_value, gain, gain, name, lambda: (found,))
 
 
 def lead_over_line(fitted: FittedChannel, frequency: float, height: float) -> float:

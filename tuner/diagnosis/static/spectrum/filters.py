@@ -37,26 +37,26 @@ Coefficients = tuple[tuple[float, ...], tuple[float, ...]]
 
 LEAST_CUTOFF, LEAST_MEAN_CUTOFF = 0.002, 0.05
 """Least cutoff × interval of a filter, and of moving means: nine samples each at most."""
-NYQUIST, ABOVE_NYQUIST, FAR_ABOVE = 0.49, 0.52, 1.5
+BELOW_NYQUIST, ABOVE_NYQUIST, FAR_ABOVE = 0.49, 0.52, 1.5
 """Largest cutoff × interval: of what is not folded, of what is, and of a filter of first order, which falls slowly."""
 FILTERS = {
     name: (LEAST_MEAN_CUTOFF if name.startswith("mean") else LEAST_CUTOFF, largest)
     for name, largest in {
         "pole1": FAR_ABOVE,
         "sampled1x8": FAR_ABOVE,
-        "sampled1x4": 2.0 * NYQUIST,
-        "sampled1x2": NYQUIST,
-        "sampled1x1": NYQUIST,
+        "sampled1x4": 2.0 * BELOW_NYQUIST,
+        "sampled1x2": BELOW_NYQUIST,
+        "sampled1x1": BELOW_NYQUIST,
         "pole2": 0.6,
         "sampled2x16": ABOVE_NYQUIST,
         "sampled2x8": ABOVE_NYQUIST,
         "sampled2x4": ABOVE_NYQUIST,
         "sampled2x2": ABOVE_NYQUIST,
-        "sampled2x1": NYQUIST,
+        "sampled2x1": BELOW_NYQUIST,
         "sampled3x8": ABOVE_NYQUIST,
-        "sampled3x1": NYQUIST,
+        "sampled3x1": BELOW_NYQUIST,
         "sampled4x8": ABOVE_NYQUIST,
-        "sampled4x1": NYQUIST,
+        "sampled4x1": BELOW_NYQUIST,
         "mean1": 0.44,
         "mean2": 0.4,
         "mean3": 0.33,
