@@ -154,6 +154,7 @@ def _body(motion: Motion) -> FloatArray:
 XYZ = ("x", "y", "z")
 OFFSET = Constant("gnss_frame", "offset", "m", ("north", "east", "down"), 3, _offset)
 POINT = Constant("lever_arm", "output", "m", XYZ, 3, _point)
+SCALE = Constant("gnss_frame", "scale", "1", ("scale", "north", "east"), 1, _scale)
 TURNS = [
     Constant(
         "gnss_frame", "rotation", "rad", ("yaw", "scale", "north", "east"), 1, partial(_turn, blocks=number)
@@ -166,12 +167,12 @@ OF_OUTPUT = (
     OFFSET,
     Constant("lever_arm", "output", "m", XYZ, 3, _antenna),
     POINT,
-    Constant("gnss_frame", "scale", "1", ("scale", "north", "east"), 1, _scale),
+    SCALE,
     *TURNS,
     BODY,
 )
 """Constants of an output that act linearly, the simplest first."""
-IN_FIXES = {"fixes", "offset", "rotation"}
+IN_FIXES = {"fixes", "offset", "scale", "rotation"}
 """Subjects of `OF_FILTER` that act through the fixes."""
 OF_FILTER = (
     Constant("time_offset", "fixes", "s", ("delay",), 1, _delay),
@@ -179,6 +180,7 @@ OF_FILTER = (
     POINT._replace(subject="fixes"),
     POINT,
     OFFSET,
+    SCALE,
     TURNS[1],
     BODY,
 )

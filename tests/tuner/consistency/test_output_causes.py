@@ -115,18 +115,24 @@ def test_a_bias_that_the_filter_takes_for_nothing_is_named(monkeypatch):
     assert found.causes[0].size == pytest.approx(true, rel=0.5)  # of three axes of one sample
 
 
-def test_a_rotation_of_the_fixes_about_a_far_point_is_named(monkeypatch):
+@pytest.mark.parametrize(
+    ("subject", "size", "mat"),
+    [
+        ("rotation", 0.03, rotation.mat_from_rotvec([0.0, 0.0, 0.03])),
+        ("scale", 0.02, np.diag([1.02, 1.02, 1.0])),
+    ],
+)
+def test_a_frame_of_the_fixes_about_a_far_point_is_named(monkeypatch, subject, size, mat):
     rng = np.random.default_rng(9)
     truth = textbook.drive(240.0, rng)
     samples, fixes, at, bias = textbook.measured(truth, 1, rng)
-    turn = rotation.mat_from_rotvec([0.0, 0.0, 0.03])
-    fixes[..., :3] = (fixes[..., :3] + [900.0, 0.0, 0.0]) @ turn.T - [900.0, 0.0, 0.0]
-    fixes[..., 3:] = fixes[..., 3:] @ turn.T
+    fixes[..., :3] = (fixes[..., :3] + [900.0, 0.0, 0.0]) @ mat.T - [900.0, 0.0, 0.0]
+    fixes[..., 3:] = fixes[..., 3:] @ mat.T
     monkeypatch.setattr(textbook, "measured", lambda *_args, **_faults: (samples, fixes, at, bias))
     o = textbook.run_invariant(truth, 1, rng)
     (cause, *_) = score_outputs([output_of(o, 0)], [truth_of(o)]).causes
-    assert (cause.cause, cause.subject) == ("gnss_frame", "rotation")
-    assert cause.size == pytest.approx(0.03, rel=0.1)
+    assert (cause.cause, cause.subject) == ("gnss_frame", subject)
+    assert cause.size == pytest.approx(size, rel=0.1)
 
 
 def test_innovations_alone_name_a_fault():
