@@ -182,16 +182,16 @@ def tune(
         from tuner.diagnosis.drive.noise_in_motion import with_noise_in_motion
 
         stage("diagnosing the drive", 0.6)
-        driven = with_trusted_reference(inputs.drive)
-        begun = with_noise_in_motion(driven, config, inputs.examination)
-        examined = examine_and_explain(driven, begun, inputs.examination, progress=progress)
+        judged = with_trusted_reference(inputs.drive)
+        begun = with_noise_in_motion(judged, config, inputs.examination)
+        examined = examine_and_explain(judged, begun, inputs.examination, progress=progress)
         began, found = (config_after_drive(examined, kept=kept) for kept in (False, True))
         stage("choosing the settings of the drive", 0.85)
-        choice = choose_config(driven, examined, began, found, progress)
+        choice = choose_config(judged, examined, began, found, progress)
         config, left_out = with_stated_arm(with_rest_and_motion(config, choice.config), lever_arm)
         config = replace(config, notes=(*config.notes, choice.note, *left_out))
         stage("scoring the settings on the whole drive", 0.95)
-        measured, unmeasured = measured_or_reason(driven, config, progress)
+        measured, unmeasured = measured_or_reason(judged, config, progress)
     exports, kept_back = exports_of(config, wanted)
     stage("checking the filter on simulated drives", 1.0)
     aided = config.gnss is not None or not wanted

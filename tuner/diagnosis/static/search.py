@@ -21,6 +21,7 @@ from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.diagnosis.static.causes.step import Step
 from tuner.diagnosis.static.causes.template import Template
 from tuner.diagnosis.static.channel import Channel
+from tuner.diagnosis.static.filter_beside_resonance import with_joint_resonance
 from tuner.diagnosis.static.hypothesis_tests import (
     CERTAIN_GAIN,
     hypothesis_tests,
@@ -102,7 +103,10 @@ def search_causes(channel: Channel, threshold: float, given: tuple[Extension, ..
     tested = (*now.results, *checks(found))  # before caches are lost
     found = with_joint_estimates(found)
     estimated = found.extensions[len(found.extensions) - len(accepted) :]
-    accepted = [replace(a, extension=x) for a, x in zip(accepted, estimated, strict=True)]
+    accepted = [
+        replace(a, extension=x, result=replace(a.result, cause=x.cause))
+        for a, x in zip(accepted, estimated, strict=True)
+    ]
     nameless = [a.result for a in accepted if not a.extension.named]
     left = (*nameless, *(a for a in tested if significant(a, threshold) and a.propose is None))
     return SearchResult(relabelled(now.base, now.base.extensions), found, tuple(accepted), left)
@@ -178,7 +182,9 @@ def _after_pass(last: _Progress, threshold: float) -> _Progress:
         accepted += [Accepted(extension, result.without_proposal) for extension in new]
         starts = None if any(map(_shapes_noise, new)) else found.starts
         found = fit_channel(channel, (*found.extensions, *new), starts=starts, near=found)
-        found = refitted(found, MAX_REFITS if any(x.group == "fast spectrum" for x in new) else 1)
+        fast = any(x.group == "fast spectrum" for x in new)
+        found = refitted(found, MAX_REFITS if fast else 1)
+        found = with_joint_resonance(found) if fast else found
         if any(isinstance(x, Template) for x in new):
             found, accepted = settled(found, accepted, threshold)
         if sorted(x.cause for x in found.extensions) != sorted(x.cause for x in last.found.extensions):

@@ -18,6 +18,7 @@ from tuner.diagnosis.static.causes.burst import Burst
 from tuner.diagnosis.static.channel import channel
 from tuner.diagnosis.static.hypothesis_tests import threshold
 from tuner.diagnosis.static.model.fitted_channel import FittedChannel, fit_channel
+from tuner.diagnosis.static.search import search_causes
 from tuner.diagnosis.static.spectrum.binned import bins, sized
 from tuner.diagnosis.static.spectrum.filters import (
     COLOURS,
@@ -50,6 +51,25 @@ def filtered(order: int, cutoff: float, rng: np.random.Generator, times: int = 8
     fine = rng.standard_normal(times * (N + 64))
     y = sosfilt(butter(order, cutoff, fs=times * RATE, output="sos"), fine)[64 * times :: times]
     return y / y.std()
+
+
+@pytest.mark.parametrize(
+    ("order", "cutoff", "resonance"), [(2, 18.0, 22.0), (2, 15.0, 12.0), (2, 20.0, 20.0)]
+)
+def test_a_filter_and_a_resonance_beside_its_corner_have_their_own_frequencies(order, cutoff, resonance):
+    """Seen: 15 Hz beside one at 12 Hz were 5.72 Hz, 20 Hz beside one at 20 Hz 16.3 Hz; it was 3 to 8 times as wide."""
+    rng = np.random.default_rng(1)
+    r, angle = np.exp(-np.pi * resonance / 6.0 / RATE), 2.0 * np.pi * resonance / RATE
+    shaken = lfilter([1.0], [1.0, -2.0 * r * np.cos(angle), r * r], rng.standard_normal(N + 1000))[1000:]
+    y = filtered(order, cutoff, rng) + 0.35 / shaken.std() * shaken
+    found = search_causes(channel(record(y), "gyro_x"), threshold(1)).accepted
+    low, peak = (
+        next(one.extension.values for one in found if one.extension.cause == cause)
+        for cause in ("lowpass", "vibration")
+    )
+    assert low["cutoff"].value == pytest.approx(cutoff, rel=0.05)
+    assert peak["frequency"].value == pytest.approx(resonance, rel=0.01)
+    assert peak["quality"].value == pytest.approx(6.0, rel=0.25)
 
 
 @pytest.mark.parametrize("name", FILTERS)

@@ -55,6 +55,8 @@ class Bins:
         Power of the rounding to codes, step²/12 a sample: it is white whatever the noise before it is.
     model : ndarray, shape (b,)
         Power that the fitted model expects.
+    loose : bool
+        Whether the size of the peaks is fitted with what is beside them: they were fitted over another shape.
     """
 
     interval: float
@@ -66,16 +68,17 @@ class Bins:
     peaks: FloatArray
     rounding: float
     model: FloatArray
+    loose: bool = False
 
     @cached_property
     def fixed(self) -> FloatArray:
-        """Power of the rounding and of the peaks, shape (b,)."""
-        return np.asarray(self.rounding + self.peaks, dtype=float)
+        """Power of the rounding and of peaks of known size, shape (b,)."""
+        known = np.zeros_like(self.peaks) if self.loose else self.peaks
+        return np.asarray(self.rounding + known, dtype=float)
 
-    @cached_property
-    def beside(self) -> FloatArray:
-        """Shapes beside the white noise, shape (2, b): the slow noise, and quantization."""
-        return np.stack((self.rest, rise(self.cycles)))
+    def beside(self, rises: bool = True) -> FloatArray:
+        """Return the shapes beside the white noise, shape (k, b): slow noise, peaks of free size, quantization."""
+        return np.stack((self.rest, *[self.peaks] * self.loose, *[rise(self.cycles)] * rises))
 
     @property
     def rounding_sd(self) -> float:
@@ -103,7 +106,10 @@ class Sizes:
 
 
 def bins(fitted: FittedChannel, without: Extension | None = None) -> Bins:
-    """Return the fast spectrum of a fitted channel in bins, the shape of one extension not counted as known."""
+    """Return the fast spectrum of a fitted channel in bins, the shape of one extension not counted as known.
+
+    Without it peaks are known by their form alone: their size was fitted with it.
+    """
     dt, n = fitted.channel.interval, len(fitted.coefficients) - 1
     first, width = _range(n)
     inside = slice(first, first + width * BIN_COUNT)
@@ -134,6 +140,7 @@ def bins(fitted: FittedChannel, without: Extension | None = None) -> Bins:
         peaks,
         0.0 if shaped else rounding,
         total,
+        loose=without is not None and not shaped and bool(peaks.any()),
     )
 
 

@@ -82,7 +82,7 @@ def falling_curve(data: Bins) -> FallingCurve | None:
 
 def _beside(data: Bins, share: float) -> FallingCurve | None:
     """Return the curve beside a share of the slow noise."""
-    known = share * data.rest + data.fixed
+    known = share * data.rest + data.rounding + data.peaks
     white = data.power - known
     monotonic = isotonic_regression(white, weights=data.count, increasing=False).x
     level = float(monotonic[0])

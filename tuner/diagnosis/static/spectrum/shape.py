@@ -109,15 +109,13 @@ class ShapeFit:
 
 def _sized(data: Bins, shape: FloatArray | float, rises: bool = True) -> Sizes:
     """Return the best white noise of a shape, slow noise and, where it rises, quantization."""
-    rows = np.empty((2 + rises, len(data.power)))
-    rows[0], rows[1:] = data.white * shape, data.beside[: 1 + rises]
-    return sized(data, rows)
+    return sized(data, np.vstack((data.white * shape, data.beside(rises))))
 
 
 def fit_white(data: Bins) -> ShapeFit:
     """Fit white noise, quantization and slow noise."""
     found = _sized(data, 1.0)
-    return ShapeFit("white", np.empty(0), found.cost, found.expected, bool(found.size[2] > 0.0), found.cost)
+    return ShapeFit("white", np.empty(0), found.cost, found.expected, bool(found.size[-1] > 0.0), found.cost)
 
 
 def fit_filter(data: Bins, name: str, rises: bool = True) -> ShapeFit:
@@ -129,7 +127,7 @@ def fit_filter(data: Bins, name: str, rises: bool = True) -> ShapeFit:
     low, high = FILTERS[name]
     grid = np.log(_cutoffs_tried(name, low, high))
     powers = _powers_tried(name, data.cycles.tobytes(), data.width)
-    value = costs(data, data.white * powers, data.beside[: 1 + rises])
+    value = costs(data, data.white * powers, data.beside(rises))
     edged = np.concatenate(([np.inf], value, [np.inf]))
     lowest = np.flatnonzero((value <= edged[:-2]) & (value <= edged[2:]))
     tried = []
