@@ -12,6 +12,9 @@ in units of the usual distance of neighbours near by that differ: neither steps 
 takes part. A sample is alone where most of those beside it are right: what lasts is a motion, or a burst. Where many
 lie side by side, or all of these take longer than a hand may move, nothing is said.
 
+Readings that the reader left out as no sensor makes them count among those beyond L: few that are left of many are
+judged with these.
+
 A filter meets a wrong reading as an outlier, for its gate; it is no noise, and no motion. Where wrong readings have a
 share of the variance that changes the noise, they are left out before either is judged.
 """
@@ -117,7 +120,7 @@ def _wide(axis: str, record: Record, width: int) -> WrongReadings | None:
     """Return the wrong readings of an axis that last so many samples, by their means; a motion shows in other axes."""
     y = record.column(axis)
     if width == 1:
-        return _of_axis(axis, y)
+        return _of_axis(axis, y, *record.broken.get(axis, ()))
     if len(record.axes) < 2 or len(y) <= width * NEAR_BY:
         return None
 
@@ -165,8 +168,8 @@ def without_wrong_readings(record: Record, found: Sequence[WrongReadings]) -> Re
     return with_other_rows(record, [(one.rows, (one.axis,)) for one in found], notes)
 
 
-def _of_axis(axis: str, y: FloatArray) -> WrongReadings | None:
-    """Return the wrong readings of samples (n,); None where there are none that matter."""
+def _of_axis(axis: str, y: FloatArray, gone: int = 0, size: float = 0.0) -> WrongReadings | None:
+    """Return the wrong readings of samples (n,), of which so many of a size are gone; None where none matter."""
     new = np.append(True, np.diff(y) != 0.0)
     values = y[new]  # what repeats the sample before is no reading of its own
     if len(values) <= NEAR_BY:
@@ -197,7 +200,8 @@ def _of_axis(axis: str, y: FloatArray) -> WrongReadings | None:
     is_far[far] = distance > 0.5 * TRIED_LEVELS[0]
     many = np.convolve(is_far, np.ones(len(near)), "same")[far] - is_far[far]
     alone = is_far[far] & (many < SAMPLES_BESIDE)
-    every, ordered = np.sort(distance), np.sort(distance[alone])
+    known = np.full(gone, size / float(np.median(usual)))
+    every, ordered = np.sort(np.append(distance, known)), np.sort(np.append(distance[alone], known))
     far, off, distance = far[alone], off[alone], distance[alone]
     beyond, chance = _beyond(ordered, 1.0), np.ones(len(TRIED_LEVELS))
     for octaves in EMPTY_OCTAVES:

@@ -8,6 +8,7 @@ gauss_markov, telegraph         the terms are chosen beside a Gauss–Markov pro
 motion                          left out with what is about it: it is no noise of the sensor
 overflow                        its samples are put back by the range of the register
 error_code, wrong readings      other rows near by stand in their place from the first
+spikes                          the same where they change the noise, and what is left has no tails
 step, recovery                  what they add to the samples is taken out where an axis has one: an event is no noise
 all others                      as it is: a filter that does not compensate them meets them; a note says so
 ==============================  ====================================================================
@@ -45,7 +46,8 @@ EVENTS = ("step", "recovery")
 TAKEN_OUT = ("motion", "overflow", "error_code")
 """Findings that are no longer in the samples when these are identified again."""
 LEFT_OUT = "left_out"
-"""Key of the extension of a finding whose samples are left out before any noise is judged."""
+"""Key of the extension of a finding whose samples are left out before any noise is judged: their times by axis, or
+True where they were left out from the first."""
 WORTH_SAYING = 1.02
 """Factor up to which nothing is inflated."""
 

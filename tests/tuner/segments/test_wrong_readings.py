@@ -88,6 +88,30 @@ def test_samples_too_far_apart_to_tell_a_movement_are_not_judged():
     assert find_wrong_readings(slow) == ()
 
 
+def test_few_that_are_left_of_many_are_judged_with_these():
+    """PX4 issue 19134 at a coarse gyroscope: of wrong bytes, all of one size, the reader took most."""
+    y = np.round(noise(1))
+    y[[30_000, 60_000]] += 100.0
+    log = record(y[:, None])
+    assert not find_wrong_readings(log)
+    (found,) = find_wrong_readings(replace(log, broken={log.axes[0]: (130, 100.0)}))
+    assert np.flatnonzero(found.rows).tolist() == [30_000, 60_000]
+
+
+def test_single_readings_that_are_named_are_no_noise():
+    """A single one is no proof against heavy tails; where the noise that is left has none, it is named and left out."""
+    y = noise(1)[:12_000]
+    y[4_000] += 150.0
+    log = record(y[:, None])
+    assert not find_wrong_readings(log)
+    found = identify((log,))
+    diagnosis = diagnose(log, identification=found)
+    assert {one.cause for one in diagnosis.findings} == {"spikes"}
+    assert left_out(diagnosis.findings)
+    (still,), _ = identified_again((log,), found, diagnosis, terms=None, latitude=None)
+    assert np.flatnonzero(still.y[:, 0] != y).tolist() == [4_000]
+
+
 def test_a_step_that_is_named_is_no_random_walk():
     """rosflight_firmware issue 166: the bias is set to zero while the log runs."""
     y = 0.01 * noise(1)

@@ -23,6 +23,7 @@ from tuner.diagnosis.static.search import SearchResult
 from tuner.formats.customary_units import amount
 from tuner.formats.grouping import grouped
 from tuner.formats.parameter_words import meaning_text, parameter_words, with_sign
+from tuner.synthesis.findings import LEFT_OUT
 from tuner.types import Alternative, Coefficient, Enlargement, Finding, Quantity
 from tuner.types.coefficient import apart
 from tuner.types.diagnosis import of_each
@@ -36,6 +37,7 @@ class Single:
     """A finding of one channel.
 
     `cause` says what it is: the extension that was accepted, or its family where a defining parameter is not known.
+    `wrong` are the times of its samples that are no measurement, s.
     """
 
     axis: str
@@ -46,6 +48,7 @@ class Single:
     parameters: Mapping[str, Coefficient]
     inflation: Enlargement | None
     in_motion: str = ""
+    wrong: tuple[float, ...] = ()
 
 
 def findings(every: Iterable[Single]) -> tuple[Finding, ...]:
@@ -59,6 +62,7 @@ def singles(axis: str, outcome: SearchResult, base: NoiseModel) -> tuple[Single,
     channel = outcome.final.channel
     given = len(outcome.final.extensions) - len(outcome.accepted)
     found = []
+    tails = any(joins(one.extension.cause) == joins("heavy_tails") for one in outcome.accepted)
     for index, accepted in enumerate(outcome.accepted, given):
         extension = accepted.extension
         if not extension.named:
@@ -72,8 +76,10 @@ def singles(axis: str, outcome: SearchResult, base: NoiseModel) -> tuple[Single,
         parameters = {name: value.coefficient(channel.unit, channel.scale) for name, value in values.items()}
         inflation = _inflation(axis, outcome, accepted, base)
         moving = extension.in_motion(channel.interval)
+        places = () if tails else extension.wrong_samples(channel)
+        wrong = tuple(channel.start + place * channel.interval for place in places)
         found.append(
-            Single(axis, channel.unit, channel.scale, accepted, cause, parameters, inflation, moving)
+            Single(axis, channel.unit, channel.scale, accepted, cause, parameters, inflation, moving, wrong)
         )
     return tuple(found)
 
@@ -198,6 +204,8 @@ def _finding(group: list[Single]) -> Finding:
         extension["members"] = {single.axis: _member(single) for single in group}
     if best.in_motion:
         extension["in_motion"] = best.in_motion
+    if wrong := {single.axis: list(single.wrong) for single in group if single.wrong}:
+        extension[LEFT_OUT] = wrong
     consequence = cause.consequence if isinstance(cause, type) else cause.consequence_as_found
     return Finding(
         cause=cause.cause,

@@ -32,7 +32,8 @@ from tuner.curves.allan import overlapping_allan
 from tuner.diagnosis.static.causes.temperature import COVARIATE
 from tuner.diagnosis.static.channel import BLOCK_COUNT
 from tuner.diagnosis.static.model.covariate import code_step, smoothed, typical_repeats
-from tuner.synthesis.findings import EVENTS, left_out
+from tuner.segments.error_codes import with_other_rows
+from tuner.synthesis.findings import EVENTS, LEFT_OUT, left_out
 from tuner.types import Finding
 from tuner.types.records import Record
 
@@ -219,8 +220,24 @@ def found_signals(
 
 
 def without_events(record: Record, findings: Sequence[Finding]) -> Record:
-    """Return a record without what events that were found add to its samples, which is no noise, and say so."""
-    signals = found_signals([one for one in left_out(findings) if one.cause in EVENTS], [record])
+    """Return a record without the events and wrong samples that were found, which are no noise, and say so."""
+    gone = left_out(findings)
+    wrong = [
+        (
+            np.isin(
+                np.arange(len(record)), np.searchsorted(record.t, np.array(times) - 0.5 * record.interval)
+            ),
+            (axis,),
+        )
+        for one in gone
+        if isinstance(every := one.extension.get(LEFT_OUT), Mapping)
+        for axis, times in every.items()
+        if axis in record.axes
+    ]
+    record = with_other_rows(
+        record, wrong, [f"{axis}: {rows.sum()} wrong readings left out" for rows, (axis,) in wrong]
+    )
+    signals = found_signals([one for one in gone if one.cause in EVENTS], [record])
     if not signals:
         return record
     y = record.y.copy(order="F")

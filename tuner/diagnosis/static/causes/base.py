@@ -200,6 +200,10 @@ class Extension(Cause):
         """Return in words how it spoils motion that is sampled every `interval`, s; empty where it does not."""
         return ""
 
+    def wrong_samples(self, channel: Channel) -> tuple[int, ...]:  # noqa: ARG002
+        """Return the samples of a channel that are no measurement, where without them its noise is another."""
+        return ()
+
     def refit(self, fitted: FittedChannel, index: int) -> Extension:  # noqa: ARG002
         """Return the extension, number `index` of a fitted channel that has it, with its parameters fitted again."""
         return self

@@ -28,6 +28,7 @@ from tuner.diagnosis.static.model.fitted_channel import FittedChannel
 from tuner.diagnosis.static.model.null_distributions import any_of, maximum
 from tuner.diagnosis.static.outcome import WORTH_A_FIT, TestResult
 from tuner.diagnosis.static.variance.histogram import Histogram, histogram
+from tuner.limits import SHOWN_CHANGE
 
 SPIKE_THRESHOLD = 5.0
 """Sds beyond which residuals are counted by the test: normal ones exceed it with a chance of 6e-7."""
@@ -61,6 +62,13 @@ class Spikes(Extension):
         missing = np.zeros(len(channel), dtype=bool)
         missing[list(self.places)] = True
         return channel.refilled(missing, np.random.default_rng(len(self.places)))
+
+    def wrong_samples(self, channel: Channel) -> tuple[int, ...]:
+        """Return the places where without them the white noise is smaller by `SHOWN_CHANGE`, else none."""
+        clean, at = self.clean_samples(channel).y, list(self.places)
+        noise = 0.5 * float(np.mean(np.square(np.diff(clean))))
+        more = float(np.sum(np.square((channel.y - clean)[at]))) / (noise * len(clean))
+        return self.places if np.sqrt(1.0 + more) >= 1.0 + SHOWN_CHANGE else ()
 
     @classmethod
     def test(cls, fitted: FittedChannel) -> TestResult:
