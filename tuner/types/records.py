@@ -280,6 +280,23 @@ class Start:
 
 
 @dataclass(frozen=True)
+class BodyVelocity:
+    """Velocities of a vehicle in its own axes, as wheels measure them (SI).
+
+    Attributes
+    ----------
+    t : ndarray, shape (k,)
+        Stamps, s, on the clock of the inertial record, strictly increasing.
+    v, sd : ndarray, shape (k, 3)
+        Forward, right, down, m/s, and sds as they are stated; NaN where there is none.
+    """
+
+    t: FloatArray
+    v: FloatArray
+    sd: FloatArray
+
+
+@dataclass(frozen=True)
 class Drive:
     """A measured drive: inertial samples, fixes and perhaps a reference.
 
@@ -315,6 +332,8 @@ class Drive:
         Whether what a configuration takes out of a drive is taken out of this one.
     judged : str or None
         When its reference is wrong, in words, and left out; None where nobody has looked.
+    wheels : BodyVelocity or None
+        Velocities of wheels.
     """
 
     name: str
@@ -333,6 +352,7 @@ class Drive:
     start: Start | None = None
     compensated: bool = False
     judged: str | None = None
+    wheels: BodyVelocity | None = None
 
     @property
     def unusable(self) -> str:

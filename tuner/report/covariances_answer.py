@@ -1,0 +1,91 @@
+"""The answer of `covariances`: what each stream errs, what it declares, what to write; then what the filter gets."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rich.table import Table
+
+from tuner.covariances.proposal import Covariances, key_of
+from tuner.covariances.robot_localization_form import STATES
+from tuner.formats.codec import dump
+from tuner.formats.customary_units import amount, digits, pretty
+from tuner.report.answer_layout import span_text
+from tuner.report.document import Document, document
+from tuner.report.titled_table import table_of
+from tuner.types import Coefficient
+
+HEADS = "sd of a reading", "declares", "white", "lasting", "over", "true ÷ declared", "write"
+"""Columns of the streams."""
+
+
+def covariances_answer(found: Covariances) -> Document:
+    """Return the verdict, the errors of every stream with what to write, process noise and gates."""
+    noise = [digits(one, 2) for one in found.settings.process_noise[::3]]
+    groups = (" ".join(STATES[i : i + 3]) for i in range(0, len(STATES), 3))
+    listed = "; ".join(f"{names} {value} each" for names, value in zip(groups, noise, strict=True))
+    gates = ", ".join(f"{name} {digits(one, 2)}" for name, one in found.gates().items())
+    world = any(one.stream == "receiver velocities" for one in found.streams)
+    return document(
+        [
+            f"{found.name}, {span_text(found.span)}; noise of the unit to begin with: {found.unit_from}",
+            f"Verdict: {found.verdict}",
+            _streams(found),
+            "write: sd for the message, its square the covariance; where this filter, which has no states for errors "
+            "that last, predicts best. ( ): 95 % interval; true: white and lasting together",
+            f"process_noise_covariance, its diagonal: {listed}" if found.written else "",
+            f"Gates, Mahalanobis distances beyond which one right reading an hour lies: {gates}"
+            if gates
+            else "",
+            "The velocities of the receiver are in axes of the world: this filter takes none such"
+            if world
+            else "",
+            "Not separated, whatever the table says: errors that outlast the recording (a datum), scale of wheels from "
+            "an error that lasts, bias of the accelerometers from a tilt. Accelerations are not fused here",
+        ],
+        found.notes,
+        more=[
+            f"{key_of(one)}: white {amount(one.white)}, lasting {amount(one.lasting)}"
+            for one in found.streams
+        ],
+    )
+
+
+def covariances_json(found: Covariances) -> dict[str, Any]:
+    """Return the same in the form ``tuner.covariances/1``."""
+    return {
+        "schema": "tuner.covariances/1",
+        "source": {"drive": found.name, "unit": found.unit_from},
+        "verdict": found.verdict,
+        "streams": [{**dump(one), "to_write": found.sd(one)} for one in found.streams],
+        "process_noise_covariance": found.settings.process_noise.tolist() if found.written else None,
+        "gates": dict(found.gates()),
+        "true_over_predicted": dict(found.ratios),
+        "notes": list(found.notes),
+    }
+
+
+def _streams(found: Covariances) -> Table:
+    rows = []
+    for one in found.streams:
+        sd, of_unit = found.sd(one), one.stream in ("gyro", "accel")
+        rows.append(
+            (
+                f"{key_of(one)}, {pretty(one.white.unit)}",
+                "nothing" if one.declared is None else digits(one.declared, 2),
+                digits(one.white.value or one.white.upper or 0.0, 2),
+                _known(one.lasting),
+                "all of it" if of_unit else f"{digits(one.time.value or 0.0, 2)} s" if one.time else "–",
+                _known(one.size, one.declared) if one.declared else "–",
+                "–" if sd is None else digits(sd, 2),
+            )
+        )
+    return table_of(HEADS, rows)
+
+
+def _known(one: Coefficient, of: float = 1.0) -> str:
+    """Return a value with its interval, or its limit, in units `of`."""
+    if one.value is None or one.interval is None:
+        return f"< {digits((one.upper or 0.0) / of, 2)}"
+    low, high = one.interval
+    return f"{digits(one.value / of, 2)} ({digits(low / of, 2)}–{digits(high / of, 2)})"
