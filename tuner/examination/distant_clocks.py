@@ -62,30 +62,18 @@ def distant_delay(streams: Streams) -> float:
 
 def _turn_rate(imu: Inertial, at: FloatArray) -> FloatArray:
     """Return the angular rate about the vertical at times, rad/s, mean bias taken out; up is where the force points."""
-    dt = np.diff(imu.t)
-    sums = np.vstack([np.zeros(6), np.cumsum(imu.rates[1:] * dt[:, None], axis=0)])
-
-    def mean(columns: slice, half: float) -> FloatArray:
-        late, early = (
-            np.stack([np.interp(at + side * half, imu.t, x) for x in sums[:, columns].T], axis=-1)
-            for side in (1.0, -1.0)
-        )
-        return np.asarray((late - early) / (2.0 * half))
-
-    rate, force = mean(slice(0, 3), 0.5 * AVERAGING_TIME), mean(slice(3, 6), AVERAGING_TIME)
-    up = force / np.maximum(np.linalg.norm(force, axis=1, keepdims=True), 1e-9)
-    return np.asarray(-np.sum((rate - np.median(rate, axis=0)) * up, axis=1))
+    sums = np.vstack([np.zeros(6), np.cumsum(imu.rates[1:] * np.diff(imu.t)[:, None], axis=0)])
+    ends = at[:, None] + 0.5 * AVERAGING_TIME * np.array([-1.0, 1.0])
+    mean = np.column_stack([np.diff(np.interp(ends, imu.t, x)) for x in sums.T]) / AVERAGING_TIME
+    up = mean[:, 3:] / np.maximum(np.linalg.norm(mean[:, 3:], axis=1, keepdims=True), 1e-9)
+    return np.asarray(-np.sum((mean[:, :3] - np.median(mean[:, :3], axis=0)) * up, axis=1))
 
 
 def _course_rate(t: FloatArray, vel: FloatArray, at: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
     """Return the rate of the course at times, rad/s, and where the vehicle is fast enough for one."""
-    half = 0.5 * AVERAGING_TIME
-    north, east = (np.interp(at, t, vel[:, i]) for i in range(2))
-    more_north, more_east = (
-        (np.interp(at + half, t, vel[:, i]) - np.interp(at - half, t, vel[:, i])) / AVERAGING_TIME
-        for i in range(2)
-    )
-    square = north**2 + east**2
-    rate = (north * more_east - east * more_north) / np.maximum(square, 1e-6)
+    course = vel[:, 0] + 1j * vel[:, 1]
+    before, now, after = (np.interp(at + k * AVERAGING_TIME, t, course) for k in (-0.5, 0.0, 0.5))
+    square = np.abs(now) ** 2
+    rate = (now.conj() * (after - before)).imag / (AVERAGING_TIME * np.maximum(square, 1e-6))
     fast = np.sqrt(square) > max(SLOW_SHARE * float(np.sqrt(np.quantile(square, 0.9))), 0.1)
     return rate, fast & (np.abs(rate) < MAX_COURSE_RATE)

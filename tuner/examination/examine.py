@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -154,51 +155,41 @@ def examine(drive: Drive) -> Examination:
         kept = ~frozen[1]
         drive = replace(drive, imu_t=drive.imu_t[kept], rates=drive.rates[kept])
         whole = streams_of(drive)
-    factors = [1.0 for _ in whole.all]
     search = searched(whole, drive.source or drive.name)
     fit, repaired = search.after, applied(search.found, whole)
     unstated = drive.lever_arm is None or drive.mounting is None
     arm = [_of_search(one) for one in search.found if one.move.subject == LEVER_ARM and unstated]
     repairs = [one for one in map(_of_search, search.found) if one not in arm]
     sure = [
-        one for one in search.found if one.move.delay is None and min(one.gain, one.over_next) > CERTAIN_ODDS
+        one
+        for one in search.found
+        if one.move.delay is None
+        and one.move.subject != LEVER_ARM
+        and min(one.gain, one.over_next) > CERTAIN_ODDS
     ]
-    sure = [one for one in sure if one.move.subject != LEVER_ARM]
-    counted, lost, stale, sds = [], [], [], []
-    travelled = _travelled(repaired.positions)
+    counted, lost, stale = [], [], []
+    speed = _travelled(repaired.positions)
     for stream, noise, far, left, worth in zip(
         repaired.all, fit.noise, fit.wrong, fit.left, fit.worth, strict=True
     ):
-        repeats, wrong, zero = (
-            _repeats(stream, np.interp(stream.t, *travelled) > MOVING_SPEED),
-            _wrong(stream, noise, far, left, worth),
-            _zero_sds(stream, noise),
-        )
-        counted += [one for one in (repeats, zero) if one is not None]
-        repairs += [wrong] if wrong is not None else []
-        stale.append(stream.repeats & (repeats is not None))
+        repeats = _repeats(stream, np.interp(stream.t, *speed) > MOVING_SPEED)
+        wrong = _wrong(stream, noise, far, left, worth)
+        counted += [] if repeats is None else [repeats]
+        repairs += [] if wrong is None else [wrong]
+        stale.append((stream.repeats | ~stream.readings.any()) & (repeats is not None))
         lost.append(stale[-1] | ((np.nan_to_num(far) > 0.5) & (wrong is not None)))
-        sds.append(noise.sd if zero is not None else None)
-    variances, unsound = _variances(repaired, fit), _unsound(fit)
-    repairs += [unsound] if unsound is not None else []
-    if variances is None:
-        small = [_too_small(*pair) for pair in zip(repaired.all, fit.noise, strict=True)]
-        counted += [one for one in small if one is not None]
-        factors = [1.0 if one is None or one.size is None else one.size for one in small]
-    else:
-        counted.append(variances)
+    unsound, (of_sds, sds) = _unsound(fit), _right_sds(repaired, fit)
+    repairs += [] if unsound is None else [unsound]
+    counted += of_sds
     counted += [] if frozen is None else [frozen[0]]
     jumps = sum(one.move.size or 0.0 for one in search.found if one.move.stream == CLOCK_OF_UNIT)
     counted += [*_gaps(drive.imu_t, jumps), *_saturated(drive)]
     vibration = _vibration(drive, repaired)
     first = _in_order(drive, [*counted, *map(_of_search, sure)])
     all_of = _in_order(drive, [*counted, *repairs])
-    noise_of = [
-        x for stream, noise in zip(repaired.all, fit.noise, strict=True) for x in _noise(stream, noise)
-    ]
-    squared = variances is not None
-    mended = _mended(drive, repaired, lost, sds, factors, variances=squared)
-    filtered = _mended(drive, applied(sure, whole), stale, sds, factors, variances=squared)
+    noise_of = (_noise(*pair) for pair in zip(repaired.all, fit.noise, strict=True))
+    mended = _mended(drive, repaired, lost, sds)
+    filtered = _mended(drive, applied(sure, whole), stale, sds)
     misfit = {
         stream.name: (stream.t, *(np.linalg.norm(one.left[k], axis=1) for one in (search.before, fit)))
         for k, stream in enumerate(whole.all)
@@ -206,9 +197,9 @@ def examine(drive: Drive) -> Examination:
     return Examination(
         drive.name,
         float(np.ptp(drive.imu_t)),
-        {name: 1.0 / float(np.median(np.diff(t))) for name, t in _clocks(whole)},
+        {"inertial unit": 1.0 / whole.imu.interval, **{one.name: 1.0 / one.interval for one in whole.all}},
         all_of,
-        tuple(noise_of),
+        tuple(chain.from_iterable(noise_of)),
         vibration,
         search.unseen,
         arm[0].fault if arm else "",
@@ -236,17 +227,10 @@ def _undecided(found: Sequence[Found]) -> str:
 
 def _in_order(drive: Drive, repairs: Sequence[Repair]) -> tuple[Repair, ...]:
     """Return the repairs of a reader, then others, the surest first; those that say the same of streams as one."""
-    return (*drive.repairs, *sorted(_together(repairs), key=lambda one: -one.nats))
-
-
-def _together(repairs: Sequence[Repair]) -> list[Repair]:
-    """Return repairs, those that say the same of several streams as one."""
     said = gathered(((one.fault, one.done), one) for one in repairs)
-    return [replace(same[0], stream=" and ".join(one.stream for one in same)) for same in said.values()]
-
-
-def _clocks(streams: Streams) -> list[tuple[str, FloatArray]]:
-    return [("inertial unit", streams.imu.t), *((one.name, one.t[one.readings]) for one in streams.all)]
+    names = (" and ".join(dict.fromkeys(one.stream for one in same)) for same in said.values())
+    together = [replace(same[0], stream=name) for same, name in zip(said.values(), names, strict=True)]
+    return (*drive.repairs, *sorted(together, key=lambda one: -one.nats))
 
 
 def _of_search(found: Found) -> Repair:
@@ -266,31 +250,19 @@ def _of_search(found: Found) -> Repair:
 
 
 def _mended(
-    drive: Drive,
-    streams: Streams,
-    lost: Sequence[NDArray[np.bool_]],
-    sds: Sequence[FloatArray | None],
-    factors: Sequence[float],
-    *,
-    variances: bool,
+    drive: Drive, streams: Streams, lost: Sequence[NDArray[np.bool_]], sds: Sequence[FloatArray | None]
 ) -> Drive:
     """Return a drive of mended streams, without lost readings: rows of fixes, or their velocities alone."""
     gnss, positions = drive.gnss, streams.positions
-    position_sd, velocity_sd, velocities = gnss.position_sd, gnss.velocity_sd, gnss.vel_n
-    if sds[0] is not None:
-        position_sd = np.broadcast_to(sds[0], positions.values.shape)
+    velocities, velocity_sd = gnss.vel_n.copy(), gnss.velocity_sd.copy()
+    position_sd = gnss.position_sd if sds[0] is None else sds[0]
     for stream, gone, sd in zip(streams.others, lost[1:], sds[1:], strict=True):
-        values = np.where(gone[:, None], np.nan, stream.values)
+        values, d = np.where(gone[:, None], np.nan, stream.values), stream.values.shape[1]
         if np.any(stream.t != positions.t):  # a fix has one stamp
             there = np.isfinite(values).all(axis=1)
             values = np.column_stack([np.interp(positions.t, stream.t[there], x) for x in values[there].T])
-        velocities, velocity_sd = velocities.copy(), velocity_sd.copy()
-        velocities[:, : values.shape[1]] = values
-        if sd is not None:
-            velocity_sd[:, : len(sd)] = sd
-    position_sd, velocity_sd = position_sd * factors[0], velocity_sd * factors[-1]
-    if variances:
-        position_sd, velocity_sd = np.sqrt(position_sd), np.sqrt(velocity_sd)
+        velocities[:, :d] = values
+        velocity_sd[:, :d] = velocity_sd[:, :d] if sd is None else sd
     fixes = Gnss(positions.t, positions.values, velocities, position_sd, velocity_sd, gnss.solution)
     inside = (fixes.t >= drive.imu_t[0]) & (fixes.t <= drive.imu_t[-1])
     turned = not np.array_equal(streams.imu.rates, drive.rates)
@@ -348,11 +320,9 @@ def _repeats(stream: Stream, moving: NDArray[np.bool_]) -> Repair | None:
 def _wrong(stream: Stream, noise: Noise, wrong: FloatArray, left: FloatArray, worth: float) -> Repair | None:
     """Return how many readings are wrong and by how much, where more than a few lie beyond the gate of a filter."""
     there = np.isfinite(wrong)
-    far = (
-        there
-        & (wrong > 0.5)
-        & (np.abs(np.nan_to_num(left)) > GATE_SDS * _expected(stream, noise)).any(axis=1)
-    )
+    reported = np.zeros(stream.values.shape) if stream.sd is None else np.nan_to_num(stream.sd)
+    expected = np.maximum(reported, noise.sd)  # a filter judges by those reported, but not less than measured
+    far = there & (wrong > 0.5) & (np.abs(np.nan_to_num(left)) > GATE_SDS * expected).any(axis=1)
     count, all_of = int(far.sum()), int(there.sum())
     share = count / max(all_of, 1)
     if share <= LOST_SHARE or worth < CERTAIN_ODDS:
@@ -375,12 +345,6 @@ def _wrong(stream: Stream, noise: Noise, wrong: FloatArray, left: FloatArray, wo
     )
 
 
-def _expected(stream: Stream, noise: Noise) -> FloatArray:
-    """Return the sds by which a filter judges readings: those reported, but not less than measured, shape (k, d)."""
-    reported = np.zeros(stream.values.shape) if stream.sd is None else np.nan_to_num(stream.sd)
-    return np.maximum(reported, noise.sd)
-
-
 def _unsound(fit: Fit) -> Repair | None:
     """Return in which windows the inertial unit does not hold."""
     bad = fit.unsound > 0.5
@@ -400,28 +364,31 @@ def _unsound(fit: Fit) -> Repair | None:
     )
 
 
-def _zero_sds(stream: Stream, noise: Noise) -> Repair | None:
-    """Return that a stream reports sds of zero."""
-    if stream.sd is None or np.any(np.nan_to_num(stream.sd) > 0.0):
-        return None
-    measured = ", ".join(f"{x.sd:.2g} {x.unit}{f' {x.part}' * bool(x.part)}" for x in _noise(stream, noise))
-    fault = f"report standard deviations of zero: measured {measured}"
-    return Repair(stream.name, fault, "the measured ones put in their place")
+def _right_sds(streams: Streams, fit: Fit) -> tuple[list[Repair], list[FloatArray | None]]:
+    """Return what is wrong with the sds that streams report, and those in their place.
 
-
-def _too_small(stream: Stream, noise: Noise) -> Repair | None:
-    """Return that a stream reports sds far below the noise of its readings from one to the next."""
-    ratios = [x.sd / x.reported for x in _noise(stream, noise) if x.reported]
-    if not ratios or min(ratios) < TOLERATED_RATIO:
-        return None
-    ratio = math.exp(float(np.mean(np.log(ratios))))
-    return Repair(
-        stream.name,
-        f"report standard deviations {ratio:.2g} times too small: errors from reading to reading alone are larger",
-        f"multiplied by {ratio:.2g}",
-        size=ratio,
-        unit="times",
-    )
+    They are zero, variances, or far below the noise of readings from one to the next.
+    """
+    variances = _variances(streams, fit)
+    found, right = [] if variances is None else [variances], []
+    for stream, noise in zip(streams.all, fit.noise, strict=True):
+        sd, measured = stream.sd, _noise(stream, noise)
+        ratios = [x.sd / x.reported for x in measured if x.reported]
+        ratio = math.exp(float(np.mean(np.log(ratios)))) if ratios else 1.0
+        if sd is not None and not np.any(np.nan_to_num(sd) > 0.0):
+            shown = ", ".join(f"{x.sd:.2g} {x.unit}{f' {x.part}' * bool(x.part)}" for x in measured)
+            fault = f"report standard deviations of zero: measured {shown}"
+            found.append(Repair(stream.name, fault, "the measured ones put in their place"))
+            sd = np.broadcast_to(noise.sd, sd.shape)
+        elif sd is not None and variances is not None:
+            sd = np.sqrt(sd)
+        elif sd is not None and ratios and min(ratios) >= TOLERATED_RATIO:
+            fault = f"report standard deviations {ratio:.2g} times too small: errors from reading to reading alone "
+            done = f"multiplied by {ratio:.2g}"
+            found.append(Repair(stream.name, f"{fault}are larger", done, size=ratio, unit="times"))
+            sd = sd * ratio
+        right.append(sd)
+    return found, right
 
 
 def _frozen(imu: Inertial) -> tuple[Repair, NDArray[np.bool_]] | None:
@@ -500,8 +467,9 @@ def _variances(streams: Streams, fit: Fit) -> Repair | None:
 
 
 def _noise(stream: Stream, noise: Noise) -> Sequence[StreamNoise]:
+    """Return the noise of each part of a stream, none of one without readings."""
     out = []
-    for part, columns in stream.groups:
+    for part, columns in stream.groups if stream.readings.any() else ():
         sds = None if stream.sd is None else stream.sd[:, list(columns)]
         stated = None if sds is None or not np.isfinite(sds).any() else float(np.nanmedian(sds))
         out.append(StreamNoise(stream.name, part, float(noise.sd[columns[0]]), stated, stream.unit))

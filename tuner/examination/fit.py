@@ -20,7 +20,7 @@ from scipy.special import digamma, gammaln
 from models import rotation
 from models.arrays import FloatArray, IntArray
 from models.earth import metres_per_radian
-from tuner.examination.streams import Stream, Streams
+from tuner.examination.streams import Positions, Stream, Streams, Velocities
 from tuner.examination.windows import (
     ERRORS,
     KNOTS,
@@ -157,7 +157,6 @@ class Placed:
     """Readings of a stream in windows, as a table of windows by readings."""
 
     stream: Stream
-    rows: int
     row: IntArray  # (m,) rows of the stream
     window: IntArray  # (m,)
     place: IntArray  # (m,) number within its window
@@ -171,13 +170,19 @@ class Placed:
         table[self.window, self.place] = values
         return table
 
+    def whole(self, values: FloatArray) -> FloatArray:
+        """Return values of readings as those of all rows, NaN elsewhere."""
+        out = np.full((len(self.stream.t), *values.shape[1:]), np.nan)
+        out[self.row] = values
+        return out
+
     def linear(self, found: Motion, x: FloatArray, more: FloatArray | None = None) -> Linear:
         """Return what readings say of the unknowns, linear about those of a motion, and of constants by `more`."""
         predicted, by = self.stream.seen(found)
         left = self.local - predicted + (by @ x[self.window][..., None])[..., 0]
         by = by if more is None else np.concatenate([by, more], axis=-1)
-        w, u = len(x), by.shape[-1]
-        return Linear(self, self.spread(left, w).reshape(w, -1), self.spread(by, w).reshape(w, -1, u))
+        w = len(x)
+        return Linear(self, _rows(self.spread(left, w)), _rows(self.spread(by, w)))
 
 
 @dataclass(frozen=True)
@@ -190,13 +195,14 @@ class Linear:
 
     def equations(self, weight: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the normal equations of each window by weights of shape (m, d), shapes (w, u, u) and (w, u)."""
-        w, _, u = self.by.shape
-        scaled = self.by * self.of.spread(weight, w).reshape(w, -1, 1)
-        return scaled.swapaxes(-1, -2) @ self.by, (self.left[:, None] @ scaled).reshape(w, u)
+        scaled = self.by * _rows(self.of.spread(weight, len(self.by)))[..., None]
+        return scaled.swapaxes(-1, -2) @ self.by, (self.left[:, None] @ scaled)[:, 0]
 
     def readings(self, table: FloatArray) -> FloatArray:
         """Return the rows of a table of shape (w, k) as readings, shape (m, d)."""
-        return table.reshape(len(table), -1, self.of.local.shape[1])[self.of.window, self.of.place]
+        w, k = table.shape
+        d = self.of.local.shape[1]
+        return table.reshape(w, k // d, d)[self.of.window, self.of.place]
 
     def residuals(self, x: FloatArray) -> FloatArray:
         """Return readings less those by unknowns, shape (m, d)."""
@@ -234,10 +240,8 @@ def fit(
     problem = Problem.of(streams, windows)
     if near is not None and np.array_equal(near.begin, problem.windows.begin):
         found = problem.solved(problem.joined([near]), rounds, near, free=True)
-    elif guesses := problem.first_guesses():
-        found = problem.likeliest(guesses, rounds)
     else:
-        return problem.nothing()
+        found = problem.likeliest(problem.first_guesses(), rounds)
     return problem.judged(streams, found) if every else found
 
 
@@ -247,7 +251,6 @@ class Problem:
 
     windows: Windows
     placed: tuple[Placed, ...]
-    rows: tuple[int, ...]
     places: FloatArray
     speeds: FloatArray
 
@@ -269,40 +272,15 @@ class Problem:
             steps = np.gradient(places, axis=0) * metres_per_radian(places) / np.gradient(kept.begin)[:, None]
             speeds = np.clip(steps, -1e3, 1e3)
         placed = tuple(_placed(one, _fitted(one), kept, places, speeds) for one in streams.all)
-        return Problem(kept, placed, tuple(len(one.t) for one in streams.all), places, speeds)
-
-    def nothing(self) -> Fit:
-        """Return a fit of no window."""
-        none, u = np.zeros(0), UNKNOWNS
-        kinds = [(one.stream, k) for one, k in zip(self.placed, self.rows, strict=True)]
-        noise = tuple(Noise(0.0, *np.full((2, x.values.shape[1]), np.inf)) for x, _ in kinds)
-        wrong, left = (tuple(np.full((k, x.values.shape[1])[:d], np.nan) for x, k in kinds) for d in (1, 2))
-        worth = tuple(0.0 for _ in kinds)
-        return Fit(
-            none,
-            none,
-            noise,
-            none,
-            wrong,
-            left,
-            worth,
-            0.0,
-            FIRST_ERRORS,
-            0.0,
-            np.zeros((0, 3, 3)),
-            *np.zeros((3, 0, u)),
-        )
+        return Problem(kept, placed, places, speeds)
 
     def first_guesses(self) -> list[_Start]:
         """Return rotations of the windows by a stream, and with which probability readings then begin as wrong."""
         found = []
-        for j, one in enumerate(self.placed):
-            if one.stream.unit in ("m/s", "m") and len(one.row):
-                attitude = self._wahba(one, velocity=one.stream.unit == "m/s")
-                wrong = (
-                    np.full(len(x.row), FIRST_WRONG if i == j else 0.5) for i, x in enumerate(self.placed)
-                )
-                found.append(_Start(attitude, tuple(wrong)))
+        for one in self.placed:
+            if isinstance(one.stream, Positions | Velocities) and (len(one.row) or one is self.placed[0]):
+                wrong = (np.full(len(x.row), FIRST_WRONG if x is one else 0.5) for x in self.placed)
+                found.append(_Start(self._wahba(one), tuple(wrong)))
         return found
 
     def likeliest(self, guesses: Sequence[_Start], rounds: int) -> Fit:
@@ -328,51 +306,37 @@ class Problem:
         )
         return _Start(attitude, wrong)
 
-    def _wahba(self, one: Placed, *, velocity: bool) -> FloatArray:
+    def _wahba(self, one: Placed) -> FloatArray:
         """Return the rotations that bring sums of specific force to changes of velocity, or of mean velocity.
 
         Wahba's problem by singular values, with weights of a Cauchy distribution about the median misfit.
         """
-        w = len(self.windows.begin)
+        w, velocity = len(self.windows.begin), isinstance(one.stream, Velocities)
         g = of_the_earth(self.places, self.speeds)[2]
         tau, there = one.spread(one.tau, w), one.spread(np.ones(len(one.tau)), w)
         # a vertical velocity that is missing changes little beside gravity
         values = one.spread(np.pad(one.local, ((0, 0), (0, 3 - one.local.shape[1]))), w)
         own = one.spread(one.at.vectors[..., 0 if velocity else 1], w)
-        most = tau.shape[1]
-        gap = max(1, most // 5)
-        if velocity:
-            a, b = own[:, gap:] - own[:, :-gap], values[:, gap:] - values[:, :-gap]
-            lasted = tau[:, gap:] - tau[:, :-gap]
-            both = there[:, gap:] * there[:, :-gap]
-        else:
-            gap = max(1, min(gap, (most - 1) // 2))
-            first, second = tau[:, gap:-gap] - tau[:, : -2 * gap], tau[:, 2 * gap :] - tau[:, gap:-gap]
-            both = there[:, 2 * gap :] * there[:, gap:-gap] * there[:, : -2 * gap]
-            first, second = np.where(both, first, 1.0), np.where(both, second, 1.0)
-
-            def change(x: FloatArray) -> FloatArray:
-                ahead = (x[:, 2 * gap :] - x[:, gap:-gap]) / second[..., None]
-                return np.asarray(ahead - (x[:, gap:-gap] - x[:, : -2 * gap]) / first[..., None])
-
-            a, b = change(own), change(values)
-            lasted = 0.5 * (first + second)
+        gap = max(1, tau.shape[1] // 5)
+        if not velocity:
+            gap = max(1, min(gap, (tau.shape[1] - 1) // 2))
+            lasted, there = tau[:, gap:] - tau[:, :-gap], there[:, gap:] * there[:, :-gap]
+            own, values = (
+                (x[:, gap:] - x[:, :-gap]) / np.where(there, lasted, 1.0)[..., None] for x in (own, values)
+            )
+            tau = 0.5 * (tau[:, gap:] + tau[:, :-gap])
+        a, b = own[:, gap:] - own[:, :-gap], values[:, gap:] - values[:, :-gap]
+        lasted, both = tau[:, gap:] - tau[:, :-gap], there[:, gap:] * there[:, :-gap]
         b = b - g[:, None, :] * lasted[..., None]
         long, other = np.linalg.norm(a, axis=-1), np.linalg.norm(b, axis=-1)
-        usual = np.array(
-            [np.median(x[m > 0]) if (m > 0).any() else 1.0 for x, m in zip(long, both, strict=True)]
-        )
-        weight = both / (1.0 + ((long - other) / (0.02 * usual + 1e-9)[:, None]) ** 2)
+        weight = both / (1.0 + ((long - other) / (0.02 * _usual(long, both) + 1e-9)) ** 2)
         for _ in range(5):
             left, _, right = np.linalg.svd(np.einsum("wki,wkj,wk->wij", b, a, weight))
             sign = np.ones((w, 3))
             sign[:, 2] = np.linalg.det(left @ right)
             c = (left * sign[:, None, :]) @ right
             miss = np.linalg.norm(b - np.einsum("wij,wkj->wki", c, a), axis=-1)
-            scale = np.array(
-                [np.median(x[m > 0]) if (m > 0).any() else 1.0 for x, m in zip(miss, both, strict=True)]
-            )
-            weight = both / (1.0 + (miss / np.maximum(scale, 1e-6)[:, None]) ** 2)
+            weight = both / (1.0 + (miss / np.maximum(_usual(miss, both), 1e-6)) ** 2)
         return np.asarray(c)
 
     def solved(self, first: _Start, rounds: int, given: Fit | None = None, *, free: bool = False) -> Fit:
@@ -435,8 +399,8 @@ class Problem:
             self.windows.begin,
             tuple(noise),
             unsound,
-            tuple(_whole(x, one.row, k) for x, one, k in zip(wrong, self.placed, self.rows, strict=True)),
-            tuple(_whole(x, one.row, k) for x, one, k in zip(left, self.placed, self.rows, strict=True)),
+            tuple(one.whole(x) for x, one in zip(wrong, self.placed, strict=True)),
+            tuple(one.whole(x) for x, one in zip(left, self.placed, strict=True)),
             worth,
             float((total - good).sum()),
             errors,
@@ -458,8 +422,8 @@ class Problem:
             of_all = self._noise(placed, _mixture(e**2, noise)[1], alike, e**2)
             chance = _mixture(e**2, of_all)[1]
             worth.append(_worth(e**2, alike, of_all))
-            wrong.append(_whole(chance, placed.row, len(one.t)))
-            left.append(_whole(e, placed.row, len(one.t)))
+            wrong.append(placed.whole(chance))
+            left.append(placed.whole(e))
         return replace(found, wrong=tuple(wrong), left=tuple(left), worth=tuple(worth))
 
     def eliminated(
@@ -494,7 +458,7 @@ class Problem:
             seen = linear(one)
             matrix, vector = seen.equations(weight)
             h, y = h + matrix, y + vector
-            squares += (seen.left**2 * one.spread(weight, w).reshape(w, -1)).sum(axis=1)
+            squares += (seen.left**2 * _rows(one.spread(weight, w))).sum(axis=1)
         inverse = np.linalg.inv(h[:, :u, :u])
         through, own = h[:, u:, :u] @ inverse, y[:, :u]
         squares -= np.einsum("wi,wij,wj->w", own, inverse, own)
@@ -538,7 +502,8 @@ class Problem:
             e, of = one.residuals(x), one.of
             s = e**2 + one.variances(covariance)
             likelihood, wrong = _mixture(s, n)
-            np.add.at(bound, of.window, likelihood + np.broadcast_to(of.stream.log_scale, of.rows)[of.row])
+            scales = np.broadcast_to(of.stream.log_scale, len(of.stream.t))
+            np.add.at(bound, of.window, likelihood + scales[of.row])
             lefts.append(e)
             squares.append(s)
             chances.append(wrong)
@@ -617,11 +582,16 @@ def _worth(squares: FloatArray, share: FloatArray, noise: Noise) -> float:
     return float((share * (_mixture(squares, noise)[0] - _mixture(squares, alone)[0])).sum())
 
 
-def _whole(values: FloatArray, rows: IntArray, count: int) -> FloatArray:
-    """Return values of some rows as values of all, NaN elsewhere."""
-    out = np.full((count, *values.shape[1:]), np.nan)
-    out[rows] = values
-    return out
+def _rows(table: FloatArray) -> FloatArray:
+    """Return a table of windows by readings by components, shape (w, n, d, …), as one of shape (w, n d, …)."""
+    w, n, d = table.shape[:3]
+    return table.reshape(w, n * d, *table.shape[3:])
+
+
+def _usual(values: FloatArray, there: FloatArray) -> FloatArray:
+    """Return the median of each row of those that are there, shape (w, 1), 1 where none is."""
+    rows = zip(values, there > 0, strict=True)
+    return np.array([[np.median(x[m]) if m.any() else 1.0] for x, m in rows])
 
 
 def _fitted(one: Stream) -> NDArray[np.bool_]:
@@ -643,23 +613,7 @@ def _placed(
     tau = one.t[rows] - windows.begin[of]
     place = np.arange(len(rows)) - np.searchsorted(of, of)
     local = one.local(places[np.maximum(window, 0)])[rows] if len(places) else one.values[rows]
-    return Placed(one, len(one.t), rows, of, place, tau, local, sampled(windows, of, tau, places, speeds))
-
-
-@dataclass(frozen=True)
-class Constants:
-    """Constants of the installation by the readings.
-
-    Attributes
-    ----------
-    value, sd : ndarray, shape (c,)
-        Estimates, and their sds: by leaving out one window after the other (jackknife, Efron and Stein 1981), which
-        holds where few windows decide and where errors are not as modelled; not below those of the model, and enlarged
-        by the ratio of Birge (1932) where both halves of the drive disagree.
-    """
-
-    value: FloatArray
-    sd: FloatArray
+    return Placed(one, rows, of, place, tau, local, sampled(windows, of, tau, places, speeds))
 
 
 def constants(
@@ -670,8 +624,12 @@ def constants(
     prior: FloatArray,
     *,
     gated: bool,
-) -> Constants:
-    """Return constants common to all windows, with the unknowns of each window eliminated (one step of Gauss–Newton).
+) -> tuple[FloatArray, FloatArray]:
+    """Return constants common to all windows, shape (c,), and their sds: one step of Gauss–Newton.
+
+    The unknowns of each window are eliminated. Sds are by leaving out one block of windows after the other (jackknife,
+    Künsch 1989), which holds where few windows decide and where errors are not as modelled: of blocks of 1, 2, 4, …
+    windows the largest, that of errors that last, and none below the model's.
 
     Parameters
     ----------
@@ -687,28 +645,19 @@ def constants(
         Whether wrong readings count less. Where a constant is far off, it is what makes them wrong.
     """
     problem = Problem.of(streams, windows)
-    w = len(problem.windows.begin)
 
     def linear(one: Placed) -> Linear:
         motion = motion_of(one.at, found.attitude, found.unknowns)
         return one.linear(motion, found.unknowns, columns(one, motion))
 
-    information, scores, _ = problem.eliminated(found, linear, found.precision, len(prior), gated=gated)
-    score = scores[..., None]
-    value, sd = _estimated(information, score, prior)
-    (first, its), (second, whose) = (
-        _estimated(information[k], score[k], prior) for k in (slice(w // 2), slice(w // 2, None))
-    )
-    scale = np.abs(first - second) / np.hypot(its, whose)
-    return Constants(value, sd * np.maximum(scale, 1.0))
-
-
-def _estimated(
-    information: FloatArray, score: FloatArray, prior: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return constants by the information and score of windows, and their sds by a jackknife."""
+    information, score, _ = problem.eliminated(found, linear, found.precision, len(prior), gated=gated)
     total, sums = information.sum(axis=0) + np.diag(prior**-2.0), score.sum(axis=0)
     inverse = np.linalg.inv(total)
-    value = (inverse @ sums)[:, 0]
-    without = np.linalg.solve(total - information, sums - score)[..., 0] - value
-    return value, np.sqrt(np.maximum(np.diag(without.T @ without), np.diag(inverse)))
+    value = inverse @ sums
+    variance, many = np.diag(inverse), 1
+    while 2 * many <= len(score):
+        starts = np.arange(0, len(score), many)
+        rest, left = total - np.add.reduceat(information, starts), sums - np.add.reduceat(score, starts)
+        moved = np.linalg.solve(rest, left[..., None])[..., 0] - value
+        variance, many = np.maximum(variance, (moved**2).sum(axis=0)), 2 * many
+    return value, np.sqrt(variance)

@@ -34,15 +34,13 @@ DRIFT = "drift"
 """Name of the growth of the delay of all streams in a second."""
 DELAY_SD, DRIFT_SD = 1.0, 1e-3
 """Prior sds of a delay, s, and of its growth in a second: crystals and clocks of operating systems err by less."""
-RATE_DIGITS = 8
-"""Decimal places of the growth of a delay that stamps of floating point tell from none."""
 ARM_SD, STATED_ARM_SD = 1.0, 0.1
 """Prior sd of a lever arm about zero, and about what is stated, m."""
 
 
 @dataclass(frozen=True)
 class _Settled:
-    """Delays and lever arm at their likeliest values, and sds, shape (c,); streams without them, and their fit."""
+    """Delays and lever arm, and sds, shape (c,); streams without them, and their fit."""
 
     value: FloatArray
     sd: FloatArray
@@ -57,7 +55,7 @@ class Installed:
     Attributes
     ----------
     delays : mapping of str or None to Delay
-        What is left of the delay of each stream; under `DRIFT` of the growth of that of all.
+        Of each stream as it was recorded, None: of all against the inertial unit, under `DRIFT` its growth in a second.
     arm_sd : ndarray, shape (3,)
         Sds of the lever arm, m.
     gain : float
@@ -70,8 +68,24 @@ class Installed:
     arm_sd: FloatArray
     gain: float
 
+    def moves(self, recorded: Streams) -> dict[str, Move]:
+        """Return what undoes the delays and the lever arm that are certain, by their subject."""
+        delays = {name: one for name, one in self.delays.items() if name != DRIFT and one.certain}
+        certain = [late(name, one.value, one.sd) for name, one in delays.items()]
+        if (clock := self.clock(recorded)).drift.certain:
+            certain = [of_clock(None, clock), *(one for one in certain if one.stream != RECEIVER)]
+        if self.streams.positions.arm != recorded.positions.arm:
+            certain.append(arm_of(np.array(self.streams.positions.arm), self.arm_sd))
+        return {move.subject: move for move in certain}
 
-def installed(recorded: Streams, streams: Streams, now: Fit) -> Installed:
+    def clock(self, recorded: Streams) -> Clock:
+        """Return the clock that the delays make, with the stamps of the first and the last position."""
+        first, last = recorded.positions.t[[0, -1]].tolist()
+        lag = self.delays.get("velocities", Delay())
+        return Clock(self.delays[None], lag, drift=self.delays[DRIFT], ends=(first, last))
+
+
+def installed(streams: Streams, now: Fit) -> Installed:
     """Return streams with their delays and the lever arm of the receiver, as far as they are certain.
 
     One delay is common to all against the inertial unit, each other stream has one against the positions. One that the
@@ -85,14 +99,11 @@ def installed(recorded: Streams, streams: Streams, now: Fit) -> Installed:
     )
     free = prior
     delays: dict[str | None, Delay] = {}
-    taken = _taken_out(recorded, streams)
+    taken = _taken_out(streams)
     for k in np.argsort(np.abs(best.value / best.sd)[: len(names)]):
         only = np.arange(len(prior)) == k
         value, fixed = np.where(only, 0.0, best.value), np.where(only, FIXED_SD, free)
-        moved = problem.without(value)
-        without = problem.settled(
-            _Settled(value, fixed, moved, fit(moved, problem.windows, near=best.fit)), fixed
-        )
+        without = problem.settled(problem.at(value, fixed, best.fit), fixed)
         if without.fit.total > best.fit.total:  # a constant less is never likelier: there is a better optimum
             best = max(best, problem.settled(without, free), key=lambda x: x.fit.total)
         one, gain = Delay(float(best.value[k]), float(best.sd[k])), best.fit.total - without.fit.total
@@ -111,7 +122,10 @@ def installed(recorded: Streams, streams: Streams, now: Fit) -> Installed:
     left = np.where(found, 0.0, best.value)
     delays |= {name: Delay(float(left[k]), float(best.sd[k])) for k, name in enumerate(names) if kept[k]}
     if not found.any():
-        return Installed(streams, now, delays, best.sd[arm], 0.0)
+        moved, after, gain = streams, now, 0.0
+    taken = _taken_out(moved)
+    delays = {name: one.beside(-taken[name]) for name, one in delays.items()}
+    delays = {name: one if taken[name] or not one.certain else Delay() for name, one in delays.items()}
     return Installed(moved, after, delays, best.sd[arm], gain)
 
 
@@ -157,10 +171,9 @@ class _Problem:
         rate, arm = stream.by_time(motion), stream.by_arm(motion)
         out = np.zeros((len(motion.position), stream.values.shape[1], len(self.prior)))
         if rate is not None:
-            out[..., 0] = -rate
+            own = [k for k, name in enumerate(self.names) if name in (None, stream.name)]
+            out[..., own] = -rate[..., None]
             out[..., self.names.index(DRIFT)] = -rate * (stream.t[one.row] - self.middle)[:, None]
-            if stream.name in self.names:
-                out[..., self.names.index(stream.name)] = -rate
         if arm is not None:
             out[..., len(self.names) :] = arm
         return out
@@ -169,18 +182,22 @@ class _Problem:
         """Return the streams without delays, s, and with the rest of a lever arm, m."""
         streams, ends = self.streams, (self.middle, self.middle)
         for name, value in zip(self.names, sizes.tolist(), strict=False):
-            clock = Clock(drift=Delay(value), ends=ends) if name == DRIFT else Clock(Delay(value))
+            clock = Clock(drift=Delay(value, 0.0), ends=ends) if name == DRIFT else Clock(Delay(value))
             streams = of_clock(None if name == DRIFT else name, clock).mended(streams)
         arm = np.array(streams.positions.arm) + sizes[len(self.names) :]
         return arm_of(arm, np.zeros(3)).mended(streams)
+
+    def at(self, value: FloatArray, sd: FloatArray, near: Fit) -> _Settled:
+        """Return constants of some values, with a fit that begins from another."""
+        moved = self.without(value)
+        return _Settled(value, sd, moved, fit(moved, self.windows, near=near))
 
     def starts(self, now: Fit) -> list[_Settled]:
         """Return where the search begins: at no delay, and at the likeliest of `NEAR_DELAYS` if that is likelier."""
         found = [_Settled(np.zeros(len(self.prior)), self.prior, self.streams, now)]
         for delay in NEAR_DELAYS:
             value = np.where(np.arange(len(self.prior)), 0.0, delay)
-            moved = self.without(value)
-            found.append(_Settled(value, self.prior, moved, fit(moved, self.windows, near=now)))
+            found.append(self.at(value, self.prior, now))
         likeliest = max(found, key=lambda at: at.fit.total)
         return [found[0]] if likeliest is found[0] else [found[0], likeliest]
 
@@ -191,18 +208,17 @@ class _Problem:
         """
         for number in range(NEWTON_STEPS):
             gated = number >= opened
-            sizes = constants(at.streams, self.windows, at.fit, self.columns, free, gated=gated)
-            at = replace(at, sd=sizes.sd)
-            if gated and np.all(np.abs(sizes.value) < SETTLED_SDS * sizes.sd):
+            step, sd = constants(at.streams, self.windows, at.fit, self.columns, free, gated=gated)
+            at = replace(at, sd=sd)
+            if gated and np.all(np.abs(step) < SETTLED_SDS * sd):
                 break
             for part in STEP_PARTS:
-                value = at.value + part * sizes.value
+                value = at.value + part * step
                 if np.any(np.abs(value[: len(self.names)]) >= max(DELAYS)):
                     continue  # it would leave readings in other windows
-                moved = self.without(value)
-                found = fit(moved, self.windows, near=at.fit)
-                if found.total > at.fit.total:
-                    at = _Settled(value, sizes.sd, moved, found)
+                found = self.at(value, sd, at.fit)
+                if found.fit.total > at.fit.total:
+                    at = found
                     break
             else:
                 if gated:
@@ -210,42 +226,7 @@ class _Problem:
         return at
 
 
-def _taken_out(recorded: Streams, streams: Streams) -> dict[str | None, float]:
-    """Return the delay of each stream that was already subtracted from its stamps, s, and how much it grew a second."""
-    middle, t = middle_of(recorded.positions.t), recorded.positions.t
-    shift = t - streams.positions.t
-    drift = round(float(np.median(np.diff(shift) / np.diff(t))), RATE_DIGITS)  # a jump is none
-
-    def at_middle(first: float, moved: float) -> float:
-        return first - moved + drift * (middle - first)
-
-    common = at_middle(float(t[0]), float(streams.positions.t[0]))
-    pairs = zip(recorded.others, streams.others, strict=True)
-    taken: dict[str | None, float] = {None: common, DRIFT: drift}
-    for one, moved in pairs:
-        taken[one.name] = at_middle(float(one.t[0]), float(moved.t[0])) - common
-    return taken
-
-
-def whole_delays(recorded: Streams, at: Installed) -> dict[str | None, Delay]:
-    """Return the delays of streams as they were recorded: what was taken out, and what is left."""
-    taken = _taken_out(recorded, at.streams)
-    whole = {name: at.delays[name].beside(-value) for name, value in taken.items()}
-    return {name: one if taken[name] or not one.certain else Delay() for name, one in whole.items()}
-
-
-def clock_of(recorded: Streams, delays: Mapping[str | None, Delay]) -> Clock:
-    """Return the clock that delays of streams make, with the stamps of the first and the last position."""
-    first, last = recorded.positions.t[[0, -1]].tolist()
-    lag = delays.get("velocities", Delay())
-    return Clock(delays[None], lag, drift=delays[DRIFT], ends=(first, last))
-
-
-def certain_moves(recorded: Streams, at: Installed, delays: Mapping[str | None, Delay]) -> dict[str, Move]:
-    """Return what undoes the delays and the lever arm that are certain, by their subject."""
-    certain = [late(name, one.value, one.sd) for name, one in delays.items() if name != DRIFT and one.certain]
-    if (clock := clock_of(recorded, delays)).drift.certain:
-        certain = [of_clock(None, clock), *(one for one in certain if one.stream != RECEIVER)]
-    if at.streams.positions.arm != recorded.positions.arm:
-        certain.append(arm_of(np.array(at.streams.positions.arm), at.arm_sd))
-    return {move.subject: move for move in certain}
+def _taken_out(streams: Streams) -> dict[str | None, float]:
+    """Return the delay of each stream that was already taken out of its stamps, s, and how much it grew a second."""
+    common, drift = streams.positions.delay, streams.positions.drift
+    return {None: common, DRIFT: drift, **{one.name: one.delay - common for one in streams.others}}

@@ -13,7 +13,7 @@ from models.arrays import FloatArray
 from models.rotation import skew
 from models.units import FOOT, unit_value
 from tuner.examination.streams import HorizontalVelocities, Stream, Streams, Velocities
-from tuner.examination.windows import Motion
+from tuner.examination.windows import ACCEL_BIAS, GYRO_BIAS, TURN, Motion
 from tuner.formats.clock_words import late_words
 from tuner.types.clock import HALF_INTERVAL, Clock, Delay
 
@@ -52,8 +52,8 @@ class Move:
         Whether the fault can hold for a part of a drive.
     subject : str
         What of the stream it is about, where a recording may be unable to show it.
-    size, sd, unit
-        How large it is and how certain that is, where it is estimated.
+    size, interval, unit
+        How large it is, and its 95 % interval, where it is estimated.
     delay : float or None
         Of a clock, s, negative where it is early.
     reading : bool
@@ -67,18 +67,10 @@ class Move:
     partial: bool = True
     subject: str = ""
     size: float | None = None
-    sd: float | None = None
+    interval: tuple[float, float] | None = None
     unit: str = ""
     delay: float | None = None
     reading: bool = False
-
-    @property
-    def interval(self) -> tuple[float, float] | None:
-        """95 % interval of the size, where its sd is known."""
-        if self.size is None or self.sd is None:
-            return None
-        half = HALF_INTERVAL * self.sd
-        return (max(self.size - half, 0.0) if self.delay is None else self.size - half), self.size + half
 
 
 class BodyVelocities(Velocities):
@@ -86,18 +78,23 @@ class BodyVelocities(Velocities):
 
     def seen(self, motion: Motion) -> tuple[FloatArray, FloatArray]:
         """Return the velocity in the axes of the unit and its derivatives."""
-        back = motion.attitude.swapaxes(-1, -2)
-        by = motion.by_velocity + skew(motion.velocity) @ motion.by_attitude
+        back, across = motion.attitude.swapaxes(-1, -2), skew(motion.velocity)
+        by = motion.by_velocity.copy()
+        by[..., TURN] += across
+        by[..., GYRO_BIAS] += (
+            across @ motion.by_velocity[..., ACCEL_BIAS]
+        )  # as ∫R turns forces, it turns axes
         return (back @ motion.velocity[..., None])[..., 0], back @ by
 
 
 def moves(streams: Streams) -> Iterator[Move]:
     """Return every fault that is tried, of the streams that are there."""
     yield from _inertial_moves(streams.imu.interval)
-    exchange = _of("fixes", "have latitude and longitude exchanged", "exchanged back", _columns(1, 0, 2))
-    upside = _of(
-        "fixes", "have heights with the wrong sign", "heights multiplied by −1", _times(1.0, 1.0, -1.0)
+    exchange = _of(
+        "fixes", "have latitude and longitude exchanged", "exchanged back", _linear(np.eye(3)[[1, 0, 2]])
     )
+    down, subject = _times(1.0, 1.0, -1.0), "sign of the heights"
+    upside = _of("fixes", "have heights with the wrong sign", "heights multiplied by −1", down, subject)
     degrees = _times(180.0 / np.pi, 180.0 / np.pi, 1.0)
     radians = _of("fixes", "are in rad, read as degrees", "latitude and longitude in degrees", degrees)
     feet = _of(
@@ -130,7 +127,7 @@ def _inertial_moves(interval: float) -> Iterator[Move]:
             if row[AXES.index(axis)] != 1.0
         )
         fault = f"has its axes exchanged against the accelerometer: its {words}"
-        yield _of("gyro", fault, "its axes named anew", _turned(turn))
+        yield _of("gyro", fault, "its axes named anew", _linear(turn.T))
     against = "has the sign of gravity, not of the specific force"
     yield _of("accelerometer", against, "multiplied by −1", _times(-1.0), "sign of the accelerometer")
     left = "gyro and accelerometer multiplied by −1"
@@ -160,13 +157,14 @@ def _velocity_moves(stream: Velocities, *, whole: bool) -> Iterator[Move]:
         course = _from_course(one)
         if one * np.nanmax(np.abs(stream.values[:, 1])) <= LARGEST_COURSE:
             yield _of(name, f"are speed and course{unit}", "turned into north and east", course)
+    north_east_down = _linear(np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]))
     if not whole:
-        yield _of(name, "are east, north", "put in the order north, east", _from_east_north_up)
+        yield _of(name, "are east, north", "put in the order north, east", north_east_down)
         return
     up = "have the wrong vertical sign: they point up, not down"
     down, subject = "third component multiplied by −1", "vertical sign of the velocities"
     yield _of(name, up, down, _times(1.0, 1.0, -1.0), subject)
-    yield _of(name, "are east, north, up", "put in the order north, east, down", _from_east_north_up)
+    yield _of(name, "are east, north, up", "put in the order north, east, down", north_east_down)
     yield Move(
         name,
         "are in the axes of the unit, not north, east, down",
@@ -186,20 +184,12 @@ def _turns() -> Iterator[FloatArray]:
                 yield np.eye(3)[list(order)] * np.array(signs)[:, None]
 
 
+def _linear(matrix: FloatArray) -> Change:
+    return lambda x: x @ matrix.T
+
+
 def _times(*factors: float) -> Change:
     return lambda x: x * np.array(factors)
-
-
-def _columns(*order: int) -> Change:
-    return lambda x: x[:, list(order)]
-
-
-def _turned(turn: FloatArray) -> Change:
-    return lambda x: x @ turn
-
-
-def _from_east_north_up(x: FloatArray) -> FloatArray:
-    return np.asarray(x[:, [1, 0, 2]] * np.array([1.0, 1.0, -1.0]))
 
 
 def _from_course(unit: float) -> Change:
@@ -226,57 +216,50 @@ def _of(name: str, fault: str, repair: str, change: Change, subject: str = "") -
     return Move(name, fault, repair, mended, subject=subject, reading=True)
 
 
+def silenced(triad: str) -> Move:
+    """Return that a triad measures nothing."""
+    return _of(triad, "measures nothing", "left out", _times(0.0))
+
+
 def _changed(stream: Stream, change: Change) -> Stream:
     """Return a stream after a change of triples; of pairs the third number is zero."""
-    d = stream.values.shape[1]
+    d, step = stream.values.shape[1], 1e-6
     triples = np.pad(stream.values, ((0, 0), (0, 3 - d)))
-    return stream.with_values(change(triples)[:, :d], log_jacobian(change, triples, d))
-
-
-def log_jacobian(change: Change, values: FloatArray, d: int = 3) -> FloatArray:
-    """Return the logarithm of the Jacobian of a change of triples, of their first d numbers, by differences, (k,)."""
-    step = 1e-6
     columns = [
-        (change(values + step * one) - change(values - step * one))[:, :d] / (2.0 * step)
+        (change(triples + step * one) - change(triples - step * one))[:, :d] / (2.0 * step)
         for one in np.eye(3)[:d]
     ]
-    size = np.abs(np.linalg.det(np.nan_to_num(np.stack(columns, axis=-1))))
-    return np.asarray(np.log(np.maximum(size, 1e-12)))
+    size = np.abs(np.linalg.det(np.nan_to_num(np.stack(columns, axis=-1))))  # Jacobian, by differences
+    return stream.with_values(change(triples)[:, :d], np.log(np.maximum(size, 1e-12)))
 
 
 def exchanged(streams: Streams, name: str, change: Callable[[Stream], Stream]) -> Streams:
     """Return streams of which one is changed."""
-    positions, *others = (change(one) if one.name == name else one for one in streams.all)
-    assert isinstance(positions, type(streams.positions))
-    return Streams(streams.imu, positions, tuple(others))
+    return streams.changed(lambda one: change(one) if one.name == name else one)
 
 
 def late(stream: str | None, delay: float, sd: float | None = None) -> Move:
     """Return the delay of a stream, or of all against the inertial unit, s, with its sd where it is known."""
-    known = Delay(delay, math.nan if sd is None else sd)
-    return of_clock(stream, Clock(known))
+    return of_clock(stream, Clock(Delay(delay, math.nan if sd is None else sd)))
 
 
 def of_clock(stream: str | None, clock: Clock) -> Move:
     """Return what puts a stream, or all of them against the inertial unit, on the right clock."""
-    drift, sd = clock.drift.value, clock.delay.sd
-    delay = clock.delay.taken_out if clock.drift.certain else clock.delay.value
+    drifts, drift, middle = clock.drift.certain, clock.drift.value, 0.5 * sum(clock.ends)
+    delay = clock.delay.taken_out if drifts else clock.delay.value
 
     def mended(streams: Streams) -> Streams:
-        for one in streams.all:
-            if stream is None or one.name == stream:
-                streams = exchanged(streams, one.name, lambda x: x.later(-delay - drift * (x.t - middle)))
-        return streams
+        return streams.changed(lambda x: x.later(-delay, -drift, middle) if stream in (None, x.name) else x)
 
-    middle = 0.5 * sum(clock.ends)
     whose, is_are, its = (RECEIVER, "is", "its") if stream is None else (stream, "are", "their")
-    amount, word = abs(delay), "late" if delay > 0.0 else "early"
+    amount, word, interval = abs(delay), "late" if delay > 0.0 else "early", None
     shown, moved = f"{word} by {amount:.2f} s", f"{-delay:+.3f} s"
-    if clock.drift.certain:
+    if drifts:
         shown, moved = late_words(clock), " to ".join(f"{-one.value:+.3f} s" for one in clock.delays.values())
-    elif math.isfinite(sd):
-        half = HALF_INTERVAL * sd
-        shown = f"{word} by {amount:.3f} s ({amount - half:.3f} to {amount + half:.3f})"
+    elif math.isfinite(clock.delay.sd):
+        half = HALF_INTERVAL * clock.delay.sd
+        interval = amount - half, amount + half
+        shown = f"{word} by {amount:.3f} s ({interval[0]:.3f} to {interval[1]:.3f})"
     return Move(
         whose,
         f"{is_are} {shown} against the {'inertial unit' if stream is None else 'positions'}",
@@ -284,8 +267,8 @@ def of_clock(stream: str | None, clock: Clock) -> Move:
         mended,
         partial=False,
         subject=f"delay of the {whose}",
-        size=None if clock.drift.certain else amount,
-        sd=sd if math.isfinite(sd) else None,
+        size=None if drifts else amount,
+        interval=interval,
         unit="s",
         delay=delay,
     )
@@ -293,19 +276,11 @@ def of_clock(stream: str | None, clock: Clock) -> Move:
 
 def jumped(begin: float, ahead: float) -> Move:
     """Return that stamps of the inertial unit jump ahead by a time at another, s, without a sample lost."""
-
-    def mended(streams: Streams) -> Streams:
-        for one in streams.all:
-            streams = exchanged(
-                streams, one.name, lambda x: replace(x, t=x.t + np.where(x.t > begin, ahead, 0.0))
-            )
-        return streams
-
     return Move(
         CLOCK_OF_UNIT,
         f"jumps ahead by {ahead:.3f} s at {begin:.1f} s: no sample is lost there",
         f"stamps of the receiver behind it moved by {ahead:+.3f} s",
-        mended,
+        lambda streams: streams.changed(lambda x: replace(x, t=x.t + np.where(x.t > begin, ahead, 0.0))),
         partial=False,
         size=ahead,
         unit="s",
@@ -315,23 +290,17 @@ def jumped(begin: float, ahead: float) -> Move:
 def arm_of(arm: FloatArray, sd: FloatArray) -> Move:
     """Return the lever arm of all streams of a receiver, in the axes of the inertial unit, m, with its sds."""
     x, y, z = (float(value) for value in arm)
-
-    def mended(streams: Streams) -> Streams:
-        for one in streams.all:
-            streams = exchanged(streams, one.name, lambda s: replace(s, arm=(x, y, z)))
-        return streams
-
     halves = HALF_INTERVAL * sd
     shown = ", ".join(f"{axis} {a:+.2f} ±{h:.2f}" for axis, a, h in zip(AXES, arm, halves, strict=True))
-    size = float(np.linalg.norm(arm))
+    size, half = float(np.linalg.norm(arm)), float(np.linalg.norm(halves))
     return Move(
         "antenna",
         f"is {size:.2f} m from the inertial unit: {shown} m in its axes (95 %)",
         "",
-        mended,
+        lambda streams: streams.changed(lambda one: replace(one, arm=(x, y, z))),
         partial=False,
         subject=LEVER_ARM,
         size=size,
-        sd=float(np.linalg.norm(sd)),
+        interval=(max(size - half, 0.0), size + half),
         unit="m",
     )

@@ -14,8 +14,8 @@ from models.earth import metres_per_radian
 from models.robust import normal_sd
 from tuner.examination.distant_clocks import distant_delay
 from tuner.examination.fit import FIRST_ROUNDS, LEAST_READINGS, Fit, earned, fit
-from tuner.examination.installation import certain_moves, clock_of, installed, whole_delays
-from tuner.examination.moves import DELAYS, STATED_ODDS, TRIADS, Move, exchanged, jumped, late, moves
+from tuner.examination.installation import installed
+from tuner.examination.moves import DELAYS, STATED_ODDS, TRIADS, Move, jumped, late, moves, silenced
 from tuner.examination.streams import Stream, Streams, Velocities
 from tuner.examination.windows import WINDOW_LENGTH, Inertial, averaged, longest_step, windows_of
 from tuner.types.clock import CERTAIN_SDS, Clock
@@ -109,7 +109,7 @@ def searched(streams: Streams, name: str = "streams") -> Searched:
             found.append(Found(move, worth, math.inf))
             whole, begun = shifted, _inside(shifted)
             now = fit(begun, every=True)
-    at = installed(recorded, begun, now)
+    at = installed(begun, now)
     gain = at.gain
     for _ in range(MOST_FAULTS):
         moved = [one.move for one in found if one.begin is None and one.end is None]
@@ -133,13 +133,11 @@ def searched(streams: Streams, name: str = "streams") -> Searched:
             without = applied(others, recorded)
             if (there := fit(without)).total > now.total:
                 found, streams, now = others, without, there
-        at = installed(recorded, streams, now)
+        at = installed(streams, now)
         gain = max(gain, at.gain)
-    delays = whole_delays(recorded, at)
-    clock = clock_of(recorded, delays)
-    named = _joined(found, certain_moves(recorded, at, delays), gain)
+    named = _joined(found, at.moves(recorded), gain)
     unseen = tuple(one for one in unseen if one not in {each.move.subject for each in named})
-    return Searched(named, first, fit(at.streams, near=at.fit, every=True), unseen, clock)
+    return Searched(named, first, fit(at.streams, near=at.fit, every=True), unseen, at.clock(recorded))
 
 
 def _best_fit(streams: Streams, near: Fit) -> Fit:
@@ -169,24 +167,16 @@ def _inside(streams: Streams, *same: Streams) -> Streams:
         kept = np.all([windows.found(t + shift) >= 0 for t in rows for shift in (-reach, 0.0, reach)], axis=0)
         return one.with_values(np.where(kept[:, None], one.values, np.nan))
 
-    out = streams
-    for one in streams.all:
-        out = exchanged(out, one.name, inside)
-    return out
+    return streams.changed(inside)
 
 
 def _joined(found: Sequence[Found], constant: Mapping[str, Move], gain: float) -> tuple[Found, ...]:
     """Return the faults, each delay once and of the size that it has in the end; all constants gain together, nats."""
-    out: dict[str | Move, Found] = {}
-    for one in found:
-        if one.move.delay is None:
-            out[one.move] = one
-        # a search may have taken up a delay beside a fault that it found later
-        elif one.move.subject in constant:
-            before = out.get(one.move.subject, one)
-            out[one.move.subject] = replace(before, move=constant[one.move.subject])
-    rest = [Found(move, gain, math.inf) for subject, move in constant.items() if subject not in out]
-    return (*rest, *out.values())
+    # a search may have taken up a delay beside a fault that it found later
+    first = {one.move.subject: one for one in reversed(found) if one.move.delay is not None}
+    rest = ((move, first.get(subject, Found(move, gain, math.inf))) for subject, move in constant.items())
+    delays = (replace(one, move=move) for move, one in rest)
+    return (*delays, *(one for one in found if one.move.delay is None))
 
 
 def _tried(
@@ -236,12 +226,9 @@ def _whole_or_part(
 
 def _says_more_than_none(found: Found, streams: Streams, mended: Fit) -> bool:
     """Return whether a triad, mended, explains more than one that measures nothing: small numbers have little noise."""
-    part = TRIADS.get(found.move.stream)
-    if part is None:
+    if found.move.stream not in TRIADS:
         return True
-    rates = streams.imu.rates.copy()
-    rates[:, part] = 0.0
-    silent = replace(streams, imu=replace(streams.imu, rates=rates))
+    silent = silenced(found.move.stream).mended(streams)
     none = fit(between(streams, silent, found.begin, found.end))
     return mended.total > none.total + math.log(STATED_ODDS)
 
@@ -292,13 +279,9 @@ def between(streams: Streams, mended: Streams, begin: float | None, end: float |
 
     inside = (streams.imu.t >= low) & (streams.imu.t < high)
     rates = np.where(inside[:, None], mended.imu.rates, streams.imu.rates)
-    positions = joined(streams.positions, mended.positions)
-    assert isinstance(positions, type(streams.positions))
-    return Streams(
-        streams.imu if mended.imu is streams.imu else replace(streams.imu, rates=rates),
-        positions,
-        tuple(map(joined, streams.others, mended.others)),
-    )
+    imu = streams.imu if mended.imu is streams.imu else replace(streams.imu, rates=rates)
+    others = {one.name: one for one in mended.all}
+    return replace(streams.changed(lambda one: joined(one, others[one.name])), imu=imu)
 
 
 def _stepped(streams: Streams, now: Fit, price: float) -> list[tuple[Found, Streams, Fit]]:
@@ -310,8 +293,7 @@ def _stepped(streams: Streams, now: Fit, price: float) -> list[tuple[Found, Stre
     rows = streams.positions.readings
     t, values = streams.positions.t[rows], streams.positions.values[rows]
     moved = (values[1:] - values[:-1]) * metres_per_radian(values[1:])
-    speed = _speeds(streams, t)
-    odd = moved - 0.5 * (speed[1:] + speed[:-1]) * np.diff(t)[:, None]
+    odd = moved - _usual_moves(streams, t, moved)
     usual = np.maximum(normal_sd(odd, axis=0), 1e-3)
     row = int(np.argmax(np.abs((odd - np.median(odd, axis=0)) / usual).max(axis=1)))
     time = 0.5 * float(t[row] + t[row + 1])
@@ -321,38 +303,30 @@ def _stepped(streams: Streams, now: Fit, price: float) -> list[tuple[Found, Stre
     if len(span) < 2:
         return []
     beside = replace(streams, imu=replace(streams.imu, t=streams.imu.t[span], rates=streams.imu.rates[span]))
-    before = fit(beside, every=True)
-    if _halves(streams, before, time) is None:
-        return []
     jump = np.where(np.abs(odd[row]) > CERTAIN_SDS * usual, odd[row], 0.0)
     after = fit(_step(jump, time).mended(beside), every=True)
     halves = _halves(streams, after, time)
     if halves is None:
         return []
-    sd = np.array(after.noise[0].sd)
     jump = jump + halves
-    move = _step(np.where(np.abs(jump) > CERTAIN_SDS * sd, jump, 0.0), time)
-    gain = fit(move.mended(beside)).total - before.total - price
+    move = _step(np.where(np.abs(jump) > CERTAIN_SDS * after.noise[0].sd, jump, 0.0), time)
+    gain = fit(move.mended(beside)).total - fit(beside).total - price
     if gain <= 0.0:
         return []
     mended = move.mended(streams)
     whole = fit(mended)
-    if whole.total < now.total - UNSEEN_GAIN:
-        return []
-    return [(Found(move, gain, 0.0, time), mended, whole)]
+    return [(Found(move, gain, 0.0, time), mended, whole)] if whole.total > now.total - UNSEEN_GAIN else []
 
 
-def _speeds(streams: Streams, t: FloatArray) -> FloatArray:
-    """Return velocities at times, of the receiver or else by its positions, shape (k, 3)."""
+def _usual_moves(streams: Streams, t: FloatArray, moved: FloatArray) -> FloatArray:
+    """Return moves between times by velocities of the receiver, or else by those before and behind, m."""
+    step = np.diff(t)[:, None]
     for one in streams.others:
         if isinstance(one, Velocities) and one.readings.sum() > 1:
             rows = one.readings
             known = np.column_stack([np.interp(t, one.t[rows], x) for x in one.values[rows].T])
-            return np.pad(known, ((0, 0), (0, 3 - known.shape[1])))
-    rows = streams.positions.readings
-    values = streams.positions.values[rows]
-    smooth = np.gradient(values, streams.positions.t[rows], axis=0) * metres_per_radian(values)
-    return np.column_stack([np.interp(t, streams.positions.t[rows], median_filter(x, 5)) for x in smooth.T])
+            return np.pad(0.5 * (known[1:] + known[:-1]) * step, ((0, 0), (0, 3 - known.shape[1])))
+    return np.asarray(median_filter(moved / step, (5, 1)) * step)
 
 
 def _halves(streams: Streams, found: Fit, time: float) -> FloatArray | None:
@@ -369,10 +343,9 @@ def _step(jump: FloatArray, time: float) -> Move:
     """Return a step of the positions: north, east, down, m."""
 
     def mended(streams: Streams) -> Streams:
-        values = streams.positions.values.copy()
-        later = streams.positions.t >= time
-        values[later] -= jump / metres_per_radian(values[later])
-        return replace(streams, positions=streams.positions.with_values(values))
+        at = streams.positions
+        moved = np.where((at.t >= time)[:, None], jump, 0.0) / metres_per_radian(at.values)
+        return replace(streams, positions=at.with_values(at.values - moved))
 
     north, east, down = (float(x) for x in jump)
     parts = [f"{name} {x:+.3g} m" for name, x in (("north", north), ("east", east), ("height", -down)) if x]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
@@ -36,6 +37,8 @@ class Stream(ABC):
     log_scale : float or ndarray, shape (k,)
         Logarithm of the Jacobian of the values by the recorded ones, whose density is wanted: values that are made
         smaller have a larger density.
+    delay, drift : float
+        What was taken out of the stamps, s, and how much it grew in a second.
 
     A class says what it measures by `seen`, and its `groups` of components that have one noise.
     """
@@ -46,6 +49,8 @@ class Stream(ABC):
     name: str = "readings"
     arm: tuple[float, float, float] = (0.0, 0.0, 0.0)
     log_scale: float | FloatArray = 0.0
+    delay: float = 0.0
+    drift: float = 0.0
     unit: ClassVar[str] = ""
     groups: ClassVar[tuple[tuple[str, tuple[int, ...]], ...]] = (("", (0, 1)), ("vertical", (2,)))
     usual: ClassVar[tuple[float, float]] = (1.0, 10.0)
@@ -88,9 +93,10 @@ class Stream(ABC):
         """Return the stream with other values, and the logarithm of their Jacobian by those before."""
         return replace(self, values=values, log_scale=self.log_scale + log_scale)
 
-    def later(self, delay: float | FloatArray) -> Self:
-        """Return the stream as if its readings had been made so much later, s."""
-        return replace(self, t=self.t + delay)
+    def later(self, delay: float, drift: float = 0.0, middle: float = 0.0) -> Self:
+        """Return the stream as if its readings had been made so much later, s, and more each second from a time on."""
+        t = self.t + delay + drift * (self.t - middle)
+        return replace(self, t=t, delay=self.delay - delay, drift=self.drift - drift)
 
 
 class Positions(Stream):
@@ -175,17 +181,21 @@ class Streams:
         """Every stream of readings, the positions first."""
         return (self.positions, *self.others)
 
+    def changed(self, change: Callable[[Stream], Stream]) -> Streams:
+        """Return the same with each stream of readings changed."""
+        positions, *others = map(change, self.all)
+        assert isinstance(positions, Positions)
+        return Streams(self.imu, positions, tuple(others))
+
 
 def receiver_streams(
     gnss: Gnss, arm: tuple[float, float, float] = (0.0, 0.0, 0.0)
 ) -> tuple[Positions, tuple[Stream, ...]]:
     """Return the positions of a receiver, and its velocities where it has any; `arm` as of `Stream`."""
-    positions = Positions(gnss.t, gnss.llh, _stated(gnss.position_sd), "fixes", arm)
+    sds = [x if np.isfinite(x).any() else None for x in (gnss.position_sd, gnss.velocity_sd)]
+    positions = Positions(gnss.t, gnss.llh, sds[0], "fixes", arm)
     whole = np.isfinite(gnss.vel_n).all(axis=1).sum() > 0.5 * gnss.has_velocity.sum()
     kind, many = (Velocities, 3) if whole else (HorizontalVelocities, 2)
-    velocities = kind(gnss.t, gnss.vel_n[:, :many], _stated(gnss.velocity_sd[:, :many]), "velocities", arm)
+    sd = None if sds[1] is None else sds[1][:, :many]
+    velocities = kind(gnss.t, gnss.vel_n[:, :many], sd, "velocities", arm)
     return positions, ((velocities,) if gnss.has_velocity.any() else ())
-
-
-def _stated(sd: FloatArray) -> FloatArray | None:
-    return sd if np.isfinite(sd).any() else None

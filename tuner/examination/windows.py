@@ -180,8 +180,8 @@ class Motion:
         Angular rate in the axes of the unit, rad/s, and its derivative by time.
     acceleration : ndarray, shape (m, 3)
         Of the unit, m/s², by differences of the prediction.
-    by_position, by_velocity, by_attitude : ndarray, shape (m, 3, u)
-        Derivatives of the three; of the attitude as a small rotation in north, east, down.
+    by_position, by_velocity : ndarray, shape (m, 3, u)
+        Derivatives of position and velocity.
     """
 
     position: FloatArray
@@ -192,7 +192,6 @@ class Motion:
     acceleration: FloatArray
     by_position: FloatArray
     by_velocity: FloatArray
-    by_attitude: FloatArray
 
 
 @dataclass(frozen=True)
@@ -315,11 +314,7 @@ def motion_of(at: Sampled, attitude: FloatArray, x: FloatArray) -> Motion:
     travelled = p + 0.5 * g * s**2
     velocity = v + g * s - _cross(turns, v1) - _cross(carried, travelled)
     position = travelled - _cross(turns, p1) - _cross(carried, long + g * s**3 / 6.0)
-    by_velocity, by_position, by_attitude = (
-        at.by_velocity.copy(),
-        at.by_position.copy(),
-        np.zeros_like(at.by_velocity),
-    )
+    by_velocity, by_position = at.by_velocity.copy(), at.by_position.copy()
     by_velocity[..., ACCEL_BIAS], by_position[..., ACCEL_BIAS] = -a, -a1
     by_velocity[..., GYRO_BIAS], by_position[..., GYRO_BIAS] = b, b1
     biases = x[at.window, BIASES][..., None]
@@ -327,20 +322,11 @@ def motion_of(at: Sampled, attitude: FloatArray, x: FloatArray) -> Motion:
         -rotation.skew(own + (by[..., BIASES] @ biases)[..., 0])
         for own, by in ((v, by_velocity), (p, by_position))
     )
-    by_attitude[..., TURN], by_attitude[..., GYRO_BIAS] = np.eye(3), -a
     forced = (c @ at.force[..., None])[..., 0]
     each = x[at.window][..., None]
     position, velocity = position + (by_position @ each)[..., 0], velocity + (by_velocity @ each)[..., 0]
     return Motion(
-        position,
-        velocity,
-        c @ at.attitude,
-        at.rate,
-        at.rate_change,
-        forced + g,
-        by_position,
-        by_velocity,
-        by_attitude,
+        position, velocity, c @ at.attitude, at.rate, at.rate_change, forced + g, by_position, by_velocity
     )
 
 

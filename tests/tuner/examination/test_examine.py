@@ -238,6 +238,14 @@ def test_sds_that_are_none_are_replaced(drive: Drive, power: float, words: str) 
     assert np.allclose(found.mended.gnss.position_sd, gnss.position_sd, rtol=0.3)
 
 
+def test_velocities_of_zero_are_no_measurement_and_have_no_noise(drive: Drive) -> None:
+    """Their sds were 14 times too small beside it: those of no reading."""
+    found = examine(with_velocities(drive, lambda v: 0.0 * v))
+    assert [one.fault for one in found.repairs] == [f"are zero in all {len(drive.gnss)} rows: no measurement"]
+    assert {one.stream for one in found.noise} == {"fixes"}
+    assert not np.isfinite(found.mended.gnss.vel_n).any()
+
+
 def test_noise_in_motion_stands_beside_that_at_rest(drive: Drive) -> None:
     rng = np.random.default_rng(8)
     rates = drive.rates.copy()

@@ -78,9 +78,9 @@ def test_sds_of_constants_cover_a_drive_of_few_turns(streams: Streams) -> None:
     def delay(one: Stream, motion: Motion) -> np.ndarray:
         return -one.by_time(motion)[..., None]
 
-    one = constants(streams, windows, fit(streams, windows), delay, np.ones(1), gated=True)
-    assert abs(one.value[0]) < 4.0 * one.sd[0]
-    assert one.sd[0] < 0.1
+    value, sd = constants(streams, windows, fit(streams, windows), delay, np.ones(1), gated=True)
+    assert abs(value[0]) < 4.0 * sd[0]
+    assert sd[0] < 0.1
 
 
 def test_gains_that_scatter_about_zero_earn_nothing() -> None:
@@ -89,6 +89,12 @@ def test_gains_that_scatter_about_zero_earn_nothing() -> None:
     assert (scatter.sum(axis=1) > 7.0).mean() > 0.2  # more than the odds of a statement
     assert not any(earned(one) > 0.0 for one in scatter)
     assert earned(np.abs(scatter[0])) == pytest.approx(np.abs(scatter[0]).sum())
+
+
+def test_a_drive_without_windows_has_an_empty_fit(streams: Streams) -> None:
+    none = fit(replace(streams, positions=streams.positions.later(1e5), others=()))
+    assert none.total == len(none.begin) == 0
+    assert np.isnan(none.wrong[0]).all()
 
 
 def test_positions_that_never_change_are_no_readings() -> None:
