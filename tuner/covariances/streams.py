@@ -26,8 +26,6 @@ from tuner.diagnosis.drive.causes.correlated_velocity import CorrelatedVelocity,
 from tuner.diagnosis.drive.causes.reported_sd import MIN_CLASS_FIXES
 from tuner.diagnosis.drive.hypothesis import FilterRun, Hypothesis, in_sensor_axes, run_filter
 from tuner.diagnosis.drive.hypothesis_tests import noise_hypothesis_of
-from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, as_configured, evaluate
-from tuner.diagnosis.drive.linear_model.linearized_run import NOISE_GROUPS
 from tuner.diagnosis.drive.linear_model.noise_fit import NoiseFit, maximize_likelihood
 from tuner.diagnosis.drive.linear_model.noise_parameters import (
     MARKOV_AXES,
@@ -37,6 +35,8 @@ from tuner.diagnosis.drive.linear_model.noise_parameters import (
     present,
 )
 from tuner.diagnosis.drive.linear_model.noise_prior import static_prior
+from tuner.linear_run.likelihood import NoiseHypothesis, as_configured, evaluate
+from tuner.linear_run.linearized_run import NOISE_GROUPS
 from tuner.navigation.settings import total_bias
 from tuner.types import LEVEL, Coefficient, FilterConfig
 from tuner.types.records import BodyVelocity, DataError, Drive
