@@ -21,6 +21,8 @@ PROCESS = np.array([1e-6, 1e-6, 1e-6, 2.5e-5, 2.5e-5, 1e-4, 0.04, 0.04, 0.04, 0.
 """`process_noise_covariance`, its diagonal: added each second."""
 START = np.array([0.3] * 3 + [0.02, 0.02, 0.05] + [0.1] * 3 + [1e-6, 1e-6, 0.02] + [1e-6] * 3) ** 2
 """`initial_estimate_covariance`, its diagonal."""
+SPREAD = np.repeat([1.0, 0.02, 0.2, 0.02, 0.2], 3)
+"""Sds of a start that is known roughly: m, rad, m/s, rad/s, m/s²."""
 FIX_SD, WHEEL_SD, GYRO_SD = 0.3, 0.05, 0.02  # m, m/s, rad/s
 
 
@@ -85,6 +87,34 @@ def corrected(x, p, own, z, r):
     rest[:, :, own] -= gain
     p = rest @ p @ np.swapaxes(rest, -1, -2) + gain @ r @ np.swapaxes(gain, -1, -2)
     return x + np.einsum("mij,mj->mi", gain, z - x[:, own]), p
+
+
+DEFAULT_PROCESS = np.array(
+    [0.05, 0.05, 0.06, 0.03, 0.03, 0.06, 0.025, 0.025, 0.04, 0.01, 0.01, 0.02, 0.01, 0.01, 0.015]
+)
+"""`process_noise_covariance` where it is not set: src/filter_base.cpp, reset."""
+MEASURED = {"rate": RATE, "speed": SPEED, "place": PLACE}
+LEAST_VARIANCE = 1e-9
+"""What stands for a variance that is declared smaller: src/ekf.cpp, correct."""
+
+
+def filtered(x, readings, process, variances, dt):
+    """Filter m recordings of k steps: readings (m, k, 3) by the names of `MEASURED`, NaN where there are none.
+
+    `x` (m, 15) is the start, of the sds `SPREAD`, and `variances` (3,) belong to each of the readings. Returns
+    (m, k, 15), (m, k, 15, 15).
+    """
+    p, states, spreads = np.tile(np.diag(SPREAD**2), (len(x), 1, 1)), [], []
+    own = {part: np.maximum(one, LEAST_VARIANCE) * np.eye(3) for part, one in variances.items()}
+    for k in range(next(iter(readings.values())).shape[1]):
+        j = transition(x, dt)
+        x, p = moved(x, dt), j @ p @ np.swapaxes(j, -1, -2) + np.diag(process) * dt
+        for part, z in readings.items():
+            if np.isfinite(z[:, k]).all():
+                x, p = corrected(x, p, MEASURED[part], z[:, k], own[part])
+        states.append(x)
+        spreads.append(p)
+    return np.stack(states, 1), np.stack(spreads, 1)
 
 
 def run(duration, runs, rng, *, q=1.0, r=1.0, delay=0.0, lever_arm=(0.0, 0.0, 0.0)):

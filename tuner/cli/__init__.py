@@ -39,6 +39,7 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "identify": "Noise terms of a log, with intervals.",
         "diagnose": "What a simulation of the noise, or a filter on a drive, gets wrong, and why.",
         "examine": "What is wrong with the streams of a drive, before any filter.",
+        "covariances": "Which covariance to give each stream of a recording.",
         "check": "Is the filter consistent? Monte-Carlo on simulated trajectories.",
         "navigate": "Filter a measured drive: innovations, errors, outages.",
         "score": "Any filter on trial: is its output as uncertain as it says, and if not, why?",

@@ -23,6 +23,10 @@ EXAMPLES: Mapping[str, tuple[str, ...]] = MappingProxyType(
             "tuner examine drive.npz",
             "tuner examine flight.bag -o mended",
         ),
+        "covariances": (
+            "tuner covariances drive.npz --to robot_localization",
+            "tuner covariances run.bag --rest static.csv -o covariances",
+        ),
         "check": (
             "tuner check noise.yaml --gnss rtk --budget",
             "tuner check mpu9250 --truth adis16465 --trajectory figure_eight",

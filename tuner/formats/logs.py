@@ -98,6 +98,8 @@ def drive_npz(drive: Drive) -> bytes:
         "gnss_vstd": gnss.velocity_sd,
         "meta": np.array(json.dumps(meta)),
     }
+    if drive.wheels is not None:
+        arrays |= {"wheel_t": drive.wheels.t + begin, "wheel_v": drive.wheels.v, "wheel_sd": drive.wheels.sd}
     if drive.reference is not None:
         r = drive.reference
         arrays |= {

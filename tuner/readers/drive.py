@@ -3,7 +3,8 @@
 =============  ================================================================================================
 folder         ``imu.csv`` as any log; ``gnss.csv``: t, lat, lon [deg], height, vn, ve, vd, sd_n, sd_e, sd_d,
                sd_vn, sd_ve, sd_vd, solution (its class as in GGA, 4: RTK fixed); ``truth.csv``, optional: t, lat,
-               lon, height, vn, ve, vd, roll, pitch, yaw;
+               lon, height, vn, ve, vd, roll, pitch, yaw; ``wheels.csv``, optional: t, vx, vy, vz, sd_vx, sd_vy,
+               sd_vz, forward, right, down;
                a unit may follow in brackets: ``vn [km/h]``; in place of ``gnss.csv`` a solution of RTKLIB
                (``.pos``), an NMEA log (``.nmea``), a UBX log (``.ubx``) or text of Waypoint: `tuner.readers.fixes`;
                in place of ``truth.csv`` text of Inertial Explorer with attitude: `tuner.readers.waypoint`
@@ -50,7 +51,7 @@ from tuner.types.arguments import expect
 from tuner.types.named_cause import NamedCause, one_line
 from tuner.types.number_ranges import LONGEST_LEVER_ARM
 from tuner.types.one_line import printable
-from tuner.types.records import DataError, Drive, Gnss, Reference, Start
+from tuner.types.records import BodyVelocity, DataError, Drive, Gnss, Reference, Start
 from tuner.types.repair import Repair
 
 CONTENT = "a drive: arrays and settings, one row a sample or fix"
@@ -62,6 +63,8 @@ FRAMES: Mapping[str, tuple[float, float, float]] = {
 }
 """Mounting (roll, pitch, yaw, deg) of a unit whose axes point forward, right, up and so on."""
 _TRUTH_COLUMNS = ("t", "lat", "lon", "height", "vn", "ve", "vd", "roll", "pitch", "yaw")
+
+_WHEEL_COLUMNS = ("t", "vx", "vy", "vz", "sd_vx", "sd_vy", "sd_vz")
 
 
 def read_drive(path: str | Path) -> Drive:
@@ -206,7 +209,14 @@ def _folder(path: Path) -> DriveArrays:
     fixes, notes = _fixes_beside(path, imu)
     truth, more = _truth_beside(path, imu)
     own = (note.replace("as --assume si says", "as nothing states it") for note in gyro.notes)
-    return DriveArrays(imu, fixes, truth, notes=(*own, *notes, *more))
+    wheels = path / "wheels.csv"
+    return DriveArrays(
+        imu,
+        fixes,
+        truth,
+        notes=(*own, *notes, *more),
+        wheels=table(wheels, _WHEEL_COLUMNS, 2) if wheels.is_file() else None,
+    )
 
 
 def _fixes_beside(path: Path, imu: FloatArray) -> tuple[FloatArray, tuple[str, ...]]:
@@ -313,7 +323,13 @@ def _drive(path: Path, found: DriveArrays) -> Drive:
         tuple(repairs),
         start=None if found.start is None else _start(found.start, begin, float(gnss.llh[0, 1])),
         compensated=found.compensated,
+        wheels=None if found.wheels is None else _wheels(path, found.wheels, begin, messages),
     )
+
+
+def _wheels(path: Path, rows: FloatArray, begin: float, notes: list[str]) -> BodyVelocity:
+    rows = ordered(path, "wheels", rows, rows[:, :2], notes)
+    return BodyVelocity(rows[:, 0] - begin, rows[:, 1:4], rows[:, 4:7])
 
 
 def _start(row: FloatArray, begin: float, longitude: float) -> Start:

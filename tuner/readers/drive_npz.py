@@ -8,6 +8,7 @@ gnss_llh           (k, 3), deg, deg, m
 gnss_vned          optional (k, 3), m/s
 gnss_pstd, _vstd   optional (k, 3), m, m/s
 gnss_fix           optional (k,), class of solution as in GGA (4: RTK fixed); gnss_q: as RTKLIB numbers it
+wheel_t, wheel_v   optional (w,), (w, 3), s, m/s forward, right, down; wheel_sd (w, 3)
 ref_t, ref_llh     optional (r,), (r, 3); with them ref_vned, ref_rpy (deg), ref_pstd,
                    ref_vstd, ref_astd (deg)
 meta               optional JSON: imu_frame, mounting_rpy_deg, lever_arm_frd_m
@@ -34,6 +35,7 @@ from tuner.types.records import DataError
 REQUIRED_ARRAYS = ("imu_t", "gyro", "accel", "gnss_t", "gnss_llh")
 FIX_ARRAYS = ("gnss_llh", "gnss_vned", "gnss_pstd", "gnss_vstd")
 SOLUTION_ARRAYS = ("gnss_fix", "gnss_q")
+WHEEL_ARRAYS = ("wheel_v", "wheel_sd")
 REFERENCE_ARRAYS = ("ref_llh", "ref_vned", "ref_rpy", "ref_pstd", "ref_vstd", "ref_astd")
 
 
@@ -69,6 +71,8 @@ class DriveArrays:
         t, position, velocity and angles at the start, as of `truth`.
     compensated : bool
         Whether it was written without what a configuration takes out.
+    wheels : ndarray, shape (w, 7), or None
+        t, velocity forward, right, down, m/s, and its sds; NaN where there is none.
     """
 
     imu: FloatArray
@@ -80,6 +84,7 @@ class DriveArrays:
     notes: tuple[str, ...] = ()
     start: FloatArray | None = None
     compensated: bool = False
+    wheels: FloatArray | None = None
 
 
 def read_drive_npz(path: Path) -> DriveArrays:
@@ -103,6 +108,7 @@ def read_drive_npz(path: Path) -> DriveArrays:
         meta.imu_frame,
         meta.mounting_rpy_deg,
         meta.lever_arm_frd_m,
+        wheels=_table(path, data, "wheel_t", WHEEL_ARRAYS) if {"wheel_t", "wheel_v"} <= set(data) else None,
     )
 
 
@@ -112,11 +118,13 @@ def _arrays(path: Path) -> Mapping[str, NDArray[np.generic]]:
         "imu_t",
         "gnss_t",
         "ref_t",
+        "wheel_t",
         "gyro",
         "accel",
         "meta",
         *FIX_ARRAYS,
         *REFERENCE_ARRAYS,
+        *WHEEL_ARRAYS,
         *SOLUTION_ARRAYS,
     }
     if bad := [name for name in unread if name in wanted]:

@@ -280,6 +280,23 @@ class Start:
 
 
 @dataclass(frozen=True)
+class BodyVelocity:
+    """Velocities of a vehicle in its own axes, as wheels measure them (SI).
+
+    Attributes
+    ----------
+    t : ndarray, shape (k,)
+        Stamps, s, on the clock of the inertial record, strictly increasing.
+    v, sd : ndarray, shape (k, 3)
+        Forward, right, down, m/s, and sds as they are stated; NaN where there is none.
+    """
+
+    t: FloatArray
+    v: FloatArray
+    sd: FloatArray
+
+
+@dataclass(frozen=True)
 class Drive:
     """A measured drive: inertial samples, fixes and perhaps a reference.
 
@@ -313,6 +330,8 @@ class Drive:
         Where the vehicle is at a time, as the file states it; None: to be found by an alignment.
     compensated : bool
         Whether what a configuration takes out of a drive is taken out of this one.
+    wheels : BodyVelocity or None
+        Velocities of wheels.
     """
 
     name: str
@@ -330,6 +349,7 @@ class Drive:
     clock: Clock = field(default_factory=Clock)
     start: Start | None = None
     compensated: bool = False
+    wheels: BodyVelocity | None = None
 
     @property
     def unusable(self) -> str:

@@ -1,9 +1,10 @@
 """ROS 1 and ROS 2 bags and MCAP files, read with rosbags: `sensor_msgs/Imu`, `sensor_msgs/NavSatFix`, velocities.
 
-Stamps are those of the headers; where a driver leaves them 0, the time of recording is taken. Velocities are those of a
-`TwistStamped` or `TwistWithCovarianceStamped` topic that is stamped as the fixes are: a receiver publishes both
-for one epoch, east, north, up. A message of another type that has one `Imu` or `NavSatFix` among its fields is read by
-that field: many drivers have messages of their own.
+Odometry gives velocities of wheels, forward, left, up in axes of the vehicle. Stamps are those of the headers; where a
+driver leaves them 0, the time of recording is taken. Velocities of fixes are those of a `TwistStamped` or
+`TwistWithCovarianceStamped` topic that is stamped as the fixes are: a receiver publishes both for one epoch, east,
+north, up. A message of another type that has one `Imu` or `NavSatFix` among its fields is read by that field: many
+drivers have messages of their own.
 """
 
 from __future__ import annotations
@@ -35,7 +36,8 @@ if TYPE_CHECKING:
 
 IMU, FIX = "sensor_msgs/msg/Imu", "sensor_msgs/msg/NavSatFix"
 VELOCITIES = ("geometry_msgs/msg/TwistStamped", "geometry_msgs/msg/TwistWithCovarianceStamped")
-READ = (IMU, FIX, *VELOCITIES)
+ODOMETRY = "nav_msgs/msg/Odometry"
+READ = (IMU, FIX, ODOMETRY, *VELOCITIES)
 SAME_EPOCH = 0.02
 """Stamps of a position and a velocity this close, s, are of one epoch: receivers report every 50 ms at most."""
 MIN_COMMON_SHARE = 0.9
@@ -117,11 +119,23 @@ def read_bag(path: Path) -> MessageLog:
     )
     velocities = {topic: rows[topic] for topic in rows if kinds[topic] in VELOCITIES}
     fixes = tuple(_fixes(topic, clocks, rows[topic], velocities) for topic in rows if kinds[topic] == FIX)
+    wheels = {
+        topic: np.column_stack(
+            [
+                1e-9 * clocks[topic],
+                rows[topic][:, :3][:, [1, 0, 2]],
+                np.sqrt(known(rows[topic][:, [4, 3, 5]])),
+            ]
+        )
+        * [1.0, 1.0, -1.0, 1.0, 1.0, 1.0, 1.0]
+        for topic in rows
+        if kinds[topic] == ODOMETRY
+    }
     convert = (
         f"; the file does not define {', '.join(sorted(undefined))}: `ros2 bag convert` to MCAP, "
         "run where these are installed, adds definitions"
     )
-    return MessageLog(inertial, fixes, None, topics, cure=convert if undefined else "")
+    return MessageLog(inertial, fixes, None, topics, cure=convert if undefined else "", wheels=wheels)
 
 
 def _holding(kind: str, store: Typestore) -> tuple[str, str | None] | None:

@@ -9,8 +9,9 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -101,6 +102,8 @@ class MessageLog:
         What was found damaged.
     cure : str
         How messages become readable that are not, for messages about what is missing.
+    wheels : mapping of str to ndarray, shape (w, 7)
+        Velocities of odometry by topic: t, s, forward, right, down, m/s, and their sds.
     """
 
     inertial: tuple[InertialStream, ...]
@@ -109,6 +112,7 @@ class MessageLog:
     topics: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     cure: str = ""
+    wheels: Mapping[str, FloatArray] = field(default_factory=lambda: MappingProxyType({}))
 
 
 def listing_of_log(path: Path, log: MessageLog, unit: str = "") -> Listing:
@@ -195,8 +199,17 @@ def drive_of_log(path: Path, log: MessageLog) -> DriveArrays:
     imu = np.column_stack([chosen.seconds(), chosen.arrays["gyro"], chosen.arrays["accel"]])
     others = [stream for stream in log.inertial if stream is not chosen]
     noise = f"`tuner identify {_how_named(path, others)}` gives the noise of another" if others else ""
-    notes = (f"{_about_units(chosen, others)}: {noise}",) if others else ()
-    return DriveArrays(imu, fixes.rows, frame=log.frame, notes=(*fixes.notes, *notes))
+    notes: tuple[str, ...] = (f"{_about_units(chosen, others)}: {noise}",) if others else ()
+    frame, wheels = log.frame, None
+    if len(log.wheels) == 1:
+        ((topic, wheels),) = log.wheels.items()
+        frame = frame or "FLU"
+        notes += (
+            f"wheels are '{topic}'; axes of the unit are taken as forward, left, up, as REP 103 has them",
+        )
+    elif log.wheels:
+        notes += (f"several topics of odometry, none taken as that of wheels: {_some(tuple(log.wheels))}",)
+    return DriveArrays(imu, fixes.rows, frame=frame, notes=(*fixes.notes, *notes), wheels=wheels)
 
 
 def _named(path: Path, log: MessageLog, unit: str) -> InertialStream:
