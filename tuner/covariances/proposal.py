@@ -88,9 +88,7 @@ class Covariances:
     @property
     def verdict(self) -> str:
         """For what the settings can be used."""
-        said = (
-            f"its errors are {min(self.ratios.values()):.2f} to {max(self.ratios.values()):.2f} × predicted"
-        )
+        said = f"errors are {min(self.ratios.values()):.2f} to {max(self.ratios.values()):.2f} × predicted"
         if not self.written:
             worst = max(self.ratios, key=lambda name: max(self.ratios[name], 1.0 / self.ratios[name]))
             return (
@@ -100,7 +98,7 @@ class Covariances:
         far = [name for name, one in self.ratios.items() if max(one, 1.0 / one) > HONEST_RATIO]
         if far:
             return f"usable except for {', '.join(far)}: {said}"
-        return f"usable: in robot_localization, around this motion, {said}"
+        return f"usable: robot_localization's {said} here"
 
     def gates(self) -> Mapping[str, float]:
         """Return the Mahalanobis distance beyond which one right reading lies in an hour, by parameter."""
@@ -159,7 +157,7 @@ def covariances_of(
     drive, examination = examined_drive(recorded, progress)
     if rest is None:
         config = config_of_drive(drive, stationary_noise(drive))
-        unit_from = config.notes[0] if config.notes else "the recording"
+        unit_from, notes = "its rest and a built-in grade", (*notes, *config.notes[:1])
     else:
         progress("identifying the noise at rest")
         records = at_rest(read(rest), progress)

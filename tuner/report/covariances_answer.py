@@ -24,24 +24,19 @@ def covariances_answer(found: Covariances) -> Document:
     noise = [digits(one, 2) for one in found.settings.process_noise[::3]]
     groups = (" ".join(STATES[i : i + 3]) for i in range(0, len(STATES), 3))
     listed = "; ".join(f"{names} {value} each" for names, value in zip(groups, noise, strict=True))
-    gates = ", ".join(f"{name} {digits(one, 2)}" for name, one in found.gates().items())
-    world = any(one.stream == "receiver velocities" for one in found.streams)
+    suffix = "_rejection_threshold"
+    gates = ", ".join(f"{name.removesuffix(suffix)} {digits(one, 2)}" for name, one in found.gates().items())
     return document(
         [
-            f"{found.name}, {span_text(found.span)}; noise of the unit to begin with: {found.unit_from}",
+            f"{found.name}, {span_text(found.span)}; noise of the unit: {found.unit_from}",
             f"Verdict: {found.verdict}",
             _streams(found),
-            "write: sd for the message, its square the covariance; where this filter, which has no states for errors "
-            "that last, predicts best. ( ): 95 % interval; true: white and lasting together",
+            "write: sd for the message, its square the covariance, best for this filter; –: none (it takes no "
+            "velocities in axes of the world); ( ): 95 % interval",
             f"process_noise_covariance, its diagonal: {listed}" if found.written else "",
-            f"Gates, Mahalanobis distances beyond which one right reading an hour lies: {gates}"
-            if gates
-            else "",
-            "The velocities of the receiver are in axes of the world: this filter takes none such"
-            if world
-            else "",
-            "Not separated, whatever the table says: errors that outlast the recording (a datum), scale of wheels from "
-            "an error that lasts, bias of the accelerometers from a tilt. Accelerations are not fused here",
+            f"Gates (…{suffix}): {gates}" if gates else "",
+            "Not separated: errors that outlast the recording, scale of wheels from a lasting error, bias of "
+            "accelerometers from tilt (accelerations are not fused)",
         ],
         found.notes,
         more=[

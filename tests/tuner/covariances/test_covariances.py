@@ -158,8 +158,9 @@ def test_the_command_writes_what_robot_localization_reads(tmp_path, capsys):
     words = ["covariances", str(tmp_path / "drive.npz"), "-o", str(tmp_path / "out")]
     assert run([*words, "--json", str(tmp_path / "found.json")]) == 0
     said = capsys.readouterr().out
-    assert said.splitlines()[2].startswith("Verdict: usable") or "Verdict: usable" in said
-    assert len(said.splitlines()) <= 40
+    assert "Verdict: usable" in said
+    assert len(said.splitlines()) <= 30
+    assert max(map(len, said.splitlines())) <= 120
     own = yaml.safe_load((tmp_path / "out" / "robot_localization.yaml").read_text())
     parameters = own["ekf_filter_node"]["ros__parameters"]
     assert len(parameters["process_noise_covariance"]) == 15

@@ -24,7 +24,7 @@ FILTERS = ("robot_localization",)
     "directory",
     type=DIRECTORY,
     metavar="DIR",
-    help="Write robot_localization.yaml, where it is not refused.",
+    help="Write robot_localization.yaml, unless it is refused.",
 )
 @strict("the settings are not usable without reservation")
 @verbose
