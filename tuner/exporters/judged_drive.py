@@ -12,9 +12,10 @@ filter C::
 over position and velocity with fixes and the position after 10 and 60 s without, equally weighted. By the same score
 white noise, walk of the biases and scale factors of all axes get a factor each: built-in grades, which stand in for
 what nobody measured, are too coarse or too fine for a unit by as much. A factor f costs (ln f / ln 3)² over the number
-of blocks with fixes: the noise of a class is known to a factor of 3, and a short drive changes little of it. No filter
-sees an error of all fixes that outlasts the drive. Without a reference P holds it as the variance that the receiver
-states and that does not show from fix to fix (`unseen_sds`): what is unknown is not zero. The log score is proper: it
+of blocks with fixes: the noise of a class is known to a factor of 3, and a short drive changes little of it. What is
+unknown is not zero: without a reference P holds the lever arm that nobody states and the delay, as far as the drive
+leaves them open (`unknown_installation`), and an error of all fixes that outlasts the drive, which no filter sees, as
+the variance that the receiver states and that does not show from fix to fix (`unseen_sds`). The log score is proper: it
 rewards small errors and punishes dishonesty of both kinds [1]_.
 
 References
@@ -39,8 +40,9 @@ from models.arrays import FloatArray
 from models.earth import ned_between
 from tuner.consistency.drive_scores import blocks, on_clock_of, reference_at, settled, stated
 from tuner.consistency.reference_check import trusted_reference
-from tuner.consistency.score_drive import OUTAGE_LENGTHS, drive_filter
+from tuner.consistency.score_drive import OUTAGE_LENGTHS, UNKNOWN_LEVER_ARM_SD, drive_filter
 from tuner.consistency.scores import DIVERGED_REFUSED_SHARE, outage_score, score
+from tuner.diagnosis.drive.causes.constant_errors import TimeOffset
 from tuner.examination.examine import StreamNoise
 from tuner.examination.examined_drive import examined_drive
 from tuner.exporters.kf_gins_drive import DriveFiles, drive_files, truth_rows, write_drive
@@ -73,6 +75,8 @@ NOISE_STEPS = (3.0, 3.0**0.5)
 """Factors by which noise is moved: its root is what the outages of a drive tell apart."""
 PARTS = (slice(0, 2), slice(2, 3))
 """Components that are horizontal and vertical."""
+UNKNOWN_DELAY_SD = TimeOffset.prior_sd
+"""Sd of a delay of the fixes of which a drive shows less, s."""
 NO_WINDOWS = np.zeros((0, 2))
 SAME_TIME = 0.02
 """Times of one fix differ by less, s: by the rest of a delay that a filter estimates."""
@@ -180,8 +184,9 @@ def best_known(drive: Drive, config: FilterConfig) -> tuple[Reference, FloatArra
     measured : bool
         Whether it is the reference.
     """
+    states = unknown_installation(drive, config) if drive.reference is None else None
     drive = compensate(drive, config.compensation)
-    settings, _ = drive_filter(drive, config)
+    settings, _ = drive_filter(drive, config, states=states)
     stretches, _ = prepare(drive, settings)
     solutions = navigate(stretches, settings, NO_WINDOWS)
     refused = np.concatenate([s.t[s.use[:, 0] == GATED] for s in solutions])
@@ -211,6 +216,16 @@ def best_known(drive: Drive, config: FilterConfig) -> tuple[Reference, FloatArra
         )
     )
     return Reference(t, llh, vel_n, rpy, sd), refused, False
+
+
+def unknown_installation(drive: Drive, config: FilterConfig) -> dict[str, float]:
+    """Return states of a filter for what is not known of an installation, by their names, with the sds of their priors.
+
+    A lever arm that the drive shows in part, and which is taken out, is estimated again: its other axes are as unknown.
+    """
+    delay = {"time_offset": min(UNKNOWN_DELAY_SD, drive.clock.delay.sd)}
+    arm = {} if drive.lever_arm is not None else {"lever_arm": UNKNOWN_LEVER_ARM_SD}
+    return {**delay, **arm, **config.constants}
 
 
 def unseen_sds(noise: Sequence[StreamNoise], config: FilterConfig) -> FloatArray:

@@ -13,11 +13,21 @@ from models.noise import GaussMarkov
 from tuner.cli import run
 from tuner.consistency.choose_grade import scaled
 from tuner.examination.examine import StreamNoise
-from tuner.exporters.judged_drive import as_read, compared, consistency, judged_drive, unseen_sds
+from tuner.exporters.judged_drive import (
+    as_read,
+    best_known,
+    compared,
+    consistency,
+    judged_drive,
+    unknown_installation,
+    unseen_sds,
+)
 from tuner.exporters.kf_gins_drive import drive_files, write_drive
 from tuner.judgement import judge_export
 from tuner.navigation.drive.run import initial_estimates, initial_state
 from tuner.readers.drive import read_drive
+from tuner.types import Compensation
+from tuner.types.clock import Delay
 from tuner.types.consistency import Consistency, RmsError, Score
 from tuner.types.judgement import Use
 from tuner.types.records import DataError
@@ -132,6 +142,23 @@ def test_what_a_receiver_states_and_its_readings_do_not_show_is_not_zero(drive_c
     assert unseen_sds(noise, plain) == pytest.approx([0.96**0.5, 0.96**0.5, 0.0])
     # Where states of the filter hold an error that lasts, only the rest is unseen.
     assert unseen_sds(noise, with_lasting(drive_config))[0] < 0.98
+
+
+def test_what_a_drive_leaves_open_of_its_installation_is_not_zero(drive_config, poor):
+    """A lever arm of which two axes were taken out counted as known in the third; a delay that chance may make as 0."""
+    drive, config = read_drive(poor[1]), with_lasting(drive_config)
+    config = replace(config, gnss=replace(config.gnss, correlated=(GaussMarkov(0.1, 200.0),)))
+    partly = replace(config, compensation=Compensation.parse({"lever_arm.x": 0.0, "lever_arm.y": 0.0}))
+    unstated = replace(drive, lever_arm=None)
+    assert unknown_installation(unstated, partly) == {"lever_arm": 1.0, "time_offset": 0.1}
+    assert unknown_installation(drive, config).keys() == {"time_offset"}
+    certain = replace(drive, clock=replace(drive.clock, delay=Delay(1.0, 1e-6)))
+    assert unknown_installation(certain, config) == {"time_offset": 1e-6}
+    stated, open_arm = (
+        np.sqrt(np.mean(best_known(*one)[0].sd[-100:, :3] ** 2, axis=0))
+        for one in ((drive, config), (unstated, partly))
+    )
+    assert open_arm[2] > 1.5 * stated[2]
 
 
 def test_fixes_that_our_filter_refuses_are_left_out(configuration, data, saved, tmp_path):
