@@ -182,7 +182,7 @@ class _Problem:
         """Return the streams without delays, s, and with the rest of a lever arm, m."""
         streams, ends = self.streams, (self.middle, self.middle)
         for name, value in zip(self.names, sizes.tolist(), strict=False):
-            clock = Clock(drift=Delay(value, 0.0), ends=ends) if name == DRIFT else Clock(Delay(value))
+            clock = Clock(drift=Delay(value), ends=ends) if name == DRIFT else Clock(Delay(value))
             streams = of_clock(None if name == DRIFT else name, clock).mended(streams)
         arm = np.array(streams.positions.arm) + sizes[len(self.names) :]
         return arm_of(arm, np.zeros(3)).mended(streams)
