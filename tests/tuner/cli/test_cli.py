@@ -68,6 +68,8 @@ def tuned(log, short_check, tmp_path_factory):
                 str(directory),
                 "--gnss",
                 "spp",
+                "--datasheet",  # twelve minutes do not show every random walk
+                "mpu9250",
                 "--quiet",
                 "--json",
                 str(directory / "all.json"),

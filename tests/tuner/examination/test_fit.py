@@ -9,8 +9,8 @@ import pytest
 
 from models.earth import metres_per_radian
 from tuner.examination.examine import streams_of
-from tuner.examination.fit import constants, earned, fit
-from tuner.examination.streams import Positions, Stream, Streams
+from tuner.examination.fit import Placed, constants, earned, fit
+from tuner.examination.streams import Positions, Streams
 from tuner.examination.windows import Motion, averaged, windows_of
 from tuner.simulation.simulate_source import simulate_source
 from tuner.types.records import Drive
@@ -75,8 +75,8 @@ def test_sds_of_constants_cover_a_drive_of_few_turns(streams: Streams) -> None:
     """A constant that is zero lies within four sds of its estimate, which the scatter of windows decides."""
     windows = windows_of(averaged(streams.imu))
 
-    def delay(one: Stream, motion: Motion) -> np.ndarray:
-        return -one.by_time(motion)[..., None]
+    def delay(one: Placed, motion: Motion) -> np.ndarray:
+        return -one.stream.by_time(motion)[..., None]
 
     value, sd = constants(streams, windows, fit(streams, windows), delay, np.ones(1), gated=True)
     assert abs(value[0]) < 4.0 * sd[0]

@@ -8,13 +8,14 @@ from pathlib import Path
 import pytest
 
 from tuner.catalogue.grades import load_gnss, load_grade
-from tuner.exporters import DIALECTS, export
+from tuner.exporters import DIALECTS, export, text_of
 from tuner.formats import noise_yaml
 from tuner.formats.configuration import config_json, load_config
 from tuner.identification import identify
 from tuner.readers import read
 from tuner.synthesis import synthesize
 from tuner.types import FilterConfig
+from tuner.types.records import DataError
 
 
 @pytest.fixture(scope="module")
@@ -47,4 +48,9 @@ def test_it_survives_the_yaml_and_reaches_every_dialect(config: FilterConfig) ->
     text = noise_yaml.dumps(config)
     assert noise_yaml.dumps(noise_yaml.loads(text)) == text
     for dialect in DIALECTS:
-        assert "stim300_static" in export(config, dialect)
+        assert "stim300_static" in text_of(config, dialect)
+
+
+def test_limits_that_decide_the_drift_are_written_for_no_other_program(config: FilterConfig) -> None:
+    with pytest.raises(DataError, match="half of the limit is ASSUMED"):
+        export(config, "kalibr")

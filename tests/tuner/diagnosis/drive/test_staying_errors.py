@@ -99,7 +99,7 @@ def test_a_filter_that_knows_errors_that_stay_is_no_worse_than_the_fixes(staying
     assert choice.after.fixes_rms == pytest.approx(choice.before.fixes_rms, rel=0.05)
     assert choice.after.nats > choice.before.nats + 20.0
     assert "correlated_velocity" in choice.config.constants
-    assert any("velocities of the receiver err by" in note for note in choice.config.notes)
+    assert any("not measured: a state for errors of" in note for note in choice.config.notes)
     assert "fixes alone" in choice.note
 
 
