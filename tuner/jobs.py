@@ -195,11 +195,19 @@ def _can_copy() -> bool:
 
 @contextmanager
 def _forking() -> Iterator[None]:
-    """Hold the lock of the compiler while this process is copied: a thread that a copy lacks must not have it."""
-    compiler = sys.modules.get("numba.core.compiler_lock")
-    with nullcontext() if compiler is None else compiler.global_compiler_lock, warnings.catch_warnings():
+    """Hold the lock of the compiler while this process is copied: a thread that a copy lacks must not have it.
+
+    A copy begins within this block, and releases its own (`_alone`).
+    """
+    with _compiler_lock() or nullcontext(), warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # of threads, whose locks a copy does not use
         yield
+
+
+def _compiler_lock() -> Any:
+    """Return the lock of the compiler; None where it is not loaded."""
+    compiler = sys.modules.get("numba.core.compiler_lock")
+    return None if compiler is None else compiler.global_compiler_lock
 
 
 @dataclass(frozen=True)
@@ -217,6 +225,8 @@ _work: ContextVar[_Work] = ContextVar("work")
 
 def _alone(work: _Work | None) -> None:
     """Make a copy end with its parent, use one processor, and keep its memory to itself."""
+    if (lock := _compiler_lock()) is not None:
+        lock.release()
     for name in ("SIGINT", "SIGTERM", "SIGHUP"):
         signal.signal(getattr(signal, name), signal.SIG_DFL)
     ctypes.CDLL(None).prctl(_END_WITH_PARENT, signal.SIGKILL)

@@ -7,12 +7,14 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 from types import MappingProxyType
 
 import numpy as np
 import pytest
+from numba.core.compiler_lock import global_compiler_lock
 
 from models.noise import NoiseModel, RandomWalk, White
 from tuner import diagnose, identify
@@ -97,6 +99,19 @@ def test_identification_and_diagnosis_do_not_depend_on_the_number_of_processors(
             found = diagnose(records, identification=identified)
         texts.append(json.dumps([identification_json(identified), diagnosis_json(found)], default=str))
     assert texts[0] == texts[1]
+
+
+def test_threads_of_a_copy_may_compile():
+    """A copy begins while this process holds the lock of the compiler; the first command of a machine stood still."""
+
+    def compiles_in_a_thread(_):
+        thread = threading.Thread(target=lambda: global_compiler_lock.__enter__(), daemon=True)
+        thread.start()
+        thread.join(10.0)
+        return not thread.is_alive()
+
+    with limited(2):
+        assert each(compiles_in_a_thread, range(2)) == [True, True]
 
 
 def test_no_copies_where_memory_is_scarce(monkeypatch):
