@@ -119,11 +119,11 @@ def each(
         processes = min(processes, _affordable(memory))
     if processes < 2 or not _can_copy():
         return [function(item) for item in counted(items)]
-    from concurrent.futures import (
+    from concurrent.futures import (  # loaded when used: slow to import
         FIRST_COMPLETED,
         ProcessPoolExecutor,
         wait,
-    )  # half of the start of a short command
+    )
     from concurrent.futures.process import BrokenProcessPool
 
     shares = np.frombuffer(mmap(-1, 8 * len(items)))  # memory that copies do not copy

@@ -31,6 +31,8 @@ TARGETS = (*SENSORS, "acceleration_down", *FIX_ROWS)
 """All that a state may add to; the order is that of `Couplings.target`."""
 DOWN_TARGET, FIX_TARGET = len(SENSORS), len(SENSORS) + 1
 """Places in `TARGETS` of the acceleration and of the first component of a fix."""
+NAVIGATION_STATES = 9
+"""Errors of position, velocity and attitude, which come first in every filter."""
 
 
 class Origin(StrEnum):

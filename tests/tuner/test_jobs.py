@@ -12,9 +12,9 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from types import MappingProxyType
 
+import numba
 import numpy as np
 import pytest
-from numba.core.compiler_lock import global_compiler_lock
 
 from models.noise import NoiseModel, RandomWalk, White
 from tuner import diagnose, identify
@@ -105,9 +105,9 @@ def test_threads_of_a_copy_may_compile():
     """A copy begins while this process holds the lock of the compiler; the first command of a machine stood still."""
 
     def compiles_in_a_thread(_):
-        thread = threading.Thread(target=lambda: global_compiler_lock.__enter__(), daemon=True)
+        thread = threading.Thread(target=lambda: numba.njit(lambda x: x + 1)(1), daemon=True)
         thread.start()
-        thread.join(10.0)
+        thread.join(60.0)
         return not thread.is_alive()
 
     with limited(2):

@@ -21,7 +21,8 @@ import numpy as np
 
 from models import rotation
 from models.arrays import FloatArray
-from tuner.consistency.constants import BODY, FITTED_STATES, OF_OUTPUT, Constant, Motion, by_leaving_out
+from models.filter_states.declaration import NAVIGATION_STATES
+from tuner.consistency.constants import BODY, OF_OUTPUT, Constant, Motion, by_leaving_out
 from tuner.consistency.correlated_errors import independent_count
 from tuner.consistency.frame_differences import errors_in_one_frame
 from tuner.consistency.output_causes import INTERVAL_SDS, MAX_CAUSES, MIN_GAIN
@@ -133,7 +134,7 @@ def _aligned(
     cause: str,
 ) -> Fitted | None:
     """Return an offset of the clocks or a rotation of the body, and the errors with these taken out as wanted."""
-    clock = wanted["time_offset"] and any(np.isfinite(run.rate[:, :FITTED_STATES]).any() for run in runs)
+    clock = wanted["time_offset"] and any(np.isfinite(run.rate[:, :NAVIGATION_STATES]).any() for run in runs)
     offset, rest = errors_in_one_frame(outputs, truths, how, align_time=clock, align_body=wanted["mounting"])
     squares = _squares(rest)
     if cause == "time_offset":
@@ -155,7 +156,7 @@ def _fitted(runs: Sequence[OutputErrors], before: Squares, constant: Constant) -
     tables = []
     each = [constant.columns(motion_of(run)) for run in runs]
     for run, columns in zip(runs, each, strict=True):
-        error, sd = run.error[:, :FITTED_STATES], _sds(run)
+        error, sd = run.error[:, :NAVIGATION_STATES], _sds(run)
         known = np.isfinite(error) & np.isfinite(columns).all(axis=2)
         known[np.setdiff1d(np.arange(len(run)), aided_rows(run))] = False
         w = np.where(known, error / sd, 0.0)
@@ -180,21 +181,21 @@ def _fitted(runs: Sequence[OutputErrors], before: Squares, constant: Constant) -
 def _without(run: OutputErrors, columns: FloatArray, value: FloatArray) -> OutputErrors:
     """Return the errors without a constant, whose derivatives join those of what was taken out."""
     error, more = run.error.copy(), np.zeros((len(run), 15, len(value)))
-    more[:, :FITTED_STATES] = np.nan_to_num(columns)
-    error[:, :FITTED_STATES] -= columns @ value
+    more[:, :NAVIGATION_STATES] = np.nan_to_num(columns)
+    error[:, :NAVIGATION_STATES] -= columns @ value
     return replace(run, error=error, directions=np.concatenate([run.directions, more], axis=2))
 
 
 def _sds(run: OutputErrors) -> FloatArray:
     """Return the sds of position, velocity and attitude, shape (n, 9); 1 for states of which not all are stated."""
-    variance = np.einsum("kii->ki", run.covariance)[:, :FITTED_STATES]
+    variance = np.einsum("kii->ki", run.covariance)[:, :NAVIGATION_STATES]
     stated = np.all(variance > 0.0, axis=0)
     return np.sqrt(np.where(stated, variance, 1.0))
 
 
 def _squares(runs: Sequence[OutputErrors]) -> Squares:
     """Return the squares of the whitened errors of position, velocity and attitude while aided."""
-    whitened = [(run.error[:, :FITTED_STATES] / _sds(run))[aided_rows(run)] for run in runs]
+    whitened = [(run.error[:, :NAVIGATION_STATES] / _sds(run))[aided_rows(run)] for run in runs]
     found = []
     for own in (BLOCKS[name] for name in ERROR_UNITS):
         parts = [w[np.isfinite(w[:, own]).all(axis=1), own] for w in whitened]

@@ -14,12 +14,10 @@ from typing import NamedTuple
 import numpy as np
 
 from models import rotation
-from models.arrays import FloatArray
+from models.arrays import LEAST_DIVISOR, FloatArray
+from models.filter_states.declaration import NAVIGATION_STATES
 from models.probability import student_quantile
 from tuner.types.output_score import OutputCause
-
-FITTED_STATES = 9
-"""Position, velocity and attitude: what a constant acts on."""
 
 
 class Motion(NamedTuple):
@@ -63,7 +61,7 @@ class Constant(NamedTuple):
         vector, own = value[: self.size], covariance[: self.size, : self.size]
         length = float(np.linalg.norm(vector))
         size = length if self.size > 1 else float(value[0])
-        spread = wide * math.sqrt(float(vector @ own @ vector)) / max(length, 1e-300)
+        spread = wide * math.sqrt(float(vector @ own @ vector)) / max(length, LEAST_DIVISOR)
         halves = wide * np.sqrt(np.diag(covariance))
         parts = {
             name: (float(v), float(v - half), float(v + half))
@@ -106,7 +104,7 @@ def _delay(motion: Motion) -> FloatArray:
 
 def _offset(motion: Motion) -> FloatArray:
     """Return derivatives by how far north, east and down the estimate is of the truth."""
-    return np.tile(-np.eye(FITTED_STATES, 3), (len(motion.way), 1, 1))
+    return np.tile(-np.eye(NAVIGATION_STATES, 3), (len(motion.way), 1, 1))
 
 
 def _height(motion: Motion) -> FloatArray:
@@ -116,7 +114,7 @@ def _height(motion: Motion) -> FloatArray:
 
 def _antenna(motion: Motion) -> FloatArray:
     """Return derivatives by how far forward, right and down the positions are of those of the truth."""
-    return np.pad(-motion.mat_nb, ((0, 0), (0, FITTED_STATES - 3), (0, 0)))
+    return np.pad(-motion.mat_nb, ((0, 0), (0, NAVIGATION_STATES - 3), (0, 0)))
 
 
 def _point(motion: Motion) -> FloatArray:
@@ -131,7 +129,7 @@ def _turn(motion: Motion, blocks: int) -> FloatArray:
 
     A map has both, and a turn by many degrees shortens the way that it began with.
     """
-    found = np.zeros((len(motion.way), FITTED_STATES, 4))
+    found = np.zeros((len(motion.way), NAVIGATION_STATES, 4))
     for own, of in ((slice(0, 3), motion.way), (slice(3, 6), motion.vel)):
         found[:, own, 0] = -np.cross([0.0, 0.0, 1.0], of)
         found[:, own, 1] = -of * [1.0, 1.0, 0.0]

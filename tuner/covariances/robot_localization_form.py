@@ -30,6 +30,7 @@ from models.arrays import FloatArray
 from tuner.covariances.streams import StreamErrors
 from tuner.diagnosis.drive.hypothesis import FilterRun
 from tuner.exporters.judged_drive import PARTS, SCORED, Compared
+from tuner.types import Coefficient
 from tuner.types.records import Drive
 
 STATES = (
@@ -110,7 +111,7 @@ class Settings:
 
 def course_of(drive: Drive, run: FilterRun) -> Course:
     """Return the motion of a recording, of a run in the axes of the sensor."""
-    mounting = np.eye(3) if drive.mounting is None else drive.mounting
+    mounting = drive.sensor_from_vehicle
     solution = max(run.solutions, key=lambda one: len(one.t))
     t = np.arange(solution.t[0], solution.t[-1], FILTER_STEP)
     angles = np.unwrap(
@@ -152,7 +153,7 @@ def predicted(
     rows = [(name, row) for name in names for row in ROWS[name]]
     own, many = [row for _, row in rows], len(rows)
     parts = [errors[name] for name, _ in rows]
-    lasting, white = (np.array([_size(getattr(one, part)) for one in parts]) for part in ("lasting", "white"))
+    lasting, white = np.array([(_size(one.lasting), _size(one.white)) for one in parts]).T
     times = np.array([np.inf if one.time is None else one.time.value or np.inf for one in parts])
     every = np.array([max(1, round(one.interval / FILTER_STEP)) for one in parts])
     dense = np.array([min(1.0, one.interval / FILTER_STEP) for one in parts])
@@ -245,7 +246,6 @@ def _spread(one: StreamErrors | None) -> float:
     return _size(one.lasting) * math.sqrt(2.0 * min(time, SCORED[-1]))
 
 
-def _size(one: object) -> float:
+def _size(one: Coefficient) -> float:
     """Return a value, else half of its limit."""
-    value, upper = getattr(one, "value", None), getattr(one, "upper", None)
-    return float(value if value is not None else 0.5 * (upper or 0.0))
+    return one.value if one.value is not None else 0.5 * (one.upper or 0.0)

@@ -249,7 +249,7 @@ def _with_wheels(run: FilterRun, drive: Drive, wheels: BodyVelocity) -> NoiseHyp
     A reading at a fix is interpolated between two; the columns of constants are the place of the wheels.
     """
     own = run.linearized
-    mounting = np.eye(3) if drive.mounting is None else drive.mounting
+    mounting = drive.sensor_from_vehicle
     before = [
         corrected(one.state, -part[:, :9])
         for one, part in zip(

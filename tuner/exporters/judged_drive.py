@@ -12,11 +12,13 @@ filter C::
 over position and velocity with fixes and the position after 10 and 60 s without, equally weighted. By the same score
 white noise, walk of the biases and scale factors of all axes get a factor each: built-in grades, which stand in for
 what nobody measured, are too coarse or too fine for a unit by as much. A factor f costs (ln f / ln 3)² over the number
-of blocks with fixes: the noise of a class is known to a factor of 3, and a short drive changes little of it. What is
-unknown is not zero: without a reference P holds the lever arm that nobody states and the delay, as far as the drive
-leaves them open (`unknown_installation`), and an error of all fixes that outlasts the drive, which no filter sees, as
-the variance that the receiver states and that does not show from fix to fix (`unseen_sds`). The log score is proper: it
-rewards small errors and punishes dishonesty of both kinds [1]_.
+of blocks with fixes: the noise of a class is known to a factor of 3, and a short drive changes little of it.
+
+What is unknown is not zero. Without a reference P therefore includes two uncertainties more. One is that of the delay
+and, where nobody states it, of the lever arm, which are states of the filter that makes x (`unknown_installation`). The
+other is an error of all fixes that lasts longer than the drive: no filter can see it; its variance is what the receiver
+states beyond what shows from fix to fix (`unseen_sds`). The log score is proper: it rewards small errors and punishes
+dishonesty of both kinds [1]_.
 
 References
 ----------

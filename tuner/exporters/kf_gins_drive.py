@@ -262,7 +262,7 @@ def _inertial(drive: Drive, ends: tuple[float, float], begin: float, rate: int) 
     """
     start, stop = ends
     rows = np.flatnonzero((drive.imu_t > start + EQUAL_STAMPS) & (drive.imu_t <= stop + EQUAL_STAMPS))
-    mounting = np.eye(3) if drive.mounting is None else drive.mounting
+    mounting = drive.sensor_from_vehicle
     rates = drive.rates[np.concatenate([rows[:1], rows])]
     rates = np.hstack([rates[:, :3] @ mounting, rates[:, 3:] @ mounting])
     t = np.concatenate([[start], drive.imu_t[rows]])

@@ -13,8 +13,6 @@ INTERVAL_DEVIANCE = 4.0
 """Deviance by which a size may be worse than the best: two standard errors, 95 %."""
 DISTANCE_TO_END = 0.1
 """Distance to a bound of the search below which a size counts as beyond it: then the pattern is another fault's."""
-
-
 FIRST_REACH = 0.05
 """Distance from the best size at which its interval is first looked for: that of some hundred independent values."""
 

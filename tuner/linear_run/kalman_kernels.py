@@ -33,14 +33,12 @@ import numpy as np
 
 from models.array_copies import copy_matrix, copy_row
 from models.arrays import BoolArray, FloatArray, IntArray
+from models.filter_states.declaration import NAVIGATION_STATES
 
 Places = tuple[IntArray, IntArray, FloatArray]
 """First places of the rows of a stack of matrices (n + 1,), columns (m,) and values (k, m)."""
 Groups = tuple[IntArray, IntArray, IntArray, FloatArray]
 """First places of the groups of noise (g + 1,), rows, columns (m,) and values (k, m) of their lower halves."""
-
-NAVIGATION_STATES = 9
-"""Navigation states, which are initialised anew at the start of every stretch."""
 
 
 @numba.njit(cache=True, error_model="numpy")

@@ -19,7 +19,6 @@ from typing import IO
 
 from tuner.formats.guard import input_guard
 from tuner.readers.column_names import known_unit
-from tuner.readers.stored_identification import is_stored
 from tuner.readers.text_stamps import STAMP
 from tuner.types.one_line import printable
 from tuner.types.records import DataError
@@ -115,10 +114,16 @@ def find_dialect(path: Path) -> Dialect:
     if b"\r" in (body := even_lines(head)).rstrip(b"\r"):
         raise DataError(lone_return(path, 1 + body[: body.index(b"\r")].count(b"\n")))
     lines = re.split("\r{0,2}\n|\r", _decoded(head))
-    if is_stored(path):
-        raise DataError(f"{path}: JSON or a configuration has no samples: give the log that it was made of")
     keys = sum(_YAML.match(line) is not None for line in lines[:YAML_LINES])
-    if 2 * keys > min(YAML_LINES, len(lines)):
+    if 2 * keys > min(YAML_LINES, len(lines)) or path.suffix.lower() == ".json":
+        from tuner.readers.stored_identification import (
+            is_stored,  # loaded when used: it loads the noise models
+        )
+
+        if is_stored(path):
+            raise DataError(
+                f"{path}: JSON or a configuration has no samples: give the log that it was made of"
+            )
         raise DataError(
             f"{path}: messages printed as YAML, such as by rostopic echo ('{lines[0].strip()[:40]}'): expected "
             "a header and rows of numbers; give the bag itself, or print rows (rostopic echo -p)"

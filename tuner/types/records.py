@@ -355,6 +355,11 @@ class Drive:
     wheels: BodyVelocity | None = None
 
     @property
+    def sensor_from_vehicle(self) -> FloatArray:
+        """The mounting, shape (3, 3); where none is stated, axes of the sensor are those of the vehicle."""
+        return np.eye(3) if self.mounting is None else self.mounting
+
+    @property
     def unusable(self) -> str:
         """Why no function can use it, in words; empty where one can."""
         if len(self.imu_t) < 2 or self.rates.shape != (len(self.imu_t), 6):

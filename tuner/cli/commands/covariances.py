@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from tuner.cli.commands.options import DIRECTORY, Output, common, strict, verbose
+from tuner.cli.commands.options import Output, common, folder, strict, verbose
 from tuner.cli.progress import Messages
 from tuner.stages import stage
 
@@ -18,14 +18,7 @@ FILTERS = ("robot_localization",)
 @click.argument("recording", metavar="BAG|DRIVE")
 @click.option("--to", "dialect", type=click.Choice(FILTERS), default=FILTERS[0], help="Filter to write for.")
 @click.option("--rest", metavar="LOG", help="Log of the unit at rest: its noise.")
-@click.option(
-    "-o",
-    "--output",
-    "directory",
-    type=DIRECTORY,
-    metavar="DIR",
-    help="Write robot_localization.yaml, unless it is refused.",
-)
+@folder("Write robot_localization.yaml, unless it is refused.")
 @strict("the settings are not usable without reservation")
 @verbose
 @common

@@ -7,21 +7,14 @@ from pathlib import Path
 
 import click
 
-from tuner.cli.commands.options import DIRECTORY, Output, common, paged, strict, verbose
+from tuner.cli.commands.options import Output, common, folder, paged, strict, verbose
 from tuner.cli.progress import Messages
 from tuner.stages import stage
 
 
 @click.command("examine", short_help="What is wrong with the streams of a drive, before any filter.")
 @click.argument("drive", metavar="DRIVE")
-@click.option(
-    "-o",
-    "--output",
-    "directory",
-    type=DIRECTORY,
-    metavar="DIR",
-    help="Write mended.npz, the drive without its faults.",
-)
+@folder("Write mended.npz, the drive without its faults.")
 @strict("something is to be mended")
 @verbose
 @common

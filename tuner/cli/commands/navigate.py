@@ -10,10 +10,10 @@ from pathlib import Path
 import click
 
 from tuner.cli.commands.options import (
-    DIRECTORY,
     POSITIVE,
     Output,
     common,
+    folder,
     paged,
     state,
     strict,
@@ -66,14 +66,7 @@ from tuner.stages import stage
     metavar="[SD]",
     help="Zero-velocity updates where the unit is as quiet as at the start: within SD m/s (0.05), no turn.",
 )
-@click.option(
-    "-o",
-    "--output",
-    "directory",
-    type=DIRECTORY,
-    metavar="DIR",
-    help="Write solution.csv, track.kml, track.gpx and figures of track, innovations and errors there.",
-)
+@folder("Write solution.csv, track.kml, track.gpx and figures of track, innovations and errors there.")
 @strict("the filter is not shown to be honest")
 @verbose
 @common

@@ -204,6 +204,11 @@ def strict(verdict: str) -> Callable[[Command], Command]:
     return click.option("--strict", is_flag=True, help=f"Exit status 1 where {verdict}.")
 
 
+def folder(content: str) -> Callable[[Command], Command]:
+    """Add ``-o``; the command receives as ``directory`` the folder to write into, None where nothing is."""
+    return click.option("-o", "--output", "directory", type=DIRECTORY, metavar="DIR", help=content)
+
+
 def verbose(command: Command) -> Command:
     """Add ``--verbose``; the command receives whether everything is to be shown in full."""
     return click.option(

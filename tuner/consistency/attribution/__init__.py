@@ -176,10 +176,8 @@ def _fitted(rival: Hypothesis, loss: Loss, whole: Loss, misfits: Loss) -> Fit:
     excess = 1.0
     if curvature > 0.0:
         excess = (_standard_error(slope) ** 2 + float(level_slope) ** 2) / (2.0 * curvature)
-    misfit, interval = (
-        float(misfits(at(best.size))[0, 0]),
-        best.interval(INTERVAL_DEVIANCE * max(excess, 1.0)),
-    )
+    misfit = float(misfits(at(best.size))[0, 0])
+    interval = best.interval(INTERVAL_DEVIANCE * max(excess, 1.0))
     return Fit(rival, best.size, interval, misfit, here, float(level_loss[1]), best.beyond)
 
 

@@ -29,7 +29,7 @@ from tuner.diagnosis.drive.hypothesis import (
 from tuner.diagnosis.drive.hypothesis_tests import Candidate, noise_hypothesis_of
 from tuner.diagnosis.drive.plausibility import plausible
 from tuner.diagnosis.drive.posterior_check import with_something_else
-from tuner.diagnosis.drive.search import SearchResult, search_causes
+from tuner.diagnosis.drive.search import Accepted, SearchResult, search_causes
 from tuner.formats.clock_words import clock_note
 from tuner.formats.diagnosis import config_finding
 from tuner.linear_run.likelihood import as_configured, evaluate
@@ -178,22 +178,14 @@ def _diagnosis(
     ]
     pairs = zip(of_first_and_last(outcome.accepted, drive.gnss.t), own, strict=True)
     noise, limit = noise_hypothesis_of(outcome.final, outcome.shifts), significance_threshold()
+
+    def doubted(one: Accepted) -> tuple[str, ...]:
+        states = DRIVE_CAUSES[one.cause].joins == "states"
+        several = states and of_several_processes(one.cause, noise, limit)
+        return tuple(one.parameters) if several else outcome.doubted(one)
+
     findings = tuple(
-        sorted(
-            (
-                finding(
-                    one,
-                    drive,
-                    of,
-                    tuple(one.parameters)
-                    if DRIVE_CAUSES[one.cause].joins == "states"
-                    and of_several_processes(one.cause, noise, limit)
-                    else outcome.doubted(one),
-                )
-                for one, of in pairs
-            ),
-            key=lambda f: f.p_value,
-        )
+        sorted((finding(one, drive, of, doubted(one)) for one, of in pairs), key=lambda f: f.p_value)
     )
     biases = biases_beyond_prior(outcome.final, config, outcome.shifts, significance_threshold())
     # A bias is what named causes leave: it comes last.

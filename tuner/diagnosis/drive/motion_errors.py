@@ -27,6 +27,7 @@ from functools import cached_property
 import numpy as np
 
 from models.arrays import FloatArray
+from models.filter_states.declaration import NAVIGATION_STATES
 from tuner.diagnosis.drive.causes.base import is_noise_scale
 from tuner.diagnosis.drive.causes.bias_jump import BIAS_JUMP, SENSORS
 from tuner.diagnosis.drive.causes.correlated_gnss import CORRELATED_GNSS
@@ -35,7 +36,6 @@ from tuner.diagnosis.drive.causes.sensor_bias import CAUSE_CODE as SENSOR_BIAS
 from tuner.diagnosis.drive.motion_courses import WAVES, Motion, covariates
 from tuner.diagnosis.drive.score_tests import colour_factor, columns_of
 from tuner.diagnosis.drive.search import SearchResult
-from tuner.linear_run.kalman_kernels import NAVIGATION_STATES
 from tuner.linear_run.likelihood import NoiseHypothesis, as_configured, evaluate
 from tuner.linear_run.linearized_run import NOISE_GROUPS, LinearizedRun
 from tuner.linear_run.whitened_innovations import whiten

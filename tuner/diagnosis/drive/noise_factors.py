@@ -44,7 +44,7 @@ OUTAGE_REASON = (
 
 
 def with_noise_factors(config: FilterConfig, factors: Mapping[str, float]) -> FilterConfig:
-    """Return a configuration with factors on its noise, by name of `FACTORS` and `STAYING`."""
+    """Return a configuration whose noise is multiplied by factors; their names are those of `FACTORS` and `STAYING`."""
     config = with_staying_errors(config, factors)
     each = {setting: factor for name, factor in factors.items() for setting in FACTORS.get(name, ())}
     config = with_density_factors(config, {group: each.get(group, 1.0) for group in NOISE_GROUPS})

@@ -16,10 +16,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from models.filter_states.declaration import NAVIGATION_STATES
 from tuner.diagnosis.drive.motion_errors import without_bias
 from tuner.diagnosis.drive.score_tests import score_tests
 from tuner.diagnosis.drive.search import RIVAL_NATS, SearchResult
-from tuner.linear_run.kalman_kernels import NAVIGATION_STATES
 from tuner.linear_run.likelihood import as_configured
 from tuner.linear_run.whitened_innovations import whiten
 from tuner.navigation.settings import ACCELS, GYROS

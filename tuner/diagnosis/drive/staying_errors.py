@@ -34,7 +34,11 @@ UNKNOWN_VELOCITY_SD = 0.1
 
 
 def with_staying_errors(config: FilterConfig, factors: Mapping[str, float]) -> FilterConfig:
-    """Return a configuration whose errors that stay are multiplied by factors by name of `STAYING`, or begin."""
+    """Return a configuration whose states for errors that last are multiplied by factors.
+
+    The names of the factors are those of `STAYING`. A state that the configuration lacks begins with the factor times
+    what the receiver reports.
+    """
     gnss = config.gnss
     if gnss is None:
         return config

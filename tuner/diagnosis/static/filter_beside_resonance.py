@@ -14,15 +14,14 @@ import numpy as np
 from models.arrays import FloatArray
 from tuner.diagnosis.static.causes.base import Extension
 from tuner.diagnosis.static.causes.lowpass import LowPass, extension
+from tuner.diagnosis.static.causes.shaped_white_noise import ShapedWhiteNoise
 from tuner.diagnosis.static.causes.vibration import MIN_QUALITY, Vibration
 from tuner.diagnosis.static.model.fitted_channel import FittedChannel, refitted, with_extensions
-from tuner.diagnosis.static.model.null_distributions import minimum
+from tuner.diagnosis.static.model.null_distributions import COST_OUTSIDE, minimum
 from tuner.diagnosis.static.spectrum.binned import bins, sized
 from tuner.diagnosis.static.spectrum.filters import FILTERS, filter_powers
 from tuner.diagnosis.static.spectrum.shape import fit_filters
 
-SHAPES = ("lowpass", "colour")
-"""Causes that shape the white noise."""
 START_QUALITIES = (1.5 * MIN_QUALITY, 5.0 * MIN_QUALITY)
 """Qualities of the resonance from which the search begins: within an octave of those that bins show."""
 START_RATIOS = (0.7, 1.4)
@@ -33,7 +32,7 @@ MAX_REFITS = 4
 
 def with_joint_resonance(fitted: FittedChannel) -> FittedChannel:
     """Return a channel whose one shape of white noise and one resonance are fitted together, where that is likelier."""
-    shapes = [x for x in fitted.extensions if x.cause in SHAPES]
+    shapes = [x for x in fitted.extensions if isinstance(x, ShapedWhiteNoise)]
     resonances = [x for x in fitted.extensions if isinstance(x, Vibration)]
     if len(shapes) != 1 or len(resonances) != 1:
         return fitted
@@ -66,7 +65,7 @@ def _together(
         def cost(x: FloatArray, powers=powers, low=low, high=high) -> float:  # type: ignore[no-untyped-def]
             cutoff, frequency, quality = np.exp(x).tolist()
             if not (low < cutoff < high and 0.01 < frequency * dt < 0.495 and MIN_QUALITY < quality < 200.0):
-                return 1e12
+                return COST_OUTSIDE
             rows = np.vstack((data.white * powers(cutoff), data.beside(), peak(x)))
             return sized(data, rows).cost
 
@@ -85,7 +84,7 @@ def _together(
         x, value = minimum(cost, [begun.tolist()], scale=0.1, tolerance=1e-2)
         if value < least:
             best, least = x, value
-    if not np.isfinite(least) or least >= 1e12:
+    if least >= COST_OUTSIDE:
         return None
     loose = replace(data, peaks=peak(best), loose=True)
     filters = fit_filters(loose)

@@ -222,21 +222,16 @@ def found_signals(
 def without_events(record: Record, findings: Sequence[Finding]) -> Record:
     """Return a record without the events and wrong samples that were found, which are no noise, and say so."""
     gone = left_out(findings)
-    wrong = [
-        (
-            np.isin(
-                np.arange(len(record)), np.searchsorted(record.t, np.array(times) - 0.5 * record.interval)
-            ),
-            (axis,),
-        )
-        for one in gone
-        if isinstance(every := one.extension.get(LEFT_OUT), Mapping)
-        for axis, times in every.items()
-        if axis in record.axes
-    ]
-    record = with_other_rows(
-        record, wrong, [f"{axis}: {rows.sum()} wrong readings left out" for rows, (axis,) in wrong]
-    )
+    wrong, notes = [], []
+    for one in gone:
+        by_axis = one.extension.get(LEFT_OUT)
+        for axis, times in by_axis.items() if isinstance(by_axis, Mapping) else ():
+            if axis in record.axes:
+                rows = np.zeros(len(record), dtype=bool)
+                rows[np.searchsorted(record.t, np.array(times) - 0.5 * record.interval)] = True
+                wrong.append((rows, (axis,)))
+                notes.append(f"{axis}: {rows.sum()} wrong readings left out")
+    record = with_other_rows(record, wrong, notes)
     signals = found_signals([one for one in gone if one.cause in EVENTS], [record])
     if not signals:
         return record

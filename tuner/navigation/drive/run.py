@@ -148,7 +148,7 @@ def prepare(drive: Drive, settings: FilterSettings) -> tuple[tuple[Stretch, ...]
     if known := _clock_note(drive.clock, drive.gnss):
         notes.append(known)
     gnss = replace(drive.gnss, t=without_drift(drive.gnss.t, drive.clock.drift.taken_out))
-    mounting = np.eye(3) if drive.mounting is None else drive.mounting
+    mounting = drive.sensor_from_vehicle
     rates = np.hstack([drive.rates[:, :3] @ mounting, drive.rates[:, 3:] @ mounting])
     dt = np.diff(drive.imu_t)
     gaps = np.flatnonzero(dt > MAX_BRIDGED_GAP)

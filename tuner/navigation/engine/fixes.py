@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from models.arrays import FloatArray, IntArray
+from models.filter_states.declaration import NAVIGATION_STATES
 from tuner.navigation.engine.compilation import (
     block,
     merged,
@@ -19,7 +20,6 @@ from tuner.navigation.engine.compilation import (
 from tuner.navigation.engine.layout import (
     GATE_INDEX,
     KIND_COLUMN,
-    NAVIGATION_STATES,
     PATIENCE_INDEX,
     TOTAL,
     Layout,

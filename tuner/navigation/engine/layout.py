@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from models.arrays import FloatArray, IntArray
-from models.filter_states.declaration import DOWN_TARGET
+from models.filter_states.declaration import DOWN_TARGET, NAVIGATION_STATES
 from tuner.navigation.settings import FilterSettings, chi2_gate, error_rows
 
 
@@ -16,10 +16,8 @@ def indices(*numbers: int) -> tuple[Any, ...]:
     return tuple(np.int64(number) for number in numbers)
 
 
-NAVIGATION_STATES = 9
-"""States of position, velocity and attitude, which come first."""
 POSITION, VELOCITY, ATTITUDE = indices(0, 3, 6)
-"""… the first of each."""
+"""First of the three states of each."""
 GYROS, ACCELEROMETERS = indices(0, 3)
 """Inputs of the navigation equations: the first of each."""
 BIAS_STATES = 6

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from models.arrays import FloatArray
+from models.filter_states.declaration import NAVIGATION_STATES
 from models.strapdown import correct_increments, step
 from models.vector3 import add, dot, scale
 from tuner.navigation.engine.compilation import (
@@ -25,7 +26,7 @@ from tuner.navigation.engine.compilation import (
     vector,
 )
 from tuner.navigation.engine.further_couplings import add_to_calibration
-from tuner.navigation.engine.layout import BIAS_STATES, NAVIGATION_STATES, ROW, SOURCE
+from tuner.navigation.engine.layout import BIAS_STATES, ROW, SOURCE
 from tuner.navigation.engine.random_normal import normal_numbers
 from tuner.navigation.engine.state import (
     ANGLE_SUM_ROW,

@@ -19,9 +19,10 @@ from typing import Any
 
 import numpy as np
 
+from models.filter_states.declaration import NAVIGATION_STATES
 from tuner.navigation.engine.compilation import block, count, merged, prefer_small_code
 from tuner.navigation.engine.further_couplings import add_inputs
-from tuner.navigation.engine.layout import NAVIGATION_STATES, SLOPE
+from tuner.navigation.engine.layout import SLOPE
 from tuner.navigation.engine.sensor_inputs import (
     add_mixed_white,
     add_white,

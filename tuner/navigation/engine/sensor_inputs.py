@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from models.filter_states.declaration import NAVIGATION_STATES
 from models.vector3 import add, cross, dot, scale, transform
 from tuner.navigation.engine.compilation import block, count, inlined, prefer_wide_vectors, vector
-from tuner.navigation.engine.layout import ACCELEROMETERS, DOWN_INPUT, GROUP_SIZE, GYROS, NAVIGATION_STATES
+from tuner.navigation.engine.layout import ACCELEROMETERS, DOWN_INPUT, GROUP_SIZE, GYROS
 from tuner.navigation.engine.state import (
     INVERSE_ROW,
     PHI_ROW,

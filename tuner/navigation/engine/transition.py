@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from models.error_state import coupling
+from models.filter_states.declaration import NAVIGATION_STATES
 from models.strapdown import mean_attitude
 from models.vector3 import add, cross, scale, transform
 from tuner.navigation.engine.compilation import block, inlined, prefer_wide_vectors, put, quaternion, vector
@@ -18,7 +19,6 @@ from tuner.navigation.engine.layout import (
     ATTITUDE,
     DOWN_INPUT,
     GYROS,
-    NAVIGATION_STATES,
     POSITION,
     SOURCE,
     VELOCITY,

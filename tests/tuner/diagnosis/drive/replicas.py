@@ -16,7 +16,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.linear_run.kalman_kernels import NAVIGATION_STATES
+from models.filter_states.declaration import NAVIGATION_STATES
 from tuner.linear_run.likelihood import NoiseHypothesis, _forward, as_configured
 from tuner.linear_run.linearized_run import NOISE_GROUPS, LinearizedRun
 

@@ -29,11 +29,11 @@ from scipy.stats import chi2
 
 from models.arrays import FloatArray
 from models.effects.drive.imu import BiasJump as Effect
+from models.filter_states.declaration import NAVIGATION_STATES
 from tuner.diagnosis.drive.cause_test import CauseTest, not_significant
 from tuner.diagnosis.drive.causes.base import NoiseCause
 from tuner.diagnosis.drive.hypothesis import FilterRun, Hypothesis, Jump
 from tuner.diagnosis.static.outcome import TestResult
-from tuner.linear_run.kalman_kernels import NAVIGATION_STATES
 from tuner.linear_run.likelihood import NoiseHypothesis, evaluate, evaluate_with_gradient
 from tuner.linear_run.linearized_run import LinearizedRun
 from tuner.types import Coefficient, Parameter

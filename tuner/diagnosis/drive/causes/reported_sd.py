@@ -185,7 +185,15 @@ def sd_model_parameters(values: Mapping[str, float]) -> tuple[str, ...]:
 
 
 def sd_model_factor(values: Mapping[str, float], name: str) -> float:
-    """Return a factor, true ÷ reported, or the exponent in a compensation, by name of `sd_model_parameters`."""
+    """Return the value of a parameter of the model of reported sds: a factor, true ÷ reported, or the exponent.
+
+    Parameters
+    ----------
+    values : mapping of str to float
+        Values of a compensation.
+    name : str
+        One of `sd_model_parameters`.
+    """
     plain = name.partition("_class_")[0]
     own = values.get(name, 1.0)
     return own if plain == name else own * values.get(plain, 1.0)

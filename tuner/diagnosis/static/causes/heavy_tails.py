@@ -141,7 +141,7 @@ def _looked_up(e: FloatArray, table: FloatArray) -> FloatArray:
 def rounded_kurtosis(step: float) -> float:
     """Return the largest excess kurtosis of rounded normal numbers, the step in sd of what they are rounded to."""
     if step < MAX_FINE_STEP:
-        return -1.2 * (rounding_variance(step)) ** 2
+        return -1.2 * rounding_variance(step) ** 2
     sd = float(np.sqrt(max(1.0 - rounding_variance(step), 0.01)))
     phase = np.linspace(0.0, 1.0, 33)[:, None]
     code = np.arange(-np.ceil(8.0 * sd / step) - 1.0, np.ceil(8.0 * sd / step) + 2.0)

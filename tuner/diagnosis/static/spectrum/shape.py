@@ -11,8 +11,8 @@ taken colour for slow noise, never slow noise for white: 0 ≤ s ≤ 1. The shap
 `tuner.diagnosis.static.spectrum.filters` and a resonance
 compete by likelihood and number of parameters.
 
-A cutoff is known as far as the order and the kind of its filter are: its interval is that of the likelihood over
-all filters that explain the spectrum.
+Several filters of other order or kind may explain a spectrum equally well, each with a cutoff of its own. The interval
+of the cutoff therefore covers all filters that explain it.
 """
 
 from __future__ import annotations
