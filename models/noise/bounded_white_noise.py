@@ -9,13 +9,12 @@ BOUNDED_SHARE = 0.5
 """Share of an upper limit that stands for what the data only bound: in the middle of what they allow."""
 
 
-def bounded_white_density(tau: ArrayLike, variance: ArrayLike) -> float:
-    """Return half of the smallest σ(τ) √τ of an Allan curve: N ≤ σ(τ) √τ at every cluster time.
+def largest_white_density(tau: ArrayLike, variance: ArrayLike) -> float:
+    """Return the smallest σ(τ) √τ of an Allan curve: N ≤ σ(τ) √τ at every cluster time.
 
     Parameters
     ----------
     tau, variance : array_like, shape (m,)
         Cluster times, s, and Allan variances.
     """
-    largest = np.sqrt(np.min(np.asarray(variance, dtype=float) * np.asarray(tau, dtype=float)))
-    return BOUNDED_SHARE * float(largest)
+    return float(np.sqrt(np.min(np.asarray(variance, dtype=float) * np.asarray(tau, dtype=float))))

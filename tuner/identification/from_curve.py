@@ -38,7 +38,7 @@ from tuner.identification.allan_octaves import OctaveCurve
 from tuner.identification.estimates import Estimates, from_fit
 from tuner.identification.identify_channel import about_band, contradiction, disagreement
 from tuner.identification.objective import expect_terms
-from tuner.identification.valid_band import Band, curve_within, find_band
+from tuner.identification.valid_band import Band, Octaves, curve_within, find_band
 from tuner.types import (
     AllanCurve,
     Candidate,
@@ -106,7 +106,7 @@ def record_span(curve: AllanCurve) -> float:
 
 def _identify_axis(curve: AllanCurve, terms: Sequence[str] | None) -> ChannelIdentification:
     whole = _octaves(curve)
-    band = find_band(whole) if terms is None else Band(1, np.inf, 1.0)
+    band = find_band(Octaves.of_curve(whole)) if terms is None else Band(1, np.inf, 1.0)
     octaves = curve_within(whole, band)
     if terms is not None:
         chosen = fit(octaves, NoiseModel(tuple(_start(TERMS[name]) for name in terms)), generalised=True)

@@ -46,6 +46,7 @@ from tuner.identification.slopes import read_segments
 from tuner.identification.valid_band import (
     CURVE_TOLERANCE,
     Band,
+    Octaves,
     curve_within,
     find_band,
     narrowed,
@@ -113,9 +114,11 @@ def identify_channel(
     longest = max(pieces, key=len)
     compared = method in ("likelihood", "leastsquares")
     apart = contradiction(whole, band, estimates.model) if compared else None
+    noisy = without_lines(chosen.model)
     robust = apart is not None and apart.p_value < ROBUST_P_VALUE and method == "likelihood" and terms is None
-    if robust and len(octaves.m) >= len(chosen.model.parameters):
-        found = fit_curve(curve_within(noise.curve, band), without_lines(chosen.model))
+    robust = robust and len(octaves.m) >= len(noisy.parameters)
+    if robust:
+        found = fit_curve(curve_within(noise.curve, band), noisy)
         estimates = from_fit(found.model, found.covariance, found.intervals, allan.unit, forced=False)
     warnings = () if apart is None else disagreement(apart, robust=robust)
     estimates = below_the_curve(
@@ -308,13 +311,14 @@ def choose_terms(pieces: Sequence[FloatArray], interval: float, further: Sequenc
     lines, rest = take_out_lines(pieces, interval, list(further).count(Sinusoid.name))
     processes = [name for name in further if name != Sinusoid.name]
     curve = OctaveCurve.of(rest, interval)
-    band = find_band(curve)
     whole = cosine_periodogram(rest, interval)
+    octaves = Octaves.of_periodogram(whole)
+    band = find_band(octaves)
     data = _of_band(whole, rest, band)
     selection = select_periodogram(data, processes)
     refused = set()
     while GaussMarkov.name not in processes and _faster_than_samples(selection.fit.model, interval):
-        longer = narrowed(curve, band)
+        longer = narrowed(octaves, band)
         if longer is None:
             refused.add(GaussMarkov.name)
             break
@@ -363,11 +367,11 @@ def about_band(band: Band, interval: float) -> tuple[str, ...]:
     """Say what part of the record the terms do not describe."""
     if band.m == 1:
         return ()
-    part, side = 100.0 * abs(band.ratio - 1.0), "more" if band.ratio > 1.0 else "less"
+    part, side = 100.0 * abs(band.ratio - 1.0), "stronger" if band.ratio > 1.0 else "weaker"
     return (
-        f"below a cluster time of {band.m * interval:.3g} s no sum of noise terms follows the data (neighbours "
-        f"differ by {digits(part, 2)} % {side}: a filter in the sensor, vibration or a spectral line): fitted to "
-        f"longer ones, f ≤ {band.highest:.3g} Hz",
+        f"below a cluster time of {band.m * interval:.3g} s no sum of noise terms follows the data (the fastest part "
+        f"is {digits(part, 2)} % {side}: a filter in the sensor, vibration or a spectral line): fitted to longer ones, "
+        f"f ≤ {band.highest:.3g} Hz",
     )
 
 
@@ -375,8 +379,7 @@ def contradiction(whole: OctaveCurve, band: Band, model: NoiseModel) -> Misfit |
     """Judge the fitted sum against the Allan curve; in a cut band, where little above it reaches."""
     if not model.terms:
         return None
-    compared = whole if band.m == 1 else curve_within(whole, replace(band, m=4 * band.m))
-    return misfit(compared, model, tolerance=CURVE_TOLERANCE)
+    return misfit(curve_within(whole, band), model, tolerance=CURVE_TOLERANCE)
 
 
 CURVE_DISAGREES = "the Allan curve disagrees with the sum of terms"

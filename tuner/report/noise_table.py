@@ -226,12 +226,13 @@ def _measured(
 def _read_off(found: PredictedBlock, unit: str) -> dict[str, str]:
     """Return the cells of an axis by what stands parallel to a term in its Allan curve.
 
-    White noise that is nowhere alone, as beside a coarse quantizer, is that of the sum that was fitted to the curve.
+    White noise is that of the sum that was fitted to the curve, with states that a filter cannot follow: some cluster
+    times show more, beside a peak, or less, behind a filter.
     """
     curve = found.measured
     seen = read_segments(curve.tau, np.sqrt(curve.variance), curve.dof["white"])
-    names = {name.partition(".")[0]: name for name in (WHITE, FLICKER, WALK)}
-    cells = {WHITE: found.block.white_density} | {
+    names = {name.partition(".")[0]: name for name in (FLICKER, WALK)}
+    cells = {WHITE: found.block.without_fast_states().white_density} | {
         names[one.term]: one.value for one in seen if one.term in names
     }
     return {

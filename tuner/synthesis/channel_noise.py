@@ -38,7 +38,7 @@ from models.noise import (
     White,
 )
 from models.noise.bias_instability import ALLAN_FLOOR
-from models.noise.bounded_white_noise import BOUNDED_SHARE, bounded_white_density
+from models.noise.bounded_white_noise import BOUNDED_SHARE, largest_white_density
 from tuner.synthesis.bias_states import BOUND, RULES, FlickerView, bounding_state, spectrum_bound
 from tuner.synthesis.error_growth import structure_function
 from tuner.types import (
@@ -184,7 +184,7 @@ def _white_of_fast_process(task: _Task, term: TermEstimate) -> _Share:
 
 def _white_from_curve(channel: ChannelIdentification) -> _Share:
     """Bound white noise by the Allan curve where no term says anything: N ≤ σ(τ) √τ at every τ."""
-    density = bounded_white_density(channel.allan.tau, channel.allan.variance[:, 0])
+    density = BOUNDED_SHARE * largest_white_density(channel.allan.tau, channel.allan.variance[:, 0])
     why = "bounded: half of the smallest σ(τ)√τ of the Allan curve, as no white term was identified"
     inflation = BoundUsed(Quantity(channel.axis, "white.density"), BOUNDED_SHARE, why)
     return _Share(why, (inflation,), white_variance=density**2)

@@ -10,7 +10,8 @@ from models.noise import BiasInstability, GaussMarkov, NoiseModel, Quantization,
 from tuner.formats.identification import identification_json
 from tuner.identification import identify, identify_channel
 from tuner.identification.allan_octaves import OctaveCurve
-from tuner.identification.valid_band import find_band
+from tuner.identification.periodogram import cosine_periodogram
+from tuner.identification.valid_band import Octaves, find_band
 from tuner.types.records import DataError, Record
 
 INTERVAL = 0.01
@@ -144,7 +145,10 @@ def test_a_low_pass_filter_is_kept_out_of_the_white_noise():
     ids=["white", "flicker", "quantized", "markov"],
 )
 def test_clean_noise_keeps_its_whole_band(model):
-    curves = [OctaveCurve.of([sampled(model, 50 + seed, 60_000)], INTERVAL) for seed in range(8)]
+    records = [[sampled(model, 50 + seed, 60_000)] for seed in range(8)]
+    spectra = [Octaves.of_periodogram(cosine_periodogram(record, INTERVAL)) for record in records]
+    curves = [Octaves.of_curve(OctaveCurve.of(record, INTERVAL)) for record in records]
+    assert sum(find_band(spectrum).m == 1 for spectrum in spectra) >= 7
     assert sum(find_band(curve).m == 1 for curve in curves) >= 7
 
 

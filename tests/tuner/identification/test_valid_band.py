@@ -54,3 +54,15 @@ def test_a_process_shorter_than_a_sample_is_white_noise_of_its_density(seed: int
     density = np.sqrt(0.02 * (1.0 + memory) / (1.0 - memory))
     # 1400 samples, an eighth of the spectrum: the density errs by √(1/(2·175)) = 5 %, here by three times that at most
     assert noise.fit.value("white.density") == pytest.approx(density, rel=0.16)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_peak_hides_the_octaves_beside_it_alone(seed):
+    """By the Allan curve, into which a peak of 0.55 Hz reaches far, the band ended at 0.024 Hz."""
+    rng, n, step = np.random.default_rng(seed), 400_000, 2.0 * np.pi * 0.55 * INTERVAL
+    pole = np.exp(-0.1 * step)
+    peak = lfilter([1.0, 0.0, -1.0], [1.0, -2.0 * pole * np.cos(step), pole**2], rng.standard_normal(n))
+    y = rng.standard_normal(n) / np.sqrt(INTERVAL) + 0.002 * rng.standard_normal(n).cumsum()
+    found = choose_terms([y + 2.0 / peak.std() * peak], INTERVAL)
+    assert 0.09 < found.band.highest < 0.4
+    assert found.fit.value("white.density") == pytest.approx(1.0, rel=0.08)

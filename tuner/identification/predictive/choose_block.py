@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from models.arrays import FloatArray
-from models.noise.bounded_white_noise import bounded_white_density
+from models.noise.bounded_white_noise import BOUNDED_SHARE, largest_white_density
 from tuner.identification.predictive.criteria import follows_curve
 from tuner.identification.predictive.curve_fit import fit_curve, raise_random_walk, with_bounded_parts
 from tuner.identification.predictive.forecast import compare_forecasts
@@ -106,9 +106,9 @@ def _with_white_noise(block: NoiseBlock, measured: MeasuredAllan, white: float) 
     The curve allows the smallest σ(τ)√τ. Half of that is taken where neither shows any white noise. A bias whose course
     is no sum of terms bends a fit to the curve, and the smallest term most.
     """
-    half = bounded_white_density(measured.tau, measured.variance)
-    known = max(block.white_density, min(white, 2.0 * half))
-    return replace(block, white_density=known if known > 0.0 else half)
+    largest = largest_white_density(measured.tau, measured.variance)
+    known = max(block.white_density, min(white, largest))
+    return replace(block, white_density=known if known > 0.0 else BOUNDED_SHARE * largest)
 
 
 def _judged(
