@@ -87,7 +87,7 @@ class FindingGroup:
 
 def predicts_worse(finding: Finding) -> bool:
     """Return whether a cause makes held-out data less likely."""
-    return finding.gain is not None and finding.gain.nats < 0.0 and finding.gain.split != "in sample"
+    return finding.gain is not None and finding.gain.contradicts
 
 
 def contradicted(finding: Finding) -> bool:

@@ -40,6 +40,11 @@ class Gain:
     coverage: Mapping[str, tuple[float, float]] = field(default_factory=lambda: MappingProxyType({}))
     user: Mapping[str, tuple[float, float]] = field(default_factory=lambda: MappingProxyType({}))
 
+    @property
+    def contradicts(self) -> bool:
+        """Whether data that had no part in the fit are less likely with the extension."""
+        return self.nats < 0.0 and self.split != "in sample"
+
 
 @dataclass(frozen=True)
 class Alternative:

@@ -122,10 +122,11 @@ def _inflation(axis: str, outcome: SearchResult, accepted: Accepted, base: Noise
 
 
 def _shared(group: Sequence[Single], single: Single) -> bool:
-    """Return whether a finding of another channel is the same cause."""
+    """Return whether a finding of another channel is the same cause, of which held-out data say the same."""
     first = group[0]
     alike = first.cause.cause == single.cause.cause and first.unit == single.unit
-    if not alike or any(g.axis == single.axis for g in group):
+    worse = {one.accepted.gain is not None and one.accepted.gain.contradicts for one in (first, single)}
+    if not alike or len(worse) > 1 or any(g.axis == single.axis for g in group):
         return False
     return all(
         _agree(one.parameters[name], single.parameters[name])

@@ -2,7 +2,8 @@
 
 Errors of a thermometer and the noise of an axis decide between near twins by a few nats, differently in each axis. So
 axes in which something smooth was found are judged together: each shape is fitted to all of them, what time constant
-it has in common, and that of most evidence in all of them is taken by those that lose no more than `NEAR_TWIN_NATS`.
+it has in common, and that of most evidence in all of them is taken by those that lose no more than `NEAR_TWIN_NATS`. An
+axis that shows one of two shapes alone keeps that.
 """
 
 from __future__ import annotations
@@ -69,7 +70,7 @@ def with_shared_shape(outcomes: Mapping[str, SearchResult]) -> dict[str, SearchR
     return {
         axis: _changed(outcomes[axis], bare[axis], fit, shapes, worth(concerned[axis].final))
         for axis, fit in fits.items()
-        if {x.cause for x in smooth(outcomes[axis].accepted)} != {x.cause for x in shapes}
+        if not {x.cause for x in smooth(outcomes[axis].accepted)} <= {x.cause for x in shapes}
     }
 
 

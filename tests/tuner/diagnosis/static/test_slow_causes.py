@@ -10,8 +10,11 @@ from models.effects.static.thermal import behind_play
 from models.noise import BiasInstability, NoiseModel, RandomWalk, White
 from tuner.diagnosis import diagnose
 from tuner.diagnosis.static.causes.temperature import Temperature, warming_alike
+from tuner.diagnosis.static.causes.temperature_rate import TemperatureRate
+from tuner.diagnosis.static.causes.template import Template
 from tuner.diagnosis.static.causes.warmup import Warmup
 from tuner.diagnosis.static.channel import channel
+from tuner.diagnosis.static.findings import findings, singles
 from tuner.diagnosis.static.model.covariate import smoothed, typical_repeats
 from tuner.diagnosis.static.model.fitted_channel import fit_channel
 from tuner.diagnosis.static.outcome import Accepted, TestResult
@@ -20,6 +23,7 @@ from tuner.diagnosis.static.search import SearchResult
 from tuner.diagnosis.static.shared_shape import with_shared_shape
 from tuner.diagnosis.static.slow_shapes import settled
 from tuner.simulation.static import Channel, simulate
+from tuner.types import Gain
 from tuner.types.records import Record
 
 SPAN, RATE = 1200.0, 50.0
@@ -122,6 +126,37 @@ def test_one_temperature_in_several_axes_is_one_cause():
     assert [a.cause for a in found.alternatives] == ["warmup"]
     slope = found.extension.values["slope"]
     assert slope.lower < 3e-3 / outcomes["y"].base.channel.scale < slope.upper
+
+
+def _named(added: np.ndarray, *shapes: Template, held_out: float = 1.0) -> SearchResult:
+    """Return the result of a search that named shapes in a record, each with a gain on data held out, nats."""
+    one = channel(record(added, celsius=CELSIUS), "gyro_x")
+    gain = Gain("60/40", 0.0, 0.0, held_out)
+    taken = (Accepted(x, TestResult(x.cause, 1e-20, 40.0, 80.0, "as found"), gain=gain) for x in shapes)
+    return SearchResult(fit_channel(one), fit_channel(one, shapes), tuple(taken), ())
+
+
+def test_an_axis_with_one_of_two_shared_shapes_keeps_it_alone():
+    """It was given a slope by temperature whose interval held zero, which held-out data then contradicted."""
+    away, rate = 2e-3 * CELSIUS, 0.15 * np.gradient(CELSIUS, TIME)
+    outcomes = {
+        "x": _named(away + rate, Temperature(), TemperatureRate()),
+        "y": _named(rate, TemperatureRate()),
+    }
+    assert with_shared_shape(outcomes) == {}
+
+
+def test_what_held_out_data_confirm_in_one_axis_is_not_lost_by_another():
+    """Temperature in gyro y of a tag, slope as published, was "not confirmed", beside 58 nats against another axis."""
+    axes = {"gyro_x": 37.0, "gyro_y": 3.0, "gyro_z": -58.0}
+    every = [
+        single
+        for axis, nats in axes.items()
+        for single in singles(axis, _named(2e-3 * CELSIUS, Temperature(), held_out=nats), NOISE)
+    ]
+    confirmed, doubted = sorted(findings(every), key=lambda one: -len(one.channels))
+    assert confirmed.channels == ("gyro_x", "gyro_y")
+    assert doubted.channels == ("gyro_z",)
 
 
 def test_one_shape_is_named_where_two_explain_no_more():
