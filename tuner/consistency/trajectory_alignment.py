@@ -95,7 +95,7 @@ def at_times(
     """
     after = np.clip(np.searchsorted(given.t, t), 1, len(given.t) - 1)
     nearer = np.where(np.abs(given.t[after - 1] - t) < np.abs(given.t[after] - t), after - 1, after)
-    if np.abs(given.t[nearer] - t).max() < SAME_INSTANT:
+    if np.abs(given.t[nearer] - t).max(initial=0.0) < SAME_INSTANT:
         return replace(given.rows(nearer), t=t)
     before = after - 1
     step = given.t[after] - given.t[before]
