@@ -12,6 +12,7 @@ from models.arrays import FloatArray
 from models.units import STANDARD_GRAVITY
 from tuner.consistency.constants import Motion
 from tuner.consistency.output_errors import OutputErrors
+from tuner.consistency.trajectory_alignment import velocity_of
 
 GRAVITY = np.array([0.0, 0.0, STANDARD_GRAVITY])
 """m/s²: its change from place to place is far below the noise of the errors."""
@@ -56,9 +57,7 @@ class Course:
 def course_of(run: OutputErrors) -> Course | None:
     """Return the epochs of a run with their dynamics; None where it has no velocity or too few epochs."""
     estimate = run.estimate
-    vel = estimate.vel_n
-    if not np.isfinite(vel).any() and estimate.local is not None:
-        vel = np.gradient(estimate.local, run.t, axis=0)
+    vel = velocity_of(estimate)
     quat = estimate.quat_nb
     if not np.isfinite(quat).any():
         heading = np.unwrap(np.arctan2(vel[:, 1], vel[:, 0]))
