@@ -43,6 +43,8 @@ MIN_MISFIT = 0.01
 """Error of the sds of a modelled filter that is taken at least: what its linear dynamics leave out."""
 NO_FIX_VARIANCE = 1e12
 """Variance of fixes that there are not, (m/s)²."""
+SIMPSON = np.array([1.0, 4.0, 1.0]) / 6.0
+"""Weights of the begin, middle and end of a step in its mean (Simpson's rule)."""
 PLAIN_PARAMETERS = np.array([1, 6, 7])
 """Of the numbers of a filter those of one of position and velocity: white acceleration, horizontal and vertical R."""
 
@@ -103,8 +105,8 @@ def transitions(course: Course, time_constant: FloatArray, states: int = 15) -> 
     for s, (first, mat) in enumerate(((6, course.mat_nb), (3, course.mat_nb), (9, None), (12, None))):
         g = np.zeros((k, states, 3))
         g[:, first : first + 3] = np.eye(3) if mat is None else mat
-        for weight, phi in ((1.0 / 6.0, None), (4.0 / 6.0, half), (1.0 / 6.0, whole)):
-            column = g if phi is None else phi @ g
+        for weight, phi in zip(SIMPSON, (np.eye(states), half, whole), strict=True):
+            column = phi @ g
             noise[:, s] += weight * course.dt[:, None, None] * (column @ np.swapaxes(column, -1, -2))
     return whole, noise
 
@@ -147,7 +149,7 @@ def _body_noise(course: Course, fading: float) -> FloatArray:
     k, dt = len(course.dt), course.dt[:, None, None]
     noise, eye = np.zeros((k, 4, 15, 15)), np.eye(3)
     turned = np.zeros((k, 15, 3))
-    for weight, rest in ((1.0 / 6.0, 0.0), (4.0 / 6.0, 0.5), (1.0 / 6.0, 1.0)):
+    for weight, rest in zip(SIMPSON, (0.0, 0.5, 1.0), strict=True):
         turned[:, 0:3] = -rest * dt * rotation.skew(course.motion.vel)
         turned[:, 6:9] = eye
         for source, axes in ((0, slice(0, 2)), (2, slice(2, 3))):
