@@ -30,7 +30,6 @@ from tuner.consistency.output_causes.true_noise import TrueNoise
 from tuner.consistency.output_errors import OutputErrors
 from tuner.consistency.scores import EQUIVALENCE_MARGIN
 from tuner.linear_run.best_size import best_size
-from tuner.linear_run.likelihood import unaided_shift
 from tuner.linear_run.whitened_innovations import whiten
 from tuner.stages import counted
 from tuner.types.output_score import OutputCause
@@ -60,7 +59,6 @@ class _Fit:
 
     cause: OutputCause
     base: TrueNoise
-    constants: FloatArray
     numbers: tuple[int, ...]
 
 
@@ -153,9 +151,7 @@ def _candidates(
             found.append(fit)
     best: dict[str, _Fit] = {}
     for fit in sorted(found, key=lambda f: -f.cause.gain):
-        if fit.cause.cause not in best and (
-            _shifts(models[0], fit) if fit.numbers else _matters(models[0], base, fit.base)
-        ):
+        if fit.cause.cause not in best and (fit.numbers or _matters(models[0], base, fit.base)):
             best[fit.cause.cause] = fit
     return list(best.values())
 
@@ -200,7 +196,7 @@ def _constant(
     # The fixes' own errors scatter the estimate; what the model leaves out is relative to its size.
     covariance = covariance[own, own] + (MODEL_ERROR * size) ** 2 * np.eye(len(value))
     gain = 0.5 * (after - before) - price * len(value)
-    return _Fit(constant.found(value, covariance, REACH_95, gain), base, value, (number,))
+    return _Fit(constant.found(value, covariance, REACH_95, gain), base, (number,))
 
 
 def _loss(
@@ -248,7 +244,7 @@ def _fitted(
     if scale.time_constant is not None:
         parameters = {"sd": (size, *interval), "time_constant": (scale.time_constant,) * 3}
     cause = OutputCause(scale.cause, size, interval, scale.unit, gain, parameters, scale.subject)
-    return _Fit(cause, scale.true(base, best.size), np.zeros(0), ())
+    return _Fit(cause, scale.true(base, best.size), ())
 
 
 def _matters(model: ErrorModel, base: TrueNoise, true: TrueNoise) -> bool:
@@ -257,17 +253,3 @@ def _matters(model: ErrorModel, base: TrueNoise, true: TrueNoise) -> bool:
     blocks = before.min(axis=1) > 0.0  # filters in axes of the body have no biases
     ratio = np.sqrt((model.variances(true).reshape(5, 3)[blocks] / before[blocks]).mean(axis=1))
     return bool(np.abs(np.log(ratio)).max() > math.log(1.0 + EQUIVALENCE_MARGIN))
-
-
-def _shifts(model: ErrorModel, fit: _Fit) -> bool:
-    """Tell whether errors without the mean that a constant gives them are smaller.
-
-    Where the noise is far larger than assumed, changes of the errors are given too much weight, and a constant may
-    fit them at the cost of the errors themselves.
-    """
-    if model.by_innovations:
-        return True
-    own, run = model.places[fit.numbers[0]], model.errors
-    shift = unaided_shift(run, range(own.start, own.stop), fit.constants)
-    left = (run.innovation - shift)[run.used] / run.sd[run.used]
-    return float(np.sum(left**2)) < float(np.sum((run.innovation / run.sd)[run.used] ** 2))
