@@ -120,6 +120,12 @@ def mat_from_rotvec(rotvec: ArrayLike) -> FloatArray:
     )
 
 
+def nearest_rotation(mat: FloatArray) -> FloatArray:
+    """Return the rotation C of the largest tr(Cᵀ mat): of Σ a bᵀ that with a ≈ C b in least squares (Kabsch 1976)."""
+    u, _, vt = np.linalg.svd(mat)
+    return np.asarray(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)
+
+
 def rotvec_from_mat(mat: ArrayLike) -> FloatArray:
     """Return the rotation vector, rad, of length at most π; shape (..., 3, 3) → (..., 3)."""
     return rotvec_from_quat(quat_from_mat(mat))

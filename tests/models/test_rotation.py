@@ -125,3 +125,12 @@ def test_rate_from_euler_rates_against_finite_difference(rpy, rpy_dot):
     ahead, behind = rotation.mat_from_rpy(rpy + step * rpy_dot), rotation.mat_from_rpy(rpy - step * rpy_dot)
     measured = rotation.rotvec_from_mat(behind.T @ ahead) / (2 * step)
     np.testing.assert_allclose(rotation.rate_from_rpy(rpy, rpy_dot), measured, atol=1e-7)
+
+
+@given(vectors, st.integers(0, 99))
+def test_the_nearest_rotation_fits_turned_vectors(a, seed):
+    mat = rotation.mat_from_rotvec(a[0])
+    x = np.random.default_rng(seed).standard_normal((9, 3))
+    np.testing.assert_allclose(rotation.nearest_rotation((x @ mat.T).T @ x), mat, atol=1e-9)
+    found = rotation.nearest_rotation(np.diag([1.0, 1.0, -1.0]))  # no reflection
+    assert np.linalg.det(found) == pytest.approx(1.0)

@@ -84,14 +84,20 @@ def test_tune_in_python_is_the_command(result, axis, short_check, tmp_path):
     options = ["--gnss", "spp", "--complete", "mpu9250", "--seed", "4", "-o", str(tmp_path / "command")]
     arguments = ["tune", str(axis), *options]
     assert run([*arguments, "--quiet"]) == 0
-    assert noise_yaml.load(tmp_path / "command" / "noise.yaml") == noise_yaml.loads(
-        noise_yaml.dumps(result.config)
-    )
+    assert noise_yaml.load(tmp_path / "command" / "noise.yaml") == result.config
     write_tune_result(result, tmp_path / "python", stated_command(arguments))
     files = {path.name: path.read_bytes() for path in (tmp_path / "command").glob("*.*")}
     assert {path.name for path in (tmp_path / "python").glob("*.*")} == set(files)
     for name in (*result.exports, "result.json"):
         assert (tmp_path / "python" / name).read_bytes() == files[name]
+
+
+def test_tune_judges_the_settings_of_its_file_digit_for_digit(result, tmp_path):
+    path = tmp_path / "noise.yaml"
+    path.write_text(result.exports["noise.yaml"], encoding="utf-8")
+    assert noise_yaml.load(path) == result.config
+    found = tuner.check(path, duration=120.0, runs=2, seed=4)
+    assert found.consistency == result.check.consistency
 
 
 def test_the_result_holds_every_part_and_is_frozen(result):

@@ -17,11 +17,7 @@ from tuner.catalogue.grades import DEFAULT_RECEIVER, receiver_or_default
 from tuner.catalogue.trajectories import load_trajectory
 from tuner.consistency.attribution import attribute
 from tuner.consistency.attribution.installation import of_installation, without_means
-from tuner.consistency.attribution.sensitivity import (
-    ScoreSensitivity,
-    score_sensitivity,
-    with_correlated_fixes,
-)
+from tuner.consistency.attribution.sensitivity import ScoreSensitivity, score_sensitivity
 from tuner.consistency.compare_engines import compare_engines
 from tuner.consistency.divergence import divergence
 from tuner.consistency.error_budget import error_budget
@@ -163,11 +159,7 @@ def check(
         explanations = () if found.consistent else wrong_starts(found.scores)
         if not settled.consistent:
             effects = score_sensitivity(
-                settings,
-                plan,
-                shares,
-                window=resolution(settings, sensor),
-                with_correlated=with_correlated_fixes(config),
+                settings, plan, shares, window=resolution(settings, sensor), config=config
             )
             named = {one.source for one in explanations}
             others = _wrong_settings(settings, plan, simulated, settled, effects)

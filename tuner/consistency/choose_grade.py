@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from models.noise import GaussMarkov
 from tuner.catalogue.grades import DEFAULT_RECEIVER, grade_identification, grade_names, load_gnss, load_grade
 from tuner.consistency.outage_drift import outage_drift
 from tuner.stages import counted, stage, task
@@ -122,10 +121,7 @@ def scaled(config: FilterConfig, factor: float) -> FilterConfig:
     """Return a configuration with all noise and biases of its sensors multiplied by a factor."""
     channels = {
         axis: replace(
-            noise,
-            white_density=factor * noise.white_density,
-            random_walk_density=factor * noise.random_walk_density,
-            markov=tuple(GaussMarkov(factor * one.sd, one.time_constant) for one in noise.markov),
+            noise.scaled(factor, factor),
             constant_sd=factor * noise.constant_sd,
             ramp_sd=factor * noise.ramp_sd,
         )

@@ -22,10 +22,11 @@ import numpy as np
 from models import rotation
 from models.arrays import FloatArray
 from models.filter_states.declaration import NAVIGATION_STATES
+from models.probability import REACH_95
 from tuner.consistency.constants import BODY, OF_OUTPUT, Constant, Motion, by_leaving_out
 from tuner.consistency.correlated_errors import independent_count
 from tuner.consistency.frame_differences import errors_in_one_frame
-from tuner.consistency.output_causes import INTERVAL_SDS, MAX_CAUSES, MIN_GAIN
+from tuner.consistency.output_causes import MAX_CAUSES, MIN_GAIN
 from tuner.consistency.output_errors import RECORD_PARTS, OutputErrors
 from tuner.consistency.output_scores import aided_rows, error_scores, state_scores
 from tuner.consistency.scores import BLOCKS, DIVERGED_RATIO
@@ -147,7 +148,7 @@ def _aligned(
     if body is None or not np.isfinite(body.vector).all():
         return None
     gain = _gain(before, squares, 3)
-    found = BODY.found(body.vector, np.diag(body.sd**2), INTERVAL_SDS, gain, constant=True)
+    found = BODY.found(body.vector, np.diag(body.sd**2), REACH_95, gain, constant=True)
     return Fitted(found, rest, squares)
 
 

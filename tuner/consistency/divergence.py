@@ -15,15 +15,13 @@ from numpy.typing import ArrayLike
 from models.arrays import FloatArray
 from models.noise import BiasInstability, NoiseModel
 from models.noise.bias_instability import flicker_ladder
-from tuner.consistency.scores import SETTLING_TIME, STRAYED_RATIO, run_ratios, some_strayed
+from tuner.consistency.scores import BLOCKS, SETTLING_TIME, STRAYED_RATIO, run_ratios, some_strayed
 from tuner.navigation.settings import FilterSettings
 from tuner.simulation.imu import Sensor
 from tuner.simulation.monte_carlo import Runs
 from tuner.simulation.scenario import Scenario
 from tuner.types.verdict import Severity, Verdict, VerdictCode
 
-ATTITUDE_ROWS = slice(6, 9)
-"""Rows of the attitude in the errors of a run."""
 LINEAR_ATTITUDE_SD = 0.25
 """Sd of the attitude from which a filter is far from linear, rad: at two sds the cosine is down by an eighth."""
 FAR_RATIO = 3.0
@@ -72,7 +70,7 @@ def divergence(
 def _start_not_linear(simulated: Runs, ratios: FloatArray) -> bool:
     """Tell whether the start is at fault: too uncertain to be linear, or most runs recover and are consistent."""
     first = simulated.covariance[:, simulated.t <= simulated.t[0] + SETTLING_TIME]
-    peak = np.sqrt(np.diagonal(first, axis1=-2, axis2=-1)[..., ATTITUDE_ROWS].max(axis=(1, 2)))
+    peak = np.sqrt(np.diagonal(first, axis1=-2, axis2=-1)[..., BLOCKS["attitude"]].max(axis=(1, 2)))
     return bool(np.median(peak) > LINEAR_ATTITUDE_SD) or some_strayed(ratios)
 
 

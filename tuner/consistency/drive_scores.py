@@ -16,12 +16,11 @@ from numpy.typing import NDArray
 
 from models import rotation
 from models.arrays import FloatArray
-from models.earth import metres_per_radian
 from tuner.consistency.frame_differences import errors_in_one_frame, matters
 from tuner.consistency.output_errors import in_axes_of, output_errors
 from tuner.consistency.output_scores import error_scores
 from tuner.consistency.scores import rms_errors, score
-from tuner.consistency.trajectory_alignment import MAX_GAP_INTERVALS, Alignment, at_times, cubic, difference
+from tuner.consistency.trajectory_alignment import Alignment, at_times, difference
 from tuner.navigation.data import USED, Solution
 from tuner.navigation.drive.run import Stretch, initial_estimates, initial_state
 from tuner.navigation.settings import FilterSettings
@@ -80,26 +79,11 @@ def as_output(solution: Solution, rows: NDArray[np.intp]) -> FilterOutput:
 
 def reference_at(reference: Reference, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return position, velocity, attitude angles of the reference at times inside it, NaN outside or in gaps."""
-    after = np.searchsorted(reference.t, t)
-    first = max(int(after.min(initial=len(reference.t))) - NEIGHBOUR_ROWS, 0)
-    near = reference.rows(slice(first, int(after.max(initial=1)) + NEIGHBOUR_ROWS))
+    around = np.searchsorted(reference.t, t)[:, None] + np.arange(-NEIGHBOUR_ROWS, NEIGHBOUR_ROWS)
+    near = reference.rows(np.unique(np.clip(around, 0, len(reference.t) - 1)))
     found = at_times(as_truth(near), t)
     assert found.llh is not None
     return found.llh, found.vel_n, rotation.rpy_from_quat(found.quat_nb)
-
-
-def reference_positions(reference: Reference, t: FloatArray) -> FloatArray:
-    """Return the positions of a reference at times inside it, NaN outside or in gaps, (k, 3); reads few rows."""
-    after = np.clip(np.searchsorted(reference.t, t), 1, len(reference.t) - 1)
-    near = np.unique(np.clip(after[:, None] + np.arange(-2, 2), 0, len(reference.t) - 1))
-    r, after = reference.rows(near), np.searchsorted(near, after)
-    step = r.t[after] - r.t[after - 1]
-    found = cubic(
-        r.llh, r.vel_n / metres_per_radian(r.llh), r.t, after - 1, (t - r.t[after - 1]) / step, step
-    )
-    longest = MAX_GAP_INTERVALS * float(np.median(np.diff(reference.t)))
-    found[(t < reference.t[0]) | (t > reference.t[-1]) | (step > longest)] = np.nan
-    return found
 
 
 def differences(reference: Reference, solution: Solution, rows: NDArray[np.intp]) -> FloatArray:

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from tuner.consistency.output_causes import INTERVAL_SDS
+from models.probability import REACH_95
 from tuner.types.consistency import Score
 from tuner.types.output_score import OutputCause
 
@@ -42,7 +42,7 @@ def one_factor(scores: Sequence[Score], states: Sequence[Score]) -> OutputCause 
         return None
     size = math.sqrt(square)
     independent = max(one.effective for one in (*scores, *states))
-    wide = math.exp(INTERVAL_SDS / math.sqrt(2.0 * independent))
+    wide = math.exp(REACH_95 / math.sqrt(2.0 * independent))
     interval = (size / wide, size * wide)
     gain = independent * (0.5 * square - 0.5 - math.log(size))
     return OutputCause("noise_scale", size, interval, "1", gain, {"ratio": (size, *interval)})

@@ -123,8 +123,8 @@ def changed_scores(after: OutputScore, before: OutputScore) -> OutputChange:
         Where the numbers of runs differ, or two runs share no times: one line.
     """
     _expect_pairs(after.outputs, before.outputs)
-    rows = _squared([*_of_errors(after, before), *_of_outages(after, before)])
-    rows = rows or _squared(_of_innovations(after, before))
+    rows = _shared([*_of_errors(after, before), *_of_outages(after, before)])
+    rows = rows or _shared(_of_innovations(after, before))
     if not rows:
         raise DataError(f"{after.outputs[0].name}: expected times of {before.outputs[0].name}, found none")
     tail = 0.5 * WORSE_CHANCE / (2 * len(rows))
@@ -207,15 +207,6 @@ def _difference(one: Difference) -> Reason:
     return Reason(Use.DIFFERENT, f"{one.name.replace('_', ' ')} {words}")
 
 
-@dataclass(frozen=True)
-class _Pair:
-    """Squared errors of one run before and after, shapes (2, n), plain and in their sds, and the independent epochs."""
-
-    plain: FloatArray
-    normal: FloatArray
-    count: float
-
-
 class _Errors(NamedTuple):
     """Errors of one quantity in one run, s, shapes (n,), (n, 3), (n, 3, 3)."""
 
@@ -226,6 +217,12 @@ class _Errors(NamedTuple):
 
 Rows = Iterable[tuple[str, str, list[tuple[_Errors, _Errors]]]]
 """Names, units and runs, before and after, of quantities."""
+
+
+def _shared(rows: Rows) -> list[tuple[str, str, list[tuple[_Errors, _Errors]]]]:
+    """Return quantities without runs that share no epochs, and none without runs."""
+    found = [(name, unit, [run for run in runs if len(run[0].t)]) for name, unit, runs in rows]
+    return [row for row in found if row[2]]
 
 
 def _expect_pairs(after: Sequence[FilterOutput], before: Sequence[FilterOutput]) -> None:
@@ -247,33 +244,10 @@ def _same_epochs(after: FloatArray, before: FloatArray) -> tuple[IntArray, IntAr
     if len(after) > len(before):
         second, first = _same_epochs(before, after)
         return first, second
-    if not len(after):
-        return np.zeros(0, dtype=int), np.zeros(0, dtype=int)
-    right = np.clip(np.searchsorted(before, after), 1, max(len(before) - 1, 1))
-    nearest = np.where(after - before[right - 1] < before[right % len(before)] - after, right - 1, right)
-    nearest = np.minimum(nearest, len(before) - 1)
+    nearest = np.searchsorted(0.5 * (before[1:] + before[:-1]), after, side="right")
     step = float(np.median(np.diff(after))) if len(after) > 1 else 0.0
-    near = np.abs(before[nearest] - after) <= 0.5 * step + 1e-9
-    return np.flatnonzero(near), nearest[near]
-
-
-def _pair(before: _Errors, after: _Errors) -> _Pair:
-    """Return the squares of errors before and after, at the same epochs.
-
-    An error that stays is one value, however many epochs have it: so those of both runs limit the independent ones.
-    """
-    both = (before, after)
-    w = [whitened(one.error[..., None], one.covariance)[..., 0] for one in both]
-    plain, normal = (
-        np.stack([np.mean(one**2, axis=1) for one in each]) for each in ([one.error for one in both], w)
-    )
-    return _Pair(3.0 * plain, normal, min(map(independent_count, w)))
-
-
-def _squared(rows: Rows) -> list[tuple[str, str, list[_Pair]]]:
-    """Return the squares of quantities, without runs that share no epochs, and quantities without runs."""
-    found = [(name, unit, [_pair(*run) for run in runs if len(run[0].t)]) for name, unit, runs in rows]
-    return [row for row in found if row[2]]
+    near = np.flatnonzero(np.abs(before[nearest] - after) <= 0.5 * step + 1e-9)
+    return near, nearest[near]
 
 
 def _of_errors(after: OutputScore, before: OutputScore) -> Rows:
@@ -326,10 +300,15 @@ def _sds(covariance: FloatArray, own: slice) -> FloatArray:
         return np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)[:, own])
 
 
-def _paired(name: str, unit: str, runs: Sequence[_Pair], tail: float) -> PairedScore:
-    """Return the comparison of a row."""
-    most = sum(one.count for one in runs)
-    plain, normal = ([one.plain for one in runs], [one.normal for one in runs])
+def _paired(name: str, unit: str, runs: Sequence[tuple[_Errors, _Errors]], tail: float) -> PairedScore:
+    """Return the comparison of a row.
+
+    An error that stays is one value, however many epochs have it: so those of both runs limit the independent ones.
+    """
+    w = [[whitened(one.error[..., None], one.covariance)[..., 0] for one in run] for run in runs]
+    most = sum(min(map(independent_count, run)) for run in w)
+    plain = [np.stack([np.sum(one.error**2, axis=1) for one in run]) for run in runs]
+    normal = [np.stack([np.mean(one**2, axis=1) for one in run]) for run in w]
     (error, count), (normalised, _) = (_ratio(squares, most, tail) for squares in (plain, normal))
     rms, honesty = (np.sqrt(np.concatenate(one, axis=1).mean(axis=1)).tolist() for one in (plain, normal))
     return PairedScore(name, unit, (rms[0], rms[1]), (honesty[0], honesty[1]), error, normalised, count)

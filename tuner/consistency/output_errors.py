@@ -224,8 +224,7 @@ def in_axes_of(truth: FilterOutput, estimate: FilterOutput) -> tuple[FilterOutpu
     product = np.einsum("nki,nkl->nil", mine, theirs)
     near = np.ones(len(mine), dtype=bool)
     for _ in range(SELECTION_ROUNDS):
-        u, _, vt = np.linalg.svd(product[near].sum(axis=0))
-        between = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+        between = rotation.nearest_rotation(product[near].sum(axis=0))
         left = rotation.rotvec_from_mat(product @ between.T)
         distance = np.linalg.norm(left, axis=1)
         near = distance <= MAX_MEDIAN_DISTANCES * np.median(distance)

@@ -22,6 +22,7 @@ from models.probability import student_quantile
 from models.robust import normal_sd
 from tuner.consistency.drive_scores import as_output, as_truth, settled
 from tuner.consistency.output_errors import in_axes_of
+from tuner.consistency.scores import FALSE_ALARM_RATE
 from tuner.consistency.trajectory_alignment import at_times
 from tuner.consistency.velocity_of_positions import MATTERING_SHARE
 from tuner.formats.customary_units import digits
@@ -47,8 +48,6 @@ MIN_WINDOWS = 4
 """Least number of windows at rest: two degrees of freedom for the scatter of the gyroscopes."""
 MAX_SHARE_SHOWN = 0.5
 """Share of the turn of a reference that gyroscopes show, its interval within ±: the vehicle did not turn so."""
-FALSE_ALARM = 0.01
-"""Probability that the share seems smaller by chance, by Student's law."""
 STATED_SDS = 5.0
 """Turns in a stand, in the sds that the reference states of the attitudes at both ends, which are no chance."""
 AXIS_NAMES = ("roll", "pitch", "heading")
@@ -73,7 +72,7 @@ def without_wrong_attitude(
         return reference, ""
     begin, turn, by_gyros, sd, stated = rests[:, 0], *np.split(rests[:, 1:], 4, axis=1)
     stand = np.concatenate([[0], np.cumsum(np.diff(begin) > 1.5 * WINDOW_LENGTH)])
-    wrong, surely = [], student_quantile(1.0 - FALSE_ALARM, len(rests) - 2.0)
+    wrong, surely = [], student_quantile(1.0 - FALSE_ALARM_RATE, len(rests) - 2.0)
     for i, axis in enumerate(AXIS_NAMES):
         sums = np.bincount(stand, turn[:, i])
         longest = int(np.argmax(np.abs(sums)))

@@ -28,6 +28,7 @@ from tuner.consistency.reference_check import with_trusted_reference
 from tuner.consistency.scores import (
     DIVERGED_RATIO,
     DIVERGED_REFUSED_SHARE,
+    OUTAGE_LENGTHS,
     innovation_scores,
     outage_score,
     whiteness,
@@ -54,14 +55,15 @@ from tuner.synthesis.from_drive import config_for_drive, receiver_of
 from tuner.synthesis.rest_and_motion import in_motion
 from tuner.types import FilterConfig, GnssNoise
 from tuner.types.consistency import Consistency, Outage
+from tuner.types.honesty import LONGEST_CLAIM
 from tuner.types.named_cause import NamedCause
 from tuner.types.number_ranges import Positive
 from tuner.types.public import public
 from tuner.types.records import Drive, Reference
 from tuner.types.shown import Shown
 
-OUTAGE_LENGTHS = (10.0, 30.0, 60.0)
-"""Lengths of outage that are scored on a measured drive, s."""
+CLAIMED_LENGTHS = tuple(length for length in OUTAGE_LENGTHS if length <= LONGEST_CLAIM)
+"""Lengths of outage that are scored on a measured drive, s: those that decide."""
 UNCONSTRAINED = Vehicle()
 """A vehicle of which nothing is assumed."""
 MIN_NOISE_RATIO = 2.0
@@ -220,7 +222,7 @@ def navigate_drive(
         ),
         tuple(
             outage
-            for horizon in counted(OUTAGE_LENGTHS)
+            for horizon in counted(CLAIMED_LENGTHS)
             if (outage := _outage(reference, stretches, settings, horizon)) is not None
         ),
         errors(reference, solutions, scored),

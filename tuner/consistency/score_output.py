@@ -17,7 +17,7 @@ from tuner.consistency.constant_errors import LARGEST_TURN, constant_errors, uni
 from tuner.consistency.correlated_errors import whitened
 from tuner.consistency.frame_differences import errors_in_one_frame
 from tuner.consistency.one_factor import one_factor
-from tuner.consistency.output_causes import Explanations, explain
+from tuner.consistency.output_causes import explain
 from tuner.consistency.output_errors import OutputErrors
 from tuner.consistency.output_rows import with_stated_sds, without_repeats
 from tuner.consistency.output_scores import (
@@ -159,21 +159,20 @@ def score_outputs(
         notes.append(f"{few if stated else none}: only its errors are shown")
     stage("finding why it is not consistent", 0.9)
     lost = any(_not_finite(output) for output in outputs)
-    why = Explanations()
+    causes: tuple[OutputCause, ...] = ()
+    misfit: float | None = None
     if not lost:
         if constants and not (_is_far(found) and not _is_far(left)):
-            why = explain(runs, sensor_noise=sensor_noise)
+            of_filter, _ = explain(runs, sensor_noise=sensor_noise)
             # a model of the filter tells its fixes from its output
-            if why.causes and (why.causes[0].subject == "fixes" or not left.consistent):
-                if left.consistent:  # one constant explains all
-                    why = replace(why, causes=why.causes[:1])
+            if of_filter and (of_filter[0].subject == "fixes" or not left.consistent):
+                causes = of_filter[:1] if left.consistent else of_filter  # one constant explains all
                 constants, rest, left = (), runs, found
-            else:
-                why = Explanations()
-        if not (why.causes or _explained(left, constants)):
-            why = explain(rest or [_without_truth(o) for o in innovative], sensor_noise=sensor_noise)
+        if not (causes or _explained(left, constants)):
+            of_what = rest or [_without_truth(o) for o in innovative]
+            causes, misfit = explain(of_what, sensor_noise=sensor_noise)
     notes += unscored_start(rest, left.blocks)
-    causes = _without_contradicted(why.causes, left.scores)
+    causes = _without_contradicted(causes, left.scores)
     grow = _is_far(left) and not causes and _grow(rest)
     stage("scoring each state", 1.0)
     states = state_scores(runs) if runs else ()
@@ -181,14 +180,14 @@ def score_outputs(
         factor = one_factor(left.scores, state_scores(rest) if rest else ())
         causes = () if factor is None else (factor,)
     causes = (*constants, *causes)
-    if why.misfit is not None and not (left.consistent or causes):
+    if misfit is not None and not (left.consistent or causes):
         notes.append(
             "no cause is sought: no filter with states of position, velocity, attitude, biases and scale factors that "
-            f"uses such fixes has these sds, whatever its noise ({100.0 * why.misfit:.0f} % off, rms)"
+            f"uses such fixes has these sds, whatever its noise ({100.0 * misfit:.0f} % off, rms)"
         )
     found = replace(found, diverged=lost or grow)
     return OutputScore(
-        replace(found, verdicts=_verdicts(found, lost=lost, named=bool(causes) or why.misfit is not None)),
+        replace(found, verdicts=_verdicts(found, lost=lost, named=bool(causes) or misfit is not None)),
         states,
         causes,
         offset,
@@ -215,20 +214,13 @@ def _refuse_idle(outputs: Sequence[FilterOutput], windows: FloatArray) -> None:
             )
     named: dict[bytes, str] = {}
     for one in outputs:
-        if (digest := _digest(one)) in named:
+        parts = (one.t, one.llh, one.local, one.vel_n, one.quat_nb, one.bias, one.innovation)
+        numbers = b" ".join(b"" if part is None else part.tobytes() for part in parts)
+        if (digest := hashlib.sha256(numbers).digest()) in named:
             raise DataError(
                 f"{one.name}: expected runs that differ, found the numbers of {named[digest]} again: name it once"
             )
         named[digest] = one.name
-
-
-def _digest(one: FilterOutput) -> bytes:
-    """Return the SHA-256 of the numbers of an output."""
-    digest = hashlib.sha256()
-    for name in ("t", "llh", "local", "vel_n", "quat_nb", "bias", "innovation"):
-        values = getattr(one, name)
-        digest.update(name.encode() if values is None else values.tobytes())
-    return digest.digest()
 
 
 def _fits(found: Consistency) -> bool:

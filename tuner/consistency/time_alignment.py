@@ -21,10 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.arrays import FloatArray
-from models.earth import ned_between
 from tuner.consistency.constants import by_leaving_out
 from tuner.consistency.output_errors import RECORD_PARTS, OutputErrors
-from tuner.consistency.trajectory_alignment import MAX_GAP_INTERVALS, interpolation_variance
+from tuner.consistency.trajectory_alignment import MAX_GAP_INTERVALS, interpolation_variance, velocity_of
 from tuner.types.filter_output import FilterOutput
 from tuner.types.output_score import TimeOffset
 
@@ -101,7 +100,7 @@ def find_time_offset(estimate: FilterOutput, truth: FilterOutput) -> float | Non
     The offset with the least squared difference of speeds, which do not depend on the frame, at any lag at which the
     two share half of the shorter one; of several that are as good the smallest, as where a course repeats.
     """
-    a, b = _speed(estimate), _speed(truth)
+    a, b = (np.linalg.norm(velocity_of(one), axis=1) for one in (estimate, truth))
     good_a, good_b = np.isfinite(a), np.isfinite(b)
     if np.count_nonzero(good_a) < 10 or np.count_nonzero(good_b) < 10 or np.nanstd(b) < 1e-3:
         return None
@@ -152,15 +151,3 @@ def _misfits(a: FloatArray, b: FloatArray) -> tuple[NDArray[np.intp], FloatArray
     square = product(a**2, known_b) + product(known_a, b**2) - 2.0 * product(a, b)
     lags = np.where(enough < size // 2, enough, enough - size)
     return lags, np.maximum(square[enough] / shared[enough], 0.0)
-
-
-def _speed(given: FilterOutput) -> FloatArray:
-    """Return the speed, from positions where there is no velocity; shape (n,)."""
-    if np.isfinite(given.vel_n).any():
-        return np.asarray(np.linalg.norm(given.vel_n, axis=1))
-    local = given.local
-    if given.llh is not None:
-        local = ned_between(given.llh, given.llh[0])
-    if local is None:
-        return np.full(len(given), np.nan)
-    return np.asarray(np.linalg.norm(np.gradient(local, given.t, axis=0), axis=1))

@@ -95,7 +95,7 @@ def at_times(
     """
     after = np.clip(np.searchsorted(given.t, t), 1, len(given.t) - 1)
     nearer = np.where(np.abs(given.t[after - 1] - t) < np.abs(given.t[after] - t), after - 1, after)
-    if np.abs(given.t[nearer] - t).max() < SAME_INSTANT:
+    if np.abs(given.t[nearer] - t).max(initial=0.0) < SAME_INSTANT:
         return replace(given.rows(nearer), t=t)
     before = after - 1
     step = given.t[after] - given.t[before]
@@ -274,6 +274,14 @@ def difference(one: FilterOutput, other: FilterOutput) -> FloatArray:
     return error
 
 
+def velocity_of(given: FilterOutput) -> FloatArray:
+    """Return velocities, from positions where none are stated, NaN without either; (n, 3), m/s."""
+    if np.isfinite(given.vel_n).any():
+        return given.vel_n
+    place = given.local if given.llh is None else ned_between(given.llh, given.llh[0])
+    return given.vel_n if place is None else np.asarray(np.gradient(place, given.t, axis=0))
+
+
 def to_tangent_plane(given: FilterOutput, origin: FloatArray) -> FilterOutput:
     """Return a trajectory in metres north, east, down of one point, and all axes those of that point.
 
@@ -331,12 +339,12 @@ def aligned(
         angle = np.arctan2(product[1, 0] - product[0, 1], product[0, 0] + product[1, 1])
         mat = rotation.mat_from_rpy(np.array([0.0, 0.0, angle]))
     else:
-        u, size, vt = np.linalg.svd(product)
+        size = np.linalg.svd(product, compute_uv=False)
         if size[1] < 1e-6 * size[0]:
             raise DataError(
                 f"{estimate.name}: expected positions off a line for --align se3, found them on one: use --align yaw"
             )
-        mat = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+        mat = rotation.nearest_rotation(product)
     shift = middle_b - mat @ middle_a
     moved = replace(turned(estimate, mat), local=estimate.local @ mat.T + shift)
     angles = np.degrees(rotation.rpy_from_mat(mat))

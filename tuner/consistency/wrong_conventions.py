@@ -28,7 +28,6 @@ WORLDS = ("NED", "ENU", "NWU")
 """Usual axes of the world."""
 BODIES = ("FRD", "FLU", "RFU")
 """Usual axes of the body."""
-_UPWARD = np.array([1.0, 1.0, -1.0])
 SPEEDS = ("km/h", "kn", "mph", "ft/s", "cm/s")
 """Other units of velocities."""
 
@@ -104,11 +103,11 @@ def _positions(
     estimate: FilterOutput, truth: FilterOutput, place: FloatArray, other: FloatArray
 ) -> Iterator[tuple[str, str, FloatArray]]:
     if estimate.llh is None or truth.llh is None:
-        for name, mat in _worlds(estimate.axes.positions):
-            cure = f"name the columns x, y, z with --frame {name}"
-            yield f"as {name}", cure, _about_mean(place @ mat.T - other)
-        yield "with d upwards", "change the sign of d", _about_mean(place * _UPWARD - other)
-        yield "with n and e exchanged", "exchange n and e", _about_mean(place[:, [1, 0, 2]] - other)
+        axes = [
+            *_axes(estimate.axes.positions, "x, y, z with --frame", "d"),
+            ("with n and e exchanged", "exchange n and e", np.eye(3)[[1, 0, 2]]),
+        ]
+        yield from ((words, cure, _about_mean(place @ mat.T - other)) for words, cure, mat in axes)
         return
     degrees = np.degrees(estimate.llh[:, :2])
     for words, cure, pair in (
@@ -121,11 +120,11 @@ def _positions(
 
 
 def _velocities(one: FilterOutput, want: FloatArray, option: str) -> Iterator[tuple[str, str, FloatArray]]:
-    for name, mat in _worlds(one.axes.velocities):
-        yield f"as {name}", f"name the columns vx, vy, vz with {option} {name}", one.vel_n @ mat.T - want
-    yield "with vd upwards", "change the sign of vd", one.vel_n * _UPWARD - want
-    for unit in SPEEDS:
-        yield f"in {unit}", f"name the columns 'vn [{unit}]', …", one.vel_n * unit_value(unit) - want
+    units = [
+        (f"in {unit}", f"name the columns 'vn [{unit}]', …", unit_value(unit) * np.eye(3)) for unit in SPEEDS
+    ]
+    axes = [*_axes(one.axes.velocities, f"vx, vy, vz with {option}", "vd"), *units]
+    yield from ((words, cure, one.vel_n @ mat.T - want) for words, cure, mat in axes)
     if np.isfinite(one.quat_nb).all():
         turned = np.einsum("nij,nj->ni", rotation.mat_from_quat(one.quat_nb), one.vel_n)
         yield "along the axes of the body", "turn them into axes of the world", turned - want
@@ -160,6 +159,12 @@ def _attitudes(one: FilterOutput, want: FloatArray) -> Iterator[tuple[str, str, 
             to_frd = axes_rotation(body, BODY_LETTERS, option="--body")
             other = rotation.quat_from_mat(to_ned @ mat @ from_frd @ to_frd.T)
             yield f"as {body} to {world}", _frames_cure(taken, world, body), _turns(other, want)
+
+
+def _axes(taken: str, columns: str, down: str) -> list[tuple[str, str, FloatArray]]:
+    """Return other axes of the world in words, with what to do and the matrix that changes to them."""
+    named = [(f"as {name}", f"name the columns {columns} {name}", mat) for name, mat in _worlds(taken)]
+    return [*named, (f"with {down} upwards", f"change the sign of {down}", np.diag([1.0, 1.0, -1.0]))]
 
 
 def _worlds(taken: str) -> Iterator[tuple[str, FloatArray]]:

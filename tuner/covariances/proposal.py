@@ -76,26 +76,27 @@ class Covariances:
     notes: tuple[str, ...]
 
     @property
-    def worst(self) -> float:
-        """The ratio farthest from 1, either way, as a factor."""
-        return max(max(one, 1.0 / one) for one in self.ratios.values())
+    def factors(self) -> Mapping[str, float]:
+        """How far each ratio is from 1, either way, as a factor; the farthest first."""
+        found = {name: max(one, 1.0 / one) for name, one in self.ratios.items()}
+        return dict(sorted(found.items(), key=lambda pair: -pair[1]))
 
     @property
     def written(self) -> bool:
         """Whether the settings are written at all."""
-        return self.worst <= TOLERATED_RATIO
+        return max(self.factors.values()) <= TOLERATED_RATIO
 
     @property
     def verdict(self) -> str:
         """For what the settings can be used."""
         said = f"errors are {min(self.ratios.values()):.2f} to {max(self.ratios.values()):.2f} × predicted"
         if not self.written:
-            worst = max(self.ratios, key=lambda name: max(self.ratios[name], 1.0 / self.ratios[name]))
+            worst = next(iter(self.factors))
             return (
                 "do not use: with none of the settings tried is robot_localization honest around this motion; at best "
                 f"its error of the {worst} is {self.ratios[worst]:.2g} × predicted. Nothing is written"
             )
-        far = [name for name, one in self.ratios.items() if max(one, 1.0 / one) > HONEST_RATIO]
+        far = [name for name in self.ratios if self.factors[name] > HONEST_RATIO]
         if far:
             return f"usable except for {', '.join(far)}: {said}"
         return f"usable: robot_localization's {said} here"

@@ -42,7 +42,7 @@ from models.arrays import FloatArray
 from models.earth import ned_between
 from tuner.consistency.drive_scores import blocks, on_clock_of, reference_at, settled, stated
 from tuner.consistency.reference_check import trusted_reference
-from tuner.consistency.score_drive import OUTAGE_LENGTHS, UNKNOWN_LEVER_ARM_SD, drive_filter
+from tuner.consistency.score_drive import CLAIMED_LENGTHS, UNKNOWN_LEVER_ARM_SD, drive_filter
 from tuner.consistency.scores import DIVERGED_REFUSED_SHARE, outage_score, score
 from tuner.diagnosis.drive.causes.constant_errors import TimeOffset
 from tuner.examination.examine import StreamNoise
@@ -298,7 +298,7 @@ def compared(
     stretch: Stretch,
     settings: FilterSettings,
     known: Reference,
-    lengths: Sequence[float] = OUTAGE_LENGTHS,
+    lengths: Sequence[float] = CLAIMED_LENGTHS,
 ) -> tuple[Compared, ...]:
     """Return what a filter errs and predicts with fixes, and after some times without, s; nothing where it is lost."""
     (whole,) = navigate((stretch,), settings, NO_WINDOWS)

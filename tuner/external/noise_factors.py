@@ -39,13 +39,7 @@ def with_factors(config: FilterConfig, factors: Mapping[str, float], *, reason: 
     white = {"gyro": factors["gyro noise"], "accel": factors["accelerometer noise"]}
     walk, fixes = factors["bias walks"], factors["fix sds"]
     channels = {
-        axis: replace(
-            channel,
-            white_density=white[axis.partition("_")[0]] * channel.white_density,
-            markov=tuple(replace(state, sd=walk * state.sd) for state in channel.markov),
-            random_walk_density=walk * channel.random_walk_density,
-        )
-        for axis, channel in config.channels.items()
+        axis: channel.scaled(white[axis.partition("_")[0]], walk) for axis, channel in config.channels.items()
     }
     receiver = config.gnss
     if receiver is not None:

@@ -24,6 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from models.arrays import FloatArray
+from models.probability import REACH_95
 from tuner.external.innovations import Deviations, common
 from tuner.external.noise_factors import NOISE_FACTORS
 from tuner.types.records import DataError
@@ -47,8 +48,6 @@ MAX_HALVINGS = 4
 """Times that a step is halved."""
 GRADIENT_BLOCKS = 20
 """Parts of the record whose gradients tell how far the likelihood scatters: their variance is then known to a third."""
-INTERVAL_SDS = 1.96
-"""Half width of an interval of 95 %, sds."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +79,7 @@ class Found:
         """Return the interval of 95 % of a factor, None without effect."""
         if not math.isfinite(self.sd[name]):
             return None
-        wide = math.exp(INTERVAL_SDS * self.sd[name])
+        wide = math.exp(REACH_95 * self.sd[name])
         return self.factors[name] / wide, self.factors[name] * wide
 
 

@@ -17,7 +17,7 @@ from models.units import from_si
 from tuner.formats import codec
 from tuner.formats.configuration import FORMAT, config_json, load_config
 from tuner.formats.customary_units import customary_unit, digits, in_customary, phrase, pretty
-from tuner.formats.digits import CLOCK_DIGITS, rounded, rounded_content
+from tuner.formats.digits import CLOCK_DIGITS, rounded_content
 from tuner.formats.documents import parse_format, read_text
 from tuner.formats.files import write_text
 from tuner.formats.yaml_text import Inline, Noted, yaml_text
@@ -31,7 +31,7 @@ from tuner.types import (
 )
 from tuner.types.borrowed import borrowed, white_is_measured
 
-__all__ = ["FORMAT", "dump", "dumps", "load", "loads"]
+__all__ = ["FORMAT", "as_written", "dump", "dumps", "load", "loads"]
 
 _HEADER = (
     "Noise of an inertial sensor and the filter settings that follow from it.",
@@ -56,9 +56,9 @@ def dumps(config: FilterConfig) -> str:
     Returns
     -------
     str
-        Text that `loads` turns back into the configuration with rounded numbers.
+        Text that `loads` turns back into the configuration `as_written`.
     """
-    config = load_config(_rounded(config_json(config)), source=config.name)
+    config = as_written(config)
     span = float(config.provenance.get("span") or 0.0)
     lent = borrowed(config)
     sensors: dict[str, dict[str, Any]] = {}
@@ -84,6 +84,14 @@ def dumps(config: FilterConfig) -> str:
         "notes": config.notes,
     }
     return yaml_text(tree, header=_HEADER)
+
+
+def as_written(config: FilterConfig) -> FilterConfig:
+    """Return a configuration with the digits that a file carries: what `loads` makes of its text."""
+    content = config_json(config)
+    precise = ("interval", "provenance")
+    times = {key: rounded_content(content[key], digits=CLOCK_DIGITS) for key in precise}
+    return load_config({**rounded_content(content), **times}, source=config.name)
 
 
 def dump(config: FilterConfig, path: Path) -> None:
@@ -113,15 +121,6 @@ def load(path: Path) -> FilterConfig:
     """Read a configuration file."""
     text = read_text(path, expected=f"a readable YAML file of format {FORMAT}")
     return loads(text, source=str(path))
-
-
-def _rounded(content: dict[str, Any]) -> dict[str, Any]:
-    """Return the plain values of a configuration with the digits that a file carries."""
-    return {
-        **rounded_content(content),
-        "interval": rounded(content["interval"], digits=CLOCK_DIGITS),
-        "provenance": rounded_content(content["provenance"], digits=CLOCK_DIGITS),
-    }
 
 
 def _channel(

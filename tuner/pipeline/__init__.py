@@ -21,6 +21,7 @@ from tuner.diagnosis.static.position_drift import found_signals, without_events
 from tuner.examination.examined_drive import examined_drive
 from tuner.exporters import DIALECTS, dialect_named, export, lacking, withheld
 from tuner.exporters.withheld import NATIVE_DIALECT
+from tuner.formats.noise_yaml import as_written
 from tuner.formats.prediction import prediction_json
 from tuner.identification import identify
 from tuner.identification.identify import with_terms_found
@@ -172,7 +173,7 @@ def tune(
             inputs.run.records, poses_of(inputs.run.poses), config, inputs.run.name, noise.still
         )
         config = with_run(config, compared)
-    examined, choice, measured = None, None, None
+    examined, choice, measured, judged = None, None, None, None
     unmeasured: Mapping[str, str] = {}
     if inputs.drive is not None:  # the diagnosis of drives takes a third of a second to load
         from tuner.consistency.reference_check import with_trusted_reference
@@ -190,6 +191,8 @@ def tune(
         choice = choose_config(judged, examined, began, found, progress)
         config, left_out = with_stated_arm(with_rest_and_motion(config, choice.config), lever_arm)
         config = replace(config, notes=(*config.notes, choice.note, *left_out))
+    config = as_written(config)  # what is judged and returned is what the file says
+    if judged is not None:
         stage("scoring the settings on the whole drive", 0.95)
         measured, unmeasured = measured_or_reason(judged, config, progress)
     exports, kept_back = exports_of(config, wanted)

@@ -143,18 +143,12 @@ def first_alignment(turns: Turns, poses: Poses) -> tuple[float, FloatArray, floa
     own = turns.between(poses.t + float(delays[best]))
     apart = np.abs(np.linalg.norm(own, axis=1) - np.linalg.norm(turned, axis=1))
     alike = apart <= WILD_RATIO * np.median(apart)
-    return float(delays[best]), _turn_between(own[alike], turned[alike]), fits[best]
+    return float(delays[best]), rotation.nearest_rotation(own[alike].T @ turned[alike]), fits[best]
 
 
 def _ranks(turned: FloatArray) -> FloatArray:
     """Return the places of rotation vectors (n, 3) in the order of their sizes."""
     return np.asarray(np.argsort(np.argsort(np.linalg.norm(turned, axis=1))), dtype=float)
-
-
-def _turn_between(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return the rotation matrix C with a ≈ C b in least squares (Kabsch 1976)."""
-    u, _, vt = np.linalg.svd(a.T @ b)
-    return np.asarray(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)
 
 
 def gyro_misfit(imu: Inertial, turns: Turns, poses: Poses, c: FloatArray) -> Misfit:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Self
 
 from models.noise import GaussMarkov
 from tuner.types.compensation import Compensation
@@ -57,6 +57,15 @@ class ChannelNoise:
     ramp_sd: float = 0.0
     identified: tuple[TermEstimate, ...] = ()
     handling: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+
+    def scaled(self, white: float, slow: float) -> Self:
+        """Return the noise of the axis with its white density, and with its states and walk, times a factor."""
+        return replace(
+            self,
+            white_density=white * self.white_density,
+            random_walk_density=slow * self.random_walk_density,
+            markov=tuple(replace(state, sd=slow * state.sd) for state in self.markov),
+        )
 
 
 @dataclass(frozen=True)

@@ -7,14 +7,20 @@ import pytest
 from scipy.signal import lfilter
 
 from models import rotation
-from models.earth import llh_displaced
+from models.earth import llh_displaced, ned_between
 from models.trajectory.motion import Trajectory
 from models.trajectory.profiles import Profile, Wave
 from tuner.consistency.correlated_errors import absorbed_shares
 from tuner.consistency.frame_differences import errors_in_one_frame
 from tuner.consistency.output_scores import error_scores
 from tuner.consistency.time_alignment import find_time_offset
-from tuner.consistency.trajectory_alignment import Alignment, at_times, difference, interpolation_variance
+from tuner.consistency.trajectory_alignment import (
+    Alignment,
+    at_times,
+    difference,
+    interpolation_variance,
+    velocity_of,
+)
 from tuner.types.filter_output import filter_output
 
 DURATION = 400.0
@@ -160,3 +166,14 @@ def test_speeds_across_gaps_of_a_truth_show_no_offset_of_clocks(seed):
     estimate = filter_output("estimate", t, llh=llh, vel_n=north + 0.3 * np.cos(t)[:, None])
     truth = filter_output("truth", t[kept], llh=llh[kept], vel_n=north[kept])
     assert find_time_offset(estimate, truth) == pytest.approx(0.0, abs=0.1)
+
+
+def test_positions_alone_tell_the_velocity_in_either_form():
+    t = np.arange(0.0, 60.0, 0.1)
+    state = DRONE.evaluate(t)
+    local = ned_between(state.llh, state.llh[0])
+    for given in (filter_output("a", t, llh=state.llh), filter_output("b", t, local=local)):
+        np.testing.assert_allclose(velocity_of(given)[1:-1], state.vel_n[1:-1], atol=0.02)
+    assert np.isnan(
+        velocity_of(filter_output("c", t, quat_nb=np.tile([1.0, 0.0, 0.0, 0.0], (len(t), 1))))
+    ).all()

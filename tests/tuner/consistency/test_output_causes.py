@@ -146,7 +146,6 @@ def test_noise_of_the_unit_at_rest_speaks_against_hypotheses_with_less():
         _Fit(
             OutputCause(name, 1.0, (0.9, 1.1), "1", 10.0),
             TrueNoise(density=(size, size, 1.0, 1.0)),
-            np.zeros(0),
             (),
         )
         for name, size in (("gnss_noise_scale", 1.0), ("imu_noise_scale", 3.0))

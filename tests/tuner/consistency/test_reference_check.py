@@ -10,7 +10,7 @@ import pytest
 from models.earth import llh_displaced
 from models.trajectory.catalogue import TRAJECTORIES
 from tuner.catalogue.grades import load_gnss, load_grade
-from tuner.consistency.drive_scores import reference_positions
+from tuner.consistency.drive_scores import reference_at
 from tuner.consistency.reference_check import contradictions, trusted_reference, with_trusted_reference
 from tuner.consistency.score_drive import drive_filter, navigate_drive
 from tuner.formats.reference_words import reference_line
@@ -67,7 +67,7 @@ def test_a_reference_that_is_pulled_aside_is_left_out_around_it(flown):
     (line,) = reference_line([text])  # 30 s on either side of a pull of 4 s
     assert 60.0 <= float(line.split(": ")[1].split()[0]) <= 66.0
     t = np.array([PULLED[0] - RECOVERY_TIME - 2.0, PULLED[0] + 1.0, PULLED[1] + RECOVERY_TIME + 2.0])
-    np.testing.assert_array_equal(np.isfinite(reference_positions(kept, t)[:, 0]), [True, False, True])
+    np.testing.assert_array_equal(np.isfinite(reference_at(kept, t)[0][:, 0]), [True, False, True])
 
 
 def test_a_reference_is_wrong_at_one_set_of_times_whatever_filter_is_judged():

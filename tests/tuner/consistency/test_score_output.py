@@ -14,7 +14,6 @@ from models.earth import llh_displaced
 from models.trajectory.catalogue import TRAJECTORIES
 from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
 from tuner.consistency import score_output
-from tuner.consistency.output_causes import Explanations
 from tuner.consistency.output_errors import output_errors
 from tuner.consistency.output_scores import error_scores
 from tuner.consistency.score_output import _without_contradicted, score_outputs
@@ -204,7 +203,7 @@ def test_sds_of_too_few_epochs_are_not_said_to_lack():
 
 def test_where_no_cause_is_sought_none_is_missed(monkeypatch):
     truth, estimate = wandering(400)
-    monkeypatch.setattr(score_output, "explain", lambda *_, **__: Explanations(misfit=0.07))
+    monkeypatch.setattr(score_output, "explain", lambda *_, **__: ((), 0.07))
     monkeypatch.setattr(score_output, "one_factor", lambda *_: None)
     found = score_outputs([estimate], [filter_output("truth", truth.t, local=truth.local)])
     assert any("no cause is sought" in note for note in found.notes)
@@ -213,7 +212,7 @@ def test_where_no_cause_is_sought_none_is_missed(monkeypatch):
 
 def test_errors_that_grow_diverge_and_large_ones_that_stay_do_not(monkeypatch):
     """A datum 50 m off was "diverged"; errors that 400 s bring to 800 m are."""
-    monkeypatch.setattr(score_output, "explain", lambda *_, **__: Explanations(misfit=0.07))
+    monkeypatch.setattr(score_output, "explain", lambda *_, **__: ((), 0.07))
     truth, estimate = wandering(400)
     reference = filter_output("truth", truth.t, local=truth.local)
     growing = replace(estimate, local=estimate.local + np.outer(np.exp(truth.t / 60.0), [1.0, -1.0, 0.0]))

@@ -33,7 +33,7 @@ from functools import partial
 import numpy as np
 
 from models.arrays import FloatArray
-from tuner.consistency.attribution.hypotheses import Fit, Hypothesis, hypotheses, missing_correlated
+from tuner.consistency.attribution.hypotheses import Fit, Hypothesis, hypotheses
 from tuner.consistency.attribution.likelihood import (
     WhitenedProducts,
     deviance,
@@ -41,15 +41,11 @@ from tuner.consistency.attribution.likelihood import (
     measured_products,
 )
 from tuner.consistency.attribution.pairs import fitted_in_turn, pairs
-from tuner.consistency.attribution.sensitivity import (
-    CORRELATED_TIMES,
-    ScoreSensitivity,
-    score_contributions,
-)
+from tuner.consistency.attribution.sensitivity import ScoreSensitivity, score_contributions
 from tuner.consistency.scores import BLOCKS
 from tuner.linear_run.best_size import INTERVAL_DEVIANCE, best_size
 from tuner.simulation.monte_carlo import Runs
-from tuner.types.consistency import Consistency, Score
+from tuner.types.consistency import Consistency, ErrorBudget, Score
 from tuner.types.verdict import Explanation
 
 Loss = Callable[[FloatArray], FloatArray]
@@ -81,21 +77,21 @@ def attribute(found: Consistency, simulated: Runs, sensitivity: ScoreSensitivity
     """
     # The error budget is of navigation and total biases: a further state by itself has no source that may be wrong.
     found = replace(found, blocks=tuple(one for one in found.blocks if one.name in BLOCKS))
-    own, others = (
-        np.concatenate([score_contributions(found, budget), expected_products(budget)]).T
-        for budget in (sensitivity.configured, sensitivity.unmodelled)
-    )
+
+    def columns(budget: ErrorBudget) -> FloatArray:
+        return np.concatenate([score_contributions(found, budget), expected_products(budget)]).T
+
+    own = sensitivity.configured
     rivals = hypotheses(
-        dict(zip(sensitivity.configured.sources, own, strict=True)),
-        dict(zip(sensitivity.noises, others, strict=True)),
+        dict(zip(own.sources, columns(own), strict=True)),
+        {
+            noise: column
+            for budget, noises in sensitivity.unmodelled
+            for noise, column in zip(noises, columns(budget), strict=True)
+        },
         sensitivity.time_constants,
     )
-    if sensitivity.correlated is not None:
-        fixes = np.concatenate(
-            [score_contributions(found, sensitivity.correlated), expected_products(sensitivity.correlated)]
-        ).T
-        rivals += missing_correlated(own.sum(axis=0), dict(zip(CORRELATED_TIMES, fixes, strict=True)))
-    return likeliest(found.scores, measured_products(simulated, sensitivity.configured), rivals)
+    return likeliest(found.scores, measured_products(simulated, own), rivals)
 
 
 def likeliest(

@@ -142,14 +142,10 @@ def hypotheses(
                 if kind is ExplanationKind.MISSING_FASTER:
                     beside = min((fastest for fastest, _ in ends), default=None)
                 answer.append(_missing(kind, process, base, column, beside))
-    return answer
-
-
-def missing_correlated(base: FloatArray, columns: Mapping[float, FloatArray]) -> list[Hypothesis]:
-    """Return the hypotheses that errors of the position fixes stay, by time constant, s, each by what it adds."""
-    return [
-        _missing(ExplanationKind.MISSING_CORRELATED, "position fixes", base, column, time)
-        for time, column in columns.items()
+    return answer + [
+        _missing(noise.kind, noise.sensor, base, column, noise.factor)
+        for noise, column in unmodelled.items()
+        if noise.kind is ExplanationKind.MISSING_CORRELATED
     ]
 
 

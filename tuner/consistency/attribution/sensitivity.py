@@ -25,7 +25,7 @@ from tuner.consistency.scores import BLOCKS, INNOVATIONS
 from tuner.navigation.settings import FilterSettings, filter_settings
 from tuner.simulation.monte_carlo import AVERAGING_RATIO
 from tuner.simulation.scenario import Scenario
-from tuner.types import FilterConfig
+from tuner.types import FilterConfig, GnssNoise
 from tuner.types.consistency import Consistency, ErrorBudget
 from tuner.types.verdict import ExplanationKind
 
@@ -40,9 +40,9 @@ UNMODELLED_TIME_CONSTANT = 10.0
 
 
 class UnmodelledNoise(NamedTuple):
-    """Bias noise of a sensor, ``gyro`` or ``accelerometer``, that a filter has no states for.
+    """Noise that a filter has no states for, of a sensor, ``gyro`` or ``accelerometer``, or of ``position fixes``.
 
-    `factor` is that of the time constants, of `ExplanationKind.TIME_CONSTANT`; else 1.
+    `factor` is that of the time constants, of `ExplanationKind.TIME_CONSTANT`; of fixes their time constant, s; else 1.
     """
 
     sensor: str
@@ -58,21 +58,15 @@ class ScoreSensitivity:
     ----------
     configured : ErrorBudget
         Of the sources that the filter is configured for.
-    unmodelled : ErrorBudget
-        Of bias noises that it is not configured for.
-    noises : tuple of UnmodelledNoise
-        Those.
+    unmodelled : tuple of (ErrorBudget, tuple of UnmodelledNoise)
+        Of noises that it is not configured for.
     time_constants : mapping of str to (float, float)
         Time constants of the fastest and the slowest state of each sensor, s; empty where there are none.
-    correlated : ErrorBudget or None
-        Of errors of position fixes that stay for each of `CORRELATED_TIMES`, as large as the white ones.
     """
 
     configured: ErrorBudget
-    unmodelled: ErrorBudget
-    noises: tuple[UnmodelledNoise, ...]
+    unmodelled: tuple[tuple[ErrorBudget, tuple[UnmodelledNoise, ...]], ...]
     time_constants: dict[str, tuple[float, float]]
-    correlated: ErrorBudget | None = None
 
 
 def score_sensitivity(
@@ -81,7 +75,7 @@ def score_sensitivity(
     budget: ErrorBudget,
     *,
     window: FloatArray,
-    with_correlated: FilterSettings | None = None,
+    config: FilterConfig | None = None,
 ) -> ScoreSensitivity:
     """Return what each noise adds to the errors of a filter along a scenario.
 
@@ -93,46 +87,43 @@ def score_sensitivity(
         Of both.
     window : ndarray, shape (6,)
         Over how long the true biases are averaged, s.
-    with_correlated : FilterSettings, optional
-        The filter with states of `with_correlated_fixes`.
+    config : FilterConfig, optional
+        What the filter was made from: its fixes may have errors that stay.
     """
-    unmodelled, noises = unmodelled_budget(settings, plan, window)
+    unmodelled = [unmodelled_budget(settings, plan, window)]
+    if config is not None and config.gnss is not None:
+        unmodelled.append(_correlated_budget(config, config.gnss, plan))
     time_constants = {}
     for title, key in (("gyro", "gyro_markov"), ("accelerometer", "accel_markov")):
         if key in settings.model.layout:
             values = settings.model.time_constant[settings.model.layout[key]]
             time_constants[title] = (float(values.min()), float(values.max()))
-    return ScoreSensitivity(
-        budget,
-        unmodelled,
-        noises,
-        time_constants,
-        None if with_correlated is None else _correlated_budget(with_correlated, plan),
-    )
+    return ScoreSensitivity(budget, tuple(unmodelled), time_constants)
 
 
-def with_correlated_fixes(config: FilterConfig) -> FilterSettings | None:
-    """Return the filter of a configuration with a state for each of `CORRELATED_TIMES`; None without a receiver."""
-    if config.gnss is None:
-        return None
+def _correlated_budget(
+    config: FilterConfig, gnss: GnssNoise, plan: Scenario
+) -> tuple[ErrorBudget, tuple[UnmodelledNoise, ...]]:
+    """Return what correlated errors of the fixes, as large as the white ones, add to those of a filter without them."""
     more = tuple(GaussMarkov(1.0, time) for time in CORRELATED_TIMES)
-    wide = replace(config, gnss=replace(config.gnss, correlated=(*config.gnss.correlated, *more)))
-    return filter_settings(wide, constants=config.constants)
-
-
-def _correlated_budget(wide: FilterSettings, plan: Scenario) -> ErrorBudget:
-    """Return what correlated errors of the fixes add to the errors of a filter that does not estimate them."""
-    own, _ = known_sources(wide, plan)
-    last = wide.model.layout["gnss_position"].stop
+    wide = replace(config, gnss=replace(gnss, correlated=(*gnss.correlated, *more)))
+    settings = filter_settings(wide, constants=config.constants)
+    own, _ = known_sources(settings, plan)
+    last = settings.model.layout["gnss_position"].stop
     first = last - 3 * len(CORRELATED_TIMES)
-    known = np.ones(wide.size)
+    known = np.ones(settings.size)
     known[first:last] = 0.0
     sources = []
     for i, time in enumerate(CORRELATED_TIMES):
-        initial = np.zeros(wide.size)
+        initial = np.zeros(settings.size)
         initial[first + 3 * i : first + 3 * i + 3] = own.fix_sd[:3] ** 2
         sources.append(Source(str(time), initial, 2.0 * initial / time, own.rate, np.zeros(6), np.zeros(6)))
-    return trace(wide, plan, replace(own, initial=known * own.initial, drive=known * own.drive), sources)
+    own = replace(own, initial=known * own.initial, drive=known * own.drive)
+    noises = (
+        UnmodelledNoise("position fixes", ExplanationKind.MISSING_CORRELATED, time)
+        for time in CORRELATED_TIMES
+    )
+    return trace(settings, plan, own, sources), tuple(noises)
 
 
 def score_contributions(found: Consistency, budget: ErrorBudget) -> FloatArray:

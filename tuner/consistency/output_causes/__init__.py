@@ -16,6 +16,7 @@ from functools import cache, partial
 import numpy as np
 
 from models.arrays import FloatArray
+from models.probability import REACH_95
 from tuner.consistency.constants import OF_FILTER
 from tuner.consistency.output_causes.course import course_of
 from tuner.consistency.output_causes.error_model import (
@@ -29,7 +30,6 @@ from tuner.consistency.output_causes.true_noise import TrueNoise
 from tuner.consistency.output_errors import OutputErrors
 from tuner.consistency.scores import EQUIVALENCE_MARGIN
 from tuner.linear_run.best_size import best_size
-from tuner.linear_run.likelihood import unaided_shift
 from tuner.linear_run.whitened_innovations import whiten
 from tuner.stages import counted
 from tuner.types.output_score import OutputCause
@@ -51,24 +51,6 @@ SENSOR_NOISE_SD = 0.1
 """Sd of the logarithm of a white density from a log: units, temperatures and mounts differ by as much."""
 REFINED_COUNT = 6
 """Hypotheses of one size whose best size is sought: those that promise most; only the likeliest are named."""
-INTERVAL_SDS = 1.96
-"""Half width of an interval of 95 %, sds."""
-
-
-@dataclass(frozen=True)
-class Explanations:
-    """What explains the errors of a filter.
-
-    Attributes
-    ----------
-    causes : tuple of OutputCause
-        One after another as they were found.
-    misfit : float or None
-        Rms difference of the logarithms of its sds and those of the nearest filter, where that is too large.
-    """
-
-    causes: tuple[OutputCause, ...] = ()
-    misfit: float | None = None
 
 
 @dataclass(frozen=True)
@@ -77,12 +59,16 @@ class _Fit:
 
     cause: OutputCause
     base: TrueNoise
-    constants: FloatArray
     numbers: tuple[int, ...]
 
 
-def explain(runs: Sequence[OutputErrors], *, sensor_noise: tuple[float, float] | None = None) -> Explanations:
-    """Return what explains the errors of runs of one filter; nothing where its sds are not those of such a filter.
+def explain(
+    runs: Sequence[OutputErrors], *, sensor_noise: tuple[float, float] | None = None
+) -> tuple[tuple[OutputCause, ...], float | None]:
+    """Return what explains the errors of runs of one filter, one after another as found, and None.
+
+    Where its sds are not those of such a filter nothing does: returned is then the rms difference of the logarithms of
+    its sds and those of the nearest one.
 
     Parameters
     ----------
@@ -95,20 +81,22 @@ def explain(runs: Sequence[OutputErrors], *, sensor_noise: tuple[float, float] |
     pairs = [(run, course) for run in runs[:MAX_RUNS] if (course := course_of(run)) is not None]
     stated = [run for run, _ in pairs if np.isfinite(np.einsum("kii->ki", run.covariance)[:, :6]).any()]
     if not pairs or len(stated) < len(pairs):
-        return Explanations()
+        return (), None
     model = fit_filter(*pairs[0])
     if not model.fits:
-        return Explanations(misfit=model.misfit)
+        return (), model.misfit
     models = [error_model(run, course, model) for run, course in pairs]
     known = sum(int(one.seen.used.any(axis=1).sum()) for one in models)
     if known < 20:
-        return Explanations()
+        return (), None
     base = TrueNoise()
     fixed: tuple[int, ...] = ()
     causes: list[OutputCause] = []
     while len(causes) < MAX_CAUSES:
         fits = _candidates(models, base, fixed, known, scale_hypotheses(models[0], base))
-        fits = _with_sensor_noise(fits, base, model, None if models[0].course.of_body else sensor_noise)
+        fits = _with_sensor_noise(
+            fits, base, model, None if models[0].course.motion.of_body else sensor_noise
+        )
         fits = [fit for fit in fits if fit.cause.cause not in {c.cause for c in causes}]
         least = max(MIN_GAIN, FURTHER_SHARE * causes[0].gain if causes else 0.0)
         if not fits or fits[0].cause.gain < least:
@@ -117,7 +105,7 @@ def explain(runs: Sequence[OutputErrors], *, sensor_noise: tuple[float, float] |
         rivals = [f.cause for f in fits[1:] if f.cause.gain > best.cause.gain - SHORTLIST_NATS]
         causes.append(replace(best.cause, alternatives=tuple(rivals)))
         base, fixed = best.base, (*fixed, *best.numbers)
-    return Explanations(tuple(causes))
+    return tuple(causes), None
 
 
 def _with_sensor_noise(
@@ -163,9 +151,7 @@ def _candidates(
             found.append(fit)
     best: dict[str, _Fit] = {}
     for fit in sorted(found, key=lambda f: -f.cause.gain):
-        if fit.cause.cause not in best and (
-            _shifts(models[0], fit) if fit.numbers else _matters(models[0], base, fit.base)
-        ):
+        if fit.cause.cause not in best and (fit.numbers or _matters(models[0], base, fit.base)):
             best[fit.cause.cause] = fit
     return list(best.values())
 
@@ -210,7 +196,7 @@ def _constant(
     # The fixes' own errors scatter the estimate; what the model leaves out is relative to its size.
     covariance = covariance[own, own] + (MODEL_ERROR * size) ** 2 * np.eye(len(value))
     gain = 0.5 * (after - before) - price * len(value)
-    return _Fit(constant.found(value, covariance, INTERVAL_SDS, gain), base, value, (number,))
+    return _Fit(constant.found(value, covariance, REACH_95, gain), base, (number,))
 
 
 def _loss(
@@ -250,7 +236,7 @@ def _fitted(
     gain = 0.5 * (deviance - best.deviance) - price * (2 if scale.time_constant is not None else 1)
     if gain <= 0.0 or best.beyond:
         return None
-    more = INTERVAL_SDS * size_error
+    more = REACH_95 * size_error
     low, high = (math.hypot(best.size - end, more) for end in best.interval())
     size = math.exp(best.size)
     interval = (size * math.exp(-low), size * math.exp(high))
@@ -258,7 +244,7 @@ def _fitted(
     if scale.time_constant is not None:
         parameters = {"sd": (size, *interval), "time_constant": (scale.time_constant,) * 3}
     cause = OutputCause(scale.cause, size, interval, scale.unit, gain, parameters, scale.subject)
-    return _Fit(cause, scale.true(base, best.size), np.zeros(0), ())
+    return _Fit(cause, scale.true(base, best.size), ())
 
 
 def _matters(model: ErrorModel, base: TrueNoise, true: TrueNoise) -> bool:
@@ -267,17 +253,3 @@ def _matters(model: ErrorModel, base: TrueNoise, true: TrueNoise) -> bool:
     blocks = before.min(axis=1) > 0.0  # filters in axes of the body have no biases
     ratio = np.sqrt((model.variances(true).reshape(5, 3)[blocks] / before[blocks]).mean(axis=1))
     return bool(np.abs(np.log(ratio)).max() > math.log(1.0 + EQUIVALENCE_MARGIN))
-
-
-def _shifts(model: ErrorModel, fit: _Fit) -> bool:
-    """Tell whether errors without the mean that a constant gives them are smaller.
-
-    Where the noise is far larger than assumed, changes of the errors are given too much weight, and a constant may
-    fit them at the cost of the errors themselves.
-    """
-    if model.by_innovations:
-        return True
-    own, run = model.places[fit.numbers[0]], model.errors
-    shift = unaided_shift(run, range(own.start, own.stop), fit.constants)
-    left = (run.innovation - shift)[run.used] / run.sd[run.used]
-    return float(np.sum(left**2)) < float(np.sum((run.innovation / run.sd)[run.used] ** 2))

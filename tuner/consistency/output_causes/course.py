@@ -9,9 +9,12 @@ from numpy.typing import NDArray
 
 from models import rotation
 from models.arrays import FloatArray
+from models.units import STANDARD_GRAVITY
+from tuner.consistency.constants import Motion
 from tuner.consistency.output_errors import OutputErrors
+from tuner.consistency.trajectory_alignment import velocity_of
 
-GRAVITY = np.array([0.0, 0.0, 9.80665])
+GRAVITY = np.array([0.0, 0.0, STANDARD_GRAVITY])
 """m/s²: its change from place to place is far below the noise of the errors."""
 MIN_EPOCHS = 40
 """Epochs from which a filter is modelled: four times the numbers that are sought."""
@@ -33,37 +36,28 @@ class Course:
         Epochs of the errors; the model starts at the first.
     dt : ndarray, shape (k,)
         s.
-    mat_nb, force, vel, acc, rate : ndarray, shapes (k, 3, 3), (k, 3) four times
-        Attitude, specific force, velocity and its derivative, angular rate, in north-east-down, at the later epoch
-        or, of attitude and force, in the middle.
-    body : ndarray, shape (k, 3, 3)
-        Attitude at the later epoch.
+    mat_nb, force : ndarray, shapes (k, 3, 3), (k, 3)
+        Attitude and specific force, north-east-down, in the middle.
+    motion : Motion
+        At the later epoch. A filter whose errors of velocity are those along the axes of the body carries its velocity
+        in these axes, measures it there more often than the position, and turns it with its attitude: no force acts
+        through errors of the attitude, and errors of the velocity fade.
     fixed : ndarray of bool, shape (k,)
         Epochs with a fix.
-    of_body : bool
-        Whether the errors of velocity are those along the axes of the body. Such a filter carries its velocity in
-        these axes, measures it there more often than the position, and turns it with its attitude: no force acts
-        through errors of the attitude, and errors of the velocity fade.
     """
 
     rows: NDArray[np.intp]
     dt: FloatArray
     mat_nb: FloatArray
     force: FloatArray
-    vel: FloatArray
-    acc: FloatArray
-    rate: FloatArray
-    body: FloatArray
+    motion: Motion
     fixed: NDArray[np.bool_]
-    of_body: bool = False
 
 
 def course_of(run: OutputErrors) -> Course | None:
     """Return the epochs of a run with their dynamics; None where it has no velocity or too few epochs."""
     estimate = run.estimate
-    vel = estimate.vel_n
-    if not np.isfinite(vel).any() and estimate.local is not None:
-        vel = np.gradient(estimate.local, run.t, axis=0)
+    vel = velocity_of(estimate)
     quat = estimate.quat_nb
     if not np.isfinite(quat).any():
         heading = np.unwrap(np.arctan2(vel[:, 1], vel[:, 0]))
@@ -81,18 +75,15 @@ def course_of(run: OutputErrors) -> Course | None:
     mean_acc = np.diff(vel, axis=0) / dt[:, None]
     acc = np.gradient(vel, t, axis=0)[1:]
     rate = np.concatenate([turn / dt[:, None], turn[-1:] / dt[-1]])
-    return Course(
-        rows,
-        dt,
-        rotation.mat_from_quat(middle),
-        mean_acc - GRAVITY,
+    motion = Motion(
+        np.cumsum(vel[1:] * dt[:, None], axis=0),
         vel[1:],
         acc,
         0.5 * (rate[:-1] + rate[1:]),
         rotation.mat_from_quat(quat[1:]),
-        fixed[1:],
         estimate.vel_of_body,
     )
+    return Course(rows, dt, rotation.mat_from_quat(middle), mean_acc - GRAVITY, motion, fixed[1:])
 
 
 def _at_fixes(
@@ -133,7 +124,7 @@ def fixes_of(run: OutputErrors, rows: NDArray[np.intp]) -> NDArray[np.bool_]:
 
 def head(course: Course, count: int) -> Course:
     """Return the first epochs of a course."""
-    names = ("dt", "mat_nb", "force", "vel", "acc", "rate", "body", "fixed")
-    return replace(
-        course, rows=course.rows[: count + 1], **{name: getattr(course, name)[:count] for name in names}
-    )
+    moved = {name: getattr(course.motion, name)[:count] for name in Motion._fields[:-1]}
+    names = ("dt", "mat_nb", "force", "fixed")
+    parts = {name: getattr(course, name)[:count] for name in names}
+    return replace(course, rows=course.rows[: count + 1], motion=course.motion._replace(**moved), **parts)

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from models.arrays import FloatArray
-from tuner.consistency.constants import IN_FIXES, OF_FILTER, Motion
+from tuner.consistency.constants import IN_FIXES, OF_FILTER
 from tuner.consistency.output_causes.course import Course
 from tuner.consistency.output_causes.filter_model import (
     FilterModel,
@@ -79,7 +79,7 @@ class ErrorModel:
 
         Of a time constant ÷ that assumed, the sds tell what is assumed as well as they do.
         """
-        size = BODY_MODEL_ERROR if self.course.of_body else MODEL_ERROR
+        size = BODY_MODEL_ERROR if self.course.motion.of_body else MODEL_ERROR
         return math.hypot(size, float(self.model.log_time_sd.max())) if cause == "time_constant" else size
 
     def under(self, true: TrueNoise, *, of_errors: bool = False) -> NoiseHypothesis:
@@ -105,15 +105,14 @@ class ErrorModel:
             )
         if true.extra is None:
             return found
-        decay = np.exp(-dt / true.extra.time_constant) * np.ones(3)
+        place, process = true.extra
+        decay = np.exp(-dt / process.time_constant) * np.ones(3)
         into = -self.gain[:, :, :3]
         push = into * decay[:, None]
-        if true.extra.place != "fixes":  # of a sensor, it acts as the bias does
-            first = 9 if true.extra.place == "gyro" else 12
+        if place != "fixes":  # of a sensor, it acts as the bias does
+            first = 9 if place == "gyro" else 12
             into, push = 0.0 * into, update[:, :, :9] @ self.phi[:, :9, first : first + 3]
-        return _widened(
-            found, decay, np.full(3, true.extra.sd**2), push, into, np.zeros((len(run.initial), 3))
-        )
+        return _widened(found, decay, np.full(3, process.sd**2), push, into, np.zeros((len(run.initial), 3)))
 
     def deviance(self, true: TrueNoise) -> float:
         """Return −2 ln of the likelihood."""
@@ -173,7 +172,7 @@ def error_model(run: OutputErrors, course: Course, model: FilterModel) -> ErrorM
     phi, noise, start = filter_matrices(
         course, model, start_covariance(run, course, without_attitude=model.without_attitude)
     )
-    if course.of_body:
+    if course.motion.of_body:
         # Half of what drives errors of a random walk that is measured often is that of the measurements.
         noise[:, 1] *= 0.5
         noise[:, 3] = noise[:, 1]
@@ -220,12 +219,12 @@ def error_model(run: OutputErrors, course: Course, model: FilterModel) -> ErrorM
 
 def _regressors(course: Course) -> tuple[FloatArray, FloatArray, tuple[slice, ...]]:
     """Return what `OF_FILTER` do to fixes, (k, 6, m), and to output errors, (k, 9, m), and their columns."""
-    way = np.cumsum(course.vel * course.dt[:, None], axis=0)
-    motion = Motion(way, course.vel, course.acc, course.rate, course.body, course.of_body)
-    each = [one.columns(motion) for one in OF_FILTER]
+    each = [one.columns(course.motion) for one in OF_FILTER]
     through = [one.subject in IN_FIXES for one in OF_FILTER]
     fixes = np.concatenate([-of[:, :6] * fix for of, fix in zip(each, through, strict=True)], axis=2)
-    if course.of_body:  # velocities are measured by something else than the positions: nothing moves them
+    if (
+        course.motion.of_body
+    ):  # velocities are measured by something else than the positions: nothing moves them
         fixes[:, 3:] = 0.0
     outputs = np.concatenate([of * (not fix) for of, fix in zip(each, through, strict=True)], axis=2)
     ends = np.cumsum([0, *(of.shape[2] for of in each)]).tolist()

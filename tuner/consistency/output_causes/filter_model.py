@@ -43,6 +43,8 @@ MIN_MISFIT = 0.01
 """Error of the sds of a modelled filter that is taken at least: what its linear dynamics leave out."""
 NO_FIX_VARIANCE = 1e12
 """Variance of fixes that there are not, (m/s)²."""
+SIMPSON = np.array([1.0, 4.0, 1.0]) / 6.0
+"""Weights of the begin, middle and end of a step in its mean (Simpson's rule)."""
 PLAIN_PARAMETERS = np.array([1, 6, 7])
 """Of the numbers of a filter those of one of position and velocity: white acceleration, horizontal and vertical R."""
 
@@ -95,7 +97,7 @@ def transitions(course: Course, time_constant: FloatArray, states: int = 15) -> 
     walk that is measured often is known with an error of the first order.
     """
     k = len(course.dt)
-    if course.of_body:
+    if course.motion.of_body:
         fading = float(time_constant[1])
         return _body_transition(course, fading), _body_noise(course, fading)
     half, whole = (_transition(course, time_constant, share, states) for share in (0.5, 1.0))
@@ -103,8 +105,8 @@ def transitions(course: Course, time_constant: FloatArray, states: int = 15) -> 
     for s, (first, mat) in enumerate(((6, course.mat_nb), (3, course.mat_nb), (9, None), (12, None))):
         g = np.zeros((k, states, 3))
         g[:, first : first + 3] = np.eye(3) if mat is None else mat
-        for weight, phi in ((1.0 / 6.0, None), (4.0 / 6.0, half), (1.0 / 6.0, whole)):
-            column = g if phi is None else phi @ g
+        for weight, phi in zip(SIMPSON, (np.eye(states), half, whole), strict=True):
+            column = phi @ g
             noise[:, s] += weight * course.dt[:, None, None] * (column @ np.swapaxes(column, -1, -2))
     return whole, noise
 
@@ -117,7 +119,7 @@ def _transition(course: Course, time_constant: FloatArray, share: float, states:
     step[:, 3:6, 6:9] = -dt * rotation.skew(course.force)
     step[:, 3:6, 12:15] = step[:, 6:9, 9:12] = -dt * c
     if states > 15:
-        rate, force = (np.einsum("kji,kj->ki", c, x)[:, None] for x in (course.rate, course.force))
+        rate, force = (np.einsum("kji,kj->ki", c, x)[:, None] for x in (course.motion.rate, course.force))
         step[:, 6:9, 15:18], step[:, 3:6, 18:21] = -dt * c * rate, -dt * c * force
     square = step @ step
     phi = np.eye(states) + step + square / 2.0 + step @ square / 6.0
@@ -129,11 +131,11 @@ def _transition(course: Course, time_constant: FloatArray, share: float, states:
 def _body_transition(course: Course, fading: float) -> FloatArray:
     """Return transition matrices of errors with velocities along the axes of the body."""
     dt = course.dt[:, None, None]
-    angle = rotation.mat_from_rotvec(course.rate * dt[:, :, 0])
+    angle = rotation.mat_from_rotvec(course.motion.rate * dt[:, :, 0])
     decay = np.exp(-dt / fading)
     mean = np.minimum(fading * (1.0 - decay), dt)
     phi = np.tile(np.eye(15), (len(course.dt), 1, 1))
-    middle = course.vel - 0.5 * course.dt[:, None] * (course.force + GRAVITY)
+    middle = course.motion.vel - 0.5 * course.dt[:, None] * (course.force + GRAVITY)
     phi[:, 0:3, 3:6] = mean * np.eye(3)
     phi[:, 0:3, 6:9] = -dt * rotation.skew(middle)
     phi[:, 0:3, 9:12] = 0.5 * dt**2 * (rotation.skew(middle) @ course.mat_nb)
@@ -147,8 +149,8 @@ def _body_noise(course: Course, fading: float) -> FloatArray:
     k, dt = len(course.dt), course.dt[:, None, None]
     noise, eye = np.zeros((k, 4, 15, 15)), np.eye(3)
     turned = np.zeros((k, 15, 3))
-    for weight, rest in ((1.0 / 6.0, 0.0), (4.0 / 6.0, 0.5), (1.0 / 6.0, 1.0)):
-        turned[:, 0:3] = -rest * dt * rotation.skew(course.vel)
+    for weight, rest in zip(SIMPSON, (0.0, 0.5, 1.0), strict=True):
+        turned[:, 0:3] = -rest * dt * rotation.skew(course.motion.vel)
         turned[:, 6:9] = eye
         for source, axes in ((0, slice(0, 2)), (2, slice(2, 3))):
             own = turned[:, :, axes]
@@ -167,7 +169,7 @@ def start_covariance(run: OutputErrors, course: Course, *, without_attitude: boo
     good = np.diag(stated) > 0.0
     start = np.where(good[:, None] & good[None, :], stated, 0.0)
     start[~good, ~good] = DEFAULT_SD[~good] ** 2
-    if course.of_body:
+    if course.motion.of_body:
         start[9:, 9:] = 0.0
     if without_attitude:
         start[6:, 6:] = 0.0
@@ -209,12 +211,12 @@ def filter_run(
 
 def fit_filter(run: OutputErrors, course: Course) -> FilterModel:
     """Return the filter whose sds are nearest to those of a run: the one with the fewest states that fits."""
-    if not (course.of_body or np.isfinite(run.estimate.quat_nb).any()):
+    if not (course.motion.of_body or np.isfinite(run.estimate.quat_nb).any()):
         found = _fit(run, course, without_attitude=True)
         if found.misfit < MIN_MISFIT:
             return found
     found = _fit(run, course)
-    if found.fits or course.of_body:
+    if found.fits or course.motion.of_body:
         return found
     other = _fit(run, course, scale=True)
     return other if other.fits else found
@@ -229,7 +231,7 @@ def _fit(
     variance = np.einsum("kii->ki", run.covariance)[course.rows[1 : count + 1]]
     stated = np.log(np.where(variance > 0.0, variance, np.nan))
     states = np.flatnonzero(np.isfinite(stated).all(axis=0))
-    if course.of_body:
+    if course.motion.of_body:
         states = states[states < 9]
     first = count // (20 if len(states) == 15 else 3)
     start = start_covariance(run, course, without_attitude=without_attitude)
@@ -240,7 +242,7 @@ def _fit(
         [FIRST_GUESS, np.log([300.0, 300.0]), 0.5 * np.log(10.0 * np.concatenate([position, velocity]))]
     )
     part = head(course, count)
-    if course.of_body:
+    if course.motion.of_body:
         guess[5] = 0.0
     if scale:
         guess = np.concatenate([guess, SCALE_GUESS])
@@ -256,7 +258,7 @@ def _fit(
         return every
 
     def residual(x: FloatArray) -> FloatArray:
-        model = _model(whole(x), 0.0, of_body=course.of_body)
+        model = _model(whole(x), 0.0, of_body=course.motion.of_body)
         phi, noise, wide = filter_matrices(part, model, start)
         p, _ = filter_run(part, model, phi, noise, wide)
         own = np.log(np.maximum(np.einsum("kii->ki", p)[:, :15], 1e-30))
@@ -272,7 +274,7 @@ def _fit(
     sd = np.zeros(len(guess))
     sd[free] = max(misfit, MIN_MISFIT) * np.sqrt(np.diag(np.linalg.inv(information)))
     return replace(
-        _model(whole(found.x), misfit, of_body=course.of_body),
+        _model(whole(found.x), misfit, of_body=course.motion.of_body),
         log_density_sd=sd[:4],
         log_time_sd=sd[4:6],
         without_attitude=without_attitude,

@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from models.noise import GaussMarkov
 from tuner.consistency.output_causes.error_model import ErrorModel
 from tuner.consistency.output_causes.filter_model import DEFAULT_SD
-from tuner.consistency.output_causes.true_noise import ExtraProcess, TrueNoise
+from tuner.consistency.output_causes.true_noise import TrueNoise
 
 LOG_MAX_SCALE = math.log(20.0)
 """Largest ratio of true to assumed sd that is looked for, as a logarithm."""
@@ -54,14 +55,14 @@ def _scaled(
 
 
 def _extra(place: str, time_constant: float) -> Callable[[TrueNoise, float], TrueNoise]:
-    return lambda base, x: replace(base, extra=ExtraProcess(place, math.exp(x), time_constant))
+    return lambda base, x: replace(base, extra=(place, GaussMarkov(math.exp(x), time_constant)))
 
 
 def scale_hypotheses(model: ErrorModel, base: TrueNoise) -> list[ScaleHypothesis]:
     """Return all hypotheses with one free size, each with at most one process that the filter lacks."""
     r, q = "gnss_noise_scale", "imu_noise_scale"
     everything = ScaleHypothesis("noise_scale", "", _scaled(density=range(4), fixes=range(2)))
-    if model.course.of_body:
+    if model.course.motion.of_body:
         return [
             ScaleHypothesis(r, "", _scaled(density=[3], fixes=[0])),
             ScaleHypothesis(r, "position fixes", _scaled(fixes=[0])),

@@ -4,22 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-
-@dataclass(frozen=True)
-class ExtraProcess:
-    """First-order Gauss–Markov processes of three axes that a filter lacks.
-
-    Attributes
-    ----------
-    place : str
-        ``gyro``, ``accel`` or ``fixes``.
-    sd, time_constant : float
-        SI.
-    """
-
-    place: str
-    sd: float
-    time_constant: float
+from models.noise import GaussMarkov
 
 
 @dataclass(frozen=True)
@@ -34,11 +19,11 @@ class TrueNoise:
         True ÷ assumed sd of position and velocity fixes.
     time_ratio : tuple of 2 floats
         True ÷ assumed time constant of gyro and accelerometer biases of the assumed sd.
-    extra : ExtraProcess or None
-        What the filter lacks.
+    extra : (str, GaussMarkov) or None
+        Processes of three axes that the filter lacks, of ``gyro``, ``accel`` or ``fixes``, SI.
     """
 
     density: tuple[float, ...] = (1.0, 1.0, 1.0, 1.0)
     fixes: tuple[float, ...] = (1.0, 1.0)
     time_ratio: tuple[float, ...] = (1.0, 1.0)
-    extra: ExtraProcess | None = None
+    extra: tuple[str, GaussMarkov] | None = None

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from models import rotation
 from models.arrays import FloatArray
 from models.earth import ned_between
-from tuner.consistency.drive_scores import reference_positions
+from tuner.consistency.drive_scores import reference_at
 from tuner.consistency.score_drive import drive_filter
 from tuner.navigation.compensation import compensate
 from tuner.navigation.data import Solution
@@ -77,7 +77,7 @@ def _is_ofantenna(run: ConfiguredRun, solutions: Sequence[Solution]) -> bool:
     off, arms = [], []
     for stretch, solution in zip(run.stretches, solutions, strict=True):
         rows = np.flatnonzero(solution.t >= stretch.settled)
-        off.append(ned_between(stretch.fixes.llh[rows], reference_positions(run.reference, solution.t[rows])))
+        off.append(ned_between(stretch.fixes.llh[rows], reference_at(run.reference, solution.t[rows])[0]))
         arms.append(antenna(run.settings, solution, rows))
     fixes, arm = np.concatenate(off)[:, :2], np.concatenate(arms)[:, :2]
     known = np.isfinite(fixes).all(axis=1)

@@ -23,7 +23,7 @@ from scipy.stats import t as student
 from models.arrays import FloatArray
 from models.earth import ned_between
 from models.effects.drive.gnss import ClockDrift, TimeOffset, middle_of
-from tuner.consistency.drive_scores import reference_positions
+from tuner.consistency.drive_scores import reference_at
 from tuner.consistency.reference_check import trusted_reference
 from tuner.diagnosis.drive.causes.reported_sd import reported_levels, sd_model_parameters, updated_values
 from tuner.diagnosis.drive.hypothesis import FilterRun, Hypothesis, run_filter
@@ -193,7 +193,7 @@ def _against_reference(
     for own, run in zip(square, (before, after), strict=True):
         t = np.concatenate([one.t for one in run.solutions])
         llh = np.concatenate([one.state.llh for one in run.solutions])
-        own[run.index] = np.sum(ned_between(reference_positions(reference, t), llh) ** 2, axis=1)
+        own[run.index] = np.sum(ned_between(reference_at(reference, t)[0], llh) ** 2, axis=1)
     t = drive.gnss.t
     good = np.isfinite(square).all(axis=0) & (t > cut)
     block = (t[good] // RECOVERY_TIME).astype(int)

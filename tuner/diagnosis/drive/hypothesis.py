@@ -34,7 +34,7 @@ from tuner.navigation.drive.run import Stretch, initial_estimates, navigate, pre
 from tuner.navigation.drive.thinning import irregular_rows
 from tuner.navigation.fix_sd_model import GNSS_NOISE_SCALE, FixSdModel
 from tuner.navigation.settings import FilterSettings, filter_settings
-from tuner.types import ChannelNoise, Compensation, FilterConfig, Parameter
+from tuner.types import Compensation, FilterConfig, Parameter
 from tuner.types.clock import Clock
 from tuner.types.records import Drive
 
@@ -157,19 +157,13 @@ class Hypothesis:
 
 def with_density_factors(config: FilterConfig, factor: Mapping[str, float]) -> FilterConfig:
     """Return the configuration with its densities times factors by group."""
-
-    def channel(axis: str, noise: ChannelNoise) -> ChannelNoise:
-        white, slow = factor[f"{axis[:-2]}_white"], factor[f"{axis[:-2]}_bias"]
-        return replace(
-            noise,
-            white_density=white * noise.white_density,
-            random_walk_density=slow * noise.random_walk_density,
-            markov=tuple(replace(state, sd=slow * state.sd) for state in noise.markov),
-        )
-
     if all(value == 1.0 for value in factor.values()):
         return config
-    return replace(config, channels={axis: channel(axis, noise) for axis, noise in config.channels.items()})
+    channels = {
+        axis: noise.scaled(factor[f"{axis[:-2]}_white"], factor[f"{axis[:-2]}_bias"])
+        for axis, noise in config.channels.items()
+    }
+    return replace(config, channels=channels)
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from models.arrays import FloatArray
 from models.earth import ned_between
 from models.strapdown import NavigationState
 from tuner.consistency.correlated_errors import independent_share
-from tuner.consistency.drive_scores import reference_positions, stated
+from tuner.consistency.drive_scores import reference_at, stated
 from tuner.consistency.outage_ratio import components, ratio_interval
 from tuner.diagnosis.drive.configured_run import ConfiguredRun, antenna
 from tuner.formats.outage_words import PREDICTED_RATIOS, outage_words
@@ -209,7 +209,7 @@ def position_errors(
     if run.reference is None:
         return innovation
     t = solution.t[rows]
-    error = ned_between(reference_positions(run.reference, t), solution.state.llh[rows])
+    error = ned_between(reference_at(run.reference, t)[0], solution.state.llh[rows])
     if run.of_antenna:
         error = error - antenna(run.settings, solution, rows)
     covariance = solution.covariance[rows, :3, :3] + stated(run.reference, t)[:, :3, None] * np.eye(3)

@@ -21,8 +21,8 @@ import numpy as np
 
 from models.arrays import FloatArray
 from models.earth import ned_between
-from tuner.consistency.drive_scores import blocks, reference_positions
-from tuner.consistency.score_drive import OUTAGE_LENGTHS
+from tuner.consistency.drive_scores import blocks, reference_at
+from tuner.consistency.score_drive import CLAIMED_LENGTHS
 from tuner.consistency.scores import DIVERGED_REFUSED_SHARE, innovation_scores
 from tuner.diagnosis.drive.configured_run import ConfiguredRun, antenna
 from tuner.diagnosis.drive.outage_errors import (
@@ -99,7 +99,7 @@ def predictive_score(run: ConfiguredRun, begin: float, end: float) -> Predictive
     run = replace(run, stretches=stretches)
     windows = {
         seconds: found
-        for seconds in OUTAGE_LENGTHS
+        for seconds in CLAIMED_LENGTHS
         if len(found := outage_windows(stretches, seconds, begin=begin, end=end)) > 1
     }
     solutions, ends = with_outages(run, [window for each in windows.values() for window in each])
@@ -168,7 +168,7 @@ def _tracked(
     The last of the four are squared errors of the fixes themselves, zero without a reference; where a reference has a
     gap, these and those of the filter are NaN, and the density is that of the fixes.
     """
-    aided = np.diff(solution.t, prepend=-np.inf) < min(OUTAGE_LENGTHS)
+    aided = np.diff(solution.t, prepend=-np.inf) < min(CLAIMED_LENGTHS)
     rows = np.flatnonzero((solution.t >= max(begin, stretch.settled)) & aided)
     error, covariance = position_errors(run, solution, rows)
     good = np.isfinite(error).all(axis=1)
@@ -177,7 +177,7 @@ def _tracked(
     error, covariance, rows = error[good], covariance[good], rows[good]
     square, off = np.sum(error**2, axis=1), np.zeros(len(rows))
     if run.reference is not None:
-        alone = ned_between(reference_positions(run.reference, solution.t[rows]), stretch.fixes.llh[rows])
+        alone = ned_between(reference_at(run.reference, solution.t[rows])[0], stretch.fixes.llh[rows])
         if not run.of_antenna:
             alone = alone + antenna(run.settings, solution, rows)
         off = np.sum(alone**2, axis=1)
