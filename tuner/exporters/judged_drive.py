@@ -4,32 +4,36 @@ The files are filtered as KF-GINS does (`as_read`): from the start that they sta
 every fix used with its own sd, and no state for errors of the receiver that last. What such a filter lacks has to be in
 its sds. So a variance s² is added to that of every fix, horizontal and vertical each for itself: the one with the best
 expected log score of what *that* filter predicts, by the best that is known of the truth. That is the reference of the
-drive, else the filter with all states of the configuration; its estimate x has the covariance P, and x̂ of the poorer
-filter C::
+drive, else what filters with all states make of it; that estimate x has the covariance P, x̂ of the poorer filter C::
 
-    J(s) = mean of  ln det C + tr C⁻¹ (d dᵀ + P)        d = x − x̂
+    J = mean of  ln det C + tr C⁻¹ (d dᵀ + P)        d = x − x̂
 
-over position and velocity with fixes and the position after 10 and 60 s without, equally weighted. By the same score
-white noise, walk of the biases and scale factors of all axes get a factor each: built-in grades, which stand in for
-what nobody measured, are too coarse or too fine for a unit by as much. A factor f costs (ln f / ln 3)² over the number
-of blocks with fixes: the noise of a class is known to a factor of 3, and a short drive changes little of it.
+The sds have the best J of the position with fixes, of which they are the sds; velocity and outages, which they hardly
+move, would leave it dishonest. White noise, walk of the biases and scale factors of all axes get a factor each, by the
+sum of J over position and velocity with fixes and the position after 10 and 60 s without: built-in grades, which stand
+in for what nobody measured, are too coarse or too fine for a unit by as much. A factor f costs (ln f / ln 3)² over the
+number of blocks with fixes: the noise of a class is known to a factor of 3, and a short drive changes little of it.
 
-What is unknown is not zero. Without a reference P therefore includes two uncertainties more. One is that of the delay
-and, where nobody states it, of the lever arm, which are states of the filter that makes x (`unknown_installation`). The
-other is an error of all fixes that lasts longer than the drive: no filter can see it; its variance is what the receiver
-states beyond what shows from fix to fix (`unseen_sds`). The log score is proper: it rewards small errors and punishes
-dishonesty of both kinds [1]_.
+What is unknown is not zero. Without a reference P therefore includes three uncertainties more. The first is that of the
+delay and, where nobody states it, of the lever arm, which are states of the filters that make x
+(`unknown_installation`). The second is that of the receiver: beside the filter of the configuration stand others, with
+one error of the fixes that lasts (`lasting`); x and P are the mean and the covariance of all, each weighted by how
+likely the drive is with it [2]_. The last is an error of all fixes that lasts longer than the drive: no filter can see
+it; its variance is what the receiver states beyond what shows from fix to fix (`unseen_sds`). The log score is proper:
+it rewards small errors and punishes dishonesty of both kinds [1]_.
 
 References
 ----------
 .. [1] T. Gneiting, A. E. Raftery, Strictly proper scoring rules, prediction, and estimation, JASA 102 (2007).
+.. [2] J. A. Hoeting, D. Madigan, A. E. Raftery, C. T. Volinsky, Bayesian model averaging: a tutorial, Statistical
+   Science 14 (1999).
 """
 
 from __future__ import annotations
 
 import math
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
@@ -39,11 +43,12 @@ from numpy.typing import NDArray
 
 from models import rotation
 from models.arrays import FloatArray
-from models.earth import ned_between
+from models.earth import llh_displaced, ned_between
+from models.noise import GaussMarkov
 from tuner.consistency.drive_scores import blocks, on_clock_of, reference_at, settled, stated
 from tuner.consistency.reference_check import trusted_reference
 from tuner.consistency.score_drive import CLAIMED_LENGTHS, UNKNOWN_LEVER_ARM_SD, drive_filter
-from tuner.consistency.scores import DIVERGED_REFUSED_SHARE, outage_score, score
+from tuner.consistency.scores import DIVERGED_REFUSED_SHARE, outage_score, score, squares
 from tuner.diagnosis.drive.causes.constant_errors import TimeOffset
 from tuner.examination.examine import StreamNoise
 from tuner.examination.examined_drive import examined_drive
@@ -53,9 +58,9 @@ from tuner.formats.digits import rounded
 from tuner.formats.yaml_text import Inline, Noted
 from tuner.judgement import judge_export
 from tuner.navigation.compensation import compensate, with_stated_arm
-from tuner.navigation.data import GATED, Solution
+from tuner.navigation.data import ABSENT, GATED, Solution
 from tuner.navigation.drive.run import Stretch, expect_settled, navigate, outage_windows, prepare
-from tuner.navigation.settings import FilterSettings
+from tuner.navigation.settings import FilterSettings, chi2_gate
 from tuner.readers import kf_gins_settings
 from tuner.readers.drive import read_drive
 from tuner.synthesis.from_drive import config_for_drive
@@ -79,6 +84,12 @@ PARTS = (slice(0, 2), slice(2, 3))
 """Components that are horizontal and vertical."""
 UNKNOWN_DELAY_SD = TimeOffset.prior_sd
 """Sd of a delay of the fixes of which a drive shows less, s."""
+LASTING_SHARES = tuple(0.3 * 2.0**k for k in range(8))
+"""Sds of an error that lasts, in sds of the fixes, that are tried: to those of receivers that smooth."""
+LASTING_STEPS = tuple(2.0 ** (0.5 * k) for k in range(-2, 3))
+"""Factors on the best of them that are tried with all time constants."""
+LASTING_TIMES = 60.0, 20.0, 180.0
+"""Time constants, s, the first the one of these sds: of one that lasts longer a drive shows what it moves meanwhile."""
 NO_WINDOWS = np.zeros((0, 2))
 SAME_TIME = 0.02
 """Times of one fix differ by less, s: by the rest of a delay that a filter estimates."""
@@ -137,13 +148,9 @@ def judged_drive(
         the fixes do.
     """
     files = drive_files(drive, config)
-    known, refused, measured = best_known(drive, config)
+    known, refused, measured = best_known(drive, config, noise)
     if measured:
         files = replace(files, truth=truth_rows(known, files.imu[0, 0] - files.begin))
-    elif known.sd is not None:
-        sd = known.sd.copy()
-        sd[:, :3] = np.hypot(sd[:, :3], unseen_sds(noise, config))
-        known = replace(known, sd=sd)
     known = replace(known, t=known.t - files.begin)
     count = len(files.fixes)
     files = _without(files, refused - files.begin)
@@ -166,7 +173,7 @@ def judged_drive(
             f"{drive.source or drive.name}: nothing is written for kf-gins: {whose} {verdict.reasons[0]}; `tuner tune "
             "--drive` fits settings to a drive, `tuner navigate` shows what they do in a filter that has such states"
         )
-    against = "the reference" if measured else "the filter with all states, as there is no reference"
+    against = "the reference" if measured else "filters with all states, as there is no reference"
     head = (
         f"Verdict: {verdict.use.value}: as KF-GINS uses these files on this drive: {verdict.reasons[0]}",
         f"position against {against}: the fixes alone {digits(alone)} m; {'; '.join(map(_words, pairs))}",
@@ -174,50 +181,133 @@ def judged_drive(
     return replace(files, header=(*head, *files.header), notes=(*head, *files.notes)), verdict
 
 
-def best_known(drive: Drive, config: FilterConfig) -> tuple[Reference, FloatArray, bool]:
-    """Return the reference of a drive, else the filter with all its states with its sds, and which fixes that refuses.
+def best_known(
+    drive: Drive, config: FilterConfig, noise: Sequence[StreamNoise] = ()
+) -> tuple[Reference, FloatArray, bool]:
+    """Return the reference of a drive, else what filters with all states make of it, and which fixes are refused.
+
+    Without a reference it is the mean of those filters by how likely the drive is with each, with their spread.
 
     Returns
     -------
     known : Reference
         On the clock of the inertial unit.
     refused : ndarray, shape (r,)
-        Times of fixes, s.
+        Times of fixes that the likeliest filter refuses, s.
     measured : bool
         Whether it is the reference.
     """
     states = unknown_installation(drive, config) if drive.reference is None else None
     drive = compensate(drive, config.compensation)
-    settings, _ = drive_filter(drive, config, states=states)
-    stretches, _ = prepare(drive, settings)
-    solutions = navigate(stretches, settings, NO_WINDOWS)
-    refused = np.concatenate([s.t[s.use[:, 0] == GATED] for s in solutions])
+    run = _with_all_states(drive, config, states)
     reference = drive.reference
     if reference is not None:
-        reference, _ = trusted_reference(reference, stretches, settings)
-    scored = [settled(*pair) for pair in zip(stretches, solutions, strict=True)]
+        reference, _ = trusted_reference(reference, run.stretches, run.settings)
+    scored = [settled(*pair) for pair in zip(run.stretches, run.solutions, strict=True)]
     expect_settled(
-        any(len(rows) > 1 for rows in scored), drive.source, [float(np.ptp(s.t)) for s in solutions]
+        any(len(rows) > 1 for rows in scored), drive.source, [float(np.ptp(s.t)) for s in run.solutions]
     )
     if reference is not None:
-        return on_clock_of(reference, solutions, scored)[0], refused, True
-    t, llh, vel_n, rpy, sd = (
-        np.concatenate(parts)
-        for parts in zip(
+        return on_clock_of(reference, run.solutions, scored)[0], run.refused, True
+    others = []
+    if (gnss := config.gnss) is not None:
+
+        def with_error(sds: FloatArray, time: float = LASTING_TIMES[0]) -> _AllStates:
+            return _with_all_states(drive, replace(config, gnss=lasting(gnss, sds, time)), states)
+
+        usual = np.median(np.concatenate([s.fixes.sd for s in run.stretches]), axis=0)[[0, 2]]
+        tried = [with_error(share * usual) for share in LASTING_SHARES]
+        likely = [np.argmax([one.log_likelihood(part) for one in tried]) for part in PARTS]
+        best = usual * np.array(LASTING_SHARES)[likely]
+        others = [with_error(step * best, time) for step, time in product(LASTING_STEPS, LASTING_TIMES)]
+    runs = [one for one in (run, *others) if math.isfinite(one.log_likelihood())] or [run]
+    prior = -math.log(max(1, len(others))) * (np.arange(len(runs)) > 0)  # as likely as the configured one
+    logs = prior + [one.log_likelihood() for one in runs]
+    likeliest, weights = runs[int(np.argmax(logs))], np.exp(logs - logs.max())
+    weights /= weights.sum()
+    apart = np.stack([one.apart(likeliest) for one in runs])
+    mean = np.tensordot(weights, apart, 1)
+    unseen = np.zeros((len(runs), 1, 9))
+    unseen[:, 0, :3] = [unseen_sds(noise, one.config) ** 2 for one in runs]
+    variance = np.stack([one.variance for one in runs]) + unseen + (apart - mean) ** 2
+    known = likeliest.track
+    llh, vel_n = llh_displaced(known.llh, mean[:, :3]), known.vel_n + mean[:, 3:6]
+    sd = np.sqrt(np.tensordot(weights, variance, 1))
+    return replace(known, llh=llh, vel_n=vel_n, sd=sd), likeliest.refused, False
+
+
+@dataclass(frozen=True)
+class _AllStates:
+    """A filter with all the states of a configuration on a drive."""
+
+    config: FilterConfig
+    settings: FilterSettings
+    stretches: tuple[Stretch, ...]
+    solutions: tuple[Solution, ...]
+
+    @property
+    def refused(self) -> FloatArray:
+        """Times of positions that it refuses, s."""
+        return np.concatenate([s.t[s.use[:, 0] == GATED] for s in self.solutions])
+
+    @property
+    def track(self) -> Reference:
+        """Its estimate at the fixes."""
+        parts = zip(
             *(
-                (
-                    s.t,
-                    s.state.llh,
-                    s.state.vel_n,
-                    rotation.rpy_from_quat(s.state.quat_nb),
-                    np.sqrt(np.diagonal(s.covariance, axis1=1, axis2=2)[:, :9]),
-                )
-                for s in solutions
+                (s.t, s.state.llh, s.state.vel_n, rotation.rpy_from_quat(s.state.quat_nb))
+                for s in self.solutions
             ),
             strict=True,
         )
-    )
-    return Reference(t, llh, vel_n, rpy, sd), refused, False
+        t, llh, vel_n, rpy = (np.concatenate(each) for each in parts)
+        return Reference(t, llh, vel_n, rpy, None)
+
+    @property
+    def variance(self) -> FloatArray:
+        """Variances of position, velocity and attitude, shape (k, 9)."""
+        return np.concatenate([np.diagonal(s.covariance, axis1=1, axis2=2)[:, :9] for s in self.solutions])
+
+    def apart(self, other: _AllStates) -> FloatArray:
+        """Return by how much its position and velocity differ from another's, m, m/s, and zeros, shape (k, 9)."""
+        mine, its = self.track, other.track
+        return np.hstack([ned_between(mine.llh, its.llh), mine.vel_n - its.vel_n, np.zeros_like(its.rpy)])
+
+    def log_likelihood(self, part: slice = slice(6)) -> float:
+        """Return that of innovations of some components; one that is refused is as far off as its gate."""
+        total = 0.0
+        for s in self.solutions:
+            there = np.repeat(s.use != ABSENT, 3, axis=1)[:, part]
+            for own in np.unique(there[there.any(axis=1)], axis=0):
+                rows = (there == own).all(axis=1)
+                z = s.innovation[rows, part][:, own]
+                covariance = s.innovation_covariance[rows, part, part][:, own][:, :, own]
+                limit = chi2_gate(self.settings.gate, int(own.sum()))
+                terms = np.minimum(squares(z, covariance), limit) + np.linalg.slogdet(covariance)[1]
+                total -= 0.5 * float(np.sum(terms))
+        return total if math.isfinite(total) else -math.inf
+
+
+def lasting(gnss: GnssNoise, sds: FloatArray, time: float) -> GnssNoise:
+    """Return a receiver with one error of the positions that lasts in place of those that it has.
+
+    Parameters
+    ----------
+    gnss : GnssNoise
+        The receiver.
+    sds : ndarray, shape (2,)
+        Horizontally and down of an error of the first of the tried times that moves as much in a second, m.
+    time : float
+        Time constant, s.
+    """
+    horizontal, down = (math.sqrt(time / LASTING_TIMES[0]) * sds).tolist()
+    return replace(gnss, correlated=(GaussMarkov(horizontal, time),), correlated_down=down / horizontal)
+
+
+def _with_all_states(drive: Drive, config: FilterConfig, states: Mapping[str, float] | None) -> _AllStates:
+    settings, _ = drive_filter(drive, config, states=states)
+    stretches, _ = prepare(drive, settings)
+    return _AllStates(config, settings, stretches, navigate(stretches, settings, NO_WINDOWS))
 
 
 def unknown_installation(drive: Drive, config: FilterConfig) -> dict[str, float]:
@@ -284,14 +374,14 @@ class Compared:
         spread = d[:, :, None] * d[:, None, :] + self.unknown[:, own, None] * np.eye(d.shape[1])
         return np.asarray(np.trace(np.linalg.solve(c, spread), axis1=1, axis2=2))
 
+    def score(self, own: slice) -> float:
+        """Return J of some components."""
+        return float(np.mean(np.linalg.slogdet(self.covariance[:, own, own])[1] + self.squares(own)))
+
     def cost(self, part: slice) -> float:
         """Return J, horizontal or vertical."""
-        total = 0.0
-        for first in range(0, self.error.shape[1], 3):
-            own = slice(first + part.start, first + part.stop)
-            terms = np.linalg.slogdet(self.covariance[:, own, own])[1] + self.squares(own)
-            total += float(np.mean(terms)) if len(terms) else 0.0
-        return total
+        firsts = range(0, self.error.shape[1], 3)
+        return sum(self.score(slice(first + part.start, first + part.stop)) for first in firsts)
 
 
 def compared(
@@ -374,7 +464,7 @@ class Chosen:
 
 
 def chosen(stretch: Stretch, settings: FilterSettings, known: Reference) -> Chosen:
-    """Return the settings of the best expected log score: sds first, then noise by steps, then sds again.
+    """Return the settings of the best expected log score: sds by the position, then noise by steps, then sds again.
 
     Parameters
     ----------
@@ -397,9 +487,14 @@ def chosen(stretch: Stretch, settings: FilterSettings, known: Reference) -> Chos
         parts = [sum(each.cost(part) for each in found) + penalty for part in PARTS]
         return np.asarray(np.nan_to_num(np.array(parts), nan=np.inf))
 
+    def position(one: Chosen) -> FloatArray:
+        found = compared(*one.of(stretch, settings), known, ())
+        scores = [found[0].score(part) if found else np.inf for part in PARTS]
+        return np.asarray(np.nan_to_num(np.array(scores), nan=np.inf))
+
     def with_sds(one: Chosen) -> Chosen:
         tried = [(factor * usual[0], factor * usual[1]) for factor in TRIED_SDS]
-        best = np.argmin([costs(replace(one, added=added)) for added in tried], axis=0)
+        best = np.argmin([position(replace(one, added=added)) for added in tried], axis=0)
         return replace(one, added=(tried[best[0]][0], tried[best[1]][1]))
 
     best = with_sds(Chosen())
