@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from models.arrays import FloatArray
 from models.earth import ned_between
 from tuner.examination.fit import Fit, Noise
-from tuner.examination.moves import AXES, CLOCK_OF_UNIT, LEVER_ARM, STATED_ODDS, TRIADS
-from tuner.examination.search import Found, applied, searched
+from tuner.examination.moves import AXES, CLOCK_OF_UNIT, LEVER_ARM, STATED_ODDS, TRIADS, Move
+from tuner.examination.search import applied, searched
 from tuner.examination.streams import Positions, Stream, Streams, receiver_streams
 from tuner.examination.windows import WINDOW_LENGTH, Inertial, longest_step
 from tuner.formats.grouping import gathered
@@ -158,14 +158,10 @@ def examine(drive: Drive) -> Examination:
     search = searched(whole, drive.source or drive.name)
     fit, repaired = search.after, applied(search.found, whole)
     unstated = drive.lever_arm is None or drive.mounting is None
-    arm = [_of_search(one) for one in search.found if one.move.subject == LEVER_ARM and unstated]
-    repairs = [one for one in map(_of_search, search.found) if one not in arm]
+    arm = [one.fault for one in search.found if one.subject == LEVER_ARM and unstated]
+    repairs = [one.repair for one in search.found if one.fault not in arm]
     sure = [
-        one
-        for one in search.found
-        if one.move.delay is None
-        and one.move.subject != LEVER_ARM
-        and min(one.gain, one.over_next) > CERTAIN_ODDS
+        one for one in search.found if one.kind != "constant" and min(one.nats, one.over_next) > CERTAIN_ODDS
     ]
     counted, lost, stale = [], [], []
     speed = _travelled(repaired.positions)
@@ -182,10 +178,10 @@ def examine(drive: Drive) -> Examination:
     repairs += [] if unsound is None else [unsound]
     counted += of_sds
     counted += [] if frozen is None else [frozen[0]]
-    jumps = sum(one.move.size or 0.0 for one in search.found if one.move.stream == CLOCK_OF_UNIT)
+    jumps = sum(one.size or 0.0 for one in search.found if one.stream == CLOCK_OF_UNIT)
     counted += [*_gaps(drive.imu_t, jumps), *_saturated(drive)]
     vibration = _vibration(drive, repaired)
-    first = _in_order(drive, [*counted, *map(_of_search, sure)])
+    first = _in_order(drive, [*counted, *(one.repair for one in sure)])
     all_of = _in_order(drive, [*counted, *repairs])
     noise_of = (_noise(*pair) for pair in zip(repaired.all, fit.noise, strict=True))
     mended = _mended(drive, repaired, lost, sds)
@@ -202,7 +198,7 @@ def examine(drive: Drive) -> Examination:
         tuple(chain.from_iterable(noise_of)),
         vibration,
         search.unseen,
-        arm[0].fault if arm else "",
+        "".join(arm),
         WINDOW_LENGTH * len(fit.begin),
         misfit,
         mended,
@@ -213,13 +209,13 @@ def examine(drive: Drive) -> Examination:
     )
 
 
-def _undecided(found: Sequence[Found]) -> str:
+def _undecided(found: Sequence[Move]) -> str:
     """Return which stream fits in two readings only, neither as it is stated."""
     for one in found:
-        if one.rival is not None and one.gain > CERTAIN_ODDS >= one.over_next and one.move.reading:
+        if one.rival is not None and one.nats > CERTAIN_ODDS >= one.over_next and one.kind == "reading":
             other = f"{one.rival.stream} {one.rival.fault}"
             return (
-                f"{one.move.stream} {one.move.fault}, or {other}: the streams contradict what is stated and fit with "
+                f"{one.stream} {one.fault}, or {other}: the streams contradict what is stated and fit with "
                 "either; correct the one that is wrong"
             )
     return ""
@@ -231,22 +227,6 @@ def _in_order(drive: Drive, repairs: Sequence[Repair]) -> tuple[Repair, ...]:
     names = (" and ".join(dict.fromkeys(one.stream for one in same)) for same in said.values())
     together = [replace(same[0], stream=name) for same, name in zip(said.values(), names, strict=True)]
     return (*drive.repairs, *sorted(together, key=lambda one: -one.nats))
-
-
-def _of_search(found: Found) -> Repair:
-    move = found.move
-    return Repair(
-        move.stream,
-        move.fault,
-        move.repair,
-        found.gain,
-        found.over_next,
-        move.size,
-        move.interval,
-        move.unit,
-        found.begin,
-        found.end,
-    )
 
 
 def _mended(

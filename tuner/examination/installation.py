@@ -14,7 +14,7 @@ from models.effects.drive.gnss import middle_of
 from tuner.examination.fit import Fit, Placed, constants, earned, fit
 from tuner.examination.moves import DELAYS, RECEIVER, STATED_ODDS, Move, arm_of, late, of_clock
 from tuner.examination.streams import Streams
-from tuner.examination.windows import Motion, Windows, windows_of
+from tuner.examination.windows import Motion, Windows
 from tuner.limits import PRIOR_SHARE
 from tuner.types.clock import CERTAIN_SDS, Clock, Delay
 
@@ -163,7 +163,7 @@ class _Problem:
         names = (None, *(one.name for one in streams.others), DRIFT)
         arm_sd = STATED_ARM_SD if any(streams.positions.arm) else ARM_SD
         prior = np.repeat([DELAY_SD, DRIFT_SD, arm_sd], [len(names) - 1, 1, 3])
-        return _Problem(streams, windows_of(streams.imu), names, prior, middle_of(streams.positions.t))
+        return _Problem(streams, streams.imu.windows, names, prior, middle_of(streams.positions.t))
 
     def columns(self, one: Placed, motion: Motion) -> FloatArray:
         """Return the derivatives of what a stream reads by delays and lever arm, shape (m, d, c)."""
@@ -173,7 +173,7 @@ class _Problem:
         if rate is not None:
             own = [k for k, name in enumerate(self.names) if name in (None, stream.name)]
             out[..., own] = -rate[..., None]
-            out[..., self.names.index(DRIFT)] = -rate * (stream.t[one.row] - self.middle)[:, None]
+            out[..., self.names.index(DRIFT)] = -rate * (stream.t[one.row.ravel()] - self.middle)[:, None]
         if arm is not None:
             out[..., len(self.names) :] = arm
         return out

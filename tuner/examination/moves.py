@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from itertools import permutations, product
+from typing import Literal
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from tuner.examination.streams import HorizontalVelocities, Stream, Streams, Vel
 from tuner.examination.windows import ACCEL_BIAS, GYRO_BIAS, TURN, Motion
 from tuner.formats.clock_words import late_words
 from tuner.types.clock import HALF_INTERVAL, Clock, Delay
+from tuner.types.repair import Repair
 
 AXES = "xyz"
 LEVER_ARM = "lever arm"
@@ -35,42 +37,34 @@ Change = Callable[[FloatArray], FloatArray]
 
 
 @dataclass(frozen=True)
-class Move:
-    """A fault of a stream and what undoes it.
+class Move(Repair):
+    """A fault of a stream that the likelihood may want, and what undoes it.
 
     Attributes
     ----------
-    stream : str
-        Name of the stream.
-    fault : str
-        What is wrong with it, behind its name.
-    repair : str
-        What mends it, as done.
     mended : callable
         Returns the streams without the fault.
+    kind : str
+        ``reading``: how numbers are read (unit, sign, axes); ``constant``: of the installation, estimated with the
+        others; ``event``: at one time.
     partial : bool
         Whether the fault can hold for a part of a drive.
     subject : str
         What of the stream it is about, where a recording may be unable to show it.
-    size, interval, unit
-        How large it is, and its 95 % interval, where it is estimated.
-    delay : float or None
-        Of a clock, s, negative where it is early.
-    reading : bool
-        Whether it is about how numbers are read: unit, sign, axes.
+    rival : Move or None
+        The next explanation, where it is wanted as well.
     """
 
-    stream: str
-    fault: str
-    repair: str
-    mended: Callable[[Streams], Streams]
-    partial: bool = True
+    mended: Callable[[Streams], Streams] = lambda streams: streams
+    kind: Literal["reading", "constant", "event"] = "reading"
+    partial: bool = False
     subject: str = ""
-    size: float | None = None
-    interval: tuple[float, float] | None = None
-    unit: str = ""
-    delay: float | None = None
-    reading: bool = False
+    rival: Move | None = None
+
+    @property
+    def repair(self) -> Repair:
+        """What of it a report needs."""
+        return Repair(**{one.name: getattr(self, one.name) for one in fields(Repair)})
 
 
 class BodyVelocities(Velocities):
@@ -169,10 +163,9 @@ def _velocity_moves(stream: Velocities, *, whole: bool) -> Iterator[Move]:
         name,
         "are in the axes of the unit, not north, east, down",
         "",
-        lambda s: exchanged(
+        mended=lambda s: exchanged(
             s, name, lambda x: BodyVelocities(x.t, x.values, x.sd, x.name, x.arm, x.log_scale)
         ),
-        partial=False,
     )
 
 
@@ -213,7 +206,7 @@ def _of(name: str, fault: str, repair: str, change: Change, subject: str = "") -
         rates[:, part] = change(rates[:, part])
         return replace(streams, imu=replace(streams.imu, rates=rates))
 
-    return Move(name, fault, repair, mended, subject=subject, reading=True)
+    return Move(name, fault, repair, mended=mended, partial=True, subject=subject)
 
 
 def silenced(triad: str) -> Move:
@@ -264,13 +257,12 @@ def of_clock(stream: str | None, clock: Clock) -> Move:
         whose,
         f"{is_are} {shown} against the {'inertial unit' if stream is None else 'positions'}",
         f"{its} stamps moved by {moved}",
-        mended,
-        partial=False,
-        subject=f"delay of the {whose}",
         size=None if drifts else amount,
         interval=interval,
         unit="s",
-        delay=delay,
+        mended=mended,
+        kind="constant",
+        subject=f"delay of the {whose}",
     )
 
 
@@ -280,10 +272,10 @@ def jumped(begin: float, ahead: float) -> Move:
         CLOCK_OF_UNIT,
         f"jumps ahead by {ahead:.3f} s at {begin:.1f} s: no sample is lost there",
         f"stamps of the receiver behind it moved by {ahead:+.3f} s",
-        lambda streams: streams.changed(lambda x: replace(x, t=x.t + np.where(x.t > begin, ahead, 0.0))),
-        partial=False,
         size=ahead,
         unit="s",
+        mended=lambda s: s.changed(lambda x: replace(x, t=x.t + np.where(x.t > begin, ahead, 0.0))),
+        kind="event",
     )
 
 
@@ -297,10 +289,10 @@ def arm_of(arm: FloatArray, sd: FloatArray) -> Move:
         "antenna",
         f"is {size:.2f} m from the inertial unit: {shown} m in its axes (95 %)",
         "",
-        lambda streams: streams.changed(lambda one: replace(one, arm=(x, y, z))),
-        partial=False,
-        subject=LEVER_ARM,
         size=size,
         interval=(max(size - half, 0.0), size + half),
         unit="m",
+        mended=lambda streams: streams.changed(lambda one: replace(one, arm=(x, y, z))),
+        kind="constant",
+        subject=LEVER_ARM,
     )

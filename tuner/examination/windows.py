@@ -18,6 +18,7 @@ Coordinates are curvilinear north, east, down from the first position of the win
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,6 +68,11 @@ class Inertial:
     def interval(self) -> float:
         """Time from one sample of the unit to the next, s."""
         return float(np.median(np.diff(self.t))) / self.many
+
+    @cached_property
+    def windows(self) -> Windows:
+        """All samples in windows."""
+        return windows_of(self)
 
 
 @dataclass(frozen=True)
