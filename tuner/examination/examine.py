@@ -15,11 +15,11 @@ from models.earth import ned_between
 from tuner.examination.fit import Fit, Noise
 from tuner.examination.moves import AXES, CLOCK_OF_UNIT, LEVER_ARM, STATED_ODDS, TRIADS, Move
 from tuner.examination.search import applied, searched
-from tuner.examination.streams import Positions, Stream, Streams, receiver_streams
+from tuner.examination.streams import Positions, Stream, Streams, receiver_streams, repeated
 from tuner.examination.windows import WINDOW_LENGTH, Inertial, longest_step
 from tuner.formats.grouping import gathered
 from tuner.limits import LOST_SHARE, TOLERATED_RATIO
-from tuner.segments.stand_stills import runs
+from tuner.segments.stand_stills import inside, runs
 from tuner.types.clock import HALF_INTERVAL, Clock
 from tuner.types.public import public
 from tuner.types.records import DataError, Drive, Gnss
@@ -126,11 +126,9 @@ class Examination(Shown):
 
 def streams_of(drive: Drive) -> Streams:
     """Return the streams of a drive."""
-    arm = (0.0, 0.0, 0.0)
-    if drive.lever_arm is not None and drive.mounting is not None:
-        x, y, z = drive.mounting @ np.array(drive.lever_arm)
-        arm = (float(x), float(y), float(z))
-    return Streams(Inertial(drive.imu_t, drive.rates), *receiver_streams(drive.gnss, arm))
+    stated = drive.lever_arm is not None and drive.mounting is not None
+    x, y, z = (drive.mounting @ np.array(drive.lever_arm)).tolist() if stated else (0.0, 0.0, 0.0)
+    return Streams(Inertial(drive.imu_t, drive.rates), *receiver_streams(drive.gnss, (x, y, z)))
 
 
 @public("examine")
@@ -373,13 +371,11 @@ def _right_sds(streams: Streams, fit: Fit) -> tuple[list[Repair], list[FloatArra
 
 def _frozen(imu: Inertial) -> tuple[Repair, NDArray[np.bool_]] | None:
     """Return in which time the inertial unit repeats one sample for a second or longer, and those rows."""
-    same = np.append(False, np.all(np.diff(imu.rates, axis=0) == 0.0, axis=1))
-    long = [(a, b) for a, b in runs(same, [(0, len(same))]) if imu.t[b - 1] - imu.t[a] >= 1.0]
+    every = runs(repeated(imu.rates), [(0, len(imu.t))])
+    long = [(a, b) for a, b in every if imu.t[b - 1] - imu.t[a] >= 1.0]
     if not long:
         return None
-    rows = np.zeros(len(imu.t), dtype=bool)
-    for a, b in long:
-        rows[a:b] = True
+    rows = inside(len(imu.t), long)
     seconds = sum(float(imu.t[b - 1] - imu.t[a]) for a, b in long)
     what = "zeros" if not imu.rates[rows].any() else "one sample again and again"
     begin, end = float(imu.t[long[0][0]]), float(imu.t[long[-1][1] - 1])

@@ -61,6 +61,8 @@ FIRST_WRONG = 0.05
 """Probability that a reading is wrong, before anything is known."""
 WAHBA_ROUNDS = 5
 """Rounds after which the weights of a first rotation have settled."""
+SCREENED_WINDOWS = 16
+"""Windows on which everything is tried first."""
 LEAST_READINGS = 4
 """Positions of a window from which it says anything."""
 
@@ -231,6 +233,16 @@ def fit(
     else:
         found = problem.likeliest(problem.first_guesses(), rounds)
     return problem.judged(streams, found) if every else found
+
+
+def busiest(windows: Windows, now: Fit) -> IntArray:
+    """Return the window of each sixteenth of a drive in which the unit moves most."""
+    used = np.searchsorted(windows.begin, now.begin)
+    first = windows.sums[used, :, :3] / np.maximum(windows.t[used], 1.0)[..., None]
+    turned = np.linalg.norm(windows.attitude[used, -1] - np.eye(3), axis=(1, 2))
+    activity = first.std(axis=1).sum(axis=1) * (0.1 + turned)
+    groups = np.array_split(np.arange(len(used)), min(SCREENED_WINDOWS, len(used)))
+    return np.array([used[g[np.argmax(activity[g])]] for g in groups])
 
 
 @dataclass(frozen=True)

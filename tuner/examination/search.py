@@ -9,20 +9,28 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import median_filter
 
-from models.arrays import FloatArray, IntArray
-from models.earth import metres_per_radian
+from models.arrays import FloatArray
+from models.earth import llh_displaced, metres_per_radian
 from models.robust import normal_sd
 from tuner.examination.distant_clocks import distant_delay
-from tuner.examination.fit import FIRST_ROUNDS, LEAST_READINGS, Fit, earned, fit
+from tuner.examination.fit import FIRST_ROUNDS, LEAST_READINGS, Fit, busiest, earned, fit
 from tuner.examination.installation import installed
-from tuner.examination.moves import DELAYS, STATED_ODDS, TRIADS, Move, jumped, late, moves, silenced
+from tuner.examination.moves import (
+    DELAYS,
+    STATED_ODDS,
+    TRIADS,
+    Move,
+    jumped,
+    moves,
+    of_clock,
+    of_values,
+    times,
+)
 from tuner.examination.streams import Stream, Streams, Velocities
 from tuner.examination.windows import WINDOW_LENGTH, Inertial, averaged, longest_step, windows_of
-from tuner.types.clock import CERTAIN_SDS, Clock
+from tuner.types.clock import CERTAIN_SDS, Clock, Delay
 from tuner.types.records import DataError
 
-SCREENED_WINDOWS = 16
-"""Windows on which every fault is tried first."""
 REFITTED_FAULTS = 3
 """Faults that are then tried on all windows."""
 UNSEEN_GAIN = 3.0
@@ -74,7 +82,7 @@ def searched(streams: Streams, name: str = "streams") -> Searched:
         )
     unseen: tuple[str, ...] = ()
     begun, now = recorded, first
-    clocks = [late(None, delay) for delay in (distant_delay(whole),) if delay]
+    clocks = [of_clock(None, Clock(Delay(delay))) for delay in (distant_delay(whole),) if delay]
     for move in [*clocks, *_jumps(streams.imu)]:
         shifted = move.mended(whole)
         as_read = _best_fit(_inside(whole, shifted), now)
@@ -91,23 +99,32 @@ def searched(streams: Streams, name: str = "streams") -> Searched:
             (one.stream, one.fault) for one in whole_ones if one.kind == "reading"
         }  # no unit is taken twice
         left = [one for one in moves(at.streams) if (one.stream, one.fault) not in read]
-        tried, unseen = _tried(at.streams, at.fit, left)
+        # a lever arm may stand for a fault: each is tried without one, and beside one of its own
+        bare = at.streams.changed(lambda one: replace(one, arm=recorded.positions.arm))
+        plain = at.fit if bare.positions.arm == at.streams.positions.arm else fit(bare)
+        tried, unseen = _tried(bare, plain, left)
+        less = at.fit.total - plain.total
         better = [one for one in tried if one[0].nats > 0.0]
         while better and not _says_more_than_none(*better[0]):
             better = better[1:]
-        if not better:
+        settled = [
+            (replace(one, nats=one.nats + there.gain - less), now, there)
+            for one, streams, now in better
+            for there in (installed(streams, now),)
+        ]
+        settled = sorted((each for each in settled if each[0].nats > 0.0), key=lambda each: -each[0].nats)
+        if not settled:
             break
-        best, streams, now = better[0]
-        others = [one for one, *_ in better[1:] if best.kind != "constant" or one.subject != best.subject]
-        rival = max(others, key=lambda one: one.nats, default=None)
-        rest = 0.0 if rival is None else rival.nats
-        found.append(replace(best, over_next=best.nats - rest, rival=rival))
+        (best, now, at), *others = settled
+        rivals = [one for one, *_ in others if best.kind != "constant" or one.subject != best.subject]
+        rival = rivals[0] if rivals else None
+        over_next = best.nats - (rival.nats if rival else 0.0)
+        found.append(replace(best, over_next=over_next, rival=rival))
         for one in found[:-1]:  # what a later fault makes superfluous
-            others = [each for each in found if each is not one]
-            without = applied(others, recorded)
-            if (there := fit(without)).total > now.total:
-                found, streams, now = others, without, there
-        at = installed(streams, now)
+            without = [each for each in found if each is not one]
+            streams = applied(without, recorded)
+            if (there := fit(streams)).total > now.total:
+                found, now, at = without, there, installed(streams, there)
         gain = max(gain, at.gain)
     named = _joined(found, at.moves(recorded), gain)
     unseen = tuple(one for one in unseen if one not in {each.subject for each in named})
@@ -160,8 +177,8 @@ def _tried(
     """Return the faults that promise most, refitted, the likeliest first, and what the windows cannot show."""
     price = math.log(STATED_ODDS * len(faults))
     part = 2.0 * math.log(len(now.begin))
-    screen = _screen(streams, now)
-    integrated = windows_of(streams.imu, screen)
+    screen = busiest(streams.imu.windows, now)
+    integrated = streams.imu.windows.some(screen)
     base = fit(streams, integrated, FIRST_ROUNDS)
     promise, unseen = [], []
     for fault in faults:
@@ -204,20 +221,9 @@ def _says_more_than_none(found: Move, streams: Streams, mended: Fit) -> bool:
     """Return whether a triad, mended, explains more than one that measures nothing: small numbers have little noise."""
     if found.stream not in TRIADS:
         return True
-    silent = silenced(found.stream).mended(streams)
+    silent = of_values(found.stream, "measures nothing", "left out", times(0.0)).mended(streams)
     none = fit(between(streams, silent, found.begin, found.end))
     return mended.total > none.total + math.log(STATED_ODDS)
-
-
-def _screen(streams: Streams, now: Fit) -> IntArray:
-    """Return the window of each sixteenth of a drive in which the unit moves most."""
-    windows = streams.imu.windows
-    used = np.searchsorted(windows.begin, now.begin)
-    first = windows.sums[used, :, :3] / np.maximum(windows.t[used], 1.0)[..., None]
-    turned = np.linalg.norm(windows.attitude[used, -1] - np.eye(3), axis=(1, 2))
-    activity = first.std(axis=1).sum(axis=1) * (0.1 + turned)
-    groups = np.array_split(np.arange(len(used)), min(SCREENED_WINDOWS, len(used)))
-    return np.array([used[g[np.argmax(activity[g])]] for g in groups])
 
 
 def _best_part(gains: FloatArray) -> tuple[int, int, float]:
@@ -320,8 +326,8 @@ def _step(jump: FloatArray, time: float) -> Move:
 
     def mended(streams: Streams) -> Streams:
         at = streams.positions
-        moved = np.where((at.t >= time)[:, None], jump, 0.0) / metres_per_radian(at.values)
-        return replace(streams, positions=at.with_values(at.values - moved))
+        moved = np.where((at.t >= time)[:, None], -jump, 0.0)
+        return replace(streams, positions=at.with_values(llh_displaced(at.values, moved)))
 
     north, east, down = (float(x) for x in jump)
     parts = [f"{name} {x:+.3g} m" for name, x in (("north", north), ("east", east), ("height", -down)) if x]
