@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from models.arrays import FloatArray
 from models.earth import ned_between
 from tuner.examination.fit import Fit, Noise
-from tuner.examination.moves import AXES, CLOCK_OF_UNIT, LEVER_ARM, STATED_ODDS, TRIADS
-from tuner.examination.search import Found, applied, searched
-from tuner.examination.streams import Positions, Stream, Streams, receiver_streams
+from tuner.examination.moves import AXES, CLOCK_OF_UNIT, LEVER_ARM, STATED_ODDS, TRIADS, Move
+from tuner.examination.search import applied, searched
+from tuner.examination.streams import Positions, Stream, Streams, receiver_streams, repeated
 from tuner.examination.windows import WINDOW_LENGTH, Inertial, longest_step
 from tuner.formats.grouping import gathered
 from tuner.limits import LOST_SHARE, TOLERATED_RATIO
-from tuner.segments.stand_stills import runs
+from tuner.segments.stand_stills import inside, runs
 from tuner.types.clock import HALF_INTERVAL, Clock
 from tuner.types.public import public
 from tuner.types.records import DataError, Drive, Gnss
@@ -126,11 +126,9 @@ class Examination(Shown):
 
 def streams_of(drive: Drive) -> Streams:
     """Return the streams of a drive."""
-    arm = (0.0, 0.0, 0.0)
-    if drive.lever_arm is not None and drive.mounting is not None:
-        x, y, z = drive.mounting @ np.array(drive.lever_arm)
-        arm = (float(x), float(y), float(z))
-    return Streams(Inertial(drive.imu_t, drive.rates), *receiver_streams(drive.gnss, arm))
+    stated = drive.lever_arm is not None and drive.mounting is not None
+    x, y, z = (drive.mounting @ np.array(drive.lever_arm)).tolist() if stated else (0.0, 0.0, 0.0)
+    return Streams(Inertial(drive.imu_t, drive.rates), *receiver_streams(drive.gnss, (x, y, z)))
 
 
 @public("examine")
@@ -158,14 +156,10 @@ def examine(drive: Drive) -> Examination:
     search = searched(whole, drive.source or drive.name)
     fit, repaired = search.after, applied(search.found, whole)
     unstated = drive.lever_arm is None or drive.mounting is None
-    arm = [_of_search(one) for one in search.found if one.move.subject == LEVER_ARM and unstated]
-    repairs = [one for one in map(_of_search, search.found) if one not in arm]
+    arm = [one.fault for one in search.found if one.subject == LEVER_ARM and unstated]
+    repairs = [one.repair for one in search.found if one.fault not in arm]
     sure = [
-        one
-        for one in search.found
-        if one.move.delay is None
-        and one.move.subject != LEVER_ARM
-        and min(one.gain, one.over_next) > CERTAIN_ODDS
+        one for one in search.found if one.kind != "constant" and min(one.nats, one.over_next) > CERTAIN_ODDS
     ]
     counted, lost, stale = [], [], []
     speed = _travelled(repaired.positions)
@@ -182,10 +176,10 @@ def examine(drive: Drive) -> Examination:
     repairs += [] if unsound is None else [unsound]
     counted += of_sds
     counted += [] if frozen is None else [frozen[0]]
-    jumps = sum(one.move.size or 0.0 for one in search.found if one.move.stream == CLOCK_OF_UNIT)
+    jumps = sum(one.size or 0.0 for one in search.found if one.stream == CLOCK_OF_UNIT)
     counted += [*_gaps(drive.imu_t, jumps), *_saturated(drive)]
     vibration = _vibration(drive, repaired)
-    first = _in_order(drive, [*counted, *map(_of_search, sure)])
+    first = _in_order(drive, [*counted, *(one.repair for one in sure)])
     all_of = _in_order(drive, [*counted, *repairs])
     noise_of = (_noise(*pair) for pair in zip(repaired.all, fit.noise, strict=True))
     mended = _mended(drive, repaired, lost, sds)
@@ -202,7 +196,7 @@ def examine(drive: Drive) -> Examination:
         tuple(chain.from_iterable(noise_of)),
         vibration,
         search.unseen,
-        arm[0].fault if arm else "",
+        "".join(arm),
         WINDOW_LENGTH * len(fit.begin),
         misfit,
         mended,
@@ -213,13 +207,13 @@ def examine(drive: Drive) -> Examination:
     )
 
 
-def _undecided(found: Sequence[Found]) -> str:
+def _undecided(found: Sequence[Move]) -> str:
     """Return which stream fits in two readings only, neither as it is stated."""
     for one in found:
-        if one.rival is not None and one.gain > CERTAIN_ODDS >= one.over_next and one.move.reading:
+        if one.rival is not None and one.nats > CERTAIN_ODDS >= one.over_next and one.kind == "reading":
             other = f"{one.rival.stream} {one.rival.fault}"
             return (
-                f"{one.move.stream} {one.move.fault}, or {other}: the streams contradict what is stated and fit with "
+                f"{one.stream} {one.fault}, or {other}: the streams contradict what is stated and fit with "
                 "either; correct the one that is wrong"
             )
     return ""
@@ -231,22 +225,6 @@ def _in_order(drive: Drive, repairs: Sequence[Repair]) -> tuple[Repair, ...]:
     names = (" and ".join(dict.fromkeys(one.stream for one in same)) for same in said.values())
     together = [replace(same[0], stream=name) for same, name in zip(said.values(), names, strict=True)]
     return (*drive.repairs, *sorted(together, key=lambda one: -one.nats))
-
-
-def _of_search(found: Found) -> Repair:
-    move = found.move
-    return Repair(
-        move.stream,
-        move.fault,
-        move.repair,
-        found.gain,
-        found.over_next,
-        move.size,
-        move.interval,
-        move.unit,
-        found.begin,
-        found.end,
-    )
 
 
 def _mended(
@@ -393,13 +371,11 @@ def _right_sds(streams: Streams, fit: Fit) -> tuple[list[Repair], list[FloatArra
 
 def _frozen(imu: Inertial) -> tuple[Repair, NDArray[np.bool_]] | None:
     """Return in which time the inertial unit repeats one sample for a second or longer, and those rows."""
-    same = np.append(False, np.all(np.diff(imu.rates, axis=0) == 0.0, axis=1))
-    long = [(a, b) for a, b in runs(same, [(0, len(same))]) if imu.t[b - 1] - imu.t[a] >= 1.0]
+    every = runs(repeated(imu.rates), [(0, len(imu.t))])
+    long = [(a, b) for a, b in every if imu.t[b - 1] - imu.t[a] >= 1.0]
     if not long:
         return None
-    rows = np.zeros(len(imu.t), dtype=bool)
-    for a, b in long:
-        rows[a:b] = True
+    rows = inside(len(imu.t), long)
     seconds = sum(float(imu.t[b - 1] - imu.t[a]) for a, b in long)
     what = "zeros" if not imu.rates[rows].any() else "one sample again and again"
     begin, end = float(imu.t[long[0][0]]), float(imu.t[long[-1][1] - 1])

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.lapack import dpotrf, dpotri
 from scipy.special import digamma, gammaln
 
 from models import rotation
@@ -33,7 +34,6 @@ from tuner.examination.windows import (
     motion_of,
     of_the_earth,
     sampled,
-    windows_of,
 )
 from tuner.types.clock import CERTAIN_SDS
 
@@ -59,6 +59,10 @@ LEAST_SD = 1e-3
 """Least sd of readings, in their unit."""
 FIRST_WRONG = 0.05
 """Probability that a reading is wrong, before anything is known."""
+WAHBA_ROUNDS = 5
+"""Rounds after which the weights of a first rotation have settled."""
+SCREENED_WINDOWS = 16
+"""Windows on which everything is tried first."""
 LEAST_READINGS = 4
 """Positions of a window from which it says anything."""
 
@@ -94,7 +98,7 @@ class Fit:
         What wrong readings of each stream add to the bound, nats.
     unsound_worth : float
         What windows in which the inertial unit does not hold add to it, nats.
-    errors : tuple of 2 floats
+    errors : ndarray, shape (2,)
         Sds of the acceleration error, m/s², and of the rate of the slow error of positions, m/s, over `KNOT_LENGTH`.
     lost : float
         Share of windows in which the inertial unit does not hold.
@@ -115,7 +119,7 @@ class Fit:
     left: tuple[FloatArray, ...]
     worth: tuple[float, ...]
     unsound_worth: float
-    errors: tuple[float, float]
+    errors: FloatArray
     lost: float
     attitude: FloatArray
     unknowns: FloatArray
@@ -144,73 +148,59 @@ def earned(gains: FloatArray) -> float:
     return float(gains.sum() - CERTAIN_SDS * np.sqrt(2.0 * np.sum(np.minimum(gains, 0.0) ** 2)))
 
 
-@dataclass(frozen=True)
-class _Start:
-    """Where rounds begin: rotations, shape (w, 3, 3), and of each stream the probabilities of wrong readings."""
-
-    attitude: FloatArray
-    wrong: tuple[FloatArray, ...]
+Start = tuple[FloatArray, Sequence[FloatArray]]
+"""Where rounds begin: rotations, shape (w, 3, 3), and of each stream the probabilities of wrong readings, (w, n)."""
 
 
 @dataclass(frozen=True)
 class Placed:
-    """Readings of a stream in windows, as a table of windows by readings."""
+    """Readings of a stream in windows, as a table of windows by readings, of which some places hold none."""
 
     stream: Stream
-    row: IntArray  # (m,) rows of the stream
-    window: IntArray  # (m,)
-    place: IntArray  # (m,) number within its window
-    tau: FloatArray  # (m,)
-    local: FloatArray  # (m, d)
-    at: Sampled
+    row: IntArray  # (w, n) rows of the stream
+    there: NDArray[np.bool_]  # (w, n) which places hold a reading
+    tau: FloatArray  # (w, n)
+    local: FloatArray  # (w, n, d)
+    at: Sampled  # of all places, one window behind the other
 
-    def spread(self, values: FloatArray, count: int) -> FloatArray:
-        """Return values of readings as a table, shape (w, most, ...), zeros where there is none."""
-        table = np.zeros((count, int(self.place.max(initial=-1)) + 1, *values.shape[1:]))
-        table[self.window, self.place] = values
-        return table
-
-    def whole(self, values: FloatArray) -> FloatArray:
+    def whole(self, table: FloatArray) -> FloatArray:
         """Return values of readings as those of all rows, NaN elsewhere."""
-        out = np.full((len(self.stream.t), *values.shape[1:]), np.nan)
-        out[self.row] = values
+        out = np.full((len(self.stream.t), *table.shape[2:]), np.nan)
+        out[self.row[self.there]] = table[self.there]
         return out
 
     def linear(self, found: Motion, x: FloatArray, more: FloatArray | None = None) -> Linear:
         """Return what readings say of the unknowns, linear about those of a motion, and of constants by `more`."""
-        predicted, by = self.stream.seen(found)
-        left = self.local - predicted + (by @ x[self.window][..., None])[..., 0]
+        (w, n, d), (predicted, by) = self.local.shape, self.stream.seen(found)
+        left = (self.local - predicted.reshape(w, n, d)).reshape(w, n * d)
+        left = left + (by.reshape(w, n * d, x.shape[1]) @ x[..., None])[..., 0]
         by = by if more is None else np.concatenate([by, more], axis=-1)
-        w = len(x)
-        return Linear(self, _rows(self.spread(left, w)), _rows(self.spread(by, w)))
+        return Linear(left, by.reshape(w, n * d, by.shape[-1]), d)
 
 
 @dataclass(frozen=True)
 class Linear:
-    """What readings say of the unknowns of windows, as tables, shapes (w, k) and (w, k, u), zeros where none is."""
+    """What readings of d components say of the unknowns of windows, shapes (w, n d) and (w, n d, u)."""
 
-    of: Placed
     left: FloatArray
     by: FloatArray
+    d: int
 
     def equations(self, weight: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the normal equations of each window by weights of shape (m, d), shapes (w, u, u) and (w, u)."""
-        scaled = self.by * _rows(self.of.spread(weight, len(self.by)))[..., None]
-        return scaled.swapaxes(-1, -2) @ self.by, (self.left[:, None] @ scaled)[:, 0]
-
-    def readings(self, table: FloatArray) -> FloatArray:
-        """Return the rows of a table of shape (w, k) as readings, shape (m, d)."""
-        w, k = table.shape
-        d = self.of.local.shape[1]
-        return table.reshape(w, k // d, d)[self.of.window, self.of.place]
+        """Return the normal equations of windows by weights (…, w, n, d), shapes (…, w, u, u) and (…, w, u)."""
+        scaled = self.by * weight.reshape(*weight.shape[:-2], self.left.shape[1], 1)
+        return scaled.swapaxes(-1, -2) @ self.by, (self.left[:, None] @ scaled)[..., 0, :]
 
     def residuals(self, x: FloatArray) -> FloatArray:
-        """Return readings less those by unknowns, shape (m, d)."""
-        return self.readings(self.left - (self.by @ x[..., None])[..., 0])
+        """Return readings less those by unknowns (…, w, u), shape (…, w, n, d)."""
+        return self._readings(self.left - (self.by @ x[..., None])[..., 0])
 
     def variances(self, covariance: FloatArray) -> FloatArray:
-        """Return the variances that unknowns give to readings, shape (m, d)."""
-        return self.readings(((self.by @ covariance) * self.by).sum(axis=-1))
+        """Return the variances that unknowns give to readings, shape (…, w, n, d)."""
+        return self._readings(np.einsum("...ku,...ku->...k", self.by @ covariance, self.by))
+
+    def _readings(self, table: FloatArray) -> FloatArray:
+        return table.reshape(*table.shape[:-1], table.shape[-1] // self.d, self.d)
 
 
 def fit(
@@ -236,13 +226,23 @@ def fit(
     near : Fit, optional
         Of streams that differ little, from which the rounds begin where it has the same windows.
     """
-    windows = windows_of(averaged(streams.imu)) if windows is None else windows
+    windows = averaged(streams.imu).windows if windows is None else windows
     problem = Problem.of(streams, windows)
     if near is not None and np.array_equal(near.begin, problem.windows.begin):
         found = problem.solved(problem.joined([near]), rounds, near, free=True)
     else:
         found = problem.likeliest(problem.first_guesses(), rounds)
     return problem.judged(streams, found) if every else found
+
+
+def busiest(windows: Windows, now: Fit) -> IntArray:
+    """Return the window of each sixteenth of a drive in which the unit moves most."""
+    used = np.searchsorted(windows.begin, now.begin)
+    first = windows.sums[used, :, :3] / np.maximum(windows.t[used], 1.0)[..., None]
+    turned = np.linalg.norm(windows.attitude[used, -1] - np.eye(3), axis=(1, 2))
+    activity = first.std(axis=1).sum(axis=1) * (0.1 + turned)
+    groups = np.array_split(np.arange(len(used)), min(SCREENED_WINDOWS, len(used)))
+    return np.array([used[g[np.argmax(activity[g])]] for g in groups])
 
 
 @dataclass(frozen=True)
@@ -258,32 +258,32 @@ class Problem:
     def of(streams: Streams, windows: Windows) -> Problem:
         """Return those of the windows that have positions, and the readings in them."""
         positions = streams.positions
-        window = np.where(_fitted(positions), windows.found(positions.t), -1)
+        window = windows.found(np.where(_fitted(positions), positions.t, -np.inf))
         count = np.bincount(window[window >= 0], minlength=len(windows.begin))
         used = count >= LEAST_READINGS
-        kept = windows.some(used)
-        window = kept.found(np.where(window >= 0, positions.t, -np.inf))
-        w = len(kept.begin)
-        places, speeds = np.zeros((2, w, 3))
-        for k in range(w):  # medians: a start that is far off moves gravity by nothing
-            rows = np.flatnonzero(window == k)
-            places[k] = np.median(positions.values[rows], axis=0)
-        if w > 1:
+        kept = windows if used.all() else windows.some(used)
+        places, speeds = np.zeros((2, len(kept.begin), 3))
+        row, there = _table(positions, _fitted(positions), kept)
+        for k, values in enumerate(
+            positions.values.T
+        ):  # medians: a start that is far off moves gravity by nothing
+            places[:, k] = _median(values[row], there)[:, 0]
+        if len(places) > 1:
             steps = np.gradient(places, axis=0) * metres_per_radian(places) / np.gradient(kept.begin)[:, None]
             speeds = np.clip(steps, -1e3, 1e3)
         placed = tuple(_placed(one, _fitted(one), kept, places, speeds) for one in streams.all)
         return Problem(kept, placed, places, speeds)
 
-    def first_guesses(self) -> list[_Start]:
+    def first_guesses(self) -> list[Start]:
         """Return rotations of the windows by a stream, and with which probability readings then begin as wrong."""
-        found = []
+        found: list[Start] = []
         for one in self.placed:
-            if isinstance(one.stream, Positions | Velocities) and (len(one.row) or one is self.placed[0]):
-                wrong = (np.full(len(x.row), FIRST_WRONG if x is one else 0.5) for x in self.placed)
-                found.append(_Start(self._wahba(one), tuple(wrong)))
+            if isinstance(one.stream, Positions | Velocities) and (one.there.any() or one is self.placed[0]):
+                wrong = [np.full(x.there.shape, FIRST_WRONG if x is one else 0.5) for x in self.placed]
+                found.append((self._wahba(one), wrong))
         return found
 
-    def likeliest(self, guesses: Sequence[_Start], rounds: int) -> Fit:
+    def likeliest(self, guesses: Sequence[Start], rounds: int) -> Fit:
         """Return the likeliest of the fits that begin from first guesses."""
         tried = [(self.solved(first, FIRST_ROUNDS), first) for first in guesses]
         found, first = max(tried, key=lambda one: one[0].total)
@@ -294,106 +294,92 @@ class Problem:
         again = [self.solved(one, FIRST_ROUNDS, found) for one in guesses]
         return self.solved(self.joined([found, *again]), rounds, found, free=True)
 
-    def joined(self, fits: Sequence[Fit]) -> _Start:
+    def joined(self, fits: Sequence[Fit]) -> Start:
         """Return rotations and probabilities of wrong readings, for each window of the fit that is likeliest there."""
         best = np.argmax([one.bound for one in fits], axis=0)
         turned = [rotation.mat_from_rotvec(one.solution[:, TURN]) @ one.attitude for one in fits]
         attitude = np.stack(turned)[best, np.arange(len(best))]
-        wrong = tuple(
+        wrong = [
             # NaN: with the stamps of that fit it was no reading of these windows
-            np.nan_to_num(np.stack([one.wrong[j] for one in fits])[best[x.window], x.row], nan=FIRST_WRONG)
+            np.nan_to_num(np.stack([one.wrong[j] for one in fits])[best[:, None], x.row], nan=FIRST_WRONG)
             for j, x in enumerate(self.placed)
-        )
-        return _Start(attitude, wrong)
+        ]
+        return attitude, wrong
 
     def _wahba(self, one: Placed) -> FloatArray:
         """Return the rotations that bring sums of specific force to changes of velocity, or of mean velocity.
 
         Wahba's problem by singular values, with weights of a Cauchy distribution about the median misfit.
         """
-        w, velocity = len(self.windows.begin), isinstance(one.stream, Velocities)
-        g = of_the_earth(self.places, self.speeds)[2]
-        tau, there = one.spread(one.tau, w), one.spread(np.ones(len(one.tau)), w)
+        (w, n), velocity = one.there.shape, isinstance(one.stream, Velocities)
+        g, tau, there = of_the_earth(self.places, self.speeds)[2], one.tau, one.there
         # a vertical velocity that is missing changes little beside gravity
-        values = one.spread(np.pad(one.local, ((0, 0), (0, 3 - one.local.shape[1]))), w)
-        own = one.spread(one.at.vectors[..., 0 if velocity else 1], w)
-        gap = max(1, tau.shape[1] // 5)
+        values = np.pad(one.local, ((0, 0), (0, 0), (0, 3 - one.local.shape[2])))
+        own = one.at.vectors[..., 0 if velocity else 1].reshape(w, n, 3)
+        gap = max(1, n // 5)
         if not velocity:
-            gap = max(1, min(gap, (tau.shape[1] - 1) // 2))
-            lasted, there = tau[:, gap:] - tau[:, :-gap], there[:, gap:] * there[:, :-gap]
+            gap = max(1, min(gap, (n - 1) // 2))
+            lasted, there = tau[:, gap:] - tau[:, :-gap], there[:, gap:] & there[:, :-gap]
             own, values = (
                 (x[:, gap:] - x[:, :-gap]) / np.where(there, lasted, 1.0)[..., None] for x in (own, values)
             )
             tau = 0.5 * (tau[:, gap:] + tau[:, :-gap])
         a, b = own[:, gap:] - own[:, :-gap], values[:, gap:] - values[:, :-gap]
-        lasted, both = tau[:, gap:] - tau[:, :-gap], there[:, gap:] * there[:, :-gap]
+        lasted, both = tau[:, gap:] - tau[:, :-gap], there[:, gap:] & there[:, :-gap]
         b = b - g[:, None, :] * lasted[..., None]
-        long, other = np.linalg.norm(a, axis=-1), np.linalg.norm(b, axis=-1)
-        weight = both / (1.0 + ((long - other) / (0.02 * _usual(long, both) + 1e-9)) ** 2)
-        for _ in range(5):
+        miss, least = (
+            np.linalg.norm(a, axis=-1) - np.linalg.norm(b, axis=-1),
+            0.02 * _median(np.linalg.norm(a, axis=-1), both),
+        )
+        for _ in range(WAHBA_ROUNDS):
+            weight = both / (1.0 + (miss / np.maximum(least, 1e-6)) ** 2)
             left, _, right = np.linalg.svd(np.einsum("wki,wkj,wk->wij", b, a, weight))
             sign = np.ones((w, 3))
             sign[:, 2] = np.linalg.det(left @ right)
             c = (left * sign[:, None, :]) @ right
             miss = np.linalg.norm(b - np.einsum("wij,wkj->wki", c, a), axis=-1)
-            weight = both / (1.0 + (miss / np.maximum(_usual(miss, both), 1e-6)) ** 2)
+            least = _median(miss, both)
         return np.asarray(c)
 
-    def solved(self, first: _Start, rounds: int, given: Fit | None = None, *, free: bool = False) -> Fit:
+    def solved(self, first: Start, rounds: int, given: Fit | None = None, *, free: bool = False) -> Fit:
         """Return the fit after rounds from a start: with the noise of another fit, which holds unless it is free."""
-        attitude = first.attitude
-        w, before = len(self.windows.begin), -np.inf
-        noise = [
-            Noise(
-                FIRST_WRONG,
-                np.full(one.local.shape[1], one.stream.usual[0]),
-                np.full(one.local.shape[1], one.stream.usual[1]),
-            )
-            for one in self.placed
-        ]
-        errors, unsound, lost = FIRST_ERRORS, np.full(w, 0.1), 0.1
-        scale = np.full((2, len(ERRORS), w), SHAPE)
+        (attitude, chance), before = first, -np.inf
+        w, noise = (
+            len(self.windows.begin),
+            [
+                Noise(FIRST_WRONG, *(np.full(one.local.shape[2], sd) for sd in one.stream.usual))
+                for one in self.placed
+            ],
+        )
+        errors, lost, x = np.array(FIRST_ERRORS), 0.1, np.zeros((w, UNKNOWNS))
+        scale = np.full((2, w, len(ERRORS)), SHAPE)
         if given is not None:
             noise, errors, lost = list(given.noise), given.errors, given.lost
-            scale[0] *= np.square(np.array(FIRST_ERRORS) / errors)[:, None]  # no window begins as a sound one
-        chance = [np.stack([x, x]) for x in first.wrong]
-        x = np.zeros((w, UNKNOWNS))
+            scale[0] *= np.square(FIRST_ERRORS / errors)  # no window begins as a sound one
         for number in range(rounds):
             seen = [one.linear(motion_of(one.at, attitude, x), x) for one in self.placed]
-            branches = [
-                self._branch(seen, [d[b] for d in chance], noise, (sd, errors[1]), scale[b])
-                for b, sd in enumerate((errors[0], max(UNKNOWN_ACCELERATION, 3.0 * errors[0])))
-            ]
-            good, bad = (b.bound for b in branches)
+            both = self._branches(seen, chance, noise, errors, scale)
+            scale, chance = both.scale, both.chance
+            good, bad = both.bound
             total = np.logaddexp(np.log1p(-lost) + good, np.log(lost) + bad)
             unsound = np.exp(np.log(lost) + bad - total)
-            scale = np.stack([b.scale for b in branches])
-            chance = [np.stack([b.chance[j] for b in branches]) for j in range(len(self.placed))]
-            weight = [np.stack([(1.0 - unsound)[one.window], unsound[one.window]]) for one in self.placed]
+            share = np.stack([1.0 - unsound, unsound])[..., None]
+            weight = [share * one.there for one in self.placed]
             if given is None or free:
                 lost = float(np.clip((unsound.sum() + 0.5) / (w + 5.0), 1e-3, 0.99))
                 noise = [
-                    self._noise(one, d, h, np.stack([b.squares[j] for b in branches]))
-                    for j, (one, d, h) in enumerate(zip(self.placed, chance, weight, strict=True))
+                    _noise(*each) for each in zip(self.placed, chance, weight, both.squares, strict=True)
                 ]
-                size, many = (branches[0].errors @ (1.0 - unsound)).T
+                size, many = (share[0] * both.errors).sum(axis=1)
                 likely = np.sqrt(size / np.maximum(many, 1e-9))
-                low, high = 0.1 * np.array(errors), 10.0 * np.array(errors)
-                a, b = np.clip(likely, low, high).clip(LEAST_SD, UNKNOWN_ACCELERATION)
-                errors = float(a), float(b)
+                errors = np.clip(likely, 0.1 * errors, 10.0 * errors).clip(LEAST_SD, UNKNOWN_ACCELERATION)
             if number == rounds - 1 or total.sum() - before < CONVERGED_GAIN:
                 break
-            before = float(total.sum())
-            x = branches[0].x.copy()
+            before, x = float(total.sum()), both.x[0].copy()
             attitude = rotation.mat_from_rotvec(x[:, TURN]) @ attitude
             x[:, TURN] = 0.0
-        last = np.where(unsound[:, None] > 0.5, branches[1].x, branches[0].x)
         wrong = [(d * h).sum(axis=0) for d, h in zip(chance, weight, strict=True)]
-        left = [
-            (h[0, :, None] * branches[0].left[j] + h[1, :, None] * branches[1].left[j])
-            for j, h in enumerate(weight)
-        ]
-        worth = tuple(_worth(branches[0].squares[j], weight[j][0], n) for j, n in enumerate(noise))
+        left = [(h[..., None] * e).sum(axis=0) for h, e in zip(weight, both.left, strict=True)]
         return Fit(
             total,
             self.windows.begin,
@@ -401,14 +387,14 @@ class Problem:
             unsound,
             tuple(one.whole(x) for x, one in zip(wrong, self.placed, strict=True)),
             tuple(one.whole(x) for x, one in zip(left, self.placed, strict=True)),
-            worth,
+            tuple(_worth(s[0], h[0], n) for s, h, n in zip(both.squares, weight, noise, strict=True)),
             float((total - good).sum()),
             errors,
             lost,
             attitude,
             x,
-            last,
-            branches[0].precision,
+            np.where(unsound[:, None] > 0.5, both.x[1], both.x[0]),
+            both.precision[0],
         )
 
     def judged(self, streams: Streams, found: Fit) -> Fit:
@@ -418,8 +404,8 @@ class Problem:
             placed = _placed(one, one.readings, self.windows, self.places, self.speeds)
             linear = placed.linear(motion_of(placed.at, found.attitude, found.unknowns), found.unknowns)
             e = linear.residuals(found.solution)
-            alike = np.ones(len(e))
-            of_all = self._noise(placed, _mixture(e**2, noise)[1], alike, e**2)
+            alike = placed.there.astype(float)
+            of_all = _noise(placed, _mixture(e**2, noise)[1], alike, e**2)
             chance = _mixture(e**2, of_all)[1]
             worth.append(_worth(e**2, alike, of_all))
             wrong.append(placed.whole(chance))
@@ -442,122 +428,119 @@ class Problem:
         `linear` returns what the readings of a stream say of the unknowns of windows, of this prior precision, shape
         (w, u), and of the constants. Unless it is gated, wrong readings count as much as right ones.
         """
-        w, u = precision.shape
-        h = np.zeros((w, u + many, u + many))
-        diagonal = np.arange(u)
-        h[:, diagonal, diagonal] = precision
-        y = np.zeros((w, u + many))
-        squares = np.zeros(w)
+        seen, weights, u = [linear(one) for one in self.placed], [], precision.shape[1]
         for one, noise, wrong in zip(self.placed, found.noise, found.wrong, strict=True):
-            chance, sound = wrong[one.row, None], 1.0 - found.unsound[one.window, None]
-            chance = chance if gated else np.zeros_like(chance)
+            chance = np.where(one.there, wrong[one.row], 0.0)[..., None] * gated
             all_of = (
                 noise.sd**2 if gated else (1.0 - noise.wrong) * noise.sd**2 + noise.wrong * noise.wrong_sd**2
             )
-            weight = sound * ((1.0 - chance) / all_of + chance / noise.wrong_sd**2)
-            seen = linear(one)
-            matrix, vector = seen.equations(weight)
-            h, y = h + matrix, y + vector
-            squares += (seen.left**2 * _rows(one.spread(weight, w))).sum(axis=1)
+            sound = (1.0 - found.unsound)[:, None, None] * one.there[..., None]
+            weights.append(sound * ((1.0 - chance) / all_of + chance / noise.wrong_sd**2))
+        h, y = _normal(np.pad(precision, ((0, 0), (0, many))), seen, weights)
+        parts = zip(seen, weights, strict=True)
+        squares = np.sum([(one.left**2 * x.reshape(one.left.shape)).sum(axis=1) for one, x in parts], axis=0)
         inverse = np.linalg.inv(h[:, :u, :u])
         through, own = h[:, u:, :u] @ inverse, y[:, :u]
-        squares -= np.einsum("wi,wij,wj->w", own, inverse, own)
+        squares = squares - np.einsum("wi,wij,wj->w", own, inverse, own)
         return h[:, u:, u:] - through @ h[:, :u, u:], y[:, u:] - (through @ own[..., None])[..., 0], squares
 
-    def _branch(
+    def _branches(
         self,
         seen: Sequence[Linear],
         chance: Sequence[FloatArray],
         noise: Sequence[Noise],
-        errors: tuple[float, float],
+        errors: FloatArray,
         scale: FloatArray,
-    ) -> _Branch:
-        """Return unknowns, probabilities and bound of all windows.
+    ) -> _Branches:
+        """Return unknowns, probabilities and bound of all windows, where the inertial unit holds and where not.
 
         Errors have two sds; their precision in a window is one of a gamma distribution, so that they are multivariate
-        Student, and `scale` holds the rates of the distributions that the round before left, shape (2, w).
+        Student, and `scale` holds the rates of the distributions that the round before left, shape (2, w, 2).
         """
-        w, u, each = scale.shape[1], UNKNOWNS, 3 * KNOTS
-        factor, log_factor = SHAPE / scale, digamma(SHAPE) - np.log(scale)
-        precision = np.tile(_precision(errors), (w, 1))
-        bound = np.zeros(w)
-        for k, columns in enumerate(ERRORS):
-            precision[:, columns] *= factor[k, :, None]
-            bound += 0.5 * each * (log_factor[k] - np.log(factor[k])) - _divergence(scale[k])
-        h = np.zeros((w, u, u))
-        diagonal = np.arange(u)
-        h[:, diagonal, diagonal] = precision
-        y = np.zeros((w, u))
-        for one, d, n in zip(seen, chance, noise, strict=True):
-            matrix, vector = one.equations((1.0 - d)[:, None] / n.sd**2 + d[:, None] / n.wrong_sd**2)
-            h, y = h + matrix, y + vector
-        covariance = np.asarray(np.linalg.inv(h), dtype=float)
-        x = (covariance @ y[..., None])[..., 0]
-        variances = covariance[:, diagonal, diagonal]
-        size = variances + x**2
-        bound += 0.5 * (np.linalg.slogdet(covariance)[1] + np.log(precision).sum(axis=1) + u)
-        bound -= 0.5 * (size * precision).sum(axis=1)
-        lefts, squares, chances = [], [], []
-        for one, n in zip(seen, noise, strict=True):
-            e, of = one.residuals(x), one.of
-            s = e**2 + one.variances(covariance)
-            likelihood, wrong = _mixture(s, n)
-            scales = np.broadcast_to(of.stream.log_scale, len(of.stream.t))
-            np.add.at(bound, of.window, likelihood + scales[of.row])
-            lefts.append(e)
-            squares.append(s)
-            chances.append(wrong)
-        unknown = variances * precision
-        known = each - np.stack([unknown[:, k].sum(axis=1) for k in ERRORS])
-        sizes = np.stack([(x[:, k] ** 2).sum(axis=1) for k in ERRORS])
-        # the fixed point of the variational update, by what the readings determine (MacKay 1992)
-        scale = SHAPE * (ERROR_FREEDOM + sizes / np.square(errors)[:, None]) / (ERROR_FREEDOM + known)
-        return _Branch(
-            x,
-            bound,
-            tuple(lefts),
-            tuple(squares),
-            tuple(chances),
-            np.stack([factor * sizes, known], axis=1),
-            scale,
-            precision,
+        sds = np.array([errors, [max(UNKNOWN_ACCELERATION, 3.0 * errors[0]), errors[1]]])[:, None]
+        factor, each = SHAPE / scale, 3 * KNOTS
+        precision = np.concatenate(
+            [np.broadcast_to(PRIOR**-2.0, (*scale.shape[:2], 15)), np.repeat(factor / sds**2, each, axis=-1)],
+            axis=-1,
         )
-
-    def _noise(self, one: Placed, chance: FloatArray, share: FloatArray, squares: FloatArray) -> Noise:
-        """Return the share of wrong readings and both sds by group, from the probabilities of two branches."""
-        wrong = chance * share
-        right = (1.0 - chance) * share
-        q = float(np.clip((wrong.sum() + 0.5) / (share.sum() + 10.0), 1e-4, 0.95))
-        sd, wrong_sd = np.empty(squares.shape[-1]), np.empty(squares.shape[-1])
-        for _, columns in one.stream.groups:
-            each = squares[..., list(columns)].mean(axis=-1)
-            s = np.sqrt(((right * each).sum() + 1e-6) / (right.sum() + 1e-6))
-            sd[list(columns)] = max(s, LEAST_SD)
-            far = np.sqrt(((wrong * each).sum() + 1e-6) / (wrong.sum() + 1e-6))
-            wrong_sd[list(columns)] = max(far, 3.0 * sd[columns[0]])
-        return Noise(q, sd, wrong_sd)
+        lengthened = digamma(SHAPE) - np.log(scale) - np.log(factor)
+        bound = (0.5 * each * lengthened - _divergence(scale)).sum(axis=-1)
+        weights = [
+            np.where(one.there[..., None], (1.0 - d[..., None]) / n.sd**2 + d[..., None] / n.wrong_sd**2, 0.0)
+            for one, d, n in zip(self.placed, chance, noise, strict=True)
+        ]
+        h, y = _normal(precision, seen, weights)
+        covariance, log_determinant = _inverse(h)
+        x = (covariance @ y[..., None])[..., 0]
+        variances = np.diagonal(covariance, axis1=-2, axis2=-1)
+        bound += 0.5 * (log_determinant + np.log(precision).sum(axis=-1) + UNKNOWNS)
+        bound -= 0.5 * ((variances + x**2) * precision).sum(axis=-1)
+        lefts = [one.residuals(x) for one in seen]
+        squares = [e**2 + one.variances(covariance) for e, one in zip(lefts, seen, strict=True)]
+        mixed = [_mixture(s, n) for s, n in zip(squares, noise, strict=True)]
+        for one, (likelihood, _) in zip(self.placed, mixed, strict=True):
+            scales = np.broadcast_to(one.stream.log_scale, len(one.stream.t))[one.row]
+            bound += np.where(one.there, likelihood + scales, 0.0).sum(axis=-1)
+        shape = (*scale.shape, each)
+        known = each - (variances * precision)[..., 15:].reshape(shape).sum(axis=-1)
+        sizes = (x[..., 15:] ** 2).reshape(shape).sum(axis=-1)
+        # the fixed point of the variational update, by what the readings determine (MacKay 1992)
+        scale = SHAPE * (ERROR_FREEDOM + sizes / sds**2) / (ERROR_FREEDOM + known)
+        found = np.stack([factor * sizes, known], axis=1)
+        return _Branches(x, bound, lefts, squares, [wrong for _, wrong in mixed], found[0], scale, precision)
 
 
 @dataclass(frozen=True)
-class _Branch:
-    """Windows under one of the two priors of their acceleration errors."""
+class _Branches:
+    """Windows under both priors of their acceleration errors: fields of two, but for `errors` of the first."""
 
     x: FloatArray
     bound: FloatArray
-    left: tuple[FloatArray, ...]
-    squares: tuple[FloatArray, ...]
-    chance: tuple[FloatArray, ...]
-    errors: FloatArray  # (2, 2, w): of both errors their squares, and how many the readings determine
-    scale: FloatArray  # (2, w): rates of the distributions of their precision
-    precision: FloatArray  # (w, u): prior precision of the unknowns
+    left: Sequence[FloatArray]
+    squares: Sequence[FloatArray]
+    chance: Sequence[FloatArray]
+    errors: FloatArray  # (2, w, 2): of both errors their squares, and how many the readings determine
+    scale: FloatArray  # (2, w, 2): rates of the distributions of their precision
+    precision: FloatArray  # (2, w, u): prior precision of the unknowns
 
 
-def _precision(errors: tuple[float, float]) -> FloatArray:
-    """Return the prior precision of the unknowns of a window, shape (u,)."""
-    sd = np.concatenate([PRIOR, np.zeros(UNKNOWNS - 15)])
-    for columns, one in zip(ERRORS, errors, strict=True):
-        sd[columns] = one
-    return np.asarray(sd**-2.0)
+def _normal(
+    precision: FloatArray, seen: Sequence[Linear], weights: Sequence[FloatArray]
+) -> tuple[FloatArray, FloatArray]:
+    """Return the normal equations of unknowns of a prior precision, (…, w, u), by readings and their weights."""
+    h, y = precision[..., None] * np.eye(precision.shape[-1]), np.zeros_like(precision)
+    for one, weight in zip(seen, weights, strict=True):
+        matrix, vector = one.equations(weight)
+        h += matrix
+        y += vector
+    return h, y
+
+
+def _inverse(matrices: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the inverses of positive definite matrices and the logarithms of their determinants, by Cholesky."""
+    flat = matrices.reshape(-1, *matrices.shape[-2:])
+    out, diagonal = np.empty_like(flat), np.empty(flat.shape[:2])
+    for k, each in enumerate(flat):
+        root = dpotrf(each)[0]
+        out[k], diagonal[k] = dpotri(root)[0], root.diagonal()  # the upper half
+    whole = np.where(np.tri(flat.shape[1], k=-1, dtype=bool), out.swapaxes(-1, -2), out)
+    log_determinant = -2.0 * np.log(diagonal).sum(axis=-1)
+    return whole.reshape(matrices.shape), log_determinant.reshape(matrices.shape[:-2])
+
+
+def _noise(one: Placed, chance: FloatArray, share: FloatArray, squares: FloatArray) -> Noise:
+    """Return the share of wrong readings and both sds by group, from the probabilities of two branches."""
+    wrong = chance * share
+    right = (1.0 - chance) * share
+    q = float(np.clip((wrong.sum() + 0.5) / (share.sum() + 10.0), 1e-4, 0.95))
+    sd, wrong_sd = np.empty(squares.shape[-1]), np.empty(squares.shape[-1])
+    for _, columns in one.stream.groups:
+        each = squares[..., list(columns)].mean(axis=-1)
+        s = np.sqrt(((right * each).sum() + 1e-6) / (right.sum() + 1e-6))
+        sd[list(columns)] = max(s, LEAST_SD)
+        far = np.sqrt(((wrong * each).sum() + 1e-6) / (wrong.sum() + 1e-6))
+        wrong_sd[list(columns)] = max(far, 3.0 * sd[columns[0]])
+    return Noise(q, sd, wrong_sd)
 
 
 def _divergence(rate: FloatArray) -> FloatArray:
@@ -577,21 +560,17 @@ def _mixture(squares: FloatArray, noise: Noise) -> tuple[FloatArray, FloatArray]
 
 def _worth(squares: FloatArray, share: FloatArray, noise: Noise) -> float:
     """Return what the wrong readings of a stream add to the log-likelihood of one sd, nats."""
-    one = np.sqrt((share[:, None] * squares).sum(axis=0) / share.sum().clip(1e-9)).clip(LEAST_SD)
+    one = np.sqrt((share[..., None] * squares).sum(axis=(0, 1)) / share.sum().clip(1e-9)).clip(LEAST_SD)
     alone = Noise(1e-12, one, one)
     return float((share * (_mixture(squares, noise)[0] - _mixture(squares, alone)[0])).sum())
 
 
-def _rows(table: FloatArray) -> FloatArray:
-    """Return a table of windows by readings by components, shape (w, n, d, …), as one of shape (w, n d, …)."""
-    w, n, d = table.shape[:3]
-    return table.reshape(w, n * d, *table.shape[3:])
-
-
-def _usual(values: FloatArray, there: FloatArray) -> FloatArray:
+def _median(values: FloatArray, there: NDArray[np.bool_]) -> FloatArray:
     """Return the median of each row of those that are there, shape (w, 1), 1 where none is."""
-    rows = zip(values, there > 0, strict=True)
-    return np.array([[np.median(x[m]) if m.any() else 1.0] for x, m in rows])
+    many = there.sum(axis=1, keepdims=True)
+    ordered = np.sort(np.pad(np.where(there, values, np.inf), ((0, 0), (0, 1)), constant_values=np.inf))
+    low, high = (np.take_along_axis(ordered, k, axis=1) for k in ((many - 1) // 2, many // 2))
+    return np.where(many > 0, 0.5 * (low + high), 1.0)
 
 
 def _fitted(one: Stream) -> NDArray[np.bool_]:
@@ -603,17 +582,29 @@ def _fitted(one: Stream) -> NDArray[np.bool_]:
     return kept
 
 
+def _table(one: Stream, which: NDArray[np.bool_], windows: Windows) -> tuple[IntArray, NDArray[np.bool_]]:
+    """Return the rows of those readings that lie in windows as a table of windows by readings, and where one is."""
+    window = windows.found(np.where(which, one.t, -np.inf))
+    rows = np.flatnonzero(window >= 0)
+    of = window[rows]
+    place = np.arange(len(rows)) - np.searchsorted(of, of)
+    row = np.zeros((len(windows.begin), int(place.max(initial=-1)) + 1), dtype=int)
+    there = np.zeros(row.shape, dtype=bool)
+    row[of, place], there[of, place] = rows, True
+    return row, there
+
+
 def _placed(
     one: Stream, which: NDArray[np.bool_], windows: Windows, places: FloatArray, speeds: FloatArray
 ) -> Placed:
     """Return those readings of a stream that lie in windows."""
-    window = np.where(which, windows.found(one.t), -1)
-    rows = np.flatnonzero(window >= 0)
-    of = window[rows]
-    tau = one.t[rows] - windows.begin[of]
-    place = np.arange(len(rows)) - np.searchsorted(of, of)
-    local = one.local(places[np.maximum(window, 0)])[rows] if len(places) else one.values[rows]
-    return Placed(one, rows, of, place, tau, local, sampled(windows, of, tau, places, speeds))
+    row, there = _table(one, which, windows)
+    window = np.repeat(np.arange(len(row)), row.shape[1])
+    tau = np.where(there, one.t[row] - windows.begin[:, None], 0.0)
+    of_row = np.zeros((len(one.t), 3))
+    of_row[row[there]] = places[window[there.ravel()]]
+    local = np.where(there[..., None], one.local(of_row)[row], 0.0)
+    return Placed(one, row, there, tau, local, sampled(windows, window, tau.ravel(), places, speeds))
 
 
 def constants(

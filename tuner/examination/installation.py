@@ -11,10 +11,10 @@ from scipy.special import expit
 
 from models.arrays import FloatArray
 from models.effects.drive.gnss import middle_of
-from tuner.examination.fit import Fit, Placed, constants, earned, fit
-from tuner.examination.moves import DELAYS, RECEIVER, STATED_ODDS, Move, arm_of, late, of_clock
+from tuner.examination.fit import FIRST_ROUNDS, Fit, Placed, busiest, constants, earned, fit
+from tuner.examination.moves import DELAYS, RECEIVER, STATED_ODDS, Move, arm_of, of_clock
 from tuner.examination.streams import Streams
-from tuner.examination.windows import Motion, Windows, windows_of
+from tuner.examination.windows import Motion, Windows
 from tuner.limits import PRIOR_SHARE
 from tuner.types.clock import CERTAIN_SDS, Clock, Delay
 
@@ -28,6 +28,10 @@ SETTLED_SDS = 0.3
 """Step, in sds, below which they end."""
 NEAR_DELAYS = tuple(delay for delay in DELAYS if abs(delay) <= 0.5)
 """Common delays from which the search begins as well, s: at a steady speed a lever arm stands for a part of one."""
+BESIDE = tuple(0.1 * k for k in range(-10, 11) if k)
+"""Delays beside a found one at which a motion that repeats itself may fit better, s."""
+TRIED_BESIDE = 2
+"""Of them the likeliest, from which the search goes on."""
 FIXED_SD = 1e-9
 """Prior sd of a delay that is none, s."""
 DRIFT = "drift"
@@ -71,7 +75,7 @@ class Installed:
     def moves(self, recorded: Streams) -> dict[str, Move]:
         """Return what undoes the delays and the lever arm that are certain, by their subject."""
         delays = {name: one for name, one in self.delays.items() if name != DRIFT and one.certain}
-        certain = [late(name, one.value, one.sd) for name, one in delays.items()]
+        certain = [of_clock(name, Clock(one)) for name, one in delays.items()]
         if (clock := self.clock(recorded)).drift.certain:
             certain = [of_clock(None, clock), *(one for one in certain if one.stream != RECEIVER)]
         if self.streams.positions.arm != recorded.positions.arm:
@@ -97,9 +101,13 @@ def installed(streams: Streams, now: Fit) -> Installed:
     best = max(
         (problem.settled(at, prior, OPEN_STEPS) for at in problem.starts(now)), key=lambda at: at.fit.total
     )
+    taken = _taken_out(streams)
+    better = [] if abs(best.value[0]) < CERTAIN_SDS * best.sd[0] and not taken[None] else problem.beside(best)
+    while better:
+        best = max(better, key=lambda at: at.fit.total)
+        better = problem.beside(best)
     free = prior
     delays: dict[str | None, Delay] = {}
-    taken = _taken_out(streams)
     for k in np.argsort(np.abs(best.value / best.sd)[: len(names)]):
         only = np.arange(len(prior)) == k
         value, fixed = np.where(only, 0.0, best.value), np.where(only, FIXED_SD, free)
@@ -163,20 +171,15 @@ class _Problem:
         names = (None, *(one.name for one in streams.others), DRIFT)
         arm_sd = STATED_ARM_SD if any(streams.positions.arm) else ARM_SD
         prior = np.repeat([DELAY_SD, DRIFT_SD, arm_sd], [len(names) - 1, 1, 3])
-        return _Problem(streams, windows_of(streams.imu), names, prior, middle_of(streams.positions.t))
+        return _Problem(streams, streams.imu.windows, names, prior, middle_of(streams.positions.t))
 
     def columns(self, one: Placed, motion: Motion) -> FloatArray:
         """Return the derivatives of what a stream reads by delays and lever arm, shape (m, d, c)."""
         stream = one.stream
-        rate, arm = stream.by_time(motion), stream.by_arm(motion)
-        out = np.zeros((len(motion.position), stream.values.shape[1], len(self.prior)))
-        if rate is not None:
-            own = [k for k, name in enumerate(self.names) if name in (None, stream.name)]
-            out[..., own] = -rate[..., None]
-            out[..., self.names.index(DRIFT)] = -rate * (stream.t[one.row] - self.middle)[:, None]
-        if arm is not None:
-            out[..., len(self.names) :] = arm
-        return out
+        rate = -stream.by_time(motion)[..., None]
+        own = np.array([name in (None, stream.name) for name in self.names[:-1]])
+        since = (stream.t[one.row.ravel()] - self.middle)[:, None, None]
+        return np.concatenate([rate * own, rate * since, stream.by_arm(motion)], axis=-1)
 
     def without(self, sizes: FloatArray) -> Streams:
         """Return the streams without delays, s, and with the rest of a lever arm, m."""
@@ -200,6 +203,18 @@ class _Problem:
             found.append(self.at(value, self.prior, now))
         likeliest = max(found, key=lambda at: at.fit.total)
         return [found[0]] if likeliest is found[0] else [found[0], likeliest]
+
+    def beside(self, best: _Settled) -> list[_Settled]:
+        """Return far likelier delays of all beside one: steps and bounces give the likelihood many peaks."""
+        busy, common = self.windows.some(busiest(self.windows, best.fit)), np.arange(len(self.prior)) == 0
+        now = _taken_out(self.streams)[None] + best.value[0]
+        shifts = [shift for shift in BESIDE if abs(now + shift) < max(DELAYS)]
+        values = [best.value + common * shift for shift in (0.0, *shifts)]
+        totals = [fit(self.without(value), busy, FIRST_ROUNDS).total for value in values]
+        likeliest = np.argsort(totals)[::-1][:TRIED_BESIDE]
+        begun = [self.at(values[k], self.prior, best.fit) for k in likeliest if totals[k] > totals[0]]
+        settled = [self.settled(at, self.prior) for at in begun]
+        return [at for at in settled if at.fit.total > best.fit.total + math.log(STATED_ODDS)]
 
     def settled(self, at: _Settled, free: FloatArray, opened: int = 0) -> _Settled:
         """Return constants with prior sds `free` where no step makes them likelier, from others.

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from itertools import permutations, product
+from typing import Literal
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from tuner.examination.streams import HorizontalVelocities, Stream, Streams, Vel
 from tuner.examination.windows import ACCEL_BIAS, GYRO_BIAS, TURN, Motion
 from tuner.formats.clock_words import late_words
 from tuner.types.clock import HALF_INTERVAL, Clock, Delay
+from tuner.types.repair import Repair
 
 AXES = "xyz"
 LEVER_ARM = "lever arm"
@@ -35,42 +37,34 @@ Change = Callable[[FloatArray], FloatArray]
 
 
 @dataclass(frozen=True)
-class Move:
-    """A fault of a stream and what undoes it.
+class Move(Repair):
+    """A fault of a stream that the likelihood may want, and what undoes it.
 
     Attributes
     ----------
-    stream : str
-        Name of the stream.
-    fault : str
-        What is wrong with it, behind its name.
-    repair : str
-        What mends it, as done.
     mended : callable
         Returns the streams without the fault.
+    kind : str
+        ``reading``: how numbers are read (unit, sign, axes); ``constant``: of the installation, estimated with the
+        others; ``event``: at one time.
     partial : bool
         Whether the fault can hold for a part of a drive.
     subject : str
         What of the stream it is about, where a recording may be unable to show it.
-    size, interval, unit
-        How large it is, and its 95 % interval, where it is estimated.
-    delay : float or None
-        Of a clock, s, negative where it is early.
-    reading : bool
-        Whether it is about how numbers are read: unit, sign, axes.
+    rival : Move or None
+        The next explanation, where it is wanted as well.
     """
 
-    stream: str
-    fault: str
-    repair: str
-    mended: Callable[[Streams], Streams]
-    partial: bool = True
+    mended: Callable[[Streams], Streams] = lambda streams: streams
+    kind: Literal["reading", "constant", "event"] = "reading"
+    partial: bool = False
     subject: str = ""
-    size: float | None = None
-    interval: tuple[float, float] | None = None
-    unit: str = ""
-    delay: float | None = None
-    reading: bool = False
+    rival: Move | None = None
+
+    @property
+    def repair(self) -> Repair:
+        """What of it a report needs."""
+        return Repair(**{one.name: getattr(self, one.name) for one in fields(Repair)})
 
 
 class BodyVelocities(Velocities):
@@ -90,15 +84,15 @@ class BodyVelocities(Velocities):
 def moves(streams: Streams) -> Iterator[Move]:
     """Return every fault that is tried, of the streams that are there."""
     yield from _inertial_moves(streams.imu.interval)
-    exchange = _of(
+    exchange = of_values(
         "fixes", "have latitude and longitude exchanged", "exchanged back", _linear(np.eye(3)[[1, 0, 2]])
     )
-    down, subject = _times(1.0, 1.0, -1.0), "sign of the heights"
-    upside = _of("fixes", "have heights with the wrong sign", "heights multiplied by −1", down, subject)
-    degrees = _times(180.0 / np.pi, 180.0 / np.pi, 1.0)
-    radians = _of("fixes", "are in rad, read as degrees", "latitude and longitude in degrees", degrees)
-    feet = _of(
-        "fixes", "have heights in ft, read as m", f"heights multiplied by {FOOT}", _times(1.0, 1.0, FOOT)
+    down, subject = times(1.0, 1.0, -1.0), "sign of the heights"
+    upside = of_values("fixes", "have heights with the wrong sign", "heights multiplied by −1", down, subject)
+    degrees = times(180.0 / np.pi, 180.0 / np.pi, 1.0)
+    radians = of_values("fixes", "are in rad, read as degrees", "latitude and longitude in degrees", degrees)
+    feet = of_values(
+        "fixes", "have heights in ft, read as m", f"heights multiplied by {FOOT}", times(1.0, 1.0, FOOT)
     )
     for fault in (exchange, upside, radians, feet):  # of a part they would be a step of the positions as well
         places = np.abs(fault.mended(streams).positions.values[:, :2])
@@ -108,18 +102,18 @@ def moves(streams: Streams) -> Iterator[Move]:
         if isinstance(one, Velocities):
             yield from _velocity_moves(one, whole=not isinstance(one, HorizontalVelocities))
     for delay in DELAYS:
-        yield late(None, delay)
+        yield of_clock(None, Clock(Delay(delay)))
         for one in streams.others:
-            yield late(one.name, delay)
+            yield of_clock(one.name, Clock(Delay(delay)))
 
 
 def _inertial_moves(interval: float) -> Iterator[Move]:
     """Return faults of the samples of a unit, whose interval is given, s."""
     for name in ("gyro", "accelerometer"):
         for i, axis in enumerate(AXES):
-            signs = _times(*(-1.0 if i == j else 1.0 for j in range(3)))
+            signs = times(*(-1.0 if i == j else 1.0 for j in range(3)))
             done, subject = f"{axis} multiplied by −1", f"sign of {name} {axis}"
-            yield _of(name, f"{axis} has the wrong sign", done, signs, subject)
+            yield of_values(name, f"{axis} has the wrong sign", done, signs, subject)
     for turn in _turns():
         words = ", ".join(
             f"{axis} is {'−' * bool(row.min() < 0.0)}{AXES[int(np.argmax(np.abs(row)))]}"
@@ -127,11 +121,11 @@ def _inertial_moves(interval: float) -> Iterator[Move]:
             if row[AXES.index(axis)] != 1.0
         )
         fault = f"has its axes exchanged against the accelerometer: its {words}"
-        yield _of("gyro", fault, "its axes named anew", _linear(turn.T))
+        yield of_values("gyro", fault, "its axes named anew", _linear(turn.T))
     against = "has the sign of gravity, not of the specific force"
-    yield _of("accelerometer", against, "multiplied by −1", _times(-1.0), "sign of the accelerometer")
+    yield of_values("accelerometer", against, "multiplied by −1", times(-1.0), "sign of the accelerometer")
     left = "gyro and accelerometer multiplied by −1"
-    yield _of("inertial unit", "has left-handed axes", left, _times(-1.0), "handedness of the axes")
+    yield of_values("inertial unit", "has left-handed axes", left, times(-1.0), "handedness of the axes")
     per_sample = 1.0 / interval
     rates = {unit: unit_value(unit) for unit in ("deg/s", "mrad/s", "mdeg/s")}
     yield from _units("gyro", "is", "rad/s", {**rates, f"rad in {interval:.4g} s": per_sample})
@@ -145,7 +139,9 @@ def _inertial_moves(interval: float) -> Iterator[Move]:
 def _units(name: str, verb: str, read_as: str, units: Mapping[str, float]) -> Iterator[Move]:
     """Return that a stream is in each of some units, of which each is so many of the one that it is read as."""
     for unit, factor in units.items():
-        yield _of(name, f"{verb} in {unit}, read as {read_as}", f"multiplied by {factor:.6g}", _times(factor))
+        yield of_values(
+            name, f"{verb} in {unit}, read as {read_as}", f"multiplied by {factor:.6g}", times(factor)
+        )
 
 
 def _velocity_moves(stream: Velocities, *, whole: bool) -> Iterator[Move]:
@@ -156,23 +152,22 @@ def _velocity_moves(stream: Velocities, *, whole: bool) -> Iterator[Move]:
     for unit, one in (("", 1.0), (" in rad", 180.0 / np.pi)):
         course = _from_course(one)
         if one * np.nanmax(np.abs(stream.values[:, 1])) <= LARGEST_COURSE:
-            yield _of(name, f"are speed and course{unit}", "turned into north and east", course)
+            yield of_values(name, f"are speed and course{unit}", "turned into north and east", course)
     north_east_down = _linear(np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]))
     if not whole:
-        yield _of(name, "are east, north", "put in the order north, east", north_east_down)
+        yield of_values(name, "are east, north", "put in the order north, east", north_east_down)
         return
     up = "have the wrong vertical sign: they point up, not down"
     down, subject = "third component multiplied by −1", "vertical sign of the velocities"
-    yield _of(name, up, down, _times(1.0, 1.0, -1.0), subject)
-    yield _of(name, "are east, north, up", "put in the order north, east, down", north_east_down)
+    yield of_values(name, up, down, times(1.0, 1.0, -1.0), subject)
+    yield of_values(name, "are east, north, up", "put in the order north, east, down", north_east_down)
     yield Move(
         name,
         "are in the axes of the unit, not north, east, down",
         "",
-        lambda s: exchanged(
-            s, name, lambda x: BodyVelocities(x.t, x.values, x.sd, x.name, x.arm, x.log_scale)
+        mended=lambda s: s.changed(
+            lambda x: BodyVelocities(x.t, x.values, x.sd, x.name, x.arm, x.log_scale), name
         ),
-        partial=False,
     )
 
 
@@ -188,7 +183,8 @@ def _linear(matrix: FloatArray) -> Change:
     return lambda x: x @ matrix.T
 
 
-def _times(*factors: float) -> Change:
+def times(*factors: float) -> Change:
+    """Return what multiplies components by factors."""
     return lambda x: x * np.array(factors)
 
 
@@ -202,23 +198,18 @@ def _from_course(unit: float) -> Change:
     return change
 
 
-def _of(name: str, fault: str, repair: str, change: Change, subject: str = "") -> Move:
+def of_values(name: str, fault: str, repair: str, change: Change, subject: str = "") -> Move:
     """Return a fault of the values of a stream, or of a triad of the inertial unit, that a function undoes."""
 
     def mended(streams: Streams) -> Streams:
         part = TRIADS.get(name)
         if part is None:
-            return exchanged(streams, name, lambda x: _changed(x, change))
+            return streams.changed(lambda x: _changed(x, change), name)
         rates = streams.imu.rates.copy()
         rates[:, part] = change(rates[:, part])
         return replace(streams, imu=replace(streams.imu, rates=rates))
 
-    return Move(name, fault, repair, mended, subject=subject, reading=True)
-
-
-def silenced(triad: str) -> Move:
-    """Return that a triad measures nothing."""
-    return _of(triad, "measures nothing", "left out", _times(0.0))
+    return Move(name, fault, repair, mended=mended, partial=True, subject=subject)
 
 
 def _changed(stream: Stream, change: Change) -> Stream:
@@ -233,23 +224,13 @@ def _changed(stream: Stream, change: Change) -> Stream:
     return stream.with_values(change(triples)[:, :d], np.log(np.maximum(size, 1e-12)))
 
 
-def exchanged(streams: Streams, name: str, change: Callable[[Stream], Stream]) -> Streams:
-    """Return streams of which one is changed."""
-    return streams.changed(lambda one: change(one) if one.name == name else one)
-
-
-def late(stream: str | None, delay: float, sd: float | None = None) -> Move:
-    """Return the delay of a stream, or of all against the inertial unit, s, with its sd where it is known."""
-    return of_clock(stream, Clock(Delay(delay, math.nan if sd is None else sd)))
-
-
 def of_clock(stream: str | None, clock: Clock) -> Move:
     """Return what puts a stream, or all of them against the inertial unit, on the right clock."""
     drifts, drift, middle = clock.drift.certain, clock.drift.value, 0.5 * sum(clock.ends)
     delay = clock.delay.taken_out if drifts else clock.delay.value
 
     def mended(streams: Streams) -> Streams:
-        return streams.changed(lambda x: x.later(-delay, -drift, middle) if stream in (None, x.name) else x)
+        return streams.changed(lambda x: x.later(-delay, -drift, middle), stream)
 
     whose, is_are, its = (RECEIVER, "is", "its") if stream is None else (stream, "are", "their")
     amount, word, interval = abs(delay), "late" if delay > 0.0 else "early", None
@@ -264,13 +245,12 @@ def of_clock(stream: str | None, clock: Clock) -> Move:
         whose,
         f"{is_are} {shown} against the {'inertial unit' if stream is None else 'positions'}",
         f"{its} stamps moved by {moved}",
-        mended,
-        partial=False,
-        subject=f"delay of the {whose}",
         size=None if drifts else amount,
         interval=interval,
         unit="s",
-        delay=delay,
+        mended=mended,
+        kind="constant",
+        subject=f"delay of the {whose}",
     )
 
 
@@ -280,10 +260,10 @@ def jumped(begin: float, ahead: float) -> Move:
         CLOCK_OF_UNIT,
         f"jumps ahead by {ahead:.3f} s at {begin:.1f} s: no sample is lost there",
         f"stamps of the receiver behind it moved by {ahead:+.3f} s",
-        lambda streams: streams.changed(lambda x: replace(x, t=x.t + np.where(x.t > begin, ahead, 0.0))),
-        partial=False,
         size=ahead,
         unit="s",
+        mended=lambda s: s.changed(lambda x: replace(x, t=x.t + np.where(x.t > begin, ahead, 0.0))),
+        kind="event",
     )
 
 
@@ -297,10 +277,10 @@ def arm_of(arm: FloatArray, sd: FloatArray) -> Move:
         "antenna",
         f"is {size:.2f} m from the inertial unit: {shown} m in its axes (95 %)",
         "",
-        lambda streams: streams.changed(lambda one: replace(one, arm=(x, y, z))),
-        partial=False,
-        subject=LEVER_ARM,
         size=size,
         interval=(max(size - half, 0.0), size + half),
         unit="m",
+        mended=lambda streams: streams.changed(lambda one: replace(one, arm=(x, y, z))),
+        kind="constant",
+        subject=LEVER_ARM,
     )

@@ -9,20 +9,28 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import median_filter
 
-from models.arrays import FloatArray, IntArray
-from models.earth import metres_per_radian
+from models.arrays import FloatArray
+from models.earth import llh_displaced, metres_per_radian
 from models.robust import normal_sd
 from tuner.examination.distant_clocks import distant_delay
-from tuner.examination.fit import FIRST_ROUNDS, LEAST_READINGS, Fit, earned, fit
+from tuner.examination.fit import FIRST_ROUNDS, LEAST_READINGS, Fit, busiest, earned, fit
 from tuner.examination.installation import installed
-from tuner.examination.moves import DELAYS, STATED_ODDS, TRIADS, Move, jumped, late, moves, silenced
+from tuner.examination.moves import (
+    DELAYS,
+    STATED_ODDS,
+    TRIADS,
+    Move,
+    jumped,
+    moves,
+    of_clock,
+    of_values,
+    times,
+)
 from tuner.examination.streams import Stream, Streams, Velocities
 from tuner.examination.windows import WINDOW_LENGTH, Inertial, averaged, longest_step, windows_of
-from tuner.types.clock import CERTAIN_SDS, Clock
+from tuner.types.clock import CERTAIN_SDS, Clock, Delay
 from tuner.types.records import DataError
 
-SCREENED_WINDOWS = 16
-"""Windows on which every fault is tried first."""
 REFITTED_FAULTS = 3
 """Faults that are then tried on all windows."""
 UNSEEN_GAIN = 3.0
@@ -31,36 +39,10 @@ MOST_FAULTS = 4
 """Faults of whole streams that are looked for one after the other."""
 
 
-@dataclass(frozen=True)
-class Found:
-    """A fault that the likelihood wants.
-
-    Attributes
-    ----------
-    move : Move
-        What is wrong and what undoes it.
-    gain : float
-        What undoing it adds to the log-likelihood, less its price, nats.
-    over_next : float
-        By how much that is more than of the next explanation, nats.
-    rival : Move or None
-        The next explanation, where it is wanted as well.
-    begin, end : float or None
-        Where it holds, s; None from the start, to the end.
-    """
-
-    move: Move
-    gain: float
-    over_next: float
-    begin: float | None = None
-    end: float | None = None
-    rival: Move | None = None
-
-
-def applied(found: Sequence[Found], streams: Streams) -> Streams:
+def applied(found: Sequence[Move], streams: Streams) -> Streams:
     """Return streams without faults that were found in slower ones."""
     for one in found:
-        mended = one.move.mended(streams)
+        mended = one.mended(streams)
         streams = (
             mended if one.begin is None and one.end is None else between(streams, mended, one.begin, one.end)
         )
@@ -74,7 +56,7 @@ class Searched:
     A delay is that of a stream against the positions, under None that of all streams against the inertial unit.
     """
 
-    found: tuple[Found, ...]
+    found: tuple[Move, ...]
     before: Fit
     after: Fit
     unseen: tuple[str, ...]
@@ -91,7 +73,7 @@ def searched(streams: Streams, name: str = "streams") -> Searched:
     """
     whole = replace(streams, imu=averaged(streams.imu))
     recorded = _inside(whole)
-    found: list[Found] = []
+    found: list[Move] = []
     first = fit(recorded, every=True)
     if not len(first.begin):
         raise DataError(
@@ -100,43 +82,52 @@ def searched(streams: Streams, name: str = "streams") -> Searched:
         )
     unseen: tuple[str, ...] = ()
     begun, now = recorded, first
-    clocks = [late(None, delay) for delay in (distant_delay(whole),) if delay]
+    clocks = [of_clock(None, Clock(Delay(delay))) for delay in (distant_delay(whole),) if delay]
     for move in [*clocks, *_jumps(streams.imu)]:
         shifted = move.mended(whole)
         as_read = _best_fit(_inside(whole, shifted), now)
         worth = earned(_best_fit(_inside(shifted, whole), now).gains_over(as_read)) - math.log(STATED_ODDS)
         if worth > 0.0:
-            found.append(Found(move, worth, math.inf))
+            found.append(replace(move, nats=worth))
             whole, begun = shifted, _inside(shifted)
             now = fit(begun, every=True)
     at = installed(begun, now)
     gain = at.gain
     for _ in range(MOST_FAULTS):
-        moved = [one.move for one in found if one.begin is None and one.end is None]
-        read = {(one.stream, one.fault) for one in moved if one.reading}  # no unit is taken twice
+        whole_ones = [one for one in found if one.begin is None and one.end is None]
+        read = {
+            (one.stream, one.fault) for one in whole_ones if one.kind == "reading"
+        }  # no unit is taken twice
         left = [one for one in moves(at.streams) if (one.stream, one.fault) not in read]
-        tried, unseen = _tried(at.streams, at.fit, left)
-        better = [one for one in tried if one[0].gain > 0.0]
+        # a lever arm may stand for a fault: each is tried without one, and beside one of its own
+        bare = at.streams.changed(lambda one: replace(one, arm=recorded.positions.arm))
+        plain = at.fit if bare.positions.arm == at.streams.positions.arm else fit(bare)
+        tried, unseen = _tried(bare, plain, left)
+        less = at.fit.total - plain.total
+        better = [one for one in tried if one[0].nats > 0.0]
         while better and not _says_more_than_none(*better[0]):
             better = better[1:]
-        if not better:
-            break
-        best, streams, now = better[0]
-        others = [
-            one for one, *_ in better[1:] if best.move.delay is None or one.move.subject != best.move.subject
+        settled = [
+            (replace(one, nats=one.nats + there.gain - less), now, there)
+            for one, streams, now in better
+            for there in (installed(streams, now),)
         ]
-        rival = max(others, key=lambda one: one.gain, default=None)
-        rest, other = (0.0, None) if rival is None else (rival.gain, rival.move)
-        found.append(replace(best, over_next=best.gain - rest, rival=other))
+        settled = sorted((each for each in settled if each[0].nats > 0.0), key=lambda each: -each[0].nats)
+        if not settled:
+            break
+        (best, now, at), *others = settled
+        rivals = [one for one, *_ in others if best.kind != "constant" or one.subject != best.subject]
+        rival = rivals[0] if rivals else None
+        over_next = best.nats - (rival.nats if rival else 0.0)
+        found.append(replace(best, over_next=over_next, rival=rival))
         for one in found[:-1]:  # what a later fault makes superfluous
-            others = [each for each in found if each is not one]
-            without = applied(others, recorded)
-            if (there := fit(without)).total > now.total:
-                found, streams, now = others, without, there
-        at = installed(streams, now)
+            without = [each for each in found if each is not one]
+            streams = applied(without, recorded)
+            if (there := fit(streams)).total > now.total:
+                found, now, at = without, there, installed(streams, there)
         gain = max(gain, at.gain)
     named = _joined(found, at.moves(recorded), gain)
-    unseen = tuple(one for one in unseen if one not in {each.move.subject for each in named})
+    unseen = tuple(one for one in unseen if one not in {each.subject for each in named})
     return Searched(named, first, fit(at.streams, near=at.fit, every=True), unseen, at.clock(recorded))
 
 
@@ -159,7 +150,7 @@ def _inside(streams: Streams, *same: Streams) -> Streams:
 
     Those go, too, that lie outside all windows in other streams of the same rows.
     """
-    windows = windows_of(streams.imu)
+    windows = streams.imu.windows
     reach = max(DELAYS) + 0.1
 
     def inside(one: Stream) -> Stream:
@@ -170,23 +161,24 @@ def _inside(streams: Streams, *same: Streams) -> Streams:
     return streams.changed(inside)
 
 
-def _joined(found: Sequence[Found], constant: Mapping[str, Move], gain: float) -> tuple[Found, ...]:
-    """Return the faults, each delay once and of the size that it has in the end; all constants gain together, nats."""
+def _joined(found: Sequence[Move], constant: Mapping[str, Move], gain: float) -> tuple[Move, ...]:
+    """Return the faults, each constant once and of the size that it has in the end; all gain together, nats."""
     # a search may have taken up a delay beside a fault that it found later
-    first = {one.move.subject: one for one in reversed(found) if one.move.delay is not None}
-    rest = ((move, first.get(subject, Found(move, gain, math.inf))) for subject, move in constant.items())
-    delays = (replace(one, move=move) for move, one in rest)
-    return (*delays, *(one for one in found if one.move.delay is None))
+    first = {one.subject: one for one in reversed(found) if one.kind == "constant"}
+    odds = {subject: (one.nats, one.over_next) for subject, one in first.items()}
+    sizes = ((move, odds.get(subject, (gain, math.inf))) for subject, move in constant.items())
+    delays = (replace(move, nats=nats, over_next=over_next) for move, (nats, over_next) in sizes)
+    return (*delays, *(one for one in found if one.kind != "constant"))
 
 
 def _tried(
     streams: Streams, now: Fit, faults: Sequence[Move]
-) -> tuple[list[tuple[Found, Streams, Fit]], tuple[str, ...]]:
+) -> tuple[list[tuple[Move, Streams, Fit]], tuple[str, ...]]:
     """Return the faults that promise most, refitted, the likeliest first, and what the windows cannot show."""
     price = math.log(STATED_ODDS * len(faults))
     part = 2.0 * math.log(len(now.begin))
-    screen = _screen(streams, now)
-    integrated = windows_of(streams.imu, screen)
+    screen = busiest(streams.imu.windows, now)
+    integrated = streams.imu.windows.some(screen)
     base = fit(streams, integrated, FIRST_ROUNDS)
     promise, unseen = [], []
     for fault in faults:
@@ -201,17 +193,17 @@ def _tried(
         if promise[k] > 0.0:
             out.append(_whole_or_part(streams, now, faults[k], price, part))
     out += _stepped(streams, now, price)
-    return sorted(out, key=lambda one: -one[0].gain), tuple(dict.fromkeys(unseen))
+    return sorted(out, key=lambda one: -one[0].nats), tuple(dict.fromkeys(unseen))
 
 
 def _whole_or_part(
     streams: Streams, now: Fit, fault: Move, price: float, part: float
-) -> tuple[Found, Streams, Fit]:
+) -> tuple[Move, Streams, Fit]:
     """Return a fault with all windows, or with those in which it is wanted."""
     mended = fault.mended(streams)
     whole = fit(mended)
     gains = whole.gains_over(now)
-    found = (Found(fault, earned(gains) - price, 0.0), mended, whole)
+    found = (replace(fault, nats=earned(gains) - price), mended, whole)
     first, last, gain = _best_part(gains)
     everywhere = first == 0 and last == len(gains)
     if not fault.partial or everywhere or gain < max(whole.total - now.total, price) + part:
@@ -220,28 +212,18 @@ def _whole_or_part(
     end = None if last == len(gains) else _change(streams, mended, now.begin[last], rises=False)
     joined = between(streams, mended, begin, end)
     again = fit(joined)
-    other = (Found(fault, earned(again.gains_over(now)) - price - part, 0.0, begin, end), joined, again)
-    return max(found, other, key=lambda one: one[0].gain)
+    worth = earned(again.gains_over(now)) - price - part
+    other = (replace(fault, nats=worth, begin=begin, end=end), joined, again)
+    return max(found, other, key=lambda one: one[0].nats)
 
 
-def _says_more_than_none(found: Found, streams: Streams, mended: Fit) -> bool:
+def _says_more_than_none(found: Move, streams: Streams, mended: Fit) -> bool:
     """Return whether a triad, mended, explains more than one that measures nothing: small numbers have little noise."""
-    if found.move.stream not in TRIADS:
+    if found.stream not in TRIADS:
         return True
-    silent = silenced(found.move.stream).mended(streams)
+    silent = of_values(found.stream, "measures nothing", "left out", times(0.0)).mended(streams)
     none = fit(between(streams, silent, found.begin, found.end))
     return mended.total > none.total + math.log(STATED_ODDS)
-
-
-def _screen(streams: Streams, now: Fit) -> IntArray:
-    """Return the window of each sixteenth of a drive in which the unit moves most."""
-    windows = windows_of(streams.imu)
-    used = np.searchsorted(windows.begin, now.begin)
-    first = windows.sums[used, :, :3] / np.maximum(windows.t[used], 1.0)[..., None]
-    turned = np.linalg.norm(windows.attitude[used, -1] - np.eye(3), axis=(1, 2))
-    activity = first.std(axis=1).sum(axis=1) * (0.1 + turned)
-    groups = np.array_split(np.arange(len(used)), min(SCREENED_WINDOWS, len(used)))
-    return np.array([used[g[np.argmax(activity[g])]] for g in groups])
 
 
 def _best_part(gains: FloatArray) -> tuple[int, int, float]:
@@ -259,7 +241,7 @@ def _change(streams: Streams, mended: Streams, near: float, *, rises: bool) -> f
     steps = np.flatnonzero((t > near - 12.0) & (t < near + 12.0))
     at = 0.5 * (t[steps[1:]] + t[steps[:-1]])
     at = at[:: max(1, len(at) // 24)]
-    windows = windows_of(streams.imu)
+    windows = streams.imu.windows
     only = np.flatnonzero((windows.begin > near - 25.0) & (windows.begin < near + 15.0))
     values = []
     for time in at:
@@ -284,7 +266,7 @@ def between(streams: Streams, mended: Streams, begin: float | None, end: float |
     return replace(streams.changed(lambda one: joined(one, others[one.name])), imu=imu)
 
 
-def _stepped(streams: Streams, now: Fit, price: float) -> list[tuple[Found, Streams, Fit]]:
+def _stepped(streams: Streams, now: Fit, price: float) -> list[tuple[Move, Streams, Fit]]:
     """Return the step of a coordinate that explains most, with windows about it.
 
     A step between two windows is none, since each has a start of its own: windows are laid so that it falls into the
@@ -315,7 +297,7 @@ def _stepped(streams: Streams, now: Fit, price: float) -> list[tuple[Found, Stre
         return []
     mended = move.mended(streams)
     whole = fit(mended)
-    return [(Found(move, gain, 0.0, time), mended, whole)] if whole.total > now.total - UNSEEN_GAIN else []
+    return [(replace(move, nats=gain), mended, whole)] if whole.total > now.total - UNSEEN_GAIN else []
 
 
 def _usual_moves(streams: Streams, t: FloatArray, moved: FloatArray) -> FloatArray:
@@ -344,8 +326,8 @@ def _step(jump: FloatArray, time: float) -> Move:
 
     def mended(streams: Streams) -> Streams:
         at = streams.positions
-        moved = np.where((at.t >= time)[:, None], jump, 0.0) / metres_per_radian(at.values)
-        return replace(streams, positions=at.with_values(at.values - moved))
+        moved = np.where((at.t >= time)[:, None], -jump, 0.0)
+        return replace(streams, positions=at.with_values(llh_displaced(at.values, moved)))
 
     north, east, down = (float(x) for x in jump)
     parts = [f"{name} {x:+.3g} m" for name, x in (("north", north), ("east", east), ("height", -down)) if x]
@@ -355,4 +337,4 @@ def _step(jump: FloatArray, time: float) -> Move:
     else:
         name, fault = "heights", f"step by {-down:+.3g} m at {time:.1f} s"
     done = "subtracted from all behind it"
-    return Move(name, fault, done, mended, partial=False, size=size, unit="m")
+    return Move(name, fault, done, size=size, unit="m", begin=time, mended=mended, kind="event")

@@ -60,13 +60,13 @@ class Stream(ABC):
     def seen(self, motion: Motion) -> tuple[FloatArray, FloatArray]:
         """Return the readings that a motion predicts, shape (m, d), and their derivatives, shape (m, d, u)."""
 
-    def by_time(self, _: Motion) -> FloatArray | None:
-        """Return how fast it changes, shape (m, d), a second; None where no delay of it is looked for."""
-        return None
+    def by_time(self, motion: Motion) -> FloatArray:
+        """Return how fast it changes, shape (m, d), a second; zeros where no delay of it is looked for."""
+        return np.zeros((len(motion.rate), self.values.shape[1]))
 
-    def by_arm(self, _: Motion) -> FloatArray | None:
-        """Return the derivatives by its lever arm, shape (m, d, 3); None where it has none."""
-        return None
+    def by_arm(self, motion: Motion) -> FloatArray:
+        """Return the derivatives by its lever arm, shape (m, d, 3); zeros where it has none."""
+        return np.zeros((len(motion.rate), self.values.shape[1], 3))
 
     def local(self, place: FloatArray) -> FloatArray:  # noqa: ARG002
         """Return the readings in the coordinates of windows, given the place of each one's, shape (k, 3)."""
@@ -81,7 +81,7 @@ class Stream(ABC):
     @property
     def repeats(self) -> NDArray[np.bool_]:
         """Which rows repeat the one before exactly, shape (k,)."""
-        return np.append(False, np.all(np.diff(self.values, axis=0) == 0.0, axis=1)).astype(bool)
+        return repeated(self.values)
 
     @property
     def interval(self) -> float:
@@ -97,6 +97,11 @@ class Stream(ABC):
         """Return the stream as if its readings had been made so much later, s, and more each second from a time on."""
         t = self.t + delay + drift * (self.t - middle)
         return replace(self, t=t, delay=self.delay - delay, drift=self.drift - drift)
+
+
+def repeated(values: FloatArray) -> NDArray[np.bool_]:
+    """Return which rows repeat the one before exactly."""
+    return np.append(False, np.all(np.diff(values, axis=0) == 0.0, axis=1)).astype(bool)
 
 
 class Positions(Stream):
@@ -181,9 +186,9 @@ class Streams:
         """Every stream of readings, the positions first."""
         return (self.positions, *self.others)
 
-    def changed(self, change: Callable[[Stream], Stream]) -> Streams:
-        """Return the same with each stream of readings changed."""
-        positions, *others = map(change, self.all)
+    def changed(self, change: Callable[[Stream], Stream], name: str | None = None) -> Streams:
+        """Return the same with each stream of readings changed, or that of a name."""
+        positions, *others = (change(one) if name in (None, one.name) else one for one in self.all)
         assert isinstance(positions, Positions)
         return Streams(self.imu, positions, tuple(others))
 

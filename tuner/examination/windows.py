@@ -18,11 +18,13 @@ Coordinates are curvilinear north, east, down from the first position of the win
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
 
-from models import earth, rotation
+from models import earth, rotation, vector3
 from models.arrays import FloatArray, IntArray
 
 WINDOW_LENGTH = 10.0
@@ -67,6 +69,11 @@ class Inertial:
     def interval(self) -> float:
         """Time from one sample of the unit to the next, s."""
         return float(np.median(np.diff(self.t))) / self.many
+
+    @cached_property
+    def windows(self) -> Windows:
+        """All samples in windows."""
+        return windows_of(self)
 
 
 @dataclass(frozen=True)
@@ -144,26 +151,20 @@ def windows_of(imu: Inertial, only: IntArray | None = None) -> Windows:
         attitude[:, k + 1] = attitude[:, k] @ turn[:, k]
     middle = attitude[:, :-1] @ half
     gained = np.einsum("wkij,wkj->wki", middle, rates[:, 1:, 3:]) * step
+    integral = partial(cumulative_trapezoid, x=t[..., None], axis=1, initial=0)
     u = _summed(gained)
-    w = _integral(u, step)
+    w = integral(u)
     u1 = _summed(gained * (t[:, 1:, None] - 0.5 * step))
     by_bias = _summed(middle.reshape(*middle.shape[:2], 9) * step)
     arm = 0.5 * (by_bias[:, 1:] + by_bias[:, :-1]).reshape(middle.shape)
     by_turn = _summed((rotation.skew(gained) @ arm).reshape(*gained.shape[:2], 9))
-    parts = (u, w, _integral(w, step), u1, _integral(u1, step), by_bias, _integral(by_bias, step), by_turn)
-    return Windows(
-        begin, t, rates[..., :3], attitude, np.concatenate([*parts, _integral(by_turn, step)], axis=-1)
-    )
+    parts = (u, w, integral(w), u1, integral(u1), by_bias, integral(by_bias), by_turn, integral(by_turn))
+    return Windows(begin, t, rates[..., :3], attitude, np.concatenate(parts, axis=-1))
 
 
 def _summed(steps: FloatArray) -> FloatArray:
     """Return running sums along axis 1 that begin with 0."""
     return np.concatenate([np.zeros_like(steps[:, :1]), np.cumsum(steps, axis=1)], axis=1)
-
-
-def _integral(values: FloatArray, step: FloatArray) -> FloatArray:
-    """Return ∫ of values along axis 1 by trapezia."""
-    return _summed(0.5 * (values[:, 1:] + values[:, :-1]) * step)
 
 
 @dataclass(frozen=True)
@@ -332,8 +333,7 @@ def motion_of(at: Sampled, attitude: FloatArray, x: FloatArray) -> Motion:
 
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
     """Return a × b by rows."""
-    (a0, a1, a2), (b0, b1, b2) = a.T, b.T
-    return np.stack([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0], axis=-1)
+    return np.stack(vector3.cross(tuple(a.T), tuple(b.T)), axis=-1)
 
 
 def of_the_earth(places: FloatArray, speeds: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

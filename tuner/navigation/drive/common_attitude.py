@@ -169,7 +169,7 @@ class _Joint:
 
         def linear(one: Placed) -> Linear:
             motion = motion_of(one.at, mats, x)
-            seen, k = one.stream.seen(motion)[1], one.window
+            seen, k = one.stream.seen(motion)[1], one.at.window
             gyro = seen[..., GYRO_BIAS] - seen[..., TURN] @ arms[k]
             more = np.concatenate([seen[..., TURN] @ turned[k], seen[..., ACCEL_BIAS], gyro], axis=-1)
             return one.linear(motion, whole, more)
