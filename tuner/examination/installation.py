@@ -11,7 +11,7 @@ from scipy.special import expit
 
 from models.arrays import FloatArray
 from models.effects.drive.gnss import middle_of
-from tuner.examination.fit import FIRST_ROUNDS, Fit, Placed, busiest, constants, earned, fit
+from tuner.examination.fit import Fit, Placed, constants, earned, fit
 from tuner.examination.moves import DELAYS, RECEIVER, STATED_ODDS, Move, arm_of, of_clock
 from tuner.examination.streams import Streams
 from tuner.examination.windows import Motion, Windows
@@ -28,10 +28,6 @@ SETTLED_SDS = 0.3
 """Step, in sds, below which they end."""
 NEAR_DELAYS = tuple(delay for delay in DELAYS if abs(delay) <= 0.5)
 """Common delays from which the search begins as well, s: at a steady speed a lever arm stands for a part of one."""
-BESIDE = tuple(0.1 * k for k in range(-10, 11) if k)
-"""Delays beside a found one at which a motion that repeats itself may fit better, s."""
-TRIED_BESIDE = 2
-"""Of them the likeliest, from which the search goes on."""
 FIXED_SD = 1e-9
 """Prior sd of a delay that is none, s."""
 DRIFT = "drift"
@@ -102,10 +98,6 @@ def installed(streams: Streams, now: Fit) -> Installed:
         (problem.settled(at, prior, OPEN_STEPS) for at in problem.starts(now)), key=lambda at: at.fit.total
     )
     taken = _taken_out(streams)
-    better = [] if abs(best.value[0]) < CERTAIN_SDS * best.sd[0] and not taken[None] else problem.beside(best)
-    while better:
-        best = max(better, key=lambda at: at.fit.total)
-        better = problem.beside(best)
     free = prior
     delays: dict[str | None, Delay] = {}
     for k in np.argsort(np.abs(best.value / best.sd)[: len(names)]):
@@ -203,18 +195,6 @@ class _Problem:
             found.append(self.at(value, self.prior, now))
         likeliest = max(found, key=lambda at: at.fit.total)
         return [found[0]] if likeliest is found[0] else [found[0], likeliest]
-
-    def beside(self, best: _Settled) -> list[_Settled]:
-        """Return far likelier delays of all beside one: steps and bounces give the likelihood many peaks."""
-        busy, common = self.windows.some(busiest(self.windows, best.fit)), np.arange(len(self.prior)) == 0
-        now = _taken_out(self.streams)[None] + best.value[0]
-        shifts = [shift for shift in BESIDE if abs(now + shift) < max(DELAYS)]
-        values = [best.value + common * shift for shift in (0.0, *shifts)]
-        totals = [fit(self.without(value), busy, FIRST_ROUNDS).total for value in values]
-        likeliest = np.argsort(totals)[::-1][:TRIED_BESIDE]
-        begun = [self.at(values[k], self.prior, best.fit) for k in likeliest if totals[k] > totals[0]]
-        settled = [self.settled(at, self.prior) for at in begun]
-        return [at for at in settled if at.fit.total > best.fit.total + math.log(STATED_ODDS)]
 
     def settled(self, at: _Settled, free: FloatArray, opened: int = 0) -> _Settled:
         """Return constants with prior sds `free` where no step makes them likelier, from others.

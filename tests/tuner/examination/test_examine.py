@@ -219,17 +219,6 @@ def test_an_antenna_that_swings_with_the_steps_of_a_walker_shows_the_delay() -> 
     assert len(found.repairs) == 1
 
 
-def test_a_vehicle_that_bounces_shows_the_delay_of_the_highest_peak() -> None:
-    """The delay of 1.83 s was 1.99 s: a bounce of 2.5 Hz makes a peak of the likelihood every 0.4 s."""
-    speed = Profile(4.0, waves=(Wave(1.5, 0.06), Wave(1.0, 0.11)))
-    heading = Profile(waves=(Wave(0.5, 0.04), Wave(0.2, 0.09)))
-    railbike = Trajectory("railbike", 240.0, speed, heading, pitch=Profile(waves=(Wave(0.015, 2.5),)))
-    gnss = replace(load_gnss("rtk"), interval=0.2)
-    made = simulate_drive(load_grade("mpu9250"), railbike, gnss, rate=100.0, seed=5, effects=())[0]
-    clock = examine(replace(made, gnss=replace(made.gnss, t=made.gnss.t + 1.83))).clock
-    assert abs(clock.delay.value - 1.83) < 5.0 * clock.delay.sd < 0.05
-
-
 @pytest.mark.parametrize("axis", [0, 1])
 def test_a_lever_arm_does_not_stand_for_a_wrong_sign(axis: int) -> None:
     """An antenna 0.4 m below stood for the sign in the swaying of a tricycle: two axes were named, or none."""
