@@ -269,15 +269,15 @@ class _AllStates:
         return np.concatenate([np.diagonal(s.covariance, axis1=1, axis2=2)[:, :9] for s in self.solutions])
 
     def apart(self, other: _AllStates) -> FloatArray:
-        """Return by how much its position and velocity differ from another's, m, m/s, and zeros, shape (k, 9)."""
+        """Return its position, m, and velocity, m/s, less those of another; zeros for attitude, shape (k, 9)."""
         mine, its = self.track, other.track
         return np.hstack([ned_between(mine.llh, its.llh), mine.vel_n - its.vel_n, np.zeros_like(its.rpy)])
 
     def log_likelihood(self, part: slice = slice(6)) -> float:
-        """Return that of innovations of some components; one that is refused is as far off as its gate."""
+        """Return that of innovations of some components, those that are there; one that is refused is at its gate."""
         total = 0.0
         for s in self.solutions:
-            there = np.repeat(s.use != ABSENT, 3, axis=1)[:, part]
+            there = (np.repeat(s.use != ABSENT, 3, axis=1) & np.isfinite(s.innovation))[:, part]
             for own in np.unique(there[there.any(axis=1)], axis=0):
                 rows = (there == own).all(axis=1)
                 z = s.innovation[rows, part][:, own]

@@ -103,6 +103,17 @@ def test_a_start_that_a_file_states_is_where_the_filter_begins(configuration, fi
     assert not as_read(tmp_path / "k.yaml")[0].stated
 
 
+def test_fixes_without_a_vertical_velocity_tell_how_likely_receivers_are(drive_config, poor):
+    """The component that is missing left no likelihood at all, and no truth."""
+    drive = read_drive(poor[1])
+    known = best_known(drive, with_lasting(drive_config))[0]
+    flat = replace(drive, gnss=replace(drive.gnss, vel_n=drive.gnss.vel_n * [1.0, 1.0, np.nan]))
+    found = best_known(flat, with_lasting(drive_config))[0]
+    assert np.isfinite(found.sd).all()
+    apart = np.linalg.norm(ned_between(found.llh, known.llh)[:, :2], axis=1)
+    assert np.sqrt(np.mean(apart**2)) < np.sqrt(np.mean(np.sum(known.sd[:, :2] ** 2, axis=1)))
+
+
 @pytest.mark.parametrize("which", [0, 1])
 def test_errors_of_fixes_that_last_are_in_their_sds(drive_config, poor, tmp_path, which):
     """With a reference and without one; judged by the truth, which the second file does not have."""
