@@ -95,9 +95,8 @@ def searched(streams: Streams, name: str = "streams") -> Searched:
     gain = at.gain
     for _ in range(MOST_FAULTS):
         whole_ones = [one for one in found if one.begin is None and one.end is None]
-        read = {
-            (one.stream, one.fault) for one in whole_ones if one.kind == "reading"
-        }  # no unit is taken twice
+        # no unit is taken twice
+        read = {(one.stream, one.fault) for one in whole_ones if one.kind == "reading"}
         left = [one for one in moves(at.streams) if (one.stream, one.fault) not in read]
         # a lever arm may stand for a fault: each is tried without one, and beside one of its own
         bare = at.streams.changed(lambda one: replace(one, arm=recorded.positions.arm))

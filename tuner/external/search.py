@@ -157,7 +157,7 @@ def _penalty(x: FloatArray) -> float:
 
 
 def _score(other: Deviations, one: Deviations, until: float) -> float:
-    """Return by how much the likelihood of one output exceeds that of another, before a time."""
+    """Return the log-likelihood of one output less that of another, of what lies before a time."""
     rows, same = common(one, other)
     early = one.t[rows] <= until
     gain = other.rows(same[early]).log_likelihood() - one.rows(rows[early]).log_likelihood()

@@ -15,11 +15,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import brentq, nnls
+from scipy.optimize import brentq
 
 from models.arrays import LEAST_DIVISOR, FloatArray, IntArray
 from models.noise import NoiseModel, Term
 from tuner.curves.allan import overlapping_allan
+from tuner.identification.nonnegative import nonnegative
 from tuner.types.records import DataError
 
 _NEGLIGIBLE_SHARE = 1e-8
@@ -83,17 +84,6 @@ class OctaveCurve:
         return cls(m, total / number, lengths, interval)
 
 
-def nonnegative(terms: Sequence[Term], curve: OctaveCurve, weight: FloatArray) -> FloatArray:
-    """Return factors ≥ 0 of the Allan variances of terms whose sum comes closest to a curve, relative to it.
-
-    `weight`, shape (k,), multiplies the relative deviations before they are squared.
-    """
-    shapes = [term.allan_variance(curve.tau, interval=curve.interval) for term in terms]
-    design = np.stack(shapes, axis=1) * (weight / curve.variance)[:, None]
-    size = np.linalg.norm(design, axis=0)
-    return np.asarray(nnls(design / size, weight)[0] / size)
-
-
 @dataclass(frozen=True)
 class CurveProblem:
     """ln AVAR of a sum of terms as a function of the logarithms of its parameters."""
@@ -120,7 +110,9 @@ class CurveProblem:
 
     def start(self) -> FloatArray:
         """Return logarithms: amplitudes by non-negative least squares, the rest as given."""
-        amplitudes = nonnegative(self.terms, self.curve, np.sqrt(self.curve.m[-1] / self.curve.m))
+        weight = np.sqrt(self.curve.m[-1] / self.curve.m)
+        curves = [term.allan_variance(self.curve.tau, interval=self.curve.interval) for term in self.terms]
+        amplitudes = nonnegative(np.stack(curves, axis=1) * (weight / self.curve.variance)[:, None], weight)
         theta: list[float] = []
         for term, amplitude in zip(self.terms, amplitudes, strict=True):
             rest = [float(np.log(getattr(term, name))) for name in term.PARAMETERS[1:]]

@@ -222,9 +222,8 @@ def _regressors(course: Course) -> tuple[FloatArray, FloatArray, tuple[slice, ..
     each = [one.columns(course.motion) for one in OF_FILTER]
     through = [one.subject in IN_FIXES for one in OF_FILTER]
     fixes = np.concatenate([-of[:, :6] * fix for of, fix in zip(each, through, strict=True)], axis=2)
-    if (
-        course.motion.of_body
-    ):  # velocities are measured by something else than the positions: nothing moves them
+    if course.motion.of_body:
+        # Velocities are measured by something else than the positions: nothing moves them.
         fixes[:, 3:] = 0.0
     outputs = np.concatenate([of * (not fix) for of, fix in zip(each, through, strict=True)], axis=2)
     ends = np.cumsum([0, *(of.shape[2] for of in each)]).tolist()

@@ -21,11 +21,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import lsq_linear, nnls
+from scipy.optimize import lsq_linear
 
 from models.arrays import LEAST_DIVISOR, FloatArray
 from models.noise import GaussMarkov, Quantization, RandomWalk, Term, White
 from models.probability import REACH_95
+from tuner.identification.nonnegative import nonnegative
 from tuner.identification.predictive.criteria import follows_curve
 from tuner.types.prediction import INNER_LIMIT, MeasuredAllan, NoiseBlock, SpectralExcess
 
@@ -186,7 +187,7 @@ def _solve(measured: MeasuredAllan, components: tuple[_Component, ...]) -> _Solu
     shares: FloatArray | None = None
     best = (np.inf, np.zeros(len(components)), weights)
     for _ in range(MAX_ROUNDS):
-        new = _nonnegative(matrix * (np.sqrt(weights) / predicted)[:, None], np.sqrt(weights) * goal)
+        new = nonnegative(matrix * (np.sqrt(weights) / predicted)[:, None], np.sqrt(weights) * goal)
         step = (
             np.inf if shares is None else float(np.max(np.abs(new - shares) / (new + shares + LEAST_DIVISOR)))
         )
@@ -249,12 +250,3 @@ def _block(solution: _Solution) -> NoiseBlock:
             case SpectralExcess():
                 block = replace(block, excess=(*block.excess, unit.scaled(float(share))))
     return block
-
-
-def _nonnegative(matrix: FloatArray, goal: FloatArray) -> FloatArray:
-    """Return the non-negative least-squares solution; columns are brought to unit length first."""
-    length = np.linalg.norm(matrix, axis=0)
-    shares, _ = nnls(matrix / length, goal)
-    return np.asarray(
-        np.where(shares > 1e-10 * max(float(shares.max(initial=0.0)), LEAST_DIVISOR), shares / length, 0.0)
-    )
