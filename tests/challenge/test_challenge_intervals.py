@@ -58,7 +58,7 @@ def told(effect: type[Effect], one: Channel) -> dict[str, Value]:
     if effect is Motion:
         (stretch,) = motion.stretches([one])
         return dict(motion.extension(one, stretch).values)
-    one = Channel(one.axis, one.unit, one.y, one.valid, one.scale, one.level, one.interval, one.start, one.block,
+    one = Channel(one.axis, one.unit, one.y, one.valid, one.scale, one.level, one.interval, one.clock, one.block,
                   quantizer_step=one.quantizer_step)  # fmt: skip
     return dict(LAWS[effect](fit_channel(one)).propose()[0].values)
 

@@ -1,7 +1,8 @@
 """The even time base of a log: segments, gaps, bridges.
 
 `stamps` says which rows to keep, the interval p and how many samples are missing where. Here the rows are put
-on a grid: even with interval p within a segment, each segment at its own median phase.
+on a grid: even with interval p within a segment, each segment at its own median phase. Where stamps wander off that by
+more than p, the times of a segment follow them, straight between the medians of pieces.
 
 In a log at rest, short gaps are bridged by samples that are simulated from those beside them (`gap_bridges`) as long
 as all bridges together are at most `MAX_BRIDGED_SHARE` of the samples; every other gap ends a segment. The level at a
@@ -57,6 +58,10 @@ _MAX_STAMPS = 1 << 17
 
 COURSE_PIECES = 600
 """Pieces of the course of the stamps: as many as a panel has pixels to show."""
+_STAMPS_A_MEDIAN = 64
+"""Stamps, at least, whose median shows where a clock is: to a sixth of their jitter."""
+_MEDIANS_REACH = 10.0
+"""Range of the medians of 600 pieces of n stamps, of chance, ÷ (jitter/√n): 1.25 times that of normal numbers."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +71,7 @@ class Timebase:
     Attributes
     ----------
     t : ndarray, shape (N,)
-        Time of each sample, s, in the clock of the stamps; even within a segment.
+        Time of each sample, s, in the clock of the stamps; even within a segment whose stamps do not wander.
     interval : float
         Sampling interval, s.
     segments : tuple of (start, stop)
@@ -90,7 +95,7 @@ class Timebase:
     rounding : float
         Unit that the stamps are multiples of where that shows in their steps, s; 0 for none.
     wander : float
-        Largest distance of a stamp from the even grid of its segment, s.
+        Largest distance of times that follow wandering stamps from even ones, s; 0 where all are even.
     left_out : int
         Samples in segments too short to use.
     change : StepChange or None
@@ -136,7 +141,9 @@ class Timebase:
         kept = stamps if self.rows is None else stamps[self.rows]
         at = self.t if self.positions is None else self.t[self.positions]
         starts = np.arange(0, len(kept), -(-len(kept) // COURSE_PIECES))
-        late = kept - at
+        steps = np.diff(self.t, prepend=self.t[0] - self.interval) - self.interval
+        wander = np.cumsum(np.where(steps < 0.5 * self.interval, steps, 0.0))
+        late = kept - at + (wander if self.positions is None else wander[self.positions])
         missing = np.zeros(len(kept))
         if self.positions is not None:
             missing[1:] = np.diff(self.positions) - 1
@@ -188,9 +195,8 @@ class Timebase:
                 f"stamps scatter by {self.jitter:.3g} s (sd); samples are taken as even at {rate}",
             ),
             (
-                even and self.wander > 10 * max(p, self.jitter),
-                f"stamps wander by up to {self.wander:.3g} s from even sampling at {rate}: times are those of even "
-                "samples",
+                even and self.wander > 0.0,
+                f"stamps wander by up to {self.wander:.3g} s from even sampling at {rate}: times follow the stamps",
             ),
         )
         return tuple(text for is_so, text in said if is_so)
@@ -265,9 +271,7 @@ def stamped_timebase(
         _require(len(t))
         at = np.flatnonzero(lost)
         size = lost[at]
-    base = _on_grid(t, interval, at, size, moving=moving)
-    if max(batch, resolution) > base.rounding:
-        base = replace(base, rounding=max(batch, resolution))
+    base = _on_grid(t, interval, at, size, max(batch, resolution), moving=moving)
     unread = 0 if rows is None else _unread(np.diff(rows), at, size)
     return replace(
         base,
@@ -294,8 +298,10 @@ def _require(count: int) -> None:
         )
 
 
-def _on_grid(t: FloatArray, interval: float, at: IntArray, size: IntArray, *, moving: bool) -> Timebase:
-    """Return the time base of ordered stamps with `size` samples missing after rows `at`."""
+def _on_grid(
+    t: FloatArray, interval: float, at: IntArray, size: IntArray, resolution: float = 0.0, *, moving: bool
+) -> Timebase:
+    """Return the time base of ordered stamps, rounded to `resolution`, with `size` samples missing after rows `at`."""
     longest, share = MAX_BRIDGED_GAP, MAX_BRIDGED_SHARE
     if moving:
         longest, share = MAX_BRIDGED_IN_MOTION, MAX_SHARE_IN_MOTION
@@ -312,6 +318,8 @@ def _on_grid(t: FloatArray, interval: float, at: IntArray, size: IntArray, *, mo
     step, whole = t[some + 1] - t[some], number(some + 1) - number(some)
     error = step - interval * whole
     rounding = rounding_of(step[whole == 1])
+    jitter = _jitter(error, interval, rounding or resolution_of(t[some]))
+    rounding = max(rounding, resolution)
     ends = at[~short] + 1
     grid: list[FloatArray] = []
     segments: list[tuple[int, int]] = []
@@ -322,9 +330,10 @@ def _on_grid(t: FloatArray, interval: float, at: IntArray, size: IntArray, *, mo
         first = number(some[:1])
         count = int(number(some[-1:])[0] - first[0]) + 1
         offsets = t[some] - interval * (number(some) - first)
-        begin = max(float(np.median(offsets)), floor)
-        wander = max(wander, float(np.abs(offsets - begin).max()))
-        grid.append(begin + interval * np.arange(count, dtype=float))
+        late = _lateness(number(some) - first, offsets, interval + rounding, jitter, count)
+        wander = max(wander, float(np.ptp(late)))
+        times = late + interval * np.arange(count, dtype=float)
+        grid.append(times + max(floor - float(times[0]), 0.0))
         floor = float(grid[-1][-1]) + 0.5 * interval
         if count >= MIN_SEGMENT_SAMPLES:
             segments.append((filled, filled + count))
@@ -348,12 +357,30 @@ def _on_grid(t: FloatArray, interval: float, at: IntArray, size: IntArray, *, mo
         gaps=len(at),
         missing=int(size.sum()),
         bridged=bridged,
-        jitter=_jitter(error, interval, rounding or resolution_of(t[some])),
+        jitter=jitter,
         rounding=rounding,
         moving=moving,
         wander=wander,
         left_out=left_out,
     )
+
+
+def _lateness(at: IntArray, offsets: FloatArray, least: float, jitter: float, count: int) -> FloatArray:
+    """Return by how much the samples of a segment are later than even ones, s: one number, or shape (count,).
+
+    Of stamps of samples `at` with these offsets: straight between the medians of pieces where these differ by more than
+    `least`, s, and more than jitter makes them.
+    """
+    size = max(_STAMPS_A_MEDIAN, len(at) // COURSE_PIECES)
+    pieces = slice(0, len(at) // size * size)
+    late = np.median(offsets[pieces].reshape(-1, size), axis=1)
+    if len(late) < 2 or float(np.ptp(late)) < least + _MEDIANS_REACH * jitter / np.sqrt(size):
+        return np.asarray(np.median(offsets))
+    middle = at[pieces].reshape(-1, size).mean(axis=1)
+    slopes = np.diff(late)[[0, -1]] / np.diff(middle)[[0, -1]]
+    ends = np.array([0.0, count - 1.0])
+    outer = late[[0, -1]] + slopes * (ends - middle[[0, -1]])
+    return np.interp(np.arange(count), np.r_[ends[0], middle, ends[1]], np.r_[outer[0], late, outer[1]])
 
 
 def _some(start: int, stop: int) -> IntArray:

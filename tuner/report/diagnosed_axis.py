@@ -59,7 +59,7 @@ class DiagnosedAxis:
     @cached_property
     def t(self) -> FloatArray:
         """Time, s, shape (n,)."""
-        return np.asarray(self.ready.start + self.ready.interval * np.arange(float(len(self.ready))))
+        return self.ready.times(np.arange(len(self.ready)))
 
     @cached_property
     def y(self) -> FloatArray:
@@ -103,8 +103,10 @@ class DiagnosedAxis:
     def signals(self) -> Mapping[str, FloatArray]:
         """Signals that were found, by cause, SI, shape (n,)."""
         signals: dict[str, FloatArray] = {}
+        samples = Samples(self.t, self.y[:, None], self.ready.interval, self.temperature)
         for one in self.findings:
-            made = signal_of(one.cause, parameters(one, self.ready.axis), self.t, self.y, self.temperature)
+            effect, values = EFFECTS.get(one.cause), parameters(one, self.ready.axis)
+            made = None if effect is None else effect.drawn(values, samples)
             if made is not None:
                 signals[one.cause] = signals.get(one.cause, 0.0) + (made - made.mean())
         return signals
@@ -164,20 +166,10 @@ def _knots(one: DiagnosedAxis, n: int) -> FloatArray:
 def _analysed(whole: Channel, diagnosis: Diagnosis) -> Channel | None:
     """Return what was analysed of a channel: its part at rest, or all of it without stretches of motion."""
     if whole.axis in diagnosis.parts:
-        begin, end = (round((t - whole.start) / whole.interval) for t in diagnosis.parts[whole.axis])
+        begin, end = (round(whole.place(t)) for t in diagnosis.parts[whole.axis])
         return whole.part(max(begin, 0), min(end, len(whole)))
     still = whole
     for stretch in diagnosis.left_out:
-        begin, end = (min(max(round((t - whole.start) / whole.interval), 0), len(whole)) for t in stretch)
+        begin, end = (min(max(round(whole.place(t)), 0), len(whole)) for t in stretch)
         still = Motion(begin, end, values={}).including(begin, end, len(whole)).clean_samples(still)
     return still
-
-
-def signal_of(
-    cause: str, values: Mapping[str, float], t: FloatArray, y: FloatArray, temperature: FloatArray | None
-) -> FloatArray | None:
-    """Return the signal that a cause adds to the samples, shape (n,), or None where it adds none."""
-    effect = EFFECTS.get(cause)
-    if effect is None:
-        return None
-    return effect.drawn(values, Samples(t, y[:, None], float(t[1] - t[0]), temperature))

@@ -320,3 +320,14 @@ def _uneven(kind: str) -> np.ndarray:
 @pytest.mark.parametrize("rows", [1000, COUNT])
 def test_uneven_stamps_of_one_clock_change_no_step(kind: str, rows: int) -> None:
     assert stamped_timebase(_uneven(kind)[:rows]).change is None
+
+
+def test_times_follow_a_clock_that_wanders_and_no_jitter() -> None:
+    t = np.cumsum(0.01 * (1.0 + 0.01 * np.exp(-np.arange(COUNT) / 5000.0)))
+    jitter = np.random.default_rng(16).normal(0.0, 1e-3, COUNT)
+    base = stamped_timebase(t + jitter)
+    assert np.abs(base.t - t).max() < 2e-3 < base.wander
+    assert "times follow the stamps" in base.notes()[-1]
+    even = stamped_timebase(0.01 * np.arange(COUNT) + jitter)
+    assert even.wander == 0.0
+    np.testing.assert_allclose(np.diff(even.t), even.interval, rtol=1e-6)

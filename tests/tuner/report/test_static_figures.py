@@ -9,6 +9,8 @@ import pytest
 from matplotlib.figure import Figure
 from scipy.signal import lfilter
 
+from models.effects import EFFECTS as SIGNALS
+from models.effects import Samples
 from models.noise import Arma, NoiseModel, RandomWalk, White
 from tuner.diagnosis import diagnose
 from tuner.diagnosis.static.causes.vibration import Vibration
@@ -16,7 +18,7 @@ from tuner.diagnosis.static.model.dct import inverse, transform
 from tuner.formats.customary_units import digits_to
 from tuner.identification import identify
 from tuner.report.allan_figure import allan_figure
-from tuner.report.diagnosed_axis import diagnosed_axis, signal_of
+from tuner.report.diagnosed_axis import diagnosed_axis
 from tuner.report.diagnosis_answer import diagnosis_answer
 from tuner.report.figure_files import TIME_LABEL, Sketch, draw_all, figure_bytes, label_plainly, lay_out
 from tuner.report.static_diagnosis_figures import finding_figures
@@ -101,7 +103,7 @@ def test_the_signal_of_a_line_is_the_line(tmp_path):
     with_line, without = record("line@gyro_x:frequency=12.5,amplitude=2e-4"), record()
     difference = with_line[0].y[:, 0] - without[0].y[:, 0]
     t, y = with_line[0].t, with_line[0].y[:, 0]
-    made = signal_of("line", EFFECTS["line"], t, y, None)
+    made = SIGNALS["line"].drawn(EFFECTS["line"], Samples(t, y[:, None], with_line[0].interval))
     # Each quadrature errs by sd √(2/n) = 1e-3 √(2/30000) = 8e-6: six of them on 2e-4.
     assert np.max(np.abs(made - difference)) < 7e-5
 

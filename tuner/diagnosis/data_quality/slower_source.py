@@ -50,7 +50,8 @@ class SlowerSource:
 
 def find_slower_source(record: Record) -> SlowerSource | None:
     """Return the pattern in which rows of a record, all axes of it, have new readings; None where there is none."""
-    place = np.round((record.t - record.t[0]) / record.interval).astype(np.int64)
+    steps = np.rint(np.diff(record.t, prepend=record.t[0]) / record.interval)
+    place = np.cumsum(steps).astype(np.int64)
     moved = np.concatenate(([True], np.any(np.diff(record.y, axis=0) != 0.0, axis=1)))
     inside = np.zeros(len(record), dtype=bool)
     for start, stop in record.segments:

@@ -7,14 +7,14 @@ and kept out of every test of the distribution.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from models.arrays import SAMPLES_AT_ONCE, BoolArray, FloatArray
 from tuner.diagnosis.static.model.covariate import code_step, smoothed, typical_repeats
@@ -44,6 +44,8 @@ MIN_SAMPLES = 1024
 """Samples below which no test is made: too few for the spectrum bins and for asymptotic null distributions."""
 GAP_NEIGHBOURS = 128
 """Samples on either side of a gap whose means are its levels: known to 0.09 white sds."""
+CLOCK_KNOTS = 1024
+"""Rows, about, whose times are those of a channel: clocks that wander do so over more than a thousandth of a log."""
 MAX_GAP_SHARE = 0.02
 """Gap that is still bridged, as a share of the record; beyond, the longest stretch is taken.
 
@@ -67,8 +69,10 @@ class Channel:
         Robust standard deviation of the differences ÷ √2, unit.
     level : float
         Median of the samples, unit.
-    interval, start : float
-        Sampling interval and time of the first sample, s.
+    interval : float
+        Sampling interval, s.
+    clock : ndarray, shape (k, 2)
+        Places of some samples, and their times, s; straight between.
     block : int
         Samples in a block, L.
     covariates : mapping of str to ndarray, shape (M,)
@@ -88,7 +92,7 @@ class Channel:
     scale: float
     level: float
     interval: float
-    start: float
+    clock: FloatArray
     block: int
     covariates: Mapping[str, FloatArray] = field(default_factory=lambda: MappingProxyType({}))
     quantizer_step: float = 0.0
@@ -109,6 +113,23 @@ class Channel:
     def span(self) -> float:
         """Length, s."""
         return len(self) * self.interval
+
+    @property
+    def start(self) -> float:
+        """Time of the first sample, s."""
+        return self.time(0.0)
+
+    def time(self, place: float) -> float:
+        """Return the time of a sample, or of a place between two, s."""
+        return float(self.times(place))
+
+    def times(self, places: ArrayLike) -> FloatArray:
+        """Return the times of samples, s."""
+        return _straight(places, self.clock[:, 0], self.clock[:, 1], self.interval)
+
+    def place(self, time: float) -> float:
+        """Return the place of a time, s, among the samples."""
+        return float(_straight(time, self.clock[:, 1], self.clock[:, 0], 1.0 / self.interval))
 
     @property
     def without_samples(self) -> Channel:
@@ -147,8 +168,8 @@ class Channel:
         }
         inside = slice(first, first + length)
         return replace(
-            self, y=self.y[inside], valid=self.valid[inside], start=self.start + first * self.interval,
-            block=block, covariates=MappingProxyType(coarse),
+            self, y=self.y[inside], valid=self.valid[inside], clock=self.clock - (first, 0.0), block=block,
+            covariates=MappingProxyType(coarse),
         )  # fmt: skip
 
     def refilled(self, missing: BoolArray, rng: np.random.Generator) -> Channel:
@@ -187,7 +208,8 @@ def channel(
         A channel that is too short, constant, or a computed sinusoid.
     """
     chosen = _without_long_gaps(record)
-    first, n = chosen[0][0], int(_index(record, chosen[-1])[-1] - _index(record, chosen[0])[0]) + 1
+    first, begins = chosen[0][0], _places(record, chosen)
+    n = begins[-1] + chosen[-1][1] - chosen[-1][0]
     if n < MIN_SAMPLES:
         raise DataError(
             f"{record.source or record.name}: {axis} has {n} samples, expected {MIN_SAMPLES} or more; record longer"
@@ -196,14 +218,12 @@ def channel(
     place: slice | NDArray[np.int64] = slice(0, n)
     source: slice | NDArray[np.int64] = slice(first, first + n)
     if len(chosen) > 1 or repeated is not None:
-        place = np.concatenate([_index(record, piece) for piece in chosen])
-        place -= place[0]
+        place = np.concatenate([p + np.arange(b - a) for p, (a, b) in zip(begins, chosen, strict=True)])
         source = np.concatenate([np.arange(*piece) for piece in chosen])
         keep = place < n
         if repeated is not None:
             keep &= ~repeated[source]
         place, source = place[keep], source[keep]
-        first = int(source[0])
     column = record.column(axis)
     measured = column[source]
     level, scale = float(np.median(measured)), difference_sd(measured)
@@ -240,9 +260,15 @@ def channel(
         if np.all(np.isfinite(values)) and np.ptp(values) > 0
     }
     return Channel(
-        axis, record.unit, y, valid, scale, level, record.interval, float(record.t[first]), block,
+        axis, record.unit, y, valid, scale, level, record.interval, _clock(record, chosen, begins), block,
         MappingProxyType(covariates), quantizer_step / scale,
     )  # fmt: skip
+
+
+def _straight(x: ArrayLike, at: FloatArray, values: FloatArray, slope: float) -> FloatArray:
+    """Return values at x: straight between those given, shape (k,), and of this slope beyond."""
+    inside = np.clip(x, at[0], at[-1])
+    return np.asarray(np.interp(inside, at, values) + slope * (x - inside))
 
 
 def computed(y: FloatArray) -> float | None:
@@ -359,10 +385,22 @@ def bridged(y: FloatArray, missing: BoolArray, width: int) -> FloatArray:
     return out
 
 
-def _index(record: Record, piece: tuple[int, int]) -> NDArray[np.int64]:
-    """Return the place of each sample of a segment on the even grid of the record."""
-    first = round((record.t[piece[0]] - record.t[0]) / record.interval)
-    return np.arange(first, first + piece[1] - piece[0], dtype=np.int64)
+def _places(record: Record, pieces: Sequence[tuple[int, int]]) -> list[int]:
+    """Return the place of the first sample of each segment on the even grid that begins with the first one."""
+    places = [0]
+    for (a, b), (c, _) in pairwise(pieces):
+        places.append(places[-1] + b - 1 - a + round((record.t[c] - record.t[b - 1]) / record.interval))
+    return places
+
+
+def _clock(record: Record, pieces: Sequence[tuple[int, int]], begins: Sequence[int]) -> FloatArray:
+    """Return places and times of the ends of segments and of rows between, shape (k, 2)."""
+    spacing = max(sum(b - a for a, b in pieces) // CLOCK_KNOTS, 1)
+    knots = []
+    for place, (a, b) in zip(begins, pieces, strict=True):
+        rows = np.append(np.arange(a, b - 1, spacing), b - 1)
+        knots.append(np.column_stack([place + rows - a, record.t[rows]]))
+    return np.concatenate(knots)
 
 
 def _without_long_gaps(record: Record) -> list[tuple[int, int]]:
@@ -372,8 +410,7 @@ def _without_long_gaps(record: Record) -> list[tuple[int, int]]:
     groups: list[list[tuple[int, int]]] = [[pieces[0]]]
     for before, piece in pairwise(pieces):
         gap = record.t[piece[0]] - record.t[before[1] - 1]
-        overlap = _index(record, piece)[0] <= _index(record, before)[-1]
-        if gap > longest or overlap:
+        if gap > longest or gap < 0.5 * record.interval:
             groups.append([])
         groups[-1].append(piece)
     return max(groups, key=lambda group: sum(stop - start for start, stop in group))

@@ -122,7 +122,7 @@ def _thinned(record: Record, kept: BoolArray) -> Record:
     interval = record.interval * int(inside.sum()) / n
     return replace(
         record,
-        t=record.t[0] + interval * np.arange(n),
+        t=record.t[kept],
         y=record.y[kept],
         interval=interval,
         segments=((0, n),),

@@ -146,7 +146,7 @@ def diagnose(
         left_out += without
     if not parts:
         raise DataError(_nothing_left(refused, found, sensors[0], resting))
-    whole = {one.axis: (len(one), one.start) for one in ready}
+    whole = {one.axis: one.without_samples for one in ready}
     order = list(whole)
     parts.sort(key=lambda part: order.index(part[0].axis))
     colour = {part.axis: _colour(part) for part, _ in parts}
@@ -160,7 +160,7 @@ def diagnose(
     def diagnosed(given: tuple[Channel, tuple[motion.Motion, ...]]) -> _Diagnosed:
         part, moves = given
         again = prepared_axis(record_of[part.axis], part.axis, tests_of[part.axis], limit, seed)
-        first = round((part.start - whole[part.axis][1]) / part.interval)
+        first = round(whole[part.axis].place(part.start))
         place = slice(first, first + len(part))
         y = fill(again.y[place], again.valid[place] & ~part.valid, 1.0, np.random.default_rng((seed, 79)))
         return judged(part, search_causes(replace(part, y=y), limit, moves))
@@ -233,7 +233,7 @@ def diagnose(
         (*notes, *refused, *sampling.notes(finals)),
         models,
         noise,
-        {part.axis: _times(part) for part, _ in parts if len(part) < whole[part.axis][0]},
+        {part.axis: _times(part) for part, _ in parts if len(part) < len(whole[part.axis])},
         tuple(dict.fromkeys(left_out)),
     )
 
@@ -316,7 +316,7 @@ def _places(channel: Channel, records: Sequence[Record], ranges: Mapping[str, Se
     record = next(record for record in records if channel.axis in record.axes)
     parts = []
     for start, stop in ranges.get(channel.axis, ()):
-        first = round((float(record.t[start]) - channel.start) / channel.interval)
+        first = round(channel.place(float(record.t[start])))
         last = first + round((stop - start) * record.interval / channel.interval)
         parts.append((max(first, 0), min(last, len(channel))))
     return tuple((first, last) for first, last in parts if last > first)
@@ -338,8 +338,8 @@ def _motion(
     if missed:
         still = ~inside(n, missed)
         channels = [replace(c, valid=c.valid & still) for c in channels]
-    start, dt = channels[0].start, channels[0].interval
-    bridged = [(start + (first - 0.5) * dt, start + (last - 0.5) * dt) for first, last in missed]
+    time = channels[0].time
+    bridged = [(time(first - 0.5), time(last - 0.5)) for first, last in missed]
     if not stretches:
         return found, [(c, ()) for c in channels], bridged
     share = sum(stretch.last - stretch.first for stretch in stretches) / n
@@ -397,11 +397,11 @@ def _motion_finding(
 def _first_sample(channel: Channel) -> str:
     """Return from what times are counted, where that is not the first sample."""
     late = abs(channel.start) > channel.interval
-    return f"; times are those of even samples, the first at {channel.start:.5g} s" if late else ""
+    return f"; the first sample is of {channel.start:.5g} s" if late else ""
 
 
 def _times(part: Channel) -> tuple[float, float]:
-    return part.start, part.start + len(part) * part.interval
+    return part.start, part.time(len(part))
 
 
 def _longest_still(stretches: Sequence[motion.Stretch], n: int) -> tuple[int, int]:

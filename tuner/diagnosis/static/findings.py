@@ -77,7 +77,7 @@ def singles(axis: str, outcome: SearchResult, base: NoiseModel) -> tuple[Single,
         inflation = _inflation(axis, outcome, accepted, base)
         moving = extension.in_motion(channel.interval)
         places = () if tails else extension.wrong_samples(channel)
-        wrong = tuple(channel.start + place * channel.interval for place in places)
+        wrong = tuple(channel.times(places).tolist())
         found.append(
             Single(axis, channel.unit, channel.scale, accepted, cause, parameters, inflation, moving, wrong)
         )

@@ -255,11 +255,11 @@ def _cells(fitted: FittedChannel, e: NDArray[np.float32], parts: int, bands: int
         cell = cell / cell.mean(axis=0)
     deviate = variance_deviate(cell, 2.0 * count)
     at, band = np.unravel_index(int(np.argmax(np.abs(deviate))), deviate.shape)
-    start = fitted.channel.start + float(measured[at]) * size * dt
+    begin, end = (fitted.channel.time(float(part) * size) for part in (measured[at], measured[at] + 1))
     low, high = edges[band : band + 2] / (size * dt)
     place = (
         f"{10.0 * np.log10(cell[at, band]):+.2g} dB at {low:.3g} … {high:.3g} Hz "
-        f"between {start:.6g} and {start + size * dt:.6g} s"
+        f"between {begin:.6g} and {end:.6g} s"
     )
     freedom = (len(measured) - 1) * (len(count) - 1)
     return _result(

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from models.effects import EFFECTS
+from models.effects import EFFECTS, Samples
 from models.effects.static.temperature_profiles import Diurnal
 from models.noise import BiasInstability, NoiseModel, White
 from models.registry import RegistryError
@@ -17,7 +17,6 @@ from tuner.diagnosis import diagnose
 from tuner.diagnosis.cause import Cause
 from tuner.diagnosis.static.causes.registry import CAUSES, CauseRegistry, lacking
 from tuner.diagnosis.static.causes.template import Template
-from tuner.report.diagnosed_axis import signal_of
 from tuner.report.static_diagnosis_figures import finding_figures
 from tuner.simulation.static import simulate
 
@@ -80,7 +79,8 @@ def test_a_cause_of_another_package_is_hidden_found_named_and_sized() -> None:
     assert finding.parameters["slope"].unit == "rad/s·s/K²"
     assert finding.gain.nats > 10.0
     t, celsius = records[0].t, records[0].covariates["temperature"]
-    drawn = signal_of("temperature_swing", {"slope": 2.0}, t, records[0].y[:, 0], celsius)
+    samples = Samples(t, records[0].y[:, :1], records[0].interval, celsius)
+    drawn = EFFECTS["temperature_swing"].drawn({"slope": 2.0}, samples)
     away = celsius - celsius.mean()
     np.testing.assert_allclose(drawn, 2.0 * away * np.gradient(away, records[0].interval))
     (sketch,) = finding_figures(records, diagnosis)

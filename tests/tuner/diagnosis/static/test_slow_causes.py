@@ -51,6 +51,19 @@ def test_a_large_step_is_placed_to_the_sample_and_leaves_nothing():
     assert time.interval[1] - time.interval[0] < 1.0
 
 
+def test_events_have_the_times_of_stamps_that_wander():
+    """By even samples they were up to a second beside, in intervals of a sample or two."""
+    made, stamps = record(np.zeros(COUNT)), TIME - 5.0 * np.expm1(-TIME / 300.0)
+    noisy = np.random.default_rng(6).normal(0.0, 0.01, COUNT) * ((stamps >= 700.0) & (stamps < 750.0))
+    moved = made.y[:, 0] + 0.02 * (stamps >= 400.0) + noisy
+    interval = float(np.mean(np.diff(stamps)))
+    found = diagnose(Record("gyro", stamps, moved, made.axes, made.unit, interval)).findings
+    step, burst = (next(f.parameters for f in found if f.cause == cause) for cause in ("step", "burst"))
+    for one, true in ((step["time"], 400.0), (burst["start"], 700.0), (burst["duration"], 50.0)):
+        assert abs(one.value - true) < 0.2
+        assert one.interval[0] - 0.02 <= true <= one.interval[1] + 0.02
+
+
 def test_a_lag_may_start_out_of_balance():
     """The temperature inside is 8 K off at first: no warm-up beside the lag."""
     phi = np.exp(-1.0 / (150.0 * RATE))

@@ -82,6 +82,11 @@ class Value:
         """Return the value with an interval that reaches to the ends of another one."""
         return replace(self, lower=min(self.lower, other.lower), upper=max(self.upper, other.upper))
 
+    @classmethod
+    def moment(cls, channel: Channel, at: float, first: float, last: float) -> Value:
+        """Make the time, s, of a place among the samples, that lies between two others."""
+        return cls(channel.time(at), channel.time(first), channel.time(last), "s")
+
     @property
     def positive(self) -> Value:
         """Value of a size that cannot be negative: the interval ends at 0."""
@@ -92,6 +97,19 @@ class Value:
         factor = scale if "{u}" in self.unit else 1.0
         low, high = sorted((factor * self.lower, factor * self.upper))
         return Coefficient.known(factor * self.value, low, high, self.unit.replace("{u}", unit))
+
+
+def stretch_times(
+    channel: Channel, likely: tuple[float, float], outer: tuple[float, float], inner: tuple[float, float]
+) -> dict[str, Value]:
+    """Return start and duration, s, of a stretch by its likely ends among the samples, its farthest and its nearest."""
+    duration, longest, shortest = (
+        max(channel.time(last) - channel.time(first), 0.0) for first, last in (likely, outer, inner)
+    )
+    return {
+        "start": Value.moment(channel, likely[0], outer[0], inner[0]),
+        "duration": Value(duration, shortest, longest, "s"),
+    }
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ import numpy as np
 from models.arrays import BoolArray, FloatArray, SignedArray
 from models.effects.static.distribution import Burst as Effect
 from models.probability import REACH_95, normal_beyond
-from tuner.diagnosis.static.causes.base import Extension, Value
+from tuner.diagnosis.static.causes.base import Extension, Value, stretch_times
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.fitted_channel import FittedChannel
 from tuner.diagnosis.static.model.null_distributions import EDGE_NATS
@@ -249,7 +249,6 @@ def refine(total: FloatArray, first: int, last: int) -> tuple[float, tuple[int, 
 
 def extension(fitted: FittedChannel, stretches: list[tuple[int, int]], which: int) -> Burst:
     """Return one of the stretches with its place, length and ratio of the variances of the white noise itself."""
-    dt, begin = fitted.channel.interval, fitted.channel.start
     first, last = stretches[which]
     square = _squares(fitted, stretches)
     quietly = fitted.valid.copy()
@@ -266,14 +265,13 @@ def extension(fitted: FittedChannel, stretches: list[tuple[int, int]], which: in
     total = np.concatenate(([0.0], np.cumsum(square)))
     start = _reach(total, first, last, kappa, move_first=True)
     stop = _reach(total, first, last, kappa, move_first=False)
-    duration = Value((last - first) * dt, max(stop[0] - start[1], 1) * dt, (stop[1] - start[0]) * dt, "s")
+    outer, inner = (start[0], stop[1]), (start[1], max(stop[0], start[1] + 1))
     return Burst(
         first,
         last,
         ratio,
         values={
-            "start": Value(begin + first * dt, begin + start[0] * dt, begin + start[1] * dt, "s"),
-            "duration": duration,
+            **stretch_times(fitted.channel, (first, last), outer, inner),
             "variance_ratio": _ratio(fitted, ratio, relative, (last - first) / len(square)),
         },
     )

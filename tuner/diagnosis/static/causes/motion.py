@@ -23,7 +23,7 @@ from models.arrays import SAMPLES_AT_ONCE, FloatArray, IndexArray
 from models.effects.static.events import SWAY_FREQUENCY
 from models.effects.static.events import Motion as Effect
 from models.robust import normal_sd
-from tuner.diagnosis.static.causes.base import Extension, Value
+from tuner.diagnosis.static.causes.base import Extension, Value, stretch_times
 from tuner.diagnosis.static.channel import GAP_NEIGHBOURS, Channel
 
 BLOCK_LENGTH = 0.25
@@ -263,7 +263,7 @@ def motions(
     list of (Stretch, mapping of str to Value)
         Each motion in order of time, with its ``start`` and ``duration``.
     """
-    known, dt, edge = tuple(found), channel.interval, round(EDGE_SECONDS / channel.interval)
+    known, edge = tuple(found), round(EDGE_SECONDS / channel.interval)
     out = [
         (one, extension(channel, one).values) for one in known if not any(_meet(one, part) for part in moving)
     ]
@@ -272,13 +272,8 @@ def motions(
         middle, unseen = (first + last) // 2, max((one.unseen for one in about), default=edge)
         begun = max([min(first + edge, middle), *(one.begun for one in about if first <= one.begun < last)])
         ended = min([max(last - edge, middle), *(one.ended for one in about if begun < one.ended <= last)])
-        begin, inner = channel.start + first * dt, max(ended - begun, 0) * dt
-        low = channel.start + max(first - unseen, 0) * dt
-        high = min(last + unseen, len(channel)) * dt + channel.start
-        values = {
-            "start": Value(begin, low, channel.start + begun * dt, "s"),
-            "duration": Value((last - first) * dt, inner, high - low, "s"),
-        }
+        outer = max(first - unseen, 0), min(last + unseen, len(channel))
+        values = stretch_times(channel, (first, last), outer, (begun, ended))
         out.append((Stretch(first, last, begun, max(ended, begun), unseen), values))
     return sorted(out, key=lambda one: one[0].first)
 
@@ -418,18 +413,8 @@ def sway(channel: Channel, stretch: Stretch) -> Value:
 
 def extension(channel: Channel, stretch: Stretch) -> Motion:
     """Return the stretch with its place: between what may have moved and what certainly did."""
-    dt, start = channel.interval, channel.start
-    first, last = (
-        float(max(stretch.first - stretch.unseen, 0)),
-        float(min(stretch.last + stretch.unseen, len(channel))),
-    )
-    begun, ended = float(stretch.begun), float(stretch.ended)
-    outer, inner = last - first, max(ended - begun, 0.0)
-    return Motion(
-        stretch.first,
-        stretch.last,
-        values={
-            "start": Value(start + 0.5 * (first + begun) * dt, start + first * dt, start + begun * dt, "s"),
-            "duration": Value(0.5 * (outer + inner) * dt, inner * dt, outer * dt, "s"),
-        },
-    )
+    first, last = max(stretch.first - stretch.unseen, 0), min(stretch.last + stretch.unseen, len(channel))
+    inner = stretch.begun, stretch.ended
+    likely = 0.5 * (first + stretch.begun), 0.5 * (last + max(stretch.ended, stretch.begun))
+    values = stretch_times(channel, likely, (first, last), inner)
+    return Motion(stretch.first, stretch.last, values=values)

@@ -189,21 +189,15 @@ def _placed(fitted: FittedChannel, known: FloatArray, begin: float, end: float) 
     square = _courses(fitted, known, knots).score ** 2
     p, q = np.unravel_index(int(np.argmax(square)), square.shape)
     likely = np.nonzero(square > square[p, q] - 2.0 * REGION_NATS)
-    length, step = channel.block * channel.interval, 2.0 * cell / (FINE_PLACES - 1)
+    step = 2.0 * cell / (FINE_PLACES - 1)
     first, duration = knots[likely[0]], knots[likely[1]] - knots[likely[0]]
+    begun = channel.block * float(knots[p])
+    ends = (channel.block * float(end) for end in (first.min() - step, first.max() + step))
+    lengths = (knots[q] - knots[p], max(0.0, duration.min() - step), duration.max() + step)
+    lasted = [channel.time(begun + channel.block * float(length)) - channel.time(begun) for length in lengths]
     values = {
-        "start": Value(
-            channel.start + float(knots[p]) * length,
-            channel.start + float(first.min() - step) * length,
-            channel.start + float(first.max() + step) * length,
-            "s",
-        ),
-        "duration": Value(
-            float(knots[q] - knots[p]) * length,
-            max(0.0, float(duration.min() - step)) * length,
-            float(duration.max() + step) * length,
-            "s",
-        ),
+        "start": Value.moment(channel, begun, *ends),
+        "duration": Value(lasted[0], lasted[1], lasted[2], "s"),
     }
     return MountTilt(float(knots[p]), float(knots[q]), values=values)
 

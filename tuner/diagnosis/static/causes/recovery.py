@@ -146,17 +146,9 @@ class Recovery(TimeConstantTemplate):
         tried = self._near(fitted.channel)
         square = scan(bare, np.stack([one.template(fitted.channel) for one in tried], axis=1))[0].score ** 2
         near = np.flatnonzero(square > square.max() - 2.0 * EDGE_NATS / SLOW_RATIO_FACTOR)
-        dt, part = fitted.channel.interval, fitted.channel.block / PLACES_A_BLOCK
-
-        def time(first: float) -> float:
-            return fitted.channel.start + first * dt
-
-        reach = Value(
-            time(self.first),
-            time(min(tried[near[0]].first, self.first) - part),
-            time(max(tried[near[-1]].first, self.first) + part),
-            "s",
-        )
+        part = fitted.channel.block / PLACES_A_BLOCK
+        ends = min(tried[near[0]].first, self.first) - part, max(tried[near[-1]].first, self.first) + part
+        reach = Value.moment(fitted.channel, self.first, *ends)
         estimated = super().with_joint_estimate(fitted, index, size)
         return replace(estimated, values={"time": reach, **estimated.values})
 

@@ -140,7 +140,7 @@ class Step(Template):
         if self.jump != 0.0 and abs(size - self.jump) < MIN_LOG_CHANGE * abs(size):
             return self
         channel, time = fitted.channel, self.values["time"]
-        begin, end = (round((t - channel.start) / channel.interval) for t in (time.lower, time.upper))
+        begin, end = (round(channel.place(t)) for t in (time.lower, time.upper))
         if end - begin > jump.CLEAR_BLOCKS * channel.block:
             return replace(self, jump=size)
         fast = jump.above_slow_track(channel, self.jump * self.course(channel))
@@ -182,12 +182,10 @@ def gross(channel: Channel, apart: Sequence[tuple[int, int]] = ()) -> TestResult
             found.append((first, float(change[first - w])))
     if not found or len(found) > Step.repeats or not all(_jumps(channel.y, *one) for one in found):
         return None
-    dt, start = channel.interval, channel.start
-
-    def time(first: int) -> Value:
-        return Value(start + first * dt, start + (first - 1) * dt, start + (first + 1) * dt, "s")
-
-    steps = tuple(Step(first, taken=jump, values={"time": time(first)}) for first, jump in found)
+    steps = tuple(
+        Step(first, taken=jump, values={"time": Value.moment(channel, first, first - 1, first + 1)})
+        for first, jump in found
+    )
     most = max(abs(jump) for _, jump in found)
     gain = 0.25 * w * most**2
     return TestResult(Step.cause, 0.0, gain, most, f"change between means of {w} samples", lambda: steps)

@@ -87,9 +87,11 @@ class Transients(Extension):
         size = np.abs([z[place] for place in peaks])
         price = np.log(len(e) / chosen)
         gain = float(np.sum(np.maximum(0.5 * size**2 - price, 0.0)))
-        dt, start = fitted.channel.interval, fitted.channel.start
+        dt = fitted.channel.interval
         largest = peaks[int(np.argmax(size))]
-        place = f"{len(peaks)} that decay in {chosen * dt:.2g} s, largest at {start + largest * dt:.6g} s"
+        place = (
+            f"{len(peaks)} that decay in {chosen * dt:.2g} s, largest at {fitted.channel.time(largest):.6g} s"
+        )
         white = fitted.spread * float(np.sqrt(fitted.expected_power.fast / dt))
         sizes = white * np.sqrt(-np.expm1(-2.0 / chosen)) * np.array([z[place] for place in peaks])
         found = cls(tuple(peaks), tuple(sizes.tolist()), chosen)

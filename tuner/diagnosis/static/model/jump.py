@@ -21,15 +21,10 @@ Chosen so that slow noise hardly moves within them.
 
 def likely_time(fitted: FittedChannel, scores: Scan, boundary: int) -> Value:
     """Return the time of a jump at a block boundary, with those that score nearly as well, s."""
-    square, start = scores.score**2, fitted.channel.start
+    square, channel = scores.score**2, fitted.channel
     likely = np.flatnonzero(square > square[boundary - 1] - 2.0 * EDGE_NATS / SLOW_RATIO_FACTOR) + 1
-    length = fitted.channel.block * fitted.channel.interval
-    return Value(
-        start + boundary * length,
-        start + (float(likely.min()) - 1.0) * length,
-        start + (float(likely.max()) + 1.0) * length,
-        "s",
-    )
+    first, last = float(likely.min()) - 1.0, float(likely.max()) + 1.0
+    return Value.moment(channel, *(channel.block * place for place in (boundary, first, last)))
 
 
 def above_slow_track(channel: Channel, signal: FloatArray) -> FloatArray:
@@ -54,5 +49,4 @@ def placed(channel: Channel, begin: int, end: int, size: float, noise: float) ->
     cost = 0.5 * square[tried] / noise
     near = np.flatnonzero(cost < cost.min() + EDGE_NATS)
     first, low, high = (left + tried.start + int(i) for i in (np.argmin(cost), near[0], near[-1]))
-    dt, start = channel.interval, channel.start
-    return first, Value(start + first * dt, start + (low - 1) * dt, start + (high + 1) * dt, "s")
+    return first, Value.moment(channel, first, low - 1, high + 1)

@@ -73,10 +73,10 @@ def test(fitted: FittedChannel) -> tuple[TestResult, TestResult, TestResult]:
 
 def _worst_part(fitted: FittedChannel, deviate: FloatArray) -> str:
     """Return the time of the part of the record whose variance is farthest off, in words."""
-    worst, length = int(np.argmax(np.abs(deviate))), fitted.channel.span / LEVEL_BLOCKS
-    first = fitted.channel.start + worst * length
+    worst, part = int(np.argmax(np.abs(deviate))), len(fitted.channel) / LEVEL_BLOCKS
+    first, last = (fitted.channel.time(place * part) for place in (worst, worst + 1))
     kind = "largest" if deviate[worst] > 0.0 else "least"
-    return f"{kind} between {first:.6g} and {first + length:.6g} s"
+    return f"{kind} between {first:.6g} and {last:.6g} s"
 
 
 def _unnamed(family: str, p_value: float, statistic: float, name: str) -> TestResult:
