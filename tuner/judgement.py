@@ -380,7 +380,7 @@ def _of_lost_samples(findings: Iterable[Finding]) -> Iterator[Reason]:
             cause = one.cause.replace("_", " ")
             yield Reason(
                 Use.USABLE_EXCEPT,
-                f"{axes_text(one.channels)}: {percent(share.value)} of the samples are {cause}",
+                f"{axes_text(one.channels)}: {percent(share.value)} of the samples: {cause}",
             )
 
 

@@ -129,6 +129,8 @@ class _ConfigForm:
                 refuse("a state that is among 'constants' too", repr(name), "time_constants")
         for sensor, axes in self.sensors.items():
             for axis, form in axes.items():
+                if form.unit not in {"rad/s", "m/s^2"}:
+                    refuse("'rad/s' or 'm/s^2'", repr(form.unit), "sensors", sensor, axis, "unit")
                 numbers = vars(form.filter) | {
                     "markov": max((one.sd for one in form.filter.markov), default=0.0)
                 }

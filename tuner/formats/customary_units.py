@@ -162,7 +162,7 @@ def range_text(values: Collection[float], unit: str = "1", significant: int = 3)
     least, most = min(values), max(values)
     size, name = _unit_for(unit, max(most, -least))
     ends = dict.fromkeys(digits(one / size, significant) for one in (least, most))
-    return f" to {'+' * (least < 0.0 < most)}".join(ends) + name
+    return (" to +" if least < 0.0 < most else " to ").join(ends) + name
 
 
 def _said(c: Coefficient, size: float, unit: str, below: str, exact: int) -> str:

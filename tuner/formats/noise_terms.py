@@ -6,6 +6,7 @@ with ``upper`` is only bounded. A noise model is its terms by name.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import fields
 from typing import Any
@@ -55,6 +56,11 @@ def require_possible_terms(coefficients: Mapping[str, Coefficient], *path: str) 
     for name, one in coefficients.items():
         require_possible(one.value, one.unit, *path, name, "value")
         require_possible(one.upper, one.unit, *path, name, "upper")
+        low, high = one.interval or (-math.inf, math.inf)
+        if one.value is not None and not low <= one.value <= high:
+            refuse(
+                f"a number within its interval, {low:g} to {high:g}", shown(one.value), *path, name, "value"
+            )
 
 
 def _dump_coefficient(coefficient: Coefficient) -> dict[str, Any]:

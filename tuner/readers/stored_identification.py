@@ -28,7 +28,8 @@ def is_stored(path: Path) -> bool:
             head = file.read(4096)
     except (OSError, UnicodeDecodeError):
         return False
-    return any(line.partition("#")[0].strip() == f"format: {noise_yaml.FORMAT}" for line in head.splitlines())
+    kind = noise_yaml.FORMAT.partition("/")[0]
+    return any(line.startswith(f"format: {kind}/") for line in head.splitlines())
 
 
 def read_stored(path: Path) -> Identification:

@@ -4,6 +4,9 @@ dead zone
     Rates near zero are given as zero, or changes near zero are not given. A law of noise with its mode near zero has at
     least as many samples in (0, w) as in [w, 2w), w the smallest reading that is not zero: of k samples there, none
     below w has the chance 2^−k.
+rails
+    Of normal noise the samples at a rail are those beyond it. Where the outermost reading comes more often than the
+    next, a symmetric law has as many samples above it as below the next: of k there, none above has the chance 2^−k.
 bias taken out
     A program learns the bias while the sensor rests, and subtracts it: a high-pass below the frequencies of motion.
     Every noise of a sensor but the white one is larger at low frequencies [1]_, in each axis and in all together. So a
@@ -23,7 +26,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
-from scipy.special import gammainc
+from scipy.special import gammainc, ndtri
 
 from models.arrays import FloatArray
 from tuner.formats.axis_words import axes_text
@@ -76,6 +79,12 @@ def expect_noise(records: Sequence[Record]) -> None:
                 f"{range_text(zones.values(), record.unit)}, a dead zone, which withholds the noise: record samples "
                 f"without fusion or threshold{other}"
             )
+        ends = {axis: left for axis in record.axes if (left := left_by_rails(record.column(axis))) < 1.0}
+        if ends:
+            raise DataError(
+                f"{record.source}: {axes_text(list(ends))} lie at the end of their range so often that noise seems "
+                f"{digits(1.0 / min(ends.values()), 2)} times weaker than it is: record with a wider range{other}"
+            )
         longest = {axis: max(record.pieces(axis), key=len, default=np.zeros(0)) for axis in record.axes}
         tried = [*((axis,) for axis in record.axes), record.axes]
         falls = {
@@ -109,6 +118,25 @@ def dead_zone(y: FloatArray) -> float:
     beside = int(np.count_nonzero(size < 2.0 * smallest))
     alike = SIDES_ALIKE < positive < 1.0 - SIDES_ALIKE
     return smallest if alike and 0.5**beside < MAX_P_VALUE else 0.0
+
+
+def left_by_rails(y: FloatArray) -> float:
+    """Return the sd of normal samples of which as many lie at a rail as of y (n,), ÷ that without; 1 if not wrong."""
+    for one in (y, -y):
+        top = one.max()
+        share, below = float(np.mean(one == top)), one[one < top]
+        if not len(below) or not 0.0 < share < 1.0:
+            continue
+        near = below.max()
+        rail = float(ndtri(1.0 - share))
+        density = math.exp(-0.5 * rail**2) / math.sqrt(2.0 * math.pi)
+        mean = rail * share - density
+        left = math.sqrt(1.0 - share - rail * density + rail**2 * share - mean**2)
+        further = int(np.count_nonzero(below < near))
+        often = share * len(y) > np.count_nonzero(below == near)
+        if left * WRONG_FACTOR < 1.0 and often and 0.5**further < MAX_P_VALUE:
+            return left
+    return 1.0
 
 
 def high_pass(columns: Sequence[FloatArray], interval: float) -> float:

@@ -58,9 +58,18 @@ deviations = st.floats(min_value=1e-150, max_value=1e150)
 
 intervals = st.tuples(numbers | st.just(-math.inf), numbers | st.just(math.inf))
 
+
+def within(one: Coefficient) -> Coefficient:
+    """Return a coefficient whose value is within its interval."""
+    if one.value is None or one.interval is None:
+        return one
+    low, high = sorted(one.interval)
+    return dataclasses.replace(one, value=min(max(one.value, low), high), interval=(low, high))
+
+
 coefficients = st.builds(
     Coefficient, st.none() | numbers, st.none() | intervals, st.none() | numbers, units, st.none() | texts
-)
+).map(within)
 
 known = coefficients.filter(lambda c: c.value is not None)
 
@@ -105,7 +114,9 @@ def allan_curves(draw: st.DrawFn, axes: tuple[str, ...] = ("gyro_x",)) -> AllanC
 
 @st.composite
 def dimensionless(draw: st.DrawFn) -> tuple[Coefficient, ...]:
-    some = st.builds(Coefficient, st.none() | numbers, st.none() | intervals, st.none(), st.just("1"))
+    some = st.builds(Coefficient, st.none() | numbers, st.none() | intervals, st.none(), st.just("1")).map(
+        within
+    )
     return tuple(draw(st.lists(some, max_size=2)))
 
 

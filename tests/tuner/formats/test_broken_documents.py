@@ -7,6 +7,7 @@ import json
 from collections.abc import Callable
 from typing import Any
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -55,3 +56,24 @@ def test_one_wrong_entry(name: str, data: st.DataObject) -> None:
         refused = str(error)
     assert refused.startswith("a.json: ") or not refused
     assert "\n" not in refused
+
+
+DENSITY = {"value": 1.0, "interval": [2.0, 3.0], "upper": None, "unit": "rad/s^0.5"}
+
+
+@pytest.mark.parametrize(
+    ("mistake", "refusal"),
+    [
+        ({"unit": "deg/s"}, r"gyro_x\.unit: expected 'rad/s' or 'm/s\^2', got 'deg/s'"),
+        (
+            {"identified": [{"term": "white", "density": DENSITY}]},
+            r"identified\[0\]\.density\.value: expected a number within its interval, 2 to 3, got 1",
+        ),
+    ],
+)
+def test_units_and_intervals_that_contradict_are_refused(mistake: dict[str, Any], refusal: str) -> None:
+    """`export` wrote 1719 deg/√h for (0.423 … 0.426), and took deg/s for m/s²."""
+    content = json.loads(json_text(config_json(CONFIG)))
+    content["sensors"]["gyro"]["gyro_x"] |= mistake
+    with pytest.raises(DataError, match=refusal):
+        load_config(content, source="a.yaml")

@@ -1,8 +1,9 @@
 """Numbers as answers word them: as many digits as stated, also where rounding adds a place, and no 1e+02 %."""
 
+import numpy as np
 import pytest
 
-from tuner.formats.customary_units import digits, percent
+from tuner.formats.customary_units import digits, percent, range_text
 
 
 @pytest.mark.parametrize(
@@ -24,3 +25,9 @@ def test_a_value_that_rounds_up_has_no_digit_too_many(value: float, significant:
 )
 def test_a_share_has_no_exponent(share: float, text: str) -> None:
     assert percent(share) == text
+
+
+def test_a_range_of_numbers_of_numpy_is_said_as_any_other() -> None:
+    """`tune` of a log that repeats rows ended in a TypeError."""
+    for values in ([-1.0, 2.0], list(np.array([-1.0, 2.0]))):
+        assert range_text(values) == "-1.00 to +2.00"

@@ -8,7 +8,7 @@ from scipy.signal import butter, lfilter, sosfilt
 
 from tests.tuner.segments.test_error_codes import record
 from tuner.segments.conditions import at_rest
-from tuner.segments.withheld_noise import dead_zone, high_pass
+from tuner.segments.withheld_noise import dead_zone, high_pass, left_by_rails
 from tuner.types.records import DataError
 
 COUNT = 90_000
@@ -45,6 +45,17 @@ def test_readings_that_are_held_until_they_change_are_refused():
         y[i] = y[i] if abs(y[i] - y[i - 1]) > 1.9 else y[i - 1]
     with pytest.raises(DataError, match=r"accel x stay at a reading until it changes .* \(hysteresis\)"):
         at_rest((record(y[:, None]),))
+
+
+def test_noise_that_ends_at_a_rail_is_refused_where_it_misleads():
+    """An accelerometer of 0.5 m/s² at 1 g, up to 9.9 m/s²: its white noise was told 1.56 times too small."""
+    y = np.minimum(9.81 + 0.5 * noise(), 9.9)
+    assert np.std(y) == pytest.approx(0.5 * left_by_rails(y), rel=0.02)
+    with pytest.raises(DataError, match=r"accel x lie at the end of their range .* 1\.5 times weaker"):
+        at_rest((record(y[:, None]),))
+    assert left_by_rails(np.minimum(noise(), 1.0)) == 1.0  # a sixth of the samples: 0.83
+    for step in (0.3, 1.0, 3.0):
+        assert left_by_rails(step * np.round((noise() + 0.3) / step)) == 1.0
 
 
 @pytest.mark.parametrize(

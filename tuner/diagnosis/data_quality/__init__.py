@@ -401,6 +401,9 @@ def clipping(pieces: Sequence[FloatArray], step: float, *, axis: str, unit: str)
         for name, rail in (("low", low), ("high", high))
         if rail.p_value < DECISIVE_P_VALUE
     }
+    if count := sum(rail.count for rail in (low, high) if rail.p_value < DECISIVE_P_VALUE):
+        share = count / sum(map(len, pieces))
+        parameters["fraction"] = Coefficient.known(share, share, share, "1")
     text = (
         f"{worst.count} samples lie at {worst.level:.6g} {unit}, none beyond; "
         f"{worst.crossings:.3g} were to be expected there"

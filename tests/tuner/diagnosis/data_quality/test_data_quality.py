@@ -216,7 +216,7 @@ def test_rails_are_found_where_they_are(step, kind):
     tests = data_quality_tests(hidden(*effects, n=300_000, kind=kind, seed=4))
     assert rejected(tests) == ["clipping"]
     (found,) = [t for t in tests if t.p_value < REJECTION_P_VALUE]
-    assert set(found.parameters) == {"high"}
+    assert set(found.parameters) == {"high", "fraction"}
     assert found.parameters["high"].value == pytest.approx(
         clip.high, abs=0.5 * step + 1e-12
     )  # the nearest code
