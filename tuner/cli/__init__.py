@@ -26,6 +26,7 @@ from models.registry import RegistryError
 from tuner.cli.examples import EXAMPLES
 from tuner.cli.package_check import foreign_models
 from tuner.cli.process import ANSWERS, Terminated, answer, kernel_cache, robust_streams, termination
+from tuner.formats.files import STAGE
 from tuner.formats.guard import reason
 from tuner.formats.packages import python
 from tuner.process import keep_freed_memory
@@ -120,8 +121,10 @@ def run(arguments: Sequence[str]) -> int:
     except BrokenPipeError:  # whoever read the tables has seen enough; files are written before
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except (DataError, RegistryError, OSError) as error:
+    except (DataError, RegistryError) as error:
         return _refuse(_possible(str(error), arguments))
+    except OSError as error:
+        return _refuse(_of_system(error, arguments))
     except ImportError as error:
         return _refuse(_missing(arguments[0], error))
     except MemoryError as error:
@@ -143,6 +146,13 @@ def _possible(message: str, arguments: Sequence[str]) -> str:
     if command is None:
         return message
     return without_options(message, frozenset(option for param in command.params for option in param.opts))
+
+
+def _of_system(error: OSError, arguments: Sequence[str]) -> str:
+    """Say what the system refused of which file: beside a temporary one, of its folder; of none, of what was given."""
+    given = [one for one in arguments if Path(one).exists()]
+    path = Path(str(error.filename or ", ".join(given) or "no file"))
+    return f"{path.parent if path.name.startswith(STAGE) else path}: {error.strerror or error}"
 
 
 def _missing(command: str, error: ImportError) -> str:

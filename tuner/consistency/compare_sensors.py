@@ -12,7 +12,7 @@ from tuner.consistency.outage_drift import OutageDrift, outage_drift
 from tuner.identification.compare_sources import Source, compare_sources
 from tuner.identification.comparison import Comparison, LimitCheck, limit_checks
 from tuner.synthesis import synthesize
-from tuner.synthesis.sufficient import SENSORS, why_insufficient
+from tuner.synthesis.sufficient import SENSORS, undetermined_bias, why_insufficient
 from tuner.types import Identification
 from tuner.types.progress import Progress, silent
 from tuner.types.public import public
@@ -35,6 +35,8 @@ class SensorComparison(Shown):
         One a source; None for those that lack an axis or a slow bias.
     unranked : mapping of str to str
         Sources without a drift, each with the reason.
+    assumed : mapping of str to str
+        Sources whose drift rests on half of a limit, each with the terms.
     """
 
     noise: Comparison
@@ -42,6 +44,7 @@ class SensorComparison(Shown):
     receiver: str
     drift: tuple[OutageDrift | None, ...]
     unranked: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    assumed: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
 
 
 @public("compare")
@@ -76,7 +79,10 @@ def compare(
     lacking = [_lacking_sensor(source) or why_insufficient(source) for source in noise.sources]
     drift = tuple(None if why else outage_drift(config) for config, why in zip(configs, lacking, strict=True))
     unranked = {name: why for name, why in zip(noise.names, lacking, strict=True) if why}
-    return SensorComparison(noise, limit_checks(noise), gnss, drift, MappingProxyType(unranked))
+    limited = zip(noise.names, map(undetermined_bias, configs), strict=True)
+    assumed = {name: words for name, words in limited if words is not None and name not in unranked}
+    checks = limit_checks(noise)
+    return SensorComparison(noise, checks, gnss, drift, MappingProxyType(unranked), MappingProxyType(assumed))
 
 
 def _lacking_sensor(source: Identification) -> str:

@@ -28,6 +28,7 @@ from tuner.readers.clock_unit import (
     unit_of_stamps,
 )
 from tuner.readers.refusal import EVEN, Refusal
+from tuner.readers.timestamps import MAX_DISORDERED_SHARE
 from tuner.types.records import DataError
 
 Stamps = NDArray[np.float64] | NDArray[np.int64]
@@ -139,6 +140,11 @@ def read_clock(
             factor = 1.0
             notes.append(f"time column '{name}': clock times {how} were read as seconds of the day")
     clock = _only(time, on)
+    if (back := float(np.mean(np.diff(clock) < 0.0))) > MAX_DISORDERED_SHARE:
+        raise DataError(
+            f"time column '{name}': {100.0 * back:.0f} % of its steps go back: sort the rows by time, or choose "
+            "another column"
+        )
     step = _mean_step(clock)
     if factor is None:
         factor, said, taken = unit_of_stamps(clock, step, name=name, rate=rate)

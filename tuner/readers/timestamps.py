@@ -37,7 +37,7 @@ from tuner.types.records import DataError
 
 _MAX_EQUAL_SHARE = 0.01
 """Share of rows with the stamp of the row before above which stamps are coarse, not repeated by mistake."""
-_MAX_DISORDERED_SHARE = 0.10
+MAX_DISORDERED_SHARE = 0.10
 """Share of rows behind an earlier stamp above which the clock was reset; fewer are sorted."""
 _MIN_SET_BACK = 32
 """Rows in a row behind an earlier stamp that may be of a clock set back: jitter puts few in a row in another order."""
@@ -90,7 +90,7 @@ def without_wrong_stamps(t: FloatArray) -> tuple[FloatArray, int]:
     low, high = t[:-2], t[2:]
     elsewhere = (t[1:-1] < low) | (t[1:-1] > high)
     wrong = 1 + np.flatnonzero(elsewhere & (high - low > 1.5 * float(np.nanmedian(step))))
-    if len(wrong) > _MAX_DISORDERED_SHARE * len(t):
+    if len(wrong) > MAX_DISORDERED_SHARE * len(t):
         return t, 0
     mended = t.copy()
     mended[wrong] = 0.5 * (t[wrong - 1] + t[wrong + 1])
@@ -107,7 +107,7 @@ def in_order(
     if (t[1:] >= t[:-1]).all():
         return t, rows, 0, (0, 0.0)
     behind = np.flatnonzero(t < np.maximum.accumulate(t))
-    if len(behind) > _MAX_DISORDERED_SHARE * len(t):
+    if len(behind) > MAX_DISORDERED_SHARE * len(t):
         raise DataError(
             f"time runs backwards at row {behind[0] + 1} and stays behind for {len(behind)} of {len(t)} rows (a clock "
             "that was reset?): split the log there, or leave the time column out by --columns t=none --rate HZ"

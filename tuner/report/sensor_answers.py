@@ -109,7 +109,14 @@ def _drift(found: SensorComparison) -> list[Table | str]:
     times = list(known[0][2].free)
     known.sort(key=lambda each: (bool(each[0]), each[2].free[times[-1]]))
     errors = [(lacks, f"{name} {digits(one.free[ANSWERED_TIME], 2)} m") for lacks, name, one in known]
-    said = ", ".join(text for lacks, text in errors if not lacks)
+    limited = [name in found.assumed for _, name, _ in known]
+    said, half = (
+        ", ".join(
+            text for (lacks, text), own in zip(errors, limited, strict=True) if not lacks and own is wanted
+        )
+        for wanted in (False, True)
+    )
+    half += " (no rank: half of limits is ASSUMED)" * bool(half)
     least = ", ".join(
         f"{text} or more (no rank: its {lacks} is not stated)" for lacks, text in errors if lacks
     )
@@ -127,9 +134,10 @@ def _drift(found: SensorComparison) -> list[Table | str]:
         "non-holonomic: with that constraint. Scale factors and misalignments are not included."
     )
     about += f" {AT_LEAST.strip()}: at least." * bool(least)
-    parts = "; ".join(filter(None, (said, least)))
+    parts = "; ".join(filter(None, (said, half, least)))
     verdict = f"Verdict: after {ANSWERED_TIME:g} s without fixes the position errs by: {parts}"
-    return [verdict, table_of(("horizontal\nerror, m rms", *heads), rows), *unranked, about]
+    assumed = [f"{name}: {why}" for name, why in found.assumed.items()]
+    return [verdict, table_of(("horizontal\nerror, m rms", *heads), rows), *unranked, *assumed, about]
 
 
 def steadiest(found: SensorComparison) -> int:
@@ -137,7 +145,7 @@ def steadiest(found: SensorComparison) -> int:
     drifts = {
         number: one.free[max(one.free)]
         for number, (one, source) in enumerate(zip(found.drift, found.noise.sources, strict=True))
-        if one is not None and not unstated_terms(source)
+        if one is not None and not unstated_terms(source) and found.noise.names[number] not in found.assumed
     }
     return min(drifts, key=lambda number: drifts[number], default=0)
 

@@ -1,5 +1,8 @@
 """What cannot be read or done is refused: status 2, one line, nothing written."""
 
+import os
+from unittest.mock import Mock
+
 import numpy as np
 import pytest
 
@@ -66,6 +69,33 @@ def test_bad_logs_are_refused_in_one_line(case, command, tmp_path, capsys, monke
     assert [p.name for p in tmp_path.iterdir()] == ["bad.csv"]
 
 
+def test_rows_in_no_order_are_to_be_sorted(tmp_path, capsys):
+    """Read without its stamps, as was advised, such a log had K 40 times too small."""
+    rows = np.random.default_rng(3).permutation(noisy())
+    message = refused(capsys, ["identify", write(tmp_path / "bad.csv", csv(rows)), "--quiet"])
+    assert "of its steps go back: sort the rows by time" in message
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="nothing is forbidden to the superuser")
+def test_a_folder_that_cannot_be_written_is_refused_at_once(tmp_path, capsys):
+    tmp_path.chmod(0o500)
+    assert f"found {tmp_path}, which cannot" in refused(
+        capsys, ["tune", "--seed", "1", "-o", tmp_path / "out"]
+    )
+
+
+def test_an_error_of_the_system_names_the_file(tmp_path, capsys, monkeypatch):
+    """It named a temporary file, or none."""
+    path = write(tmp_path / "log.csv", csv(noisy()))
+    for error, name in (
+        (OSError(5, "Input/output error"), "log.csv"),
+        (PermissionError(13, "Permission denied", str(tmp_path / ".tuner-1-a.yaml")), str(tmp_path)),
+    ):
+        monkeypatch.setattr("tuner.readers.read", Mock(side_effect=error))
+        message = refused(capsys, ["identify", path, "--quiet"])
+        assert message.endswith(f"{name}: {error.strerror}\n")
+
+
 def test_a_refusal_is_one_line_also_where_messages_are_wanted(tmp_path, capsys):
     path = tmp_path / "empty.csv"
     path.write_text("")
@@ -89,6 +119,9 @@ def test_the_place_of_bad_text_is_named(tmp_path, capsys):
     "arguments",
     [
         ["tune", "absent.csv"],
+        ["tune", "--seed", "1", "--filter-timeout", "5"],
+        ["check", "mpu9250", "--duration", "1e12"],
+        ["check", "mpu9250", "--runs", "100000000"],
         ["identify", "absent.npz"],
         ["identify"],
         ["curve", "absent.csv"],

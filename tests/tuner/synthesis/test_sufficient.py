@@ -157,6 +157,18 @@ def test_a_sheet_without_bias_instability_has_no_rank(sheet_of):
     assert verdict.index("by: whole") < verdict.index("; short")
 
 
+def test_a_log_whose_limits_decide_its_drift_has_no_rank(sheet_of):
+    """The same noise drifted 41 m of a log of a minute, 14 m of one of ten, and nothing said why."""
+    densities = {"gyro": 1e-4, "accel": 2e-3}
+    axes = {f"{s}_{a}": NoiseModel((White(d),)) for s, d in densities.items() for a in "xyz"}
+    still, _ = simulate(axes, duration=60.0, rate=50.0, seed=2)
+    found = compare(identify(still), sheet_of("whole", **NUMBERS))
+    assert steadiest(found) == 1
+    (verdict, *rest) = comparison_answer(found).parts
+    assert verdict.endswith("m (no rank: half of limits is ASSUMED)")
+    assert any("not seen, half of the limit is ASSUMED" in str(part) for part in rest)
+
+
 def test_a_sensor_that_is_not_there_is_named(sheet_of):
     """A sheet of gyroscopes alone was missing from the ranks, and nothing said why."""
     found = compare(sheet_of("gyros", gyro=NUMBERS["gyro"]), "icm20602")

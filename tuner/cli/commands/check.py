@@ -26,7 +26,7 @@ from tuner.stages import stage
 )
 @click.option(
     "--duration",
-    type=Finite(min=60.0),
+    type=Finite(min=60.0, max=86400.0),
     default=3600.0,
     show_default=True,
     metavar="S",
@@ -34,7 +34,7 @@ from tuner.stages import stage
 )
 @click.option(
     "--runs",
-    type=click.IntRange(min=2),
+    type=click.IntRange(min=2, max=10000),
     default=25,
     show_default=True,
     metavar="N",

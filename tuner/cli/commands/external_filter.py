@@ -22,9 +22,8 @@ def external_options(command: Command) -> Command:
         click.option(
             "--filter-timeout",
             type=POSITIVE,
-            default=TIME_LIMIT,
             metavar="SECONDS",
-            help="Longest time that one run of COMMAND may take.",
+            help=f"Longest time that one run of COMMAND may take; default {TIME_LIMIT:g}.",
         ),
         click.option(
             "--to",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import json
 import math
+import os
 import shlex
 import sys
 from collections.abc import Callable, Mapping, Sequence
@@ -62,6 +63,9 @@ class Folder(click.Path):
             self.fail("expected a folder, found an empty name; the current one is .", param, ctx)
         if taken := [one for one in Path(value).parents if one.exists() and not one.is_dir()]:
             self.fail(f"expected a folder, found the file {taken[0]}", param, ctx)
+        there = next((one for one in (Path(value), *Path(value).parents) if one.exists()), Path())
+        if not os.access(there, os.W_OK):
+            self.fail(f"expected a folder that can be written, found {there}, which cannot", param, ctx)
         return super().convert(value, param, ctx)
 
 

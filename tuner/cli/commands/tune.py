@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tuner.cli.commands.external_filter import external_options, tune_filter
+from tuner.cli.commands.external_filter import TIME_LIMIT, external_options, tune_filter
 from tuner.cli.commands.inputs import load_source
 from tuner.cli.commands.options import (
     DIRECTORY,
@@ -70,7 +70,7 @@ def command(
     messages: Messages,
     filter_command: str | None,
     dialect: str | None,
-    filter_timeout: float,
+    filter_timeout: float | None,
     **how: Any,
 ) -> int:
     """Turn a static log into a filter configuration, with the check of that filter and a report.
@@ -92,6 +92,8 @@ def command(
 
     if how["lever_arm"] is not None and how["drive"] is None:
         raise click.UsageError("--lever-arm: expected --drive DRIVE with it")
+    if filter_timeout is not None and filter_command is None:
+        raise click.UsageError("--filter-timeout: expected --filter COMMAND with it")
     if filter_command is not None:
         tune_filter(
             filter_command,
@@ -100,7 +102,7 @@ def command(
             drive=how.pop("drive"),
             lever_arm=how.pop("lever_arm"),
             gnss=how.pop("gnss"),
-            time_limit=filter_timeout,
+            time_limit=filter_timeout or TIME_LIMIT,
             how=how,
             output_dir=output_dir,
             reading=reading,

@@ -96,6 +96,7 @@ def comparison_json(found: SensorComparison) -> dict[str, Any]:
         ],
         "not_stated": [list(unstated_terms(source)) for source in comparison.sources],
         "unranked": dict(found.unranked),
+        "assumed": dict(found.assumed),
     }
 
 
