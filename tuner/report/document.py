@@ -28,8 +28,8 @@ class Document:
         What ``--verbose``, pages and notebooks add to it.
     beyond : str
         What that is, in a few words.
-    spare : tuple of tuples of Table or str
-        Groups of parts that a screen without room for all leaves out, the least needed first.
+    spare : tuple of sequences of (Table or str, Table or str)
+        Parts that a screen without room for all shows in a shorter form, or not (""), the least needed first.
     """
 
     parts: tuple[Table | str, ...]
@@ -37,7 +37,7 @@ class Document:
     end: tuple[str, ...] = ()
     more: tuple[Table | str, ...] = ()
     beyond: str = "all tables"
-    spare: tuple[tuple[Table | str, ...], ...] = ()
+    spare: tuple[Sequence[tuple[Table | str, Table | str]], ...] = ()
 
     @property
     def whole(self) -> tuple[Table | str, ...]:
@@ -48,11 +48,13 @@ class Document:
         """Return the answer with the command of `tuner` that follows from it, to paste as it is."""
         return replace(self, end=(*self.end, f"{NEXT}{shlex.join(command)}"))
 
-    def without(self, groups: Sequence[Sequence[Table | str]]) -> Document:
-        """Return the answer without some groups of its parts."""
-        left_out = [one for group in groups for one in group]
-        kept = (part for part in self.parts if not any(part is one for one in left_out))
-        return replace(self, parts=tuple(kept))
+    def shortened(self, count: int) -> Document:
+        """Return the answer with the first groups of spare parts left out or shortened."""
+        parts = list(self.parts)
+        for group in self.spare[:count]:
+            for old, new in group:
+                parts = [new if part is old else part for part in parts]
+        return replace(self, parts=tuple(part for part in parts if part != ""))
 
     def last_line(self, left_out: int) -> str:
         """Return what is not on the screen and how it is seen; empty where nothing is left."""
@@ -73,7 +75,7 @@ def document(
     more: Iterable[Table | str] = (),
     *,
     beyond: str = "all tables",
-    spare: Iterable[Sequence[Table | str]] = (),
+    spare: Iterable[Sequence[tuple[Table | str, Table | str]]] = (),
 ) -> Document:
     """Return an answer of these contents; empty sentences are left out."""
     said, rest, last = ([one for one in content if one != ""] for content in (parts, remarks, end))
@@ -83,5 +85,5 @@ def document(
         tuple(map(str, last)),
         tuple(more),
         beyond,
-        tuple(map(tuple, spare)),
+        tuple(spare),
     )

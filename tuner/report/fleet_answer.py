@@ -54,8 +54,13 @@ def fleet_answer(fleet: Fleet) -> Document:
     )
     limits = "" if limited else "no limits given (--limits, --datasheet)"
     stand = "stands" if outlying == 1 else "stand"
+    units = f"the {len(fleet.units)} units in {fleet.name}"
+    few = word != "ERROR" and not fleet.comparisons
+    apart = f"{units} are {TOO_FEW}" if few else f"{outlying} of {units} {stand} apart"
+    if word == "PASS" and few and not limited:
+        word = "OPEN"
     verdict = (
-        f"Verdict: {word}: {outlying} of the {len(fleet.units)} units in {fleet.name} {stand} apart, "
+        f"Verdict: {word}: {apart}, "
         f"{verdicts['ERROR']} cannot be used; {'; '.join(filter(None, (counts, limits)))}"
     )
     spread = frame_table(spread_frame(fleet), "Spread from unit to unit, outlying units left out")
@@ -67,6 +72,8 @@ def fleet_answer(fleet: Fleet) -> Document:
     )
 
 
+TOO_FEW = f"too few to say which stand apart ({LEAST_UNITS} are needed)"
+"""What is said of so few units that the median of them may be that of sick ones."""
 NOT_TESTED = (
     "Not tested, as minutes in one pose at rest do not show it: scale factors and misalignment, bias of single "
     "accelerometers, B and K of a data sheet"
@@ -225,7 +232,7 @@ def _distance_text(found: Sequence[Outlier]) -> str:
 def judged_how(fleet: Fleet) -> str:
     """Say how outlying units were found."""
     if not fleet.comparisons:
-        return f"Too few units ({LEAST_UNITS} are needed) to say which stand apart."
+        return f"The units are {TOO_FEW}."
     thresholds = sorted({digits(o.threshold, 2) for u in fleet.units for o in u.outliers})
     measured = sum(unit.measurement is not None for unit in fleet.units)
     if not thresholds and measured >= LEAST_UNITS:

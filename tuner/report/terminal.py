@@ -67,11 +67,11 @@ def text_of(content: Document | Iterable[Table | str], width: int = LINE_WIDTH) 
 def fitted(answer: Document, width: int = LINE_WIDTH) -> list[str]:
     """Return the lines of an answer; of its remarks as many as `SCREEN_LINES` have room for, of a first one a part.
 
-    Where there is no room for all parts, spare tables are left out.
+    Where there is no room for all parts, spare ones are shorter, or left out.
     """
     end = text_of(answer.end, width).splitlines()
     for count in range(len(answer.spare) + 1):
-        begin = text_of(answer.without(answer.spare[:count]).parts, width).splitlines()
+        begin = text_of(answer.shortened(count).parts, width).splitlines()
         if (room := SCREEN_LINES - len(begin) - len(end) - 1) >= 0:
             break
     shown: list[str] = []

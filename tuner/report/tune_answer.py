@@ -137,7 +137,11 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
     mended = [MENDED] * bool(result.examination and result.examination.mends)
     files_line = f"In {path}: {', '.join([*result.exports, *mended, 'report.html'])}"
     end = [*withheld_lines(result), files_line]
-    return document(said, remarks, end, more, spare=[noise[2:], [*noise[:1], signs], [*noise[1:2], reason]])
+    main = measured_table(result.identification, result.config, result.predictions, further=False)
+    groups: list[list[Table | str]] = [[*noise[2:]], [main, signs], [*noise[1:2], reason]]
+    spare: list[list[tuple[Table | str, Table | str]]] = [[(part, "") for part in group] for group in groups]
+    spare.insert(1, [(one, main) for one in noise[:1]])
+    return document(said, remarks, end, more, spare=spare)
 
 
 def noise_tables(result: TuneResult, files: Iterable[str]) -> list[Table]:

@@ -11,7 +11,7 @@ from tuner.production.fleet import judged
 from tuner.production.limits import judge, read_limits
 from tuner.production.outliers import FALSE_NAMING, units_apart
 from tuner.production.spread import spread
-from tuner.report.fleet_answer import reasons
+from tuner.report.fleet_answer import fleet_answer, reasons
 from tuner.types import Coefficient
 from tuner.types.fleet import Fleet, FleetUnit, UnitMeasurement
 from tuner.types.records import DataError
@@ -119,7 +119,12 @@ def test_a_log_that_ended_early_is_named_and_does_not_pass(tmp_path):
 
 
 def test_too_few_units_are_not_judged():
-    assert units_apart(_normal_fleet(np.random.default_rng(2), 5, 6)).comparisons == 0
+    """Of four units one had eight times the noise: PASS, none stands apart."""
+    measured = _normal_fleet(np.random.default_rng(2), 5, 6)
+    assert units_apart(measured).comparisons == 0
+    lot = judged("lot", [FleetUnit(f"u{i}", f"u{i}.csv", one) for i, one in measured.items()], ())
+    said = "Verdict: OPEN: the 5 units in lot are too few to say which stand apart (6 are needed)"
+    assert fleet_answer(lot).parts[0].startswith(said)
 
 
 def test_spread_needs_two_units():

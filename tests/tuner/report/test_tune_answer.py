@@ -567,16 +567,20 @@ def test_terms_of_another_sensor_are_not_measured(result):
 
 
 def test_a_screen_without_room_leaves_out_the_tables_that_are_needed_least():
-    """An answer on a log and a drive had 38 lines."""
+    """An answer on a log and a drive had 38 lines; one with three ramps had none of the noise, in 14."""
     tables = [Table(f"table {k}", box=None) for k in range(3)]
     for table in tables:
         for row in range(12):
             table.add_row(str(row))
-    lines = fitted(document([*tables, "said"], spare=[[tables[2]], [tables[0]]]))
+    spare = [[(tables[2], "")], [(tables[0], "short 0")], [(tables[1], "")]]
+    lines = fitted(document([*tables, "said"], spare=spare))
     assert len(lines) <= SCREEN_LINES
     assert lines[0].strip() == "table 0"
     assert any("table 1" in line for line in lines)
     assert not any("table 2" in line for line in lines)
+    lines = fitted(document([*tables, *["said"] * 10], spare=spare))
+    assert lines[0] == "short 0"
+    assert any("table 1" in line for line in lines)
 
 
 def test_white_noise_beside_a_fast_state_is_what_the_curve_shows():
