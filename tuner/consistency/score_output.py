@@ -298,7 +298,11 @@ def score_arrays(
     e = e[None] if e.ndim == 2 else e
     k = e.shape[-1]
     p = np.asarray(covariances, dtype=float)
+    if np.isfinite(e).all() and not np.isfinite(p).all():
+        raise DataError("covariances: expected finite numbers, found NaN or infinite ones")
     if p.shape == np.shape(errors) and p.ndim > 1:
+        if p.min() <= 0.0:
+            raise DataError(f"covariances: expected sds above 0, found {p.min():g}")
         p = p[..., None] ** 2 * np.eye(k)
     if e.ndim != 3 or 0 in e.shape or p.shape[-2:] != (k, k) or p.ndim > 4:
         shapes = f"{np.shape(errors)} and {np.shape(covariances)}"
@@ -320,8 +324,8 @@ def score_arrays(
             f"expected positive definite covariances of shape {(*e.shape, k)}, found {p.shape}: {error}"
         ) from None
     states = tuple(names) if names is not None else tuple(f"state {j + 1}" for j in range(k))
-    if len(states) != k:
-        raise DataError(f"expected {k} names of states, found {len(states)}")
+    if len(set(states)) != k:
+        raise DataError(f"expected {k} different names of states, found {', '.join(map(str, states))}")
     if not np.isfinite(w).all():
         return Consistency(None, (), (), None, (), {}, 0.0, True, NOT_FINITE)
     single = e / np.sqrt(np.einsum("mnii->mni", p))

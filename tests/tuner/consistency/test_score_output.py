@@ -253,6 +253,21 @@ def test_covariances_that_are_not_symmetric_are_refused():
     assert tuner.score(e, rounded).nees is not None
 
 
+@pytest.mark.parametrize(
+    ("sds", "names", "why"),
+    [
+        (-1.0, None, "expected sds above 0, found -1"),
+        (np.nan, None, "expected finite numbers, found NaN or infinite ones"),
+        (1.0, ("a", "a"), "expected 2 different names of states, found a, a"),
+    ],
+)
+def test_arrays_that_no_filter_states_are_refused(sds, names, why):
+    """Negative sds were honest, of NaN the errors were not finite, and of two states of one name one was lost."""
+    e = np.random.default_rng(4).standard_normal((20, 50, 2))
+    with pytest.raises(DataError, match=why):
+        tuner.score(e, np.full_like(e, sds), names=names)
+
+
 def test_the_row_behind_an_outage_is_not_its_end():
     """Stamps a billionth of a second late: the first row with a fix again was the position after 30 s without."""
     t = 1.000000001 * np.arange(200.0)

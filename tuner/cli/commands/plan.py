@@ -61,8 +61,9 @@ def command(
     output.write(plan_json(plans))
     page(f"Static test of {source}", {"How long must it last?": plans})
     if output.tables:
-        answer = plan_answer(plans, terms_too_short(identification))
+        unseen = terms_too_short(identification)
+        answer = plan_answer(plans, unseen)
         lacking = [p.hours for plan in plans.values() for p in plan.parameters if not p.shown and p.hours]
         stated = [f"--accuracy={accuracy:g}", f"--hours={math.ceil(max(lacking, default=0.0)):g}"]
         following = ["plan", source, *stated] if lacking else ["tune", source]
-        show(answer.then(*following, *reading.words))
+        show(answer if unseen and not lacking else answer.then(*following, *reading.words))
