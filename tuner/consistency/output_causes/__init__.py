@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from functools import cache, partial
 
 import numpy as np
+from scipy.stats import chi2
 
 from models.arrays import FloatArray
 from models.probability import REACH_95
@@ -47,6 +48,8 @@ MAX_CAUSES = 3
 MAX_RUNS = 2
 """Runs of a Monte Carlo whose likelihoods are added: one tells a fault that scores show, and its size to some per cent,
 which is what the linear model of a filter is good for."""
+MAX_P_VALUE = 1e-3
+"""Chance of what a constant is in both halves of a run, below which it is none."""
 SENSOR_NOISE_SD = 0.1
 """Sd of the logarithm of a white density from a log: units, temperatures and mounts differ by as much."""
 REFINED_COUNT = 6
@@ -136,7 +139,7 @@ def _candidates(
 ) -> list[_Fit]:
     """Return the best fit of every cause, the likeliest first, with the numbers of constants already in the model."""
     deviance, products = _regression(models, base)
-    deviance -= _reduction(products, models[0].places, fixed)[0]
+    deviance -= _reduction(products.sum(axis=0), models[0].places, fixed)[0]
     price = 0.5 * math.log(known)
     found = [
         fit
@@ -157,11 +160,12 @@ def _candidates(
 
 
 def _regression(models: Sequence[ErrorModel], true: TrueNoise) -> tuple[float, FloatArray]:
-    """Return the deviance of all runs, and the products of whitened data and regressors."""
+    """Return the deviance of all runs, and the products of whitened data and regressors in both halves of each."""
     each = [whiten(one.under(true)) for one in models]
     both = [np.column_stack([one.residual, one.slope]) for one in each]
-    products = np.sum([one.T @ one for one in both], axis=0)
-    return sum(one.logs for one in each) + float(products[0, 0]), np.asarray(products)
+    halves = [[half.T @ half for half in np.array_split(one, 2)] for one in both]
+    products = np.sum(halves, axis=0)
+    return sum(one.logs for one in each) + float(products[:, 0, 0].sum()), np.asarray(products)
 
 
 def _reduction(
@@ -186,15 +190,20 @@ def _constant(
     price: float,
 ) -> _Fit | None:
     places, constant = models[0].places, OF_FILTER[number]
-    before = _reduction(products, places, fixed)[0]
-    after, x, covariance = _reduction(products, places, (*fixed, number))
+    before = _reduction(products.sum(axis=0), places, fixed)[0]
+    after, x, covariance = _reduction(products.sum(axis=0), places, (*fixed, number))
     own = slice(len(x) - (places[number].stop - places[number].start), None)
     value = x[own]
     size = float(np.linalg.norm(value[: constant.size]))
     if not size > 0.0:
         return None
     # The fixes' own errors scatter the estimate; what the model leaves out is relative to its size.
-    covariance = covariance[own, own] + (MODEL_ERROR * size) ** 2 * np.eye(len(value))
+    missed = (MODEL_ERROR * size) ** 2 * np.eye(len(value))
+    covariance = covariance[own, own] + missed
+    (_, one, of_one), (_, other, of_other) = (_reduction(half, places, (*fixed, number)) for half in products)
+    apart, spread = (one - other)[own], (of_one + of_other)[own, own] + 2.0 * missed
+    if chi2.sf(apart @ np.linalg.pinv(spread, hermitian=True) @ apart, len(value)) < MAX_P_VALUE:
+        return None  # what changes is no constant
     gain = 0.5 * (after - before) - price * len(value)
     return _Fit(constant.found(value, covariance, REACH_95, gain), base, (number,))
 
@@ -207,7 +216,7 @@ def _loss(
     if not fixed:
         return sum(one.deviance(true) for one in models)
     deviance, products = _regression(models, true)
-    return deviance - _reduction(products, models[0].places, fixed)[0]
+    return deviance - _reduction(products.sum(axis=0), models[0].places, fixed)[0]
 
 
 def _promise(loss: Callable[[float], float], grid: Sequence[float], deviance: float) -> float:
