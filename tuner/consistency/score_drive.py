@@ -6,6 +6,7 @@ against the withheld fix itself, whose own error is part of the prediction.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -110,7 +111,7 @@ def drive_filter(
     states: Mapping[str, float] | None = None,
 ) -> tuple[FilterSettings, tuple[str, ...]]:
     """Return the filter of a configuration for a drive: with an unknown lever arm, and what its clock leaves open."""
-    open_delay = {"time_offset": drive.clock.delay.sd} if drive.clock.delay.certain else {}
+    open_delay = {"time_offset": left} if math.isfinite(left := drive.clock.delay.left) else {}
     constants = {**open_delay, **config.constants, **(states or {})}
     arm, notes = drive.lever_arm, []
     if arm is not None and drive.mounting is None and any(arm):

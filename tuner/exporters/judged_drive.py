@@ -315,7 +315,7 @@ def unknown_installation(drive: Drive, config: FilterConfig) -> dict[str, float]
 
     A lever arm that the drive shows in part, and which is taken out, is estimated again: its other axes are as unknown.
     """
-    delay = {"time_offset": min(UNKNOWN_DELAY_SD, drive.clock.delay.sd)}
+    delay = {"time_offset": min(UNKNOWN_DELAY_SD, drive.clock.delay.left)}
     arm = {} if drive.lever_arm is not None else {"lever_arm": UNKNOWN_LEVER_ARM_SD}
     return {**delay, **arm, **config.constants}
 

@@ -59,8 +59,6 @@ from tuner.types import FilterConfig
 from tuner.types.progress import Progress
 from tuner.types.records import DataError, Drive
 
-WORSE_PROBABILITY = 0.9
-"""Probability from which errors in outages count as larger: a user loses more by them than by a change not made."""
 SDS_FOUND = "as it began, sds of the fixes as found"
 """Name of the configuration that takes only that from the findings: solution classes may report anything."""
 TOO_SHORT = "the drive is too short to try settings on its last part"
@@ -269,7 +267,7 @@ def _judged(
             parts.append(again)
     after = all_outages(trial.run_of(name, config), trial.begin, trial.end)
     pairs = outage_pairs(before, after)
-    if any(change_interval(pair, 2.0 * WORSE_PROBABILITY - 1.0)[0] > 0.0 for pair in pairs.values()):
+    if any(change_interval(pair)[0] > 0.0 for pair in pairs.values()):
         return None
     kept = f"{one.name}, factors for outages" if one.factors else one.name
     blind = _since(after, trial.cut)
