@@ -69,6 +69,8 @@ UNCONSTRAINED = Vehicle()
 """A vehicle of which nothing is assumed."""
 MIN_NOISE_RATIO = 2.0
 """Measured ÷ configured noise over 1 s at rest from which a note is made: more than units of one type differ by."""
+UNKNOWN_DELAY_SD = 0.1
+"""Sd of a delay of the fixes of which a drive shows less, s."""
 UNKNOWN_LEVER_ARM_SD = 1.0
 """Prior sd of a lever arm that nobody gave, m: the size of a car."""
 
@@ -111,7 +113,8 @@ def drive_filter(
     states: Mapping[str, float] | None = None,
 ) -> tuple[FilterSettings, tuple[str, ...]]:
     """Return the filter of a configuration for a drive: with an unknown lever arm, and what its clock leaves open."""
-    open_delay = {"time_offset": left} if math.isfinite(left := drive.clock.delay.left) else {}
+    left = drive.clock.delay.left
+    open_delay = {"time_offset": min(UNKNOWN_DELAY_SD, left)} if math.isfinite(left) else {}
     constants = {**open_delay, **config.constants, **(states or {})}
     arm, notes = drive.lever_arm, []
     if arm is not None and drive.mounting is None and any(arm):
