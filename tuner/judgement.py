@@ -264,9 +264,7 @@ def judge_export(found: Consistency, error: float, fixes_alone: float) -> Judgem
 
 
 def _worse_than_before(choice: HeldOutChoice) -> Iterator[Reason]:
-    """Yield where settings err more than those they began from: with fixes, and in outages beyond their scatter."""
-    from tuner.diagnosis.drive.held_out_gain import change_interval  # loads the diagnosis of drives
-
+    """Yield where settings err more with fixes than those they began from; in outages `choose_config` refuses them."""
     before, after = choice.before, choice.after
     if before is not None and after is not None and after.tracking_rms > WRONG_FACTOR * before.tracking_rms:
         change = f"{digits(before.tracking_rms)} → {digits(after.tracking_rms)} m"
@@ -274,11 +272,6 @@ def _worse_than_before(choice: HeldOutChoice) -> Iterator[Reason]:
             Use.DO_NOT_USE,
             f"worse than the settings it began from: {change} with fixes, last 40 % of the drive",
         )
-    for seconds, pairs in choice.outages.items():
-        if len(pairs) > 1 and change_interval(pairs)[0] > 0.0:
-            old, new = np.sqrt(pairs.mean(axis=0)).tolist()
-            change = f"{digits(new / old)} × their error after {seconds:g} s without fixes"
-            yield Reason(Use.DO_NOT_USE, f"worse than the settings it began from: {change}")
 
 
 def _measured(known: Settings) -> bool:

@@ -6,6 +6,7 @@ against the withheld fix itself, whose own error is part of the prediction.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -68,6 +69,8 @@ UNCONSTRAINED = Vehicle()
 """A vehicle of which nothing is assumed."""
 MIN_NOISE_RATIO = 2.0
 """Measured ÷ configured noise over 1 s at rest from which a note is made: more than units of one type differ by."""
+UNKNOWN_DELAY_SD = 0.1
+"""Sd of a delay of the fixes of which a drive shows less, s."""
 UNKNOWN_LEVER_ARM_SD = 1.0
 """Prior sd of a lever arm that nobody gave, m: the size of a car."""
 
@@ -110,7 +113,8 @@ def drive_filter(
     states: Mapping[str, float] | None = None,
 ) -> tuple[FilterSettings, tuple[str, ...]]:
     """Return the filter of a configuration for a drive: with an unknown lever arm, and what its clock leaves open."""
-    open_delay = {"time_offset": drive.clock.delay.sd} if drive.clock.delay.certain else {}
+    left = drive.clock.delay.left
+    open_delay = {"time_offset": min(UNKNOWN_DELAY_SD, left)} if math.isfinite(left) else {}
     constants = {**open_delay, **config.constants, **(states or {})}
     arm, notes = drive.lever_arm, []
     if arm is not None and drive.mounting is None and any(arm):

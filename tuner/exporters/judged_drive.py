@@ -47,9 +47,13 @@ from models.earth import llh_displaced, ned_between
 from models.noise import GaussMarkov
 from tuner.consistency.drive_scores import blocks, on_clock_of, reference_at, settled, stated
 from tuner.consistency.reference_check import trusted_reference
-from tuner.consistency.score_drive import CLAIMED_LENGTHS, UNKNOWN_LEVER_ARM_SD, drive_filter
+from tuner.consistency.score_drive import (
+    CLAIMED_LENGTHS,
+    UNKNOWN_DELAY_SD,
+    UNKNOWN_LEVER_ARM_SD,
+    drive_filter,
+)
 from tuner.consistency.scores import DIVERGED_REFUSED_SHARE, outage_score, score, squares
-from tuner.diagnosis.drive.causes.constant_errors import TimeOffset
 from tuner.examination.examine import StreamNoise
 from tuner.examination.examined_drive import examined_drive
 from tuner.exporters.kf_gins_drive import DriveFiles, drive_files, truth_rows, write_drive
@@ -82,8 +86,6 @@ NOISE_STEPS = (3.0, 3.0**0.5)
 """Factors by which noise is moved: its root is what the outages of a drive tell apart."""
 PARTS = (slice(0, 2), slice(2, 3))
 """Components that are horizontal and vertical."""
-UNKNOWN_DELAY_SD = TimeOffset.prior_sd
-"""Sd of a delay of the fixes of which a drive shows less, s."""
 LASTING_SHARES = tuple(0.3 * 2.0**k for k in range(8))
 """Sds of an error that lasts, in sds of the fixes, that are tried: to those of receivers that smooth."""
 LASTING_STEPS = tuple(2.0 ** (0.5 * k) for k in range(-2, 3))
@@ -315,7 +317,7 @@ def unknown_installation(drive: Drive, config: FilterConfig) -> dict[str, float]
 
     A lever arm that the drive shows in part, and which is taken out, is estimated again: its other axes are as unknown.
     """
-    delay = {"time_offset": min(UNKNOWN_DELAY_SD, drive.clock.delay.sd)}
+    delay = {"time_offset": min(UNKNOWN_DELAY_SD, drive.clock.delay.left)}
     arm = {} if drive.lever_arm is not None else {"lever_arm": UNKNOWN_LEVER_ARM_SD}
     return {**delay, **arm, **config.constants}
 

@@ -30,6 +30,11 @@ class Delay:
         return self.value if self.certain else 0.0
 
     @property
+    def left(self) -> float:
+        """Sd of what a filter leaves in the stamps, s: where it may be chance, its value too, as it is not zero."""
+        return math.hypot(self.value - self.taken_out, self.sd)
+
+    @property
     def interval(self) -> tuple[float, float]:
         """95 % interval, s."""
         return self.value - HALF_INTERVAL * self.sd, self.value + HALF_INTERVAL * self.sd

@@ -264,7 +264,8 @@ def test_the_program_reads_what_it_wrote(written, tmp_path):
     out = tmp_path / "out.json"
     assert run(["navigate", str(written), "--config", str(written), "--quiet", "--json", str(out)]) == 0
     found = json.loads(out.read_text(encoding="utf-8"))
-    assert "time_offset" not in found["source"]["estimates"]  # the clocks of a clean drive agree
+    (delay,) = found["source"]["estimates"]["time_offset"]
+    assert abs(delay["value"]) < 4.0 * delay["sd"]  # the clocks of a clean drive agree
     assert not found["diverged"]
     assert found["gated"] < 0.02
 

@@ -75,6 +75,7 @@ class Rank(IntEnum):
     FOLLOWS = 5
     """Positions err no more than the fixes."""
     NEITHER = 6
+    """Positions err more than the fixes, or errors in outages are likely larger than before."""
 
 
 @dataclass(frozen=True)

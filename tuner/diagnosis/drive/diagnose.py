@@ -30,6 +30,7 @@ from tuner.diagnosis.drive.hypothesis_tests import Candidate, noise_hypothesis_o
 from tuner.diagnosis.drive.plausibility import plausible
 from tuner.diagnosis.drive.posterior_check import with_something_else
 from tuner.diagnosis.drive.search import Accepted, SearchResult, search_causes
+from tuner.diagnosis.drive.staying_errors import OPEN, with_stated_rest
 from tuner.formats.clock_words import clock_note
 from tuner.formats.diagnosis import config_finding
 from tuner.linear_run.likelihood import as_configured, evaluate
@@ -196,7 +197,7 @@ def _diagnosis(
     )
     findings = (*findings, *biases) if turned is None else (*findings, turned, *biases)
     findings = with_something_else(findings, outcome)
-    final = outcome.written
+    final = outcome.final.hypothesis
     wider = {axis: abs(c.value or 0.0) for f in biases for axis, c in f.parameters.items()}
     channels = {
         axis: replace(noise, constant_sd=max(noise.constant_sd, wider.get(axis, 0.0)))
@@ -207,12 +208,15 @@ def _diagnosis(
     if turned is not None:
         angles = {Parameter(turned.cause, name): c.value or 0.0 for name, c in turned.parameters.items()}
         taken_out = taken_out.with_values({p: taken_out.get(p, 0.0) + value for p, value in angles.items()})
+    states = [one for one in outcome.accepted if DRIVE_CAUSES[one.cause].joins == "states" and doubted(one)]
     after = replace(
         final.config,
         channels=channels,
         compensation=taken_out,
         findings=(*config.findings, *map(config_finding, findings)),
+        notes=(*final.config.notes, *(f"{one.cause.replace('_', ' ')}: {OPEN}" for one in states)),
     )
+    after = with_stated_rest(after, drive.gnss)
     causes = tuple(finding.cause for finding in findings)
     left = not_named(outcome.unexplained, causes)
     all_notes = (*drive.notes, *notes)

@@ -59,8 +59,8 @@ from tuner.types import FilterConfig
 from tuner.types.progress import Progress
 from tuner.types.records import DataError, Drive
 
-WORSE_PROBABILITY = 0.9
-"""Probability from which errors in outages count as larger: a user loses more by them than by a change not made."""
+WORSE_LEVEL = 0.8
+"""Level of an interval above zero with which errors in outages are likely larger: such settings come last."""
 SDS_FOUND = "as it began, sds of the fixes as found"
 """Name of the configuration that takes only that from the findings: solution classes may report anything."""
 TOO_SHORT = "the drive is too short to try settings on its last part"
@@ -254,7 +254,8 @@ def _judged(
     """Return a candidate as it is written; None where the last part, or errors in outages, speak against it.
 
     Written are values of the whole drive, or those of the first part where these predict the last better: a fit to more
-    of a drive that predicts that less has failed. Its rank is that of the worst of all parts.
+    of a drive that predicts that less has failed. Its rank is that of the worst of all parts, the last where its errors
+    in outages are likely larger.
     """
     name, config = one.name, with_noise_factors(one.config, one.factors)
     late, base = trial.score(name, config, trial.cut, trial.end), one.config
@@ -269,13 +270,14 @@ def _judged(
             parts.append(again)
     after = all_outages(trial.run_of(name, config), trial.begin, trial.end)
     pairs = outage_pairs(before, after)
-    if any(change_interval(pair, 2.0 * WORSE_PROBABILITY - 1.0)[0] > 0.0 for pair in pairs.values()):
+    if any(change_interval(pair)[0] > 0.0 for pair in pairs.values()):
         return None
     kept = f"{one.name}, factors for outages" if one.factors else one.name
     blind = _since(after, trial.cut)
     chosen = with_recorded_factors(with_records(examined, base), one.factors)
     note = _note(kept, begun, late, pairs, blind)
-    rank = rank_of(parts, list(after.values()))
+    likely = any(change_interval(pair, WORSE_LEVEL)[0] > 0.0 for pair in pairs.values())
+    rank = Rank.NEITHER if likely else rank_of(parts, list(after.values()))
     return HeldOutChoice(chosen, kept, one.factors, begun, late, pairs, note), rank
 
 

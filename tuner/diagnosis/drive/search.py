@@ -14,13 +14,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tuner.diagnosis.drive.cause_test import MIN_FACTOR
-from tuner.diagnosis.drive.causes.base import DRIVE_CAUSES, is_noise_scale, is_of_single_fixes, noise_causes
+from tuner.diagnosis.drive.causes.base import is_noise_scale, is_of_single_fixes, noise_causes
 from tuner.diagnosis.drive.causes.bias_jump import BIAS_JUMP
 from tuner.diagnosis.drive.causes.registry import significance_threshold
 from tuner.diagnosis.drive.causes.rejected_solutions import rejected_solutions
 from tuner.diagnosis.drive.errors_in_variables_bias import errors_in_variables_bias
 from tuner.diagnosis.drive.fitted_noise_scales import consistent_with_one, fitted_noise_scales
-from tuner.diagnosis.drive.hypothesis import FilterRun, Hypothesis, run_filter
+from tuner.diagnosis.drive.hypothesis import FilterRun, run_filter
 from tuner.diagnosis.drive.hypothesis_tests import (
     Candidate,
     candidates,
@@ -147,16 +147,6 @@ class SearchResult:
             ),
             undetermined=tuple(p for p in self.undetermined if p.cause not in constants),
         )
-
-    @property
-    def written(self) -> Hypothesis:
-        """The final hypothesis without states of errors that last whose figures the drive does not determine."""
-        final = self.final.hypothesis
-        for one in self.accepted:
-            cause = DRIVE_CAUSES[one.cause]
-            if cause.joins == "states" and self.doubted(one):
-                final = cause.without(final, self.base.hypothesis)
-        return final
 
     def determined(self, compensation: Compensation) -> Compensation:
         """Return a compensation without what the drive does not determine; a class of fixes is then as reported."""

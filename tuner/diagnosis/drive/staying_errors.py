@@ -5,10 +5,14 @@ second then err alike, and a filter that takes each for new trusts their mean, o
 by centimetres a second, too much. One Gauss–Markov process of the positions and one of the velocities (the state
 ``correlated_velocity``) let it follow the fixes. What a configuration has of them is multiplied by factors; what it has
 not begins at the sds that the receiver reports, which are of the right order for its whole error.
+
+Errors that outlast a drive move no innovation of it. What a receiver states beyond what the settings hold is their
+variance (`with_stated_rest`).
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -16,7 +20,10 @@ import numpy as np
 
 from models.filter_states.built_in import CORRELATED_VELOCITY
 from models.noise import GaussMarkov
+from tuner.limits import SHOWN_CHANGE
+from tuner.navigation.fix_sd_model import GNSS_NOISE_SCALE, fix_sd_model
 from tuner.types import FilterConfig
+from tuner.types.records import Gnss
 
 POSITION, POSITION_TIME = "position_stays", "position_stays_time"
 VELOCITY, VELOCITY_TIME = "velocity_stays", "velocity_stays_time"
@@ -24,6 +31,8 @@ STAYING = (POSITION, POSITION_TIME, VELOCITY, VELOCITY_TIME)
 """Factors on sd and time constant of the two processes."""
 SET = "set by trials on withheld fixes, not measured: a state for"
 """What is said of every figure that trials choose."""
+OPEN = "figures of its state are ASSUMED, the likeliest: the drive does not determine them"
+"""What is said of a cause whose figures a drive leaves open."""
 FIRST_POSITION_TIME = 30.0
 """Time constant with which a position error that stays begins, s: between the smoothing of a receiver, seconds, and the
 passing of satellites and walls, minutes."""
@@ -58,6 +67,34 @@ def with_staying_errors(config: FilterConfig, factors: Mapping[str, float]) -> F
         constants[name] = constants.get(name, typical) * factors[VELOCITY]
         times[name] = times.get(name, CORRELATED_VELOCITY.time_constant) * factors.get(VELOCITY_TIME, 1.0)
     return replace(config, gnss=gnss, constants=constants, time_constants=times)
+
+
+def with_stated_rest(config: FilterConfig, gnss: Gnss) -> FilterConfig:
+    """Return a configuration with one more state for what fixes state of their positions and the settings do not hold.
+
+    It lasts as long as the drive, whose innovations do not show it; unknown is not zero. Where it would add less than
+    `SHOWN_CHANGE` to the horizontal sd there is none.
+    """
+    reported = gnss.position_sd
+    there = (reported > 0.0).all(axis=1)
+    if config.gnss is None or not there.any():
+        return config
+    white = fix_sd_model(config.compensation.of(GNSS_NOISE_SCALE), "position").sds(reported, gnss.solution)
+    own, down = config.gnss.correlated, config.gnss.correlated_down
+    lasting = sum(one.sd**2 for one in own) * np.array([1.0, 1.0, down**2])
+    stated, used = (np.median(sds[there] ** 2, axis=0) for sds in (reported, white))
+    rest = np.maximum(stated - used - lasting, 0.0)
+    level = math.sqrt(np.mean(rest[:2]))
+    if np.sum(stated[:2]) <= (1.0 + SHOWN_CHANGE) ** 2 * np.sum((used + lasting)[:2]):
+        return config
+    state = GaussMarkov(level, float(np.ptp(gnss.t)))
+    ratio = math.sqrt((lasting + rest)[2] / (lasting[0] + level**2))
+    text = f"ASSUMED: {level:.2g} m of what the receiver states of its positions lasts as long as this drive"
+    return replace(
+        config,
+        gnss=replace(config.gnss, correlated=(*own, state), correlated_down=ratio),
+        notes=(*config.notes, text),
+    )
 
 
 def described(config: FilterConfig, factors: Mapping[str, float]) -> tuple[str, ...]:

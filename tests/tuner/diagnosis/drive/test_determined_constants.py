@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from dataclasses import fields, replace
-from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
@@ -13,7 +12,6 @@ import pytest
 from tuner.diagnosis.drive.cause_test import MIN_FACTOR
 from tuner.diagnosis.drive.diagnose import not_named
 from tuner.diagnosis.drive.findings import finding, of_first_and_last
-from tuner.diagnosis.drive.hypothesis import FilterRun, Hypothesis
 from tuner.diagnosis.drive.hypothesis_tests import Candidate
 from tuner.diagnosis.drive.plausibility import reasons
 from tuner.diagnosis.drive.score_tests import undetermined
@@ -24,7 +22,6 @@ from tuner.navigation.determined import determined_by_halves
 from tuner.report.drive_answer import found_text
 from tuner.report.drive_diagnosis_tables import drive_diagnosis_answer, unnamed_noise
 from tuner.report.static_diagnosis_tables import finding_tables
-from tuner.synthesis.load_config import load_config
 from tuner.types import (
     Coefficient,
     Compensation,
@@ -163,25 +160,6 @@ def test_figures_at_their_bound_or_too_wide_are_neither_shown_nor_written() -> N
         "gnss_noise_scale.velocity_horizontal_class_0": 1.2,
         "gnss_noise_scale.velocity_horizontal_class_1": 2.0,  # as reported: 1/0.5
     }
-
-
-@pytest.mark.parametrize(("longest", "sd"), [(1707.0, None), (300.0, 0.006)])
-def test_a_state_whose_figures_are_doubted_is_not_written(longest: float, sd: float | None) -> None:
-    # Seen: "0.0063; 363 s" in noise.yaml, of (88 … 1707) s and (0.0019 … 0.018) m/s.
-    figures = {
-        "time_constant": Coefficient.known(160.0, 88.0, longest, "s"),
-        "sd": Coefficient.known(0.006, 0.004, 0.009, "m/s"),
-    }
-    config = load_config("mpu9250")
-    none = np.zeros(1, dtype=bool)
-    base = Hypothesis(config, Compensation(), none, none, none)
-    state = replace(config, constants={"correlated_velocity": 0.006})
-    base_run, final = (
-        cast(FilterRun, SimpleNamespace(hypothesis=one)) for one in (base, replace(base, config=state))
-    )
-    one = Accepted(Candidate(TestResult("correlated_velocity", 1e-9, 50.0, 100.0, "ratio")), figures)
-    outcome = SearchResult(base_run, final, (one,), (), ())
-    assert outcome.written.config.constants.get("correlated_velocity") == sd
 
 
 def test_noise_that_is_only_bounded_is_no_line_of_the_answer() -> None:

@@ -13,6 +13,7 @@ from models import rotation
 from models.earth import llh_displaced
 from models.trajectory.catalogue import TRAJECTORIES
 from tuner.catalogue.grades import load_gnss, load_grade
+from tuner.diagnosis.drive import held_out_choice
 from tuner.diagnosis.drive.candidates import (
     BEGINNING,
     Candidate,
@@ -118,6 +119,21 @@ def test_a_fix_after_a_minute_without_any_is_no_error_with_fixes(drive, right):
         for one in (replace(drive, reference=None), away)
     )
     assert cut < 1.5 * whole
+
+
+@pytest.mark.parametrize(("larger", "written"), [(1.8, True), (3.0, False)])
+def test_errors_in_outages_within_their_scatter_refuse_nothing(monkeypatch, drive, right, larger, written):
+    """Seen: sds that predict the last part 5 nats better refused for 30 s: 5.08 → 5.39 m, -0.12 to 0.74 at 95 %.
+
+    Of three changes with an sd of 1 the 95 % interval is ± 2.5, that of 80 % ± 1.1: likely larger.
+    """
+    trial = Trial(drive, 0.0, 360.0, 600.0)
+    begun = trial.score(BEGINNING, with_noise_factors(right, {"position_horizontal": 3.0}), 360.0, 600.0)
+    squares = np.stack([np.full(3, 25.0), 25.0 + larger + np.array([-1.0, 0.0, 1.0])], axis=-1)
+    monkeypatch.setattr(held_out_choice, "outage_pairs", lambda *_: {30.0: squares})
+    found = _judged(NOTHING_FOUND, trial, begun, {}, right, trial.candidate("with the findings", right, {}))
+    assert (found is not None) == written
+    assert found is None or found[1] is Rank.NEITHER  # after all that are likely no worse
 
 
 def test_a_fit_to_the_whole_drive_that_predicts_it_less_is_not_written(drive, right):

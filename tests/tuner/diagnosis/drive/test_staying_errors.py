@@ -17,6 +17,7 @@ from tuner.catalogue.grades import load_gnss, load_grade
 from tuner.diagnosis.drive.causes.correlated_gnss import of_several_processes
 from tuner.diagnosis.drive.causes.registry import significance_threshold
 from tuner.diagnosis.drive.configured_run import configured_run
+from tuner.diagnosis.drive.diagnose import examine_drive
 from tuner.diagnosis.drive.held_out_choice import choose_config
 from tuner.diagnosis.drive.hypothesis import Hypothesis, run_filter
 from tuner.diagnosis.drive.hypothesis_tests import noise_hypothesis_of
@@ -26,6 +27,7 @@ from tuner.diagnosis.drive.staying_errors import (
     POSITION_TIME,
     VELOCITY,
     described,
+    with_stated_rest,
     with_staying_errors,
 )
 from tuner.simulation.drive import simulate_drive
@@ -88,6 +90,28 @@ def staying():
         velocity_sd=sds * RECEIVER.velocity_sd,
     )
     return replace(drive, gnss=gnss)
+
+
+def test_what_a_receiver_states_stays_in_the_settings():
+    """Seen: errors of 0.6 m for minutes, stated as 0.63 m: "sds × 0.27" and no state, errors 10 × predicted."""
+    quiet = replace(RECEIVER, interval=0.5, position_sd=(0.2, 0.2, 0.2))
+    drive = simulate_drive(load_grade("adis16465"), TRAJECTORIES["city"](200.0), quiet, rate=10.0, seed=3)[0]
+    gnss = drive.gnss
+    llh = llh_displaced(gnss.llh, _markov(gnss.t, 1.0, 200.0, np.random.default_rng(1)))
+    gnss = replace(gnss, llh=llh, position_sd=np.ones((len(gnss), 3)))
+    config = load_config("adis16465", gnss=replace(quiet, position_sd=(1.0, 1.0, 1.0)))
+    found = examine_drive(replace(drive, gnss=gnss, reference=None), config)
+    (state,) = found.search.accepted
+    assert "time_constant" in found.search.doubted(state)
+    after = found.diagnosis.after
+    white = after.compensation.of("gnss_noise_scale")["position_horizontal"]
+    assert 0.18 < white < 0.23
+    kept, rest = after.gnss.correlated
+    assert kept == found.search.final.hypothesis.config.gnss.correlated[0]
+    assert rest.time_constant == np.ptp(gnss.t)
+    assert np.hypot(white, np.hypot(kept.sd, rest.sd)) == pytest.approx(1.0)
+    assert sum("ASSUMED" in note for note in after.notes) == 2
+    assert with_stated_rest(after, gnss).gnss.correlated == after.gnss.correlated
 
 
 def test_a_filter_that_knows_errors_that_stay_is_no_worse_than_the_fixes(staying):
