@@ -148,7 +148,7 @@ def examine(drive: Drive) -> Examination:
     if drive.unusable:
         raise DataError(f"examine: {drive.source or drive.name} {drive.unusable}")
     whole = streams_of(drive)
-    frozen = _frozen(whole.imu)
+    stamps, frozen = drive.imu_t, _frozen(whole.imu)
     if frozen is not None:
         kept = ~frozen[1]
         drive = replace(drive, imu_t=drive.imu_t[kept], rates=drive.rates[kept])
@@ -177,7 +177,7 @@ def examine(drive: Drive) -> Examination:
     counted += of_sds
     counted += [] if frozen is None else [frozen[0]]
     jumps = sum(one.size or 0.0 for one in search.found if one.stream == CLOCK_OF_UNIT)
-    counted += [*_gaps(drive.imu_t, jumps), *_saturated(drive)]
+    counted += [*_gaps(stamps, jumps), *_saturated(drive)]
     vibration = _vibration(drive, repaired)
     first = _in_order(drive, [*counted, *(one.repair for one in sure)])
     all_of = _in_order(drive, [*counted, *repairs])
@@ -306,7 +306,8 @@ def _wrong(stream: Stream, noise: Noise, wrong: FloatArray, left: FloatArray, wo
     if share <= LOST_SHARE or worth < CERTAIN_ODDS:
         return None
     size = float(np.sqrt(np.mean(np.sum(left[far] ** 2, axis=1))))
-    spread = HALF_INTERVAL * float(np.std(np.linalg.norm(left[far], axis=1))) / math.sqrt(count)
+    independent = len(runs(far[there], [(0, all_of)]))  # readings in a row may share one error
+    spread = HALF_INTERVAL * float(np.std(np.linalg.norm(left[far], axis=1))) / math.sqrt(independent)
     right = float(np.sqrt(np.sum(noise.sd**2)))
     t = stream.t[far]
     return Repair(

@@ -291,8 +291,33 @@ class Problem:
             return found
         found = self.solved(first, rounds)
         # a window may have found a worse optimum
-        again = [self.solved(one, FIRST_ROUNDS, found) for one in guesses]
+        again = [self.solved(one, FIRST_ROUNDS, found) for one in (*guesses, self.agreed(found))]
         return self.solved(self.joined([found, *again]), rounds, found, free=True)
+
+    def agreed(self, found: Fit) -> Start:
+        """Return the rotations that the likelier neighbours give to windows, and what most readings of each call wrong.
+
+        The gyro turns a rotation from window to window; readings that are right lie as near to one of them as to all.
+        """
+        attitude, ends = self.joined([found])[0], self.windows.attitude[:, -1]
+        before = np.append(-np.inf, found.bound[:-1]) > np.append(found.bound[1:], -np.inf)
+        from_before, from_behind = attitude @ ends, attitude[1:] @ ends[:-1].swapaxes(-1, -2)
+        carried = np.where(
+            before[:, None, None],
+            np.concatenate([attitude[:1], from_before[:-1]]),
+            np.concatenate([from_behind, attitude[-1:]]),
+        )
+        wrong = []
+        for one, left, noise in zip(self.placed, found.left, found.noise, strict=True):
+            agreed = np.full(one.there.shape, FIRST_WRONG)
+            if one.there.any():
+                at, both = np.nan_to_num(left[one.row]), one.there[:, :, None] & one.there[:, None]
+                likelihood, chance = _mixture((at[:, :, None] - at[:, None]) ** 2, noise)
+                nearest = np.where(both, likelihood, 0.0).sum(axis=2)
+                best = np.argmax(np.where(one.there, nearest, -np.inf), axis=1)
+                agreed = np.where(one.there, chance[np.arange(len(best)), best], FIRST_WRONG)
+            wrong.append(agreed)
+        return carried, wrong
 
     def joined(self, fits: Sequence[Fit]) -> Start:
         """Return rotations and probabilities of wrong readings, for each window of the fit that is likeliest there."""

@@ -10,11 +10,12 @@ from typing import Literal
 
 import numpy as np
 
+from models import rotation
 from models.arrays import FloatArray
-from models.rotation import skew
+from models.earth import metres_per_radian
 from models.units import FOOT, unit_value
-from tuner.examination.streams import HorizontalVelocities, Stream, Streams, Velocities
-from tuner.examination.windows import ACCEL_BIAS, GYRO_BIAS, TURN, Motion
+from tuner.examination.streams import HorizontalVelocities, Positions, Stream, Streams, Velocities
+from tuner.examination.windows import ACCEL_BIAS, GYRO_BIAS, TURN, WINDOW_LENGTH, Motion
 from tuner.formats.clock_words import late_words
 from tuner.types.clock import HALF_INTERVAL, Clock, Delay
 from tuner.types.repair import Repair
@@ -72,7 +73,7 @@ class BodyVelocities(Velocities):
 
     def seen(self, motion: Motion) -> tuple[FloatArray, FloatArray]:
         """Return the velocity in the axes of the unit and its derivatives."""
-        back, across = motion.attitude.swapaxes(-1, -2), skew(motion.velocity)
+        back, across = motion.attitude.swapaxes(-1, -2), rotation.skew(motion.velocity)
         by = motion.by_velocity.copy()
         by[..., TURN] += across
         by[..., GYRO_BIAS] += (
@@ -101,6 +102,8 @@ def moves(streams: Streams) -> Iterator[Move]:
     for one in streams.others:
         if isinstance(one, Velocities):
             yield from _velocity_moves(one, whole=not isinstance(one, HorizontalVelocities))
+            if one.readings.sum() > 1:
+                yield _turned(one, streams.positions)
     for delay in DELAYS:
         yield of_clock(None, Clock(Delay(delay)))
         for one in streams.others:
@@ -169,6 +172,29 @@ def _velocity_moves(stream: Velocities, *, whole: bool) -> Iterator[Move]:
             lambda x: BodyVelocities(x.t, x.values, x.sd, x.name, x.arm, x.log_scale), name
         ),
     )
+
+
+def _turned(stream: Velocities, positions: Positions) -> Move:
+    """Return that velocities are turned about the vertical, by the angle to the ways of the positions in windows."""
+    places, speeds = positions.values[positions.readings], stream.values[stream.readings]
+    t, its = positions.t[positions.readings], stream.t[stream.readings]
+    moved = np.diff(places, axis=0) * metres_per_radian(places[1:])
+    by_speed = 0.5 * (speeds[1:] + speeds[:-1]) * np.diff(its)[:, None]
+    ends = np.arange(t[1], t[-1], WINDOW_LENGTH)
+    way, its_way = (
+        np.diff(np.interp(ends, stamps[1:], np.cumsum(x[:, 0] + 1j * x[:, 1])))
+        for stamps, x in ((t, moved), (its, by_speed))
+    )
+    product = its_way * way.conj()
+    angle = float(np.angle(product.sum()))
+    scatter = np.linalg.norm((product * np.exp(-1j * angle)).imag) / max(abs(product.sum()), 1e-9)
+    size, half = abs(math.degrees(angle)), HALF_INTERVAL * math.degrees(float(scatter))
+    low, high = max(size - half, 0.0), size + half
+    turn = rotation.mat_from_rotvec(np.array([0.0, 0.0, -angle]))
+    way_round = "clockwise" if angle > 0.0 else "anticlockwise"
+    fault = f"are turned {way_round} by {size:.1f} deg ({low:.1f} to {high:.1f}), seen from above"
+    found = of_values(stream.name, fault, "turned back", _linear(turn))
+    return replace(found, size=size, interval=(low, high), unit="deg")
 
 
 def _turns() -> Iterator[FloatArray]:

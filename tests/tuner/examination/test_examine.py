@@ -187,6 +187,32 @@ def test_a_third_of_the_velocities_wrong_are_counted_and_left_out(drive: Drive) 
     assert low < 9.0 * np.sqrt(3.0) < high
 
 
+def test_velocities_turned_about_the_vertical_are_turned_back(drive: Drive) -> None:
+    """Seen: those turned by a right angle were called velocities in the axes of the unit."""
+    angle = np.radians(-90.0)
+    turn = np.array(
+        [[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]]
+    )
+    found = examine(with_velocities(drive, lambda v: v @ turn.T))
+    assert "velocities are turned anticlockwise by 90" in first(found)
+    low, high = found.repairs[0].interval or (0.0, 0.0)
+    assert low < 90.0 < high < low + 4.0
+    assert np.allclose(found.mended.gnss.vel_n, drive.gnss.vel_n, atol=0.5)
+
+
+def test_errors_in_a_row_count_as_one_in_the_interval_of_their_size(drive: Drive) -> None:
+    """Seen: runs of wrong fixes, each with one error, sized within a tenth of the scatter between runs."""
+    rng, llh = np.random.default_rng(6), drive.gnss.llh.copy()
+    rows = np.floor(drive.gnss.t / 24.0) != np.floor((drive.gnss.t - 4.0) / 24.0)
+    sizes = rng.uniform(10.0, 50.0, 20)[np.floor(drive.gnss.t / 24.0).astype(int)]
+    llh[rows, 2] += sizes[rows]
+    found = examine(replace(drive, gnss=replace(drive.gnss, llh=llh)))
+    assert "fixes are wrong in" in first(found)
+    low, high = found.repairs[0].interval or (0.0, 0.0)
+    assert high - low > 8.0  # 11.5 m of scatter between some 12 runs
+    assert low < np.sqrt(np.mean(sizes[rows] ** 2)) < high
+
+
 def test_a_delay_of_the_receiver_is_within_its_interval(drive: Drive) -> None:
     found = examine(replace(drive, gnss=replace(drive.gnss, t=drive.gnss.t - 0.7).rows(slice(5, -5))))
     assert "receiver is early" in first(found)
@@ -403,3 +429,4 @@ def test_a_unit_that_gives_one_sample_again_and_again_is_left_out(drive: Drive) 
     found = examine(replace(drive, rates=rates))
     assert "frozen, no measurement, from 200 to 230 s" in first(found)
     assert len(found.mended.imu_t) == np.count_nonzero(~rows) + 1
+    assert len(found.repairs) == 1  # seen: what was left out was told as a gap as well

@@ -71,6 +71,21 @@ def test_errors_of_positions_that_wander_are_found_as_such(streams: Streams) -> 
     assert np.all(found.noise[0].sd < 0.5)
 
 
+def test_a_window_begins_where_its_readings_agree() -> None:
+    """Seen: where half the positions of a window are wrong, it began amid these, and all of them were wrong."""
+    made = simulate_source("mpu9250", trajectory="city", gnss="rtk", duration=300.0, rate=50.0, seed=5)
+    assert isinstance(made.data, Drive)
+    out, rng = streams_of(made.data), np.random.default_rng(9)
+    at = out.positions
+    metres = rng.normal(size=(len(at.t), 3))
+    metres *= 43.0 * (rng.random(len(at.t)) < 0.5)[:, None] / np.linalg.norm(metres, axis=1)[:, None]
+    planted = metres.any(axis=1)
+    values = at.values + metres / metres_per_radian(at.values)
+    wrong = fit(replace(out, positions=replace(at, values=values))).wrong[0]
+    there = np.isfinite(wrong)
+    assert np.mean((wrong[there] > 0.5) != planted[there]) < 0.02
+
+
 def test_sds_of_constants_cover_a_drive_of_few_turns(streams: Streams) -> None:
     """A constant that is zero lies within four sds of its estimate, which the scatter of windows decides."""
     windows = windows_of(averaged(streams.imu))
