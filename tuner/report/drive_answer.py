@@ -72,11 +72,14 @@ def outage_rows(choice: HeldOutChoice, scored: Sequence[Outage]) -> list[tuple[s
     return rows
 
 
-def fixes_parts(examined: ExaminedDrive, config: FilterConfig, *, written: bool) -> list[Table | str]:
+def fixes_parts(
+    examined: ExaminedDrive, config: FilterConfig, *, written: bool, mended: bool = False
+) -> list[Table | str]:
     """Return the sds of the fixes as reported and as a filter is given them, and what is taken out as delay.
 
-    Of sds that differ from fix to fix these are medians. Beside states for errors that last the filter has sds of the
-    rest. No sd of a fix alone stands for what lasts: which one serves a filter without states, its export judges.
+    Of sds that differ from fix to fix these are medians; of a drive that is `mended`, those that are mended. Beside
+    states for errors that last the filter has sds of the rest. No sd of a fix alone stands for what lasts: which one
+    serves a filter without states, its export judges.
     """
     # load the navigation, which the answer on a log does without
     from tuner.navigation.compensation import compensate_settings
@@ -114,7 +117,8 @@ def fixes_parts(examined: ExaminedDrive, config: FilterConfig, *, written: bool)
         "R of a filter without states",
     )
     own = with_states if any(lasting.values()) else [f"R of {where}"]
-    rows = zip(["reported by the receiver", *own], *columns.values(), strict=False)
+    reported = f"reported by the receiver{', mended' * mended}"
+    rows = zip([reported, *own], *columns.values(), strict=False)
     table = table_of(("sd of fixes: horizontal, down", *columns), rows, words=1 + len(columns))
     return [table, *_delay_lines(examined.drive.clock, config.compensation, gnss.t, written=written)]
 

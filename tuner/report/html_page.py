@@ -84,7 +84,14 @@ def write_page(
     noise = blocks(identification_tables(result.identification))
     measured = noise_tables(result, result.exports)
     fixes = (
-        [] if result.drive is None else fixes_parts(result.drive, result.config, written=bool(result.exports))
+        []
+        if result.drive is None
+        else fixes_parts(
+            result.drive,
+            result.config,
+            written=bool(result.exports),
+            mended=bool(result.examination and result.examination.mends),
+        )
     )
     others = {
         name: export(result.config, name)

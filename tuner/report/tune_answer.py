@@ -107,7 +107,12 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
         *(
             []
             if result.drive is None
-            else fixes_parts(result.drive, result.config, written=bool(result.exports))
+            else fixes_parts(
+                result.drive,
+                result.config,
+                written=bool(result.exports),
+                mended=bool(result.examination and result.examination.mends),
+            )
         ),
         *([] if result.choice is None else choice_parts(result.choice, scored)),
         *([] if result.run is None else pose_run_lines(result.run)),

@@ -485,8 +485,13 @@ def test_sds_and_delay_of_the_fixes_stand_in_metres_and_seconds():
     assert delay.startswith("Fixes are stamped 0.040 s late at 0 s and 0.16 s late at 4 s, velocities are")
     unknown = SimpleNamespace(gnss=replace(gnss, velocity_sd=np.full((5, 3), np.nan)), clock=Clock())
     (table,) = fixes_parts(
-        SimpleNamespace(drive=unknown), replace(config, compensation=Compensation()), written=True
+        SimpleNamespace(drive=unknown),
+        replace(config, compensation=Compensation()),
+        written=True,
+        mended=True,
     )
+    # Sds five times too small were told to be five times as large in the file.
+    assert next(iter(table.columns[0].cells)) == "reported by the receiver, mended"
     assert [str(next(iter(column.cells))).endswith("ASSUMED") for column in table.columns[1:]] == [
         False,
         True,
