@@ -15,6 +15,7 @@ import numpy as np
 
 from models.earth import ned_between
 from models.filter_states import FILTER_STATES, Origin
+from tuner.catalogue.grades import receiver_or_default
 from tuner.consistency.drive_scores import (
     against_reference,
     against_smoother,
@@ -37,6 +38,7 @@ from tuner.consistency.scores import (
 from tuner.consistency.verdicts import verdicts
 from tuner.examination.examined_drive import examined_drive
 from tuner.formats.clock_words import stated_words
+from tuner.formats.customary_units import digits
 from tuner.navigation.compensation import compensate, compensate_settings
 from tuner.navigation.data import GATED, WITHHELD, Solution
 from tuner.navigation.drive.run import Stretch, expect_settled, navigate, outage_windows, prepare
@@ -123,6 +125,9 @@ def drive_filter(
     if arm is None:
         constants.setdefault("lever_arm", UNKNOWN_LEVER_ARM_SD)
         notes.append(f"lever arm not stated: estimated from 0 ± {constants['lever_arm']:g} m")
+    if not (drive.gnss.position_sd > 0.0).any():
+        sds = ", ".join(digits(sd, 2) for sd in receiver_or_default(config.gnss).position_sd)
+        notes.append(f"sds of the fixes not stated: those of the settings are ASSUMED, {sds} m")
     settings = filter_settings(config, constants=constants, lever_arm=arm or (0.0, 0.0, 0.0))
     return compensate_settings(settings, config.compensation), tuple(notes)
 

@@ -168,7 +168,10 @@ def test_few_movements_at_rest_are_no_noise():
 
 def test_mounting_for_constraints_comes_from_motion(configuration, saved, data, tmp_path):
     drive = read_drive(saved(tmp_path / "bare.npz", data))
-    settings, _ = drive_filter(drive, configuration())
+    settings, notes = drive_filter(drive, configuration())
+    assert not any("sds of the fixes" in note for note in notes)
+    without = replace(drive.gnss, position_sd=np.full_like(drive.gnss.position_sd, np.nan))
+    assert "sds of the fixes not stated" in drive_filter(replace(drive, gnss=without), configuration())[1][-1]
     stretches, _ = prepare(drive, settings)
     axes = forward_axes(navigate(stretches, settings, np.zeros((0, 2)))[0])
     off = rotation.rotvec_from_mat(axes.T @ rotation.mat_from_rpy(np.radians(MOUNTING_RPY)))
