@@ -159,10 +159,13 @@ class CurveComparison:
     ----------
     tau, ratio : ndarray, shape (q,)
         Cluster times that are judged, s, and predicted ÷ measured deviation.
+    scatter : ndarray, shape (q,)
+        Sd of the logarithms of the measured ones that chance makes.
     """
 
     tau: FloatArray
     ratio: FloatArray
+    scatter: FloatArray = field(default_factory=lambda: np.zeros(1))
 
     @property
     def worst(self) -> float:
@@ -177,7 +180,7 @@ class CurveComparison:
     @property
     def passes(self) -> bool:
         """Whether the block predicts the curve."""
-        within = np.abs(np.log(self.ratio)) <= np.log(INNER_LIMIT)
+        within = np.abs(np.log(self.ratio)) <= np.log(INNER_LIMIT * (1.0 + 2.0 * self.scatter))
         return bool(
             np.mean(within) >= INNER_SHARE
             and self.ratio.min() >= LOWEST_RATIO

@@ -103,6 +103,15 @@ def test_the_random_walk_is_never_lowered_and_keeps_to_the_curve() -> None:
             assert follows_curve(measured, predicted).passes
 
 
+def test_white_noise_of_a_minute_predicts_its_own_curve():
+    """One axis in 25 did not: its white noise had no interval, and the verdict an exception."""
+    rng, interval = np.random.default_rng(1), 0.01
+    for _ in range(200):
+        measured = measured_allan([rng.standard_normal(6000)], interval)
+        assert follows_curve(measured, interval / measured.tau).passes
+
+
+
 @pytest.mark.parametrize("factor", [0.5, 1.0, 2.0])
 def test_forecasts_tell_a_block_of_another_size(factor: float) -> None:
     """White noise alone: the error of every forecast is in proportion to N, so the ratio is 1/factor."""
