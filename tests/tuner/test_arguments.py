@@ -146,3 +146,11 @@ def test_what_can_have_no_effect_is_refused_by_the_name_of_its_argument(call, sa
     record = Record("gyro", 0.01 * np.arange(400), y, ("gyro_x",), "rad/s", 0.01)
     with pytest.raises(DataError, match=f"^{said}"):
         call([record])
+
+
+def test_what_is_wrong_with_a_list_of_numbers_is_said():
+    """Expected a list of numbers, found list of 1 (float)."""
+    with pytest.raises(
+        DataError, match=r"tau: expected a list of numbers.*, found list of 1 \(float\), not all finite"
+    ):
+        tuner.curve(RECORD, "oadev", tau=[np.nan])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from numbers import Real
 from typing import Any
@@ -68,7 +69,8 @@ def described(value: object) -> str:
         return f"{kind} of shape {shape}"
     if isinstance(value, list | tuple | set | dict):
         types = f" ({', '.join(dict.fromkeys(type(one).__name__ for one in value))})" if value else ""
-        return f"{kind} of {len(value)}{types}"
+        numbers = (one for one in value if isinstance(one, float))
+        return f"{kind} of {len(value)}{types}{'' if all(map(math.isfinite, numbers)) else ', not all finite'}"
     return kind
 
 

@@ -111,7 +111,6 @@ def test_white_noise_of_a_minute_predicts_its_own_curve():
         assert follows_curve(measured, interval / measured.tau).passes
 
 
-
 @pytest.mark.parametrize("factor", [0.5, 1.0, 2.0])
 def test_forecasts_tell_a_block_of_another_size(factor: float) -> None:
     """White noise alone: the error of every forecast is in proportion to N, so the ratio is 1/factor."""
