@@ -63,6 +63,11 @@ class Move(Repair):
     rival: Move | None = None
 
     @property
+    def whole(self) -> bool:
+        """Whether it is one of the whole drive."""
+        return self.begin is None and self.end is None
+
+    @property
     def repair(self) -> Repair:
         """What of it a report needs."""
         return Repair(**{one.name: getattr(self, one.name) for one in fields(Repair)})

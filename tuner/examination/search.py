@@ -43,9 +43,7 @@ def applied(found: Sequence[Move], streams: Streams) -> Streams:
     """Return streams without faults that were found in slower ones."""
     for one in found:
         mended = one.mended(streams)
-        streams = (
-            mended if one.begin is None and one.end is None else between(streams, mended, one.begin, one.end)
-        )
+        streams = mended if one.whole else between(streams, mended, one.begin, one.end)
     return streams
 
 
@@ -94,18 +92,15 @@ def searched(streams: Streams, name: str = "streams") -> Searched:
     at = installed(begun, now)
     gain = at.gain
     for _ in range(MOST_FAULTS):
-        whole_ones = [one for one in found if one.begin is None and one.end is None]
         # no unit is taken twice
-        read = {(one.stream, one.fault) for one in whole_ones if one.kind == "reading"}
+        read = {(one.stream, one.fault) for one in found if one.whole and one.kind == "reading"}
         left = [one for one in moves(at.streams) if (one.stream, one.fault) not in read]
         # a lever arm may stand for a fault: each is tried without one, and beside one of its own
         bare = at.streams.changed(lambda one: replace(one, arm=recorded.positions.arm))
         plain = at.fit if bare.positions.arm == at.streams.positions.arm else fit(bare)
         tried, unseen = _tried(bare, plain, left)
         less = at.fit.total - plain.total
-        better = [one for one in tried if one[0].nats > 0.0]
-        while better and not _says_more_than_none(*better[0]):
-            better = better[1:]
+        better = [one for one in tried if one[0].nats > 0.0 and _says_more_than_none(*one)]
         settled = [
             (replace(one, nats=one.nats + there.gain - less), now, there)
             for one, streams, now in better

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 
-from models import earth, rotation, vector3
+from models import earth, rotation
 from models.arrays import FloatArray, IntArray
 
 WINDOW_LENGTH = 10.0
@@ -246,9 +246,8 @@ def sampled(
         rate need them.
     """
     m, u = len(tau), UNKNOWNS
-    interval = WINDOW_LENGTH / (windows.t.shape[1] - 1)
     last = windows.t.shape[1] - 1
-    right = np.clip((tau / interval).astype(int) + 1, 1, last)
+    right = np.clip((tau / (WINDOW_LENGTH / last)).astype(int) + 1, 1, last)
     for _ in range(3):  # stamps are even but for their scatter
         right = np.where(windows.t[window, right] < tau, np.minimum(right + 1, last), right)
         right = np.where(windows.t[window, right - 1] > tau, np.maximum(right - 1, 1), right)
@@ -313,8 +312,8 @@ def motion_of(at: Sampled, attitude: FloatArray, x: FloatArray) -> Motion:
     turns, carried, g = at.earth
     s = at.tau[:, None]
     travelled = p + 0.5 * g * s**2
-    velocity = v + g * s - _cross(turns, v1) - _cross(carried, travelled)
-    position = travelled - _cross(turns, p1) - _cross(carried, long + g * s**3 / 6.0)
+    velocity = v + g * s - np.cross(turns, v1) - np.cross(carried, travelled)
+    position = travelled - np.cross(turns, p1) - np.cross(carried, long + g * s**3 / 6.0)
     by_velocity, by_position = at.by_velocity.copy(), at.by_position.copy()
     by_velocity[..., ACCEL_BIAS], by_position[..., ACCEL_BIAS] = -a, -a1
     by_velocity[..., GYRO_BIAS], by_position[..., GYRO_BIAS] = b, b1
@@ -329,11 +328,6 @@ def motion_of(at: Sampled, attitude: FloatArray, x: FloatArray) -> Motion:
     return Motion(
         position, velocity, c @ at.attitude, at.rate, at.rate_change, forced + g, by_position, by_velocity
     )
-
-
-def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return a × b by rows."""
-    return np.stack(vector3.cross(tuple(a.T), tuple(b.T)), axis=-1)
 
 
 def of_the_earth(places: FloatArray, speeds: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
