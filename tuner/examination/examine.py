@@ -162,7 +162,7 @@ def examine(drive: Drive) -> Examination:
         wrong = _wrong(stream, noise, far, left, worth)
         counted += [] if repeats is None else [repeats]
         repairs += [] if wrong is None else [wrong]
-        stale.append((stream.repeats | ~stream.readings.any()) & (repeats is not None))
+        stale.append((repeated(stream.values) | ~stream.readings.any()) & (repeats is not None))
         lost.append(stale[-1] | ((np.nan_to_num(far) > 0.5) & (wrong is not None)))
     unsound, (of_sds, sds) = _unsound(fit), _right_sds(repaired, fit)
     repairs += [] if unsound is None else [unsound]
@@ -256,17 +256,15 @@ def _repeats(stream: Stream, moving: NDArray[np.bool_]) -> Repair | None:
 
     Velocities of zero while a vehicle stands are put there by the receiver, and right.
     """
-    rows = stream.repeats
-    throughout = rows[1:].all()
-    if not throughout:
-        rows = rows & (moving | stream.values.any(axis=1))
+    rows = repeated(stream.values)
+    if len(rows) > 1 and rows[1:].all():
+        what = "zero" if not stream.values.any() else "the same"
+        return Repair(stream.name, f"are {what} in all {len(rows)} rows: no measurement", "left out")
+    rows = rows & (moving | stream.values.any(axis=1))
     share = float(rows.mean())
     if share <= LOST_SHARE:
         return None
     longest = max(stop - start for start, stop in runs(rows, [(0, len(rows))]))
-    if throughout:
-        what = "zero" if not stream.values.any() else "the same"
-        return Repair(stream.name, f"are {what} in all {len(rows)} rows: no measurement", "left out")
     how = "" if longest == 1 else f", up to {longest} in a row"
     twice = (
         np.median(np.diff(stream.t)[rows[1:]]) < 0.1 * np.median(np.diff(stream.t)[~rows[1:]])
@@ -429,18 +427,17 @@ def _variances(streams: Streams, fit: Fit) -> Repair | None:
 
     The logarithm of true ÷ reported sd has a Cauchy distribution for sds as for square roots of variances.
     """
-    nats, words = -CERTAIN_ODDS, []  # a column that is called sd holds sds
-    for stream, noise in zip(streams.all, fit.noise, strict=True):
-        for x in _noise(stream, noise):
-            if x.reported:
-                of_sd, of_variance = (
-                    math.log(x.sd / y) / REPORTED_SPREAD for y in (x.reported, math.sqrt(x.reported))
-                )
-                nats += math.log1p(of_sd**2) - math.log1p(of_variance**2)
-                words.append(
-                    f"{x.stream}{f' {x.part}' * bool(x.part)} {x.reported:.2g}, measured {x.sd:.2g} {x.unit}"
-                )
-    fault = f"are variances: {'; '.join(words)}"
+    pairs = zip(streams.all, fit.noise, strict=True)
+    stated = [(x, x.reported) for x in chain.from_iterable(_noise(*pair) for pair in pairs) if x.reported]
+    of_sd, of_variance = (
+        np.log1p([(math.log(x.sd / sd**power) / REPORTED_SPREAD) ** 2 for x, sd in stated]).sum()
+        for power in (1.0, 0.5)
+    )
+    nats = float(of_sd - of_variance) - CERTAIN_ODDS  # a column that is called sd holds sds
+    words = "; ".join(
+        f"{x.stream}{f' {x.part}' * bool(x.part)} {sd:.2g}, measured {x.sd:.2g} {x.unit}" for x, sd in stated
+    )
+    fault = f"are variances: {words}"
     return (
         Repair("reported standard deviations", fault, "their square roots used", nats) if nats > 0.0 else None
     )

@@ -182,12 +182,11 @@ def _tried(
         promise.append(_best_part(gains)[2])
         if fault.subject and abs(gains.sum()) < UNSEEN_GAIN:
             unseen.append(fault.subject)
-    out = []
-    for k in np.argsort(promise)[::-1][:REFITTED_FAULTS]:
-        if promise[k] > 0.0:
-            out.append(_whole_or_part(streams, now, faults[k], price, part))
-    out += _stepped(streams, now, price)
-    return sorted(out, key=lambda one: -one[0].nats), tuple(dict.fromkeys(unseen))
+    likely = [faults[k] for k in np.argsort(promise)[::-1][:REFITTED_FAULTS] if promise[k] > 0.0]
+    out = [_whole_or_part(streams, now, fault, price, part) for fault in likely]
+    return sorted([*out, *_stepped(streams, now, price)], key=lambda one: -one[0].nats), tuple(
+        dict.fromkeys(unseen)
+    )
 
 
 def _whole_or_part(
@@ -281,10 +280,12 @@ def _stepped(streams: Streams, now: Fit, price: float) -> list[tuple[Move, Strea
     beside = replace(streams, imu=replace(streams.imu, t=streams.imu.t[span], rates=streams.imu.rates[span]))
     jump = np.where(np.abs(odd[row]) > CERTAIN_SDS * usual, odd[row], 0.0)
     after = fit(_step(jump, time).mended(beside), every=True)
-    halves = _halves(streams, after, time)
-    if halves is None:
+    left, far = after.left[0], streams.positions.t - time
+    here = np.isfinite(left[:, 0]) & (np.abs(far) < 0.5 * WINDOW_LENGTH)
+    before, behind = left[here & (far < 0.0)], left[here & (far > 0.0)]
+    if not len(before) or not len(behind):
         return []
-    jump = jump + halves
+    jump = jump + np.median(behind, axis=0) - np.median(before, axis=0)
     move = _step(np.where(np.abs(jump) > CERTAIN_SDS * after.noise[0].sd, jump, 0.0), time)
     gain = fit(move.mended(beside)).total - fit(beside).total - price
     if gain <= 0.0:
@@ -303,16 +304,6 @@ def _usual_moves(streams: Streams, t: FloatArray, moved: FloatArray) -> FloatArr
             known = np.column_stack([np.interp(t, one.t[rows], x) for x in one.values[rows].T])
             return np.pad(0.5 * (known[1:] + known[:-1]) * step, ((0, 0), (0, 3 - known.shape[1])))
     return np.asarray(median_filter(moved / step, (5, 1)) * step)
-
-
-def _halves(streams: Streams, found: Fit, time: float) -> FloatArray | None:
-    """Return how much positions still step at a time, by the residuals of the window about it; None without both."""
-    left, t = found.left[0], streams.positions.t
-    window = np.searchsorted(found.begin, t, side="right") - 1
-    here = np.isfinite(left[:, 0]) & (window == np.searchsorted(found.begin, time, side="right") - 1)
-    if not (here & (t < time)).any() or not (here & (t > time)).any():
-        return None
-    return np.asarray(np.median(left[here & (t > time)], axis=0) - np.median(left[here & (t < time)], axis=0))
 
 
 def _step(jump: FloatArray, time: float) -> Move:
