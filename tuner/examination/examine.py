@@ -166,10 +166,8 @@ def examine(drive: Drive) -> Examination:
         lost.append(stale[-1] | ((np.nan_to_num(far) > 0.5) & (wrong is not None)))
     unsound, (of_sds, sds) = _unsound(fit), _right_sds(repaired, fit)
     repairs += [] if unsound is None else [unsound]
-    counted += of_sds
     jumps = sum(one.size or 0.0 for one in search.found if one.stream == CLOCK_OF_UNIT)
-    counted += [*_gaps(stamps, jumps), *_at_ends(drive)]
-    vibration = _vibration(drive, repaired)
+    counted += [*of_sds, *_gaps(stamps, jumps), *_at_ends(drive)]
     first = _in_order(drive, [*counted, *(one.repair for one in sure)])
     all_of = _in_order(drive, [*counted, *repairs])
     noise_of = (_noise(*pair) for pair in zip(repaired.all, fit.noise, strict=True))
@@ -184,7 +182,7 @@ def examine(drive: Drive) -> Examination:
         {"inertial unit": 1.0 / whole.imu.interval, **{one.name: 1.0 / one.interval for one in whole.all}},
         all_of,
         tuple(chain.from_iterable(noise_of)),
-        vibration,
+        _vibration(drive, repaired),
         search.unseen,
         "".join(arm),
         WINDOW_LENGTH * len(fit.begin),

@@ -400,15 +400,14 @@ class Problem:
             before, x = float(total.sum()), both.x[0].copy()
             attitude = rotation.mat_from_rotvec(x[:, TURN]) @ attitude
             x[:, TURN] = 0.0
-        wrong = [(d * h).sum(axis=0) for d, h in zip(chance, weight, strict=True)]
-        left = [(h[..., None] * e).sum(axis=0) for h, e in zip(weight, both.left, strict=True)]
+        parts = list(zip(self.placed, chance, weight, both.left, strict=True))
         return Fit(
             total,
             self.windows.begin,
             tuple(noise),
             unsound,
-            tuple(one.whole(x) for x, one in zip(wrong, self.placed, strict=True)),
-            tuple(one.whole(x) for x, one in zip(left, self.placed, strict=True)),
+            tuple(one.whole((d * h).sum(axis=0)) for one, d, h, _ in parts),
+            tuple(one.whole((h[..., None] * e).sum(axis=0)) for one, _, h, e in parts),
             tuple(_worth(s[0], h[0], n) for s, h, n in zip(both.squares, weight, noise, strict=True)),
             float((total - good).sum()),
             errors,

@@ -120,7 +120,13 @@ def _inertial_moves(interval: float) -> Iterator[Move]:
             signs = times(*(-1.0 if i == j else 1.0 for j in range(3)))
             done, subject = f"{axis} multiplied by −1", f"sign of {name} {axis}"
             yield of_values(name, f"{axis} has the wrong sign", done, signs, subject)
-    for turn in _turns():
+    # but for the name as it is and the sign of one axis
+    turns = (
+        np.eye(3)[list(order)] * np.array(signs)[:, None]
+        for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3))
+        if order != (0, 1, 2) or signs.count(-1.0) > 1
+    )
+    for turn in turns:
         words = ", ".join(
             f"{axis} is {'−' * bool(row.min() < 0.0)}{AXES[int(np.argmax(np.abs(row)))]}"
             for axis, row in zip(AXES, turn, strict=True)
@@ -211,14 +217,6 @@ def _turned(stream: Velocities, positions: Positions) -> Move:
     fault = f"are turned {way_round} by {size:.1f} deg ({low:.1f} to {high:.1f}), seen from above"
     found = of_values(stream.name, fault, "turned back", _linear(turn))
     return replace(found, size=size, interval=(low, high), unit="deg")
-
-
-def _turns() -> Iterator[FloatArray]:
-    """Return the ways to name the axes of a triad anew, but for the name as it is and the sign of one axis."""
-    for order in permutations(range(3)):
-        for signs in product((1.0, -1.0), repeat=3):
-            if order != (0, 1, 2) or signs.count(-1.0) > 1:
-                yield np.eye(3)[list(order)] * np.array(signs)[:, None]
 
 
 def _linear(matrix: FloatArray) -> Change:

@@ -159,9 +159,8 @@ def _joined(found: Sequence[Move], constant: Mapping[str, Move], gain: float) ->
     """Return the faults, each constant once and of the size that it has in the end; all gain together, nats."""
     # a search may have taken up a delay beside a fault that it found later
     first = {one.subject: one for one in reversed(found) if one.kind == "constant"}
-    odds = {subject: (one.nats, one.over_next) for subject, one in first.items()}
-    sizes = ((move, odds.get(subject, (gain, math.inf))) for subject, move in constant.items())
-    delays = (replace(move, nats=nats, over_next=over_next) for move, (nats, over_next) in sizes)
+    said = ((move, first.get(subject, replace(move, nats=gain))) for subject, move in constant.items())
+    delays = (replace(move, nats=one.nats, over_next=one.over_next) for move, one in said)
     return (*delays, *(one for one in found if one.kind != "constant"))
 
 
